@@ -1,0 +1,52 @@
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+
+use crate::Ray;
+
+/// The plane of all points `p` with `normal · p = offset_m`; the normal is of unit length.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Plane {
+    /// Unit normal; for a wall it points into the room.
+    pub normal: Vec3,
+    /// Distance of the plane from the world's origin along the normal, in metres.
+    pub offset_m: f32,
+}
+
+impl Plane {
+    /// The plane through `point` with unit `normal`.
+    pub fn through(point: Vec3, normal: Vec3) -> Self {
+        Self { normal, offset_m: normal.dot(point) }
+    }
+
+    /// Height of a point above the plane, in metres; negative behind it.
+    pub fn signed_distance_m(&self, point: Vec3) -> f32 {
+        self.normal.dot(point) - self.offset_m
+    }
+
+    /// The nearest point of the plane.
+    pub fn project(&self, point: Vec3) -> Vec3 {
+        point - self.normal * self.signed_distance_m(point)
+    }
+
+    /// Distance at which a ray meets the plane, in metres; `None` where it runs along or away from it.
+    pub fn intersect(&self, ray: &Ray) -> Option<f32> {
+        let speed = self.normal.dot(ray.direction);
+        let distance = -self.signed_distance_m(ray.origin) / speed;
+        (distance.is_finite() && distance > 0.0).then_some(distance)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distances_and_hits() {
+        let floor = Plane::through(Vec3::new(3.0, -1.5, 2.0), Vec3::Y);
+        assert_eq!(floor.signed_distance_m(Vec3::ZERO), 1.5);
+        assert_eq!(floor.project(Vec3::X), Vec3::new(1.0, -1.5, 0.0));
+        assert_eq!(floor.intersect(&Ray { origin: Vec3::ZERO, direction: Vec3::NEG_Y }), Some(1.5));
+        assert_eq!(floor.intersect(&Ray { origin: Vec3::ZERO, direction: Vec3::Y }), None);
+        assert_eq!(floor.intersect(&Ray { origin: Vec3::ZERO, direction: Vec3::X }), None);
+    }
+}

@@ -1,0 +1,17 @@
+use glam::Vec3;
+
+/// A half line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ray {
+    /// Where it starts, in metres.
+    pub origin: Vec3,
+    /// Unit direction.
+    pub direction: Vec3,
+}
+
+impl Ray {
+    /// Point at `distance_m` along the ray.
+    pub fn at(&self, distance_m: f32) -> Vec3 {
+        self.origin + self.direction * distance_m
+    }
+}

@@ -1,0 +1,81 @@
+/// A picture of any pixel type, row by row from the top, without padding.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image<T> {
+    width: usize,
+    height: usize,
+    pixels: Vec<T>,
+}
+
+/// Linear RGB radiance, Rec. 709 primaries; 1.0 is the photo's white, never clipped.
+pub type RadianceImage = Image<[f32; 3]>;
+
+/// Depth in metres along the optical axis (photo) or from the probe (panorama); 0 where there is no reading.
+pub type DepthMap = Image<f32>;
+
+impl<T> Image<T> {
+    /// Wraps pixels that are already in order.
+    ///
+    /// # Panics
+    /// Where `pixels` does not hold `width · height` values.
+    pub fn new(width: usize, height: usize, pixels: Vec<T>) -> Self {
+        assert_eq!(pixels.len(), width * height, "an image of {width} × {height} needs as many pixels");
+        Self { width, height, pixels }
+    }
+
+    /// Makes each pixel from its position `(x, y)`.
+    pub fn from_fn(width: usize, height: usize, mut pixel: impl FnMut(usize, usize) -> T) -> Self {
+        let mut pixels = Vec::with_capacity(width * height);
+        for y in 0..height {
+            for x in 0..width {
+                pixels.push(pixel(x, y));
+            }
+        }
+        Self { width, height, pixels }
+    }
+
+    /// Width in pixels.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Height in pixels.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// All pixels, row by row from the top.
+    pub fn pixels(&self) -> &[T] {
+        &self.pixels
+    }
+
+    /// All pixels for writing.
+    pub fn pixels_mut(&mut self) -> &mut [T] {
+        &mut self.pixels
+    }
+
+    /// The pixels alone.
+    pub fn into_pixels(self) -> Vec<T> {
+        self.pixels
+    }
+
+    /// An image of the same size, made pixel by pixel.
+    pub fn map<U>(&self, f: impl FnMut(&T) -> U) -> Image<U> {
+        Image { width: self.width, height: self.height, pixels: self.pixels.iter().map(f).collect() }
+    }
+}
+
+impl<T> std::ops::Index<(usize, usize)> for Image<T> {
+    type Output = T;
+
+    fn index(&self, (x, y): (usize, usize)) -> &T {
+        debug_assert!(x < self.width);
+        &self.pixels[y * self.width + x]
+    }
+}
+
+impl<T> std::ops::IndexMut<(usize, usize)> for Image<T> {
+    fn index_mut(&mut self, (x, y): (usize, usize)) -> &mut T {
+        debug_assert!(x < self.width);
+        &mut self.pixels[y * self.width + x]
+    }
+}
