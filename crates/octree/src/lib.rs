@@ -1,7 +1,15 @@
 //! Sparse voxel octree: shuffled keys, construction from points, neighbours, the RGBα pyramid and its tensors.
 
+mod error;
+mod find;
+mod key;
+mod leaves;
 mod light;
+mod pyramid;
 mod topology;
 
-pub use light::{Coverage, LightOctree, RadiancePoint};
-pub use topology::{Level, Octree};
+pub use error::OctreeError;
+pub use key::{MAX_DEPTH, key_from_xyz, xyz_from_key};
+pub use leaves::BuildReport;
+pub use light::{Coverage, LightOctree, MAX_ALPHA, RadiancePoint};
+pub use topology::{Level, MAX_FULL_DEPTH, Octree};

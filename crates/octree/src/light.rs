@@ -1,6 +1,11 @@
 use geometry::{Cube, Vec3};
 
-use crate::Octree;
+use crate::{
+    BuildReport, Octree, OctreeError,
+    leaves::{Leaves, average_points},
+    pyramid::parents_from_children,
+    topology::check_depths,
+};
 
 /// Radiance that leaves a surface point, as input to the lighting octree.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,6 +37,109 @@ pub struct LightOctree {
     pub cube: Cube,
     /// `rgba[d][row]`: linear RGB radiance and the opacity of one full crossing of the node, for each depth `d`.
     pub rgba: Vec<Vec<[f32; 4]>>,
-    /// `seen[d][row]`: share in [0, 255] of the node's points that the photo saw, for each depth `d`.
+    /// `seen[d][row]`: share, 0 for none and 255 for all, that the photo saw: of a finest node's points, and above that the
+    /// mean of a node's non-empty children.
     pub seen: Vec<Vec<u8>>,
+}
+
+/// Greatest opacity that a leaf built from points has, so that its extinction stays finite.
+pub const MAX_ALPHA: f32 = 1.0 - 1e-4;
+
+impl LightOctree {
+    /// Builds the octree of `depth` (1 to [`MAX_DEPTH`](crate::MAX_DEPTH)), full down to `full_depth`, from surface points.
+    ///
+    /// A leaf holds the mean radiance of its points and the opacity [`MAX_ALPHA`]; the levels above hold the mean of their
+    /// children weighted by opacity, and the opacity of crossing the node. Points outside of the cube and points that are
+    /// not finite are dropped and counted; negative radiance counts as 0. The result is the same to the bit for every
+    /// number of threads. Time and memory grow with the points and the occupied leaves.
+    ///
+    /// # Errors
+    /// Depths out of range, a cube without volume.
+    pub fn from_points(
+        points: &[RadiancePoint],
+        cube: Cube,
+        depth: u32,
+        full_depth: u32,
+    ) -> Result<(Self, BuildReport), OctreeError> {
+        Self::from_points_with_alpha(points, cube, depth, full_depth, MAX_ALPHA)
+    }
+
+    /// [`LightOctree::from_points`] with the opacity `alpha`, in (0, 1], for the leaves.
+    pub fn from_points_with_alpha(
+        points: &[RadiancePoint],
+        cube: Cube,
+        depth: u32,
+        full_depth: u32,
+        alpha: f32,
+    ) -> Result<(Self, BuildReport), OctreeError> {
+        check_depths(depth, full_depth)?;
+        check_cube(cube)?;
+        if !(alpha > 0.0 && alpha <= 1.0) {
+            return Err(OctreeError::Alpha(alpha));
+        }
+        let (leaves, report) = average_points(points, cube, depth, alpha);
+        Ok((Self::from_valid_leaves(leaves, cube, depth, full_depth), report))
+    }
+
+    /// Builds the octree from leaves of `depth` in strictly increasing order of their shuffled `keys`.
+    ///
+    /// `rgba[i]`: linear RGB radiance (finite, not negative) and opacity in [0, 1]; `seen[i]`: share that the photo saw,
+    /// 0 to 255.
+    ///
+    /// # Errors
+    /// Depths out of range, a cube without volume, lists of different lengths, keys out of order, features out of range.
+    pub fn from_leaves(
+        keys: Vec<u32>,
+        rgba: Vec<[f32; 4]>,
+        seen: Vec<u8>,
+        cube: Cube,
+        depth: u32,
+        full_depth: u32,
+    ) -> Result<Self, OctreeError> {
+        check_depths(depth, full_depth)?;
+        check_cube(cube)?;
+        for (what, got) in [("rgba", rgba.len()), ("seen", seen.len())] {
+            if got != keys.len() {
+                return Err(OctreeError::Length { what, expected: keys.len(), got });
+            }
+        }
+        for (index, &key) in keys.iter().enumerate() {
+            if key >> (3 * depth) != 0 || (index > 0 && keys[index - 1] >= key) {
+                return Err(OctreeError::LeafKey { index, key, depth });
+            }
+        }
+        if let Some(index) = rgba.iter().position(|row| !is_feature(row)) {
+            return Err(OctreeError::LeafFeature { index, rgba: rgba[index] });
+        }
+        Ok(Self::from_valid_leaves(Leaves { keys, rgba, seen }, cube, depth, full_depth))
+    }
+
+    fn from_valid_leaves(leaves: Leaves, cube: Cube, depth: u32, full_depth: u32) -> Self {
+        let octree = Octree::from_leaf_keys(&leaves.keys, depth, full_depth);
+        let (mut rgba, mut seen) = (vec![leaves.rgba], vec![leaves.seen]);
+        let mut keys = leaves.keys;
+        for level in 0..depth as usize {
+            let parents = parents_from_children(&keys, &rgba[level], &seen[level]);
+            keys = parents.0;
+            rgba.push(parents.1);
+            seen.push(parents.2);
+        }
+        rgba.reverse();
+        seen.reverse();
+        Self { octree, cube, rgba, seen }
+    }
+}
+
+/// Whether a row holds finite, non-negative radiance and an opacity in [0, 1].
+pub(crate) fn is_feature(rgba: &[f32; 4]) -> bool {
+    rgba.iter().all(|c| c.is_finite() && *c >= 0.0) && rgba[3] <= 1.0
+}
+
+fn check_cube(cube: Cube) -> Result<(), OctreeError> {
+    let far = cube.origin_m + Vec3::splat(cube.edge_m);
+    if cube.origin_m.is_finite() && far.is_finite() && cube.edge_m > 0.0 {
+        Ok(())
+    } else {
+        Err(OctreeError::Cube { origin_m: cube.origin_m.to_array(), edge_m: cube.edge_m })
+    }
 }
