@@ -57,10 +57,18 @@ pub enum OctreeError {
         /// Its feature.
         rgba: [f32; 4],
     },
-    /// A node above the full depth cannot be left unsplit, and a full octree cannot grow past the greatest depth.
+    /// The octree has the greatest depth already.
     #[error("an octree of depth {depth} cannot grow further")]
     Grow {
         /// Depth of the octree.
         depth: u32,
+    },
+    /// A level was named that the octree does not have.
+    #[error("there is no level {depth}: the finest is {finest}")]
+    NoLevel {
+        /// Level as given.
+        depth: u32,
+        /// Depth of the octree.
+        finest: u32,
     },
 }

@@ -2,9 +2,11 @@
 
 mod error;
 mod find;
+mod growth;
 mod key;
 mod leaves;
 mod light;
+mod neighbours;
 mod pyramid;
 mod topology;
 
@@ -12,4 +14,5 @@ pub use error::OctreeError;
 pub use key::{MAX_DEPTH, key_from_xyz, xyz_from_key};
 pub use leaves::BuildReport;
 pub use light::{Coverage, LightOctree, MAX_ALPHA, RadiancePoint};
+pub use neighbours::Neighbours;
 pub use topology::{Level, MAX_FULL_DEPTH, Octree};

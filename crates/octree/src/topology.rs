@@ -84,11 +84,19 @@ impl Octree {
     pub fn levels(&self) -> &[Level] {
         &self.levels
     }
+
+    pub(crate) fn level_mut(&mut self, depth: u32) -> Option<&mut Level> {
+        self.levels.get_mut(depth as usize)
+    }
+
+    pub(crate) fn push(&mut self, level: Level) {
+        self.levels.push(level);
+    }
 }
 
 impl Level {
     /// Empty nodes with these keys, all split or none.
-    fn new(keys: Vec<u32>, split: bool) -> Self {
+    pub(crate) fn new(keys: Vec<u32>, split: bool) -> Self {
         let children = (0..keys.len() as i32).map(|node| if split { 8 * node } else { -1 }).collect();
         let rows = vec![-1; keys.len()];
         Self { keys, children, rows, nonempty: 0 }
@@ -104,6 +112,15 @@ impl Level {
             self.rows[node] = row as i32;
         }
         self.nonempty = nonempty_keys.len();
+    }
+
+    /// Numbers the rows of the nodes that are labelled non-empty, one label a node.
+    pub(crate) fn number_rows(&mut self, nonempty: impl Iterator<Item = bool>) {
+        self.nonempty = 0;
+        for (row, nonempty) in self.rows.iter_mut().zip(nonempty) {
+            *row = if nonempty { self.nonempty as i32 } else { -1 };
+            self.nonempty += usize::from(nonempty);
+        }
     }
 
     /// Number of nodes.

@@ -125,6 +125,35 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn neighbours_agree_with_search(
+        points in prop::collection::vec(point_in(CUBE), 0..80),
+        depth in 1..=8u32,
+        full_depth in 0..=3u32,
+    ) {
+        let (light, _) = LightOctree::from_points(&points, CUBE, depth, full_depth.min(depth)).unwrap();
+        let tables = light.octree.all_neighbours();
+        prop_assert_eq!(tables.len() as u32, depth + 1);
+        for (d, level) in light.octree.levels().iter().enumerate() {
+            prop_assert_eq!(&tables[d], &light.octree.neighbours(d as u32));
+            prop_assert_eq!(tables[d].len(), level.len());
+            for (table, &key) in tables[d].iter().zip(&level.keys) {
+                let centre = xyz_from_key(key).map(|c| c as i32);
+                for (entry, &neighbour) in table.iter().enumerate() {
+                    let offset = [entry / 9, entry / 3 % 3, entry % 3].map(|o| o as i32 - 1);
+                    let at = [centre[0] + offset[0], centre[1] + offset[1], centre[2] + offset[2]];
+                    let inside = at.iter().all(|&c| (0..1 << d).contains(&c));
+                    let found = inside.then(|| key_from_xyz(at.map(|c| c as u32))).and_then(|k| level.keys.binary_search(&k).ok());
+                    prop_assert_eq!(neighbour, found.map_or(-1, |node| node as i32));
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn degenerate_clouds_give_octrees() {
     let at = |position_m| RadiancePoint { position_m, radiance: [1.0, 2.0, 3.0], coverage: Coverage::Seen };
