@@ -2,8 +2,40 @@
 //!
 //! Linear radiance in Rec. 709 primaries, relative units: 1.0 is the photo's white. Row 0 is the top row.
 
+mod atomic;
+mod chromaticity;
+mod color;
+mod depth;
+mod error;
+mod exif;
+mod exr_read;
+mod exr_write;
+mod format;
 mod image;
+mod npy;
+mod pfm;
 mod photo;
+mod raster;
+mod read;
+mod rgbe;
+mod tone;
+mod write;
 
+pub use crate::exif::FocalLength;
 pub use crate::image::{DepthMap, Image, RadianceImage};
+pub use atomic::write_atomically;
+pub use color::{linear_from_srgb, linear_from_srgb8, luminance, srgb_from_linear, srgb8_from_linear};
+pub use error::ImageError;
+pub use exr_read::ExrChannels;
+pub use exr_write::{ChannelGroup, EnvironmentLayout, ExrOptions};
+pub use format::Format;
 pub use photo::Photo;
+pub use read::{
+    MAX_PIXELS, PhotoFile, depth_from_bytes, photo_from_bytes, radiance_from_bytes, read_depth, read_exr_channels,
+    read_photo, read_radiance, read_rgba8, rgba8_from_bytes,
+};
+pub use tone::ToneCurve;
+pub use write::{
+    JPEG_QUALITY, encode_png, write_depth, write_exr, write_photo, write_png16, write_radiance, write_rgba8,
+    write_srgb8, write_tone_mapped,
+};

@@ -1,3 +1,6 @@
+use rayon::prelude::*;
+
+use crate::color::linear_from_srgb8;
 use crate::{Image, RadianceImage};
 
 /// The pixels of a photo as they came: 8-bit pictures stay 8-bit, so that what is not changed can be written back bit by bit.
@@ -25,4 +28,25 @@ impl Photo {
             Self::Linear(image) => image.height(),
         }
     }
+
+    /// Linear radiance; 1.0 is sRGB 255.
+    pub fn radiance(&self) -> RadianceImage {
+        match self {
+            Self::Srgb8(image) => radiance_from_srgb8(image),
+            Self::Linear(image) => image.clone(),
+        }
+    }
+
+    /// As [`Photo::radiance`], without a copy where the photo is linear already.
+    pub fn into_radiance(self) -> RadianceImage {
+        match self {
+            Self::Srgb8(image) => radiance_from_srgb8(&image),
+            Self::Linear(image) => image,
+        }
+    }
+}
+
+fn radiance_from_srgb8(image: &Image<[u8; 3]>) -> RadianceImage {
+    let pixels = image.pixels().par_iter().map(|p| p.map(linear_from_srgb8)).collect();
+    RadianceImage::new(image.width(), image.height(), pixels)
 }

@@ -1,0 +1,82 @@
+use exif::{Exif, In, Tag, Value};
+
+/// What EXIF says about the lens, for the field of view of a photo.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FocalLength {
+    /// Focal length that gives the same angle on 35 mm film (tag 0xA405), in millimetres.
+    pub equivalent_35mm: Option<f64>,
+    /// Real focal length (tag 0x920A), in millimetres.
+    pub focal_mm: Option<f64>,
+    /// Sensor pixels per millimetre (tags 0xA20E, 0xA210).
+    pub focal_plane_per_mm: Option<f64>,
+    /// The longer side of the picture that the camera wrote (tags 0xA002, 0xA003), in pixels.
+    pub original_long_side: Option<u32>,
+}
+
+/// Diagonal of the 36 mm × 24 mm frame; CIPA DCG-001 defines the 35 mm equivalent by the diagonal angle of view.
+const FILM_DIAGONAL_MM: f64 = 43.266_615_305_567_87;
+
+impl FocalLength {
+    /// Reads the tags of a raw EXIF block (a TIFF structure). Damaged or missing tags are `None`.
+    pub(crate) fn from_exif(raw: &[u8]) -> Self {
+        let mut reader = exif::Reader::new();
+        reader.continue_on_error(true);
+        let exif = match reader.read_raw(raw.to_vec()) {
+            Ok(exif) => exif,
+            Err(error) => match error.distill_partial_result(|_| ()) {
+                Ok(exif) => exif,
+                Err(_) => return Self::default(),
+            },
+        };
+        let per_mm = match uint(&exif, Tag::FocalPlaneResolutionUnit).unwrap_or(2) {
+            3 => 10.0,
+            4 => 1.0,
+            5 => 1e-3,
+            _ => 25.4,
+        };
+        let sides = [Tag::PixelXDimension, Tag::PixelYDimension].map(|tag| uint(&exif, tag));
+        Self {
+            equivalent_35mm: number(&exif, Tag::FocalLengthIn35mmFilm),
+            focal_mm: number(&exif, Tag::FocalLength),
+            focal_plane_per_mm: number(&exif, Tag::FocalPlaneXResolution).map(|r| r / per_mm),
+            original_long_side: sides.into_iter().flatten().max(),
+        }
+    }
+
+    /// Focal length in pixels of a photo of `width` × `height` (either way round: pixels are square).
+    ///
+    /// From the focal plane where the original size is known, else from the 35 mm equivalent; `None` where neither is
+    /// stated or the result is no lens (a horizontal angle beyond 1°–170°).
+    pub fn focal_px(&self, width: u32, height: u32) -> Option<f64> {
+        let (width, height) = (f64::from(width), f64::from(height));
+        let plane = || {
+            let scale = width.max(height) / f64::from(self.original_long_side?);
+            Some(self.focal_mm? * self.focal_plane_per_mm? * scale)
+        };
+        let film = || Some(self.equivalent_35mm? / FILM_DIAGONAL_MM * width.hypot(height));
+        let plausible = |focal: &f64| (1.0..=170.0).contains(&hfov_deg(*focal, width));
+        plane().filter(plausible).or_else(|| film().filter(plausible))
+    }
+
+    /// Horizontal field of view in degrees of a photo of `width` × `height`, as [`FocalLength::focal_px`].
+    pub fn hfov_deg(&self, width: u32, height: u32) -> Option<f64> {
+        self.focal_px(width, height).map(|focal| hfov_deg(focal, f64::from(width)))
+    }
+}
+
+fn hfov_deg(focal_px: f64, width: f64) -> f64 {
+    2.0 * (0.5 * width / focal_px).atan().to_degrees()
+}
+
+/// A positive number of the primary image; 0 means "unknown" in EXIF.
+fn number(exif: &Exif, tag: Tag) -> Option<f64> {
+    let value = match &exif.get_field(tag, In::PRIMARY)?.value {
+        Value::Rational(values) => values.first()?.to_f64(),
+        value => f64::from(value.get_uint(0)?),
+    };
+    (value.is_finite() && value > 0.0).then_some(value)
+}
+
+fn uint(exif: &Exif, tag: Tag) -> Option<u32> {
+    exif.get_field(tag, In::PRIMARY)?.value.get_uint(0).filter(|v| *v > 0)
+}

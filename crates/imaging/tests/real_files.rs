@@ -1,0 +1,73 @@
+//! The project's real test data; where the folder is missing (a user's clone) the tests say so and pass.
+#![allow(clippy::unwrap_used)]
+
+use std::path::PathBuf;
+
+use lightoctree_imaging as imaging;
+
+/// The shared data, or `None` with a line on stderr.
+fn data(path: &str) -> Option<PathBuf> {
+    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")).join(path);
+    if !path.exists() {
+        eprintln!("skipped: {} is missing", path.display());
+        return None;
+    }
+    Some(path)
+}
+
+/// Median, 99 % and highest luminance as the data's README states them, to three digits.
+const PANORAMAS: [(&str, [f32; 3]); 14] = [
+    ("lebombo_1k.hdr", [0.472, 4.66, 23.31]),
+    ("brown_photostudio_02_1k.hdr", [0.287, 15.0, 87.82]),
+    ("brown_photostudio_07_1k.hdr", [0.353, 4.61, 54.69]),
+    ("blocky_photo_studio_1k.hdr", [0.419, 3.62, 5186.0]),
+    ("st_fagans_interior_1k.hdr", [0.488, 2.81, 1111.0]),
+    ("dancing_hall_1k.hdr", [0.181, 11.2, 608.3]),
+    ("thatch_chapel_1k.hdr", [0.0764, 3.76, 1072.0]),
+    ("empty_warehouse_01_1k.hdr", [0.239, 2.68, 400.3]),
+    ("autoshop_01_1k.hdr", [0.299, 6.94, 75.15]),
+    ("peppermint_powerplant_1k.hdr", [0.067, 6.36, 15.74]),
+    ("leadenhall_market_1k.hdr", [0.0909, 16.4, 242.1]),
+    ("studio_small_03_1k.hdr", [0.0117, 13.8, 3352.0]),
+    ("studio_small_05_1k.hdr", [0.00321, 8.4, 86.5]),
+    ("studio_small_01.exr", [0.00472, 0.275, 551.5]),
+];
+
+#[test]
+fn all_panoramas_load_with_the_published_luminances() {
+    let Some(folder) = data("hdr") else { return };
+    for (name, expected) in PANORAMAS {
+        let image = imaging::read_radiance(folder.join(name)).unwrap();
+        assert_eq!((image.width(), image.height()), (1024, 512), "{name}");
+        let mut luminance: Vec<f32> = image.pixels().iter().map(|&rgb| imaging::luminance(rgb)).collect();
+        luminance.sort_by(f32::total_cmp);
+        let count = luminance.len();
+        let got = [luminance[count / 2], luminance[count * 99 / 100], luminance[count - 1]];
+        for (got, expected) in got.iter().zip(expected) {
+            // half a unit of the third digit, and the table's own rounding
+            assert!((got / expected - 1.0).abs() < 6e-3, "{name}: {got} against {expected}");
+        }
+    }
+}
+
+#[test]
+fn photos_and_their_depth_load() {
+    let Some(folder) = data("rgbd") else { return };
+    let desk = imaging::read_photo(folder.join("tum_desk_color.png")).unwrap();
+    assert!(matches!(desk.photo, imaging::Photo::Srgb8(_)));
+    assert_eq!((desk.photo.width(), desk.photo.height()), (640, 480));
+    assert_eq!(desk.hfov_deg(), None);
+    let depth = imaging::read_depth(folder.join("tum_desk_depth.png"), Some(5000.0)).unwrap();
+    let holes = depth.pixels().iter().filter(|&&d| d == 0.0).count() as f64 / (640.0 * 480.0);
+    assert!((holes - 0.19).abs() < 0.005, "{holes}");
+    let depth = imaging::read_depth(folder.join("library_lidar_depth.png"), None).unwrap();
+    let (near, far) = depth.pixels().iter().fold((f32::MAX, 0.0f32), |(a, b), &d| (a.min(d), b.max(d)));
+    assert!((near - 1.57).abs() < 0.006 && (far - 3.51).abs() < 0.006, "{near} {far}");
+    let photo = imaging::read_photo(folder.join("library_color.jpg")).unwrap();
+    assert_eq!((photo.photo.width(), photo.photo.height()), (1920, 1440));
+    // a photo where depth belongs is refused in words
+    let error = imaging::read_depth(folder.join("library_color.jpg"), None).unwrap_err().to_string();
+    assert!(error.contains("16-bit PNG"), "{error}");
+    let error = imaging::read_depth(folder.join("tum_desk_color.png"), None).unwrap_err().to_string();
+    assert!(error.contains("16 bits"), "{error}");
+}
