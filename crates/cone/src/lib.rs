@@ -1,5 +1,11 @@
 //! Voxel cone tracing of a lighting octree: colour, expected distance and opacity, forward and exact backward (SPEC §3).
 
+mod grid;
+mod march;
+mod reconstruction;
 mod settings;
+mod steps;
+mod tracer;
 
-pub use settings::{Cone, Sample, SampleWeight, Sampling, Settings, StepRule};
+pub use settings::{Cone, Rendering, Sample, SampleWeight, Sampling, Settings, SettingsError, StepRule};
+pub use tracer::ConeTracer;

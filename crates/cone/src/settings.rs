@@ -1,4 +1,5 @@
 use geometry::Vec3;
+use imaging::{DepthMap, Image, RadianceImage};
 use serde::{Deserialize, Serialize};
 
 /// A ray with an aperture.
@@ -21,6 +22,17 @@ pub struct Sample {
     pub distance_m: f32,
     /// Share of the cone that met something, in [0, 1].
     pub opacity: f32,
+}
+
+/// A picture of what cones see, one pixel each.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rendering {
+    /// Radiance of [`Sample`].
+    pub radiance: RadianceImage,
+    /// Expected distance from the apex in metres; 0 where the cone misses the cube.
+    pub distance_m: DepthMap,
+    /// Share of the pixel that met something, in [0, 1].
+    pub opacity: Image<f32>,
 }
 
 /// How sample distances grow (SPEC §3).
@@ -76,6 +88,40 @@ impl Default for Settings {
             weight: SampleWeight::One,
             sampling: Sampling::Nearest,
             min_transmittance: 1e-4,
+        }
+    }
+}
+
+/// Why settings are refused.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{name} must lie in [{least}, {most}], got {got}")]
+pub struct SettingsError {
+    /// The setting.
+    pub name: &'static str,
+    /// Its value.
+    pub got: f32,
+    /// Least value that makes sense.
+    pub least: f32,
+    /// Greatest value that makes sense.
+    pub most: f32,
+}
+
+impl Settings {
+    /// Whether all values are in their ranges.
+    pub(crate) fn check(&self) -> Result<(), SettingsError> {
+        let floor = match self.step {
+            StepRule::Literal => 1.0,
+            StepRule::Floored(fraction) => fraction,
+        };
+        let ranges = [
+            ("the least step in leaf edges", floor, 1.0 / 64.0, 64.0),
+            ("the growth rate c", self.growth, 1.0 / 64.0, 64.0),
+            ("the first step c0 in leaf edges", self.first_step, 1.0 / 64.0, 64.0),
+            ("the least transmittance", self.min_transmittance, 0.0, 1.0),
+        ];
+        match ranges.into_iter().find(|(_, got, least, most)| !(*least..=*most).contains(got)) {
+            Some((name, got, least, most)) => Err(SettingsError { name, got, least, most }),
+            None => Ok(()),
         }
     }
 }
