@@ -1,1 +1,15 @@
-//! (stub)
+//! Completion without a network (`shell`, SPEC §11): the room closed by planes, unseen surfaces extrapolated, clipped highlights
+//! and lamps outside of the view given plausible light.
+
+mod extrapolate;
+mod face;
+mod fill;
+mod gravity;
+mod highlights;
+mod lamps;
+mod layout;
+mod shell;
+
+pub use highlights::{HighlightReport, recover_highlights};
+pub use lamps::LampReport;
+pub use shell::{Shell, ShellOptions, ShellReport, shell};

@@ -34,16 +34,17 @@ const STEEPEST: f32 = 14.0;
 const SURFACE_RANGE: f32 = 0.06;
 
 impl Frame {
-    /// Depth without flying pixels, at the depth map's resolution.
+    /// The frame without flying pixels: their depth becomes 0, "no reading".
     ///
     /// At depth edges sensors mix near and far into readings that hang in the air between them. A reading is dropped
     /// when, along a row or a column, the surface falls off steeper than 86° against the line of sight on both of its sides
     /// (a hole counts as a fall when the other side is one). Edges of real surfaces keep one smooth side and stay.
-    pub fn depth_without_flying_pixels(&self) -> DepthMap {
+    /// To be called at the depth map's own resolution or at the working one.
+    pub fn without_flying_pixels(&self) -> Self {
         let depth = &self.depth_m;
         let camera = self.depth_camera();
         let (pitch_x, pitch_y) = (1.0 / camera.fx as f32, 1.0 / camera.fy as f32);
-        Image::from_fn(depth.width(), depth.height(), |x, y| {
+        let depth_m = Image::from_fn(depth.width(), depth.height(), |x, y| {
             let z = depth[(x, y)];
             if z <= 0.0 {
                 return 0.0;
@@ -62,7 +63,8 @@ impl Frame {
             };
             let drop = flying(at(-1, 0), at(1, 0), pitch_x) || flying(at(0, -1), at(0, 1), pitch_y);
             if drop { 0.0 } else { z }
-        })
+        });
+        Self { camera: self.camera, photo: self.photo.clone(), depth_m, exposure: self.exposure }
     }
 
     /// Normal at each depth pixel, towards the camera; `None` at holes and where no surface can be fitted.
@@ -71,19 +73,18 @@ impl Frame {
     /// the working resolution) gives the plane. Readings further than 6 % in depth from the middle one belong to another surface and
     /// weigh nothing, which keeps edges sharp.
     pub fn normals(&self) -> Image<Option<Vec3>> {
-        let depth = self.depth_without_flying_pixels();
-        normals_of(&depth, &self.depth_camera())
+        normals_of(&self.depth_m, &self.depth_camera())
     }
 
-    /// All seen surface points: one per reading that is not a flying pixel, with the given radiance at photo resolution
-    /// (see [`Frame::radiance`]) and coverage [`Coverage::Seen`].
+    /// All seen surface points: one per reading, row by row, with the given radiance at photo resolution (see [`Frame::radiance`])
+    /// and coverage [`Coverage::Seen`]. [`Frame::without_flying_pixels`] comes before it.
     ///
     /// Photo and depth must have one resolution, as [`Frame::working`] makes them; otherwise the radiance of the photo pixel at
     /// the middle of the depth pixel is taken.
     pub fn surfels(&self, radiance: &RadianceImage) -> Vec<Surfel> {
-        let depth = self.depth_without_flying_pixels();
+        let depth = &self.depth_m;
         let camera = self.depth_camera();
-        let normals = normals_of(&depth, &camera);
+        let normals = normals_of(depth, &camera);
         let (width, height) = (depth.width(), depth.height());
         let mut surfels = Vec::with_capacity(width * height);
         for y in 0..height {
@@ -228,11 +229,11 @@ mod tests {
             102 => 2.6,
             _ => 3.0,
         });
-        let clean = frame(depth, camera).depth_without_flying_pixels();
+        let clean = frame(depth, camera).without_flying_pixels().depth_m;
         assert!((100..103).all(|x| clean[(x, 80)] == 0.0));
         assert_eq!((clean[(99, 80)], clean[(103, 80)]), (1.0, 3.0));
         let floor = depth_of(Plane { normal: Vec3::Y, offset_m: -1.5 }, &camera);
-        let kept = frame(floor.clone(), camera).depth_without_flying_pixels();
+        let kept = frame(floor.clone(), camera).without_flying_pixels().depth_m;
         let near = |d: &DepthMap| d.pixels().iter().filter(|&&z| z > 0.0 && z < 20.0).count();
         assert_eq!(near(&kept), near(&floor));
     }

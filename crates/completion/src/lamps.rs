@@ -1,0 +1,128 @@
+//! Light from lamps outside of the view, by energy balance.
+
+use geometry::{Vec3, cosine_hemisphere, orthonormal_basis};
+use imaging::RadianceImage;
+use scene::Surfel;
+
+use crate::extrapolate::Faces;
+use crate::layout::{RoomBox, area};
+use crate::shell::Visibility;
+
+/// Mean albedo of what is in a furnished room.
+const MEAN_ALBEDO: f32 = 0.5;
+
+/// Albedo of the brightest diffuse things of a photo: paper, white paint.
+const WHITE_ALBEDO: f32 = 0.85;
+
+/// Points at which the balance is drawn.
+const RECEIVERS: usize = 96;
+
+/// Rays per point.
+const RAYS: usize = 256;
+
+/// The patch of light covers the middle of the ceiling by this share along both sides.
+const PATCH_SHARE: f32 = 0.6;
+
+/// The energy balance, all irradiances in units of radiance × sr.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LampReport {
+    /// Irradiance that the brightness of the seen surfaces asks for.
+    pub wanted_irradiance: f32,
+    /// Irradiance that the closed room gave them without the lamp.
+    pub shell_irradiance: f32,
+    /// Radiance in the middle of the lamp patch; 0 where none was needed.
+    pub lamp_radiance: f32,
+}
+
+/// Adds a soft, neutral patch of light to the unseen part of the ceiling so that seen surfaces are lit as brightly as they look.
+///
+/// A diffuse surface of albedo ρ and radiance L receives E = π L / ρ. The albedo is unknown, so E is the geometric mean of two estimates:
+/// the mean radiance of everything seen with a mean albedo of 0.5, and the 95th percentile of radiance (white things, below the clipping level)
+/// with albedo 0.85. What the shell (with seen and recovered lamps and windows in it) lacks of E comes from the patch, the middle
+/// 60 % × 60 % of the ceiling. Rays see the photo where the camera sees the same place, the extrapolated faces elsewhere.
+pub(crate) fn add(
+    faces: &mut Faces,
+    room: &RoomBox,
+    surfels: &[Surfel],
+    photo: &RadianceImage,
+    visibility: &Visibility,
+) -> LampReport {
+    let stride = surfels.len().div_ceil(RECEIVERS).max(1);
+    let receivers: Vec<Surfel> = surfels.iter().skip(stride / 2).step_by(stride).copied().collect();
+    let Some(wanted_irradiance) = wanted(surfels) else { return LampReport::default() };
+    let directions = cosine_hemisphere(RAYS);
+    let (mut shell_sum, mut patch_sum, mut weights) = (0.0f32, 0.0f32, 0.0f32);
+    for receiver in &receivers {
+        let basis = orthonormal_basis(receiver.normal);
+        let origin = room.local(receiver.position_m + 0.02 * receiver.normal).clamp(room.low, room.high);
+        let (mut light, mut patch) = (0.0, 0.0);
+        for direction in &directions {
+            let (face, hit) = room.exit(origin, room.local(basis * *direction));
+            let seen = visibility.seen_from_camera(room.world(hit));
+            let radiance = match seen {
+                Some(pixel) => photo[pixel],
+                None => faces.radiance(room, face, hit),
+            };
+            light += luminance(radiance);
+            if face == 3 && seen.is_none() {
+                patch += patch_weight(room, hit);
+            }
+        }
+        let weight = area(receiver);
+        let scale = std::f32::consts::PI / RAYS as f32 * weight;
+        shell_sum += light * scale;
+        patch_sum += patch * scale;
+        weights += weight;
+    }
+    if weights <= 0.0 {
+        return LampReport::default();
+    }
+    let shell_irradiance = shell_sum / weights;
+    let patch_share = patch_sum / weights;
+    let lack = wanted_irradiance - shell_irradiance;
+    // Where hardly anything of the patch is in sight of the receivers its radiance would be a wild guess.
+    let lamp_radiance = if lack > 0.0 { (lack / patch_share.max(0.03)).min(50.0 * wanted_irradiance) } else { 0.0 };
+    if lamp_radiance > 0.0 {
+        faces.grids[3].brighten(|at| {
+            let local = Faces::local(room, 3, at);
+            let open = visibility.seen_from_camera(room.world(local)).is_none();
+            [if open { lamp_radiance * patch_weight(room, local) } else { 0.0 }; 3]
+        });
+    }
+    LampReport { wanted_irradiance, shell_irradiance, lamp_radiance }
+}
+
+/// Irradiance that the brightness of the seen surfaces asks for.
+fn wanted(surfels: &[Surfel]) -> Option<f32> {
+    let mut values: Vec<f32> = surfels.iter().map(|s| luminance(s.radiance)).collect();
+    if values.is_empty() {
+        return None;
+    }
+    let rank = (values.len() * 95 / 100).min(values.len() - 1);
+    let white = *values.select_nth_unstable_by(rank, f32::total_cmp).1;
+    // Lamps and windows are brighter than anything they light.
+    let limit = 2.0 * white;
+    let (mut sum, mut total) = (0.0, 0.0);
+    for surfel in surfels {
+        let value = luminance(surfel.radiance);
+        if value <= limit {
+            sum += area(surfel) * value;
+            total += area(surfel);
+        }
+    }
+    let mean = sum / total.max(1e-12);
+    Some(std::f32::consts::PI * ((mean / MEAN_ALBEDO) * (white / WHITE_ALBEDO)).sqrt())
+}
+
+/// 1 in the middle of the patch, falling to 0 at its edges.
+fn patch_weight(room: &RoomBox, local: Vec3) -> f32 {
+    let centre = 0.5 * (room.low + room.high);
+    let half = 0.5 * PATCH_SHARE * (room.high - room.low);
+    let soft = |d: f32, half: f32| ((half - d.abs()) / (0.25 * half)).clamp(0.0, 1.0);
+    soft(local.x - centre.x, half.x) * soft(local.z - centre.z, half.z)
+}
+
+/// Rec. 709 luminance.
+pub(crate) fn luminance(rgb: [f32; 3]) -> f32 {
+    0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
+}

@@ -1,0 +1,247 @@
+//! The whole room from one frame.
+
+use std::collections::HashSet;
+
+use geometry::{Camera, Cube, Vec3};
+use imaging::{DepthMap, RadianceImage};
+use octree::Coverage;
+use scene::{Frame, Room, Surfel};
+
+use crate::extrapolate::{Faces, extrapolate};
+use crate::fill::fill_holes;
+use crate::gravity::{Facet, up_from_facets};
+use crate::highlights::{HighlightReport, recover_highlights};
+use crate::lamps::{self, LampReport};
+use crate::layout::{Assumed, RoomBox, area, fit};
+
+/// What the shell may assume.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShellOptions {
+    /// Direction against gravity in the world frame, where it is known; otherwise it is estimated.
+    pub up: Option<Vec3>,
+    /// Height of the camera above a floor that is not seen, in metres.
+    pub camera_height_m: f32,
+    /// Height of a ceiling that is not seen above the floor, in metres.
+    pub ceiling_height_m: f32,
+    /// Depth of the octree that the points are for: closing points are one per leaf.
+    pub octree_depth: u32,
+}
+
+impl Default for ShellOptions {
+    fn default() -> Self {
+        Self { up: None, camera_height_m: 1.5, ceiling_height_m: 2.6, octree_depth: 7 }
+    }
+}
+
+/// A closed room.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shell {
+    /// Seen surfels first, then those behind holes of the depth map, then the closing faces.
+    pub surfels: Vec<Surfel>,
+    /// Gravity and the six planes.
+    pub room: Room,
+    /// A cube that contains the room.
+    pub cube: Cube,
+    /// What was done.
+    pub report: ShellReport,
+}
+
+/// Counts and balances of a completion.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ShellReport {
+    /// Surfels with a reading.
+    pub seen: usize,
+    /// Surfels of pixels without a reading: their colour is the photo's, their depth inferred.
+    pub filled: usize,
+    /// Surfels on the closing faces.
+    pub closing: usize,
+    /// Clipped highlights.
+    pub highlights: HighlightReport,
+    /// Light from outside of the view.
+    pub lamps: LampReport,
+}
+
+/// Closes the room around a frame at working resolution (see [`Frame::working`]).
+///
+/// 1. Clipped highlights get a value ([`recover_highlights`]).
+/// 2. Gravity, axes and six planes from the normals; the planes enclose everything seen but 0.5 % of it.
+/// 3. Pixels without a reading get a depth from the planes or their surroundings and keep the photo's colour.
+/// 4. The six faces get the radiance of what is seen of them, extrapolated; a patch of light on the unseen part of the ceiling
+///    supplies what the seen surfaces' brightness asks for beyond that.
+/// 5. Each leaf that a face crosses gets a surfel, unless a seen surface is there already or the camera sees through that place: from
+///    the camera, the photo stays as it is. Surfaces are shells: what lies hidden behind a seen object (the back of a sofa, the inside of a desk) stays
+///    empty, and the wall behind it is closed.
+///
+/// Any frame gives a room: without readings it is a box of default size with the photo on its walls. Deterministic.
+pub fn shell(frame: &Frame, options: &ShellOptions) -> Shell {
+    let (radiance, highlights) = recover_highlights(frame);
+    let radiance = at_depth_resolution(radiance, &frame.depth_m);
+    let camera = frame.depth_camera();
+    let pixel_area = (1.0 / (camera.fx * camera.fy)) as f32;
+    let clean = frame.without_flying_pixels();
+    let seen = clean.surfels(&radiance);
+
+    let up = options.up.and_then(Vec3::try_normalize).unwrap_or_else(|| {
+        let facets: Vec<Facet> = seen.iter().map(|s| Facet { normal: s.normal, area: area(s) }).collect();
+        up_from_facets(&facets)
+    });
+    let assumed = Assumed { camera_height_m: options.camera_height_m, ceiling_height_m: options.ceiling_height_m };
+    let room = fit(&seen, up, assumed);
+    let cube = cube_around(&room, options.octree_depth);
+
+    let full = Frame { depth_m: fill_holes(&clean.depth_m, &camera, &room), ..clean.clone() };
+    let mut all = full.surfels(&radiance);
+    mark_filled(&mut all, clean.depth_m.pixels());
+    let visibility =
+        Visibility { camera, depth_m: full.depth_m, tolerance_m: 1.5 * cube.node_edge_m(options.octree_depth) };
+    let mut faces = extrapolate(&all, &room, pixel_area);
+    let lamps = lamps::add(&mut faces, &room, &all, &radiance, &visibility);
+
+    for surfel in &mut all {
+        surfel.position_m = pulled_inside(surfel.position_m, &cube);
+    }
+    let filled = all.iter().filter(|s| s.coverage == Coverage::Inferred).count();
+    let seen = all.len() - filled;
+    let mut surfels = all;
+    // A stable sort keeps the pixel order within both kinds.
+    surfels.sort_by_key(|s| s.coverage == Coverage::Inferred);
+    let closing = closing_surfels(&room, &cube, options.octree_depth, &faces, &visibility, &surfels);
+    let report = ShellReport { seen, filled, closing: closing.len(), highlights, lamps };
+    surfels.extend(closing);
+    Shell { surfels, room: room.room(), cube, report }
+}
+
+/// What the camera sees where.
+pub(crate) struct Visibility {
+    camera: Camera,
+    /// Complete: a depth for every pixel.
+    depth_m: DepthMap,
+    tolerance_m: f32,
+}
+
+impl Visibility {
+    /// Pixel and seen depth where a point falls into the image, with the point's own depth.
+    fn project(&self, point: Vec3) -> Option<((usize, usize), f32, f32)> {
+        let (u, v, depth_m) = self.camera.project(point)?;
+        let inside = u >= 0.0 && v >= 0.0 && u < f64::from(self.camera.width) && v < f64::from(self.camera.height);
+        inside.then(|| {
+            let pixel = (u as usize, v as usize);
+            (pixel, self.depth_m[pixel], depth_m as f32)
+        })
+    }
+
+    /// The pixel that shows this point, where the camera sees it: nothing stands in front of it.
+    pub fn seen_from_camera(&self, point: Vec3) -> Option<(usize, usize)> {
+        let (pixel, seen_m, own_m) = self.project(point)?;
+        (own_m <= seen_m + self.tolerance_m + 0.03 * seen_m).then_some(pixel)
+    }
+
+    /// Whether something at this point would stand in the way of what the camera sees.
+    fn would_hide(&self, point: Vec3) -> bool {
+        self.project(point).is_some_and(|(_, seen_m, own_m)| own_m < seen_m + self.tolerance_m)
+    }
+}
+
+/// Radiance at the depth map's resolution, where the frame was not made by `working`.
+fn at_depth_resolution(radiance: RadianceImage, depth_m: &DepthMap) -> RadianceImage {
+    let (width, height) = (depth_m.width(), depth_m.height());
+    if (radiance.width(), radiance.height()) == (width, height) {
+        return radiance;
+    }
+    RadianceImage::from_fn(width, height, |x, y| {
+        radiance[((2 * x + 1) * radiance.width() / (2 * width), (2 * y + 1) * radiance.height() / (2 * height))]
+    })
+}
+
+/// Marks the surfels of pixels that had no reading; `surfels` holds one for each pixel, in order.
+fn mark_filled(surfels: &mut [Surfel], known: &[f32]) {
+    for (surfel, &z) in surfels.iter_mut().zip(known) {
+        if z <= 0.0 {
+            surfel.coverage = Coverage::Inferred;
+        }
+    }
+}
+
+/// The smallest cube around the box, with two leaves to spare on each side.
+fn cube_around(room: &RoomBox, octree_depth: u32) -> Cube {
+    let corners = (0..8).map(|i| {
+        let pick = |bit: u32, axis: usize| if i >> bit & 1 == 0 { room.low[axis] } else { room.high[axis] };
+        room.world(Vec3::new(pick(0, 0), pick(1, 1), pick(2, 2)))
+    });
+    let (low, high) = corners.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), c| (l.min(c), h.max(c)));
+    let margin = 4.0 / (1u32 << octree_depth.clamp(3, 16)) as f32;
+    Cube::centred(0.5 * (low + high), (high - low).max_element() / (1.0 - margin.min(0.5)))
+}
+
+/// The point, or where its line of sight leaves the cube: what is seen through a window or a door far away is painted on the cube's
+/// side, where the camera sees it in the same direction.
+fn pulled_inside(point: Vec3, cube: &Cube) -> Vec3 {
+    let (low, high) = (cube.origin_m * 0.999, (cube.origin_m + Vec3::splat(cube.edge_m)) * 0.999);
+    let mut scale = 1.0f32;
+    for axis in 0..3 {
+        if point[axis] < low[axis] {
+            scale = scale.min(low[axis] / point[axis]);
+        } else if point[axis] > high[axis] {
+            scale = scale.min(high[axis] / point[axis]);
+        }
+    }
+    point * scale
+}
+
+/// One surfel in each leaf that a face crosses, where it hides nothing that the camera sees and no other surfel is.
+fn closing_surfels(
+    room: &RoomBox,
+    cube: &Cube,
+    octree_depth: u32,
+    faces: &Faces,
+    visibility: &Visibility,
+    present: &[Surfel],
+) -> Vec<Surfel> {
+    let leaf_m = cube.node_edge_m(octree_depth);
+    let leaf_of = |point: Vec3| ((point - cube.origin_m) / leaf_m).floor().as_ivec3();
+    let mut occupied: HashSet<[i32; 3]> = present.iter().map(|s| leaf_of(s.position_m).to_array()).collect();
+    let mut surfels = Vec::new();
+    for face in 0..6 {
+        let plane = room.plane(face);
+        let outward = -plane.normal.abs();
+        // Columns of leaves along the axis that the plane is steepest to: each is crossed in at most a few leaves.
+        let main = (0..3).fold(0, |best, axis| if outward[axis] < outward[best] { axis } else { best });
+        let (i, j) = ((main + 1) % 3, (main + 2) % 3);
+        let corners = [0.0, 1.0].map(|x| [0.0, 1.0].map(|y| Faces::local(room, face, geometry::Vec2::new(x, y))));
+        let leaves = corners.map(|pair| pair.map(|corner| leaf_of(room.world(corner))));
+        let first = leaves[0][0];
+        let (low, high) = leaves.as_flattened().iter().fold((first, first), |(l, h), &c| (l.min(c), h.max(c)));
+        for column_i in low[i]..=high[i] {
+            for column_j in low[j]..=high[j] {
+                let height = |di: f32, dj: f32| {
+                    let mut point = Vec3::ZERO;
+                    point[i] = cube.origin_m[i] + (column_i as f32 + di) * leaf_m;
+                    point[j] = cube.origin_m[j] + (column_j as f32 + dj) * leaf_m;
+                    point[main] = (plane.offset_m - plane.normal.dot(point)) / plane.normal[main];
+                    point
+                };
+                let middle = height(0.5, 0.5);
+                let local = room.local(middle);
+                let inside = local.clamp(room.low, room.high);
+                if (local - inside).length() > 0.9 * leaf_m {
+                    continue;
+                }
+                let ends = [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)].map(|(di, dj)| height(di, dj)[main]);
+                let level = |m: f32| ((m - cube.origin_m[main]) / leaf_m).floor();
+                let bottom = level(ends.into_iter().fold(f32::INFINITY, f32::min) + 1e-3 * leaf_m);
+                let top = level(ends.into_iter().fold(f32::NEG_INFINITY, f32::max) - 1e-3 * leaf_m);
+                for k in bottom as i32..=(top as i32).max(bottom as i32) {
+                    let mut position_m = middle;
+                    let base = cube.origin_m[main] + k as f32 * leaf_m;
+                    position_m[main] = middle[main].clamp(base + 0.01 * leaf_m, base + 0.99 * leaf_m);
+                    if visibility.would_hide(position_m) || !occupied.insert(leaf_of(position_m).to_array()) {
+                        continue;
+                    }
+                    let radiance = faces.radiance(room, face, inside);
+                    surfels.push(Surfel { position_m, normal: plane.normal, radiance, coverage: Coverage::Inferred });
+                }
+            }
+        }
+    }
+    surfels
+}
