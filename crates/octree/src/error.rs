@@ -63,12 +63,46 @@ pub enum OctreeError {
         /// Depth of the octree.
         depth: u32,
     },
-    /// A level was named that the octree does not have.
-    #[error("there is no level {depth}: the finest is {finest}")]
-    NoLevel {
-        /// Level as given.
+    /// A node was labelled non-empty or split although its parent, or it, is empty.
+    #[error("node {node} of level {depth} {what}")]
+    Label {
+        /// Level of the node.
         depth: u32,
-        /// Depth of the octree.
-        finest: u32,
+        /// Index of the node in its level.
+        node: usize,
+        /// What is wrong with it.
+        what: &'static str,
+    },
+    /// The file was written in a layout that this version does not know.
+    #[error("the octree's format version is {got}; this program reads version {known}", known = crate::FORMAT_VERSION)]
+    Version {
+        /// Version in the file.
+        got: u32,
+    },
+    /// A tensor is not in the file.
+    #[error("tensor {tensor} is missing")]
+    MissingTensor {
+        /// Its name.
+        tensor: String,
+    },
+    /// A tensor has another type or shape than the tensors before it say.
+    #[error("tensor {tensor}: expected {expected}, got {got}")]
+    Layout {
+        /// Its name.
+        tensor: String,
+        /// Type and shape that it should have.
+        expected: String,
+        /// Type and shape that it has.
+        got: String,
+    },
+    /// A value in a tensor is impossible.
+    #[error("tensor {tensor}, entry {index} {what}")]
+    Value {
+        /// Name of the tensor.
+        tensor: String,
+        /// Index along the tensor's first axis.
+        index: usize,
+        /// What is wrong with it.
+        what: &'static str,
     },
 }

@@ -135,7 +135,8 @@ pub(crate) fn is_feature(rgba: &[f32; 4]) -> bool {
     rgba.iter().all(|c| c.is_finite() && *c >= 0.0) && rgba[3] <= 1.0
 }
 
-fn check_cube(cube: Cube) -> Result<(), OctreeError> {
+/// Errors for a cube that is not finite or has no volume.
+pub(crate) fn check_cube(cube: Cube) -> Result<(), OctreeError> {
     let far = cube.origin_m + Vec3::splat(cube.edge_m);
     if cube.origin_m.is_finite() && far.is_finite() && cube.edge_m > 0.0 {
         Ok(())

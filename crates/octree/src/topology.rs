@@ -10,9 +10,9 @@ pub const MAX_FULL_DEPTH: u32 = 7;
 /// Full down to `full_depth`, sparse below. Nodes of one depth lie in shuffled-key (Morton) order, the eight children of a
 /// split node next to each other. A node is *non-empty* when it has a feature row; rows of one depth are in node order.
 ///
-/// Nodes above `full_depth` are split even when empty. In an octree built from points every non-empty node above the finest
-/// depth is split as well; in one that was [grown](Octree::grow), a non-empty node may be a leaf at any depth from
-/// `full_depth` on.
+/// Nodes above `full_depth` are split even when empty; from there on only non-empty nodes are split, and the parent of a
+/// non-empty node is non-empty. In an octree built from points every non-empty node above the finest depth is split; in one
+/// that was [grown](Octree::grow), a non-empty node may be a leaf at any depth from `full_depth` on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Octree {
     full_depth: u32,
@@ -85,12 +85,14 @@ impl Octree {
         &self.levels
     }
 
-    pub(crate) fn level_mut(&mut self, depth: u32) -> Option<&mut Level> {
-        self.levels.get_mut(depth as usize)
+    /// Wraps levels that hold what [`Octree`] promises.
+    pub(crate) fn from_valid_levels(levels: Vec<Level>, full_depth: u32) -> Self {
+        Self { full_depth, levels }
     }
 
-    pub(crate) fn push(&mut self, level: Level) {
-        self.levels.push(level);
+    /// The levels, for growth.
+    pub(crate) fn levels_mut(&mut self) -> &mut Vec<Level> {
+        &mut self.levels
     }
 }
 
