@@ -8,6 +8,7 @@ mod leaves;
 mod light;
 mod neighbours;
 mod pyramid;
+mod stats;
 mod tensors;
 mod topology;
 
@@ -16,5 +17,6 @@ pub use key::{MAX_DEPTH, key_from_xyz, xyz_from_key};
 pub use leaves::BuildReport;
 pub use light::{Coverage, LightOctree, MAX_ALPHA, RadiancePoint};
 pub use neighbours::Neighbours;
+pub use stats::{LevelStats, OctreeStats};
 pub use tensors::{FORMAT_VERSION, NamedTensor, OctreeHeader, read_tensors, write_tensors};
 pub use topology::{Level, MAX_FULL_DEPTH, Octree};
