@@ -115,7 +115,8 @@ fn spread(set: &Image<bool>, value: bool) -> Image<bool> {
 fn relax(depth_m: &mut DepthMap, hole: &[(usize, usize)]) {
     for _ in 0..RELAXATIONS {
         for &(x, y) in hole {
-            let around = neighbours(x, y, depth_m.width(), depth_m.height()).map(|n| 1.0 / depth_m[n]).sum::<f32>() / 4.0;
+            let around =
+                neighbours(x, y, depth_m.width(), depth_m.height()).map(|n| 1.0 / depth_m[n]).sum::<f32>() / 4.0;
             let own = 1.0 / depth_m[(x, y)];
             depth_m[(x, y)] = 1.0 / (own + 1.8 * (around - own)).max(1e-3);
         }

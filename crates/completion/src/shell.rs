@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use geometry::{Camera, Cube, Vec3};
 use imaging::{DepthMap, RadianceImage};
-use octree::Coverage;
+use octree::{Coverage, RadiancePoint};
 use scene::{Frame, Room, Surfel};
 
 use crate::extrapolate::{Faces, extrapolate};
@@ -44,6 +44,13 @@ pub struct Shell {
     pub cube: Cube,
     /// What was done.
     pub report: ShellReport,
+}
+
+impl Shell {
+    /// What the lighting octree is built from.
+    pub fn points(&self) -> Vec<RadiancePoint> {
+        self.surfels.iter().copied().map(RadiancePoint::from).collect()
+    }
 }
 
 /// Counts and balances of a completion.

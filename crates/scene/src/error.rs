@@ -52,3 +52,76 @@ pub enum FrameError {
         median_m: f32,
     },
 }
+
+/// Why a scene file cannot be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum SceneError {
+    /// The file system refused to read.
+    #[error("{path}: {source}")]
+    Read {
+        /// The file.
+        path: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The file system refused to write; the message names the path.
+    #[error(transparent)]
+    Write(std::io::Error),
+    /// The file is longer than any scene.
+    #[error("the file has {bytes} bytes; scenes have at most {most}")]
+    TooLarge {
+        /// Length of the file.
+        bytes: u64,
+        /// Longest that is read.
+        most: u64,
+    },
+    /// Not a safetensors file, or a damaged one.
+    #[error("not a scene file, or a damaged one: {0}")]
+    Container(String),
+    /// A safetensors file of something else.
+    #[error("a safetensors file without \"{key}\" in its metadata: not a scene file")]
+    NoMetadata {
+        /// The key that scenes have.
+        key: &'static str,
+    },
+    /// The JSON block is damaged.
+    #[error("the scene's metadata: {0}")]
+    Metadata(String),
+    /// Another version of the format.
+    #[error("the scene file has format version {got}; this program reads version {known}")]
+    Version {
+        /// Version in the file.
+        got: u32,
+        /// Version that can be read.
+        known: u32,
+    },
+    /// A tensor is not there.
+    #[error("tensor {0} is missing")]
+    MissingTensor(&'static str),
+    /// A tensor has the wrong type or shape.
+    #[error("tensor {tensor}: expected {expected}, got {got}")]
+    Layout {
+        /// Its name.
+        tensor: &'static str,
+        /// What it should be.
+        expected: &'static str,
+        /// What it is.
+        got: String,
+    },
+    /// A value is not a number.
+    #[error("tensor {tensor}, value {index} is {value}")]
+    Value {
+        /// Name of the tensor.
+        tensor: &'static str,
+        /// Index of the value, all axes flattened.
+        index: usize,
+        /// The value.
+        value: f32,
+    },
+    /// Photo, depth and camera do not belong together.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+    /// The octree is damaged.
+    #[error("the lighting octree: {0}")]
+    Octree(#[from] octree::OctreeError),
+}

@@ -1,15 +1,43 @@
 //! The scene: a lighting octree together with the photo, depth and camera that object insertion needs, and its file.
+//!
+//! # The scene file
+//!
+//! One `.safetensors` file, self-contained. Tensors (little-endian):
+//!
+//! | tensor | type, shape | |
+//! | --- | --- | --- |
+//! | `photo` | U8 `[height, width, 3]` | sRGB, as the photo came, EXIF orientation applied |
+//! | | or F32 `[height, width, 3]` | linear Rec. 709, where the photo had more than 8 bits |
+//! | `depth_m` | F32 `[h, w]` | depth along the optical axis, same field of view, 0 = no reading |
+//! | `octree.d.…` | | the lighting octree, depth by depth: see [`octree::write_tensors`] |
+//!
+//! Under the key `lightoctree` of safetensors' `__metadata__` lies one JSON block: `format_version` (1), `program`,
+//! `octree` (`format_version`, `depth`, `full_depth`, `cube` with `origin_m` and `edge_m`), `camera` (`fx fy cx cy width height`, pixels of the photo),
+//! `exposure`, `completion` (`network`, `shell`, `none`), `room` (null, or `up` and `planes`: `side`, `plane` with `normal` and
+//! `offset_m`, `measured`) and `sources` (file names without folders). In Python:
+//!
+//! ```python
+//! from safetensors import safe_open
+//! f = safe_open("room.safetensors", "numpy"); scene = __import__("json").loads(f.metadata()["lightoctree"])
+//! photo, depth_m, leaves = (f.get_tensor(name) for name in ("photo", "depth_m", f"octree.{scene['octree']['depth']}.rgba"))
+//! ```
+//!
+//! The same scene gives the same bytes. Reading checks everything and names what is wrong.
 
 mod error;
+mod file;
 mod frame;
+mod placement;
 mod resample;
 mod room;
 mod surfel;
 
 use octree::LightOctree;
 
-pub use error::FrameError;
+pub use error::{FrameError, SceneError};
+pub use file::FORMAT_VERSION;
 pub use frame::Frame;
+pub use placement::place_cube;
 pub use room::{Completion, Room, RoomPlane, Side};
 pub use surfel::Surfel;
 
