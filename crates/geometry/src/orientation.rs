@@ -6,6 +6,8 @@ use serde::{Deserialize, Serialize};
 /// A map in our frame has the centre column at −Z, +X to its right and row 0 at +Y. The presets turn the *content* of the
 /// map, so that the other program, which reads it by its own convention, sees every light in the right world direction
 /// when it shares our world frame (for Blender after the usual Y-up → Z-up import).
+///
+/// All of them look at the sphere from inside, with +Y on top: they differ by quarter turns about +Y alone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Orientation {
@@ -23,4 +25,88 @@ pub enum Orientation {
 impl Orientation {
     /// All presets, for listings.
     pub const ALL: [Self; 4] = [Self::Lightoctree, Self::Openexr, Self::Threejs, Self::Blender];
+
+    /// Quarter turns about +Y that take a world direction to where the preset's map shows it, read by our convention:
+    /// the content of our map moves left by as many quarters of its width.
+    ///
+    /// Blender's importer takes our (x, y, z) to (x, −z, y); its centre +X is therefore ours, as in three.js.
+    pub fn quarter_turns(self) -> u32 {
+        match self {
+            Self::Lightoctree => 0,
+            Self::Threejs | Self::Blender => 1,
+            Self::Openexr => 2,
+        }
+    }
+
+    /// The rotation that takes a world direction to the direction at which our convention
+    /// ([`uv_from_direction`](crate::uv_from_direction)) finds it in the preset's map.
+    pub fn map_from_world(self) -> Mat3 {
+        match self.quarter_turns() {
+            0 => Mat3::IDENTITY,
+            1 => Mat3::from_cols(Vec3::NEG_Z, Vec3::Y, Vec3::X),
+            _ => Mat3::from_cols(Vec3::NEG_X, Vec3::Y, Vec3::NEG_Z),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{pixel_direction, uv_from_direction};
+    use glam::Vec2;
+    use std::f32::consts::{PI, TAU};
+
+    /// Map coordinates of a world direction as the programs themselves compute them; v from the top.
+    fn published_uv(preset: Orientation, d: Vec3) -> Vec2 {
+        let v = d.y.acos() / PI;
+        match preset {
+            // soravux/skylibs, envmap/projections.py, world2latlong: u = (1 + arctan2(x, −z) / π) / 2, v = arccos(y) / π
+            Orientation::Lightoctree => Vec2::new((1.0 + d.x.atan2(-d.z) / PI) / 2.0, v),
+            // OpenEXR, ImfEnvmap.cpp, LatLongMap: longitude = atan2(x, z), x position = longitude / (−2π) + 0.5. USD's
+            // DomeLight refers to it; Mitsuba 3's envmap.cpp has u = atan2(x, −z) / 2π wrapped to [0, 1), which is equal
+            Orientation::Openexr => Vec2::new(0.5 - d.x.atan2(d.z) / TAU, v),
+            // three.js, src/renderers/shaders/ShaderChunk/common.glsl.js, equirectUv: u = atan(z, x) / 2π + 0.5
+            Orientation::Threejs => Vec2::new(0.5 + d.z.atan2(d.x) / TAU, v),
+            // Blender, intern/cycles/kernel/camera/projection.h, direction_to_equirectangular with its range
+            // (−2π, π, −π, π): u = (atan2(y, x) − π) / −2π, v upwards = 1 − acos(z) / π; in Blender's frame (x, −z, y)
+            Orientation::Blender => {
+                let b = Vec3::new(d.x, -d.z, d.y);
+                Vec2::new((b.y.atan2(b.x) - PI) / -TAU, b.z.acos() / PI)
+            }
+        }
+    }
+
+    #[test]
+    fn lights_from_the_axes_land_where_each_program_reads_them() {
+        // u of world −Z, +X, +Z, −X by the formulas above, worked out by hand (1 and 0 are the same column)
+        let columns = [
+            (Orientation::Lightoctree, [0.5, 0.75, 0.0, 0.25]),
+            (Orientation::Openexr, [0.0, 0.25, 0.5, 0.75]),
+            (Orientation::Threejs, [0.25, 0.5, 0.75, 0.0]),
+            (Orientation::Blender, [0.25, 0.5, 0.75, 0.0]),
+        ];
+        let close = |a: f32, b: f32| ((a - b + 0.5).rem_euclid(1.0) - 0.5).abs() < 1e-6;
+        for (preset, expected) in columns {
+            for (direction, u) in [Vec3::NEG_Z, Vec3::X, Vec3::Z, Vec3::NEG_X].into_iter().zip(expected) {
+                assert!(close(published_uv(preset, direction).x, u), "{preset:?} {direction}");
+                let ours = uv_from_direction(preset.map_from_world() * direction);
+                assert!(close(ours.x, u) && (ours.y - 0.5).abs() < 1e-6, "{preset:?} {direction}: {ours}");
+            }
+            assert_eq!(uv_from_direction(preset.map_from_world() * Vec3::Y).y, 0.0);
+        }
+    }
+
+    #[test]
+    fn every_direction_lands_where_each_program_reads_it() {
+        for preset in Orientation::ALL {
+            for (x, y) in (0..32).flat_map(|x| (0..16).map(move |y| (x, y))) {
+                let direction = pixel_direction(x, y, 32, 16);
+                let (ours, published) =
+                    (uv_from_direction(preset.map_from_world() * direction), published_uv(preset, direction));
+                // acos loses digits near the poles
+                assert!((ours - published).length() < 1e-3, "{preset:?} {direction}: {ours} {published}");
+            }
+            assert!((preset.map_from_world().determinant() - 1.0).abs() < 1e-6);
+        }
+    }
 }

@@ -63,6 +63,26 @@ impl ChannelGroup {
     }
 }
 
+/// Attributes with a meaning and type of their own: a text under their name would make the file unreadable.
+const RESERVED: [&str; 16] = [
+    "channels",
+    "chromaticities",
+    "chunkCount",
+    "compression",
+    "dataWindow",
+    "displayWindow",
+    "envmap",
+    "lineOrder",
+    "name",
+    "pixelAspectRatio",
+    "screenWindowCenter",
+    "screenWindowWidth",
+    "tiles",
+    "type",
+    "version",
+    "whiteLuminance",
+];
+
 /// Scan lines, ZIP compression, Rec. 709 `chromaticities`.
 pub(crate) fn encode(
     (width, height): (usize, usize),
@@ -91,12 +111,14 @@ pub(crate) fn encode(
     attributes.chromaticities = Some(Chromaticities { red, green, blue, white });
 
     let mut own = LayerAttributes { white_luminance: options.white_luminance, ..LayerAttributes::default() };
-    own.software_name = Some(text("lightoctree")?);
     own.environment_map = options.environment.map(|layout| match layout {
         EnvironmentLayout::LatitudeLongitude => EnvironmentMap::LatitudeLongitude,
         EnvironmentLayout::Cube => EnvironmentMap::Cube,
     });
     for (name, value) in &options.metadata {
+        if RESERVED.contains(&name.as_str()) {
+            return Err(bad(format!("the attribute “{name}” is OpenEXR's own")));
+        }
         own.other.insert(text(name)?, AttributeValue::Text(text(value)?));
     }
     let channels = AnyChannels::sort(channels.into_iter().collect());

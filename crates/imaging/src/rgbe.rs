@@ -212,8 +212,8 @@ fn encode_runs(values: &[u8], out: &mut Vec<u8>) {
 }
 
 fn rgbe_from_rgb(rgb: [f32; 3]) -> [u8; 4] {
-    // 255/256 · 2^127, the greatest value of the format; `max` also turns NaN into 0
-    let rgb = rgb.map(|v| v.max(0.0).min(1.694_745e38));
+    // up to 255/256 · 2^127, the greatest value of the format
+    let rgb = rgb.map(|v| if v.is_nan() { 0.0 } else { v.clamp(0.0, 1.694_745e38) });
     let greatest = rgb[0].max(rgb[1]).max(rgb[2]);
     if greatest < 1e-38 {
         return [0; 4];

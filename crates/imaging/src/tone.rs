@@ -24,7 +24,7 @@ const REINHARD_WHITE: f32 = 4.0;
 impl ToneCurve {
     /// Display light in `[0, 1]` (linear, before the sRGB curve) of linear radiance. NaN and negative values become 0.
     pub fn apply(self, rgb: [f32; 3]) -> [f32; 3] {
-        let rgb = rgb.map(|v| v.max(0.0).min(f32::MAX.sqrt()));
+        let rgb = rgb.map(|v| if v.is_nan() { 0.0 } else { v.clamp(0.0, f32::MAX.sqrt()) });
         let mapped = match self {
             Self::Clip => rgb,
             Self::Reinhard => {

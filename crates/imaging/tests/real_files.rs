@@ -3,6 +3,7 @@
 
 use std::path::PathBuf;
 
+use geometry::{Orientation, Vec3, fibonacci_sphere};
 use lightoctree_imaging as imaging;
 
 /// The shared data, or `None` with a line on stderr.
@@ -70,4 +71,64 @@ fn photos_and_their_depth_load() {
     assert!(error.contains("16-bit PNG"), "{error}");
     let error = imaging::read_depth(folder.join("tum_desk_color.png"), None).unwrap_err().to_string();
     assert!(error.contains("16 bits"), "{error}");
+}
+
+#[test]
+fn main_lights_of_the_panoramas_are_where_the_pictures_show_them() {
+    let Some(folder) = data("hdr") else { return };
+    for (name, _) in PANORAMAS {
+        let map = imaging::read_radiance(folder.join(name)).unwrap();
+        let light = imaging::main_light(&map).unwrap_or_else(|| panic!("{name} has lamps or windows"));
+        eprintln!("{name}: {light:?}");
+        assert!((Vec3::from_array(light.direction).length() - 1.0).abs() < 1e-5, "{name}");
+        assert!(light.share > 0.02 && light.share < 1.0, "{name}: {}", light.share);
+        // the light must be brighter than what surrounds it, and turn with the map
+        let turned = imaging::reorient(&map, Orientation::Lightoctree, Orientation::Openexr);
+        let opposite = imaging::main_light(&turned).unwrap();
+        let expected = Orientation::Openexr.map_from_world() * Vec3::from_array(light.direction);
+        assert!((Vec3::from_array(opposite.direction) - expected).length() < 1e-4, "{name}");
+        assert!((opposite.share - light.share).abs() < 1e-4, "{name}");
+    }
+}
+
+/// Irradiance by adding up every pixel in f64.
+fn brute_force_irradiance(map: &imaging::RadianceImage, normal: Vec3) -> [f64; 3] {
+    let (width, height) = (map.width(), map.height());
+    let mut sum = [0.0; 3];
+    for (index, pixel) in map.pixels().iter().enumerate() {
+        let (longitude, latitude) = (
+            ((index % width) as f64 + 0.5) / width as f64 * std::f64::consts::TAU - std::f64::consts::PI,
+            std::f64::consts::FRAC_PI_2 - ((index / width) as f64 + 0.5) / height as f64 * std::f64::consts::PI,
+        );
+        let direction = [latitude.cos() * longitude.sin(), latitude.sin(), -latitude.cos() * longitude.cos()];
+        let cosine: f64 = direction.iter().zip(normal.to_array()).map(|(d, n)| d * f64::from(n)).sum();
+        let solid_angle = std::f64::consts::TAU / width as f64 * std::f64::consts::PI / height as f64 * latitude.cos();
+        for (sum, value) in sum.iter_mut().zip(pixel) {
+            *sum += f64::from(*value) * cosine.max(0.0) * solid_angle;
+        }
+    }
+    sum
+}
+
+#[test]
+fn spherical_harmonics_give_the_irradiance_of_real_light() {
+    let Some(folder) = data("hdr") else { return };
+    // the published bound for natural light is 9 % of the mean at the worst normal, 1 to 3 % on average
+    for name in ["lebombo_1k.hdr", "dancing_hall_1k.hdr", "peppermint_powerplant_1k.hdr"] {
+        let map = imaging::read_radiance(folder.join(name)).unwrap();
+        let small = imaging::resize_equirectangular(&map, 128, 64);
+        let sh = imaging::Sh9::project(&map);
+        let normals = fibonacci_sphere(60);
+        let (mut error, mut mean, mut worst) = (0.0, 0.0, 0.0f64);
+        for &normal in &normals {
+            let expected = brute_force_irradiance(&small, normal)[1];
+            let difference = (f64::from(sh.irradiance(normal)[1]) - expected).abs();
+            error += difference;
+            mean += expected;
+            worst = worst.max(difference);
+        }
+        let (error, worst) = (error / mean, worst / mean * normals.len() as f64);
+        eprintln!("{name}: mean error {:.2} %, worst {:.2} %", 100.0 * error, 100.0 * worst);
+        assert!(error < 0.03 && worst < 0.09, "{name}: {error} {worst}");
+    }
 }
