@@ -1,7 +1,27 @@
 //! Triangle meshes with metallic-roughness materials: readers for glTF, OBJ, PLY and STL, and ray intersection.
 
+mod bvh;
+mod error;
+mod gltf;
 mod material;
 mod model;
+mod normals;
+mod obj;
+mod placed;
+mod ply;
+mod polygon;
+mod prepared;
+mod repair;
+mod stl;
+mod surface;
+mod tangents;
+mod texture;
+mod triangle;
 
-pub use material::{AlphaMode, Material, Texture, TextureRef};
-pub use model::{Hit, Model, SurfacePoint};
+pub use error::MeshError;
+pub use material::{AlphaMode, Material, TextureRef, Wrap};
+pub use model::{Bounds, LoadOptions, Model, Resolver};
+pub use placed::{PlacedModel, Placement};
+pub use prepared::{Hit, PreparedModel, offset_origin};
+pub use surface::SurfacePoint;
+pub use texture::Texture;

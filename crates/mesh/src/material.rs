@@ -1,5 +1,3 @@
-use imaging::Image;
-
 /// glTF 2.0 metallic-roughness material; textures multiply the factors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
@@ -35,6 +33,29 @@ pub struct Material {
     pub unlit: bool,
 }
 
+impl Default for Material {
+    /// Matte white, both sides: what a mesh without materials (OBJ, PLY, STL) gets.
+    fn default() -> Self {
+        Self {
+            name: "default".to_owned(),
+            base_color: [0.8, 0.8, 0.8, 1.0],
+            base_color_texture: None,
+            metallic: 0.0,
+            roughness: 0.9,
+            metallic_roughness_texture: None,
+            normal_texture: None,
+            normal_scale: 1.0,
+            occlusion_texture: None,
+            occlusion_strength: 1.0,
+            emissive: [0.0; 3],
+            emissive_texture: None,
+            alpha_mode: AlphaMode::Opaque,
+            double_sided: true,
+            unlit: false,
+        }
+    }
+}
+
 /// glTF alpha modes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AlphaMode {
@@ -49,13 +70,6 @@ pub enum AlphaMode {
     Blend,
 }
 
-/// A decoded picture with its mip levels.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Texture {
-    /// Finest first; RGBA as stored in the file (8 bits).
-    pub levels: Vec<Image<[u8; 4]>>,
-}
-
 /// Use of a texture by a material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TextureRef {
@@ -65,4 +79,38 @@ pub struct TextureRef {
     pub uv_set: usize,
     /// `KHR_texture_transform` as a 2×3 matrix, row-major; identity without it.
     pub uv_transform: [f32; 6],
+    /// What lies outside [0, 1], along u and v.
+    pub wrap: [Wrap; 2],
+    /// Texels stay hard squares when seen from near (glTF `magFilter` NEAREST).
+    pub nearest: bool,
+}
+
+impl TextureRef {
+    /// The first UV set, repeated, smooth.
+    pub fn new(texture: usize) -> Self {
+        Self {
+            texture,
+            uv_set: 0,
+            uv_transform: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+            wrap: [Wrap::Repeat; 2],
+            nearest: false,
+        }
+    }
+
+    /// Texture coordinates after `KHR_texture_transform`.
+    pub(crate) fn transform(&self, [u, v]: [f32; 2]) -> [f32; 2] {
+        let m = &self.uv_transform;
+        [m[0] * u + m[1] * v + m[2], m[3] * u + m[4] * v + m[5]]
+    }
+}
+
+/// Addressing outside [0, 1].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wrap {
+    /// The picture again.
+    Repeat,
+    /// The picture again, every second copy mirrored.
+    Mirror,
+    /// The border's colour.
+    Clamp,
 }

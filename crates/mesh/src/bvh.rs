@@ -1,0 +1,181 @@
+use std::ops::ControlFlow;
+
+use geometry::Vec3;
+use obvhs::Boundable;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
+use obvhs::cwbvh::CwBvh;
+use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
+use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
+
+use crate::Model;
+use crate::triangle::{Crossing, ShearedRay};
+
+/// The largest coordinate of the hierarchy lies below this power of two. Its traversal uses absolute tolerances
+/// (1e-4), which mean 1e-7 of the model this way, whatever its size.
+const LARGEST_EXPONENT: i32 = 10;
+
+/// Boxes grow by this, so that rounding in the box test never loses a triangle: a few units in the last place of the
+/// largest coordinate.
+const PADDING: f32 = 5e-4;
+
+/// Eight-wide bounding volume hierarchy (Ylitie et al. 2017) over the triangles of a model.
+#[derive(Clone, Debug)]
+pub(crate) struct MeshBvh {
+    hierarchy: CwBvh,
+    /// Corners in the order of the hierarchy's leaves, scaled.
+    corners: Vec<[Vec3; 3]>,
+    /// Power of two between model and hierarchy coordinates: multiplying loses nothing.
+    scale: f32,
+}
+
+/// A triangle that a ray crosses.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Candidate {
+    /// Index in the model.
+    pub triangle: u32,
+    /// Distance in model units.
+    pub crossing: Crossing,
+}
+
+struct Corners<'a>(&'a [Vec3; 3]);
+
+impl Boundable for Corners<'_> {
+    fn aabb(&self) -> Aabb {
+        let [a, b, c] = *self.0;
+        let padding = Vec3::splat(PADDING);
+        Aabb::new((a.min(b).min(c) - padding).into(), (a.max(b).max(c) + padding).into())
+    }
+}
+
+impl MeshBvh {
+    /// Builds the hierarchy; the same model gives the same one on any machine and thread count.
+    pub(crate) fn build(model: &Model) -> Self {
+        let largest =
+            model.positions.iter().filter(|p| p.is_finite()).map(|p| p.abs().max_element()).fold(0.0, f32::max);
+        let scale = scale_below(largest);
+        let corners: Vec<[Vec3; 3]> =
+            model.triangles.iter().map(|t| t.map(|vertex| model.positions[vertex as usize] * scale)).collect();
+        let boxes: Vec<Aabb> = corners.iter().map(|t| Corners(t).aabb()).collect();
+        let indices = (0..corners.len() as u32).collect();
+        let mut binary = PlocBuilder::with_capacity(boxes.len()).build(
+            PlocSearchDistance::Low,
+            &boxes,
+            indices,
+            SortPrecision::U64,
+            2,
+        );
+        drop(boxes);
+        // Reinsertion pays for meshes that are shown for long; for huge ones it would take longer than all rays.
+        let share = if corners.len() <= 1_000_000 { 0.05 } else { 0.005 };
+        ReinsertionOptimizer::default().run(&mut binary, share, None);
+        let mut hierarchy = bvh2_to_cwbvh(&binary, 3, true, false);
+        drop(binary);
+        let corners = hierarchy.primitive_indices.iter().map(|&t| corners[t as usize]).collect();
+        hierarchy.primitive_indices.shrink_to_fit();
+        hierarchy.nodes.shrink_to_fit();
+        Self { hierarchy, corners, scale }
+    }
+
+    /// Calls `visit` for the triangles that a ray may cross within `most` model units, roughly from near to far, until it
+    /// breaks. What `visit` returns is the distance beyond which nothing matters any more.
+    ///
+    /// `direction` must be finite and not zero.
+    pub(crate) fn crossings(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        most: f32,
+        mut visit: impl FnMut(Candidate) -> ControlFlow<(), f32>,
+    ) {
+        let origin = origin * self.scale;
+        if !(origin.is_finite() && direction.is_finite() && most > 0.0) || self.hierarchy.nodes.is_empty() {
+            return;
+        }
+        // Adding zero turns -0 into 0, whose sign the box test would misread.
+        let direction = direction + Vec3::ZERO;
+        let most = most * self.scale;
+        let sheared = ShearedRay::new(origin, direction);
+        let mut ray = obvhs::ray::Ray::new(origin.into(), direction.into(), 0.0, most);
+        let octants = self.hierarchy.new_traversal(direction.into()).oct_inv4;
+        let mut stack = Stack::new();
+        // Groups as in the paper: base index, and hit bits of children (upper byte) or triangles (lower 24).
+        let (mut nodes, mut triangles) = ((0_u32, 0x8000_0000_u32), (0_u32, 0_u32));
+        loop {
+            while triangles.1 != 0 {
+                let bit = 31 - triangles.1.leading_zeros();
+                triangles.1 &= !(1 << bit);
+                let at = (triangles.0 + bit) as usize;
+                if let Some(mut crossing) = sheared.intersect(self.corners[at], 0.0, ray.tmax) {
+                    crossing.distance /= self.scale;
+                    let triangle = self.hierarchy.primitive_indices[at];
+                    match visit(Candidate { triangle, crossing }) {
+                        ControlFlow::Break(()) => return,
+                        ControlFlow::Continue(most) => ray.tmax = ray.tmax.min(most * self.scale),
+                    }
+                }
+            }
+            if nodes.1 & 0xff00_0000 == 0 {
+                match stack.pop() {
+                    Some(group) => nodes = group,
+                    None => return,
+                }
+            }
+            let child = 31 - nodes.1.leading_zeros();
+            let hits = nodes.1;
+            nodes.1 &= !(1 << child);
+            if nodes.1 & 0xff00_0000 != 0 {
+                stack.push(nodes);
+            }
+            let slot = (child - 24) ^ (octants & 0xff);
+            let before = (hits & !(u32::MAX << slot)).count_ones();
+            let node = &self.hierarchy.nodes[(nodes.0 + before) as usize];
+            let mask = node.intersect_ray(&ray, octants);
+            nodes = (node.child_base_idx, (mask & 0xff00_0000) | u32::from(node.imask));
+            triangles = (node.primitive_base_idx, mask & 0x00ff_ffff);
+        }
+    }
+}
+
+/// The power of two that brings `largest` just below 2^[`LARGEST_EXPONENT`].
+fn scale_below(largest: f32) -> f32 {
+    if largest == 0.0 {
+        return 1.0;
+    }
+    let exponent = f64::from(largest).log2().floor() as i32 + 1;
+    // Exact also for models so small that the power lies near the end of f32.
+    2_f32.powi((LARGEST_EXPONENT - exponent).clamp(-126, 126))
+}
+
+/// The library's own stack holds 32 entries and panics beyond them; a hostile mesh can be deeper.
+struct Stack {
+    near: [(u32, u32); 32],
+    length: usize,
+    far: Vec<(u32, u32)>,
+}
+
+impl Stack {
+    fn new() -> Self {
+        Self { near: [(0, 0); 32], length: 0, far: Vec::new() }
+    }
+
+    #[inline]
+    fn push(&mut self, group: (u32, u32)) {
+        match self.near.get_mut(self.length) {
+            Some(slot) => {
+                *slot = group;
+                self.length += 1;
+            }
+            None => self.far.push(group),
+        }
+    }
+
+    #[inline]
+    fn pop(&mut self) -> Option<(u32, u32)> {
+        if let Some(group) = self.far.pop() {
+            return Some(group);
+        }
+        self.length = self.length.checked_sub(1)?;
+        Some(self.near[self.length])
+    }
+}
