@@ -5,12 +5,9 @@
 
 use std::path::Path;
 
-use divan::{AllocProfiler, Bencher, black_box};
+use divan::{Bencher, black_box};
 use geometry::{Cube, Vec3};
 use lightoctree_octree::{Coverage, LightOctree, RadiancePoint};
-
-#[global_allocator]
-static ALLOCATOR: AllocProfiler = AllocProfiler::system();
 
 /// The peers' cube, [−1, 1]³.
 const CUBE: Cube = Cube { origin_m: Vec3::splat(-1.0), edge_m: 2.0 };
@@ -62,24 +59,17 @@ fn read_vectors(path: &Path) -> Vec<[f32; 3]> {
     values.as_chunks().0.to_vec()
 }
 
-/// Points in random order on the six walls of a room, as a low-discrepancy sequence.
+/// Points in scattered order on the six walls of a room.
 fn box_room(count: usize) -> Vec<[f32; 3]> {
     (0..count)
         .map(|i| {
-            // the plastic-number sequence (Roberts 2018) in three dimensions; the first picks the wall
-            let [w, u, v] =
+            // plastic-number sequence in three dimensions (Roberts 2018); the first coordinate picks the wall
+            let [wall, u, v] =
                 [0.819_172_513_4, 0.671_043_606_7, 0.549_700_477_9f64].map(|a| (0.5 + a * i as f64).fract());
-            let (axis, side) = ((w * 6.0) as usize / 2, (w * 6.0) as usize % 2);
-            let mut unit = [u as f32, v as f32, 0.0];
-            unit[2] = side as f32;
-            unit.rotate_right(axis);
-            [0.95, 0.5, 0.75]
-                .map(|half: f32| half)
-                .into_iter()
-                .zip(unit)
-                .map(|(h, t)| h * (2.0 * t - 1.0))
-                .collect::<Vec<_>>()
+            let wall = (6.0 * wall) as usize;
+            let mut unit = [u as f32, v as f32, (wall % 2) as f32];
+            unit.rotate_right(wall / 2);
+            [0.95 * (2.0 * unit[0] - 1.0), 0.5 * (2.0 * unit[1] - 1.0), 0.75 * (2.0 * unit[2] - 1.0)]
         })
-        .map(|p| [p[0], p[1], p[2]])
         .collect()
 }

@@ -3,7 +3,7 @@ use geometry::{Cube, Vec3};
 use crate::{
     BuildReport, Octree, OctreeError,
     leaves::{Leaves, average_points},
-    pyramid::parents_from_children,
+    pyramid::pyramid,
     topology::check_depths,
 };
 
@@ -42,14 +42,15 @@ pub struct LightOctree {
     pub seen: Vec<Vec<u8>>,
 }
 
-/// Greatest opacity that a leaf built from points has, so that its extinction stays finite.
+/// Opacity of leaves built from points and greatest opacity of the levels above, so that extinctions stay finite.
 pub const MAX_ALPHA: f32 = 1.0 - 1e-4;
 
 impl LightOctree {
     /// Builds the octree of `depth` (1 to [`MAX_DEPTH`](crate::MAX_DEPTH)), full down to `full_depth`, from surface points.
     ///
-    /// A leaf holds the mean radiance of its points and the opacity [`MAX_ALPHA`]; the levels above hold the mean of their
-    /// children weighted by opacity, and the opacity of crossing the node. Points outside of the cube and points that are
+    /// A leaf holds the mean radiance of its points and the opacity [`MAX_ALPHA`]; the levels above hold the mean radiance of
+    /// their children weighted by opacity, and the opacity of crossing the node: not the mean of the children's, which
+    /// would make thin walls transparent from afar. Points outside of the cube and points that are
     /// not finite are dropped and counted; negative radiance counts as 0. The result is the same to the bit for every
     /// number of threads. Time and memory grow with the points and the occupied leaves.
     ///
@@ -116,16 +117,7 @@ impl LightOctree {
 
     fn from_valid_leaves(leaves: Leaves, cube: Cube, depth: u32, full_depth: u32) -> Self {
         let octree = Octree::from_leaf_keys(&leaves.keys, depth, full_depth);
-        let (mut rgba, mut seen) = (vec![leaves.rgba], vec![leaves.seen]);
-        let mut keys = leaves.keys;
-        for level in 0..depth as usize {
-            let parents = parents_from_children(&keys, &rgba[level], &seen[level]);
-            keys = parents.0;
-            rgba.push(parents.1);
-            seen.push(parents.2);
-        }
-        rgba.reverse();
-        seen.reverse();
+        let (rgba, seen) = pyramid(&octree, leaves);
         Self { octree, cube, rgba, seen }
     }
 }

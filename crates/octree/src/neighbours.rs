@@ -18,8 +18,13 @@ impl Octree {
 
     /// The neighbours of every node of every level, by depth.
     pub fn all_neighbours(&self) -> Vec<Vec<Neighbours>> {
+        self.neighbour_tables(self.levels().len())
+    }
+
+    /// The tables of the `count` (at least one) coarsest levels.
+    pub(crate) fn neighbour_tables(&self, count: usize) -> Vec<Vec<Neighbours>> {
         let mut tables = vec![root_neighbours()];
-        for (depth, level) in self.levels().iter().enumerate().take(self.depth() as usize) {
+        for (depth, level) in self.levels()[..count - 1].iter().enumerate() {
             tables.push(children_neighbours(level, &tables[depth]));
         }
         tables

@@ -1,79 +1,110 @@
 //! Upper levels of a lighting octree from its leaves.
+//!
+//! Colour is the mean of the children weighted by their opacity. Opacity is that of *crossing* the node: along one axis it has
+//! four columns of two children each, a column lets `(1 − α₁)(1 − α₂)` through, and the axis with the greatest opacity counts,
+//! since the mean of the axes (or of the children) makes a wall one leaf thick transparent from afar.
+//!
+//! That alone still leaks where a wall is not aligned with the axes: it leaves a node through one side and goes on in the next.
+//! Each of the two is half open, together they are closed, and the product of two halves is not zero. So a node that is the
+//! better part of a surface counts what continues it: columns are extended by the next child in the neighbours before and
+//! behind. Poles, edges and scattered leaves keep their size. `tests/opacity.rs` measures both.
 
 use rayon::prelude::*;
 
-/// Colour, opacity and seen share of the rows of one level, from those of the level below.
-///
-/// `child_keys` are the strictly increasing keys of the non-empty nodes below. Returns one row per distinct parent, in order.
-pub(crate) fn parents_from_children(
-    child_keys: &[u32],
-    rgba: &[[f32; 4]],
-    seen: &[u8],
-) -> (Vec<u32>, Vec<[f32; 4]>, Vec<u8>) {
-    let families: Vec<&[u32]> = child_keys.chunk_by(|a, b| a >> 3 == b >> 3).collect();
-    let firsts: Vec<usize> = families
-        .iter()
-        .scan(0, |next, family| {
-            let first = *next;
-            *next += family.len();
-            Some(first)
-        })
-        .collect();
-    let rows: Vec<([f32; 4], u8)> = families
-        .par_iter()
-        .zip(&firsts)
-        .with_min_len(1024)
-        .map(|(family, &first)| {
-            let range = first..first + family.len();
-            (merged(family, &rgba[range.clone()]), mean_share(&seen[range]))
-        })
-        .collect();
-    let keys = families.iter().map(|family| family[0] >> 3).collect();
-    let (rgba, seen) = rows.into_iter().unzip();
-    (keys, rgba, seen)
-}
+use crate::{Level, MAX_ALPHA, Neighbours, Octree, leaves::Leaves};
 
-/// Mean share of the children, rounded.
-fn mean_share(seen: &[u8]) -> u8 {
-    let sum: usize = seen.iter().map(|&share| usize::from(share)).sum();
-    ((sum + seen.len() / 2) / seen.len()) as u8
-}
+/// Opacity along an axis from which a node counts as part of a surface across it. A thin pole blocks a quarter of the columns
+/// of a large node and stays below; of two nodes that share a slanted wall, one has at least half of it and is above.
+const SURFACE_OPACITY: f32 = 0.3;
 
-/// Premultiplied mean colour and crossing opacity of up to eight children with the keys `family`.
-fn merged(family: &[u32], rgba: &[[f32; 4]]) -> [f32; 4] {
-    let mut alpha = [0.0f32; 8];
-    let mut sum = [0.0f64; 3];
-    let mut plain_sum = [0.0f64; 3];
-    let mut weight = 0.0;
-    for (key, child) in family.iter().zip(rgba) {
-        alpha[(key & 7) as usize] = child[3];
-        let a = f64::from(child[3]);
-        weight += a;
-        for c in 0..3 {
-            sum[c] += a * f64::from(child[c]);
-            plain_sum[c] += f64::from(child[c]);
-        }
+/// RGBα and seen share of the rows of every level, root first.
+pub(crate) fn pyramid(octree: &Octree, leaves: Leaves) -> (Vec<Vec<[f32; 4]>>, Vec<Vec<u8>>) {
+    let tables = octree.neighbour_tables(octree.depth() as usize);
+    let (mut rgba, mut seen) = (vec![leaves.rgba], vec![leaves.seen]);
+    for (depth, table) in tables.iter().enumerate().rev() {
+        let family = Family {
+            level: &octree.levels()[depth],
+            below: &octree.levels()[depth + 1],
+            rgba: &rgba[rgba.len() - 1],
+            seen: &seen[seen.len() - 1],
+        };
+        let (level_rgba, level_seen) = (0..table.len())
+            .into_par_iter()
+            .with_min_len(512)
+            .filter(|&node| family.level.rows[node] >= 0)
+            .map(|node| family.merged(node, &table[node]))
+            .unzip();
+        rgba.push(level_rgba);
+        seen.push(level_seen);
     }
-    // Invisible children keep their colour: a network may still make them visible.
-    let [r, g, b] = if weight > 0.0 {
-        sum.map(|total| (total / weight) as f32)
-    } else {
-        plain_sum.map(|total| (total / family.len() as f64) as f32)
-    };
-    [r, g, b, crossing_opacity(&alpha)]
+    rgba.reverse();
+    seen.reverse();
+    (rgba, seen)
 }
 
-/// Opacity of crossing a node whose children (in key order) have these opacities.
-///
-/// Along one axis it is the mean over the four columns of two children of `1 − (1 − α₁)(1 − α₂)`; the greatest of the three
-/// axes counts. The mean of the children, or of the axes, makes a wall one leaf thick transparent from afar.
-pub(crate) fn crossing_opacity(alpha: &[f32; 8]) -> f32 {
-    [4, 2, 1]
-        .map(|step| {
-            let columns = (0..8).filter(|child| child & step == 0);
-            let sum: f32 = columns.map(|near| 1.0 - (1.0 - alpha[near]) * (1.0 - alpha[near | step])).sum();
-            0.25 * sum
-        })
-        .into_iter()
-        .fold(0.0, f32::max)
+/// A level and the features of the one below it.
+struct Family<'a> {
+    level: &'a Level,
+    below: &'a Level,
+    rgba: &'a [[f32; 4]],
+    seen: &'a [u8],
+}
+
+impl Family<'_> {
+    /// RGBα and seen share of a non-empty node, all of whose non-empty descendants end at the finest level.
+    fn merged(&self, node: usize, neighbours: &Neighbours) -> ([f32; 4], u8) {
+        let mut alpha = [0.0f32; 8];
+        // premultiplied and plain sums of the colour
+        let (mut premultiplied, mut plain) = ([0.0f64; 3], [0.0f64; 3]);
+        let (mut weight, mut seen, mut count) = (0.0, 0, 0);
+        for (child, alpha) in alpha.iter_mut().enumerate() {
+            let Some(row) = self.child_row(node as i32, child) else { continue };
+            let [r, g, b, a] = self.rgba[row];
+            *alpha = a;
+            for (channel, value) in [r, g, b].map(f64::from).into_iter().enumerate() {
+                premultiplied[channel] += f64::from(a) * value;
+                plain[channel] += value;
+            }
+            weight += f64::from(a);
+            seen += u32::from(self.seen[row]);
+            count += 1;
+        }
+        // Where all children are invisible they still have a colour, which a later change of opacity may show.
+        let [r, g, b] = if weight > 0.0 {
+            premultiplied.map(|sum| (sum / weight) as f32)
+        } else {
+            plain.map(|sum| (sum / f64::from(count)) as f32)
+        };
+        let seen = (seen + count / 2) / count;
+        ([r, g, b, self.crossing_opacity(&alpha, neighbours)], seen as u8)
+    }
+
+    /// Greatest opacity along an axis of a node with the opacities `alpha` of its children.
+    fn crossing_opacity(&self, alpha: &[f32; 8], neighbours: &Neighbours) -> f32 {
+        // bit of a child's number and distance in the neighbour table, for x, y, z
+        let along = |(bit, stride): (usize, usize)| {
+            let near_children = || (0..8).filter(|child| child & bit == 0);
+            let columns = near_children().map(|near| (1.0 - alpha[near]) * (1.0 - alpha[near | bit]));
+            let opacity = 1.0 - 0.25 * columns.clone().sum::<f32>();
+            if opacity < SURFACE_OPACITY {
+                return opacity;
+            }
+            let (before, behind) = (neighbours[13 - stride], neighbours[13 + stride]);
+            let extended = columns.zip(near_children()).map(|(column, near)| {
+                column * (1.0 - self.child_alpha(before, near | bit)) * (1.0 - self.child_alpha(behind, near))
+            });
+            1.0 - 0.25 * extended.sum::<f32>()
+        };
+        [(4, 9), (2, 3), (1, 1)].map(along).into_iter().fold(0.0, f32::max).min(MAX_ALPHA)
+    }
+
+    fn child_alpha(&self, node: i32, child: usize) -> f32 {
+        self.child_row(node, child).map_or(0.0, |row| self.rgba[row][3])
+    }
+
+    /// Feature row of a child, if node (−1 for none) and child exist and the child is not empty.
+    fn child_row(&self, node: i32, child: usize) -> Option<usize> {
+        let first = *self.level.children.get(usize::try_from(node).ok()?)?;
+        usize::try_from(self.below.rows[usize::try_from(first).ok()? + child]).ok()
+    }
 }
