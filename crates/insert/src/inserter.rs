@@ -1,0 +1,175 @@
+use geometry::Vec3;
+use imaging::RadianceImage;
+use mesh::PreparedModel;
+use rayon::prelude::*;
+use scene::{Frame, Scene};
+
+use crate::brdf::AlbedoTable;
+use crate::composite::{Composite, Layers};
+use crate::environment::Environment;
+use crate::gather::Gatherer;
+use crate::object::Object;
+use crate::quality::Counts;
+use crate::radiosity::{self, Radiosity};
+use crate::shade::Shader;
+use crate::shadow::{ShadowField, ShadowRatio};
+use crate::surface::SurfaceMap;
+use crate::visibility::{TILE, Viewer};
+use crate::{InsertError, Placement, Quality};
+
+/// Long side at which the photo's depth hides the object; above it, a depth pixel serves several photo pixels.
+const OCCLUSION_SIDE: usize = 2048;
+
+/// What lights the object.
+#[derive(Clone, Debug, Default)]
+pub enum Lighting {
+    /// The scene's lighting octree.
+    #[default]
+    Octree,
+    /// An equirectangular map at infinity, in our orientation and the photo's radiance units.
+    EnvironmentMap(RadianceImage),
+}
+
+/// Puts objects into the photo of one scene.
+///
+/// It holds what does not depend on the object: the tracers with the main lights split off, the real surfaces, and the light on them
+/// as far as it was needed.
+pub struct Inserter {
+    frame: Frame,
+    environment: Environment,
+    occluders: SurfaceMap,
+    /// For the light that real surfaces in the object's shadow send to it.
+    coarse: ShadowField,
+    fine: ShadowField,
+    table: AlbedoTable,
+    directions: Vec<Vec3>,
+    counts: Counts,
+    /// The octree's cube, for warnings.
+    cube: geometry::Cube,
+}
+
+impl Inserter {
+    /// Prepares a scene; takes some tenths of a second at draft quality, in which the light on all real surfaces is gathered at once.
+    ///
+    /// # Errors
+    /// Where the environment map is empty or black, or the octree cannot be traced.
+    pub fn new(scene: &Scene, lighting: Lighting, quality: Quality) -> Result<Self, InsertError> {
+        let counts = quality.counts();
+        let environment = Environment::new(scene, lighting)?;
+        // Readings between two surfaces are no receivers of light, but without them an occluder's edge would have gaps.
+        let clean = scene.frame.without_flying_pixels();
+        let surfaces = SurfaceMap::new(&clean);
+        let occluders = surfaces.resampled(&scene.frame, OCCLUSION_SIDE);
+        let coarse = ShadowField::new(surfaces.resampled(&clean, counts.coarse_shadow_side), &counts);
+        let fine = ShadowField::new(surfaces.resampled(&clean, counts.shadow_side), &counts);
+        if quality == Quality::Draft {
+            coarse.prepare(&environment);
+            fine.prepare(&environment);
+        }
+        Ok(Self {
+            frame: scene.frame.clone(),
+            environment,
+            occluders,
+            coarse,
+            fine,
+            table: AlbedoTable::new(),
+            directions: geometry::fibonacci_sphere(counts.diffuse_cones),
+            counts,
+            cube: scene.light.cube,
+        })
+    }
+
+    /// One picture with the object at one place. An object that shows nothing gives the photo with its shadow, and a warning.
+    ///
+    /// # Errors
+    /// Where a number of the placement is not usable, or the model has no extent.
+    pub fn render(&self, model: &PreparedModel, placement: &Placement) -> Result<Composite, InsertError> {
+        placement.check()?;
+        let object = Object::new(model, placement)?;
+        let gatherer = |shadow, radiosity| Gatherer {
+            environment: &self.environment,
+            object: &object,
+            radiosity,
+            shadow,
+            directions: &self.directions,
+            lights: self.counts.object_lights,
+        };
+
+        let coarse = self.coarse.ratio(&self.environment, &object, None);
+        let patches = radiosity::patches(&object, &self.table, self.counts.patches);
+        let direct = Radiosity::new(&gatherer(Some(&coarse), None), &patches);
+        let radiosity = Radiosity::new(&gatherer(Some(&coarse), Some(&direct)), &patches);
+        let shadow = self.fine.ratio(&self.environment, &object, Some(&radiosity));
+
+        let mut layers = Layers::new(self.frame.photo.width(), self.frame.photo.height());
+        self.shade_object(&object, gatherer(Some(&shadow), Some(&radiosity)), &mut layers);
+        let mut warnings = self.warnings(&object, &layers);
+        warnings.extend(model.model().warnings.iter().cloned());
+        Ok(self.compose(layers, &shadow, warnings))
+    }
+
+    fn shade_object(&self, object: &Object, gatherer: Gatherer, layers: &mut Layers) {
+        let viewer = Viewer {
+            camera: self.frame.camera,
+            object,
+            surfaces: &self.occluders,
+            samples: self.counts.coverage,
+            adaptive: self.counts.shade_stride > 1,
+        };
+        let shader = Shader {
+            gatherer,
+            table: &self.table,
+            specular_cones: self.counts.specular_cones,
+            stride: self.counts.shade_stride,
+        };
+        let Some((left, top, right, bottom)) = viewer.window() else { return };
+        // On the photo's own grid of tiles, so that blocks of pixels do not move with the object.
+        let starts = |from: usize, to: usize| (from / TILE * TILE..to).step_by(TILE);
+        let tiles: Vec<_> = starts(top, bottom)
+            .flat_map(|y| starts(left, right).map(move |x| (x, y)))
+            .map(|(x, y)| (x, y, (x + TILE).min(self.frame.photo.width()), (y + TILE).min(self.frame.photo.height())))
+            .collect();
+        let shaded: Vec<_> = tiles
+            .into_par_iter()
+            .map(|tile| {
+                let view = viewer.tile(tile);
+                let radiance = shader.shade(&view.fragments);
+                (view, radiance)
+            })
+            .collect();
+        for (view, radiance) in shaded {
+            layers.add(&view, &radiance);
+        }
+    }
+
+    fn warnings(&self, object: &Object, layers: &Layers) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if !layers.covers_anything() {
+            let why = if layers.hides_anything() {
+                "real surfaces stand before all of it"
+            } else {
+                "it lies outside of the picture"
+            };
+            warnings.push(format!("the object does not show: {why}"));
+        }
+        if !self.cube.contains(object.centre_m) {
+            warnings.push("the object lies outside of the lighting octree, its light is a guess".to_owned());
+        }
+        warnings
+    }
+
+    fn compose(&self, layers: Layers, shadow: &ShadowRatio, warnings: Vec<String>) -> Composite {
+        let (width, height) = (self.frame.photo.width(), self.frame.photo.height());
+        let ratio: Vec<[f32; 3]> = (0..height)
+            .into_par_iter()
+            .flat_map_iter(|y| {
+                (0..width).map(move |x| {
+                    let (u, v) = ((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32);
+                    let seen = || Some(self.occluders.at(f64::from(u), f64::from(v))?.position_m);
+                    shadow.for_photo(u, v, seen).to_array()
+                })
+            })
+            .collect();
+        Composite::new(&self.frame, layers, RadianceImage::new(width, height, ratio), warnings)
+    }
+}

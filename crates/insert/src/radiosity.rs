@@ -1,0 +1,169 @@
+//! Light that leaves the object: for its bounce on real surfaces, for light between its own parts and for its own reflection.
+
+use geometry::{Ray, Vec3};
+use mesh::{Hit, SurfacePoint};
+
+use crate::brdf::{AlbedoTable, Brdf};
+use crate::gather::{Gatherer, Receiver};
+use crate::object::Object;
+
+/// Cells along the longest edge of the object's box.
+const CELLS: f32 = 8.0;
+
+/// Irradiance and exitant radiance of the object's surface on a coarse grid, for six directions of the normal.
+///
+/// Points spread evenly over the surface are lit and spread into the grid; a look-up divides by the spread weights, so cells
+/// without points take what their neighbours have.
+pub(crate) struct Radiosity {
+    low: Vec3,
+    per_metre: f32,
+    size: [usize; 3],
+    cells: Vec<[Share; 6]>,
+    /// All points together, for normals and places where there is none.
+    all: [Share; 6],
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Share {
+    irradiance: Vec3,
+    exitance: Vec3,
+    weight: f32,
+}
+
+/// A point of the object's surface with what it reflects.
+pub(crate) struct Patch {
+    receiver: Receiver,
+    albedo: Vec3,
+    emissive: Vec3,
+}
+
+/// `count` points spread evenly over the object's surface by area; the same ones of a model each time.
+pub(crate) fn patches(object: &Object, table: &AlbedoTable, count: usize) -> Vec<Patch> {
+    object
+        .spread_points(count)
+        .into_iter()
+        .map(|point| {
+            let receiver = Receiver {
+                position: point.position,
+                normal: point.shading_normal,
+                geometric_normal: point.geometric_normal,
+                gloss: None,
+            };
+            let (albedo, emissive) = diffuse_look(table, &point);
+            Patch { receiver, albedo, emissive }
+        })
+        .collect()
+}
+
+/// Albedo with the specular layer taken as diffuse, and emission.
+fn diffuse_look(table: &AlbedoTable, point: &SurfacePoint) -> (Vec3, Vec3) {
+    if point.unlit {
+        return (Vec3::ZERO, Vec3::from(point.base_color));
+    }
+    let brdf = Brdf::new(Vec3::from(point.base_color), point.metallic, point.roughness);
+    let n_dot_v = 0.7;
+    let albedo = brdf.diffuse * table.diffuse(brdf.f0, n_dot_v) + table.specular(brdf.f0, n_dot_v, brdf.alpha);
+    (albedo, Vec3::from(point.emissive))
+}
+
+impl Radiosity {
+    /// Lights the patches. With a gatherer that knows an earlier radiosity, light goes one bounce further.
+    pub fn new(gatherer: &Gatherer, patches: &[Patch]) -> Self {
+        let receivers: Vec<Receiver> = patches.iter().map(|patch| patch.receiver).collect();
+        let gathered = gatherer.gather_parallel(&receivers);
+        let object = gatherer.object;
+        let (low, size_m) = (object.low_m, object.high_m - object.low_m);
+        let per_metre = CELLS / size_m.max_element();
+        let size = (size_m * per_metre).to_array().map(|cells| cells.ceil().clamp(1.0, CELLS) as usize + 1);
+        let mut radiosity = Self {
+            low,
+            per_metre,
+            size,
+            cells: vec![Default::default(); size.iter().product()],
+            all: Default::default(),
+        };
+        for (patch, light) in patches.iter().zip(gathered) {
+            let exitance = patch.albedo * light.irradiance / std::f32::consts::PI + patch.emissive;
+            let share = Share { irradiance: light.irradiance, exitance, weight: 1.0 };
+            let sides = sides(object.to_local(patch.receiver.normal));
+            for (cell, weight) in radiosity.corners(object.to_local_point(patch.receiver.position)) {
+                for (side, side_weight) in sides {
+                    radiosity.cells[cell][side].add(share, weight * side_weight);
+                }
+            }
+            for (side, side_weight) in sides {
+                radiosity.all[side].add(share, side_weight);
+            }
+        }
+        radiosity
+    }
+
+    /// Radiance that leaves the object where a ray meets it, as if it were diffuse.
+    pub fn radiance(&self, object: &Object, ray: &Ray, hit: &Hit) -> Vec3 {
+        let normal = object.triangle_normal(hit.triangle);
+        let normal = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
+        self.look_up(object, ray.at(hit.distance_m), normal).exitance
+    }
+
+    /// The same with the material at the point that is met.
+    pub fn radiance_of(&self, object: &Object, table: &AlbedoTable, point: &SurfacePoint) -> Vec3 {
+        let irradiance = self.look_up(object, point.position, point.shading_normal).irradiance;
+        let (albedo, emissive) = diffuse_look(table, point);
+        albedo * irradiance / std::f32::consts::PI + emissive
+    }
+
+    fn look_up(&self, object: &Object, position: Vec3, normal: Vec3) -> Share {
+        let sides = sides(object.to_local(normal));
+        let mut sum = Share::default();
+        for (cell, weight) in self.corners(object.to_local_point(position)) {
+            for (side, side_weight) in sides {
+                let share = self.cells[cell][side];
+                sum.add_scaled(share, weight * side_weight);
+            }
+        }
+        if sum.weight < 1e-4 {
+            for (side, side_weight) in sides {
+                sum.add_scaled(self.all[side], side_weight);
+            }
+        }
+        let scale = if sum.weight > 0.0 { 1.0 / sum.weight } else { 0.0 };
+        Share { irradiance: sum.irradiance * scale, exitance: sum.exitance * scale, weight: 1.0 }
+    }
+
+    fn corners(&self, local: Vec3) -> [(usize, f32); 8] {
+        let limit = Vec3::from(self.size.map(|n| (n - 1) as f32));
+        let p = ((local - self.low) * self.per_metre).clamp(Vec3::ZERO, limit);
+        let base = p.to_array().map(|c| c as usize);
+        let f = p - p.floor();
+        std::array::from_fn(|corner| {
+            let mut index = 0;
+            let mut weight = 1.0;
+            for axis in 0..3 {
+                let step = corner >> axis & 1;
+                let cell = (base[axis] + step).min(self.size[axis] - 1);
+                index = index * self.size[axis] + cell;
+                weight *= if step == 1 { f[axis] } else { 1.0 - f[axis] };
+            }
+            (index, weight)
+        })
+    }
+}
+
+impl Share {
+    fn add(&mut self, value: Share, weight: f32) {
+        self.irradiance += value.irradiance * weight;
+        self.exitance += value.exitance * weight;
+        self.weight += weight;
+    }
+
+    fn add_scaled(&mut self, sum: Share, weight: f32) {
+        self.irradiance += sum.irradiance * weight;
+        self.exitance += sum.exitance * weight;
+        self.weight += sum.weight * weight;
+    }
+}
+
+/// The three sides of a cube that a unit normal faces, weighted by the squares of its components (ambient cube).
+fn sides(normal: Vec3) -> [(usize, f32); 3] {
+    std::array::from_fn(|axis| (2 * axis + usize::from(normal[axis] < 0.0), normal[axis] * normal[axis]))
+}

@@ -1,0 +1,124 @@
+use geometry::{Camera, Vec3};
+use imaging::{DepthMap, Image};
+use rayon::prelude::*;
+use scene::Frame;
+
+/// Long side at which normals are fitted; finer depth only adds noise to them.
+const NORMAL_SIDE: usize = 480;
+
+/// The real surfaces that the photo sees: points and normals, at a resolution of its own.
+#[derive(Debug)]
+pub(crate) struct SurfaceMap {
+    pub camera: Camera,
+    pub depth_m: DepthMap,
+    /// Zero where there is no surface.
+    pub normals: Image<Vec3>,
+}
+
+/// A real surface point.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Surface {
+    pub position_m: Vec3,
+    /// Unit normal towards the camera.
+    pub normal: Vec3,
+}
+
+impl SurfaceMap {
+    /// At the resolution at which normals are fitted.
+    pub fn new(frame: &Frame) -> Self {
+        let (width, height) = limited(frame, NORMAL_SIDE);
+        let frame = frame.at_resolution(width, height);
+        let normals = frame.normals().map(|normal| normal.unwrap_or(Vec3::ZERO));
+        Self { camera: frame.camera, depth_m: frame.depth_m, normals }
+    }
+
+    /// The same surfaces with depth at another resolution, its longer side at most `side` and never above the photo's.
+    pub fn resampled(&self, frame: &Frame, side: usize) -> Self {
+        let (width, height) = limited(frame, side);
+        let frame = frame.at_resolution(width, height);
+        let depth_m = frame.depth_m;
+        let rows: Vec<Vec<Vec3>> = (0..height)
+            .into_par_iter()
+            .map(|y| (0..width).map(|x| self.normal_near(x, y, &depth_m)).collect())
+            .collect();
+        let normals = Image::new(width, height, rows.into_iter().flatten().collect());
+        Self { camera: frame.camera, depth_m, normals }
+    }
+
+    /// Normal for pixel `(x, y)` of another depth map of the same view: mean of the neighbours at about the same depth.
+    fn normal_near(&self, x: usize, y: usize, depth_m: &DepthMap) -> Vec3 {
+        let z = depth_m[(x, y)];
+        if z <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let u = (x as f32 + 0.5) / depth_m.width() as f32 * self.normals.width() as f32 - 0.5;
+        let v = (y as f32 + 0.5) / depth_m.height() as f32 * self.normals.height() as f32 - 0.5;
+        let mut sum = Vec3::ZERO;
+        for (px, py, weight) in bilinear(u, v, self.normals.width(), self.normals.height()) {
+            let other = self.depth_m[(px, py)];
+            let closeness = 1.0 / (1e-4 + ((other - z) / (0.02 * z)).powi(2));
+            sum += self.normals[(px, py)] * ((weight + 1e-3) * closeness);
+        }
+        sum.normalize_or(-self.camera.direction(f64::from(u) + 0.5, f64::from(v) + 0.5))
+    }
+
+    pub fn width(&self) -> usize {
+        self.depth_m.width()
+    }
+
+    pub fn height(&self) -> usize {
+        self.depth_m.height()
+    }
+
+    /// The surface at the centre of a pixel.
+    pub fn pixel(&self, x: usize, y: usize) -> Option<Surface> {
+        let (z, normal) = (self.depth_m[(x, y)], self.normals[(x, y)]);
+        if z <= 0.0 || normal == Vec3::ZERO {
+            return None;
+        }
+        let position_m = self.camera.unproject(x as f64 + 0.5, y as f64 + 0.5, f64::from(z));
+        Some(Surface { position_m, normal })
+    }
+
+    /// The surface at a relative image position in [0, 1]²: on the plane of the nearest pixel, `None` at holes.
+    pub fn at(&self, u: f64, v: f64) -> Option<Surface> {
+        let (x, y) = self.nearest(u, v)?;
+        let surface = self.pixel(x, y)?;
+        let direction = self.camera.unproject(u * self.width() as f64, v * self.height() as f64, 1.0);
+        // On the tangent plane, except where that would run away from the reading (nearly edge-on).
+        let distance = surface.normal.dot(surface.position_m) / surface.normal.dot(direction);
+        let z = self.depth_m[(x, y)];
+        let distance = if (distance - z).abs() < 0.03 * z { distance } else { z };
+        Some(Surface { position_m: direction * distance, ..surface })
+    }
+
+    /// The pixel that contains a relative image position.
+    pub fn nearest(&self, u: f64, v: f64) -> Option<(usize, usize)> {
+        let (x, y) = ((u * self.width() as f64).floor(), (v * self.height() as f64).floor());
+        let inside = x >= 0.0 && y >= 0.0 && x < self.width() as f64 && y < self.height() as f64;
+        inside.then_some((x as usize, y as usize))
+    }
+
+    /// The pixel that sees a world point, if it lies in the picture.
+    pub fn pixel_of(&self, point: Vec3) -> Option<(usize, usize)> {
+        let (u, v, _) = self.camera.project(point)?;
+        self.nearest(u / self.width() as f64, v / self.height() as f64)
+    }
+}
+
+/// The photo's size, shrunk until its longer side is at most `side`.
+fn limited(frame: &Frame, side: usize) -> (usize, usize) {
+    let (width, height) = (frame.photo.width(), frame.photo.height());
+    let scale = (side as f64 / width.max(height) as f64).min(1.0);
+    let scaled = |length: usize| ((length as f64 * scale).round() as usize).max(1);
+    (scaled(width), scaled(height))
+}
+
+/// The up to four pixels around `(u, v)` (pixel centres at integers) with their bilinear weights, clamped to the image.
+pub(crate) fn bilinear(u: f32, v: f32, width: usize, height: usize) -> [(usize, usize, f32); 4] {
+    let (u, v) = (u.clamp(0.0, (width - 1) as f32), v.clamp(0.0, (height - 1) as f32));
+    let (x, y) = (u as usize, v as usize);
+    let (fx, fy) = (u - x as f32, v - y as f32);
+    let (x1, y1) = ((x + 1).min(width - 1), (y + 1).min(height - 1));
+    [(x, y, (1.0 - fx) * (1.0 - fy)), (x1, y, fx * (1.0 - fy)), (x, y1, (1.0 - fx) * fy), (x1, y1, fx * fy)]
+}

@@ -1,0 +1,226 @@
+//! Which parts of the object the photo shows: sub-pixel coverage, transparent layers, and the photo's own surfaces in front.
+
+use geometry::{Camera, Ray, Vec3};
+use mesh::{Hit, SurfacePoint};
+
+use crate::brdf::hammersley;
+use crate::object::Object;
+use crate::surface::SurfaceMap;
+
+/// Side of the square tiles that one task renders.
+pub(crate) const TILE: usize = 16;
+
+/// Layers of a transparent object that a ray goes through.
+const MAX_LAYERS: usize = 8;
+
+/// Shading points of one pixel.
+const MAX_FRAGMENTS: usize = 6;
+
+/// A real surface hides what lies behind its tangent plane by more than this: depth noise must not bite into an object that
+/// touches it. Metres, and metres per metre of depth.
+const OCCLUSION_BIAS: (f32, f32) = (0.004, 0.005);
+
+/// A visible piece of the object within one pixel.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Fragment {
+    /// Pixel column and row.
+    pub pixel: (usize, usize),
+    /// Share of the pixel that it covers, after everything in front of it.
+    pub weight: f32,
+    /// Unit vector towards the camera.
+    pub view: Vec3,
+    pub point: SurfacePoint,
+    depth_m: f32,
+    normal: Vec3,
+}
+
+/// What a tile shows of the object.
+#[derive(Debug, Default)]
+pub(crate) struct TileView {
+    pub fragments: Vec<Fragment>,
+    /// Pixel and share of it where the object is hidden by real surfaces.
+    pub hidden: Vec<((usize, usize), f32)>,
+}
+
+/// Casts the camera's rays.
+pub(crate) struct Viewer<'a> {
+    /// In pixels of the photo.
+    pub camera: Camera,
+    pub object: &'a Object<'a>,
+    pub surfaces: &'a SurfaceMap,
+    /// Samples per pixel.
+    pub samples: usize,
+    /// Whether pixels whose neighbours show the same are content with one sample.
+    pub adaptive: bool,
+}
+
+/// What the ray through a pixel's centre meets, for comparison with its neighbours.
+#[derive(Clone, Copy)]
+struct Probe {
+    depth_m: f32,
+    normal: Vec3,
+    hidden: bool,
+}
+
+impl Viewer<'_> {
+    /// Photo pixels `(left, top, right, bottom)`, the last two exclusive, outside of which the object is not seen.
+    pub fn window(&self) -> Option<(usize, usize, usize, usize)> {
+        let (width, height) = (f64::from(self.camera.width), f64::from(self.camera.height));
+        let corners = self.object.corners();
+        if corners.iter().all(|corner| corner.z >= 0.0) {
+            return None;
+        }
+        let (mut low, mut high) = ((f64::INFINITY, f64::INFINITY), (f64::NEG_INFINITY, f64::NEG_INFINITY));
+        for corner in corners {
+            // Partly behind the camera: anywhere in the picture.
+            let Some((u, v, _)) = self.camera.project(corner).filter(|(_, _, z)| *z > 1e-3) else {
+                return Some((0, 0, self.camera.width as usize, self.camera.height as usize));
+            };
+            low = (low.0.min(u), low.1.min(v));
+            high = (high.0.max(u), high.1.max(v));
+        }
+        let inside = |value: f64, limit: f64| value.clamp(0.0, limit) as usize;
+        let window = (
+            inside(low.0.floor() - 1.0, width),
+            inside(low.1.floor() - 1.0, height),
+            inside(high.0.ceil() + 1.0, width),
+            inside(high.1.ceil() + 1.0, height),
+        );
+        (window.0 < window.2 && window.1 < window.3).then_some(window)
+    }
+
+    /// The tile of pixels from `(left, top)` on, ending at `(right, bottom)` at the latest.
+    pub fn tile(&self, (left, top, right, bottom): (usize, usize, usize, usize)) -> TileView {
+        let mut view = TileView::default();
+        let (columns, rows) = (right - left, bottom - top);
+        let stride = columns + 2;
+        let probes: Vec<Option<Probe>> = if self.adaptive {
+            (0..stride * (rows + 2))
+                .map(|i| self.probe(left as f64 + (i % stride) as f64 - 0.5, top as f64 + (i / stride) as f64 - 0.5))
+                .collect()
+        } else {
+            Vec::new()
+        };
+        for y in 0..rows {
+            for x in 0..columns {
+                let pixel = (left + x, top + y);
+                if self.adaptive {
+                    let centre = (y + 1) * stride + x + 1;
+                    let around = [centre - 1, centre + 1, centre - stride, centre + stride];
+                    let around = around.into_iter().chain([
+                        centre - stride - 1,
+                        centre - stride + 1,
+                        centre + stride - 1,
+                        centre + stride + 1,
+                    ]);
+                    if around.clone().all(|i| probes[i].is_none()) && probes[centre].is_none() {
+                        continue;
+                    }
+                    let uniform = around.clone().all(|i| alike(probes[centre], probes[i]));
+                    self.pixel(pixel, if uniform { 1 } else { self.samples }, &mut view);
+                } else {
+                    self.pixel(pixel, self.samples, &mut view);
+                }
+            }
+        }
+        view
+    }
+
+    fn probe(&self, u: f64, v: f64) -> Option<Probe> {
+        let ray = Ray { origin: Vec3::ZERO, direction: self.camera.direction(u, v) };
+        let hit = self.object.closest(&ray, f32::INFINITY)?;
+        let point = ray.at(hit.distance_m);
+        let hidden = self.is_hidden(u, v, point);
+        Some(Probe { depth_m: -point.z, normal: self.object.triangle_normal(hit.triangle), hidden })
+    }
+
+    fn pixel(&self, pixel: (usize, usize), samples: usize, view: &mut TileView) {
+        let first = view.fragments.len();
+        let mut hidden = 0.0;
+        for i in 0..samples {
+            let offset = if samples == 1 { geometry::Vec2::splat(0.5) } else { hammersley(i, samples) };
+            let (u, v) = (pixel.0 as f64 + f64::from(offset.x), pixel.1 as f64 + f64::from(offset.y));
+            let ray = Ray { origin: Vec3::ZERO, direction: self.camera.direction(u, v) };
+            let mut free = 1.0 / samples as f32;
+            let mut from_m = 0.0;
+            for _ in 0..MAX_LAYERS {
+                let Some(hit) = self.object.seen(&ray, from_m) else { break };
+                if self.is_hidden(u, v, ray.at(hit.distance_m)) {
+                    hidden += free;
+                    break;
+                }
+                free -= self.add_fragment(pixel, &ray, &hit, free, first, view);
+                from_m = hit.distance_m;
+                if free * samples as f32 <= 1.0 / 256.0 {
+                    break;
+                }
+            }
+        }
+        if hidden > 0.0 {
+            view.hidden.push((pixel, hidden));
+        }
+    }
+
+    /// Adds to a fragment of the same pixel that looks about the same, or makes a new one; returns the share of the pixel, of the
+    /// `free` one, that it covers.
+    fn add_fragment(
+        &self,
+        pixel: (usize, usize),
+        ray: &Ray,
+        hit: &Hit,
+        free: f32,
+        first: usize,
+        view: &mut TileView,
+    ) -> f32 {
+        let normal = self.object.triangle_normal(hit.triangle);
+        let depth_m = -ray.at(hit.distance_m).z;
+        let own = &mut view.fragments[first..];
+        let same = |f: &Fragment| (f.depth_m - depth_m).abs() < 0.02 * depth_m && f.normal.dot(normal) > 0.8;
+        let mut found = own.iter().position(same);
+        if found.is_none() && own.len() >= MAX_FRAGMENTS {
+            let distance = |f: &Fragment| (f.depth_m - depth_m).abs();
+            found = (0..own.len()).min_by(|&a, &b| distance(&own[a]).total_cmp(&distance(&own[b])));
+        }
+        if let Some(fragment) = found.map(|index| &mut own[index]).filter(|f| f.point.alpha == 1.0) {
+            fragment.weight += free;
+            return free;
+        }
+        let footprint_m = hit.distance_m * self.camera.pixel_angle_rad();
+        let point = self.object.surface(ray, hit, footprint_m);
+        let weight = free * point.alpha;
+        match found {
+            Some(index) => own[index].weight += weight,
+            None => view.fragments.push(Fragment { pixel, weight, view: -ray.direction, point, depth_m, normal }),
+        }
+        weight
+    }
+
+    /// Whether a real surface stands before a point of the object seen at photo position `(u, v)`. Holes hide nothing.
+    fn is_hidden(&self, u: f64, v: f64, point: Vec3) -> bool {
+        let (width, height) = (f64::from(self.camera.width), f64::from(self.camera.height));
+        let Some(surface) = self.surfaces.at(u / width, v / height) else { return false };
+        let depth_m = -surface.position_m.z;
+        if -point.z <= depth_m {
+            return false;
+        }
+        let bias_m = OCCLUSION_BIAS.0 + OCCLUSION_BIAS.1 * depth_m;
+        if surface.normal.dot(point - surface.position_m) > -bias_m {
+            return false;
+        }
+        // The surface that carries the object cannot hide what stands on it, however noisy its depth.
+        let on_support = |plane: &geometry::Plane| {
+            plane.signed_distance_m(surface.position_m).abs() < 3.0 * bias_m && plane.signed_distance_m(point) > -bias_m
+        };
+        !self.object.support.as_ref().is_some_and(on_support)
+    }
+}
+
+fn alike(a: Option<Probe>, b: Option<Probe>) -> bool {
+    match (a, b) {
+        (None, None) => true,
+        (Some(a), Some(b)) => {
+            (a.depth_m - b.depth_m).abs() < 0.02 * a.depth_m && a.normal.dot(b.normal) > 0.8 && a.hidden == b.hidden
+        }
+        _ => false,
+    }
+}
