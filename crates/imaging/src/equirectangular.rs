@@ -1,8 +1,8 @@
 //! Looking up, turning and resizing equirectangular maps (the convention is in `geometry`).
 
 use geometry::{Orientation, Vec3, uv_from_direction};
-use rayon::prelude::*;
 
+use crate::resize::{weighted, weights};
 use crate::{DepthMap, Image, RadianceImage};
 
 /// Radiance from a direction (of any length): bilinear between pixel centres, across the seam, and over the poles to
@@ -63,56 +63,10 @@ fn turn<T: Copy>(map: &Image<T>, from: Orientation, to: Orientation, between: im
 pub fn resize_equirectangular(map: &RadianceImage, width: usize, height: usize) -> RadianceImage {
     assert!(!map.pixels().is_empty() && width > 0 && height > 0, "an image without pixels cannot be resized");
     // a row's share of the sphere is a difference of the sines of its edges' latitudes
-    let latitude = |edge: f64| (0.5 - edge) * std::f64::consts::PI;
-    let rows = weights(map.height(), height, |edge| -latitude(edge).sin(), |row, count| row.clamp(0, count - 1));
-    let columns = weights(map.width(), width, |edge| edge, |column, count| column.rem_euclid(count));
-    let resized: Vec<[f32; 3]> = rows
-        .par_iter()
-        .flat_map_iter(|row| {
-            let mut line = vec![[0.0f64; 3]; map.width()];
-            for &(y, weight) in row {
-                let source = &map.pixels()[y * map.width()..][..map.width()];
-                for (sum, pixel) in line.iter_mut().zip(source) {
-                    for c in 0..3 {
-                        sum[c] += weight * f64::from(pixel[c]);
-                    }
-                }
-            }
-            let mean = move |column: &Vec<(usize, f64)>| {
-                [0, 1, 2].map(|c| column.iter().map(|&(x, weight)| weight * line[x][c]).sum::<f64>() as f32)
-            };
-            columns.iter().map(mean)
-        })
-        .collect();
-    RadianceImage::new(width, height, resized)
-}
-
-/// For each new index of an axis the old indices with weights that sum to 1. `measure` is the axis' measure from 0 to an
-/// edge in `[0, 1]`; `wrap` brings neighbours beyond the ends back.
-fn weights(
-    old: usize,
-    new: usize,
-    measure: impl Fn(f64) -> f64,
-    wrap: impl Fn(i64, i64) -> i64,
-) -> Vec<Vec<(usize, f64)>> {
-    let interpolated = |index: usize| {
-        let position = (index as f64 + 0.5) * old as f64 / new as f64 - 0.5;
-        let (first, share) = (position.floor() as i64, position - position.floor());
-        let old = old as i64;
-        vec![(wrap(first, old) as usize, 1.0 - share), (wrap(first + 1, old) as usize, share)]
-    };
-    let covered = |index: usize| {
-        let edge = |i: usize| measure(i as f64 / new as f64);
-        let (start, end) = (edge(index), edge(index + 1));
-        let first = index * old / new;
-        let last = ((index + 1) * old).div_ceil(new).min(old);
-        let overlap = |i: usize| {
-            let (a, b) = (measure(i as f64 / old as f64), measure((i + 1) as f64 / old as f64));
-            (i, ((b.min(end) - a.max(start)) / (end - start)).max(0.0))
-        };
-        (first..last).map(overlap).collect()
-    };
-    (0..new).map(|index| if new > old { interpolated(index) } else { covered(index) }).collect()
+    let sine = |edge: f64| -((0.5 - edge) * std::f64::consts::PI).sin();
+    let rows = weights(map.height(), height, sine, |row, count| row.clamp(0, count - 1));
+    let columns = weights(map.width(), width, |edge| edge, i64::rem_euclid);
+    weighted(map, &columns, &rows)
 }
 
 #[cfg(test)]

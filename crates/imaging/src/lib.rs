@@ -21,6 +21,7 @@ mod pfm;
 mod photo;
 mod raster;
 mod read;
+mod resize;
 mod rgbe;
 mod sh;
 mod tone;
@@ -40,9 +41,10 @@ pub use main_light::{MainLight, main_light};
 pub use perspective::{equirectangular_from_perspective, perspective_from_equirectangular, view_rotation};
 pub use photo::Photo;
 pub use read::{
-    MAX_PIXELS, PhotoFile, depth_from_bytes, photo_from_bytes, radiance_from_bytes, read_depth, read_exr_channels,
-    read_photo, read_radiance, read_rgba8, rgba8_from_bytes,
+    MAX_PIXELS, PhotoFile, depth_from_bytes, exr_channels_from_bytes, photo_from_bytes, radiance_from_bytes,
+    read_depth, read_exr_channels, read_photo, read_radiance, read_rgba8, rgba8_from_bytes,
 };
+pub use resize::{resize, resize_depth};
 pub use sh::Sh9;
 pub use tone::ToneCurve;
 pub use write::{

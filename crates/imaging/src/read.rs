@@ -45,7 +45,7 @@ pub fn read_photo(path: impl AsRef<Path>) -> Result<PhotoFile, ImageError> {
 /// As [`read_photo`], from memory; `name` appears in errors and its extension helps where the content says nothing.
 pub fn photo_from_bytes(bytes: &[u8], name: &str) -> Result<PhotoFile, ImageError> {
     let source = open(bytes, name, "PNG, JPEG, WebP, TIFF, BMP, PNM, HDR, EXR or PFM")?;
-    match source.format {
+    guarded(source, || match source.format {
         Format::Hdr | Format::Exr | Format::Pfm => {
             Ok(PhotoFile { photo: Photo::Linear(decode_radiance(source)?), focal: FocalLength::default() })
         }
@@ -53,7 +53,7 @@ pub fn photo_from_bytes(bytes: &[u8], name: &str) -> Result<PhotoFile, ImageErro
             let (picture, focal) = raster::decode(source)?;
             Ok(PhotoFile { photo: raster::photo(picture), focal })
         }
-    }
+    })
 }
 
 /// Reads linear radiance: Radiance `.hdr`, OpenEXR, PFM; everything else that [`read_photo`] reads is linearised.
@@ -81,7 +81,8 @@ pub fn read_depth(path: impl AsRef<Path>, units_per_metre: Option<f64>) -> Resul
 
 /// As [`read_depth`], from memory.
 pub fn depth_from_bytes(bytes: &[u8], name: &str, units_per_metre: Option<f64>) -> Result<DepthMap, ImageError> {
-    depth::decode(open(bytes, name, "16-bit PNG, PGM, EXR, PFM, TIFF or NPY")?, units_per_metre)
+    let source = open(bytes, name, "16-bit PNG, PGM, EXR, PFM, TIFF or NPY")?;
+    guarded(source, || depth::decode(source, units_per_metre))
 }
 
 /// Reads 8-bit RGBA (PNG, JPEG, WebP, TIFF, BMP, PNM): straight alpha, 255 where the file has none.
@@ -93,14 +94,26 @@ pub fn read_rgba8(path: impl AsRef<Path>) -> Result<Image<[u8; 4]>, ImageError> 
 /// As [`read_rgba8`], from memory: textures of meshes.
 pub fn rgba8_from_bytes(bytes: &[u8], name: &str) -> Result<Image<[u8; 4]>, ImageError> {
     let source = open(bytes, name, "PNG, JPEG, WebP, TIFF, BMP or PNM")?;
-    Ok(raster::rgba8(raster::decode(source)?.0))
+    guarded(source, || Ok(raster::rgba8(raster::decode(source)?.0)))
 }
 
 /// Reads every channel of the first part of an OpenEXR file, and its texts.
 pub fn read_exr_channels(path: impl AsRef<Path>) -> Result<ExrChannels, ImageError> {
     let (bytes, name) = read_file(path.as_ref())?;
-    let source = Source { bytes: &bytes, name: &name, format: Format::Exr };
-    exr_read::decode_channels(source)
+    exr_channels_from_bytes(&bytes, &name)
+}
+
+/// As [`read_exr_channels`], from memory.
+pub fn exr_channels_from_bytes(bytes: &[u8], name: &str) -> Result<ExrChannels, ImageError> {
+    let source = Source { bytes, name, format: Format::Exr };
+    guarded(source, || exr_read::decode_channels(source))
+}
+
+/// Turns a panic into an error: with overflow checks `exr` 1.74 panics on damaged B44 blocks, and a file must never end a
+/// program. Nothing outlives a failed decoder.
+fn guarded<T>(source: Source, decode: impl FnOnce() -> Result<T, ImageError>) -> Result<T, ImageError> {
+    std::panic::catch_unwind(std::panic::AssertUnwindSafe(decode))
+        .unwrap_or_else(|_| Err(source.invalid("its decoder failed")))
 }
 
 fn decode_radiance(source: Source) -> Result<RadianceImage, ImageError> {

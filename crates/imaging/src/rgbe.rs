@@ -232,3 +232,119 @@ fn rgbe_from_rgb(rgb: [f32; 3]) -> [u8; 4] {
     let byte = |v: f32| (f64::from(v) * scale).round().min(255.0) as u8;
     [byte(rgb[0]), byte(rgb[1]), byte(rgb[2]), (exponent + 128) as u8]
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::Format;
+
+    fn read(bytes: &[u8]) -> Result<RadianceImage, ImageError> {
+        decode(Source { bytes, name: "test.hdr", format: Format::Hdr })
+    }
+
+    fn file(header: &str, data: &[u8]) -> Vec<u8> {
+        [header.as_bytes(), data].concat()
+    }
+
+    /// (128, 64, 0) / 256 · 2^(129 − 128) = 1, 0.5, 0
+    const A: [u8; 4] = [128, 64, 0, 129];
+    const A_RGB: [f32; 3] = [1.0, 0.5, 0.0];
+    const B: [u8; 4] = [255, 0, 1, 128];
+    const B_RGB: [f32; 3] = [255.0 / 256.0, 0.0, 1.0 / 256.0];
+
+    #[test]
+    fn flat_and_old_runs() {
+        let header = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 4\n";
+        let flat = read(&file(header, [A, B, A, B].as_flattened())).unwrap();
+        assert_eq!(flat.pixels(), [A_RGB, B_RGB, A_RGB, B_RGB]);
+        let run = read(&file(header, [A, [1, 1, 1, 2], B].as_flattened())).unwrap();
+        assert_eq!(run.pixels(), [A_RGB, A_RGB, A_RGB, B_RGB]);
+        // digits of base 256: 3 + 1 · 256 repeats
+        let long = file("#?RGBE\n\n-Y 1 +X 261\n", [A, [1, 1, 1, 3], [1, 1, 1, 1], B].as_flattened());
+        let long = read(&long).unwrap();
+        assert_eq!((long[(259, 0)], long[(260, 0)]), (A_RGB, B_RGB));
+        for bad in [[[1, 1, 1, 2], A, A], [A, A, [1, 1, 1, 3]], [A, [1, 1, 1, 0], [1, 1, 1, 255]]] {
+            assert!(read(&file(header, bad.as_flattened())).is_err());
+        }
+        // five markers in a row shift beyond 32 bits
+        let endless = [A, [1, 1, 1, 0], [1, 1, 1, 0], [1, 1, 1, 0], [1, 1, 1, 0], [1, 1, 1, 1]];
+        assert!(read(&file(header, endless.as_flattened())).is_err());
+    }
+
+    #[test]
+    fn new_runs_mixed_with_flat_lines() {
+        // red: run of 8; green: 3 literals, run of 5; blue: 8 literals; exponent: run of 8
+        let mut data = vec![2, 2, 0, 8, 136, 128, 3, 64, 64, 64, 133, 64, 8, 0, 0, 0, 0, 0, 0, 0, 0, 136, 129];
+        data.extend([B; 8].as_flattened());
+        let image = read(&file("#?RADIANCE\n\n-Y 2 +X 8\n", &data)).unwrap();
+        assert_eq!(image.pixels()[..8], [A_RGB; 8]);
+        assert_eq!(image.pixels()[8..], [B_RGB; 8]);
+        // a run of nine in eight columns, and one of none
+        for bad in [[2, 2, 0, 8, 137, 128], [2, 2, 0, 8, 0, 0]] {
+            assert!(read(&file("#?RADIANCE\n\n-Y 1 +X 8\n", &bad)).is_err());
+        }
+    }
+
+    #[test]
+    fn headers_of_the_wild() {
+        for header in [
+            "#?RADIANCE\n#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n",
+            "#?RADIANCE\nGAMMA=1\nPRIMARIES=0 0 0 0 0 0 0 0\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n",
+            "#?RADIANCE\r\n# comment = with equals\r\nFORMAT=32-bit_rle_rgbe\r\n\r\n-Y 1 +X 1\n",
+            "#?RGBE\nFORMAT = 32-bit_rle_rgbe\nVIEW= -vtv\nEXPOSURE=1.0\n\n-Y 1 +X 1\n",
+        ] {
+            assert_eq!(read(&file(header, &A)).unwrap().pixels(), [A_RGB], "{header}");
+        }
+        // radiance was multiplied by the exposures: reading divides
+        let exposed = read(&file("#?RADIANCE\nEXPOSURE=2\nEXPOSURE= 4\nCOLORCORR=1 2 1\n\n-Y 1 +X 1\n", &A)).unwrap();
+        assert_eq!(exposed.pixels(), [[1.0 / 8.0, 0.5 / 16.0, 0.0]]);
+        for (header, says) in [
+            ("#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n", "xyze"),
+            ("#?RADIANCE\nEXPOSURE=0\n\n-Y 1 +X 1\n", "EXPOSURE"),
+            ("#?RADIANCE\nEXPOSURE=x\n\n-Y 1 +X 1\n", "EXPOSURE"),
+            ("#?RADIANCE\n\n-Y 1 +Y 1\n", "resolution"),
+            ("#?RADIANCE\n\n-Y -1 +X 1\n", "resolution"),
+            ("#?RADIANCE\n\nhello\n", "resolution"),
+            ("#?RADIANCE\nFORMAT=", "no end"),
+        ] {
+            let error = read(&file(header, &A)).unwrap_err().to_string();
+            assert!(error.contains(says), "{error}");
+        }
+    }
+
+    #[test]
+    fn all_axis_orders() {
+        // the picture A B over B B, as each order stores it
+        let orders = [
+            ("-Y 2 +X 2", [A, B, B, B]),
+            ("-Y 2 -X 2", [B, A, B, B]),
+            ("+Y 2 +X 2", [B, B, A, B]),
+            ("+Y 2 -X 2", [B, B, B, A]),
+            ("+X 2 -Y 2", [A, B, B, B]),
+            ("+X 2 +Y 2", [B, A, B, B]),
+            ("-X 2 -Y 2", [B, B, A, B]),
+            ("-X 2 +Y 2", [B, B, B, A]),
+        ];
+        for (order, pixels) in orders {
+            let image = read(&file(&format!("#?RADIANCE\n\n{order}\n"), pixels.as_flattened())).unwrap();
+            assert_eq!(image.pixels(), [A_RGB, B_RGB, B_RGB, B_RGB], "{order}");
+        }
+        // 3 columns of 2: column by column from the left, each from the top
+        let image = read(&file("#?RADIANCE\n\n+X 3 -Y 2\n", [A, B, B, A, A, A].as_flattened())).unwrap();
+        assert_eq!((image.width(), image.height()), (3, 2));
+        assert_eq!(image.pixels(), [A_RGB, B_RGB, A_RGB, B_RGB, A_RGB, A_RGB]);
+    }
+
+    #[test]
+    fn the_greatest_and_smallest_values() {
+        assert_eq!(rgbe_from_rgb([1.0, 0.5, 0.0]), A);
+        assert_eq!(rgbe_from_rgb([0.0; 3]), [0; 4]);
+        assert_eq!(rgbe_from_rgb([1e-40; 3]), [0; 4]);
+        assert_eq!(rgbe_from_rgb([f32::MAX, 0.0, f32::NAN]), [255, 0, 0, 255]);
+        // 0.999 rounds up to the next exponent
+        assert_eq!(rgbe_from_rgb([0.999, 0.0, 0.0]), [128, 0, 0, 129]);
+        let dark = read(&file("#?RADIANCE\n\n-Y 1 +X 1\n", &[128, 0, 0, 1])).unwrap();
+        assert_eq!(dark.pixels()[0][0], (-128f64).exp2() as f32);
+    }
+}
