@@ -66,10 +66,10 @@ pub(crate) fn average_points(points: &[RadiancePoint], cube: Cube, depth: u32, a
 /// Key of the leaf of `depth` that a point of the half-open cube lies in.
 #[inline]
 pub(crate) fn leaf_key(point: Vec3, cube: Cube, depth: u32) -> u32 {
-    let nodes = 1u32 << depth;
-    let position = cube.unit_from_world(point) * nodes as f32;
-    // The division may round a coordinate just below the far face up to it.
-    key_from_xyz(position.to_array().map(|c| (c as u32).min(nodes - 1)))
+    let nodes = 1i32 << depth;
+    let position = (point - cube.origin_m) * (nodes as f32 / cube.edge_m);
+    // Rounding may carry a coordinate just below the far face up to it. (Conversion to i32 is one instruction, to u32 several.)
+    key_from_xyz(position.to_array().map(|c| (c as i32).min(nodes - 1) as u32))
 }
 
 /// A point without its position.
@@ -105,29 +105,31 @@ struct Buckets {
 
 impl Buckets {
     fn new(depth: u32) -> Self {
-        let bucket_depth = if depth <= 7 { depth.min(4) } else { 5 };
+        let bucket_depth = if depth <= 8 { depth.min(4) } else { 5 };
         Self { count: 1 << (3 * bucket_depth), leaf_bits: 3 * (depth - bucket_depth) }
     }
 
     fn sort(&self, points: &[RadiancePoint], cube: Cube, depth: u32) -> SortedChunk {
         let (mut outside, mut not_finite) = (0, 0);
         let mut starts = vec![0; self.count + 1];
-        let keys: Vec<u32> = points
-            .iter()
-            .map(|point| {
-                if !(point.position_m.is_finite() && Vec3::from(point.radiance).is_finite()) {
-                    not_finite += 1;
-                    DROPPED
-                } else if !cube.contains(point.position_m) {
+        let mut keys = Vec::with_capacity(points.len());
+        for point in points {
+            // 0 · x is NaN unless x is finite; a position that is not finite is not in the cube.
+            let [r, g, b] = point.radiance;
+            let finite = 0.0 * r + 0.0 * g + 0.0 * b == 0.0;
+            keys.push(if finite && cube.contains(point.position_m) {
+                let key = leaf_key(point.position_m, cube, depth);
+                starts[(key >> self.leaf_bits) as usize + 1] += 1;
+                key
+            } else {
+                if finite && point.position_m.is_finite() {
                     outside += 1;
-                    DROPPED
                 } else {
-                    let key = leaf_key(point.position_m, cube, depth);
-                    starts[(key >> self.leaf_bits) as usize + 1] += 1;
-                    key
+                    not_finite += 1;
                 }
-            })
-            .collect();
+                DROPPED
+            });
+        }
         for bucket in 0..self.count {
             starts[bucket + 1] += starts[bucket];
         }

@@ -28,12 +28,10 @@ pub(crate) fn pyramid(octree: &Octree, leaves: Leaves) -> (Vec<Vec<[f32; 4]>>, V
             rgba: &rgba[rgba.len() - 1],
             seen: &seen[seen.len() - 1],
         };
-        let (level_rgba, level_seen) = (0..table.len())
-            .into_par_iter()
-            .with_min_len(512)
-            .filter(|&node| family.level.rows[node] >= 0)
-            .map(|node| family.merged(node, &table[node]))
-            .unzip();
+        let nonempty: Vec<usize> = (0..table.len()).filter(|&node| family.level.rows[node] >= 0).collect();
+        let rows: Vec<([f32; 4], u8)> =
+            nonempty.par_iter().with_min_len(256).map(|&node| family.merged(node, &table[node])).collect();
+        let (level_rgba, level_seen) = rows.into_iter().unzip();
         rgba.push(level_rgba);
         seen.push(level_seen);
     }

@@ -26,8 +26,10 @@ fn point_in(cube: Cube) -> impl Strategy<Value = RadiancePoint> {
 fn naive_leaves(points: &[RadiancePoint], cube: Cube, depth: u32) -> BTreeMap<u32, ([f64; 3], f64, usize)> {
     let mut leaves: BTreeMap<u32, ([f64; 3], f64, usize)> = BTreeMap::new();
     for point in points.iter().filter(|p| cube.contains(p.position_m)) {
-        let unit = (point.position_m - cube.origin_m) / cube.edge_m;
-        let xyz = unit.to_array().map(|c| ((c * (1 << depth) as f32).floor() as u32).min((1 << depth) - 1));
+        // as f32, so that points within a rounding of a leaf's face fall on the same side
+        let unit = point.position_m - cube.origin_m;
+        let scale = (1 << depth) as f32 / cube.edge_m;
+        let xyz = unit.to_array().map(|c| ((c * scale).floor() as u32).min((1 << depth) - 1));
         let leaf = leaves.entry(key_from_xyz(xyz)).or_default();
         for (sum, value) in leaf.0.iter_mut().zip(point.radiance) {
             *sum += f64::from(value);
