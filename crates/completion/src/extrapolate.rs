@@ -4,6 +4,7 @@ use geometry::{Vec2, Vec3};
 use scene::Surfel;
 
 use crate::face::FaceGrid;
+use crate::lamps::luminance;
 use crate::layout::{RoomBox, area};
 
 /// Cells are about this wide, in metres.
@@ -20,6 +21,15 @@ const COLOUR_SPREAD: f32 = 0.5;
 
 /// Weight of the fallback in each cell that nothing is seen of; about 18 cells away from seen ones it takes over.
 const PROFILE_WEIGHT: f32 = 3e-3;
+
+/// Share of the seen colour, in log chroma, that unseen surfaces are expected to have.
+///
+/// Least squares on 154 crops of 11 real interiors: log chroma of the whole sphere (lamps clipped at white) against that of the crop. RMS error 0.101;
+/// 0.146 with all of the colour and 0.175 with none.
+const CHROMA_SHARE: f32 = 0.58;
+
+/// Radiance of a ceiling without its lamps in units of the mean of what is seen: the median of the same crops is 0.88.
+const CEILING_SHARE: f32 = 0.88;
 
 /// Radiance on the six faces of the room.
 #[derive(Clone, Debug)]
@@ -60,14 +70,12 @@ impl Faces {
 ///
 /// `pixel_area` is 1 / (fx · fy): it turns [`area`] into square metres.
 pub(crate) fn extrapolate(surfels: &[Surfel], room: &RoomBox, pixel_area: f32) -> Faces {
-    let global = robust_mean(surfels, |_| true).unwrap_or([0.3; 3]);
+    let global = paled(robust_mean(surfels, |_| true).unwrap_or([0.3; 3]));
     let up = room.axes.col(1);
-    let wall_mean = robust_mean(surfels, |s| s.normal.dot(up).abs() < 0.3).unwrap_or(global);
+    let wall_mean = robust_mean(surfels, |s| s.normal.dot(up).abs() < 0.3).map_or(global, paled);
     let profile = wall_profile(surfels, room, wall_mean);
-    // Unseen ceilings are nearly always white or grey: half of the others' colour, none of their darkness.
-    let grey = (global[0] + global[1] + global[2]) / 3.0;
-    let ceiling = global.map(|c| 0.5 * (c + grey));
-    let floor = robust_mean(surfels, |s| s.normal.dot(up) > 0.9).unwrap_or(global);
+    let ceiling = global.map(|c| CEILING_SHARE * c);
+    let floor = robust_mean(surfels, |s| s.normal.dot(up) > 0.9).map_or(global, paled);
     let grids = std::array::from_fn(|face| {
         let seen: Vec<Surfel> = surfels.iter().filter(|s| is_on(room, face, s)).copied().collect();
         let extent = room.high - room.low;
@@ -103,6 +111,14 @@ pub(crate) fn extrapolate(surfels: &[Surfel], room: &RoomBox, pixel_area: f32) -
     Faces { grids }
 }
 
+/// The colour drawn towards grey of the same luminance by [`CHROMA_SHARE`].
+fn paled(radiance: [f32; 3]) -> [f32; 3] {
+    let brightness = luminance(radiance);
+    let pale = radiance.map(|c| (c + 1e-4).powf(CHROMA_SHARE));
+    let scale = brightness / luminance(pale);
+    pale.map(|c| c * scale)
+}
+
 /// Whether a surfel is a piece of a face.
 fn is_on(room: &RoomBox, face: usize, surfel: &Surfel) -> bool {
     let plane = room.plane(face);
@@ -120,7 +136,7 @@ fn wall_profile(surfels: &[Surfel], room: &RoomBox, mean: [f32; 3]) -> FaceGrid 
             let at = Faces::uv(room, 0, room.local(surfel.position_m));
             profile.add(
                 Vec2::new(0.5, at.y.clamp(0.0, 1.0)),
-                surfel.radiance,
+                paled(surfel.radiance),
                 share * likeness(surfel.radiance, median),
             );
         }
@@ -154,9 +170,7 @@ pub(crate) fn robust_mean(surfels: &[Surfel], include: impl Fn(&Surfel) -> bool)
     let (mut sum, mut total) = ([0.0f32; 3], 0.0);
     for surfel in &chosen {
         let weight = area(surfel) * likeness(surfel.radiance, median);
-        for c in 0..3 {
-            sum[c] += weight * surfel.radiance[c];
-        }
+        sum = std::array::from_fn(|c| sum[c] + weight * surfel.radiance[c]);
         total += weight;
     }
     (total > 0.0).then(|| sum.map(|s| s / total))

@@ -10,6 +10,6 @@ mod lamps;
 mod layout;
 mod shell;
 
-pub use highlights::{HighlightReport, recover_highlights};
+pub use highlights::HighlightReport;
 pub use lamps::LampReport;
 pub use shell::{Shell, ShellOptions, ShellReport, shell};

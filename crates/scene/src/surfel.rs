@@ -82,9 +82,21 @@ impl Frame {
     /// Photo and depth must have one resolution, as [`Frame::working`] makes them; otherwise the radiance of the photo pixel at
     /// the middle of the depth pixel is taken.
     pub fn surfels(&self, radiance: &RadianceImage) -> Vec<Surfel> {
+        self.surfels_with_normals(&self.normals(), radiance)
+    }
+
+    /// [`Frame::surfels`] with normals that are known already; those that are not point to the camera.
+    ///
+    /// # Panics
+    /// Where `normals` is not of the depth map's size.
+    pub fn surfels_with_normals(&self, normals: &Image<Option<Vec3>>, radiance: &RadianceImage) -> Vec<Surfel> {
         let depth = &self.depth_m;
+        assert_eq!(
+            (normals.width(), normals.height()),
+            (depth.width(), depth.height()),
+            "one normal for each depth pixel"
+        );
         let camera = self.depth_camera();
-        let normals = normals_of(depth, &camera);
         let (width, height) = (depth.width(), depth.height());
         let mut surfels = Vec::with_capacity(width * height);
         for y in 0..height {

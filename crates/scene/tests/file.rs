@@ -3,9 +3,9 @@
 
 use geometry::{Camera, Cube, Plane, Vec3};
 use imaging::{Image, Photo};
+use lightoctree_scene::{Completion, Frame, Room, RoomPlane, Scene, SceneError, Side};
 use octree::{Coverage, LightOctree, RadiancePoint};
 use proptest::prelude::*;
-use lightoctree_scene::{Completion, Frame, Room, RoomPlane, Scene, SceneError, Side};
 
 fn scene(linear: bool) -> Scene {
     let (width, height) = (12, 8);
@@ -20,7 +20,7 @@ fn scene(linear: bool) -> Scene {
     let point = |i: usize| RadiancePoint {
         position_m: Vec3::new((i * 7 % 31) as f32, (i * 3 % 29) as f32, (i * 5 % 23) as f32) * 0.1 - Vec3::splat(1.0),
         radiance: [i as f32 * 0.1, 0.5, 2.0],
-        coverage: if i % 3 == 0 { Coverage::Inferred } else { Coverage::Seen },
+        coverage: if i.is_multiple_of(3) { Coverage::Inferred } else { Coverage::Seen },
     };
     let points: Vec<RadiancePoint> = (0..40).map(point).collect();
     let light = LightOctree::from_points(&points, Cube::centred(Vec3::ZERO, 5.3), 4, 2).unwrap().0;
