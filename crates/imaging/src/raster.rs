@@ -67,17 +67,21 @@ pub(crate) fn photo(picture: DynamicImage) -> Photo {
             Photo::Linear(Image::new(width, height, linear))
         }
         DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => {
-            let samples = picture.into_rgb32f().into_raw();
-            Photo::Linear(RadianceImage::new(width, height, samples.as_chunks::<3>().0.to_vec()))
+            Photo::Linear(RadianceImage::new(width, height, pixels_of(picture.into_rgb32f().into_raw())))
         }
-        _ => {
-            let samples = picture.into_rgb8().into_raw();
-            Photo::Srgb8(Image::new(width, height, samples.as_chunks::<3>().0.to_vec()))
-        }
+        _ => Photo::Srgb8(Image::new(width, height, pixels_of(picture.into_rgb8().into_raw()))),
     }
 }
 
 pub(crate) fn rgba8(picture: DynamicImage) -> Image<[u8; 4]> {
     let (width, height) = (picture.width() as usize, picture.height() as usize);
-    Image::new(width, height, picture.into_rgba8().into_raw().as_chunks::<4>().0.to_vec())
+    Image::new(width, height, pixels_of(picture.into_rgba8().into_raw()))
+}
+
+/// Groups samples into pixels, without a copy where the allocation allows: a photo of 50 megapixels has 150 MB.
+fn pixels_of<T: bytemuck::Pod, const N: usize>(samples: Vec<T>) -> Vec<[T; N]>
+where
+    [T; N]: bytemuck::Pod,
+{
+    bytemuck::try_cast_vec(samples).unwrap_or_else(|(_, samples)| samples.as_chunks::<N>().0.to_vec())
 }

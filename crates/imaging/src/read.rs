@@ -36,7 +36,8 @@ impl PhotoFile {
 /// Reads a photo: PNG, JPEG, WebP, TIFF, BMP, PNM as sRGB, EXIF orientation applied; HDR, EXR, PFM as linear radiance.
 ///
 /// The content decides on the format, then the extension. 8-bit pictures stay 8-bit; palettes are resolved, grey becomes
-/// RGB, alpha is dropped (the stored colour stays).
+/// RGB, alpha is dropped (the stored colour stays), embedded colour profiles are ignored. Sizes are checked before memory is
+/// taken: at most [`MAX_PIXELS`], and at most 4 megapixels + 1100 pixels for each byte of the file.
 pub fn read_photo(path: impl AsRef<Path>) -> Result<PhotoFile, ImageError> {
     let (bytes, name) = read_file(path.as_ref())?;
     photo_from_bytes(&bytes, &name)
@@ -58,7 +59,12 @@ pub fn photo_from_bytes(bytes: &[u8], name: &str) -> Result<PhotoFile, ImageErro
 
 /// Reads linear radiance: Radiance `.hdr`, OpenEXR, PFM; everything else that [`read_photo`] reads is linearised.
 ///
-/// Values are as stored (a lossy EXR may hold some just below zero).
+/// Values are as stored (a lossy EXR may hold some just below zero), but the `EXPOSURE` and `COLORCORR` of a `.hdr` are
+/// undone, and an EXR whose `chromaticities` are not Rec. 709 is converted. Of an EXR the data window of the first part with
+/// `R G B` (plain, else of a layer) is read, else `Y`, else the only channel as grey.
+///
+/// EXR: scan lines and tiles, half, float and uint; no compression, RLE, ZIP, ZIPS, PIZ, PXR24, B44, B44A, DWAA, DWAB.
+/// Deep data, HTJ2K and subsampled chroma give [`ImageError::Unsupported`].
 pub fn read_radiance(path: impl AsRef<Path>) -> Result<RadianceImage, ImageError> {
     let (bytes, name) = read_file(path.as_ref())?;
     radiance_from_bytes(&bytes, &name)
