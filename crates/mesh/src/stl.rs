@@ -86,3 +86,7 @@ fn read_ascii(bytes: &[u8]) -> Result<Vec<Vec3>, MeshError> {
     }
     Ok(points)
 }
+
+#[cfg(test)]
+#[path = "stl_tests.rs"]
+mod tests;

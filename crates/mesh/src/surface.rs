@@ -195,3 +195,7 @@ fn towards_viewer(normal: Vec3, geometric: Vec3, to_viewer: Vec3) -> Vec3 {
     }
     if bent.dot(geometric) > 0.0 { bent } else { geometric }
 }
+
+#[cfg(test)]
+#[path = "surface_tests.rs"]
+mod tests;

@@ -26,32 +26,29 @@ impl Texture {
     /// As [`Texture::from_bytes`], for one of several textures of a mesh.
     pub(crate) fn decode(name: &str, bytes: &[u8], srgb: bool, budget: &mut TextureBudget) -> Result<Self, MeshError> {
         let failed = |reason: String| MeshError::Texture { name: name.to_owned(), reason };
-        let mut reader = image::ImageReader::new(std::io::Cursor::new(bytes))
+        let header = image::ImageReader::new(std::io::Cursor::new(bytes))
             .with_guessed_format()
             .map_err(|error| failed(error.to_string()))?;
-        let mut limits = image::Limits::default();
-        limits.max_image_width = Some(LARGEST_EDGE);
-        limits.max_image_height = Some(LARGEST_EDGE);
-        reader.limits(limits);
-        let picture = reader.decode().map_err(|error| failed(error.to_string()))?.to_rgba8();
-        let (width, height) = (picture.width() as usize, picture.height() as usize);
-        if width == 0 || height == 0 {
-            return Err(failed("the picture has no pixels".to_owned()));
+        let (width, height) = header.into_dimensions().map_err(|error| failed(error.to_string()))?;
+        if width == 0 || height == 0 || width > LARGEST_EDGE || height > LARGEST_EDGE {
+            return Err(failed(format!("{width} × {height} pixels; a texture has 1 to {LARGEST_EDGE} a side")));
         }
-        budget.spend(width * height).map_err(failed)?;
-        let pixels = picture.into_raw().chunks_exact(4).map(|p| [p[0], p[1], p[2], p[3]]).collect();
-        Ok(Self::from_image(Image::new(width, height, pixels), srgb))
+        budget.spend(width as usize * height as usize).map_err(failed)?;
+        let picture = imaging::rgba8_from_bytes(bytes, name).map_err(|error| {
+            let text = error.to_string();
+            failed(text.strip_prefix(&format!("{name}: ")).unwrap_or(&text).to_owned())
+        })?;
+        Ok(Self::from_image(picture, srgb))
     }
 
     /// Makes the mip levels: the mean over each pixel's area, of light (not of its sRGB code) weighted by alpha for
     /// colours, of the numbers as they are otherwise. The picture must have a pixel.
     pub fn from_image(finest: Image<[u8; 4]>, srgb: bool) -> Self {
-        let decode = decode_table(srgb);
         let mut levels = vec![finest];
         while let Some(last) = levels.last()
             && last.width() * last.height() > 1
         {
-            let next = halved(last, &decode, srgb);
+            let next = halved(last, srgb);
             levels.push(next);
         }
         Self { levels, srgb }
@@ -134,7 +131,8 @@ impl TextureBudget {
 
 /// Position in texels; f64 because coordinates far outside [0, 1] would lose the texel in f32.
 fn texel_position(coordinate: f32, size: usize) -> f64 {
-    f64::from(coordinate) * size as f64
+    // NaN becomes 0; beyond 1e12 repeats there is no texel to tell anyway.
+    f64::from(coordinate.max(-1e12).min(1e12)) * size as f64
 }
 
 /// Column or row that `index` means.
@@ -153,41 +151,25 @@ fn wrapped(index: i64, size: usize, wrap: Wrap) -> usize {
 
 fn linear([r, g, b, a]: [u8; 4], srgb: bool) -> [f32; 4] {
     if srgb {
-        let table = &*SRGB_TO_LINEAR;
-        [table[r as usize], table[g as usize], table[b as usize], f32::from(a) / 255.0]
+        let [r, g, b] = [r, g, b].map(imaging::linear_from_srgb8);
+        [r, g, b, f32::from(a) / 255.0]
     } else {
         [r, g, b, a].map(|x| f32::from(x) / 255.0)
     }
 }
 
-static SRGB_TO_LINEAR: std::sync::LazyLock<[f32; 256]> =
-    std::sync::LazyLock::new(|| std::array::from_fn(|code| linear_from_srgb(code as f32 / 255.0)));
-
-/// IEC 61966-2-1.
-pub(crate) fn linear_from_srgb(code: f32) -> f32 {
-    if code <= 0.04045 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) }
-}
-
-fn srgb_from_linear(value: f32) -> f32 {
-    if value <= 0.003_130_8 { value * 12.92 } else { 1.055 * value.powf(1.0 / 2.4) - 0.055 }
-}
-
-fn decode_table(srgb: bool) -> [f32; 256] {
-    if srgb { *SRGB_TO_LINEAR } else { std::array::from_fn(|code| code as f32 / 255.0) }
-}
-
 /// The next mip level: each pixel the mean over its share of the picture's area.
-fn halved(image: &Image<[u8; 4]>, decode: &[f32; 256], srgb: bool) -> Image<[u8; 4]> {
+fn halved(image: &Image<[u8; 4]>, srgb: bool) -> Image<[u8; 4]> {
     let columns = shares(image.width());
     let rows = shares(image.height());
     Image::from_fn(columns.len(), rows.len(), |x, y| {
         let (mut colour, mut plain, mut alpha, mut area) = ([0.0; 3], [0.0; 3], 0.0, 0.0);
         for &(row, wy) in &rows[y] {
             for &(column, wx) in &columns[x] {
-                let p = image[(column, row)];
-                let (weight, a) = (wx * wy, f32::from(p[3]) / 255.0);
+                let [r, g, b, a] = linear(image[(column, row)], srgb);
+                let (weight, p) = (wx * wy, [r, g, b]);
                 for c in 0..3 {
-                    let value = decode[p[c] as usize] * weight;
+                    let value = p[c] * weight;
                     plain[c] += value;
                     colour[c] += value * a;
                 }
@@ -200,7 +182,7 @@ fn halved(image: &Image<[u8; 4]>, decode: &[f32; 256], srgb: bool) -> Image<[u8;
             _ => plain.map(|c| c / area),
         };
         let code = |value: f32| (value.clamp(0.0, 1.0) * 255.0).round() as u8;
-        let [r, g, b] = rgb.map(|c| code(if srgb { srgb_from_linear(c) } else { c }));
+        let [r, g, b] = rgb.map(|c| if srgb { imaging::srgb8_from_linear(c) } else { code(c) });
         [r, g, b, code(alpha / area)]
     })
 }
@@ -219,4 +201,84 @@ fn shares(size: usize) -> Vec<Vec<(usize, f32)>> {
                 .collect()
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    fn grey(width: usize, height: usize, codes: &[u8], srgb: bool) -> Texture {
+        Texture::from_image(Image::new(width, height, codes.iter().map(|&c| [c, c, c, 255]).collect()), srgb)
+    }
+
+    #[test]
+    fn bilinear_weights_by_hand() {
+        // Texel centres lie at u = 1/4 and 3/4: a quarter of the way between them at 0.375.
+        let texture = grey(2, 2, &[0, 255, 0, 255], false);
+        let at = |u: f32, v: f32, wrap: Wrap| texture.sample([u, v], [wrap; 2], 0.0, false)[0];
+        assert!((at(0.375, 0.5, Wrap::Repeat) - 0.25).abs() < 1e-6);
+        assert!((at(0.25, 0.1, Wrap::Repeat) - 0.0).abs() < 1e-6);
+        // At the left border half of the last column comes in by repeating, nothing by the others.
+        assert!((at(0.0, 0.5, Wrap::Repeat) - 0.5).abs() < 1e-6);
+        assert_eq!(at(0.0, 0.5, Wrap::Clamp), 0.0);
+        assert_eq!(at(0.0, 0.5, Wrap::Mirror), 0.0);
+        assert_eq!(at(-7.0, 0.5, Wrap::Clamp), 0.0);
+        // The second copy of a mirrored picture runs backwards: white begins it.
+        assert!((at(1.25, 0.5, Wrap::Mirror) - 1.0).abs() < 1e-6);
+        assert!((at(1.25, 0.5, Wrap::Repeat) - 0.0).abs() < 1e-6);
+        assert_eq!(texture.sample([0.499, 0.5], [Wrap::Repeat; 2], 0.0, true)[0], 0.0);
+        assert_eq!(texture.sample([0.501, 0.5], [Wrap::Repeat; 2], 0.0, true)[0], 1.0);
+    }
+
+    #[test]
+    fn mip_levels_average_light_not_codes() {
+        // Half white, half black: light 0.5, whose sRGB code is 188 (187.5); as plain numbers 128.
+        let colour = grey(2, 1, &[0, 255], true);
+        assert_eq!(colour.levels[1].pixels(), [[188, 188, 188, 255]]);
+        let numbers = grey(2, 1, &[0, 255], false);
+        assert_eq!(numbers.levels[1].pixels(), [[128, 128, 128, 255]]);
+        // Half way between the levels of the numbers: (1 + 128/255) / 2 at the white texel's centre.
+        let mixed = numbers.sample([0.75, 0.5], [Wrap::Clamp; 2], 0.5, false)[0];
+        assert!((mixed - (1.0 + 128.0 / 255.0) / 2.0).abs() < 1e-6);
+        // What is transparent does not bleed into the colour.
+        let cut_out = Texture::from_image(Image::new(2, 1, vec![[200, 10, 10, 255], [0, 255, 0, 0]]), true);
+        assert_eq!(cut_out.levels[1].pixels(), [[200, 10, 10, 128]]);
+    }
+
+    #[test]
+    fn odd_sizes_keep_the_mean() {
+        // 3 × 1 becomes 1 × 1: each texel counts a third. 5 × 1 becomes 2 × 1: two and a half each.
+        assert_eq!(grey(3, 1, &[0, 60, 240], false).levels[1].pixels()[0][0], 100);
+        let five = grey(5, 1, &[10, 20, 200, 50, 60], false);
+        let codes: Vec<u8> = five.levels[1].pixels().iter().map(|p| p[0]).collect();
+        assert_eq!(codes, [(130.0_f32 / 2.5).round() as u8, (210.0_f32 / 2.5).round() as u8]);
+        let sizes: Vec<(usize, usize)> =
+            grey(5, 3, &[7; 15], true).levels.iter().map(|l| (l.width(), l.height())).collect();
+        assert_eq!(sizes, [(5, 3), (2, 1), (1, 1)]);
+    }
+
+    #[test]
+    fn huge_and_broken_pictures_are_refused() {
+        let error = |bytes: &[u8]| Texture::from_bytes("t.png", bytes, true).unwrap_err().to_string();
+        assert!(error(b"no picture").starts_with("texture t.png: "));
+        // A PNG header that announces 60000 × 60000 pixels.
+        let mut png = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR".to_vec();
+        png.extend([0, 0, 0xea, 0x60, 0, 0, 0xea, 0x60, 8, 6, 0, 0, 0]);
+        png.extend([0; 40]);
+        assert!(error(&png).starts_with("texture t.png: "), "{}", error(&png));
+    }
+
+    #[test]
+    fn far_away_coordinates_do_not_panic() {
+        let texture = grey(3, 2, &[1, 2, 3, 4, 5, 6], true);
+        for u in [f32::MAX, f32::MIN, f32::NAN, f32::INFINITY, 1e20, -0.0] {
+            for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+                for level in [0.0, 0.7, 99.0, f32::NAN, -1.0] {
+                    texture.sample([u, -u], [wrap; 2], level, false);
+                    texture.sample([u, -u], [wrap; 2], level, true);
+                }
+            }
+        }
+    }
 }

@@ -112,3 +112,6 @@ fn get<'a, T>(list: &'a [T], index: usize, kind: &str) -> Result<&'a T, MeshErro
         MeshError::syntax("glTF", format!("{kind} {index}"), format!("it is named, but there are only {}", list.len()))
     })
 }
+
+#[cfg(test)]
+mod tests;

@@ -7,7 +7,6 @@ use std::collections::HashMap;
 use geometry::Vec3;
 
 use crate::model::Resolver;
-use crate::texture::linear_from_srgb;
 use crate::{LoadOptions, Material, MeshError, Model, normals, polygon};
 
 /// Marks a corner without texture coordinates or normal.
@@ -70,7 +69,7 @@ impl ObjFile {
                 self.positions.push(Vec3::new(values[0], values[1], values[2]));
                 if count == 6 || !self.colors.is_empty() {
                     let rgb = if count == 6 { [values[3], values[4], values[5]] } else { [1.0; 3] };
-                    let [r, g, b] = rgb.map(|c| linear_from_srgb(c.clamp(0.0, 1.0)));
+                    let [r, g, b] = rgb.map(|c| imaging::linear_from_srgb(c.clamp(0.0, 1.0)));
                     self.colors.resize(self.positions.len() - 1, [1.0; 4]);
                     self.colors.push([r, g, b, 1.0]);
                 }
@@ -235,3 +234,6 @@ fn numbers<const N: usize>(rest: &str, line: usize) -> Result<([f32; N], usize),
     }
     Ok((values, count))
 }
+
+#[cfg(test)]
+mod tests;

@@ -6,7 +6,6 @@ mod header;
 use geometry::Vec3;
 
 use self::header::{Element, Header, Reader};
-use crate::texture::linear_from_srgb;
 use crate::{LoadOptions, MeshError, Model, normals, polygon, repair};
 
 /// Reads the model without checking or completing its vertices.
@@ -93,7 +92,8 @@ impl PlyFile {
                 self.normals.push(vector(3));
             }
             if has_colors {
-                let [r, g, b] = [6, 7, 8].map(|c| linear_from_srgb((values[c] * scales[c]).clamp(0.0, 1.0) as f32));
+                let [r, g, b] =
+                    [6, 7, 8].map(|c| imaging::linear_from_srgb((values[c] * scales[c]).clamp(0.0, 1.0) as f32));
                 self.colors.push([r, g, b, (values[9] * scales[9]).clamp(0.0, 1.0) as f32]);
             }
             if has_uvs {
@@ -208,3 +208,6 @@ fn skip(element: &Element, reader: &mut Reader) -> Result<(), MeshError> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests;
