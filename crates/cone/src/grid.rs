@@ -32,6 +32,8 @@ pub(crate) struct SlotNode {
     pub depth: u8,
     /// Row of its features, or −1 where only nodes below it have some.
     pub row: i32,
+    /// Derivative of its extinction per leaf edge by its opacity; 0 where that is clamped.
+    pub extinction_slope: f32,
 }
 
 /// What lies at a position.
@@ -56,9 +58,8 @@ impl Grid {
     pub fn new(light: &LightOctree) -> Self {
         let depth = light.octree.depth();
         let dense_depth = depth.min(DENSE_DEPTH);
-        let (entries, nodes) = number_slots(light);
+        let (entries, nodes, values) = number_slots(light);
         let children = child_entries(light, &entries);
-        let values = nodes.iter().map(|node| value(light, *node)).collect();
         let cells = dense_cells(entries[0][0], &children, dense_depth);
         Self { depth, dense_depth, max_level: depth - light.octree.full_depth(), cells, children, values, nodes }
     }
@@ -146,8 +147,8 @@ fn dense_start(depth: u32) -> usize {
     ((1usize << (3 * depth)) - 1) / 7
 }
 
-/// The entry of each node of each depth, and the node of each slot.
-fn number_slots(light: &LightOctree) -> (Vec<Vec<u32>>, Vec<SlotNode>) {
+/// The entry of each node of each depth; node and value of each slot.
+fn number_slots(light: &LightOctree) -> (Vec<Vec<u32>>, Vec<SlotNode>, Vec<[f32; 4]>) {
     let levels = light.octree.levels();
     let mut occupied: Vec<Vec<bool>> =
         levels.iter().map(|level| level.rows.iter().map(|&row| row >= 0).collect()).collect();
@@ -159,7 +160,7 @@ fn number_slots(light: &LightOctree) -> (Vec<Vec<u32>>, Vec<SlotNode>) {
             }
         }
     }
-    let mut nodes = Vec::new();
+    let (mut nodes, mut values) = (Vec::new(), Vec::new());
     let entries = levels
         .iter()
         .zip(&occupied)
@@ -169,13 +170,15 @@ fn number_slots(light: &LightOctree) -> (Vec<Vec<u32>>, Vec<SlotNode>) {
                 if !occupied {
                     return EMPTY | 1;
                 }
-                nodes.push(SlotNode { depth: depth as u8, row });
+                let (value, extinction_slope) = value(light, depth, row);
+                nodes.push(SlotNode { depth: depth as u8, row, extinction_slope });
+                values.push(value);
                 nodes.len() as u32 - 1
             };
             level.rows.iter().zip(occupied).map(&mut entry).collect()
         })
         .collect();
-    (entries, nodes)
+    (entries, nodes, values)
 }
 
 fn child_entries(light: &LightOctree, entries: &[Vec<u32>]) -> Vec<[u32; 8]> {
@@ -192,11 +195,13 @@ fn child_entries(light: &LightOctree, entries: &[Vec<u32>]) -> Vec<[u32; 8]> {
     children
 }
 
-fn value(light: &LightOctree, node: SlotNode) -> [f32; 4] {
-    let Ok(row) = usize::try_from(node.row) else { return [0.0; 4] };
-    let [r, g, b, alpha] = light.rgba[usize::from(node.depth)][row];
-    let edge = (1u32 << (light.octree.depth() - u32::from(node.depth))) as f32;
-    [r, g, b, -(-alpha.clamp(0.0, MAX_ALPHA)).ln_1p() / edge]
+/// Radiance and extinction per leaf edge, and the derivative of that by the opacity α: −ln(1 − α) / edge, α clamped.
+fn value(light: &LightOctree, depth: usize, row: i32) -> ([f32; 4], f32) {
+    let Ok(row) = usize::try_from(row) else { return ([0.0; 4], 0.0) };
+    let [r, g, b, alpha] = light.rgba[depth][row];
+    let edge = (1u32 << (light.octree.depth() as usize - depth)) as f32;
+    let slope = if (0.0..=MAX_ALPHA).contains(&alpha) { 1.0 / ((1.0 - alpha) * edge) } else { 0.0 };
+    ([r, g, b, -(-alpha.clamp(0.0, MAX_ALPHA)).ln_1p() / edge], slope)
 }
 
 /// Entries of all cells down to `dense_depth`, with distances.

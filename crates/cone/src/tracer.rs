@@ -6,21 +6,23 @@ use rayon::prelude::*;
 use crate::{
     Cone, Rendering, Sample, Sampling, Settings, SettingsError,
     grid::Grid,
-    march::{LocalCone, march},
+    march::{Hit, LocalCone, march},
     reconstruction::{Interpolated, Nearest, Reconstruction},
-    steps::StepTable,
+    steps::{Step, StepTable},
 };
 
 /// Cones that one task traces; the result does not depend on it.
-const CONES_PER_TASK: usize = 1024;
+pub(crate) const CONES_PER_TASK: usize = 1024;
 
 /// Traces cones through one lighting octree.
 ///
 /// It holds the octree in a form of its own, which takes some milliseconds to make; the octree itself is not needed after.
 pub struct ConeTracer {
-    grid: Grid,
-    cube: Cube,
-    settings: Settings,
+    pub(crate) grid: Grid,
+    pub(crate) cube: Cube,
+    pub(crate) settings: Settings,
+    /// Feature rows of each depth.
+    pub(crate) rows: Vec<usize>,
 }
 
 impl ConeTracer {
@@ -30,7 +32,7 @@ impl ConeTracer {
     /// Settings out of range.
     pub fn new(light: &LightOctree, settings: Settings) -> Result<Self, SettingsError> {
         settings.check()?;
-        Ok(Self { grid: Grid::new(light), cube: light.cube, settings })
+        Ok(Self { grid: Grid::new(light), cube: light.cube, settings, rows: light.rgba.iter().map(Vec::len).collect() })
     }
 
     /// What one cone sees. Many cones are faster as a batch.
@@ -109,7 +111,12 @@ impl ConeTracer {
     }
 
     /// The steps of a cone; neighbours in a batch mostly have the same.
-    fn table<'a>(&self, table: &'a mut Option<StepTable>, tan_half_angle: f32, cone: &LocalCone) -> &'a StepTable {
+    pub(crate) fn table<'a>(
+        &self,
+        table: &'a mut Option<StepTable>,
+        tan_half_angle: f32,
+        cone: &LocalCone,
+    ) -> &'a StepTable {
         let covers = |table: &StepTable| table.covers(&self.settings, tan_half_angle, cone.near, cone.far);
         if !table.as_ref().is_some_and(covers) {
             let side = self.grid.side() as f32;
@@ -121,20 +128,41 @@ impl ConeTracer {
     }
 
     fn trace_local<R: Reconstruction>(&self, cone: &LocalCone, table: &StepTable) -> Sample {
-        let mut radiance = [0.0; 3];
-        let mut distance = 0.0;
+        let mut pixel = Composite::default();
         let transmittance = march::<R>(&self.grid, table, cone, self.settings.min_transmittance, |hit| {
-            let step = &table.steps()[hit.step as usize];
-            let share = hit.transmittance * hit.opacity;
-            for channel in 0..3 {
-                radiance[channel] += step.weight * share * hit.value[channel];
-            }
-            distance += step.distance * share;
+            pixel.add(&table.steps()[hit.step as usize], &hit);
         });
-        let leaf_edge_m = self.cube.edge_m / self.grid.side() as f32;
+        pixel.finish(transmittance, cone.far, self.leaf_edge_m())
+    }
+
+    pub(crate) fn leaf_edge_m(&self) -> f32 {
+        self.cube.edge_m / self.grid.side() as f32
+    }
+}
+
+/// Front-to-back sum over the hits of a cone.
+#[derive(Default)]
+pub(crate) struct Composite {
+    radiance: [f32; 3],
+    distance: f32,
+}
+
+impl Composite {
+    #[inline(always)]
+    pub fn add(&mut self, step: &Step, hit: &Hit) {
+        let share = hit.transmittance * hit.opacity;
+        for channel in 0..3 {
+            self.radiance[channel] += step.weight * share * hit.value[channel];
+        }
+        self.distance += step.distance * share;
+    }
+
+    /// What is left over counts with the distance of the exit, `far`.
+    #[inline(always)]
+    pub fn finish(self, transmittance: f32, far: f32, leaf_edge_m: f32) -> Sample {
         Sample {
-            radiance,
-            distance_m: (distance + transmittance * cone.far) * leaf_edge_m,
+            radiance: self.radiance,
+            distance_m: (self.distance + transmittance * far) * leaf_edge_m,
             opacity: 1.0 - transmittance,
         }
     }

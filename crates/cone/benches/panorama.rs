@@ -1,0 +1,90 @@
+//! 256 × 128 panoramas of a room: the work of `panorama_*` in the peers' benchmark.
+//!
+//! `PEERS_INPUT` names a folder with the peers' cloud (`room_unit.npy`, `room_color.npy`); without it a bare box room with as
+//! many points stands in. `RAYON_NUM_THREADS` sets the threads.
+
+use std::path::Path;
+
+use divan::{Bencher, black_box};
+use geometry::{Cube, Vec3};
+use lightoctree_cone::{ConeTracer, Sampling, Settings};
+use octree::{Coverage, LightOctree, RadiancePoint};
+
+/// The peers' cube, [−1, 1]³, the full depth and opacity of their octree, and where they look from.
+const CUBE: Cube = Cube { origin_m: Vec3::splat(-1.0), edge_m: 2.0 };
+const FULL_DEPTH: u32 = 4;
+const ALPHA: f32 = 0.95;
+const PROBE: Vec3 = Vec3::new(0.03, 0.02, 0.05);
+
+const POINTS: usize = 1_300_000;
+const WIDTH: usize = 256;
+const HEIGHT: usize = 128;
+
+fn main() {
+    divan::main();
+}
+
+#[divan::bench(args = [6, 7, 8])]
+fn panorama_fwd(bencher: Bencher, depth: u32) {
+    let tracer = tracer(depth, Sampling::Nearest);
+    bencher.bench(|| tracer.panorama(black_box(PROBE), WIDTH, HEIGHT));
+}
+
+#[divan::bench(args = [6, 7, 8])]
+fn panorama_fwd_interpolated(bencher: Bencher, depth: u32) {
+    let tracer = tracer(depth, Sampling::Interpolated);
+    bencher.bench(|| tracer.panorama(black_box(PROBE), WIDTH, HEIGHT));
+}
+
+#[divan::bench(args = [6, 7, 8])]
+fn prepare(bencher: Bencher, depth: u32) {
+    let light = room(depth);
+    bencher.bench(|| ConeTracer::new(black_box(&light), Settings::default()));
+}
+
+fn tracer(depth: u32, sampling: Sampling) -> ConeTracer {
+    ConeTracer::new(&room(depth), Settings { sampling, ..Settings::default() }).expect("valid settings")
+}
+
+fn room(depth: u32) -> LightOctree {
+    let (positions, colours) = match std::env::var_os("PEERS_INPUT") {
+        Some(folder) => {
+            ["unit", "color"].map(|part| read_vectors(&Path::new(&folder).join(format!("room_{part}.npy")))).into()
+        }
+        None => (box_room(), vec![[0.5; 3]; POINTS]),
+    };
+    let points: Vec<RadiancePoint> = positions
+        .into_iter()
+        .zip(colours)
+        .map(|(position, radiance)| RadiancePoint {
+            position_m: Vec3::from(position),
+            radiance,
+            coverage: Coverage::Seen,
+        })
+        .collect();
+    LightOctree::from_points_with_alpha(&points, CUBE, depth, FULL_DEPTH, ALPHA).expect("valid depths").0
+}
+
+fn read_vectors(path: &Path) -> Vec<[f32; 3]> {
+    let bytes = std::fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let values: Vec<f32> =
+        npyz::NpyFile::new(&bytes[..]).and_then(npyz::NpyFile::into_vec).expect("a file of 32-bit floats");
+    values.as_chunks().0.to_vec()
+}
+
+/// Points on the walls of a room of the peers' proportions, on a lattice that fills them evenly.
+fn box_room() -> Vec<[f32; 3]> {
+    let half = [0.98, 0.4725, 0.77];
+    (0..POINTS)
+        .map(|i| {
+            let fraction = |step: f64| ((i as f64 * step).fract() * 2.0 - 1.0) as f32;
+            let (a, b) = (fraction(0.754_877_666_246_693), fraction(0.569_840_290_998_053));
+            let (axis, sign) = (i % 6 / 2, if i % 2 == 0 { -1.0 } else { 1.0 });
+            let mut point = [0.0; 3];
+            point[axis] = sign * half[axis];
+            point[(axis + 1) % 3] = a * half[(axis + 1) % 3];
+            point[(axis + 2) % 3] = b * half[(axis + 2) % 3];
+            point
+        })
+        .collect()
+}

@@ -1,0 +1,212 @@
+use std::sync::{Mutex, PoisonError};
+
+use rayon::prelude::*;
+
+use crate::{
+    Cone, Sample, Sampling,
+    march::{Hit, LocalCone, march},
+    reconstruction::{Interpolated, Nearest, Reconstruction},
+    steps::StepTable,
+    tracer::{CONES_PER_TASK, Composite, ConeTracer},
+};
+
+/// Tasks whose gradients are held before they are added up.
+const TASKS_PER_MERGE: usize = 64;
+
+/// Derivative of a loss with respect to each part of a [`Sample`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SampleGradient {
+    /// By the radiance.
+    pub radiance: [f32; 3],
+    /// By the expected distance, per metre.
+    pub distance_m: f32,
+    /// By the opacity.
+    pub opacity: f32,
+}
+
+/// Derivative of a loss with respect to every feature of the octree.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gradients {
+    /// `rgba[d][row]`: by radiance and opacity of the node, in the order of [`LightOctree::rgba`](octree::LightOctree::rgba).
+    /// 0 by an opacity outside of [0, [`MAX_ALPHA`](octree::MAX_ALPHA)], where tracing clamps it.
+    pub rgba: Vec<Vec<[f32; 4]>>,
+}
+
+impl ConeTracer {
+    /// Exact gradients of a loss whose derivatives by what the `cones` see are `d_samples`.
+    ///
+    /// The same to the bit for every number of threads.
+    ///
+    /// # Panics
+    /// Where there are not as many derivatives as cones.
+    pub fn trace_backward(&self, cones: &[Cone], d_samples: &[SampleGradient]) -> Gradients {
+        assert_eq!(cones.len(), d_samples.len(), "one derivative for each cone");
+        let mut samples = vec![Sample::default(); cones.len()];
+        self.trace_with_gradients(cones, &mut samples, |index, _| d_samples[index])
+    }
+
+    /// [`ConeTracer::trace_batch`] and [`ConeTracer::trace_backward`] in one go: each cone is followed once.
+    ///
+    /// `loss` gives the derivative of the loss by the sample of the cone with this index.
+    ///
+    /// # Panics
+    /// Where there are not as many samples as cones.
+    pub fn trace_with_gradients(
+        &self,
+        cones: &[Cone],
+        samples: &mut [Sample],
+        loss: impl Fn(usize, &Sample) -> SampleGradient + Sync,
+    ) -> Gradients {
+        assert_eq!(cones.len(), samples.len(), "one sample for each cone");
+        let mut total = vec![[0.0f32; 4]; self.grid.nodes().len()];
+        let idle = Mutex::new(Vec::<Accumulator>::new());
+        let per_merge = CONES_PER_TASK * TASKS_PER_MERGE;
+        for (group, (cones, samples)) in cones.chunks(per_merge).zip(samples.chunks_mut(per_merge)).enumerate() {
+            let parts: Vec<Vec<(u32, [f32; 4])>> = cones
+                .par_chunks(CONES_PER_TASK)
+                .zip(samples.par_chunks_mut(CONES_PER_TASK))
+                .enumerate()
+                .map(|(task, (cones, samples))| {
+                    let first = group * per_merge + task * CONES_PER_TASK;
+                    let loss = |index: usize, sample: &Sample| loss(first + index, sample);
+                    let lock = || idle.lock().unwrap_or_else(PoisonError::into_inner);
+                    let mut sum = lock().pop().unwrap_or_else(|| Accumulator::new(total.len()));
+                    match self.settings.sampling {
+                        Sampling::Nearest => self.gradients_of_task::<Nearest>(cones, samples, &loss, &mut sum),
+                        Sampling::Interpolated => {
+                            self.gradients_of_task::<Interpolated>(cones, samples, &loss, &mut sum)
+                        }
+                    }
+                    let part = sum.take();
+                    lock().push(sum);
+                    part
+                })
+                .collect();
+            // In the order of the cones, whichever thread had them.
+            for (slot, gradient) in parts.iter().flatten() {
+                add(&mut total[*slot as usize], gradient);
+            }
+        }
+        self.by_rows(&total)
+    }
+
+    fn gradients_of_task<R: Reconstruction>(
+        &self,
+        cones: &[Cone],
+        samples: &mut [Sample],
+        loss: &impl Fn(usize, &Sample) -> SampleGradient,
+        sum: &mut Accumulator,
+    ) {
+        let mut table = None;
+        let mut hits = Vec::new();
+        for (index, (cone, sample)) in cones.iter().zip(samples).enumerate() {
+            *sample = Sample::default();
+            let Some(local) = LocalCone::new(cone, &self.cube, self.grid.side()) else { continue };
+            let table = self.table(&mut table, cone.tan_half_angle, &local);
+            hits.clear();
+            let transmittance =
+                march::<R>(&self.grid, table, &local, self.settings.min_transmittance, |hit| hits.push(hit));
+            let mut pixel = Composite::default();
+            hits.iter().for_each(|hit| pixel.add(&table.steps()[hit.step as usize], hit));
+            *sample = pixel.finish(transmittance, local.far, self.leaf_edge_m());
+            let d_sample = loss(index, sample);
+            self.sweep_back::<R>(table, &local, &hits, transmittance, &d_sample, sum);
+        }
+    }
+
+    /// From the last hit to the first, with what lies behind each weighted by the derivatives.
+    fn sweep_back<R: Reconstruction>(
+        &self,
+        table: &StepTable,
+        cone: &LocalCone,
+        hits: &[Hit],
+        transmittance: f32,
+        d_sample: &SampleGradient,
+        sum: &mut Accumulator,
+    ) {
+        let d_radiance = d_sample.radiance;
+        let d_distance = d_sample.distance_m * self.leaf_edge_m();
+        let mut behind = transmittance * (d_distance * cone.far - d_sample.opacity);
+        for hit in hits.iter().rev() {
+            let step = &table.steps()[hit.step as usize];
+            let [r, g, b, extinction] = hit.value;
+            let shade = step.weight * dot(d_radiance, [r, g, b]) + d_distance * step.distance;
+            let share = hit.transmittance * hit.opacity;
+            let d_extinction = ((hit.transmittance - share) * shade - behind) * step.length;
+            behind += share * shade;
+            // Share of the light per extinction; its limit where there is none.
+            let rate = if extinction > 0.0 { hit.opacity / extinction } else { step.length };
+            let rate = rate * hit.transmittance * step.weight;
+            R::footprint(&self.grid, cone.at(step.distance), step.level, |slot, weight| {
+                let [slot_r, slot_g, slot_b, slot_extinction] = self.grid.value(slot);
+                let d_colour = weight * slot_extinction * rate;
+                let colour_change = dot(d_radiance, [slot_r - r, slot_g - g, slot_b - b]);
+                sum.add(
+                    slot,
+                    &[
+                        d_colour * d_radiance[0],
+                        d_colour * d_radiance[1],
+                        d_colour * d_radiance[2],
+                        weight * (d_extinction + rate * colour_change),
+                    ],
+                );
+            });
+        }
+    }
+
+    /// From slots and extinctions to rows and opacities.
+    fn by_rows(&self, total: &[[f32; 4]]) -> Gradients {
+        let mut rgba: Vec<Vec<[f32; 4]>> = self.rows.iter().map(|&rows| vec![[0.0; 4]; rows]).collect();
+        for (slot, &[r, g, b, d_extinction]) in total.iter().enumerate() {
+            let node = self.grid.nodes()[slot];
+            if let Ok(row) = usize::try_from(node.row) {
+                rgba[usize::from(node.depth)][row] = [r, g, b, d_extinction * node.extinction_slope];
+            }
+        }
+        Gradients { rgba }
+    }
+}
+
+/// Gradients of the few slots that a task touches.
+struct Accumulator {
+    /// Place of each slot in `touched` plus one, or 0.
+    places: Vec<u32>,
+    touched: Vec<(u32, [f32; 4])>,
+}
+
+impl Accumulator {
+    fn new(slots: usize) -> Self {
+        Self { places: vec![0; slots], touched: Vec::new() }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, slot: u32, gradient: &[f32; 4]) {
+        let place = &mut self.places[slot as usize];
+        if *place == 0 {
+            self.touched.push((slot, *gradient));
+            *place = self.touched.len() as u32;
+        } else {
+            add(&mut self.touched[*place as usize - 1].1, gradient);
+        }
+    }
+
+    /// What was added, in the order of first touch; leaves the accumulator empty.
+    fn take(&mut self) -> Vec<(u32, [f32; 4])> {
+        for (slot, _) in &self.touched {
+            self.places[*slot as usize] = 0;
+        }
+        std::mem::take(&mut self.touched)
+    }
+}
+
+#[inline(always)]
+fn add(sum: &mut [f32; 4], term: &[f32; 4]) {
+    for (sum, term) in sum.iter_mut().zip(term) {
+        *sum += term;
+    }
+}
+
+#[inline(always)]
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
