@@ -1,2 +1,8 @@
-//! (stub)
-fn main() {}
+//! The `lightoctree` program; see the library of the same package.
+
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
+fn main() -> std::process::ExitCode {
+    lightoctree_cli::main()
+}

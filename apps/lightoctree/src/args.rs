@@ -1,0 +1,89 @@
+//! Everything that the command line understands.
+
+use clap::{Parser, Subcommand, ValueEnum};
+
+use crate::commands;
+
+/// Indoor lighting from one photo: a lighting octree, HDR panoramas at any point, objects in the picture.
+#[derive(Debug, Parser)]
+#[command(name = "lightoctree", version, propagate_version = true, max_term_width = 110)]
+pub struct Cli {
+    /// Options of every command.
+    #[command(flatten)]
+    pub global: Global,
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// Options of every command.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Options of every command")]
+pub struct Global {
+    /// Threads to use [default: one per core]
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+
+    /// Seed of every random choice; the commands of this version make none, so their results are always the same
+    #[arg(long, global = true, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+
+    /// No progress and no notes, errors only
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+
+    /// How much to say on stderr
+    #[arg(long, global = true, value_name = "LEVEL", default_value = "warn")]
+    pub log: LogLevel,
+}
+
+/// How much to say on stderr.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum LogLevel {
+    /// Failures only.
+    Error,
+    /// What may surprise too.
+    Warn,
+    /// What is done.
+    Info,
+    /// Details for developers.
+    Debug,
+    /// Everything.
+    Trace,
+}
+
+impl LogLevel {
+    /// The filter directive of this level.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Error => "error",
+            Self::Warn => "warn",
+            Self::Info => "info",
+            Self::Debug => "debug",
+            Self::Trace => "trace",
+        }
+    }
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Run the whole job on a photo that the program carries
+    Demo(commands::demo::Args),
+    /// Photo and depth → scene file
+    Estimate(commands::estimate::Args),
+    /// Scene → HDR panorama at a point
+    Envmap(commands::envmap::Args),
+    /// Scene → many HDR panoramas with a manifest
+    Probes(commands::probes::Args),
+    /// Put a virtual object into the photo
+    Insert(commands::insert::Args),
+    /// Say what a scene file holds
+    Inspect(commands::inspect::Args),
+    /// Scene → PLY, GLB or USD for other programs
+    Export(commands::export::Args),
+    /// Time this program on the input of the peers' kit
+    Bench(commands::bench::Args),
+    /// Print a completion script for a shell
+    Completions(commands::completions::Args),
+}

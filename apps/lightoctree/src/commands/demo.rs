@@ -1,0 +1,157 @@
+//! `lightoctree demo`: the whole job on a photo that the program carries.
+
+use std::path::{Path, PathBuf};
+
+use lightoctree::EstimateOptions;
+use lightoctree::cone::{ConeTracer, Settings};
+use lightoctree::geometry::Camera;
+use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, ToneCurve};
+use lightoctree::insert::{self, Inserter, Lighting, Placement, Quality};
+use lightoctree::mesh::{MaterialSpec, Model, PreparedModel};
+use lightoctree::scene::{Frame, Scene};
+use serde_json::json;
+
+use super::environment;
+use crate::args::Global;
+use crate::progress::{Stages, bar, seconds};
+use crate::{interrupt, output, report};
+
+/// Options of `demo`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  lightoctree demo --out demo")]
+pub struct Args {
+    /// The folder to write into
+    #[arg(long, value_name = "DIR", default_value = "lightoctree-demo")]
+    out: PathBuf,
+
+    /// Write into a folder that holds other things
+    #[arg(long)]
+    force: bool,
+
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+const COMMAND: &str = "demo";
+const MANIFEST: &str = "demo.json";
+const FRAMES: usize = 12;
+
+const PHOTO: &[u8] = include_bytes!("../../assets/library_color.jpg");
+const DEPTH: &[u8] = include_bytes!("../../assets/library_lidar_depth.png");
+const MESH: &[u8] = include_bytes!("../../assets/suzanne.glb");
+/// The intrinsics with which floor and shelf come out perpendicular; the photo has no EXIF block.
+const INTRINSICS: [f64; 4] = [1330.0, 1330.0, 960.0, 720.0];
+/// Where the object stands in the photo, in pixels.
+const PIXEL: [f64; 2] = [1020.0, 1100.0];
+/// Height of the object in metres.
+const HEIGHT_M: f32 = 0.42;
+/// Keyframes of the moving object.
+const PATH: &str = r#"{"interpolation": "catmull-rom", "keyframes": [
+    {"time_s": 0, "pixel": [620, 1020], "yaw_deg": 30},
+    {"time_s": 1, "pixel": [1020, 1100], "yaw_deg": 0},
+    {"time_s": 2, "pixel": [1420, 1060], "yaw_deg": -40}]}"#;
+
+/// Runs everything once.
+pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
+    output::prepare_folder(&args.out, MANIFEST, COMMAND, args.force)?;
+    let file = |name: &str| args.out.join(name);
+    let mut files = Vec::new();
+    let mut stages = Stages::new(global.quiet);
+
+    let scene = estimate(&mut stages)?;
+    stages.stage("write scene", || scene.write(&file("library.scene")))?;
+    imaging::write_photo(file("photo.png"), &scene.frame.photo)?;
+    files.extend([file("library.scene"), file("photo.png")]);
+
+    let [u, v] = PIXEL;
+    let base = Placement::rest_on_pixel(&scene, u, v)?;
+    let at = base.position_m + base.up * (0.5 * HEIGHT_M);
+    let tracer = stages.stage("prepare cone tracing", || ConeTracer::new(&scene.light, Settings::default()))?;
+    let panorama = stages.stage("panorama 512 × 256", || tracer.panorama(at, 512, 256));
+    let options = ExrOptions {
+        environment: Some(EnvironmentLayout::LatitudeLongitude),
+        metadata: vec![("software".into(), output::signature(COMMAND))],
+        ..ExrOptions::default()
+    };
+    imaging::write_radiance(file("panorama.exr"), &panorama.radiance, &options)?;
+    imaging::write_tone_mapped(file("panorama.png"), &panorama.radiance, ToneCurve::Reinhard, 0.0)?;
+    files.extend([file("panorama.exr"), file("panorama.png")]);
+
+    files.extend(insert_objects(global, &mut stages, &scene, &base, &args.out)?);
+    finish(args, &files, &stages)
+}
+
+/// The scene of the photo that the program carries.
+pub fn estimate(stages: &mut Stages) -> anyhow::Result<Scene> {
+    let (photo, depth_m) = stages.stage("read photo and depth", || -> anyhow::Result<_> {
+        Ok((imaging::photo_from_bytes(PHOTO, "library_color.jpg")?, imaging::depth_from_bytes(DEPTH, "library_lidar_depth.png", None)?))
+    })?;
+    let [fx, fy, cx, cy] = INTRINSICS;
+    let camera = Camera::new(fx, fy, cx, cy, photo.photo.width() as u32, photo.photo.height() as u32)?;
+    let frame = Frame::new(photo.photo, depth_m, camera, 1.0)?;
+    let sources = vec!["library_color.jpg".into(), "library_lidar_depth.png".into()];
+    let options = EstimateOptions { sources, ..EstimateOptions::default() };
+    Ok(lightoctree::estimate(frame, &options, &mut |message| stages.hear(message))?)
+}
+
+/// The object that the program carries, of a preset material.
+pub fn model(material: &str) -> anyhow::Result<PreparedModel> {
+    let no_files = |_: &str| Err(std::io::ErrorKind::NotFound.into());
+    let mut model = Model::from_gltf_bytes(MESH, &no_files)?;
+    model.override_material(&MaterialSpec::parse(material)?, Path::new("."))?;
+    Ok(PreparedModel::new(model))
+}
+
+fn insert_objects(
+    global: &Global,
+    stages: &mut Stages,
+    scene: &Scene,
+    base: &Placement,
+    out: &Path,
+) -> anyhow::Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    let gold = stages.stage("read mesh", || model("gold"))?;
+    let scale = HEIGHT_M / gold.bounds().size().y;
+    let inserter = stages.stage("prepare light", || Inserter::new(scene, Lighting::Octree, Quality::Normal))?;
+    for material in ["gold", "chrome", "matte-white"] {
+        let object = model(material)?;
+        let composite = stages.stage(&format!("insert, {material}"), || inserter.render(&object, &base.scaled(scale)))?;
+        let file = out.join(format!("object_{}.png", material.replace('-', "_")));
+        imaging::write_photo(&file, &composite.image)?;
+        files.push(file);
+    }
+    let placements = insert::Path::from_json(PATH)?.placements(scene, scale, FRAMES)?;
+    let folder = out.join("moving");
+    std::fs::create_dir_all(&folder)?;
+    let progress = bar(global.quiet, FRAMES, "moving object");
+    for (i, placement) in placements.iter().enumerate() {
+        if interrupt::asked() {
+            anyhow::bail!("stopped after {i} of {FRAMES} frames; what is written in {} is whole", out.display());
+        }
+        let composite = inserter.render(&gold, placement)?;
+        let file = folder.join(format!("frame_{i:02}.jpg"));
+        imaging::write_photo(&file, &composite.image)?;
+        files.push(file);
+        progress.inc(1);
+    }
+    progress.finish_and_clear();
+    Ok(files)
+}
+
+fn finish(args: &Args, files: &[PathBuf], stages: &Stages) -> anyhow::Result<()> {
+    let result = json!({ "files": files, "seconds": stages.timings() });
+    environment::write_json(&args.out.join(MANIFEST), COMMAND, result.clone())?;
+    if args.json {
+        return report::print_json(&result);
+    }
+    let sizes: Vec<Vec<String>> = files
+        .iter()
+        .filter(|file| file.parent() == Some(args.out.as_path()))
+        .map(|file| vec![file.display().to_string(), std::fs::metadata(file).map_or_else(|_| "-".into(), |m| report::bytes(m.len()))])
+        .collect();
+    report::print(&report::table(&["written", "size"], &sizes));
+    report::print(&format!("{}  {FRAMES} frames of the moving object", args.out.join("moving").display()));
+    report::print(&format!("all in {}", seconds(stages.total())));
+    Ok(())
+}

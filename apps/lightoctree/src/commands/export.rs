@@ -1,0 +1,123 @@
+//! `lightoctree export SCENE`: for other programs.
+
+use std::path::PathBuf;
+
+use clap::ValueEnum;
+use lightoctree::export::{self, Content, Format, LightProbe, Options};
+use lightoctree::geometry::Vec3;
+use lightoctree::scene::Scene;
+use serde_json::json;
+
+use super::environment::{self, Renderer};
+use super::parse;
+use crate::args::Global;
+use crate::progress::Stages;
+use crate::{output, report};
+
+/// Options of `export`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  \
+    lightoctree export room.scene --to glb -o room.glb\n  \
+    lightoctree export room.scene --to usda --probe-at 0,-0.5,-2 -o room.usda")]
+pub struct Args {
+    /// A scene file
+    scene: PathBuf,
+
+    /// File format
+    #[arg(long, value_name = "FORMAT")]
+    to: FormatArg,
+
+    /// Which part of the scene
+    #[arg(long, value_name = "WHAT", default_value = "leaves")]
+    content: ContentArg,
+
+    /// Also write the light at this point as a panorama, <name>_probe.exr (usda: as the dome light)
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse::point, allow_hyphen_values = true)]
+    probe_at: Option<Vec3>,
+
+    /// The file to write
+    #[arg(long, short, value_name = "FILE")]
+    output: PathBuf,
+
+    /// Replace an existing file, whatever it is
+    #[arg(long)]
+    force: bool,
+
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// File formats.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum FormatArg {
+    /// Point cloud: MeshLab, CloudCompare, Open3D, Blender
+    Ply,
+    /// glTF binary: Blender, three.js, any viewer
+    Glb,
+    /// USD: Houdini, Nuke, Omniverse, Blender
+    Usda,
+}
+
+/// Parts of a scene.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ContentArg {
+    /// The octree's leaves: the whole room
+    Leaves,
+    /// The photo's pixels with depth
+    Photo,
+}
+
+/// Width of the probe; its height is half of it.
+const PROBE_WIDTH: usize = 1024;
+const COMMAND: &str = "export";
+
+/// Reads and writes.
+pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
+    output::check_replaceable(&args.output, COMMAND, args.force)?;
+    let mut stages = Stages::new(global.quiet);
+    let scene = stages.stage("read scene", || Scene::read(&args.scene))?;
+    let probe = match args.probe_at {
+        Some(at) => {
+            if let Some(odd) = environment::odd_place(&scene, at) {
+                stages.note(&format!("--probe-at lies {odd}"));
+            }
+            let renderer = Renderer::new(&scene, [PROBE_WIDTH, PROBE_WIDTH / 2])?;
+            Some((stages.stage("probe", || renderer.at(at)), at))
+        }
+        None => None,
+    };
+    let options = Options {
+        format: match args.to {
+            FormatArg::Ply => Format::Ply,
+            FormatArg::Glb => Format::Glb,
+            FormatArg::Usda => Format::Usda,
+        },
+        content: match args.content {
+            ContentArg::Leaves => Content::Leaves,
+            ContentArg::Photo => Content::PhotoPoints,
+        },
+        probe: probe.as_ref().map(|(panorama, at)| LightProbe { radiance: &panorama.radiance, position_m: *at }),
+    };
+    let written = stages.stage("write", || export::write(&scene, &options, &args.output))?;
+    if args.json {
+        return report::print_json(&json!({
+            "files": written.files,
+            "bytes": written.bytes,
+            "points": written.points,
+            "faces": written.faces,
+            "lamps": written.lamps,
+            "seconds": stages.timings(),
+        }));
+    }
+    report::print(&format!(
+        "{}  {}, {} points, {} faces, {} lamps",
+        args.output.display(),
+        report::bytes(written.bytes),
+        written.points,
+        written.faces,
+        written.lamps
+    ));
+    written.files.iter().skip(1).for_each(|path| report::print(&path.display().to_string()));
+    Ok(())
+}

@@ -1,0 +1,207 @@
+//! `lightoctree inspect SCENE`: what a scene file holds.
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+use lightoctree::imaging::luminance;
+use lightoctree::scene::Scene;
+use serde::Serialize;
+
+use crate::report;
+
+/// Options of `inspect`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  lightoctree inspect room.scene\n  lightoctree inspect room.scene --json | jq .octree.levels")]
+pub struct Args {
+    /// A scene file
+    scene: PathBuf,
+
+    /// Print one JSON object instead of tables
+    #[arg(long)]
+    json: bool,
+}
+
+/// What `--json` prints; the order of the fields is part of the format.
+#[derive(Serialize)]
+struct Summary {
+    format_version: u32,
+    octree: OctreeSummary,
+    camera: CameraSummary,
+    photo: PhotoSummary,
+    exposure: f32,
+    completion: lightoctree::scene::Completion,
+    room: Option<lightoctree::scene::Room>,
+    sources: Vec<String>,
+    bytes: u64,
+    radiance: RadianceSummary,
+    seen_share: f64,
+    inferred_share: f64,
+}
+
+#[derive(Serialize)]
+struct OctreeSummary {
+    depth: u32,
+    full_depth: u32,
+    origin_m: [f32; 3],
+    edge_m: f32,
+    levels: Vec<LevelSummary>,
+}
+
+#[derive(Serialize)]
+struct LevelSummary {
+    depth: u32,
+    total: usize,
+    nonempty: usize,
+    split: usize,
+}
+
+#[derive(Serialize)]
+struct CameraSummary {
+    fx: f64,
+    fy: f64,
+    cx: f64,
+    cy: f64,
+    width: u32,
+    height: u32,
+    hfov_deg: f64,
+}
+
+#[derive(Serialize)]
+struct PhotoSummary {
+    width: usize,
+    height: usize,
+    depth_width: usize,
+    depth_height: usize,
+    depth_readings_share: f64,
+}
+
+/// Percentiles of the finest leaves' luminance.
+#[derive(Serialize)]
+struct RadianceSummary {
+    min: f32,
+    p05: f32,
+    median: f32,
+    p95: f32,
+    p99: f32,
+    max: f32,
+}
+
+/// Reads and prints.
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let scene = Scene::read(&args.scene)?;
+    let bytes = std::fs::metadata(&args.scene).with_context(|| format!("{}", args.scene.display()))?.len();
+    let summary = summarise(&scene, bytes);
+    if args.json {
+        return report::print_json(&summary);
+    }
+    print_tables(&summary);
+    Ok(())
+}
+
+fn summarise(scene: &Scene, bytes: u64) -> Summary {
+    let light = &scene.light;
+    let levels = light.octree.levels().iter().enumerate().map(|(depth, level)| LevelSummary {
+        depth: depth as u32,
+        total: level.keys.len(),
+        nonempty: level.nonempty,
+        split: level.children.iter().filter(|child| **child >= 0).count(),
+    });
+    let seen: &[u8] = light.seen.last().map_or(&[], Vec::as_slice);
+    let seen_share = seen.iter().map(|&share| f64::from(share) / 255.0).sum::<f64>() / seen.len().max(1) as f64;
+    let camera = scene.frame.camera;
+    let depth_m = &scene.frame.depth_m;
+    let readings = depth_m.pixels().iter().filter(|z| **z > 0.0).count();
+    Summary {
+        format_version: lightoctree::scene::FORMAT_VERSION,
+        octree: OctreeSummary {
+            depth: light.octree.depth(),
+            full_depth: light.octree.full_depth(),
+            origin_m: light.cube.origin_m.to_array(),
+            edge_m: light.cube.edge_m,
+            levels: levels.collect(),
+        },
+        camera: CameraSummary {
+            fx: camera.fx,
+            fy: camera.fy,
+            cx: camera.cx,
+            cy: camera.cy,
+            width: camera.width,
+            height: camera.height,
+            hfov_deg: camera.hfov_deg(),
+        },
+        photo: PhotoSummary {
+            width: scene.frame.photo.width(),
+            height: scene.frame.photo.height(),
+            depth_width: depth_m.width(),
+            depth_height: depth_m.height(),
+            depth_readings_share: readings as f64 / depth_m.pixels().len().max(1) as f64,
+        },
+        exposure: scene.frame.exposure,
+        completion: scene.completion,
+        room: scene.room.clone(),
+        sources: scene.sources.clone(),
+        bytes,
+        radiance: percentiles(light.rgba.last().map_or(&[], Vec::as_slice)),
+        seen_share,
+        inferred_share: if seen.is_empty() { 0.0 } else { 1.0 - seen_share },
+    }
+}
+
+fn percentiles(rgba: &[[f32; 4]]) -> RadianceSummary {
+    let mut values: Vec<f32> = rgba.iter().map(|&[r, g, b, _]| luminance([r, g, b])).collect();
+    values.sort_by(f32::total_cmp);
+    let at = |share: f64| values.get(((values.len().max(1) - 1) as f64 * share).round() as usize).copied().unwrap_or(0.0);
+    RadianceSummary { min: at(0.0), p05: at(0.05), median: at(0.5), p95: at(0.95), p99: at(0.99), max: at(1.0) }
+}
+
+fn print_tables(summary: &Summary) {
+    let octree = &summary.octree;
+    let rows: Vec<Vec<String>> = octree
+        .levels
+        .iter()
+        .map(|level| [level.depth as usize, level.total, level.nonempty, level.split].map(|n| n.to_string()).to_vec())
+        .collect();
+    let leaf_cm = 100.0 * octree.edge_m / (1u32 << octree.depth) as f32;
+    let [x, y, z] = octree.origin_m;
+    report::print(&format!(
+        "octree   depth {}, full to {}; cube of {:.2} m at ({x:.2}, {y:.2}, {z:.2}); leaves of {leaf_cm:.1} cm",
+        octree.depth, octree.full_depth, octree.edge_m
+    ));
+    report::print(&report::table(&["depth", "total", "non-empty", "split"], &rows));
+    let (camera, photo) = (&summary.camera, &summary.photo);
+    report::print(&format!(
+        "camera   fx {:.1}  fy {:.1}  cx {:.1}  cy {:.1}  {} × {}  {:.1} degrees across",
+        camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height, camera.hfov_deg
+    ));
+    report::print(&format!(
+        "depth    {} × {}, readings in {:.1} % of the pixels",
+        photo.depth_width,
+        photo.depth_height,
+        100.0 * photo.depth_readings_share
+    ));
+    let radiance = &summary.radiance;
+    report::print(&format!(
+        "radiance luminance of the leaves: min {:.3}  5 % {:.3}  median {:.3}  95 % {:.3}  99 % {:.3}  max {:.3}",
+        radiance.min, radiance.p05, radiance.median, radiance.p95, radiance.p99, radiance.max
+    ));
+    report::print(&format!(
+        "leaves   {:.1} % seen, {:.1} % inferred",
+        100.0 * summary.seen_share,
+        100.0 * summary.inferred_share
+    ));
+    if let Some(room) = &summary.room {
+        for plane in &room.planes {
+            let n = plane.plane.normal;
+            report::print(&format!(
+                "plane    {:<8} normal ({:+.3}, {:+.3}, {:+.3})  offset {:+.2} m  {}",
+                format!("{:?}", plane.side).to_lowercase(),
+                n.x,
+                n.y,
+                n.z,
+                plane.plane.offset_m,
+                if plane.measured { "measured" } else { "assumed" }
+            ));
+        }
+    }
+    report::print(&format!("file     {}, from {}", report::bytes(summary.bytes), summary.sources.join(" and ")));
+}

@@ -1,0 +1,14 @@
+//! One module per command: its options, and what it does with the library.
+
+pub mod bench;
+pub mod completions;
+pub mod demo;
+pub mod envmap;
+pub mod estimate;
+pub mod export;
+pub mod insert;
+pub mod inspect;
+pub mod probes;
+
+mod environment;
+mod parse;

@@ -1,0 +1,80 @@
+//! Values such as `X,Y,Z` and `WxH` on the command line.
+
+use lightoctree::geometry::Vec3;
+
+/// `X,Y,Z` in metres.
+pub fn point(text: &str) -> Result<Vec3, String> {
+    let [x, y, z] = numbers(text, "X,Y,Z")?;
+    Ok(Vec3::new(x as f32, y as f32, z as f32))
+}
+
+/// `X,Y,Z` of any length above zero, made a unit vector.
+pub fn direction(text: &str) -> Result<Vec3, String> {
+    point(text)?.try_normalize().ok_or_else(|| "a direction must not be zero".into())
+}
+
+/// `FX,FY,CX,CY` in pixels.
+pub fn intrinsics(text: &str) -> Result<[f64; 4], String> {
+    numbers(text, "FX,FY,CX,CY")
+}
+
+/// `U,V` in pixels of the photo.
+pub fn pixel(text: &str) -> Result<[f64; 2], String> {
+    numbers(text, "U,V")
+}
+
+/// `NX,NY,NZ`, each at least 1.
+pub fn counts(text: &str) -> Result<[usize; 3], String> {
+    let numbers: [f64; 3] = numbers(text, "NX,NY,NZ")?;
+    if numbers.iter().any(|&n| n < 1.0 || n.fract() != 0.0 || n > 10_000.0) {
+        return Err("each count must be a whole number from 1 to 10000".into());
+    }
+    Ok(numbers.map(|n| n as usize))
+}
+
+/// `WxH` in pixels.
+pub fn size(text: &str) -> Result<[usize; 2], String> {
+    let wrong = || format!("`{text}` is not of the form WxH, such as 256x128");
+    let (width, height) = text.split_once(['x', 'X', '×']).ok_or_else(wrong)?;
+    let parse = |part: &str| part.trim().parse::<usize>().map_err(|_| wrong());
+    let size = [parse(width)?, parse(height)?];
+    if size.iter().any(|&s| !(1..=16_384).contains(&s)) {
+        return Err("each side must lie between 1 and 16384 pixels".into());
+    }
+    Ok(size)
+}
+
+/// A finite number above zero.
+pub fn positive(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| format!("`{text}` is not a number"))?;
+    if value.is_finite() && value > 0.0 { Ok(value) } else { Err("must be a finite number above 0".into()) }
+}
+
+fn numbers<const N: usize>(text: &str, form: &str) -> Result<[f64; N], String> {
+    let parts: Vec<f64> = text
+        .split(',')
+        .map(|part| part.trim().parse::<f64>().map_err(|_| format!("`{}` in {form} is not a number", part.trim())))
+        .collect::<Result<_, _>>()?;
+    if let Some(bad) = parts.iter().find(|value| !value.is_finite()) {
+        return Err(format!("{bad} in {form} is not a finite number"));
+    }
+    <[f64; N]>::try_from(parts).map_err(|parts| format!("{form} needs {N} numbers, got {}", parts.len()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn good_and_bad_values() {
+        assert_eq!(point("1, -2,0.5"), Ok(Vec3::new(1.0, -2.0, 0.5)));
+        assert_eq!(point("1,2"), Err("X,Y,Z needs 3 numbers, got 2".into()));
+        assert_eq!(point("1,b,2"), Err("`b` in X,Y,Z is not a number".into()));
+        assert_eq!(point("1,nan,2"), Err("NaN in X,Y,Z is not a finite number".into()));
+        assert_eq!(size("256x128"), Ok([256, 128]));
+        assert!(size("256").is_err() && size("0x4").is_err() && size("99999x4").is_err());
+        assert_eq!(counts("3,2,1"), Ok([3, 2, 1]));
+        assert!(counts("0,1,1").is_err() && counts("1.5,1,1").is_err());
+        assert!(positive("0").is_err() && positive("inf").is_err() && positive("2").is_ok());
+    }
+}

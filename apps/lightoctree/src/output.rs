@@ -1,0 +1,114 @@
+//! Output files: never half-written, and never over somebody else's work.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use anyhow::Context;
+
+use crate::Usage;
+
+/// What a program name looks like inside of the files that a command writes.
+///
+/// Every format we write has a place for it: EXR attributes, a Radiance header line, a PNG text chunk, a JPEG comment, PLY comments,
+/// glTF's `asset.generator`, USD's `customLayerData`, JSON's `generator`. PFM has none.
+pub fn signature(command: &str) -> String {
+    format!("lightoctree {command}")
+}
+
+/// How much of an existing file is searched for the signature.
+const SEARCHED_BYTES: u64 = 16 * 1024;
+
+/// Fails where `path` exists and is not an earlier result of the same command.
+pub fn check_replaceable(path: &Path, command: &str, force: bool) -> anyhow::Result<()> {
+    if force {
+        return Ok(());
+    }
+    let metadata = match std::fs::metadata(path) {
+        Ok(metadata) => metadata,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return check_parent(path),
+        Err(error) => return Err(error).with_context(|| format!("cannot look at {}", path.display())),
+    };
+    if metadata.is_dir() {
+        return Err(Usage(format!("{} is a folder; name a file", path.display())).into());
+    }
+    let mut head = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(SEARCHED_BYTES).read_to_end(&mut head))
+        .with_context(|| format!("cannot read the existing {}", path.display()))?;
+    let signature = signature(command);
+    if head.is_empty() || head.windows(signature.len()).any(|window| window == signature.as_bytes()) {
+        return Ok(());
+    }
+    Err(Usage(format!(
+        "{} exists and was not written by `lightoctree {command}`; choose another name or give --force",
+        path.display()
+    ))
+    .into())
+}
+
+/// Makes the folder `path`, or accepts it when it is empty or holds a manifest of the same command.
+pub fn prepare_folder(path: &Path, manifest: &str, command: &str, force: bool) -> anyhow::Result<()> {
+    match std::fs::read_dir(path) {
+        Ok(mut entries) => {
+            let empty = entries.next().is_none();
+            if !empty && !path.join(manifest).exists() && !force {
+                return Err(Usage(format!(
+                    "{} is not empty and holds no {manifest} of an earlier run; choose another folder or give --force",
+                    path.display()
+                ))
+                .into());
+            }
+            check_replaceable(&path.join(manifest), command, force)
+        }
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            std::fs::create_dir_all(path).with_context(|| format!("cannot make the folder {}", path.display()))
+        }
+        Err(error) => Err(error).with_context(|| format!("cannot use {} as a folder", path.display())),
+    }
+}
+
+fn check_parent(path: &Path) -> anyhow::Result<()> {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() && !parent.is_dir() => Err(Usage(format!(
+            "the folder {} for {} does not exist",
+            parent.display(),
+            path.display()
+        ))
+        .into()),
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn only_own_results_are_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let own = folder.path().join("own.ply");
+        std::fs::write(&own, "ply\ncomment lightoctree export\n").unwrap();
+        let foreign = folder.path().join("foreign.ply");
+        std::fs::write(&foreign, "ply\ncomment by hand\n").unwrap();
+        assert!(check_replaceable(&own, "export", false).is_ok());
+        assert!(check_replaceable(&own, "envmap", false).unwrap_err().is::<Usage>());
+        assert!(check_replaceable(&foreign, "export", false).unwrap_err().is::<Usage>());
+        assert!(check_replaceable(&foreign, "export", true).is_ok());
+        assert!(check_replaceable(&folder.path().join("new.ply"), "export", false).is_ok());
+        assert!(check_replaceable(&folder.path().join("no/new.ply"), "export", false).unwrap_err().is::<Usage>());
+        assert!(check_replaceable(folder.path(), "export", false).unwrap_err().is::<Usage>());
+    }
+
+    #[test]
+    fn folders_with_other_things_are_left_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("probes");
+        prepare_folder(&path, "manifest.json", "probes", false).unwrap();
+        std::fs::write(path.join("letter.txt"), "dear").unwrap();
+        assert!(prepare_folder(&path, "manifest.json", "probes", false).unwrap_err().is::<Usage>());
+        std::fs::write(path.join("manifest.json"), r#"{"generator":"lightoctree probes"}"#).unwrap();
+        prepare_folder(&path, "manifest.json", "probes", false).unwrap();
+    }
+}

@@ -1,0 +1,17 @@
+//! Every picture reader, on the same bytes.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use lightoctree::imaging;
+
+fuzz_target!(|bytes: &[u8]| {
+    // The name's extension decides only where the content says nothing.
+    for name in ["a", "a.hdr", "a.pfm"] {
+        let _ = imaging::photo_from_bytes(bytes, name);
+    }
+    let _ = imaging::radiance_from_bytes(bytes, "a");
+    if let Ok(depth_m) = imaging::depth_from_bytes(bytes, "a.npy", Some(1000.0)) {
+        assert!(depth_m.pixels().iter().all(|z| z.is_finite() && *z >= 0.0));
+    }
+    let _ = imaging::rgba8_from_bytes(bytes, "a");
+});
