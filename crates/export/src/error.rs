@@ -33,8 +33,8 @@ pub enum ExportError {
         /// Size that the file would have.
         bytes: usize,
     },
-    /// The probe's panorama is not twice as wide as high, or its width no multiple of four.
-    #[error("a light probe must be twice as wide as high and an even number of pixels high, got {width} × {height}")]
+    /// The probe's panorama is not twice as wide as high.
+    #[error("a light probe must be twice as wide as high, got {width} × {height}")]
     ProbeSize {
         /// Width in pixels.
         width: usize,

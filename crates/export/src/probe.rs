@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use geometry::Vec3;
+use geometry::{Orientation, Vec3};
 use imaging::{EnvironmentLayout, ExrOptions, RadianceImage};
 
 use crate::{ExportError, Format, GENERATOR, UNITS};
@@ -38,7 +38,7 @@ impl ProbeFile {
     /// Where the panorama is not equirectangular, or where the scene's name cannot stand in a text file.
     pub fn beside(scene: &Path, format: Format, probe: LightProbe) -> Result<Self, ExportError> {
         let (width, height) = (probe.radiance.width(), probe.radiance.height());
-        if height == 0 || width != 2 * height || width % 4 != 0 {
+        if height == 0 || width != 2 * height {
             return Err(ExportError::ProbeSize { width, height });
         }
         if !probe.position_m.is_finite() {
@@ -47,17 +47,16 @@ impl ProbeFile {
         let stem = scene.file_stem().and_then(|stem| stem.to_str()).filter(|stem| !stem.contains(char::is_control));
         let stem = stem.ok_or_else(|| ExportError::ProbeName(scene.to_owned()))?;
         let name = format!("{stem}_probe.exr");
-        // Whole columns of longitude: turning about +Y loses nothing. Our own centre is −Z, at u = 1/2, and +X at u = 3/4.
-        let (centre_u, convention) = match format {
-            Format::Glb => (0.75, "equirectangular, centre +X, +Y up (three.js)"),
-            Format::Ply | Format::Usda => (1.0, "equirectangular, centre +Z, +Y up (OpenEXR, USD)"),
+        let (orientation, convention) = match format {
+            Format::Glb => (Orientation::Threejs, "equirectangular, centre +X, +Y up (three.js)"),
+            Format::Ply | Format::Usda => (Orientation::Openexr, "equirectangular, centre +Z, +Y up (OpenEXR, USD)"),
         };
         Ok(Self {
             path: scene.with_file_name(&name),
             name,
             position_m: probe.position_m,
             convention,
-            panorama: centred_at(probe.radiance, centre_u),
+            panorama: imaging::reorient(probe.radiance, Orientation::Lightoctree, orientation),
         })
     }
 
@@ -74,13 +73,6 @@ impl ProbeFile {
         };
         Ok(imaging::write_radiance(&self.path, &self.panorama, &options)?)
     }
-}
-
-/// The panorama whose centre column shows what stands at `u` in the given one.
-fn centred_at(panorama: &RadianceImage, u: f32) -> RadianceImage {
-    let width = panorama.width();
-    let shift = ((u - 0.5) * width as f32) as usize;
-    RadianceImage::from_fn(width, panorama.height(), |x, y| panorama[((x + shift) % width, y)])
 }
 
 #[cfg(test)]
