@@ -1,10 +1,10 @@
 //! Radiance of the room's six faces, from what is seen of them and of others like them.
 
 use geometry::{Vec2, Vec3};
+use imaging::luminance;
 use scene::Surfel;
 
 use crate::face::FaceGrid;
-use crate::lamps::luminance;
 use crate::layout::{RoomBox, area};
 
 /// Cells are about this wide, in metres.

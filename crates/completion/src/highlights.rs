@@ -1,9 +1,7 @@
 //! Radiance of clipped highlights.
 
-use imaging::{Image, RadianceImage};
+use imaging::{Image, RadianceImage, luminance};
 use scene::Frame;
-
-use crate::lamps::luminance;
 
 /// Values from here on count as clipped in one channel: 250 of 255 in linear light, before exposure.
 const CLIP_LEVEL: f32 = 0.956;

@@ -1,7 +1,7 @@
 //! Light from lamps outside of the view, by energy balance.
 
 use geometry::{Vec3, cosine_hemisphere, orthonormal_basis};
-use imaging::RadianceImage;
+use imaging::{RadianceImage, luminance};
 use scene::Surfel;
 
 use crate::extrapolate::Faces;
@@ -121,9 +121,4 @@ fn patch_weight(room: &RoomBox, local: Vec3) -> f32 {
     let half = 0.5 * PATCH_SHARE * (room.high - room.low);
     let soft = |d: f32, half: f32| ((half - d.abs()) / (0.25 * half)).clamp(0.0, 1.0);
     soft(local.x - centre.x, half.x) * soft(local.z - centre.z, half.z)
-}
-
-/// Rec. 709 luminance.
-pub(crate) fn luminance(rgb: [f32; 3]) -> f32 {
-    0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
 }

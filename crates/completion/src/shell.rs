@@ -319,7 +319,8 @@ fn closing_surfels(
                         Closing::Photo(pixel) => photo[pixel],
                         Closing::Nothing => continue,
                     };
-                    if !occupied.insert(leaf_of(position_m).to_array()) {
+                    // The corners of the backing may stick out of the cube.
+                    if !cube.contains(position_m) || !occupied.insert(leaf_of(position_m).to_array()) {
                         continue;
                     }
                     surfels.push(Surfel { position_m, normal: plane.normal, radiance, coverage: Coverage::Inferred });

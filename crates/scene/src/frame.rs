@@ -99,15 +99,17 @@ impl Frame {
     /// Photo, depth and camera at `width` × `height`, the same field of view.
     ///
     /// The photo is averaged in linear light over each new pixel's footprint (and becomes [`Photo::Linear`]), or kept as it is
-    /// where it has that size already. The depth is resampled without mixing surfaces at edges: down to the median reading of
-    /// the footprint, up by perspective-correct interpolation between readings of one surface alone.
+    /// where it has that size already. The depth is resampled without mixing surfaces ([`imaging::resize_depth`]).
+    ///
+    /// # Panics
+    /// Where photo or depth have no pixels, which [`Frame::new`] does not let through.
     pub fn at_resolution(&self, width: usize, height: usize) -> Self {
         let (width, height) = (width.max(1), height.max(1));
         let photo = match &self.photo {
             photo if (photo.width(), photo.height()) == (width, height) => photo.clone(),
             photo => Photo::Linear(resample::photo(photo, width, height)),
         };
-        let depth_m = resample::depth(&self.depth_m, width, height);
+        let depth_m = imaging::resize_depth(&self.depth_m, width, height);
         Self { camera: self.camera.resized(width as u32, height as u32), photo, depth_m, exposure: self.exposure }
     }
 
@@ -124,7 +126,7 @@ impl Frame {
         let exposure = self.exposure;
         match &self.photo {
             Photo::Srgb8(image) => {
-                let linear = resample::linear_from_srgb8();
+                let linear = resample::linear_of_codes();
                 image.map(|p| p.map(|c| linear[usize::from(c)] * exposure))
             }
             Photo::Linear(image) => image.map(|p| p.map(|c| if c.is_finite() { c.max(0.0) * exposure } else { 0.0 })),
