@@ -87,3 +87,20 @@ pub enum Command {
     /// Print a completion script for a shell
     Completions(commands::completions::Args),
 }
+
+impl Command {
+    /// The word on the command line.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Demo(_) => "demo",
+            Self::Estimate(_) => "estimate",
+            Self::Envmap(_) => "envmap",
+            Self::Probes(_) => "probes",
+            Self::Insert(_) => "insert",
+            Self::Inspect(_) => "inspect",
+            Self::Export(_) => "export",
+            Self::Bench(_) => "bench",
+            Self::Completions(_) => "completions",
+        }
+    }
+}

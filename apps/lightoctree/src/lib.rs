@@ -15,6 +15,7 @@ use std::process::ExitCode;
 use clap::Parser;
 
 use args::{Cli, Command};
+use lightoctree::imaging;
 
 /// A request that cannot be carried out as it was written: exit code 2 instead of 1.
 #[derive(Debug)]
@@ -48,6 +49,7 @@ pub fn main() -> ExitCode {
 
 fn run(cli: &Cli) -> anyhow::Result<()> {
     let global = &cli.global;
+    imaging::set_generator(&output::signature(cli.command.name()));
     match &cli.command {
         Command::Demo(args) => commands::demo::run(global, args),
         Command::Estimate(args) => commands::estimate::run(global, args),

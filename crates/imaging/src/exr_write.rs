@@ -7,6 +7,7 @@ use exr::meta::attribute::{AttributeValue, Chromaticities, EnvironmentMap, Integ
 use exr::meta::header::{ImageAttributes, LayerAttributes};
 
 use crate::chromaticity::REC709;
+use crate::generator::generator;
 use crate::{Image, RadianceImage};
 
 /// How the sphere lies in an OpenEXR environment map (attribute `envmap`).
@@ -64,7 +65,7 @@ impl ChannelGroup {
 }
 
 /// Attributes with a meaning and type of their own: a text under their name would make the file unreadable.
-const RESERVED: [&str; 16] = [
+const RESERVED: [&str; 17] = [
     "channels",
     "chromaticities",
     "chunkCount",
@@ -77,6 +78,7 @@ const RESERVED: [&str; 16] = [
     "pixelAspectRatio",
     "screenWindowCenter",
     "screenWindowWidth",
+    "software",
     "tiles",
     "type",
     "version",
@@ -110,7 +112,9 @@ pub(crate) fn encode(
     let mut attributes = ImageAttributes::new(IntegerBounds::from_dimensions((width, height)));
     attributes.chromaticities = Some(Chromaticities { red, green, blue, white });
 
-    let mut own = LayerAttributes { white_luminance: options.white_luminance, ..LayerAttributes::default() };
+    let software_name = Some(text(generator())?);
+    let mut own =
+        LayerAttributes { white_luminance: options.white_luminance, software_name, ..LayerAttributes::default() };
     own.environment_map = options.environment.map(|layout| match layout {
         EnvironmentLayout::LatitudeLongitude => EnvironmentMap::LatitudeLongitude,
         EnvironmentLayout::Cube => EnvironmentMap::Cube,

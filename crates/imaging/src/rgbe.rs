@@ -3,6 +3,7 @@
 use std::io::{self, Write};
 
 use crate::error::Source;
+use crate::generator::generator;
 use crate::{ImageError, RadianceImage};
 
 /// Reads any Radiance RGBE picture.
@@ -172,7 +173,7 @@ fn read_old_scanline(rest: &mut &[u8], scanline: &mut [[u8; 4]]) -> Result<(), &
 /// The three channels share an exponent: each keeps an error of up to 1/256 of the greatest.
 pub(crate) fn encode(image: &RadianceImage, out: &mut impl Write) -> io::Result<()> {
     let (width, height) = (image.width(), image.height());
-    write!(out, "#?RADIANCE\nSOFTWARE=lightoctree\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n")?;
+    write!(out, "#?RADIANCE\nSOFTWARE={}\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n", generator())?;
     let mut scanline = Vec::with_capacity(4 * width + 4);
     for row in image.pixels().chunks_exact(width) {
         let row: Vec<[u8; 4]> = row.iter().map(|&rgb| rgbe_from_rgb(rgb)).collect();

@@ -7,6 +7,7 @@ use image::{ExtendedColorType, ImageEncoder};
 
 use crate::atomic::replace_when_written;
 use crate::color::srgb_from_linear;
+use crate::generator::{mark_jpeg, mark_png};
 use crate::exr_write::{self, ChannelGroup, ExrOptions};
 use crate::{DepthMap, Format, Image, ImageError, Photo, RadianceImage, ToneCurve, depth, pfm, rgbe};
 
@@ -184,7 +185,13 @@ fn write_encoded<T>(
         format,
         reason: error.to_string(),
     })?;
-    atomically(path, |out| io::Write::write_all(out, bytes.get_ref()))
+    let mut bytes = bytes.into_inner();
+    match format {
+        Format::Png => mark_png(&mut bytes),
+        Format::Jpeg => mark_jpeg(&mut bytes),
+        _ => {}
+    }
+    atomically(path, |out| io::Write::write_all(out, &bytes))
 }
 
 fn atomically(

@@ -74,7 +74,7 @@ impl Scene {
         let (octree, octree_tensors) = write_tensors(&self.light);
         let metadata = Metadata {
             format_version: FORMAT_VERSION,
-            program: concat!("lightoctree ", env!("CARGO_PKG_VERSION")).to_owned(),
+            program: format!("{} {}", imaging::generator(), env!("CARGO_PKG_VERSION")),
             octree,
             camera: self.frame.camera,
             exposure: self.frame.exposure,

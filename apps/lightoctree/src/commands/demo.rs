@@ -71,7 +71,6 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let panorama = stages.stage("panorama 512 × 256", || tracer.panorama(at, 512, 256));
     let options = ExrOptions {
         environment: Some(EnvironmentLayout::LatitudeLongitude),
-        metadata: vec![("software".into(), output::signature(COMMAND))],
         ..ExrOptions::default()
     };
     imaging::write_radiance(file("panorama.exr"), &panorama.radiance, &options)?;

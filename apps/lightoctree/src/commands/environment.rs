@@ -123,9 +123,9 @@ pub fn odd_place(scene: &Scene, point: Vec3) -> Option<&'static str> {
 }
 
 /// Writes the panorama in the wanted orientation and, on request, its preview.
-pub fn write(path: &Path, radiance: &RadianceImage, at: Vec3, args: &PanoramaArgs, command: &str) -> anyhow::Result<()> {
+pub fn write(path: &Path, radiance: &RadianceImage, at: Vec3, args: &PanoramaArgs) -> anyhow::Result<()> {
     let turned = imaging::reorient(radiance, Orientation::Lightoctree, args.orientation.preset());
-    imaging::write_radiance(path, &turned, &exr_options(args, at, EnvironmentLayout::LatitudeLongitude, command))?;
+    imaging::write_radiance(path, &turned, &exr_options(args, at, EnvironmentLayout::LatitudeLongitude))?;
     if args.preview {
         imaging::write_tone_mapped(preview_path(path), &turned, args.tone.curve(), args.preview_ev)?;
     }
@@ -133,12 +133,11 @@ pub fn write(path: &Path, radiance: &RadianceImage, at: Vec3, args: &PanoramaArg
 }
 
 /// Attributes of an EXR environment map.
-pub fn exr_options(args: &PanoramaArgs, at: Vec3, layout: EnvironmentLayout, command: &str) -> ExrOptions {
+pub fn exr_options(args: &PanoramaArgs, at: Vec3, layout: EnvironmentLayout) -> ExrOptions {
     ExrOptions {
         half: args.half,
         environment: Some(layout),
         metadata: vec![
-            ("software".into(), signature(command)),
             ("lightoctree.position_m".into(), format!("{} {} {}", at.x, at.y, at.z)),
             ("lightoctree.orientation".into(), args.orientation.to_possible_value().map_or_else(String::new, |v| v.get_name().into())),
             ("lightoctree.units".into(), "linear Rec. 709; 1 is the photo's white".into()),

@@ -109,10 +109,10 @@ fn write(args: &Args, at: Vec3, panorama: &Rendering) -> anyhow::Result<()> {
     if args.cubemap {
         let turned = imaging::reorient(&panorama.radiance, Orientation::Lightoctree, args.panorama.orientation.preset());
         let cube = imaging::cubemap_from_equirectangular(&turned, args.panorama.size[1] / 2);
-        let options = environment::exr_options(&args.panorama, at, EnvironmentLayout::Cube, COMMAND);
+        let options = environment::exr_options(&args.panorama, at, EnvironmentLayout::Cube);
         imaging::write_radiance(&args.output, &cube.strip(), &options)?;
     } else {
-        environment::write(&args.output, &panorama.radiance, at, &args.panorama, COMMAND)?;
+        environment::write(&args.output, &panorama.radiance, at, &args.panorama)?;
     }
     if let Some(path) = &args.depth_out {
         imaging::write_depth(path, &panorama.distance_m)?;

@@ -268,8 +268,7 @@ fn write_layers(path: &Path, composite: &Composite) -> anyhow::Result<()> {
         ChannelGroup::single("occlusion", "A", &composite.occlusion),
     ];
     let size = (composite.alpha.width(), composite.alpha.height());
-    let metadata = vec![("software".into(), output::signature(COMMAND))];
-    Ok(imaging::write_exr(path, size, &groups, &ExrOptions { metadata, ..ExrOptions::default() })?)
+    Ok(imaging::write_exr(path, size, &groups, &ExrOptions::default())?)
 }
 
 #[cfg(test)]

@@ -87,7 +87,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         }
         let file = format!("{}.{}", probe.name, args.format);
         let panorama = renderer.at(probe.position_m);
-        environment::write(&args.output.join(&file), &panorama.radiance, probe.position_m, &args.panorama, COMMAND)?;
+        environment::write(&args.output.join(&file), &panorama.radiance, probe.position_m, &args.panorama)?;
         entries.push(json!({
             "name": probe.name,
             "file": file,
