@@ -1,5 +1,6 @@
 use std::sync::{Mutex, PoisonError};
 
+use multiversion::multiversion;
 use rayon::prelude::*;
 
 use crate::{
@@ -7,7 +8,7 @@ use crate::{
     march::{Hit, LocalCone, march},
     reconstruction::{Interpolated, Nearest, Reconstruction},
     steps::StepTable,
-    tracer::{CONES_PER_TASK, Composite, ConeTracer},
+    tracer::{CONES_PER_TASK, Composite, ConeTracer, LANES},
 };
 
 /// Tasks whose gradients are held before they are added up.
@@ -47,7 +48,8 @@ impl ConeTracer {
 
     /// [`ConeTracer::trace_batch`] and [`ConeTracer::trace_backward`] in one go: each cone is followed once.
     ///
-    /// `loss` gives the derivative of the loss by the sample of the cone with this index.
+    /// `loss` gives the derivative of the loss by the sample of the cone with this index; it is not asked about cones that miss
+    /// the cube, which depend on nothing.
     ///
     /// # Panics
     /// Where there are not as many samples as cones.
@@ -71,12 +73,7 @@ impl ConeTracer {
                     let loss = |index: usize, sample: &Sample| loss(first + index, sample);
                     let lock = || idle.lock().unwrap_or_else(PoisonError::into_inner);
                     let mut sum = lock().pop().unwrap_or_else(|| Accumulator::new(total.len()));
-                    match self.settings.sampling {
-                        Sampling::Nearest => self.gradients_of_task::<Nearest>(cones, samples, &loss, &mut sum),
-                        Sampling::Interpolated => {
-                            self.gradients_of_task::<Interpolated>(cones, samples, &loss, &mut sum)
-                        }
-                    }
+                    gradients_of_task(self, cones, samples, &loss, &mut sum);
                     let part = sum.take();
                     lock().push(sum);
                     part
@@ -90,31 +87,8 @@ impl ConeTracer {
         self.by_rows(&total)
     }
 
-    fn gradients_of_task<R: Reconstruction>(
-        &self,
-        cones: &[Cone],
-        samples: &mut [Sample],
-        loss: &impl Fn(usize, &Sample) -> SampleGradient,
-        sum: &mut Accumulator,
-    ) {
-        let mut table = None;
-        let mut hits = Vec::new();
-        for (index, (cone, sample)) in cones.iter().zip(samples).enumerate() {
-            *sample = Sample::default();
-            let Some(local) = LocalCone::new(cone, &self.cube, self.grid.side()) else { continue };
-            let table = self.table(&mut table, cone.tan_half_angle, &local);
-            hits.clear();
-            let transmittance =
-                march::<R>(&self.grid, table, &local, self.settings.min_transmittance, |hit| hits.push(hit));
-            let mut pixel = Composite::default();
-            hits.iter().for_each(|hit| pixel.add(&table.steps()[hit.step as usize], hit));
-            *sample = pixel.finish(transmittance, local.far, self.leaf_edge_m());
-            let d_sample = loss(index, sample);
-            self.sweep_back::<R>(table, &local, &hits, transmittance, &d_sample, sum);
-        }
-    }
-
     /// From the last hit to the first, with what lies behind each weighted by the derivatives.
+    #[inline(always)]
     fn sweep_back<R: Reconstruction>(
         &self,
         table: &StepTable,
@@ -165,6 +139,46 @@ impl ConeTracer {
         }
         Gradients { rgba }
     }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2", "x86_64+avx2+bmi1+bmi2"))]
+fn gradients_of_task<F: Fn(usize, &Sample) -> SampleGradient>(
+    tracer: &ConeTracer,
+    cones: &[Cone],
+    samples: &mut [Sample],
+    loss: &F,
+    sum: &mut Accumulator,
+) {
+    match tracer.settings.sampling {
+        Sampling::Nearest => gradients_of_cones::<Nearest, F>(tracer, cones, samples, loss, sum),
+        Sampling::Interpolated => gradients_of_cones::<Interpolated, F>(tracer, cones, samples, loss, sum),
+    }
+}
+
+#[inline(always)]
+fn gradients_of_cones<R: Reconstruction, F: Fn(usize, &Sample) -> SampleGradient>(
+    tracer: &ConeTracer,
+    cones: &[Cone],
+    samples: &mut [Sample],
+    loss: &F,
+    sum: &mut Accumulator,
+) {
+    samples.fill(Sample::default());
+    let mut hits: [Vec<Hit>; LANES] = std::array::from_fn(|_| Vec::new());
+    tracer.for_each_packet::<LANES>(cones, |table, indices, locals| {
+        hits.iter_mut().for_each(Vec::clear);
+        let transmittances =
+            march::<R, LANES>(&tracer.grid, table, locals, tracer.settings.min_transmittance, |lane, hit| {
+                hits[lane].push(hit);
+            });
+        for (lane, (&index, local)) in indices.iter().zip(locals).enumerate() {
+            let mut pixel = Composite::default();
+            hits[lane].iter().for_each(|hit| pixel.add(&table.steps()[hit.step as usize], hit));
+            samples[index] = pixel.finish(transmittances[lane], local.far, tracer.leaf_edge_m());
+            let d_sample = loss(index, &samples[index]);
+            tracer.sweep_back::<R>(table, local, &hits[lane], transmittances[lane], &d_sample, sum);
+        }
+    });
 }
 
 /// Gradients of the few slots that a task touches.

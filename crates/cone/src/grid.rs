@@ -37,21 +37,13 @@ pub(crate) struct SlotNode {
 }
 
 /// What lies at a position.
-pub(crate) enum Found {
+#[derive(Clone, Copy)]
+pub(crate) enum Cell {
     /// An occupied node.
     Slot(u32),
-    /// Nothing at all.
-    Empty(EmptyBox),
-}
-
-/// A box of leaf cells with nothing in it.
-pub(crate) struct EmptyBox {
-    /// Lowest corner.
-    pub low: [i32; 3],
-    /// Highest corner.
-    pub high: [i32; 3],
-    /// Greatest level at which a sample finds the box empty; in a coarser one it may share a node with something.
-    pub level: u32,
+    /// Nothing, nor in the other cells of `level` at a distance below `radius` from that of the position. In a coarser level
+    /// they may share a node with something.
+    Empty { level: u32, radius: i32 },
 }
 
 impl Grid {
@@ -87,45 +79,35 @@ impl Grid {
 
     /// What the leaf cell `leaf`, inside of the cube, belongs to at `level`.
     #[inline(always)]
-    pub fn find(&self, leaf: [i32; 3], level: u32) -> Found {
+    pub fn find(&self, leaf: [i32; 3], level: u32) -> Cell {
+        let [entry] = self.dense_cells_at(&leaf.map(|c| [c]), &[level]);
+        self.descend(entry, leaf, level)
+    }
+
+    /// The entries of the dense cells that leaf cells belong to at a level, or at the finest dense one.
+    #[inline(always)]
+    pub fn dense_cells_at<const LANES: usize>(&self, leaf: &[[i32; LANES]; 3], level: &[u32; LANES]) -> [u32; LANES] {
+        let mut index = [0u32; LANES];
+        for lane in 0..LANES {
+            let shift = level[lane].max(self.depth - self.dense_depth);
+            let depth = self.depth - shift;
+            let [x, y, z] = [leaf[0][lane], leaf[1][lane], leaf[2][lane]].map(|c| (c >> shift) as u32);
+            index[lane] = ((1 << (3 * depth)) - 1) / 7 + (((x << depth | y) << depth) | z);
+        }
+        index.map(|index| self.cells[index as usize])
+    }
+
+    /// From the dense cell of `leaf` at `level` down to the level itself.
+    #[inline(always)]
+    pub fn descend(&self, mut entry: u32, leaf: [i32; 3], level: u32) -> Cell {
         let mut shift = level.max(self.depth - self.dense_depth);
-        let entry = self.cells[dense_index(leaf, self.depth - shift, shift)];
-        if entry & EMPTY != 0 {
-            return Found::Empty(EmptyBox::around(leaf, shift, (entry & !EMPTY) as i32));
-        }
-        let mut slot = entry;
-        while shift > level {
+        let mut radius = (entry & !EMPTY) as i32;
+        while shift > level && entry & EMPTY == 0 {
             shift -= 1;
-            let entry = self.children[slot as usize][octant(leaf, shift)];
-            if entry & EMPTY != 0 {
-                return Found::Empty(EmptyBox::around(leaf, shift, 1));
-            }
-            slot = entry;
+            entry = self.children[entry as usize][octant(leaf, shift)];
+            radius = 1;
         }
-        Found::Slot(slot)
-    }
-}
-
-impl EmptyBox {
-    /// The cells of level `level` at a distance below `radius` from that of `leaf`.
-    #[inline(always)]
-    fn around(leaf: [i32; 3], level: u32, radius: i32) -> Self {
-        Self {
-            low: leaf.map(|c| ((c >> level) - radius + 1) << level),
-            high: leaf.map(|c| ((c >> level) + radius) << level),
-            level,
-        }
-    }
-
-    /// The same box without its outermost cells, or `None` if these are all.
-    #[inline(always)]
-    pub fn shrunk(&self) -> Option<Self> {
-        let edge = 1 << self.level;
-        (self.high[0] - self.low[0] > 2 * edge).then(|| Self {
-            low: self.low.map(|c| c + edge),
-            high: self.high.map(|c| c - edge),
-            level: self.level,
-        })
+        if entry & EMPTY != 0 { Cell::Empty { level: shift, radius } } else { Cell::Slot(entry) }
     }
 }
 

@@ -1,21 +1,17 @@
-use crate::grid::{EmptyBox, Found, Grid};
+use crate::grid::{Cell, Grid};
 
 /// How the octree is read at a position between node centres.
 pub(crate) trait Reconstruction {
-    /// Value of the field at `position` (leaf edges) and `level`.
-    fn read(grid: &Grid, position: [f32; 3], level: f32) -> Read;
+    /// How many cells around its own a sample reads.
+    const RADIUS: i32;
+
+    /// Linear RGB radiance and extinction per leaf edge at `position` (leaf edges) and `level`; `cell` is what lies there at
+    /// the level rounded up.
+    fn read(grid: &Grid, cell: Cell, position: [f32; 3], level: f32) -> [f32; 4];
 
     /// The slots that the value is made of and their weights: extinction is the weighted sum of theirs, radiance the mean
     /// weighted by extinction too.
     fn footprint(grid: &Grid, position: [f32; 3], level: f32, visit: impl FnMut(u32, f32));
-}
-
-/// What a sample finds.
-pub(crate) enum Read {
-    /// Linear RGB radiance and extinction per leaf edge.
-    Value([f32; 4]),
-    /// Nothing, nor anywhere else in the box.
-    Empty(EmptyBox),
 }
 
 /// The node that contains the position, at the level rounded up.
@@ -25,31 +21,31 @@ pub(crate) struct Nearest;
 pub(crate) struct Interpolated;
 
 impl Reconstruction for Nearest {
+    const RADIUS: i32 = 0;
+
     #[inline(always)]
-    fn read(grid: &Grid, position: [f32; 3], level: f32) -> Read {
-        match grid.find(leaf_cell(grid, position), level.ceil() as u32) {
-            Found::Slot(slot) => Read::Value(grid.value(slot)),
-            Found::Empty(empty) => Read::Empty(empty),
+    fn read(grid: &Grid, cell: Cell, _: [f32; 3], _: f32) -> [f32; 4] {
+        match cell {
+            Cell::Slot(slot) => grid.value(slot),
+            Cell::Empty { .. } => [0.0; 4],
         }
     }
 
     #[inline(always)]
     fn footprint(grid: &Grid, position: [f32; 3], level: f32, mut visit: impl FnMut(u32, f32)) {
-        if let Found::Slot(slot) = grid.find(leaf_cell(grid, position), level.ceil() as u32) {
+        let leaf = position.map(|p| (p as i32).clamp(0, grid.side() - 1));
+        if let Cell::Slot(slot) = grid.find(leaf, level.ceil() as u32) {
             visit(slot, 1.0);
         }
     }
 }
 
 impl Reconstruction for Interpolated {
+    /// The eight nodes around a position are its own and neighbours.
+    const RADIUS: i32 = 1;
+
     #[inline(always)]
-    fn read(grid: &Grid, position: [f32; 3], level: f32) -> Read {
-        // The eight nodes around a position are its own and neighbours: with two cells of nothing around it, all are empty.
-        if let Found::Empty(empty) = grid.find(leaf_cell(grid, position), level.ceil() as u32)
-            && let Some(inner) = empty.shrunk()
-        {
-            return Read::Empty(inner);
-        }
+    fn read(grid: &Grid, _: Cell, position: [f32; 3], level: f32) -> [f32; 4] {
         let mut sum = [0.0; 4];
         Self::footprint(grid, position, level, |slot, weight| {
             let [r, g, b, extinction] = grid.value(slot);
@@ -58,7 +54,7 @@ impl Reconstruction for Interpolated {
         });
         let [r, g, b, extinction] = sum;
         let scale = if extinction > 0.0 { 1.0 / extinction } else { 0.0 };
-        Read::Value([r * scale, g * scale, b * scale, extinction])
+        [r * scale, g * scale, b * scale, extinction]
     }
 
     #[inline(always)]
@@ -89,16 +85,10 @@ fn trilinear(grid: &Grid, position: [f32; 3], level: u32, mut visit: impl FnMut(
         if cell.iter().any(|c| !(0..side).contains(c)) {
             continue;
         }
-        if let Found::Slot(slot) = grid.find(cell.map(|c| c << level), level) {
+        if let Cell::Slot(slot) = grid.find(cell.map(|c| c << level), level) {
             let weight: f32 =
                 (0..3).map(|axis| if offset[axis] == 1 { fraction[axis] } else { 1.0 - fraction[axis] }).product();
             visit(slot, weight);
         }
     }
-}
-
-/// The leaf cell of a position; rounding may have put it on the far side of a face of the cube.
-#[inline(always)]
-fn leaf_cell(grid: &Grid, position: [f32; 3]) -> [i32; 3] {
-    position.map(|p| (p as i32).clamp(0, grid.side() - 1))
 }
