@@ -10,7 +10,7 @@ pub enum ExportError {
     UnknownFormat(String),
     /// There is nothing to write.
     #[error("{}", match .0 {
-        Content::Leaves => "the scene's octree has no node with radiance; there is nothing to export",
+        Content::Leaves => "the scene's octree has no visible node with radiance; there is nothing to export",
         Content::PhotoPoints => "the scene's depth map has no reading; there are no photo points to export",
     })]
     Nothing(Content),

@@ -37,10 +37,13 @@ impl Point {
     }
 }
 
-/// One point a leaf.
+/// One point for each leaf that the room's air touches or that the photo saw.
+///
+/// The rest is what completion puts behind its walls to make them opaque: two thirds of the leaves, and nobody can see them.
 pub(crate) fn from_leaves(leaves: &[Leaf]) -> Vec<Point> {
     leaves
         .iter()
+        .filter(|leaf| leaf.exposed != 0 || leaf.seen > 0.0)
         .map(|leaf| Point {
             position_m: leaf.centre_m,
             // A leaf without a preferred side looks at the camera, from which it was seen if at all.
@@ -74,7 +77,17 @@ pub(crate) fn from_photo(frame: &Frame) -> Vec<Point> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::free_space;
     use crate::test_scene::box_room;
+
+    #[test]
+    fn what_lies_behind_the_walls_is_left_out() {
+        let mut light = box_room().light;
+        assert_eq!(from_leaves(&free_space::leaves(&light)).len(), 296);
+        // Nothing seen: the edges and corners of the shell touch no air.
+        light.seen[3].fill(0);
+        assert_eq!(from_leaves(&free_space::leaves(&light)).len(), 6 * 36);
+    }
 
     #[test]
     fn photo_points_lie_where_the_photo_sees_them() {
