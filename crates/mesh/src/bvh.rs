@@ -1,14 +1,11 @@
 use std::ops::ControlFlow;
 
 use geometry::Vec3;
-use obvhs::Boundable;
-use obvhs::aabb::Aabb;
-use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
-use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 
 use crate::Model;
+use crate::sah::{self, Box3};
 use crate::triangle::{Crossing, ShearedRay};
 
 /// The largest coordinate of the hierarchy lies below this power of two. Its traversal uses absolute tolerances
@@ -38,37 +35,20 @@ pub(crate) struct Candidate {
     pub crossing: Crossing,
 }
 
-struct Corners<'a>(&'a [Vec3; 3]);
-
-impl Boundable for Corners<'_> {
-    fn aabb(&self) -> Aabb {
-        let [a, b, c] = *self.0;
-        let padding = Vec3::splat(PADDING);
-        Aabb::new((a.min(b).min(c) - padding).into(), (a.max(b).max(c) + padding).into())
-    }
-}
-
 impl MeshBvh {
     /// Builds the hierarchy; the same model gives the same one on any machine and thread count.
     pub(crate) fn build(model: &Model) -> Self {
+        if model.triangles.is_empty() {
+            return Self { hierarchy: CwBvh::default(), corners: Vec::new(), scale: 1.0 };
+        }
         let largest =
             model.positions.iter().filter(|p| p.is_finite()).map(|p| p.abs().max_element()).fold(0.0, f32::max);
         let scale = scale_below(largest);
         let corners: Vec<[Vec3; 3]> =
             model.triangles.iter().map(|t| t.map(|vertex| model.positions[vertex as usize] * scale)).collect();
-        let boxes: Vec<Aabb> = corners.iter().map(|t| Corners(t).aabb()).collect();
-        let indices = (0..corners.len() as u32).collect();
-        let mut binary = PlocBuilder::with_capacity(boxes.len()).build(
-            PlocSearchDistance::Low,
-            &boxes,
-            indices,
-            SortPrecision::U64,
-            2,
-        );
+        let boxes: Vec<Box3> = corners.iter().map(|&t| Box3::around(t).grown(PADDING)).collect();
+        let binary = sah::build(&boxes);
         drop(boxes);
-        // Reinsertion pays for meshes that are shown for long; for huge ones it would take longer than all rays.
-        let share = if corners.len() <= 1_000_000 { 0.05 } else { 0.005 };
-        ReinsertionOptimizer::default().run(&mut binary, share, None);
         let mut hierarchy = bvh2_to_cwbvh(&binary, 3, true, false);
         drop(binary);
         let corners = hierarchy.primitive_indices.iter().map(|&t| corners[t as usize]).collect();

@@ -13,6 +13,7 @@ mod polygon;
 mod prepared;
 mod preset;
 mod repair;
+mod sah;
 mod stl;
 mod surface;
 mod tangents;

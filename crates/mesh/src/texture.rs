@@ -131,8 +131,8 @@ impl TextureBudget {
 
 /// Position in texels; f64 because coordinates far outside [0, 1] would lose the texel in f32.
 fn texel_position(coordinate: f32, size: usize) -> f64 {
-    // NaN becomes 0; beyond 1e12 repeats there is no texel to tell anyway.
-    f64::from(coordinate.max(-1e12).min(1e12)) * size as f64
+    // Beyond 1e12 repeats there is no texel to tell; NaN ends as texel 0 in the cast that follows.
+    f64::from(coordinate.clamp(-1e12, 1e12)) * size as f64
 }
 
 /// Column or row that `index` means.

@@ -33,6 +33,8 @@ fn vector(size: f32) -> impl Strategy<Value = Vec3> {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
     #[test]
     fn closest_and_any_hit_agree_with_brute_force(
         soup in prop::collection::vec((vector(1.0), vector(0.4), vector(0.4)), 1..200),

@@ -72,7 +72,7 @@ fn read_material(index: usize, source: &super::json::Material, textures: &mut Te
 
 /// Into [0, 1]; NaN becomes 0.
 fn share(value: f32) -> f32 {
-    value.max(0.0).min(1.0)
+    if value.is_nan() { 0.0 } else { value.clamp(0.0, 1.0) }
 }
 
 fn non_negative(value: f32) -> f32 {
