@@ -2,9 +2,28 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use lightoctree::mesh::Model;
+use lightoctree::geometry::{Ray, Vec3};
+use lightoctree::mesh::{LoadOptions, Model, PreparedModel};
 
 fuzz_target!(|bytes: &[u8]| {
     let Some((choice, bytes)) = bytes.split_first() else { return };
-    let _ = (choice, bytes);
+    let options = LoadOptions::default();
+    // The files that a mesh names hold the mesh's own bytes.
+    let resolve = |_: &str| Ok(bytes.to_vec());
+    let model = match choice % 4 {
+        0 => Model::from_gltf_bytes(bytes, &resolve),
+        1 => Model::from_obj_bytes(bytes, &resolve, &options),
+        2 => Model::from_ply_bytes(bytes, &options),
+        _ => Model::from_stl_bytes(bytes, &options),
+    };
+    let Ok(model) = model else { return };
+    let prepared = PreparedModel::new(model);
+    let bounds = prepared.bounds();
+    assert!(bounds.min.is_finite() && bounds.max.is_finite());
+    let origin = bounds.max + Vec3::ONE;
+    let Some(direction) = (bounds.center() - origin).try_normalize() else { return };
+    if let Some(hit) = prepared.intersect_both_sides(&Ray { origin, direction }, f32::INFINITY) {
+        let surface = prepared.model().surface(&hit, direction, 0.01);
+        assert!(surface.shading_normal.is_finite() && surface.roughness.is_finite());
+    }
 });

@@ -70,12 +70,9 @@ pub fn prepare_folder(path: &Path, manifest: &str, command: &str, force: bool) -
 
 fn check_parent(path: &Path) -> anyhow::Result<()> {
     match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() && !parent.is_dir() => Err(Usage(format!(
-            "the folder {} for {} does not exist",
-            parent.display(),
-            path.display()
-        ))
-        .into()),
+        Some(parent) if !parent.as_os_str().is_empty() && !parent.is_dir() => {
+            Err(Usage(format!("the folder {} for {} does not exist", parent.display(), path.display())).into())
+        }
         _ => Ok(()),
     }
 }

@@ -19,7 +19,9 @@ impl fmt::Display for CameraSource {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Exif => f.write_str("focal length from EXIF"),
-            Self::Default => f.write_str("assumed: the photo has no EXIF focal length; give --intrinsics or --hfov-deg if you know better"),
+            Self::Default => f.write_str(
+                "assumed: the photo has no EXIF focal length; give --intrinsics or --hfov-deg if you know better",
+            ),
         }
     }
 }

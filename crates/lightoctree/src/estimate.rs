@@ -22,13 +22,7 @@ pub struct EstimateOptions {
 
 impl Default for EstimateOptions {
     fn default() -> Self {
-        Self {
-            octree_depth: 7,
-            full_depth: 4,
-            completion: Completion::Shell,
-            up: None,
-            sources: Vec::new(),
-        }
+        Self { octree_depth: 7, full_depth: 4, completion: Completion::Shell, up: None, sources: Vec::new() }
     }
 }
 
@@ -97,7 +91,11 @@ pub fn estimate(
     let (light, report) = LightOctree::from_points(&points, cube, options.octree_depth, options.full_depth)?;
     messages(Message::Stage { name: "octree", took: begun.elapsed() });
     if report.outside > 0 {
-        messages(Message::Note(format!("{} of {} points lie outside of the cube and were left out", report.outside, points.len())));
+        messages(Message::Note(format!(
+            "{} of {} points lie outside of the cube and were left out",
+            report.outside,
+            points.len()
+        )));
     }
     Ok(Scene { light, frame, completion: options.completion, room, sources: options.sources.clone() })
 }

@@ -46,7 +46,9 @@ pub fn surface_at_pixel(scene: &Scene, u: f64, v: f64) -> Result<(Vec3, Vec3), P
     let (x, y) = ((u / width * columns as f64) as isize, (v / height * rows as f64) as isize);
     let reading = |dx: isize, dy: isize| {
         let (x, y) = (x + dx, y + dy);
-        ((0..columns).contains(&x) && (0..rows).contains(&y)).then(|| depth[(x as usize, y as usize)]).filter(|&z| z > 0.0)
+        ((0..columns).contains(&x) && (0..rows).contains(&y))
+            .then(|| depth[(x as usize, y as usize)])
+            .filter(|&z| z > 0.0)
     };
     let mut nearest: Option<(isize, f32)> = None;
     for dy in -SEARCH_RADIUS..=SEARCH_RADIUS {
@@ -89,7 +91,8 @@ fn inside(scene: &Scene) -> (geometry::Mat3, Vec3, Vec3) {
         return (geometry::Mat3::IDENTITY, low, high);
     };
     let wall = room.planes.iter().find(|plane| plane.side == Side::Wall).map(|plane| plane.plane.normal);
-    let z = wall.map(|normal| (normal - room.up * normal.dot(room.up)).normalize_or_zero()).filter(|z| *z != Vec3::ZERO);
+    let z =
+        wall.map(|normal| (normal - room.up * normal.dot(room.up)).normalize_or_zero()).filter(|z| *z != Vec3::ZERO);
     let z = z.unwrap_or_else(|| orthonormal_basis(room.up).x_axis);
     let axes = geometry::Mat3::from_cols(room.up.cross(z), room.up, z);
     let (mut low, mut high) = bounds(occupied.into_iter().map(|point| axes.transpose() * point));

@@ -65,8 +65,10 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         let case = CASES.iter().find(|case| case.name == name).with_context(|| format!("no case {name}"))?;
         return report::print_json(&measure(case, args.reps as usize)?);
     }
-    let chosen: Vec<&Case> =
-        CASES.iter().filter(|case| args.only.is_empty() || args.only.iter().any(|only| case.name.contains(only.as_str()))).collect();
+    let chosen: Vec<&Case> = CASES
+        .iter()
+        .filter(|case| args.only.is_empty() || args.only.iter().any(|only| case.name.contains(only.as_str())))
+        .collect();
     if chosen.is_empty() {
         return Err(Usage(format!("no case has `{}` in its name; --list prints them", args.only.join("`, `"))).into());
     }
@@ -152,7 +154,11 @@ fn input_folder() -> anyhow::Result<PathBuf> {
         Usage("set PEERS_INPUT to the folder that the peers' make_input.py wrote (it holds input.json)".into())
     })?;
     if !folder.join("input.json").is_file() {
-        return Err(Usage(format!("{} (PEERS_INPUT) holds no input.json: run the peers' make_input.py", folder.display())).into());
+        return Err(Usage(format!(
+            "{} (PEERS_INPUT) holds no input.json: run the peers' make_input.py",
+            folder.display()
+        ))
+        .into());
     }
     Ok(folder)
 }

@@ -7,7 +7,9 @@ use crate::args::Cli;
 
 /// Options of `completions`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n  lightoctree completions bash > ~/.local/share/bash-completion/completions/lightoctree")]
+#[command(
+    after_help = "Example:\n  lightoctree completions bash > ~/.local/share/bash-completion/completions/lightoctree"
+)]
 pub struct Args {
     /// Which shell
     shell: Shell,

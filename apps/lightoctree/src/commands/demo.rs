@@ -69,10 +69,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let at = base.position_m + base.up * (0.5 * HEIGHT_M);
     let tracer = stages.stage("prepare cone tracing", || ConeTracer::new(&scene.light, Settings::default()))?;
     let panorama = stages.stage("panorama 512 × 256", || tracer.panorama(at, 512, 256));
-    let options = ExrOptions {
-        environment: Some(EnvironmentLayout::LatitudeLongitude),
-        ..ExrOptions::default()
-    };
+    let options = ExrOptions { environment: Some(EnvironmentLayout::LatitudeLongitude), ..ExrOptions::default() };
     imaging::write_radiance(file("panorama.exr"), &panorama.radiance, &options)?;
     imaging::write_tone_mapped(file("panorama.png"), &panorama.radiance, ToneCurve::Reinhard, 0.0)?;
     files.extend([file("panorama.exr"), file("panorama.png")]);
@@ -84,7 +81,10 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
 /// The scene of the photo that the program carries.
 pub fn estimate(stages: &mut Stages) -> anyhow::Result<Scene> {
     let (photo, depth_m) = stages.stage("read photo and depth", || -> anyhow::Result<_> {
-        Ok((imaging::photo_from_bytes(PHOTO, "library_color.jpg")?, imaging::depth_from_bytes(DEPTH, "library_lidar_depth.png", None)?))
+        Ok((
+            imaging::photo_from_bytes(PHOTO, "library_color.jpg")?,
+            imaging::depth_from_bytes(DEPTH, "library_lidar_depth.png", None)?,
+        ))
     })?;
     let [fx, fy, cx, cy] = INTRINSICS;
     let camera = Camera::new(fx, fy, cx, cy, photo.photo.width() as u32, photo.photo.height() as u32)?;
@@ -115,7 +115,8 @@ fn insert_objects(
     let inserter = stages.stage("prepare light", || Inserter::new(scene, Lighting::Octree, Quality::Normal))?;
     for material in ["gold", "chrome", "matte-white"] {
         let object = model(material)?;
-        let composite = stages.stage(&format!("insert, {material}"), || inserter.render(&object, &base.scaled(scale)))?;
+        let composite =
+            stages.stage(&format!("insert, {material}"), || inserter.render(&object, &base.scaled(scale)))?;
         let file = out.join(format!("object_{}.png", material.replace('-', "_")));
         imaging::write_photo(&file, &composite.image)?;
         files.push(file);
@@ -147,7 +148,12 @@ fn finish(args: &Args, files: &[PathBuf], stages: &Stages) -> anyhow::Result<()>
     let sizes: Vec<Vec<String>> = files
         .iter()
         .filter(|file| file.parent() == Some(args.out.as_path()))
-        .map(|file| vec![file.display().to_string(), std::fs::metadata(file).map_or_else(|_| "-".into(), |m| report::bytes(m.len()))])
+        .map(|file| {
+            vec![
+                file.display().to_string(),
+                std::fs::metadata(file).map_or_else(|_| "-".into(), |m| report::bytes(m.len())),
+            ]
+        })
         .collect();
     report::print(&report::table(&["written", "size"], &sizes));
     report::print(&format!("{}  {FRAMES} frames of the moving object", args.out.join("moving").display()));

@@ -139,7 +139,10 @@ pub fn exr_options(args: &PanoramaArgs, at: Vec3, layout: EnvironmentLayout) -> 
         environment: Some(layout),
         metadata: vec![
             ("lightoctree.position_m".into(), format!("{} {} {}", at.x, at.y, at.z)),
-            ("lightoctree.orientation".into(), args.orientation.to_possible_value().map_or_else(String::new, |v| v.get_name().into())),
+            (
+                "lightoctree.orientation".into(),
+                args.orientation.to_possible_value().map_or_else(String::new, |v| v.get_name().into()),
+            ),
             ("lightoctree.units".into(), "linear Rec. 709; 1 is the photo's white".into()),
         ],
         ..ExrOptions::default()

@@ -73,7 +73,8 @@ const COMMAND: &str = "envmap";
 /// Renders and writes.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let preview = args.panorama.preview.then(|| environment::preview_path(&args.output));
-    let outputs = [Some(&args.output), preview.as_ref(), args.depth_out.as_ref(), args.sh9.as_ref(), args.main_light.as_ref()];
+    let outputs =
+        [Some(&args.output), preview.as_ref(), args.depth_out.as_ref(), args.sh9.as_ref(), args.main_light.as_ref()];
     let outputs: Vec<&PathBuf> = outputs.into_iter().flatten().collect();
     for path in &outputs {
         output::check_replaceable(path, COMMAND, args.force)?;
@@ -107,7 +108,8 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
 
 fn write(args: &Args, at: Vec3, panorama: &Rendering) -> anyhow::Result<()> {
     if args.cubemap {
-        let turned = imaging::reorient(&panorama.radiance, Orientation::Lightoctree, args.panorama.orientation.preset());
+        let turned =
+            imaging::reorient(&panorama.radiance, Orientation::Lightoctree, args.panorama.orientation.preset());
         let cube = imaging::cubemap_from_equirectangular(&turned, args.panorama.size[1] / 2);
         let options = environment::exr_options(&args.panorama, at, EnvironmentLayout::Cube);
         imaging::write_radiance(&args.output, &cube.strip(), &options)?;

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::ValueEnum;
+use lightoctree::EstimateOptions;
 use lightoctree::geometry::{Camera, Vec3};
 use lightoctree::imaging;
-use lightoctree::EstimateOptions;
 use lightoctree::scene::{Completion, Frame, Scene};
 
 use super::parse;

@@ -175,7 +175,8 @@ fn say(args: &Args, written: &[PathBuf], placements: &[Placement], stages: &Stag
 
 /// Reads a mesh and gives it the material, if one is wanted.
 fn load_model(path: &Path, material: Option<&str>) -> anyhow::Result<PreparedModel> {
-    let material = material.map(MaterialSpec::parse).transpose().map_err(|error| Usage(format!("--material: {error}")))?;
+    let material =
+        material.map(MaterialSpec::parse).transpose().map_err(|error| Usage(format!("--material: {error}")))?;
     let mut model = Model::load(path, &LoadOptions::default())?;
     if let Some(material) = material {
         model.override_material(&material, Path::new(".")).context("--material")?;
@@ -204,7 +205,9 @@ fn placements(args: &Args, scene: &Scene, scale: f32) -> anyhow::Result<Vec<Plac
     let placement = match (args.at, args.pixel) {
         (Some(at), _) => Placement::at(scene, at),
         (None, Some([u, v])) => Placement::rest_on_pixel(scene, u, v)?,
-        (None, None) => return Err(Usage("say where: --at X,Y,Z, --pixel U,V, or --path FILE.json with --frames N".into()).into()),
+        (None, None) => {
+            return Err(Usage("say where: --at X,Y,Z, --pixel U,V, or --path FILE.json with --frames N".into()).into());
+        }
     };
     Ok(vec![placement.scaled(scale).turned(args.yaw_deg.to_radians())])
 }
@@ -215,7 +218,8 @@ fn output_files(args: &Args, output: &Path, frames: usize) -> anyhow::Result<Vec
     (0..frames)
         .map(|frame| {
             let file = frame_name(output, "--output", sequence, frame)?;
-            let layers = args.layers.as_deref().map(|layers| frame_name(layers, "--layers", sequence, frame)).transpose()?;
+            let layers =
+                args.layers.as_deref().map(|layers| frame_name(layers, "--layers", sequence, frame)).transpose()?;
             output::check_replaceable(&file, COMMAND, args.force)?;
             if let Some(layers) = &layers {
                 output::check_replaceable(layers, COMMAND, args.force)?;
@@ -278,7 +282,9 @@ mod tests {
 
     #[test]
     fn frames_are_numbered_as_the_pattern_says() {
-        let name = |pattern: &str, frame| frame_name(Path::new(pattern), "-o", true, frame).map(|path| path.display().to_string());
+        let name = |pattern: &str, frame| {
+            frame_name(Path::new(pattern), "-o", true, frame).map(|path| path.display().to_string())
+        };
         assert_eq!(name("out/a_%04d.png", 7).unwrap(), "out/a_0007.png");
         assert_eq!(name("%d.png", 12).unwrap(), "12.png");
         for bad in ["a.png", "%4d.png", "%0x.png", "%04d_%04d.png", "%012d.png"] {

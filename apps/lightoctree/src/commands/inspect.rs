@@ -11,7 +11,9 @@ use crate::report;
 
 /// Options of `inspect`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  lightoctree inspect room.scene\n  lightoctree inspect room.scene --json | jq .octree.levels")]
+#[command(
+    after_help = "Examples:\n  lightoctree inspect room.scene\n  lightoctree inspect room.scene --json | jq .octree.levels"
+)]
 pub struct Args {
     /// A scene file
     scene: PathBuf,
@@ -150,7 +152,8 @@ fn summarise(scene: &Scene, bytes: u64) -> Summary {
 fn percentiles(rgba: &[[f32; 4]]) -> RadianceSummary {
     let mut values: Vec<f32> = rgba.iter().map(|&[r, g, b, _]| luminance([r, g, b])).collect();
     values.sort_by(f32::total_cmp);
-    let at = |share: f64| values.get(((values.len().max(1) - 1) as f64 * share).round() as usize).copied().unwrap_or(0.0);
+    let at =
+        |share: f64| values.get(((values.len().max(1) - 1) as f64 * share).round() as usize).copied().unwrap_or(0.0);
     RadianceSummary { min: at(0.0), p05: at(0.05), median: at(0.5), p95: at(0.95), p99: at(0.99), max: at(1.0) }
 }
 

@@ -67,9 +67,12 @@ const MANIFEST: &str = "manifest.json";
 /// Most probes of one run.
 const MAX_PROBES: usize = 100_000;
 
-struct Probe {
-    name: String,
-    position_m: Vec3,
+/// A place to render at, and the name of its file.
+pub struct Probe {
+    /// File name without extension.
+    pub name: String,
+    /// World position in metres.
+    pub position_m: Vec3,
 }
 
 /// Renders every probe, then writes the manifest.
@@ -107,17 +110,31 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     if args.json {
         report::print_json(&manifest)?;
     } else {
-        report::print(&format!("{}  {} panoramas in {}", args.output.display(), entries.len(), seconds(stages.total())));
+        report::print(&format!(
+            "{}  {} panoramas in {}",
+            args.output.display(),
+            entries.len(),
+            seconds(stages.total())
+        ));
     }
     if entries.len() < probes.len() {
-        anyhow::bail!("stopped after {} of {} panoramas; {} lists them", entries.len(), probes.len(), args.output.join(MANIFEST).display());
+        anyhow::bail!(
+            "stopped after {} of {} panoramas; {} lists them",
+            entries.len(),
+            probes.len(),
+            args.output.join(MANIFEST).display()
+        );
     }
     Ok(())
 }
 
 fn probes(args: &Args, scene: &Scene) -> anyhow::Result<Vec<Probe>> {
     let numbered = |points: Vec<Vec3>| {
-        points.into_iter().enumerate().map(|(i, position_m)| Probe { name: format!("probe_{i:04}"), position_m }).collect()
+        points
+            .into_iter()
+            .enumerate()
+            .map(|(i, position_m)| Probe { name: format!("probe_{i:04}"), position_m })
+            .collect()
     };
     let probes: Vec<Probe> = if let Some(counts) = args.grid {
         let total = counts.iter().product::<usize>();
@@ -151,8 +168,13 @@ fn read_points(path: &Path) -> anyhow::Result<Vec<Probe>> {
 }
 
 /// Points of a table: x, y, z in metres and optionally a name, with or without a header line.
-fn points_from_csv(text: &str) -> anyhow::Result<Vec<Probe>> {
-    let mut reader = csv::ReaderBuilder::new().has_headers(false).flexible(true).trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
+pub fn points_from_csv(text: &str) -> anyhow::Result<Vec<Probe>> {
+    let mut reader = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .flexible(true)
+        .trim(csv::Trim::All)
+        .comment(Some(b'#'))
+        .from_reader(text.as_bytes());
     let mut probes: Vec<Probe> = Vec::new();
     for (index, record) in reader.records().enumerate() {
         let record = record?;
@@ -165,9 +187,16 @@ fn points_from_csv(text: &str) -> anyhow::Result<Vec<Probe>> {
         }
         let mut xyz = [0.0f32; 3];
         for (value, (cell, axis)) in xyz.iter_mut().zip(record.iter().zip(["x", "y", "z"])) {
-            *value = cell.parse().ok().filter(|v: &f32| v.is_finite()).with_context(|| format!("line {line}: {axis} is `{cell}`, not a finite number"))?;
+            *value = cell
+                .parse()
+                .ok()
+                .filter(|v: &f32| v.is_finite())
+                .with_context(|| format!("line {line}: {axis} is `{cell}`, not a finite number"))?;
         }
-        let name = record.get(3).filter(|name| !name.is_empty()).map_or_else(|| format!("probe_{:04}", probes.len()), str::to_owned);
+        let name = record
+            .get(3)
+            .filter(|name| !name.is_empty())
+            .map_or_else(|| format!("probe_{:04}", probes.len()), str::to_owned);
         if name.contains(['/', '\\', '\0']) || name.starts_with('.') {
             anyhow::bail!("line {line}: `{name}` cannot be a file name");
         }

@@ -55,10 +55,15 @@ fn build(cloud: &str, neighbours: bool) -> anyhow::Result<Prepared> {
     let points: Vec<RadiancePoint> = positions
         .chunks_exact(3)
         .zip(colors.chunks_exact(3))
-        .map(|(p, c)| RadiancePoint { position_m: Vec3::new(p[0], p[1], p[2]), radiance: [c[0], c[1], c[2]], coverage: Coverage::Seen })
+        .map(|(p, c)| RadiancePoint {
+            position_m: Vec3::new(p[0], p[1], p[2]),
+            radiance: [c[0], c[1], c[2]],
+            coverage: Coverage::Seen,
+        })
         .collect();
     let run = move || {
-        let (light, _) = LightOctree::from_points(&points, CUBE, DEPTH, FULL_DEPTH).expect("the kit's clouds make an octree");
+        let (light, _) =
+            LightOctree::from_points(&points, CUBE, DEPTH, FULL_DEPTH).expect("the kit's clouds make an octree");
         if neighbours {
             black_box(light.octree.all_neighbours());
         }
@@ -99,7 +104,10 @@ fn panorama_cones(origin: Vec3) -> Vec<Cone> {
 fn room_octree(folder: &Path) -> anyhow::Result<LightOctree> {
     let (volume, shape) = load(folder, "room_rgba128")?;
     let side = 1u32 << DEPTH;
-    anyhow::ensure!(shape == [u64::from(side), u64::from(side), u64::from(side), 4], "room_rgba128.npy has the shape {shape:?}");
+    anyhow::ensure!(
+        shape == [u64::from(side), u64::from(side), u64::from(side), 4],
+        "room_rgba128.npy has the shape {shape:?}"
+    );
     let mut leaves: Vec<(u32, [f32; 4])> = volume
         .chunks_exact(4)
         .enumerate()
