@@ -116,7 +116,10 @@ impl Environment {
         scratch.samples.resize(rays.len(), Sample::default());
         whole.trace_batch(&scratch.cones, &mut scratch.samples);
         shares.extend(rays.iter().zip(&scratch.samples).map(|(&(_, _, distance_m), sample)| {
-            // The light's own leaf is met up to about two edges before its middle.
+            // From outside of the octree nothing is known to be in the way. The light's own leaf is met up to about two edges before its middle.
+            if sample.opacity == 0.0 {
+                return 1.0;
+            }
             let missing = (distance_m - sample.distance_m) / leaf_edge_m;
             (1.0 - (missing - 2.5) / 2.0).clamp(0.0, 1.0)
         }));

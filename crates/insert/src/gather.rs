@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::brdf::{Brdf, cone_tangent};
 use crate::environment::{Environment, Part, Scratch};
-use crate::lights::luminance;
+use crate::lights::{LightSample, luminance};
 use crate::object::Object;
 use crate::radiosity::Radiosity;
 use crate::shadow::ShadowRatio;
@@ -38,15 +38,24 @@ pub(crate) struct Gathered {
     pub irradiance: Vec3,
     /// Radiance towards the viewer from light samples by the specular layer.
     pub highlights: Vec3,
-    /// Luminance over the sphere and its first moment, which say how irradiance changes with the normal.
+    /// Luminance of the cones' light over the hemisphere, and its first moment.
     fluence: f32,
     flux: Vec3,
+    /// The same for a uniform environment of luminance 1.
+    uniform_fluence: f32,
+    uniform_flux: Vec3,
+    /// Luminance of the light samples' irradiance, and its first moment.
+    light_fluence: f32,
+    light_flux: Vec3,
 }
 
 impl Gathered {
-    /// Irradiance for another normal at the same place, relative to that of `from` (first-order spherical harmonics).
+    /// Irradiance for another normal near by, relative to that of `from` (first-order spherical harmonics). Nothing is known of
+    /// the light below the first normal's horizon; it counts as the mean of that above.
     pub fn irradiance_for(&self, from: Vec3, to: Vec3) -> Vec3 {
-        let first_order = |normal: Vec3| 0.25 * self.fluence + 0.5 * self.flux.dot(normal);
+        let mean = self.fluence / self.uniform_fluence.max(1e-6);
+        let flux = self.flux - self.uniform_flux * mean + self.light_flux;
+        let first_order = |normal: Vec3| PI * mean + 0.25 * self.light_fluence + 0.5 * flux.dot(normal);
         let (old, new) = (first_order(from).max(1e-6), first_order(to).max(0.0));
         self.irradiance * (new / old).clamp(0.3, 3.0)
     }
@@ -62,8 +71,51 @@ pub(crate) struct Gatherer<'a> {
     pub shadow: Option<&'a ShadowRatio<'a>>,
     /// Directions over the whole sphere.
     pub directions: &'a [Vec3],
-    /// Light samples per receiver.
-    pub lights: usize,
+    /// Light samples for all receivers.
+    pub lights: &'a [ObjectLight],
+}
+
+/// A light sample that shines on the object.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ObjectLight {
+    sample: LightSample,
+    /// Factor that makes it stand for its part of all light.
+    scale: f32,
+    /// Share of it that real surfaces leave free, where that is the same for the whole object.
+    free: Option<f32>,
+}
+
+/// `count` light samples for an object. With `shared`, a light that every corner and the middle of the object's box see in
+/// full, or not at all, is taken as seen, or not seen, by all of the object.
+pub(crate) fn object_lights(
+    environment: &Environment,
+    object: &Object,
+    count: usize,
+    shared: bool,
+) -> Vec<ObjectLight> {
+    let (samples, scale) = environment.lights().subset(count, 0, 1);
+    let mut lights: Vec<ObjectLight> = samples.map(|&sample| ObjectLight { sample, scale, free: None }).collect();
+    if !shared {
+        return lights;
+    }
+    let places = object.corners().into_iter().chain([object.centre_m]);
+    let places: Vec<Vec3> = places.map(|place| environment.lifted(place, object.support)).collect();
+    let (mut rays, mut shares) = (Vec::new(), Vec::new());
+    for light in &mut lights {
+        rays.clear();
+        let seen = places.iter().filter_map(|&place| Some((place, light.sample.on(place)?)));
+        rays.extend(seen.map(|(place, incidence)| (place, incidence.direction, incidence.distance_m)));
+        environment.free_share(&rays, &mut Scratch::default(), &mut shares);
+        light.free = if shares.iter().all(|&share| share > 0.99) {
+            Some(1.0)
+        } else if shares.iter().all(|&share| share < 0.01) {
+            Some(0.0)
+        } else {
+            None
+        };
+    }
+    lights.retain(|light| light.free != Some(0.0));
+    lights
 }
 
 impl Gatherer<'_> {
@@ -127,11 +179,11 @@ impl Gatherer<'_> {
                 match self.object.closest(&ray, f32::INFINITY).filter(|_| above) {
                     Some(hit) => {
                         let radiance = self.radiosity.map_or(Vec3::ZERO, |r| r.radiance(self.object, &ray, &hit));
-                        gathered.add(radiance, direction, cosine * PI / total, PI / total);
+                        gathered.add(radiance, direction, cosine, PI / total);
                     }
                     None => {
                         cones.push(Cone { origin: apex, direction, tan_half_angle });
-                        owners.push((index, cosine * PI / total, PI / total));
+                        owners.push((index, cosine, PI / total));
                     }
                 }
             }
@@ -143,38 +195,35 @@ impl Gatherer<'_> {
     }
 
     fn gather_lights(&self, receivers: &[Receiver], gathered: &mut [Gathered]) {
-        let lights = self.environment.lights();
-        if lights.is_empty() {
+        if self.lights.is_empty() {
             return;
         }
         let (mut rays, mut owners, mut shares) = (Vec::new(), Vec::new(), Vec::new());
         for (index, receiver) in receivers.iter().enumerate() {
             let start = self.ray_start(receiver);
             let apex = self.environment.lifted(receiver.position, self.object.support);
-            let (samples, scale) = lights.subset(self.lights, 0, 1);
-            for light in samples {
-                let Some(incidence) = light.on(receiver.position) else { continue };
-                let cosine = receiver.normal.dot(incidence.direction);
-                let above = receiver.geometric_normal.dot(incidence.direction) > 0.0;
-                if cosine <= 0.0
-                    || (above
-                        && self
-                            .object
-                            .blocks(&Ray { origin: start, direction: incidence.direction }, incidence.distance_m))
+            for light in self.lights {
+                let Some(incidence) = light.sample.on(receiver.position) else { continue };
+                let direction = incidence.direction;
+                let above = receiver.geometric_normal.dot(direction) > 0.0;
+                if receiver.normal.dot(direction) <= 0.0
+                    || (above && self.object.blocks(&Ray { origin: start, direction }, incidence.distance_m))
                 {
                     continue;
                 }
-                rays.push((apex, incidence.direction, incidence.distance_m));
-                owners.push((index, incidence.direction, incidence.irradiance * scale, cosine));
+                let irradiance = incidence.irradiance * light.scale;
+                match light.free {
+                    Some(share) => gathered[index].add_light(receiver, direction, irradiance * share),
+                    None => {
+                        rays.push((apex, direction, incidence.distance_m));
+                        owners.push((index, direction, irradiance));
+                    }
+                }
             }
         }
         self.environment.free_share(&rays, &mut Scratch::default(), &mut shares);
-        for ((index, direction, irradiance, cosine), share) in owners.into_iter().zip(&shares) {
-            let irradiance = irradiance * *share;
-            gathered[index].add(irradiance, direction, cosine, 1.0);
-            if let Some((view, brdf)) = receivers[index].gloss {
-                gathered[index].highlights += brdf.specular_cos(receivers[index].normal, view, direction) * irradiance;
-            }
+        for ((index, direction, irradiance), share) in owners.into_iter().zip(&shares) {
+            gathered[index].add_light(&receivers[index], direction, irradiance * *share);
         }
     }
 }
@@ -187,10 +236,23 @@ impl Receiver {
 }
 
 impl Gathered {
-    fn add(&mut self, radiance: Vec3, direction: Vec3, weight: f32, solid_angle: f32) {
-        self.irradiance += radiance * weight;
+    fn add_light(&mut self, receiver: &Receiver, direction: Vec3, irradiance: Vec3) {
+        self.irradiance += irradiance * receiver.normal.dot(direction);
+        let bright = luminance(irradiance);
+        self.light_fluence += bright;
+        self.light_flux += direction * bright;
+        if let Some((view, brdf)) = receiver.gloss {
+            self.highlights += brdf.specular_cos(receiver.normal, view, direction) * irradiance;
+        }
+    }
+
+    /// Adds what comes from `direction`, at an angle of the given cosine from the normal, for a solid angle.
+    fn add(&mut self, radiance: Vec3, direction: Vec3, cosine: f32, solid_angle: f32) {
+        self.irradiance += radiance * (cosine * solid_angle);
         let bright = luminance(radiance) * solid_angle;
         self.fluence += bright;
         self.flux += direction * bright;
+        self.uniform_fluence += solid_angle;
+        self.uniform_flux += direction * solid_angle;
     }
 }

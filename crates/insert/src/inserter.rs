@@ -7,14 +7,14 @@ use scene::{Frame, Scene};
 use crate::brdf::AlbedoTable;
 use crate::composite::{Composite, Layers};
 use crate::environment::Environment;
-use crate::gather::Gatherer;
+use crate::gather::{Gatherer, object_lights};
 use crate::object::Object;
 use crate::quality::Counts;
 use crate::radiosity::{self, Radiosity};
 use crate::shade::Shader;
 use crate::shadow::{ShadowField, ShadowRatio};
 use crate::surface::SurfaceMap;
-use crate::visibility::{TILE, Viewer};
+use crate::visibility::{TILE, Viewer, coverage_pattern};
 use crate::{InsertError, Placement, Quality};
 
 /// Long side at which the photo's depth hides the object; above it, a depth pixel serves several photo pixels.
@@ -86,13 +86,15 @@ impl Inserter {
     pub fn render(&self, model: &PreparedModel, placement: &Placement) -> Result<Composite, InsertError> {
         placement.check()?;
         let object = Object::new(model, placement)?;
+        let lights =
+            object_lights(&self.environment, &object, self.counts.object_lights, self.counts.share_light_visibility);
         let gatherer = |shadow, radiosity| Gatherer {
             environment: &self.environment,
             object: &object,
             radiosity,
             shadow,
             directions: &self.directions,
-            lights: self.counts.object_lights,
+            lights: &lights,
         };
 
         let coarse = self.coarse.ratio(&self.environment, &object, None);
@@ -109,11 +111,12 @@ impl Inserter {
     }
 
     fn shade_object(&self, object: &Object, gatherer: Gatherer, layers: &mut Layers) {
+        let samples = coverage_pattern(self.counts.coverage);
         let viewer = Viewer {
             camera: self.frame.camera,
             object,
             surfaces: &self.occluders,
-            samples: self.counts.coverage,
+            samples: &samples,
             adaptive: self.counts.shade_stride > 1,
         };
         let shader = Shader {

@@ -185,23 +185,23 @@ pub(crate) fn split_octree(
     let mut below: Vec<Vec3> = Vec::new();
     for (d, level) in levels.iter().enumerate().rev() {
         let mut own = vec![Vec3::ZERO; level.len()];
-        for node in 0..level.len() {
+        for (node, own) in own.iter_mut().enumerate() {
             let Ok(row) = usize::try_from(level.rows[node]) else { continue };
             let [r, g, b, _] = light.rgba[d][row];
             let radiance = Vec3::new(r, g, b);
             if is_leaf(d, node) {
-                own[node] = excess(radiance, cap);
-                if own[node] != Vec3::ZERO {
-                    emitters.extend(exposed_faces(light, d as u32, level.keys[node], own[node]));
+                *own = excess(radiance, cap);
+                if *own != Vec3::ZERO {
+                    emitters.extend(exposed_faces(light, d as u32, level.keys[node], *own));
                 }
             } else if level.children[node] >= 0 {
                 let first = level.children[node] as usize;
                 let opacity = |child: usize| light.node_rgba(d as u32 + 1, child).map_or(0.0, |rgba| rgba[3]);
                 let weight: f32 = (first..first + 8).map(opacity).sum();
                 let sum: Vec3 = (first..first + 8).map(|child| below[child] * opacity(child)).sum();
-                own[node] = if weight > 0.0 { sum / weight } else { Vec3::ZERO };
+                *own = if weight > 0.0 { sum / weight } else { Vec3::ZERO };
             }
-            let rest = (radiance - own[node]).max(Vec3::ZERO);
+            let rest = (radiance - *own).max(Vec3::ZERO);
             dimmed.rgba[d][row][..3].copy_from_slice(&rest.to_array());
         }
         below = own;

@@ -23,7 +23,8 @@ pub(crate) struct Object<'a> {
     pub high_m: Vec3,
     /// The surface that the object stands on.
     pub support: Option<Plane>,
-    has_blend: bool,
+    /// Whether some of it can be seen through.
+    pub has_blend: bool,
 }
 
 impl<'a> Object<'a> {
@@ -71,12 +72,18 @@ impl<'a> Object<'a> {
         })
     }
 
-    /// Whether a ray passes by the sphere around the object.
+    /// Whether a ray passes by the object's box; cheaper than asking the triangles.
     fn misses(&self, ray: &Ray) -> bool {
         let offset = self.centre_m - ray.origin;
         let along = offset.dot(ray.direction);
         let (squared, radius) = (offset.length_squared(), self.radius_m * self.radius_m);
-        squared - along * along > radius || (along < 0.0 && squared > radius)
+        if squared - along * along > radius || (along < 0.0 && squared > radius) {
+            return true;
+        }
+        let (origin, inverse) = (self.to_local_point(ray.origin), self.to_local(ray.direction).recip());
+        let margin = Vec3::splat(1e-4 * self.radius_m);
+        let (a, b) = ((self.low_m - margin - origin) * inverse, (self.high_m + margin - origin) * inverse);
+        a.max(b).min_element() < a.min(b).max_element().max(0.0)
     }
 
     /// The nearest surface before `max_m` that stops light, whichever way it faces.

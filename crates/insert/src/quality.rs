@@ -5,13 +5,13 @@ use serde::{Deserialize, Serialize};
 /// | | draft | normal | high |
 /// | --- | --- | --- | --- |
 /// | coverage samples on edges of the object | 4 | 8 | 16 |
-/// | diffuse cones over the sphere per shaded point | 24 | 64 | 192 |
-/// | diffuse shading shared by neighbouring pixels | 2 × 2 | no | no |
+/// | diffuse cones over the sphere per shaded point | 16 | 64 | 192 |
+/// | diffuse shading shared by neighbouring pixels | 4 × 4 | no | no |
 /// | specular cones | 1 | 6 | 24 |
-/// | light samples on the object | 8 | 32 | 128 |
-/// | directions per background point (× 16 by interleaving) | 16 | 32 | 96 |
-/// | light samples per background point (× 16 by interleaving) | 3 | 8 | 16 |
-/// | longer side of the shadow map | 240 | 640 | 2048 |
+/// | light samples on the object | 6 | 32 | 128 |
+/// | directions per background point (× 16 by interleaving) | 8 | 24 | 96 |
+/// | light samples per background point (× 16 by interleaving) | 3 | 12 | 16 |
+/// | longer side of the shadow map | 160 | 480 | 2048 |
 /// | longer side of the shadow map that the object sees | 80 | 120 | 240 |
 /// | points that carry the object's bounced light | 192 | 512 | 1536 |
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -43,6 +43,8 @@ pub(crate) struct Counts {
     pub patches: usize,
     /// Share of a real surface's hemisphere below which the object's effect is neglected; it fades in up to twice this.
     pub negligible: f32,
+    /// Whether a light that all corners of the object's box see (or do not see) counts as seen (or not) everywhere on it.
+    pub share_light_visibility: bool,
 }
 
 impl Quality {
@@ -50,16 +52,17 @@ impl Quality {
         match self {
             Self::Draft => Counts {
                 coverage: 4,
-                diffuse_cones: 24,
-                shade_stride: 2,
+                diffuse_cones: 16,
+                shade_stride: 4,
                 specular_cones: 1,
-                object_lights: 8,
-                background_cones: 16,
+                object_lights: 6,
+                background_cones: 8,
                 background_lights: 3,
-                shadow_side: 240,
+                shadow_side: 160,
                 coarse_shadow_side: 80,
                 patches: 192,
-                negligible: 0.01,
+                negligible: 0.02,
+                share_light_visibility: true,
             },
             Self::Normal => Counts {
                 coverage: 8,
@@ -67,12 +70,13 @@ impl Quality {
                 shade_stride: 1,
                 specular_cones: 6,
                 object_lights: 32,
-                background_cones: 32,
-                background_lights: 8,
-                shadow_side: 640,
+                background_cones: 24,
+                background_lights: 12,
+                shadow_side: 480,
                 coarse_shadow_side: 120,
                 patches: 512,
                 negligible: 0.004,
+                share_light_visibility: true,
             },
             Self::High => Counts {
                 coverage: 16,
@@ -86,6 +90,7 @@ impl Quality {
                 coarse_shadow_side: 240,
                 patches: 1536,
                 negligible: 0.003,
+                share_light_visibility: false,
             },
         }
     }

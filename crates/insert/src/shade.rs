@@ -18,6 +18,9 @@ const LIGHT_SAMPLING_ROUGHNESS: (f32, f32) = (0.3, 0.5);
 /// Widest cone of a glossy reflection.
 const MAX_TANGENT: f32 = 0.8;
 
+/// Index of the reflection that a cone belongs to, and its share.
+type Owner = (usize, f32);
+
 /// Shades fragments.
 pub(crate) struct Shader<'a> {
     pub gatherer: Gatherer<'a>,
@@ -92,7 +95,7 @@ impl Shader<'_> {
             let shared = candidates.iter().copied().find(|&slot| {
                 let other: &Fragment = &fragments[sources[slot]];
                 self.stride > 1
-                    && other.point.geometric_normal.dot(fragment.point.geometric_normal) > 0.9
+                    && other.point.geometric_normal.dot(fragment.point.geometric_normal) > 0.7
                     && (other.point.position.z - fragment.point.position.z).abs() < -0.02 * fragment.point.position.z
             });
             source.push(shared.unwrap_or_else(|| {
@@ -187,7 +190,7 @@ impl Shader<'_> {
         let gatherer = &self.gatherer;
         let mut radiance = vec![Vec3::ZERO; reflections.len()];
         // What is asked of the environment: with its lights, and without.
-        let mut asked: [(Vec<Cone>, Vec<(usize, f32)>); 2] = Default::default();
+        let mut asked: [(Vec<Cone>, Vec<Owner>); 2] = Default::default();
         for (i, reflection) in reflections.iter().enumerate() {
             let point = &fragments[reflection.fragment].point;
             let receiver = Receiver {

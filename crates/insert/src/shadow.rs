@@ -39,7 +39,8 @@ const HOLE_FILL: usize = 6;
 
 /// Real surfaces as receivers of shadow, with the light that they get without the object.
 pub(crate) struct ShadowField {
-    pub map: SurfaceMap,
+    map: SurfaceMap,
+    surfaces: Image<Option<Surface>>,
     /// Directions over the sphere, one set per pattern.
     directions: Vec<Vec<Vec3>>,
     irradiance: Vec<OnceLock<Vec3>>,
@@ -51,16 +52,18 @@ pub(crate) struct ShadowField {
 
 /// The factor on each pixel of a [`SurfaceMap`].
 pub(crate) struct ShadowRatio<'a> {
-    pub map: &'a SurfaceMap,
-    pub ratio: Image<Vec3>,
+    map: &'a SurfaceMap,
+    surfaces: &'a Image<Option<Surface>>,
+    ratio: Image<Vec3>,
 }
 
 impl ShadowField {
     pub fn new(map: SurfaceMap, counts: &Counts) -> Self {
         let directions = (0..PATTERNS).map(|pattern| sphere_pattern(counts.background_cones, pattern)).collect();
         let irradiance = (0..map.width() * map.height()).map(|_| OnceLock::new()).collect();
+        let surfaces = Image::from_fn(map.width(), map.height(), |x, y| map.pixel(x, y));
         let (cones, lights) = (counts.background_cones, counts.background_lights);
-        Self { map, directions, irradiance, cones, lights, negligible: counts.negligible }
+        Self { map, surfaces, directions, irradiance, cones, lights, negligible: counts.negligible }
     }
 
     /// Computes the irradiance without the object of all pixels now, so that no frame has to.
@@ -83,7 +86,7 @@ impl ShadowField {
             .collect();
         let mut ratio = Image::new(width, height, rows.into_iter().flatten().collect());
         self.fill_holes(&mut ratio);
-        ShadowRatio { map: &self.map, ratio }
+        ShadowRatio { map: &self.map, surfaces: &self.surfaces, ratio }
     }
 
     /// Δ of a row of pixels.
@@ -99,19 +102,22 @@ impl ShadowField {
         let (mut cones, mut cone_owners, mut samples) = (Vec::new(), Vec::new(), Vec::new());
         let (mut rays, mut ray_owners, mut shares) = (Vec::new(), Vec::new(), Vec::new());
         for (x, loss) in loss.iter_mut().enumerate() {
-            let Some(surface) = self.map.pixel(x, y) else { continue };
+            let Some(surface) = self.surfaces[(x, y)] else { continue };
             let Some(cap) = Cap::towards(object, &surface) else { continue };
             // Effects fade out where they are too small to be seen, and nothing is computed beyond.
-            let strength = (cap.share(&surface) / self.negligible - 1.0).clamp(0.0, 1.0);
+            let share = cap.share(&surface);
+            let strength = (share / self.negligible - 1.0).clamp(0.0, 1.0);
             if strength <= 0.0 {
                 continue;
             }
+            // The error of a few directions in a small cap is small.
+            let count = ((self.cones as f32 * 2.0 * share).ceil() as usize).clamp(self.cones.div_ceil(4), self.cones);
             let pattern = BAYER[(y % 4) * 4 + x % 4];
             let start = surface.position_m + surface.normal * (1e-3 * object.radius_m);
             let apex = surface.position_m + surface.normal * environment.lift_m;
-            let solid_angle = cap.solid_angle_sr() / self.cones as f32;
+            let solid_angle = cap.solid_angle_sr() / count as f32;
             let tan_half_angle = quantised(cone_tangent(solid_angle));
-            for direction in cap.directions(self.cones, pattern) {
+            for direction in cap.directions(count, pattern) {
                 let cosine = surface.normal.dot(direction);
                 if cosine <= 0.0 {
                     continue;
@@ -154,7 +160,7 @@ impl ShadowField {
         (0..self.map.height()).into_par_iter().for_each(|y| {
             let missing = |x: &usize| wanted[y * width + x] && self.irradiance[y * width + x].get().is_none();
             let pixels: Vec<(usize, Surface)> =
-                (0..width).filter(missing).filter_map(|x| Some((x, self.map.pixel(x, y)?))).collect();
+                (0..width).filter(missing).filter_map(|x| Some((x, self.surfaces[(x, y)]?))).collect();
             for ((x, _), value) in pixels.iter().zip(self.irradiance_of(environment, y, &pixels)) {
                 // A value that another frame has set meanwhile is the same.
                 let _ = self.irradiance[y * width + x].set(value);
@@ -198,7 +204,7 @@ impl ShadowField {
 
     /// `1 − ΣΔ / ΣE` over 5 × 5 pixels whose outer ones count half: each of the sixteen patterns weighs the same.
     fn filtered(&self, loss: &Image<Vec3>, x: usize, y: usize) -> Vec3 {
-        let Some(centre) = self.map.pixel(x, y) else { return Vec3::ONE };
+        let Some(centre) = self.surfaces[(x, y)] else { return Vec3::ONE };
         let tolerance_m = SAME_SURFACE * self.map.depth_m[(x, y)];
         let (mut lost, mut lit) = (Vec3::ZERO, Vec3::ZERO);
         for dy in -2i32..=2 {
@@ -210,7 +216,7 @@ impl ShadowField {
                 if px >= self.map.width() || py >= self.map.height() {
                     continue;
                 }
-                let Some(other) = self.map.pixel(px, py) else { continue };
+                let Some(other) = self.surfaces[(px, py)] else { continue };
                 let Some(&irradiance) = self.irradiance[py * self.map.width() + px].get() else { continue };
                 let off_plane_m = centre.normal.dot(other.position_m - centre.position_m).abs();
                 if off_plane_m > tolerance_m || centre.normal.dot(other.normal) < 0.8 {
@@ -231,7 +237,7 @@ impl ShadowField {
     /// Carries the shadow on over small holes of the depth map, ring by ring from their edges.
     fn fill_holes(&self, ratio: &mut Image<Vec3>) {
         let (width, height) = (ratio.width(), ratio.height());
-        let mut known = Image::from_fn(width, height, |x, y| self.map.pixel(x, y).is_some());
+        let mut known = Image::from_fn(width, height, |x, y| self.surfaces[(x, y)].is_some());
         let mut open: Vec<(usize, usize)> =
             (0..width * height).map(|i| (i % width, i / width)).filter(|&pixel| !known[pixel]).collect();
         for _ in 0..HOLE_FILL {
@@ -263,7 +269,7 @@ impl ShadowRatio<'_> {
         let Some((x, y)) = self.map.pixel_of(point) else { return Vec3::ONE };
         let z = self.map.depth_m[(x, y)];
         let tolerance_m = 0.05 * z;
-        let Some(surface) = self.map.pixel(x, y) else { return Vec3::ONE };
+        let Some(surface) = self.surfaces[(x, y)] else { return Vec3::ONE };
         if surface.normal.dot(point - surface.position_m).abs() > tolerance_m { Vec3::ONE } else { self.ratio[(x, y)] }
     }
 
@@ -277,11 +283,11 @@ impl ShadowRatio<'_> {
         let point = seen();
         let mut sum = (Vec3::ZERO, 0.0);
         for (x, y, weight) in taps {
-            let closeness = match (point, self.map.pixel(x, y)) {
+            let closeness = match (point, self.surfaces[(x, y)]) {
                 (Some(point), Some(surface)) => {
                     let off_plane =
                         surface.normal.dot(point - surface.position_m) / (SAME_SURFACE * self.map.depth_m[(x, y)]);
-                    (-off_plane * off_plane).exp().max(1e-4)
+                    (1.0 + off_plane * off_plane).powi(-4)
                 }
                 _ => 1.0,
             };

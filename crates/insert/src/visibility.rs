@@ -1,6 +1,6 @@
 //! Which parts of the object the photo shows: sub-pixel coverage, transparent layers, and the photo's own surfaces in front.
 
-use geometry::{Camera, Ray, Vec3};
+use geometry::{Camera, Ray, Vec2, Vec3};
 use mesh::{Hit, SurfacePoint};
 
 use crate::brdf::hammersley;
@@ -42,23 +42,31 @@ pub(crate) struct TileView {
     pub hidden: Vec<((usize, usize), f32)>,
 }
 
+/// `count` places in a pixel, in [0, 1)²; the most central first, because the first one that meets a surface is shaded.
+pub(crate) fn coverage_pattern(count: usize) -> Vec<Vec2> {
+    let mut places: Vec<Vec2> = (0..count).map(|i| hammersley(i, count)).collect();
+    places.sort_by(|a, b| a.distance_squared(Vec2::splat(0.5)).total_cmp(&b.distance_squared(Vec2::splat(0.5))));
+    places
+}
+
 /// Casts the camera's rays.
 pub(crate) struct Viewer<'a> {
     /// In pixels of the photo.
     pub camera: Camera,
     pub object: &'a Object<'a>,
     pub surfaces: &'a SurfaceMap,
-    /// Samples per pixel.
-    pub samples: usize,
-    /// Whether pixels whose neighbours show the same are content with one sample.
+    /// Places of the samples within a pixel, see [`coverage_pattern`].
+    pub samples: &'a [Vec2],
+    /// Whether pixels whose neighbours show about the same are content with one sample; what is thinner than a pixel may be missed.
     pub adaptive: bool,
 }
 
 /// What the ray through a pixel's centre meets, for comparison with its neighbours.
 #[derive(Clone, Copy)]
 struct Probe {
+    hit: Hit,
+    ray: Ray,
     depth_m: f32,
-    normal: Vec3,
     hidden: bool,
 }
 
@@ -104,22 +112,25 @@ impl Viewer<'_> {
         for y in 0..rows {
             for x in 0..columns {
                 let pixel = (left + x, top + y);
-                if self.adaptive {
-                    let centre = (y + 1) * stride + x + 1;
-                    let around = [centre - 1, centre + 1, centre - stride, centre + stride];
-                    let around = around.into_iter().chain([
-                        centre - stride - 1,
-                        centre - stride + 1,
-                        centre + stride - 1,
-                        centre + stride + 1,
-                    ]);
-                    if around.clone().all(|i| probes[i].is_none()) && probes[centre].is_none() {
-                        continue;
+                if !self.adaptive {
+                    self.pixel(pixel, self.samples.len(), &mut view);
+                    continue;
+                }
+                let centre = (y + 1) * stride + x + 1;
+                let alike = |i: usize| alike(probes[centre], probes[i]);
+                let uniform = [centre - 1, centre + 1].into_iter().all(alike)
+                    && (centre - stride - 1..=centre - stride + 1)
+                        .chain(centre + stride - 1..=centre + stride + 1)
+                        .all(alike);
+                match probes[centre] {
+                    _ if !uniform => self.pixel(pixel, self.samples.len(), &mut view),
+                    Some(probe) if probe.hidden => view.hidden.push((pixel, 1.0)),
+                    Some(probe) if !self.object.has_blend => {
+                        let first = view.fragments.len();
+                        self.add_fragment(pixel, &probe.ray, &probe.hit, 1.0, first, &mut view);
                     }
-                    let uniform = around.clone().all(|i| alike(probes[centre], probes[i]));
-                    self.pixel(pixel, if uniform { 1 } else { self.samples }, &mut view);
-                } else {
-                    self.pixel(pixel, self.samples, &mut view);
+                    Some(_) => self.pixel(pixel, 1, &mut view),
+                    None => {}
                 }
             }
         }
@@ -128,17 +139,17 @@ impl Viewer<'_> {
 
     fn probe(&self, u: f64, v: f64) -> Option<Probe> {
         let ray = Ray { origin: Vec3::ZERO, direction: self.camera.direction(u, v) };
-        let hit = self.object.closest(&ray, f32::INFINITY)?;
+        let hit = self.object.seen(&ray, 0.0)?;
         let point = ray.at(hit.distance_m);
         let hidden = self.is_hidden(u, v, point);
-        Some(Probe { depth_m: -point.z, normal: self.object.triangle_normal(hit.triangle), hidden })
+        Some(Probe { hit, ray, depth_m: -point.z, hidden })
     }
 
     fn pixel(&self, pixel: (usize, usize), samples: usize, view: &mut TileView) {
         let first = view.fragments.len();
         let mut hidden = 0.0;
         for i in 0..samples {
-            let offset = if samples == 1 { geometry::Vec2::splat(0.5) } else { hammersley(i, samples) };
+            let offset = if samples == 1 { Vec2::splat(0.5) } else { self.samples[i] };
             let (u, v) = (pixel.0 as f64 + f64::from(offset.x), pixel.1 as f64 + f64::from(offset.y));
             let ray = Ray { origin: Vec3::ZERO, direction: self.camera.direction(u, v) };
             let mut free = 1.0 / samples as f32;
@@ -218,9 +229,7 @@ impl Viewer<'_> {
 fn alike(a: Option<Probe>, b: Option<Probe>) -> bool {
     match (a, b) {
         (None, None) => true,
-        (Some(a), Some(b)) => {
-            (a.depth_m - b.depth_m).abs() < 0.02 * a.depth_m && a.normal.dot(b.normal) > 0.8 && a.hidden == b.hidden
-        }
+        (Some(a), Some(b)) => (a.depth_m - b.depth_m).abs() < 0.02 * a.depth_m && a.hidden == b.hidden,
         _ => false,
     }
 }

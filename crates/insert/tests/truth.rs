@@ -33,7 +33,7 @@ fn scene_of(solution: &Solution, depth: u32, width: u32, height: u32) -> Scene {
     // Three points per leaf edge
     let pitch = f64::from(cube.node_edge_m(depth)) / 3.0;
     let mut points = Vec::new();
-    for wall in 0..6 {
+    for wall in 0..6usize {
         let axis = wall / 2;
         let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
         let count = |k: usize| ((room.high[k] - room.low[k]) / pitch).ceil() as usize;
@@ -41,7 +41,7 @@ fn scene_of(solution: &Solution, depth: u32, width: u32, height: u32) -> Scene {
         let made: Vec<RadiancePoint> = (0..na * nb)
             .into_par_iter()
             .map(|i| {
-                let mut target = if wall % 2 == 0 { room.low } else { room.high };
+                let mut target = if wall.is_multiple_of(2) { room.low } else { room.high };
                 target[a] = room.low[a] + (room.high[a] - room.low[a]) * ((i % na) as f64 + 0.5) / na as f64;
                 target[b] = room.low[b] + (room.high[b] - room.low[b]) * ((i / na) as f64 + 0.5) / nb as f64;
                 let hit = room.wall([0.0; 3], unit(target));

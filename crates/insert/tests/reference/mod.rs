@@ -106,8 +106,8 @@ impl Room {
     /// Where a ray from inside meets the walls.
     pub fn wall(&self, origin: V, direction: V) -> Hit {
         let mut best = (f64::INFINITY, 0);
-        for wall in 0..6 {
-            let (axis, bound) = (wall / 2, if wall % 2 == 0 { self.low } else { self.high });
+        for wall in 0..6usize {
+            let (axis, bound) = (wall / 2, if wall.is_multiple_of(2) { self.low } else { self.high });
             let t = (bound[axis] - origin[axis]) / direction[axis];
             let outwards = if wall % 2 == 1 { direction[axis] > 0.0 } else { direction[axis] < 0.0 };
             if outwards && t < best.0 {
@@ -177,13 +177,13 @@ impl<'a> Solution<'a> {
         let room = self.room;
         let axis = wall / 2;
         let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
-        let mut position = if wall % 2 == 0 { room.low } else { room.high };
+        let mut position = if wall.is_multiple_of(2) { room.low } else { room.high };
         // Just inside of the edges, where neighbouring walls meet.
         let along = |k: usize| 0.002 + 0.996 * k as f64 / (GRID - 1) as f64;
         position[a] = room.low[a] + (room.high[a] - room.low[a]) * along(i % GRID);
         position[b] = room.low[b] + (room.high[b] - room.low[b]) * along(i / GRID);
         let mut normal = [0.0; 3];
-        normal[axis] = if wall % 2 == 0 { 1.0 } else { -1.0 };
+        normal[axis] = if wall.is_multiple_of(2) { 1.0 } else { -1.0 };
         let mut sum = [0.0; 3];
         for ray in 0..rays {
             let squared = (ray as f64 + 0.5) / rays as f64;
@@ -232,10 +232,9 @@ pub struct Tracer<'a> {
 impl Tracer<'_> {
     pub fn hit(&self, origin: V, direction: V) -> Hit {
         let wall = self.room.wall(origin, direction);
-        if let Some((body, _)) = &self.body {
-            if let Some((distance, normal)) = body.hit(origin, direction).filter(|(t, _)| *t < wall.distance) {
-                return Hit { distance, position: add(origin, scale(direction, distance)), normal, wall: None };
-            }
+        let met = self.body.as_ref().and_then(|(body, _)| body.hit(origin, direction));
+        if let Some((distance, normal)) = met.filter(|(t, _)| *t < wall.distance) {
+            return Hit { distance, position: add(origin, scale(direction, distance)), normal, wall: None };
         }
         wall
     }
