@@ -70,7 +70,8 @@ pub fn estimate(
     let (points, cube, room) = match options.completion {
         Completion::Network => return Err(EstimateError::NoWeights),
         Completion::None => {
-            let surfels = working.surfels(&working.radiance());
+            let clean = working.without_flying_pixels();
+            let surfels = clean.surfels(&clean.radiance());
             let positions: Vec<Vec3> = surfels.iter().map(|surfel| surfel.position_m).collect();
             let points: Vec<RadiancePoint> = surfels.into_iter().map(RadiancePoint::from).collect();
             (points, place_cube(&positions), None)
@@ -102,25 +103,71 @@ pub fn estimate(
 
 /// What a user should know about a completion.
 fn notes(shell: &Shell) -> Vec<String> {
-    let report = &shell.report;
-    let all = (report.seen + report.filled).max(1) as f64;
-    let mut notes = Vec::new();
-    if report.filled as f64 > 0.05 * all {
-        let share = 100.0 * report.filled as f64 / all;
-        notes.push(format!("{share:.0} % of the pixels have no usable depth; theirs was filled in"));
+    let not_seen = |side: Side| shell.room.planes.iter().filter(|plane| plane.side == side && !plane.measured).count();
+    let mut assumed = Vec::new();
+    if not_seen(Side::Floor) > 0 {
+        assumed.push("the floor".to_owned());
     }
-    let assumed: Vec<&str> = [Side::Floor, Side::Ceiling]
-        .into_iter()
-        .filter(|side| shell.room.planes.iter().any(|plane| plane.side == *side && !plane.measured))
-        .map(|side| if side == Side::Floor { "floor" } else { "ceiling" })
-        .collect();
-    let walls = shell.room.planes.iter().filter(|plane| plane.side == Side::Wall && !plane.measured).count();
-    if !assumed.is_empty() || walls > 0 {
-        let mut parts: Vec<String> = assumed.into_iter().map(str::to_owned).collect();
-        if walls > 0 {
-            parts.push(format!("{walls} of 4 walls"));
-        }
-        notes.push(format!("not seen, so their place is assumed: {}", parts.join(", ")));
+    if not_seen(Side::Ceiling) > 0 {
+        assumed.push("the ceiling".to_owned());
+    }
+    if not_seen(Side::Wall) > 0 {
+        assumed.push(format!("{} of 4 walls", not_seen(Side::Wall)));
+    }
+    let mut notes = shell.report.notes();
+    if !assumed.is_empty() {
+        notes.push(format!("not seen, so their place is assumed: {}", assumed.join(", ")));
     }
     notes
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use geometry::Camera;
+    use imaging::{DepthMap, Image, Photo};
+
+    /// A wall two metres away, grey, 96 × 64 pixels.
+    fn wall() -> Frame {
+        let photo = Photo::Srgb8(Image::new(96, 64, vec![[128; 3]; 96 * 64]));
+        let depth_m = DepthMap::new(96, 64, vec![2.0; 96 * 64]);
+        Frame::new(photo, depth_m, Camera::from_hfov_deg(65.0, 96, 64).unwrap(), 1.0).unwrap()
+    }
+
+    #[test]
+    fn without_completion_only_the_seen_is_there() {
+        let options = EstimateOptions { completion: Completion::None, ..EstimateOptions::default() };
+        let scene = estimate(wall(), &options, &mut |_| ()).unwrap();
+        // 128 of 255 is 0.2158605 by IEC 61966-2-1
+        for rgba in scene.light.rgba.last().unwrap() {
+            assert!((rgba[0] - 0.215_860_5).abs() < 1e-6, "{rgba:?}");
+        }
+        assert!(scene.light.seen.last().unwrap().iter().all(|&share| share == 255));
+        let edge_m = scene.light.cube.node_edge_m(7);
+        let level = &scene.light.octree.levels()[7];
+        for (&key, _) in level.keys.iter().zip(&level.rows).filter(|(_, row)| **row >= 0) {
+            let z = scene.light.cube.origin_m.z + octree::xyz_from_key(key)[2] as f32 * edge_m;
+            assert!((-2.0 - edge_m..=-2.0 + edge_m).contains(&z), "a leaf at {z} m");
+        }
+    }
+
+    #[test]
+    fn the_shell_adds_what_is_not_seen_and_says_so() {
+        let mut messages = Vec::new();
+        let scene = estimate(wall(), &EstimateOptions::default(), &mut |message| messages.push(message)).unwrap();
+        assert!(scene.light.seen.last().unwrap().contains(&0));
+        assert_eq!(scene.room.as_ref().unwrap().planes.len(), 6);
+        let stages = messages.iter().filter(|message| matches!(message, Message::Stage { .. })).count();
+        assert_eq!(stages, 3);
+        assert!(messages.iter().any(|message| matches!(message, Message::Note(note) if note.contains("assumed"))));
+    }
+
+    #[test]
+    fn what_cannot_be_done_is_an_error() {
+        let network = EstimateOptions { completion: Completion::Network, ..EstimateOptions::default() };
+        assert!(matches!(estimate(wall(), &network, &mut |_| ()), Err(EstimateError::NoWeights)));
+        let deep = EstimateOptions { octree_depth: 40, ..EstimateOptions::default() };
+        assert!(matches!(estimate(wall(), &deep, &mut |_| ()), Err(EstimateError::Octree(_))));
+    }
 }
