@@ -83,7 +83,8 @@ impl Shader<'_> {
         }
     }
 
-    /// Gathers once for all fragments of a block of pixels that lie on about the same surface.
+    /// Gathers once for all fragments of a block of pixels that lie on about the same surface, and interpolates between blocks
+    /// of one tile.
     fn gather_shared(&self, fragments: &[Fragment], brdfs: &[Brdf]) -> Vec<Gathered> {
         let lit = |f: &Fragment| !f.point.unlit;
         let mut source: Vec<usize> = Vec::with_capacity(fragments.len());
@@ -92,12 +93,10 @@ impl Shader<'_> {
         for (i, fragment) in fragments.iter().enumerate() {
             let block = (fragment.pixel.0 / self.stride, fragment.pixel.1 / self.stride);
             let candidates = block_sources.entry(block).or_default();
-            let shared = candidates.iter().copied().find(|&slot| {
-                let other: &Fragment = &fragments[sources[slot]];
-                self.stride > 1
-                    && other.point.geometric_normal.dot(fragment.point.geometric_normal) > 0.7
-                    && (other.point.position.z - fragment.point.position.z).abs() < -0.02 * fragment.point.position.z
-            });
+            let shared = candidates
+                .iter()
+                .copied()
+                .find(|&slot| self.stride > 1 && on_same_surface(&fragments[sources[slot]], fragment));
             source.push(shared.unwrap_or_else(|| {
                 sources.push(i);
                 candidates.push(sources.len() - 1);
@@ -115,8 +114,27 @@ impl Shader<'_> {
             .enumerate()
             .map(|(i, (fragment, slot))| {
                 let mut own = gathered[slot];
-                if sources[slot] != i {
-                    own.irradiance = own.irradiance_for(receivers[slot].normal, fragment.point.shading_normal);
+                if self.stride == 1 {
+                    return own;
+                }
+                // Between the points of the blocks around, so that blocks do not show.
+                let (column, row) = (fragment.pixel.0 / self.stride, fragment.pixel.1 / self.stride);
+                let blocks = (row.saturating_sub(1)..=row + 1)
+                    .flat_map(|row| (column.saturating_sub(1)..=column + 1).map(move |column| (column, row)));
+                let mut sum = (Vec3::ZERO, 0.0);
+                for &near in blocks.filter_map(|block| block_sources.get(&block)).flatten() {
+                    let other = &fragments[sources[near]];
+                    let offset = |a: usize, b: usize| a.abs_diff(b) as f32 / (1.5 * self.stride as f32);
+                    let weight = (1.0 - offset(other.pixel.0, fragment.pixel.0)).max(0.0)
+                        * (1.0 - offset(other.pixel.1, fragment.pixel.1)).max(0.0);
+                    if weight > 0.0 && lit(other) && (sources[near] == i || on_same_surface(other, fragment)) {
+                        let from = receivers[near].normal;
+                        sum.0 += gathered[near].irradiance_for(from, fragment.point.shading_normal) * weight;
+                        sum.1 += weight;
+                    }
+                }
+                if sum.1 > 0.0 {
+                    own.irradiance = sum.0 / sum.1;
                 }
                 own
             })
@@ -225,6 +243,12 @@ impl Shader<'_> {
         }
         radiance
     }
+}
+
+/// Whether two fragments of neighbouring pixels get about the same light.
+fn on_same_surface(a: &Fragment, b: &Fragment) -> bool {
+    let (near, far) = (a.point.position.z.abs(), b.point.position.z.abs());
+    a.point.geometric_normal.dot(b.point.geometric_normal) > 0.7 && (near - far).abs() < 0.02 * far
 }
 
 /// Share of the lights' highlight that comes from light samples.
