@@ -2,7 +2,7 @@ use std::time::{Duration, Instant};
 
 use completion::{Shell, ShellOptions, shell};
 use geometry::Vec3;
-use octree::{LightOctree, OctreeError, RadiancePoint};
+use octree::{LightOctree, OctreeError, RadiancePoint, check_depths};
 use scene::{Completion, Frame, Scene, Side, place_cube};
 
 /// Choices of [`estimate`].
@@ -63,6 +63,8 @@ pub fn estimate(
     options: &EstimateOptions,
     messages: &mut dyn FnMut(Message),
 ) -> Result<Scene, EstimateError> {
+    // Before any work: the shell's closing points grow with 4^depth.
+    check_depths(options.octree_depth, options.full_depth)?;
     let begun = Instant::now();
     let working = frame.working();
     messages(Message::Stage { name: "working resolution", took: begun.elapsed() });

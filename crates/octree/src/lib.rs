@@ -19,4 +19,4 @@ pub use light::{Coverage, LightOctree, MAX_ALPHA, RadiancePoint};
 pub use neighbours::Neighbours;
 pub use stats::{LevelStats, OctreeStats};
 pub use tensors::{FORMAT_VERSION, NamedTensor, OctreeHeader, read_tensors, write_tensors};
-pub use topology::{Level, MAX_FULL_DEPTH, Octree};
+pub use topology::{Level, MAX_FULL_DEPTH, Octree, check_depths};

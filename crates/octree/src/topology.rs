@@ -136,8 +136,11 @@ impl Level {
     }
 }
 
-/// Errors for depths that keys and indices cannot hold.
-pub(crate) fn check_depths(depth: u32, full_depth: u32) -> Result<(), OctreeError> {
+/// Whether an octree can have these depths, for callers that do much work before they build it.
+///
+/// # Errors
+/// Depths that keys and indices cannot hold.
+pub fn check_depths(depth: u32, full_depth: u32) -> Result<(), OctreeError> {
     if !(1..=MAX_DEPTH).contains(&depth) {
         return Err(OctreeError::Depth { depth });
     }
