@@ -288,7 +288,8 @@ fn hard_photos_give_a_scene_or_a_clear_error() {
     };
     photo("one.png", 1, 1);
     depth("one.pfm", 1, 1, |_, _| 2.0);
-    done(at, &["estimate", "one.png", "--depth", "one.pfm", "-o", "one.scene"]);
+    let message = refused(at, 1, &["estimate", "one.png", "--depth", "one.pfm", "-o", "one.scene"]);
+    assert!(message.contains("one.pfm") && message.contains("readings"), "{message}");
     photo("strip.png", 2000, 2);
     depth("strip.pfm", 2000, 2, |_, _| 2.0);
     done(at, &["estimate", "strip.png", "--depth", "strip.pfm", "-o", "strip.scene"]);

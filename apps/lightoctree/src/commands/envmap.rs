@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use lightoctree::cone::Rendering;
 use lightoctree::geometry::{Orientation, Vec3};
 use lightoctree::imaging::{self, EnvironmentLayout};
-use lightoctree::scene::Scene;
 use serde_json::json;
 
 use super::environment::{self, PanoramaArgs, Renderer};
@@ -80,7 +79,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         output::check_replaceable(path, COMMAND, args.force)?;
     }
     let mut stages = Stages::new(global.quiet);
-    let scene = stages.stage("read scene", || Scene::read(&args.scene))?;
+    let scene = stages.stage("read scene", || super::read_scene(&args.scene))?;
     let at = match (args.at, args.pixel) {
         (Some(at), _) => at,
         (None, Some([u, v])) => {

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 use lightoctree::export::{self, Content, Format, LightProbe, Options};
 use lightoctree::geometry::Vec3;
-use lightoctree::scene::Scene;
 use serde_json::json;
 
 use super::environment::{self, Renderer};
@@ -76,7 +75,7 @@ const COMMAND: &str = "export";
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     output::check_replaceable(&args.output, COMMAND, args.force)?;
     let mut stages = Stages::new(global.quiet);
-    let scene = stages.stage("read scene", || Scene::read(&args.scene))?;
+    let scene = stages.stage("read scene", || super::read_scene(&args.scene))?;
     let probe = match args.probe_at {
         Some(at) => {
             if let Some(odd) = environment::odd_place(&scene, at) {

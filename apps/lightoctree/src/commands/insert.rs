@@ -115,7 +115,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         return Err(Usage("a scene, --mesh and --output are needed".into()).into());
     };
     let mut stages = Stages::new(global.quiet);
-    let scene = stages.stage("read scene", || Scene::read(scene))?;
+    let scene = stages.stage("read scene", || super::read_scene(scene))?;
     let model = stages.stage("read mesh", || load_model(mesh, args.material.as_deref()))?;
     let scale = scale(args, &model)?;
     let placements = placements(args, &scene, scale)?;

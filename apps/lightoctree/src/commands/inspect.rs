@@ -90,7 +90,7 @@ struct RadianceSummary {
 
 /// Reads and prints.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let scene = Scene::read(&args.scene)?;
+    let scene = super::read_scene(&args.scene)?;
     let bytes = std::fs::metadata(&args.scene).with_context(|| format!("{}", args.scene.display()))?.len();
     let summary = summarise(&scene, bytes);
     if args.json {

@@ -12,3 +12,13 @@ pub mod probes;
 
 mod environment;
 mod parse;
+
+use std::path::Path;
+
+use anyhow::Context;
+use lightoctree::scene::Scene;
+
+/// Reads a scene file; errors name it.
+fn read_scene(path: &Path) -> anyhow::Result<Scene> {
+    Scene::read(path).with_context(|| format!("{}", path.display()))
+}

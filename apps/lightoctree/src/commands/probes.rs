@@ -78,7 +78,7 @@ pub struct Probe {
 /// Renders every probe, then writes the manifest.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let mut stages = Stages::new(global.quiet);
-    let scene = stages.stage("read scene", || Scene::read(&args.scene))?;
+    let scene = stages.stage("read scene", || super::read_scene(&args.scene))?;
     let probes = probes(args, &scene)?;
     let renderer = Renderer::new(&scene, args.panorama.size)?;
     output::prepare_folder(&args.output, MANIFEST, COMMAND, args.force)?;
