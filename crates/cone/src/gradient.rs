@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use crate::{
     Cone, Sample, Sampling,
     march::{Hit, LocalCone, march},
+    packets::Packets,
     reconstruction::{Interpolated, Nearest, Reconstruction},
     steps::StepTable,
     tracer::{CONES_PER_TASK, Composite, ConeTracer, LANES},
@@ -165,20 +166,27 @@ fn gradients_of_cones<R: Reconstruction, F: Fn(usize, &Sample) -> SampleGradient
 ) {
     samples.fill(Sample::default());
     let mut hits: [Vec<Hit>; LANES] = std::array::from_fn(|_| Vec::new());
-    tracer.for_each_packet::<LANES>(cones, |table, indices, locals| {
+    let mut packets = Packets::new(tracer, cones);
+    while packets.next::<LANES>() {
         hits.iter_mut().for_each(Vec::clear);
-        let transmittances =
-            march::<R, LANES>(&tracer.grid, table, locals, tracer.settings.min_transmittance, |lane, hit| {
+        let mut pixels = [Composite::default(); LANES];
+        let table = packets.table();
+        let transmittances = march::<R, LANES>(
+            &tracer.grid,
+            table,
+            packets.cones(),
+            tracer.settings.min_transmittance,
+            |lane, step, hit| {
+                pixels[lane].add(step, &hit);
                 hits[lane].push(hit);
-            });
-        for (lane, (&index, local)) in indices.iter().zip(locals).enumerate() {
-            let mut pixel = Composite::default();
-            hits[lane].iter().for_each(|hit| pixel.add(&table.steps()[hit.step as usize], hit));
-            samples[index] = pixel.finish(transmittances[lane], local.far, tracer.leaf_edge_m());
+            },
+        );
+        for (lane, (index, local)) in packets.indices().zip(packets.cones()).enumerate() {
+            samples[index] = pixels[lane].finish(transmittances[lane], local.far, tracer.leaf_edge_m());
             let d_sample = loss(index, &samples[index]);
             tracer.sweep_back::<R>(table, local, &hits[lane], transmittances[lane], &d_sample, sum);
         }
-    });
+    }
 }
 
 /// Gradients of the few slots that a task touches.

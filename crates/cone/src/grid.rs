@@ -80,7 +80,7 @@ impl Grid {
     /// What the leaf cell `leaf`, inside of the cube, belongs to at `level`.
     #[inline(always)]
     pub fn find(&self, leaf: [i32; 3], level: u32) -> Cell {
-        let [entry] = self.dense_cells_at(&leaf.map(|c| [c]), &[level]);
+        let [entry] = self.dense_cells_at(&[[leaf[0]], [leaf[1]], [leaf[2]]], &[level]);
         self.descend(entry, leaf, level)
     }
 
@@ -91,10 +91,15 @@ impl Grid {
         for lane in 0..LANES {
             let shift = level[lane].max(self.depth - self.dense_depth);
             let depth = self.depth - shift;
-            let [x, y, z] = [leaf[0][lane], leaf[1][lane], leaf[2][lane]].map(|c| (c >> shift) as u32);
+            let (x, y, z) =
+                ((leaf[0][lane] >> shift) as u32, (leaf[1][lane] >> shift) as u32, (leaf[2][lane] >> shift) as u32);
             index[lane] = ((1 << (3 * depth)) - 1) / 7 + (((x << depth | y) << depth) | z);
         }
-        index.map(|index| self.cells[index as usize])
+        let mut entries = [0u32; LANES];
+        for lane in 0..LANES {
+            entries[lane] = self.cells[index[lane] as usize];
+        }
+        entries
     }
 
     /// From the dense cell of `leaf` at `level` down to the level itself.

@@ -3,12 +3,12 @@ use geometry::Cube;
 use crate::{
     Cone,
     grid::{Cell, Grid},
-    reconstruction::Reconstruction,
-    steps::StepTable,
+    reconstruction::{Reconstruction, rounded_up},
+    steps::{Step, StepTable},
 };
 
 /// A cone in leaf edges from the lowest corner of the cube, with the part of it that lies in the cube.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub(crate) struct LocalCone {
     /// Where the axis enters the cube, or the apex inside of it.
     entry: [f32; 3],
@@ -70,7 +70,8 @@ impl LocalCone {
     #[inline(always)]
     pub fn at(&self, distance: f32) -> [f32; 3] {
         let distance = distance - self.near;
-        std::array::from_fn(|axis| self.entry[axis] + self.direction[axis] * distance)
+        let ([x, y, z], [u, v, w]) = (self.entry, self.direction);
+        [x + u * distance, y + v * distance, z + w * distance]
     }
 }
 
@@ -86,7 +87,7 @@ pub(crate) fn march<R: Reconstruction, const LANES: usize>(
     table: &StepTable,
     cones: &[LocalCone],
     min_transmittance: f32,
-    mut hit: impl FnMut(usize, Hit),
+    mut hit: impl FnMut(usize, &Step, Hit),
 ) -> [f32; LANES] {
     // Positions carry rounding errors of a few units in the last place of the side; so far inside is safely inside.
     let margin = grid.side() as f32 * (4.0 * f32::EPSILON);
@@ -126,8 +127,7 @@ pub(crate) fn march<R: Reconstruction, const LANES: usize>(
         }
         let mut coarse = [0u32; LANES];
         for lane in 0..LANES {
-            let floor = level[lane] as u32;
-            coarse[lane] = floor + u32::from((floor as f32) < level[lane]);
+            coarse[lane] = rounded_up(level[lane]);
         }
         let cells = grid.dense_cells_at(&leaf, &coarse);
         // For each lane the level and reach of the empty cells around it; none where there is something.
@@ -140,10 +140,10 @@ pub(crate) fn march<R: Reconstruction, const LANES: usize>(
             };
             if reach[lane] <= 0 && n[lane] < end[lane] {
                 let step = &table.steps()[n[lane] as usize];
-                let position = std::array::from_fn(|axis| entry[axis][lane] + direction[axis][lane] * distance[lane]);
+                let position = cones[lane].at(step.distance);
                 let value = R::read(grid, cell, position, step.level);
                 let opacity = opacity(value[3] * step.length);
-                hit(lane, Hit { step: n[lane], value, transmittance: transmittances[lane], opacity });
+                hit(lane, step, Hit { step: n[lane], value, transmittance: transmittances[lane], opacity });
                 transmittances[lane] -= transmittances[lane] * opacity;
                 if transmittances[lane] < min_transmittance {
                     end[lane] = 0;
@@ -179,4 +179,112 @@ fn opacity(x: f32) -> f32 {
         + f * (0.5 + f * (1.0 / 6.0 + f * (1.0 / 24.0 + f * (1.0 / 120.0 + f * (1.0 / 720.0 + f * (1.0 / 5040.0))))));
     let scale = f32::from_bits(((k + 127) as u32) << 23);
     (1.0 - scale) - scale * (f * p)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use geometry::Vec3;
+    use octree::{LightOctree, key_from_xyz};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::{
+        Settings,
+        reconstruction::{Interpolated, Nearest},
+        tracer::LANES,
+    };
+
+    const CUBE: Cube = Cube { origin_m: Vec3::new(-1.0, 0.5, 2.0), edge_m: 1.7 };
+
+    /// Every sample between entry and exit, one after the other: what skipping must not change.
+    fn march_without_skipping<R: Reconstruction>(
+        grid: &Grid,
+        table: &StepTable,
+        cone: &LocalCone,
+    ) -> Vec<(u32, [f32; 4])> {
+        let mut seen = Vec::new();
+        for n in 0..table.steps().len() as u32 {
+            let step = &table.steps()[n as usize];
+            if step.distance < cone.near || step.distance >= cone.far {
+                continue;
+            }
+            let position = cone.at(step.distance);
+            let leaf = position.map(|p| (p as i32).clamp(0, grid.side() - 1));
+            let value = R::read(grid, grid.find(leaf, step.level.ceil() as u32), position, step.level);
+            if value[3] > 0.0 {
+                seen.push((n, value));
+            }
+        }
+        seen
+    }
+
+    fn check<R: Reconstruction>(grid: &Grid, table: &StepTable, cones: &[LocalCone]) -> usize {
+        let mut met: Vec<Vec<(u32, [f32; 4])>> = vec![Vec::new(); LANES];
+        march::<R, LANES>(grid, table, cones, 0.0, |lane, _, hit| {
+            if hit.value[3] > 0.0 {
+                met[lane].push((hit.step, hit.value));
+            }
+        });
+        for (cone, met) in cones.iter().zip(&met) {
+            assert_eq!(*met, march_without_skipping::<R>(grid, table, cone));
+            let mut alone = Vec::new();
+            march::<R, 1>(grid, table, std::slice::from_ref(cone), 0.0, |_, _, hit| {
+                if hit.value[3] > 0.0 {
+                    alone.push((hit.step, hit.value));
+                }
+            });
+            assert_eq!(*met, alone);
+        }
+        met.iter().map(Vec::len).sum()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(200))]
+
+        #[test]
+        fn skipping_and_packets_change_no_sample(
+            depth in 1u32..=8,
+            full in 0u32..=4,
+            leaves in proptest::collection::btree_set(any::<[u32; 3]>(), 1..60),
+            seeds in proptest::collection::vec((any::<[u16; 3]>(), any::<[i16; 3]>(), 0.0..1.5f32), LANES),
+            literal in any::<bool>(),
+            tan_half_angle in prop_oneof![Just(0.0f32), Just(0.0245), 0.0..1.0f32],
+        ) {
+            let side = (1u32 << depth) - 1;
+            let mut keys: Vec<u32> = leaves.iter().map(|leaf| key_from_xyz(leaf.map(|c| c & side))).collect();
+            keys.sort_unstable();
+            keys.dedup();
+            let count = keys.len();
+            let light = LightOctree::from_leaves(
+                keys, vec![[1.0, 2.0, 3.0, 0.3]; count], vec![0; count], CUBE, depth, full.min(depth),
+            ).unwrap();
+            let grid = Grid::new(&light);
+            let cones: Vec<LocalCone> = seeds.iter().filter_map(|(at, towards, back)| {
+                // Corners, faces and axis-parallel directions come up often.
+                let unit = Vec3::from(at.map(|c| f32::from(c >> 12) / 16.0 + if c & 1 == 0 { 0.0 } else { f32::from(c) / 1e7 }));
+                let direction = Vec3::from(towards.map(|c| if c & 3 == 0 { 0.0 } else { f32::from(c) })).try_normalize()?;
+                let origin = CUBE.world_from_unit(unit) - direction * *back;
+                LocalCone::new(&Cone { origin, direction, tan_half_angle }, &CUBE, grid.side())
+            }).collect();
+            let step = if literal { crate::StepRule::Literal } else { crate::StepRule::Floored(0.5) };
+            let tan_half_angle = if literal { tan_half_angle.max(0.01) } else { tan_half_angle };
+            let settings = Settings { step, ..Settings::default() };
+            let table = StepTable::new(&settings, tan_half_angle, grid.max_level(), 0.0, 3.0 * grid.side() as f32);
+            check::<Nearest>(&grid, &table, &cones);
+            check::<Interpolated>(&grid, &table, &cones);
+        }
+    }
+
+    #[test]
+    fn opacity_is_one_minus_exp() {
+        for i in 0..200_000 {
+            let x = 1e-7 * 1.000_11f32.powi(i);
+            let exact = -(-f64::from(x)).exp_m1();
+            assert!((f64::from(opacity(x)) - exact).abs() <= 3e-7 * exact, "{x}");
+        }
+        assert_eq!(opacity(0.0), 0.0);
+        assert_eq!(opacity(f32::INFINITY), 1.0);
+    }
 }

@@ -14,30 +14,67 @@ pub(crate) trait Reconstruction {
     fn footprint(grid: &Grid, position: [f32; 3], level: f32, visit: impl FnMut(u32, f32));
 }
 
-/// The node that contains the position, at the level rounded up.
+/// The node that contains the position, at the level rounded up; an empty one in a crack counts as its neighbour.
+///
+/// Cells with a slanted surface in a corner often have no point, and a surface of cells that touch at edges or corners alone
+/// lets rays through. So where two faces of the cell lead to occupied nodes, and the distances to them add up to less than
+/// [`CRACK_WIDTH`], the nearer of the two answers. Flat and convex surfaces stay as they are; a concave edge gets a bevel.
 pub(crate) struct Nearest;
+
+/// In edges of the cell. Measured on the rooms of `tests/room.rs` at depth 7: without any, 1 to 3 % of the rays leave a room that
+/// is turned against the cube; with 0.5 some still do, with 0.6 none. Up to 1.0 it closes no more and costs 0.3 dB.
+const CRACK_WIDTH: f32 = 0.6;
 
 /// Trilinear within a level, linear between the two levels around the sample's. Outside of the cube there is nothing.
 pub(crate) struct Interpolated;
 
 impl Reconstruction for Nearest {
-    const RADIUS: i32 = 0;
+    const RADIUS: i32 = 1;
 
     #[inline(always)]
-    fn read(grid: &Grid, cell: Cell, _: [f32; 3], _: f32) -> [f32; 4] {
+    fn read(grid: &Grid, cell: Cell, position: [f32; 3], level: f32) -> [f32; 4] {
         match cell {
             Cell::Slot(slot) => grid.value(slot),
-            Cell::Empty { .. } => [0.0; 4],
+            Cell::Empty { .. } => crack(grid, position, rounded_up(level)).map_or([0.0; 4], |slot| grid.value(slot)),
         }
     }
 
     #[inline(always)]
     fn footprint(grid: &Grid, position: [f32; 3], level: f32, mut visit: impl FnMut(u32, f32)) {
         let leaf = position.map(|p| (p as i32).clamp(0, grid.side() - 1));
-        if let Cell::Slot(slot) = grid.find(leaf, level.ceil() as u32) {
+        let slot = match grid.find(leaf, rounded_up(level)) {
+            Cell::Slot(slot) => Some(slot),
+            Cell::Empty { .. } => crack(grid, position, rounded_up(level)),
+        };
+        if let Some(slot) = slot {
             visit(slot, 1.0);
         }
     }
+}
+
+/// The nearest of at least two occupied neighbours across the three nearest faces of an empty cell.
+#[inline(always)]
+fn crack(grid: &Grid, position: [f32; 3], level: u32) -> Option<u32> {
+    let edge = (1 << level) as f32;
+    let leaf = position.map(|p| (p as i32).clamp(0, grid.side() - 1));
+    let (mut nearest, mut second, mut found) = (f32::INFINITY, f32::INFINITY, 0);
+    for axis in 0..3 {
+        let fraction = position[axis] / edge - (leaf[axis] >> level) as f32;
+        let (distance, step) = if fraction > 0.5 { (1.0 - fraction, 1 << level) } else { (fraction, -(1 << level)) };
+        let mut neighbour = leaf;
+        neighbour[axis] += step;
+        if distance < second
+            && (0..grid.side()).contains(&neighbour[axis])
+            && let Cell::Slot(slot) = grid.find(neighbour, level)
+        {
+            if distance < nearest {
+                (second, nearest, found) = (nearest, distance, slot);
+            } else {
+                second = distance;
+            }
+        }
+    }
+    (nearest + second < CRACK_WIDTH).then_some(found)
 }
 
 impl Reconstruction for Interpolated {
@@ -66,6 +103,13 @@ impl Reconstruction for Interpolated {
             trilinear(grid, position, fine + 1, |slot, weight| visit(slot, weight * blend));
         }
     }
+}
+
+/// ⌈level⌉; `f32::ceil` is a call without SSE 4.1.
+#[inline(always)]
+pub(crate) fn rounded_up(level: f32) -> u32 {
+    let floor = level as u32;
+    floor + u32::from((floor as f32) < level)
 }
 
 #[inline(always)]

@@ -8,6 +8,7 @@ use crate::{
     Cone, Rendering, Sample, Sampling, Settings, SettingsError,
     grid::Grid,
     march::{Hit, LocalCone, march},
+    packets::Packets,
     reconstruction::{Interpolated, Nearest, Reconstruction},
     steps::{Step, StepTable},
 };
@@ -65,9 +66,9 @@ impl ConeTracer {
             .for_each(|(cones, samples)| trace_task(self, cones, samples));
     }
 
-    /// The equirectangular panorama at `origin`; the half-angle of a pixel's cone is its pitch, 2π / `width`.
+    /// The equirectangular panorama at `origin`; the half-angle of a pixel's cone is half of its pitch, π / `width`.
     pub fn panorama(&self, origin: Vec3, width: usize, height: usize) -> Rendering {
-        let tan_half_angle = (std::f32::consts::TAU / width as f32).tan();
+        let tan_half_angle = (std::f32::consts::PI / width as f32).tan();
         // A direction is the product of that of its column on the horizon and that of its row on the meridian of −Z.
         let columns: Vec<Vec3> =
             (0..width).map(|x| geometry::direction_from_uv(Vec2::new((x as f32 + 0.5) / width as f32, 0.5))).collect();
@@ -86,10 +87,10 @@ impl ConeTracer {
         origins.par_iter().map(|&origin| self.panorama(origin, width, height)).collect()
     }
 
-    /// What a camera at the world's origin sees; the half-angle of a pixel's cone is the angle between neighbours.
+    /// What a camera at the world's origin sees; the half-angle of a pixel's cone is half of the angle between neighbours.
     /// Distances are along the ray, not along the optical axis.
     pub fn perspective(&self, camera: &Camera) -> Rendering {
-        let tan_half_angle = camera.pixel_angle_rad().tan();
+        let tan_half_angle = (0.5 * camera.pixel_angle_rad()).tan();
         self.render(camera.width as usize, camera.height as usize, |x, y| Cone {
             origin: Vec3::ZERO,
             direction: camera.direction(x as f64 + 0.5, y as f64 + 0.5),
@@ -129,40 +130,8 @@ impl ConeTracer {
         }
     }
 
-    /// Shows the cones that meet the cube in packets of neighbours that take the same steps: the steps, the place of each
-    /// cone in `cones`, and the cones.
-    #[inline(always)]
-    pub(crate) fn for_each_packet<const LANES: usize>(
-        &self,
-        cones: &[Cone],
-        mut visit: impl FnMut(&StepTable, &[usize], &[LocalCone]),
-    ) {
-        let mut table: Option<StepTable> = None;
-        let mut indices = Vec::with_capacity(LANES);
-        let mut locals: Vec<LocalCone> = Vec::with_capacity(LANES);
-        for (index, cone) in cones.iter().enumerate() {
-            let Some(local) = LocalCone::new(cone, &self.cube, self.grid.side()) else { continue };
-            let covers = |table: &StepTable| table.covers(&self.settings, cone.tan_half_angle, local.near, local.far);
-            if locals.len() == LANES || !table.as_ref().is_some_and(covers) {
-                if let Some(table) = &table {
-                    visit(table, &indices, &locals);
-                }
-                indices.clear();
-                locals.clear();
-            }
-            if !table.as_ref().is_some_and(covers) {
-                table = Some(self.steps(cone.tan_half_angle, &local));
-            }
-            indices.push(index);
-            locals.push(local);
-        }
-        if let Some(table) = &table {
-            visit(table, &indices, &locals);
-        }
-    }
-
     /// Steps for a cone and for others near it.
-    fn steps(&self, tan_half_angle: f32, cone: &LocalCone) -> StepTable {
+    pub(crate) fn steps(&self, tan_half_angle: f32, cone: &LocalCone) -> StepTable {
         let side = self.grid.side() as f32;
         let near = (cone.near - side).max(0.0);
         let reach = if cone.near > 0.0 { 4.0 * side } else { 1.74 * side };
@@ -185,16 +154,20 @@ fn trace_task(tracer: &ConeTracer, cones: &[Cone], samples: &mut [Sample]) {
 #[inline(always)]
 fn trace_cones<R: Reconstruction, const LANES: usize>(tracer: &ConeTracer, cones: &[Cone], samples: &mut [Sample]) {
     samples.fill(Sample::default());
-    tracer.for_each_packet::<LANES>(cones, |table, indices, locals| {
+    let mut packets = Packets::new(tracer, cones);
+    while packets.next::<LANES>() {
         let mut pixels = [Composite::default(); LANES];
-        let transmittances =
-            march::<R, LANES>(&tracer.grid, table, locals, tracer.settings.min_transmittance, |lane, hit| {
-                pixels[lane].add(&table.steps()[hit.step as usize], &hit);
-            });
-        for (lane, (&index, local)) in indices.iter().zip(locals).enumerate() {
+        let transmittances = march::<R, LANES>(
+            &tracer.grid,
+            packets.table(),
+            packets.cones(),
+            tracer.settings.min_transmittance,
+            |lane, step, hit| pixels[lane].add(step, &hit),
+        );
+        for (lane, (index, local)) in packets.indices().zip(packets.cones()).enumerate() {
             samples[index] = pixels[lane].finish(transmittances[lane], local.far, tracer.leaf_edge_m());
         }
-    });
+    }
 }
 
 /// Front-to-back sum over the hits of a cone.

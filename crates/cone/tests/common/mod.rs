@@ -181,7 +181,28 @@ impl<'a> Reference<'a> {
                 let edge = level.ceil().exp2();
                 *margin =
                     position.iter().fold(*margin, |margin, p| margin.min((p / edge - (p / edge).round()).abs() * edge));
-                add(position.map(|p| (p / edge).floor() as i64), level.ceil(), 1.0);
+                let cell = position.map(|p| (p / edge).floor() as i64);
+                let depth = self.octree.depth() - level.ceil() as u32;
+                // An empty cell counts as the nearer of two occupied neighbours where the distances to their faces sum to < 0.6.
+                let mut neighbours = Vec::new();
+                if !self.occupied(cell, depth) {
+                    for axis in 0..3 {
+                        let fraction = position[axis] / edge - cell[axis] as f64;
+                        *margin = margin.min((fraction - 0.5).abs() * edge);
+                        let mut neighbour = cell;
+                        neighbour[axis] += if fraction > 0.5 { 1 } else { -1 };
+                        if self.occupied(neighbour, depth) {
+                            neighbours.push((fraction.min(1.0 - fraction), neighbour));
+                        }
+                    }
+                    neighbours.sort_by(|a, b| a.0.total_cmp(&b.0));
+                    if neighbours.len() > 1 {
+                        *margin = margin.min((neighbours[1].0 - neighbours[0].0) * edge);
+                        *margin = margin.min((neighbours[0].0 + neighbours[1].0 - 0.6).abs() * edge);
+                    }
+                }
+                let in_crack = neighbours.len() > 1 && neighbours[0].0 + neighbours[1].0 < 0.6;
+                add(if in_crack { neighbours[0].1 } else { cell }, level.ceil(), 1.0);
             }
             Sampling::Interpolated => {
                 let fine = level.floor();
@@ -204,6 +225,12 @@ impl<'a> Reference<'a> {
             }
         }
         rows
+    }
+
+    /// Whether a node of the tree, or the leaf above it where that ends, has features or a descendant that has.
+    fn occupied(&self, cell: [i64; 3], depth: u32) -> bool {
+        // In all trees of the tests what is above something with features has features itself.
+        self.row(cell, depth).is_some()
     }
 
     /// Depth and row of the node at integer coordinates of `depth`, or of the leaf above where the tree ends.
