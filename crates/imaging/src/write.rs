@@ -7,8 +7,8 @@ use image::{ExtendedColorType, ImageEncoder};
 
 use crate::atomic::replace_when_written;
 use crate::color::srgb_from_linear;
-use crate::generator::{mark_jpeg, mark_png};
 use crate::exr_write::{self, ChannelGroup, ExrOptions};
+use crate::generator::{mark_jpeg, mark_png};
 use crate::{DepthMap, Format, Image, ImageError, Photo, RadianceImage, ToneCurve, depth, pfm, rgbe};
 
 /// JPEG quality where nothing else is said: no visible loss.

@@ -1,11 +1,12 @@
 //! `lightoctree demo`: the whole job on a photo that the program carries.
 
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use lightoctree::EstimateOptions;
 use lightoctree::cone::{ConeTracer, Settings};
 use lightoctree::geometry::Camera;
-use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, ToneCurve};
+use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, Photo, ToneCurve};
 use lightoctree::insert::{self, Inserter, Lighting, Placement, Quality};
 use lightoctree::mesh::{MaterialSpec, Model, PreparedModel};
 use lightoctree::scene::{Frame, Scene};
@@ -42,15 +43,15 @@ const DEPTH: &[u8] = include_bytes!("../../assets/library_lidar_depth.png");
 const MESH: &[u8] = include_bytes!("../../assets/suzanne.glb");
 /// The intrinsics with which floor and shelf come out perpendicular; the photo has no EXIF block.
 const INTRINSICS: [f64; 4] = [1330.0, 1330.0, 960.0, 720.0];
-/// Where the object stands in the photo, in pixels.
-const PIXEL: [f64; 2] = [1020.0, 1100.0];
+/// Where the object stands in the halved photo, in pixels.
+const PIXEL: [f64; 2] = [510.0, 570.0];
 /// Height of the object in metres.
-const HEIGHT_M: f32 = 0.42;
+const HEIGHT_M: f32 = 0.5;
 /// Keyframes of the moving object.
 const PATH: &str = r#"{"interpolation": "catmull-rom", "keyframes": [
-    {"time_s": 0, "pixel": [620, 1020], "yaw_deg": 30},
-    {"time_s": 1, "pixel": [1020, 1100], "yaw_deg": 0},
-    {"time_s": 2, "pixel": [1420, 1060], "yaw_deg": -40}]}"#;
+    {"time_s": 0, "pixel": [310, 530], "yaw_deg": 30},
+    {"time_s": 1, "pixel": [510, 570], "yaw_deg": 0},
+    {"time_s": 2, "pixel": [730, 545], "yaw_deg": -40}]}"#;
 
 /// Runs everything once.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
@@ -59,7 +60,9 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let mut files = Vec::new();
     let mut stages = Stages::new(global.quiet);
 
-    let scene = estimate(&mut stages)?;
+    let frame = stages.stage("read photo and depth", frame)?;
+    let frame = stages.stage("halve the photo", || halved(frame));
+    let scene = estimate(&mut stages, frame)?;
     stages.stage("write scene", || scene.write(&file("library.scene")))?;
     imaging::write_photo(file("photo.png"), &scene.frame.photo)?;
     files.extend([file("library.scene"), file("photo.png")]);
@@ -78,17 +81,24 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     finish(args, &files, &stages)
 }
 
-/// The scene of the photo that the program carries.
-pub fn estimate(stages: &mut Stages) -> anyhow::Result<Scene> {
-    let (photo, depth_m) = stages.stage("read photo and depth", || -> anyhow::Result<_> {
-        Ok((
-            imaging::photo_from_bytes(PHOTO, "library_color.jpg")?,
-            imaging::depth_from_bytes(DEPTH, "library_lidar_depth.png", None)?,
-        ))
-    })?;
+/// The frame that the program carries, at the photo's full resolution.
+pub fn frame() -> anyhow::Result<Frame> {
+    let photo = imaging::photo_from_bytes(PHOTO, "library_color.jpg")?;
+    let depth_m = imaging::depth_from_bytes(DEPTH, "library_lidar_depth.png", None)?;
     let [fx, fy, cx, cy] = INTRINSICS;
     let camera = Camera::new(fx, fy, cx, cy, photo.photo.width() as u32, photo.photo.height() as u32)?;
-    let frame = Frame::new(photo.photo, depth_m, camera, 1.0)?;
+    Ok(Frame::new(photo.photo, depth_m, camera, 1.0)?)
+}
+
+/// The same photo with half as many pixels a side: enough for a first look, in a quarter of the time.
+fn halved(frame: Frame) -> Frame {
+    let (width, height) = (frame.photo.width() / 2, frame.photo.height() / 2);
+    let photo = imaging::resize(&frame.photo.radiance(), width, height).map(|rgb| rgb.map(imaging::srgb8_from_linear));
+    Frame { camera: frame.camera.resized(width as u32, height as u32), photo: Photo::Srgb8(photo), ..frame }
+}
+
+/// The scene of a carried frame.
+pub fn estimate(stages: &mut Stages, frame: Frame) -> anyhow::Result<Scene> {
     let sources = vec!["library_color.jpg".into(), "library_lidar_depth.png".into()];
     let options = EstimateOptions { sources, ..EstimateOptions::default() };
     Ok(lightoctree::estimate(frame, &options, &mut |message| stages.hear(message))?)
@@ -122,6 +132,8 @@ fn insert_objects(
         files.push(file);
     }
     let placements = insert::Path::from_json(PATH)?.placements(scene, scale, FRAMES)?;
+    let draft = stages.stage("prepare light for drafts", || Inserter::new(scene, Lighting::Octree, Quality::Draft))?;
+    let begun = Instant::now();
     let folder = out.join("moving");
     std::fs::create_dir_all(&folder)?;
     let progress = bar(global.quiet, FRAMES, "moving object");
@@ -129,13 +141,14 @@ fn insert_objects(
         if interrupt::asked() {
             anyhow::bail!("stopped after {i} of {FRAMES} frames; what is written in {} is whole", out.display());
         }
-        let composite = inserter.render(&gold, placement)?;
+        let composite = draft.render(&gold, placement)?;
         let file = folder.join(format!("frame_{i:02}.jpg"));
         imaging::write_photo(&file, &composite.image)?;
         files.push(file);
         progress.inc(1);
     }
     progress.finish_and_clear();
+    stages.note(&format!("{:.1} frames a second of the moving object", FRAMES as f64 / begun.elapsed().as_secs_f64()));
     Ok(files)
 }
 

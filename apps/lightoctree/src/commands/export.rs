@@ -30,7 +30,7 @@ pub struct Args {
     #[arg(long, value_name = "WHAT", default_value = "leaves")]
     content: ContentArg,
 
-    /// Also write the light at this point as a panorama, <name>_probe.exr (usda: as the dome light)
+    /// Also write the light at this point as a panorama beside it, NAME_probe.exr (usda: as the dome light)
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::point, allow_hyphen_values = true)]
     probe_at: Option<Vec3>,
 

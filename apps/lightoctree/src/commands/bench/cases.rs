@@ -138,7 +138,9 @@ fn probe(folder: &Path) -> anyhow::Result<Vec3> {
 /// The photo that the program carries: files in memory → scene → one panorama.
 fn estimate_panorama() -> anyhow::Result<Prepared> {
     let run = || {
-        let scene = demo::estimate(&mut Stages::new(true)).expect("the carried photo makes a scene");
+        let scene = demo::frame()
+            .and_then(|frame| demo::estimate(&mut Stages::new(true), frame))
+            .expect("the carried photo makes a scene");
         let tracer = ConeTracer::new(&scene.light, Settings::default()).expect("the default settings are valid");
         black_box(tracer.panorama(Vec3::new(0.0, -0.5, -1.5), WIDTH, HEIGHT));
         Some(scene.light.rgba[FULL_DEPTH as usize..].iter().map(Vec::len).sum())
@@ -148,7 +150,7 @@ fn estimate_panorama() -> anyhow::Result<Prepared> {
 
 /// One frame of an object of about 20,000 pixels in the carried photo at 480 × 320, draft quality.
 fn insert_draft() -> anyhow::Result<Prepared> {
-    let mut scene = demo::estimate(&mut Stages::new(true))?;
+    let mut scene = demo::estimate(&mut Stages::new(true), demo::frame()?)?;
     scene.frame = cropped(&scene.frame.at_resolution(480, 360), 320)?;
     let model = demo::model("gold")?;
     let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Draft)?;
