@@ -1,13 +1,11 @@
 //! Every picture reader, on the same bytes.
-//!
-//! Readers run foreign decoders behind `catch_unwind`, so libFuzzer's own panic hook, which aborts, is replaced: what counts is a panic
-//! that leaves a reader.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
 use lightoctree::imaging;
+use lightoctree_fuzz::let_decoders_panic;
 
-fuzz_target!(init: std::panic::set_hook(Box::new(|_| {})), |bytes: &[u8]| {
+fuzz_target!(init: let_decoders_panic(), |bytes: &[u8]| {
     // The name's extension decides only where the content says nothing.
     for name in ["a", "a.hdr", "a.pfm"] {
         let _ = imaging::photo_from_bytes(bytes, name);
@@ -17,4 +15,5 @@ fuzz_target!(init: std::panic::set_hook(Box::new(|_| {})), |bytes: &[u8]| {
         assert!(depth_m.pixels().iter().all(|z| z.is_finite() && *z >= 0.0));
     }
     let _ = imaging::rgba8_from_bytes(bytes, "a");
+    let _ = imaging::exr_channels_from_bytes(bytes, "a.exr");
 });

@@ -4,8 +4,10 @@
 use libfuzzer_sys::fuzz_target;
 use lightoctree::geometry::{Ray, Vec3};
 use lightoctree::mesh::{LoadOptions, Model, PreparedModel};
+use lightoctree_fuzz::let_decoders_panic;
 
-fuzz_target!(|bytes: &[u8]| {
+// Textures are decoded by foreign code.
+fuzz_target!(init: let_decoders_panic(), |bytes: &[u8]| {
     let Some((choice, bytes)) = bytes.split_first() else { return };
     let options = LoadOptions::default();
     // The files that a mesh names hold the mesh's own bytes.

@@ -1,0 +1,263 @@
+//! Writes the starting files of every target into `corpus/TARGET`; run in this folder: `cargo run --example seeds`.
+//!
+//! Files of a few hundred bytes: the fuzzer finds its way from a small file of a format, not to one.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use exr::compression::Compression;
+use image::{DynamicImage, GrayImage, ImageFormat, Luma, Rgb, RgbImage, Rgba, RgbaImage};
+use lightoctree::geometry::{Camera, Cube, Plane, Vec3};
+use lightoctree::imaging::{self, DepthMap, ExrOptions, Image, Photo, RadianceImage};
+use lightoctree::octree::{Coverage, LightOctree, RadiancePoint};
+use lightoctree::scene::{Completion, Frame, Room, RoomPlane, Scene, Side};
+
+type Result<T = ()> = std::result::Result<T, Box<dyn std::error::Error>>;
+
+fn main() -> Result {
+    let corpus = Path::new("corpus");
+    for target in ["scene", "image", "mesh", "options"] {
+        std::fs::create_dir_all(corpus.join(target))?;
+    }
+    scenes(&corpus.join("scene"))?;
+    pictures(&corpus.join("image"))?;
+    exr_files(&corpus.join("image"))?;
+    meshes(&corpus.join("mesh"))?;
+    texts(&corpus.join("options"))
+}
+
+fn scenes(folder: &Path) -> Result {
+    let photos = [
+        ("srgb8", Photo::Srgb8(Image::from_fn(4, 4, |x, y| [60 * x as u8, 60 * y as u8, 200]))),
+        ("linear", Photo::Linear(Image::from_fn(4, 4, |x, y| [x as f32, y as f32, 0.5]))),
+    ];
+    for (name, photo) in photos {
+        let depth_m = DepthMap::from_fn(4, 4, |x, y| 1.0 + 0.1 * (x + y) as f32);
+        let frame = Frame::new(photo, depth_m, Camera::new(4.0, 4.0, 2.0, 2.0, 4, 4)?, 1.0)?;
+        let point = |i: u8| RadiancePoint {
+            position_m: Vec3::new(f32::from(i), f32::from(i % 2), -f32::from(i % 3)) * 0.4,
+            radiance: [1.0, 0.5, f32::from(i)],
+            coverage: if i < 3 { Coverage::Seen } else { Coverage::Inferred },
+        };
+        let points: Vec<RadiancePoint> = (0..5).map(point).collect();
+        let (light, _) = LightOctree::from_points(&points, Cube::centred(Vec3::ZERO, 4.0), 5, 1)?;
+        let plane = Plane { normal: Vec3::Y, offset_m: -1.5 };
+        let room = Room { up: Vec3::Y, planes: vec![RoomPlane { side: Side::Floor, plane, measured: true }] };
+        let sources = vec!["photo.jpg".to_owned()];
+        Scene { light, frame, completion: Completion::Shell, room: Some(room), sources }
+            .write(&folder.join(format!("{name}.scene")))?;
+    }
+    Ok(())
+}
+
+fn pictures(folder: &Path) -> Result {
+    let radiance = RadianceImage::from_fn(9, 4, |x, y| [x as f32, if y < 2 { 0.5 } else { y as f32 }, 3.0]);
+    let depth_m = DepthMap::from_fn(6, 4, |x, y| 0.5 + (x + y) as f32 * 0.1);
+    let rgb = RgbImage::from_fn(6, 4, |x, y| Rgb([40 * x as u8, 60 * y as u8, 128]));
+    let rgba = RgbaImage::from_fn(6, 4, |x, y| Rgba([40 * x as u8, 60 * y as u8, 128, 200]));
+    let grey = GrayImage::from_fn(6, 4, |x, y| Luma([40 * x as u8 + y as u8]));
+    let deep = DynamicImage::from(rgb.clone()).into_rgb16();
+    let deep_grey = DynamicImage::from(grey.clone()).into_luma16();
+
+    for name in ["new_runs.hdr", "color.pfm"] {
+        imaging::write_radiance(folder.join(name), &radiance, &ExrOptions::default())?;
+    }
+    for name in ["depth.pfm", "depth.npy", "depth.png", "depth.exr"] {
+        imaging::write_depth(folder.join(name), &depth_m)?;
+    }
+    std::fs::write(folder.join("flat.hdr"), b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=2\n\n-Y 2 +X 2\n\x80\x40\0\x81\xff\0\x01\x80\x80\x40\0\x81\xff\0\x01\x80")?;
+    std::fs::write(
+        folder.join("old_runs.hdr"),
+        b"#?RGBE\n\n+X 2 -Y 4\n\x80\x40\0\x81\x01\x01\x01\x03\x80\x40\0\x81\x01\x01\x01\x03",
+    )?;
+    std::fs::write(folder.join("ascii.pgm"), b"P2\n# grey\n3 2\n65535\n1 2 3 400 500 60000\n")?;
+
+    let save = |name: &str, picture: DynamicImage, format: ImageFormat| -> Result {
+        Ok(picture.save_with_format(folder.join(name), format)?)
+    };
+    save("rgb8.png", rgb.clone().into(), ImageFormat::Png)?;
+    save("rgba8.png", rgba.clone().into(), ImageFormat::Png)?;
+    save("rgb16.png", deep.clone().into(), ImageFormat::Png)?;
+    save("grey8.png", grey.clone().into(), ImageFormat::Png)?;
+    save("rgb.jpg", rgb.clone().into(), ImageFormat::Jpeg)?;
+    save("grey.jpg", grey.clone().into(), ImageFormat::Jpeg)?;
+    save("lossless.webp", rgba.clone().into(), ImageFormat::WebP)?;
+    save("rgb.bmp", rgb.clone().into(), ImageFormat::Bmp)?;
+    save("rgba.bmp", rgba.clone().into(), ImageFormat::Bmp)?;
+    save("rgb.tif", rgb.clone().into(), ImageFormat::Tiff)?;
+    save("rgb16.tif", deep.into(), ImageFormat::Tiff)?;
+    save("depth16.tif", deep_grey.clone().into(), ImageFormat::Tiff)?;
+    save("rgb.ppm", rgb.into(), ImageFormat::Pnm)?;
+    save("depth16.pgm", deep_grey.into(), ImageFormat::Pnm)?;
+
+    use tiff::encoder::{Compression, TiffEncoder, colortype};
+    for (name, compression) in [
+        ("float.tif", Compression::Uncompressed),
+        ("float_lzw.tif", Compression::Lzw),
+        ("float_deflate.tif", Compression::Deflate(Default::default())),
+        ("float_packbits.tif", Compression::Packbits),
+    ] {
+        let mut bytes = Cursor::new(Vec::new());
+        let mut encoder = TiffEncoder::new(&mut bytes)?.with_compression(compression);
+        encoder.write_image::<colortype::Gray32Float>(6, 4, depth_m.pixels())?;
+        std::fs::write(folder.join(name), bytes.into_inner())?;
+    }
+    Ok(())
+}
+
+fn exr_files(folder: &Path) -> Result {
+    use exr::image::{Blocks, Encoding, Image, Layer, SpecificChannels};
+    use exr::prelude::{LayerAttributes, LineOrder, Vec2, WritableImage, f16};
+    let tiles = Blocks::Tiles(Vec2(8, 8));
+    for (name, compression, blocks) in [
+        ("none.exr", Compression::Uncompressed, Blocks::ScanLines),
+        ("rle.exr", Compression::RLE, Blocks::ScanLines),
+        ("zips.exr", Compression::ZIP1, Blocks::ScanLines),
+        ("zip.exr", Compression::ZIP16, Blocks::ScanLines),
+        ("piz.exr", Compression::PIZ, Blocks::ScanLines),
+        ("pxr24.exr", Compression::PXR24, Blocks::ScanLines),
+        ("b44.exr", Compression::B44, Blocks::ScanLines),
+        ("b44a.exr", Compression::B44A, Blocks::ScanLines),
+        ("tiles.exr", Compression::ZIP16, tiles),
+    ] {
+        let channels = SpecificChannels::rgb(|Vec2(x, y): Vec2<usize>| {
+            (f16::from_f32(x as f32 * 0.25), f16::from_f32(y as f32), (x * y) as f32)
+        });
+        let encoding = Encoding { compression, blocks, line_order: LineOrder::Increasing };
+        let layer = Layer::new((12, 10), LayerAttributes::default(), encoding, channels);
+        let mut bytes = Cursor::new(Vec::new());
+        Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes)?;
+        std::fs::write(folder.join(name), bytes.into_inner())?;
+    }
+    Ok(())
+}
+
+/// The target's first byte chooses the format.
+const GLTF: u8 = 0;
+const OBJ: u8 = 1;
+const PLY: u8 = 2;
+const STL: u8 = 3;
+
+fn meshes(folder: &Path) -> Result {
+    let save = |name: &str, format: u8, bytes: &[u8]| std::fs::write(folder.join(name), [&[format], bytes].concat());
+    let picture = imaging::encode_png(&Image::from_fn(2, 2, |x, y| [200 * x as u8, 200 * y as u8, 255]));
+
+    // Three corners with normals and texture coordinates, then their indices, then the picture.
+    let corners: [[f32; 8]; 3] = [
+        [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
+        [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0],
+        [0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0],
+    ];
+    let mut buffer: Vec<u8> = corners.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
+    buffer.extend([0, 0, 1, 0, 2, 0, 0, 0]);
+    buffer.extend(&picture);
+    buffer.resize(buffer.len().next_multiple_of(4), 0);
+    save("square.glb", GLTF, &glb(&triangle_json(buffer.len(), picture.len(), ""), &buffer))?;
+    let uri = format!(r#","uri":"data:application/octet-stream;base64,{}""#, base64(&buffer));
+    save("embedded.gltf", GLTF, triangle_json(buffer.len(), picture.len(), &uri).as_bytes())?;
+    // The target gives the mesh's own bytes for every file that it names.
+    save("external.gltf", GLTF, triangle_json(buffer.len(), picture.len(), r#","uri":"a.bin""#).as_bytes())?;
+    save("sparse.gltf", GLTF, SPARSE.as_bytes())?;
+
+    save("square.obj", OBJ, b"mtllib a.mtl\nv 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 1 1 0 0 0 1\nv 0 1 0 1 1 1\nvt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\nusemtl wood\ns 1\nf 1/1/1 2/2/1 3/3/1 -1\nf 4//1 3//1 \\\n 2//1\n")?;
+    // Both OBJ and MTL: the target answers the library with the same bytes.
+    save("material.obj", OBJ, b"mtllib a\nnewmtl m\nKd 0.5 0.2 0.1\nKs 1 1 1\nNs 50\nPr 0.3\nd 0.5\nillum 2\nmap_Kd -s 2 2 -clamp on a.png\nbump -bm 0.5 b.png\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 2 2 0\nv 0.5 0.5 0\nf 1 2 4 3 5\n")?;
+    save("ascii.ply", PLY, b"ply\nformat ascii 1.0\ncomment TextureFile a.png\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nproperty float s\nproperty float t\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0 255 0 0 0 0\n1 0 0 0 255 0 1 0\n1 1 0 0 0 255 1 1\n0 1 0 9 9 9 0 1\n4 0 1 2 3\n")?;
+    let corners = [[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    for (name, order, big) in [("little.ply", "little", false), ("big.ply", "big", true)] {
+        let mut ply = format!("ply\nformat binary_{order}_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement tristrips 1\nproperty list int int vertex_indices\nend_header\n").into_bytes();
+        ply.extend(corners.iter().flatten().flat_map(|v| if big { v.to_be_bytes() } else { v.to_le_bytes() }));
+        ply.extend([3i32, 0, 1, 2].iter().flat_map(|v| if big { v.to_be_bytes() } else { v.to_le_bytes() }));
+        save(name, PLY, &ply)?;
+    }
+    save("ascii.stl", STL, b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n")?;
+    let mut stl = vec![b' '; 80];
+    stl.extend(2u32.to_le_bytes());
+    for corners in [corners, [[1.0, 0.0, 0.0], [1.0, 1.0, 0.5], [0.0, 1.0, 0.0]]] {
+        stl.extend([0; 12]);
+        stl.extend(corners.iter().flatten().flat_map(|v| v.to_le_bytes()));
+        stl.extend([0; 2]);
+    }
+    save("binary.stl", STL, &stl)?;
+    Ok(())
+}
+
+fn triangle_json(buffer_bytes: usize, picture_bytes: usize, uri: &str) -> String {
+    let view = |offset: usize, bytes: usize, rest: &str| {
+        format!(r#"{{"buffer":0,"byteOffset":{offset},"byteLength":{bytes}{rest}}}"#)
+    };
+    let accessor = |kind: &str, offset: usize| {
+        format!(r#"{{"bufferView":0,"byteOffset":{offset},"componentType":5126,"type":"{kind}","count":3}}"#)
+    };
+    let (vertices, indices, picture) =
+        (view(0, 96, r#","byteStride":32"#), view(96, 6, ""), view(104, picture_bytes, ""));
+    let (positions, normals, uvs) = (accessor("VEC3", 0), accessor("VEC3", 12), accessor("VEC2", 24));
+    format!(
+        r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],
+"nodes":[{{"children":[1],"translation":[0,0,-1]}},{{"mesh":0,"rotation":[0,0,0.6,0.8],"scale":[1,2,-1]}}],
+"meshes":[{{"primitives":[{{"attributes":{{"POSITION":0,"NORMAL":1,"TEXCOORD_0":2}},"indices":3,"material":0}}]}}],
+"materials":[{{"pbrMetallicRoughness":{{"baseColorFactor":[1,0.5,0.2,0.9],"baseColorTexture":{{"index":0,"extensions":{{"KHR_texture_transform":{{"offset":[0.1,0],"rotation":0.5,"scale":[2,2]}}}}}},"roughnessFactor":0.4}},
+"normalTexture":{{"index":0,"scale":0.5}},"emissiveFactor":[1,1,1],"alphaMode":"MASK","alphaCutoff":0.3,"extensions":{{"KHR_materials_emissive_strength":{{"emissiveStrength":3}}}}}}],
+"textures":[{{"source":0,"sampler":0}}],"samplers":[{{"wrapS":33071,"wrapT":33648,"magFilter":9728}}],"images":[{{"bufferView":2}}],
+"accessors":[{positions},{normals},{uvs},{{"bufferView":1,"componentType":5123,"type":"SCALAR","count":3}}],
+"bufferViews":[{vertices},{indices},{picture}],"buffers":[{{"byteLength":{buffer_bytes}{uri}}}]}}"#
+    )
+}
+
+/// Four corners of a sparse accessor over zeros, as a strip; the bytes are 1, 2, 3 and three corners.
+const SPARSE: &str = r#"{"asset":{"version":"2.0"},"nodes":[{"mesh":0,"matrix":[1,0,0,0,0,1,0,0,0,0,1,0,2,0,0,1]}],
+"meshes":[{"primitives":[{"attributes":{"POSITION":0},"mode":5}]}],
+"accessors":[{"componentType":5126,"type":"VEC3","count":4,"sparse":{"count":3,"indices":{"bufferView":0,"componentType":5121},"values":{"bufferView":1}}}],
+"bufferViews":[{"buffer":0,"byteLength":3},{"buffer":0,"byteOffset":4,"byteLength":36}],
+"buffers":[{"byteLength":40,"uri":"data:;base64,AQIDAAAAgD8AAAAAAAAAAAAAAAAAAIA/AAAAAAAAgD8AAIA/AAAAAA=="}]}"#;
+
+fn glb(json: &str, binary: &[u8]) -> Vec<u8> {
+    let mut json = json.as_bytes().to_vec();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let mut bytes = [b"glTF".as_slice(), &2u32.to_le_bytes()].concat();
+    bytes.extend((28 + json.len() as u32 + binary.len() as u32).to_le_bytes());
+    for (kind, chunk) in [(b"JSON", json.as_slice()), (b"BIN\0", binary)] {
+        bytes.extend((chunk.len() as u32).to_le_bytes());
+        bytes.extend(kind);
+        bytes.extend(chunk);
+    }
+    bytes
+}
+
+fn base64(bytes: &[u8]) -> String {
+    let digits = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let group = |three: &[u8]| {
+        let [a, b, c] = std::array::from_fn(|i| u32::from(three.get(i).copied().unwrap_or_default()));
+        let word = a << 16 | b << 8 | c;
+        let digit =
+            move |i: usize| if i > three.len() { '=' } else { digits[(word >> (18 - 6 * i)) as usize & 63].into() };
+        std::array::from_fn::<char, 4, _>(digit)
+    };
+    bytes.chunks(3).flat_map(group).collect()
+}
+
+fn texts(folder: &Path) -> Result {
+    for (name, text) in [
+        (
+            "estimate",
+            "estimate\nroom.jpg\n--depth\ndepth.png\n--intrinsics\n525,525,319.5,239.5\n--up\n0,1,-0.1\n-o\nroom.scene",
+        ),
+        ("envmap", "envmap\nroom.scene\n--at\n0,-0.5,-2\n--size\n256x128\n-o\nprobe.exr"),
+        ("probes", "probes\nroom.scene\n--grid\n4,2,4\n-o\nprobes\n--force"),
+        ("insert", "insert\nroom.scene\n--mesh\nmug.glb\n--pixel\n320,240\n--material\ngold\n-o\nout.png"),
+        ("export", "export\nroom.scene\n--to\nglb\n-o\nroom.glb"),
+        ("preset", "brushed-steel"),
+        (
+            "material",
+            r##"{"preset":"gold","base_color":"#c02020","roughness":0.4,"emissive":[1,2,0.5],"alpha":0.5,"alpha_mode":"mask","normal_texture":"up.png"}"##,
+        ),
+        (
+            "path",
+            r#"{"interpolation":"catmull-rom","keyframes":[{"time_s":0,"position_m":[0,-1,-3],"yaw_deg":0},{"time_s":1.5,"pixel":[320,400],"yaw_deg":90}]}"#,
+        ),
+        ("points.csv", "x,y,z,name\n# a comment\n0,-0.5,-2,desk\n1,0,-1\n\"1\",2,3,\"a, b\"\n"),
+    ] {
+        std::fs::write(folder.join(name), text)?;
+    }
+    Ok(())
+}
