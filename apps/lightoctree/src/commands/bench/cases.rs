@@ -86,13 +86,15 @@ fn panorama(backward: bool) -> anyhow::Result<Prepared> {
             let ones = SampleGradient { radiance: [1.0; 3], ..SampleGradient::default() };
             black_box(tracer.trace_with_gradients(&cones, &mut samples, |_, _| ones));
         } else {
-            black_box(tracer.panorama(origin, WIDTH, HEIGHT));
+            tracer.trace_batch(&cones, &mut samples);
+            black_box(&samples);
         }
         Some(nodes)
     };
     Ok(Prepared { run: Box::new(run) })
 }
 
+/// The kit's cones: their half-angle is a pixel's whole pitch (our own panoramas take half of it and more steps).
 fn panorama_cones(origin: Vec3) -> Vec<Cone> {
     let tan_half_angle = (std::f32::consts::TAU / WIDTH as f32).tan();
     (0..WIDTH * HEIGHT)
