@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::{
     Cone, Sample, Sampling,
-    march::{Hit, LocalCone, march},
+    march::{Hit, LocalCone, Wave},
     packets::Packets,
     reconstruction::{Interpolated, Nearest, Reconstruction},
     steps::StepTable,
@@ -90,11 +90,11 @@ impl ConeTracer {
 
     /// From the last hit to the first, with what lies behind each weighted by the derivatives.
     #[inline(always)]
-    fn sweep_back<R: Reconstruction>(
+    fn sweep_back<'a, R: Reconstruction>(
         &self,
         table: &StepTable,
         cone: &LocalCone,
-        hits: &[Hit],
+        hits_from_the_last: impl Iterator<Item = &'a Hit>,
         transmittance: f32,
         d_sample: &SampleGradient,
         sum: &mut Accumulator,
@@ -102,7 +102,7 @@ impl ConeTracer {
         let d_radiance = d_sample.radiance;
         let d_distance = d_sample.distance_m * self.leaf_edge_m();
         let mut behind = transmittance * (d_distance * cone.far - d_sample.opacity);
-        for hit in hits.iter().rev() {
+        for hit in hits_from_the_last {
             let step = &table.steps()[hit.step as usize];
             let [r, g, b, extinction] = hit.value;
             let shade = step.weight * dot(d_radiance, [r, g, b]) + d_distance * step.distance;
@@ -165,27 +165,57 @@ fn gradients_of_cones<R: Reconstruction, F: Fn(usize, &Sample) -> SampleGradient
     sum: &mut Accumulator,
 ) {
     samples.fill(Sample::default());
-    let mut hits: [Vec<Hit>; LANES] = std::array::from_fn(|_| Vec::new());
+    let (mut wave, mut transmittances) = (Wave::<LANES>::new(), [0.0; LANES]);
+    let mut tape = Tape::default();
     let mut packets = Packets::new(tracer, cones);
+    let mut pixels = [Composite::default(); LANES];
     while packets.next::<LANES>() {
-        hits.iter_mut().for_each(Vec::clear);
-        let mut pixels = [Composite::default(); LANES];
-        let table = packets.table();
-        let transmittances = march::<R, LANES>(
-            &tracer.grid,
-            table,
-            packets.cones(),
-            tracer.settings.min_transmittance,
-            |lane, step, hit| {
-                pixels[lane].add(step, &hit);
-                hits[lane].push(hit);
-            },
-        );
-        for (lane, (index, local)) in packets.indices().zip(packets.cones()).enumerate() {
-            samples[index] = pixels[lane].finish(transmittances[lane], local.far, tracer.leaf_edge_m());
+        let (table, locals) = (packets.table(), packets.cones());
+        pixels[..locals.len()].fill(Composite::default());
+        tape.clear(locals.len());
+        let least = tracer.settings.min_transmittance;
+        wave.march::<R>(&tracer.grid, table, locals, least, &mut transmittances, |cone, step, hit| {
+            pixels[cone].add(step, &hit);
+            tape.push(cone, hit);
+        });
+        for (cone, (index, local)) in packets.indices().zip(locals).enumerate() {
+            samples[index] = pixels[cone].finish(transmittances[cone], local.far, tracer.leaf_edge_m());
             let d_sample = loss(index, &samples[index]);
-            tracer.sweep_back::<R>(table, local, &hits[lane], transmittances[lane], &d_sample, sum);
+            tracer.sweep_back::<R>(table, local, tape.hits_from_the_last(cone), transmittances[cone], &d_sample, sum);
         }
+    }
+}
+
+/// The hits of the cones that are followed at the moment, in the order in which they came.
+#[derive(Default)]
+struct Tape {
+    /// Each hit and the place of the one before it of the same cone.
+    hits: Vec<(Hit, Option<u32>)>,
+    /// Place of the last hit of each cone.
+    last: Vec<Option<u32>>,
+}
+
+impl Tape {
+    fn clear(&mut self, cones: usize) {
+        self.hits.clear();
+        self.last.clear();
+        self.last.resize(cones, None);
+    }
+
+    #[inline(always)]
+    fn push(&mut self, cone: usize, hit: Hit) {
+        self.hits.push((hit, self.last[cone]));
+        self.last[cone] = Some(self.hits.len() as u32 - 1);
+    }
+
+    #[inline(always)]
+    fn hits_from_the_last(&self, cone: usize) -> impl Iterator<Item = &Hit> {
+        let mut next = self.last[cone];
+        std::iter::from_fn(move || {
+            let (hit, before) = &self.hits[next? as usize];
+            next = *before;
+            Some(hit)
+        })
     }
 }
 

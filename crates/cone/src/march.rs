@@ -2,8 +2,8 @@ use geometry::Cube;
 
 use crate::{
     Cone,
-    grid::{Cell, Grid},
-    reconstruction::{Reconstruction, rounded_up},
+    grid::{Entry, Grid},
+    reconstruction::Reconstruction,
     steps::{Step, StepTable},
 };
 
@@ -75,96 +75,175 @@ impl LocalCone {
     }
 }
 
-/// Follows up to `LANES` cones side by side, each front to back, and shows each sample that meets something together with the
-/// cone's index; returns the transmittances to the exit.
+/// Cones that are followed side by side.
 ///
-/// Samples in empty space are skipped, which changes nothing. The loops over lanes have no branches where it matters, so that
-/// the compiler makes vector code of them for whatever instruction set the caller is compiled for; one lane is the plain
-/// single cone. Each lane computes exactly what it would alone.
-#[inline(always)]
-pub(crate) fn march<R: Reconstruction, const LANES: usize>(
-    grid: &Grid,
-    table: &StepTable,
-    cones: &[LocalCone],
-    min_transmittance: f32,
-    mut hit: impl FnMut(usize, &Step, Hit),
-) -> [f32; LANES] {
-    // Positions carry rounding errors of a few units in the last place of the side; so far inside is safely inside.
-    let margin = grid.side() as f32 * (4.0 * f32::EPSILON);
-    let mut transmittances = [1.0f32; LANES];
-    let (mut entry, mut direction, mut inverse) = ([[0.0f32; LANES]; 3], [[0.0f32; LANES]; 3], [[0.0f32; LANES]; 3]);
-    let (mut near, mut n, mut end) = ([0.0f32; LANES], [0u32; LANES], [0u32; LANES]);
-    for (lane, cone) in cones.iter().enumerate() {
-        for axis in 0..3 {
-            entry[axis][lane] = cone.entry[axis];
-            direction[axis][lane] = cone.direction[axis];
-            inverse[axis][lane] = 1.0 / cone.direction[axis];
+/// Each pass over the lanes is a loop without branches, from which the compiler makes vector code for whatever instruction
+/// set its caller is compiled for. A cone that ends gives its lane to the last one, so that all lanes have work. Each cone
+/// gets exactly what it would get alone.
+pub(crate) struct Wave<const LANES: usize> {
+    cone: [u32; LANES],
+    entry: [[f32; LANES]; 3],
+    direction: [[f32; LANES]; 3],
+    inverse: [[f32; LANES]; 3],
+    near: [f32; LANES],
+    step: [i32; LANES],
+    end: [i32; LANES],
+    transmittance: [f32; LANES],
+    leaf: [[i32; LANES]; 3],
+    found: [Entry; LANES],
+    level: [i32; LANES],
+    found_level: [i32; LANES],
+}
+
+impl<const LANES: usize> Wave<LANES> {
+    pub fn new() -> Self {
+        Self {
+            cone: [0; LANES],
+            entry: [[0.0; LANES]; 3],
+            direction: [[0.0; LANES]; 3],
+            inverse: [[0.0; LANES]; 3],
+            near: [0.0; LANES],
+            step: [0; LANES],
+            end: [0; LANES],
+            transmittance: [0.0; LANES],
+            leaf: [[0; LANES]; 3],
+            found: [Entry::default(); LANES],
+            level: [0; LANES],
+            found_level: [0; LANES],
         }
-        near[lane] = cone.near;
-        n[lane] = table.first_at(cone.near);
-        end[lane] = table.first_at(cone.far);
     }
-    let Some(last) = table.steps().len().checked_sub(1) else { return transmittances };
-    loop {
-        let mut any = false;
-        let (mut distance, mut level) = ([0.0f32; LANES], [0.0f32; LANES]);
-        for lane in 0..LANES {
-            any |= n[lane] < end[lane];
-            let step = &table.steps()[(n[lane] as usize).min(last)];
-            distance[lane] = step.distance - near[lane];
-            level[lane] = step.level;
-        }
-        if !any {
-            return transmittances;
-        }
-        let mut leaf = [[0i32; LANES]; 3];
-        for axis in 0..3 {
-            for lane in 0..LANES {
-                let position = entry[axis][lane] + direction[axis][lane] * distance[lane];
-                // Rounding may have put it on the far side of a face of the cube.
-                leaf[axis][lane] = (position as i32).clamp(0, grid.side() - 1);
-            }
-        }
-        let mut coarse = [0u32; LANES];
-        for lane in 0..LANES {
-            coarse[lane] = rounded_up(level[lane]);
-        }
-        let cells = grid.dense_cells_at(&leaf, &coarse);
-        // For each lane the level and reach of the empty cells around it; none where there is something.
-        let (mut shift, mut reach) = ([0u32; LANES], [0i32; LANES]);
-        for lane in 0..LANES {
-            let cell = grid.descend(cells[lane], [leaf[0][lane], leaf[1][lane], leaf[2][lane]], coarse[lane]);
-            (shift[lane], reach[lane]) = match cell {
-                Cell::Empty { level, radius } => (level, radius - R::RADIUS),
-                Cell::Slot(_) => (0, 0),
-            };
-            if reach[lane] <= 0 && n[lane] < end[lane] {
-                let step = &table.steps()[n[lane] as usize];
-                let position = cones[lane].at(step.distance);
-                let value = R::read(grid, cell, position, step.level);
-                let opacity = opacity(value[3] * step.length);
-                hit(lane, step, Hit { step: n[lane], value, transmittance: transmittances[lane], opacity });
-                transmittances[lane] -= transmittances[lane] * opacity;
-                if transmittances[lane] < min_transmittance {
-                    end[lane] = 0;
+
+    /// Follows up to `LANES` cones, each front to back, and shows each sample that meets something together with the cone's
+    /// index; writes the transmittance of each cone to the exit.
+    ///
+    /// Samples in empty space are skipped, which changes nothing.
+    #[inline(always)]
+    pub fn march<R: Reconstruction>(
+        &mut self,
+        grid: &Grid,
+        table: &StepTable,
+        cones: &[LocalCone],
+        min_transmittance: f32,
+        transmittances: &mut [f32; LANES],
+        mut hit: impl FnMut(usize, &Step, Hit),
+    ) {
+        let mut active = self.start(table, cones);
+        active = self.retire(active, transmittances);
+        while active > 0 {
+            self.find(grid, table, active);
+            for lane in 0..active {
+                if R::empty_radius(self.found[lane]) > 0 {
+                    continue;
+                }
+                let cone = self.cone[lane] as usize;
+                let step = &table.steps()[self.step[lane] as usize];
+                if let Some(value) = R::read(grid, self.found[lane], cones[cone].at(step.distance), step.level) {
+                    let transmittance = self.transmittance[lane];
+                    let opacity = opacity(value[3] * step.length);
+                    hit(cone, step, Hit { step: self.step[lane] as u32, value, transmittance, opacity });
+                    self.transmittance[lane] -= transmittance * opacity;
+                    if self.transmittance[lane] < min_transmittance {
+                        self.end[lane] = 0;
+                    }
                 }
             }
+            self.advance::<R>(grid, table, active);
+            active = self.retire(active, transmittances);
         }
-        let mut exit = [f32::INFINITY; LANES];
-        for axis in 0..3 {
-            for lane in 0..LANES {
-                let cell = leaf[axis][lane] >> shift[lane];
-                let low = ((cell - reach[lane] + 1) << shift[lane]) as f32 + margin;
-                let high = ((cell + reach[lane]) << shift[lane]) as f32 - margin;
-                let bound = if inverse[axis][lane] < 0.0 { low } else { high };
-                exit[lane] = exit[lane].min((bound - entry[axis][lane]) * inverse[axis][lane]);
+    }
+
+    fn start(&mut self, table: &StepTable, cones: &[LocalCone]) -> usize {
+        for (lane, cone) in cones.iter().enumerate() {
+            self.cone[lane] = lane as u32;
+            for axis in 0..3 {
+                self.entry[axis][lane] = cone.entry[axis];
+                self.direction[axis][lane] = cone.direction[axis];
+                self.inverse[axis][lane] = 1.0 / cone.direction[axis];
+            }
+            self.near[lane] = cone.near;
+            self.step[lane] = table.first_at(cone.near);
+            self.end[lane] = table.first_at(cone.far);
+            self.transmittance[lane] = 1.0;
+        }
+        cones.len()
+    }
+
+    /// What lies at the next sample of each lane.
+    #[inline(always)]
+    fn find(&mut self, grid: &Grid, table: &StepTable, active: usize) {
+        let last = grid.side() - 1;
+        let dense_level = grid.dense_level();
+        for lane in 0..active.min(LANES) {
+            let place = table.place(self.step[lane]);
+            let distance = place.distance - self.near[lane];
+            // Rounding may put a position on the far side of a face of the cube.
+            let x = ((self.entry[0][lane] + self.direction[0][lane] * distance) as i32).max(0).min(last);
+            let y = ((self.entry[1][lane] + self.direction[1][lane] * distance) as i32).max(0).min(last);
+            let z = ((self.entry[2][lane] + self.direction[2][lane] * distance) as i32).max(0).min(last);
+            self.leaf[0][lane] = x;
+            self.leaf[1][lane] = y;
+            self.leaf[2][lane] = z;
+            self.level[lane] = place.level;
+            self.found_level[lane] = place.level.max(dense_level);
+            self.found[lane] = grid.dense_cell([x, y, z], place.level.max(dense_level));
+        }
+        for level in (0..dense_level).rev() {
+            for lane in 0..active.min(LANES) {
+                let leaf = [self.leaf[0][lane], self.leaf[1][lane], self.leaf[2][lane]];
+                let descend = self.level[lane] <= level && self.found[lane].slot().is_some();
+                self.found[lane] = grid.child_if(descend, self.found[lane], leaf, level);
+                self.found_level[lane] = if descend { level } else { self.found_level[lane] };
             }
         }
-        for lane in 0..LANES {
-            let exit = exit[lane] * (1.0 - 4.0 * f32::EPSILON) + near[lane];
-            let first = table.first_at(exit).min(table.level_end(shift[lane]));
-            n[lane] = if reach[lane] > 0 { first.max(n[lane] + 1) } else { n[lane] + 1 };
+    }
+
+    /// To the next sample, or over all of them in empty space.
+    #[inline(always)]
+    fn advance<R: Reconstruction>(&mut self, grid: &Grid, table: &StepTable, active: usize) {
+        // Positions carry rounding errors of a few units in the last place of the side; so far inside is safely inside.
+        let margin = grid.side() as f32 * (4.0 * f32::EPSILON);
+        for lane in 0..active.min(LANES) {
+            let radius = R::empty_radius(self.found[lane]);
+            let level = self.found_level[lane];
+            let mut exit = f32::INFINITY;
+            for axis in 0..3 {
+                let cell = self.leaf[axis][lane] >> level;
+                let low = ((cell - radius + 1) << level) as f32 + margin;
+                let high = ((cell + radius) << level) as f32 - margin;
+                let inverse = self.inverse[axis][lane];
+                let bound = if inverse < 0.0 { low } else { high };
+                exit = exit.min((bound - self.entry[axis][lane]) * inverse);
+            }
+            let exit = exit * (1.0 - 4.0 * f32::EPSILON) + self.near[lane];
+            let next = self.step[lane] + 1;
+            let first = table.about_first_at(exit).min(table.level_end(level)).max(next);
+            self.step[lane] = if radius > 0 { first } else { next };
         }
+    }
+
+    /// Fills the lanes of cones that ended with cones that did not; returns how many these are.
+    #[inline(always)]
+    fn retire(&mut self, mut active: usize, transmittances: &mut [f32; LANES]) -> usize {
+        let mut lane = 0;
+        while lane < active {
+            if self.step[lane] < self.end[lane] {
+                lane += 1;
+                continue;
+            }
+            transmittances[self.cone[lane] as usize] = self.transmittance[lane];
+            active -= 1;
+            self.cone[lane] = self.cone[active];
+            for axis in 0..3 {
+                self.entry[axis][lane] = self.entry[axis][active];
+                self.direction[axis][lane] = self.direction[axis][active];
+                self.inverse[axis][lane] = self.inverse[axis][active];
+            }
+            self.near[lane] = self.near[active];
+            self.step[lane] = self.step[active];
+            self.end[lane] = self.end[active];
+            self.transmittance[lane] = self.transmittance[active];
+        }
+        active
     }
 }
 
@@ -212,8 +291,8 @@ mod tests {
             }
             let position = cone.at(step.distance);
             let leaf = position.map(|p| (p as i32).clamp(0, grid.side() - 1));
-            let value = R::read(grid, grid.find(leaf, step.level.ceil() as u32), position, step.level);
-            if value[3] > 0.0 {
+            let entry = grid.find(leaf, step.level.ceil() as i32);
+            if let Some(value) = R::read(grid, entry, position, step.level) {
                 seen.push((n, value));
             }
         }
@@ -222,18 +301,14 @@ mod tests {
 
     fn check<R: Reconstruction>(grid: &Grid, table: &StepTable, cones: &[LocalCone]) -> usize {
         let mut met: Vec<Vec<(u32, [f32; 4])>> = vec![Vec::new(); LANES];
-        march::<R, LANES>(grid, table, cones, 0.0, |lane, _, hit| {
-            if hit.value[3] > 0.0 {
-                met[lane].push((hit.step, hit.value));
-            }
+        Wave::<LANES>::new().march::<R>(grid, table, cones, 0.0, &mut [0.0; LANES], |lane, _, hit| {
+            met[lane].push((hit.step, hit.value));
         });
         for (cone, met) in cones.iter().zip(&met) {
             assert_eq!(*met, march_without_skipping::<R>(grid, table, cone));
             let mut alone = Vec::new();
-            march::<R, 1>(grid, table, std::slice::from_ref(cone), 0.0, |_, _, hit| {
-                if hit.value[3] > 0.0 {
-                    alone.push((hit.step, hit.value));
-                }
+            Wave::<1>::new().march::<R>(grid, table, std::slice::from_ref(cone), 0.0, &mut [0.0], |_, _, hit| {
+                alone.push((hit.step, hit.value));
             });
             assert_eq!(*met, alone);
         }
@@ -247,13 +322,14 @@ mod tests {
         fn skipping_and_packets_change_no_sample(
             depth in 1u32..=8,
             full in 0u32..=4,
+            clump in 1u32..=8,
             leaves in proptest::collection::btree_set(any::<[u32; 3]>(), 1..60),
-            seeds in proptest::collection::vec((any::<[u16; 3]>(), any::<[i16; 3]>(), 0.0..1.5f32), LANES),
+            seeds in proptest::collection::vec((any::<[u16; 3]>(), any::<[i16; 3]>(), 0.0..1.5f32), 40),
             literal in any::<bool>(),
             tan_half_angle in prop_oneof![Just(0.0f32), Just(0.0245), 0.0..1.0f32],
         ) {
             let side = (1u32 << depth) - 1;
-            let mut keys: Vec<u32> = leaves.iter().map(|leaf| key_from_xyz(leaf.map(|c| c & side))).collect();
+            let mut keys: Vec<u32> = leaves.iter().map(|leaf| key_from_xyz(leaf.map(|c| side / 2 ^ (c & side & ((1 << clump) - 1))))).collect();
             keys.sort_unstable();
             keys.dedup();
             let count = keys.len();

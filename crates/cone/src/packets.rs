@@ -1,9 +1,4 @@
-use crate::{
-    Cone,
-    march::LocalCone,
-    steps::StepTable,
-    tracer::{ConeTracer, LANES},
-};
+use crate::{Cone, march::LocalCone, steps::StepTable, tracer::ConeTracer};
 
 /// Goes through a list of cones in packets of neighbours that take the same steps; leaves out those that miss the cube.
 ///
@@ -13,40 +8,38 @@ pub(crate) struct Packets<'a> {
     cones: &'a [Cone],
     next: usize,
     table: Option<StepTable>,
-    locals: [LocalCone; LANES],
-    indices: [usize; LANES],
-    count: usize,
+    locals: Vec<LocalCone>,
+    indices: Vec<usize>,
 }
 
 impl<'a> Packets<'a> {
     pub fn new(tracer: &'a ConeTracer, cones: &'a [Cone]) -> Self {
-        let (locals, indices) = ([LocalCone::default(); LANES], [0; LANES]);
-        Self { tracer, cones, next: 0, table: None, locals, indices, count: 0 }
+        Self { tracer, cones, next: 0, table: None, locals: Vec::new(), indices: Vec::new() }
     }
 
     /// Moves to the next packet of at most `MOST` cones; false at the end.
     #[inline(always)]
     pub fn next<const MOST: usize>(&mut self) -> bool {
-        self.count = 0;
-        while self.count < MOST && self.next < self.cones.len() {
+        self.locals.clear();
+        self.indices.clear();
+        while self.locals.len() < MOST && self.next < self.cones.len() {
             let cone = &self.cones[self.next];
             if let Some(local) = LocalCone::new(cone, &self.tracer.cube, self.tracer.grid.side()) {
                 let covers = self.table.as_ref().is_some_and(|table| {
                     table.covers(&self.tracer.settings, cone.tan_half_angle, local.near, local.far)
                 });
                 if !covers {
-                    if self.count > 0 {
+                    if !self.locals.is_empty() {
                         return true;
                     }
                     self.table = Some(self.tracer.steps(cone.tan_half_angle, &local));
                 }
-                self.locals[self.count] = local;
-                self.indices[self.count] = self.next;
-                self.count += 1;
+                self.locals.push(local);
+                self.indices.push(self.next);
             }
             self.next += 1;
         }
-        self.count > 0
+        !self.locals.is_empty()
     }
 
     /// The steps of the packet.
@@ -58,12 +51,12 @@ impl<'a> Packets<'a> {
     /// The cones of the packet.
     #[inline(always)]
     pub fn cones(&self) -> &[LocalCone] {
-        &self.locals[..self.count]
+        &self.locals
     }
 
     /// Their places in the list.
     #[inline(always)]
     pub fn indices(&self) -> impl Iterator<Item = usize> {
-        self.indices[..self.count].iter().copied()
+        self.indices.iter().copied()
     }
 }

@@ -1,13 +1,14 @@
-use crate::grid::{Cell, Grid};
+use crate::grid::{Entry, Grid};
 
 /// How the octree is read at a position between node centres.
 pub(crate) trait Reconstruction {
-    /// How many cells around its own a sample reads.
-    const RADIUS: i32;
+    /// Samples in the cells of the entry's level at a distance below this find nothing; where it is not positive, this one
+    /// may find something.
+    fn empty_radius(entry: Entry) -> i32;
 
-    /// Linear RGB radiance and extinction per leaf edge at `position` (leaf edges) and `level`; `cell` is what lies there at
-    /// the level rounded up.
-    fn read(grid: &Grid, cell: Cell, position: [f32; 3], level: f32) -> [f32; 4];
+    /// Linear RGB radiance and extinction per leaf edge at `position` (leaf edges) and `level`, or `None` where there is
+    /// nothing; `entry` is what [`Grid::find`] gives at the level rounded up.
+    fn read(grid: &Grid, entry: Entry, position: [f32; 3], level: f32) -> Option<[f32; 4]>;
 
     /// The slots that the value is made of and their weights: extinction is the weighted sum of theirs, radiance the mean
     /// weighted by extinction too.
@@ -29,24 +30,21 @@ const CRACK_WIDTH: f32 = 0.6;
 pub(crate) struct Interpolated;
 
 impl Reconstruction for Nearest {
-    const RADIUS: i32 = 1;
+    #[inline(always)]
+    fn empty_radius(entry: Entry) -> i32 {
+        if entry.in_crease() { 0 } else { entry.radius() }
+    }
 
     #[inline(always)]
-    fn read(grid: &Grid, cell: Cell, position: [f32; 3], level: f32) -> [f32; 4] {
-        match cell {
-            Cell::Slot(slot) => grid.value(slot),
-            Cell::Empty { .. } => crack(grid, position, rounded_up(level)).map_or([0.0; 4], |slot| grid.value(slot)),
-        }
+    fn read(grid: &Grid, entry: Entry, position: [f32; 3], level: f32) -> Option<[f32; 4]> {
+        entry.slot().or_else(|| crack(grid, position, rounded_up(level))).map(|slot| grid.value(slot))
     }
 
     #[inline(always)]
     fn footprint(grid: &Grid, position: [f32; 3], level: f32, mut visit: impl FnMut(u32, f32)) {
         let leaf = position.map(|p| (p as i32).clamp(0, grid.side() - 1));
-        let slot = match grid.find(leaf, rounded_up(level)) {
-            Cell::Slot(slot) => Some(slot),
-            Cell::Empty { .. } => crack(grid, position, rounded_up(level)),
-        };
-        if let Some(slot) = slot {
+        let level = rounded_up(level);
+        if let Some(slot) = grid.find(leaf, level).slot().or_else(|| crack(grid, position, level)) {
             visit(slot, 1.0);
         }
     }
@@ -54,7 +52,7 @@ impl Reconstruction for Nearest {
 
 /// The nearest of at least two occupied neighbours across the three nearest faces of an empty cell.
 #[inline(always)]
-fn crack(grid: &Grid, position: [f32; 3], level: u32) -> Option<u32> {
+fn crack(grid: &Grid, position: [f32; 3], level: i32) -> Option<u32> {
     let edge = (1 << level) as f32;
     let leaf = position.map(|p| (p as i32).clamp(0, grid.side() - 1));
     let (mut nearest, mut second, mut found) = (f32::INFINITY, f32::INFINITY, 0);
@@ -65,7 +63,7 @@ fn crack(grid: &Grid, position: [f32; 3], level: u32) -> Option<u32> {
         neighbour[axis] += step;
         if distance < second
             && (0..grid.side()).contains(&neighbour[axis])
-            && let Cell::Slot(slot) = grid.find(neighbour, level)
+            && let Some(slot) = grid.find(neighbour, level).slot()
         {
             if distance < nearest {
                 (second, nearest, found) = (nearest, distance, slot);
@@ -78,25 +76,29 @@ fn crack(grid: &Grid, position: [f32; 3], level: u32) -> Option<u32> {
 }
 
 impl Reconstruction for Interpolated {
-    /// The eight nodes around a position are its own and neighbours.
-    const RADIUS: i32 = 1;
+    #[inline(always)]
+    fn empty_radius(entry: Entry) -> i32 {
+        // The eight nodes around a position are its own and neighbours.
+        entry.radius() - 1
+    }
 
     #[inline(always)]
-    fn read(grid: &Grid, _: Cell, position: [f32; 3], level: f32) -> [f32; 4] {
-        let mut sum = [0.0; 4];
+    fn read(grid: &Grid, _: Entry, position: [f32; 3], level: f32) -> Option<[f32; 4]> {
+        let (mut sum, mut found) = ([0.0; 4], false);
         Self::footprint(grid, position, level, |slot, weight| {
             let [r, g, b, extinction] = grid.value(slot);
             let extinction = weight * extinction;
             sum = [sum[0] + extinction * r, sum[1] + extinction * g, sum[2] + extinction * b, sum[3] + extinction];
+            found = true;
         });
         let [r, g, b, extinction] = sum;
         let scale = if extinction > 0.0 { 1.0 / extinction } else { 0.0 };
-        [r * scale, g * scale, b * scale, extinction]
+        found.then_some([r * scale, g * scale, b * scale, extinction])
     }
 
     #[inline(always)]
     fn footprint(grid: &Grid, position: [f32; 3], level: f32, mut visit: impl FnMut(u32, f32)) {
-        let fine = level as u32;
+        let fine = level as i32;
         let blend = level - fine as f32;
         trilinear(grid, position, fine, |slot, weight| visit(slot, weight * (1.0 - blend)));
         if blend > 0.0 {
@@ -107,14 +109,14 @@ impl Reconstruction for Interpolated {
 
 /// ⌈level⌉; `f32::ceil` is a call without SSE 4.1.
 #[inline(always)]
-pub(crate) fn rounded_up(level: f32) -> u32 {
-    let floor = level as u32;
-    floor + u32::from((floor as f32) < level)
+pub(crate) fn rounded_up(level: f32) -> i32 {
+    let floor = level as i32;
+    floor + i32::from((floor as f32) < level)
 }
 
 #[inline(always)]
-fn trilinear(grid: &Grid, position: [f32; 3], level: u32, mut visit: impl FnMut(u32, f32)) {
-    let edge = (1u32 << level) as f32;
+fn trilinear(grid: &Grid, position: [f32; 3], level: i32, mut visit: impl FnMut(u32, f32)) {
+    let edge = (1 << level) as f32;
     let mut base = [0i32; 3];
     let mut fraction = [0f32; 3];
     for axis in 0..3 {
@@ -129,7 +131,7 @@ fn trilinear(grid: &Grid, position: [f32; 3], level: u32, mut visit: impl FnMut(
         if cell.iter().any(|c| !(0..side).contains(c)) {
             continue;
         }
-        if let Cell::Slot(slot) = grid.find(cell.map(|c| c << level), level) {
+        if let Some(slot) = grid.find(cell.map(|c| c << level), level).slot() {
             let weight: f32 =
                 (0..3).map(|axis| if offset[axis] == 1 { fraction[axis] } else { 1.0 - fraction[axis] }).product();
             visit(slot, weight);

@@ -1,4 +1,6 @@
-use crate::{SampleWeight, Settings, StepRule};
+use octree::MAX_DEPTH;
+
+use crate::{SampleWeight, Settings, StepRule, reconstruction::rounded_up};
 
 /// The literal rule does not advance without growth; with less than this it would take more than 10⁵ samples.
 const MIN_LITERAL_GROWTH: f64 = 1e-4;
@@ -18,11 +20,20 @@ pub(crate) struct StepTable {
     near: f32,
     far: f32,
     steps: Vec<Step>,
+    /// Distance and level, rounded up, of each step, and of one that lies behind everything.
+    places: Vec<Place>,
     /// For each level the first step with a coarser one.
-    level_ends: Vec<u32>,
-    /// First step of each bin of the range, or of a later one.
-    bins: Vec<u32>,
+    level_ends: [i32; MAX_DEPTH as usize + 1],
+    /// First step of each bin of the range, or of a later one; the last bin is behind the last step.
+    bins: Vec<i32>,
     bins_per_edge: f32,
+}
+
+/// What the search for something occupied needs of a step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    pub distance: f32,
+    pub level: i32,
 }
 
 /// One sample of a cone.
@@ -48,8 +59,16 @@ impl StepTable {
             StepRule::Floored(fraction) => f64::from(fraction),
         };
         let bins_per_edge = if floor > 0.0 { 1.0 / floor as f32 } else { 4.0 };
-        let mut table =
-            Self { growth, near, far, steps: Vec::new(), level_ends: Vec::new(), bins: Vec::new(), bins_per_edge };
+        let mut table = Self {
+            growth,
+            near,
+            far,
+            steps: Vec::new(),
+            places: Vec::new(),
+            level_ends: [0; MAX_DEPTH as usize + 1],
+            bins: Vec::new(),
+            bins_per_edge,
+        };
 
         // Number and distance of the sample from which on the steps grow.
         let equal = if growth * first >= floor { 0.0 } else { (1.0 / growth - first / floor).ceil() };
@@ -84,7 +103,7 @@ impl StepTable {
             table.push(Step { distance: distance as f32, length: length as f32, weight, level });
             n += 1.0;
         }
-        table.finish(max_level);
+        table.finish();
         table
     }
 
@@ -98,44 +117,68 @@ impl StepTable {
     }
 
     /// First step at or beyond `distance`.
-    #[inline(always)]
-    pub fn first_at(&self, distance: f32) -> u32 {
-        let Some(&first) = self.bins.get(self.bin(distance)) else { return self.steps.len() as u32 };
-        let mut step = first;
-        while self.steps.get(step as usize).is_some_and(|step| step.distance < distance) {
+    pub fn first_at(&self, distance: f32) -> i32 {
+        let mut step = self.bins[self.bin(distance)];
+        while self.places[step as usize].distance < distance {
             step += 1;
         }
         step
     }
 
+    /// A step not behind the first one at or beyond `distance`, and with the floored rule this itself.
+    #[inline(always)]
+    pub fn about_first_at(&self, distance: f32) -> i32 {
+        // SAFETY: `bin` gives an index of `bins`.
+        let step = unsafe { *self.bins.get_unchecked(self.bin(distance)) };
+        step + i32::from(self.place(step).distance < distance)
+    }
+
+    /// Distance and level of a step, or of the one behind the last.
+    #[inline(always)]
+    pub fn place(&self, step: i32) -> Place {
+        debug_assert!((0..self.places.len() as i32).contains(&step));
+        // SAFETY: all steps that this type hands out are at most the number of steps, and there is one place more than that;
+        // those that `march` adds one to are below an end that was handed out.
+        unsafe { *self.places.get_unchecked(step as usize) }
+    }
+
     /// First step whose level is above `level`.
     #[inline(always)]
-    pub fn level_end(&self, level: u32) -> u32 {
-        self.level_ends[(level as usize).min(self.level_ends.len() - 1)]
+    pub fn level_end(&self, level: i32) -> i32 {
+        debug_assert!((0..self.level_ends.len() as i32).contains(&level));
+        // SAFETY: no octree is deeper, so no level is higher.
+        unsafe { *self.level_ends.get_unchecked(level as usize) }
     }
 
     #[inline(always)]
     fn bin(&self, distance: f32) -> usize {
-        ((distance - self.near) * self.bins_per_edge) as usize
+        let bin = (distance - self.near) * self.bins_per_edge;
+        bin.max(0.0).min((self.bins.len() - 1) as f32) as i32 as usize
     }
 
     fn push(&mut self, step: Step) {
-        // The same rounding here and in the search, so that no step is ever missed.
-        let bins = self.bin(step.distance) + 1;
-        if bins > self.bins.len() {
-            self.bins.resize(bins, self.steps.len() as u32);
-        }
+        self.places.push(Place { distance: step.distance, level: rounded_up(step.level) as i32 });
         self.steps.push(step);
     }
 
-    fn finish(&mut self, max_level: u32) {
-        self.level_ends = (0..=max_level)
-            .map(|level| {
-                // The first sample can be coarser than those after it: nothing is skipped from there.
-                let coarser = |step: &Step| step.level.ceil() > level as f32;
-                self.steps.iter().rposition(|step| !coarser(step)).map_or(0, |last| last as u32 + 1)
-            })
-            .collect();
+    fn finish(&mut self) {
+        let count = self.steps.len() as i32;
+        for (level, end) in self.level_ends.iter_mut().enumerate() {
+            // The first sample can be coarser than those after it: nothing is skipped from there.
+            let last = self.places.iter().rposition(|place| place.level <= level as i32);
+            *end = last.map_or(0, |last| last as i32 + 1);
+        }
+        self.places.push(Place { distance: f32::INFINITY, level: 0 });
+        // The same rounding here and in the search, so that no step is ever missed.
+        let length = self.steps.last().map_or(0.0, |step| (step.distance - self.near) * self.bins_per_edge);
+        self.bins = vec![count; length as usize + 2];
+        for step in (0..count).rev() {
+            let bin = self.bin(self.steps[step as usize].distance);
+            self.bins[bin] = step;
+        }
+        for bin in (1..self.bins.len()).rev() {
+            self.bins[bin - 1] = self.bins[bin - 1].min(self.bins[bin]);
+        }
     }
 }
 

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use crate::{
     Cone, Rendering, Sample, Sampling, Settings, SettingsError,
     grid::Grid,
-    march::{Hit, LocalCone, march},
+    march::{Hit, LocalCone, Wave},
     packets::Packets,
     reconstruction::{Interpolated, Nearest, Reconstruction},
     steps::{Step, StepTable},
@@ -16,11 +16,11 @@ use crate::{
 /// Cones that one task traces; the result does not depend on it.
 pub(crate) const CONES_PER_TASK: usize = 1024;
 
-/// Cones that are followed side by side: one register of AVX-512, two of AVX2, four of SSE and NEON.
-pub(crate) const LANES: usize = 16;
+/// Cones that are followed side by side: enough for the loops over them to pay, few enough for the first-level cache.
+pub(crate) const LANES: usize = 256;
 
-/// A packet of an image is a square of this many pixels a side, whose cones stay close to each other.
-const TILE: usize = 4;
+/// Cones of an image are followed in squares of this many pixels a side, so that they stay close to each other.
+const TILE: usize = 8;
 
 /// Traces cones through one lighting octree.
 ///
@@ -154,18 +154,18 @@ fn trace_task(tracer: &ConeTracer, cones: &[Cone], samples: &mut [Sample]) {
 #[inline(always)]
 fn trace_cones<R: Reconstruction, const LANES: usize>(tracer: &ConeTracer, cones: &[Cone], samples: &mut [Sample]) {
     samples.fill(Sample::default());
+    let (mut wave, mut transmittances) = (Wave::<LANES>::new(), [0.0; LANES]);
     let mut packets = Packets::new(tracer, cones);
+    let mut pixels = [Composite::default(); LANES];
     while packets.next::<LANES>() {
-        let mut pixels = [Composite::default(); LANES];
-        let transmittances = march::<R, LANES>(
-            &tracer.grid,
-            packets.table(),
-            packets.cones(),
-            tracer.settings.min_transmittance,
-            |lane, step, hit| pixels[lane].add(step, &hit),
-        );
-        for (lane, (index, local)) in packets.indices().zip(packets.cones()).enumerate() {
-            samples[index] = pixels[lane].finish(transmittances[lane], local.far, tracer.leaf_edge_m());
+        let (table, locals) = (packets.table(), packets.cones());
+        pixels[..locals.len()].fill(Composite::default());
+        let least = tracer.settings.min_transmittance;
+        wave.march::<R>(&tracer.grid, table, locals, least, &mut transmittances, |cone, step, hit| {
+            pixels[cone].add(step, &hit);
+        });
+        for (cone, (index, local)) in packets.indices().zip(locals).enumerate() {
+            samples[index] = pixels[cone].finish(transmittances[cone], local.far, tracer.leaf_edge_m());
         }
     }
 }

@@ -116,9 +116,7 @@ fn true_panorama(origin: Vec3) -> Vec<([f32; 3], f32)> {
                 let (sx, sy) = (x * RAYS + ray % RAYS, y * RAYS + ray / RAYS);
                 let direction = geometry::pixel_direction(sx, sy, WIDTH * RAYS, HEIGHT * RAYS);
                 let (radiance, d) = truth(&Ray { origin, direction });
-                for c in 0..3 {
-                    sum[c] += radiance[c] / (RAYS * RAYS) as f32;
-                }
+                sum = std::array::from_fn(|c| sum[c] + radiance[c] / (RAYS * RAYS) as f32);
                 distance += d / (RAYS * RAYS) as f32;
             }
             (sum, distance)
