@@ -3,12 +3,12 @@
 //! ```no_run
 //! use lightoctree::{EstimateOptions, camera_of_photo, cone, estimate, geometry::Vec3, imaging, scene::Frame};
 //!
-//! let photo = imaging::read_photo("room.jpg".as_ref())?;
-//! let depth_m = imaging::read_depth("room_depth.png".as_ref(), None)?;
+//! let photo = imaging::read_photo("room.jpg")?;
+//! let depth_m = imaging::read_depth("room_depth.png", None)?;
 //! let (camera, _source) = camera_of_photo(&photo)?;
 //! let frame = Frame::new(photo.photo, depth_m, camera, 1.0)?;
 //! let scene = estimate(frame, &EstimateOptions::default(), &mut |_| ())?;
-//! let tracer = cone::ConeTracer::new(&scene.light, cone::Settings::default());
+//! let tracer = cone::ConeTracer::new(&scene.light, cone::Settings::default())?;
 //! let panorama = tracer.panorama(Vec3::new(0.0, 0.0, -1.0), 256, 128);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
