@@ -1,10 +1,11 @@
-use cone::{Cone, ConeTracer, Sample, Settings};
+use cone::{Cone, ConeTracer, Sample, Sampling, Settings};
 use geometry::{Plane, Vec3};
 use imaging::RadianceImage;
 use scene::Scene;
 
 use crate::lights::{self, Lights};
 use crate::map::RadianceMap;
+use crate::quality::Counts;
 use crate::{InsertError, Lighting};
 
 /// Light samples that are kept; subsets of them are used.
@@ -25,8 +26,17 @@ pub(crate) struct Environment {
 }
 
 enum Source {
-    Octree { whole: Box<ConeTracer>, dimmed: Box<ConeTracer>, leaf_edge_m: f32 },
-    Map { whole: RadianceMap, dimmed: RadianceMap },
+    Octree {
+        whole: Box<ConeTracer>,
+        /// Reads `whole` between node centres, for reflections.
+        smooth: Option<Box<ConeTracer>>,
+        dimmed: Box<ConeTracer>,
+        leaf_edge_m: f32,
+    },
+    Map {
+        whole: RadianceMap,
+        dimmed: RadianceMap,
+    },
 }
 
 /// Which light is asked for.
@@ -39,29 +49,33 @@ pub(crate) enum Part {
 }
 
 impl Environment {
-    pub fn new(scene: &Scene, lighting: Lighting) -> Result<Self, InsertError> {
+    pub fn new(scene: &Scene, lighting: Lighting, counts: &Counts) -> Result<Self, InsertError> {
         match lighting {
-            Lighting::Octree => Self::from_octree(scene),
+            Lighting::Octree => Self::from_octree(scene, counts),
             Lighting::EnvironmentMap(map) => Self::from_map(map),
         }
     }
 
-    fn from_octree(scene: &Scene) -> Result<Self, InsertError> {
+    fn from_octree(scene: &Scene, counts: &Counts) -> Result<Self, InsertError> {
         let light = &scene.light;
         let leaf_edge_m = light.cube.node_edge_m(light.octree.depth());
-        let tracer = |light: &octree::LightOctree| {
-            ConeTracer::new(light, Settings::default()).map(Box::new).map_err(|e| InsertError::Octree(e.to_string()))
+        let tracer = |light: &octree::LightOctree, settings: Settings| {
+            ConeTracer::new(light, settings).map(Box::new).map_err(|e| InsertError::Octree(e.to_string()))
         };
-        let whole = tracer(light)?;
+        let whole = tracer(light, Settings::default())?;
+        let interpolated = Settings { sampling: Sampling::Interpolated, ..Settings::default() };
+        let smooth = counts.smooth_reflections.then(|| tracer(light, interpolated)).transpose()?;
         // The back of a closed room's shell looks into empty space: nothing is met there before the end of the cube.
         let faces_room = |origin: Vec3, normal: Vec3| {
             let cone = Cone { origin, direction: normal, tan_half_angle: SHADOW_RAY_TANGENT };
             whole.trace(&cone).opacity > 0.5
         };
         let (emitters, dimmed) = lights::split_octree(light, faces_room);
-        let dimmed = tracer(&dimmed)?;
+        let ending = Settings { min_transmittance: counts.min_transmittance, ..Settings::default() };
+        let dimmed = tracer(&dimmed, ending)?;
         let lights = Lights::sample(&emitters, LIGHT_SAMPLES);
-        Ok(Self { source: Source::Octree { whole, dimmed, leaf_edge_m }, lights, lift_m: LIFT_EDGES * leaf_edge_m })
+        let source = Source::Octree { whole, smooth, dimmed, leaf_edge_m };
+        Ok(Self { source, lights, lift_m: LIFT_EDGES * leaf_edge_m })
     }
 
     fn from_map(map: RadianceImage) -> Result<Self, InsertError> {
@@ -83,9 +97,9 @@ impl Environment {
     pub fn gather(&self, part: Part, cones: &[Cone], samples: &mut Vec<Sample>) {
         samples.clear();
         match &self.source {
-            Source::Octree { whole, dimmed, .. } => {
+            Source::Octree { whole, smooth, dimmed, .. } => {
                 samples.resize(cones.len(), Sample::default());
-                let tracer = if part == Part::Whole { whole } else { dimmed };
+                let tracer = if part == Part::Whole { smooth.as_ref().unwrap_or(whole) } else { dimmed };
                 tracer.trace_batch(cones, samples);
             }
             Source::Map { whole, dimmed } => {

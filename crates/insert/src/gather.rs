@@ -160,30 +160,30 @@ impl Gatherer<'_> {
     fn gather_cones(&self, receivers: &[Receiver], gathered: &mut [Gathered]) {
         let tan_half_angle = cone_tangent(4.0 * PI / self.directions.len() as f32);
         let (mut cones, mut owners, mut samples) = (Vec::new(), Vec::new(), Vec::new());
-        for (index, (receiver, gathered)) in receivers.iter().zip(gathered.iter_mut()).enumerate() {
-            // Weights are scaled so that a uniform environment of radiance 1 gives π exactly.
-            let total: f32 = self.directions.iter().map(|d| receiver.normal.dot(*d).max(0.0)).sum();
-            if total <= 0.0 {
-                continue;
-            }
-            let start = self.ray_start(receiver);
-            let apex = self.environment.lifted(receiver.position, self.object.support);
-            for &direction in self.directions {
+        // Weights are scaled so that a uniform environment of radiance 1 gives π exactly.
+        let total = |r: &Receiver| self.directions.iter().map(|d| r.normal.dot(*d).max(0.0)).sum::<f32>();
+        let scales: Vec<f32> = receivers.iter().map(|r| if r.is_dark() { 0.0 } else { PI / total(r) }).collect();
+        let apex = |r: &Receiver| self.environment.lifted(r.position, self.object.support);
+        let apexes: Vec<Vec3> = receivers.iter().map(apex).collect();
+        // One direction after the other: rays and cones of neighbours go the same way.
+        for &direction in self.directions {
+            for (index, (receiver, gathered)) in receivers.iter().zip(gathered.iter_mut()).enumerate() {
                 let cosine = receiver.normal.dot(direction);
                 if cosine <= 0.0 {
                     continue;
                 }
                 // Below the triangle's own plane there is nothing to meet: the smooth surface is meant to bulge.
                 let above = receiver.geometric_normal.dot(direction) > 0.0;
-                let ray = Ray { origin: start, direction };
-                match self.object.closest(&ray, f32::INFINITY).filter(|_| above) {
+                let ray = Ray { origin: self.ray_start(receiver), direction };
+                let hit = if above { self.object.closest(&ray, f32::INFINITY) } else { None };
+                match hit {
                     Some(hit) => {
                         let radiance = self.radiosity.map_or(Vec3::ZERO, |r| r.radiance(self.object, &ray, &hit));
-                        gathered.add(radiance, direction, cosine, PI / total);
+                        gathered.add(radiance, direction, cosine, scales[index]);
                     }
                     None => {
-                        cones.push(Cone { origin: apex, direction, tan_half_angle });
-                        owners.push((index, cosine, PI / total));
+                        cones.push(Cone { origin: apexes[index], direction, tan_half_angle });
+                        owners.push((index, cosine, scales[index]));
                     }
                 }
             }
@@ -199,22 +199,23 @@ impl Gatherer<'_> {
             return;
         }
         let (mut rays, mut owners, mut shares) = (Vec::new(), Vec::new(), Vec::new());
-        for (index, receiver) in receivers.iter().enumerate() {
-            let start = self.ray_start(receiver);
-            let apex = self.environment.lifted(receiver.position, self.object.support);
-            for light in self.lights {
+        for light in self.lights {
+            for (index, receiver) in receivers.iter().enumerate() {
                 let Some(incidence) = light.sample.on(receiver.position) else { continue };
                 let direction = incidence.direction;
+                if receiver.normal.dot(direction) <= 0.0 {
+                    continue;
+                }
                 let above = receiver.geometric_normal.dot(direction) > 0.0;
-                if receiver.normal.dot(direction) <= 0.0
-                    || (above && self.object.blocks(&Ray { origin: start, direction }, incidence.distance_m))
-                {
+                let ray = Ray { origin: self.ray_start(receiver), direction };
+                if above && self.object.blocks(&ray, incidence.distance_m) {
                     continue;
                 }
                 let irradiance = incidence.irradiance * light.scale;
                 match light.free {
                     Some(share) => gathered[index].add_light(receiver, direction, irradiance * share),
                     None => {
+                        let apex = self.environment.lifted(receiver.position, self.object.support);
                         rays.push((apex, direction, incidence.distance_m));
                         owners.push((index, direction, irradiance));
                     }
@@ -229,6 +230,10 @@ impl Gatherer<'_> {
 }
 
 impl Receiver {
+    fn is_dark(&self) -> bool {
+        self.normal == Vec3::ZERO
+    }
+
     /// A stand-in for a point that needs no light.
     pub fn dark() -> Self {
         Self { position: Vec3::ZERO, normal: Vec3::ZERO, geometric_normal: Vec3::ZERO, gloss: None }

@@ -12,9 +12,10 @@ use crate::object::Object;
 use crate::quality::Counts;
 use crate::radiosity::{self, Radiosity};
 use crate::shade::Shader;
-use crate::shadow::{ShadowField, ShadowRatio};
+use crate::shadow::{self, ShadowField, ShadowRatio};
+use crate::silhouette::Silhouettes;
 use crate::surface::SurfaceMap;
-use crate::visibility::{TILE, Viewer, coverage_pattern};
+use crate::visibility::{TILE, TileView, Viewer, coverage_pattern};
 use crate::{InsertError, Placement, Quality};
 
 /// Long side at which the photo's depth hides the object; above it, a depth pixel serves several photo pixels.
@@ -55,7 +56,7 @@ impl Inserter {
     /// Where the environment map is empty or black, or the octree cannot be traced.
     pub fn new(scene: &Scene, lighting: Lighting, quality: Quality) -> Result<Self, InsertError> {
         let counts = quality.counts();
-        let environment = Environment::new(scene, lighting)?;
+        let environment = Environment::new(scene, lighting, &counts)?;
         // Readings between two surfaces are no receivers of light, but without them an occluder's edge would have gaps.
         let clean = scene.frame.without_flying_pixels();
         let surfaces = SurfaceMap::new(&clean);
@@ -97,11 +98,19 @@ impl Inserter {
             lights: &lights,
         };
 
-        let coarse = self.coarse.ratio(&self.environment, &object, None);
+        let counts = &self.counts;
+        let silhouettes = Silhouettes::new(
+            self.environment.lights(),
+            counts.background_lights,
+            shadow::PATTERNS,
+            &object,
+            counts.silhouette_side,
+        );
+        let coarse = self.coarse.ratio(&self.environment, &object, &silhouettes, None);
         let patches = radiosity::patches(&object, &self.table, self.counts.patches);
         let direct = Radiosity::new(&gatherer(Some(&coarse), None), &patches);
         let radiosity = Radiosity::new(&gatherer(Some(&coarse), Some(&direct)), &patches);
-        let shadow = self.fine.ratio(&self.environment, &object, Some(&radiosity));
+        let shadow = self.fine.ratio(&self.environment, &object, &silhouettes, Some(&radiosity));
 
         let mut layers = Layers::new(self.frame.photo.width(), self.frame.photo.height());
         self.shade_object(&object, gatherer(Some(&shadow), Some(&radiosity)), &mut layers);
@@ -117,7 +126,7 @@ impl Inserter {
             object,
             surfaces: &self.occluders,
             samples: &samples,
-            adaptive: self.counts.shade_stride > 1,
+            adaptive: self.counts.adaptive_coverage,
         };
         let shader = Shader {
             gatherer,
@@ -126,23 +135,19 @@ impl Inserter {
             stride: self.counts.shade_stride,
         };
         let Some((left, top, right, bottom)) = viewer.window() else { return };
-        // On the photo's own grid of tiles, so that blocks of pixels do not move with the object.
         let starts = |from: usize, to: usize| (from / TILE * TILE..to).step_by(TILE);
         let tiles: Vec<_> = starts(top, bottom)
             .flat_map(|y| starts(left, right).map(move |x| (x, y)))
             .map(|(x, y)| (x, y, (x + TILE).min(self.frame.photo.width()), (y + TILE).min(self.frame.photo.height())))
             .collect();
-        let shaded: Vec<_> = tiles
-            .into_par_iter()
-            .map(|tile| {
-                let view = viewer.tile(tile);
-                let radiance = shader.shade(&view.fragments);
-                (view, radiance)
-            })
-            .collect();
-        for (view, radiance) in shaded {
-            layers.add(&view, &radiance);
+        let views: Vec<TileView> = tiles.into_par_iter().map(|tile| viewer.tile(tile)).collect();
+        let mut view = TileView::default();
+        for tile in views {
+            view.fragments.extend(tile.fragments);
+            view.hidden.extend(tile.hidden);
         }
+        let radiance = shader.shade(&view.fragments);
+        layers.add(&view, &radiance);
     }
 
     fn warnings(&self, object: &Object, layers: &Layers) -> Vec<String> {
@@ -163,10 +168,15 @@ impl Inserter {
 
     fn compose(&self, layers: Layers, shadow: &ShadowRatio, warnings: Vec<String>) -> Composite {
         let (width, height) = (self.frame.photo.width(), self.frame.photo.height());
+        // Beyond what the object reaches nothing is looked up.
+        let (left, top, right, bottom) = shadow.reach(width, height);
         let ratio: Vec<[f32; 3]> = (0..height)
             .into_par_iter()
             .flat_map_iter(|y| {
                 (0..width).map(move |x| {
+                    if !((left..right).contains(&x) && (top..bottom).contains(&y)) {
+                        return [1.0; 3];
+                    }
                     let (u, v) = ((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32);
                     let seen = || Some(self.occluders.at(f64::from(u), f64::from(v))?.position_m);
                     shadow.for_photo(u, v, seen).to_array()

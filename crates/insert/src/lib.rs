@@ -12,6 +12,7 @@
 //!
 //! All sample patterns are fixed in the world, on the object or on the pixel grid; nothing is random, so a sequence does not flicker.
 
+mod blocks;
 mod brdf;
 mod composite;
 mod environment;
@@ -27,6 +28,7 @@ mod quality;
 mod radiosity;
 mod shade;
 mod shadow;
+mod silhouette;
 mod surface;
 mod visibility;
 
@@ -36,3 +38,4 @@ pub use inserter::{Inserter, Lighting};
 pub use path::{Interpolation, Keyframe, Path};
 pub use placement::Placement;
 pub use quality::Quality;
+pub use surface::surface_at_pixel;

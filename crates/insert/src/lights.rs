@@ -60,7 +60,22 @@ pub(crate) struct Incidence {
     pub irradiance: Vec3,
 }
 
+/// Where the rays of a light sample start.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Origin {
+    Point(Vec3),
+    /// Unit direction towards it.
+    Infinity(Vec3),
+}
+
 impl LightSample {
+    pub fn origin(&self) -> Origin {
+        match self.place {
+            SamplePlace::Point { position, .. } => Origin::Point(position),
+            SamplePlace::Direction(direction) => Origin::Infinity(direction),
+        }
+    }
+
     /// How the sample shines on `point`; `None` where it faces away.
     pub fn on(&self, point: Vec3) -> Option<Incidence> {
         match self.place {

@@ -1,8 +1,7 @@
 use geometry::{Plane, Vec3};
 use scene::Scene;
 
-use crate::InsertError;
-use crate::surface::SurfaceMap;
+use crate::{InsertError, surface_at_pixel};
 
 /// Surfaces tilted less than this against the room's up are taken as level: depth noise tilts fitted normals by a few degrees.
 const LEVEL_DEG: f32 = 10.0;
@@ -45,7 +44,13 @@ impl Placement {
     /// # Errors
     /// Outside of the photo, and where the depth map has no reading.
     pub fn rest_on_pixel(scene: &Scene, u: f64, v: f64) -> Result<Self, InsertError> {
-        SurfaceMap::new(&scene.frame.without_flying_pixels()).rest_on_pixel(scene, u, v)
+        let (position_m, normal) = surface_at_pixel(scene, u, v)?;
+        let gravity = scene.room.as_ref().map_or(Vec3::Y, |room| room.up);
+        let tilt_deg = normal.dot(gravity).clamp(-1.0, 1.0).acos().to_degrees();
+        let level_deg = if scene.room.is_some() { LEVEL_DEG } else { 0.0 };
+        let up = if tilt_deg > level_deg && tilt_deg < STANDING_DEG { normal } else { gravity };
+        let support = (tilt_deg < STANDING_DEG).then(|| Plane::through(position_m, up));
+        Ok(Self { position_m, scale: 1.0, yaw_rad: 0.0, up, support })
     }
 
     /// The same place with another scale, in metres per unit of the model.
@@ -75,22 +80,5 @@ impl Placement {
             return bad("the up direction", "a unit vector", self.up.to_string());
         }
         Ok(())
-    }
-}
-
-impl SurfaceMap {
-    fn rest_on_pixel(&self, scene: &Scene, u: f64, v: f64) -> Result<Placement, InsertError> {
-        let (width, height) = (scene.frame.photo.width(), scene.frame.photo.height());
-        let inside = (0.0..width as f64).contains(&u) && (0.0..height as f64).contains(&v);
-        if !inside {
-            return Err(InsertError::PixelOutside { u, v, width, height });
-        }
-        let surface = self.at(u / width as f64, v / height as f64).ok_or(InsertError::NoDepth { u, v })?;
-        let gravity = scene.room.as_ref().map_or(Vec3::Y, |room| room.up);
-        let tilt_deg = surface.normal.dot(gravity).clamp(-1.0, 1.0).acos().to_degrees();
-        let level_deg = if scene.room.is_some() { LEVEL_DEG } else { 0.0 };
-        let up = if tilt_deg > level_deg && tilt_deg < STANDING_DEG { surface.normal } else { gravity };
-        let support = (tilt_deg < STANDING_DEG).then(|| Plane::through(surface.position_m, up));
-        Ok(Placement { position_m: surface.position_m, scale: 1.0, yaw_rad: 0.0, up, support })
     }
 }

@@ -6,11 +6,14 @@ use serde::{Deserialize, Serialize};
 /// | --- | --- | --- | --- |
 /// | coverage samples on edges of the object | 4 | 8 | 16 |
 /// | diffuse cones over the sphere per shaded point | 16 | 64 | 192 |
-/// | diffuse shading shared by neighbouring pixels | 4 × 4 | no | no |
+/// | diffuse light shared by neighbouring pixels | 4 × 4 | 2 × 2 | no |
+/// | transmittance at which cones of diffuse light end | 1 % | 0.3 % | 0.01 % |
+/// | reflected octree read between node centres | no | yes | yes |
 /// | specular cones | 1 | 6 | 24 |
 /// | light samples on the object | 6 | 32 | 128 |
 /// | directions per background point (× 16 by interleaving) | 8 | 24 | 96 |
 /// | light samples per background point (× 16 by interleaving) | 3 | 12 | 16 |
+/// | texels along the side of the object's shadow map from each of those | 24 | 40 | (rays) |
 /// | longer side of the shadow map | 160 | 480 | 2048 |
 /// | longer side of the shadow map that the object sees | 80 | 120 | 240 |
 /// | points that carry the object's bounced light | 192 | 512 | 1536 |
@@ -32,10 +35,18 @@ pub(crate) struct Counts {
     pub coverage: usize,
     pub diffuse_cones: usize,
     pub shade_stride: usize,
+    /// Whether pixels inside of the object's outline take one coverage sample.
+    pub adaptive_coverage: bool,
+    /// Transmittance at which cones of diffuse light end.
+    pub min_transmittance: f32,
+    /// Whether reflections read the octree between node centres.
+    pub smooth_reflections: bool,
     pub specular_cones: usize,
     pub object_lights: usize,
     pub background_cones: usize,
     pub background_lights: usize,
+    /// Side of the object's shadow map from each light sample, in texels; 0: a ray from each background point instead.
+    pub silhouette_side: usize,
     pub shadow_side: usize,
     /// Longer side of the coarse shadow map.
     pub coarse_shadow_side: usize,
@@ -54,10 +65,14 @@ impl Quality {
                 coverage: 4,
                 diffuse_cones: 16,
                 shade_stride: 4,
+                adaptive_coverage: true,
+                min_transmittance: 0.01,
+                smooth_reflections: false,
                 specular_cones: 1,
                 object_lights: 6,
                 background_cones: 8,
                 background_lights: 3,
+                silhouette_side: 24,
                 shadow_side: 160,
                 coarse_shadow_side: 80,
                 patches: 192,
@@ -67,11 +82,15 @@ impl Quality {
             Self::Normal => Counts {
                 coverage: 8,
                 diffuse_cones: 64,
-                shade_stride: 1,
+                shade_stride: 2,
+                adaptive_coverage: false,
+                min_transmittance: 0.003,
+                smooth_reflections: true,
                 specular_cones: 6,
                 object_lights: 32,
                 background_cones: 24,
                 background_lights: 12,
+                silhouette_side: 40,
                 shadow_side: 480,
                 coarse_shadow_side: 120,
                 patches: 512,
@@ -82,10 +101,14 @@ impl Quality {
                 coverage: 16,
                 diffuse_cones: 192,
                 shade_stride: 1,
+                adaptive_coverage: false,
+                min_transmittance: 1e-4,
+                smooth_reflections: true,
                 specular_cones: 24,
                 object_lights: 128,
                 background_cones: 96,
                 background_lights: 16,
+                silhouette_side: 0,
                 shadow_side: 2048,
                 coarse_shadow_side: 240,
                 patches: 1536,

@@ -4,10 +4,12 @@ use std::f32::consts::PI;
 
 use cone::Cone;
 use geometry::{Mat3, Ray, Vec3};
+use rayon::prelude::*;
 
+use crate::blocks::Blocks;
 use crate::brdf::{AlbedoTable, Brdf, LobeSample, cone_tangent, hammersley, sample_lobe};
 use crate::environment::Part;
-use crate::gather::{Gathered, Gatherer, Receiver};
+use crate::gather::{Gatherer, Receiver};
 use crate::shadow::quantised;
 use crate::visibility::Fragment;
 
@@ -17,6 +19,15 @@ const LIGHT_SAMPLING_ROUGHNESS: (f32, f32) = (0.3, 0.5);
 
 /// Widest cone of a glossy reflection.
 const MAX_TANGENT: f32 = 0.8;
+
+/// Largest reflectance at normal incidence of surfaces whose reflections neighbouring pixels may share: dielectrics.
+const FAINT_F0: f32 = 0.1;
+
+/// Perceptual roughness above which they may share them.
+const SHARED_ROUGHNESS: f32 = 0.2;
+
+/// Fragments whose reflections one task gathers; the result does not depend on it.
+const FRAGMENTS_PER_TASK: usize = 128;
 
 /// Index of the reflection that a cone belongs to, and its share.
 type Owner = (usize, f32);
@@ -31,9 +42,19 @@ pub(crate) struct Shader<'a> {
     pub stride: usize,
 }
 
+/// BRDF of a fragment.
+pub(crate) struct Look {
+    pub brdf: Brdf,
+    /// Whether its reflection is faint and blurred enough to be carried over from pixels near by.
+    pub shares_reflection: bool,
+}
+
 /// One reflected direction of a fragment.
 struct Reflection {
-    fragment: usize,
+    /// Place of the fragment among those that are worked on together.
+    slot: usize,
+    /// Which sample of the fragment's lobe it is.
+    sample: usize,
     direction: Vec3,
     /// Fresnel and masking.
     weight: Vec3,
@@ -43,133 +64,79 @@ struct Reflection {
 impl Shader<'_> {
     /// Radiance of each fragment towards the camera. Fragments of one pixel lie together.
     pub fn shade(&self, fragments: &[Fragment]) -> Vec<Vec3> {
-        let brdfs: Vec<Brdf> = fragments
-            .iter()
-            .map(|f| Brdf::new(Vec3::from(f.point.base_color), f.point.metallic, f.point.roughness))
+        let looks: Vec<Look> = fragments
+            .par_iter()
+            .map(|f| {
+                let brdf = Brdf::new(Vec3::from(f.point.base_color), f.point.metallic, f.point.roughness);
+                let faint = brdf.f0.max_element() < FAINT_F0 && f.point.roughness > SHARED_ROUGHNESS;
+                Look { brdf, shares_reflection: self.stride > 1 && faint }
+            })
             .collect();
-        let gathered = self.gather_shared(fragments, &brdfs);
-        let specular = self.specular(fragments, &brdfs);
-        fragments
+        let blocks = Blocks::new(fragments, &looks, self.stride);
+        let receivers: Vec<Receiver> = blocks
+            .sources
             .iter()
-            .enumerate()
-            .map(|(i, fragment)| {
-                let point = &fragment.point;
+            .map(|&i| if fragments[i].point.unlit { Receiver::dark() } else { receiver(&fragments[i], &looks[i].brdf) })
+            .collect();
+        let gathered = self.gatherer.gather_parallel(&receivers);
+        // Reflections: of every fragment, or of the sources of those that share.
+        let mut is_source = vec![false; fragments.len()];
+        for &i in &blocks.sources {
+            is_source[i] = true;
+        }
+        let wanted: Vec<usize> = (0..fragments.len())
+            .filter(|&i| !fragments[i].point.unlit && (is_source[i] || !looks[i].shares_reflection))
+            .collect();
+        let means: Vec<Vec3> = wanted
+            .par_chunks(FRAGMENTS_PER_TASK)
+            .flat_map_iter(|chunk| self.reflected_means(chunk, fragments, &looks))
+            .collect();
+        let mut reflected = vec![Vec3::ZERO; fragments.len()];
+        for (&i, mean) in wanted.iter().zip(means) {
+            reflected[i] = mean;
+        }
+        (0..fragments.len())
+            .into_par_iter()
+            .map(|i| {
+                let point = &fragments[i].point;
                 if point.unlit {
                     return Vec3::from(point.base_color);
                 }
-                let (brdf, n_dot_v) = (&brdfs[i], self.n_dot_v(fragment));
-                let diffuse = brdf.diffuse
-                    * self.table.diffuse(brdf.f0, n_dot_v)
-                    * gathered[i].irradiance
-                    * (point.occlusion / PI);
-                let highlights = gathered[i].highlights * sampled_share(point.roughness);
-                diffuse + specular[i] + highlights + Vec3::from(point.emissive)
+                let light = blocks.light_of(i, fragments, &looks, &gathered, &reflected);
+                let (brdf, n_dot_v) = (&looks[i].brdf, n_dot_v(&fragments[i]));
+                let diffuse =
+                    brdf.diffuse * self.table.diffuse(brdf.f0, n_dot_v) * light.irradiance * (point.occlusion / PI);
+                let specular = light.reflected * self.table.specular(brdf.f0, n_dot_v, brdf.alpha);
+                diffuse + specular + light.highlights * sampled_share(point.roughness) + Vec3::from(point.emissive)
             })
             .collect()
     }
 
-    fn n_dot_v(&self, fragment: &Fragment) -> f32 {
-        fragment.point.shading_normal.dot(fragment.view).clamp(1e-3, 1.0)
-    }
-
-    fn receiver(&self, fragment: &Fragment, brdf: &Brdf) -> Receiver {
-        let point = &fragment.point;
-        let gloss = (sampled_share(point.roughness) > 0.0).then_some((fragment.view, *brdf));
-        Receiver {
-            position: point.position,
-            normal: point.shading_normal,
-            geometric_normal: point.geometric_normal,
-            gloss,
-        }
-    }
-
-    /// Gathers once for all fragments of a block of pixels that lie on about the same surface, and interpolates between blocks
-    /// of one tile.
-    fn gather_shared(&self, fragments: &[Fragment], brdfs: &[Brdf]) -> Vec<Gathered> {
-        let lit = |f: &Fragment| !f.point.unlit;
-        let mut source: Vec<usize> = Vec::with_capacity(fragments.len());
-        let mut sources: Vec<usize> = Vec::new();
-        let mut block_sources: std::collections::HashMap<(usize, usize), Vec<usize>> = std::collections::HashMap::new();
-        for (i, fragment) in fragments.iter().enumerate() {
-            let block = (fragment.pixel.0 / self.stride, fragment.pixel.1 / self.stride);
-            let candidates = block_sources.entry(block).or_default();
-            let shared = candidates
-                .iter()
-                .copied()
-                .find(|&slot| self.stride > 1 && on_same_surface(&fragments[sources[slot]], fragment));
-            source.push(shared.unwrap_or_else(|| {
-                sources.push(i);
-                candidates.push(sources.len() - 1);
-                sources.len() - 1
-            }));
-        }
-        let receivers: Vec<Receiver> = sources
-            .iter()
-            .map(|&i| if lit(&fragments[i]) { self.receiver(&fragments[i], &brdfs[i]) } else { Receiver::dark() })
-            .collect();
-        let gathered = self.gatherer.gather(&receivers);
-        fragments
-            .iter()
-            .zip(source)
-            .enumerate()
-            .map(|(i, (fragment, slot))| {
-                let mut own = gathered[slot];
-                if self.stride == 1 {
-                    return own;
-                }
-                // Between the points of the blocks around, so that blocks do not show.
-                let (column, row) = (fragment.pixel.0 / self.stride, fragment.pixel.1 / self.stride);
-                let blocks = (row.saturating_sub(1)..=row + 1)
-                    .flat_map(|row| (column.saturating_sub(1)..=column + 1).map(move |column| (column, row)));
-                let mut sum = (Vec3::ZERO, 0.0);
-                for &near in blocks.filter_map(|block| block_sources.get(&block)).flatten() {
-                    let other = &fragments[sources[near]];
-                    let offset = |a: usize, b: usize| a.abs_diff(b) as f32 / (1.5 * self.stride as f32);
-                    let weight = (1.0 - offset(other.pixel.0, fragment.pixel.0)).max(0.0)
-                        * (1.0 - offset(other.pixel.1, fragment.pixel.1)).max(0.0);
-                    if weight > 0.0 && lit(other) && (sources[near] == i || on_same_surface(other, fragment)) {
-                        let from = receivers[near].normal;
-                        sum.0 += gathered[near].irradiance_for(from, fragment.point.shading_normal) * weight;
-                        sum.1 += weight;
-                    }
-                }
-                if sum.1 > 0.0 {
-                    own.irradiance = sum.0 / sum.1;
-                }
-                own
-            })
-            .collect()
-    }
-
-    /// Radiance by the specular layer, without what light samples carry.
-    fn specular(&self, fragments: &[Fragment], brdfs: &[Brdf]) -> Vec<Vec3> {
-        let mut reflections: Vec<Reflection> = Vec::with_capacity(fragments.len() * self.specular_cones);
-        for (i, fragment) in fragments.iter().enumerate().filter(|(_, f)| !f.point.unlit) {
-            self.reflections(i, fragment, &brdfs[i], &mut reflections);
+    /// Mean radiance over the specular lobe of each of the `chosen` fragments, without what light samples carry.
+    fn reflected_means(&self, chosen: &[usize], fragments: &[Fragment], looks: &[Look]) -> Vec<Vec3> {
+        let mut reflections: Vec<Reflection> = Vec::with_capacity(chosen.len() * self.specular_cones);
+        for (slot, &i) in chosen.iter().enumerate() {
+            self.reflections(slot, &fragments[i], &looks[i].brdf, &mut reflections);
         }
         // Cones of one aperture next to each other; the sort is stable, so the order does not depend on anything else.
-        reflections.sort_by(|a, b| a.tan_half_angle.total_cmp(&b.tan_half_angle));
-        let radiance = self.reflected(fragments, &reflections);
-        let mut sums = vec![(Vec3::ZERO, Vec3::ZERO); fragments.len()];
+        reflections.sort_by(|a, b| a.tan_half_angle.total_cmp(&b.tan_half_angle).then(a.sample.cmp(&b.sample)));
+        let radiance = self.reflected(chosen, fragments, &reflections);
+        let mut sums = vec![(Vec3::ZERO, Vec3::ZERO); chosen.len()];
         for (reflection, radiance) in reflections.iter().zip(radiance) {
-            let (light, weight) = &mut sums[reflection.fragment];
+            let (light, weight) = &mut sums[reflection.slot];
             *light += radiance * reflection.weight;
             *weight += reflection.weight;
         }
+        // The mean over the lobe is multiplied by its exact albedo: a uniform environment comes out right with any number of cones.
         sums.iter()
-            .enumerate()
-            .map(|(i, &(light, weight))| {
-                let albedo = self.table.specular(brdfs[i].f0, self.n_dot_v(&fragments[i]), brdfs[i].alpha);
-                // The mean over the lobe times its exact albedo: a uniform environment comes out right with any number of cones.
-                let mean =
-                    Vec3::select(weight.cmpgt(Vec3::splat(1e-9)), light / weight.max(Vec3::splat(1e-9)), Vec3::ZERO);
-                mean * albedo
+            .map(|&(light, weight)| {
+                Vec3::select(weight.cmpgt(Vec3::splat(1e-9)), light / weight.max(Vec3::splat(1e-9)), Vec3::ZERO)
             })
             .collect()
     }
 
-    fn reflections(&self, index: usize, fragment: &Fragment, brdf: &Brdf, out: &mut Vec<Reflection>) {
-        let (point, n_dot_v) = (&fragment.point, self.n_dot_v(fragment));
+    fn reflections(&self, slot: usize, fragment: &Fragment, brdf: &Brdf, out: &mut Vec<Reflection>) {
+        let (point, n_dot_v) = (&fragment.point, n_dot_v(fragment));
         let normal = point.shading_normal;
         let mirror = (2.0 * normal.dot(fragment.view) * normal - fragment.view).normalize_or(normal);
         if self.specular_cones == 1 || brdf.alpha < 0.002 {
@@ -180,7 +147,7 @@ impl Shader<'_> {
             // The top-hat cone that is as dense as the lobe's peak.
             let peak = sample_lobe(Vec3::new(0.0, 0.0, 1.0), brdf.alpha, geometry::Vec2::ZERO).pdf_per_sr;
             let tan_half_angle = quantised(cone_tangent(1.0 / peak).min(MAX_TANGENT));
-            out.push(Reflection { fragment: index, direction, weight: Vec3::ONE, tan_half_angle });
+            out.push(Reflection { slot, sample: 0, direction, weight: Vec3::ONE, tan_half_angle });
             return;
         }
         let tangent =
@@ -195,7 +162,8 @@ impl Shader<'_> {
             }
             let solid_angle = 1.0 / (self.specular_cones as f32 * pdf_per_sr);
             out.push(Reflection {
-                fragment: index,
+                slot,
+                sample: i,
                 direction: above(frame * direction, point.geometric_normal),
                 weight: brdf.fresnel(v_dot_h) * weight,
                 tan_half_angle: quantised(cone_tangent(solid_angle).min(MAX_TANGENT)),
@@ -204,13 +172,13 @@ impl Shader<'_> {
     }
 
     /// Radiance from each reflected direction: the object itself, or the environment.
-    fn reflected(&self, fragments: &[Fragment], reflections: &[Reflection]) -> Vec<Vec3> {
+    fn reflected(&self, chosen: &[usize], fragments: &[Fragment], reflections: &[Reflection]) -> Vec<Vec3> {
         let gatherer = &self.gatherer;
         let mut radiance = vec![Vec3::ZERO; reflections.len()];
         // What is asked of the environment: with its lights, and without.
         let mut asked: [(Vec<Cone>, Vec<Owner>); 2] = Default::default();
         for (i, reflection) in reflections.iter().enumerate() {
-            let point = &fragments[reflection.fragment].point;
+            let point = &fragments[chosen[reflection.slot]].point;
             let receiver = Receiver {
                 position: point.position,
                 normal: point.shading_normal,
@@ -245,10 +213,14 @@ impl Shader<'_> {
     }
 }
 
-/// Whether two fragments of neighbouring pixels get about the same light.
-fn on_same_surface(a: &Fragment, b: &Fragment) -> bool {
-    let (near, far) = (a.point.position.z.abs(), b.point.position.z.abs());
-    a.point.geometric_normal.dot(b.point.geometric_normal) > 0.7 && (near - far).abs() < 0.02 * far
+fn n_dot_v(fragment: &Fragment) -> f32 {
+    fragment.point.shading_normal.dot(fragment.view).clamp(1e-3, 1.0)
+}
+
+fn receiver(fragment: &Fragment, brdf: &Brdf) -> Receiver {
+    let point = &fragment.point;
+    let gloss = (sampled_share(point.roughness) > 0.0).then_some((fragment.view, *brdf));
+    Receiver { position: point.position, normal: point.shading_normal, geometric_normal: point.geometric_normal, gloss }
 }
 
 /// Share of the lights' highlight that comes from light samples.

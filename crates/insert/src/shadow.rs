@@ -12,7 +12,7 @@ use std::f32::consts::{PI, TAU};
 use std::sync::OnceLock;
 
 use cone::Cone;
-use geometry::{Ray, Vec3, orthonormal_basis};
+use geometry::{Mat3, Ray, Vec3};
 use imaging::Image;
 use rayon::prelude::*;
 
@@ -21,10 +21,11 @@ use crate::environment::{Environment, Part, Scratch};
 use crate::object::Object;
 use crate::quality::Counts;
 use crate::radiosity::Radiosity;
+use crate::silhouette::Silhouettes;
 use crate::surface::{Surface, SurfaceMap, bilinear};
 
 /// Patterns of the interleaving.
-const PATTERNS: usize = 16;
+pub(crate) const PATTERNS: usize = 16;
 
 /// Order in which a 4 × 4 block uses the patterns: neighbours differ much (Bayer 1973).
 const BAYER: [usize; PATTERNS] = [0, 8, 2, 10, 12, 4, 14, 6, 3, 11, 1, 9, 15, 7, 13, 5];
@@ -73,10 +74,18 @@ impl ShadowField {
     }
 
     /// The ratio with the object; without `radiosity` the object gives off nothing.
-    pub fn ratio(&self, environment: &Environment, object: &Object, radiosity: Option<&Radiosity>) -> ShadowRatio<'_> {
+    pub fn ratio(
+        &self,
+        environment: &Environment,
+        object: &Object,
+        silhouettes: &Silhouettes,
+        radiosity: Option<&Radiosity>,
+    ) -> ShadowRatio<'_> {
         let (width, height) = (self.map.width(), self.map.height());
-        let rows: Vec<Vec<Vec3>> =
-            (0..height).into_par_iter().map(|y| self.loss_row(y, environment, object, radiosity)).collect();
+        let rows: Vec<Vec<Vec3>> = (0..height)
+            .into_par_iter()
+            .map(|y| self.loss_row(y, environment, object, silhouettes, radiosity))
+            .collect();
         let loss = Image::new(width, height, rows.into_iter().flatten().collect());
         let needed = near_nonzero(&loss);
         self.complete_irradiance(environment, needed.pixels());
@@ -95,11 +104,12 @@ impl ShadowField {
         y: usize,
         environment: &Environment,
         object: &Object,
+        silhouettes: &Silhouettes,
         radiosity: Option<&Radiosity>,
     ) -> Vec<Vec3> {
         let width = self.map.width();
         let mut loss = vec![Vec3::ZERO; width];
-        let (mut cones, mut cone_owners, mut samples) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut blocked, mut samples) = (Vec::new(), Vec::new());
         let (mut rays, mut ray_owners, mut shares) = (Vec::new(), Vec::new(), Vec::new());
         for (x, loss) in loss.iter_mut().enumerate() {
             let Some(surface) = self.surfaces[(x, y)] else { continue };
@@ -110,41 +120,52 @@ impl ShadowField {
             if strength <= 0.0 {
                 continue;
             }
-            // The error of a few directions in a small cap is small.
-            let count = ((self.cones as f32 * 2.0 * share).ceil() as usize).clamp(self.cones.div_ceil(4), self.cones);
+            // The error of a few directions in a small cap is small. The last one counts in part, so that nothing jumps where
+            // their number changes.
+            let cones = self.cones as f32;
+            let count = (cones * 2.0 * share).clamp(0.25 * cones, cones);
             let pattern = BAYER[(y % 4) * 4 + x % 4];
             let start = surface.position_m + surface.normal * (1e-3 * object.radius_m);
             let apex = surface.position_m + surface.normal * environment.lift_m;
-            let solid_angle = cap.solid_angle_sr() / count as f32;
+            let solid_angle = cap.solid_angle_sr() / count;
             let tan_half_angle = quantised(cone_tangent(solid_angle));
-            for direction in cap.directions(count, pattern) {
+            for (i, direction) in cap.directions(count.ceil() as usize, pattern, surface.normal).enumerate() {
                 let cosine = surface.normal.dot(direction);
                 if cosine <= 0.0 {
                     continue;
                 }
                 let ray = Ray { origin: start, direction };
                 let Some(hit) = object.closest(&ray, f32::INFINITY) else { continue };
-                let weight = strength * cosine * solid_angle;
+                let weight = strength * cosine * solid_angle * (count - i as f32).min(1.0);
                 if let Some(radiosity) = radiosity {
                     *loss -= radiosity.radiance(object, &ray, &hit) * weight;
                 }
-                cones.push(Cone { origin: apex, direction, tan_half_angle });
-                cone_owners.push((x, weight));
+                blocked.push((Cone { origin: apex, direction, tan_half_angle }, x, weight, i));
             }
             let (lights, scale) = environment.lights().subset(self.lights, pattern, PATTERNS);
-            for light in lights {
+            for (i, light) in lights.enumerate() {
                 let Some(incidence) = light.on(surface.position_m) else { continue };
                 let cosine = surface.normal.dot(incidence.direction);
-                if cosine > 0.0
-                    && object.blocks(&Ray { origin: start, direction: incidence.direction }, incidence.distance_m)
-                {
+                if cosine <= 0.0 {
+                    continue;
+                }
+                let blocked = silhouettes.blocked(pattern, i, surface.position_m).unwrap_or_else(|| {
+                    let ray = Ray { origin: start, direction: incidence.direction };
+                    if object.blocks(&ray, incidence.distance_m) { 1.0 } else { 0.0 }
+                });
+                if blocked > 0.0 {
                     rays.push((apex, incidence.direction, incidence.distance_m));
-                    ray_owners.push((x, incidence.irradiance * (scale * cosine * strength)));
+                    ray_owners.push((x, incidence.irradiance * (scale * cosine * strength * blocked)));
                 }
             }
         }
+        // Cones of one aperture that go about the same way next to each other.
+        blocked.sort_by(|(a, ax, _, ai), (b, bx, _, bi)| {
+            a.tan_half_angle.total_cmp(&b.tan_half_angle).then((ai, ax % 4, ax).cmp(&(bi, bx % 4, bx)))
+        });
+        let cones: Vec<Cone> = blocked.iter().map(|&(cone, ..)| cone).collect();
         environment.gather(Part::Dimmed, &cones, &mut samples);
-        for ((x, weight), sample) in cone_owners.into_iter().zip(&samples) {
+        for ((_, x, weight, _), sample) in blocked.into_iter().zip(&samples) {
             loss[x] += Vec3::from(sample.radiance) * weight;
         }
         environment.free_share(&rays, &mut Scratch::default(), &mut shares);
@@ -264,6 +285,24 @@ impl ShadowField {
 }
 
 impl ShadowRatio<'_> {
+    /// Pixels `(left, top, right, bottom)`, the last two exclusive, of a photo of the given size outside of which the factor is 1.
+    pub fn reach(&self, width: usize, height: usize) -> (usize, usize, usize, usize) {
+        let (columns, rows) = (self.ratio.width(), self.ratio.height());
+        let (mut left, mut top, mut right, mut bottom) = (columns, rows, 0, 0);
+        for y in 0..rows {
+            let row = &self.ratio.pixels()[y * columns..(y + 1) * columns];
+            let changed = |ratio: &Vec3| *ratio != Vec3::ONE;
+            if let (Some(first), Some(last)) = (row.iter().position(changed), row.iter().rposition(changed)) {
+                (left, right) = (left.min(first), right.max(last + 1));
+                (top, bottom) = (top.min(y), y + 1);
+            }
+        }
+        // A pixel looks at the four around it: up to one beyond on each side.
+        let low = |at: usize, from: usize, to: usize| at.saturating_sub(1) * to / from;
+        let high = |at: usize, from: usize, to: usize| ((at + 1) * to).div_ceil(from).min(to);
+        (low(left, columns, width), low(top, rows, height), high(right, columns, width), high(bottom, rows, height))
+    }
+
     /// The factor on the real surface at a world point; 1 where the photo does not see it.
     pub fn at(&self, point: Vec3) -> Vec3 {
         let Some((x, y)) = self.map.pixel_of(point) else { return Vec3::ONE };
@@ -333,13 +372,20 @@ impl Cap {
         self.solid_angle_sr() / PI * (surface.normal.dot(self.axis) + sin).clamp(0.0, 1.0)
     }
 
-    /// `count` directions, evenly spread; the patterns together are spread evenly as well.
-    fn directions(&self, count: usize, pattern: usize) -> impl Iterator<Item = Vec3> {
-        let basis = orthonormal_basis(self.axis);
+    /// The first `count` directions of a pattern. They are spread evenly for every `count`, alone and together with those of the
+    /// other patterns (R₂ sequence, Roberts 2018).
+    fn directions(&self, count: usize, pattern: usize, normal: Vec3) -> impl Iterator<Item = Vec3> {
+        // Turned along with the surface, not with the world's axes: no direction jumps while the object moves.
+        let side = self.axis.cross(normal);
+        let side = if side.length_squared() > 1e-6 { side.normalize() } else { self.axis.any_orthonormal_vector() };
+        let basis = Mat3::from_cols(side, self.axis.cross(side), self.axis);
         let height = 1.0 - self.cos_half_angle;
         (0..count).map(move |i| {
-            let z = 1.0 - height * (i as f32 + (pattern as f32 + 0.5) / PATTERNS as f32) / count as f32;
-            basis * on_circle(z, i, pattern)
+            let k = (i * PATTERNS + pattern) as f32 + 0.5;
+            let z = 1.0 - height * (k * 0.754_877_7).fract();
+            let (sin, cos) = ((k * 0.569_840_3).fract() * TAU).sin_cos();
+            let radius = (1.0 - z * z).max(0.0).sqrt();
+            basis * Vec3::new(radius * cos, radius * sin, z)
         })
     }
 }

@@ -1,7 +1,9 @@
 use geometry::{Camera, Vec3};
 use imaging::{DepthMap, Image};
 use rayon::prelude::*;
-use scene::Frame;
+use scene::{Frame, Scene};
+
+use crate::InsertError;
 
 /// Long side at which normals are fitted; finer depth only adds noise to them.
 const NORMAL_SIDE: usize = 480;
@@ -104,6 +106,24 @@ impl SurfaceMap {
         let (u, v, _) = self.camera.project(point)?;
         self.nearest(u / self.width() as f64, v / self.height() as f64)
     }
+}
+
+/// The real surface seen at photo position `(u, v)`, pixel centres at +0.5: position in world metres and unit normal towards the
+/// camera.
+///
+/// The reading is that of the depth map at 480 pixels on the long side at most, which smooths noise; a flying pixel counts as none.
+///
+/// # Errors
+/// Outside of the photo, and where the depth map has no reading.
+pub fn surface_at_pixel(scene: &Scene, u: f64, v: f64) -> Result<(Vec3, Vec3), InsertError> {
+    let (width, height) = (scene.frame.photo.width(), scene.frame.photo.height());
+    let inside = (0.0..width as f64).contains(&u) && (0.0..height as f64).contains(&v);
+    if !inside {
+        return Err(InsertError::PixelOutside { u, v, width, height });
+    }
+    let map = SurfaceMap::new(&scene.frame.without_flying_pixels());
+    let surface = map.at(u / width as f64, v / height as f64).ok_or(InsertError::NoDepth { u, v })?;
+    Ok((surface.position_m, surface.normal))
 }
 
 /// The photo's size, shrunk until its longer side is at most `side`.

@@ -8,7 +8,7 @@ use crate::object::Object;
 use crate::surface::SurfaceMap;
 
 /// Side of the square tiles that one task renders.
-pub(crate) const TILE: usize = 16;
+pub(crate) const TILE: usize = 32;
 
 /// Layers of a transparent object that a ray goes through.
 const MAX_LAYERS: usize = 8;
