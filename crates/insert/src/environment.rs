@@ -31,6 +31,8 @@ enum Source {
         /// Reads `whole` between node centres, for reflections.
         smooth: Option<Box<ConeTracer>>,
         dimmed: Box<ConeTracer>,
+        /// Reads `dimmed` between node centres.
+        smooth_dimmed: Option<Box<ConeTracer>>,
         leaf_edge_m: f32,
     },
     Map {
@@ -46,6 +48,8 @@ pub(crate) enum Part {
     Whole,
     /// Without what the light samples carry.
     Dimmed,
+    /// The same along directions that move with the object, which must not jump from node to node.
+    DimmedInMotion,
 }
 
 impl Environment {
@@ -64,7 +68,7 @@ impl Environment {
         };
         let whole = tracer(light, Settings::default())?;
         let interpolated = Settings { sampling: Sampling::Interpolated, ..Settings::default() };
-        let smooth = counts.smooth_reflections.then(|| tracer(light, interpolated)).transpose()?;
+        let smooth = counts.interpolate.then(|| tracer(light, interpolated)).transpose()?;
         // The back of a closed room's shell looks into empty space: nothing is met there before the end of the cube.
         let faces_room = |origin: Vec3, normal: Vec3| {
             let cone = Cone { origin, direction: normal, tan_half_angle: SHADOW_RAY_TANGENT };
@@ -72,9 +76,11 @@ impl Environment {
         };
         let (emitters, dimmed) = lights::split_octree(light, faces_room);
         let ending = Settings { min_transmittance: counts.min_transmittance, ..Settings::default() };
+        let smooth_ending = Settings { sampling: Sampling::Interpolated, ..ending };
+        let smooth_dimmed = counts.interpolate.then(|| tracer(&dimmed, smooth_ending)).transpose()?;
         let dimmed = tracer(&dimmed, ending)?;
         let lights = Lights::sample(&emitters, LIGHT_SAMPLES);
-        let source = Source::Octree { whole, smooth, dimmed, leaf_edge_m };
+        let source = Source::Octree { whole, smooth, dimmed, smooth_dimmed, leaf_edge_m };
         Ok(Self { source, lights, lift_m: LIFT_EDGES * leaf_edge_m })
     }
 
@@ -97,9 +103,13 @@ impl Environment {
     pub fn gather(&self, part: Part, cones: &[Cone], samples: &mut Vec<Sample>) {
         samples.clear();
         match &self.source {
-            Source::Octree { whole, smooth, dimmed, .. } => {
+            Source::Octree { whole, smooth, dimmed, smooth_dimmed, .. } => {
                 samples.resize(cones.len(), Sample::default());
-                let tracer = if part == Part::Whole { smooth.as_ref().unwrap_or(whole) } else { dimmed };
+                let tracer = match part {
+                    Part::Whole => smooth.as_ref().unwrap_or(whole),
+                    Part::Dimmed => dimmed,
+                    Part::DimmedInMotion => smooth_dimmed.as_ref().unwrap_or(dimmed),
+                };
                 tracer.trace_batch(cones, samples);
             }
             Source::Map { whole, dimmed } => {

@@ -8,14 +8,14 @@ use serde::{Deserialize, Serialize};
 /// | diffuse cones over the sphere per shaded point | 16 | 64 | 192 |
 /// | diffuse light shared by neighbouring pixels | 4 × 4 | 2 × 2 | no |
 /// | transmittance at which cones of diffuse light end | 1 % | 0.3 % | 0.01 % |
-/// | reflected octree read between node centres | no | yes | yes |
+/// | octree read between node centres for reflections and shadow | no | yes | yes |
 /// | specular cones | 1 | 6 | 24 |
 /// | light samples on the object | 6 | 32 | 128 |
 /// | directions per background point (× 16 by interleaving) | 8 | 24 | 96 |
 /// | light samples per background point (× 16 by interleaving) | 3 | 12 | 16 |
-/// | texels along the side of the object's shadow map from each of those | 24 | 40 | (rays) |
-/// | longer side of the shadow map | 160 | 480 | 2048 |
-/// | longer side of the shadow map that the object sees | 80 | 120 | 240 |
+/// | texels along the side of the object's shadow map from each of those | 16 | 40 | (rays) |
+/// | longer side of the shadow map | 128 | 480 | 2048 |
+/// | longer side of the shadow map that the object sees | 64 | 120 | 240 |
 /// | points that carry the object's bounced light | 192 | 512 | 1536 |
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -39,8 +39,8 @@ pub(crate) struct Counts {
     pub adaptive_coverage: bool,
     /// Transmittance at which cones of diffuse light end.
     pub min_transmittance: f32,
-    /// Whether reflections read the octree between node centres.
-    pub smooth_reflections: bool,
+    /// Whether reflections and what the object takes from real surfaces are read between the octree's node centres.
+    pub interpolate: bool,
     pub specular_cones: usize,
     pub object_lights: usize,
     pub background_cones: usize,
@@ -67,14 +67,14 @@ impl Quality {
                 shade_stride: 4,
                 adaptive_coverage: true,
                 min_transmittance: 0.01,
-                smooth_reflections: false,
+                interpolate: false,
                 specular_cones: 1,
                 object_lights: 6,
                 background_cones: 8,
                 background_lights: 3,
-                silhouette_side: 24,
-                shadow_side: 160,
-                coarse_shadow_side: 80,
+                silhouette_side: 16,
+                shadow_side: 128,
+                coarse_shadow_side: 64,
                 patches: 192,
                 negligible: 0.02,
                 share_light_visibility: true,
@@ -85,7 +85,7 @@ impl Quality {
                 shade_stride: 2,
                 adaptive_coverage: false,
                 min_transmittance: 0.003,
-                smooth_reflections: true,
+                interpolate: true,
                 specular_cones: 6,
                 object_lights: 32,
                 background_cones: 24,
@@ -103,7 +103,7 @@ impl Quality {
                 shade_stride: 1,
                 adaptive_coverage: false,
                 min_transmittance: 1e-4,
-                smooth_reflections: true,
+                interpolate: true,
                 specular_cones: 24,
                 object_lights: 128,
                 background_cones: 96,

@@ -164,7 +164,7 @@ impl ShadowField {
             a.tan_half_angle.total_cmp(&b.tan_half_angle).then((ai, ax % 4, ax).cmp(&(bi, bx % 4, bx)))
         });
         let cones: Vec<Cone> = blocked.iter().map(|&(cone, ..)| cone).collect();
-        environment.gather(Part::Dimmed, &cones, &mut samples);
+        environment.gather(Part::DimmedInMotion, &cones, &mut samples);
         for ((_, x, weight, _), sample) in blocked.into_iter().zip(&samples) {
             loss[x] += Vec3::from(sample.radiance) * weight;
         }

@@ -138,7 +138,7 @@ fn a_moving_object_does_not_flicker() {
     for placement in &mut placements {
         placement.support = Some(Plane { normal: Vec3::Y, offset_m: LOW.y });
     }
-    for (quality, tolerance) in [(Quality::Draft, 0.014), (Quality::Normal, 0.010)] {
+    for (quality, tolerance) in [(Quality::Draft, 0.008), (Quality::Normal, 0.004)] {
         let inserter = Inserter::new(&scene, Lighting::Octree, quality).unwrap();
         let frames: Vec<Composite> = placements.iter().map(|p| inserter.render(&model, p).unwrap()).collect();
         // Where no frame has object or shadow nothing at all changes, and the same placement gives the same picture.
@@ -151,8 +151,7 @@ fn a_moving_object_does_not_flicker() {
         let (first, last) = (pixels(&frames[0]), pixels(&frames[16]));
         assert!(still.iter().all(|&i| first[i] == last[i]));
         assert!(still.len() > 300 || quality != Quality::Draft, "{}", still.len());
-        // Shadow changes with the motion, 5 mm a frame. It comes in steps of one light sample; what jumps stays in the order
-        // of one level of 255 in the mid-tones.
+        // Shadow changes with the motion, 5 mm a frame; its change changes less, or it would jump instead of glide.
         let ratio = |f: usize, i: usize| f64::from(frames[f].shadow_ratio.pixels()[i][1]);
         let shadow: Vec<usize> = (0..WIDTH * HEIGHT)
             .filter(|&i| frames.iter().all(|f| f.alpha.pixels()[i] == 0.0) && (0..17).any(|f| ratio(f, i) < 0.97))
@@ -168,6 +167,7 @@ fn a_moving_object_does_not_flicker() {
             shadow.len()
         );
         assert!(shadow.len() > 100 && step < 0.015 && bend < tolerance);
+        assert!(quality == Quality::Draft || bend < 0.7 * step);
     }
 }
 
