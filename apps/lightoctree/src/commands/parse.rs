@@ -4,13 +4,17 @@ use lightoctree::geometry::Vec3;
 
 /// `X,Y,Z` in metres.
 pub fn point(text: &str) -> Result<Vec3, String> {
-    let [x, y, z] = numbers(text, "X,Y,Z")?;
-    Ok(Vec3::new(x as f32, y as f32, z as f32))
+    let point = Vec3::from_array(numbers(text, "X,Y,Z")?.map(|coordinate| coordinate as f32));
+    if point.is_finite() { Ok(point) } else { Err(format!("`{text}` is too far away")) }
 }
 
 /// `X,Y,Z` of any length above zero, made a unit vector.
 pub fn direction(text: &str) -> Result<Vec3, String> {
-    point(text)?.try_normalize().ok_or_else(|| "a direction must not be zero".into())
+    let direction: [f64; 3] = numbers(text, "X,Y,Z")?;
+    // By the largest part first: squares of what f64 holds overflow f32 and vanish in it.
+    let largest = direction.iter().fold(0.0f64, |largest, part| largest.max(part.abs()));
+    let scaled = Vec3::from_array(direction.map(|part| (part / largest) as f32));
+    scaled.try_normalize().ok_or_else(|| "a direction must not be zero".into())
 }
 
 /// `FX,FY,CX,CY` in pixels.
@@ -71,6 +75,12 @@ mod tests {
         assert_eq!(point("1,2"), Err("X,Y,Z needs 3 numbers, got 2".into()));
         assert_eq!(point("1,b,2"), Err("`b` in X,Y,Z is not a number".into()));
         assert_eq!(point("1,nan,2"), Err("NaN in X,Y,Z is not a finite number".into()));
+        // Finite in f64, not in f32.
+        assert_eq!(point("1e39,0,0"), Err("`1e39,0,0` is too far away".into()));
+        for length in ["1e-300", "1e-30", "2", "1e30", "1e300"] {
+            assert_eq!(direction(&format!("0,-{length},0")), Ok(Vec3::NEG_Y));
+        }
+        assert_eq!(direction("0,-0,0"), Err("a direction must not be zero".into()));
         assert_eq!(size("256x128"), Ok([256, 128]));
         assert!(size("256").is_err() && size("0x4").is_err() && size("99999x4").is_err());
         assert_eq!(counts("3,2,1"), Ok([3, 2, 1]));

@@ -1,5 +1,6 @@
 //! `lightoctree probes SCENE`: many panoramas and a manifest.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
@@ -176,6 +177,7 @@ pub fn points_from_csv(text: &str) -> anyhow::Result<Vec<Probe>> {
         .comment(Some(b'#'))
         .from_reader(text.as_bytes());
     let mut probes: Vec<Probe> = Vec::new();
+    let mut names = HashSet::new();
     for (index, record) in reader.records().enumerate() {
         let record = record?;
         let line = record.position().map_or(index as u64 + 1, csv::Position::line);
@@ -200,7 +202,7 @@ pub fn points_from_csv(text: &str) -> anyhow::Result<Vec<Probe>> {
         if name.contains(['/', '\\', '\0']) || name.starts_with('.') {
             anyhow::bail!("line {line}: `{name}` cannot be a file name");
         }
-        if probes.iter().any(|probe| probe.name == name) {
+        if !names.insert(name.clone()) {
             anyhow::bail!("line {line}: a second probe with the name `{name}`");
         }
         probes.push(Probe { name, position_m: Vec3::from_array(xyz) });
