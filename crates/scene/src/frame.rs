@@ -68,11 +68,17 @@ impl Frame {
         if given.is_empty() {
             return Err(FrameError::NoReadings { depth: depth_size });
         }
-        if given.len() < MIN_READINGS {
-            return Err(FrameError::TooFewReadings { found: given.len(), needed: MIN_READINGS });
+        // Too few and too near are judged by what is kept: a frame that passes must pass again when it is read back.
+        let kept: Vec<f32> = given.iter().copied().filter(|z| *z <= MAX_DEPTH_M).collect();
+        let (found, median_m) = (kept.len(), median(given));
+        if median_m > MAX_DEPTH_M {
+            return Err(FrameError::DepthScale { median_m });
         }
-        let median_m = median(given);
-        if !(MIN_MEDIAN_DEPTH_M..=MAX_DEPTH_M).contains(&median_m) {
+        if found < MIN_READINGS {
+            return Err(FrameError::TooFewReadings { found, needed: MIN_READINGS });
+        }
+        let median_m = median(kept);
+        if median_m < MIN_MEDIAN_DEPTH_M {
             return Err(FrameError::DepthScale { median_m });
         }
         for z in depth_m.pixels_mut() {
@@ -191,6 +197,13 @@ mod tests {
         mixed[..4].copy_from_slice(&[f32::NAN, f32::INFINITY, -3.0, 1e30]);
         let frame = make(mixed).unwrap();
         assert!((0..4).all(|x| frame.point(x, 0).is_none()) && frame.point(4, 0).is_some());
+        let mut far = vec![2.0; 15];
+        far.extend([250.0; 10]);
+        far.resize(64, 0.0);
+        assert!(matches!(make(far), Err(FrameError::TooFewReadings { found: 15, .. })));
+        // 0.01 m is the median of what is kept, 1 m of all.
+        let near = [vec![0.01; 24], vec![1.0; 20], vec![1e3; 20]].concat();
+        assert!(matches!(make(near), Err(FrameError::DepthScale { median_m: 0.01 })));
         let nothing = Frame::new(photo(8, 8), Image::new(0, 0, vec![]), camera(8, 8), 1.0);
         assert!(matches!(nothing, Err(FrameError::NoReadings { .. })));
         let dark = Frame::new(photo(8, 8), Image::new(8, 8, vec![1.0; 64]), camera(8, 8), 0.0);
