@@ -79,7 +79,7 @@ impl Model {
         let path = path.as_ref();
         let bytes = std::fs::read(path).map_err(|source| MeshError::Io { path: path.to_owned(), source })?;
         let folder = path.parent().map(Path::to_owned).unwrap_or_default();
-        let resolve = |name: &str| std::fs::read(folder.join(local_path(name)));
+        let resolve = |name: &str| read_file(&folder.join(local_path(name)));
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
         let model = match extension.as_str() {
             "gltf" | "glb" => Self::from_gltf_bytes(&bytes, &resolve),
@@ -182,6 +182,15 @@ impl Model {
         repair::repair(&mut self)?;
         tangents::complete(&mut self);
         Ok(self)
+    }
+}
+
+/// Reads a file that a mesh names. It may name anything: devices and pipes need not have an end.
+fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
+    if std::fs::metadata(path)?.is_file() {
+        std::fs::read(path)
+    } else {
+        Err(std::io::Error::other("it is no regular file"))
     }
 }
 

@@ -122,7 +122,7 @@ impl TextureBudget {
         self.pixels_left = self.pixels_left.saturating_add(bytes.saturating_mul(Self::PIXELS_PER_BYTE));
     }
 
-    fn spend(&mut self, pixels: usize) -> Result<(), String> {
+    pub(crate) fn spend(&mut self, pixels: usize) -> Result<(), String> {
         let left = self.pixels_left.checked_sub(pixels);
         self.pixels_left = left.ok_or_else(|| "the pictures of this mesh unpack to too many pixels".to_owned())?;
         Ok(())
@@ -131,7 +131,10 @@ impl TextureBudget {
 
 /// Position in texels; f64 because coordinates far outside [0, 1] would lose the texel in f32.
 fn texel_position(coordinate: f32, size: usize) -> f64 {
-    // Beyond 1e12 repeats there is no texel to tell; NaN ends as texel 0 in the cast that follows.
+    if coordinate.is_nan() {
+        return 0.0;
+    }
+    // Beyond 1e12 repeats there is no texel to tell.
     f64::from(coordinate.clamp(-1e12, 1e12)) * size as f64
 }
 
@@ -270,13 +273,15 @@ mod tests {
     }
 
     #[test]
-    fn far_away_coordinates_do_not_panic() {
+    fn far_away_coordinates_give_numbers() {
         let texture = grey(3, 2, &[1, 2, 3, 4, 5, 6], true);
         for u in [f32::MAX, f32::MIN, f32::NAN, f32::INFINITY, 1e20, -0.0] {
             for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
                 for level in [0.0, 0.7, 99.0, f32::NAN, -1.0] {
-                    texture.sample([u, -u], [wrap; 2], level, false);
-                    texture.sample([u, -u], [wrap; 2], level, true);
+                    for nearest in [false, true] {
+                        let sample = texture.sample([u, -u], [wrap; 2], level, nearest);
+                        assert!(sample.iter().all(|x| (0.0..=1.0).contains(x)), "{sample:?} at {u}, level {level}");
+                    }
                 }
             }
         }

@@ -1,3 +1,5 @@
+use std::borrow::Cow;
+use std::collections::HashMap;
 use std::path::PathBuf;
 
 use base64::Engine;
@@ -18,33 +20,47 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
 /// The bytes that accessors and images read from.
 pub(super) struct Buffers<'a> {
     root: &'a Root,
-    buffers: Vec<std::borrow::Cow<'a, [u8]>>,
+    contents: Vec<Cow<'a, [u8]>>,
+    /// Index into `contents` of each buffer: a file that is named many times is held once.
+    buffers: Vec<usize>,
 }
 
 impl<'a> Buffers<'a> {
     /// Fetches and decodes every buffer.
     pub(super) fn load(root: &'a Root, binary: Option<&'a [u8]>, resolve: &Resolver) -> Result<Self, MeshError> {
+        let mut contents: Vec<Cow<[u8]>> = Vec::new();
         let mut buffers = Vec::with_capacity(root.buffers.len());
+        let mut known: HashMap<&str, usize> = HashMap::new();
         for (index, buffer) in root.buffers.iter().enumerate() {
             let place = format!("buffer {index}");
-            let bytes: std::borrow::Cow<[u8]> = match (&buffer.uri, binary) {
-                (None, Some(binary)) if index == 0 => binary.into(),
-                // Compression extensions leave placeholders that nothing reads.
-                (None, _) => Vec::new().into(),
-                (Some(uri), _) => read_uri(uri, resolve).map_err(|failure| failure.for_buffer(&place))?.into(),
+            let content = match buffer.uri.as_deref().and_then(|uri| known.get(uri)) {
+                Some(&content) => content,
+                None => {
+                    contents.push(match (&buffer.uri, binary) {
+                        (None, Some(binary)) if index == 0 => binary.into(),
+                        // Compression extensions leave placeholders that nothing reads.
+                        (None, _) => Cow::Borrowed(&[]),
+                        (Some(uri), _) => read_uri(uri, resolve).map_err(|failure| failure.for_buffer(&place))?.into(),
+                    });
+                    contents.len() - 1
+                }
             };
-            if buffer.uri.is_some() && bytes.len() < buffer.byte_length {
-                let what = format!("{} bytes long, {} are announced", bytes.len(), buffer.byte_length);
-                return Err(MeshError::syntax("glTF", place, what));
+            let length = contents[content].len();
+            if let Some(uri) = &buffer.uri {
+                known.insert(uri, content);
+                if length < buffer.byte_length {
+                    let what = format!("{length} bytes long, {} are announced", buffer.byte_length);
+                    return Err(MeshError::syntax("glTF", place, what));
+                }
             }
-            buffers.push(bytes);
+            buffers.push(content);
         }
-        Ok(Self { root, buffers })
+        Ok(Self { root, contents, buffers })
     }
 
     /// Bytes outside the JSON or GLB file itself.
     pub(super) fn external_bytes(&self) -> usize {
-        self.buffers.iter().filter(|b| matches!(b, std::borrow::Cow::Owned(_))).map(|b| b.len()).sum()
+        self.contents.iter().filter(|b| matches!(b, Cow::Owned(_))).map(|b| b.len()).sum()
     }
 
     /// The bytes of a buffer view.
@@ -56,7 +72,7 @@ impl<'a> Buffers<'a> {
                 remedy: "export without meshopt compression",
             });
         }
-        let buffer = get(&self.buffers, view.buffer, "buffer")?;
+        let buffer = &self.contents[*get(&self.buffers, view.buffer, "buffer")?];
         let end = view.byte_offset.checked_add(view.byte_length).filter(|&end| end <= buffer.len());
         let end = end.ok_or_else(|| {
             let what = format!("it runs past the end of buffer {} ({} bytes)", view.buffer, buffer.len());

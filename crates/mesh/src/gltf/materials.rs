@@ -58,7 +58,7 @@ fn read_material(index: usize, source: &super::json::Material, textures: &mut Te
             None => None,
         },
         occlusion_strength: source.occlusion_texture.as_ref().map_or(1.0, |o| share(o.strength)),
-        emissive: source.emissive_factor.map(|e| non_negative(e) * strength),
+        emissive: source.emissive_factor.map(|e| (non_negative(e) * strength).min(f32::MAX)),
         emissive_texture: optional(&source.emissive_texture, true, textures)?,
         alpha_mode: match source.alpha_mode.as_str() {
             "MASK" => AlphaMode::Mask { cutoff: non_negative(source.alpha_cutoff) },

@@ -285,3 +285,38 @@ fn truncation_never_panics() {
         }
     }
 }
+
+#[test]
+fn emission_stays_finite() {
+    let strength = json!({"KHR_materials_emissive_strength": {"emissiveStrength": 3e38}});
+    let extra = json!({"materials": [{"emissiveFactor": [1.0, 1e30, 0.0], "extensions": strength}]});
+    let model =
+        read_json(&square().root(json!({"attributes": {"POSITION": 0}, "mode": 5, "material": 0}), extra)).unwrap();
+    assert_eq!(model.materials[0].emissive, [3e38, f32::MAX, 0.0]);
+}
+
+#[test]
+fn a_file_that_many_buffers_name_is_read_once() {
+    let mut root = square().root(json!({"attributes": {"POSITION": 0}, "mode": 5}), json!({}));
+    root["buffers"] = (0..500).map(|_| json!({"byteLength": 48, "uri": "a.bin"})).collect();
+    root["bufferViews"][0]["buffer"] = json!(499);
+    let reads = std::cell::Cell::new(0);
+    let model = Model::from_gltf_bytes(root.to_string().as_bytes(), &|_| {
+        reads.set(reads.get() + 1);
+        Ok(floats(&SQUARE))
+    });
+    assert_eq!((model.unwrap().triangles.len(), reads.get()), (2, 1));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_device_is_no_file_beside_the_mesh() {
+    let mut root = square().root(json!({"attributes": {"POSITION": 0}, "mode": 5}), json!({}));
+    root["buffers"][0]["uri"] = json!("/dev/zero");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.gltf");
+    std::fs::write(&path, root.to_string()).unwrap();
+    let error = Model::load(&path, &crate::LoadOptions::default()).unwrap_err();
+    let error = std::error::Error::source(&error).unwrap().to_string();
+    assert!(error.ends_with("it is no regular file"), "{error}");
+}

@@ -189,11 +189,16 @@ fn broken(line: usize, what: impl Into<String>) -> MeshError {
     MeshError::syntax("OBJ", format!("line {line}"), what)
 }
 
-/// Numbers of `v`, `vt` and `vn` lines.
+/// Numbers of `v`, `vt` and `vn` lines; a line that the one before joins to itself is none of its own.
 fn count_elements(bytes: &[u8]) -> [usize; 3] {
     let mut counts = [0; 3];
+    let mut joined = false;
     for line in bytes.split(|&byte| byte == b'\n') {
-        match line.trim_ascii_start() {
+        let line = without_comment(line);
+        if std::mem::replace(&mut joined, line.ends_with(b"\\")) {
+            continue;
+        }
+        match line {
             [b'v', b't', space, ..] if space.is_ascii_whitespace() => counts[1] += 1,
             [b'v', b'n', space, ..] if space.is_ascii_whitespace() => counts[2] += 1,
             [b'v', space, ..] if space.is_ascii_whitespace() => counts[0] += 1,
@@ -201,6 +206,10 @@ fn count_elements(bytes: &[u8]) -> [usize; 3] {
         }
     }
     counts
+}
+
+fn without_comment(line: &[u8]) -> &[u8] {
+    line.split(|&byte| byte == b'#').next().unwrap_or_default().trim_ascii()
 }
 
 /// Lines with their numbers (from 1), without comments; a backslash at the end joins the next line.
@@ -220,8 +229,7 @@ fn logical_lines(bytes: &[u8]) -> impl Iterator<Item = (usize, std::borrow::Cow<
 }
 
 fn clean(line: &[u8]) -> std::borrow::Cow<'_, str> {
-    let line = line.split(|&byte| byte == b'#').next().unwrap_or_default();
-    String::from_utf8_lossy(line.trim_ascii())
+    String::from_utf8_lossy(without_comment(line))
 }
 
 /// Up to `N` numbers of a line and how many there are; the rest is 0.

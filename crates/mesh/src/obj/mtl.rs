@@ -11,7 +11,7 @@
 //! | `d`, `Tr`; `map_d` | blended alpha; alpha cut out at 0.5 |
 //! | `norm`, `map_Kn`; `map_Bump`, `bump` where the picture is a normal map | normal texture, +Y up; grey height maps are left out |
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use imaging::Image;
 
@@ -30,6 +30,7 @@ pub(super) fn read_libraries(
     let mut pictures = Pictures {
         resolve,
         known: HashMap::new(),
+        counted: HashSet::new(),
         budget: TextureBudget::new(obj_bytes),
         textures: Vec::new(),
         warnings: Vec::new(),
@@ -219,10 +220,21 @@ impl MapArguments {
     }
 }
 
-/// Decodes each picture once per use.
+/// Picture files, and what becomes of them.
+#[derive(Clone, PartialEq, Eq, Hash)]
+enum Recipe {
+    Plain { file: String, srgb: bool },
+    WithAlpha { color: Option<String>, alpha: String },
+    MetallicRoughness { metallic: Option<String>, roughness: Option<String> },
+}
+
+/// Makes each texture once.
 struct Pictures<'a> {
     resolve: &'a Resolver<'a>,
-    known: HashMap<(String, bool), Option<usize>>,
+    /// Textures by what they were made of.
+    known: HashMap<Recipe, Option<usize>>,
+    /// Picture files that the budget knows of.
+    counted: HashSet<String>,
     budget: TextureBudget,
     textures: Vec<Texture>,
     warnings: Vec<String>,
@@ -231,22 +243,30 @@ struct Pictures<'a> {
 impl Pictures<'_> {
     fn get(&mut self, arguments: &str, srgb: bool) -> Option<TextureRef> {
         let MapArguments { file, reference } = MapArguments::parse(arguments);
-        let key = (file, srgb);
-        let texture = match self.known.get(&key) {
-            Some(&known) => known,
-            None => {
-                let loaded = self.load(&key.0, srgb).map(|texture| self.add(texture));
-                self.known.insert(key, loaded);
-                loaded
-            }
-        }?;
+        let recipe = Recipe::Plain { file: file.clone(), srgb };
+        let texture = self.once(recipe, |pictures| pictures.load(&file, srgb))?;
         Some(TextureRef { texture, ..reference })
+    }
+
+    /// Index of the texture of this recipe; none, and a warning the first time, where it cannot be made.
+    fn once(&mut self, recipe: Recipe, make: impl FnOnce(&mut Self) -> Option<Texture>) -> Option<usize> {
+        if let Some(&known) = self.known.get(&recipe) {
+            return known;
+        }
+        let made = make(self).map(|texture| {
+            self.textures.push(texture);
+            self.textures.len() - 1
+        });
+        self.known.insert(recipe, made);
+        made
     }
 
     fn load(&mut self, file: &str, srgb: bool) -> Option<Texture> {
         let texture = match (self.resolve)(file) {
             Ok(bytes) => {
-                self.budget.grow(bytes.len());
+                if self.counted.insert(file.to_owned()) {
+                    self.budget.grow(bytes.len());
+                }
                 Texture::decode(file, &bytes, srgb, &mut self.budget).map_err(|error| error.to_string())
             }
             Err(error) => Err(format!("texture {file}: {error}")),
@@ -254,9 +274,19 @@ impl Pictures<'_> {
         texture.map_err(|reason| self.warnings.push(format!("{reason}; left out"))).ok()
     }
 
-    fn add(&mut self, texture: Texture) -> usize {
-        self.textures.push(texture);
-        self.textures.len() - 1
+    /// A picture put together from others, which takes its part of the budget too.
+    fn combine(
+        &mut self,
+        name: &str,
+        (width, height): (usize, usize),
+        srgb: bool,
+        pixel: impl FnMut(usize, usize) -> [u8; 4],
+    ) -> Option<Texture> {
+        if let Err(reason) = self.budget.spend(width * height) {
+            self.warnings.push(format!("texture {name}: {reason}; left out"));
+            return None;
+        }
+        Some(Texture::from_image(Image::from_fn(width, height, pixel), srgb))
     }
 
     /// A bump picture that is really a normal map: mostly blue.
@@ -274,39 +304,43 @@ impl Pictures<'_> {
     fn with_alpha(&mut self, color: Option<&String>, alpha: &str) -> Option<TextureRef> {
         let plain = color.and_then(|color| self.get(color, true));
         let MapArguments { file, reference } = MapArguments::parse(alpha);
-        let Some(mask) = self.load(&file, false) else {
-            return plain;
-        };
-        let mask = &mask.levels[0];
-        let (texture, reference) = match &plain {
-            Some(plain) => (self.textures[plain.texture].levels[0].clone(), plain.clone()),
-            None => (mask.map(|_| [255; 4]), reference),
-        };
-        let combined = Image::from_fn(texture.width(), texture.height(), |x, y| {
-            let [r, g, b, _] = texture[(x, y)];
-            let at = (x * mask.width() / texture.width(), y * mask.height() / texture.height());
-            [r, g, b, mask[at][0]]
+        let color = plain.as_ref().and(color).map(|color| MapArguments::parse(color).file);
+        let combined = self.once(Recipe::WithAlpha { color, alpha: file.clone() }, |pictures| {
+            let mask = pictures.load(&file, false)?;
+            let mask = &mask.levels[0];
+            let color = plain.as_ref().map(|plain| pictures.textures[plain.texture].levels[0].clone());
+            let (width, height) = color.as_ref().map_or((mask.width(), mask.height()), |c| (c.width(), c.height()));
+            pictures.combine(&file, (width, height), true, |x, y| {
+                let [r, g, b, _] = color.as_ref().map_or([255; 4], |color| color[(x, y)]);
+                [r, g, b, mask[(x * mask.width() / width, y * mask.height() / height)][0]]
+            })
         });
-        let texture = self.add(Texture::from_image(combined, true));
-        Some(TextureRef { texture, ..reference })
+        match combined {
+            Some(texture) => Some(TextureRef { texture, ..plain.unwrap_or(reference) }),
+            None => plain,
+        }
     }
 
     /// glTF's channels from two grey pictures: green roughness, blue metallic.
     fn metallic_roughness(&mut self, metallic: Option<&String>, roughness: Option<&String>) -> Option<TextureRef> {
-        let arguments = MapArguments::parse(roughness.or(metallic)?);
-        let metallic = metallic.and_then(|text| self.load(&MapArguments::parse(text).file, false));
-        let roughness = roughness.and_then(|text| self.load(&MapArguments::parse(text).file, false));
-        let size = roughness.as_ref().or(metallic.as_ref()).map(|t| &t.levels[0])?;
-        let (width, height) = (size.width(), size.height());
-        let sample = |texture: &Option<Texture>, x: usize, y: usize| {
-            texture.as_ref().map_or(255, |texture| {
-                let image = &texture.levels[0];
-                image[(x * image.width() / width, y * image.height() / height)][0]
+        let reference = MapArguments::parse(roughness.or(metallic)?).reference;
+        let [metallic, roughness] = [metallic, roughness].map(|text| text.map(|text| MapArguments::parse(text).file));
+        let recipe = Recipe::MetallicRoughness { metallic: metallic.clone(), roughness: roughness.clone() };
+        let texture = self.once(recipe, |pictures| {
+            let [metallic, roughness] =
+                [metallic, roughness].map(|file| file.and_then(|file| Some((pictures.load(&file, false)?, file))));
+            let (size, name) = roughness.as_ref().or(metallic.as_ref())?;
+            let (width, height) = (size.levels[0].width(), size.levels[0].height());
+            let sample = |texture: &Option<(Texture, String)>, x: usize, y: usize| {
+                texture.as_ref().map_or(255, |(texture, _)| {
+                    let image = &texture.levels[0];
+                    image[(x * image.width() / width, y * image.height() / height)][0]
+                })
+            };
+            pictures.combine(name, (width, height), false, |x, y| {
+                [255, sample(&roughness, x, y), sample(&metallic, x, y), 255]
             })
-        };
-        let combined =
-            Image::from_fn(width, height, |x, y| [255, sample(&roughness, x, y), sample(&metallic, x, y), 255]);
-        let texture = self.add(Texture::from_image(combined, false));
-        Some(TextureRef { texture, ..arguments.reference })
+        })?;
+        Some(TextureRef { texture, ..reference })
     }
 }

@@ -106,3 +106,46 @@ fn truncation_never_panics() {
         Model::from_obj_bytes(QUAD.as_bytes(), &resolve, &LoadOptions::default()).unwrap();
     }
 }
+
+#[test]
+fn joined_lines_are_no_vertices() {
+    // The second line belongs to the group's name: the face has no vertices to name.
+    let error = read("g name \\\nv 1 1 1\nf 1 1 1\n").unwrap_err().to_string();
+    assert_eq!(error, "line 3 names vertex 0, but there are 0 vertices (counted from 0)");
+    // A comment hides the backslash.
+    assert_eq!(read("# \\\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap().triangles.len(), 1);
+}
+
+#[test]
+fn pictures_put_together_are_made_once_and_are_counted() {
+    let png = |edge: usize| {
+        let picture = imaging::Image::from_fn(edge, edge, |x, _| [(255 * x / edge) as u8; 3]);
+        imaging::encode_png(&picture)
+    };
+    let obj = |materials: usize| {
+        let uses = |i: usize| format!("usemtl m{i}\nf 1 2 3\n");
+        format!("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\n{}", (0..materials).map(uses).collect::<String>())
+    };
+    let read = |materials: &dyn Fn(usize) -> String, count: usize, edge: usize| {
+        let mtl: String = (0..count).map(|i| format!("newmtl m{i}\n{}", materials(i))).collect();
+        let (large, small) = (png(edge), png(2));
+        let resolve = |name: &str| match name {
+            "a.mtl" => Ok(mtl.as_bytes().to_vec()),
+            "large.png" => Ok(large.clone()),
+            _ => Ok(small.clone()),
+        };
+        Model::from_obj_bytes(obj(count).as_bytes(), &resolve, &LoadOptions::default()).unwrap()
+    };
+    let shared = read(&|_| "map_Kd large.png\nmap_d a.png\nmap_Pm a.png\nmap_Pr b.png\n".to_owned(), 5, 16);
+    assert_eq!((shared.textures.len(), shared.warnings.len()), (3, 0));
+    assert!(shared.materials.iter().all(|m| m.base_color_texture == shared.materials[0].base_color_texture));
+    // Each mask asks for the whole large picture again: 4096² pixels, of which the budget holds four and a little.
+    let hostile = read(&|i| format!("map_Kd large.png\nmap_d {i}.png\n"), 8, 4096);
+    let pixels: usize = hostile.textures.iter().map(|t| t.levels[0].pixels().len()).sum();
+    assert!(pixels <= (8192 * 8192) + 16 * (png(4096).len() + 8 * png(2).len() + obj(8).len()), "{pixels}");
+    assert!(
+        hostile.warnings.iter().any(|w| w.ends_with("unpack to too many pixels; left out")),
+        "{:?}",
+        hostile.warnings
+    );
+}

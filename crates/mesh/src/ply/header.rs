@@ -116,6 +116,10 @@ impl Header {
                 ["comment" | "obj_info", ..] | [] => {}
                 ["element", name, count] => {
                     let count = count.parse().map_err(|_| broken(number, format!("'{count}' is no count")))?;
+                    // Lists per vertex would come out at different lengths.
+                    if name == "vertex" && elements.iter().any(|element| element.name == name) {
+                        return Err(broken(number, "a second element vertex".to_owned()));
+                    }
                     elements.push(Element { name: name.to_owned(), count, properties: Vec::new() });
                 }
                 ["property", ref property @ ..] => {

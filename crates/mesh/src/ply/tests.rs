@@ -110,3 +110,14 @@ fn truncation_never_panics() {
         }
     }
 }
+
+#[test]
+fn a_second_list_of_vertices_is_refused() {
+    let vertex = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\n";
+    let colors = "property uchar red\nproperty uchar green\nproperty uchar blue\n";
+    let text = format!(
+        "ply\nformat ascii 1.0\n{vertex}{colors}{vertex}element face 1\nproperty list uchar int vertex_indices\nend_header\n\
+         0 0 0 1 2 3\n1 0 0 1 2 3\n0 1 0 1 2 3\n0 0 0\n1 0 0\n0 1 0\n3 3 4 5\n"
+    );
+    assert_eq!(read(text.as_bytes()).unwrap_err().to_string(), "broken PLY at line 10: a second element vertex");
+}
