@@ -30,5 +30,5 @@ pub use imaging;
 pub use insert;
 pub use mesh;
 pub use octree;
-pub use place::{PlaceError, probe_grid, surface_at_pixel};
+pub use place::probe_grid;
 pub use scene;

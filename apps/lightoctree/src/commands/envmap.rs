@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use lightoctree::cone::Rendering;
 use lightoctree::geometry::{Orientation, Vec3};
 use lightoctree::imaging::{self, EnvironmentLayout};
+use lightoctree::insert;
 use serde_json::json;
 
 use super::environment::{self, PanoramaArgs, Renderer};
@@ -83,7 +84,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let at = match (args.at, args.pixel) {
         (Some(at), _) => at,
         (None, Some([u, v])) => {
-            let (point, normal) = lightoctree::surface_at_pixel(&scene, u, v)?;
+            let (point, normal) = insert::surface_at_pixel(&scene, u, v)?;
             point + normal * args.lift as f32
         }
         (None, None) => return Err(Usage("give --at X,Y,Z or --pixel U,V".into()).into()),
