@@ -30,13 +30,14 @@ impl Entry {
     /// The cells of the entry's level at a distance below this are empty too; 0 for an occupied node.
     #[inline(always)]
     pub fn radius(self) -> i32 {
-        if self.0 < 0 { self.0 & !(EMPTY | CREASE) } else { 0 }
+        // Without a branch: the sign fills a mask.
+        self.0 & !(EMPTY | CREASE) & (self.0 >> 31)
     }
 
-    /// Whether an empty cell lies in a crease between occupied ones, at its level or below.
+    /// [`Entry::radius`], but 0 where the cell lies in a crease between occupied ones, at its level or below.
     #[inline(always)]
-    pub fn in_crease(self) -> bool {
-        self.0 & (EMPTY | CREASE) == EMPTY | CREASE
+    pub fn radius_without_crease(self) -> i32 {
+        self.radius() & !((self.0 << 1) >> 31)
     }
 }
 
@@ -306,7 +307,7 @@ fn set_distances(grid: &mut [Entry], side: usize) {
     let inside = u64::MAX >> (64 - side);
     // The rows before and behind a row, along y and along x.
     let beside = |words: &[u64], row: usize| {
-        let before = if row % side > 0 { words[row - 1] } else { 0 };
+        let before = if row.is_multiple_of(side) { 0 } else { words[row - 1] };
         let behind = if row % side + 1 < side { words[row + 1] } else { 0 };
         (before, behind)
     };

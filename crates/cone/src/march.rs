@@ -202,22 +202,26 @@ impl<const LANES: usize> Wave<LANES> {
     fn advance<R: Reconstruction>(&mut self, grid: &Grid, table: &StepTable, active: usize) {
         // Positions carry rounding errors of a few units in the last place of the side; so far inside is safely inside.
         let margin = grid.side() as f32 * (4.0 * f32::EPSILON);
+        let (mut radius, mut exit) = ([0i32; LANES], [0.0f32; LANES]);
         for lane in 0..active.min(LANES) {
-            let radius = R::empty_radius(self.found[lane]);
             let level = self.found_level[lane];
-            let mut exit = f32::INFINITY;
+            let reach = R::empty_radius(self.found[lane]);
+            let mut nearest = f32::INFINITY;
             for axis in 0..3 {
                 let cell = self.leaf[axis][lane] >> level;
-                let low = ((cell - radius + 1) << level) as f32 + margin;
-                let high = ((cell + radius) << level) as f32 - margin;
+                let low = ((cell - reach + 1) << level) as f32 + margin;
+                let high = ((cell + reach) << level) as f32 - margin;
                 let inverse = self.inverse[axis][lane];
                 let bound = if inverse < 0.0 { low } else { high };
-                exit = exit.min((bound - self.entry[axis][lane]) * inverse);
+                nearest = nearest.min((bound - self.entry[axis][lane]) * inverse);
             }
-            let exit = exit * (1.0 - 4.0 * f32::EPSILON) + self.near[lane];
+            exit[lane] = nearest * (1.0 - 4.0 * f32::EPSILON) + self.near[lane];
+            radius[lane] = reach;
+        }
+        for lane in 0..active.min(LANES) {
             let next = self.step[lane] + 1;
-            let first = table.about_first_at(exit).min(table.level_end(level)).max(next);
-            self.step[lane] = if radius > 0 { first } else { next };
+            let first = table.about_first_at(exit[lane]).min(table.level_end(self.found_level[lane])).max(next);
+            self.step[lane] = if radius[lane] > 0 { first } else { next };
         }
     }
 
@@ -329,7 +333,7 @@ mod tests {
             tan_half_angle in prop_oneof![Just(0.0f32), Just(0.0245), 0.0..1.0f32],
         ) {
             let side = (1u32 << depth) - 1;
-            let mut keys: Vec<u32> = leaves.iter().map(|leaf| key_from_xyz(leaf.map(|c| side / 2 ^ (c & side & ((1 << clump) - 1))))).collect();
+            let mut keys: Vec<u32> = leaves.iter().map(|leaf| key_from_xyz(leaf.map(|c| (side / 2) ^ (c & side & ((1 << clump) - 1))))).collect();
             keys.sort_unstable();
             keys.dedup();
             let count = keys.len();

@@ -32,7 +32,7 @@ pub(crate) struct Interpolated;
 impl Reconstruction for Nearest {
     #[inline(always)]
     fn empty_radius(entry: Entry) -> i32 {
-        if entry.in_crease() { 0 } else { entry.radius() }
+        entry.radius_without_crease()
     }
 
     #[inline(always)]

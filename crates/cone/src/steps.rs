@@ -153,11 +153,13 @@ impl StepTable {
     #[inline(always)]
     fn bin(&self, distance: f32) -> usize {
         let bin = (distance - self.near) * self.bins_per_edge;
-        bin.max(0.0).min((self.bins.len() - 1) as f32) as i32 as usize
+        let bin = bin.max(0.0).min((self.bins.len() - 1) as f32);
+        // SAFETY: between 0 and the number of bins; `max` made 0 of what is not a number.
+        unsafe { bin.to_int_unchecked::<i32>() as usize }
     }
 
     fn push(&mut self, step: Step) {
-        self.places.push(Place { distance: step.distance, level: rounded_up(step.level) as i32 });
+        self.places.push(Place { distance: step.distance, level: rounded_up(step.level) });
         self.steps.push(step);
     }
 

@@ -145,8 +145,7 @@ fn score(light: &LightOctree, settings: Settings) -> Score {
             let got = tracer.panorama(probe, WIDTH, HEIGHT);
             let (mut squares, mut log_squares, mut distances) = (0.0, 0.0, Vec::new());
             for (pixel, (radiance, distance)) in true_panorama(probe).into_iter().enumerate() {
-                for c in 0..3 {
-                    let (a, b) = (got.radiance.pixels()[pixel][c], radiance[c]);
+                for (a, b) in got.radiance.pixels()[pixel].into_iter().zip(radiance) {
                     squares += (encode(a) - encode(b)).powi(2);
                     log_squares += f64::from(a.ln_1p() - b.ln_1p()).powi(2);
                 }
