@@ -167,7 +167,7 @@ fn insert_draft() -> anyhow::Result<Prepared> {
 }
 
 /// Metres per unit of the carried mesh with which it covers about 20,000 of 480 × 320 pixels.
-const INSERT_SCALE: f32 = 0.35;
+const INSERT_SCALE: f32 = 0.8;
 
 /// The middle `height` rows of a frame whose photo and depth have one resolution.
 fn cropped(frame: &Frame, height: usize) -> anyhow::Result<Frame> {
