@@ -68,15 +68,12 @@ impl Composite {
         };
         let mut image = frame.photo.clone();
         match &mut image {
-            Photo::Srgb8(image) => {
-                let linear: [f32; 256] = std::array::from_fn(|code| linear_from_srgb8(code as u8));
-                image.pixels_mut().par_iter_mut().enumerate().for_each(|(i, pixel)| {
-                    if changed(i) {
-                        let photo = Vec3::from(pixel.map(|code| linear[usize::from(code)]));
-                        *pixel = mixed(i, photo).to_array().map(srgb8_from_linear);
-                    }
-                })
-            }
+            Photo::Srgb8(image) => image.pixels_mut().par_iter_mut().enumerate().for_each(|(i, pixel)| {
+                if changed(i) {
+                    let photo = Vec3::from(pixel.map(linear_from_srgb8));
+                    *pixel = mixed(i, photo).to_array().map(srgb8_from_linear);
+                }
+            }),
             Photo::Linear(image) => image.pixels_mut().par_iter_mut().enumerate().for_each(|(i, pixel)| {
                 if changed(i) {
                     *pixel = mixed(i, Vec3::from(*pixel)).to_array();

@@ -159,7 +159,7 @@ impl Lights {
 
 /// Rec. 709 luminance.
 pub(crate) fn luminance(rgb: Vec3) -> f32 {
-    rgb.dot(Vec3::new(0.2126, 0.7152, 0.0722))
+    imaging::luminance(rgb.to_array())
 }
 
 /// Radiance at which light is cut off, given the mean luminance of the surroundings.

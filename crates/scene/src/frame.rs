@@ -131,10 +131,7 @@ impl Frame {
     pub fn radiance(&self) -> RadianceImage {
         let exposure = self.exposure;
         match &self.photo {
-            Photo::Srgb8(image) => {
-                let linear = resample::linear_of_codes();
-                image.map(|p| p.map(|c| linear[usize::from(c)] * exposure))
-            }
+            Photo::Srgb8(image) => image.map(|p| p.map(|c| imaging::linear_from_srgb8(c) * exposure)),
             Photo::Linear(image) => image.map(|p| p.map(|c| if c.is_finite() { c.max(0.0) * exposure } else { 0.0 })),
         }
     }

@@ -1,20 +1,14 @@
 //! Photos at another resolution.
 
-use imaging::{Image, Photo, RadianceImage};
+use imaging::{Image, Photo, RadianceImage, linear_from_srgb8};
 use rayon::prelude::*;
-
-/// Linear values of the 256 sRGB codes (IEC 61966-2-1).
-pub(crate) fn linear_of_codes() -> [f32; 256] {
-    std::array::from_fn(|code| imaging::linear_from_srgb8(code as u8))
-}
 
 /// Mean linear value over each new pixel's footprint (box filter with exact edge weights).
 ///
 /// 8-bit photos are converted row by row, so that a 50-megapixel photo never exists as 600 MB of floats.
 pub(crate) fn photo(photo: &Photo, width: usize, height: usize) -> RadianceImage {
-    let linear = linear_of_codes();
     match photo {
-        Photo::Srgb8(image) => boxed(image, width, height, |p| p.map(|c| linear[usize::from(c)])),
+        Photo::Srgb8(image) => boxed(image, width, height, |p| p.map(linear_from_srgb8)),
         Photo::Linear(image) => {
             boxed(image, width, height, |p| p.map(|c| if c.is_finite() { c.max(0.0) } else { 0.0 }))
         }
