@@ -31,6 +31,12 @@ pub struct Material {
     pub double_sided: bool,
     /// Base colour is shown as it is, without light.
     pub unlit: bool,
+    /// Share of the light not reflected at the surface that passes straight through, as through a window pane: the surface is a thin sheet
+    /// (`KHR_materials_transmission` without a volume); the base colour tints what passes.
+    pub transmission: f32,
+    /// Share of the diffusely scattered light that leaves on the other side, as from paper or curtains
+    /// (`KHR_materials_diffuse_transmission`, its colour being the base colour).
+    pub diffuse_transmission: f32,
 }
 
 impl Default for Material {
@@ -52,6 +58,8 @@ impl Default for Material {
             alpha_mode: AlphaMode::Opaque,
             double_sided: true,
             unlit: false,
+            transmission: 0.0,
+            diffuse_transmission: 0.0,
         }
     }
 }

@@ -210,6 +210,24 @@ pub struct MaterialExtensions {
     pub unlit: Option<serde::de::IgnoredAny>,
     #[serde(rename = "KHR_materials_emissive_strength")]
     pub emissive_strength: Option<EmissiveStrength>,
+    #[serde(rename = "KHR_materials_transmission")]
+    pub transmission: Option<Transmission>,
+    #[serde(rename = "KHR_materials_diffuse_transmission")]
+    pub diffuse_transmission: Option<DiffuseTransmission>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub struct Transmission {
+    #[serde(default)]
+    pub transmission_factor: f32,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub struct DiffuseTransmission {
+    #[serde(default)]
+    pub diffuse_transmission_factor: f32,
 }
 
 #[derive(Debug, Deserialize)]

@@ -67,6 +67,12 @@ fn read_material(index: usize, source: &super::json::Material, textures: &mut Te
         },
         double_sided: source.double_sided,
         unlit: source.extensions.unlit.is_some(),
+        transmission: source.extensions.transmission.as_ref().map_or(0.0, |t| share(t.transmission_factor)),
+        diffuse_transmission: source
+            .extensions
+            .diffuse_transmission
+            .as_ref()
+            .map_or(0.0, |t| share(t.diffuse_transmission_factor)),
     })
 }
 

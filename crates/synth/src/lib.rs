@@ -1,0 +1,1 @@
+//! Procedural indoor scenes and the samples rendered from them.
