@@ -88,16 +88,16 @@ fn leaf_keys(points: &[RadiancePoint], cube: Cube, depth: u32) -> Vec<u32> {
     for (group, keys) in points.chunks(GROUP).zip(keys.chunks_mut(GROUP)) {
         let (mut position, mut zero) = ([[0.0; GROUP]; 3], [0.0; GROUP]);
         for (lane, point) in group.iter().enumerate() {
-            for axis in 0..3 {
-                position[axis][lane] = point.position_m[axis];
+            for (axis, position) in position.iter_mut().enumerate() {
+                position[lane] = point.position_m[axis];
                 // 0 · x is NaN unless x is finite.
                 zero[lane] += 0.0 * point.radiance[axis];
             }
         }
         let (mut key, mut inside) = ([0; GROUP], [true; GROUP]);
-        for axis in 0..3 {
+        for (axis, position) in position.iter().enumerate() {
             for lane in 0..GROUP {
-                let p = position[axis][lane] - cube.origin_m[axis];
+                let p = position[lane] - cube.origin_m[axis];
                 inside[lane] &= (p >= 0.0) & (p < cube.edge_m);
                 key[lane] |= spread(leaf_coordinate(p * scale, depth)) << (2 - axis);
             }
