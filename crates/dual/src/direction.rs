@@ -27,7 +27,7 @@ impl Direction {
 
     /// Whether it points towards greater coordinates.
     pub(crate) fn is_positive(self) -> bool {
-        self as u32 % 2 == 0
+        (self as u32).is_multiple_of(2)
     }
 
     /// The four of a node's eight children that touch what lies in this direction, in order.

@@ -261,7 +261,7 @@ mod tests {
         (0..graph.len() as u32)
             .filter(|&other| {
                 let (other_low, other_high) = corners(octree, graph.nodes()[other as usize], graph.depth());
-                let touches = if direction as usize % 2 == 0 {
+                let touches = if (direction as usize).is_multiple_of(2) {
                     other_low[axis] == high[axis]
                 } else {
                     other_high[axis] == low[axis]
