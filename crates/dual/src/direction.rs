@@ -20,6 +20,11 @@ impl Direction {
     /// All six, by number.
     pub const ALL: [Self; 6] = [Self::PlusZ, Self::MinusZ, Self::PlusY, Self::MinusY, Self::PlusX, Self::MinusX];
 
+    /// The way back.
+    pub fn opposite(self) -> Self {
+        Self::ALL[self as usize ^ 1]
+    }
+
     /// The bit of a child's number that its coordinate along this axis is.
     pub(crate) fn bit(self) -> u32 {
         1 << (self as u32 / 2)

@@ -227,6 +227,14 @@ impl<'a> Step<'a> {
     }
 }
 
+/// An uneven octree of depth 5 for tests of the kernels.
+#[cfg(test)]
+pub(crate) fn test_octree() -> Octree {
+    let labels =
+        [vec![true, false, true], vec![false, true, true, false, true], vec![true, false, false], vec![true, false]];
+    tests::grown(&labels)
+}
+
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
@@ -236,7 +244,7 @@ mod tests {
     use super::*;
 
     /// An octree of depth 1 + `labels.len()` grown from the full depth 1 by random labels.
-    fn grown(labels: &[Vec<bool>]) -> Octree {
+    pub(super) fn grown(labels: &[Vec<bool>]) -> Octree {
         let mut octree = Octree::full(1).unwrap();
         for labels in labels {
             let finest = octree.levels().last().unwrap().len();
@@ -296,7 +304,7 @@ mod tests {
                 prop_assert_eq!(volume, 1u64 << (3 * graph.depth()));
                 for node in 0..graph.len() {
                     for direction in Direction::ALL {
-                        let back = Direction::ALL[direction as usize ^ 1];
+                        let back = direction.opposite();
                         for &other in graph.neighbours(node, direction) {
                             prop_assert!(graph.neighbours(other as usize, back).contains(&(node as u32)));
                         }
