@@ -1,5 +1,18 @@
 //! Samples for training and evaluation, behind one interface: generated on the fly, in shards, or published by others.
+//!
+//! A [`Dataset`] gives samples by number; a [`Loader`] goes through one: shuffled, split by scene, made ahead by threads, resumable.
 
+mod error;
+mod loader;
+mod order;
+mod record;
 mod sample;
+mod shard;
+mod source;
 
-pub use sample::{NovelView, Sample, Split};
+pub use error::DatasetError;
+pub use loader::{LoadError, Loader, LoaderConfig, LoaderState};
+pub use record::{Record, Shot};
+pub use sample::{Metadata, NovelView, Sample, Split};
+pub use shard::{FORMAT_VERSION, Shards, shard_name, write_shard};
+pub use source::Dataset;

@@ -1,12 +1,16 @@
 use geometry::{Camera, Quat, Vec3};
 use imaging::{DepthMap, Image, RadianceImage};
 use octree::RadiancePoint;
+use serde::{Deserialize, Serialize};
+
+/// What a source says beyond a sample's own fields: settings of the camera, properties of the scene, names of files.
+pub type Metadata = serde_json::Map<String, serde_json::Value>;
 
 /// One photo with everything that is known about its room (SPEC §8). What a source does not have is `None` or empty.
 ///
 /// All positions and directions are in the photo's frame: the camera at the origin looks along −Z, +Y is up in the
 /// picture, metres. Radiance is in units of the photo's white.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Sample {
     /// Unique in its dataset.
     pub id: String,
@@ -22,7 +26,7 @@ pub struct Sample {
     pub radiance: Option<RadianceImage>,
     /// True depth along the optical axis.
     pub depth_m: Option<DepthMap>,
-    /// Depth as a sensor measures it.
+    /// Depth as a sensor measures it; the same field of view, but not always as many pixels.
     pub sensor_depth_m: Option<DepthMap>,
     /// Unit normals in the camera's axes, towards the camera; 0 where there is no surface.
     pub normal: Option<Image<[f32; 3]>>,
@@ -32,10 +36,12 @@ pub struct Sample {
     pub points: Vec<RadiancePoint>,
     /// Panoramas at other places.
     pub views: Vec<NovelView>,
+    /// What else the source says.
+    pub metadata: Metadata,
 }
 
 /// An HDR panorama at a known place.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct NovelView {
     /// Position in the photo's frame, metres.
     pub position_m: Vec3,
@@ -48,7 +54,8 @@ pub struct NovelView {
 }
 
 /// Part of a dataset.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Split {
     /// Nine scenes of ten.
     Train,
@@ -60,5 +67,41 @@ impl Split {
     /// The part that a scene belongs to: a matter of its id alone, so that it never changes.
     pub fn of(scene_id: &str) -> Self {
         if random::hash(scene_id.as_bytes()) % 10 == 0 { Self::Validation } else { Self::Train }
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    /// A sample of two by two pixels with nothing but its photo.
+    pub(crate) fn sample() -> Sample {
+        Sample {
+            id: "sample".to_owned(),
+            scene_id: "scene".to_owned(),
+            photo: Image::new(2, 2, vec![[10, 20, 30]; 4]),
+            camera: Camera::from_hfov_deg(60.0, 2, 2).unwrap(),
+            up: None,
+            radiance: None,
+            depth_m: None,
+            sensor_depth_m: None,
+            normal: None,
+            albedo: None,
+            points: Vec::new(),
+            views: Vec::new(),
+            metadata: Metadata::new(),
+        }
+    }
+
+    #[test]
+    fn one_scene_of_ten_is_for_validation_and_stays_there() {
+        let validation = |id: &str| Split::of(id) == Split::Validation;
+        let count = (0..10_000).filter(|i| validation(&format!("s0-{i:06}"))).count();
+        // binomial: 1000 ± 30
+        assert!((900..1100).contains(&count), "{count}");
+        // these never change: a changed split would let validation rooms into training
+        let first: Vec<usize> = (0..40).filter(|i| validation(&format!("s0-{i:06}"))).collect();
+        assert_eq!(first, [7, 10, 36]);
     }
 }

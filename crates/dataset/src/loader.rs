@@ -1,0 +1,406 @@
+//! One way to iterate over any dataset: shuffled, split, prefetched, resumable.
+
+use std::any::Any;
+use std::collections::{BTreeMap, VecDeque};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+
+use serde::{Deserialize, Serialize};
+
+use crate::order::Permutation;
+use crate::{Dataset, DatasetError, Sample, Split};
+
+/// What a loader goes through and how.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LoaderConfig {
+    /// Seed of the order.
+    pub seed: u64,
+    /// Another order for every epoch, or the dataset's own.
+    pub shuffle: bool,
+    /// Only samples of this part.
+    pub split: Option<Split>,
+    /// How many times through the dataset; without end where `None`.
+    pub epochs: Option<u64>,
+    /// Threads that make or read samples, at least 1. They change nothing but the speed.
+    pub threads: usize,
+    /// Most [blocks](Dataset::block) made ahead, at least the threads.
+    pub ahead: usize,
+}
+
+impl Default for LoaderConfig {
+    fn default() -> Self {
+        Self { seed: 0, shuffle: true, split: None, epochs: Some(1), threads: 2, ahead: 4 }
+    }
+}
+
+/// Where a loader stands: saved with a training run, it goes on with the sample after the last one that was given out. Holds for the same
+/// dataset, seed, shuffling and split.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LoaderState {
+    /// How many times through the dataset already.
+    pub epoch: u64,
+    /// Blocks of this epoch that are done.
+    pub block: u64,
+    /// Samples of the next block that are done.
+    pub sample: u64,
+}
+
+/// A sample that could not be made, and which.
+#[derive(Debug, thiserror::Error)]
+#[error("sample {index} (scene {scene_id}): {source}")]
+pub struct LoadError {
+    /// Its index in the dataset.
+    pub index: usize,
+    /// Its scene.
+    pub scene_id: String,
+    /// What went wrong.
+    pub source: DatasetError,
+}
+
+/// Gives out a dataset's samples one after the other, made ahead by threads of its own.
+///
+/// The order depends on the seed alone. A sample that cannot be made comes as an error in its place; the iteration goes on after it. A panic
+/// of the dataset goes on in the thread that asks for the sample. Dropping the loader stops its threads after the block at hand.
+pub struct Loader {
+    shared: Arc<Shared>,
+    threads: Vec<JoinHandle<()>>,
+    /// Samples of the block at hand.
+    current: VecDeque<Made>,
+    state: LoaderState,
+    blocks: u64,
+    epochs: Option<u64>,
+    /// Blocks since the last sample: a whole epoch without one ends the iteration.
+    barren: u64,
+}
+
+/// A sample, and how many of its block come before the next.
+struct Made {
+    number: u64,
+    result: Result<Sample, LoadError>,
+}
+
+struct Shared {
+    dataset: Arc<dyn Dataset>,
+    config: LoaderConfig,
+    blocks: u64,
+    first: LoaderState,
+    queue: Mutex<Queue>,
+    /// A block was finished, or the threads have to stop.
+    finished: Condvar,
+    /// There is room for another block, or the threads have to stop.
+    room: Condvar,
+}
+
+/// Blocks are counted by tickets from the loader's start.
+#[derive(Default)]
+struct Queue {
+    next_taken: u64,
+    next_given: u64,
+    finished: BTreeMap<u64, Result<Vec<Made>, Box<dyn Any + Send>>>,
+    stop: bool,
+}
+
+impl Loader {
+    /// Starts from the beginning.
+    pub fn new(dataset: Arc<dyn Dataset>, config: LoaderConfig) -> Self {
+        Self::resume(dataset, config, LoaderState::default())
+    }
+
+    /// Starts where another loader of the same dataset and configuration [stood](Self::state).
+    pub fn resume(dataset: Arc<dyn Dataset>, config: LoaderConfig, state: LoaderState) -> Self {
+        let blocks = (dataset.len() as u64).div_ceil(dataset.block().max(1) as u64);
+        let shared = Arc::new(Shared {
+            dataset,
+            config,
+            blocks,
+            first: state,
+            queue: Mutex::default(),
+            finished: Condvar::new(),
+            room: Condvar::new(),
+        });
+        let threads = (0..config.threads.max(1))
+            .map(|_| {
+                let shared = Arc::clone(&shared);
+                std::thread::spawn(move || shared.work())
+            })
+            .collect();
+        Self { shared, threads, current: VecDeque::new(), state, blocks, epochs: config.epochs, barren: 0 }
+    }
+
+    /// Where the next sample stands.
+    pub fn state(&self) -> LoaderState {
+        self.state
+    }
+
+    /// Waits for the next block; `None` at the end.
+    fn next_block(&mut self) -> Option<Vec<Made>> {
+        if self.blocks == 0
+            || self.barren >= self.blocks
+            || self.epochs.is_some_and(|epochs| self.state.epoch >= epochs)
+        {
+            return None;
+        }
+        let mut queue = self.shared.lock();
+        loop {
+            let ticket = queue.next_given;
+            if let Some(block) = queue.finished.remove(&ticket) {
+                queue.next_given += 1;
+                drop(queue);
+                self.shared.room.notify_all();
+                return match block {
+                    Ok(block) => Some(block),
+                    Err(panic) => resume_unwind(panic),
+                };
+            }
+            queue = self.shared.finished.wait(queue).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+}
+
+impl Iterator for Loader {
+    type Item = Result<Sample, LoadError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            if let Some(made) = self.current.pop_front() {
+                self.barren = 0;
+                self.state.sample = made.number + 1;
+                if self.current.is_empty() {
+                    self.end_block();
+                }
+                return Some(made.result);
+            }
+            let already = self.state.sample;
+            self.current = self.next_block()?.into_iter().filter(|made| made.number >= already).collect();
+            if self.current.is_empty() {
+                self.barren += 1;
+                self.end_block();
+            }
+        }
+    }
+}
+
+impl Loader {
+    fn end_block(&mut self) {
+        self.state.sample = 0;
+        self.state.block += 1;
+        if self.state.block >= self.blocks {
+            self.state = LoaderState { epoch: self.state.epoch + 1, ..LoaderState::default() };
+        }
+    }
+}
+
+impl Drop for Loader {
+    fn drop(&mut self) {
+        self.shared.lock().stop = true;
+        self.shared.room.notify_all();
+        for thread in self.threads.drain(..) {
+            // a panic of the dataset was caught inside; there is nothing to hear from the thread itself
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Shared {
+    /// The queue is whole even where a thread panicked with it in its hand: no panic can happen between two of its changes.
+    fn lock(&self) -> MutexGuard<'_, Queue> {
+        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn work(&self) {
+        let ahead = self.config.ahead.max(self.config.threads) as u64;
+        let mut order: Option<(u64, Permutation)> = None;
+        loop {
+            let ticket = {
+                let mut queue = self.lock();
+                while !queue.stop && queue.next_taken >= queue.next_given + ahead {
+                    queue = self.room.wait(queue).unwrap_or_else(PoisonError::into_inner);
+                }
+                if queue.stop {
+                    return;
+                }
+                queue.next_taken += 1;
+                queue.next_taken - 1
+            };
+            let Some((epoch, position)) = self.place(ticket) else { return };
+            let block = if self.config.shuffle {
+                if order.as_ref().is_none_or(|(of, _)| *of != epoch) {
+                    order = Some((epoch, Permutation::new(self.blocks, self.config.seed, epoch)));
+                }
+                order.as_ref().map_or(position, |(_, permutation)| permutation.at(position))
+            } else {
+                position
+            };
+            let made = catch_unwind(AssertUnwindSafe(|| self.make(block)));
+            self.lock().finished.insert(ticket, made);
+            self.finished.notify_all();
+        }
+    }
+
+    /// Epoch and position in it of a ticket; `None` beyond the last epoch.
+    fn place(&self, ticket: u64) -> Option<(u64, u64)> {
+        let from_start = (self.first.block.min(self.blocks)).checked_add(ticket)?;
+        let epoch = self.first.epoch.checked_add(from_start.checked_div(self.blocks)?)?;
+        let inside = self.config.epochs.is_none_or(|epochs| epoch < epochs);
+        inside.then_some((epoch, from_start % self.blocks))
+    }
+
+    fn make(&self, block: u64) -> Vec<Made> {
+        let size = self.dataset.block().max(1);
+        let first = block as usize * size;
+        let indices = first..(first + size).min(self.dataset.len());
+        let wanted = |index: &usize| self.config.split.is_none_or(|split| self.dataset.split(*index) == split);
+        indices
+            .filter(wanted)
+            .map(|index| Made {
+                number: (index - first) as u64,
+                result: self.dataset.get(index).map_err(|source| LoadError {
+                    index,
+                    scene_id: self.dataset.scene_id(index).into_owned(),
+                    source,
+                }),
+            })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use std::borrow::Cow;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    use std::time::Duration;
+
+    use super::*;
+    use crate::sample::tests::sample;
+
+    /// Samples that say their index; one of them is broken, and later ones are faster than earlier ones.
+    struct Numbers {
+        count: usize,
+        block: usize,
+        broken: Option<usize>,
+        made: AtomicUsize,
+    }
+
+    impl Numbers {
+        fn new(count: usize) -> Self {
+            Self { count, block: 1, broken: None, made: AtomicUsize::new(0) }
+        }
+    }
+
+    impl Dataset for Numbers {
+        fn len(&self) -> usize {
+            self.count
+        }
+
+        fn scene_id(&self, index: usize) -> Cow<'_, str> {
+            format!("room-{}", index / self.block).into()
+        }
+
+        fn get(&self, index: usize) -> Result<Sample, DatasetError> {
+            self.made.fetch_add(1, Ordering::SeqCst);
+            std::thread::sleep(Duration::from_micros(if index.is_multiple_of(3) { 800 } else { 20 }));
+            if self.broken == Some(index) {
+                return Err(DatasetError::Index { index, len: self.count });
+            }
+            assert!(index != 9_999, "number 9999 must not be asked for");
+            Ok(Sample { id: index.to_string(), ..sample() })
+        }
+
+        fn block(&self) -> usize {
+            self.block
+        }
+    }
+
+    fn ids(loader: impl Iterator<Item = Result<Sample, LoadError>>) -> Vec<String> {
+        loader.map(|item| item.map_or_else(|error| error.to_string(), |sample| sample.id)).collect()
+    }
+
+    #[test]
+    fn the_order_is_that_of_the_seed_whatever_the_threads() {
+        let config = LoaderConfig { seed: 4, epochs: Some(2), threads: 1, ..LoaderConfig::default() };
+        let load = |config| ids(Loader::new(Arc::new(Numbers::new(40)), config));
+        let one = load(config);
+        assert_eq!(one, load(LoaderConfig { threads: 7, ahead: 9, ..config }));
+        assert_ne!(one, load(LoaderConfig { seed: 5, ..config }));
+        assert_ne!(one[..40], one[40..], "another order in every epoch");
+        let mut sorted: Vec<usize> = one[40..].iter().map(|id| id.parse().unwrap()).collect();
+        sorted.sort_unstable();
+        assert!(sorted.into_iter().eq(0..40));
+        let plain = load(LoaderConfig { shuffle: false, epochs: Some(1), ..config });
+        assert!(plain.into_iter().eq((0..40).map(|i| i.to_string())));
+    }
+
+    #[test]
+    fn a_saved_position_goes_on_with_the_next_sample() {
+        let dataset = || Arc::new(Numbers { block: 3, ..Numbers::new(20) });
+        let config = LoaderConfig { seed: 1, epochs: Some(3), threads: 3, ..LoaderConfig::default() };
+        let all = ids(Loader::new(dataset(), config));
+        assert_eq!(all.len(), 60);
+        for done in [0, 1, 7, 20, 21, 59, 60] {
+            let mut loader = Loader::new(dataset(), config);
+            for _ in 0..done {
+                loader.next().unwrap().unwrap();
+            }
+            let saved = serde_json::to_string(&loader.state()).unwrap();
+            let rest = Loader::resume(dataset(), config, serde_json::from_str(&saved).unwrap());
+            assert_eq!(ids(rest), all[done..], "after {done}");
+        }
+    }
+
+    #[test]
+    fn splits_share_no_scene_and_miss_none() {
+        let dataset = || Arc::new(Numbers { block: 4, ..Numbers::new(400) });
+        let load = |split| {
+            ids(Loader::new(dataset(), LoaderConfig { split: Some(split), ahead: 20, ..LoaderConfig::default() }))
+        };
+        let (train, validation) = (load(Split::Train), load(Split::Validation));
+        assert_eq!(train.len() + validation.len(), 400);
+        // one of ten of 100 scenes, deviation 3
+        assert!((4..80).contains(&validation.len()), "{}", validation.len());
+        let scene = |id: &String| id.parse::<usize>().unwrap() / 4;
+        assert!(validation.iter().all(|v| train.iter().all(|t| scene(t) != scene(v))));
+    }
+
+    #[test]
+    fn errors_come_in_place_and_name_the_sample() {
+        let dataset = Arc::new(Numbers { broken: Some(5), ..Numbers::new(10) });
+        let config = LoaderConfig { shuffle: false, ..LoaderConfig::default() };
+        let all = ids(Loader::new(dataset, config));
+        assert_eq!(all.len(), 10);
+        assert_eq!(all[5], "sample 5 (scene room-5): sample 5 of 10");
+        assert_eq!(all[6], "6");
+    }
+
+    #[test]
+    fn no_more_than_asked_for_is_made_ahead_and_threads_end() {
+        let dataset = Arc::new(Numbers::new(1000));
+        let config = LoaderConfig { threads: 3, ahead: 5, ..LoaderConfig::default() };
+        let mut loader = Loader::new(dataset.clone(), config);
+        loader.next().unwrap().unwrap();
+        std::thread::sleep(Duration::from_millis(50));
+        assert!(dataset.made.load(Ordering::SeqCst) <= 6);
+        drop(loader);
+        assert_eq!(Arc::strong_count(&dataset), 1, "no thread is left");
+    }
+
+    #[test]
+    fn nothing_to_give_ends_even_without_an_end() {
+        let forever = LoaderConfig { epochs: None, ..LoaderConfig::default() };
+        assert_eq!(Loader::new(Arc::new(Numbers::new(0)), forever).count(), 0);
+        // a single scene lies in one of the splits
+        let one = |split| {
+            Loader::new(Arc::new(Numbers::new(1)), LoaderConfig { split: Some(split), ..forever }).take(5).count()
+        };
+        assert_eq!(one(Split::Train) + one(Split::Validation), 5);
+    }
+
+    #[test]
+    #[should_panic(expected = "number 9999")]
+    fn a_panic_of_the_dataset_reaches_the_caller() {
+        let config = LoaderConfig { shuffle: false, ..LoaderConfig::default() };
+        Loader::resume(Arc::new(Numbers::new(10_001)), config, LoaderState { block: 9_999, ..LoaderState::default() })
+            .for_each(drop);
+    }
+}

@@ -1,0 +1,444 @@
+use geometry::{Camera, Vec3};
+use imaging::{DepthMap, Image, luminance};
+use rand_distr::{Distribution, StandardNormal};
+use random::{RngExt, Stream};
+use serde::{Deserialize, Serialize};
+
+use crate::Interval;
+use crate::lidar::fused;
+
+/// Depth sensors and their settings, as ranges: [`DepthModel::draw`] makes one of them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DepthModel {
+    /// How often each kind occurs.
+    pub kinds: DepthShares,
+    /// Farthest reading of structured light, metres (Kinect v1: 5).
+    pub structured_light_range_m: Interval,
+    /// Farthest reading of a time-of-flight camera, metres (Kinect v2: 4.5; Azure Kinect: 5.5).
+    pub time_of_flight_range_m: Interval,
+    /// Farthest reading of a phone's LiDAR, metres (iPhone, iPad: 5).
+    pub lidar_range_m: Interval,
+    /// Factor on the published noise.
+    pub noise: Interval,
+    /// Least returned light, in units of a white wall at 1 m seen squarely, that gives a reading; uniform in stops.
+    pub least_return: Interval,
+}
+
+/// Relative frequencies of the kinds of [`DepthSettings`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DepthShares {
+    /// [`DepthSettings::StructuredLight`].
+    pub structured_light: f32,
+    /// [`DepthSettings::TimeOfFlight`].
+    pub time_of_flight: f32,
+    /// [`DepthSettings::Lidar`].
+    pub lidar: f32,
+}
+
+impl Default for DepthShares {
+    fn default() -> Self {
+        Self { structured_light: 0.3, time_of_flight: 0.3, lidar: 0.4 }
+    }
+}
+
+impl Default for DepthModel {
+    fn default() -> Self {
+        Self {
+            kinds: DepthShares::default(),
+            structured_light_range_m: Interval::new(4.0, 8.0),
+            time_of_flight_range_m: Interval::new(4.5, 8.0),
+            lidar_range_m: Interval::new(4.5, 6.0),
+            noise: Interval::new(0.5, 1.5),
+            least_return: Interval::new(2e-4, 3e-3),
+        }
+    }
+}
+
+/// One depth sensor, as drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub enum DepthSettings {
+    /// A projected pattern seen from a little way off (Kinect v1): shadows beside near things, disparity in steps, noise with the
+    /// square of the depth.
+    StructuredLight {
+        /// Farthest reading, metres.
+        range_m: f32,
+        /// Factor on the published noise.
+        noise: f32,
+        /// Least returned light, see [`DepthModel::least_return`].
+        least_return: f32,
+    },
+    /// Modulated light (Kinect v2, Azure Kinect): flying pixels at edges, noise with the angle.
+    TimeOfFlight {
+        /// Farthest reading, metres.
+        range_m: f32,
+        /// Factor on the published noise.
+        noise: f32,
+        /// Least returned light, see [`DepthModel::least_return`].
+        least_return: f32,
+    },
+    /// A phone's laser dots, fused with its photo: 256 pixels wide, smooth, no holes; glass, mirrors and what is out of range are made
+    /// up from around them.
+    Lidar {
+        /// Farthest reading, metres.
+        range_m: f32,
+        /// Factor on the noise.
+        noise: f32,
+        /// Standard deviation of the smoothing in its own pixels.
+        blur_px: f32,
+    },
+}
+
+/// What a depth sensor looks at; all images of the camera's size.
+#[derive(Clone, Copy, Debug)]
+pub struct DepthView<'a> {
+    /// The lens.
+    pub camera: &'a Camera,
+    /// True depth along the optical axis, metres; 0 where there is no surface.
+    pub depth_m: &'a DepthMap,
+    /// Unit normals in camera axes, towards the camera; 0 where there is no surface.
+    pub normal: &'a Image<[f32; 3]>,
+    /// Base colour.
+    pub albedo: &'a Image<[f32; 3]>,
+    /// Clear panes and mirrors.
+    pub specular: &'a Image<bool>,
+}
+
+/// Baseline of projector and camera, metres (Khoshelham & Elberink 2012).
+const BASELINE_M: f32 = 0.075;
+/// Step of the Kinect's inverse depth, 1/m (ibid., section 3.2: 2.85e-5 /cm for one level of the normalised disparity).
+const DISPARITY_STEP: f32 = 2.85e-3;
+/// Nearest reading of structured light and time of flight, metres.
+const NEAREST_M: f32 = 0.4;
+/// Width of a phone's LiDAR map in pixels.
+const LIDAR_WIDTH: usize = 256;
+/// Neighbouring depths that differ by more than this share lie on different surfaces.
+const EDGE: f32 = 0.05;
+
+impl DepthModel {
+    /// Chooses a sensor.
+    pub fn draw(&self, stream: &mut Stream) -> DepthSettings {
+        let noise = self.noise.within(0.0, 100.0).draw(stream);
+        let least_return = self.least_return.within(0.0, 1.0).draw_log(stream);
+        let blur_px = Interval::new(0.7, 1.8).draw(stream);
+        let mut shares = [self.kinds.structured_light, self.kinds.time_of_flight, self.kinds.lidar].map(|s| s.max(0.0));
+        if shares.iter().sum::<f32>() <= 0.0 {
+            shares = [1.0; 3];
+        }
+        let chosen = stream.random::<f32>() * shares.iter().sum::<f32>();
+        let mut draw = |interval: Interval| interval.within(NEAREST_M, 1000.0).draw(stream);
+        if chosen < shares[0] {
+            DepthSettings::StructuredLight { range_m: draw(self.structured_light_range_m), noise, least_return }
+        } else if chosen < shares[0] + shares[1] {
+            DepthSettings::TimeOfFlight { range_m: draw(self.time_of_flight_range_m), noise, least_return }
+        } else {
+            DepthSettings::Lidar { range_m: draw(self.lidar_range_m), noise, blur_px }
+        }
+    }
+}
+
+impl DepthSettings {
+    /// What the sensor reports: depth along the optical axis in metres, 0 where it has no reading; of the view's size, or 256 pixels wide
+    /// for a LiDAR. `stream` makes the noise.
+    ///
+    /// # Panics
+    /// Where the images are not of the camera's size.
+    pub fn measure(&self, view: &DepthView, stream: &mut Stream) -> DepthMap {
+        let size = (view.camera.width as usize, view.camera.height as usize);
+        for (width, height) in [
+            (view.depth_m.width(), view.depth_m.height()),
+            (view.normal.width(), view.normal.height()),
+            (view.albedo.width(), view.albedo.height()),
+            (view.specular.width(), view.specular.height()),
+        ] {
+            assert_eq!((width, height), size, "a depth view's images must have the camera's size");
+        }
+        match *self {
+            Self::StructuredLight { range_m, noise, least_return } => {
+                structured_light(view, range_m, noise, least_return, stream)
+            }
+            Self::TimeOfFlight { range_m, noise, least_return } => {
+                time_of_flight(view, range_m, noise, least_return, stream)
+            }
+            Self::Lidar { range_m, noise, blur_px } => lidar(view, range_m, noise, blur_px, stream),
+        }
+    }
+}
+
+impl DepthView<'_> {
+    /// Cosine between the line of sight and the normal, and the light returned by a unit source at the camera, a white wall at 1 m being 1;
+    /// `None` where nothing comes back to the sensor.
+    fn returned(&self, x: usize, y: usize) -> Option<(f32, f32)> {
+        let z = self.depth_m[(x, y)];
+        if z <= 0.0 || self.specular[(x, y)] {
+            return None;
+        }
+        let direction = self.camera.direction(x as f64 + 0.5, y as f64 + 0.5);
+        let cosine = (-direction.dot(Vec3::from_array(self.normal[(x, y)]))).clamp(0.0, 1.0);
+        let distance = -z / direction.z;
+        Some((cosine, luminance(self.albedo[(x, y)]) * cosine / (distance * distance)))
+    }
+
+    /// Depth of the neighbour on another surface that is farthest away from this depth, if any.
+    fn across_edge(&self, x: usize, y: usize) -> Option<f32> {
+        let z = self.depth_m[(x, y)];
+        [(-1isize, 0isize), (1, 0), (0, -1), (0, 1)]
+            .into_iter()
+            .filter_map(|(dx, dy)| {
+                let at = (x.checked_add_signed(dx)?, y.checked_add_signed(dy)?);
+                (at.0 < self.depth_m.width() && at.1 < self.depth_m.height()).then(|| self.depth_m[at])
+            })
+            .filter(|&other| other > 0.0 && (other - z).abs() > EDGE * z.min(other))
+            .max_by(|a, b| (a - z).abs().total_cmp(&(b - z).abs()))
+    }
+}
+
+/// Kinect v1 (Khoshelham & Elberink, "Accuracy and Resolution of Kinect Depth Data for Indoor Mapping Applications", Sensors 2012):
+/// random error 1.425e-3 z² metres, steps of 2.85e-3 z² metres; grazing surfaces as in Nguyen, Izadi & Lovell, "Modeling Kinect Sensor Noise",
+/// 3DIMPVT 2012 (readings end near 70–80°).
+fn structured_light(view: &DepthView, range_m: f32, noise: f32, least_return: f32, stream: &mut Stream) -> DepthMap {
+    let (width, height) = (view.depth_m.width(), view.depth_m.height());
+    let focal_baseline = view.camera.fx as f32 * BASELINE_M;
+    let mut measured = DepthMap::new(width, height, vec![0.0; width * height]);
+    for y in 0..height {
+        // The projector stands to the right: what it cannot see lies left of nearer things. Walking from the right, a pixel is lit while its
+        // disparity is at least that of every nearer pixel, less the way between.
+        let mut horizon = f32::NEG_INFINITY;
+        for x in (0..width).rev() {
+            let (normal, tilt): (f32, f32) = (StandardNormal.sample(stream), stream.random());
+            let z = view.depth_m[(x, y)];
+            let disparity = if z > 0.0 { focal_baseline / z } else { 0.0 };
+            // half a pixel, so that slanted surfaces do not shade themselves
+            let shaded = disparity + 0.5 < horizon - (width - x) as f32;
+            horizon = horizon.max(disparity + (width - x) as f32);
+            let Some((cosine, returned)) = view.returned(x, y) else { continue };
+            // the correlation window straddles two surfaces
+            let torn = view.across_edge(x, y).is_some() && tilt < 0.7;
+            let grazing = cosine < 0.2 + 0.15 * tilt;
+            if shaded || torn || grazing || returned < least_return {
+                continue;
+            }
+            let noisy = z + normal * noise * 1.425e-3 * z * z;
+            let steps = (1.0 / (DISPARITY_STEP * noisy.max(1e-3))).round();
+            let quantised = 1.0 / (DISPARITY_STEP * steps.max(1.0));
+            if (NEAREST_M..=range_m).contains(&quantised) {
+                measured[(x, y)] = quantised;
+            }
+        }
+    }
+    measured
+}
+
+/// Kinect v2: noise after the fit of Fankhauser et al., "Kinect v2 for Mobile Robot Navigation: Evaluation and Modeling", ICAR 2015
+/// (σ = 1.5 − 0.5 z + 0.3 z² + 0.1 z^1.5 θ² / (π/2 − θ)² millimetres), more where little light comes back; readings between two surfaces at
+/// their edge; millimetres.
+fn time_of_flight(view: &DepthView, range_m: f32, noise: f32, least_return: f32, stream: &mut Stream) -> DepthMap {
+    DepthMap::from_fn(view.depth_m.width(), view.depth_m.height(), |x, y| {
+        let (normal, mix): (f32, f32) = (StandardNormal.sample(stream), stream.random());
+        let Some((cosine, returned)) = view.returned(x, y) else { return 0.0 };
+        if returned < least_return || cosine < 0.1 {
+            return 0.0;
+        }
+        let z = match view.across_edge(x, y) {
+            // a pixel that sees both sides; half of them are recognised as such and dropped
+            Some(_) if mix > 0.75 => return 0.0,
+            Some(other) if mix > 0.5 => {
+                let z = view.depth_m[(x, y)];
+                z + (other - z) * (mix - 0.5) * 2.0
+            }
+            _ => view.depth_m[(x, y)],
+        };
+        let angle = cosine.acos();
+        let sigma_mm = 1.5 - 0.5 * z
+            + 0.3 * z * z
+            + 0.1 * z.powf(1.5) * (angle / (std::f32::consts::FRAC_PI_2 - angle).max(0.02)).powi(2);
+        // shot noise: the published fit holds for bright walls; a white one at 4 m returns 1/16
+        let dim = (0.03 / returned).sqrt().clamp(1.0, 8.0);
+        let noisy = z + normal * noise * dim * 1e-3 * sigma_mm.max(0.5);
+        let millimetres = (noisy * 1000.0).round() / 1000.0;
+        if (NEAREST_M..=range_m).contains(&millimetres) { millimetres } else { 0.0 }
+    })
+}
+
+/// A phone's fused LiDAR map.
+fn lidar(view: &DepthView, range_m: f32, noise: f32, blur_px: f32, stream: &mut Stream) -> DepthMap {
+    let (width, height) = (view.depth_m.width(), view.depth_m.height());
+    let measured =
+        Image::from_fn(width, height, |x, y| view.returned(x, y).is_some() && view.depth_m[(x, y)] <= range_m);
+    let low = LIDAR_WIDTH.min(width);
+    let low_height = ((low * height) as f32 / width as f32).round().max(1.0) as usize;
+    let smooth = fused(view.depth_m, &measured, low, low_height, blur_px);
+    // The fusion's errors are smooth too: a scale error, and waves over tens of pixels.
+    let scale = 1.0 + 0.005 * noise * normal(stream);
+    let waves: Vec<[f32; 4]> = (0..6)
+        .map(|_| {
+            let period = Interval::new(12.0, 60.0).draw_log(stream);
+            let direction = std::f32::consts::TAU * stream.random::<f32>();
+            let wave_number = std::f32::consts::TAU / period;
+            let phase = std::f32::consts::TAU * stream.random::<f32>();
+            [wave_number * direction.cos(), wave_number * direction.sin(), phase, 0.002 * noise * normal(stream)]
+        })
+        .collect();
+    Image::from_fn(low, low_height, |x, y| {
+        let z = smooth[(x, y)];
+        let ripple: f32 =
+            waves.iter().map(|[kx, ky, phase, a]| a * (kx * x as f32 + ky * y as f32 + phase).sin()).sum();
+        (z * scale * (1.0 + ripple) * 1000.0).round() / 1000.0
+    })
+}
+
+fn normal(stream: &mut Stream) -> f32 {
+    StandardNormal.sample(stream)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    /// A room of one wall, seen squarely or with the given normal, and whatever is put before it.
+    struct Room {
+        camera: Camera,
+        depth_m: DepthMap,
+        normal: Image<[f32; 3]>,
+        albedo: Image<[f32; 3]>,
+        specular: Image<bool>,
+    }
+
+    impl Room {
+        fn wall(depth: impl Fn(usize, usize) -> f32) -> Self {
+            let (width, height) = (240, 160);
+            let count = width * height;
+            Self {
+                camera: Camera::from_hfov_deg(60.0, width as u32, height as u32).unwrap(),
+                depth_m: DepthMap::from_fn(width, height, depth),
+                normal: Image::new(width, height, vec![[0.0, 0.0, 1.0]; count]),
+                albedo: Image::new(width, height, vec![[0.7; 3]; count]),
+                specular: Image::new(width, height, vec![false; count]),
+            }
+        }
+
+        fn measure(&self, settings: DepthSettings) -> DepthMap {
+            let view = DepthView {
+                camera: &self.camera,
+                depth_m: &self.depth_m,
+                normal: &self.normal,
+                albedo: &self.albedo,
+                specular: &self.specular,
+            };
+            settings.measure(&view, &mut random::stream(5, "test", 0))
+        }
+    }
+
+    const STRUCTURED: DepthSettings = DepthSettings::StructuredLight { range_m: 6.0, noise: 1.0, least_return: 3e-4 };
+    const TOF: DepthSettings = DepthSettings::TimeOfFlight { range_m: 6.0, noise: 1.0, least_return: 3e-4 };
+    const LIDAR: DepthSettings = DepthSettings::Lidar { range_m: 5.0, noise: 1.0, blur_px: 1.0 };
+
+    fn holes(map: &DepthMap) -> f32 {
+        map.pixels().iter().filter(|&&z| z == 0.0).count() as f32 / map.pixels().len() as f32
+    }
+
+    #[test]
+    fn kinect_noise_and_steps_grow_with_the_square_of_the_depth() {
+        for z in [1.0f64, 2.0, 4.0] {
+            let map = Room::wall(|_, _| z as f32).measure(STRUCTURED);
+            assert!(holes(&map) < 0.001);
+            let values: Vec<f64> = map.pixels().iter().map(|&v| f64::from(v)).collect();
+            let variance = values.iter().map(|v| (v - z).powi(2)).sum::<f64>() / values.len() as f64;
+            // random error and the uniform error of a step, each from the paper
+            let (sigma, step) = (1.425e-3 * z * z, 2.85e-3 * z * z);
+            let expected = sigma * sigma + step * step / 12.0;
+            assert!((variance / expected - 1.0).abs() < 0.15, "{z} m: {variance} instead of {expected}");
+            let mut levels: Vec<u32> = map.pixels().iter().map(|v| v.to_bits()).collect();
+            levels.sort_unstable();
+            levels.dedup();
+            let gap = f64::from(f32::from_bits(levels[1]) - f32::from_bits(levels[0]));
+            assert!((gap / step - 1.0).abs() < 0.05, "{z} m: steps of {gap} instead of {step}");
+        }
+    }
+
+    #[test]
+    fn near_things_throw_a_shadow_of_the_disparity_difference() {
+        // a post 1 m before a wall at 3 m
+        let room = Room::wall(|x, _| if (150..170).contains(&x) { 1.0 } else { 3.0 });
+        let map = room.measure(STRUCTURED);
+        let focal_baseline = room.camera.fx as f32 * BASELINE_M;
+        let expected = (focal_baseline * (1.0 - 1.0 / 3.0)).round() as usize;
+        let shadow = (100..150).filter(|&x| (0..160).all(|y| map[(x, y)] == 0.0)).count();
+        assert!(shadow.abs_diff(expected) <= 1, "{shadow} instead of {expected} pixels");
+        assert!((171..200).all(|x| map[(x, 80)] > 2.9), "no shadow on the other side");
+        // time of flight has no baseline
+        let tof = room.measure(TOF);
+        assert!((130..148).all(|x| tof[(x, 80)] > 2.9));
+    }
+
+    #[test]
+    fn holes_gather_at_edges_mirrors_and_dark_or_grazing_surfaces() {
+        for settings in [STRUCTURED, TOF] {
+            let plain = holes(&Room::wall(|_, _| 2.0).measure(settings));
+            let edges = holes(&Room::wall(|x, _| if x / 20 % 2 == 0 { 2.0 } else { 2.3 }).measure(settings));
+            assert!(edges > plain + 0.02, "{settings:?}: {plain} {edges}");
+            let mut mirror = Room::wall(|_, _| 2.0);
+            mirror.specular = Image::from_fn(240, 160, |x, _| x < 120);
+            assert!((holes(&mirror.measure(settings)) - 0.5).abs() < 0.01);
+            let mut black = Room::wall(|_, _| 5.0);
+            black.albedo = Image::new(240, 160, vec![[0.002; 3]; 240 * 160]);
+            assert_eq!(holes(&black.measure(settings)), 1.0);
+            let mut grazing = Room::wall(|_, _| 2.0);
+            grazing.normal = Image::new(240, 160, vec![[1.0, 0.0, 0.01]; 240 * 160]);
+            assert!(holes(&grazing.measure(settings)) > 0.3);
+            assert_eq!(holes(&Room::wall(|_, _| 7.0).measure(settings)), 1.0, "out of range");
+            assert_eq!(holes(&Room::wall(|_, _| 0.2).measure(settings)), 1.0, "too near");
+        }
+    }
+
+    #[test]
+    fn time_of_flight_has_flying_pixels_between_two_surfaces() {
+        let room = Room::wall(|x, _| if x < 120 { 1.5 } else { 3.0 });
+        let map = room.measure(TOF);
+        let between = (0..160).filter(|&y| (119..=120).any(|x| (1.6..2.9).contains(&map[(x, y)]))).count();
+        assert!(between > 20, "{between} of 160 rows");
+        assert!((0..160).all(|y| (map[(60, y)] - 1.5).abs() < 0.02 && (map[(180, y)] - 3.0).abs() < 0.05));
+    }
+
+    #[test]
+    fn lidar_is_small_smooth_and_without_holes() {
+        let mut room = Room::wall(|x, _| if x < 120 { 2.0 } else { 3.0 });
+        room.specular = Image::from_fn(240, 160, |x, y| (20..60).contains(&x) && (40..100).contains(&y));
+        let map = room.measure(LIDAR);
+        assert_eq!((map.width(), map.height()), (240, 160));
+        assert_eq!(holes(&map), 0.0);
+        // scale error and waves together stay below 3 %
+        assert!((map[(40, 70)] - 2.0).abs() < 0.06 && (map[(200, 70)] - 3.0).abs() < 0.09);
+        let step = (map[(181, 70)] - map[(180, 70)]).abs();
+        assert!(step < 0.005, "neighbours differ by {step} m");
+        let wide = Image::from_fn(480, 320, |_, _| 2.0f32);
+        let camera = Camera::from_hfov_deg(60.0, 480, 320).unwrap();
+        let (normal, albedo) =
+            (Image::new(480, 320, vec![[0.0, 0.0, 1.0]; 153_600]), Image::new(480, 320, vec![[0.5; 3]; 153_600]));
+        let specular = Image::new(480, 320, vec![false; 153_600]);
+        let view = DepthView { camera: &camera, depth_m: &wide, normal: &normal, albedo: &albedo, specular: &specular };
+        let map = LIDAR.measure(&view, &mut random::stream(5, "test", 0));
+        assert_eq!((map.width(), map.height()), (256, 171));
+    }
+
+    #[test]
+    fn models_draw_every_kind_by_its_share() {
+        let model = DepthModel::default();
+        let mut counts = [0; 3];
+        for i in 0..1000 {
+            match model.draw(&mut random::stream(2, "depth", i)) {
+                DepthSettings::StructuredLight { .. } => counts[0] += 1,
+                DepthSettings::TimeOfFlight { .. } => counts[1] += 1,
+                DepthSettings::Lidar { .. } => counts[2] += 1,
+            }
+        }
+        // deviations of about 15
+        assert!((250..350).contains(&counts[0]) && (250..350).contains(&counts[1]), "{counts:?}");
+        let drawn = model.draw(&mut random::stream(2, "depth", 1));
+        let text = serde_json::to_string(&drawn).unwrap();
+        assert_eq!(serde_json::from_str::<DepthSettings>(&text).unwrap(), drawn);
+    }
+}
