@@ -4,7 +4,9 @@
 
 mod error;
 mod loader;
+mod open;
 mod order;
+mod published;
 mod record;
 mod sample;
 mod shard;
@@ -12,6 +14,8 @@ mod source;
 
 pub use error::DatasetError;
 pub use loader::{LoadError, Loader, LoaderConfig, LoaderState};
+pub use open::Layout;
+pub use published::{CropModel, FutureHouse, InteriorNet, LavalVarying, Panoramas};
 pub use record::{Record, Shot};
 pub use sample::{Metadata, NovelView, Sample, Split};
 pub use shard::{FORMAT_VERSION, Shards, shard_name, write_shard};
