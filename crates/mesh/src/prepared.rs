@@ -90,6 +90,13 @@ impl PreparedModel {
         passed
     }
 
+    /// Calls `visit` for every triangle that the ray crosses within the distance, whichever way it faces and however
+    /// transparent it is, roughly from near to far, until it breaks. What `visit` returns is the distance beyond which
+    /// nothing matters any more.
+    pub fn crossings(&self, ray: &Ray, max_distance_m: f32, mut visit: impl FnMut(&Hit) -> ControlFlow<(), f32>) {
+        self.bvh.crossings(ray.origin, ray.direction, max_distance_m, |candidate| visit(&hit_from(&candidate)));
+    }
+
     fn closest(&self, ray: &Ray, max_distance_m: f32, cull: bool) -> Option<Hit> {
         let cull = cull && self.has_single_sided;
         let mut best: Option<Hit> = None;

@@ -67,8 +67,11 @@ impl Model {
         }
     }
 
-    /// Coverage of the surface at a hit, from the finest picture.
-    pub(crate) fn alpha(&self, hit: &Hit) -> f32 {
+    /// Coverage of the surface at a hit, from the finest picture: 0 where it is not there, 1 where it hides what is behind.
+    ///
+    /// # Panics
+    /// Where `hit` is not one of this model.
+    pub fn alpha(&self, hit: &Hit) -> f32 {
         let material = &self.materials[self.triangle_materials[hit.triangle as usize] as usize];
         if material.alpha_mode == AlphaMode::Opaque {
             return 1.0;

@@ -19,7 +19,7 @@ pub fn xyz_from_key(key: u32) -> [u32; 3] {
 
 /// Puts two zeros between the lowest ten bits, halving the distance moved in each line.
 #[inline]
-fn spread(x: u32) -> u32 {
+pub(crate) fn spread(x: u32) -> u32 {
     let x = (x | x << 16) & 0x0300_00FF;
     let x = (x | x << 8) & 0x0300_F00F;
     let x = (x | x << 4) & 0x030C_30C3;

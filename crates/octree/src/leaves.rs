@@ -8,7 +8,8 @@
 use geometry::{Cube, Vec3};
 use rayon::prelude::*;
 
-use crate::{Coverage, RadiancePoint, key_from_xyz};
+use crate::key::{key_from_xyz, spread};
+use crate::{Coverage, RadiancePoint};
 
 /// What became of the points that an octree was built from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -30,7 +31,7 @@ pub(crate) struct Leaves {
 }
 
 /// Chunks are small enough that sorting one stays in a core's cache.
-const CHUNK_POINTS: usize = 1 << 15;
+const CHUNK_POINTS: usize = 1 << 14;
 
 /// The key of a dropped point: keys have at most 30 bits.
 const DROPPED: u32 = u32::MAX;
@@ -66,10 +67,47 @@ pub(crate) fn average_points(points: &[RadiancePoint], cube: Cube, depth: u32, a
 /// Key of the leaf of `depth` that a point of the half-open cube lies in.
 #[inline]
 pub(crate) fn leaf_key(point: Vec3, cube: Cube, depth: u32) -> u32 {
-    let nodes = 1i32 << depth;
-    let position = (point - cube.origin_m) * (nodes as f32 / cube.edge_m);
-    // Rounding may carry a coordinate just below the far face up to it. (Conversion to i32 is one instruction, to u32 several.)
-    key_from_xyz(position.to_array().map(|c| (c as i32).min(nodes - 1) as u32))
+    let position = (point - cube.origin_m) * ((1i32 << depth) as f32 / cube.edge_m);
+    key_from_xyz(position.to_array().map(|p| leaf_coordinate(p, depth)))
+}
+
+/// Integer coordinate of a position in leaf edges.
+#[inline]
+fn leaf_coordinate(position: f32, depth: u32) -> u32 {
+    // Rounding may carry a position just below the far face up to it. (Conversion to i32 is one instruction, to u32
+    // several.)
+    (position as i32).min((1 << depth) - 1) as u32
+}
+
+/// [`leaf_key`] of each point, or [`DROPPED`] for one outside of the half-open cube or not finite.
+fn leaf_keys(points: &[RadiancePoint], cube: Cube, depth: u32) -> Vec<u32> {
+    /// Without branches and with one array per coordinate, the compiler computes the keys of a group at once.
+    const GROUP: usize = 16;
+    let scale = (1i32 << depth) as f32 / cube.edge_m;
+    let mut keys = vec![0; points.len()];
+    for (group, keys) in points.chunks(GROUP).zip(keys.chunks_mut(GROUP)) {
+        let (mut position, mut zero) = ([[0.0; GROUP]; 3], [0.0; GROUP]);
+        for (lane, point) in group.iter().enumerate() {
+            for (axis, position) in position.iter_mut().enumerate() {
+                position[lane] = point.position_m[axis];
+                // 0 · x is NaN unless x is finite.
+                zero[lane] += 0.0 * point.radiance[axis];
+            }
+        }
+        let (mut key, mut inside) = ([0; GROUP], [true; GROUP]);
+        for (axis, position) in position.iter().enumerate() {
+            for lane in 0..GROUP {
+                let p = position[lane] - cube.origin_m[axis];
+                inside[lane] &= (p >= 0.0) & (p < cube.edge_m);
+                key[lane] |= spread(leaf_coordinate(p * scale, depth)) << (2 - axis);
+            }
+        }
+        for lane in 0..GROUP {
+            key[lane] = if inside[lane] & (zero[lane] == 0.0) { key[lane] } else { DROPPED };
+        }
+        keys.copy_from_slice(&key[..keys.len()]);
+    }
+    keys
 }
 
 /// A point without its position.
@@ -112,23 +150,15 @@ impl Buckets {
     fn sort(&self, points: &[RadiancePoint], cube: Cube, depth: u32) -> SortedChunk {
         let (mut outside, mut not_finite) = (0, 0);
         let mut starts = vec![0; self.count + 1];
-        let mut keys = Vec::with_capacity(points.len());
-        for point in points {
-            // 0 · x is NaN unless x is finite; a position that is not finite is not in the cube.
-            let [r, g, b] = point.radiance;
-            let finite = 0.0 * r + 0.0 * g + 0.0 * b == 0.0;
-            keys.push(if finite && cube.contains(point.position_m) {
-                let key = leaf_key(point.position_m, cube, depth);
+        let keys = leaf_keys(points, cube, depth);
+        for (point, &key) in points.iter().zip(&keys) {
+            if key != DROPPED {
                 starts[(key >> self.leaf_bits) as usize + 1] += 1;
-                key
+            } else if point.position_m.is_finite() && point.radiance.iter().all(|c| c.is_finite()) {
+                outside += 1;
             } else {
-                if finite && point.position_m.is_finite() {
-                    outside += 1;
-                } else {
-                    not_finite += 1;
-                }
-                DROPPED
-            });
+                not_finite += 1;
+            }
         }
         for bucket in 0..self.count {
             starts[bucket + 1] += starts[bucket];

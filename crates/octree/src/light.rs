@@ -78,8 +78,11 @@ impl LightOctree {
         if !(alpha > 0.0 && alpha <= 1.0) {
             return Err(OctreeError::Alpha(alpha));
         }
-        let (leaves, report) = average_points(points, cube, depth, alpha);
-        Ok((Self::from_valid_leaves(leaves, cube, depth, full_depth), report))
+        // One hand-over to the pool for all steps instead of one for each.
+        Ok(rayon::scope(|_| {
+            let (leaves, report) = average_points(points, cube, depth, alpha);
+            (Self::from_valid_leaves(leaves, cube, depth, full_depth), report)
+        }))
     }
 
     /// Builds the octree from leaves of `depth` in strictly increasing order of their shuffled `keys`.

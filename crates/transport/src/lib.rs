@@ -1,8 +1,31 @@
 //! Light transport in a room of triangles: direct and indirect light baked once into a surface cache, from which views and
 //! octrees are made.
 
+mod bake;
+mod baked;
+mod bsdf;
+mod error;
+mod gbuffer;
+mod light_tree;
+mod lighting;
+mod lights;
+mod pattern;
+mod places;
+mod points;
+pub mod reference;
+mod render;
+mod scene;
+mod settings;
+mod shade;
+mod sky;
+mod surfels;
+mod transfer;
 mod view;
 mod world;
 
+pub use baked::BakedWorld;
+pub use error::TransportError;
+pub use reference::PathTracer;
+pub use settings::BakeSettings;
 pub use view::{Pose, Rendering, View};
 pub use world::{Outdoors, Portal, Sun, World};

@@ -1,4 +1,4 @@
-use geometry::{Camera, Quat, Vec3};
+use geometry::{Camera, Quat, Ray, Vec2, Vec3};
 use imaging::{DepthMap, Image, RadianceImage};
 
 /// Where a camera stands.
@@ -27,6 +27,51 @@ pub enum View {
         /// Pixels from zenith to nadir.
         height: usize,
     },
+}
+
+impl View {
+    /// Width and height in pixels.
+    pub fn size(&self) -> (usize, usize) {
+        match self {
+            Self::Pinhole { camera, .. } => (camera.width as usize, camera.height as usize),
+            Self::Panorama { height, .. } => (2 * height, *height),
+        }
+    }
+
+    /// Where it is taken from.
+    pub fn pose(&self) -> &Pose {
+        match self {
+            Self::Pinhole { pose, .. } | Self::Panorama { pose, .. } => pose,
+        }
+    }
+
+    /// The ray through a place of the image, in pixels (centres at +0.5).
+    pub fn ray(&self, u: f32, v: f32) -> Ray {
+        let direction = match self {
+            Self::Pinhole { camera, .. } => camera.direction(f64::from(u), f64::from(v)),
+            Self::Panorama { height, .. } => {
+                geometry::direction_from_uv(Vec2::new(u / (2 * height) as f32, v / *height as f32))
+            }
+        };
+        let pose = self.pose();
+        Ray { origin: pose.position, direction: (pose.rotation * direction).normalize() }
+    }
+
+    /// Angle between neighbouring pixels in the middle of the image, radians.
+    pub fn pixel_angle_rad(&self) -> f32 {
+        match self {
+            Self::Pinhole { camera, .. } => camera.pixel_angle_rad(),
+            Self::Panorama { height, .. } => std::f32::consts::PI / *height as f32,
+        }
+    }
+
+    /// What the depth map holds for a surface at `distance_m` along the ray of direction `direction`.
+    pub(crate) fn depth_m(&self, distance_m: f32, direction: Vec3) -> f32 {
+        match self {
+            Self::Pinhole { pose, .. } => distance_m * direction.dot(pose.rotation * Vec3::NEG_Z),
+            Self::Panorama { .. } => distance_m,
+        }
+    }
 }
 
 /// A rendered view; all images have its size.

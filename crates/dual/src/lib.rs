@@ -1,0 +1,11 @@
+//! The dual octree graph (Wang, Liu & Tong, *Dual Octree Graph Networks*, SIGGRAPH 2022), free of any deep-learning stack.
+
+mod conv;
+mod direction;
+mod graph;
+mod real;
+
+pub use conv::{EDGE_TYPES, graph_conv, graph_conv_backward};
+pub use direction::Direction;
+pub use graph::{DualGraph, GraphNode};
+pub use real::Real;

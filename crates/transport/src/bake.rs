@@ -1,0 +1,342 @@
+//! The exchange of diffuse light between surfels: one pass of rays tells who sees whom, then light is passed on along these
+//! links until nothing changes.
+
+use std::f32::consts::PI;
+
+use geometry::{Ray, Vec3, cosine_hemisphere, orthonormal_basis};
+use mesh::offset_origin;
+use rayon::prelude::*;
+
+use crate::BakeSettings;
+use crate::lighting::{Lighting, Part, limited};
+use crate::lights::{Emitters, luminance};
+use crate::pattern::{Rotations, shifted};
+use crate::scene::Scene;
+use crate::surfels::Surfels;
+use crate::transfer;
+
+/// Most mirrors and panes on the way of a gather ray.
+const MOST_MIRRORS: u32 = 8;
+
+/// Longest edge of a piece of a glowing sheet.
+const SHEET_PIECE_M: f32 = 0.15;
+
+/// Light at the surfels and what it was sampled from.
+pub(crate) struct Cache {
+    pub surfels: Surfels,
+    pub lighting: Lighting,
+    /// Irradiance by lamps, portals, sun and glowing sheets.
+    pub direct: Vec<Vec3>,
+    /// Irradiance by everything else.
+    pub indirect: Vec<Vec3>,
+    /// Irradiance on the other side of the sheet; zero where nothing shines through.
+    pub behind: Vec<Vec3>,
+    /// Whether the sun reaches the surfel.
+    pub sunlit: Vec<bool>,
+    parts: Vec<Part>,
+    first_part: Vec<u32>,
+}
+
+/// What the rays of a surfel found.
+#[derive(Default)]
+struct Row {
+    /// Irradiance that did not come from surfels.
+    light: Vec3,
+    /// Surfels hit directly.
+    links: Vec<u32>,
+    /// Surfels hit by way of mirrors and panes, with what these leave.
+    tinted: Vec<(u32, Vec3)>,
+}
+
+/// What sampling a surfel's direct light left behind.
+struct Lit {
+    direct: Vec3,
+    sun: Vec3,
+    parts: Vec<Part>,
+}
+
+struct Baker<'a> {
+    scene: &'a Scene,
+    settings: &'a BakeSettings,
+    rotations: Rotations,
+    pattern: Vec<Vec3>,
+}
+
+impl Cache {
+    pub(crate) fn bake(scene: &Scene, settings: &BakeSettings) -> Result<Self, crate::TransportError> {
+        let surfels = Surfels::spread(scene, settings.spacing_m)?;
+        let baker = Baker {
+            scene,
+            settings,
+            rotations: Rotations::new("transport cache", settings.seed),
+            pattern: cosine_hemisphere(settings.gather_rays as usize),
+        };
+        let mut lighting = Lighting::new(Emitters::new(scene));
+        let others = baker.other_sides(&surfels);
+        // Sheets lit from behind become lights themselves.
+        let glow = baker.glow(&surfels, &lighting, &others);
+        if let Some(glow) = &glow {
+            let mut emitters = lighting.emitters;
+            baker.push_sheets(&surfels, glow, &mut emitters);
+            lighting = Lighting::new(emitters);
+        }
+        let lit: Vec<Lit> =
+            (0..surfels.list.len()).into_par_iter().map(|i| baker.light(&surfels, &lighting, i)).collect();
+        let (rows, live) = baker.gather(&surfels, &lighting, &lit);
+        let direct: Vec<Vec3> = lit.iter().map(|lit| lit.direct + lit.sun).collect();
+        let indirect = exchange(&surfels, &rows, &direct, &others, glow.as_deref(), settings.gather_rays);
+        let behind = others
+            .iter()
+            .map(
+                |&other| if other == u32::MAX { Vec3::ZERO } else { direct[other as usize] + indirect[other as usize] },
+            )
+            .collect();
+        let sunlit = lit.iter().map(|lit| lit.sun != Vec3::ZERO).collect();
+        let mut cache =
+            Self { surfels, lighting, direct, indirect, behind, sunlit, parts: Vec::new(), first_part: vec![0] };
+        for lit in lit {
+            cache.parts.extend(lit.parts);
+            cache.first_part.push(cache.parts.len() as u32);
+        }
+        cache.surfels.index(&live);
+        Ok(cache)
+    }
+
+    /// Parts of the light at a surfel.
+    pub(crate) fn parts(&self, surfel: u32) -> &[Part] {
+        let at = surfel as usize;
+        &self.parts[self.first_part[at] as usize..self.first_part[at + 1] as usize]
+    }
+}
+
+impl Baker<'_> {
+    /// For surfels of sheets that let diffuse light through, the surfel on the other side.
+    fn other_sides(&self, surfels: &Surfels) -> Vec<u32> {
+        let other = |surfel: &crate::surfels::Surfel| {
+            if surfel.scatter.through == Vec3::ZERO {
+                return u32::MAX;
+            }
+            surfels.near(surfel.position, -surfel.normal, surfel.part).best().unwrap_or(u32::MAX)
+        };
+        surfels.list.par_iter().map(other).collect()
+    }
+
+    fn light(&self, surfels: &Surfels, lighting: &Lighting, i: usize) -> Lit {
+        let surfel = &surfels.list[i];
+        let (rays, gather) = (self.settings.light_rays, self.settings.gather_rays);
+        let rotation = self.rotations.of(i);
+        let reach = self.settings.spacing_m;
+        let light = lighting.direct(self.scene, surfel.position, surfel.normal, reach, rays, gather, rotation);
+        Lit { direct: light.irradiance, sun: light.sun, parts: light.parts }
+    }
+
+    /// Radiance with which each surfel of a sheet glows from the direct light behind it; nothing where no sheet is.
+    fn glow(&self, surfels: &Surfels, lighting: &Lighting, others: &[u32]) -> Option<Vec<Vec3>> {
+        if others.iter().all(|&other| other == u32::MAX) {
+            return None;
+        }
+        let glow = |(i, &other): (usize, &u32)| {
+            if other == u32::MAX {
+                return Vec3::ZERO;
+            }
+            let behind = &surfels.list[other as usize];
+            let (rays, rotation) = (4 * self.settings.light_rays, self.rotations.of(i));
+            let light = lighting.direct(self.scene, behind.position, behind.normal, 0.0, rays, 0, rotation);
+            surfels.list[i].scatter.through * (light.irradiance + light.sun) / PI
+        };
+        Some(others.par_iter().enumerate().map(glow).collect())
+    }
+
+    fn push_sheets(&self, surfels: &Surfels, glow: &[Vec3], emitters: &mut Emitters) {
+        let model = self.scene.prepared.model();
+        for triangle in 0..model.triangles.len() as u32 {
+            let material = &model.materials[model.triangle_materials[triangle as usize] as usize];
+            if material.diffuse_transmission <= 0.0 || material.emissive != [0.0; 3] {
+                continue;
+            }
+            let part = surfels.part(triangle);
+            emitters.push_triangle(
+                self.scene,
+                triangle,
+                SHEET_PIECE_M,
+                |emitter, _| {
+                    let center = emitter.corner + (emitter.edges[0] + emitter.edges[1]) / 3.0;
+                    emitter.radiance = [emitter.normal, -emitter.normal]
+                        .map(|normal| surfels.near(center, normal, part).mean(|surfel| glow[surfel]));
+                },
+                false,
+            );
+        }
+    }
+
+    /// Follows the light: surfels that a lamp reaches, then those that they see, and so on. What no light reaches costs
+    /// nothing.
+    fn gather(&self, surfels: &Surfels, lighting: &Lighting, lit: &[Lit]) -> (Vec<Row>, Vec<bool>) {
+        let count = surfels.list.len();
+        let mut rows: Vec<Row> = Vec::new();
+        rows.resize_with(count, Row::default);
+        let sky = &self.scene.sky;
+        let starts = |i: usize| {
+            let through_portal = || {
+                let Some(disc) = &sky.sun else { return false };
+                let ray = Ray { origin: surfels.list[i].position, direction: disc.sun.direction };
+                sky.portals.is_empty() || sky.leaves_by_portal(&ray, self.scene.far_m)
+            };
+            let open = sky.portals.is_empty() && !sky.is_dark();
+            open || lit[i].direct != Vec3::ZERO || (lit[i].sun != Vec3::ZERO && through_portal())
+        };
+        let mut live: Vec<bool> = (0..count).into_par_iter().map(starts).collect();
+        let mut fresh: Vec<usize> = (0..count).filter(|&i| live[i]).collect();
+        // Mirrored lamps are limited by what matte surfaces get on average.
+        let lights = fresh.iter().map(|&i| luminance(lit[i].direct + lit[i].sun)).sum::<f32>();
+        let most = 100.0 * lights / fresh.len().max(1) as f32;
+        while !fresh.is_empty() {
+            let found: Vec<Row> =
+                fresh.par_iter().map(|&i| self.row(surfels, lighting, &lit[i].parts, i, most)).collect();
+            let mut next = Vec::new();
+            for (&i, row) in fresh.iter().zip(found) {
+                let seen = row.links.iter().copied().chain(row.tinted.iter().map(|(surfel, _)| *surfel));
+                for surfel in seen {
+                    if !std::mem::replace(&mut live[surfel as usize], true) {
+                        next.push(surfel as usize);
+                    }
+                }
+                rows[i] = row;
+            }
+            fresh = next;
+        }
+        (rows, live)
+    }
+
+    fn row(&self, surfels: &Surfels, lighting: &Lighting, parts: &[Part], i: usize, most: f32) -> Row {
+        let surfel = &surfels.list[i];
+        let rotation = self.rotations.of(i);
+        let turn = geometry::Mat3::from_rotation_z(std::f32::consts::TAU * rotation[3]);
+        let basis = orthonormal_basis(surfel.normal) * turn;
+        let origin = offset_origin(surfel.position, surfel.normal);
+        let mut row = Row { links: Vec::with_capacity(self.pattern.len()), ..Row::default() };
+        for (k, &local) in self.pattern.iter().enumerate() {
+            let ray = Ray { origin, direction: basis * local };
+            let dice = shifted(k as f32 * 0.618_034 % 1.0, rotation[0]);
+            self.follow(surfels, lighting, parts, ray, local.z / PI, dice, most, &mut row);
+        }
+        row.light *= PI / self.pattern.len() as f32;
+        row
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "the state of one ray")]
+    fn follow(
+        &self,
+        surfels: &Surfels,
+        lighting: &Lighting,
+        parts: &[Part],
+        mut ray: Ray,
+        density: f32,
+        mut dice: f32,
+        most: f32,
+        row: &mut Row,
+    ) {
+        let start = ray;
+        let (mut tint, mut straight) = (Vec3::ONE, true);
+        for _ in 0..MOST_MIRRORS {
+            let Some(hit) = self.scene.hit(&ray) else {
+                if !(straight && self.scene.sky.leaves_by_portal(&start, self.scene.far_m)) {
+                    row.light += tint * self.scene.sky.radiance(ray.direction);
+                }
+                return;
+            };
+            let surface = self.scene.surface(&hit, &ray, 0.0);
+            let emitter = lighting.emitters.of(&hit);
+            let side = |emitter: u32| {
+                let emitter = &lighting.emitters.list[emitter as usize];
+                emitter.radiance[usize::from(emitter.normal.dot(surface.geometric_normal) < 0.0)]
+            };
+            // Of sheets lit from behind, which are emitters too, the emitter knows the light.
+            let sheet = surface.emission == Vec3::ZERO;
+            let emission = if sheet { emitter.map_or(Vec3::ZERO, side) } else { surface.emission };
+            if emission != Vec3::ZERO {
+                if straight {
+                    let offset = surface.position - start.origin;
+                    let sr_per_m2 =
+                        surface.geometric_normal.dot(ray.direction).abs() / offset.length_squared().max(1e-12);
+                    let other = emitter.map_or(0.0, |e| lighting.density(parts, e, sr_per_m2.max(1e-9)));
+                    let own = self.pattern.len() as f32 * density;
+                    row.light += tint * emission * (own / (own + other));
+                } else {
+                    row.light += limited(tint * emission, most);
+                }
+            }
+            let [pass, mirror] = transfer::rays(&surface);
+            if pass == Vec3::ZERO && mirror == Vec3::ZERO {
+                return self.link(surfels, &surface, tint, row);
+            }
+            // One way is chosen by its share.
+            let rest = surface.diffuse.max_element() + surface.through.max_element();
+            let shares = [pass.max_element(), mirror.max_element(), rest];
+            let sum: f32 = shares.iter().sum();
+            if sum <= 0.0 {
+                return;
+            }
+            dice *= sum;
+            if dice < shares[0] {
+                dice /= shares[0];
+                tint *= pass * (sum / shares[0]);
+                ray = surface.ray(ray.direction);
+            } else if dice < shares[0] + shares[1] {
+                dice = (dice - shares[0]) / shares[1];
+                tint *= mirror * (sum / shares[1]);
+                ray = surface.ray(surface.mirrored());
+                straight = false;
+            } else {
+                return self.link(surfels, &surface, tint * (sum / rest), row);
+            }
+            dice = dice.clamp(0.0, 1.0 - f32::EPSILON);
+        }
+    }
+
+    fn link(&self, surfels: &Surfels, surface: &crate::scene::Surface, tint: Vec3, row: &mut Row) {
+        let near = surfels.near(surface.position, surface.geometric_normal, surfels.part(surface.triangle));
+        if let Some(surfel) = near.best() {
+            if tint == Vec3::ONE { row.links.push(surfel) } else { row.tinted.push((surfel, tint)) }
+        }
+    }
+}
+
+/// Passes light along the links until nothing changes; irradiance without direct light.
+fn exchange(
+    surfels: &Surfels,
+    rows: &[Row],
+    direct: &[Vec3],
+    others: &[u32],
+    glow: Option<&[Vec3]>,
+    gather_rays: u32,
+) -> Vec<Vec3> {
+    const MOST_BOUNCES: usize = 400;
+    let mut indirect: Vec<Vec3> = rows.iter().map(|row| row.light).collect();
+    let mut leaving = vec![Vec3::ZERO; rows.len()];
+    for _ in 0..MOST_BOUNCES {
+        leaving.par_iter_mut().enumerate().for_each(|(i, leaving)| {
+            let scatter = &surfels.list[i].scatter;
+            *leaving = (direct[i] + indirect[i]) * scatter.same_side / PI;
+            if let Some(&other) = others.get(i).filter(|&&other| other != u32::MAX) {
+                let behind = direct[other as usize] + indirect[other as usize];
+                // What the emitters hold is not to be counted twice.
+                let known = glow.map_or(Vec3::ZERO, |glow| glow[i]);
+                *leaving += behind * scatter.through / PI - known;
+            }
+        });
+        let arriving = |row: &Row| {
+            let seen: Vec3 = row.links.iter().map(|&surfel| leaving[surfel as usize]).sum();
+            let mirrored: Vec3 = row.tinted.iter().map(|&(surfel, tint)| leaving[surfel as usize] * tint).sum();
+            row.light + (seen + mirrored) * (PI / gather_rays as f32)
+        };
+        let next: Vec<Vec3> = rows.par_iter().map(arriving).collect();
+        let sum = |values: &[Vec3]| values.iter().map(|v| f64::from(v.element_sum())).sum::<f64>();
+        let (before, after) = (sum(&indirect), sum(&next));
+        indirect = next;
+        if (after - before).abs() <= 2e-4 * after.abs() {
+            break;
+        }
+    }
+    indirect
+}

@@ -1,0 +1,148 @@
+//! Direct light: emitters, their hierarchy and the sun, sampled at a point.
+
+use std::f32::consts::PI;
+
+use geometry::Vec3;
+use mesh::offset_origin;
+
+use crate::light_tree::{CutNode, LightTree};
+use crate::lights::{Emitters, luminance};
+use crate::pattern::{self, shifted};
+use crate::scene::Scene;
+
+/// Most parts of a cut.
+pub(crate) const MOST_PARTS: usize = 16;
+
+/// Parts of which no sample was seen still get this share of the samples that their size asks for.
+const UNSEEN_SHARE: f32 = 0.1;
+
+/// What light is sampled from.
+pub(crate) struct Lighting {
+    pub emitters: Emitters,
+    pub tree: LightTree,
+}
+
+/// A part of the light, the samples spent on it, and how it is chosen for points nearby.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Part {
+    pub node: u32,
+    pub samples: f32,
+    /// Running sum of the probabilities of all parts up to and with this one.
+    pub cumulative: f32,
+}
+
+/// Direct light at one side of a point.
+pub(crate) struct Direct {
+    /// Lamps and portals.
+    pub irradiance: Vec3,
+    pub sun: Vec3,
+    pub parts: Vec<Part>,
+}
+
+impl Lighting {
+    pub(crate) fn new(emitters: Emitters) -> Self {
+        Self { tree: LightTree::build(&emitters.list), emitters }
+    }
+
+    /// Irradiance at a point, its light cut into parts that are valid within `reach_m`. `gather_rays` is the number of
+    /// cosine-distributed rays that find lamps too: both are weighed by the balance heuristic.
+    pub(crate) fn direct(
+        &self,
+        scene: &Scene,
+        position: Vec3,
+        normal: Vec3,
+        reach_m: f32,
+        rays: u32,
+        gather_rays: u32,
+        rotation: [f32; 4],
+    ) -> Direct {
+        let origin = offset_origin(position, normal);
+        let mut cut: Vec<CutNode> = Vec::with_capacity(MOST_PARTS + 1);
+        self.tree.cut(origin, normal, reach_m, MOST_PARTS, &mut cut);
+        let total: f32 = cut.iter().map(|part| part.importance).sum();
+        let mut irradiance = Vec3::ZERO;
+        let mut parts = Vec::with_capacity(cut.len());
+        let (mut index, mut running) = (0, 0.0);
+        for CutNode { node, importance } in cut {
+            let samples = (rays as f32 * importance / total).round().max(1.0);
+            let mut seen = 0.0;
+            for sample in 0..samples as u32 {
+                let random = [
+                    (sample as f32 + rotation[0]) / samples,
+                    shifted(pattern::van_der_corput(index), rotation[1]),
+                    shifted(pattern::radical_inverse_3(index), rotation[2]),
+                ];
+                index += 1;
+                let Some((light, density)) = self.sample(scene, origin, normal, node, random, samples) else {
+                    continue;
+                };
+                let cosine = normal.dot(light.direction);
+                let ray = geometry::Ray { origin, direction: light.direction };
+                let passed = scene.transmittance(&ray, light.distance_m);
+                if passed == Vec3::ZERO {
+                    continue;
+                }
+                seen += 1.0;
+                let portal = light.distance_m >= scene.far_m;
+                let by_gather = if portal { 0.0 } else { gather_rays as f32 * cosine / PI };
+                irradiance += light.radiance * passed * (cosine / (density + by_gather));
+            }
+            running += importance * (UNSEEN_SHARE + (1.0 - UNSEEN_SHARE) * seen / samples);
+            parts.push(Part { node, samples, cumulative: running });
+        }
+        for part in &mut parts {
+            part.cumulative /= running;
+        }
+        Direct { irradiance, sun: self.sun(scene, origin, normal, rotation), parts }
+    }
+
+    /// A sample of a part of the light and its density per steradian, that of all `samples` together.
+    pub(crate) fn sample(
+        &self,
+        scene: &Scene,
+        origin: Vec3,
+        normal: Vec3,
+        node: u32,
+        random: [f32; 3],
+        samples: f32,
+    ) -> Option<(crate::lights::LightSample, f32)> {
+        let (chosen, probability) = self.tree.choose(node, random[0].min(1.0 - f32::EPSILON));
+        let emitter = &self.emitters.list[chosen as usize];
+        let light = emitter.sample(scene, origin, [random[1], random[2]])?;
+        let density = samples * probability / (emitter.area_m2 * light.sr_per_m2);
+        (normal.dot(light.direction) > 0.0 && light.radiance != Vec3::ZERO).then_some((light, density))
+    }
+
+    /// Density per steradian with which [`Lighting::direct`] sampled a point of an emitter, all samples together.
+    pub(crate) fn density(&self, parts: &[Part], emitter: u32, sr_per_m2: f32) -> f32 {
+        self.tree.find(parts.iter().map(|part| part.node), emitter).map_or(0.0, |(at, probability)| {
+            let area = self.emitters.list[emitter as usize].area_m2;
+            parts[at].samples * probability / (area * sr_per_m2)
+        })
+    }
+
+    fn sun(&self, scene: &Scene, origin: Vec3, normal: Vec3, rotation: [f32; 4]) -> Vec3 {
+        const RAYS: u32 = 4;
+        let Some(disc) = &scene.sky.sun else { return Vec3::ZERO };
+        let middle = geometry::Ray { origin, direction: disc.sun.direction };
+        if normal.dot(middle.direction) < -disc.sun.angular_radius_rad {
+            return Vec3::ZERO;
+        }
+        let mut sum = Vec3::ZERO;
+        for i in 0..RAYS {
+            let random = [(i as f32 + rotation[0]) / RAYS as f32, shifted(pattern::van_der_corput(i), rotation[1])];
+            let direction = disc.direction(random);
+            let cosine = normal.dot(direction);
+            if cosine > 0.0 {
+                sum += scene.transmittance(&geometry::Ray { origin, direction }, scene.far_m) * cosine;
+            }
+        }
+        sum * Vec3::from(disc.sun.radiance) * (disc.solid_angle_sr / RAYS as f32)
+    }
+}
+
+/// Nothing brighter than this many times the mean comes by way of mirrors into the cache.
+pub(crate) fn limited(light: Vec3, most: f32) -> Vec3 {
+    let brightness = luminance(light);
+    if brightness > most { light * (most / brightness) } else { light }
+}

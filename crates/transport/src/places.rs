@@ -1,0 +1,78 @@
+//! Places spread evenly over both sides of all triangles.
+
+use geometry::{Ray, Vec2, Vec3};
+use mesh::{AlphaMode, Hit, Model};
+use rayon::prelude::*;
+
+use crate::pattern;
+use crate::scene::{Scene, Surface};
+
+/// Most places; sparser ones are taken where there would be more.
+pub(crate) const MOST_PLACES: f64 = 6e7;
+
+/// A place on one side of a triangle.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    pub triangle: u32,
+    pub barycentric: [f32; 2],
+    pub position: Vec3,
+    /// Geometric normal on its side.
+    pub normal: Vec3,
+}
+
+impl Place {
+    /// The surface seen along its normal, textures averaged over `footprint_m`.
+    pub(crate) fn surface(&self, scene: &Scene, footprint_m: f32) -> Surface {
+        let hit = Hit { distance_m: 0.0, triangle: self.triangle, barycentric: self.barycentric };
+        let ray = Ray { origin: self.position + self.normal, direction: -self.normal };
+        scene.surface(&hit, &ray, footprint_m)
+    }
+}
+
+/// About `per_m2` places on each side, in the order of the triangles; none where a surface is cut out.
+pub(crate) fn spread(scene: &Scene, per_m2: f64) -> impl IndexedParallelIterator<Item = Vec<Place>> {
+    let model = scene.prepared.model();
+    let areas = areas(model);
+    let total: f64 = areas.iter().sum();
+    let density = per_m2.min(MOST_PLACES / total.max(1e-9));
+    // Each triangle gets the places between two running sums, so that small ones share them fairly.
+    let running = |sum: &mut f64, area: &f64| {
+        let from = *sum;
+        *sum += area * density;
+        Some((from.ceil() as u32, sum.ceil() as u32))
+    };
+    let ranges: Vec<(u32, u32)> = areas.iter().scan(0.0, running).collect();
+    ranges.into_par_iter().enumerate().map(move |(triangle, (from, to))| {
+        let mut places = Vec::with_capacity(2 * (to - from) as usize);
+        for index in from..to {
+            push_at(model, triangle as u32, index, &mut places);
+        }
+        places
+    })
+}
+
+/// Area of each triangle, m².
+pub(crate) fn areas(model: &Model) -> Vec<f64> {
+    (0..model.triangles.len()).map(|t| f64::from(cross(model, t).length()) * 0.5).collect()
+}
+
+fn cross(model: &Model, triangle: usize) -> Vec3 {
+    let [a, b, c] = model.triangles[triangle].map(|v| model.positions[v as usize]);
+    (b - a).cross(c - a)
+}
+
+fn push_at(model: &Model, triangle: u32, index: u32, places: &mut Vec<Place>) {
+    let Vec2 { x, y } = pattern::r2(index);
+    // The square folded onto the triangle keeps the points as even as they are.
+    let barycentric = if x + y > 1.0 { [1.0 - x, 1.0 - y] } else { [x, y] };
+    let hit = Hit { distance_m: 0.0, triangle, barycentric };
+    let material = &model.materials[model.triangle_materials[triangle as usize] as usize];
+    let there = material.alpha_mode == AlphaMode::Opaque || model.alpha(&hit) > 0.0;
+    let normal = cross(model, triangle as usize).normalize_or_zero();
+    if !there || normal == Vec3::ZERO {
+        return;
+    }
+    let [a, b, c] = model.triangles[triangle as usize].map(|v| model.positions[v as usize]);
+    let position = a + (b - a) * barycentric[0] + (c - a) * barycentric[1];
+    places.extend([normal, -normal].map(|normal| Place { triangle, barycentric, position, normal }));
+}

@@ -1,0 +1,169 @@
+//! Views: first what each pixel sees, then a few light samples at each, then a filter that shares them among pixels of one
+//! surface, last the edges.
+
+use std::f32::consts::PI;
+
+use geometry::Vec3;
+use imaging::Image;
+use rayon::prelude::*;
+
+use crate::baked::BakedWorld;
+use crate::gbuffer::{Seen, alike, look};
+use crate::shade::{Lit, Sampler};
+use crate::{Rendering, View};
+
+/// Places of the samples at edges, in pixels from the middle: a rotated square.
+const EDGE_SAMPLES: [[f32; 2]; 4] = [[-0.125, -0.375], [0.375, -0.125], [0.125, 0.375], [-0.375, 0.125]];
+
+/// Fewer pixels of the same surface than this within the filter, and a pixel takes samples of its own.
+const LEAST_SHARED: f32 = 6.0;
+
+/// Light samples where there is nobody to share with.
+const LONELY_RAYS: u32 = 12;
+
+pub(crate) fn render(baked: &BakedWorld, view: &View) -> Rendering {
+    let (width, height) = view.size();
+    let at = |i: usize| (i % width, i / width);
+    let sampler = Sampler::new(baked);
+    let seen: Vec<Seen> = (0..width * height)
+        .into_par_iter()
+        .map(|i| look(baked, view, at(i).0 as f32 + 0.5, at(i).1 as f32 + 0.5))
+        .collect();
+    let rays = baked.settings().pixel_light_rays;
+    let sampled: Vec<Lit> = seen.par_iter().enumerate().map(|(i, seen)| sampler.sample(seen, at(i), rays)).collect();
+    let filter = Filter { seen: &seen, sampled: &sampled, width, height, wraps: matches!(view, View::Panorama { .. }) };
+    let lit: Vec<Lit> = (0..seen.len())
+        .into_par_iter()
+        .map(|i| {
+            let (mut lit, shared) = filter.at(i);
+            if shared < LEAST_SHARED && seen[i].surface.is_some() {
+                let own = sampler.sample(&seen[i], at(i), LONELY_RAYS);
+                lit.mix(&own, shared * rays as f32, LONELY_RAYS as f32);
+            }
+            lit
+        })
+        .collect();
+    let radiance = |i: usize| {
+        if !filter.is_edge(i) {
+            return shown(baked, &seen[i], &lit[i]).to_array();
+        }
+        let (x, y) = at(i);
+        let mut sum = Vec3::ZERO;
+        for [dx, dy] in EDGE_SAMPLES {
+            let sub = look(baked, view, x as f32 + 0.5 + dx, y as f32 + 0.5 + dy);
+            let light = match sub.surface.as_ref().and_then(|_| filter.like(&sub, x, y)) {
+                Some(like) => lit[like],
+                None => sampler.sample(&sub, (x, y), LONELY_RAYS),
+            };
+            sum += shown(baked, &sub, &light);
+        }
+        (sum / EDGE_SAMPLES.len() as f32).to_array()
+    };
+    let pixels = (0..seen.len()).into_par_iter().map(radiance).collect();
+    let camera_from_world = view.pose().rotation.conjugate();
+    let image = |pixel: &dyn Fn(&Seen) -> [f32; 3]| Image::new(width, height, seen.iter().map(pixel).collect());
+    Rendering {
+        radiance: Image::new(width, height, pixels),
+        depth_m: Image::new(width, height, seen.iter().map(|s| view.depth_m(s.distance_m, s.direction)).collect()),
+        normal: image(&|s| (camera_from_world * s.normal).to_array()),
+        albedo: image(&|s| s.albedo.to_array()),
+        specular: Image::new(width, height, seen.iter().map(|s| s.specular).collect()),
+    }
+}
+
+/// Radiance of a view ray, from the light on its surface.
+fn shown(baked: &BakedWorld, seen: &Seen, lit: &Lit) -> Vec3 {
+    let Some(surface) = &seen.surface else { return seen.light };
+    let mut light = surface.diffuse * (lit.lamps + lit.sun + lit.indirect) / PI;
+    if surface.through != Vec3::ZERO {
+        light += surface.through * lit.behind / PI;
+    }
+    if surface.is_glossy() {
+        light += lit.gloss(surface) * surface.coverage;
+    }
+    if surface.pass != Vec3::ZERO {
+        light += surface.pass * baked.light_along(surface.ray(-surface.view));
+    }
+    if surface.mirror != Vec3::ZERO {
+        light += surface.mirror * baked.light_along(surface.ray(surface.mirrored()));
+    }
+    seen.light + seen.tint * light
+}
+
+/// Shares samples among pixels that see one surface. The pattern of samples repeats every four pixels, and so does the
+/// window: five pixels wide, the outer ones with half the weight.
+struct Filter<'a> {
+    seen: &'a [Seen],
+    sampled: &'a [Lit],
+    width: usize,
+    height: usize,
+    wraps: bool,
+}
+
+impl Filter<'_> {
+    fn index(&self, x: i64, y: i64) -> Option<usize> {
+        let width = self.width as i64;
+        let x = if self.wraps { x.rem_euclid(width) } else { x };
+        ((0..width).contains(&x) && (0..self.height as i64).contains(&y)).then(|| (y * width + x) as usize)
+    }
+
+    /// The mean over the window, and how many pixels shared.
+    fn at(&self, i: usize) -> (Lit, f32) {
+        let mut sum = self.sampled[i].nothing();
+        let Some(surface) = &self.seen[i].surface else { return (sum, 0.0) };
+        let (x, y) = ((i % self.width) as i64, (i / self.width) as i64);
+        let mut weights = 0.0;
+        for dy in -2..=2_i64 {
+            for dx in -2..=2_i64 {
+                let Some(j) = self.index(x + dx, y + dy) else { continue };
+                let Some(other) = &self.seen[j].surface else { continue };
+                if j != i && !alike(surface, self.seen[i].footprint_m, other) {
+                    continue;
+                }
+                let weight = if dx.abs() == 2 { 0.5 } else { 1.0 } * if dy.abs() == 2 { 0.5 } else { 1.0 };
+                sum.add(&self.sampled[j], weight);
+                weights += weight;
+            }
+        }
+        sum.divide(weights);
+        (sum, weights)
+    }
+
+    /// Whether a neighbour sees something else.
+    fn is_edge(&self, i: usize) -> bool {
+        let (x, y) = ((i % self.width) as i64, (i / self.width) as i64);
+        let here = &self.seen[i];
+        [(-1, 0), (1, 0), (0, -1), (0, 1)].into_iter().filter_map(|(dx, dy)| self.index(x + dx, y + dy)).any(|j| {
+            let there = &self.seen[j];
+            let differs = |a: Vec3, b: Vec3| (a - b).abs().max_element() > 0.05 * (a + b).max_element() + 0.01;
+            match (&here.surface, &there.surface) {
+                (Some(a), Some(b)) => {
+                    !alike(a, here.footprint_m, b)
+                        || a.normal.dot(b.normal) < 0.95
+                        || differs(a.base_color, b.base_color)
+                        || differs(here.light, there.light)
+                        || differs(here.tint, there.tint)
+                        || differs(self.sampled[i].sun, self.sampled[j].sun)
+                }
+                (None, None) => differs(here.light, there.light),
+                _ => true,
+            }
+        })
+    }
+
+    /// A pixel around whose light serves a view ray within it.
+    fn like(&self, sub: &Seen, x: usize, y: usize) -> Option<usize> {
+        let surface = sub.surface.as_ref()?;
+        let offsets = [(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
+        let candidates = offsets.into_iter().filter_map(|(dx, dy)| self.index(x as i64 + dx, y as i64 + dy));
+        candidates
+            .filter_map(|j| {
+                let other = self.seen[j].surface.as_ref()?;
+                let near = other.position.distance_squared(surface.position);
+                let close = near < (4.0 * sub.footprint_m + 0.01).powi(2);
+                (close && alike(surface, 0.5 * sub.footprint_m, other)).then_some((j, near))
+            })
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .map(|(j, _)| j)
+    }
+}

@@ -1,0 +1,220 @@
+//! Light at one pixel: a few samples of lamps and portals, the sun, a ray into the gloss, the rest from the cache.
+
+use geometry::{Ray, Vec2, Vec3, orthonormal_basis};
+
+use crate::baked::BakedWorld;
+use crate::bsdf;
+use crate::gbuffer::Seen;
+use crate::light_tree::CutNode;
+use crate::lighting::Part;
+use crate::pattern::{radical_inverse_3, van_der_corput};
+use crate::scene::Surface;
+
+/// From this roughness on lamps are sampled for the gloss; below it the ray into the lobe finds them.
+const ROUGH: f32 = 0.25;
+
+/// Below this roughness the lobe is no wider than a few pixels: a mirror.
+const SHARP: f32 = 0.12;
+
+/// From this roughness on the gloss of plastics, wood and plaster sees the mean light around.
+const BLURRED: f32 = 0.5;
+
+/// Side of the square of pixels after which the samples repeat.
+const TILE: usize = 4;
+
+/// Order of the pixels of a tile: neighbours take distant samples (Bayer 1973).
+const ORDER: [u32; TILE * TILE] = [0, 8, 2, 10, 12, 4, 14, 6, 3, 11, 1, 9, 15, 7, 13, 5];
+
+/// Light on the surface of a pixel.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Lit {
+    /// Irradiance by lamps and portals.
+    pub lamps: Vec3,
+    /// Irradiance by the sun.
+    pub sun: Vec3,
+    /// Irradiance by all else.
+    pub indirect: Vec3,
+    /// Irradiance on the other side.
+    pub behind: Vec3,
+    /// Light reflected by the rough gloss, divided by the gloss's albedo.
+    rough_gloss: Vec3,
+    /// Light reflected by the gloss, for surfaces whose pixels do not share it.
+    sharp_gloss: Vec3,
+}
+
+impl Lit {
+    /// Itself without what pixels share.
+    pub(crate) fn nothing(&self) -> Self {
+        Self { lamps: Vec3::ZERO, rough_gloss: Vec3::ZERO, ..*self }
+    }
+
+    pub(crate) fn add(&mut self, other: &Self, weight: f32) {
+        self.lamps += other.lamps * weight;
+        self.rough_gloss += other.rough_gloss * weight;
+    }
+
+    pub(crate) fn divide(&mut self, by: f32) {
+        self.lamps /= by;
+        self.rough_gloss /= by;
+    }
+
+    /// Mean of what pixels share and own samples.
+    pub(crate) fn mix(&mut self, own: &Self, weight: f32, own_weight: f32) {
+        let share = own_weight / (weight + own_weight);
+        self.lamps = self.lamps.lerp(own.lamps, share);
+        self.rough_gloss = self.rough_gloss.lerp(own.rough_gloss, share);
+    }
+
+    /// Light that the gloss reflects.
+    pub(crate) fn gloss(&self, surface: &Surface) -> Vec3 {
+        self.sharp_gloss + self.rough_gloss * gloss_albedo(surface)
+    }
+}
+
+fn gloss_albedo(surface: &Surface) -> Vec3 {
+    bsdf::specular_albedo(surface.f0, surface.roughness, surface.normal.dot(surface.view))
+}
+
+/// Samples light at pixels of a baked world.
+pub(crate) struct Sampler<'a> {
+    baked: &'a BakedWorld,
+}
+
+impl<'a> Sampler<'a> {
+    pub(crate) fn new(baked: &'a BakedWorld) -> Self {
+        Self { baked }
+    }
+
+    /// Light at a pixel from `rays` light samples, which are part of a pattern over the tile of pixels around.
+    pub(crate) fn sample(&self, seen: &Seen, (x, y): (usize, usize), rays: u32) -> Lit {
+        let Some(surface) = &seen.surface else { return Lit::default() };
+        let cache = self.baked.cache();
+        let turn = ORDER[(y % TILE) * TILE + x % TILE];
+        let near = cache.surfels.near(surface.position, surface.geometric_normal, cache.surfels.part(surface.triangle));
+        let mut lit = Lit { indirect: near.mean(|surfel| cache.indirect[surfel]), ..Lit::default() };
+        if surface.through != Vec3::ZERO {
+            lit.behind = near.mean(|surfel| cache.behind[surfel]);
+        }
+        let sunlit = near.as_slice().iter().any(|&(surfel, _)| cache.sunlit[surfel as usize]);
+        let mut rough = Vec3::ZERO;
+        if surface.diffuse != Vec3::ZERO || surface.is_glossy() {
+            let fresh;
+            let parts = match near.best() {
+                Some(surfel) => cache.parts(surfel),
+                None => {
+                    fresh = self.fresh_parts(surface);
+                    &fresh
+                }
+            };
+            let samples = rays * (TILE * TILE) as u32;
+            for k in 0..rays {
+                let (diffuse, gloss) = self.lamp(surface, parts, turn * rays + k, samples);
+                lit.lamps += diffuse / rays as f32;
+                rough += gloss / rays as f32;
+            }
+            let (diffuse, gloss) = self.sun(surface, turn, sunlit || near.best().is_none());
+            lit.sun = diffuse;
+            lit.sharp_gloss += gloss;
+        }
+        if surface.is_glossy() {
+            self.gloss(surface, turn, rough, &mut lit);
+        }
+        lit
+    }
+
+    fn gloss(&self, surface: &Surface, turn: u32, lamps: Vec3, lit: &mut Lit) {
+        let albedo = gloss_albedo(surface);
+        let share = |light: Vec3| light / albedo.max(Vec3::splat(1e-6));
+        if surface.roughness >= BLURRED && surface.f0.max_element() < 0.2 {
+            lit.rough_gloss = share(lamps);
+            lit.sharp_gloss += albedo * lit.indirect / std::f32::consts::PI;
+            return;
+        }
+        if surface.roughness < SHARP {
+            lit.sharp_gloss += albedo * self.baked.light_along(surface.ray(surface.mirrored()));
+            return;
+        }
+        let random = Vec2::new(van_der_corput(turn), (turn as f32 + 0.5) / (TILE * TILE) as f32);
+        let basis = orthonormal_basis(surface.normal);
+        let (direction, weight) =
+            bsdf::sample_lobe(surface.f0, surface.alpha(), basis.transpose() * surface.view, random);
+        let direction = basis * direction;
+        let above = weight != Vec3::ZERO && direction.dot(surface.geometric_normal) > 0.0;
+        if surface.roughness >= ROUGH {
+            let ray = if above { weight * self.baked.indirect_along(surface.ray(direction)) } else { Vec3::ZERO };
+            lit.rough_gloss = share(lamps + ray);
+        } else if above {
+            lit.rough_gloss = share(weight * self.baked.light_along(surface.ray(direction)));
+        }
+    }
+
+    /// Light sample number `index` of `samples`: irradiance, and light that the gloss reflects.
+    fn lamp(&self, surface: &Surface, parts: &[Part], index: u32, samples: u32) -> (Vec3, Vec3) {
+        let wanted = (index as f32 + 0.5) / samples as f32;
+        let Some(at) = parts.iter().position(|part| wanted < part.cumulative).or(parts.len().checked_sub(1)) else {
+            return (Vec3::ZERO, Vec3::ZERO);
+        };
+        let before = at.checked_sub(1).map_or(0.0, |at| parts[at].cumulative);
+        let probability = parts[at].cumulative - before;
+        if probability <= 0.0 {
+            return (Vec3::ZERO, Vec3::ZERO);
+        }
+        let random = [(wanted - before) / probability, van_der_corput(index), radical_inverse_3(index)];
+        let lighting = &self.baked.cache().lighting;
+        let scene = self.baked.scene();
+        let start = surface.ray(surface.geometric_normal).origin;
+        let Some((light, density)) = lighting.sample(scene, start, surface.normal, parts[at].node, random, probability)
+        else {
+            return (Vec3::ZERO, Vec3::ZERO);
+        };
+        if light.direction.dot(surface.geometric_normal) <= 0.0 {
+            return (Vec3::ZERO, Vec3::ZERO);
+        }
+        let passed = scene.transmittance(&Ray { origin: start, direction: light.direction }, light.distance_m);
+        let arriving = light.radiance * passed / density;
+        (arriving * surface.normal.dot(light.direction), arriving * self.rough_lobe(surface, light.direction))
+    }
+
+    fn rough_lobe(&self, surface: &Surface, direction: Vec3) -> Vec3 {
+        if !surface.is_glossy() || surface.roughness < ROUGH {
+            return Vec3::ZERO;
+        }
+        bsdf::specular_cos(surface.f0, surface.alpha(), surface.normal, surface.view, direction)
+    }
+
+    /// Irradiance by the sun and its gloss.
+    fn sun(&self, surface: &Surface, turn: u32, sunlit: bool) -> (Vec3, Vec3) {
+        let scene = self.baked.scene();
+        let Some(disc) = &scene.sky.sun else { return (Vec3::ZERO, Vec3::ZERO) };
+        let direction = disc.direction([(turn as f32 + 0.5) / (TILE * TILE) as f32, van_der_corput(turn)]);
+        let cosine = surface.normal.dot(direction);
+        let ray = surface.ray(direction);
+        // Where the cache saw no sun it comes through a portal or not at all.
+        let may_come = sunlit || scene.sky.leaves_by_portal(&ray, scene.far_m);
+        if cosine <= 0.0 || direction.dot(surface.geometric_normal) <= 0.0 || !may_come {
+            return (Vec3::ZERO, Vec3::ZERO);
+        }
+        let radiance = Vec3::from(disc.sun.radiance) * scene.transmittance(&ray, scene.far_m) * disc.solid_angle_sr;
+        let gloss = if surface.is_glossy() {
+            bsdf::specular_cos(surface.f0, surface.alpha(), surface.normal, surface.view, direction)
+        } else {
+            Vec3::ZERO
+        };
+        (radiance * cosine, radiance * gloss)
+    }
+
+    /// Parts of the light where no surfel knows them.
+    fn fresh_parts(&self, surface: &Surface) -> Vec<Part> {
+        let mut cut: Vec<CutNode> = Vec::new();
+        let tree = &self.baked.cache().lighting.tree;
+        tree.cut(surface.position, surface.normal, 0.0, crate::lighting::MOST_PARTS, &mut cut);
+        let total: f32 = cut.iter().map(|part| part.importance).sum();
+        let mut running = 0.0;
+        cut.iter()
+            .map(|part| {
+                running += part.importance / total;
+                Part { node: part.node, samples: 1.0, cumulative: running }
+            })
+            .collect()
+    }
+}

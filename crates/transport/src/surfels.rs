@@ -1,0 +1,300 @@
+//! Points spread evenly over both sides of all surfaces, and how to find those near a place.
+
+use std::collections::HashMap;
+
+use geometry::Vec3;
+use mesh::Model;
+use rayon::prelude::*;
+
+use crate::TransportError;
+use crate::places::{self, Place};
+use crate::scene::Scene;
+use crate::transfer::{self, Scatter};
+
+/// Places tried per surfel.
+const CANDIDATES: f64 = 8.0;
+
+/// One side of a small piece of surface.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Surfel {
+    pub position: Vec3,
+    /// Geometric, on its side.
+    pub normal: Vec3,
+    pub part: u32,
+    /// How it scatters light on the average over directions and over its extent.
+    pub scatter: Scatter,
+}
+
+/// All surfels and the grid over those in use.
+pub(crate) struct Surfels {
+    pub list: Vec<Surfel>,
+    /// Connected part of each triangle; 0 for small ones, which share their surfels.
+    part_of: Vec<u32>,
+    spacing_m: f32,
+    table: Table,
+}
+
+/// Weights of surfels at a place.
+#[derive(Clone, Copy)]
+pub(crate) struct Neighbours {
+    entries: [(u32, f32); Self::MOST],
+    count: usize,
+}
+
+impl Neighbours {
+    const MOST: usize = 24;
+
+    pub(crate) fn as_slice(&self) -> &[(u32, f32)] {
+        &self.entries[..self.count]
+    }
+
+    fn push(&mut self, surfel: u32, weight: f32) {
+        if self.count < Self::MOST {
+            self.entries[self.count] = (surfel, weight);
+            self.count += 1;
+        }
+    }
+
+    /// The surfel that counts most.
+    pub(crate) fn best(&self) -> Option<u32> {
+        self.as_slice().iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(surfel, _)| surfel)
+    }
+
+    /// Weighted mean of what `value` gives for each surfel.
+    pub(crate) fn mean(&self, value: impl Fn(usize) -> Vec3) -> Vec3 {
+        let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
+        for &(surfel, weight) in self.as_slice() {
+            sum += value(surfel as usize) * weight;
+            weights += weight;
+        }
+        if weights > 0.0 { sum / weights } else { Vec3::ZERO }
+    }
+}
+
+/// A place where a surfel may be.
+struct Candidate {
+    key: u64,
+    distance2: f32,
+    place: Place,
+}
+
+impl Surfels {
+    pub(crate) fn spread(scene: &Scene, spacing_m: f32) -> Result<Self, TransportError> {
+        let model = scene.prepared.model();
+        let areas = places::areas(model);
+        let density = CANDIDATES / f64::from(spacing_m * spacing_m);
+        let total: f64 = areas.iter().sum();
+        if total * density > places::MOST_PLACES {
+            let most = (places::MOST_PLACES / CANDIDATES) as usize;
+            return Err(TransportError::TooLarge { area_m2: total as f32, spacing_m, most });
+        }
+        let part_of = parts(model, &areas, 6.0 * f64::from(spacing_m * spacing_m));
+        let mut candidates: Vec<Candidate> = places::spread(scene, density)
+            .flat_map_iter(|places| places.into_iter().map(|place| Candidate::new(place, &part_of, spacing_m)))
+            .collect();
+        candidates.par_sort_unstable_by(|a, b| {
+            (a.key.cmp(&b.key))
+                .then(a.distance2.total_cmp(&b.distance2))
+                .then(a.place.triangle.cmp(&b.place.triangle))
+                .then(a.place.barycentric[0].total_cmp(&b.place.barycentric[0]))
+        });
+        candidates.dedup_by_key(|candidate| candidate.key);
+        let surfel = |Candidate { place, .. }: &Candidate| Surfel {
+            position: place.position,
+            normal: place.normal,
+            part: part_of[place.triangle as usize],
+            scatter: transfer::scatter(&place.surface(scene, spacing_m)),
+        };
+        let list: Vec<Surfel> = candidates.par_iter().map(surfel).collect();
+        let mut surfels = Self { list, part_of, spacing_m, table: Table::new(0) };
+        let all = vec![true; surfels.list.len()];
+        surfels.index(&all);
+        Ok(surfels)
+    }
+
+    /// Makes only surfels with `used` to be found.
+    pub(crate) fn index(&mut self, used: &[bool]) {
+        let count = used.iter().filter(|&&u| u).count();
+        let mut table = Table::new(2 * count);
+        for (at, surfel) in self.list.iter().enumerate().filter(|(at, _)| used[*at]) {
+            table.insert(key(surfel.part, face(surfel.normal), cell(surfel.position, self.spacing_m)), at as u32);
+            table.insert(key(ANY_PART, face(surfel.normal), cell(surfel.position, 2.0 * self.spacing_m)), at as u32);
+        }
+        self.table = table;
+    }
+
+    pub(crate) fn part(&self, triangle: u32) -> u32 {
+        self.part_of[triangle as usize]
+    }
+
+    /// Surfels from which light at a place of part `part` with geometric normal `normal` is interpolated.
+    pub(crate) fn near(&self, position: Vec3, normal: Vec3, part: u32) -> Neighbours {
+        let mut found = Neighbours { entries: [(0, 0.0); Neighbours::MOST], count: 0 };
+        self.collect(position, normal, part, self.spacing_m, &mut found);
+        if found.count == 0 {
+            self.collect(position, normal, ANY_PART, 2.0 * self.spacing_m, &mut found);
+        }
+        found
+    }
+
+    fn collect(&self, position: Vec3, normal: Vec3, part: u32, cell_m: f32, found: &mut Neighbours) {
+        let scaled = position / cell_m + Vec3::splat(GRID_OFFSET - 0.5);
+        let base = scaled.floor();
+        let base = [base.x as i32, base.y as i32, base.z as i32];
+        for axis in 0..3 {
+            // Curved surfaces go over from one face of the cube of directions to the next.
+            if normal[axis].abs() < 0.4 {
+                continue;
+            }
+            let face = 2 * axis as u32 + u32::from(normal[axis] < 0.0);
+            for corner in 0..8 {
+                let at = [base[0] + (corner & 1), base[1] + (corner >> 1 & 1), base[2] + (corner >> 2)];
+                if let Some(surfel) = self.table.find(key(part, face, at)) {
+                    let weight = self.weight(surfel, position, normal, cell_m);
+                    if weight > 0.0 {
+                        found.push(surfel, weight);
+                    }
+                }
+            }
+        }
+    }
+
+    fn weight(&self, surfel: u32, position: Vec3, normal: Vec3, cell_m: f32) -> f32 {
+        let surfel = &self.list[surfel as usize];
+        let offset = position - surfel.position;
+        let facing = normal.dot(surfel.normal);
+        if facing <= 0.2 {
+            return 0.0;
+        }
+        let above = offset.dot(normal).abs().max(offset.dot(surfel.normal).abs());
+        let near = 1.0 - offset.length_squared() / (2.25 * cell_m * cell_m);
+        let flat = 1.0 - above / (0.6 * cell_m);
+        if near <= 0.0 || flat <= 0.0 {
+            return 0.0;
+        }
+        near * near * near * flat * facing * facing
+    }
+}
+
+/// Part that stands for all parts.
+const ANY_PART: u32 = 0xf_ffff;
+
+/// The grid lies askew to round coordinates, where walls are.
+const GRID_OFFSET: f32 = 0.381_966;
+
+/// The face of a cube that a direction points to.
+fn face(normal: Vec3) -> u32 {
+    let size = normal.abs();
+    let axis = if size.x >= size.y && size.x >= size.z {
+        0
+    } else if size.y >= size.z {
+        1
+    } else {
+        2
+    };
+    2 * axis + u32::from(normal[axis as usize] < 0.0)
+}
+
+fn cell(position: Vec3, cell_m: f32) -> [i32; 3] {
+    let scaled = (position / cell_m + Vec3::splat(GRID_OFFSET)).floor();
+    [scaled.x as i32, scaled.y as i32, scaled.z as i32]
+}
+
+/// Cells 8192 apart share keys; positions tell them apart.
+fn key(part: u32, face: u32, [x, y, z]: [i32; 3]) -> u64 {
+    let bits = |v: i32| (v & 0x1fff) as u64;
+    u64::from(part & ANY_PART) << 42 | u64::from(face) << 39 | bits(x) << 26 | bits(y) << 13 | bits(z)
+}
+
+impl Candidate {
+    fn new(place: Place, part_of: &[u32], spacing_m: f32) -> Self {
+        let [x, y, z] = cell(place.position, spacing_m);
+        let center = (Vec3::new(x as f32, y as f32, z as f32) + Vec3::splat(0.5 - GRID_OFFSET)) * spacing_m;
+        let key = key(part_of[place.triangle as usize], face(place.normal), [x, y, z]);
+        Self { key, distance2: place.position.distance_squared(center), place }
+    }
+}
+
+/// Connected parts of the model: triangles that share corners, by position. Parts smaller than `least_m2` get number 0.
+fn parts(model: &Model, areas: &[f64], least_m2: f64) -> Vec<u32> {
+    let mut at_position: HashMap<[u32; 3], u32> = HashMap::with_capacity(model.positions.len());
+    let mut parent: Vec<u32> = (0..model.positions.len() as u32).collect();
+    for (vertex, position) in model.positions.iter().enumerate() {
+        // Adding zero makes -0 and 0 one.
+        let bits = (*position + Vec3::ZERO).to_array().map(f32::to_bits);
+        parent[vertex] = *at_position.entry(bits).or_insert(vertex as u32);
+    }
+    fn root(parent: &mut [u32], mut vertex: u32) -> u32 {
+        while parent[vertex as usize] != vertex {
+            parent[vertex as usize] = parent[parent[vertex as usize] as usize];
+            vertex = parent[vertex as usize];
+        }
+        vertex
+    }
+    for triangle in &model.triangles {
+        let first = root(&mut parent, triangle[0]);
+        for &vertex in &triangle[1..] {
+            let other = root(&mut parent, vertex);
+            parent[other as usize] = first;
+        }
+    }
+    let roots: Vec<u32> = model.triangles.iter().map(|t| root(&mut parent, t[0])).collect();
+    let mut size: HashMap<u32, f64> = HashMap::new();
+    for (root, area) in roots.iter().zip(areas) {
+        *size.entry(*root).or_default() += area;
+    }
+    let mut number: HashMap<u32, u32> = HashMap::new();
+    let numbered = |root: &u32| {
+        if size[root] < least_m2 {
+            return 0;
+        }
+        let next = number.len() as u32 % (ANY_PART - 1) + 1;
+        *number.entry(*root).or_insert(next)
+    };
+    roots.iter().map(numbered).collect()
+}
+
+/// Open addressing; a key keeps the first value.
+struct Table {
+    slots: Vec<(u64, u32)>,
+    mask: usize,
+}
+
+impl Table {
+    const FREE: u64 = u64::MAX;
+
+    fn new(entries: usize) -> Self {
+        let size = (2 * entries).next_power_of_two().max(2);
+        Self { slots: vec![(Self::FREE, 0); size], mask: size - 1 }
+    }
+
+    fn start(&self, key: u64) -> usize {
+        // Fibonacci hashing; the upper bits are the good ones.
+        (key.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32) as usize & self.mask
+    }
+
+    fn insert(&mut self, key: u64, value: u32) {
+        let mut at = self.start(key);
+        while self.slots[at].0 != Self::FREE {
+            if self.slots[at].0 == key {
+                return;
+            }
+            at = (at + 1) & self.mask;
+        }
+        self.slots[at] = (key, value);
+    }
+
+    fn find(&self, key: u64) -> Option<u32> {
+        let mut at = self.start(key);
+        loop {
+            let (found, value) = self.slots[at];
+            if found == key {
+                return Some(value);
+            }
+            if found == Self::FREE {
+                return None;
+            }
+            at = (at + 1) & self.mask;
+        }
+    }
+}
