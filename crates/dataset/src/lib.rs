@@ -3,6 +3,7 @@
 //! A [`Dataset`] gives samples by number; a [`Loader`] goes through one: shuffled, split by scene, made ahead by threads, resumable.
 
 mod error;
+mod generated;
 mod loader;
 mod open;
 mod order;
@@ -13,6 +14,7 @@ mod shard;
 mod source;
 
 pub use error::DatasetError;
+pub use generated::{Generated, Generator, GeneratorConfig};
 pub use loader::{LoadError, Loader, LoaderConfig, LoaderState};
 pub use open::Layout;
 pub use published::{CropModel, FutureHouse, InteriorNet, LavalVarying, Panoramas};
