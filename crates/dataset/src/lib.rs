@@ -3,15 +3,21 @@
 //! A [`Dataset`] gives samples by number; a [`Loader`] goes through one: shuffled, split by scene, made ahead by threads, resumable.
 
 mod error;
+mod generated;
 mod loader;
+mod open;
 mod order;
+mod published;
 mod record;
 mod sample;
 mod shard;
 mod source;
 
 pub use error::DatasetError;
+pub use generated::{Generated, Generator, GeneratorConfig};
 pub use loader::{LoadError, Loader, LoaderConfig, LoaderState};
+pub use open::Layout;
+pub use published::{CropModel, FutureHouse, InteriorNet, LavalVarying, Panoramas};
 pub use record::{Record, Shot};
 pub use sample::{Metadata, NovelView, Sample, Split};
 pub use shard::{FORMAT_VERSION, Shards, shard_name, write_shard};

@@ -66,7 +66,7 @@ pub enum Split {
 impl Split {
     /// The part that a scene belongs to: a matter of its id alone, so that it never changes.
     pub fn of(scene_id: &str) -> Self {
-        if random::hash(scene_id.as_bytes()) % 10 == 0 { Self::Validation } else { Self::Train }
+        if random::hash(scene_id.as_bytes()).is_multiple_of(10) { Self::Validation } else { Self::Train }
     }
 }
 
