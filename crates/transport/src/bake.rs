@@ -11,12 +11,16 @@ use crate::BakeSettings;
 use crate::lighting::{Lighting, Part, limited};
 use crate::lights::{Emitters, luminance};
 use crate::pattern::{Rotations, shifted};
+use crate::reach;
 use crate::scene::Scene;
 use crate::surfels::Surfels;
 use crate::transfer;
 
 /// Most mirrors and panes on the way of a gather ray.
 const MOST_MIRRORS: u32 = 8;
+
+/// Lamps in mirrors are no brighter to the cache than this many times the mean irradiance: few rays find them.
+const MOST_MIRRORED: f64 = 100.0;
 
 /// Surfaces brighter than this many times the mean are sampled like lamps in the exchange.
 const BRIGHT: f32 = 3.0;
@@ -82,7 +86,7 @@ struct Baker<'a> {
 
 impl Cache {
     pub(crate) fn bake(scene: &Scene, settings: &BakeSettings) -> Result<Self, crate::TransportError> {
-        let surfels = Surfels::spread(scene, settings.spacing_m)?;
+        let mut surfels = Surfels::spread(scene, settings.spacing_m)?;
         let baker = Baker {
             scene,
             settings,
@@ -90,6 +94,8 @@ impl Cache {
             pattern: cosine_hemisphere(settings.gather_rays as usize),
         };
         let mut lighting = Lighting::new(Emitters::new(scene));
+        let others = baker.other_sides(&surfels);
+        surfels.retain(&reach::reached(scene, &surfels, &lighting.emitters, &others));
         let others = baker.other_sides(&surfels);
         // Sheets lit from behind become lights themselves.
         let glow = baker.glow(&surfels, &lighting, &others);
@@ -101,12 +107,12 @@ impl Cache {
         let lit: Vec<Lit> =
             (0..surfels.list.len()).into_par_iter().map(|i| baker.light(&surfels, &lighting, i)).collect();
         let bright = Lighting::new(baker.bright(&surfels, &lighting, &lit, &others));
-        let (rows, live) = baker.gather(&surfels, &lighting, &bright, &lit);
+        let rows = baker.gather(&surfels, &lighting, &bright, &lit);
         let rows = baker.smoothed(&surfels, rows);
         let direct: Vec<Vec3> = lit.iter().zip(&rows).map(|(lit, row)| lit.direct + row.lamps + lit.sun).collect();
         // What lies in gaps too narrow to look into must not show beside them.
         let most = settings.gather_rays / 2;
-        let live: Vec<bool> = live.iter().zip(&rows).map(|(&live, row)| live && row.blocked <= most).collect();
+        let open: Vec<bool> = rows.iter().map(|row| row.blocked <= most).collect();
         let indirect = exchange(&surfels, &rows, &direct, &others, settings.gather_rays);
         let behind = others
             .iter()
@@ -121,7 +127,7 @@ impl Cache {
             cache.parts.extend(lit.parts);
             cache.first_part.push(cache.parts.len() as u32);
         }
-        cache.surfels.index(&live);
+        cache.surfels.index(&open);
         Ok(cache)
     }
 
@@ -204,7 +210,7 @@ impl Baker<'_> {
             .collect();
         let lit_ones = leaving.iter().map(|&l| luminance(l)).filter(|&l| l > 0.0);
         let (sum, count) = lit_ones.fold((0.0, 0), |(sum, count), l| (sum + f64::from(l), count + 1));
-        let least = (f64::from(BRIGHT) * sum / f64::from(count.max(1))) as f32;
+        eprintln!("surfels {}", surfels.list.len()); let least = (f64::from(BRIGHT) * sum / f64::from(count.max(1))) as f32;
         let model = self.scene.prepared.model();
         let mut emitters = Emitters::none(self.scene);
         for triangle in 0..model.triangles.len() as u32 {
@@ -247,43 +253,15 @@ impl Baker<'_> {
         rows
     }
 
-    /// Follows the light: surfels that a lamp reaches, then those that they see, and so on. What no light reaches costs
-    /// nothing.
-    fn gather(&self, surfels: &Surfels, lighting: &Lighting, bright: &Lighting, lit: &[Lit]) -> (Vec<Row>, Vec<bool>) {
-        let count = surfels.list.len();
-        let mut rows: Vec<Row> = Vec::new();
-        rows.resize_with(count, Row::default);
-        let sky = &self.scene.sky;
-        let starts = |i: usize| {
-            let through_portal = || {
-                let Some(disc) = &sky.sun else { return false };
-                let ray = Ray { origin: surfels.list[i].position, direction: disc.sun.direction };
-                sky.portals.is_empty() || sky.leaves_by_portal(&ray, self.scene.far_m)
-            };
-            let open = sky.portals.is_empty() && !sky.is_dark();
-            open || lit[i].direct != Vec3::ZERO || (lit[i].sun != Vec3::ZERO && through_portal())
-        };
-        let mut live: Vec<bool> = (0..count).into_par_iter().map(starts).collect();
-        let mut fresh: Vec<usize> = (0..count).filter(|&i| live[i]).collect();
+    /// What the rays of all surfels find.
+    fn gather(&self, surfels: &Surfels, lighting: &Lighting, bright: &Lighting, lit: &[Lit]) -> Vec<Row> {
         // Mirrored lamps are limited by what matte surfaces get on average.
-        let lights = fresh.iter().map(|&i| luminance(lit[i].direct + lit[i].sun)).sum::<f32>();
-        let most = 100.0 * lights / fresh.len().max(1) as f32;
-        while !fresh.is_empty() {
-            let found: Vec<Row> =
-                fresh.par_iter().map(|&i| self.row(surfels, lighting, bright, &lit[i].parts, i, most)).collect();
-            let mut next = Vec::new();
-            for (&i, row) in fresh.iter().zip(found) {
-                let seen = row.links.iter().copied().chain(row.tinted.iter().map(|(surfel, _)| *surfel));
-                for surfel in seen {
-                    if !std::mem::replace(&mut live[surfel as usize], true) {
-                        next.push(surfel as usize);
-                    }
-                }
-                rows[i] = row;
-            }
-            fresh = next;
-        }
-        (rows, live)
+        let sum: f64 = lit.iter().map(|lit| f64::from(luminance(lit.direct + lit.sun))).sum();
+        let most = (MOST_MIRRORED * sum / lit.len().max(1) as f64) as f32;
+        (0..lit.len())
+            .into_par_iter()
+            .map(|i| self.row(surfels, lighting, bright, &lit[i].parts, i, most))
+            .collect()
     }
 
     fn row(
@@ -396,8 +374,8 @@ impl Baker<'_> {
     }
 
     fn link(&self, surfels: &Surfels, surface: &crate::scene::Surface, tint: Vec3, row: &mut Row) {
-        let near = surfels.near(surface.position, surface.geometric_normal, surfels.part(surface.triangle));
-        if let Some(surfel) = near.best() {
+        let part = surfels.part(surface.triangle);
+        if let Some(surfel) = surfels.nearest(surface.position, surface.geometric_normal, part) {
             if tint == Vec3::ONE { row.links.push(surfel) } else { row.tinted.push((surfel, tint)) }
         }
     }
