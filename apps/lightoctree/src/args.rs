@@ -24,7 +24,7 @@ pub struct Global {
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
 
-    /// Seed of every random choice; the commands of this version make none, so their results are always the same
+    /// Seed of every random choice; only `synth` and `dataset` make any, the other commands' results are always the same
     #[arg(long, global = true, value_name = "N", default_value_t = 0)]
     pub seed: u64,
 
@@ -82,6 +82,10 @@ pub enum Command {
     Inspect(commands::inspect::Args),
     /// Scene → PLY, GLB or USD for other programs
     Export(commands::export::Args),
+    /// Make procedural rooms with global light for training
+    Synth(commands::synth::Args),
+    /// Look at, convert or preview a dataset
+    Dataset(commands::dataset::Args),
     /// Time this program on the input of the peers' kit
     Bench(commands::bench::Args),
     /// Print a completion script for a shell
@@ -99,6 +103,8 @@ impl Command {
             Self::Insert(_) => "insert",
             Self::Inspect(_) => "inspect",
             Self::Export(_) => "export",
+            Self::Synth(_) => "synth",
+            Self::Dataset(_) => "dataset",
             Self::Bench(_) => "bench",
             Self::Completions(_) => "completions",
         }

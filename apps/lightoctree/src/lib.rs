@@ -71,6 +71,8 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::Insert(args) => commands::insert::run(global, args),
         Command::Inspect(args) => commands::inspect::run(args),
         Command::Export(args) => commands::export::run(global, args),
+        Command::Synth(args) => commands::synth::run(global, args),
+        Command::Dataset(args) => commands::dataset::run(global, args),
         Command::Bench(args) => commands::bench::run(global, args),
         Command::Completions(args) => commands::completions::run(args),
     }

@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod completions;
+pub mod dataset;
 pub mod demo;
 pub mod envmap;
 pub mod estimate;
@@ -9,6 +10,7 @@ pub mod export;
 pub mod insert;
 pub mod inspect;
 pub mod probes;
+pub mod synth;
 
 mod environment;
 mod parse;

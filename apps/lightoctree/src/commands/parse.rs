@@ -48,6 +48,15 @@ pub fn size(text: &str) -> Result<[usize; 2], String> {
     Ok(size)
 }
 
+/// `I/N`: part I of N, counted from 1.
+pub fn part(text: &str) -> Result<[u32; 2], String> {
+    let numbers = text.split_once('/').and_then(|(i, n)| Some([i.trim().parse().ok()?, n.trim().parse().ok()?]));
+    match numbers {
+        Some([i, n]) if (1..=n).contains(&i) => Ok([i, n]),
+        _ => Err(format!("`{text}` is not of the form I/N with I from 1 to N, such as 3/16")),
+    }
+}
+
 /// A finite number above zero.
 pub fn positive(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| format!("`{text}` is not a number"))?;
@@ -85,6 +94,8 @@ mod tests {
         assert!(size("256").is_err() && size("0x4").is_err() && size("99999x4").is_err());
         assert_eq!(counts("3,2,1"), Ok([3, 2, 1]));
         assert!(counts("0,1,1").is_err() && counts("1.5,1,1").is_err());
+        assert_eq!(part("3/16"), Ok([3, 16]));
+        assert!(["0/4", "5/4", "1", "a/2", "1/0"].iter().all(|text| part(text).is_err()));
         assert!(positive("0").is_err() && positive("inf").is_err() && positive("2").is_ok());
     }
 }

@@ -1,0 +1,167 @@
+//! `lightoctree synth`: procedural rooms with global light, as shards.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use dataset::{DatasetError, FORMAT_VERSION, Generator, GeneratorConfig, shard_name, write_shard};
+use serde_json::{Value, json};
+
+use super::environment::write_json;
+use super::parse;
+use crate::args::Global;
+use crate::progress::{bar, seconds};
+use crate::{Usage, interrupt, output, report};
+
+/// Options of `synth`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  \
+    lightoctree synth --scenes 2000 --seed 1 -o rooms\n  \
+    lightoctree synth --scenes 2000 --seed 1 --shard $((SLURM_ARRAY_TASK_ID + 1))/16 -o rooms\n  \
+    lightoctree synth --print-config > rooms.json\n\n\
+    Run the same command again after it was stopped: finished shards are kept. The rooms depend on the seed and the configuration alone, \
+    not on --shard or --threads. Shards are WebDataset archives; docs/data.md describes them.")]
+pub struct Args {
+    /// How many rooms
+    #[arg(long, value_name = "N", required_unless_present = "print_config",
+        value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
+    scenes: Option<u32>,
+
+    /// Make only part I of N, counted from 1: every N-th shard
+    #[arg(long, value_name = "I/N", default_value = "1/1", value_parser = parse::part)]
+    shard: [u32; 2],
+
+    /// Rooms in a shard
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    scenes_per_shard: u32,
+
+    /// What rooms, cameras and sensors are like: JSON with the fields that --print-config shows, as many as differ
+    #[arg(long, value_name = "FILE.json")]
+    config: Option<PathBuf>,
+
+    /// Depth of the octree that the surface points are made for
+    #[arg(long, value_name = "D", value_parser = clap::value_parser!(u32).range(1..=10))]
+    octree_depth: Option<u32>,
+
+    /// Print the configuration with all of its fields and stop
+    #[arg(long)]
+    print_config: bool,
+
+    /// The folder to write into
+    #[arg(long, short, value_name = "DIR", required_unless_present = "print_config")]
+    output: Option<PathBuf>,
+
+    /// Write into a folder that holds other things
+    #[arg(long)]
+    force: bool,
+
+    /// Print a summary as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+const COMMAND: &str = "synth";
+const MANIFEST: &str = "manifest.json";
+/// Shards begin with this name.
+const PREFIX: &str = "rooms";
+
+/// Makes the shards of this part that are not there yet.
+pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
+    let config = read_config(args)?;
+    let (Some(scenes), Some(folder), false) = (args.scenes, &args.output, args.print_config) else {
+        report::print(&serde_json::to_string_pretty(&config)?);
+        return Ok(());
+    };
+    let generator = Generator::new(global.seed, config.clone()).map_err(Usage)?;
+    output::prepare_folder(folder, MANIFEST, COMMAND, args.force)?;
+    keep_manifest(folder, &manifest(global, args, scenes, &config)?, args.force)?;
+
+    let begun = std::time::Instant::now();
+    let per_shard = args.scenes_per_shard;
+    let [part, parts] = args.shard;
+    let all = scenes.div_ceil(per_shard);
+    let mine: Vec<u32> = (0..all).filter(|shard| shard % parts == part - 1).collect();
+    let rooms = |shard: u32| shard * per_shard..scenes.min((shard + 1).saturating_mul(per_shard));
+    let path = |shard: u32| folder.join(shard_name(PREFIX, shard as usize));
+    let todo: Vec<u32> = mine.iter().copied().filter(|&shard| !path(shard).exists()).collect();
+    let progress = bar(global.quiet, todo.iter().map(|&shard| rooms(shard).len()).sum(), "rooms");
+    let mut written = 0;
+    for &shard in &todo {
+        if interrupt::asked() {
+            break;
+        }
+        let records = rooms(shard).map(|room| {
+            let record = generator.record(room.into())?;
+            progress.inc(1);
+            Ok::<_, DatasetError>(record)
+        });
+        write_shard(&path(shard), records)?;
+        written += 1;
+    }
+    progress.finish_and_clear();
+    let done = mine.len() - todo.len() + written;
+    if args.json {
+        report::print_json(&json!({
+            "shards_of_this_part": mine.len(),
+            "shards_there": done,
+            "shards_written": written,
+            "seconds": begun.elapsed().as_secs_f64(),
+        }))?;
+    } else {
+        let (shown, took) = (folder.display(), seconds(begun.elapsed()));
+        report::print(&format!("{shown}  {written} shards written, {done} of {} there, {took}", mine.len()));
+    }
+    if done < mine.len() {
+        anyhow::bail!("stopped after {done} of {} shards; the same command goes on", mine.len());
+    }
+    Ok(())
+}
+
+fn read_config(args: &Args) -> anyhow::Result<GeneratorConfig> {
+    let mut config = match &args.config {
+        None => GeneratorConfig::default(),
+        Some(path) => {
+            let text = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+            serde_json::from_slice(&text).map_err(|error| Usage(format!("{}: {error}", path.display())))?
+        }
+    };
+    if let Some(depth) = args.octree_depth {
+        config.octree_depth = depth;
+    }
+    config.validate().map_err(|reason| match &args.config {
+        Some(path) => Usage(format!("{}: {reason}", path.display())),
+        None => Usage(reason),
+    })?;
+    Ok(config)
+}
+
+/// Everything that the shards' bytes depend on.
+fn manifest(global: &Global, args: &Args, scenes: u32, config: &GeneratorConfig) -> anyhow::Result<Value> {
+    Ok(json!({
+        "format_version": FORMAT_VERSION,
+        "program_version": env!("CARGO_PKG_VERSION"),
+        "seed": global.seed,
+        "scenes": scenes,
+        "scenes_per_shard": args.scenes_per_shard,
+        "config": serde_json::to_value(config)?,
+    }))
+}
+
+/// Writes the manifest, or checks that the folder's own is the same: shards of two kinds must not lie side by side.
+fn keep_manifest(folder: &Path, manifest: &Value, force: bool) -> anyhow::Result<()> {
+    let path = folder.join(MANIFEST);
+    let existing = match std::fs::read(&path) {
+        Ok(bytes) => serde_json::from_slice::<Value>(&bytes).with_context(|| format!("{}", path.display()))?,
+        Err(_) => return write_json(&path, COMMAND, manifest.clone()),
+    };
+    let differing = |key: &&str| existing.get(*key) != manifest.get(*key);
+    let keys = ["format_version", "program_version", "seed", "scenes", "scenes_per_shard", "config"];
+    match keys.iter().find(|key| differing(key)) {
+        Some(key) if !force => Err(Usage(format!(
+            "{} was begun with another {key}; repeat that command, or choose another folder",
+            folder.display()
+        ))
+        .into()),
+        Some(_) => write_json(&path, COMMAND, manifest.clone()),
+        None => Ok(()),
+    }
+}
