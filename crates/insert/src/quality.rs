@@ -7,7 +7,7 @@ use crate::visibility::Thrift;
 /// | | draft | normal | high |
 /// | --- | --- | --- | --- |
 /// | coverage samples per pixel | 4 on edges, else 1 | 8, or 4 that agree | 16 |
-/// | diffuse cones over the sphere per shaded point | 32 | 64 | 192 |
+/// | diffuse cones over the sphere per shaded point | 24 | 64 | 192 |
 /// | diffuse light shared by neighbouring pixels, from 1,440 pixels of the longer side on | 4 × 4, 4 × 4 | 2 × 2, 4 × 4 | no |
 /// | transmittance at which cones of diffuse light end | 1 % | 0.3 % | 0.01 % |
 /// | texels along the side of the room's picture behind the object | 32 | 48 | 96 |
@@ -65,7 +65,7 @@ impl Quality {
         match self {
             Self::Draft => Counts {
                 coverage: 4,
-                diffuse_cones: 32,
+                diffuse_cones: 24,
                 shade_stride: 4,
                 thrift: Thrift::InsideOutline,
                 min_transmittance: 0.01,
