@@ -99,6 +99,8 @@ fn check_numbers(room: &Room) {
         let object = room.interior.objects[room.owner[k]].name;
         assert!(face.length() > 0.0 && sum.dot(face) > 0.0, "{id}: {object} faces inwards: {face} {sum}");
     }
+    // glTF wants vertex colours within [0, 1].
+    assert!(model.colors.iter().flatten().all(|c| (0.0..=1.0).contains(c)), "{id}: vertex colours");
     let mut least = model.textures.iter().map(|t| t.levels.last().unwrap()[(0, 0)]);
     assert!(least.all(|mean| mean[3] == 255));
     for (t, &m) in model.triangles.iter().zip(&model.triangle_materials) {
@@ -106,7 +108,7 @@ fn check_numbers(room: &Room) {
         for v in t {
             let tint = model.colors[*v as usize];
             let albedo = (0..3).map(|c| material.base_color[c] * tint[c]).fold(0.0, f32::max);
-            // Textures are absolute and hold at most 0.88; leaves' tints vary about 1.
+            // Textures are absolute and hold at most 0.88.
             let whole = albedo * if material.base_color_texture.is_some() { 0.88 } else { 1.0 };
             assert!(whole <= 0.9 || material.transmission > 0.0, "{id}: {} reflects {whole}", material.name);
         }
