@@ -150,6 +150,12 @@ impl Model {
         model.finish()
     }
 
+    /// The model as glTF 2.0 binary: textures inside as PNG, radiance above 1 by `KHR_materials_emissive_strength`, panes and cloth by
+    /// `KHR_materials_transmission` and `KHR_materials_diffuse_transmission`. Vertices that no triangle uses are left out.
+    pub fn to_glb(&self) -> Vec<u8> {
+        gltf::write(self, imaging::generator())
+    }
+
     /// Box around all triangles.
     pub fn bounds(&self) -> Bounds {
         let none = Bounds { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };

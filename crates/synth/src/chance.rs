@@ -68,7 +68,7 @@ mod tests {
             counts[weighted(&mut random, &[(0, 1.0), (1, 0.0), (2, 2.0)])] += 1;
         }
         // Standard deviation of a third of 6000 draws: 37.
-        assert!((counts[0] as i32 - 2000).abs() < 150 && counts[1] == 0, "{counts:?}");
+        assert!((counts[0] - 2000_i32).abs() < 150 && counts[1] == 0, "{counts:?}");
     }
 
     #[test]

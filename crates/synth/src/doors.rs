@@ -115,8 +115,16 @@ fn open_leaf(stage: &mut Stage, wall: usize, opening: &Opening, glazed: bool) {
 fn hallway(stage: &mut Stage, wall: usize, opening: &Opening, lit: bool) {
     let w = &stage.plan.walls[wall];
     let (length, t) = (w.length_m, w.thickness_m);
-    let left = (opening.s[0] - between(&mut stage.random, 0.15, 1.5)).max(0.0);
-    let right = (opening.s[1] + between(&mut stage.random, 0.15, 1.5)).min(length);
+    let mut left = (opening.s[0] - between(&mut stage.random, 0.15, 1.5)).max(0.0);
+    let mut right = (opening.s[1] + between(&mut stage.random, 0.15, 1.5)).min(length);
+    // It must not stand before a window or another door.
+    for other in &w.openings {
+        if other.s[1] < opening.s[0] {
+            left = left.max(other.s[1] + 0.05);
+        } else if other.s[0] > opening.s[1] {
+            right = right.min(other.s[0] - 0.05);
+        }
+    }
     let back = -t - between(&mut stage.random, 1.1, 2.6);
     let high = between(&mut stage.random, 2.3, 2.7).max(opening.h[1] + 0.1);
     let (walls, floor, ceiling) = (

@@ -396,7 +396,8 @@ impl Palette {
             Finish::Matte => self.plain("matt paint", 0.8, [0.9; 3]),
             Finish::Gloss => self.plain("gloss", 0.2, [0.9; 3]),
             Finish::Leaf => {
-                let color = tone(between(random, 85.0, 130.0), between(random, 0.5, 0.75), between(random, 0.05, 0.14));
+                // The lightest leaf; each leaf is tinted darker.
+                let color = tone(between(random, 85.0, 130.0), between(random, 0.5, 0.75), between(random, 0.07, 0.19));
                 let [r, g, b] = color;
                 let base_color = [r, g, b, 1.0];
                 self.push(Material { base_color, roughness: 0.5, diffuse_transmission: 0.3, ..matte("leaf") })

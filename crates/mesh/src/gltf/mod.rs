@@ -5,9 +5,11 @@ mod json;
 mod materials;
 mod primitives;
 mod transform;
+mod write;
 
 use self::buffers::Buffers;
 use self::json::Root;
+pub(crate) use self::write::write;
 use crate::model::Resolver;
 use crate::{MeshError, Model};
 

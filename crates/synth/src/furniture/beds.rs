@@ -60,31 +60,28 @@ fn duvet(stage: &mut Stage, shape: &mut Shape, half: f32, z: [f32; 2], [low, top
     let first = shape.triangles.len();
     let (across, along) = (2.0 * (half + hang), z[1] - z[0] + hang);
     let radius = 0.05;
-    // Arc length from the middle to (out, down): flat, a quarter circle, hanging.
-    let fall = move |s: f32, flat: f32| -> (f32, f32) {
-        let flat = flat - radius + 0.045;
-        let arc = radius * std::f32::consts::FRAC_PI_2;
-        if s < flat {
-            (s, 0.0)
-        } else if s < flat + arc {
-            let angle = (s - flat) / radius;
-            (flat + radius * angle.sin(), radius * (1.0 - angle.cos()))
+    // Beyond the flat top the cloth runs over a quarter circle and hangs; at the corners in a cone.
+    let flat = Vec2::new(half + 0.045 - radius, z[1] - z[0] + 0.025 - radius);
+    let arc = radius * std::f32::consts::FRAC_PI_2;
+    let fall = move |s: f32| -> (f32, f32) {
+        if s < arc {
+            (radius * (s / radius).sin(), radius * (1.0 - (s / radius).cos()))
         } else {
-            (flat + radius, radius + s - flat - arc)
+            (radius, radius + s - arc)
         }
     };
     shape.grid([36, 30], Vec2::new(across, along), paint, |u, v| {
-        let sx = (u - 0.5) * across;
-        let (x, down_x) = fall(sx.abs(), half);
-        let (zz, down_z) = fall((1.0 - v) * along, z[1] - z[0] - 0.02);
+        let s = Vec2::new((u - 0.5) * across, (1.0 - v) * along);
+        let edge = Vec2::new(s.x.clamp(-flat.x, flat.x), s.y.min(flat.y));
+        let beyond = s - edge;
+        let (out, down) = fall(beyond.length());
         let wrinkle = noise.octaves(u, v, [5, 6], 3) - 0.4;
         let swell = thick * (1.0 + 0.9 * wrinkle);
-        let down = down_x.max(down_z);
-        let side = if down_x > radius { 0.02 * wrinkle * sx.signum() } else { 0.0 };
-        let front = if down_z > radius { 0.02 * wrinkle } else { 0.0 };
+        let ripple = if down > radius { 0.015 * wrinkle } else { 0.0 };
+        let p = edge + beyond.normalize_or_zero() * (out + ripple);
         // The open edge lies on the sheet.
-        let lip = (((1.0 - v) * along) / 0.08).min(1.0);
-        Vec3::new(x * sx.signum() + side, (top + swell * lip - down).max(low), z[0] + zz + front)
+        let lip = (s.y / 0.08).min(1.0);
+        Vec3::new(p.x, top + swell * lip - down, z[0] + p.y)
     });
     shape.close_part(first);
 }

@@ -31,7 +31,7 @@ pub(super) fn potted(stage: &mut Stage, height: f32) -> Piece {
                 let out = between(&mut stage.random, 0.25, 0.8) * free * 0.8;
                 let up = between(&mut stage.random, 0.6, 1.0) * free;
                 let reach = Vec3::new(angle.cos() * out, up, angle.sin() * out);
-                let shade = between(&mut stage.random, 0.7, 1.3);
+                let shade = between(&mut stage.random, 0.5, 1.0);
                 let width = 0.14 * free;
                 shape.leaf(base, reach, width, 0.35 * out / free, leaf.tinted([shade, shade, shade * 0.9]));
             }
@@ -43,7 +43,7 @@ pub(super) fn potted(stage: &mut Stage, height: f32) -> Piece {
                 let foot = Vec2::new(angle.cos(), angle.sin()) * 0.5 * inner;
                 let up = between(&mut stage.random, 0.55, 1.0) * free;
                 let reach = Vec3::new(0.25 * foot.x, up, 0.25 * foot.y);
-                let shade = between(&mut stage.random, 0.7, 1.2);
+                let shade = between(&mut stage.random, 0.5, 0.9);
                 shape.leaf(
                     base + Vec3::new(foot.x, 0.0, foot.y),
                     reach,
@@ -65,7 +65,7 @@ pub(super) fn potted(stage: &mut Stage, height: f32) -> Piece {
                 let long = 0.38 * free * between(&mut stage.random, 0.7, 1.1);
                 let flat = (1.0 - 0.6 * lift.abs()).max(0.2);
                 let reach = Vec3::new(angle.cos() * flat, lift, angle.sin() * flat) * long;
-                let shade = between(&mut stage.random, 0.7, 1.35);
+                let shade = between(&mut stage.random, 0.5, 1.0);
                 shape.leaf(from, reach, 0.4 * long, 0.25, leaf.tinted([shade, shade, 0.85 * shade]));
             }
         }

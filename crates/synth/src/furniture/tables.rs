@@ -73,7 +73,7 @@ pub(super) fn coffee_table(stage: &mut Stage) -> Piece {
         for k in 0..4 {
             let angle = std::f32::consts::FRAC_PI_2 * k as f32 + 0.4;
             let at = |r: f32, y: f32| Vec3::new(r * angle.cos(), y, r * angle.sin());
-            shape.bar(at(0.85 * r, 0.0), at(0.55 * r, height - 0.025), [0.01, 0.014], 10, metal);
+            shape.bar(at(0.85 * r, 0.004), at(0.55 * r, height - 0.025), [0.01, 0.014], 10, metal);
         }
         shape.lathe(Vec3::ZERO, &[[r, height - 0.028], [r, height - 0.004], [r - 0.004, height]], 40, stone);
         return Piece::new("coffee table", shape).with_top(Vec3::Y * height, Vec2::splat(0.6 * r), 1.0);

@@ -84,7 +84,7 @@ impl Shape {
     }
 
     /// A grid of `columns × rows` cells over `point(u, v)`, both in [0, 1]; its front is where `∂u × ∂v` points. Normals are
-    /// smooth. Texture coordinates run over `size_m`.
+    /// smooth: the mean of the triangles around. Texture coordinates run over `size_m`.
     pub(crate) fn grid(
         &mut self,
         [columns, rows]: [usize; 2],
@@ -92,29 +92,31 @@ impl Shape {
         paint: Paint,
         point: impl Fn(f32, f32) -> Vec3,
     ) {
-        const STEP: f32 = 1e-3;
-        let first = self.positions.len() as u32;
+        let (first, first_triangle) = (self.positions.len(), self.triangles.len());
         for row in 0..=rows {
             for column in 0..=columns {
                 let (u, v) = (column as f32 / columns as f32, row as f32 / rows as f32);
-                let along_u = point((u + STEP).min(1.0), v) - point((u - STEP).max(0.0), v);
-                let along_v = point(u, (v + STEP).min(1.0)) - point(u, (v - STEP).max(0.0));
-                // Where the surface shrinks to a point, its neighbourhood tells the direction.
-                let inner = |x: f32| x.clamp(0.02, 0.98);
-                let near_u = point(inner(u) + STEP, inner(v)) - point(inner(u) - STEP, inner(v));
-                let near_v = point(inner(u), inner(v) + STEP) - point(inner(u), inner(v) - STEP);
-                let fallback = near_u.cross(near_v).normalize_or(Vec3::Y);
-                let normal = along_u.cross(along_v);
-                let normal = if normal.length() < 1e-10 { fallback } else { normal.normalize() };
-                self.vertex(point(u, v), normal, [u * size_m.x, v * size_m.y], paint);
+                self.vertex(point(u, v), Vec3::ZERO, [u * size_m.x, v * size_m.y], paint);
             }
         }
         let stride = columns as u32 + 1;
         for row in 0..rows as u32 {
             for column in 0..columns as u32 {
-                let a = first + row * stride + column;
+                let a = first as u32 + row * stride + column;
                 self.quad([a, a + 1, a + 1 + stride, a + stride], paint);
             }
+        }
+        for t in first_triangle..self.triangles.len() {
+            let corners = self.triangles[t].map(|v| v as usize);
+            let [a, b, c] = corners.map(|v| self.positions[v]);
+            let face = (b - a).cross(c - a);
+            for v in corners {
+                self.normals[v] += face;
+            }
+        }
+        for normal in &mut self.normals[first..] {
+            // Vertices that no triangle uses (where a grid runs into a point) may face anywhere.
+            *normal = normal.normalize_or(Vec3::Y);
         }
     }
 

@@ -27,13 +27,15 @@ impl Shape {
     /// An open sheet, not a solid.
     pub(crate) fn drape(&mut self, width: f32, height: f32, folds: f32, depth: f32, phase: f32, paint: Paint) {
         let first = self.triangles.len();
+        // Less than what would fold the cloth back over itself.
+        let sway = (0.12 * depth).min(0.03 * width / folds);
         let columns = (folds * 10.0).ceil().max(4.0) as usize;
         // Cloth is wider than the folded curtain: about half as much again.
         self.grid([columns, 4], Vec2::new(1.5 * width, height), paint, |u, v| {
             let angle = phase + folds * TAU * u + 0.35 * (3.0 * folds * u + 2.0 * v + phase).sin();
             // Gathered at the top, wider below.
             let amplitude = depth * (0.65 + 0.35 * (1.0 - v));
-            Vec3::new(u * width + 0.2 * depth * (2.0 * angle).sin(), v * height, amplitude * angle.sin())
+            Vec3::new(u * width + sway * (2.0 * angle).sin(), v * height, amplitude * angle.sin())
         });
         self.close_part(first);
     }
