@@ -14,7 +14,7 @@ use crate::{Direction, DualGraph, Real};
 pub const EDGE_TYPES: usize = 7;
 
 /// Rows gathered at a time.
-const BLOCK: usize = 128;
+const BLOCK: usize = 512;
 
 /// Parts that the weight gradient is summed in; fixed, so that it does not depend on the number of threads.
 const PARTS: usize = 32;

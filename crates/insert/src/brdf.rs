@@ -100,6 +100,11 @@ pub(crate) fn cone_tangent(solid_angle_sr: f32) -> f32 {
     ((1.0 - cos * cos).max(0.0)).sqrt() / cos
 }
 
+/// A tangent rounded to quarter octaves: cones of one tangent share their steps.
+pub(crate) fn quantised(tangent: f32) -> f32 {
+    ((4.0 * tangent.max(1e-4).log2()).round() / 4.0).exp2()
+}
+
 /// Directional albedos of the BRDF, tabulated once (the "split sum" of Karis 2013, exact instead of a fit).
 #[derive(Debug)]
 pub(crate) struct AlbedoTable {

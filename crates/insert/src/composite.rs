@@ -1,3 +1,5 @@
+use std::sync::LazyLock;
+
 use geometry::Vec3;
 use imaging::{Image, Photo, RadianceImage, linear_from_srgb8, srgb8_from_linear};
 use rayon::prelude::*;
@@ -59,6 +61,17 @@ impl Layers {
     }
 }
 
+/// [`srgb8_from_linear`], faster where the result is near the code that a pixel has: most of a shadow is faint.
+fn nearest_srgb8(value: f32, code: u8) -> u8 {
+    /// Linear values half-way between code i and the next.
+    static LIMITS: LazyLock<[f32; 255]> =
+        LazyLock::new(|| std::array::from_fn(|i| imaging::linear_from_srgb((i as f32 + 0.5) / 255.0)));
+    let below = |code: u8| code == 0 || value >= LIMITS[usize::from(code) - 1];
+    let above = |code: u8| code == 255 || value < LIMITS[usize::from(code)];
+    let near = [code, code.saturating_sub(1), code.saturating_sub(2)];
+    near.into_iter().find(|&code| below(code) && above(code)).unwrap_or_else(|| srgb8_from_linear(value))
+}
+
 impl Composite {
     pub(crate) fn new(frame: &Frame, layers: Layers, shadow_ratio: RadianceImage, warnings: Vec<String>) -> Self {
         let changed = |i: usize| layers.alpha.pixels()[i] > 0.0 || shadow_ratio.pixels()[i] != [1.0; 3];
@@ -71,7 +84,8 @@ impl Composite {
             Photo::Srgb8(image) => image.pixels_mut().par_iter_mut().enumerate().for_each(|(i, pixel)| {
                 if changed(i) {
                     let photo = Vec3::from(pixel.map(linear_from_srgb8));
-                    *pixel = mixed(i, photo).to_array().map(srgb8_from_linear);
+                    let mixed = mixed(i, photo).to_array();
+                    *pixel = std::array::from_fn(|channel| nearest_srgb8(mixed[channel], pixel[channel]));
                 }
             }),
             Photo::Linear(image) => image.pixels_mut().par_iter_mut().enumerate().for_each(|(i, pixel)| {
@@ -82,5 +96,21 @@ impl Composite {
         }
         let object = layers.object.map(|radiance| radiance.to_array());
         Self { image, object, alpha: layers.alpha, shadow_ratio, occlusion: layers.occlusion, warnings }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn short_way_to_a_code_is_the_nearest_code() {
+        for i in 0..4000 {
+            let value = -0.1 + 1.2 * i as f32 / 4000.0;
+            for code in [0, 1, 7, 100, 254, 255, srgb8_from_linear(value), srgb8_from_linear(value).saturating_add(1)] {
+                assert_eq!(nearest_srgb8(value, code), srgb8_from_linear(value), "{value} {code}");
+            }
+        }
+        assert_eq!(nearest_srgb8(f32::NAN, 9), 0);
     }
 }

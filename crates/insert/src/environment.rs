@@ -29,10 +29,9 @@ enum Source {
     Octree {
         whole: Box<ConeTracer>,
         /// Reads `whole` between node centres, for reflections.
-        smooth: Option<Box<ConeTracer>>,
+        smooth: Box<ConeTracer>,
+        /// Reads the rest between node centres: the cones start where the object is, and must not jump as it moves.
         dimmed: Box<ConeTracer>,
-        /// Reads `dimmed` between node centres.
-        smooth_dimmed: Option<Box<ConeTracer>>,
         leaf_edge_m: f32,
     },
     Map {
@@ -48,8 +47,6 @@ pub(crate) enum Part {
     Whole,
     /// Without what the light samples carry.
     Dimmed,
-    /// The same along directions that move with the object, which must not jump from node to node.
-    DimmedInMotion,
 }
 
 impl Environment {
@@ -68,19 +65,16 @@ impl Environment {
         };
         let whole = tracer(light, Settings::default())?;
         let interpolated = Settings { sampling: Sampling::Interpolated, ..Settings::default() };
-        let smooth = counts.interpolate.then(|| tracer(light, interpolated)).transpose()?;
+        let smooth = tracer(light, interpolated)?;
         // The back of a closed room's shell looks into empty space: nothing is met there before the end of the cube.
         let faces_room = |origin: Vec3, normal: Vec3| {
             let cone = Cone { origin, direction: normal, tan_half_angle: SHADOW_RAY_TANGENT };
             whole.trace(&cone).opacity > 0.5
         };
         let (emitters, dimmed) = lights::split_octree(light, faces_room);
-        let ending = Settings { min_transmittance: counts.min_transmittance, ..Settings::default() };
-        let smooth_ending = Settings { sampling: Sampling::Interpolated, ..ending };
-        let smooth_dimmed = counts.interpolate.then(|| tracer(&dimmed, smooth_ending)).transpose()?;
-        let dimmed = tracer(&dimmed, ending)?;
+        let dimmed = tracer(&dimmed, Settings { min_transmittance: counts.min_transmittance, ..interpolated })?;
         let lights = Lights::sample(&emitters, LIGHT_SAMPLES);
-        let source = Source::Octree { whole, smooth, dimmed, smooth_dimmed, leaf_edge_m };
+        let source = Source::Octree { whole, smooth, dimmed, leaf_edge_m };
         Ok(Self { source, lights, lift_m: LIFT_EDGES * leaf_edge_m })
     }
 
@@ -103,12 +97,11 @@ impl Environment {
     pub fn gather(&self, part: Part, cones: &[Cone], samples: &mut Vec<Sample>) {
         samples.clear();
         match &self.source {
-            Source::Octree { whole, smooth, dimmed, smooth_dimmed, .. } => {
+            Source::Octree { smooth, dimmed, .. } => {
                 samples.resize(cones.len(), Sample::default());
                 let tracer = match part {
-                    Part::Whole => smooth.as_ref().unwrap_or(whole),
+                    Part::Whole => smooth,
                     Part::Dimmed => dimmed,
-                    Part::DimmedInMotion => smooth_dimmed.as_ref().unwrap_or(dimmed),
                 };
                 tracer.trace_batch(cones, samples);
             }
@@ -124,22 +117,21 @@ impl Environment {
     }
 
     /// Share of each ray's way that real surfaces leave free, for rays `(origin, direction, distance in metres)`.
-    pub fn free_share(&self, rays: &[(Vec3, Vec3, f32)], scratch: &mut Scratch, shares: &mut Vec<f32>) {
+    pub fn free_share(&self, rays: &[(Vec3, Vec3, f32)], shares: &mut Vec<f32>) {
         shares.clear();
         let Source::Octree { whole, leaf_edge_m, .. } = &self.source else {
             shares.resize(rays.len(), 1.0);
             return;
         };
-        scratch.cones.clear();
-        scratch.cones.extend(rays.iter().map(|&(origin, direction, _)| Cone {
+        let ray = |&(origin, direction, _): &(Vec3, Vec3, f32)| Cone {
             origin,
             direction,
             tan_half_angle: SHADOW_RAY_TANGENT,
-        }));
-        scratch.samples.clear();
-        scratch.samples.resize(rays.len(), Sample::default());
-        whole.trace_batch(&scratch.cones, &mut scratch.samples);
-        shares.extend(rays.iter().zip(&scratch.samples).map(|(&(_, _, distance_m), sample)| {
+        };
+        let cones: Vec<Cone> = rays.iter().map(ray).collect();
+        let mut samples = vec![Sample::default(); rays.len()];
+        whole.trace_batch(&cones, &mut samples);
+        shares.extend(rays.iter().zip(&samples).map(|(&(_, _, distance_m), sample)| {
             // From outside of the octree nothing is known to be in the way. The light's own leaf is met up to about two edges before its middle.
             if sample.opacity == 0.0 {
                 return 1.0;
@@ -155,11 +147,4 @@ impl Environment {
         let height_m = plane.signed_distance_m(point);
         point + plane.normal * (self.lift_m - height_m).clamp(0.0, 2.0 * self.lift_m)
     }
-}
-
-/// Buffers for [`Environment::free_share`].
-#[derive(Default)]
-pub(crate) struct Scratch {
-    cones: Vec<Cone>,
-    samples: Vec<Sample>,
 }

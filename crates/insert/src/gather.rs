@@ -7,11 +7,11 @@ use geometry::{Ray, Vec3};
 use rayon::prelude::*;
 
 use crate::brdf::{Brdf, cone_tangent};
-use crate::environment::{Environment, Part, Scratch};
+use crate::environment::{Environment, Part};
 use crate::lights::{LightSample, luminance};
 use crate::object::Object;
 use crate::radiosity::Radiosity;
-use crate::shadow::ShadowRatio;
+use crate::shadow_ratio::ShadowRatio;
 
 /// Distance from a surface at which rays against the object start, as a share of the object's radius.
 const RAY_START: f32 = 2e-4;
@@ -105,7 +105,7 @@ pub(crate) fn object_lights(
         rays.clear();
         let seen = places.iter().filter_map(|&place| Some((place, light.sample.on(place)?)));
         rays.extend(seen.map(|(place, incidence)| (place, incidence.direction, incidence.distance_m)));
-        environment.free_share(&rays, &mut Scratch::default(), &mut shares);
+        environment.free_share(&rays, &mut shares);
         light.free = if shares.iter().all(|&share| share > 0.99) {
             Some(1.0)
         } else if shares.iter().all(|&share| share < 0.01) {
@@ -222,7 +222,7 @@ impl Gatherer<'_> {
                 }
             }
         }
-        self.environment.free_share(&rays, &mut Scratch::default(), &mut shares);
+        self.environment.free_share(&rays, &mut shares);
         for ((index, direction, irradiance), share) in owners.into_iter().zip(&shares) {
             gathered[index].add_light(&receivers[index], direction, irradiance * *share);
         }

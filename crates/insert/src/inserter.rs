@@ -4,6 +4,7 @@ use mesh::PreparedModel;
 use rayon::prelude::*;
 use scene::{Frame, Scene};
 
+use crate::backdrop::Backdrop;
 use crate::brdf::AlbedoTable;
 use crate::composite::{Composite, Layers};
 use crate::environment::Environment;
@@ -11,15 +12,20 @@ use crate::gather::{Gatherer, object_lights};
 use crate::object::Object;
 use crate::quality::Counts;
 use crate::radiosity::{self, Radiosity};
+use crate::receivers::PATTERNS;
 use crate::shade::Shader;
-use crate::shadow::{self, ShadowField, ShadowRatio};
+use crate::shadow::{Caster, ShadowField};
+use crate::shadow_ratio::ShadowRatio;
 use crate::silhouette::Silhouettes;
-use crate::surface::SurfaceMap;
+use crate::surface::{SurfaceMap, without_photo};
 use crate::visibility::{TILE, TileView, Viewer, coverage_pattern};
 use crate::{InsertError, Placement, Quality};
 
 /// Long side at which the photo's depth hides the object; above it, a depth pixel serves several photo pixels.
 const OCCLUSION_SIDE: usize = 2048;
+
+/// Longer side from which on a photo is large.
+const LARGE_SIDE: usize = 1440;
 
 /// What lights the object.
 #[derive(Clone, Debug, Default)]
@@ -58,9 +64,10 @@ impl Inserter {
         let counts = quality.counts();
         let environment = Environment::new(scene, lighting, &counts)?;
         // Readings between two surfaces are no receivers of light, but without them an occluder's edge would have gaps.
-        let clean = scene.frame.without_flying_pixels();
+        let given = without_photo(&scene.frame);
+        let clean = given.without_flying_pixels();
         let surfaces = SurfaceMap::new(&clean);
-        let occluders = surfaces.resampled(&scene.frame, OCCLUSION_SIDE);
+        let occluders = surfaces.resampled(&given, OCCLUSION_SIDE);
         let coarse = ShadowField::new(surfaces.resampled(&clean, counts.coarse_shadow_side), &counts);
         let fine = ShadowField::new(surfaces.resampled(&clean, counts.shadow_side), &counts);
         if quality == Quality::Draft {
@@ -102,15 +109,23 @@ impl Inserter {
         let silhouettes = Silhouettes::new(
             self.environment.lights(),
             counts.background_lights,
-            shadow::PATTERNS,
+            PATTERNS,
             &object,
             counts.silhouette_side,
         );
-        let coarse = self.coarse.ratio(&self.environment, &object, &silhouettes, None);
+        let backdrop = Backdrop::new(&self.environment, object.centre_m, counts.backdrop_side);
+        let caster = |radiosity| Caster {
+            object: &object,
+            environment: &self.environment,
+            silhouettes: &silhouettes,
+            backdrop: &backdrop,
+            radiosity,
+        };
+        let coarse = self.coarse.ratio(&caster(None));
         let patches = radiosity::patches(&object, &self.table, self.counts.patches);
         let direct = Radiosity::new(&gatherer(Some(&coarse), None), &patches);
         let radiosity = Radiosity::new(&gatherer(Some(&coarse), Some(&direct)), &patches);
-        let shadow = self.fine.ratio(&self.environment, &object, &silhouettes, Some(&radiosity));
+        let shadow = self.fine.ratio(&caster(Some(&radiosity)));
 
         let mut layers = Layers::new(self.frame.photo.width(), self.frame.photo.height());
         self.shade_object(&object, gatherer(Some(&shadow), Some(&radiosity)), &mut layers);
@@ -126,13 +141,13 @@ impl Inserter {
             object,
             surfaces: &self.occluders,
             samples: &samples,
-            adaptive: self.counts.adaptive_coverage,
+            thrift: self.counts.thrift,
         };
         let shader = Shader {
             gatherer,
             table: &self.table,
             specular_cones: self.counts.specular_cones,
-            stride: self.counts.shade_stride,
+            stride: self.shade_stride(),
         };
         let Some((left, top, right, bottom)) = viewer.window() else { return };
         let starts = |from: usize, to: usize| (from / TILE * TILE..to).step_by(TILE);
@@ -148,6 +163,16 @@ impl Inserter {
         }
         let radiance = shader.shade(&view.fragments);
         layers.add(&view, &radiance);
+    }
+
+    /// Pixels along the side of the blocks that share diffuse light: as many as cover about as much of the picture in large photos
+    /// as in small ones.
+    fn shade_stride(&self) -> usize {
+        let large = self.frame.photo.width().max(self.frame.photo.height()) >= LARGE_SIDE;
+        match self.counts.shade_stride {
+            2 if large => 4,
+            stride => stride,
+        }
     }
 
     fn warnings(&self, object: &Object, layers: &Layers) -> Vec<String> {

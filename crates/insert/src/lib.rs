@@ -12,13 +12,16 @@
 //!
 //! All sample patterns are fixed in the world, on the object or on the pixel grid; nothing is random, so a sequence does not flicker.
 
+mod backdrop;
 mod blocks;
 mod brdf;
+mod cap;
 mod composite;
 mod environment;
 mod error;
 mod gather;
 mod inserter;
+mod irradiance;
 mod lights;
 mod map;
 mod object;
@@ -26,8 +29,10 @@ mod path;
 mod placement;
 mod quality;
 mod radiosity;
+mod receivers;
 mod shade;
 mod shadow;
+mod shadow_ratio;
 mod silhouette;
 mod surface;
 mod visibility;

@@ -1,21 +1,23 @@
 use serde::{Deserialize, Serialize};
 
+use crate::visibility::Thrift;
+
 /// How much work goes into a composite.
 ///
 /// | | draft | normal | high |
 /// | --- | --- | --- | --- |
-/// | coverage samples on edges of the object | 4 | 8 | 16 |
-/// | diffuse cones over the sphere per shaded point | 16 | 64 | 192 |
-/// | diffuse light shared by neighbouring pixels | 4 × 4 | 2 × 2 | no |
+/// | coverage samples per pixel | 4 on edges, else 1 | 8, or 4 that agree | 16 |
+/// | diffuse cones over the sphere per shaded point | 32 | 64 | 192 |
+/// | diffuse light shared by neighbouring pixels, from 1,440 pixels of the longer side on | 4 × 4, 4 × 4 | 2 × 2, 4 × 4 | no |
 /// | transmittance at which cones of diffuse light end | 1 % | 0.3 % | 0.01 % |
-/// | octree read between node centres for reflections and shadow | no | yes | yes |
-/// | specular cones | 1 | 6 | 24 |
+/// | texels along the side of the room's picture behind the object | 32 | 48 | 96 |
+/// | specular cones of a wide lobe | 1 | 6 | 24 |
 /// | light samples on the object | 6 | 32 | 128 |
-/// | directions per background point (× 16 by interleaving) | 8 | 24 | 96 |
-/// | light samples per background point (× 16 by interleaving) | 3 | 12 | 16 |
-/// | texels along the side of the object's shadow map from each of those | 16 | 40 | (rays) |
+/// | directions per background point (× 16 by interleaving) | 8 | 16 | 96 |
+/// | light samples per background point (× 16 by interleaving) | 3 | 8 | 16 |
+/// | texels along the side of the object's shadow map from each of those | 16 | 32 | (rays) |
 /// | longer side of the shadow map | 128 | 480 | 2048 |
-/// | longer side of the shadow map that the object sees | 64 | 120 | 240 |
+/// | longer side of the shadow map that the object sees | 64 | 80 | 240 |
 /// | points that carry the object's bounced light | 192 | 512 | 1536 |
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -35,16 +37,16 @@ pub(crate) struct Counts {
     pub coverage: usize,
     pub diffuse_cones: usize,
     pub shade_stride: usize,
-    /// Whether pixels inside of the object's outline take one coverage sample.
-    pub adaptive_coverage: bool,
+    /// Where pixels are content with fewer coverage samples.
+    pub thrift: Thrift,
     /// Transmittance at which cones of diffuse light end.
     pub min_transmittance: f32,
-    /// Whether reflections and what the object takes from real surfaces are read between the octree's node centres.
-    pub interpolate: bool,
     pub specular_cones: usize,
     pub object_lights: usize,
     pub background_cones: usize,
     pub background_lights: usize,
+    /// Texels along the side of the room's picture behind the object.
+    pub backdrop_side: usize,
     /// Side of the object's shadow map from each light sample, in texels; 0: a ray from each background point instead.
     pub silhouette_side: usize,
     pub shadow_side: usize,
@@ -63,15 +65,15 @@ impl Quality {
         match self {
             Self::Draft => Counts {
                 coverage: 4,
-                diffuse_cones: 16,
+                diffuse_cones: 32,
                 shade_stride: 4,
-                adaptive_coverage: true,
+                thrift: Thrift::InsideOutline,
                 min_transmittance: 0.01,
-                interpolate: false,
                 specular_cones: 1,
                 object_lights: 6,
                 background_cones: 8,
                 background_lights: 3,
+                backdrop_side: 32,
                 silhouette_side: 16,
                 shadow_side: 128,
                 coarse_shadow_side: 64,
@@ -83,16 +85,16 @@ impl Quality {
                 coverage: 8,
                 diffuse_cones: 64,
                 shade_stride: 2,
-                adaptive_coverage: false,
+                thrift: Thrift::HalfAgree,
                 min_transmittance: 0.003,
-                interpolate: true,
                 specular_cones: 6,
                 object_lights: 32,
-                background_cones: 24,
-                background_lights: 12,
-                silhouette_side: 40,
+                background_cones: 16,
+                background_lights: 8,
+                backdrop_side: 48,
+                silhouette_side: 32,
                 shadow_side: 480,
-                coarse_shadow_side: 120,
+                coarse_shadow_side: 80,
                 patches: 512,
                 negligible: 0.004,
                 share_light_visibility: true,
@@ -101,13 +103,13 @@ impl Quality {
                 coverage: 16,
                 diffuse_cones: 192,
                 shade_stride: 1,
-                adaptive_coverage: false,
+                thrift: Thrift::None,
                 min_transmittance: 1e-4,
-                interpolate: true,
                 specular_cones: 24,
                 object_lights: 128,
                 background_cones: 96,
                 background_lights: 16,
+                backdrop_side: 96,
                 silhouette_side: 0,
                 shadow_side: 2048,
                 coarse_shadow_side: 240,

@@ -7,10 +7,9 @@ use geometry::{Mat3, Ray, Vec3};
 use rayon::prelude::*;
 
 use crate::blocks::Blocks;
-use crate::brdf::{AlbedoTable, Brdf, LobeSample, cone_tangent, hammersley, sample_lobe};
+use crate::brdf::{AlbedoTable, Brdf, LobeSample, cone_tangent, hammersley, quantised, sample_lobe};
 use crate::environment::Part;
 use crate::gather::{Gatherer, Receiver};
-use crate::shadow::quantised;
 use crate::visibility::Fragment;
 
 /// Perceptual roughness below which lobes are gathered from the whole environment, and above which light samples take over the
@@ -19,6 +18,9 @@ const LIGHT_SAMPLING_ROUGHNESS: (f32, f32) = (0.3, 0.5);
 
 /// Widest cone of a glossy reflection.
 const MAX_TANGENT: f32 = 0.8;
+
+/// GGX α from which on a lobe takes all specular cones.
+const WIDE_ALPHA: f32 = 0.12;
 
 /// Largest reflectance at normal incidence of surfaces whose reflections neighbouring pixels may share: dielectrics.
 const FAINT_F0: f32 = 0.1;
@@ -36,7 +38,7 @@ type Owner = (usize, f32);
 pub(crate) struct Shader<'a> {
     pub gatherer: Gatherer<'a>,
     pub table: &'a AlbedoTable,
-    /// Cones per specular lobe; 1 takes the lobe's dominant direction.
+    /// Cones per wide specular lobe; 1 takes the lobe's dominant direction.
     pub specular_cones: usize,
     /// Pixels along the side of the blocks that share gathered diffuse light.
     pub stride: usize,
@@ -154,13 +156,15 @@ impl Shader<'_> {
             (fragment.view - normal * normal.dot(fragment.view)).normalize_or(normal.any_orthonormal_vector());
         let frame = Mat3::from_cols(tangent, normal.cross(tangent), normal);
         let view = Vec3::new((1.0 - n_dot_v * n_dot_v).max(0.0).sqrt(), 0.0, n_dot_v);
-        for i in 0..self.specular_cones {
+        // A narrow lobe is filled by few cones.
+        let count = (self.specular_cones as f32 * (brdf.alpha / WIDE_ALPHA).min(1.0)).ceil().max(3.0) as usize;
+        for i in 0..count {
             let LobeSample { direction, v_dot_h, weight, pdf_per_sr } =
-                sample_lobe(view, brdf.alpha, hammersley(i, self.specular_cones));
+                sample_lobe(view, brdf.alpha, hammersley(i, count));
             if weight <= 0.0 {
                 continue;
             }
-            let solid_angle = 1.0 / (self.specular_cones as f32 * pdf_per_sr);
+            let solid_angle = 1.0 / (count as f32 * pdf_per_sr);
             out.push(Reflection {
                 slot,
                 sample: i,

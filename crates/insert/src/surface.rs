@@ -1,5 +1,5 @@
 use geometry::{Camera, Vec3};
-use imaging::{DepthMap, Image};
+use imaging::{DepthMap, Image, Photo};
 use rayon::prelude::*;
 use scene::{Frame, Scene};
 
@@ -7,6 +7,9 @@ use crate::InsertError;
 
 /// Long side at which normals are fitted; finer depth only adds noise to them.
 const NORMAL_SIDE: usize = 480;
+
+/// Pixels around the one that is asked for that its normal depends on, and some more.
+const NORMAL_REACH: usize = 8;
 
 /// The real surfaces that the photo sees: points and normals, at a resolution of its own.
 #[derive(Debug)]
@@ -28,17 +31,32 @@ pub(crate) struct Surface {
 impl SurfaceMap {
     /// At the resolution at which normals are fitted.
     pub fn new(frame: &Frame) -> Self {
-        let (width, height) = limited(frame, NORMAL_SIDE);
-        let frame = frame.at_resolution(width, height);
+        Self::fitted(limited(frame, NORMAL_SIDE))
+    }
+
+    /// [`SurfaceMap::new`] with nothing but holes beyond some pixels around a relative image position.
+    fn near(frame: &Frame, u: f64, v: f64) -> Self {
+        let mut frame = limited(frame, NORMAL_SIDE);
+        let (width, height) = (frame.depth_m.width(), frame.depth_m.height());
+        let (x, y) = ((u * width as f64) as usize, (v * height as f64) as usize);
+        let depth_m = &frame.depth_m;
+        frame.depth_m = Image::from_fn(width, height, |px, py| {
+            let near = px.abs_diff(x) <= NORMAL_REACH && py.abs_diff(y) <= NORMAL_REACH;
+            if near { depth_m[(px, py)] } else { 0.0 }
+        });
+        Self::fitted(frame)
+    }
+
+    fn fitted(frame: Frame) -> Self {
         let normals = frame.normals().map(|normal| normal.unwrap_or(Vec3::ZERO));
         Self { camera: frame.camera, depth_m: frame.depth_m, normals }
     }
 
     /// The same surfaces with depth at another resolution, its longer side at most `side` and never above the photo's.
     pub fn resampled(&self, frame: &Frame, side: usize) -> Self {
-        let (width, height) = limited(frame, side);
-        let frame = frame.at_resolution(width, height);
+        let frame = limited(frame, side);
         let depth_m = frame.depth_m;
+        let (width, height) = (depth_m.width(), depth_m.height());
         let rows: Vec<Vec<Vec3>> = (0..height)
             .into_par_iter()
             .map(|y| (0..width).map(|x| self.normal_near(x, y, &depth_m)).collect())
@@ -95,16 +113,10 @@ impl SurfaceMap {
     }
 
     /// The pixel that contains a relative image position.
-    pub fn nearest(&self, u: f64, v: f64) -> Option<(usize, usize)> {
+    fn nearest(&self, u: f64, v: f64) -> Option<(usize, usize)> {
         let (x, y) = ((u * self.width() as f64).floor(), (v * self.height() as f64).floor());
         let inside = x >= 0.0 && y >= 0.0 && x < self.width() as f64 && y < self.height() as f64;
         inside.then_some((x as usize, y as usize))
-    }
-
-    /// The pixel that sees a world point, if it lies in the picture.
-    pub fn pixel_of(&self, point: Vec3) -> Option<(usize, usize)> {
-        let (u, v, _) = self.camera.project(point)?;
-        self.nearest(u / self.width() as f64, v / self.height() as f64)
     }
 }
 
@@ -121,17 +133,31 @@ pub fn surface_at_pixel(scene: &Scene, u: f64, v: f64) -> Result<(Vec3, Vec3), I
     if !inside {
         return Err(InsertError::PixelOutside { u, v, width, height });
     }
-    let map = SurfaceMap::new(&scene.frame.without_flying_pixels());
-    let surface = map.at(u / width as f64, v / height as f64).ok_or(InsertError::NoDepth { u, v })?;
+    let (relative_u, relative_v) = (u / width as f64, v / height as f64);
+    let map = SurfaceMap::near(&without_photo(&scene.frame).without_flying_pixels(), relative_u, relative_v);
+    let surface = map.at(relative_u, relative_v).ok_or(InsertError::NoDepth { u, v })?;
     Ok((surface.position_m, surface.normal))
 }
 
-/// The photo's size, shrunk until its longer side is at most `side`.
-fn limited(frame: &Frame, side: usize) -> (usize, usize) {
-    let (width, height) = (frame.photo.width(), frame.photo.height());
-    let scale = (side as f64 / width.max(height) as f64).min(1.0);
-    let scaled = |length: usize| ((length as f64 * scale).round() as usize).max(1);
-    (scaled(width), scaled(height))
+/// Camera and depth alone, behind a photo of one pixel: surfaces do not depend on the photo, and resampling it takes longer than
+/// all that is done with the depth.
+pub(crate) fn without_photo(frame: &Frame) -> Frame {
+    let photo = Photo::Srgb8(Image::new(1, 1, vec![[0; 3]]));
+    Frame { camera: frame.camera, photo, depth_m: frame.depth_m.clone(), exposure: frame.exposure }
+}
+
+/// A frame [`without_photo`], its depth at the photo's size shrunk until the longer side is at most `side`.
+fn limited(frame: &Frame, side: usize) -> Frame {
+    let (width, height) = (f64::from(frame.camera.width), f64::from(frame.camera.height));
+    let scale = (side as f64 / width.max(height)).min(1.0);
+    let scaled = |length: f64| ((length * scale).round() as usize).max(1);
+    let (width, height) = (scaled(width), scaled(height));
+    Frame {
+        camera: frame.camera.resized(width as u32, height as u32),
+        photo: frame.photo.clone(),
+        depth_m: imaging::resize_depth(&frame.depth_m, width, height),
+        exposure: frame.exposure,
+    }
 }
 
 /// The up to four pixels around `(u, v)` (pixel centres at integers) with their bilinear weights, clamped to the image.

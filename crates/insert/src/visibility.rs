@@ -42,11 +42,32 @@ pub(crate) struct TileView {
     pub hidden: Vec<((usize, usize), f32)>,
 }
 
-/// `count` places in a pixel, in [0, 1)²; the most central first, because the first one that meets a surface is shaded.
+/// `count` places in a pixel, in [0, 1)²; the most central first, because the first one that meets a surface is shaded, then
+/// each as far as can be from those before it, so that the first half covers the pixel too.
 pub(crate) fn coverage_pattern(count: usize) -> Vec<Vec2> {
     let mut places: Vec<Vec2> = (0..count).map(|i| hammersley(i, count)).collect();
-    places.sort_by(|a, b| a.distance_squared(Vec2::splat(0.5)).total_cmp(&b.distance_squared(Vec2::splat(0.5))));
+    for next in 0..count {
+        let (before, rest) = places.split_at_mut(next);
+        let nearest =
+            |place: &Vec2| before.iter().map(|other| other.distance_squared(*place)).fold(f32::INFINITY, f32::min);
+        let off_centre = |place: &Vec2| -place.distance_squared(Vec2::splat(0.5));
+        let gain = |place: &Vec2| if next == 0 { off_centre(place) } else { nearest(place) };
+        if let Some(best) = (0..rest.len()).max_by(|&a, &b| gain(&rest[a]).total_cmp(&gain(&rest[b]))) {
+            rest.swap(0, best);
+        }
+    }
     places
+}
+
+/// Where pixels are content with fewer samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Thrift {
+    /// Nowhere.
+    None,
+    /// Where the first half of the samples show the same.
+    HalfAgree,
+    /// One sample where the neighbours show about the same; what is thinner than a pixel may be missed.
+    InsideOutline,
 }
 
 /// Casts the camera's rays.
@@ -57,8 +78,7 @@ pub(crate) struct Viewer<'a> {
     pub surfaces: &'a SurfaceMap,
     /// Places of the samples within a pixel, see [`coverage_pattern`].
     pub samples: &'a [Vec2],
-    /// Whether pixels whose neighbours show about the same are content with one sample; what is thinner than a pixel may be missed.
-    pub adaptive: bool,
+    pub thrift: Thrift,
 }
 
 /// What the ray through a pixel's centre meets, for comparison with its neighbours.
@@ -102,7 +122,8 @@ impl Viewer<'_> {
         let mut view = TileView::default();
         let (columns, rows) = (right - left, bottom - top);
         let stride = columns + 2;
-        let probes: Vec<Option<Probe>> = if self.adaptive {
+        let by_neighbours = self.thrift == Thrift::InsideOutline;
+        let probes: Vec<Option<Probe>> = if by_neighbours {
             (0..stride * (rows + 2))
                 .map(|i| self.probe(left as f64 + (i % stride) as f64 - 0.5, top as f64 + (i / stride) as f64 - 0.5))
                 .collect()
@@ -112,7 +133,7 @@ impl Viewer<'_> {
         for y in 0..rows {
             for x in 0..columns {
                 let pixel = (left + x, top + y);
-                if !self.adaptive {
+                if !by_neighbours {
                     self.pixel(pixel, self.samples.len(), &mut view);
                     continue;
                 }
@@ -149,6 +170,13 @@ impl Viewer<'_> {
         let first = view.fragments.len();
         let mut hidden = 0.0;
         for i in 0..samples {
+            if self.thrift == Thrift::HalfAgree
+                && 2 * i == samples
+                && self.agree(i, samples, hidden, &mut view.fragments[first..])
+            {
+                hidden *= 2.0;
+                break;
+            }
             let offset = if samples == 1 { Vec2::splat(0.5) } else { self.samples[i] };
             let (u, v) = (pixel.0 as f64 + f64::from(offset.x), pixel.1 as f64 + f64::from(offset.y));
             let ray = Ray { origin: Vec3::ZERO, direction: self.camera.direction(u, v) };
@@ -169,6 +197,20 @@ impl Viewer<'_> {
         }
         if hidden > 0.0 {
             view.hidden.push((pixel, hidden));
+        }
+    }
+
+    /// Whether the first `done` of a pixel's samples show the same: nothing, something hidden, or one opaque surface, whose
+    /// weight then stands for all samples.
+    fn agree(&self, done: usize, samples: usize, hidden: f32, own: &mut [Fragment]) -> bool {
+        let all = done as f32 / samples as f32 - 1e-4;
+        match own {
+            [] => hidden == 0.0 || hidden > all,
+            [fragment] if fragment.point.alpha == 1.0 && fragment.weight > all => {
+                fragment.weight = 1.0;
+                true
+            }
+            _ => false,
         }
     }
 

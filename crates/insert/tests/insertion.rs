@@ -138,7 +138,7 @@ fn a_moving_object_does_not_flicker() {
     for placement in &mut placements {
         placement.support = Some(Plane { normal: Vec3::Y, offset_m: LOW.y });
     }
-    for (quality, tolerance) in [(Quality::Draft, 0.008), (Quality::Normal, 0.004)] {
+    for quality in [Quality::Draft, Quality::Normal] {
         let inserter = Inserter::new(&scene, Lighting::Octree, quality).unwrap();
         let frames: Vec<Composite> = placements.iter().map(|p| inserter.render(&model, p).unwrap()).collect();
         // Where no frame has object or shadow nothing at all changes, and the same placement gives the same picture.
@@ -166,8 +166,8 @@ fn a_moving_object_does_not_flicker() {
             "{quality:?}: {} pixels in shadow, mean change {step:.5} a frame, mean second difference {bend:.5}",
             shadow.len()
         );
-        assert!(shadow.len() > 100 && step < 0.015 && bend < tolerance);
-        assert!(quality == Quality::Draft || bend < 0.7 * step);
+        // Measured: 0.29 and 0.33 of the step; pure jitter gives √3 of it.
+        assert!(shadow.len() > 100 && step < 0.01 && bend < 0.003 && bend < 0.5 * step);
     }
 }
 

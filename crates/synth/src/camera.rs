@@ -39,6 +39,8 @@ pub(crate) struct Space<'a> {
     pub plan: &'a Plan,
     pub solids: &'a [SolidBox],
     pub model: &'a PreparedModel,
+    /// The first so many triangles are floor, walls and ceiling.
+    pub shell: usize,
 }
 
 /// Rays of a coarse picture.
@@ -46,9 +48,10 @@ const COLUMNS: usize = 9;
 const ROWS: usize = 6;
 
 impl Space<'_> {
-    /// Distance to the next surface; panes do not count as free space behind them.
-    fn depth(&self, origin: Vec3, direction: Vec3) -> f32 {
-        self.model.intersect_both_sides(&Ray { origin, direction }, 100.0).map_or(100.0, |hit| hit.distance_m)
+    /// Distance to the next surface, and whether it is more than bare wall. Behind panes is no free space.
+    fn depth(&self, origin: Vec3, direction: Vec3) -> (f32, bool) {
+        let hit = self.model.intersect_both_sides(&Ray { origin, direction }, 100.0);
+        hit.map_or((100.0, false), |hit| (hit.distance_m, hit.triangle as usize >= self.shell))
     }
 
     /// Whether a point is inside the room and at least `margin_m` from all solids, walls, floor and ceiling.
@@ -85,7 +88,7 @@ impl Space<'_> {
                 best = Some((score, pose));
             }
             // Good enough, after a look around.
-            if attempt >= 5 && best.as_ref().is_some_and(|b| b.0 > 0.55) {
+            if attempt >= 5 && best.as_ref().is_some_and(|b| b.0 > 0.95) {
                 break;
             }
         }
@@ -113,13 +116,15 @@ impl Space<'_> {
         None
     }
 
-    /// How much of the room a view shows: depth, variety of depth, nothing right before the lens.
+    /// How much of the room a view shows: depth, variety of depth, things, nothing right before the lens.
     fn score(&self, camera: &Camera, pose: &Pose) -> f32 {
-        let (mut sum, mut near, mut squares) = (0.0, 0.0, 0.0);
+        let (mut sum, mut near, mut squares, mut things) = (0.0, 0.0, 0.0, 0.0);
         for k in 0..COLUMNS * ROWS {
             let u = (f64::from((k % COLUMNS) as u32) + 0.5) / COLUMNS as f64 * f64::from(camera.width);
             let v = (f64::from((k / COLUMNS) as u32) + 0.5) / ROWS as f64 * f64::from(camera.height);
-            let depth = self.depth(pose.position, pose.rotation * camera.direction(u, v)).min(8.0);
+            let (depth, thing) = self.depth(pose.position, pose.rotation * camera.direction(u, v));
+            let depth = depth.min(8.0);
+            things += if thing { 1.0 } else { 0.0 };
             let value = (depth / 0.5).ln();
             sum += value;
             squares += value * value;
@@ -128,7 +133,7 @@ impl Space<'_> {
         let number = (COLUMNS * ROWS) as f32;
         let mean = sum / number;
         let variety = (squares / number - mean * mean).max(0.0).sqrt();
-        0.3 * mean + 0.5 * variety.min(0.6) - 2.0 * near / number
+        0.3 * mean + 0.5 * variety.min(0.6) + (things / number).min(0.45) - 2.0 * near / number
     }
 
     /// A free point that the photo sees: in its frustum, before the surface at its pixel, not nearer than `margin_m` to anything.
@@ -140,7 +145,7 @@ impl Space<'_> {
                 let u = f64::from(between(random, 0.06, 0.94)) * f64::from(camera.width);
                 let v = f64::from(between(random, 0.06, 0.94)) * f64::from(camera.height);
                 let direction = pose.rotation * camera.direction(u, v);
-                let depth = self.depth(pose.position, direction).min(8.0);
+                let depth = self.depth(pose.position, direction).0.min(8.0);
                 if depth < 0.6 {
                     continue;
                 }

@@ -1,5 +1,6 @@
 //! One room, from its seed.
 
+use std::ops::Range;
 use std::sync::OnceLock;
 
 use geometry::Vec3;
@@ -14,7 +15,7 @@ use crate::description::{Description, Lighting, RoomKind, Weather};
 use crate::error::SynthError;
 use crate::palette::{Mood, Palette, Style};
 use crate::plan::Plan;
-use crate::stage::{Object, Stage};
+use crate::stage::{Stage, Support};
 use crate::{doors, furniture, lighting, outdoors, shell, windows};
 
 /// A furnished room with its lamps and what is outside.
@@ -26,14 +27,26 @@ pub struct Interior {
     pub world: World,
     /// Figures for statistics.
     pub description: Description,
+    /// What the model consists of, in the order of its triangles.
+    pub objects: Vec<Object>,
     seed: u64,
     index: u64,
     config: SynthConfig,
     plan: Plan,
-    objects: Vec<Object>,
     solids: Vec<SolidBox>,
     /// Of the bare triangles, for questions about space; made when first asked.
     prepared: OnceLock<PreparedModel>,
+}
+
+/// A thing in a room: a piece of furniture, a lamp, a part of the building.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Object {
+    /// What it is.
+    pub name: &'static str,
+    /// What it rests on.
+    pub support: Support,
+    /// Triangles of each of its solids (or open sheets).
+    pub parts: Vec<Range<usize>>,
 }
 
 impl Interior {
@@ -69,7 +82,7 @@ impl Interior {
         doors::build(&mut stage);
         let portals = windows::build(&mut stage, weather == Weather::Night);
         stage.random = random::stream(seed, "synth furniture", index);
-        furniture::furnish(&mut stage, kind, clutter);
+        furniture::furnish(&mut stage, kind, clutter, lighting);
         stage.random = random::stream(seed, "synth lamps", index);
         lighting::light(&mut stage, kind, lighting);
         let outdoors =
@@ -77,7 +90,8 @@ impl Interior {
 
         let description = describe(&stage, kind, weather, lighting, clutter);
         let solids = solids(&stage);
-        let Stage { plan, palette, shape, objects, .. } = stage;
+        let objects = objects(&stage);
+        let Stage { plan, palette, shape, .. } = stage;
         let model = Model {
             positions: shape.positions,
             normals: shape.normals,
@@ -148,7 +162,7 @@ impl Interior {
             };
             PreparedModel::new(bare)
         });
-        Space { plan: &self.plan, solids: &self.solids, model }
+        Space { plan: &self.plan, solids: &self.solids, model, shell: self.objects[0].parts[0].end }
     }
 }
 
@@ -206,6 +220,12 @@ fn describe(stage: &Stage, kind: RoomKind, weather: Weather, lighting: Lighting,
         objects: stage.objects.len(),
         triangles: stage.shape.triangles.len(),
     }
+}
+
+fn objects(stage: &Stage) -> Vec<Object> {
+    let placed = stage.objects.iter();
+    let parts = |parts: &Range<usize>| stage.shape.parts[parts.clone()].iter().map(|p| p.triangles.clone()).collect();
+    placed.map(|o| Object { name: o.name, support: o.support, parts: parts(&o.parts) }).collect()
 }
 
 /// Boxes around all solids but the shell itself.

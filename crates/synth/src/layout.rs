@@ -67,6 +67,8 @@ struct Block {
     y: [f32; 2],
     /// Taken by a thing; otherwise kept free of things, as before a door.
     solid: bool,
+    /// The object that takes it, if things may be put into or onto it.
+    owner: Option<usize>,
 }
 
 /// What stands on the floor and where one can still walk.
@@ -95,31 +97,48 @@ impl Layout {
 
     /// Nothing that stands there may be put in the way later.
     pub(crate) fn keep_free(&mut self, footprint: Footprint, y: [f32; 2]) {
-        self.blocks.push(Block { footprint, y, solid: false });
+        self.blocks.push(Block { footprint, y, solid: false, owner: None });
     }
 
     /// Takes the space.
     pub(crate) fn take(&mut self, footprint: Footprint, y: [f32; 2]) {
+        self.take_for(footprint, y, None);
+    }
+
+    /// Takes the space for an object that carries others.
+    pub(crate) fn take_for(&mut self, footprint: Footprint, y: [f32; 2], owner: Option<usize>) {
         if in_the_way(y) {
             self.grid.mark(&footprint);
         }
-        self.blocks.push(Block { footprint, y, solid: true });
+        self.blocks.push(Block { footprint, y, solid: true, owner });
     }
 
     /// Whether a thing can be there: inside the room, below the ceiling, in nothing else and in no passage.
     pub(crate) fn fits(&self, plan: &Plan, footprint: &Footprint, y: [f32; 2]) -> bool {
-        self.fits_beside(plan, footprint, y, true)
+        self.fits_beside(plan, footprint, y, true, None)
     }
 
     /// As [`Layout::fits`], for space that must be free but may be kept free for others as well.
     pub(crate) fn is_clear(&self, plan: &Plan, footprint: &Footprint, y: [f32; 2]) -> bool {
-        self.fits_beside(plan, footprint, y, false)
+        self.fits_beside(plan, footprint, y, false, None)
     }
 
-    fn fits_beside(&self, plan: &Plan, footprint: &Footprint, y: [f32; 2], passages: bool) -> bool {
+    /// As [`Layout::is_clear`], for a thing on or in the object `carrier`.
+    pub(crate) fn is_clear_on(&self, plan: &Plan, footprint: &Footprint, y: [f32; 2], carrier: usize) -> bool {
+        self.fits_beside(plan, footprint, y, false, Some(carrier))
+    }
+
+    fn fits_beside(
+        &self,
+        plan: &Plan,
+        footprint: &Footprint,
+        y: [f32; 2],
+        passages: bool,
+        carrier: Option<usize>,
+    ) -> bool {
         inside(plan, footprint, y[1])
             && self.blocks.iter().all(|block| {
-                let counts = block.solid || passages;
+                let counts = (block.solid || passages) && (carrier.is_none() || block.owner != carrier);
                 !counts || y[0] >= block.y[1] || y[1] <= block.y[0] || !block.footprint.overlaps(footprint)
             })
     }

@@ -3,8 +3,6 @@
 //! [`Interior::generate`] gives a room as a [`transport::World`]; [`Interior::camera_poses`] and
 //! [`Interior::probe_positions`] say where to look at it from. Radiance is absolute: one unit is [`UNIT_CD_M2`].
 
-#![expect(dead_code, reason = "the first rooms have a table alone; finishes and solids wait for furniture")]
-
 mod camera;
 mod chance;
 mod config;
@@ -29,5 +27,6 @@ pub use camera::CameraPose;
 pub use config::SynthConfig;
 pub use description::{Description, Lighting, Outline, RoomKind, Weather};
 pub use error::SynthError;
-pub use interior::Interior;
+pub use interior::{Interior, Object};
 pub use photometry::UNIT_CD_M2;
+pub use stage::Support;

@@ -129,6 +129,13 @@ impl Palette {
         Paint { material: self.push(material), tint: [1.0; 3] }
     }
 
+    /// A matt material of its own name and colour, for what may be found again by the name.
+    pub(crate) fn named(&mut self, name: &str, color: [f32; 3]) -> Paint {
+        let known = self.materials.iter().position(|m| m.name == name).map(|m| m as u32);
+        let material = known.unwrap_or_else(|| self.plain(name, 0.8, color));
+        Paint { material, tint: [1.0; 3] }
+    }
+
     /// A picture over texture coordinates `[0, 1]²`, shown by reflection or, with a radiance of its white, as a screen.
     pub(crate) fn picture(&mut self, seed: u64, screen_radiance: Option<f32>) -> Paint {
         let material = match screen_radiance {
@@ -221,9 +228,9 @@ impl Palette {
         };
         let [ash, oak, walnut] = light;
         match weighted(random, &[(0, ash), (1, oak), (2, walnut)]) {
-            0 => tone(between(random, 30.0, 38.0), between(random, 0.45, 0.6), between(random, 0.3, 0.45)),
-            1 => tone(between(random, 26.0, 34.0), between(random, 0.6, 0.75), between(random, 0.15, 0.28)),
-            _ => tone(between(random, 18.0, 28.0), between(random, 0.6, 0.8), between(random, 0.05, 0.12)),
+            0 => tone(between(random, 39.0, 45.0), between(random, 0.45, 0.6), between(random, 0.3, 0.45)),
+            1 => tone(between(random, 36.0, 42.0), between(random, 0.62, 0.75), between(random, 0.15, 0.28)),
+            _ => tone(between(random, 27.0, 36.0), between(random, 0.6, 0.75), between(random, 0.05, 0.12)),
         }
     }
 

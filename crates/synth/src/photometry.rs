@@ -3,6 +3,8 @@
 //! One unit of radiance (of the luminance of linear RGB) stands for 100 cd/m². A wall of reflectance 0.7 under 300 lx has
 //! 67 cd/m², 0.67 units; ceiling panels 20–60, bare bulbs 100–1,000, an overcast sky 10–60, the sun's disc some 10⁷ units.
 
+use std::ops::Range;
+
 use crate::palette::Palette;
 use crate::solids::Shape;
 
@@ -19,11 +21,17 @@ pub(crate) struct Glow {
 
 /// Makes all triangles of a shape since `first` give off the lamp's flux evenly, as a Lambertian surface does.
 pub(crate) fn light(palette: &mut Palette, shape: &mut Shape, first: usize, glow: &Glow) {
-    let area_m2 = shape.area_since(first).max(1e-6);
+    let end = shape.triangles.len();
+    light_range(palette, shape, first..end, glow);
+}
+
+/// As [`light`], for some of the triangles.
+pub(crate) fn light_range(palette: &mut Palette, shape: &mut Shape, range: Range<usize>, glow: &Glow) {
+    let area_m2 = shape.area(range.clone()).max(1e-6);
     let luminance = glow.flux_lm / (std::f32::consts::PI * area_m2);
     let radiance = luminance_color(glow.kelvin).map(|c| c * luminance / UNIT_CD_M2);
     let paint = palette.emitter("lamp", radiance);
-    for material in &mut shape.materials[first..] {
+    for material in &mut shape.materials[range] {
         *material = paint.material;
     }
 }

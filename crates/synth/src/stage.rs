@@ -27,9 +27,9 @@ pub enum Support {
     Building,
 }
 
-/// A thing in the room.
+/// A thing in the room while it is made.
 #[derive(Clone, Debug)]
-pub(crate) struct Object {
+pub(crate) struct Placed {
     pub name: &'static str,
     pub support: Support,
     /// Of the stage's shape.
@@ -103,7 +103,7 @@ pub(crate) struct Stage {
     pub random: Stream,
     pub layout: Layout,
     pub shape: Shape,
-    pub objects: Vec<Object>,
+    pub objects: Vec<Placed>,
     pub tops: Vec<PlacedTop>,
     /// Lamps, burning or not: number, number that burn, their light.
     pub lamps: usize,
@@ -132,7 +132,7 @@ impl Stage {
     pub(crate) fn fix(&mut self, name: &'static str, support: Support, shape: &Shape, rotation: Quat, offset: Vec3) {
         let first = self.shape.parts.len();
         self.shape.add(shape, rotation, offset);
-        self.objects.push(Object { name, support, parts: first..self.shape.parts.len() });
+        self.objects.push(Placed { name, support, parts: first..self.shape.parts.len() });
     }
 
     /// Adds a shape given in the frame of a wall (x along it, y up, z into the room).
@@ -238,12 +238,18 @@ impl Stage {
             }
             self.layout.keep_free(front, [0.02, 1.6]);
         }
-        self.layout.take(footprint, y);
-        let placed = group.iter().map(|(piece, offset, yaw)| {
+        let mut placed = Vec::with_capacity(group.len());
+        for (piece, offset, yaw) in group {
             let moved = at + turned(*offset, yaw_rad);
-            self.put(piece, Support::Floor, yaw_rad + yaw, Vec3::new(moved.x, 0.0, moved.y))
-        });
-        Some(placed.collect())
+            let object = self.put(piece, Support::Floor, yaw_rad + yaw, Vec3::new(moved.x, 0.0, moved.y));
+            let (least, most) = piece.shape.bounds();
+            let own = Footprint::of_box(least, most, yaw_rad + yaw, moved);
+            self.layout.take_for(own, [least.y.max(0.0), most.y], Some(object));
+            placed.push(object);
+        }
+        // Nothing is squeezed in between them.
+        self.layout.keep_free(footprint, y);
+        Some(placed)
     }
 
     /// Middle of what an object covers, seen from above, and its extent in the room's axes.

@@ -1,13 +1,13 @@
 //! Windows: reveals, frames, panes, sills, radiators, blinds and curtains.
 
-use geometry::{Quat, Vec3};
+use geometry::{Quat, Vec2, Vec3};
 use transport::Portal;
 
 use crate::chance::{between, chance, count, weighted};
 use crate::layout::Footprint;
 use crate::palette::Finish;
 use crate::plan::{Opening, Wall};
-use crate::solids::{Paint, Shape};
+use crate::solids::Shape;
 use crate::stage::{Piece, Stage, Support};
 
 /// Builds all windows and gives the portals through which daylight comes.
@@ -23,7 +23,8 @@ pub(crate) fn build(stage: &mut Stage, night: bool) -> Vec<Portal> {
         let wall = stage.plan.walls[index].clone();
         for opening in wall.openings.iter().filter(|o| o.is_window()) {
             reveal(stage, index, opening);
-            frame(stage, index, opening, grid);
+            let shelf = matches!(dressing, Dressing::None | Dressing::Curtains);
+            frame(stage, index, opening, grid, shelf);
             portals.push(portal(&wall, opening));
             match dressing {
                 Dressing::None => {}
@@ -61,7 +62,7 @@ pub(crate) fn reveal(stage: &mut Stage, wall: usize, opening: &Opening) {
     let ([a, b], [low, high]) = (opening.s, opening.h);
     let mut shape = Shape::default();
     let p = Vec3::new;
-    shape.polygon(&[p(a, low, deep), p(a, low, 0.0), p(a, high, 0.0), p(a, high, deep)], paint.tinted([1.0; 3]));
+    shape.polygon(&[p(a, low, deep), p(a, low, 0.0), p(a, high, 0.0), p(a, high, deep)], paint);
     shape.polygon(&[p(b, low, 0.0), p(b, low, deep), p(b, high, deep), p(b, high, 0.0)], paint);
     shape.polygon(&[p(a, high, 0.0), p(b, high, 0.0), p(b, high, deep), p(a, high, deep)], paint);
     shape.polygon(&[p(a, low, deep), p(b, low, deep), p(b, low, 0.0), p(a, low, 0.0)], paint);
@@ -70,7 +71,7 @@ pub(crate) fn reveal(stage: &mut Stage, wall: usize, opening: &Opening) {
 }
 
 /// Frame, glazing bars, one pane per field, and a sill.
-fn frame(stage: &mut Stage, wall: usize, opening: &Opening, [columns, rows]: [usize; 2]) {
+fn frame(stage: &mut Stage, wall: usize, opening: &Opening, [columns, rows]: [usize; 2], shelf: bool) {
     let paint = stage.palette.paint(Finish::WindowFrame);
     let glass = stage.palette.paint(Finish::Glass);
     let deep = -stage.plan.walls[wall].thickness_m;
@@ -107,18 +108,18 @@ fn frame(stage: &mut Stage, wall: usize, opening: &Opening, [columns, rows]: [us
         let reach = between(&mut stage.random, 0.02, 0.12);
         let mut sill = Shape::default();
         sill.board(Vec3::new(a - 0.03, low - 0.03, 0.001), Vec3::new(b + 0.03, low, reach), paint);
-        stage.fix_to_wall("window sill", Support::Wall, &sill, wall);
-        let (center, half) =
-            (Vec3::new(0.0, 0.0, 0.0), geometry::Vec2::new(0.5 * (b - a) - 0.05, 0.5 * (front.abs() * 0.8)));
-        let place = stage.plan.walls[wall].point(0.5 * (a + b), low, 0.5 * front);
-        let yaw = stage.plan.walls[wall].yaw_rad();
+        stage.fix_to_wall("sill edge", Support::Building, &sill, wall);
+        // The board in the reveal, in its own frame about its middle, where flower pots stand.
+        let half = Vec2::new(0.5 * (b - a), -0.5 * front);
         let mut board = Shape::default();
-        board.cuboid(Vec3::new(a + 0.001, low - 0.002, front), Vec3::new(b - 0.001, low + 0.004, 0.0), paint);
-        stage.fix_to_wall("sill board", Support::Building, &board, wall);
-        if half.y > 0.05 {
-            let top = Piece::new("window sill", Shape::default()).with_top(center, half, 0.5);
-            stage.put(&top, Support::Building, yaw, place + Vec3::Y * 0.004);
+        board.cuboid(Vec3::new(-half.x, -0.006, -half.y), Vec3::new(half.x, 0.0, half.y), paint);
+        let mut piece = Piece::new("window sill", board);
+        if shelf && half.y > 0.07 {
+            piece = piece.with_top(Vec3::ZERO, half - Vec2::new(0.1, 0.055), (high - low - 0.1).min(0.5));
         }
+        let place = stage.plan.walls[wall].point(0.5 * (a + b), low + 0.004, 0.5 * front);
+        let yaw = stage.plan.walls[wall].yaw_rad();
+        stage.put(&piece, Support::Building, yaw, place);
     }
 }
 
@@ -126,7 +127,7 @@ fn frame(stage: &mut Stage, wall: usize, opening: &Opening, [columns, rows]: [us
 fn take(stage: &mut Stage, wall: usize, least: Vec3, most: Vec3) {
     let origin = stage.plan.walls[wall].point(0.0, 0.0, 0.0);
     let yaw = stage.plan.walls[wall].yaw_rad();
-    let footprint = Footprint::of_box(least, most, yaw, geometry::Vec2::new(origin.x, origin.z));
+    let footprint = Footprint::of_box(least, most, yaw, Vec2::new(origin.x, origin.z));
     stage.layout.take(footprint, [least.y, most.y]);
 }
 
@@ -140,14 +141,13 @@ fn curtains(stage: &mut Stage, wall: usize, opening: &Opening, night: bool) {
     let bottom = if to_floor { 0.02 } else { opening.h[0] - 0.15 };
     let z = 0.145;
     let space = [Vec3::new(a - 0.03, bottom, 0.0), Vec3::new(b + 0.03, top + 0.04, 0.21)];
-    let middle = (space[0] + space[1]) * 0.5;
     let free = {
         let at = stage.plan.walls[wall].point(0.0, 0.0, 0.0);
         let yaw = stage.plan.walls[wall].yaw_rad();
-        let footprint = Footprint::of_box(space[0], space[1], yaw, geometry::Vec2::new(at.x, at.z));
+        let footprint = Footprint::of_box(space[0], space[1], yaw, Vec2::new(at.x, at.z));
         stage.layout.fits(&stage.plan, &footprint.grown(-0.001), [bottom, top + 0.05])
     };
-    if !free || middle.x.is_nan() {
+    if !free {
         return;
     }
     take(stage, wall, space[0], space[1]);
@@ -160,7 +160,12 @@ fn curtains(stage: &mut Stage, wall: usize, opening: &Opening, night: bool) {
     for x in [a, b] {
         shape.ball(Vec3::new(x, top, z), [0.022, 0.022], 10, rod);
     }
+    let with_net = !night && chance(&mut stage.random, 0.35);
+    if with_net {
+        shape.bar(Vec3::new(a + 0.02, top, 0.075), Vec3::new(b - 0.02, top, 0.075), [0.008; 2], 8, rod);
+    }
     stage.fix_to_wall("curtain rod", Support::Wall, &shape, wall);
+    let carrier = Support::Object(stage.objects.len() - 1);
     let cloth = stage.palette.paint(Finish::Curtain);
     let closed_share = if night { 0.5 } else { 0.08 };
     let drawn = if chance(&mut stage.random, closed_share) {
@@ -180,15 +185,15 @@ fn curtains(stage: &mut Stage, wall: usize, opening: &Opening, night: bool) {
             *p += Vec3::new(x, bottom, z);
         }
     }
-    stage.fix_to_wall("curtain", Support::Wall, &shape, wall);
-    if !night && chance(&mut stage.random, 0.35) {
+    stage.fix_to_wall("curtain", carrier, &shape, wall);
+    if with_net {
         let net = stage.palette.paint(Finish::NetCurtain);
         let mut shape = Shape::default();
         shape.drape(b - a - 0.1, top - 0.03 - bottom, (b - a) / 0.16, 0.018, 0.0, net);
         for p in &mut shape.positions {
             *p += Vec3::new(a + 0.05, bottom, 0.075);
         }
-        stage.fix_to_wall("net curtain", Support::Wall, &shape, wall);
+        stage.fix_to_wall("net curtain", carrier, &shape, wall);
     }
 }
 
@@ -233,7 +238,7 @@ fn roller(stage: &mut Stage, wall: usize, opening: &Opening, night: bool) {
 /// A Venetian blind: slats of 25 mm, turned together.
 fn slats(stage: &mut Stage, wall: usize, opening: &Opening, night: bool) {
     let share = let_down(stage, night);
-    let metal: Paint = stage.palette.paint(Finish::Lacquer);
+    let metal = stage.palette.paint(Finish::Lacquer);
     let ([a, b], [low, high]) = (opening.s, opening.h);
     let z = -0.35 * stage.plan.walls[wall].thickness_m;
     let tilt = between(&mut stage.random, -0.2, 1.1);
@@ -283,7 +288,7 @@ fn radiator(stage: &mut Stage, wall: usize, opening: &Opening) {
     let origin = stage.plan.walls[wall].point(0.0, 0.0, 0.0);
     let yaw = stage.plan.walls[wall].yaw_rad();
     let (least, most) = (Vec3::new(a, 0.0, 0.0), Vec3::new(b, top, 0.16));
-    let footprint = Footprint::of_box(least, most, yaw, geometry::Vec2::new(origin.x, origin.z));
+    let footprint = Footprint::of_box(least, most, yaw, Vec2::new(origin.x, origin.z));
     if stage.layout.fits(&stage.plan, &footprint.grown(-0.002), [0.0, top]) {
         stage.layout.take(footprint, [0.0, top]);
         stage.fix_to_wall("radiator", Support::Wall, &shape, wall);

@@ -11,12 +11,22 @@ use crate::BakeSettings;
 use crate::lighting::{Lighting, Part, limited};
 use crate::lights::{Emitters, luminance};
 use crate::pattern::{Rotations, shifted};
+use crate::reach;
 use crate::scene::Scene;
 use crate::surfels::Surfels;
 use crate::transfer;
 
 /// Most mirrors and panes on the way of a gather ray.
 const MOST_MIRRORS: u32 = 8;
+
+/// Lamps in mirrors are no brighter to the cache than this many times the mean irradiance: few rays find them.
+const MOST_MIRRORED: f64 = 100.0;
+
+/// Surfaces brighter than this many times the mean are sampled like lamps in the exchange.
+const BRIGHT: f32 = 3.0;
+
+/// A gap narrower than this share of the spacing cannot be looked into.
+const BURIED_SHARE: f32 = 0.25;
 
 /// Longest edge of a piece of a glowing sheet.
 const SHEET_PIECE_M: f32 = 0.15;
@@ -40,8 +50,14 @@ pub(crate) struct Cache {
 /// What the rays of a surfel found.
 #[derive(Default)]
 struct Row {
-    /// Irradiance that did not come from surfels.
+    /// Irradiance by lamps and glowing sheets, as far as light samples leave it to gather rays.
+    lamps: Vec3,
+    /// Irradiance by what is neither sampled as a light nor a surfel, and corrections for bright surfaces.
     light: Vec3,
+    /// Irradiance by lamps in mirrors.
+    mirrored: Vec3,
+    /// Rays that ended so near that the place cannot be seen.
+    blocked: u32,
     /// Surfels hit directly.
     links: Vec<u32>,
     /// Surfels hit by way of mirrors and panes, with what these leave.
@@ -55,6 +71,12 @@ struct Lit {
     parts: Vec<Part>,
 }
 
+/// Surfaces so bright by direct light that they are sampled like lamps, and how they were at a surfel.
+struct Bright<'a> {
+    lighting: &'a Lighting,
+    parts: &'a [Part],
+}
+
 struct Baker<'a> {
     scene: &'a Scene,
     settings: &'a BakeSettings,
@@ -64,7 +86,7 @@ struct Baker<'a> {
 
 impl Cache {
     pub(crate) fn bake(scene: &Scene, settings: &BakeSettings) -> Result<Self, crate::TransportError> {
-        let surfels = Surfels::spread(scene, settings.spacing_m)?;
+        let mut surfels = Surfels::spread(scene, settings.spacing_m)?;
         let baker = Baker {
             scene,
             settings,
@@ -72,6 +94,8 @@ impl Cache {
             pattern: cosine_hemisphere(settings.gather_rays as usize),
         };
         let mut lighting = Lighting::new(Emitters::new(scene));
+        let others = baker.other_sides(&surfels);
+        surfels.retain(&reach::reached(scene, &surfels, &lighting.emitters, &others));
         let others = baker.other_sides(&surfels);
         // Sheets lit from behind become lights themselves.
         let glow = baker.glow(&surfels, &lighting, &others);
@@ -82,9 +106,14 @@ impl Cache {
         }
         let lit: Vec<Lit> =
             (0..surfels.list.len()).into_par_iter().map(|i| baker.light(&surfels, &lighting, i)).collect();
-        let (rows, live) = baker.gather(&surfels, &lighting, &lit);
-        let direct: Vec<Vec3> = lit.iter().map(|lit| lit.direct + lit.sun).collect();
-        let indirect = exchange(&surfels, &rows, &direct, &others, glow.as_deref(), settings.gather_rays);
+        let bright = Lighting::new(baker.bright(&surfels, &lighting, &lit, &others));
+        let rows = baker.gather(&surfels, &lighting, &bright, &lit);
+        let rows = baker.smoothed(&surfels, rows);
+        let direct: Vec<Vec3> = lit.iter().zip(&rows).map(|(lit, row)| lit.direct + row.lamps + lit.sun).collect();
+        // What lies in gaps too narrow to look into must not show beside them.
+        let most = settings.gather_rays / 2;
+        let open: Vec<bool> = rows.iter().map(|row| row.blocked <= most).collect();
+        let indirect = exchange(&surfels, &rows, &direct, &others, settings.gather_rays);
         let behind = others
             .iter()
             .map(
@@ -98,7 +127,7 @@ impl Cache {
             cache.parts.extend(lit.parts);
             cache.first_part.push(cache.parts.len() as u32);
         }
-        cache.surfels.index(&live);
+        cache.surfels.index(&open);
         Ok(cache)
     }
 
@@ -169,58 +198,100 @@ impl Baker<'_> {
         }
     }
 
-    /// Follows the light: surfels that a lamp reaches, then those that they see, and so on. What no light reaches costs
-    /// nothing.
-    fn gather(&self, surfels: &Surfels, lighting: &Lighting, lit: &[Lit]) -> (Vec<Row>, Vec<bool>) {
-        let count = surfels.list.len();
-        let mut rows: Vec<Row> = Vec::new();
-        rows.resize_with(count, Row::default);
-        let sky = &self.scene.sky;
-        let starts = |i: usize| {
-            let through_portal = || {
-                let Some(disc) = &sky.sun else { return false };
-                let ray = Ray { origin: surfels.list[i].position, direction: disc.sun.direction };
-                sky.portals.is_empty() || sky.leaves_by_portal(&ray, self.scene.far_m)
-            };
-            let open = sky.portals.is_empty() && !sky.is_dark();
-            open || lit[i].direct != Vec3::ZERO || (lit[i].sun != Vec3::ZERO && through_portal())
-        };
-        let mut live: Vec<bool> = (0..count).into_par_iter().map(starts).collect();
-        let mut fresh: Vec<usize> = (0..count).filter(|&i| live[i]).collect();
-        // Mirrored lamps are limited by what matte surfaces get on average.
-        let lights = fresh.iter().map(|&i| luminance(lit[i].direct + lit[i].sun)).sum::<f32>();
-        let most = 100.0 * lights / fresh.len().max(1) as f32;
-        while !fresh.is_empty() {
-            let found: Vec<Row> =
-                fresh.par_iter().map(|&i| self.row(surfels, lighting, &lit[i].parts, i, most)).collect();
-            let mut next = Vec::new();
-            for (&i, row) in fresh.iter().zip(found) {
-                let seen = row.links.iter().copied().chain(row.tinted.iter().map(|(surfel, _)| *surfel));
-                for surfel in seen {
-                    if !std::mem::replace(&mut live[surfel as usize], true) {
-                        next.push(surfel as usize);
-                    }
-                }
-                rows[i] = row;
+    /// Surfaces much brighter by direct light than the rest: lit by the sun, or near to a lamp. Few rays would find them.
+    fn bright(&self, surfels: &Surfels, lighting: &Lighting, lit: &[Lit], others: &[u32]) -> Emitters {
+        let direct = |i: usize| lit[i].direct + lit[i].sun;
+        let leaving: Vec<Vec3> = (0..surfels.list.len())
+            .map(|i| {
+                let scatter = &surfels.list[i].scatter;
+                let behind = if others[i] == u32::MAX { Vec3::ZERO } else { direct(others[i] as usize) };
+                (direct(i) * scatter.same_side + behind * scatter.through) / PI
+            })
+            .collect();
+        let lit_ones = leaving.iter().map(|&l| luminance(l)).filter(|&l| l > 0.0);
+        let (sum, count) = lit_ones.fold((0.0, 0), |(sum, count), l| (sum + f64::from(l), count + 1));
+        eprintln!("surfels {}", surfels.list.len()); let least = (f64::from(BRIGHT) * sum / f64::from(count.max(1))) as f32;
+        let model = self.scene.prepared.model();
+        let mut emitters = Emitters::none(self.scene);
+        for triangle in 0..model.triangles.len() as u32 {
+            if lighting.emitters.holds(triangle) {
+                continue;
             }
-            fresh = next;
+            let part = surfels.part(triangle);
+            emitters.push_triangle(
+                self.scene,
+                triangle,
+                SHEET_PIECE_M,
+                |emitter, _| {
+                    let center = emitter.corner + (emitter.edges[0] + emitter.edges[1]) / 3.0;
+                    emitter.radiance = [emitter.normal, -emitter.normal].map(|normal| {
+                        let light = surfels.near(center, normal, part).mean(|surfel| leaving[surfel]);
+                        if luminance(light) > least { light } else { Vec3::ZERO }
+                    });
+                },
+                false,
+            );
         }
-        (rows, live)
+        emitters
     }
 
-    fn row(&self, surfels: &Surfels, lighting: &Lighting, parts: &[Part], i: usize, most: f32) -> Row {
+    /// Spreads the light of mirrored lamps, which few rays find, over neighbours.
+    fn smoothed(&self, surfels: &Surfels, mut rows: Vec<Row>) -> Vec<Row> {
+        const PASSES: usize = 6;
+        if rows.iter().all(|row| row.mirrored == Vec3::ZERO) {
+            return rows;
+        }
+        for _ in 0..PASSES {
+            let next: Vec<Vec3> = surfels
+                .list
+                .par_iter()
+                .map(|s| surfels.near(s.position, s.normal, s.part).mean(|surfel| rows[surfel].mirrored))
+                .collect();
+            rows.iter_mut().zip(next).for_each(|(row, mirrored)| row.mirrored = mirrored);
+        }
+        rows.iter_mut().for_each(|row| row.light += row.mirrored);
+        rows
+    }
+
+    /// What the rays of all surfels find.
+    fn gather(&self, surfels: &Surfels, lighting: &Lighting, bright: &Lighting, lit: &[Lit]) -> Vec<Row> {
+        // Mirrored lamps are limited by what matte surfaces get on average.
+        let sum: f64 = lit.iter().map(|lit| f64::from(luminance(lit.direct + lit.sun))).sum();
+        let most = (MOST_MIRRORED * sum / lit.len().max(1) as f64) as f32;
+        (0..lit.len())
+            .into_par_iter()
+            .map(|i| self.row(surfels, lighting, bright, &lit[i].parts, i, most))
+            .collect()
+    }
+
+    fn row(
+        &self,
+        surfels: &Surfels,
+        lighting: &Lighting,
+        bright: &Lighting,
+        parts: &[Part],
+        i: usize,
+        most: f32,
+    ) -> Row {
         let surfel = &surfels.list[i];
         let rotation = self.rotations.of(i);
         let turn = geometry::Mat3::from_rotation_z(std::f32::consts::TAU * rotation[3]);
         let basis = orthonormal_basis(surfel.normal) * turn;
         let origin = offset_origin(surfel.position, surfel.normal);
+        let (rays, gather) = (self.settings.light_rays, self.settings.gather_rays);
+        let reach = self.settings.spacing_m;
+        let lit = bright.direct(self.scene, surfel.position, surfel.normal, reach, rays, gather, rotation);
+        let (bright, sampled) = (Bright { lighting: bright, parts: &lit.parts }, &lit);
         let mut row = Row { links: Vec::with_capacity(self.pattern.len()), ..Row::default() };
         for (k, &local) in self.pattern.iter().enumerate() {
             let ray = Ray { origin, direction: basis * local };
             let dice = shifted(k as f32 * 0.618_034 % 1.0, rotation[0]);
-            self.follow(surfels, lighting, parts, ray, local.z / PI, dice, most, &mut row);
+            self.follow(surfels, lighting, parts, &bright, surfel.normal, ray, local.z / PI, dice, most, &mut row);
         }
         row.light *= PI / self.pattern.len() as f32;
+        row.light += sampled.irradiance;
+        row.mirrored *= PI / self.pattern.len() as f32;
+        row.lamps *= PI / self.pattern.len() as f32;
         row
     }
 
@@ -230,6 +301,8 @@ impl Baker<'_> {
         surfels: &Surfels,
         lighting: &Lighting,
         parts: &[Part],
+        bright: &Bright,
+        normal: Vec3,
         mut ray: Ray,
         density: f32,
         mut dice: f32,
@@ -245,26 +318,32 @@ impl Baker<'_> {
                 }
                 return;
             };
+            row.blocked += u32::from(straight && hit.distance_m < BURIED_SHARE * self.settings.spacing_m);
             let surface = self.scene.surface(&hit, &ray, 0.0);
-            let emitter = lighting.emitters.of(&hit);
-            let side = |emitter: u32| {
-                let emitter = &lighting.emitters.list[emitter as usize];
-                emitter.radiance[usize::from(emitter.normal.dot(surface.geometric_normal) < 0.0)]
+            let offset = surface.position - start.origin;
+            let sr_per_m2 = surface.geometric_normal.dot(ray.direction).abs() / offset.length_squared().max(1e-12);
+            // Share of the light of an emitter that gather rays answer for; the rest is light samples'.
+            let share = |lighting: &Lighting, parts: &[Part], emitter: u32| {
+                let other = lighting.density(parts, emitter, start.origin, normal, sr_per_m2.max(1e-9));
+                let own = self.pattern.len() as f32 * density;
+                own / (own + other)
             };
-            // Of sheets lit from behind, which are emitters too, the emitter knows the light.
-            let sheet = surface.emission == Vec3::ZERO;
-            let emission = if sheet { emitter.map_or(Vec3::ZERO, side) } else { surface.emission };
-            if emission != Vec3::ZERO {
-                if straight {
-                    let offset = surface.position - start.origin;
-                    let sr_per_m2 =
-                        surface.geometric_normal.dot(ray.direction).abs() / offset.length_squared().max(1e-12);
-                    let other = emitter.map_or(0.0, |e| lighting.density(parts, e, sr_per_m2.max(1e-9)));
-                    let own = self.pattern.len() as f32 * density;
-                    row.light += tint * emission * (own / (own + other));
-                } else {
-                    row.light += limited(tint * emission, most);
+            let emitter = lighting.emitters.of(&hit);
+            if surface.emission != Vec3::ZERO {
+                match emitter {
+                    Some(emitter) if straight => row.lamps += tint * surface.emission * share(lighting, parts, emitter),
+                    None if straight => row.light += tint * surface.emission,
+                    _ => row.mirrored += limited(tint * surface.emission, most),
                 }
+            } else if let Some(emitter) = emitter.filter(|_| straight) {
+                // A sheet lit from behind: its light, which the surfel there has too, counts as a lamp's.
+                let light = lighting.emitters.radiance(emitter, surface.geometric_normal);
+                row.lamps += tint * light * share(lighting, parts, emitter);
+                row.light -= tint * light;
+            }
+            if let Some(emitter) = bright.lighting.emitters.of(&hit).filter(|_| straight) {
+                let light = bright.lighting.emitters.radiance(emitter, surface.geometric_normal);
+                row.light += tint * light * (share(&bright.lighting, &bright.parts, emitter) - 1.0);
             }
             let [pass, mirror] = transfer::rays(&surface);
             if pass == Vec3::ZERO && mirror == Vec3::ZERO {
@@ -295,22 +374,15 @@ impl Baker<'_> {
     }
 
     fn link(&self, surfels: &Surfels, surface: &crate::scene::Surface, tint: Vec3, row: &mut Row) {
-        let near = surfels.near(surface.position, surface.geometric_normal, surfels.part(surface.triangle));
-        if let Some(surfel) = near.best() {
+        let part = surfels.part(surface.triangle);
+        if let Some(surfel) = surfels.nearest(surface.position, surface.geometric_normal, part) {
             if tint == Vec3::ONE { row.links.push(surfel) } else { row.tinted.push((surfel, tint)) }
         }
     }
 }
 
 /// Passes light along the links until nothing changes; irradiance without direct light.
-fn exchange(
-    surfels: &Surfels,
-    rows: &[Row],
-    direct: &[Vec3],
-    others: &[u32],
-    glow: Option<&[Vec3]>,
-    gather_rays: u32,
-) -> Vec<Vec3> {
+fn exchange(surfels: &Surfels, rows: &[Row], direct: &[Vec3], others: &[u32], gather_rays: u32) -> Vec<Vec3> {
     const MOST_BOUNCES: usize = 400;
     let mut indirect: Vec<Vec3> = rows.iter().map(|row| row.light).collect();
     let mut leaving = vec![Vec3::ZERO; rows.len()];
@@ -320,9 +392,7 @@ fn exchange(
             *leaving = (direct[i] + indirect[i]) * scatter.same_side / PI;
             if let Some(&other) = others.get(i).filter(|&&other| other != u32::MAX) {
                 let behind = direct[other as usize] + indirect[other as usize];
-                // What the emitters hold is not to be counted twice.
-                let known = glow.map_or(Vec3::ZERO, |glow| glow[i]);
-                *leaving += behind * scatter.through / PI - known;
+                *leaving += behind * scatter.through / PI;
             }
         });
         let arriving = |row: &Row| {

@@ -12,6 +12,7 @@ mod lights;
 mod pattern;
 mod places;
 mod points;
+mod reach;
 pub mod reference;
 mod render;
 mod scene;

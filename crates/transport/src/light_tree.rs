@@ -12,8 +12,6 @@ pub(crate) struct LightTree {
     order: Vec<u32>,
     /// Place of each emitter in `order`.
     place: Vec<u32>,
-    /// Sum of the weights before each place; one longer than `order`.
-    prefix: Vec<f32>,
 }
 
 struct Node {
@@ -46,14 +44,10 @@ impl LightTree {
             split(emitters, &mut order, 0, &mut nodes);
         }
         let mut place = vec![u32::MAX; emitters.len()];
-        let mut prefix = vec![0.0; count + 1];
-        let mut sum = 0.0_f64;
         for (at, &emitter) in order.iter().enumerate() {
             place[emitter as usize] = at as u32;
-            sum += f64::from(emitters[emitter as usize].weight());
-            prefix[at + 1] = sum as f32;
         }
-        Self { nodes, order, place, prefix }
+        Self { nodes, order, place }
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -94,24 +88,55 @@ impl LightTree {
         cut.sort_unstable_by_key(|part| self.nodes[part.node as usize].from);
     }
 
-    /// Chooses an emitter of a node by weight with `u` in [0, 1); also its probability.
-    pub(crate) fn choose(&self, node: u32, u: f32) -> (u32, f32) {
-        let Node { from, to, .. } = self.nodes[node as usize];
-        let (low, high) = (self.prefix[from as usize], self.prefix[to as usize]);
-        let wanted = low + (high - low) * u;
-        let range = &self.prefix[from as usize + 1..to as usize];
-        let at = from as usize + range.partition_point(|&sum| sum <= wanted);
-        (self.order[at], (self.prefix[at + 1] - self.prefix[at]) / (high - low))
+    /// Chooses an emitter of a node for a point by what it can give there, with `u` in [0, 1); also its probability.
+    pub(crate) fn choose(&self, mut node: u32, mut u: f32, point: Vec3, normal: Vec3) -> Option<(u32, f32)> {
+        let mut probability = 1.0;
+        while self.nodes[node as usize].second != 0 {
+            let share = self.first_share(node, point, normal)?;
+            if u < share {
+                u /= share;
+                probability *= share;
+                node += 1;
+            } else {
+                u = (u - share) / (1.0 - share);
+                probability *= 1.0 - share;
+                node = self.nodes[node as usize].second;
+            }
+        }
+        Some((self.order[self.nodes[node as usize].from as usize], probability))
     }
 
     /// Which part of a cut holds the emitter, and the probability to choose it there.
-    pub(crate) fn find(&self, cut: impl Iterator<Item = u32>, emitter: u32) -> Option<(usize, f32)> {
+    pub(crate) fn find(
+        &self,
+        cut: impl Iterator<Item = u32>,
+        emitter: u32,
+        point: Vec3,
+        normal: Vec3,
+    ) -> Option<(usize, f32)> {
         let place = self.place[emitter as usize];
+        if place == u32::MAX {
+            return None;
+        }
         let inside = |node: u32| (self.nodes[node as usize].from..self.nodes[node as usize].to).contains(&place);
-        let (at, node) = cut.enumerate().find(|&(_, node)| inside(node))?;
-        let node = &self.nodes[node as usize];
-        let whole = self.prefix[node.to as usize] - self.prefix[node.from as usize];
-        Some((at, (self.prefix[place as usize + 1] - self.prefix[place as usize]) / whole))
+        let (at, mut node) = cut.enumerate().find(|&(_, node)| inside(node))?;
+        let mut probability = 1.0;
+        while self.nodes[node as usize].second != 0 {
+            let share = self.first_share(node, point, normal)?;
+            let second = self.nodes[node as usize].second;
+            let in_first = place < self.nodes[second as usize].from;
+            probability *= if in_first { share } else { 1.0 - share };
+            node = if in_first { node + 1 } else { second };
+        }
+        Some((at, probability))
+    }
+
+    /// Share of the first child in what a node can give; nothing where neither gives anything.
+    fn first_share(&self, node: u32, point: Vec3, normal: Vec3) -> Option<f32> {
+        let second = self.nodes[node as usize].second;
+        let [first, second] = [node + 1, second].map(|n| self.nodes[n as usize].importance(point, normal, 0.0));
+        let share = first / (first + second);
+        share.is_finite().then_some(share)
     }
 }
 

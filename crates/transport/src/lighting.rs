@@ -46,6 +46,7 @@ impl Lighting {
 
     /// Irradiance at a point, its light cut into parts that are valid within `reach_m`. `gather_rays` is the number of
     /// cosine-distributed rays that find lamps too: both are weighed by the balance heuristic.
+    #[expect(clippy::too_many_arguments, reason = "the state of one point")]
     pub(crate) fn direct(
         &self,
         scene: &Scene,
@@ -106,7 +107,7 @@ impl Lighting {
         random: [f32; 3],
         samples: f32,
     ) -> Option<(crate::lights::LightSample, f32)> {
-        let (chosen, probability) = self.tree.choose(node, random[0].min(1.0 - f32::EPSILON));
+        let (chosen, probability) = self.tree.choose(node, random[0].min(1.0 - f32::EPSILON), origin, normal)?;
         let emitter = &self.emitters.list[chosen as usize];
         let light = emitter.sample(scene, origin, [random[1], random[2]])?;
         let density = samples * probability / (emitter.area_m2 * light.sr_per_m2);
@@ -114,8 +115,8 @@ impl Lighting {
     }
 
     /// Density per steradian with which [`Lighting::direct`] sampled a point of an emitter, all samples together.
-    pub(crate) fn density(&self, parts: &[Part], emitter: u32, sr_per_m2: f32) -> f32 {
-        self.tree.find(parts.iter().map(|part| part.node), emitter).map_or(0.0, |(at, probability)| {
+    pub(crate) fn density(&self, parts: &[Part], emitter: u32, origin: Vec3, normal: Vec3, sr_per_m2: f32) -> f32 {
+        self.tree.find(parts.iter().map(|part| part.node), emitter, origin, normal).map_or(0.0, |(at, probability)| {
             let area = self.emitters.list[emitter as usize].area_m2;
             parts[at].samples * probability / (area * sr_per_m2)
         })

@@ -113,7 +113,7 @@ const MOST_PIECES: f32 = 24.0;
 impl Emitters {
     /// Emissive triangles and, where the sky gives light, portals.
     pub(crate) fn new(scene: &Scene) -> Self {
-        let mut emitters = Self { list: Vec::new(), by_triangle: vec![(0, 0); scene.prepared.model().triangles.len()] };
+        let mut emitters = Self::none(scene);
         for triangle in 0..emitters.by_triangle.len() as u32 {
             emitters.push_lamp(scene, triangle);
         }
@@ -121,6 +121,22 @@ impl Emitters {
             emitters.push_portals(scene);
         }
         emitters
+    }
+
+    /// No emitters yet.
+    pub(crate) fn none(scene: &Scene) -> Self {
+        Self { list: Vec::new(), by_triangle: vec![(0, 0); scene.prepared.model().triangles.len()] }
+    }
+
+    /// Whether a triangle is a light.
+    pub(crate) fn holds(&self, triangle: u32) -> bool {
+        self.by_triangle[triangle as usize].1 > 0
+    }
+
+    /// Mean radiance of an emitter on the side of `normal`.
+    pub(crate) fn radiance(&self, emitter: u32, normal: Vec3) -> Vec3 {
+        let emitter = &self.list[emitter as usize];
+        emitter.radiance[usize::from(emitter.normal.dot(normal) < 0.0)]
     }
 
     fn push_lamp(&mut self, scene: &Scene, triangle: u32) {
@@ -169,7 +185,7 @@ impl Emitters {
             return;
         }
         let pieces = (longest / piece_m).ceil().clamp(1.0, MOST_PIECES);
-        self.by_triangle[triangle as usize] = (self.list.len() as u32, pieces as u32);
+        let first = self.list.len();
         for row in 0..pieces as u32 {
             for column in 0..2 * (pieces as u32 - row) - 1 {
                 let (i, j, flip) = (row as f32, (column / 2) as f32, column % 2 == 1);
@@ -192,6 +208,11 @@ impl Emitters {
                 light(&mut emitter, [0, 1].map(|k| corners.iter().map(|p| p[k]).sum::<f32>() / 3.0));
                 self.list.push(emitter);
             }
+        }
+        if self.list[first..].iter().all(|emitter| emitter.radiance == [Vec3::ZERO; 2]) {
+            self.list.truncate(first);
+        } else {
+            self.by_triangle[triangle as usize] = (first as u32, pieces as u32);
         }
     }
 

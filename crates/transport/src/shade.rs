@@ -7,7 +7,7 @@ use crate::bsdf;
 use crate::gbuffer::Seen;
 use crate::light_tree::CutNode;
 use crate::lighting::Part;
-use crate::pattern::{radical_inverse_3, van_der_corput};
+use crate::pattern::{Rotations, radical_inverse_3, shifted, van_der_corput};
 use crate::scene::Surface;
 
 /// From this roughness on lamps are sampled for the gloss; below it the ray into the lobe finds them.
@@ -78,11 +78,12 @@ fn gloss_albedo(surface: &Surface) -> Vec3 {
 /// Samples light at pixels of a baked world.
 pub(crate) struct Sampler<'a> {
     baked: &'a BakedWorld,
+    rotations: Rotations,
 }
 
 impl<'a> Sampler<'a> {
     pub(crate) fn new(baked: &'a BakedWorld) -> Self {
-        Self { baked }
+        Self { baked, rotations: Rotations::new("transport view", baked.settings().seed) }
     }
 
     /// Light at a pixel from `rays` light samples, which are part of a pattern over the tile of pixels around.
@@ -107,8 +108,9 @@ impl<'a> Sampler<'a> {
                 }
             };
             let samples = rays * (TILE * TILE) as u32;
+            let jitter = self.rotations.of(x / TILE * 59 + y / TILE * 997);
             for k in 0..rays {
-                let (diffuse, gloss) = self.lamp(surface, parts, turn * rays + k, samples);
+                let (diffuse, gloss) = self.lamp(surface, parts, turn * rays + k, samples, jitter);
                 lit.lamps += diffuse / rays as f32;
                 rough += gloss / rays as f32;
             }
@@ -149,8 +151,8 @@ impl<'a> Sampler<'a> {
     }
 
     /// Light sample number `index` of `samples`: irradiance, and light that the gloss reflects.
-    fn lamp(&self, surface: &Surface, parts: &[Part], index: u32, samples: u32) -> (Vec3, Vec3) {
-        let wanted = (index as f32 + 0.5) / samples as f32;
+    fn lamp(&self, surface: &Surface, parts: &[Part], index: u32, samples: u32, jitter: [f32; 4]) -> (Vec3, Vec3) {
+        let wanted = (index as f32 + jitter[0]) / samples as f32;
         let Some(at) = parts.iter().position(|part| wanted < part.cumulative).or(parts.len().checked_sub(1)) else {
             return (Vec3::ZERO, Vec3::ZERO);
         };
@@ -159,7 +161,11 @@ impl<'a> Sampler<'a> {
         if probability <= 0.0 {
             return (Vec3::ZERO, Vec3::ZERO);
         }
-        let random = [(wanted - before) / probability, van_der_corput(index), radical_inverse_3(index)];
+        let random = [
+            (wanted - before) / probability,
+            shifted(van_der_corput(index), jitter[1]),
+            shifted(radical_inverse_3(index), jitter[2]),
+        ];
         let lighting = &self.baked.cache().lighting;
         let scene = self.baked.scene();
         let start = surface.ray(surface.geometric_normal).origin;

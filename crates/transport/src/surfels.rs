@@ -112,6 +112,14 @@ impl Surfels {
         Ok(surfels)
     }
 
+    /// Drops all surfels but those to `keep`.
+    pub(crate) fn retain(&mut self, keep: &[bool]) {
+        let mut keep = keep.iter();
+        self.list.retain(|_| keep.next().copied().unwrap_or(false));
+        let all = vec![true; self.list.len()];
+        self.index(&all);
+    }
+
     /// Makes only surfels with `used` to be found.
     pub(crate) fn index(&mut self, used: &[bool]) {
         let count = used.iter().filter(|&&u| u).count();
@@ -135,6 +143,13 @@ impl Surfels {
             self.collect(position, normal, ANY_PART, 2.0 * self.spacing_m, &mut found);
         }
         found
+    }
+
+    /// One surfel near a place: of its own cell where that has one, else the one that counts most.
+    pub(crate) fn nearest(&self, position: Vec3, normal: Vec3, part: u32) -> Option<u32> {
+        let own = self.table.find(key(part, face(normal), cell(position, self.spacing_m)));
+        own.filter(|&surfel| self.weight(surfel, position, normal, self.spacing_m) > 0.0)
+            .or_else(|| self.near(position, normal, part).best())
     }
 
     fn collect(&self, position: Vec3, normal: Vec3, part: u32, cell_m: f32, found: &mut Neighbours) {

@@ -1,4 +1,4 @@
-use geometry::{Vec2, Vec3};
+use geometry::Vec3;
 
 use super::{Paint, Shape};
 
@@ -93,21 +93,6 @@ impl Shape {
     /// A board, a door, a carcass: a box with barely broken edges.
     pub(crate) fn board(&mut self, least: Vec3, most: Vec3, paint: Paint) {
         self.rounded(least, most, EDGE, 1, paint);
-    }
-
-    /// The convex polygon `outline` (x, y; counter-clockwise), drawn out from `z[0]` to `z[1]`.
-    pub(crate) fn prism(&mut self, outline: &[Vec2], z: [f32; 2], paint: Paint) {
-        let first = self.triangles.len();
-        let at = |p: Vec2, z: f32| Vec3::new(p.x, p.y, z);
-        let front: Vec<Vec3> = outline.iter().map(|&p| at(p, z[1])).collect();
-        let back: Vec<Vec3> = outline.iter().rev().map(|&p| at(p, z[0])).collect();
-        self.polygon(&front, paint);
-        self.polygon(&back, paint);
-        for (k, &a) in outline.iter().enumerate() {
-            let b = outline[(k + 1) % outline.len()];
-            self.polygon(&[at(a, z[1]), at(a, z[0]), at(b, z[0]), at(b, z[1])], paint);
-        }
-        self.close_part(first);
     }
 }
 

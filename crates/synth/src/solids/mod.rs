@@ -72,9 +72,9 @@ impl Shape {
             .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(least, most), &p| (least.min(p), most.max(p)))
     }
 
-    /// Area of the triangles from number `first` on, square metres.
-    pub(crate) fn area_since(&self, first: usize) -> f32 {
-        self.triangles[first..]
+    /// Area of some of the triangles, square metres.
+    pub(crate) fn area(&self, triangles: Range<usize>) -> f32 {
+        self.triangles[triangles]
             .iter()
             .map(|t| {
                 let [a, b, c] = t.map(|v| self.positions[v as usize]);

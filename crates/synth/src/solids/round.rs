@@ -39,6 +39,17 @@ impl Shape {
         self.close_part(first);
     }
 
+    /// A closed profile (radius, height; counter-clockwise) turned about the vertical through `base`: a shade, a tyre. Edges are sharp.
+    pub(crate) fn ring(&mut self, base: Vec3, profile: &[[f32; 2]], segments: usize, paint: Paint) {
+        let first = self.triangles.len();
+        for (k, &a) in profile.iter().enumerate() {
+            let (a, b) = (Vec2::from(a), Vec2::from(profile[(k + 1) % profile.len()]));
+            let normal = Vec2::new(b.y - a.y, a.x - b.x).normalize_or_zero();
+            self.band(base, [(a, normal, 0.0), (b, normal, a.distance(b))], segments, paint);
+        }
+        self.close_part(first);
+    }
+
     /// The ring of a lathe between two points of its profile (with normals and distances along it).
     fn band(&mut self, base: Vec3, ends: [(Vec2, Vec2, f32); 2], segments: usize, paint: Paint) {
         let start = self.positions.len() as u32;

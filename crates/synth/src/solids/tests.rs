@@ -34,13 +34,13 @@ fn volumes_are_those_of_the_formulas() {
     shape.rounded(Vec3::ZERO, Vec3::new(1.0, 2.0, 3.0), 0.2, 12, PAINT);
     shape.lathe(Vec3::X, &[[0.5, 0.0], [0.5, 2.0]], 96, PAINT);
     shape.ball(Vec3::Y, [1.0, 0.5], 96, PAINT);
-    shape.prism(&[Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y], [-1.0, 1.0], PAINT);
+    shape.ring(Vec3::ZERO, &[[1.0, 0.0], [2.0, 0.0], [2.0, 0.5], [1.0, 0.5]], 96, PAINT);
     shape.bar(Vec3::ZERO, Vec3::new(3.0, 4.0, 0.0), [1.0, 0.0], 96, PAINT);
     let pi = std::f32::consts::PI;
     // A box with round edges: its core, six slabs, twelve quarter cylinders, one ball.
     let (x, y, z, r) = (0.6f32, 1.6, 2.6, 0.2f32);
     let rounded = x * y * z + 2.0 * r * (x * y + y * z + z * x) + pi * r * r * (x + y + z) + 4.0 / 3.0 * pi * r.powi(3);
-    let expected = [6.0, rounded, pi * 0.5, 4.0 / 3.0 * pi * 0.5, 2.0, pi * 5.0 / 3.0];
+    let expected = [6.0, rounded, pi * 0.5, 4.0 / 3.0 * pi * 0.5, pi * 1.5, pi * 5.0 / 3.0];
     for (part, expected) in shape.parts.iter().zip(expected) {
         let found = volume(&shape, part);
         // Inscribed polygons of 96 corners lose 0.07 %, 24 steps of a quarter 0.3 % of the round share.
@@ -81,5 +81,5 @@ fn turned_shapes_keep_normals_and_parts() {
     let total: f32 = two.parts.iter().map(|part| volume(&two, part)).sum();
     let apart = volume(&one, &one.parts[0]) + 1.0;
     assert!((total - apart).abs() < 1e-4);
-    assert!((two.area_since(12) - one.area_since(0)).abs() < 1e-4);
+    assert!((two.area(12..two.triangles.len()) - one.area(0..one.triangles.len())).abs() < 1e-4);
 }

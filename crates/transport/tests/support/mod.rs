@@ -39,7 +39,12 @@ impl Builder {
     }
 
     pub fn lamp(&mut self, emissive: [f32; 3]) -> u32 {
-        self.material(Material { base_color: [0.0, 0.0, 0.0, 1.0], emissive, ..Material::default() })
+        self.material(Material {
+            base_color: [0.0, 0.0, 0.0, 1.0],
+            emissive,
+            double_sided: false,
+            ..Material::default()
+        })
     }
 
     /// A parallelogram cut into `n` × `m` pieces; its front is where `a × b` points.

@@ -1,0 +1,120 @@
+use geometry::Vec3;
+use imaging::Image;
+
+use crate::receivers::{Receivers, SAME_SURFACE};
+use crate::surface::bilinear;
+
+/// Holes up to twice this many pixels wide take the shadow of their surroundings.
+const HOLE_FILL: usize = 6;
+
+/// Factors that differ by less than this need no look at the surfaces that they belong to: half a level of an 8-bit picture.
+const ALIKE: f32 = 0.004;
+
+/// The factor that an object's shadow and bounced light put on each pixel of some [`Receivers`].
+pub(crate) struct ShadowRatio<'a> {
+    receivers: &'a Receivers,
+    ratio: Image<Vec3>,
+}
+
+impl<'a> ShadowRatio<'a> {
+    /// With the factor of each pixel; holes take that of their surroundings.
+    pub fn new(receivers: &'a Receivers, mut ratio: Image<Vec3>) -> Self {
+        fill_holes(&mut ratio, receivers);
+        Self { receivers, ratio }
+    }
+
+    /// Pixels `(left, top, right, bottom)`, the last two exclusive, of a photo of the given size outside of which the factor is 1.
+    pub fn reach(&self, width: usize, height: usize) -> (usize, usize, usize, usize) {
+        let (columns, rows) = (self.ratio.width(), self.ratio.height());
+        let (mut left, mut top, mut right, mut bottom) = (columns, rows, 0, 0);
+        for y in 0..rows {
+            let row = &self.ratio.pixels()[y * columns..(y + 1) * columns];
+            let changed = |ratio: &Vec3| *ratio != Vec3::ONE;
+            if let (Some(first), Some(last)) = (row.iter().position(changed), row.iter().rposition(changed)) {
+                (left, right) = (left.min(first), right.max(last + 1));
+                (top, bottom) = (top.min(y), y + 1);
+            }
+        }
+        // A pixel looks at the four around it: up to one beyond on each side.
+        let low = |at: usize, from: usize, to: usize| at.saturating_sub(1) * to / from;
+        let high = |at: usize, from: usize, to: usize| ((at + 1) * to).div_ceil(from).min(to);
+        (low(left, columns, width), low(top, rows, height), high(right, columns, width), high(bottom, rows, height))
+    }
+
+    /// The factor on the real surface at a world point; 1 where the photo does not see it.
+    pub fn at(&self, point: Vec3) -> Vec3 {
+        let map = &self.receivers.map;
+        let (width, height) = (map.width(), map.height());
+        let Some((u, v, _)) = map.camera.project(point) else { return Vec3::ONE };
+        if !((0.0..width as f64).contains(&u) && (0.0..height as f64).contains(&v)) {
+            return Vec3::ONE;
+        }
+        let taps = bilinear(u as f32 - 0.5, v as f32 - 0.5, width, height);
+        let factor = |x: usize, y: usize| {
+            let Some(surface) = self.receivers.surfaces[(x, y)] else { return Vec3::ONE };
+            let off_plane_m = surface.normal.dot(point - surface.position_m).abs();
+            if off_plane_m > 0.05 * map.depth_m[(x, y)] { Vec3::ONE } else { self.ratio[(x, y)] }
+        };
+        taps.iter().map(|&(x, y, weight)| factor(x, y) * weight).sum()
+    }
+
+    /// The factor for a photo pixel at relative position `(u, v)` with the real surface `seen` there.
+    pub fn for_photo(&self, u: f32, v: f32, seen: impl FnOnce() -> Option<Vec3>) -> Vec3 {
+        let (width, height) = (self.ratio.width(), self.ratio.height());
+        let taps = bilinear(u * width as f32 - 0.5, v * height as f32 - 0.5, width, height);
+        if taps.iter().all(|&(x, y, _)| self.ratio[(x, y)] == Vec3::ONE) {
+            return Vec3::ONE;
+        }
+        let [low, high] = [Vec3::min, Vec3::max].map(|pick| {
+            taps.iter().map(|&(x, y, _)| self.ratio[(x, y)]).fold(self.ratio[(taps[0].0, taps[0].1)], pick)
+        });
+        if (high - low).max_element() < ALIKE {
+            return taps.iter().map(|&(x, y, weight)| self.ratio[(x, y)] * weight).sum();
+        }
+        let point = seen();
+        let mut sum = (Vec3::ZERO, 0.0);
+        for (x, y, weight) in taps {
+            let closeness = match (point, self.receivers.surfaces[(x, y)]) {
+                (Some(point), Some(surface)) => {
+                    let off_plane = surface.normal.dot(point - surface.position_m)
+                        / (SAME_SURFACE * self.receivers.map.depth_m[(x, y)]);
+                    (1.0 + off_plane * off_plane).powi(-4)
+                }
+                _ => 1.0,
+            };
+            // A little weight for every tap keeps the sum away from zero.
+            let weight = (weight + 1e-4) * closeness;
+            sum.0 += self.ratio[(x, y)] * weight;
+            sum.1 += weight;
+        }
+        sum.0 / sum.1
+    }
+}
+
+/// Carries the shadow on over small holes of the depth map, ring by ring from their edges.
+fn fill_holes(ratio: &mut Image<Vec3>, receivers: &Receivers) {
+    let (width, height) = (ratio.width(), ratio.height());
+    let mut known = Image::from_fn(width, height, |x, y| receivers.surfaces[(x, y)].is_some());
+    let mut open: Vec<(usize, usize)> =
+        (0..width * height).map(|i| (i % width, i / width)).filter(|&pixel| !known[pixel]).collect();
+    for _ in 0..HOLE_FILL {
+        let mut filled = Vec::new();
+        open.retain(|&(x, y)| {
+            let mut sum = (Vec3::ZERO, 0.0);
+            for py in y.saturating_sub(1)..(y + 2).min(height) {
+                for px in (x.saturating_sub(1)..(x + 2).min(width)).filter(|&px| known[(px, py)]) {
+                    sum.0 += ratio[(px, py)];
+                    sum.1 += 1.0;
+                }
+            }
+            if sum.1 > 0.0 {
+                filled.push(((x, y), sum.0 / sum.1));
+            }
+            sum.1 == 0.0
+        });
+        for (pixel, value) in filled {
+            ratio[pixel] = value;
+            known[pixel] = true;
+        }
+    }
+}
