@@ -4,9 +4,10 @@ use std::ops::Range;
 use std::sync::OnceLock;
 
 use geometry::Vec3;
+use imaging::RadianceImage;
 use mesh::{Material, Model, PreparedModel};
 use random::Stream;
-use transport::World;
+use transport::{Outdoors, World};
 
 use crate::camera::{CameraPose, SolidBox, Space};
 use crate::chance::{between, chance, weighted};
@@ -85,8 +86,12 @@ impl Interior {
         furniture::furnish(&mut stage, kind, clutter, lighting);
         stage.random = random::stream(seed, "synth lamps", index);
         lighting::light(&mut stage, kind, lighting);
-        let outdoors =
-            outdoors::make(&mut random::stream(seed, "synth outdoors", index), weather, &stage.plan, config)?;
+        let outdoors = if portals.is_empty() {
+            // A world without portals lies open; a room without windows must not.
+            Outdoors { radiance: RadianceImage::new(1, 1, vec![[0.0; 3]]), sun: None }
+        } else {
+            outdoors::make(&mut random::stream(seed, "synth outdoors", index), weather, &stage.plan, config)?
+        };
 
         let description = describe(&stage, kind, weather, lighting, clutter);
         let solids = solids(&stage);

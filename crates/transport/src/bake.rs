@@ -41,8 +41,6 @@ pub(crate) struct Cache {
     pub indirect: Vec<Vec3>,
     /// Irradiance on the other side of the sheet; zero where nothing shines through.
     pub behind: Vec<Vec3>,
-    /// Whether the sun reaches the surfel.
-    pub sunlit: Vec<bool>,
     parts: Vec<Part>,
     first_part: Vec<u32>,
 }
@@ -120,9 +118,7 @@ impl Cache {
                 |&other| if other == u32::MAX { Vec3::ZERO } else { direct[other as usize] + indirect[other as usize] },
             )
             .collect();
-        let sunlit = lit.iter().map(|lit| lit.sun != Vec3::ZERO).collect();
-        let mut cache =
-            Self { surfels, lighting, direct, indirect, behind, sunlit, parts: Vec::new(), first_part: vec![0] };
+        let mut cache = Self { surfels, lighting, direct, indirect, behind, parts: Vec::new(), first_part: vec![0] };
         for lit in lit {
             cache.parts.extend(lit.parts);
             cache.first_part.push(cache.parts.len() as u32);
@@ -210,7 +206,7 @@ impl Baker<'_> {
             .collect();
         let lit_ones = leaving.iter().map(|&l| luminance(l)).filter(|&l| l > 0.0);
         let (sum, count) = lit_ones.fold((0.0, 0), |(sum, count), l| (sum + f64::from(l), count + 1));
-        eprintln!("surfels {}", surfels.list.len()); let least = (f64::from(BRIGHT) * sum / f64::from(count.max(1))) as f32;
+        let least = (f64::from(BRIGHT) * sum / f64::from(count.max(1))) as f32;
         let model = self.scene.prepared.model();
         let mut emitters = Emitters::none(self.scene);
         for triangle in 0..model.triangles.len() as u32 {
@@ -258,10 +254,7 @@ impl Baker<'_> {
         // Mirrored lamps are limited by what matte surfaces get on average.
         let sum: f64 = lit.iter().map(|lit| f64::from(luminance(lit.direct + lit.sun))).sum();
         let most = (MOST_MIRRORED * sum / lit.len().max(1) as f64) as f32;
-        (0..lit.len())
-            .into_par_iter()
-            .map(|i| self.row(surfels, lighting, bright, &lit[i].parts, i, most))
-            .collect()
+        (0..lit.len()).into_par_iter().map(|i| self.row(surfels, lighting, bright, &lit[i].parts, i, most)).collect()
     }
 
     fn row(
@@ -310,10 +303,13 @@ impl Baker<'_> {
         row: &mut Row,
     ) {
         let start = ray;
+        let mut run = ray;
         let (mut tint, mut straight) = (Vec3::ONE, true);
         for _ in 0..MOST_MIRRORS {
             let Some(hit) = self.scene.hit(&ray) else {
-                if !(straight && self.scene.sky.leaves_by_portal(&start, self.scene.far_m)) {
+                // Light samples answer for portals that are seen directly.
+                let sky = &self.scene.sky;
+                if if straight { sky.portals.is_empty() } else { sky.is_open(&run, self.scene.far_m) } {
                     row.light += tint * self.scene.sky.radiance(ray.direction);
                 }
                 return;
@@ -365,6 +361,7 @@ impl Baker<'_> {
                 dice = (dice - shares[0]) / shares[1];
                 tint *= mirror * (sum / shares[1]);
                 ray = surface.ray(surface.mirrored());
+                run = ray;
                 straight = false;
             } else {
                 return self.link(surfels, &surface, tint * (sum / rest), row);

@@ -91,13 +91,14 @@ impl BakedWorld {
     fn follow(&self, mut ray: Ray, lights: bool) -> Vec3 {
         const MOST_MIRRORS: u32 = 6;
         let (mut light, mut tint, mut straight) = (Vec3::ZERO, Vec3::ONE, true);
-        let start = ray;
+        let mut run = ray;
         for _ in 0..MOST_MIRRORS {
             let Some(hit) = self.scene.hit(&ray) else {
                 let sky = &self.scene.sky;
-                if lights {
+                let open = sky.is_open(&run, self.scene.far_m);
+                if lights && open {
                     light += tint * sky.radiance_with_sun(ray.direction);
-                } else if !(straight && sky.leaves_by_portal(&start, self.scene.far_m)) {
+                } else if open && (sky.portals.is_empty() || !straight) {
                     light += tint * sky.radiance(ray.direction);
                 }
                 return light;
@@ -114,6 +115,7 @@ impl BakedWorld {
             } else {
                 tint *= surface.mirror;
                 ray = surface.ray(surface.mirrored());
+                run = ray;
                 straight = false;
             }
             if tint.max_element() < 1e-3 {

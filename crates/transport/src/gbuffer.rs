@@ -34,6 +34,7 @@ pub(crate) struct Seen {
 pub(crate) fn look(baked: &BakedWorld, view: &View, u: f32, v: f32) -> Seen {
     let scene = baked.scene();
     let mut ray = view.ray(u, v);
+    let mut run = ray;
     let angle = view.pixel_angle_rad();
     let mut seen = Seen {
         surface: None,
@@ -49,7 +50,9 @@ pub(crate) fn look(baked: &BakedWorld, view: &View, u: f32, v: f32) -> Seen {
     let (mut travelled_m, mut first_found) = (0.0, false);
     for step in 0..MOST_MIRRORS {
         let Some(hit) = scene.hit(&ray) else {
-            seen.light += seen.tint * scene.sky.radiance_with_sun(ray.direction);
+            if scene.sky.is_open(&run, scene.far_m) {
+                seen.light += seen.tint * scene.sky.radiance_with_sun(ray.direction);
+            }
             return seen;
         };
         travelled_m += hit.distance_m;
@@ -80,6 +83,7 @@ pub(crate) fn look(baked: &BakedWorld, view: &View, u: f32, v: f32) -> Seen {
         } else {
             seen.tint *= surface.mirror;
             ray = surface.ray(surface.mirrored());
+            run = ray;
         }
     }
     seen

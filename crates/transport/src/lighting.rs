@@ -134,8 +134,9 @@ impl Lighting {
             let random = [(i as f32 + rotation[0]) / RAYS as f32, shifted(pattern::van_der_corput(i), rotation[1])];
             let direction = disc.direction(random);
             let cosine = normal.dot(direction);
-            if cosine > 0.0 {
-                sum += scene.transmittance(&geometry::Ray { origin, direction }, scene.far_m) * cosine;
+            let ray = geometry::Ray { origin, direction };
+            if cosine > 0.0 && scene.sky.is_open(&ray, scene.far_m) {
+                sum += scene.transmittance(&ray, scene.far_m) * cosine;
             }
         }
         sum * Vec3::from(disc.sun.radiance) * (disc.solid_angle_sr / RAYS as f32)

@@ -151,6 +151,9 @@ impl PathTracer {
 
     fn sky(&self, ray: &Ray, last: Scattering, matte_before: bool) -> Vec3 {
         let sky = &self.scene.sky;
+        if !sky.is_open(&Ray { origin: last.from, direction: ray.direction }, self.scene.far_m) {
+            return Vec3::ZERO;
+        }
         let open = sky.radiance(ray.direction);
         let weight = last.density.map_or(1.0, |density| {
             let portals = sky.portals.iter().map(|opening| {
@@ -204,7 +207,8 @@ impl PathTracer {
         if let Some(disc) = &self.scene.sky.sun {
             let direction = disc.direction([random[5], random[6]]);
             let value = scattered(surface, direction).0;
-            if value != Vec3::ZERO {
+            let open = self.scene.sky.is_open(&Ray { origin: surface.position, direction }, self.scene.far_m);
+            if value != Vec3::ZERO && open {
                 let radiance = Vec3::from(disc.sun.radiance) * disc.solid_angle_sr;
                 light += value * radiance * shadowed(direction, self.scene.far_m);
             }

@@ -96,7 +96,6 @@ impl<'a> Sampler<'a> {
         if surface.through != Vec3::ZERO {
             lit.behind = near.mean(|surfel| cache.behind[surfel]);
         }
-        let sunlit = near.as_slice().iter().any(|&(surfel, _)| cache.sunlit[surfel as usize]);
         let mut rough = Vec3::ZERO;
         if surface.diffuse != Vec3::ZERO || surface.is_glossy() {
             let fresh;
@@ -114,7 +113,7 @@ impl<'a> Sampler<'a> {
                 lit.lamps += diffuse / rays as f32;
                 rough += gloss / rays as f32;
             }
-            let (diffuse, gloss) = self.sun(surface, turn, sunlit || near.best().is_none());
+            let (diffuse, gloss) = self.sun(surface, turn);
             lit.sun = diffuse;
             lit.sharp_gloss += gloss;
         }
@@ -189,14 +188,13 @@ impl<'a> Sampler<'a> {
     }
 
     /// Irradiance by the sun and its gloss.
-    fn sun(&self, surface: &Surface, turn: u32, sunlit: bool) -> (Vec3, Vec3) {
+    fn sun(&self, surface: &Surface, turn: u32) -> (Vec3, Vec3) {
         let scene = self.baked.scene();
         let Some(disc) = &scene.sky.sun else { return (Vec3::ZERO, Vec3::ZERO) };
         let direction = disc.direction([(turn as f32 + 0.5) / (TILE * TILE) as f32, van_der_corput(turn)]);
         let cosine = surface.normal.dot(direction);
         let ray = surface.ray(direction);
-        // Where the cache saw no sun it comes through a portal or not at all.
-        let may_come = sunlit || scene.sky.leaves_by_portal(&ray, scene.far_m);
+        let may_come = scene.sky.is_open(&ray, scene.far_m);
         if cosine <= 0.0 || direction.dot(surface.geometric_normal) <= 0.0 || !may_come {
             return (Vec3::ZERO, Vec3::ZERO);
         }

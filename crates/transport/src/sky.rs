@@ -60,6 +60,11 @@ impl Sky {
         self.dark
     }
 
+    /// Whether a ray that meets nothing sees the outdoors: it leaves by a portal, or the world has none and is open.
+    pub(crate) fn is_open(&self, ray: &Ray, most_m: f32) -> bool {
+        self.portals.is_empty() || self.leaves_by_portal(ray, most_m)
+    }
+
     /// Whether the ray leaves the room through a portal within the distance.
     pub(crate) fn leaves_by_portal(&self, ray: &Ray, most_m: f32) -> bool {
         self.portals.iter().any(|opening| opening.leaves_by(ray, most_m))

@@ -10,7 +10,8 @@ pub struct World {
     pub model: Model,
     /// What a ray sees that meets no triangle.
     pub outdoors: Outdoors,
-    /// Openings through which light comes in from outdoors, for sampling it.
+    /// Openings through which light comes in from outdoors and the outdoors are seen. Where there are any, nothing comes in
+    /// elsewhere: gaps in the building are dark, and so is its outside. Without any, the world lies open.
     pub portals: Vec<Portal>,
 }
 
