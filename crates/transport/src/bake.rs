@@ -20,7 +20,7 @@ use crate::transfer;
 const MOST_MIRRORS: u32 = 8;
 
 /// Lamps in mirrors are no brighter to the cache than this many times the mean irradiance: few rays find them.
-const MOST_MIRRORED: f64 = 100.0;
+const MOST_MIRRORED: f64 = 1.0;
 
 /// Surfaces brighter than this many times the mean are sampled like lamps in the exchange.
 const BRIGHT: f32 = 3.0;
@@ -54,14 +54,26 @@ struct Row {
     lamps: Vec3,
     /// Irradiance by what is neither sampled as a light nor a surfel, and corrections for bright surfaces.
     light: Vec3,
-    /// Irradiance by lamps in mirrors.
+    /// Irradiance by lamps in mirrors, up to a limit per ray.
     mirrored: Vec3,
+    /// What went beyond that limit.
+    excess: Vec3,
+    /// Rays that left by no portal.
+    escaped: u32,
     /// Rays that ended so near that the place cannot be seen.
     blocked: u32,
     /// Surfels hit directly.
     links: Vec<u32>,
     /// Surfels hit by way of mirrors and panes, with what these leave.
     tinted: Vec<(u32, Vec3)>,
+}
+
+impl Row {
+    fn add_mirrored(&mut self, light: Vec3, most: f32) {
+        let kept = limited(light, most);
+        self.mirrored += kept;
+        self.excess += light - kept;
+    }
 }
 
 /// What sampling a surfel's direct light left behind.
@@ -127,6 +139,11 @@ impl Cache {
             cache.parts.extend(lit.parts);
             cache.first_part.push(cache.parts.len() as u32);
         }
+        if !scene.sky.portals.is_empty() {
+            // What lies under the open sky must not show indoors, behind a thin wall.
+            let outside: Vec<bool> = rows.iter().map(|row| row.escaped > settings.gather_rays / 5).collect();
+            cache.surfels.set_outside(&outside);
+        }
         cache.surfels.index(&open);
         Ok(cache)
     }
@@ -189,6 +206,7 @@ impl Baker<'_> {
                 triangle,
                 SHEET_PIECE_M,
                 |emitter, _| {
+                    emitter.sheet = true;
                     let center = emitter.corner + (emitter.edges[0] + emitter.edges[1]) / 3.0;
                     emitter.radiance = [emitter.normal, -emitter.normal]
                         .map(|normal| surfels.near(center, normal, part).mean(|surfel| glow[surfel]));
@@ -210,7 +228,7 @@ impl Baker<'_> {
             .collect();
         let lit_ones = leaving.iter().map(|&l| luminance(l)).filter(|&l| l > 0.0);
         let (sum, count) = lit_ones.fold((0.0, 0), |(sum, count), l| (sum + f64::from(l), count + 1));
-        eprintln!("surfels {}", surfels.list.len()); let least = (f64::from(BRIGHT) * sum / f64::from(count.max(1))) as f32;
+        let least = (f64::from(BRIGHT) * sum / f64::from(count.max(1))) as f32;
         let model = self.scene.prepared.model();
         let mut emitters = Emitters::none(self.scene);
         for triangle in 0..model.triangles.len() as u32 {
@@ -238,7 +256,7 @@ impl Baker<'_> {
     /// Spreads the light of mirrored lamps, which few rays find, over neighbours.
     fn smoothed(&self, surfels: &Surfels, mut rows: Vec<Row>) -> Vec<Row> {
         const PASSES: usize = 6;
-        if rows.iter().all(|row| row.mirrored == Vec3::ZERO) {
+        if rows.iter().all(|row| row.mirrored == Vec3::ZERO && row.excess == Vec3::ZERO) {
             return rows;
         }
         for _ in 0..PASSES {
@@ -249,7 +267,16 @@ impl Baker<'_> {
                 .collect();
             rows.iter_mut().zip(next).for_each(|(row, mirrored)| row.mirrored = mirrored);
         }
-        rows.iter_mut().for_each(|row| row.light += row.mirrored);
+        // What few rays found is spread over all surfaces that face the same way.
+        let mut sums = [(Vec3::ZERO, 0.0_f32); 6];
+        for (surfel, row) in surfels.list.iter().zip(&rows) {
+            let sum = &mut sums[surfel.face()];
+            *sum = (sum.0 + row.excess, sum.1 + 1.0);
+        }
+        for (surfel, row) in surfels.list.iter().zip(&mut rows) {
+            let (sum, count) = sums[surfel.face()];
+            row.light += row.mirrored + sum / count;
+        }
         rows
     }
 
@@ -291,6 +318,7 @@ impl Baker<'_> {
         row.light *= PI / self.pattern.len() as f32;
         row.light += sampled.irradiance;
         row.mirrored *= PI / self.pattern.len() as f32;
+        row.excess *= PI / self.pattern.len() as f32;
         row.lamps *= PI / self.pattern.len() as f32;
         row
     }
@@ -313,8 +341,12 @@ impl Baker<'_> {
         let (mut tint, mut straight) = (Vec3::ONE, true);
         for _ in 0..MOST_MIRRORS {
             let Some(hit) = self.scene.hit(&ray) else {
-                if !(straight && self.scene.sky.leaves_by_portal(&start, self.scene.far_m)) {
-                    row.light += tint * self.scene.sky.radiance(ray.direction);
+                let light = tint * self.scene.sky.radiance(ray.direction);
+                if !straight {
+                    row.add_mirrored(light, most);
+                } else if !self.scene.sky.leaves_by_portal(&start, self.scene.far_m) {
+                    row.light += light;
+                    row.escaped += 1;
                 }
                 return;
             };
@@ -333,7 +365,7 @@ impl Baker<'_> {
                 match emitter {
                     Some(emitter) if straight => row.lamps += tint * surface.emission * share(lighting, parts, emitter),
                     None if straight => row.light += tint * surface.emission,
-                    _ => row.mirrored += limited(tint * surface.emission, most),
+                    _ => row.add_mirrored(tint * surface.emission, most),
                 }
             } else if let Some(emitter) = emitter.filter(|_| straight) {
                 // A sheet lit from behind: its light, which the surfel there has too, counts as a lamp's.
