@@ -4,13 +4,14 @@
 use std::f32::consts::PI;
 
 use geometry::{Ray, Vec3, cosine_hemisphere, orthonormal_basis};
-use mesh::offset_origin;
+use mesh::{Hit, offset_origin};
 use rayon::prelude::*;
 
 use crate::BakeSettings;
-use crate::lighting::{Lighting, Part, limited};
+use crate::lighting::{Lighting, Part, Surfaces, limited};
 use crate::lights::{Emitters, luminance};
 use crate::pattern::{Rotations, shifted};
+use crate::places::Place;
 use crate::reach;
 use crate::scene::Scene;
 use crate::surfels::Surfels;
@@ -34,7 +35,7 @@ const SHEET_PIECE_M: f32 = 0.15;
 /// Light at the surfels and what it was sampled from.
 pub(crate) struct Cache {
     pub surfels: Surfels,
-    pub lighting: Lighting,
+    pub lighting: Lighting<'static>,
     /// Irradiance by lamps, portals, sun and glowing sheets.
     pub direct: Vec<Vec3>,
     /// Irradiance by everything else.
@@ -85,7 +86,7 @@ struct Lit {
 
 /// Surfaces so bright by direct light that they are sampled like lamps, and how they were at a surfel.
 struct Bright<'a> {
-    lighting: &'a Lighting,
+    lighting: &'a Lighting<'a>,
     parts: &'a [Part],
 }
 
@@ -118,7 +119,7 @@ impl Cache {
         }
         let lit: Vec<Lit> =
             (0..surfels.list.len()).into_par_iter().map(|i| baker.light(&surfels, &lighting, i)).collect();
-        let bright = Lighting::new(baker.bright(&surfels, &lighting, &lit, &others));
+        let bright = baker.bright(&surfels, &lighting, &lit, &others);
         let rows = baker.gather(&surfels, &lighting, &bright, &lit);
         let rows = baker.smoothed(&surfels, rows);
         let direct: Vec<Vec3> = lit.iter().zip(&rows).map(|(lit, row)| lit.direct + row.lamps + lit.sun).collect();
@@ -217,7 +218,7 @@ impl Baker<'_> {
     }
 
     /// Surfaces much brighter by direct light than the rest: lit by the sun, or near to a lamp. Few rays would find them.
-    fn bright(&self, surfels: &Surfels, lighting: &Lighting, lit: &[Lit], others: &[u32]) -> Emitters {
+    fn bright<'s>(&self, surfels: &'s Surfels, lighting: &Lighting, lit: &[Lit], others: &[u32]) -> Lighting<'s> {
         let direct = |i: usize| lit[i].direct + lit[i].sun;
         let leaving: Vec<Vec3> = (0..surfels.list.len())
             .map(|i| {
@@ -229,26 +230,58 @@ impl Baker<'_> {
         let lit_ones = leaving.iter().map(|&l| luminance(l)).filter(|&l| l > 0.0);
         let (sum, count) = lit_ones.fold((0.0, 0), |(sum, count), l| (sum + f64::from(l), count + 1));
         let least = (f64::from(BRIGHT) * sum / f64::from(count.max(1))) as f32;
-        let model = self.scene.prepared.model();
+        let hot: Vec<bool> = leaving.iter().map(|&light| luminance(light) > least).collect();
+        let emitters = self.bright_pieces(surfels, lighting, &leaving, &hot);
+        Lighting { surfaces: Some(Surfaces { surfels, leaving }), ..Lighting::new(emitters) }
+    }
+
+    /// Pieces of triangles near hot surfels.
+    fn bright_pieces(&self, surfels: &Surfels, lighting: &Lighting, leaving: &[Vec3], hot: &[bool]) -> Emitters {
+        let triangles = self.scene.prepared.model().triangles.len();
+        let mut wanted = vec![false; triangles];
+        for (surfel, _) in surfels.list.iter().zip(hot).filter(|(_, hot)| **hot) {
+            wanted[surfel.place.triangle as usize] = true;
+        }
+        // Triangles smaller than the spacing may have no surfel of their own.
+        let center = |triangle: u32| Place::at(self.scene, triangle, [1.0 / 3.0; 2]);
+        let hot_at = |place: &Place| {
+            let surfel = surfels.nearest(place.position, place.normal, surfels.part(place.triangle));
+            surfel.filter(|&surfel| hot[surfel as usize])
+        };
         let mut emitters = Emitters::none(self.scene);
-        for triangle in 0..model.triangles.len() as u32 {
-            if lighting.emitters.holds(triangle) {
-                continue;
-            }
-            let part = surfels.part(triangle);
+        let mut sums: Vec<[(Vec3, f32); 2]> = Vec::new();
+        for triangle in (0..triangles as u32).filter(|&t| !lighting.emitters.holds(t)) {
+            let sides = center(triangle).map(|sides| sides.map(|place| hot_at(&place)));
+            let Some(sides) = sides.filter(|sides| wanted[triangle as usize] || *sides != [None; 2]) else { continue };
             emitters.push_triangle(
                 self.scene,
                 triangle,
                 SHEET_PIECE_M,
                 |emitter, _| {
-                    let center = emitter.corner + (emitter.edges[0] + emitter.edges[1]) / 3.0;
-                    emitter.radiance = [emitter.normal, -emitter.normal].map(|normal| {
-                        let light = surfels.near(center, normal, part).mean(|surfel| leaving[surfel]);
-                        if luminance(light) > least { light } else { Vec3::ZERO }
-                    });
+                    emitter.radiance = [Vec3::ONE; 2];
                 },
                 false,
             );
+            sums.resize(emitters.list.len(), [(Vec3::ZERO, 0.0); 2]);
+            let middle = Hit { distance_m: 0.0, triangle, barycentric: [1.0 / 3.0; 2] };
+            if let Some(piece) = emitters.of(&middle) {
+                for (sum, surfel) in sums[piece as usize].iter_mut().zip(sides) {
+                    let light = surfel.map_or(Vec3::ZERO, |surfel| leaving[surfel as usize]);
+                    *sum = (sum.0 + light, sum.1 + f32::from(u8::from(surfel.is_some())));
+                }
+            }
+        }
+        for (i, surfel) in surfels.list.iter().enumerate().filter(|(i, _)| hot[*i]) {
+            for place in surfel.place.around(self.scene, 0.6 * self.settings.spacing_m) {
+                let hit = Hit { distance_m: 0.0, triangle: place.triangle, barycentric: place.barycentric };
+                let Some(piece) = emitters.of(&hit) else { continue };
+                let back = emitters.list[piece as usize].normal.dot(surfel.normal) < 0.0;
+                let sum = &mut sums[piece as usize][usize::from(back)];
+                *sum = (sum.0 + leaving[i], sum.1 + 1.0);
+            }
+        }
+        for (emitter, sums) in emitters.list.iter_mut().zip(sums) {
+            emitter.radiance = sums.map(|(sum, count)| sum / count.max(1.0));
         }
         emitters
     }
@@ -285,10 +318,7 @@ impl Baker<'_> {
         // Mirrored lamps are limited by what matte surfaces get on average.
         let sum: f64 = lit.iter().map(|lit| f64::from(luminance(lit.direct + lit.sun))).sum();
         let most = (MOST_MIRRORED * sum / lit.len().max(1) as f64) as f32;
-        (0..lit.len())
-            .into_par_iter()
-            .map(|i| self.row(surfels, lighting, bright, &lit[i].parts, i, most))
-            .collect()
+        (0..lit.len()).into_par_iter().map(|i| self.row(surfels, lighting, bright, &lit[i].parts, i, most)).collect()
     }
 
     fn row(
@@ -374,7 +404,10 @@ impl Baker<'_> {
                 row.light -= tint * light;
             }
             if let Some(emitter) = bright.lighting.emitters.of(&hit).filter(|_| straight) {
-                let light = bright.lighting.emitters.radiance(emitter, surface.geometric_normal);
+                let normal = surface.geometric_normal;
+                let shines = bright.lighting.emitters.radiance(emitter, normal) != Vec3::ZERO;
+                let surfaces = bright.lighting.surfaces.as_ref().filter(|_| shines);
+                let light = surfaces.map_or(Vec3::ZERO, |s| s.radiance(surface.position, normal, hit.triangle));
                 row.light += tint * light * (share(&bright.lighting, &bright.parts, emitter) - 1.0);
             }
             let [pass, mirror] = transfer::rays(&surface);

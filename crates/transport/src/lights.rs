@@ -113,7 +113,7 @@ const LAMP_PIECE_M: f32 = 0.4;
 const PORTAL_PIECE_M: f32 = 0.4;
 
 /// Pieces per edge at most: bounds what one huge triangle can cost.
-const MOST_PIECES: f32 = 24.0;
+const MOST_PIECES: f32 = 40.0;
 
 impl Emitters {
     /// Emissive triangles and, where the sky gives light, portals.

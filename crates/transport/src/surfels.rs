@@ -21,6 +21,8 @@ pub(crate) struct Surfel {
     /// Geometric, on its side.
     pub normal: Vec3,
     pub part: u32,
+    /// The same on its triangle.
+    pub place: Place,
     /// How it scatters light on the average over directions and over its extent.
     pub scatter: Scatter,
 }
@@ -110,6 +112,7 @@ impl Surfels {
             position: place.position,
             normal: place.normal,
             part: part_of[place.triangle as usize],
+            place: *place,
             scatter: transfer::scatter(&place.surface(scene, spacing_m)),
         };
         let list: Vec<Surfel> = candidates.par_iter().map(surfel).collect();
