@@ -23,7 +23,13 @@ const MOST_MIRRORS: u32 = 8;
 /// Lamps in mirrors are no brighter to the cache than this many times the mean irradiance: few rays find them.
 const MOST_MIRRORED: f64 = 1.0;
 
-/// Surfaces brighter than this many times the mean are sampled like lamps in the exchange.
+/// Times that indirect light is averaged over neighbours: what is left of the noise of single rays.
+const SMOOTHING: usize = 2;
+
+/// Rays per surfel of the first estimate.
+const FIRST_RAYS: usize = 16;
+
+/// Surfaces brighter than this many times the geometric mean are sampled like lamps in the exchange.
 const BRIGHT: f32 = 3.0;
 
 /// A gap narrower than this share of the spacing cannot be looked into.
@@ -119,14 +125,24 @@ impl Cache {
         }
         let lit: Vec<Lit> =
             (0..surfels.list.len()).into_par_iter().map(|i| baker.light(&surfels, &lighting, i)).collect();
-        let bright = baker.bright(&surfels, &lighting, &lit, &others);
+        // A first estimate tells which surfaces are so bright that few rays would find them.
+        let coarse = Baker { pattern: cosine_hemisphere(FIRST_RAYS), ..baker };
+        let dark = Lighting::new(Emitters::none(scene));
+        let rows = coarse.smoothed(&surfels, coarse.gather(&surfels, &lighting, &dark, &lit));
+        let direct: Vec<Vec3> = lit.iter().zip(&rows).map(|(lit, row)| lit.direct + row.lamps + lit.sun).collect();
+        let indirect = exchange(&surfels, &rows, &direct, &others, FIRST_RAYS as u32);
+        let baker = Baker { pattern: cosine_hemisphere(settings.gather_rays as usize), ..coarse };
+        let bright = baker.bright(&surfels, &lighting, &direct, &indirect, &others);
         let rows = baker.gather(&surfels, &lighting, &bright, &lit);
         let rows = baker.smoothed(&surfels, rows);
         let direct: Vec<Vec3> = lit.iter().zip(&rows).map(|(lit, row)| lit.direct + row.lamps + lit.sun).collect();
         // What lies in gaps too narrow to look into must not show beside them.
         let most = settings.gather_rays / 2;
         let open: Vec<bool> = rows.iter().map(|row| row.blocked <= most).collect();
-        let indirect = exchange(&surfels, &rows, &direct, &others, settings.gather_rays);
+        let mut indirect = exchange(&surfels, &rows, &direct, &others, settings.gather_rays);
+        for _ in 0..SMOOTHING {
+            indirect = averaged(&surfels, |surfel| indirect[surfel]);
+        }
         let behind = others
             .iter()
             .map(
@@ -217,19 +233,20 @@ impl Baker<'_> {
         }
     }
 
-    /// Surfaces much brighter by direct light than the rest: lit by the sun, or near to a lamp. Few rays would find them.
-    fn bright<'s>(&self, surfels: &'s Surfels, lighting: &Lighting, lit: &[Lit], others: &[u32]) -> Lighting<'s> {
-        let direct = |i: usize| lit[i].direct + lit[i].sun;
-        let leaving: Vec<Vec3> = (0..surfels.list.len())
-            .map(|i| {
-                let scatter = &surfels.list[i].scatter;
-                let behind = if others[i] == u32::MAX { Vec3::ZERO } else { direct(others[i] as usize) };
-                (direct(i) * scatter.same_side + behind * scatter.through) / PI
-            })
-            .collect();
-        let lit_ones = leaving.iter().map(|&l| luminance(l)).filter(|&l| l > 0.0);
-        let (sum, count) = lit_ones.fold((0.0, 0), |(sum, count), l| (sum + f64::from(l), count + 1));
-        let least = (f64::from(BRIGHT) * sum / f64::from(count.max(1))) as f32;
+    /// Surfaces much brighter than the rest: lit by the sun, near to a lamp, under the open sky. Few rays would find them.
+    fn bright<'s>(
+        &self,
+        surfels: &'s Surfels,
+        lighting: &Lighting,
+        direct: &[Vec3],
+        indirect: &[Vec3],
+        others: &[u32],
+    ) -> Lighting<'s> {
+        let leaving: Vec<Vec3> =
+            (0..surfels.list.len()).map(|i| leaving(surfels, direct, indirect, others, i)).collect();
+        let lit = leaving.iter().map(|&l| luminance(l)).filter(|&l| l > 0.0);
+        let (sum, count) = lit.fold((0.0, 0), |(sum, count), l| (sum + f64::from(l).ln(), count + 1));
+        let least = (f64::from(BRIGHT) * (sum / f64::from(count.max(1))).exp()) as f32;
         let hot: Vec<bool> = leaving.iter().map(|&light| luminance(light) > least).collect();
         let emitters = self.bright_pieces(surfels, lighting, &leaving, &hot);
         Lighting { surfaces: Some(Surfaces { surfels, leaving }), ..Lighting::new(emitters) }
@@ -293,11 +310,7 @@ impl Baker<'_> {
             return rows;
         }
         for _ in 0..PASSES {
-            let next: Vec<Vec3> = surfels
-                .list
-                .par_iter()
-                .map(|s| surfels.near(s.position, s.normal, s.part).mean(|surfel| rows[surfel].mirrored))
-                .collect();
+            let next = averaged(surfels, |surfel| rows[surfel].mirrored);
             rows.iter_mut().zip(next).for_each(|(row, mirrored)| row.mirrored = mirrored);
         }
         // What few rays found is spread over all surfaces that face the same way.
@@ -408,7 +421,7 @@ impl Baker<'_> {
                 let shines = bright.lighting.emitters.radiance(emitter, normal) != Vec3::ZERO;
                 let surfaces = bright.lighting.surfaces.as_ref().filter(|_| shines);
                 let light = surfaces.map_or(Vec3::ZERO, |s| s.radiance(surface.position, normal, hit.triangle));
-                row.light += tint * light * (share(&bright.lighting, &bright.parts, emitter) - 1.0);
+                row.light += tint * light * (share(bright.lighting, bright.parts, emitter) - 1.0);
             }
             let [pass, mirror] = transfer::rays(&surface);
             if pass == Vec3::ZERO && mirror == Vec3::ZERO {
@@ -452,13 +465,8 @@ fn exchange(surfels: &Surfels, rows: &[Row], direct: &[Vec3], others: &[u32], ga
     let mut indirect: Vec<Vec3> = rows.iter().map(|row| row.light).collect();
     let mut leaving = vec![Vec3::ZERO; rows.len()];
     for _ in 0..MOST_BOUNCES {
-        leaving.par_iter_mut().enumerate().for_each(|(i, leaving)| {
-            let scatter = &surfels.list[i].scatter;
-            *leaving = (direct[i] + indirect[i]) * scatter.same_side / PI;
-            if let Some(&other) = others.get(i).filter(|&&other| other != u32::MAX) {
-                let behind = direct[other as usize] + indirect[other as usize];
-                *leaving += behind * scatter.through / PI;
-            }
+        leaving.par_iter_mut().enumerate().for_each(|(i, light)| {
+            *light = self::leaving(surfels, direct, &indirect, others, i);
         });
         let arriving = |row: &Row| {
             let seen: Vec3 = row.links.iter().map(|&surfel| leaving[surfel as usize]).sum();
@@ -474,4 +482,18 @@ fn exchange(surfels: &Surfels, rows: &[Row], direct: &[Vec3], others: &[u32], ga
         }
     }
     indirect
+}
+
+/// The mean of a value over the neighbourhood of each surfel.
+fn averaged(surfels: &Surfels, value: impl Fn(usize) -> Vec3 + Sync) -> Vec<Vec3> {
+    surfels.list.par_iter().map(|s| surfels.near(s.position, s.normal, s.part).mean(&value)).collect()
+}
+
+/// Radiance leaving a surfel.
+fn leaving(surfels: &Surfels, direct: &[Vec3], indirect: &[Vec3], others: &[u32], i: usize) -> Vec3 {
+    let scatter = &surfels.list[i].scatter;
+    let own = (direct[i] + indirect[i]) * scatter.same_side;
+    let other = others[i] as usize;
+    let behind = if others[i] == u32::MAX { Vec3::ZERO } else { direct[other] + indirect[other] };
+    (own + behind * scatter.through) / PI
 }

@@ -90,7 +90,8 @@ impl Scene {
         }
         let (vertices, materials) = (model.positions.len().min(model.normals.len()), model.materials.len());
         let usable = |vertex: u32| {
-            (vertex as usize) < vertices && model.positions[vertex as usize].abs().max_element() <= FARTHEST_M
+            (vertex as usize) < vertices
+                && model.positions[vertex as usize].to_array().iter().all(|x| x.abs() <= FARTHEST_M)
         };
         for (index, triangle) in model.triangles.iter().enumerate() {
             let material = model.triangle_materials.get(index).is_some_and(|&m| (m as usize) < materials);
