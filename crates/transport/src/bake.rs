@@ -4,13 +4,14 @@
 use std::f32::consts::PI;
 
 use geometry::{Ray, Vec3, cosine_hemisphere, orthonormal_basis};
-use mesh::offset_origin;
+use mesh::{Hit, offset_origin};
 use rayon::prelude::*;
 
 use crate::BakeSettings;
-use crate::lighting::{Lighting, Part, limited};
+use crate::lighting::{Lighting, Part, Surfaces, limited};
 use crate::lights::{Emitters, luminance};
 use crate::pattern::{Rotations, shifted};
+use crate::places::Place;
 use crate::reach;
 use crate::scene::Scene;
 use crate::surfels::Surfels;
@@ -20,9 +21,15 @@ use crate::transfer;
 const MOST_MIRRORS: u32 = 8;
 
 /// Lamps in mirrors are no brighter to the cache than this many times the mean irradiance: few rays find them.
-const MOST_MIRRORED: f64 = 100.0;
+const MOST_MIRRORED: f64 = 1.0;
 
-/// Surfaces brighter than this many times the mean are sampled like lamps in the exchange.
+/// Times that indirect light is averaged over neighbours: what is left of the noise of single rays.
+const SMOOTHING: usize = 2;
+
+/// Rays per surfel of the first estimate.
+const FIRST_RAYS: usize = 16;
+
+/// Surfaces brighter than this many times the geometric mean are sampled like lamps in the exchange.
 const BRIGHT: f32 = 3.0;
 
 /// A gap narrower than this share of the spacing cannot be looked into.
@@ -34,7 +41,7 @@ const SHEET_PIECE_M: f32 = 0.15;
 /// Light at the surfels and what it was sampled from.
 pub(crate) struct Cache {
     pub surfels: Surfels,
-    pub lighting: Lighting,
+    pub lighting: Lighting<'static>,
     /// Irradiance by lamps, portals, sun and glowing sheets.
     pub direct: Vec<Vec3>,
     /// Irradiance by everything else.
@@ -52,14 +59,26 @@ struct Row {
     lamps: Vec3,
     /// Irradiance by what is neither sampled as a light nor a surfel, and corrections for bright surfaces.
     light: Vec3,
-    /// Irradiance by lamps in mirrors.
+    /// Irradiance by lamps in mirrors, up to a limit per ray.
     mirrored: Vec3,
+    /// What went beyond that limit.
+    excess: Vec3,
+    /// Rays that left by no portal.
+    escaped: u32,
     /// Rays that ended so near that the place cannot be seen.
     blocked: u32,
     /// Surfels hit directly.
     links: Vec<u32>,
     /// Surfels hit by way of mirrors and panes, with what these leave.
     tinted: Vec<(u32, Vec3)>,
+}
+
+impl Row {
+    fn add_mirrored(&mut self, light: Vec3, most: f32) {
+        let kept = limited(light, most);
+        self.mirrored += kept;
+        self.excess += light - kept;
+    }
 }
 
 /// What sampling a surfel's direct light left behind.
@@ -71,7 +90,7 @@ struct Lit {
 
 /// Surfaces so bright by direct light that they are sampled like lamps, and how they were at a surfel.
 struct Bright<'a> {
-    lighting: &'a Lighting,
+    lighting: &'a Lighting<'a>,
     parts: &'a [Part],
 }
 
@@ -104,14 +123,26 @@ impl Cache {
         }
         let lit: Vec<Lit> =
             (0..surfels.list.len()).into_par_iter().map(|i| baker.light(&surfels, &lighting, i)).collect();
-        let bright = Lighting::new(baker.bright(&surfels, &lighting, &lit, &others));
+        // A first estimate tells which surfaces are so bright that few rays would find them.
+        let coarse = Baker { pattern: cosine_hemisphere(FIRST_RAYS), ..baker };
+        let dark = Lighting::new(Emitters::none(scene));
+        let rows = coarse.smoothed(&surfels, coarse.gather(&surfels, &lighting, &dark, &lit));
+        let direct: Vec<Vec3> = lit.iter().zip(&rows).map(|(lit, row)| lit.direct + row.lamps + lit.sun).collect();
+        let indirect = exchange(&surfels, &rows, &direct, &others, FIRST_RAYS as u32);
+        let baker = Baker { pattern: cosine_hemisphere(settings.gather_rays as usize), ..coarse };
+        let bright = baker.bright(&surfels, &lighting, &direct, &indirect, &others);
         let rows = baker.gather(&surfels, &lighting, &bright, &lit);
         let rows = baker.smoothed(&surfels, rows);
         let direct: Vec<Vec3> = lit.iter().zip(&rows).map(|(lit, row)| lit.direct + row.lamps + lit.sun).collect();
         // What lies in gaps too narrow to look into must not show beside them.
         let most = settings.gather_rays / 2;
         let open: Vec<bool> = rows.iter().map(|row| row.blocked <= most).collect();
-        let indirect = exchange(&surfels, &rows, &direct, &others, settings.gather_rays);
+        let mut indirect = exchange(&surfels, &rows, &direct, &others, settings.gather_rays);
+        for _ in 0..SMOOTHING {
+            indirect = averaged(&surfels, |surfel| indirect[surfel]);
+        }
+        // Corrections for what is sampled leave less than nothing here and there.
+        indirect.iter_mut().for_each(|light| *light = light.max(Vec3::ZERO));
         let behind = others
             .iter()
             .map(
@@ -122,6 +153,11 @@ impl Cache {
         for lit in lit {
             cache.parts.extend(lit.parts);
             cache.first_part.push(cache.parts.len() as u32);
+        }
+        if !scene.sky.portals.is_empty() {
+            // What lies under the open sky must not show indoors, behind a thin wall.
+            let outside: Vec<bool> = rows.iter().map(|row| row.escaped > settings.gather_rays / 5).collect();
+            cache.surfels.set_outside(&outside);
         }
         cache.surfels.index(&open);
         Ok(cache)
@@ -185,6 +221,7 @@ impl Baker<'_> {
                 triangle,
                 SHEET_PIECE_M,
                 |emitter, _| {
+                    emitter.sheet = true;
                     let center = emitter.corner + (emitter.edges[0] + emitter.edges[1]) / 3.0;
                     emitter.radiance = [emitter.normal, -emitter.normal]
                         .map(|normal| surfels.near(center, normal, part).mean(|surfel| glow[surfel]));
@@ -194,39 +231,72 @@ impl Baker<'_> {
         }
     }
 
-    /// Surfaces much brighter by direct light than the rest: lit by the sun, or near to a lamp. Few rays would find them.
-    fn bright(&self, surfels: &Surfels, lighting: &Lighting, lit: &[Lit], others: &[u32]) -> Emitters {
-        let direct = |i: usize| lit[i].direct + lit[i].sun;
-        let leaving: Vec<Vec3> = (0..surfels.list.len())
-            .map(|i| {
-                let scatter = &surfels.list[i].scatter;
-                let behind = if others[i] == u32::MAX { Vec3::ZERO } else { direct(others[i] as usize) };
-                (direct(i) * scatter.same_side + behind * scatter.through) / PI
-            })
-            .collect();
-        let lit_ones = leaving.iter().map(|&l| luminance(l)).filter(|&l| l > 0.0);
-        let (sum, count) = lit_ones.fold((0.0, 0), |(sum, count), l| (sum + f64::from(l), count + 1));
-        let least = (f64::from(BRIGHT) * sum / f64::from(count.max(1))) as f32;
-        let model = self.scene.prepared.model();
+    /// Surfaces much brighter than the rest: lit by the sun, near to a lamp, under the open sky. Few rays would find them.
+    fn bright<'s>(
+        &self,
+        surfels: &'s Surfels,
+        lighting: &Lighting,
+        direct: &[Vec3],
+        indirect: &[Vec3],
+        others: &[u32],
+    ) -> Lighting<'s> {
+        let leaving: Vec<Vec3> =
+            (0..surfels.list.len()).map(|i| leaving(surfels, direct, indirect, others, i)).collect();
+        let lit = leaving.iter().map(|&l| luminance(l)).filter(|&l| l > 0.0);
+        let (sum, count) = lit.fold((0.0, 0), |(sum, count), l| (sum + f64::from(l).ln(), count + 1));
+        let least = (f64::from(BRIGHT) * (sum / f64::from(count.max(1))).exp()) as f32;
+        let hot: Vec<bool> = leaving.iter().map(|&light| luminance(light) > least).collect();
+        let emitters = self.bright_pieces(surfels, lighting, &leaving, &hot);
+        Lighting { surfaces: Some(Surfaces { surfels, leaving }), ..Lighting::new(emitters) }
+    }
+
+    /// Pieces of triangles near hot surfels.
+    fn bright_pieces(&self, surfels: &Surfels, lighting: &Lighting, leaving: &[Vec3], hot: &[bool]) -> Emitters {
+        let triangles = self.scene.prepared.model().triangles.len();
+        let mut wanted = vec![false; triangles];
+        for (surfel, _) in surfels.list.iter().zip(hot).filter(|(_, hot)| **hot) {
+            wanted[surfel.place.triangle as usize] = true;
+        }
+        // Triangles smaller than the spacing may have no surfel of their own.
+        let center = |triangle: u32| Place::at(self.scene, triangle, [1.0 / 3.0; 2]);
+        let hot_at = |place: &Place| {
+            let surfel = surfels.nearest(place.position, place.normal, surfels.part(place.triangle));
+            surfel.filter(|&surfel| hot[surfel as usize])
+        };
         let mut emitters = Emitters::none(self.scene);
-        for triangle in 0..model.triangles.len() as u32 {
-            if lighting.emitters.holds(triangle) {
-                continue;
-            }
-            let part = surfels.part(triangle);
+        let mut sums: Vec<[(Vec3, f32); 2]> = Vec::new();
+        for triangle in (0..triangles as u32).filter(|&t| !lighting.emitters.holds(t) || self.scene.is_lamp(t)) {
+            let sides = center(triangle).map(|sides| sides.map(|place| hot_at(&place)));
+            let Some(sides) = sides.filter(|sides| wanted[triangle as usize] || *sides != [None; 2]) else { continue };
             emitters.push_triangle(
                 self.scene,
                 triangle,
                 SHEET_PIECE_M,
                 |emitter, _| {
-                    let center = emitter.corner + (emitter.edges[0] + emitter.edges[1]) / 3.0;
-                    emitter.radiance = [emitter.normal, -emitter.normal].map(|normal| {
-                        let light = surfels.near(center, normal, part).mean(|surfel| leaving[surfel]);
-                        if luminance(light) > least { light } else { Vec3::ZERO }
-                    });
+                    emitter.radiance = [Vec3::ONE; 2];
                 },
                 false,
             );
+            sums.resize(emitters.list.len(), [(Vec3::ZERO, 0.0); 2]);
+            let middle = Hit { distance_m: 0.0, triangle, barycentric: [1.0 / 3.0; 2] };
+            if let Some(piece) = emitters.of(&middle) {
+                for (sum, surfel) in sums[piece as usize].iter_mut().zip(sides) {
+                    let light = surfel.map_or(Vec3::ZERO, |surfel| leaving[surfel as usize]);
+                    *sum = (sum.0 + light, sum.1 + f32::from(u8::from(surfel.is_some())));
+                }
+            }
+        }
+        for (i, surfel) in surfels.list.iter().enumerate().filter(|(i, _)| hot[*i]) {
+            for place in surfel.place.around(self.scene, 0.6 * self.settings.spacing_m) {
+                let hit = Hit { distance_m: 0.0, triangle: place.triangle, barycentric: place.barycentric };
+                let Some(piece) = emitters.of(&hit) else { continue };
+                let back = emitters.list[piece as usize].normal.dot(surfel.normal) < 0.0;
+                let sum = &mut sums[piece as usize][usize::from(back)];
+                *sum = (sum.0 + leaving[i], sum.1 + 1.0);
+            }
+        }
+        for (emitter, sums) in emitters.list.iter_mut().zip(sums) {
+            emitter.radiance = sums.map(|(sum, count)| sum / count.max(1.0));
         }
         emitters
     }
@@ -234,18 +304,23 @@ impl Baker<'_> {
     /// Spreads the light of mirrored lamps, which few rays find, over neighbours.
     fn smoothed(&self, surfels: &Surfels, mut rows: Vec<Row>) -> Vec<Row> {
         const PASSES: usize = 6;
-        if rows.iter().all(|row| row.mirrored == Vec3::ZERO) {
+        if rows.iter().all(|row| row.mirrored == Vec3::ZERO && row.excess == Vec3::ZERO) {
             return rows;
         }
         for _ in 0..PASSES {
-            let next: Vec<Vec3> = surfels
-                .list
-                .par_iter()
-                .map(|s| surfels.near(s.position, s.normal, s.part).mean(|surfel| rows[surfel].mirrored))
-                .collect();
+            let next = averaged(surfels, |surfel| rows[surfel].mirrored);
             rows.iter_mut().zip(next).for_each(|(row, mirrored)| row.mirrored = mirrored);
         }
-        rows.iter_mut().for_each(|row| row.light += row.mirrored);
+        // What few rays found is spread over all surfaces that face the same way.
+        let mut sums = [(Vec3::ZERO, 0.0_f32); 6];
+        for (surfel, row) in surfels.list.iter().zip(&rows) {
+            let sum = &mut sums[surfel.face()];
+            *sum = (sum.0 + row.excess, sum.1 + 1.0);
+        }
+        for (surfel, row) in surfels.list.iter().zip(&mut rows) {
+            let (sum, count) = sums[surfel.face()];
+            row.light += row.mirrored + sum / count;
+        }
         rows
     }
 
@@ -284,6 +359,7 @@ impl Baker<'_> {
         row.light *= PI / self.pattern.len() as f32;
         row.light += sampled.irradiance;
         row.mirrored *= PI / self.pattern.len() as f32;
+        row.excess *= PI / self.pattern.len() as f32;
         row.lamps *= PI / self.pattern.len() as f32;
         row
     }
@@ -307,10 +383,17 @@ impl Baker<'_> {
         let (mut tint, mut straight) = (Vec3::ONE, true);
         for _ in 0..MOST_MIRRORS {
             let Some(hit) = self.scene.hit(&ray) else {
-                // Light samples answer for portals that are seen directly.
                 let sky = &self.scene.sky;
-                if if straight { sky.portals.is_empty() } else { sky.is_open(&run, self.scene.far_m) } {
-                    row.light += tint * self.scene.sky.radiance(ray.direction);
+                let light = tint * sky.radiance(ray.direction);
+                if !straight {
+                    if sky.is_open(&run, self.scene.far_m) {
+                        row.add_mirrored(light, most);
+                    }
+                } else if !sky.leaves_by_portal(&start, self.scene.far_m) {
+                    row.escaped += 1;
+                    if sky.portals.is_empty() {
+                        row.light += light;
+                    }
                 }
                 return;
             };
@@ -329,7 +412,7 @@ impl Baker<'_> {
                 match emitter {
                     Some(emitter) if straight => row.lamps += tint * surface.emission * share(lighting, parts, emitter),
                     None if straight => row.light += tint * surface.emission,
-                    _ => row.mirrored += limited(tint * surface.emission, most),
+                    _ => row.add_mirrored(tint * surface.emission, most),
                 }
             } else if let Some(emitter) = emitter.filter(|_| straight) {
                 // A sheet lit from behind: its light, which the surfel there has too, counts as a lamp's.
@@ -338,8 +421,11 @@ impl Baker<'_> {
                 row.light -= tint * light;
             }
             if let Some(emitter) = bright.lighting.emitters.of(&hit).filter(|_| straight) {
-                let light = bright.lighting.emitters.radiance(emitter, surface.geometric_normal);
-                row.light += tint * light * (share(&bright.lighting, &bright.parts, emitter) - 1.0);
+                let normal = surface.geometric_normal;
+                let shines = bright.lighting.emitters.radiance(emitter, normal) != Vec3::ZERO;
+                let surfaces = bright.lighting.surfaces.as_ref().filter(|_| shines);
+                let light = surfaces.map_or(Vec3::ZERO, |s| s.radiance(surface.position, normal, hit.triangle));
+                row.light += tint * light * (share(bright.lighting, bright.parts, emitter) - 1.0);
             }
             let [pass, mirror] = transfer::rays(&surface);
             if pass == Vec3::ZERO && mirror == Vec3::ZERO {
@@ -384,13 +470,8 @@ fn exchange(surfels: &Surfels, rows: &[Row], direct: &[Vec3], others: &[u32], ga
     let mut indirect: Vec<Vec3> = rows.iter().map(|row| row.light).collect();
     let mut leaving = vec![Vec3::ZERO; rows.len()];
     for _ in 0..MOST_BOUNCES {
-        leaving.par_iter_mut().enumerate().for_each(|(i, leaving)| {
-            let scatter = &surfels.list[i].scatter;
-            *leaving = (direct[i] + indirect[i]) * scatter.same_side / PI;
-            if let Some(&other) = others.get(i).filter(|&&other| other != u32::MAX) {
-                let behind = direct[other as usize] + indirect[other as usize];
-                *leaving += behind * scatter.through / PI;
-            }
+        leaving.par_iter_mut().enumerate().for_each(|(i, light)| {
+            *light = self::leaving(surfels, direct, &indirect, others, i);
         });
         let arriving = |row: &Row| {
             let seen: Vec3 = row.links.iter().map(|&surfel| leaving[surfel as usize]).sum();
@@ -406,4 +487,18 @@ fn exchange(surfels: &Surfels, rows: &[Row], direct: &[Vec3], others: &[u32], ga
         }
     }
     indirect
+}
+
+/// The mean of a value over the neighbourhood of each surfel.
+fn averaged(surfels: &Surfels, value: impl Fn(usize) -> Vec3 + Sync) -> Vec<Vec3> {
+    surfels.list.par_iter().map(|s| surfels.near(s.position, s.normal, s.part).mean(&value)).collect()
+}
+
+/// Radiance leaving a surfel.
+fn leaving(surfels: &Surfels, direct: &[Vec3], indirect: &[Vec3], others: &[u32], i: usize) -> Vec3 {
+    let scatter = &surfels.list[i].scatter;
+    let own = (direct[i] + indirect[i]) * scatter.same_side;
+    let other = others[i] as usize;
+    let behind = if others[i] == u32::MAX { Vec3::ZERO } else { direct[other] + indirect[other] };
+    (own + behind * scatter.through) / PI
 }

@@ -14,6 +14,17 @@ pub struct BakedWorld {
     settings: BakeSettings,
 }
 
+/// What a ray leaves out because light samples bring it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Sampled {
+    /// Sees all, the sun's disc too.
+    Nothing,
+    /// Lamps and sun.
+    Lamps,
+    /// Lamps, sun, portals and sheets lit from behind.
+    All,
+}
+
 impl BakedWorld {
     /// Spreads points over all surfaces and finds the light that falls on them. The result is the same to the bit for
     /// every number of threads.
@@ -78,36 +89,35 @@ impl BakedWorld {
         light / PI
     }
 
-    /// Radiance that arrives along a ray, from the cache.
-    pub(crate) fn light_along(&self, ray: Ray) -> Vec3 {
-        self.follow(ray, true)
-    }
-
-    /// As [`BakedWorld::light_along`], without what was sampled as a light: lamps, portals, sun.
-    pub(crate) fn indirect_along(&self, ray: Ray) -> Vec3 {
-        self.follow(ray, false)
-    }
-
-    fn follow(&self, mut ray: Ray, lights: bool) -> Vec3 {
+    /// Radiance that arrives along a ray, from the cache, without what is sampled as a light elsewhere.
+    pub(crate) fn light_along(&self, mut ray: Ray, sampled: Sampled) -> Vec3 {
         const MOST_MIRRORS: u32 = 6;
         let (mut light, mut tint, mut straight) = (Vec3::ZERO, Vec3::ONE, true);
         let mut run = ray;
         for _ in 0..MOST_MIRRORS {
             let Some(hit) = self.scene.hit(&ray) else {
                 let sky = &self.scene.sky;
-                let open = sky.is_open(&run, self.scene.far_m);
-                if lights && open {
+                if !sky.is_open(&run, self.scene.far_m) {
+                    return light;
+                }
+                if sampled == Sampled::Nothing {
                     light += tint * sky.radiance_with_sun(ray.direction);
-                } else if open && (sky.portals.is_empty() || !straight) {
+                } else if !(sampled == Sampled::All && straight && !sky.portals.is_empty()) {
                     light += tint * sky.radiance(ray.direction);
                 }
                 return light;
             };
             let surface = self.scene.surface(&hit, &ray, hit.distance_m * 0.005);
-            if lights || !straight {
+            if sampled == Sampled::Nothing || !straight {
                 light += tint * surface.emission;
             }
             light += tint * self.scattered_from_cache(&surface);
+            if sampled == Sampled::All && straight && surface.emission == Vec3::ZERO {
+                // The light of sheets, which the cache knows too.
+                let emitters = &self.cache.lighting.emitters;
+                let sheet = emitters.of(&hit).map(|e| emitters.radiance(e, surface.geometric_normal));
+                light -= tint * sheet.unwrap_or_default();
+            }
             // The stronger way is followed; the weaker one is left out where it is weak.
             if surface.pass.max_element() >= surface.mirror.max_element() {
                 tint *= surface.pass;

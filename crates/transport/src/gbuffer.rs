@@ -3,7 +3,7 @@
 use geometry::Vec3;
 
 use crate::View;
-use crate::baked::BakedWorld;
+use crate::baked::{BakedWorld, Sampled};
 use crate::scene::Surface;
 
 /// Most panes and mirrors on the way of a view ray.
@@ -75,7 +75,7 @@ pub(crate) fn look(baked: &BakedWorld, view: &View, u: f32, v: f32) -> Seen {
         seen.light += seen.tint * baked.scattered_from_cache(&surface);
         if goes_through {
             if surface.mirror != Vec3::ZERO {
-                let reflection = baked.light_along(surface.ray(surface.mirrored()));
+                let reflection = baked.light_along(surface.ray(surface.mirrored()), Sampled::Nothing);
                 seen.light += seen.tint * surface.mirror * reflection;
             }
             seen.tint *= surface.pass;

@@ -6,9 +6,10 @@ use geometry::Vec3;
 use mesh::offset_origin;
 
 use crate::light_tree::{CutNode, LightTree};
-use crate::lights::{Emitters, luminance};
+use crate::lights::{Emitters, Source, luminance};
 use crate::pattern::{self, shifted};
 use crate::scene::Scene;
+use crate::surfels::Surfels;
 
 /// Most parts of a cut.
 pub(crate) const MOST_PARTS: usize = 16;
@@ -17,9 +18,25 @@ pub(crate) const MOST_PARTS: usize = 16;
 const UNSEEN_SHARE: f32 = 0.1;
 
 /// What light is sampled from.
-pub(crate) struct Lighting {
+pub(crate) struct Lighting<'a> {
     pub emitters: Emitters,
     pub tree: LightTree,
+    /// Where the emitters are surfaces lit by others: the radiance leaving each surfel, of which emitters hold means.
+    pub surfaces: Option<Surfaces<'a>>,
+}
+
+/// Radiance leaving surfels.
+pub(crate) struct Surfaces<'a> {
+    pub surfels: &'a Surfels,
+    pub leaving: Vec<Vec3>,
+}
+
+impl Surfaces<'_> {
+    /// Radiance at a place.
+    pub(crate) fn radiance(&self, position: Vec3, normal: Vec3, triangle: u32) -> Vec3 {
+        let surfel = self.surfels.nearest(position, normal, self.surfels.part(triangle));
+        surfel.map_or(Vec3::ZERO, |surfel| self.leaving[surfel as usize])
+    }
 }
 
 /// A part of the light, the samples spent on it, and how it is chosen for points nearby.
@@ -39,9 +56,9 @@ pub(crate) struct Direct {
     pub parts: Vec<Part>,
 }
 
-impl Lighting {
+impl Lighting<'_> {
     pub(crate) fn new(emitters: Emitters) -> Self {
-        Self { tree: LightTree::build(&emitters.list), emitters }
+        Self { tree: LightTree::build(&emitters.list), emitters, surfaces: None }
     }
 
     /// Irradiance at a point, its light cut into parts that are valid within `reach_m`. `gather_rays` is the number of
@@ -109,7 +126,11 @@ impl Lighting {
     ) -> Option<(crate::lights::LightSample, f32)> {
         let (chosen, probability) = self.tree.choose(node, random[0].min(1.0 - f32::EPSILON), origin, normal)?;
         let emitter = &self.emitters.list[chosen as usize];
-        let light = emitter.sample(scene, origin, [random[1], random[2]])?;
+        let mut light = emitter.sample(scene, origin, [random[1], random[2]])?;
+        if let (Some(surfaces), Source::Triangle { triangle, .. }) = (&self.surfaces, emitter.source) {
+            let side = if light.direction.dot(emitter.normal) < 0.0 { emitter.normal } else { -emitter.normal };
+            light.radiance = surfaces.radiance(origin + light.direction * light.distance_m, side, triangle);
+        }
         let density = samples * probability / (emitter.area_m2 * light.sr_per_m2);
         (normal.dot(light.direction) > 0.0 && light.radiance != Vec3::ZERO).then_some((light, density))
     }

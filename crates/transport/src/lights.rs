@@ -16,6 +16,8 @@ pub(crate) struct Emitter {
     /// Mean radiance leaving the front and the back.
     pub radiance: [Vec3; 2],
     pub source: Source,
+    /// Gives off what it lets through of the light behind it.
+    pub sheet: bool,
 }
 
 /// What an emitter is a piece of.
@@ -37,6 +39,8 @@ pub(crate) struct LightSample {
     pub radiance: Vec3,
     /// Solid angle per area at that point: cos / distance².
     pub sr_per_m2: f32,
+    /// A lamp's, not a portal's or a sheet's.
+    pub lamp: bool,
 }
 
 impl Emitter {
@@ -90,7 +94,8 @@ impl Emitter {
                 (radiance, until)
             }
         };
-        Some(LightSample { direction, distance_m, radiance, sr_per_m2 })
+        let lamp = self.source != Source::Portal && !self.sheet;
+        Some(LightSample { direction, distance_m, radiance, sr_per_m2, lamp })
     }
 }
 
@@ -108,7 +113,7 @@ const LAMP_PIECE_M: f32 = 0.4;
 const PORTAL_PIECE_M: f32 = 0.4;
 
 /// Pieces per edge at most: bounds what one huge triangle can cost.
-const MOST_PIECES: f32 = 24.0;
+const MOST_PIECES: f32 = 40.0;
 
 impl Emitters {
     /// Emissive triangles and, where the sky gives light, portals.
@@ -204,6 +209,7 @@ impl Emitters {
                     area_m2: 0.5 * cross.length() / (pieces * pieces),
                     radiance: [Vec3::ZERO; 2],
                     source: Source::Triangle { triangle, corners, textured },
+                    sheet: false,
                 };
                 light(&mut emitter, [0, 1].map(|k| corners.iter().map(|p| p[k]).sum::<f32>() / 3.0));
                 self.list.push(emitter);
@@ -236,6 +242,7 @@ impl Emitters {
                     area_m2: edges[0].cross(edges[1]).length(),
                     radiance: [mean, Vec3::ZERO],
                     source: Source::Portal,
+                    sheet: false,
                 });
             }
         }

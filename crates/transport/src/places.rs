@@ -29,6 +29,33 @@ impl Place {
     }
 }
 
+impl Place {
+    /// Both sides of a place; nothing on triangles without an area.
+    pub(crate) fn at(scene: &Scene, triangle: u32, barycentric: [f32; 2]) -> Option<[Self; 2]> {
+        let model = scene.prepared.model();
+        let normal = cross(model, triangle as usize).try_normalize()?;
+        let [a, b, c] = model.triangles[triangle as usize].map(|v| model.positions[v as usize]);
+        let position = a + (b - a) * barycentric[0] + (c - a) * barycentric[1];
+        Some([normal, -normal].map(|normal| Self { triangle, barycentric, position, normal }))
+    }
+
+    /// Itself and up to eight places of the same triangle about `distance_m` away along its edges.
+    pub(crate) fn around(&self, scene: &Scene, distance_m: f32) -> impl Iterator<Item = Self> {
+        let model = scene.prepared.model();
+        let [a, b, c] = model.triangles[self.triangle as usize].map(|v| model.positions[v as usize]);
+        let step = [b - a, c - a].map(|edge| distance_m / edge.length().max(1e-9));
+        let place = *self;
+        (0..9).filter_map(move |i| {
+            let moved = [
+                place.barycentric[0] + step[0] * (i % 3 - 1) as f32,
+                place.barycentric[1] + step[1] * (i / 3 - 1) as f32,
+            ];
+            let inside = moved[0] >= 0.0 && moved[1] >= 0.0 && moved[0] + moved[1] <= 1.0;
+            inside.then_some(Self { barycentric: moved, ..place })
+        })
+    }
+}
+
 /// About `per_m2` places on each side, in the order of the triangles; none where a surface is cut out.
 pub(crate) fn spread(scene: &Scene, per_m2: f64) -> impl IndexedParallelIterator<Item = Vec<Place>> {
     let model = scene.prepared.model();
@@ -45,7 +72,7 @@ pub(crate) fn spread(scene: &Scene, per_m2: f64) -> impl IndexedParallelIterator
     ranges.into_par_iter().enumerate().map(move |(triangle, (from, to))| {
         let mut places = Vec::with_capacity(2 * (to - from) as usize);
         for index in from..to {
-            push_at(model, triangle as u32, index, &mut places);
+            push_at(scene, triangle as u32, index, &mut places);
         }
         places
     })
@@ -61,18 +88,15 @@ fn cross(model: &Model, triangle: usize) -> Vec3 {
     (b - a).cross(c - a)
 }
 
-fn push_at(model: &Model, triangle: u32, index: u32, places: &mut Vec<Place>) {
+fn push_at(scene: &Scene, triangle: u32, index: u32, places: &mut Vec<Place>) {
+    let model = scene.prepared.model();
     let Vec2 { x, y } = pattern::r2(index);
     // The square folded onto the triangle keeps the points as even as they are.
     let barycentric = if x + y > 1.0 { [1.0 - x, 1.0 - y] } else { [x, y] };
     let hit = Hit { distance_m: 0.0, triangle, barycentric };
     let material = &model.materials[model.triangle_materials[triangle as usize] as usize];
     let there = material.alpha_mode == AlphaMode::Opaque || model.alpha(&hit) > 0.0;
-    let normal = cross(model, triangle as usize).normalize_or_zero();
-    if !there || normal == Vec3::ZERO {
-        return;
+    if there {
+        places.extend(Place::at(scene, triangle, barycentric).into_iter().flatten());
     }
-    let [a, b, c] = model.triangles[triangle as usize].map(|v| model.positions[v as usize]);
-    let position = a + (b - a) * barycentric[0] + (c - a) * barycentric[1];
-    places.extend([normal, -normal].map(|normal| Place { triangle, barycentric, position, normal }));
 }

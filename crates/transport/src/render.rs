@@ -7,7 +7,7 @@ use geometry::Vec3;
 use imaging::Image;
 use rayon::prelude::*;
 
-use crate::baked::BakedWorld;
+use crate::baked::{BakedWorld, Sampled};
 use crate::gbuffer::{Seen, alike, look};
 use crate::shade::{Lit, Sampler};
 use crate::{Rendering, View};
@@ -17,6 +17,9 @@ const EDGE_SAMPLES: [[f32; 2]; 4] = [[-0.125, -0.375], [0.375, -0.125], [0.125, 
 
 /// Fewer pixels of the same surface than this within the filter, and a pixel takes samples of its own.
 const LEAST_SHARED: f32 = 6.0;
+
+/// Distance of the taps of the second filter, pixels.
+const WIDE: i64 = 4;
 
 /// Light samples where there is nobody to share with.
 const LONELY_RAYS: u32 = 12;
@@ -43,6 +46,8 @@ pub(crate) fn render(baked: &BakedWorld, view: &View) -> Rendering {
             lit
         })
         .collect();
+    let wide = Filter { sampled: &lit, ..filter };
+    let lit: Vec<Lit> = (0..seen.len()).into_par_iter().map(|i| wide.wider(i)).collect();
     let radiance = |i: usize| {
         if !filter.is_edge(i) {
             return shown(baked, &seen[i], &lit[i]).to_array();
@@ -82,10 +87,10 @@ fn shown(baked: &BakedWorld, seen: &Seen, lit: &Lit) -> Vec3 {
         light += lit.gloss(surface) * surface.coverage;
     }
     if surface.pass != Vec3::ZERO {
-        light += surface.pass * baked.light_along(surface.ray(-surface.view));
+        light += surface.pass * baked.light_along(surface.ray(-surface.view), Sampled::Nothing);
     }
     if surface.mirror != Vec3::ZERO {
-        light += surface.mirror * baked.light_along(surface.ray(surface.mirrored()));
+        light += surface.mirror * baked.light_along(surface.ray(surface.mirrored()), Sampled::Nothing);
     }
     seen.light + seen.tint * light
 }
@@ -127,6 +132,29 @@ impl Filter<'_> {
         }
         sum.divide(weights);
         (sum, weights)
+    }
+
+    /// What is left of the noise, taken away by a wider and sparser window that does not mix what differs much.
+    fn wider(&self, i: usize) -> Lit {
+        let own = &self.sampled[i];
+        let Some(surface) = &self.seen[i].surface else { return *own };
+        let (x, y) = ((i % self.width) as i64, (i / self.width) as i64);
+        let mut sum = own.nothing();
+        let mut weights = 0.0;
+        for dy in [-WIDE, 0, WIDE] {
+            for dx in [-WIDE, 0, WIDE] {
+                let Some(j) = self.index(x + dx, y + dy) else { continue };
+                let Some(other) = &self.seen[j].surface else { continue };
+                if j != i && !alike(surface, self.seen[i].footprint_m, other) {
+                    continue;
+                }
+                let weight = own.likeness(&self.sampled[j]);
+                sum.add(&self.sampled[j], weight);
+                weights += weight;
+            }
+        }
+        sum.divide(weights);
+        sum
     }
 
     /// Whether a neighbour sees something else.

@@ -90,7 +90,8 @@ impl Scene {
         }
         let (vertices, materials) = (model.positions.len().min(model.normals.len()), model.materials.len());
         let usable = |vertex: u32| {
-            (vertex as usize) < vertices && model.positions[vertex as usize].abs().max_element() <= FARTHEST_M
+            (vertex as usize) < vertices
+                && model.positions[vertex as usize].to_array().iter().all(|x| x.abs() <= FARTHEST_M)
         };
         for (index, triangle) in model.triangles.iter().enumerate() {
             let material = model.triangle_materials.get(index).is_some_and(|&m| (m as usize) < materials);
@@ -175,6 +176,12 @@ impl Scene {
         surface.diffuse = scattered * (1.0 - share);
         surface.through = scattered * share;
         surface
+    }
+
+    /// Whether a triangle gives off light of its own.
+    pub(crate) fn is_lamp(&self, triangle: u32) -> bool {
+        let model = self.prepared.model();
+        model.materials[model.triangle_materials[triangle as usize] as usize].emissive != [0.0; 3]
     }
 
     /// Whether a triangle's emission leaves on the side of `normal`.

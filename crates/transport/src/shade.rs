@@ -2,11 +2,12 @@
 
 use geometry::{Ray, Vec2, Vec3, orthonormal_basis};
 
-use crate::baked::BakedWorld;
+use crate::baked::{BakedWorld, Sampled};
 use crate::bsdf;
 use crate::gbuffer::Seen;
 use crate::light_tree::CutNode;
 use crate::lighting::Part;
+use crate::lights::luminance;
 use crate::pattern::{Rotations, radical_inverse_3, shifted, van_der_corput};
 use crate::scene::Surface;
 
@@ -51,6 +52,19 @@ impl Lit {
     pub(crate) fn add(&mut self, other: &Self, weight: f32) {
         self.lamps += other.lamps * weight;
         self.rough_gloss += other.rough_gloss * weight;
+    }
+
+    /// How far samples that differ by this much may be due to chance, 0 to 1.
+    pub(crate) fn likeness(&self, other: &Self) -> f32 {
+        /// Relative noise of what sixteen pixels share.
+        const NOISE: f32 = 0.12;
+        let differs = |a: Vec3, b: Vec3| {
+            let (a, b) = (luminance(a), luminance(b));
+            (a - b) / (NOISE * (a + b).max(1e-9))
+        };
+        let lamps = differs(self.lamps, other.lamps);
+        let gloss = differs(self.rough_gloss, other.rough_gloss);
+        (-0.5 * (lamps * lamps + 0.25 * gloss * gloss)).exp()
     }
 
     pub(crate) fn divide(&mut self, by: f32) {
@@ -132,7 +146,7 @@ impl<'a> Sampler<'a> {
             return;
         }
         if surface.roughness < SHARP {
-            lit.sharp_gloss += albedo * self.baked.light_along(surface.ray(surface.mirrored()));
+            lit.sharp_gloss += albedo * self.baked.light_along(surface.ray(surface.mirrored()), Sampled::Nothing);
             return;
         }
         let random = Vec2::new(van_der_corput(turn), (turn as f32 + 0.5) / (TILE * TILE) as f32);
@@ -142,10 +156,12 @@ impl<'a> Sampler<'a> {
         let direction = basis * direction;
         let above = weight != Vec3::ZERO && direction.dot(surface.geometric_normal) > 0.0;
         if surface.roughness >= ROUGH {
-            let ray = if above { weight * self.baked.indirect_along(surface.ray(direction)) } else { Vec3::ZERO };
+            let sampled = if surface.roughness >= BLURRED { Sampled::All } else { Sampled::Lamps };
+            let along = |ray| weight * self.baked.light_along(ray, sampled);
+            let ray = if above { along(surface.ray(direction)) } else { Vec3::ZERO };
             lit.rough_gloss = share(lamps + ray);
         } else if above {
-            lit.rough_gloss = share(weight * self.baked.light_along(surface.ray(direction)));
+            lit.rough_gloss = share(weight * self.baked.light_along(surface.ray(direction), Sampled::Nothing));
         }
     }
 
@@ -177,7 +193,13 @@ impl<'a> Sampler<'a> {
         }
         let passed = scene.transmittance(&Ray { origin: start, direction: light.direction }, light.distance_m);
         let arriving = light.radiance * passed / density;
-        (arriving * surface.normal.dot(light.direction), arriving * self.rough_lobe(surface, light.direction))
+        // Windows and curtains are large: a ray into a narrow lobe finds them better than light samples.
+        let gloss = if light.lamp || surface.roughness >= BLURRED {
+            arriving * self.rough_lobe(surface, light.direction)
+        } else {
+            Vec3::ZERO
+        };
+        (arriving * surface.normal.dot(light.direction), gloss)
     }
 
     fn rough_lobe(&self, surface: &Surface, direction: Vec3) -> Vec3 {

@@ -21,8 +21,17 @@ pub(crate) struct Surfel {
     /// Geometric, on its side.
     pub normal: Vec3,
     pub part: u32,
+    /// The same on its triangle.
+    pub place: Place,
     /// How it scatters light on the average over directions and over its extent.
     pub scatter: Scatter,
+}
+
+impl Surfel {
+    /// Which of the six axes it faces.
+    pub(crate) fn face(&self) -> usize {
+        face(self.normal) as usize
+    }
 }
 
 /// All surfels and the grid over those in use.
@@ -103,6 +112,7 @@ impl Surfels {
             position: place.position,
             normal: place.normal,
             part: part_of[place.triangle as usize],
+            place: *place,
             scatter: transfer::scatter(&place.surface(scene, spacing_m)),
         };
         let list: Vec<Surfel> = candidates.par_iter().map(surfel).collect();
@@ -110,6 +120,13 @@ impl Surfels {
         let all = vec![true; surfels.list.len()];
         surfels.index(&all);
         Ok(surfels)
+    }
+
+    /// Sets surfels apart from others of their part that are not outside.
+    pub(crate) fn set_outside(&mut self, outside: &[bool]) {
+        for (surfel, _) in self.list.iter_mut().zip(outside).filter(|(_, outside)| **outside) {
+            surfel.part = OUTSIDE_PART;
+        }
     }
 
     /// Drops all surfels but those to `keep`.
@@ -194,6 +211,9 @@ impl Surfels {
 /// Part that stands for all parts.
 const ANY_PART: u32 = 0xf_ffff;
 
+/// Part of what lies under the open sky.
+const OUTSIDE_PART: u32 = ANY_PART - 1;
+
 /// The grid lies askew to round coordinates, where walls are.
 const GRID_OFFSET: f32 = 0.381_966;
 
@@ -263,7 +283,7 @@ fn parts(model: &Model, areas: &[f64], least_m2: f64) -> Vec<u32> {
         if size[root] < least_m2 {
             return 0;
         }
-        let next = number.len() as u32 % (ANY_PART - 1) + 1;
+        let next = number.len() as u32 % (OUTSIDE_PART - 1) + 1;
         *number.entry(*root).or_insert(next)
     };
     roots.iter().map(numbered).collect()

@@ -52,7 +52,7 @@ fn worlds_that_cannot_be_are_refused() {
         change(&mut world);
         BakedWorld::bake(world, &BakeSettings::default()).err().unwrap()
     };
-    assert_eq!(bake(&|w| w.model.positions[3].x = f32::NAN), TransportError::Triangle { index: 0 });
+    assert_eq!(bake(&|w| w.model.positions[0].x = f32::NAN), TransportError::Triangle { index: 0 });
     assert!(matches!(bake(&|w| w.model.materials[3].emissive[1] = -1.0), TransportError::Emission { index: 3, .. }));
     let flat = Portal { corner: Vec3::ZERO, edges: [Vec3::X, Vec3::X] };
     assert_eq!(bake(&|w| w.portals.push(flat)), TransportError::Portal { index: 0 });

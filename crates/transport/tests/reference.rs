@@ -1,5 +1,5 @@
 //! Rendered views against the brute-force path tracer. PSNR is of pictures under the tone curve x / (1 + x), x being radiance
-//! over the mean of the true picture.
+//! over the mean of the true picture, without the truth's own noise.
 #![allow(clippy::unwrap_used)]
 
 mod support;
@@ -18,10 +18,10 @@ struct Agreement {
 }
 
 fn compare(world: &World, view: &View, samples: u32) -> Agreement {
-    let truth = PathTracer::new(world.clone(), 1).unwrap().render(view, samples);
+    let [truth, other] = [1, 2].map(|seed| PathTracer::new(world.clone(), seed).unwrap().render(view, samples));
     let found = BakedWorld::bake(world.clone(), &BakeSettings::default()).unwrap().render(view).radiance;
     let agreement = Agreement {
-        psnr_db: psnr_db(&found, &truth),
+        psnr_db: psnr_db(&found, [&truth, &other]),
         mean: mean(&found) / mean(&truth),
         shadow: shadow(&found, &truth),
     };
@@ -52,9 +52,9 @@ fn shadow(found: &RadianceImage, truth: &RadianceImage) -> f32 {
 
 #[test]
 fn a_small_cornell_box_agrees() {
-    // 36 dB is what is left of the noise of 256 paths a pixel.
-    let agreement = compare(&cornell(), &panorama(Vec3::new(1.0, 2.6, 0.6), 24), 256);
-    assert!(agreement.psnr_db > 35.0 && (agreement.mean - 1.0).abs() < 0.02);
+    let agreement = compare(&cornell(), &panorama(Vec3::new(1.0, 2.6, 0.6), 48), 48);
+    // The full panorama of the ignored test is held to 35 dB; edges weigh more in a small one.
+    assert!(agreement.psnr_db > 33.0 && (agreement.mean - 1.0).abs() < 0.02);
     assert!((agreement.shadow - 1.0).abs() < 0.05);
 }
 
@@ -70,7 +70,7 @@ fn rooms_agree() {
     }
     for (name, world, position) in worlds {
         eprint!("{name}: ");
-        let agreement = compare(&world, &panorama(position, 64), 1024);
+        let agreement = compare(&world, &panorama(position, 128), 256);
         assert!(agreement.psnr_db > 35.0 && (agreement.mean - 1.0).abs() < 0.02);
         assert!((agreement.shadow - 1.0).abs() < 0.05);
     }

@@ -304,12 +304,14 @@ fn shown(image: &RadianceImage, white: f32) -> Vec<f32> {
     image.pixels().iter().flatten().map(|v| v / (v + white)).collect()
 }
 
-/// PSNR in dB of tone-mapped pictures, the curve being x / (1 + x) with x in units of the truth's mean luminance.
-pub fn psnr_db(found: &RadianceImage, truth: &RadianceImage) -> f32 {
-    let white = mean(truth);
-    let (a, b) = (shown(found, white), shown(truth, white));
-    let mse = a.iter().zip(&b).map(|(a, b)| f64::from((a - b) * (a - b))).sum::<f64>() / a.len() as f64;
-    (-10.0 * mse.log10()) as f32
+/// PSNR in dB of tone-mapped pictures, the curve being x / (1 + x) with x in units of the truth's mean. The truth is given
+/// twice, with independent noise: the mean product of both differences is free of it.
+pub fn psnr_db(found: &RadianceImage, truth: [&RadianceImage; 2]) -> f32 {
+    let white = mean(truth[0]);
+    let (x, [a, b]) = (shown(found, white), truth.map(|t| shown(t, white)));
+    let product = x.iter().zip(a.iter().zip(&b)).map(|(x, (a, b))| f64::from((x - a) * (x - b)));
+    let mse = product.sum::<f64>() / x.len() as f64;
+    (-10.0 * mse.max(1e-9).log10()) as f32
 }
 
 /// Mean of all channels and pixels.
