@@ -24,7 +24,7 @@ const MOST_MIRRORS: u32 = 8;
 const MOST_MIRRORED: f64 = 1.0;
 
 /// Times that indirect light is averaged over neighbours: what is left of the noise of single rays.
-const SMOOTHING: usize = 2;
+const SMOOTHING: usize = 4;
 
 /// Rays per surfel of the first estimate.
 const FIRST_RAYS: usize = 16;
@@ -138,6 +138,7 @@ impl Cache {
         let most = settings.gather_rays / 2;
         let open: Vec<bool> = rows.iter().map(|row| row.blocked <= most).collect();
         let mut indirect = exchange(&surfels, &rows, &direct, &others, settings.gather_rays);
+        despeckle(&surfels, &mut indirect);
         for _ in 0..SMOOTHING {
             indirect = averaged(&surfels, |surfel| indirect[surfel]);
         }
@@ -490,6 +491,25 @@ fn exchange(surfels: &Surfels, rows: &[Row], direct: &[Vec3], others: &[u32], ga
 }
 
 /// The mean of a value over the neighbourhood of each surfel.
+/// Takes from surfels that are far brighter than all around them what one lucky ray found.
+fn despeckle(surfels: &Surfels, indirect: &mut [Vec3]) {
+    /// Real light from elsewhere changes by less from surfel to surfel.
+    const MOST: f32 = 3.0;
+    let limited: Vec<Vec3> = surfels
+        .list
+        .par_iter()
+        .enumerate()
+        .map(|(i, surfel)| {
+            let near = surfels.near(surfel.position, surfel.normal, surfel.part);
+            let others = near.as_slice().iter().filter(|(other, _)| *other as usize != i);
+            let (sum, count) = others
+                .fold((0.0, 0), |(sum, count), &(other, _)| (sum + luminance(indirect[other as usize]), count + 1));
+            if count < 2 { indirect[i] } else { limited(indirect[i], MOST * sum / count as f32) }
+        })
+        .collect();
+    indirect.copy_from_slice(&limited);
+}
+
 fn averaged(surfels: &Surfels, value: impl Fn(usize) -> Vec3 + Sync) -> Vec<Vec3> {
     surfels.list.par_iter().map(|s| surfels.near(s.position, s.normal, s.part).mean(&value)).collect()
 }

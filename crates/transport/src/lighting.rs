@@ -14,9 +14,6 @@ use crate::surfels::Surfels;
 /// Most parts of a cut.
 pub(crate) const MOST_PARTS: usize = 16;
 
-/// Parts of which no sample was seen still get this share of the samples that their size asks for.
-const UNSEEN_SHARE: f32 = 0.1;
-
 /// What light is sampled from.
 pub(crate) struct Lighting<'a> {
     pub emitters: Emitters,
@@ -105,7 +102,8 @@ impl Lighting<'_> {
                 let by_gather = if portal { 0.0 } else { gather_rays as f32 * cosine / PI };
                 irradiance += light.radiance * passed * (cosine / (density + by_gather));
             }
-            running += importance * (UNSEEN_SHARE + (1.0 - UNSEEN_SHARE) * seen / samples);
+            // Laplace's rule of succession: what no sample saw may yet be seen by a pixel nearby.
+            running += importance * (seen + 1.0) / (samples + 2.0);
             parts.push(Part { node, samples, cumulative: running });
         }
         for part in &mut parts {

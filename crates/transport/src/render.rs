@@ -15,6 +15,9 @@ use crate::{Rendering, View};
 /// Places of the samples at edges, in pixels from the middle: a rotated square.
 const EDGE_SAMPLES: [[f32; 2]; 4] = [[-0.125, -0.375], [0.375, -0.125], [0.125, 0.375], [-0.375, 0.125]];
 
+/// A sample is no brighter than this many times the mean of those around it.
+const FIREFLY: f32 = 10.0;
+
 /// Fewer pixels of the same surface than this within the filter, and a pixel takes samples of its own.
 const LEAST_SHARED: f32 = 6.0;
 
@@ -117,7 +120,9 @@ impl Filter<'_> {
         let mut sum = self.sampled[i].nothing();
         let Some(surface) = &self.seen[i].surface else { return (sum, 0.0) };
         let (x, y) = ((i % self.width) as i64, (i / self.width) as i64);
-        let mut weights = 0.0;
+        let mut window = [(0, 0.0); 25];
+        let mut count = 0;
+        let (mut weights, mut brightness) = (0.0, 0.0);
         for dy in -2..=2_i64 {
             for dx in -2..=2_i64 {
                 let Some(j) = self.index(x + dx, y + dy) else { continue };
@@ -126,9 +131,18 @@ impl Filter<'_> {
                     continue;
                 }
                 let weight = if dx.abs() == 2 { 0.5 } else { 1.0 } * if dy.abs() == 2 { 0.5 } else { 1.0 };
-                sum.add(&self.sampled[j], weight);
+                window[count] = (j, weight);
+                count += 1;
                 weights += weight;
+                brightness += weight * self.sampled[j].brightness();
             }
+        }
+        for &(j, weight) in &window[..count] {
+            let own = self.sampled[j].brightness();
+            let others = (brightness - weight * own) / (weights - weight).max(f32::MIN_POSITIVE);
+            // One sample among many that is far brighter than all of them says little of the light here.
+            let share = if count > 4 && own > FIREFLY * others { FIREFLY * others / own } else { 1.0 };
+            sum.add(&self.sampled[j], weight * share);
         }
         sum.divide(weights);
         (sum, weights)

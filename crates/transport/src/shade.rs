@@ -67,6 +67,11 @@ impl Lit {
         (-0.5 * (lamps * lamps + 0.25 * gloss * gloss)).exp()
     }
 
+    /// Luminance of what pixels share.
+    pub(crate) fn brightness(&self) -> f32 {
+        luminance(self.lamps) + luminance(self.rough_gloss)
+    }
+
     pub(crate) fn divide(&mut self, by: f32) {
         self.lamps /= by;
         self.rough_gloss /= by;

@@ -97,7 +97,7 @@ impl Surfels {
             let most = (places::MOST_PLACES / CANDIDATES) as usize;
             return Err(TransportError::TooLarge { area_m2: total as f32, spacing_m, most });
         }
-        let part_of = parts(model, &areas, 6.0 * f64::from(spacing_m * spacing_m));
+        let part_of = parts(model, &areas, 2.0 * f64::from(spacing_m * spacing_m));
         let mut candidates: Vec<Candidate> = places::spread(scene, density)
             .flat_map_iter(|places| places.into_iter().map(|place| Candidate::new(place, &part_of, spacing_m)))
             .collect();
