@@ -122,7 +122,7 @@ impl Generator {
             shot.views = own_first(&probes, i, |position_m| shot.shows(position_m));
             shots.push(shot);
         }
-        Ok(Record {
+        let mut record = Record {
             key: interior.id.clone(),
             scene_id: interior.id,
             up: Some(Vec3::Y),
@@ -130,7 +130,9 @@ impl Generator {
             views,
             shots,
             metadata: Metadata::from_iter([("room".to_owned(), description)]),
-        })
+        };
+        check_light(&mut record).map_err(|reason| self.failed(index, reason))?;
+        Ok(record)
     }
 
     /// Places of the panoramas, each with the photo in whose frustum it stands.
@@ -193,6 +195,28 @@ impl Generator {
     fn failed(&self, index: u64, reason: impl ToString) -> DatasetError {
         DatasetError::Generate { scene_id: self.scene_id(index), reason: reason.to_string() }
     }
+}
+
+/// Light that is no number must never reach a network: an error says where it is. Negative light, a filter's undershoot, counts as 0,
+/// as the octree takes it.
+fn check_light(record: &mut Record) -> Result<(), String> {
+    fn check<'a>(what: &str, light: impl Iterator<Item = &'a mut [f32; 3]>) -> Result<(), String> {
+        for (place, rgb) in light.enumerate() {
+            if rgb.iter().any(|v| !v.is_finite()) {
+                return Err(format!("{what}: the radiance at {place} is {rgb:?}"));
+            }
+            *rgb = rgb.map(|v| v.max(0.0));
+        }
+        Ok(())
+    }
+    check("surface points", record.points.iter_mut().map(|point| &mut point.radiance))?;
+    for (i, view) in record.views.iter_mut().enumerate() {
+        check(&format!("panorama {i}"), view.radiance.pixels_mut().iter_mut())?;
+    }
+    for (i, shot) in record.shots.iter_mut().enumerate() {
+        check(&format!("photo {i}"), shot.radiance.iter_mut().flat_map(|radiance| radiance.pixels_mut()))?;
+    }
+    Ok(())
 }
 
 /// Edge of a leaf of the cube around a room's triangles.
@@ -355,6 +379,17 @@ mod tests {
         assert_eq!(dataset.kept.lock().unwrap().len(), 1);
         assert!(a.id != b.id && a.scene_id == b.scene_id);
         assert!(matches!(dataset.get(10), Err(DatasetError::Index { index: 10, len: 10 })));
+    }
+
+    #[test]
+    fn light_that_is_no_number_is_an_error_and_negative_light_is_dark() {
+        let mut record = crate::record::tests::record("a");
+        record.points[2].radiance = [-0.1, 0.5, 1.0];
+        assert_eq!(check_light(&mut record), Ok(()));
+        assert_eq!(record.points[2].radiance, [0.0, 0.5, 1.0]);
+        record.views[1].radiance[(3, 2)][0] = f32::NAN;
+        let message = check_light(&mut record).unwrap_err();
+        assert_eq!(message, "panorama 1: the radiance at 35 is [NaN, 16.0, 300000.0]");
     }
 
     #[test]

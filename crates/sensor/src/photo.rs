@@ -171,7 +171,7 @@ impl PhotoSettings {
     /// with its clipping, 8-bit sRGB, JPEG.
     ///
     /// # Panics
-    /// Where the image has not the camera's size.
+    /// Where the image has not the camera's size, or a side of more than 65,535 pixels, which a JPEG cannot have.
     pub fn photograph(&self, radiance: &RadianceImage, camera: &Camera, stream: &mut Stream) -> Photograph {
         let size = (radiance.width() as u32, radiance.height() as u32);
         assert_eq!(size, (camera.width, camera.height), "the camera must be that of the image");

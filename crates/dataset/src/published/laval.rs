@@ -79,6 +79,10 @@ impl Dataset for LavalVarying {
         let scene: Description =
             serde_json::from_slice(&text).map_err(|error| DatasetError::field(&path, "description", error))?;
         let seen: RadianceImage = read_radiance(folder.join(&scene.photo))?;
+        if seen.width().max(seen.height()) > usize::from(u16::MAX) {
+            let reason = format!("{} × {} pixels are more than a JPEG holds", seen.width(), seen.height());
+            return Err(DatasetError::field(&folder.join(&scene.photo), "size", reason));
+        }
         let camera = Camera::from_hfov_deg(scene.hfov_deg, seen.width() as u32, seen.height() as u32)
             .map_err(|error| DatasetError::field(&path, "hfov_deg", error))?;
         let mut views = Vec::with_capacity(scene.probes.len());

@@ -37,12 +37,8 @@ impl ShardIndex {
     pub fn read(path: &Path) -> Result<Self, DatasetError> {
         let file = File::open(path).map_err(DatasetError::io(path))?;
         let length = file.metadata().map_err(DatasetError::io(path))?.len();
-        Self::from_reader(path, BufReader::with_capacity(512, file), length)
-    }
-
-    pub fn from_reader(path: &Path, reader: impl Read + Seek, length: u64) -> Result<Self, DatasetError> {
         let damaged = |reason: String| DatasetError::Shard { shard: path.to_owned(), reason };
-        let mut archive = tar::Archive::new(reader);
+        let mut archive = tar::Archive::new(BufReader::with_capacity(512, file));
         let entries = archive.entries_with_seek().map_err(|error| damaged(error.to_string()))?;
         let mut records: Vec<RecordIndex> = Vec::new();
         let mut numbers: HashMap<String, usize> = HashMap::new();
