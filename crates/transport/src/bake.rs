@@ -210,7 +210,8 @@ impl Baker<'_> {
             .collect();
         let lit_ones = leaving.iter().map(|&l| luminance(l)).filter(|&l| l > 0.0);
         let (sum, count) = lit_ones.fold((0.0, 0), |(sum, count), l| (sum + f64::from(l), count + 1));
-        eprintln!("surfels {}", surfels.list.len()); let least = (f64::from(BRIGHT) * sum / f64::from(count.max(1))) as f32;
+        eprintln!("surfels {}", surfels.list.len());
+        let least = (f64::from(BRIGHT) * sum / f64::from(count.max(1))) as f32;
         let model = self.scene.prepared.model();
         let mut emitters = Emitters::none(self.scene);
         for triangle in 0..model.triangles.len() as u32 {
@@ -258,10 +259,7 @@ impl Baker<'_> {
         // Mirrored lamps are limited by what matte surfaces get on average.
         let sum: f64 = lit.iter().map(|lit| f64::from(luminance(lit.direct + lit.sun))).sum();
         let most = (MOST_MIRRORED * sum / lit.len().max(1) as f64) as f32;
-        (0..lit.len())
-            .into_par_iter()
-            .map(|i| self.row(surfels, lighting, bright, &lit[i].parts, i, most))
-            .collect()
+        (0..lit.len()).into_par_iter().map(|i| self.row(surfels, lighting, bright, &lit[i].parts, i, most)).collect()
     }
 
     fn row(

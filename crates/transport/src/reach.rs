@@ -100,10 +100,7 @@ fn leaving(emitter: &Emitter, k: u32, count: u32, rotation: [f32; 4]) -> impl It
     let (sin, cos) = (std::f32::consts::TAU * (pattern::van_der_corput(k) + rotation[2])).sin_cos();
     let local = Vec3::new(radius2.sqrt() * cos, radius2.sqrt() * sin, (1.0 - radius2).sqrt());
     [emitter.normal, -emitter.normal].into_iter().zip(emitter.radiance).filter(|(_, r)| *r != Vec3::ZERO).map(
-        move |(normal, _)| Ray {
-            origin: offset_origin(point, normal),
-            direction: orthonormal_basis(normal) * local,
-        },
+        move |(normal, _)| Ray { origin: offset_origin(point, normal), direction: orthonormal_basis(normal) * local },
     )
 }
 
