@@ -54,8 +54,7 @@ impl Blocks {
             let index = (row - low.1) * columns + column - low.0;
             let found = blocks.chain(blocks.last[index]).any(|slot| {
                 let source = blocks.sources[slot];
-                looks[source].shares_reflection == looks[i].shares_reflection
-                    && blocks.on_same_surface(&fragments[source], fragment)
+                looks[source].is_like(&looks[i]) && blocks.on_same_surface(&fragments[source], fragment)
             });
             if !found {
                 blocks.before.push(blocks.last[index]);
@@ -94,7 +93,7 @@ impl Blocks {
                         * (1.0 - offset(other.pixel.1, fragment.pixel.1)).max(0.0);
                     let alike = source == index
                         || (!other.point.unlit
-                            && looks[source].shares_reflection == looks[index].shares_reflection
+                            && looks[source].is_like(&looks[index])
                             && self.on_same_surface(other, fragment));
                     if weight <= 0.0 || !alike {
                         continue;

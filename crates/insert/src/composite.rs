@@ -1,7 +1,7 @@
 use std::sync::LazyLock;
 
 use geometry::Vec3;
-use imaging::{Image, Photo, RadianceImage, linear_from_srgb8, srgb8_from_linear};
+use imaging::{Image, Photo, RadianceImage, linear_from_srgb8};
 use rayon::prelude::*;
 use scene::Frame;
 
@@ -61,15 +61,42 @@ impl Layers {
     }
 }
 
-/// [`srgb8_from_linear`], faster where the result is near the code that a pixel has: most of a shadow is faint.
-fn nearest_srgb8(value: f32, code: u8) -> u8 {
+/// `imaging::srgb8_from_linear` without its power.
+struct SrgbTable {
     /// Linear values half-way between code i and the next.
-    static LIMITS: LazyLock<[f32; 255]> =
-        LazyLock::new(|| std::array::from_fn(|i| imaging::linear_from_srgb((i as f32 + 0.5) / 255.0)));
-    let below = |code: u8| code == 0 || value >= LIMITS[usize::from(code) - 1];
-    let above = |code: u8| code == 255 || value < LIMITS[usize::from(code)];
-    let near = [code, code.saturating_sub(1), code.saturating_sub(2)];
-    near.into_iter().find(|&code| below(code) && above(code)).unwrap_or_else(|| srgb8_from_linear(value))
+    limits: [f32; 255],
+    /// For each piece of [`SrgbTable::LOWEST`] to 1, 64 to an octave, the code of its lower end.
+    codes: [u8; 13 * 64],
+}
+
+impl SrgbTable {
+    /// Below the first limit.
+    const LOWEST: f32 = 1.0 / 8192.0;
+
+    fn get() -> &'static Self {
+        static TABLE: LazyLock<SrgbTable> = LazyLock::new(|| {
+            let limits = std::array::from_fn(|i| imaging::linear_from_srgb((i as f32 + 0.5) / 255.0));
+            let lower_end = |piece: usize| f32::from_bits(SrgbTable::LOWEST.to_bits() + ((piece as u32) << 17));
+            let code = |piece| limits.partition_point(|&limit| limit <= lower_end(piece)) as u8;
+            SrgbTable { limits, codes: std::array::from_fn(code) }
+        });
+        &TABLE
+    }
+
+    fn code(&self, value: f32) -> u8 {
+        if value >= self.limits[254] {
+            return 255;
+        }
+        if value.is_nan() || value < Self::LOWEST {
+            return 0;
+        }
+        let piece = (value.to_bits() - Self::LOWEST.to_bits()) >> 17;
+        let mut code = self.codes[piece as usize];
+        while value >= self.limits[usize::from(code)] {
+            code += 1;
+        }
+        code
+    }
 }
 
 impl Composite {
@@ -79,13 +106,13 @@ impl Composite {
             let under = photo * Vec3::from(shadow_ratio.pixels()[i]) * (1.0 - layers.alpha.pixels()[i]);
             under + layers.object.pixels()[i] / frame.exposure
         };
+        let table = SrgbTable::get();
         let mut image = frame.photo.clone();
         match &mut image {
             Photo::Srgb8(image) => image.pixels_mut().par_iter_mut().enumerate().for_each(|(i, pixel)| {
                 if changed(i) {
                     let photo = Vec3::from(pixel.map(linear_from_srgb8));
-                    let mixed = mixed(i, photo).to_array();
-                    *pixel = std::array::from_fn(|channel| nearest_srgb8(mixed[channel], pixel[channel]));
+                    *pixel = mixed(i, photo).to_array().map(|value| table.code(value));
                 }
             }),
             Photo::Linear(image) => image.pixels_mut().par_iter_mut().enumerate().for_each(|(i, pixel)| {
@@ -104,13 +131,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn short_way_to_a_code_is_the_nearest_code() {
-        for i in 0..4000 {
-            let value = -0.1 + 1.2 * i as f32 / 4000.0;
-            for code in [0, 1, 7, 100, 254, 255, srgb8_from_linear(value), srgb8_from_linear(value).saturating_add(1)] {
-                assert_eq!(nearest_srgb8(value, code), srgb8_from_linear(value), "{value} {code}");
-            }
+    fn table_of_codes_is_the_curve() {
+        let table = SrgbTable::get();
+        let even = (0..40_000).map(|i| -0.1 + 1.2 * i as f32 / 40_000.0);
+        let dark = (0..4000).map(|i| 1e-3 * i as f32 / 4000.0);
+        for value in even.chain(dark).chain([f32::MIN, f32::MAX, f32::INFINITY, f32::NEG_INFINITY, f32::NAN]) {
+            assert_eq!(table.code(value), imaging::srgb8_from_linear(value), "{value}");
         }
-        assert_eq!(nearest_srgb8(f32::NAN, 9), 0);
     }
 }

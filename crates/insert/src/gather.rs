@@ -27,6 +27,8 @@ pub(crate) struct Receiver {
     pub normal: Vec3,
     /// Normal of the triangle, unit length, on the same side.
     pub geometric_normal: Vec3,
+    /// Whether it reflects diffusely; where not, no cones are spent on it.
+    pub diffuse: bool,
     /// For highlights of the light samples: direction to the viewer and BRDF.
     pub gloss: Option<(Vec3, Brdf)>,
 }
@@ -120,8 +122,8 @@ pub(crate) fn object_lights(
 
 impl Gatherer<'_> {
     /// Start of rays against the object from a point on it.
-    pub fn ray_start(&self, receiver: &Receiver) -> Vec3 {
-        receiver.position + receiver.geometric_normal * (RAY_START * self.object.radius_m)
+    pub fn ray_start(&self, position: Vec3, geometric_normal: Vec3) -> Vec3 {
+        position + geometric_normal * (RAY_START * self.object.radius_m)
     }
 
     /// Radiance of an environment sample, darkened where it shows a real surface in the object's shadow.
@@ -162,19 +164,19 @@ impl Gatherer<'_> {
         let (mut cones, mut owners, mut samples) = (Vec::new(), Vec::new(), Vec::new());
         // Weights are scaled so that a uniform environment of radiance 1 gives π exactly.
         let total = |r: &Receiver| self.directions.iter().map(|d| r.normal.dot(*d).max(0.0)).sum::<f32>();
-        let scales: Vec<f32> = receivers.iter().map(|r| if r.is_dark() { 0.0 } else { PI / total(r) }).collect();
+        let scales: Vec<f32> = receivers.iter().map(|r| if r.diffuse { PI / total(r) } else { 0.0 }).collect();
         let apex = |r: &Receiver| self.environment.lifted(r.position, self.object.support);
         let apexes: Vec<Vec3> = receivers.iter().map(apex).collect();
         // One direction after the other: rays and cones of neighbours go the same way.
         for &direction in self.directions {
             for (index, (receiver, gathered)) in receivers.iter().zip(gathered.iter_mut()).enumerate() {
                 let cosine = receiver.normal.dot(direction);
-                if cosine <= 0.0 {
+                if cosine <= 0.0 || !receiver.diffuse {
                     continue;
                 }
                 // Below the triangle's own plane there is nothing to meet: the smooth surface is meant to bulge.
                 let above = receiver.geometric_normal.dot(direction) > 0.0;
-                let ray = Ray { origin: self.ray_start(receiver), direction };
+                let ray = Ray { origin: self.ray_start(receiver.position, receiver.geometric_normal), direction };
                 let hit = if above { self.object.closest(&ray, f32::INFINITY) } else { None };
                 match hit {
                     Some(hit) => {
@@ -207,7 +209,7 @@ impl Gatherer<'_> {
                     continue;
                 }
                 let above = receiver.geometric_normal.dot(direction) > 0.0;
-                let ray = Ray { origin: self.ray_start(receiver), direction };
+                let ray = Ray { origin: self.ray_start(receiver.position, receiver.geometric_normal), direction };
                 if above && self.object.blocks(&ray, incidence.distance_m) {
                     continue;
                 }
@@ -230,13 +232,9 @@ impl Gatherer<'_> {
 }
 
 impl Receiver {
-    fn is_dark(&self) -> bool {
-        self.normal == Vec3::ZERO
-    }
-
     /// A stand-in for a point that needs no light.
     pub fn dark() -> Self {
-        Self { position: Vec3::ZERO, normal: Vec3::ZERO, geometric_normal: Vec3::ZERO, gloss: None }
+        Self { position: Vec3::ZERO, normal: Vec3::ZERO, geometric_normal: Vec3::ZERO, diffuse: false, gloss: None }
     }
 }
 

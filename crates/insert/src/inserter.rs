@@ -195,19 +195,16 @@ impl Inserter {
         let (width, height) = (self.frame.photo.width(), self.frame.photo.height());
         // Beyond what the object reaches nothing is looked up.
         let (left, top, right, bottom) = shadow.reach(width, height);
-        let ratio: Vec<[f32; 3]> = (0..height)
-            .into_par_iter()
-            .flat_map_iter(|y| {
-                (0..width).map(move |x| {
-                    if !((left..right).contains(&x) && (top..bottom).contains(&y)) {
-                        return [1.0; 3];
-                    }
-                    let (u, v) = ((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32);
-                    let seen = || Some(self.occluders.at(f64::from(u), f64::from(v))?.position_m);
-                    shadow.for_photo(u, v, seen).to_array()
-                })
-            })
-            .collect();
+        let mut ratio = vec![[1.0; 3]; width * height];
+        let within = ratio.par_chunks_mut(width).enumerate().skip(top).take(bottom.saturating_sub(top));
+        within.for_each(|(y, row)| {
+            let v = (y as f32 + 0.5) / height as f32;
+            for (x, ratio) in row.iter_mut().enumerate().take(right).skip(left) {
+                let u = (x as f32 + 0.5) / width as f32;
+                let seen = || Some(self.occluders.at(f64::from(u), f64::from(v))?.position_m);
+                *ratio = shadow.for_photo(u, v, seen).to_array();
+            }
+        });
         Composite::new(&self.frame, layers, RadianceImage::new(width, height, ratio), warnings)
     }
 }

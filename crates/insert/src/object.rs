@@ -1,4 +1,4 @@
-use geometry::{Plane, Quat, Ray, Vec3};
+use geometry::{Mat3, Plane, Quat, Ray, Vec3};
 use mesh::{AlphaMode, Hit, PlacedModel, PreparedModel, SurfacePoint};
 
 use crate::brdf::hammersley;
@@ -13,6 +13,8 @@ const MAX_LAYERS: usize = 16;
 /// A model at its place in the world.
 pub(crate) struct Object<'a> {
     placed: PlacedModel<'a>,
+    /// From world directions to the object's own axes.
+    local_from_world: Mat3,
     /// Middle of the bounding box, world frame.
     pub centre_m: Vec3,
     /// Radius of the sphere around the bounding box.
@@ -45,6 +47,7 @@ impl<'a> Object<'a> {
         Ok(Self {
             centre_m: placed.placement.world_from_model(centre),
             placed,
+            local_from_world: Mat3::from_quat(rotation.conjugate()),
             radius_m: 0.5 * size.length() * scale,
             low_m: bounds.min * scale,
             high_m: bounds.max * scale,
@@ -55,7 +58,7 @@ impl<'a> Object<'a> {
 
     /// A world direction in the object's own axes.
     pub fn to_local(&self, direction: Vec3) -> Vec3 {
-        self.placed.placement.rotation.conjugate() * direction
+        self.local_from_world * direction
     }
 
     /// A world point in the object's own axes, in metres.

@@ -47,6 +47,7 @@ pub(crate) fn patches(object: &Object, table: &AlbedoTable, count: usize) -> Vec
                 position: point.position,
                 normal: point.shading_normal,
                 geometric_normal: point.geometric_normal,
+                diffuse: true,
                 gloss: None,
             };
             let (albedo, emissive) = diffuse_look(table, &point);

@@ -1,3 +1,6 @@
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use geometry::Vec3;
 use imaging::Image;
 
 use crate::surface::{Surface, SurfaceMap};
@@ -16,6 +19,8 @@ pub(crate) const SAME_SURFACE: f32 = 0.02;
 pub(crate) struct Receivers {
     pub map: SurfaceMap,
     pub surfaces: Image<Option<Surface>>,
+    /// For each pixel the places of the 5 × 5 around it that are [`Receivers::neighbours`]; 0: not asked for yet.
+    masks: Vec<AtomicU32>,
 }
 
 /// The sample pattern of the pixel in column `x` and row `y` of an interleaved grid.
@@ -26,7 +31,8 @@ pub(crate) fn pattern_at(x: usize, y: usize) -> usize {
 impl Receivers {
     pub fn new(map: SurfaceMap) -> Self {
         let surfaces = Image::from_fn(map.width(), map.height(), |x, y| map.pixel(x, y));
-        Self { map, surfaces }
+        let masks = surfaces.pixels().iter().map(|_| AtomicU32::new(0)).collect();
+        Self { map, surfaces, masks }
     }
 
     pub fn width(&self) -> usize {
@@ -52,8 +58,37 @@ impl Receivers {
             if off_plane_m > tolerance_m || centre.normal.dot(other.normal) < 0.8 {
                 return None;
             }
-            let weight = if dx.abs() == 2 { 0.25 } else { 0.5 } * if dy.abs() == 2 { 0.25 } else { 0.5 };
-            Some((px, py, 0.25 * weight))
+            Some((px, py, weight_at(dx, dy)))
         })
     }
+
+    /// Weighted sum of an image over the [`Receivers::neighbours`] of a pixel, and the sum of their weights. Who they are is kept for
+    /// the next frame.
+    pub fn filtered(&self, image: &Image<Vec3>, x: usize, y: usize) -> (Vec3, f32) {
+        let width = self.width();
+        let mask = &self.masks[y * width + x];
+        let mut places = mask.load(Ordering::Relaxed);
+        if places == 0 {
+            for (px, py, _) in self.neighbours(x, y, 1) {
+                places |= 1 << ((py + 2 - y) * 5 + px + 2 - x);
+            }
+            // Another thread sets the same.
+            mask.store(places, Ordering::Relaxed);
+        }
+        let (mut sum, mut total) = (Vec3::ZERO, 0.0);
+        while places != 0 {
+            let place = places.trailing_zeros() as usize;
+            places &= places - 1;
+            let weight = weight_at(place as isize % 5 - 2, place as isize / 5 - 2);
+            sum += image.pixels()[(y + place / 5 - 2) * width + x + place % 5 - 2] * weight;
+            total += weight;
+        }
+        (sum, total)
+    }
+}
+
+/// Weight of the neighbour at an offset of up to two pixels.
+fn weight_at(dx: isize, dy: isize) -> f32 {
+    let along = |offset: isize| if offset.abs() == 2 { 0.25 } else { 0.5 };
+    0.25 * along(dx) * along(dy)
 }

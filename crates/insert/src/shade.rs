@@ -49,6 +49,15 @@ pub(crate) struct Look {
     pub brdf: Brdf,
     /// Whether its reflection is faint and blurred enough to be carried over from pixels near by.
     pub shares_reflection: bool,
+    /// Whether it reflects diffusely.
+    diffuse: bool,
+}
+
+impl Look {
+    /// Whether what is gathered for one of two fragments serves the other.
+    pub fn is_like(&self, other: &Self) -> bool {
+        self.shares_reflection == other.shares_reflection && self.diffuse == other.diffuse
+    }
 }
 
 /// One reflected direction of a fragment.
@@ -71,15 +80,12 @@ impl Shader<'_> {
             .map(|f| {
                 let brdf = Brdf::new(Vec3::from(f.point.base_color), f.point.metallic, f.point.roughness);
                 let faint = brdf.f0.max_element() < FAINT_F0 && f.point.roughness > SHARED_ROUGHNESS;
-                Look { brdf, shares_reflection: self.stride > 1 && faint }
+                let diffuse = brdf.diffuse != Vec3::ZERO;
+                Look { brdf, shares_reflection: self.stride > 1 && faint, diffuse }
             })
             .collect();
         let blocks = Blocks::new(fragments, &looks, self.stride);
-        let receivers: Vec<Receiver> = blocks
-            .sources
-            .iter()
-            .map(|&i| if fragments[i].point.unlit { Receiver::dark() } else { receiver(&fragments[i], &looks[i].brdf) })
-            .collect();
+        let receivers: Vec<Receiver> = blocks.sources.iter().map(|&i| receiver(&fragments[i], &looks[i])).collect();
         let gathered = self.gatherer.gather_parallel(&receivers);
         // Reflections: of every fragment, or of the sources of those that share.
         let mut is_source = vec![false; fragments.len()];
@@ -183,13 +189,8 @@ impl Shader<'_> {
         let mut asked: [(Vec<Cone>, Vec<Owner>); 2] = Default::default();
         for (i, reflection) in reflections.iter().enumerate() {
             let point = &fragments[chosen[reflection.slot]].point;
-            let receiver = Receiver {
-                position: point.position,
-                normal: point.shading_normal,
-                geometric_normal: point.geometric_normal,
-                gloss: None,
-            };
-            let ray = Ray { origin: gatherer.ray_start(&receiver), direction: reflection.direction };
+            let origin = gatherer.ray_start(point.position, point.geometric_normal);
+            let ray = Ray { origin, direction: reflection.direction };
             if let Some(hit) = gatherer.object.closest(&ray, f32::INFINITY) {
                 if let Some(radiosity) = gatherer.radiosity {
                     let footprint_m = hit.distance_m * reflection.tan_half_angle;
@@ -221,10 +222,14 @@ fn n_dot_v(fragment: &Fragment) -> f32 {
     fragment.point.shading_normal.dot(fragment.view).clamp(1e-3, 1.0)
 }
 
-fn receiver(fragment: &Fragment, brdf: &Brdf) -> Receiver {
+fn receiver(fragment: &Fragment, look: &Look) -> Receiver {
     let point = &fragment.point;
-    let gloss = (sampled_share(point.roughness) > 0.0).then_some((fragment.view, *brdf));
-    Receiver { position: point.position, normal: point.shading_normal, geometric_normal: point.geometric_normal, gloss }
+    let gloss = (sampled_share(point.roughness) > 0.0).then_some((fragment.view, look.brdf));
+    if point.unlit || !(look.diffuse || gloss.is_some()) {
+        return Receiver::dark();
+    }
+    let (position, normal, geometric_normal) = (point.position, point.shading_normal, point.geometric_normal);
+    Receiver { position, normal, geometric_normal, diffuse: look.diffuse, gloss }
 }
 
 /// Share of the lights' highlight that comes from light samples.

@@ -142,11 +142,7 @@ impl ShadowField {
     /// `1 − Δ / E`, with Δ the mean over the neighbourhood.
     fn filtered(&self, loss: &Image<Vec3>, x: usize, y: usize) -> Vec3 {
         let Some(lit) = self.irradiance.at(y * self.receivers.width() + x) else { return Vec3::ONE };
-        let (mut lost, mut total) = (Vec3::ZERO, 0.0);
-        for (px, py, weight) in self.receivers.neighbours(x, y, 1) {
-            lost += loss[(px, py)] * weight;
-            total += weight;
-        }
+        let (lost, total) = self.receivers.filtered(loss, x, y);
         if lost == Vec3::ZERO {
             return Vec3::ONE;
         }

@@ -14,13 +14,27 @@ const ALIKE: f32 = 0.004;
 pub(crate) struct ShadowRatio<'a> {
     receivers: &'a Receivers,
     ratio: Image<Vec3>,
+    /// How to read between each pixel, the next one, and the two below.
+    blends: Image<Blend>,
+}
+
+/// How the factors of four neighbouring pixels are mixed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Blend {
+    /// All are 1.
+    One,
+    /// They are alike: by place alone.
+    ByPlace,
+    /// By place and by the surface that is seen there.
+    BySurface,
 }
 
 impl<'a> ShadowRatio<'a> {
     /// With the factor of each pixel; holes take that of their surroundings.
     pub fn new(receivers: &'a Receivers, mut ratio: Image<Vec3>) -> Self {
         fill_holes(&mut ratio, receivers);
-        Self { receivers, ratio }
+        let blends = Image::from_fn(ratio.width(), ratio.height(), |x, y| blend(&ratio, x, y));
+        Self { receivers, ratio, blends }
     }
 
     /// Pixels `(left, top, right, bottom)`, the last two exclusive, of a photo of the given size outside of which the factor is 1.
@@ -62,14 +76,10 @@ impl<'a> ShadowRatio<'a> {
     pub fn for_photo(&self, u: f32, v: f32, seen: impl FnOnce() -> Option<Vec3>) -> Vec3 {
         let (width, height) = (self.ratio.width(), self.ratio.height());
         let taps = bilinear(u * width as f32 - 0.5, v * height as f32 - 0.5, width, height);
-        if taps.iter().all(|&(x, y, _)| self.ratio[(x, y)] == Vec3::ONE) {
-            return Vec3::ONE;
-        }
-        let [low, high] = [Vec3::min, Vec3::max].map(|pick| {
-            taps.iter().map(|&(x, y, _)| self.ratio[(x, y)]).fold(self.ratio[(taps[0].0, taps[0].1)], pick)
-        });
-        if (high - low).max_element() < ALIKE {
-            return taps.iter().map(|&(x, y, weight)| self.ratio[(x, y)] * weight).sum();
+        match self.blends[(taps[0].0, taps[0].1)] {
+            Blend::One => return Vec3::ONE,
+            Blend::ByPlace => return taps.iter().map(|&(x, y, weight)| self.ratio[(x, y)] * weight).sum(),
+            Blend::BySurface => {}
         }
         let point = seen();
         let mut sum = (Vec3::ZERO, 0.0);
@@ -89,6 +99,16 @@ impl<'a> ShadowRatio<'a> {
         }
         sum.0 / sum.1
     }
+}
+
+fn blend(ratio: &Image<Vec3>, x: usize, y: usize) -> Blend {
+    let (right, below) = ((x + 1).min(ratio.width() - 1), (y + 1).min(ratio.height() - 1));
+    let factors = [ratio[(x, y)], ratio[(right, y)], ratio[(x, below)], ratio[(right, below)]];
+    if factors == [Vec3::ONE; 4] {
+        return Blend::One;
+    }
+    let (low, high) = factors.iter().fold((factors[0], factors[0]), |(low, high), &f| (low.min(f), high.max(f)));
+    if (high - low).max_element() < ALIKE { Blend::ByPlace } else { Blend::BySurface }
 }
 
 /// Carries the shadow on over small holes of the depth map, ring by ring from their edges.
