@@ -1,5 +1,6 @@
 //! `lightoctree synth`: procedural rooms with global light, as shards.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
@@ -17,12 +18,13 @@ use crate::{Usage, interrupt, output, report};
 #[command(after_help = "Examples:\n  \
     lightoctree synth --scenes 2000 --seed 1 -o rooms\n  \
     lightoctree synth --scenes 2000 --seed 1 --shard $((SLURM_ARRAY_TASK_ID + 1))/16 -o rooms\n  \
-    lightoctree synth --print-config > rooms.json\n\n\
+    lightoctree synth --print-config > rooms.json\n  \
+    lightoctree synth --glb 7 --seed 1 -o room.glb\n\n\
     Run the same command again after it was stopped: finished shards are kept. The rooms depend on the seed and the configuration alone, \
     not on --shard or --threads. Shards are WebDataset archives; docs/data.md describes them.")]
 pub struct Args {
     /// How many rooms
-    #[arg(long, value_name = "N", required_unless_present = "print_config",
+    #[arg(long, value_name = "N", required_unless_present_any = ["print_config", "glb"],
         value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
     scenes: Option<u32>,
 
@@ -46,6 +48,10 @@ pub struct Args {
     #[arg(long)]
     print_config: bool,
 
+    /// Write only the geometry and materials of this room, counted from 0, as glTF: --output then names a .glb file
+    #[arg(long, value_name = "ROOM", conflicts_with_all = ["scenes", "shard"])]
+    glb: Option<u32>,
+
     /// The folder to write into
     #[arg(long, short, value_name = "DIR", required_unless_present = "print_config")]
     output: Option<PathBuf>,
@@ -67,6 +73,9 @@ const PREFIX: &str = "rooms";
 /// Makes the shards of this part that are not there yet.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let config = read_config(args)?;
+    if let (Some(room), Some(path)) = (args.glb, &args.output) {
+        return write_glb(global, args, config, room, path);
+    }
     let (Some(scenes), Some(folder), false) = (args.scenes, &args.output, args.print_config) else {
         report::print(&serde_json::to_string_pretty(&config)?);
         return Ok(());
@@ -112,6 +121,20 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     }
     if done < mine.len() {
         anyhow::bail!("stopped after {done} of {} shards; the same command goes on", mine.len());
+    }
+    Ok(())
+}
+
+fn write_glb(global: &Global, args: &Args, config: GeneratorConfig, room: u32, path: &Path) -> anyhow::Result<()> {
+    output::check_replaceable(path, COMMAND, args.force)?;
+    let interior = Generator::new(global.seed, config).map_err(Usage)?.interior(room.into())?;
+    let bytes = interior.world.model.to_glb();
+    lightoctree::imaging::write_atomically(path, |out| out.write_all(&bytes))?;
+    if args.json {
+        let description = serde_json::to_value(&interior.description)?;
+        report::print_json(&json!({ "id": interior.id, "bytes": bytes.len(), "description": description }))?;
+    } else {
+        report::print(&format!("{}  {}, {} bytes", path.display(), interior.id, bytes.len()));
     }
     Ok(())
 }
