@@ -30,7 +30,7 @@ const SMOOTHING: usize = 4;
 const FIRST_RAYS: usize = 16;
 
 /// Surfaces brighter than this many times the geometric mean are sampled like lamps in the exchange.
-const BRIGHT: f32 = 3.0;
+const BRIGHT: f32 = 12.0;
 
 /// A gap narrower than this share of the spacing cannot be looked into.
 const BURIED_SHARE: f32 = 0.25;
