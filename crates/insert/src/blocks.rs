@@ -78,7 +78,11 @@ impl Blocks {
             let own = &gathered[index];
             return Light { irradiance: own.irradiance, highlights: own.highlights, reflected: reflected[index] };
         }
+        if !looks[index].gathers() && !looks[index].shares_reflection {
+            return Light { irradiance: Vec3::ZERO, highlights: Vec3::ZERO, reflected: reflected[index] };
+        }
         let fragment = &fragments[index];
+        let per_pixel = 1.0 / (1.5 * self.stride as f32);
         let mut sum = Light { irradiance: Vec3::ZERO, highlights: Vec3::ZERO, reflected: Vec3::ZERO };
         let mut total = 0.0;
         let (column, row) = (fragment.pixel.0 / self.stride, fragment.pixel.1 / self.stride);
@@ -88,14 +92,17 @@ impl Blocks {
                 for slot in self.chain(self.last[row * self.columns + column]) {
                     let source = self.sources[slot];
                     let other = &fragments[source];
-                    let offset = |a: usize, b: usize| a.abs_diff(b) as f32 / (1.5 * self.stride as f32);
+                    let offset = |a: usize, b: usize| a.abs_diff(b) as f32 * per_pixel;
                     let weight = (1.0 - offset(other.pixel.0, fragment.pixel.0)).max(0.0)
                         * (1.0 - offset(other.pixel.1, fragment.pixel.1)).max(0.0);
+                    if weight <= 0.0 {
+                        continue;
+                    }
                     let alike = source == index
                         || (!other.point.unlit
                             && looks[source].is_like(&looks[index])
                             && self.on_same_surface(other, fragment));
-                    if weight <= 0.0 || !alike {
+                    if !alike {
                         continue;
                     }
                     let light = &gathered[slot];

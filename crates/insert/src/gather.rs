@@ -6,7 +6,7 @@ use cone::Cone;
 use geometry::{Ray, Vec3};
 use rayon::prelude::*;
 
-use crate::brdf::{Brdf, cone_tangent};
+use crate::brdf::Brdf;
 use crate::environment::{Environment, Part};
 use crate::lights::{LightSample, luminance};
 use crate::object::Object;
@@ -73,6 +73,8 @@ pub(crate) struct Gatherer<'a> {
     pub shadow: Option<&'a ShadowRatio<'a>>,
     /// Directions over the whole sphere.
     pub directions: &'a [Vec3],
+    /// Of the cones along them.
+    pub tan_half_angle: f32,
     /// Light samples for all receivers.
     pub lights: &'a [ObjectLight],
 }
@@ -160,7 +162,6 @@ impl Gatherer<'_> {
     }
 
     fn gather_cones(&self, receivers: &[Receiver], gathered: &mut [Gathered]) {
-        let tan_half_angle = cone_tangent(4.0 * PI / self.directions.len() as f32);
         let (mut cones, mut owners, mut samples) = (Vec::new(), Vec::new(), Vec::new());
         // Weights are scaled so that a uniform environment of radiance 1 gives π exactly.
         let total = |r: &Receiver| self.directions.iter().map(|d| r.normal.dot(*d).max(0.0)).sum::<f32>();
@@ -184,7 +185,7 @@ impl Gatherer<'_> {
                         gathered.add(radiance, direction, cosine, scales[index]);
                     }
                     None => {
-                        cones.push(Cone { origin: apexes[index], direction, tan_half_angle });
+                        cones.push(Cone { origin: apexes[index], direction, tan_half_angle: self.tan_half_angle });
                         owners.push((index, cosine, scales[index]));
                     }
                 }

@@ -1,3 +1,5 @@
+use std::f32::consts::PI;
+
 use geometry::Vec3;
 use imaging::RadianceImage;
 use mesh::PreparedModel;
@@ -5,7 +7,7 @@ use rayon::prelude::*;
 use scene::{Frame, Scene};
 
 use crate::backdrop::Backdrop;
-use crate::brdf::AlbedoTable;
+use crate::brdf::{AlbedoTable, cone_tangent};
 use crate::composite::{Composite, Layers};
 use crate::environment::Environment;
 use crate::gather::{Gatherer, object_lights};
@@ -96,12 +98,15 @@ impl Inserter {
         let object = Object::new(model, placement)?;
         let lights =
             object_lights(&self.environment, &object, self.counts.object_lights, self.counts.share_light_visibility);
+        let share_sr = 4.0 * PI / self.directions.len() as f32;
+        let tan_half_angle = cone_tangent(self.counts.diffuse_aperture * share_sr);
         let gatherer = |shadow, radiosity| Gatherer {
             environment: &self.environment,
             object: &object,
             radiosity,
             shadow,
             directions: &self.directions,
+            tan_half_angle,
             lights: &lights,
         };
 

@@ -134,9 +134,14 @@ impl<'a> Object<'a> {
 
     /// Unit normal of a triangle to its front, world frame.
     pub fn triangle_normal(&self, triangle: u32) -> Vec3 {
+        self.placed.placement.rotation * self.local_triangle_normal(triangle)
+    }
+
+    /// The same in the object's own axes.
+    pub fn local_triangle_normal(&self, triangle: u32) -> Vec3 {
         let model = self.placed.prepared.model();
         let [a, b, c] = model.triangles[triangle as usize].map(|v| model.positions[v as usize]);
-        self.placed.placement.rotation * (b - a).cross(c - a).normalize_or(Vec3::Y)
+        (b - a).cross(c - a).normalize_or(Vec3::Y)
     }
 
     /// Material and shading frame where a ray meets the object; `footprint_m` is the width that textures are averaged over.

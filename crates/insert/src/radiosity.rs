@@ -101,22 +101,24 @@ impl Radiosity {
 
     /// Radiance that leaves the object where a ray meets it, as if it were diffuse.
     pub fn radiance(&self, object: &Object, ray: &Ray, hit: &Hit) -> Vec3 {
-        let normal = object.triangle_normal(hit.triangle);
-        let normal = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
-        self.look_up(object, ray.at(hit.distance_m), normal).exitance
+        let normal = object.local_triangle_normal(hit.triangle);
+        let normal = if normal.dot(object.to_local(ray.direction)) > 0.0 { -normal } else { normal };
+        self.look_up(object.to_local_point(ray.at(hit.distance_m)), normal).exitance
     }
 
     /// The same with the material at the point that is met.
     pub fn radiance_of(&self, object: &Object, table: &AlbedoTable, point: &SurfacePoint) -> Vec3 {
-        let irradiance = self.look_up(object, point.position, point.shading_normal).irradiance;
+        let irradiance =
+            self.look_up(object.to_local_point(point.position), object.to_local(point.shading_normal)).irradiance;
         let (albedo, emissive) = diffuse_look(table, point);
         albedo * irradiance / std::f32::consts::PI + emissive
     }
 
-    fn look_up(&self, object: &Object, position: Vec3, normal: Vec3) -> Share {
-        let sides = sides(object.to_local(normal));
+    /// In the object's own axes.
+    fn look_up(&self, position: Vec3, normal: Vec3) -> Share {
+        let sides = sides(normal);
         let mut sum = Share::default();
-        for (cell, weight) in self.corners(object.to_local_point(position)) {
+        for (cell, weight) in self.corners(position) {
             for (side, side_weight) in sides {
                 let share = self.cells[cell][side];
                 sum.add_scaled(share, weight * side_weight);

@@ -51,12 +51,19 @@ pub(crate) struct Look {
     pub shares_reflection: bool,
     /// Whether it reflects diffusely.
     diffuse: bool,
+    /// Whether light samples make highlights on it.
+    gloss: bool,
 }
 
 impl Look {
     /// Whether what is gathered for one of two fragments serves the other.
     pub fn is_like(&self, other: &Self) -> bool {
-        self.shares_reflection == other.shares_reflection && self.diffuse == other.diffuse
+        self.shares_reflection == other.shares_reflection && self.diffuse == other.diffuse && self.gloss == other.gloss
+    }
+
+    /// Whether it needs what is gathered.
+    pub fn gathers(&self) -> bool {
+        self.diffuse || self.gloss
     }
 }
 
@@ -81,7 +88,8 @@ impl Shader<'_> {
                 let brdf = Brdf::new(Vec3::from(f.point.base_color), f.point.metallic, f.point.roughness);
                 let faint = brdf.f0.max_element() < FAINT_F0 && f.point.roughness > SHARED_ROUGHNESS;
                 let diffuse = brdf.diffuse != Vec3::ZERO;
-                Look { brdf, shares_reflection: self.stride > 1 && faint, diffuse }
+                let gloss = sampled_share(f.point.roughness) > 0.0;
+                Look { brdf, shares_reflection: self.stride > 1 && faint, diffuse, gloss }
             })
             .collect();
         let blocks = Blocks::new(fragments, &looks, self.stride);
@@ -152,9 +160,8 @@ impl Shader<'_> {
             let smooth = 1.0 - brdf.alpha;
             let lean = smooth * (smooth.sqrt() + brdf.alpha);
             let direction = above(normal.lerp(mirror, lean).normalize_or(normal), point.geometric_normal);
-            // The top-hat cone that is as dense as the lobe's peak.
-            let peak = sample_lobe(Vec3::new(0.0, 0.0, 1.0), brdf.alpha, geometry::Vec2::ZERO).pdf_per_sr;
-            let tan_half_angle = quantised(cone_tangent(1.0 / peak).min(MAX_TANGENT));
+            // The top-hat cone that is as dense as the lobe's peak, 1 / (4 π α²) seen along the normal.
+            let tan_half_angle = quantised(cone_tangent(4.0 * PI * brdf.alpha * brdf.alpha).min(MAX_TANGENT));
             out.push(Reflection { slot, sample: 0, direction, weight: Vec3::ONE, tan_half_angle });
             return;
         }
@@ -224,10 +231,10 @@ fn n_dot_v(fragment: &Fragment) -> f32 {
 
 fn receiver(fragment: &Fragment, look: &Look) -> Receiver {
     let point = &fragment.point;
-    let gloss = (sampled_share(point.roughness) > 0.0).then_some((fragment.view, look.brdf));
-    if point.unlit || !(look.diffuse || gloss.is_some()) {
+    if point.unlit || !look.gathers() {
         return Receiver::dark();
     }
+    let gloss = look.gloss.then_some((fragment.view, look.brdf));
     let (position, normal, geometric_normal) = (point.position, point.shading_normal, point.geometric_normal);
     Receiver { position, normal, geometric_normal, diffuse: look.diffuse, gloss }
 }

@@ -86,9 +86,10 @@ impl<'a> ShadowRatio<'a> {
         for (x, y, weight) in taps {
             let closeness = match (point, self.receivers.surfaces[(x, y)]) {
                 (Some(point), Some(surface)) => {
-                    let off_plane = surface.normal.dot(point - surface.position_m)
-                        / (SAME_SURFACE * self.receivers.map.depth_m[(x, y)]);
-                    (1.0 + off_plane * off_plane).powi(-4)
+                    let off_plane_m = surface.normal.dot(point - surface.position_m);
+                    let tolerance_m = SAME_SURFACE * self.receivers.map.depth_m[(x, y)];
+                    let closeness = tolerance_m * tolerance_m / (tolerance_m * tolerance_m + off_plane_m * off_plane_m);
+                    (closeness * closeness) * (closeness * closeness)
                 }
                 _ => 1.0,
             };

@@ -11,6 +11,9 @@ const NORMAL_SIDE: usize = 480;
 /// Pixels around the one that is asked for that its normal depends on, and some more.
 const NORMAL_REACH: usize = 8;
 
+/// A reading's tangent plane stands for it up to this share of its depth before or behind it.
+const PLANE_REACH: f32 = 0.03;
+
 /// The real surfaces that the photo sees: points and normals, at a resolution of its own.
 #[derive(Debug)]
 pub(crate) struct SurfaceMap {
@@ -108,13 +111,19 @@ impl SurfaceMap {
         // On the tangent plane, except where that would run away from the reading (nearly edge-on).
         let distance = surface.normal.dot(surface.position_m) / surface.normal.dot(direction);
         let z = self.depth_m[(x, y)];
-        let distance = if (distance - z).abs() < 0.03 * z { distance } else { z };
+        let distance = if (distance - z).abs() < PLANE_REACH * z { distance } else { z };
         Some(Surface { position_m: direction * distance, ..surface })
+    }
+
+    /// A depth in metres that lies before [`SurfaceMap::at`] at the same place; infinite at holes.
+    pub fn depth_before_m(&self, u: f64, v: f64) -> f32 {
+        let reading_m = self.nearest(u, v).map_or(0.0, |pixel| self.depth_m[pixel]);
+        if reading_m > 0.0 { (1.0 - 2.0 * PLANE_REACH) * reading_m } else { f32::INFINITY }
     }
 
     /// The pixel that contains a relative image position.
     fn nearest(&self, u: f64, v: f64) -> Option<(usize, usize)> {
-        let (x, y) = ((u * self.width() as f64).floor(), (v * self.height() as f64).floor());
+        let (x, y) = (u * self.width() as f64, v * self.height() as f64);
         let inside = x >= 0.0 && y >= 0.0 && x < self.width() as f64 && y < self.height() as f64;
         inside.then_some((x as usize, y as usize))
     }

@@ -251,6 +251,9 @@ impl Viewer<'_> {
     /// Whether a real surface stands before a point of the object seen at photo position `(u, v)`. Holes hide nothing.
     fn is_hidden(&self, u: f64, v: f64, point: Vec3) -> bool {
         let (width, height) = (f64::from(self.camera.width), f64::from(self.camera.height));
+        if -point.z < self.surfaces.depth_before_m(u / width, v / height) {
+            return false;
+        }
         let Some(surface) = self.surfaces.at(u / width, v / height) else { return false };
         let depth_m = -surface.position_m.z;
         if -point.z <= depth_m {
