@@ -26,6 +26,9 @@ const MOST_MIRRORED: f64 = 1.0;
 /// Times that indirect light is averaged over neighbours: what is left of the noise of single rays.
 const SMOOTHING: usize = 4;
 
+/// Passes that take out single bright and dark surfels; more of them close larger holes.
+const DESPECKLING: usize = 3;
+
 /// Rays per surfel of the first estimate.
 const FIRST_RAYS: usize = 16;
 
@@ -138,7 +141,9 @@ impl Cache {
         let most = settings.gather_rays / 2;
         let open: Vec<bool> = rows.iter().map(|row| row.blocked <= most).collect();
         let mut indirect = exchange(&surfels, &rows, &direct, &others, settings.gather_rays);
-        despeckle(&surfels, &mut indirect);
+        for _ in 0..DESPECKLING {
+            despeckle(&surfels, &mut indirect);
+        }
         for _ in 0..SMOOTHING {
             indirect = averaged(&surfels, |surfel| indirect[surfel]);
         }
@@ -491,23 +496,33 @@ fn exchange(surfels: &Surfels, rows: &[Row], direct: &[Vec3], others: &[u32], ga
 }
 
 /// The mean of a value over the neighbourhood of each surfel.
-/// Takes from surfels that are far brighter than all around them what one lucky ray found.
+/// Takes from surfels that are far brighter than all around them what one lucky ray found, and gives to those that are far darker
+/// what a correction took too much.
 fn despeckle(surfels: &Surfels, indirect: &mut [Vec3]) {
     /// Real light from elsewhere changes by less from surfel to surfel.
     const MOST: f32 = 3.0;
-    let limited: Vec<Vec3> = surfels
+    let corrected: Vec<Vec3> = surfels
         .list
         .par_iter()
         .enumerate()
         .map(|(i, surfel)| {
             let near = surfels.near(surfel.position, surfel.normal, surfel.part);
             let others = near.as_slice().iter().filter(|(other, _)| *other as usize != i);
-            let (sum, count) = others
-                .fold((0.0, 0), |(sum, count), &(other, _)| (sum + luminance(indirect[other as usize]), count + 1));
-            if count < 2 { indirect[i] } else { limited(indirect[i], MOST * sum / count as f32) }
+            let (sum, count) = others.fold((Vec3::ZERO, 0), |(sum, count), &(other, _)| {
+                (sum + indirect[other as usize].max(Vec3::ZERO), count + 1)
+            });
+            if count < 2 {
+                return indirect[i];
+            }
+            let around = sum / count as f32;
+            if MOST * luminance(indirect[i]) < luminance(around) {
+                around / MOST
+            } else {
+                limited(indirect[i], MOST * luminance(around))
+            }
         })
         .collect();
-    indirect.copy_from_slice(&limited);
+    indirect.copy_from_slice(&corrected);
 }
 
 fn averaged(surfels: &Surfels, value: impl Fn(usize) -> Vec3 + Sync) -> Vec<Vec3> {
