@@ -384,13 +384,13 @@ mod tests {
 
     #[test]
     fn light_that_is_no_number_is_an_error_and_negative_light_is_dark() {
-        let mut record = crate::record::tests::record("a");
+        let mut record = crate::fixture::record("a");
         record.points[2].radiance = [-0.1, 0.5, 1.0];
         assert_eq!(check_light(&mut record), Ok(()));
         assert_eq!(record.points[2].radiance, [0.0, 0.5, 1.0]);
         record.views[1].radiance[(3, 2)][0] = f32::NAN;
         let message = check_light(&mut record).unwrap_err();
-        assert_eq!(message, "panorama 1: the radiance at 35 is [NaN, 16.0, 300000.0]");
+        assert_eq!(message, "panorama 1: the radiance at 35 is [NaN, 16.2, 300000.0]");
     }
 
     #[test]

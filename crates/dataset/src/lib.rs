@@ -3,6 +3,8 @@
 //! A [`Dataset`] gives samples by number; a [`Loader`] goes through one: shuffled, split by scene, made ahead by threads, resumable.
 
 mod error;
+#[cfg(test)]
+mod fixture;
 mod generated;
 mod loader;
 mod open;
@@ -24,5 +26,5 @@ pub use published::{CropModel, FutureHouse, InteriorNet, LavalVarying, Panoramas
 pub use record::{Record, Shot};
 pub use sample::{Metadata, NovelView, Sample, Split};
 pub use shard::{FORMAT_VERSION, Shards, shard_name, write_shard};
-pub use source::Dataset;
+pub use source::{Dataset, fingerprint};
 pub use summary::{Distribution, Histogram, Summary, SummaryReport};

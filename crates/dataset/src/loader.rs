@@ -128,6 +128,13 @@ impl Loader {
         Self { shared, threads, current: VecDeque::new(), state, blocks, epochs: config.epochs, barren: 0 }
     }
 
+    /// Starts at sample `index`, where nothing is shuffled.
+    pub fn from_sample(dataset: Arc<dyn Dataset>, config: LoaderConfig, index: usize) -> Self {
+        let size = dataset.block().max(1);
+        let state = LoaderState { epoch: 0, block: (index / size) as u64, sample: (index % size) as u64 };
+        Self::resume(dataset, config, state)
+    }
+
     /// Where the next sample stands.
     pub fn state(&self) -> LoaderState {
         self.state
@@ -346,6 +353,16 @@ mod tests {
             let saved = serde_json::to_string(&loader.state()).unwrap();
             let rest = Loader::resume(dataset(), config, serde_json::from_str(&saved).unwrap());
             assert_eq!(ids(rest), all[done..], "after {done}");
+        }
+    }
+
+    #[test]
+    fn any_sample_can_be_the_first() {
+        let dataset = || Arc::new(Numbers { block: 3, ..Numbers::new(20) });
+        let config = LoaderConfig { shuffle: false, ..LoaderConfig::default() };
+        for first in [0, 2, 3, 16, 19] {
+            let rest = ids(Loader::from_sample(dataset(), config, first));
+            assert!(rest.into_iter().eq((first..20).map(|i| i.to_string())), "from {first}");
         }
     }
 
