@@ -6,9 +6,11 @@ mod error;
 #[cfg(test)]
 mod fixture;
 mod generated;
+mod generator;
 mod loader;
 mod open;
 mod order;
+mod prefetch;
 mod preview;
 mod published;
 mod record;
@@ -18,7 +20,8 @@ mod source;
 mod summary;
 
 pub use error::DatasetError;
-pub use generated::{Generated, Generator, GeneratorConfig};
+pub use generated::Generated;
+pub use generator::{Generator, GeneratorConfig};
 pub use loader::{LoadError, Loader, LoaderConfig, LoaderState};
 pub use open::Layout;
 pub use preview::ContactSheet;
