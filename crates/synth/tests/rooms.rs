@@ -2,6 +2,8 @@
 #![allow(clippy::unwrap_used)]
 
 use std::collections::HashSet;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use geometry::{Quat, Ray, Vec3, fibonacci_sphere};
 use lightoctree_synth::{Interior, Object, Support, SynthConfig};
@@ -363,18 +365,27 @@ fn rooms_keep_the_rules() {
         ("portals", check_portals),
         ("passages", check_passages),
     ];
-    let mut failed = Vec::new();
-    for index in 0..ROOMS {
-        let room = Room::new(index);
-        // Walking is felt for with many rays.
-        let number = if index % 4 == 0 { checks.len() } else { checks.len() - 1 };
-        for (name, check) in &checks[..number] {
-            // All rooms are looked at, so that one sees how many break a rule.
-            if std::panic::catch_unwind(|| check(&room)).is_err() {
-                failed.push((index, *name));
+    let next = AtomicU64::new(0);
+    let failed = Mutex::new(Vec::new());
+    let look = || {
+        while let Some(index) = Some(next.fetch_add(1, Ordering::Relaxed)).filter(|&index| index < ROOMS) {
+            let room = Room::new(index);
+            // Walking is felt for with many rays.
+            let number = if index % 4 == 0 { checks.len() } else { checks.len() - 1 };
+            for (name, check) in &checks[..number] {
+                // All rooms are looked at, so that one sees how many break a rule.
+                if std::panic::catch_unwind(|| check(&room)).is_err() {
+                    failed.lock().unwrap().push((index, *name));
+                }
             }
         }
-    }
+    };
+    std::thread::scope(|scope| {
+        for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
+            scope.spawn(look);
+        }
+    });
+    let failed = failed.into_inner().unwrap();
     assert!(failed.is_empty(), "{failed:?}");
 }
 
