@@ -11,8 +11,11 @@ pub(super) struct House {
     /// Foot of the walls and height of the eaves.
     pub least: Vec3,
     pub most: Vec3,
+    /// Ball around all of it.
+    center: Vec3,
+    radius: f32,
     /// Outward normals and offsets: the four walls, then the flat roof or the two slopes of a pitched one.
-    pub planes: [(Vec3, f32); 6],
+    planes: [(Vec3, f32); 6],
     pub wall: [f32; 3],
     pub roof: [f32; 3],
     /// Distance between windows and between storeys, metres.
@@ -34,6 +37,18 @@ pub(super) struct Tree {
 const BALLS: usize = 9;
 
 impl House {
+    /// Distance and normal where a ray from outside meets it.
+    pub(super) fn enter(&self, origin: Vec3, direction: Vec3) -> Option<(f32, Vec3)> {
+        // most rays miss even the ball around it
+        let to = self.center - origin;
+        let (along, squared) = (to.dot(direction), self.radius * self.radius);
+        let behind = along < 0.0 && to.length_squared() > squared;
+        if behind || to.length_squared() - along * along > squared {
+            return None;
+        }
+        enter_convex(origin, direction, &self.planes)
+    }
+
     pub(super) fn draw(random: &mut Stream, at: Vec2, half: Vec2, rural: bool) -> Self {
         let tall = if rural { between(random, 3.0, 6.5) } else { between(random, 6.0, 20.0) };
         let least = Vec3::new(at.x - half.x, 0.0, at.y - half.y);
@@ -48,9 +63,13 @@ impl House {
         let slopes = [(slope(-1.0), Vec3::new(least.x, tall, least.z)), (slope(1.0), most)];
         let [a, b, c, d] = walls.map(|(normal, point)| plane(normal, point));
         let [e, f] = slopes.map(|(normal, point)| plane(normal, point));
+        let ridge = if pitched { half.min_element() * pitch.tan() } else { 0.0 };
+        let span = most + Vec3::Y * ridge - least;
         Self {
             least,
             most,
+            center: least + 0.5 * span,
+            radius: 0.5 * span.length(),
             planes: [a, b, c, d, e, f],
             wall: tone(between(random, 10.0, 50.0), between(random, 0.0, 0.4), between(random, 0.25, 0.65)),
             roof: if chance(random, 0.6) {
@@ -87,7 +106,7 @@ impl Tree {
 }
 
 /// Distance and normal where a ray from outside enters the convex body behind some planes (outward normal, offset).
-pub(super) fn enter_convex(origin: Vec3, direction: Vec3, planes: &[(Vec3, f32)]) -> Option<(f32, Vec3)> {
+fn enter_convex(origin: Vec3, direction: Vec3, planes: &[(Vec3, f32)]) -> Option<(f32, Vec3)> {
     let (mut near, mut far, mut normal) = (0.0, f32::INFINITY, Vec3::ZERO);
     for &(outward, offset) in planes {
         let (above, towards) = (outward.dot(origin) - offset, outward.dot(direction));
@@ -146,14 +165,22 @@ mod tests {
             let house = House::draw(&mut random, Vec2::new(20.0, 0.0), Vec2::new(4.0, 6.0), true);
             // level, at half of the walls' height: the near wall, as of a box
             let eye = Vec3::new(0.0, 0.5 * house.most.y, 0.3);
-            let (distance, normal) = enter_convex(eye, Vec3::X, &house.planes).unwrap_or_default();
+            let (distance, normal) = house.enter(eye, Vec3::X).unwrap_or_default();
             assert!((distance - 16.0).abs() < 1e-4 && normal == Vec3::NEG_X, "{distance} {normal}");
             // from above: the roof, no lower than the eaves and no steeper than it may be
             let above = Vec3::new(21.0, 50.0, 1.0);
-            let (distance, normal) = enter_convex(above, Vec3::NEG_Y, &house.planes).unwrap_or_default();
+            let (distance, normal) = house.enter(above, Vec3::NEG_Y).unwrap_or_default();
             assert!(50.0 - distance >= house.most.y - 1e-3 && normal.y > 48.1f32.to_radians().cos(), "{normal}");
-            assert!(enter_convex(eye, Vec3::NEG_X, &house.planes).is_none(), "it lies behind");
-            assert!(enter_convex(eye, Vec3::Z, &house.planes).is_none(), "beside it");
+            assert!(house.enter(eye, Vec3::NEG_X).is_none(), "it lies behind");
+            assert!(house.enter(eye, Vec3::Z).is_none(), "beside it");
+            // the ball around it cuts nothing off
+            for k in 0..200 {
+                let direction = Vec3::new(1.0, 0.006 * k as f32 - 0.3, 0.31 * (0.7 * k as f32).sin()).normalize();
+                // under the ground the walls go on
+                let above = |hit: &(f32, Vec3)| eye.y + hit.0 * direction.y > 0.0;
+                let exact = enter_convex(eye, direction, &house.planes).filter(above);
+                assert_eq!(house.enter(eye, direction).filter(above), exact);
+            }
         }
     }
 

@@ -5,7 +5,7 @@ use crate::chance::{between, chance, count, pick, tone};
 use crate::photometry::{UNIT_CD_M2, luminance_color};
 use crate::texture::{Noise, scaled, smoothstep};
 
-use super::bodies::{House, Tree, enter_ball, enter_box, enter_convex};
+use super::bodies::{House, Tree, enter_ball, enter_box};
 use super::sky::Sky;
 
 /// What stands around the house: simple solids on level ground, lit by the sky, the sun and street lamps.
@@ -20,6 +20,8 @@ pub(crate) struct Surroundings {
     houses: Vec<House>,
     trees: Vec<Tree>,
     lamps: Vec<Vec3>,
+    /// Of luminance 1.
+    lamp_color: [f32; 3],
     /// Share of windows that are lit.
     lit: f32,
     noise: Noise,
@@ -95,6 +97,7 @@ impl Surroundings {
         };
         Self {
             eye_m,
+            lamp_color: luminance_color(2200.0),
             ground,
             road,
             skyline,
@@ -125,14 +128,13 @@ impl Surroundings {
                 light = std::array::from_fn(|c| light[c] + sun.radiosity[c] * cosine);
             }
         }
-        let sodium = luminance_color(2200.0);
         for lamp in &self.lamps {
             let to = *lamp - found.position;
             let squared = to.length_squared();
             // 6,000 lm into the lower half: about 950 cd.
             let lux = 950.0 * found.normal.dot(to / squared.sqrt()).max(0.0) / squared.max(1.0);
             let gain = lux / (std::f32::consts::PI * UNIT_CD_M2);
-            light = std::array::from_fn(|c| light[c] + sodium[c] * gain);
+            light = std::array::from_fn(|c| light[c] + self.lamp_color[c] * gain);
         }
         let haze = (1.0 - (-found.distance / 900.0).exp()).min(0.6);
         let horizon = sky.radiance(Vec3::new(direction.x, 0.02, direction.z).normalize_or(Vec3::X));
@@ -166,7 +168,7 @@ impl Surroundings {
             offer(found);
         }
         for house in &self.houses {
-            if let Some((distance, normal)) = enter_convex(eye, direction, &house.planes) {
+            if let Some((distance, normal)) = house.enter(eye, direction) {
                 let position = eye + direction * distance;
                 let (albedo, emission) = self.facade(house, position, normal);
                 offer(Found { distance, position, normal, albedo, emission });
@@ -233,7 +235,7 @@ impl Surroundings {
     }
 
     fn shades(&self, start: Vec3, direction: Vec3) -> bool {
-        self.houses.iter().any(|h| enter_convex(start, direction, &h.planes).is_some())
+        self.houses.iter().any(|h| h.enter(start, direction).is_some())
             || self.trees.iter().any(|t| {
                 enter_ball(start, direction, t.center, t.radius).is_some()
                     && t.crown.iter().any(|&(center, radius)| enter_ball(start, direction, center, radius).is_some())
@@ -285,7 +287,7 @@ impl Surroundings {
         self.lamps.iter().find_map(|lamp| {
             enter_ball(eye, direction, *lamp, 0.25)?;
             // 6,000 lm from the lower half of a ball of 25 cm.
-            Some(luminance_color(2200.0).map(|c| c * 6000.0 / (std::f32::consts::PI * 0.39) / UNIT_CD_M2))
+            Some(self.lamp_color.map(|c| c * 6000.0 / (std::f32::consts::PI * 0.39) / UNIT_CD_M2))
         })
     }
 }
