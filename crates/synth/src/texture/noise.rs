@@ -14,9 +14,15 @@ impl Noise {
         Self { seed: self.seed.wrapping_add(number.wrapping_mul(0x9e37_79b9)) }
     }
 
-    /// Uniform in [0, 1) at a lattice point (finaliser of MurmurHash3).
+    /// Uniform in [0, 1) at a lattice point.
     pub(crate) fn at(self, x: i32, y: i32) -> f32 {
-        let mut h = self.seed ^ (x as u32).wrapping_mul(0x85eb_ca6b) ^ (y as u32).wrapping_mul(0xc2b2_ae35);
+        self.hashed(column(x), row(y))
+    }
+
+    /// Of a [`column`] and a [`row`]: finaliser of MurmurHash3.
+    #[inline(always)]
+    fn hashed(self, column: u32, row: u32) -> f32 {
+        let mut h = self.seed ^ column ^ row;
         h ^= h >> 16;
         h = h.wrapping_mul(0x7feb_352d);
         h ^= h >> 15;
@@ -32,9 +38,10 @@ impl Noise {
         let ease = |t: f32| t * t * (3.0 - 2.0 * t);
         let (fx, fy) = (ease(x - x0 as f32), ease(y - y0 as f32));
         let (x0, y0) = (wrap(x0, cells[0]), wrap(y0, cells[1]));
-        let (x1, y1) = (wrap(x0 + 1, cells[0]), wrap(y0 + 1, cells[1]));
-        let (a, b) = (self.at(x0, y0), self.at(x1, y0));
-        let (c, d) = (self.at(x0, y1), self.at(x1, y1));
+        let (x0, x1) = (column(x0), column(wrap(x0 + 1, cells[0])));
+        let (y0, y1) = (row(y0), row(wrap(y0 + 1, cells[1])));
+        let (a, b) = (self.hashed(x0, y0), self.hashed(x1, y0));
+        let (c, d) = (self.hashed(x0, y1), self.hashed(x1, y1));
         let top = a + (b - a) * fx;
         top + (c + (d - c) * fx - top) * fy
     }
@@ -50,6 +57,14 @@ impl Noise {
         }
         sum / total
     }
+}
+
+fn column(x: i32) -> u32 {
+    (x as u32).wrapping_mul(0x85eb_ca6b)
+}
+
+fn row(y: i32) -> u32 {
+    (y as u32).wrapping_mul(0xc2b2_ae35)
 }
 
 /// Largest whole number that is not above; without SSE 4.1 `f32::floor` is a call.
