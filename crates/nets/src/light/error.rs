@@ -1,0 +1,41 @@
+use octree::OctreeError;
+
+use crate::light::VisiblePoint;
+
+/// Why the light network cannot work on its input.
+#[derive(Debug, thiserror::Error)]
+pub enum LightError {
+    /// A point is not finite, or its radiance is negative.
+    #[error("visible point {index} is {point:?}; position, normal and radiance must be finite, radiance not negative")]
+    Point {
+        /// Its place in the list.
+        index: usize,
+        /// It.
+        point: VisiblePoint,
+    },
+    /// No octree of this shape.
+    #[error(transparent)]
+    Octree(#[from] OctreeError),
+    /// The input, or the tree to grow along, has other depths than the network.
+    #[error("{what} reaches from depth {got_full} to {got}, but the network from {full} to {depth}")]
+    Depths {
+        /// Which octree.
+        what: &'static str,
+        /// Its full depth.
+        got_full: u32,
+        /// Its depth.
+        got: u32,
+        /// The network's full depth.
+        full: u32,
+        /// The network's depth.
+        depth: u32,
+    },
+    /// A network's output that is no number: its weights or its input are not.
+    #[error("the network's {what} at depth {depth} are not finite")]
+    NotFinite {
+        /// Which output.
+        what: &'static str,
+        /// Where.
+        depth: u32,
+    },
+}

@@ -1,0 +1,17 @@
+//! The light network (SPEC §5): what the photo sees, as an octree, to the octree of the whole room's radiance.
+
+mod config;
+mod error;
+mod growth;
+mod input;
+mod network;
+mod output;
+mod radiance;
+
+pub use config::LightNetConfig;
+pub use error::LightError;
+pub use growth::Growth;
+pub use input::{LightInput, NODE_FEATURES, VisiblePoint};
+pub use network::LightNet;
+pub use output::{LevelOutput, LightOutput};
+pub use radiance::{KnownLight, MAX_RADIANCE, NodeLight};
