@@ -6,5 +6,6 @@ pub mod graph;
 pub mod host;
 pub mod layers;
 pub mod light;
+pub mod rendering;
 #[cfg(test)]
 mod testing;

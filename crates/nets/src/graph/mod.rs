@@ -14,3 +14,6 @@ pub use linear::linear;
 pub use norm::{Activation, normalise, normalise_and_add};
 pub use pool::{down_sample, up_sample};
 pub use rows::{RowMap, select_rows};
+
+#[cfg(test)]
+pub(crate) use level::tests::uneven_octree;
