@@ -1,3 +1,5 @@
+use cone::SettingsError;
+use geometry::Cube;
 use octree::OctreeError;
 
 use crate::light::VisiblePoint;
@@ -30,6 +32,17 @@ pub enum LightError {
         /// The network's depth.
         depth: u32,
     },
+    /// The truth is of another part of the world.
+    #[error("the true octree covers {truth:?}, but the network's {output:?}")]
+    Cubes {
+        /// The truth's.
+        truth: Cube,
+        /// The network's.
+        output: Cube,
+    },
+    /// Tracing settings out of range.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
     /// A network's output that is no number: its weights or its input are not.
     #[error("the network's {what} at depth {depth} are not finite")]
     NotFinite {

@@ -1,9 +1,9 @@
 use burn::tensor::{Tensor, TensorData, activation};
-use cone::{Settings, SettingsError};
+use cone::Settings;
 use octree::LightOctree;
 use serde::{Deserialize, Serialize};
 
-use crate::light::{LightOutput, Rays};
+use crate::light::{LightError, LightOutput, Rays};
 use crate::rendering::render;
 
 /// Weights of the light network's losses (SPEC §6). Every field has a default, so that a file need name only what differs.
@@ -66,17 +66,20 @@ pub struct RayLosses {
 }
 
 impl LightLosses {
-    /// Compares what the network gave with the true octree (of the same cube), the panoramas' rays and the photo's.
+    /// Compares what the network gave with the true octree, the panoramas' rays and the photo's.
     ///
     /// # Errors
-    /// Tracing settings out of range.
+    /// A truth of another cube; tracing settings out of range.
     pub fn new(
         output: &LightOutput,
         truth: &LightOctree,
         novel: &Rays,
         visible: &Rays,
         settings: Settings,
-    ) -> Result<Self, SettingsError> {
+    ) -> Result<Self, LightError> {
+        if truth.cube != output.cube {
+            return Err(LightError::Cubes { truth: truth.cube, output: output.cube });
+        }
         let (node_radiance, node_error) = node_losses(output, truth);
         // One tracing for all rays.
         let cones = novel.cones.iter().chain(visible.cones.iter()).copied().collect();

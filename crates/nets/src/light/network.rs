@@ -223,11 +223,15 @@ fn same_nodes(from: &Octree, from_level: &GraphLevel, to: &Octree, to_level: &Gr
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
+    use burn::module::{ModuleMapper, ModuleVisitor, Param};
+    use burn::tensor::{DType, Gradients};
     use geometry::{Camera, Cube, Vec3};
     use octree::{Coverage, LightOctree, RadiancePoint};
 
     use super::*;
+    use crate::layers::glorot;
     use crate::light::VisiblePoint;
+    use crate::testing::{numbers, recording_device, values};
 
     fn config(depth: u32) -> LightNetConfig {
         let small = LightNetConfig {
@@ -314,6 +318,77 @@ mod tests {
         let run = || net.forward(&input, None, Growth::Predicted).unwrap().into_light().unwrap();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
         assert_eq!(run(), pool.install(run), "whatever the number of threads");
+    }
+
+    /// Parameters in f64; one of them moved.
+    struct Wide {
+        nudged: Option<(usize, usize, f64)>,
+        visited: usize,
+    }
+
+    impl ModuleMapper for Wide {
+        fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
+            let (id, tensor, mapper) = param.consume();
+            let (device, dims) = (tensor.device(), tensor.dims());
+            let mut values = numbers(tensor.inner());
+            if let Some((_, index, step)) = self.nudged.filter(|(parameter, ..)| *parameter == self.visited) {
+                values[index] += step;
+            }
+            self.visited += 1;
+            let wide = Tensor::from_data(TensorData::new(values, dims), (&device, DType::F64));
+            let wide = if device.is_autodiff() { wide.require_grad() } else { wide };
+            Param::from_mapped_value(id, wide, mapper)
+        }
+    }
+
+    /// Gradients of all parameters.
+    struct Gather<'a>(&'a Gradients, Vec<Vec<f64>>);
+
+    impl ModuleVisitor for Gather<'_> {
+        fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+            self.1.push(param.val().grad(self.0).map(numbers).unwrap_or_default());
+        }
+    }
+
+    #[test]
+    fn gradients_of_the_whole_network_are_differences() {
+        let config = LightNetConfig { channels: 4, max_channels: 8, ..config(5) };
+        let (input, truth) = input(&config);
+        let device = recording_device();
+        let mut net = LightNet::new(&config, 3, &device).unwrap();
+        // The heads' last layers start at 0, where nothing behind them has a gradient.
+        let mut stream = random::stream(4, "test", 0);
+        for head in net.prediction.iter_mut().chain(&mut net.regression) {
+            let [inputs, outputs] = head.output.weights.dims();
+            head.output.weights = glorot([inputs, outputs], [inputs, outputs], &mut stream, &device);
+        }
+        let loss = |net: &LightNet| {
+            let weights = net.input.weights.val();
+            let (device, dtype) = (weights.device(), weights.dtype());
+            let constant = |rows: usize, columns: usize, seed| {
+                Tensor::<2>::from_data(TensorData::new(values(rows * columns, seed), [rows, columns]), (&device, dtype))
+            };
+            let output = net.forward(&input, Some(constant(1, 4, 1)), Growth::Truth(&truth.octree)).unwrap();
+            let parts = output.levels.into_iter().flat_map(|level| [level.logits, level.light]).map(|part| {
+                let [rows, columns] = part.dims();
+                (part * constant(rows, columns, 2)).sum()
+            });
+            parts.reduce(|a, b| a + b).unwrap()
+        };
+        let wide = net.clone().map(&mut Wide { nudged: None, visited: 0 });
+        let gradients = loss(&wide).backward();
+        let mut gather = Gather(&gradients, Vec::new());
+        wide.visit(&mut gather);
+        let at = |parameter: usize, index: usize, step: f64| {
+            let moved = net.valid().map(&mut Wide { nudged: Some((parameter, index, step)), visited: 0 });
+            numbers(loss(&moved).inner())[0]
+        };
+        for (parameter, got) in gather.1.iter().enumerate() {
+            let largest = got.iter().fold(0.0f64, |a, b| a.max(b.abs()));
+            let index = (0..got.len()).max_by(|&a, &b| got[a].abs().total_cmp(&got[b].abs())).unwrap();
+            let expected = (at(parameter, index, 1e-6) - at(parameter, index, -1e-6)) / 2e-6;
+            assert!((got[index] - expected).abs() <= 1e-5 * largest, "{parameter}: {} {expected}", got[index]);
+        }
     }
 
     #[test]

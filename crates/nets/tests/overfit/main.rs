@@ -8,12 +8,12 @@ mod room;
 use std::time::Instant;
 
 use burn::module::Module;
-use burn::optim::{AdamConfig, GradientsParams};
 use burn::tensor::Device;
 use cone::{ConeTracer, Settings};
 use dataset::{Generator, GeneratorConfig, NovelView, Sample};
 use geometry::{Cube, Vec3};
 use imaging::Image;
+use lightoctree_nets::Adam;
 use lightoctree_nets::light::{
     Growth, LightInput, LightLossConfig, LightLosses, LightNet, LightNetConfig, Rays, VisiblePoint,
 };
@@ -92,7 +92,7 @@ fn overfit(
     let device = Device::flex().autodiff();
     let mut net = LightNet::new(config, 5, &device).unwrap();
     let weights = LightLossConfig::default();
-    let mut adam = AdamConfig::new().with_epsilon(1e-8).init();
+    let mut adam = Adam::default();
     let grown = |net: &LightNet, growth| net.valid().forward(&scene.input, None, growth).unwrap();
     let before_db = scene.psnr_db(&grown(&net, Growth::Truth(&scene.truth.octree)).into_light().unwrap().0);
     let start = Instant::now();
@@ -118,9 +118,9 @@ fn overfit(
                 of(&losses.node_error),
             );
         }
-        let gradients = GradientsParams::from_grads(total.backward(), &net);
+        let gradients = total.backward();
         // Towards the end in smaller and smaller steps.
-        net = adam.step(rate / (1.0 + step as f64 / 200.0), net, gradients);
+        net = adam.step(net, &gradients, rate / (1.0 + step as f64 / 200.0));
         step += 1;
     }
     let own = grown(&net, Growth::Truth(&scene.truth.octree));
