@@ -106,7 +106,7 @@ mod tests {
             radiance: Image::from_fn(64, 32, |x, y| [x as f32, y as f32, 1.0]),
             depth_m: None,
         };
-        let rays = Rays::of_panoramas(&[view.clone()], 20_000, &mut random::stream(1, "test", 0));
+        let rays = Rays::of_panoramas(std::slice::from_ref(&view), 20_000, &mut random::stream(1, "test", 0));
         let mean = rays.cones.iter().map(|cone| cone.direction).sum::<Vec3>() / rays.len() as f32;
         assert!(mean.length() < 0.02, "{mean}");
         let up = rays.cones.iter().filter(|cone| cone.direction.y > 0.5).count();
