@@ -212,8 +212,10 @@ impl Kernel for NormKernel {
             let start = block * BLOCK * channels;
             let rows = before[start..].chunks_exact(channels).zip(inputs[0][start..].chunks_exact(channels));
             for (out, (gradient, x)) in by_input.chunks_exact_mut(channels).zip(rows) {
-                for c in 0..channels {
-                    out[c] = scale[c] * gradient[c] + slope[c] * x[c] + constant[c];
+                let factors = scale.iter().zip(&slope).zip(&constant);
+                for (((out, &g), &x), ((&scale, &slope), &constant)) in out.iter_mut().zip(gradient).zip(x).zip(factors)
+                {
+                    *out = scale * g + slope * x + constant;
                 }
             }
         });
@@ -248,14 +250,15 @@ fn block_moments<T: Number>(x: &[T], channels: usize) -> Vec<Moments> {
 fn clear_inactive<T: Number>(gradient: &mut [T], x: &[T], skip: Option<&[T]>, scale: &[T], shift: &[T]) {
     let channels = scale.len();
     for (row, (gradient, x)) in gradient.chunks_exact_mut(channels).zip(x.chunks_exact(channels)).enumerate() {
-        for c in 0..channels {
-            // The same operations in the same order as forward, so that the sign is the same.
-            let mut y = scale[c] * x[c] + shift[c];
-            if let Some(skip) = skip {
-                y += skip[row * channels + c];
-            }
-            if y <= T::default() {
-                gradient[c] = T::default();
+        // The same operations in the same order as forward, so that the sign is the same.
+        let linear = gradient.iter_mut().zip(x).zip(scale.iter().zip(shift));
+        let clear = |gradient: &mut T, y: T| *gradient = if y > T::default() { *gradient } else { T::default() };
+        match skip {
+            None => linear.for_each(|((gradient, &x), (&scale, &shift))| clear(gradient, scale * x + shift)),
+            Some(skip) => {
+                for (((gradient, &x), (&scale, &shift)), &skip) in linear.zip(&skip[row * channels..]) {
+                    clear(gradient, scale * x + shift + skip);
+                }
             }
         }
     }
@@ -265,9 +268,10 @@ fn clear_inactive<T: Number>(gradient: &mut [T], x: &[T], skip: Option<&[T]>, sc
 fn block_sums<T: Number>(gradient: &[T], x: &[T], mean: &[T], channels: usize) -> [Vec<T>; 2] {
     let (mut sum, mut with_x) = (vec![T::default(); channels], vec![T::default(); channels]);
     for (gradient, x) in gradient.chunks_exact(channels).zip(x.chunks_exact(channels)) {
-        for c in 0..channels {
-            sum[c] += gradient[c];
-            with_x[c] += gradient[c] * (x[c] - mean[c]);
+        let sums = sum.iter_mut().zip(with_x.iter_mut());
+        for (((sum, with_x), (&g, &x)), &mean) in sums.zip(gradient.iter().zip(x)).zip(mean) {
+            *sum += g;
+            *with_x += g * (x - mean);
         }
     }
     [sum, with_x]

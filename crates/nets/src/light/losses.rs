@@ -84,7 +84,7 @@ impl LightLosses {
         // One tracing for all rays.
         let cones = novel.cones.iter().chain(visible.cones.iter()).copied().collect();
         let samples = render(output.rgba(), output.octree.clone(), output.cube, cones, settings)?;
-        let seen = |from: usize, rays: &Rays| ray_losses(samples.clone().narrow(0, from, rays.len()), rays);
+        let seen = |from: usize, rays: &Rays| ray_losses(&samples, from, rays);
         Ok(Self {
             octree: octree_loss(output, truth),
             novel: seen(0, novel),
@@ -173,11 +173,12 @@ fn node_losses(output: &LightOutput, truth: &LightOctree) -> (Tensor<1>, Tensor<
     (mean(radiance), mean(error))
 }
 
-/// `samples[rays, 5]` against what the rays ought to see.
-fn ray_losses(samples: Tensor<2>, rays: &Rays) -> RayLosses {
+/// `samples[_, 5]`, from row `first` on, against what the rays ought to see.
+fn ray_losses(samples: &Tensor<2>, first: usize, rays: &Rays) -> RayLosses {
     if rays.is_empty() {
-        return RayLosses { radiance: zero(&samples), distance: zero(&samples) };
+        return RayLosses { radiance: zero(samples), distance: zero(samples) };
     }
+    let samples = samples.clone().narrow(0, first, rays.len());
     let expected: Vec<f32> = rays.radiance.iter().flatten().map(|c| c.ln_1p()).collect();
     let radiance = samples.clone().narrow(1, 0, 3).log1p() - constant(expected, [rays.len(), 3], &samples);
     let is_known = |d: f32| d.is_finite() && d > 0.0;

@@ -225,12 +225,13 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use burn::module::{ModuleMapper, ModuleVisitor, Param};
     use burn::tensor::{DType, Gradients};
+    use cone::{Cone, Settings};
     use geometry::{Camera, Cube, Vec3};
     use octree::{Coverage, LightOctree, RadiancePoint};
 
     use super::*;
     use crate::layers::glorot;
-    use crate::light::VisiblePoint;
+    use crate::light::{LightLossConfig, LightLosses, Rays, VisiblePoint};
     use crate::testing::{numbers, recording_device, values};
 
     fn config(depth: u32) -> LightNetConfig {
@@ -389,6 +390,40 @@ mod tests {
             let expected = (at(parameter, index, 1e-6) - at(parameter, index, -1e-6)) / 2e-6;
             assert!((got[index] - expected).abs() <= 1e-5 * largest, "{parameter}: {} {expected}", got[index]);
         }
+    }
+
+    #[test]
+    fn a_training_step_is_the_same_for_every_number_of_threads() {
+        let config = config(5);
+        let (input, truth) = input(&config);
+        let cone = |direction| Cone { origin: Vec3::ZERO, direction, tan_half_angle: 0.02 };
+        let rays: Rays = geometry::fibonacci_sphere(3000).into_iter().map(|d| (cone(d), [0.4; 3], 2.5)).collect();
+        let run = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let net = LightNet::new(&config, 3, &recording_device()).unwrap();
+                let output = net.forward(&input, None, Growth::Truth(&truth.octree)).unwrap();
+                let none = std::iter::empty().collect();
+                let losses = LightLosses::new(&output, &truth, &rays, &none, Settings::default()).unwrap();
+                let gradients = losses.total(&LightLossConfig::default()).backward();
+                let mut gather = Gather(&gradients, Vec::new());
+                net.visit(&mut gather);
+                gather.1
+            })
+        };
+        assert_eq!(run(1), run(3));
+    }
+
+    #[test]
+    fn another_cubes_truth_is_refused() {
+        let config = config(5);
+        let (input, mut truth) = input(&config);
+        let net = LightNet::new(&config, 3, &Device::flex()).unwrap();
+        let output = net.forward(&input, None, Growth::Truth(&truth.octree)).unwrap();
+        truth.cube.edge_m += 1.0;
+        let none: Rays = std::iter::empty().collect();
+        let error = LightLosses::new(&output, &truth, &none, &none, Settings::default()).unwrap_err();
+        assert!(matches!(error, LightError::Cubes { .. }), "{error}");
     }
 
     #[test]
