@@ -160,14 +160,16 @@ fn a_box_room_is_learned() {
 #[test]
 #[ignore = "15 minutes; see the head of the file"]
 fn a_generated_room_is_learned() {
-    let minutes: f64 = std::env::var("OVERFIT_MINUTES").ok().and_then(|m| m.parse().ok()).unwrap_or(15.0);
-    let depth: u32 = std::env::var("OVERFIT_DEPTH").ok().and_then(|d| d.parse().ok()).unwrap_or(6);
+    const MINUTES: f64 = 15.0;
+    let depth = 6;
     let config = LightNetConfig { depth, ..LightNetConfig::default() };
     let settings = GeneratorConfig { shots: 1, panoramas: 10, octree_depth: depth, ..GeneratorConfig::default() };
     let sample = Generator::new(7, settings).unwrap().record(0).unwrap().sample(0);
     let scene = Scene::new(sample, 2, &config);
     println!("{} nodes at the finest depth", scene.truth.octree.levels()[depth as usize].len());
-    let result = overfit(&scene, &config, 4e-3, 8192, |_, start| start.elapsed().as_secs_f64() > 60.0 * minutes);
+    let result = overfit(&scene, &config, 4e-3, 8192, |_, start| start.elapsed().as_secs_f64() > 60.0 * MINUTES);
     report(&scene, &result);
-    assert!(result.after_db >= 28.0, "{} dB", result.after_db);
+    // The true octree of this depth itself stays below 24 dB: leaves of a decimetre cannot show what panoramas do.
+    assert!(result.after_db > 20.0, "{} dB", result.after_db);
+    assert!(result.labels_right > 0.98, "{}", result.labels_right);
 }
