@@ -5,9 +5,10 @@
 use std::io::Cursor;
 use std::path::Path;
 
+use dataset::{DatasetError, Metadata, NovelView, Record, Shot, write_shard};
 use exr::compression::Compression;
 use image::{DynamicImage, GrayImage, ImageFormat, Luma, Rgb, RgbImage, Rgba, RgbaImage};
-use lightoctree::geometry::{Camera, Cube, Plane, Vec3};
+use lightoctree::geometry::{Camera, Cube, Plane, Quat, Vec3};
 use lightoctree::imaging::{self, DepthMap, ExrOptions, Image, Photo, RadianceImage};
 use lightoctree::octree::{Coverage, LightOctree, RadiancePoint};
 use lightoctree::scene::{Completion, Frame, Room, RoomPlane, Scene, Side};
@@ -16,14 +17,51 @@ type Result<T = ()> = std::result::Result<T, Box<dyn std::error::Error>>;
 
 fn main() -> Result {
     let corpus = Path::new("corpus");
-    for target in ["scene", "image", "mesh", "options"] {
+    for target in ["scene", "image", "mesh", "shard", "options"] {
         std::fs::create_dir_all(corpus.join(target))?;
     }
     scenes(&corpus.join("scene"))?;
     pictures(&corpus.join("image"))?;
     exr_files(&corpus.join("image"))?;
     meshes(&corpus.join("mesh"))?;
+    shards(&corpus.join("shard"))?;
     texts(&corpus.join("options"))
+}
+
+/// A room with every kind of file.
+fn shards(folder: &Path) -> Result {
+    let shot = Shot {
+        position_m: Vec3::Y,
+        rotation: Quat::IDENTITY,
+        gains: [1.0; 3],
+        camera: Camera::new(4.0, 4.0, 2.0, 2.0, 4, 4)?,
+        photo: Image::from_fn(4, 4, |x, y| [60 * x as u8, 60 * y as u8, 200]),
+        jpeg: None,
+        radiance: Some(Image::new(4, 4, vec![[0.5; 3]; 16])),
+        depth_m: Some(Image::new(4, 4, vec![1.5; 16])),
+        sensor_depth_m: Some(Image::new(2, 2, vec![1.5; 4])),
+        normal: Some(Image::new(4, 4, vec![[0.0, 0.0, 1.0]; 16])),
+        albedo: Some(Image::new(4, 4, vec![[0.5; 3]; 16])),
+        views: vec![0],
+        metadata: Metadata::new(),
+    };
+    let view = NovelView {
+        position_m: Vec3::ZERO,
+        rotation: Quat::IDENTITY,
+        radiance: Image::new(4, 2, vec![[1e6; 3]; 8]),
+        depth_m: Some(Image::new(4, 2, vec![2.0; 8])),
+    };
+    let point = RadiancePoint { position_m: Vec3::X, radiance: [1.0; 3], coverage: Coverage::Inferred };
+    let record = Record {
+        key: "a".into(),
+        scene_id: "a".into(),
+        up: Some(Vec3::Y),
+        points: vec![point, RadiancePoint { position_m: Vec3::Z, ..point }],
+        views: vec![view],
+        shots: vec![shot],
+        metadata: Metadata::new(),
+    };
+    Ok(write_shard::<DatasetError>(&folder.join("room.tar"), std::iter::once(Ok(record)))?)
 }
 
 fn scenes(folder: &Path) -> Result {

@@ -1,5 +1,7 @@
 //! Everything that the command line understands.
 
+use std::path::PathBuf;
+
 use clap::{Parser, Subcommand, ValueEnum};
 
 use crate::commands;
@@ -35,6 +37,22 @@ pub struct Global {
     /// How much to say on stderr
     #[arg(long, global = true, value_name = "LEVEL", default_value = "warn")]
     pub log: LogLevel,
+}
+
+/// Options of commands whose result is a file.
+#[derive(Debug, clap::Args)]
+pub struct OutputArgs {
+    /// The file to write
+    #[arg(long, short, value_name = "FILE")]
+    pub output: PathBuf,
+
+    /// Replace existing files, whatever they are
+    #[arg(long)]
+    pub force: bool,
+
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// How much to say on stderr.

@@ -5,6 +5,7 @@
 
 pub mod args;
 pub mod commands;
+mod config;
 mod interrupt;
 mod output;
 mod progress;

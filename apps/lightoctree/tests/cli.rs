@@ -1,41 +1,18 @@
 //! The program as a user runs it: every command, what it writes, what it refuses and how.
 #![allow(clippy::unwrap_used, missing_docs)]
 
+mod support;
+
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
 use lightoctree::geometry::{Camera, Plane, Ray, Vec3};
 use lightoctree::imaging::{self, DepthMap, Image};
-use serde_json::Value;
 use tempfile::TempDir;
 
+use support::{done, json, refused};
+
 const SIZE: (usize, usize) = (144, 96);
-
-fn lightoctree(folder: &Path) -> Command {
-    let mut command = Command::cargo_bin("lightoctree").unwrap();
-    command.current_dir(folder).args(["--threads", "2"]);
-    command
-}
-
-/// Runs, expects success, returns stdout.
-fn done(folder: &Path, args: &[&str]) -> String {
-    let output = lightoctree(folder).args(args).output().unwrap();
-    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
-
-/// Runs, expects the exit code, returns stderr.
-fn refused(folder: &Path, code: i32, args: &[&str]) -> String {
-    let output = lightoctree(folder).arg("--quiet").args(args).output().unwrap();
-    let message = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(code), "{args:?}: {message}");
-    assert!(!message.contains("panicked"), "{message}");
-    message
-}
-
-fn json(text: &str) -> Value {
-    serde_json::from_str(text).unwrap()
-}
 
 /// A folder with photo.png and depth.png of a floor 1.2 m below the camera and a wall 3 m before it, and their scene.
 fn room() -> TempDir {

@@ -1,49 +1,25 @@
 //! `synth` and `dataset` as a user runs them.
 #![allow(clippy::unwrap_used, missing_docs)]
 
-use std::path::Path;
+mod support;
 
-use assert_cmd::Command;
+use std::path::Path;
+use std::time::{Duration, SystemTime};
+
 use lightoctree::geometry::pixel_direction;
 use lightoctree::imaging::{self, ExrOptions, Image};
-use serde_json::Value;
 
-fn lightoctree(folder: &Path) -> Command {
-    let mut command = Command::cargo_bin("lightoctree").unwrap();
-    command.current_dir(folder).arg("--quiet");
-    command
-}
-
-/// Runs, expects success, returns stdout.
-fn done(folder: &Path, args: &[&str]) -> String {
-    let output = lightoctree(folder).args(args).output().unwrap();
-    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
-
-/// Runs, expects the exit code, returns stderr.
-fn refused(folder: &Path, code: i32, args: &[&str]) -> String {
-    let output = lightoctree(folder).args(args).output().unwrap();
-    let message = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(code), "{args:?}: {message}");
-    assert!(!message.contains("panicked"), "{message}");
-    message
-}
-
-fn json(text: &str) -> Value {
-    serde_json::from_str(text).unwrap()
-}
+use support::{done, json, refused};
 
 /// Two small photos and panoramas of a room, few points: a second or two a room.
-const SMALL: &str =
-    r#"{"shots": 2, "panoramas": 2, "panorama_height": 16, "octree_depth": 5, "room": {"crop_size": [48, 32]}}"#;
+const SMALL: &str = "shots = 2\npanoramas = 2\npanorama_height = 16\noctree_depth = 5\n[room]\ncrop_size = [48, 32]\n";
 
 #[test]
 fn synth_is_resumable_and_the_same_however_it_is_split() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    std::fs::write(at.join("small.json"), SMALL).unwrap();
-    let common = ["synth", "--scenes", "3", "--scenes-per-shard", "1", "--config", "small.json", "--seed", "4"];
+    std::fs::write(at.join("small.toml"), SMALL).unwrap();
+    let common = ["synth", "--scenes", "3", "--scenes-per-shard", "1", "--config", "small.toml", "--seed", "4"];
     let run = |more: &[&str]| done(at, &[&common[..], more].concat());
     let summary = json(&run(&["-o", "whole", "--threads", "1", "--json"]));
     assert_eq!((summary["shards_written"].as_u64(), summary["shards_there"].as_u64()), (Some(3), Some(3)));
@@ -63,7 +39,7 @@ fn synth_is_resumable_and_the_same_however_it_is_split() {
     assert_eq!((summary["shards_written"].as_u64(), summary["shards_there"].as_u64()), (Some(1), Some(3)));
     assert_eq!(std::fs::metadata(&first).unwrap().modified().unwrap(), written);
     let other =
-        refused(at, 2, &["synth", "--scenes", "3", "--scenes-per-shard", "1", "--config", "small.json", "-o", "whole"]);
+        refused(at, 2, &["synth", "--scenes", "3", "--scenes-per-shard", "1", "--config", "small.toml", "-o", "whole"]);
     assert_eq!(other, "error: whole was begun with another seed; repeat that command, or choose another folder\n");
 
     let found = json(&done(at, &["dataset", "inspect", "whole", "--json"]));
@@ -97,20 +73,91 @@ fn panoramas_become_shards() {
     done(at, &["dataset", "inspect", "maps", "--layout", "panoramas"]);
 }
 
+/// Six small panoramas of their own light.
+fn maps(folder: &Path) {
+    std::fs::create_dir(folder).unwrap();
+    for i in 0..6 {
+        let level = 1.2 + 0.3 * i as f32;
+        let map = Image::from_fn(64, 32, |x, y| pixel_direction(x, y, 64, 32).to_array().map(|v| level + v));
+        imaging::write_radiance(folder.join(format!("room{i}.hdr")), &map, &ExrOptions::default()).unwrap();
+    }
+}
+
+/// Every finished shard of a folder: name, time of the last change, content.
+fn shards(folder: &Path) -> Vec<(String, SystemTime, Vec<u8>)> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().map(|entry| entry.unwrap().path());
+    let mut found: Vec<_> = entries
+        .filter(|path| path.extension().is_some_and(|extension| extension == "tar"))
+        .map(|path| {
+            let changed = std::fs::metadata(&path).unwrap().modified().unwrap();
+            (path.file_name().unwrap().to_str().unwrap().to_owned(), changed, std::fs::read(&path).unwrap())
+        })
+        .collect();
+    found.sort();
+    found
+}
+
+#[test]
+fn a_conversion_that_was_killed_goes_on_where_it_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    maps(&at.join("maps"));
+    let convert = ["dataset", "convert", "maps", "--crops", "10", "--samples-per-shard", "2", "-o"];
+    let run = |to: &str, threads: &str| done(at, &[&convert[..], &[to, "--threads", threads]].concat());
+    run("whole", "2");
+    let whole = shards(&at.join("whole"));
+    assert_eq!(whole.len(), 30);
+
+    let mut killed = std::process::Command::new(assert_cmd::cargo::cargo_bin("lightoctree"))
+        .current_dir(at)
+        .args(["--quiet", "--threads", "1"])
+        .args(convert)
+        .arg("parts")
+        .spawn()
+        .unwrap();
+    while shards(&at.join("parts")).len() < 2 {
+        assert!(killed.try_wait().unwrap().is_none(), "it ended before two shards were there");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    killed.kill().unwrap();
+    killed.wait().unwrap();
+    let kept = shards(&at.join("parts"));
+    assert!((2..30).contains(&kept.len()), "{} shards were finished", kept.len());
+    // a hole in the middle too, as after a lost file
+    std::fs::remove_file(at.join("parts").join(&kept[0].0)).unwrap();
+
+    run("parts", "3");
+    let parts = shards(&at.join("parts"));
+    assert!(parts.iter().map(|(name, _, bytes)| (name, bytes)).eq(whole.iter().map(|(name, _, bytes)| (name, bytes))));
+    for (finished, now) in kept.iter().zip(&parts).skip(1) {
+        assert_eq!(finished.1, now.1, "{} was written again", now.0);
+    }
+
+    // of another dataset: refused, or begun anew
+    std::fs::remove_file(at.join("maps/room0.hdr")).unwrap();
+    std::fs::copy(at.join("maps/room1.hdr"), at.join("maps/room9.hdr")).unwrap();
+    let message = refused(at, 2, &[&convert[..], &["parts"]].concat());
+    assert!(message.starts_with("error: parts was begun with another scene_ids_fnv1a"), "{message}");
+    done(at, &[&convert[..], &["parts", "--force"]].concat());
+    assert!(shards(&at.join("parts")).iter().zip(&whole).all(|(new, old)| new.0 == old.0 && new.2 != old.2));
+}
+
 #[test]
 fn what_cannot_be_done_is_said_with_the_right_exit_code() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     refused(at, 2, &["synth", "-o", "rooms"]);
     refused(at, 2, &["synth", "--scenes", "1", "--shard", "3/2", "-o", "rooms"]);
-    std::fs::write(at.join("bad.json"), r#"{"shots": 0}"#).unwrap();
-    let message = refused(at, 2, &["synth", "--scenes", "1", "--config", "bad.json", "-o", "rooms"]);
-    assert_eq!(message, "error: bad.json: shots is 0; it must lie in 1 to 64\n");
-    std::fs::write(at.join("bad.json"), r#"{"shot": 1}"#).unwrap();
-    let message = refused(at, 2, &["synth", "--scenes", "1", "--config", "bad.json", "-o", "rooms"]);
-    assert!(message.starts_with("error: bad.json: unknown field `shot`"), "{message}");
-    let config = json(&done(at, &["synth", "--print-config", "--octree-depth", "8"]));
-    assert_eq!((config["shots"].as_u64(), config["octree_depth"].as_u64()), (Some(6), Some(8)));
+    std::fs::write(at.join("bad.toml"), "shots = 0").unwrap();
+    let message = refused(at, 2, &["synth", "--scenes", "1", "--config", "bad.toml", "-o", "rooms"]);
+    assert_eq!(message, "error: bad.toml: shots is 0; it must lie in 1 to 64\n");
+    std::fs::write(at.join("bad.toml"), "octree_depth = 6\nshot = 1").unwrap();
+    let message = refused(at, 2, &["synth", "--scenes", "1", "--config", "bad.toml", "-o", "rooms"]);
+    assert!(message.starts_with("error: bad.toml: line 2 (shot = 1): unknown field `shot`"), "{message}");
+    let config = done(at, &["synth", "--print-config", "--octree-depth", "8"]);
+    assert!(["shots = 6", "octree_depth = 8"].iter().all(|line| config.lines().any(|l| l == *line)), "{config}");
+    std::fs::write(at.join("all.toml"), &config).unwrap();
+    assert_eq!(done(at, &["synth", "--print-config", "--config", "all.toml"]), config);
 
     let message = refused(at, 1, &["dataset", "inspect", "."]);
     assert!(message.contains("none of the layouts that are known"), "{message}");

@@ -3,7 +3,8 @@
 //! `PEERS_INPUT` names a folder with the peers' cloud (`room_unit.npy`, `room_color.npy`); without it a bare box room with as
 //! many points stands in. `RAYON_NUM_THREADS` sets the threads.
 
-use std::path::Path;
+#[path = "../../octree/benches/cloud/mod.rs"]
+mod cloud;
 
 use divan::{Bencher, black_box};
 use geometry::{Cube, Vec3};
@@ -26,7 +27,6 @@ const PEERS: Settings = Settings {
     min_transmittance: 1e-4,
 };
 
-const POINTS: usize = 1_300_000;
 const WIDTH: usize = 256;
 const HEIGHT: usize = 128;
 
@@ -81,44 +81,6 @@ fn tracer(depth: u32, settings: Settings) -> ConeTracer {
 }
 
 fn room(depth: u32) -> LightOctree {
-    let (positions, colours) = match std::env::var_os("PEERS_INPUT") {
-        Some(folder) => {
-            ["unit", "color"].map(|part| read_vectors(&Path::new(&folder).join(format!("room_{part}.npy")))).into()
-        }
-        None => (box_room(), vec![[0.5; 3]; POINTS]),
-    };
-    let points: Vec<RadiancePoint> = positions
-        .into_iter()
-        .zip(colours)
-        .map(|(position, radiance)| RadiancePoint {
-            position_m: Vec3::from(position),
-            radiance,
-            coverage: Coverage::Seen,
-        })
-        .collect();
+    let points = cloud::points("room");
     LightOctree::from_points_with_alpha(&points, CUBE, depth, FULL_DEPTH, ALPHA).expect("valid depths").0
-}
-
-fn read_vectors(path: &Path) -> Vec<[f32; 3]> {
-    let bytes = std::fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-    let values: Vec<f32> =
-        npyz::NpyFile::new(&bytes[..]).and_then(npyz::NpyFile::into_vec).expect("a file of 32-bit floats");
-    values.as_chunks().0.to_vec()
-}
-
-/// Points on the walls of a room of the peers' proportions, on a lattice that fills them evenly.
-fn box_room() -> Vec<[f32; 3]> {
-    let half = [0.98, 0.4725, 0.77];
-    (0..POINTS)
-        .map(|i| {
-            let fraction = |step: f64| ((i as f64 * step).fract() * 2.0 - 1.0) as f32;
-            let (a, b) = (fraction(0.754_877_666_246_693), fraction(0.569_840_290_998_053));
-            let (axis, sign) = (i % 6 / 2, if i % 2 == 0 { -1.0 } else { 1.0 });
-            let mut point = [0.0; 3];
-            point[axis] = sign * half[axis];
-            point[(axis + 1) % 3] = a * half[(axis + 1) % 3];
-            point[(axis + 2) % 3] = b * half[(axis + 2) % 3];
-            point
-        })
-        .collect()
 }

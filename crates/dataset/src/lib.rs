@@ -3,10 +3,14 @@
 //! A [`Dataset`] gives samples by number; a [`Loader`] goes through one: shuffled, split by scene, made ahead by threads, resumable.
 
 mod error;
+#[cfg(test)]
+mod fixture;
 mod generated;
+mod generator;
 mod loader;
 mod open;
 mod order;
+mod prefetch;
 mod preview;
 mod published;
 mod record;
@@ -16,7 +20,8 @@ mod source;
 mod summary;
 
 pub use error::DatasetError;
-pub use generated::{Generated, Generator, GeneratorConfig};
+pub use generated::Generated;
+pub use generator::{Generator, GeneratorConfig};
 pub use loader::{LoadError, Loader, LoaderConfig, LoaderState};
 pub use open::Layout;
 pub use preview::ContactSheet;
@@ -24,5 +29,5 @@ pub use published::{CropModel, FutureHouse, InteriorNet, LavalVarying, Panoramas
 pub use record::{Record, Shot};
 pub use sample::{Metadata, NovelView, Sample, Split};
 pub use shard::{FORMAT_VERSION, Shards, shard_name, write_shard};
-pub use source::Dataset;
+pub use source::{Dataset, fingerprint};
 pub use summary::{Distribution, Histogram, Summary, SummaryReport};

@@ -1,14 +1,11 @@
 //! One way to iterate over any dataset: shuffled, split, prefetched, resumable.
 
-use std::any::Any;
-use std::collections::{BTreeMap, VecDeque};
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
+use std::collections::VecDeque;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use crate::order::Permutation;
+use crate::prefetch::{Made, Prefetch};
 use crate::{Dataset, DatasetError, Sample, Split};
 
 /// What a loader goes through and how.
@@ -63,42 +60,13 @@ pub struct LoadError {
 /// The order depends on the seed alone. A sample that cannot be made comes as an error in its place; the iteration goes on after it. A panic
 /// of the dataset goes on in the thread that asks for the sample. Dropping the loader stops its threads after the block at hand.
 pub struct Loader {
-    shared: Arc<Shared>,
-    threads: Vec<JoinHandle<()>>,
+    made: Prefetch,
     /// Samples of the block at hand.
     current: VecDeque<Made>,
     state: LoaderState,
-    blocks: u64,
     epochs: Option<u64>,
     /// Blocks since the last sample: a whole epoch without one ends the iteration.
     barren: u64,
-}
-
-/// A sample, and how many of its block come before the next.
-struct Made {
-    number: u64,
-    result: Result<Sample, LoadError>,
-}
-
-struct Shared {
-    dataset: Arc<dyn Dataset>,
-    config: LoaderConfig,
-    blocks: u64,
-    first: LoaderState,
-    queue: Mutex<Queue>,
-    /// A block was finished, or the threads have to stop.
-    finished: Condvar,
-    /// There is room for another block, or the threads have to stop.
-    room: Condvar,
-}
-
-/// Blocks are counted by tickets from the loader's start.
-#[derive(Default)]
-struct Queue {
-    next_taken: u64,
-    next_given: u64,
-    finished: BTreeMap<u64, Result<Vec<Made>, Box<dyn Any + Send>>>,
-    stop: bool,
 }
 
 impl Loader {
@@ -109,23 +77,15 @@ impl Loader {
 
     /// Starts where another loader of the same dataset and configuration [stood](Self::state).
     pub fn resume(dataset: Arc<dyn Dataset>, config: LoaderConfig, state: LoaderState) -> Self {
-        let blocks = (dataset.len() as u64).div_ceil(dataset.block().max(1) as u64);
-        let shared = Arc::new(Shared {
-            dataset,
-            config,
-            blocks,
-            first: state,
-            queue: Mutex::default(),
-            finished: Condvar::new(),
-            room: Condvar::new(),
-        });
-        let threads = (0..config.threads.max(1))
-            .map(|_| {
-                let shared = Arc::clone(&shared);
-                std::thread::spawn(move || shared.work())
-            })
-            .collect();
-        Self { shared, threads, current: VecDeque::new(), state, blocks, epochs: config.epochs, barren: 0 }
+        let made = Prefetch::start(dataset, config, state);
+        Self { made, current: VecDeque::new(), state, epochs: config.epochs, barren: 0 }
+    }
+
+    /// Starts at sample `index`, where nothing is shuffled.
+    pub fn from_sample(dataset: Arc<dyn Dataset>, config: LoaderConfig, index: usize) -> Self {
+        let size = dataset.block().max(1);
+        let state = LoaderState { epoch: 0, block: (index / size) as u64, sample: (index % size) as u64 };
+        Self::resume(dataset, config, state)
     }
 
     /// Where the next sample stands.
@@ -135,25 +95,16 @@ impl Loader {
 
     /// Waits for the next block; `None` at the end.
     fn next_block(&mut self) -> Option<Vec<Made>> {
-        if self.blocks == 0
-            || self.barren >= self.blocks
-            || self.epochs.is_some_and(|epochs| self.state.epoch >= epochs)
-        {
-            return None;
-        }
-        let mut queue = self.shared.lock();
-        loop {
-            let ticket = queue.next_given;
-            if let Some(block) = queue.finished.remove(&ticket) {
-                queue.next_given += 1;
-                drop(queue);
-                self.shared.room.notify_all();
-                return match block {
-                    Ok(block) => Some(block),
-                    Err(panic) => resume_unwind(panic),
-                };
-            }
-            queue = self.shared.finished.wait(queue).unwrap_or_else(PoisonError::into_inner);
+        let blocks = self.made.blocks();
+        let ended = self.epochs.is_some_and(|epochs| self.state.epoch >= epochs);
+        (blocks > 0 && self.barren < blocks && !ended).then(|| self.made.next())
+    }
+
+    fn end_block(&mut self) {
+        self.state.sample = 0;
+        self.state.block += 1;
+        if self.state.block >= self.made.blocks() {
+            self.state = LoaderState { epoch: self.state.epoch + 1, ..LoaderState::default() };
         }
     }
 }
@@ -178,90 +129,6 @@ impl Iterator for Loader {
                 self.end_block();
             }
         }
-    }
-}
-
-impl Loader {
-    fn end_block(&mut self) {
-        self.state.sample = 0;
-        self.state.block += 1;
-        if self.state.block >= self.blocks {
-            self.state = LoaderState { epoch: self.state.epoch + 1, ..LoaderState::default() };
-        }
-    }
-}
-
-impl Drop for Loader {
-    fn drop(&mut self) {
-        self.shared.lock().stop = true;
-        self.shared.room.notify_all();
-        for thread in self.threads.drain(..) {
-            // a panic of the dataset was caught inside; there is nothing to hear from the thread itself
-            let _ = thread.join();
-        }
-    }
-}
-
-impl Shared {
-    /// The queue is whole even where a thread panicked with it in its hand: no panic can happen between two of its changes.
-    fn lock(&self) -> MutexGuard<'_, Queue> {
-        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn work(&self) {
-        let ahead = self.config.ahead.max(self.config.threads) as u64;
-        let mut order: Option<(u64, Permutation)> = None;
-        loop {
-            let ticket = {
-                let mut queue = self.lock();
-                while !queue.stop && queue.next_taken >= queue.next_given + ahead {
-                    queue = self.room.wait(queue).unwrap_or_else(PoisonError::into_inner);
-                }
-                if queue.stop {
-                    return;
-                }
-                queue.next_taken += 1;
-                queue.next_taken - 1
-            };
-            let Some((epoch, position)) = self.place(ticket) else { return };
-            let block = if self.config.shuffle {
-                if order.as_ref().is_none_or(|(of, _)| *of != epoch) {
-                    order = Some((epoch, Permutation::new(self.blocks, self.config.seed, epoch)));
-                }
-                order.as_ref().map_or(position, |(_, permutation)| permutation.at(position))
-            } else {
-                position
-            };
-            let made = catch_unwind(AssertUnwindSafe(|| self.make(block)));
-            self.lock().finished.insert(ticket, made);
-            self.finished.notify_all();
-        }
-    }
-
-    /// Epoch and position in it of a ticket; `None` beyond the last epoch.
-    fn place(&self, ticket: u64) -> Option<(u64, u64)> {
-        let from_start = (self.first.block.min(self.blocks)).checked_add(ticket)?;
-        let epoch = self.first.epoch.checked_add(from_start.checked_div(self.blocks)?)?;
-        let inside = self.config.epochs.is_none_or(|epochs| epoch < epochs);
-        inside.then_some((epoch, from_start % self.blocks))
-    }
-
-    fn make(&self, block: u64) -> Vec<Made> {
-        let size = self.dataset.block().max(1);
-        let first = block as usize * size;
-        let indices = first..(first + size).min(self.dataset.len());
-        let wanted = |index: &usize| self.config.split.is_none_or(|split| self.dataset.split(*index) == split);
-        indices
-            .filter(wanted)
-            .map(|index| Made {
-                number: (index - first) as u64,
-                result: self.dataset.get(index).map_err(|source| LoadError {
-                    index,
-                    scene_id: self.dataset.scene_id(index).into_owned(),
-                    source,
-                }),
-            })
-            .collect()
     }
 }
 
@@ -346,6 +213,16 @@ mod tests {
             let saved = serde_json::to_string(&loader.state()).unwrap();
             let rest = Loader::resume(dataset(), config, serde_json::from_str(&saved).unwrap());
             assert_eq!(ids(rest), all[done..], "after {done}");
+        }
+    }
+
+    #[test]
+    fn any_sample_can_be_the_first() {
+        let dataset = || Arc::new(Numbers { block: 3, ..Numbers::new(20) });
+        let config = LoaderConfig { shuffle: false, ..LoaderConfig::default() };
+        for first in [0, 2, 3, 16, 19] {
+            let rest = ids(Loader::from_sample(dataset(), config, first));
+            assert!(rest.into_iter().eq((first..20).map(|i| i.to_string())), "from {first}");
         }
     }
 

@@ -66,7 +66,7 @@ impl ContactSheet {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::tests::record;
+    use crate::fixture::record;
 
     #[test]
     fn every_picture_has_its_place() {

@@ -166,52 +166,10 @@ impl Shot {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-
-    /// A record of a room with two photos, small, with every field filled.
-    pub(crate) fn record(key: &str) -> Record {
-        let camera = Camera::from_hfov_deg(70.0, 12, 8).unwrap();
-        let shot = |number: usize| {
-            let photo = Image::from_fn(12, 8, |x, y| [(20 * x) as u8, (30 * y) as u8, 90 * number as u8]);
-            Shot {
-                position_m: Vec3::new(0.5, 1.5, number as f32),
-                rotation: Quat::from_rotation_y(0.3 + number as f32),
-                gains: [0.5, 0.25, 2.0],
-                camera,
-                jpeg: None,
-                radiance: Some(Image::from_fn(12, 8, |x, y| [x as f32 / 4.0, y as f32, 1000.0])),
-                depth_m: Some(Image::from_fn(12, 8, |x, y| if x == 0 { 0.0 } else { 1.0 + 0.125 * (x + y) as f32 })),
-                sensor_depth_m: Some(Image::from_fn(6, 4, |x, _| x as f32 * 0.5)),
-                normal: Some(Image::from_fn(12, 8, |x, _| if x == 0 { [0.0; 3] } else { [0.0, 0.0, 1.0] })),
-                albedo: Some(Image::from_fn(12, 8, |x, _| [if x < 6 { 1.0 } else { 0.0 }; 3])),
-                views: vec![number],
-                metadata: Metadata::from_iter([("iso".to_owned(), 100.into())]),
-                photo,
-            }
-        };
-        let view = |number: usize| NovelView {
-            position_m: Vec3::new(1.0, 1.0 + number as f32, -2.0),
-            rotation: Quat::from_rotation_y(number as f32),
-            radiance: Image::from_fn(16, 8, |x, y| [x as f32 * 0.25, y as f32 * 8.0, 3e5]),
-            depth_m: Some(Image::from_fn(16, 8, |x, _| x as f32 * 0.25)),
-        };
-        let point = |i: u32| RadiancePoint {
-            position_m: Vec3::new(i as f32 * 0.1, 2.0 - i as f32 * 0.05, 0.3),
-            radiance: [i as f32, 0.5, 7e4],
-            coverage: Coverage::Inferred,
-        };
-        Record {
-            key: key.to_owned(),
-            scene_id: format!("room of {key}"),
-            up: Some(Vec3::Y),
-            points: (0..20).map(point).collect(),
-            views: (0..2).map(view).collect(),
-            shots: (0..2).map(shot).collect(),
-            metadata: Metadata::from_iter([("lights".to_owned(), 3.into())]),
-        }
-    }
+    use crate::fixture::record;
 
     #[test]
     fn samples_are_in_the_photos_frame_and_units() {
@@ -226,10 +184,10 @@ pub(crate) mod tests {
         let direction = Vec3::new(0.6, 0.0, -0.8);
         let expected = pose.inverse().transform_vector3(record.views[1].rotation * direction);
         assert!((sample.views[0].rotation * direction - expected).length() < 1e-5);
-        assert_eq!(sample.views[0].radiance[(4, 1)], [0.5, 2.0, 6e5]);
+        assert_eq!(sample.views[0].radiance[(4, 1)], [0.6, 2.025, 6e5]);
         assert_eq!(sample.up, Some(Vec3::Y), "turned about the vertical alone");
         assert_eq!((sample.id.as_str(), sample.scene_id.as_str()), ("a-1", "room of a"));
-        assert_eq!((sample.metadata["lights"].as_i64(), sample.metadata["iso"].as_i64()), (Some(3), Some(100)));
+        assert_eq!((sample.metadata["lights"].as_i64(), sample.metadata["iso"].as_i64()), (Some(3), Some(101)));
     }
 
     fn glam_pose(shot: &Shot) -> geometry::Mat4 {

@@ -1,5 +1,6 @@
 //! glTF 2.0 binary: camera, unlit mesh or points with vertex colours, lamps (`KHR_lights_punctual`).
 
+use ::mesh::{GlbTooLarge, GlbWriter};
 use geometry::Camera;
 use serde_json::{Map, Value, json};
 
@@ -8,13 +9,6 @@ use crate::probe::ProbeFile;
 use crate::sources::Source;
 use crate::{ExportError, FRAME, GENERATOR, UNITS};
 
-/// Component types of accessors.
-const UNSIGNED_SHORT: u32 = 5123;
-const UNSIGNED_INT: u32 = 5125;
-const FLOAT: u32 = 5126;
-/// Targets of buffer views.
-const ARRAY_BUFFER: u32 = 34962;
-const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 /// Modes of primitives.
 const POINTS: u32 = 0;
 const TRIANGLES: u32 = 4;
@@ -26,7 +20,7 @@ pub(crate) fn encode(
     lamps: &[Source],
     probe: Option<&ProbeFile>,
 ) -> Result<Vec<u8>, ExportError> {
-    let mut binary = Binary::default();
+    let mut binary = GlbWriter::default();
     let primitive = primitive(mesh, &mut binary);
     let mut nodes = vec![json!({ "name": "Camera", "camera": 0 }), json!({ "name": "Room", "mesh": 0 })];
     for (index, lamp) in lamps.iter().enumerate() {
@@ -64,20 +58,17 @@ pub(crate) fn encode(
             "primitives": [primitive],
             "extras": { "_RADIANCE": "linear RGB radiance, never clipped; COLOR_0 is the same clipped at 1.0" },
         }],
-        "accessors": binary.accessors,
-        "bufferViews": binary.views,
-        "buffers": [{ "byteLength": binary.bytes.len() }],
     });
     if !lamps.is_empty() {
         document["extensionsUsed"] = json!(["KHR_lights_punctual", "KHR_materials_unlit"]);
         let lights: Vec<Value> = lamps.iter().enumerate().map(|(index, lamp)| lamp_json(index, lamp)).collect();
         document["extensions"] = json!({ "KHR_lights_punctual": { "lights": lights } });
     }
-    container(document.to_string().into_bytes(), binary.bytes)
+    binary.finish(document).map_err(|GlbTooLarge { bytes }| ExportError::TooLarge { bytes })
 }
 
 /// The mesh's only primitive; its data goes to `binary`.
-fn primitive(mesh: &Mesh, binary: &mut Binary) -> Value {
+fn primitive(mesh: &Mesh, binary: &mut GlbWriter) -> Value {
     let mut attributes = Map::new();
     let bounds = |pick: fn(f32, f32) -> f32, start: f32| {
         mesh.positions_m.iter().fold([start; 3], |a, p| [pick(a[0], p[0]), pick(a[1], p[1]), pick(a[2], p[2])])
@@ -85,7 +76,7 @@ fn primitive(mesh: &Mesh, binary: &mut Binary) -> Value {
     let limits = json!({ "min": bounds(f32::min, f32::INFINITY), "max": bounds(f32::max, f32::NEG_INFINITY) });
     let count = mesh.positions_m.len();
     let positions = bytemuck::cast_slice(&mesh.positions_m);
-    let position = binary.push(positions, count, FLOAT, "VEC3", ARRAY_BUFFER, limits);
+    let position = binary.accessor(positions, count, GlbWriter::FLOAT, "VEC3", GlbWriter::ARRAY_BUFFER, limits);
     attributes.insert("POSITION".to_owned(), position.into());
     // Linear, as the specification demands; 16 bits, because eight linear ones show bands in the dark. Alpha fills the alignment.
     let colors: Vec<[u16; 4]> = mesh
@@ -97,16 +88,30 @@ fn primitive(mesh: &Mesh, binary: &mut Binary) -> Value {
         })
         .collect();
     let normalized = json!({ "normalized": true });
-    let color = binary.push(bytemuck::cast_slice(&colors), count, UNSIGNED_SHORT, "VEC4", ARRAY_BUFFER, normalized);
+    let color = binary.accessor(
+        bytemuck::cast_slice(&colors),
+        count,
+        GlbWriter::UNSIGNED_SHORT,
+        "VEC4",
+        GlbWriter::ARRAY_BUFFER,
+        normalized,
+    );
     attributes.insert("COLOR_0".to_owned(), color.into());
     let radiance = bytemuck::cast_slice(&mesh.radiance);
-    let radiance = binary.push(radiance, count, FLOAT, "VEC3", ARRAY_BUFFER, json!({}));
+    let radiance = binary.accessor(radiance, count, GlbWriter::FLOAT, "VEC3", GlbWriter::ARRAY_BUFFER, json!({}));
     attributes.insert("_RADIANCE".to_owned(), radiance.into());
     let mut primitive = json!({ "attributes": attributes, "material": 0, "mode": POINTS });
     if !mesh.indices.is_empty() {
         let indices = bytemuck::cast_slice(&mesh.indices);
         let none = json!({});
-        let indices = binary.push(indices, mesh.indices.len(), UNSIGNED_INT, "SCALAR", ELEMENT_ARRAY_BUFFER, none);
+        let indices = binary.accessor(
+            indices,
+            mesh.indices.len(),
+            GlbWriter::UNSIGNED_INT,
+            "SCALAR",
+            GlbWriter::ELEMENT_ARRAY_BUFFER,
+            none,
+        );
         primitive["indices"] = indices.into();
         primitive["mode"] = TRIANGLES.into();
     }
@@ -147,56 +152,6 @@ fn lamp_json(index: usize, lamp: &Source) -> Value {
             "direction": lamp.direction.to_array(), "flatness": lamp.flatness, "leaves": lamp.leaves,
         },
     })
-}
-
-/// The binary chunk with what describes it.
-#[derive(Default)]
-struct Binary {
-    bytes: Vec<u8>,
-    views: Vec<Value>,
-    accessors: Vec<Value>,
-}
-
-impl Binary {
-    /// Appends the data of one accessor and gives its index. All element types that we use are multiples of four bytes.
-    fn push(
-        &mut self,
-        data: &[u8],
-        count: usize,
-        component: u32,
-        kind: &str,
-        target: u32,
-        mut accessor: Value,
-    ) -> usize {
-        self.views.push(json!({
-            "buffer": 0, "byteOffset": self.bytes.len(), "byteLength": data.len(), "target": target,
-        }));
-        self.bytes.extend_from_slice(data);
-        accessor["bufferView"] = (self.views.len() - 1).into();
-        accessor["componentType"] = component.into();
-        accessor["count"] = count.into();
-        accessor["type"] = kind.into();
-        self.accessors.push(accessor);
-        self.accessors.len() - 1
-    }
-}
-
-/// Header and the two chunks, each padded to four bytes.
-fn container(mut document: Vec<u8>, binary: Vec<u8>) -> Result<Vec<u8>, ExportError> {
-    document.resize(document.len().next_multiple_of(4), b' ');
-    // 12 bytes of header and 8 of each chunk's.
-    let total = 12 + 8 + document.len() + 8 + binary.len();
-    let total_bytes = u32::try_from(total).map_err(|_| ExportError::TooLarge { bytes: total })?;
-    let mut file = Vec::with_capacity(total);
-    file.extend_from_slice(b"glTF");
-    file.extend(2u32.to_le_bytes());
-    file.extend(total_bytes.to_le_bytes());
-    for (kind, chunk) in [(b"JSON", &document), (b"BIN\0", &binary)] {
-        file.extend((chunk.len() as u32).to_le_bytes());
-        file.extend_from_slice(kind);
-        file.extend_from_slice(chunk);
-    }
-    Ok(file)
 }
 
 #[cfg(test)]

@@ -71,66 +71,6 @@ fn pixel_direction(camera: &Camera, x: usize, y: usize) -> V {
     unit(to_f64(camera.direction(x as f64 + 0.5, y as f64 + 0.5)))
 }
 
-/// A sphere of radius 1 about the origin, 20 · 4ⁿ triangles.
-fn icosphere(subdivisions: usize) -> (Vec<Vec3>, Vec<[u32; 3]>) {
-    let g = 0.5 * (1.0 + 5f32.sqrt());
-    let mut positions: Vec<Vec3> = [
-        [-1.0, g, 0.0],
-        [1.0, g, 0.0],
-        [-1.0, -g, 0.0],
-        [1.0, -g, 0.0],
-        [0.0, -1.0, g],
-        [0.0, 1.0, g],
-        [0.0, -1.0, -g],
-        [0.0, 1.0, -g],
-        [g, 0.0, -1.0],
-        [g, 0.0, 1.0],
-        [-g, 0.0, -1.0],
-        [-g, 0.0, 1.0],
-    ]
-    .iter()
-    .map(|&p| Vec3::from(p).normalize())
-    .collect();
-    let mut triangles: Vec<[u32; 3]> = vec![
-        [0, 11, 5],
-        [0, 5, 1],
-        [0, 1, 7],
-        [0, 7, 10],
-        [0, 10, 11],
-        [1, 5, 9],
-        [5, 11, 4],
-        [11, 10, 2],
-        [10, 7, 6],
-        [7, 1, 8],
-        [3, 9, 4],
-        [3, 4, 2],
-        [3, 2, 6],
-        [3, 6, 8],
-        [3, 8, 9],
-        [4, 9, 5],
-        [2, 4, 11],
-        [6, 2, 10],
-        [8, 6, 7],
-        [9, 8, 1],
-    ];
-    for _ in 0..subdivisions {
-        let mut middles = std::collections::HashMap::new();
-        let mut next = Vec::new();
-        for [a, b, c] in triangles {
-            let mut middle = |a: u32, b: u32| {
-                *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
-                    positions.push((positions[a as usize] + positions[b as usize]).normalize());
-                    positions.len() as u32 - 1
-                })
-            };
-            let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
-            next.extend([[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]);
-        }
-        triangles = next;
-    }
-    (positions, triangles)
-}
-
 fn cuboid(half: Vec3) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let positions =
         (0..8).map(|i| half * Vec3::new([-1.0, 1.0][i & 1], [-1.0, 1.0][i >> 1 & 1], [-1.0, 1.0][i >> 2 & 1]));
@@ -140,16 +80,15 @@ fn cuboid(half: Vec3) -> (Vec<Vec3>, Vec<[u32; 3]>) {
 }
 
 fn model(body: &Body, finish: Finish) -> Model {
-    let (positions, triangles) = match *body {
-        Body::Sphere { radius, .. } => {
-            let (positions, triangles) = icosphere(4);
-            (positions.into_iter().map(|p| p * radius as f32).collect(), triangles)
-        }
-        Body::Cuboid { low, high } => cuboid(Vec3::from(reference::sub(high, low).map(|x| 0.5 * x as f32))),
-    };
     let [r, g, b] = finish.base.map(|x| x as f32);
     let material = Material { base_color: [r, g, b, 1.0], roughness: finish.roughness as f32, ..Material::default() };
-    Model::from_triangles(positions, triangles, material, &LoadOptions::default()).unwrap()
+    match *body {
+        Body::Sphere { radius, .. } => Model::sphere(radius as f32, 4, material).unwrap(),
+        Body::Cuboid { low, high } => {
+            let (positions, triangles) = cuboid(Vec3::from(reference::sub(high, low).map(|x| 0.5 * x as f32)));
+            Model::from_triangles(positions, triangles, material, &LoadOptions::default()).unwrap()
+        }
+    }
 }
 
 fn placement(body: &Body, floor: f64) -> Placement {

@@ -2,6 +2,7 @@
 
 mod bvh;
 mod error;
+mod glb;
 mod gltf;
 mod material;
 mod model;
@@ -14,6 +15,7 @@ mod prepared;
 mod preset;
 mod repair;
 mod sah;
+mod sphere;
 mod stl;
 mod surface;
 mod tangents;
@@ -21,6 +23,7 @@ mod texture;
 mod triangle;
 
 pub use error::MeshError;
+pub use glb::{GlbTooLarge, GlbWriter};
 pub use material::{AlphaMode, Material, TextureRef, Wrap};
 pub use model::{Bounds, LoadOptions, Model, Resolver};
 pub use placed::{PlacedModel, Placement};

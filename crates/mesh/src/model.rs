@@ -2,7 +2,7 @@ use std::path::{Path, PathBuf};
 
 use geometry::Vec3;
 
-use crate::{Material, MeshError, Texture, gltf, normals, obj, ply, repair, stl, tangents};
+use crate::{GlbTooLarge, Material, MeshError, Texture, gltf, normals, obj, ply, repair, stl, tangents};
 
 /// A whole model: node transforms applied, all meshes in one list of triangles.
 ///
@@ -152,7 +152,10 @@ impl Model {
 
     /// The model as glTF 2.0 binary: textures inside as PNG, radiance above 1 by `KHR_materials_emissive_strength`, panes and cloth by
     /// `KHR_materials_transmission` and `KHR_materials_diffuse_transmission`. Vertices that no triangle uses are left out.
-    pub fn to_glb(&self) -> Vec<u8> {
+    ///
+    /// # Errors
+    /// A file of more than 4 GiB.
+    pub fn to_glb(&self) -> Result<Vec<u8>, GlbTooLarge> {
         gltf::write(self, imaging::generator())
     }
 

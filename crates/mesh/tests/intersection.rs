@@ -69,66 +69,13 @@ proptest! {
     }
 }
 
-/// A closed icosahedron, subdivided and pushed onto the unit sphere.
-fn sphere(subdivisions: usize) -> Model {
-    let g = (1.0 + 5_f32.sqrt()) / 2.0;
-    let mut points: Vec<Vec3> = [
-        [-1.0, g, 0.0],
-        [1.0, g, 0.0],
-        [-1.0, -g, 0.0],
-        [1.0, -g, 0.0],
-        [0.0, -1.0, g],
-        [0.0, 1.0, g],
-        [0.0, -1.0, -g],
-        [0.0, 1.0, -g],
-        [g, 0.0, -1.0],
-        [g, 0.0, 1.0],
-        [-g, 0.0, -1.0],
-        [-g, 0.0, 1.0],
-    ]
-    .map(|p| Vec3::from_array(p).normalize())
-    .to_vec();
-    let mut triangles: Vec<[u32; 3]> = vec![
-        [0, 11, 5],
-        [0, 5, 1],
-        [0, 1, 7],
-        [0, 7, 10],
-        [0, 10, 11],
-        [1, 5, 9],
-        [5, 11, 4],
-        [11, 10, 2],
-        [10, 7, 6],
-        [7, 1, 8],
-        [3, 9, 4],
-        [3, 4, 2],
-        [3, 2, 6],
-        [3, 6, 8],
-        [3, 8, 9],
-        [4, 9, 5],
-        [2, 4, 11],
-        [6, 2, 10],
-        [8, 6, 7],
-        [9, 8, 1],
-    ];
-    for _ in 0..subdivisions {
-        triangles = triangles
-            .iter()
-            .flat_map(|&[a, b, c]| {
-                let [ab, bc, ca] = [[a, b], [b, c], [c, a]].map(|[i, j]| {
-                    points.push((points[i as usize] + points[j as usize]).normalize());
-                    points.len() as u32 - 1
-                });
-                [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
-            })
-            .collect();
-    }
-    let material = Material { double_sided: false, ..Material::default() };
-    Model::from_triangles(points, triangles, material, &LoadOptions::default()).unwrap()
+fn one_sided() -> Material {
+    Material { double_sided: false, ..Material::default() }
 }
 
 #[test]
 fn no_ray_slips_through_a_closed_mesh() {
-    let prepared = PreparedModel::new(sphere(3));
+    let prepared = PreparedModel::new(Model::sphere(1.0, 3, one_sided()).unwrap());
     let model = prepared.model().clone();
     // Towards vertices and edge midpoints, where a leak would show.
     for triangle in &model.triangles {
@@ -154,7 +101,7 @@ fn no_ray_slips_through_a_closed_mesh() {
 
 #[test]
 fn offset_rays_do_not_meet_their_own_surface() {
-    let prepared = PreparedModel::new(sphere(3));
+    let prepared = PreparedModel::new(Model::sphere(1.0, 3, one_sided()).unwrap());
     for scale in [0.01, 1.0, 30.0] {
         let placement =
             Placement { scale, rotation: Quat::from_rotation_y(1.1), translation: Vec3::new(3.0, -1.5, -2.0) };
@@ -176,7 +123,7 @@ fn offset_rays_do_not_meet_their_own_surface() {
 
 #[test]
 fn a_placed_model_behaves_like_a_moved_one() {
-    let prepared = PreparedModel::new(sphere(2));
+    let prepared = PreparedModel::new(Model::sphere(1.0, 2, one_sided()).unwrap());
     let placement = Placement {
         scale: 0.37,
         rotation: Quat::from_rotation_y(0.4) * Quat::from_rotation_x(-1.0) * Quat::from_rotation_z(2.2),

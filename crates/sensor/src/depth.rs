@@ -1,11 +1,11 @@
 use geometry::{Camera, Vec3};
 use imaging::{DepthMap, Image, luminance};
-use rand_distr::{Distribution, StandardNormal};
 use random::{RngExt, Stream};
 use serde::{Deserialize, Serialize};
 
 use crate::Interval;
-use crate::lidar::fused;
+use crate::kinect::{structured_light, time_of_flight};
+use crate::lidar::lidar;
 
 /// Depth sensors and their settings, as ranges: [`DepthModel::draw`] makes one of them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -106,14 +106,8 @@ pub struct DepthView<'a> {
     pub specular: &'a Image<bool>,
 }
 
-/// Baseline of projector and camera, metres (Khoshelham & Elberink 2012).
-const BASELINE_M: f32 = 0.075;
-/// Step of the Kinect's inverse depth, 1/m (ibid., section 3.2: 2.85e-5 /cm for one level of the normalised disparity).
-const DISPARITY_STEP: f32 = 2.85e-3;
 /// Nearest reading of structured light and time of flight, metres.
-const NEAREST_M: f32 = 0.4;
-/// Width of a phone's LiDAR map in pixels.
-const LIDAR_WIDTH: usize = 256;
+pub(crate) const NEAREST_M: f32 = 0.4;
 /// Neighbouring depths that differ by more than this share lie on different surfaces.
 const EDGE: f32 = 0.05;
 
@@ -170,7 +164,7 @@ impl DepthSettings {
 impl DepthView<'_> {
     /// Cosine between the line of sight and the normal, and the light returned by a unit source at the camera, a white wall at 1 m being 1;
     /// `None` where nothing comes back to the sensor.
-    fn returned(&self, x: usize, y: usize) -> Option<(f32, f32)> {
+    pub(crate) fn returned(&self, x: usize, y: usize) -> Option<(f32, f32)> {
         let z = self.depth_m[(x, y)];
         if z <= 0.0 || self.specular[(x, y)] {
             return None;
@@ -182,7 +176,7 @@ impl DepthView<'_> {
     }
 
     /// Depth of the neighbour on another surface that is farthest away from this depth, if any.
-    fn across_edge(&self, x: usize, y: usize) -> Option<f32> {
+    pub(crate) fn across_edge(&self, x: usize, y: usize) -> Option<f32> {
         let z = self.depth_m[(x, y)];
         [(-1isize, 0isize), (1, 0), (0, -1), (0, 1)]
             .into_iter()
@@ -195,108 +189,11 @@ impl DepthView<'_> {
     }
 }
 
-/// Kinect v1 (Khoshelham & Elberink, "Accuracy and Resolution of Kinect Depth Data for Indoor Mapping Applications", Sensors 2012):
-/// random error 1.425e-3 z² metres, steps of 2.85e-3 z² metres; grazing surfaces as in Nguyen, Izadi & Lovell, "Modeling Kinect Sensor Noise",
-/// 3DIMPVT 2012 (readings end near 70–80°).
-fn structured_light(view: &DepthView, range_m: f32, noise: f32, least_return: f32, stream: &mut Stream) -> DepthMap {
-    let (width, height) = (view.depth_m.width(), view.depth_m.height());
-    let focal_baseline = view.camera.fx as f32 * BASELINE_M;
-    let mut measured = DepthMap::new(width, height, vec![0.0; width * height]);
-    for y in 0..height {
-        // The projector stands to the right: what it cannot see lies left of nearer things. Walking from the right, a pixel is lit while its
-        // disparity is at least that of every nearer pixel, less the way between.
-        let mut horizon = f32::NEG_INFINITY;
-        for x in (0..width).rev() {
-            let (normal, tilt): (f32, f32) = (StandardNormal.sample(stream), stream.random());
-            let z = view.depth_m[(x, y)];
-            let disparity = if z > 0.0 { focal_baseline / z } else { 0.0 };
-            // half a pixel, so that slanted surfaces do not shade themselves
-            let shaded = disparity + 0.5 < horizon - (width - x) as f32;
-            horizon = horizon.max(disparity + (width - x) as f32);
-            let Some((cosine, returned)) = view.returned(x, y) else { continue };
-            // the correlation window straddles two surfaces
-            let torn = view.across_edge(x, y).is_some() && tilt < 0.7;
-            let grazing = cosine < 0.2 + 0.15 * tilt;
-            if shaded || torn || grazing || returned < least_return {
-                continue;
-            }
-            let noisy = z + normal * noise * 1.425e-3 * z * z;
-            let steps = (1.0 / (DISPARITY_STEP * noisy.max(1e-3))).round();
-            let quantised = 1.0 / (DISPARITY_STEP * steps.max(1.0));
-            if (NEAREST_M..=range_m).contains(&quantised) {
-                measured[(x, y)] = quantised;
-            }
-        }
-    }
-    measured
-}
-
-/// Kinect v2: noise after the fit of Fankhauser et al., "Kinect v2 for Mobile Robot Navigation: Evaluation and Modeling", ICAR 2015
-/// (σ = 1.5 − 0.5 z + 0.3 z² + 0.1 z^1.5 θ² / (π/2 − θ)² millimetres), more where little light comes back; readings between two surfaces at
-/// their edge; millimetres.
-fn time_of_flight(view: &DepthView, range_m: f32, noise: f32, least_return: f32, stream: &mut Stream) -> DepthMap {
-    DepthMap::from_fn(view.depth_m.width(), view.depth_m.height(), |x, y| {
-        let (normal, mix): (f32, f32) = (StandardNormal.sample(stream), stream.random());
-        let Some((cosine, returned)) = view.returned(x, y) else { return 0.0 };
-        if returned < least_return || cosine < 0.1 {
-            return 0.0;
-        }
-        let z = match view.across_edge(x, y) {
-            // a pixel that sees both sides; half of them are recognised as such and dropped
-            Some(_) if mix > 0.75 => return 0.0,
-            Some(other) if mix > 0.5 => {
-                let z = view.depth_m[(x, y)];
-                z + (other - z) * (mix - 0.5) * 2.0
-            }
-            _ => view.depth_m[(x, y)],
-        };
-        let angle = cosine.acos();
-        let sigma_mm = 1.5 - 0.5 * z
-            + 0.3 * z * z
-            + 0.1 * z.powf(1.5) * (angle / (std::f32::consts::FRAC_PI_2 - angle).max(0.02)).powi(2);
-        // shot noise: the published fit holds for bright walls; a white one at 4 m returns 1/16
-        let dim = (0.03 / returned).sqrt().clamp(1.0, 8.0);
-        let noisy = z + normal * noise * dim * 1e-3 * sigma_mm.max(0.5);
-        let millimetres = (noisy * 1000.0).round() / 1000.0;
-        if (NEAREST_M..=range_m).contains(&millimetres) { millimetres } else { 0.0 }
-    })
-}
-
-/// A phone's fused LiDAR map.
-fn lidar(view: &DepthView, range_m: f32, noise: f32, blur_px: f32, stream: &mut Stream) -> DepthMap {
-    let (width, height) = (view.depth_m.width(), view.depth_m.height());
-    let measured =
-        Image::from_fn(width, height, |x, y| view.returned(x, y).is_some() && view.depth_m[(x, y)] <= range_m);
-    let low = LIDAR_WIDTH.min(width);
-    let low_height = ((low * height) as f32 / width as f32).round().max(1.0) as usize;
-    let smooth = fused(view.depth_m, &measured, low, low_height, blur_px);
-    // The fusion's errors are smooth too: a scale error, and waves over tens of pixels.
-    let scale = 1.0 + 0.005 * noise * normal(stream);
-    let waves: Vec<[f32; 4]> = (0..6)
-        .map(|_| {
-            let period = Interval::new(12.0, 60.0).draw_log(stream);
-            let direction = std::f32::consts::TAU * stream.random::<f32>();
-            let wave_number = std::f32::consts::TAU / period;
-            let phase = std::f32::consts::TAU * stream.random::<f32>();
-            [wave_number * direction.cos(), wave_number * direction.sin(), phase, 0.002 * noise * normal(stream)]
-        })
-        .collect();
-    Image::from_fn(low, low_height, |x, y| {
-        let z = smooth[(x, y)];
-        let ripple: f32 =
-            waves.iter().map(|[kx, ky, phase, a]| a * (kx * x as f32 + ky * y as f32 + phase).sin()).sum();
-        (z * scale * (1.0 + ripple) * 1000.0).round() / 1000.0
-    })
-}
-
-fn normal(stream: &mut Stream) -> f32 {
-    StandardNormal.sample(stream)
-}
-
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+    use crate::kinect::BASELINE_M;
 
     /// A room of one wall, seen squarely or with the given normal, and whatever is put before it.
     struct Room {

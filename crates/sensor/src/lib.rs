@@ -3,15 +3,19 @@
 //! A model holds ranges, in serde structs with documented defaults. [`PhotoModel::draw`] and [`DepthModel::draw`] choose one
 //! device and its settings; what was chosen is kept with the sample, so that every photo can be explained.
 
+mod blur;
 mod curve;
 mod depth;
 mod interval;
+mod kinect;
 mod lidar;
 mod metering;
 mod photo;
+mod photo_model;
 
 pub use curve::ResponseCurve;
 pub use depth::{DepthModel, DepthSettings, DepthShares, DepthView};
 pub use interval::{Interval, IntervalError};
 pub use metering::{Metering, meter};
-pub use photo::{CurveShares, PhotoModel, PhotoSettings, Photograph};
+pub use photo::{PhotoSettings, Photograph};
+pub use photo_model::{CurveShares, PhotoModel};

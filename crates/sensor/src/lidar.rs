@@ -1,12 +1,50 @@
 //! What a phone's depth fusion makes of a few hundred laser dots: low resolution, smooth, without holes.
 
 use imaging::{DepthMap, Image};
+use rand_distr::{Distribution, StandardNormal};
+use random::{RngExt, Stream};
+
+use crate::{DepthView, Interval};
+
+/// Width of a phone's LiDAR map in pixels.
+const LIDAR_WIDTH: usize = 256;
+
+/// A phone's fused LiDAR map.
+pub(crate) fn lidar(view: &DepthView, range_m: f32, noise: f32, blur_px: f32, stream: &mut Stream) -> DepthMap {
+    let (width, height) = (view.depth_m.width(), view.depth_m.height());
+    let measured =
+        Image::from_fn(width, height, |x, y| view.returned(x, y).is_some() && view.depth_m[(x, y)] <= range_m);
+    let low = LIDAR_WIDTH.min(width);
+    let low_height = ((low * height) as f32 / width as f32).round().max(1.0) as usize;
+    let smooth = fused(view.depth_m, &measured, low, low_height, blur_px);
+    // The fusion's errors are smooth too: a scale error, and waves over tens of pixels.
+    let scale = 1.0 + 0.005 * noise * normal(stream);
+    let waves: Vec<[f32; 4]> = (0..6)
+        .map(|_| {
+            let period = Interval::new(12.0, 60.0).draw_log(stream);
+            let direction = std::f32::consts::TAU * stream.random::<f32>();
+            let wave_number = std::f32::consts::TAU / period;
+            let phase = std::f32::consts::TAU * stream.random::<f32>();
+            [wave_number * direction.cos(), wave_number * direction.sin(), phase, 0.002 * noise * normal(stream)]
+        })
+        .collect();
+    Image::from_fn(low, low_height, |x, y| {
+        let z = smooth[(x, y)];
+        let ripple: f32 =
+            waves.iter().map(|[kx, ky, phase, a]| a * (kx * x as f32 + ky * y as f32 + phase).sin()).sum();
+        (z * scale * (1.0 + ripple) * 1000.0).round() / 1000.0
+    })
+}
+
+fn normal(stream: &mut Stream) -> f32 {
+    StandardNormal.sample(stream)
+}
 
 /// Reduces depth to `width` × `height` (means of inverse depth of what is measured), fills what is not, and smooths over `blur_px` of the
 /// low resolution.
 ///
 /// `measured` is false where the sensor gets nothing back. Where nothing at all is measured the result is all 0.
-pub(crate) fn fused(depth_m: &DepthMap, measured: &Image<bool>, width: usize, height: usize, blur_px: f32) -> DepthMap {
+fn fused(depth_m: &DepthMap, measured: &Image<bool>, width: usize, height: usize, blur_px: f32) -> DepthMap {
     // Inverse depth: it is affine on planes, so means stay on them; edges smear as they do in the real maps.
     let mut level = Level::new(width, height);
     for y in 0..height {

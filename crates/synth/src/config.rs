@@ -160,11 +160,10 @@ mod tests {
 
     #[test]
     fn a_file_may_set_some_fields_and_misspelt_ones_are_told() {
-        let config: SynthConfig =
-            serde_json::from_str(r#"{"dark_share": 0.5, "room_weights": {"kitchen": 1}}"#).unwrap();
+        let config: SynthConfig = toml::from_str("dark_share = 0.5\nroom_weights = { kitchen = 1 }").unwrap();
         assert_eq!((config.dark_share, config.room_weights.len(), config.pitch_deg), (0.5, 1, 15.0));
         assert!(config.validate().is_ok());
-        let error = serde_json::from_str::<SynthConfig>(r#"{"darkness": 1}"#).unwrap_err();
+        let error = toml::from_str::<SynthConfig>("darkness = 1").unwrap_err();
         assert!(error.to_string().contains("darkness"));
     }
 

@@ -167,7 +167,7 @@ impl Interior {
             };
             PreparedModel::new(bare)
         });
-        Space { plan: &self.plan, solids: &self.solids, model, shell: self.objects[0].parts[0].end }
+        Space { plan: &self.plan, solids: &self.solids, model, objects: &self.objects }
     }
 }
 

@@ -2,6 +2,8 @@
 #![allow(clippy::unwrap_used)]
 
 use std::collections::HashSet;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use geometry::{Quat, Ray, Vec3, fibonacci_sphere};
 use lightoctree_synth::{Interior, Object, Support, SynthConfig};
@@ -301,6 +303,21 @@ fn check_views(room: &Room) {
     }
 }
 
+/// Of each of two photos: distance to the middle of what is seen, metres, and how many pieces of furniture are in it.
+fn framing(room: &Room) -> Vec<(f32, usize)> {
+    let look = |view: &lightoctree_synth::CameraPose| {
+        let rays = (0..16 * 12).map(|k| (f64::from(k % 16) * 30.0 + 15.0, f64::from(k / 16) * 26.0 + 17.0));
+        let hits: Vec<_> = rays
+            .filter_map(|(u, v)| room.hit(view.pose.position, view.pose.rotation * view.camera.direction(u, v), 50.0))
+            .collect();
+        let mut distances: Vec<f32> = hits.iter().map(|hit| hit.1).collect();
+        distances.sort_unstable_by(f32::total_cmp);
+        let things: HashSet<usize> = hits.iter().map(|hit| hit.0).filter(|&object| !room.is_building(object)).collect();
+        (distances[distances.len() / 2], things.len())
+    };
+    room.interior.camera_poses(2).iter().map(look).collect()
+}
+
 /// No ray leaves but through a portal.
 fn check_closed(room: &Room, from: Vec3, directions: &[Vec3]) {
     let world = &room.interior.world;
@@ -363,19 +380,38 @@ fn rooms_keep_the_rules() {
         ("portals", check_portals),
         ("passages", check_passages),
     ];
-    let mut failed = Vec::new();
-    for index in 0..ROOMS {
-        let room = Room::new(index);
-        // Walking is felt for with many rays.
-        let number = if index % 4 == 0 { checks.len() } else { checks.len() - 1 };
-        for (name, check) in &checks[..number] {
-            // All rooms are looked at, so that one sees how many break a rule.
-            if std::panic::catch_unwind(|| check(&room)).is_err() {
-                failed.push((index, *name));
+    let next = AtomicU64::new(0);
+    let failed = Mutex::new(Vec::new());
+    let framings = Mutex::new(Vec::new());
+    let look = || {
+        while let Some(index) = Some(next.fetch_add(1, Ordering::Relaxed)).filter(|&index| index < ROOMS) {
+            let room = Room::new(index);
+            framings.lock().unwrap().extend(framing(&room));
+            // Walking is felt for with many rays.
+            let number = if index % 4 == 0 { checks.len() } else { checks.len() - 1 };
+            for (name, check) in &checks[..number] {
+                // All rooms are looked at, so that one sees how many break a rule.
+                if std::panic::catch_unwind(|| check(&room)).is_err() {
+                    failed.lock().unwrap().push((index, *name));
+                }
             }
         }
-    }
+    };
+    std::thread::scope(|scope| {
+        for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
+            scope.spawn(look);
+        }
+    });
+    let failed = failed.into_inner().unwrap();
     assert!(failed.is_empty(), "{failed:?}");
+    // Photos of rooms look into them: few at a wall close by, few at nothing but walls.
+    let framings = framings.into_inner().unwrap();
+    let share = |test: &dyn Fn(&(f32, usize)) -> bool| {
+        framings.iter().filter(|view| test(view)).count() as f32 / framings.len() as f32
+    };
+    let (near, bare) = (share(&|view| view.0 < 1.3), share(&|view| view.1 < 2));
+    eprintln!("{:.1} % look at something within 1.3 m, {:.1} % at no two things", 100.0 * near, 100.0 * bare);
+    assert!(near < 0.03 && bare < 0.08, "{near} {bare}");
 }
 
 /// Bytes of the triangles and materials.

@@ -3,12 +3,17 @@
 
 mod bake;
 mod baked;
+mod bright;
 mod bsdf;
 mod error;
+mod exchange;
+mod gather;
 mod gbuffer;
 mod light_tree;
 mod lighting;
 mod lights;
+mod neighbours;
+mod parts;
 mod pattern;
 mod places;
 mod points;

@@ -18,6 +18,8 @@ pub(crate) struct Place {
     pub position: Vec3,
     /// Geometric normal on its side.
     pub normal: Vec3,
+    /// On the side that the triangle's corners go around counter-clockwise.
+    pub is_front: bool,
 }
 
 impl Place {
@@ -36,7 +38,8 @@ impl Place {
         let normal = cross(model, triangle as usize).try_normalize()?;
         let [a, b, c] = model.triangles[triangle as usize].map(|v| model.positions[v as usize]);
         let position = a + (b - a) * barycentric[0] + (c - a) * barycentric[1];
-        Some([normal, -normal].map(|normal| Self { triangle, barycentric, position, normal }))
+        let side = |normal, is_front| Self { triangle, barycentric, position, normal, is_front };
+        Some([side(normal, true), side(-normal, false)])
     }
 
     /// Itself and up to eight places of the same triangle about `distance_m` away along its edges.

@@ -1,4 +1,5 @@
-//! Which surfels light can reach at all: the insides of solids and the outside of the house need no work.
+//! Which surfels light can reach at all: the insides of solids, what lies flat on something, and the outside of the house
+//! need no work.
 
 use geometry::{Ray, Vec3, cosine_hemisphere, orthonormal_basis};
 use mesh::offset_origin;
@@ -11,6 +12,9 @@ use crate::surfels::Surfels;
 
 /// Rays that look for further surfels from each one.
 const LOOKS: usize = 16;
+
+/// Surfels of which more than half of the rays end within this share of the spacing lie in a gap that cannot be looked into.
+const GAP_SHARE: f32 = 0.25;
 
 /// Rays that leave all lights together, at least; each piece of one sends four or more.
 const LIGHT_RAYS: f32 = 20_000.0;
@@ -59,7 +63,7 @@ pub(crate) fn reached(scene: &Scene, surfels: &Surfels, emitters: &Emitters, oth
             found
         }))
         .collect();
-    let mut fresh: Vec<u32> = Vec::new();
+    let (mut fresh, mut in_gaps) = (Vec::new(), Vec::new());
     let mut mark = |found: Vec<u32>, next: &mut Vec<u32>| {
         for surfel in found {
             if !std::mem::replace(&mut reached[surfel as usize], true) {
@@ -74,17 +78,25 @@ pub(crate) fn reached(scene: &Scene, surfels: &Surfels, emitters: &Emitters, oth
             let turn = geometry::Mat3::from_rotation_z(std::f32::consts::TAU * rotations.of(i as usize)[0]);
             let basis = orthonormal_basis(surfel.normal) * turn;
             let origin = offset_origin(surfel.position, surfel.normal);
-            let mut found = Vec::new();
+            let (mut found, mut blocked) = (Vec::new(), 0);
             for &local in &looks {
-                follow(scene, surfels, others, Ray { origin, direction: basis * local }, &mut found);
+                let ray = Ray { origin, direction: basis * local };
+                let distance_m = follow(scene, surfels, others, ray, &mut found);
+                blocked += usize::from(distance_m < GAP_SHARE * surfels.spacing_m());
             }
-            found
+            if 2 * blocked > LOOKS { None } else { Some(found) }
         };
-        let found: Vec<Vec<u32>> = fresh.par_iter().map(look).collect();
+        let found: Vec<Option<Vec<u32>>> = fresh.par_iter().map(look).collect();
         let mut next = Vec::new();
-        found.into_iter().for_each(|found| mark(found, &mut next));
+        for (surfel, found) in fresh.into_iter().zip(found) {
+            match found {
+                Some(found) => mark(found, &mut next),
+                None => in_gaps.push(surfel),
+            }
+        }
         fresh = next;
     }
+    in_gaps.into_iter().for_each(|surfel| reached[surfel as usize] = false);
     reached
 }
 
@@ -104,9 +116,12 @@ fn leaving(emitter: &Emitter, k: u32, count: u32, rotation: [f32; 4]) -> impl It
     )
 }
 
-fn follow(scene: &Scene, surfels: &Surfels, others: &[u32], mut ray: Ray, found: &mut Vec<u32>) {
+/// Notes which surfels a ray meets; gives the distance to the first surface, infinite where there is none.
+fn follow(scene: &Scene, surfels: &Surfels, others: &[u32], mut ray: Ray, found: &mut Vec<u32>) -> f32 {
+    let mut first_m = f32::INFINITY;
     for _ in 0..MOST_MIRRORS {
-        let Some(hit) = scene.hit(&ray) else { return };
+        let Some(hit) = scene.hit(&ray) else { break };
+        first_m = first_m.min(hit.distance_m);
         let surface = scene.surface(&hit, &ray, 0.0);
         let near = surfels.near(surface.position, surface.geometric_normal, surfels.part(surface.triangle));
         for &(surfel, _) in near.as_slice() {
@@ -118,7 +133,8 @@ fn follow(scene: &Scene, surfels: &Surfels, others: &[u32], mut ray: Ray, found:
         } else if surface.mirror.max_element() > 0.5 {
             ray = surface.ray(surface.mirrored());
         } else {
-            return;
+            break;
         }
     }
+    first_m
 }

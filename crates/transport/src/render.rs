@@ -9,11 +9,18 @@ use rayon::prelude::*;
 
 use crate::baked::{BakedWorld, Sampled};
 use crate::gbuffer::{Seen, alike, look};
+use crate::lights::Source;
 use crate::shade::{Lit, Sampler};
 use crate::{Rendering, View};
 
 /// Places of the samples at edges, in pixels from the middle: a rotated square.
 const EDGE_SAMPLES: [[f32; 2]; 4] = [[-0.125, -0.375], [0.375, -0.125], [0.125, 0.375], [-0.375, 0.125]];
+
+/// Side of the grid of samples in pixels that see a lamp: what counts there is how much of the pixel it covers.
+const LAMP_SAMPLES: usize = 5;
+
+/// Lamps that cover a wider square of pixels are treated as other surfaces.
+const MOST_LAMP_PIXELS: f32 = 12.0;
 
 /// A sample is no brighter than this many times the mean of those around it.
 const FIREFLY: f32 = 10.0;
@@ -51,13 +58,19 @@ pub(crate) fn render(baked: &BakedWorld, view: &View) -> Rendering {
         .collect();
     let wide = Filter { sampled: &lit, ..filter };
     let lit: Vec<Lit> = (0..seen.len()).into_par_iter().map(|i| wide.wider(i)).collect();
+    let lamp_samples: [[f32; 2]; LAMP_SAMPLES * LAMP_SAMPLES] = std::array::from_fn(|k| {
+        [k % LAMP_SAMPLES, k / LAMP_SAMPLES].map(|step| (step as f32 + 0.5) / LAMP_SAMPLES as f32 - 0.5)
+    });
+    let lamps = beside_lamps(baked, view);
     let radiance = |i: usize| {
-        if !filter.is_edge(i) {
-            return shown(baked, &seen[i], &lit[i]).to_array();
-        }
+        let places: &[[f32; 2]] = match () {
+            () if lamps[i] => &lamp_samples,
+            () if filter.is_edge(i) => &EDGE_SAMPLES,
+            () => return shown(baked, &seen[i], &lit[i]).to_array(),
+        };
         let (x, y) = at(i);
         let mut sum = Vec3::ZERO;
-        for [dx, dy] in EDGE_SAMPLES {
+        for [dx, dy] in places {
             let sub = look(baked, view, x as f32 + 0.5 + dx, y as f32 + 0.5 + dy);
             let light = match sub.surface.as_ref().and_then(|_| filter.like(&sub, x, y)) {
                 Some(like) => lit[like],
@@ -65,7 +78,7 @@ pub(crate) fn render(baked: &BakedWorld, view: &View) -> Rendering {
             };
             sum += shown(baked, &sub, &light);
         }
-        (sum / EDGE_SAMPLES.len() as f32).to_array()
+        (sum / places.len() as f32).to_array()
     };
     let pixels = (0..seen.len()).into_par_iter().map(radiance).collect();
     let camera_from_world = view.pose().rotation.conjugate();
@@ -77,6 +90,31 @@ pub(crate) fn render(baked: &BakedWorld, view: &View) -> Rendering {
         albedo: image(&|s| s.albedo.to_array()),
         specular: Image::new(width, height, seen.iter().map(|s| s.specular).collect()),
     }
+}
+
+/// Pixels that small lamps may lie in.
+fn beside_lamps(baked: &BakedWorld, view: &View) -> Vec<bool> {
+    let (width, height) = view.size();
+    let mut beside = vec![false; width * height];
+    for emitter in &baked.cache().lighting.emitters.list {
+        if emitter.source == Source::Portal || emitter.sheet {
+            continue;
+        }
+        let corners = emitter.corners().map(|corner| view.pixel(corner));
+        let [Some(a), Some(b), Some(c), _] = corners else { continue };
+        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+        if (high - low).max_element() > MOST_LAMP_PIXELS {
+            continue;
+        }
+        let range =
+            |from: f32, to: f32, size: usize| (from.floor().max(0.0) as usize)..(to.floor() as usize + 1).min(size);
+        for y in range(low.y, high.y, height) {
+            for x in range(low.x, high.x, width) {
+                beside[y * width + x] = true;
+            }
+        }
+    }
+    beside
 }
 
 /// Radiance of a view ray, from the light on its surface.

@@ -12,7 +12,7 @@ use crate::pattern::{Rotations, radical_inverse_3, shifted, van_der_corput};
 use crate::scene::Surface;
 
 /// From this roughness on lamps are sampled for the gloss; below it the ray into the lobe finds them.
-const ROUGH: f32 = 0.25;
+const ROUGH: f32 = 0.12;
 
 /// Below this roughness the lobe is no wider than a few pixels: a mirror.
 const SHARP: f32 = 0.12;

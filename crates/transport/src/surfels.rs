@@ -1,12 +1,11 @@
 //! Points spread evenly over both sides of all surfaces, and how to find those near a place.
 
-use std::collections::HashMap;
-
 use geometry::Vec3;
-use mesh::Model;
 use rayon::prelude::*;
 
 use crate::TransportError;
+use crate::neighbours::Neighbours;
+use crate::parts::Parts;
 use crate::places::{self, Place};
 use crate::scene::Scene;
 use crate::transfer::{self, Scatter};
@@ -37,47 +36,9 @@ impl Surfel {
 /// All surfels and the grid over those in use.
 pub(crate) struct Surfels {
     pub list: Vec<Surfel>,
-    /// Connected part of each triangle; 0 for small ones, which share their surfels.
-    part_of: Vec<u32>,
+    parts: Parts,
     spacing_m: f32,
     table: Table,
-}
-
-/// Weights of surfels at a place.
-#[derive(Clone, Copy)]
-pub(crate) struct Neighbours {
-    entries: [(u32, f32); Self::MOST],
-    count: usize,
-}
-
-impl Neighbours {
-    const MOST: usize = 24;
-
-    pub(crate) fn as_slice(&self) -> &[(u32, f32)] {
-        &self.entries[..self.count]
-    }
-
-    fn push(&mut self, surfel: u32, weight: f32) {
-        if self.count < Self::MOST {
-            self.entries[self.count] = (surfel, weight);
-            self.count += 1;
-        }
-    }
-
-    /// The surfel that counts most.
-    pub(crate) fn best(&self) -> Option<u32> {
-        self.as_slice().iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(surfel, _)| surfel)
-    }
-
-    /// Weighted mean of what `value` gives for each surfel.
-    pub(crate) fn mean(&self, value: impl Fn(usize) -> Vec3) -> Vec3 {
-        let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
-        for &(surfel, weight) in self.as_slice() {
-            sum += value(surfel as usize) * weight;
-            weights += weight;
-        }
-        if weights > 0.0 { sum / weights } else { Vec3::ZERO }
-    }
 }
 
 /// A place where a surfel may be.
@@ -97,9 +58,10 @@ impl Surfels {
             let most = (places::MOST_PLACES / CANDIDATES) as usize;
             return Err(TransportError::TooLarge { area_m2: total as f32, spacing_m, most });
         }
-        let part_of = parts(model, &areas, 2.0 * f64::from(spacing_m * spacing_m));
+        let parts = Parts::find(scene, &areas, 2.0 * f64::from(spacing_m * spacing_m));
         let mut candidates: Vec<Candidate> = places::spread(scene, density)
-            .flat_map_iter(|places| places.into_iter().map(|place| Candidate::new(place, &part_of, spacing_m)))
+            .flat_map_iter(|places| places.into_iter().filter(|place| !parts.is_inside(place)))
+            .map(|place| Candidate::new(place, parts.of(place.triangle), spacing_m))
             .collect();
         candidates.par_sort_unstable_by(|a, b| {
             (a.key.cmp(&b.key))
@@ -111,14 +73,13 @@ impl Surfels {
         let surfel = |Candidate { place, .. }: &Candidate| Surfel {
             position: place.position,
             normal: place.normal,
-            part: part_of[place.triangle as usize],
+            part: parts.of(place.triangle),
             place: *place,
             scatter: transfer::scatter(&place.surface(scene, spacing_m)),
         };
         let list: Vec<Surfel> = candidates.par_iter().map(surfel).collect();
-        let mut surfels = Self { list, part_of, spacing_m, table: Table::new(0) };
-        let all = vec![true; surfels.list.len()];
-        surfels.index(&all);
+        let mut surfels = Self { list, parts, spacing_m, table: Table::new(0) };
+        surfels.index();
         Ok(surfels)
     }
 
@@ -127,36 +88,44 @@ impl Surfels {
         for (surfel, _) in self.list.iter_mut().zip(outside).filter(|(_, outside)| **outside) {
             surfel.part = OUTSIDE_PART;
         }
+        self.index();
     }
 
     /// Drops all surfels but those to `keep`.
     pub(crate) fn retain(&mut self, keep: &[bool]) {
         let mut keep = keep.iter();
         self.list.retain(|_| keep.next().copied().unwrap_or(false));
-        let all = vec![true; self.list.len()];
-        self.index(&all);
+        self.index();
     }
 
-    /// Makes only surfels with `used` to be found.
-    pub(crate) fn index(&mut self, used: &[bool]) {
-        let count = used.iter().filter(|&&u| u).count();
-        let mut table = Table::new(2 * count);
-        for (at, surfel) in self.list.iter().enumerate().filter(|(at, _)| used[*at]) {
+    fn index(&mut self) {
+        let mut table = Table::new(2 * self.list.len());
+        for (at, surfel) in self.list.iter().enumerate() {
             table.insert(key(surfel.part, face(surfel.normal), cell(surfel.position, self.spacing_m)), at as u32);
             table.insert(key(ANY_PART, face(surfel.normal), cell(surfel.position, 2.0 * self.spacing_m)), at as u32);
         }
         self.table = table;
     }
 
+    pub(crate) fn spacing_m(&self) -> f32 {
+        self.spacing_m
+    }
+
+    /// Whether a place faces into a solid, where no light is.
+    pub(crate) fn is_inside(&self, place: &Place) -> bool {
+        self.parts.is_inside(place)
+    }
+
     pub(crate) fn part(&self, triangle: u32) -> u32 {
-        self.part_of[triangle as usize]
+        self.parts.of(triangle)
     }
 
     /// Surfels from which light at a place of part `part` with geometric normal `normal` is interpolated.
     pub(crate) fn near(&self, position: Vec3, normal: Vec3, part: u32) -> Neighbours {
-        let mut found = Neighbours { entries: [(0, 0.0); Neighbours::MOST], count: 0 };
+        let mut found = Neighbours::none();
         self.collect(position, normal, part, self.spacing_m, &mut found);
-        if found.count == 0 {
+        if found.as_slice().is_empty() {
+            found.of_others = true;
             self.collect(position, normal, ANY_PART, 2.0 * self.spacing_m, &mut found);
         }
         found
@@ -214,6 +183,9 @@ const ANY_PART: u32 = 0xf_ffff;
 /// Part of what lies under the open sky.
 const OUTSIDE_PART: u32 = ANY_PART - 1;
 
+/// Parts are told apart up to this number.
+pub(crate) const MOST_PARTS: u32 = OUTSIDE_PART - 1;
+
 /// The grid lies askew to round coordinates, where walls are.
 const GRID_OFFSET: f32 = 0.381_966;
 
@@ -242,51 +214,12 @@ fn key(part: u32, face: u32, [x, y, z]: [i32; 3]) -> u64 {
 }
 
 impl Candidate {
-    fn new(place: Place, part_of: &[u32], spacing_m: f32) -> Self {
+    fn new(place: Place, part: u32, spacing_m: f32) -> Self {
         let [x, y, z] = cell(place.position, spacing_m);
         let center = (Vec3::new(x as f32, y as f32, z as f32) + Vec3::splat(0.5 - GRID_OFFSET)) * spacing_m;
-        let key = key(part_of[place.triangle as usize], face(place.normal), [x, y, z]);
+        let key = key(part, face(place.normal), [x, y, z]);
         Self { key, distance2: place.position.distance_squared(center), place }
     }
-}
-
-/// Connected parts of the model: triangles that share corners, by position. Parts smaller than `least_m2` get number 0.
-fn parts(model: &Model, areas: &[f64], least_m2: f64) -> Vec<u32> {
-    let mut at_position: HashMap<[u32; 3], u32> = HashMap::with_capacity(model.positions.len());
-    let mut parent: Vec<u32> = (0..model.positions.len() as u32).collect();
-    for (vertex, position) in model.positions.iter().enumerate() {
-        // Adding zero makes -0 and 0 one.
-        let bits = (*position + Vec3::ZERO).to_array().map(f32::to_bits);
-        parent[vertex] = *at_position.entry(bits).or_insert(vertex as u32);
-    }
-    fn root(parent: &mut [u32], mut vertex: u32) -> u32 {
-        while parent[vertex as usize] != vertex {
-            parent[vertex as usize] = parent[parent[vertex as usize] as usize];
-            vertex = parent[vertex as usize];
-        }
-        vertex
-    }
-    for triangle in &model.triangles {
-        let first = root(&mut parent, triangle[0]);
-        for &vertex in &triangle[1..] {
-            let other = root(&mut parent, vertex);
-            parent[other as usize] = first;
-        }
-    }
-    let roots: Vec<u32> = model.triangles.iter().map(|t| root(&mut parent, t[0])).collect();
-    let mut size: HashMap<u32, f64> = HashMap::new();
-    for (root, area) in roots.iter().zip(areas) {
-        *size.entry(*root).or_default() += area;
-    }
-    let mut number: HashMap<u32, u32> = HashMap::new();
-    let numbered = |root: &u32| {
-        if size[root] < least_m2 {
-            return 0;
-        }
-        let next = number.len() as u32 % (OUTSIDE_PART - 1) + 1;
-        *number.entry(*root).or_insert(next)
-    };
-    roots.iter().map(numbered).collect()
 }
 
 /// Open addressing; a key keeps the first value.

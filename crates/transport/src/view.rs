@@ -57,6 +57,19 @@ impl View {
         Ray { origin: pose.position, direction: (pose.rotation * direction).normalize() }
     }
 
+    /// Where a place of the world lies in the image, in pixels (centres at +0.5); nothing behind a camera.
+    pub(crate) fn pixel(&self, position: Vec3) -> Option<Vec2> {
+        let pose = self.pose();
+        let local = pose.rotation.conjugate() * (position - pose.position);
+        match self {
+            Self::Pinhole { camera, .. } => camera.project(local).map(|(u, v, _)| Vec2::new(u as f32, v as f32)),
+            Self::Panorama { height, .. } => {
+                let uv = geometry::uv_from_direction(local.try_normalize()?);
+                Some(uv * Vec2::new((2 * height) as f32, *height as f32))
+            }
+        }
+    }
+
     /// Angle between neighbouring pixels in the middle of the image, radians.
     pub fn pixel_angle_rad(&self) -> f32 {
         match self {

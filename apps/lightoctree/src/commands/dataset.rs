@@ -6,12 +6,12 @@ use std::sync::Arc;
 use clap::ValueEnum;
 use dataset::{
     ContactSheet, CropModel, Dataset, DatasetError, Histogram, Layout, Loader, LoaderConfig, Record, Sample, Summary,
-    SummaryReport, shard_name, write_shard,
+    SummaryReport, write_shard,
 };
 use lightoctree::imaging;
 use serde_json::json;
 
-use super::environment::write_json;
+use super::shards::ShardFolder;
 use crate::args::Global;
 use crate::progress::{bar, seconds};
 use crate::{Usage, interrupt, output, report};
@@ -94,7 +94,8 @@ struct InspectArgs {
 }
 
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n  lightoctree dataset convert panoramas --crops 4 -o shards")]
+#[command(after_help = "Example:\n  lightoctree dataset convert panoramas --crops 4 -o shards\n\n\
+    Run the same command again after it was stopped: finished shards are kept.")]
 struct ConvertArgs {
     #[command(flatten)]
     source: Source,
@@ -107,7 +108,7 @@ struct ConvertArgs {
     #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
 
-    /// Write into a folder that holds other things
+    /// Write into a folder that holds other things; shards of another dataset or seed there are removed
     #[arg(long)]
     force: bool,
 }
@@ -140,7 +141,6 @@ struct PreviewArgs {
 }
 
 const CONVERT: &str = "dataset";
-const MANIFEST: &str = "manifest.json";
 /// Shards begin with this name.
 const PREFIX: &str = "samples";
 
@@ -272,38 +272,51 @@ fn chart(title: &str, histogram: &Histogram) -> String {
 fn convert(global: &Global, args: &ConvertArgs) -> anyhow::Result<()> {
     let begun = std::time::Instant::now();
     let (layout, dataset) = args.source.open(global)?;
-    output::prepare_folder(&args.output, MANIFEST, CONVERT, args.force)?;
+    // Everything that the shards' bytes depend on.
     let manifest = json!({
         "format_version": dataset::FORMAT_VERSION,
+        "program_version": env!("CARGO_PKG_VERSION"),
         "layout": layout.name(),
         "seed": global.seed,
         "crops": args.source.crops,
         "samples": dataset.len(),
+        "scene_ids_fnv1a": format!("{:016x}", dataset::fingerprint(dataset.as_ref())),
         "samples_per_shard": args.samples_per_shard,
     });
-    write_json(&args.output.join(MANIFEST), CONVERT, manifest)?;
-    let progress = bar(global.quiet, dataset.len(), "samples");
-    let config = LoaderConfig { shuffle: false, threads: threads(global), ..LoaderConfig::default() };
-    let mut samples = Loader::new(Arc::clone(&dataset), config).peekable();
-    let mut shards = 0;
-    while samples.peek().is_some() && !interrupt::asked() {
-        let part = samples.by_ref().take(args.samples_per_shard as usize).map(|sample| {
-            progress.inc(1);
-            Ok::<_, anyhow::Error>(Record::from(sample?))
-        });
-        write_shard(&args.output.join(shard_name(PREFIX, shards)), part)?;
-        shards += 1;
+    let shards = ShardFolder::open(&args.output, PREFIX, CONVERT, &manifest, args.force)?;
+    let per_shard = args.samples_per_shard as usize;
+    let all = dataset.len().div_ceil(per_shard);
+    let todo: Vec<usize> = (0..all).filter(|&shard| !shards.has(shard)).collect();
+    let samples_of = |shard: usize| shard * per_shard..dataset.len().min((shard + 1) * per_shard);
+    let progress = bar(global.quiet, todo.iter().map(|&shard| samples_of(shard).len()).sum(), "samples");
+    let mut written = 0;
+    // one loader for each run of missing shards, so that it reads ahead from one shard into the next
+    'runs: for run in todo.chunk_by(|a, b| a + 1 == *b) {
+        let config = LoaderConfig { shuffle: false, threads: threads(global), ..LoaderConfig::default() };
+        let mut samples = Loader::from_sample(Arc::clone(&dataset), config, samples_of(run[0]).start);
+        for &shard in run {
+            if interrupt::asked() {
+                break 'runs;
+            }
+            let part = samples.by_ref().take(samples_of(shard).len()).map(|sample| {
+                progress.inc(1);
+                Ok::<_, anyhow::Error>(Record::from(sample?))
+            });
+            write_shard(&shards.shard(shard), part)?;
+            written += 1;
+        }
     }
     progress.finish_and_clear();
-    if samples.peek().is_some() {
-        anyhow::bail!("stopped after {shards} shards");
-    }
+    let done = all - todo.len() + written;
     report::print(&format!(
-        "{}  {} samples in {shards} shards, {}",
+        "{}  {written} shards written, {done} of {all} there, {} samples in all, {}",
         args.output.display(),
         dataset.len(),
         seconds(begun.elapsed())
     ));
+    if done < all {
+        anyhow::bail!("stopped after {done} of {all} shards; the same command goes on");
+    }
     Ok(())
 }
 

@@ -10,7 +10,7 @@ use serde_json::json;
 
 use super::environment::{self, PanoramaArgs, Renderer};
 use super::parse;
-use crate::args::Global;
+use crate::args::{Global, OutputArgs};
 use crate::progress::Stages;
 use crate::{Usage, output, report};
 
@@ -20,6 +20,7 @@ use crate::{Usage, output, report};
     lightoctree envmap room.scene --at 0,-0.5,-2 -o room.exr --preview\n  \
     lightoctree envmap room.scene --pixel 960,1100 --lift 0.2 --orientation blender --sh9 sh.json --main-light sun.json -o light.hdr")]
 #[command(group(clap::ArgGroup::new("place").required(true).args(["at", "pixel"])))]
+#[command(mut_arg("output", |output| output.help("The panorama to write: .exr, .hdr or .pfm")))]
 pub struct Args {
     /// A scene file
     scene: PathBuf,
@@ -55,29 +56,25 @@ pub struct Args {
     #[arg(long, value_name = "FILE.json")]
     main_light: Option<PathBuf>,
 
-    /// The panorama to write: .exr, .hdr or .pfm
-    #[arg(long, short, value_name = "FILE")]
-    output: PathBuf,
-
-    /// Replace existing files, whatever they are
-    #[arg(long)]
-    force: bool,
-
-    /// Print the result as JSON
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    out: OutputArgs,
 }
 
 const COMMAND: &str = "envmap";
 
 /// Renders and writes.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
-    let preview = args.panorama.preview.then(|| environment::preview_path(&args.output));
-    let outputs =
-        [Some(&args.output), preview.as_ref(), args.depth_out.as_ref(), args.sh9.as_ref(), args.main_light.as_ref()];
+    let preview = args.panorama.preview.then(|| environment::preview_path(&args.out.output));
+    let outputs = [
+        Some(&args.out.output),
+        preview.as_ref(),
+        args.depth_out.as_ref(),
+        args.sh9.as_ref(),
+        args.main_light.as_ref(),
+    ];
     let outputs: Vec<&PathBuf> = outputs.into_iter().flatten().collect();
     for path in &outputs {
-        output::check_replaceable(path, COMMAND, args.force)?;
+        output::check_replaceable(path, COMMAND, args.out.force)?;
     }
     let mut stages = Stages::new(global.quiet);
     let scene = stages.stage("read scene", || super::read_scene(&args.scene))?;
@@ -95,7 +92,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let renderer = Renderer::new(&scene, args.panorama.size)?;
     let panorama = stages.stage("panorama", || renderer.at(at));
     stages.stage("write", || write(args, at, &panorama))?;
-    if args.json {
+    if args.out.json {
         return report::print_json(&json!({
             "position_m": at.to_array(),
             "files": outputs,
@@ -112,9 +109,9 @@ fn write(args: &Args, at: Vec3, panorama: &Rendering) -> anyhow::Result<()> {
             imaging::reorient(&panorama.radiance, Orientation::Lightoctree, args.panorama.orientation.preset());
         let cube = imaging::cubemap_from_equirectangular(&turned, args.panorama.size[1] / 2);
         let options = environment::exr_options(&args.panorama, at, EnvironmentLayout::Cube);
-        imaging::write_radiance(&args.output, &cube.strip(), &options)?;
+        imaging::write_radiance(&args.out.output, &cube.strip(), &options)?;
     } else {
-        environment::write(&args.output, &panorama.radiance, at, &args.panorama)?;
+        environment::write(&args.out.output, &panorama.radiance, at, &args.panorama)?;
     }
     if let Some(path) = &args.depth_out {
         imaging::write_depth(path, &panorama.distance_m)?;

@@ -10,7 +10,7 @@ use lightoctree::imaging;
 use lightoctree::scene::{Completion, Frame, Scene};
 
 use super::parse;
-use crate::args::Global;
+use crate::args::{Global, OutputArgs};
 use crate::progress::{Stages, seconds};
 use crate::{Usage, output, report};
 
@@ -19,6 +19,7 @@ use crate::{Usage, output, report};
 #[command(after_help = "Examples:\n  \
     lightoctree estimate photo.jpg --depth lidar.png -o room.scene\n  \
     lightoctree estimate kinect.png --depth kinect_depth.png --depth-scale 5000 --intrinsics 525,525,319.5,239.5 -o desk.scene")]
+#[command(mut_arg("output", |output| output.help("The scene file to write").value_name("SCENE")))]
 pub struct Args {
     /// The photo: PNG, JPEG, WebP, TIFF, BMP, PNM (sRGB) or HDR, EXR, PFM (linear)
     photo: PathBuf,
@@ -51,17 +52,8 @@ pub struct Args {
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::direction, allow_hyphen_values = true)]
     up: Option<Vec3>,
 
-    /// The scene file to write
-    #[arg(long, short, value_name = "SCENE")]
-    output: PathBuf,
-
-    /// Replace an existing file, whatever it is
-    #[arg(long)]
-    force: bool,
-
-    /// Print the result as JSON
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    out: OutputArgs,
 }
 
 /// How the unseen part of the room is filled.
@@ -98,7 +90,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         ))
         .into());
     };
-    output::check_replaceable(&args.output, "estimate", args.force)?;
+    output::check_replaceable(&args.out.output, "estimate", args.out.force)?;
     let mut stages = Stages::new(global.quiet);
     let (photo, depth_m) = stages.stage("read photo and depth", || -> anyhow::Result<_> {
         let photo = imaging::read_photo(&args.photo)?;
@@ -117,7 +109,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         ..EstimateOptions::default()
     };
     let scene = lightoctree::estimate(frame, &options, &mut |message| stages.hear(message))?;
-    stages.stage("write", || scene.write(&args.output))?;
+    stages.stage("write", || scene.write(&args.out.output))?;
     say(args, &scene, &stages)
 }
 
@@ -140,10 +132,10 @@ fn camera(args: &Args, photo: &imaging::PhotoFile, stages: &mut Stages) -> anyho
 
 fn say(args: &Args, scene: &Scene, stages: &Stages) -> anyhow::Result<()> {
     let leaves = scene.light.rgba.last().map_or(0, Vec::len);
-    let bytes = std::fs::metadata(&args.output).map_or(0, |metadata| metadata.len());
-    if args.json {
+    let bytes = std::fs::metadata(&args.out.output).map_or(0, |metadata| metadata.len());
+    if args.out.json {
         return report::print_json(&serde_json::json!({
-            "scene": args.output,
+            "scene": args.out.output,
             "bytes": bytes,
             "leaves": leaves,
             "seconds": stages.timings(),
@@ -151,7 +143,7 @@ fn say(args: &Args, scene: &Scene, stages: &Stages) -> anyhow::Result<()> {
     }
     report::print(&format!(
         "{}  {}, {leaves} leaves of {:.1} cm, in {}",
-        args.output.display(),
+        args.out.output.display(),
         report::bytes(bytes),
         100.0 * scene.light.cube.node_edge_m(args.octree_depth),
         seconds(stages.total())

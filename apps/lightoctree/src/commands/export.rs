@@ -9,7 +9,7 @@ use serde_json::json;
 
 use super::environment::{self, Renderer};
 use super::parse;
-use crate::args::Global;
+use crate::args::{Global, OutputArgs};
 use crate::progress::Stages;
 use crate::{output, report};
 
@@ -34,17 +34,8 @@ pub struct Args {
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::point, allow_hyphen_values = true)]
     probe_at: Option<Vec3>,
 
-    /// The file to write
-    #[arg(long, short, value_name = "FILE")]
-    output: PathBuf,
-
-    /// Replace an existing file, whatever it is
-    #[arg(long)]
-    force: bool,
-
-    /// Print the result as JSON
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    out: OutputArgs,
 }
 
 /// File formats.
@@ -73,7 +64,7 @@ const COMMAND: &str = "export";
 
 /// Reads and writes.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
-    output::check_replaceable(&args.output, COMMAND, args.force)?;
+    output::check_replaceable(&args.out.output, COMMAND, args.out.force)?;
     let mut stages = Stages::new(global.quiet);
     let scene = stages.stage("read scene", || super::read_scene(&args.scene))?;
     let probe = match args.probe_at {
@@ -98,8 +89,8 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         },
         probe: probe.as_ref().map(|(panorama, at)| LightProbe { radiance: &panorama.radiance, position_m: *at }),
     };
-    let written = stages.stage("write", || export::write(&scene, &options, &args.output))?;
-    if args.json {
+    let written = stages.stage("write", || export::write(&scene, &options, &args.out.output))?;
+    if args.out.json {
         return report::print_json(&json!({
             "files": written.files,
             "bytes": written.bytes,
@@ -111,7 +102,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     }
     report::print(&format!(
         "{}  {}, {} points, {} faces, {} lamps",
-        args.output.display(),
+        args.out.output.display(),
         report::bytes(written.bytes),
         written.points,
         written.faces,

@@ -14,6 +14,7 @@ pub mod synth;
 
 mod environment;
 mod parse;
+mod shards;
 
 use std::path::Path;
 

@@ -3,22 +3,21 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
-use dataset::{DatasetError, FORMAT_VERSION, Generator, GeneratorConfig, shard_name, write_shard};
+use dataset::{DatasetError, FORMAT_VERSION, Generator, GeneratorConfig, write_shard};
 use serde_json::{Value, json};
 
-use super::environment::write_json;
 use super::parse;
+use super::shards::ShardFolder;
 use crate::args::Global;
 use crate::progress::{bar, seconds};
-use crate::{Usage, interrupt, output, report};
+use crate::{Usage, config, interrupt, output, report};
 
 /// Options of `synth`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
     lightoctree synth --scenes 2000 --seed 1 -o rooms\n  \
     lightoctree synth --scenes 2000 --seed 1 --shard $((SLURM_ARRAY_TASK_ID + 1))/16 -o rooms\n  \
-    lightoctree synth --print-config > rooms.json\n  \
+    lightoctree synth --print-config > rooms.toml\n  \
     lightoctree synth --glb 7 --seed 1 -o room.glb\n\n\
     Run the same command again after it was stopped: finished shards are kept. The rooms depend on the seed and the configuration alone, \
     not on --shard or --threads. Shards are WebDataset archives; docs/data.md describes them.")]
@@ -36,8 +35,8 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     scenes_per_shard: u32,
 
-    /// What rooms, cameras and sensors are like: JSON with the fields that --print-config shows, as many as differ
-    #[arg(long, value_name = "FILE.json")]
+    /// What rooms, cameras and sensors are like: TOML with the fields that --print-config shows, as many as differ
+    #[arg(long, value_name = "FILE.toml")]
     config: Option<PathBuf>,
 
     /// Depth of the octree that the surface points are made for
@@ -56,7 +55,7 @@ pub struct Args {
     #[arg(long, short, value_name = "DIR", required_unless_present = "print_config")]
     output: Option<PathBuf>,
 
-    /// Write into a folder that holds other things
+    /// Write into a folder that holds other things; shards of another seed or configuration there are removed
     #[arg(long)]
     force: bool,
 
@@ -66,7 +65,6 @@ pub struct Args {
 }
 
 const COMMAND: &str = "synth";
-const MANIFEST: &str = "manifest.json";
 /// Shards begin with this name.
 const PREFIX: &str = "rooms";
 
@@ -77,12 +75,11 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         return write_glb(global, args, config, room, path);
     }
     let (Some(scenes), Some(folder), false) = (args.scenes, &args.output, args.print_config) else {
-        report::print(&serde_json::to_string_pretty(&config)?);
+        report::print(config::text(&config)?.trim_end());
         return Ok(());
     };
     let generator = Generator::new(global.seed, config.clone()).map_err(Usage)?;
-    output::prepare_folder(folder, MANIFEST, COMMAND, args.force)?;
-    keep_manifest(folder, &manifest(global, args, scenes, &config)?, args.force)?;
+    let shards = ShardFolder::open(folder, PREFIX, COMMAND, &manifest(global, args, scenes, &config)?, args.force)?;
 
     let begun = std::time::Instant::now();
     let per_shard = args.scenes_per_shard;
@@ -90,8 +87,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let all = scenes.div_ceil(per_shard);
     let mine: Vec<u32> = (0..all).filter(|shard| shard % parts == part - 1).collect();
     let rooms = |shard: u32| shard * per_shard..scenes.min((shard + 1).saturating_mul(per_shard));
-    let path = |shard: u32| folder.join(shard_name(PREFIX, shard as usize));
-    let todo: Vec<u32> = mine.iter().copied().filter(|&shard| !path(shard).exists()).collect();
+    let todo: Vec<u32> = mine.iter().copied().filter(|&shard| !shards.has(shard as usize)).collect();
     let progress = bar(global.quiet, todo.iter().map(|&shard| rooms(shard).len()).sum(), "rooms");
     let mut written = 0;
     for &shard in &todo {
@@ -103,7 +99,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             progress.inc(1);
             Ok::<_, DatasetError>(record)
         });
-        write_shard(&path(shard), records)?;
+        write_shard(&shards.shard(shard as usize), records)?;
         written += 1;
     }
     progress.finish_and_clear();
@@ -128,7 +124,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
 fn write_glb(global: &Global, args: &Args, config: GeneratorConfig, room: u32, path: &Path) -> anyhow::Result<()> {
     output::check_replaceable(path, COMMAND, args.force)?;
     let interior = Generator::new(global.seed, config).map_err(Usage)?.interior(room.into())?;
-    let bytes = interior.world.model.to_glb();
+    let bytes = interior.world.model.to_glb()?;
     lightoctree::imaging::write_atomically(path, |out| out.write_all(&bytes))?;
     if args.json {
         let description = serde_json::to_value(&interior.description)?;
@@ -142,10 +138,7 @@ fn write_glb(global: &Global, args: &Args, config: GeneratorConfig, room: u32, p
 fn read_config(args: &Args) -> anyhow::Result<GeneratorConfig> {
     let mut config = match &args.config {
         None => GeneratorConfig::default(),
-        Some(path) => {
-            let text = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
-            serde_json::from_slice(&text).map_err(|error| Usage(format!("{}: {error}", path.display())))?
-        }
+        Some(path) => config::read(path)?,
     };
     if let Some(depth) = args.octree_depth {
         config.octree_depth = depth;
@@ -167,24 +160,4 @@ fn manifest(global: &Global, args: &Args, scenes: u32, config: &GeneratorConfig)
         "scenes_per_shard": args.scenes_per_shard,
         "config": serde_json::to_value(config)?,
     }))
-}
-
-/// Writes the manifest, or checks that the folder's own is the same: shards of two kinds must not lie side by side.
-fn keep_manifest(folder: &Path, manifest: &Value, force: bool) -> anyhow::Result<()> {
-    let path = folder.join(MANIFEST);
-    let existing = match std::fs::read(&path) {
-        Ok(bytes) => serde_json::from_slice::<Value>(&bytes).with_context(|| format!("{}", path.display()))?,
-        Err(_) => return write_json(&path, COMMAND, manifest.clone()),
-    };
-    let differing = |key: &&str| existing.get(*key) != manifest.get(*key);
-    let keys = ["format_version", "program_version", "seed", "scenes", "scenes_per_shard", "config"];
-    match keys.iter().find(|key| differing(key)) {
-        Some(key) if !force => Err(Usage(format!(
-            "{} was begun with another {key}; repeat that command, or choose another folder",
-            folder.display()
-        ))
-        .into()),
-        Some(_) => write_json(&path, COMMAND, manifest.clone()),
-        None => Ok(()),
-    }
 }

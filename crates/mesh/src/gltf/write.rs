@@ -4,18 +4,11 @@ use std::collections::BTreeMap;
 
 use serde_json::{Map, Value, json};
 
-use crate::{AlphaMode, Material, Model, Texture, TextureRef, Wrap};
-
-/// Component types of accessors.
-const UNSIGNED_INT: u32 = 5125;
-const FLOAT: u32 = 5126;
-/// Targets of buffer views.
-const ARRAY_BUFFER: u32 = 34962;
-const ELEMENT_ARRAY_BUFFER: u32 = 34963;
+use crate::{AlphaMode, GlbTooLarge, GlbWriter, Material, Model, Texture, TextureRef, Wrap};
 
 /// The whole file.
-pub(crate) fn write(model: &Model, generator: &str) -> Vec<u8> {
-    let mut binary = Binary::default();
+pub(crate) fn write(model: &Model, generator: &str) -> Result<Vec<u8>, GlbTooLarge> {
+    let mut binary = GlbWriter::default();
     let primitives: Vec<Value> = by_material(model)
         .into_iter()
         .map(|(material, triangles)| primitive(model, material, &triangles, &mut binary))
@@ -32,9 +25,6 @@ pub(crate) fn write(model: &Model, generator: &str) -> Vec<u8> {
         "nodes": [{ "name": "Scene", "mesh": 0 }],
         "meshes": [{ "name": "Scene", "primitives": primitives }],
         "materials": materials,
-        "accessors": binary.accessors,
-        "bufferViews": binary.views,
-        "buffers": [{ "byteLength": binary.bytes.len() }],
     });
     let lists = [("images", images), ("samplers", samplers.samplers), ("textures", samplers.textures)];
     for (name, list) in lists.into_iter().filter(|(_, list)| !list.is_empty()) {
@@ -43,7 +33,7 @@ pub(crate) fn write(model: &Model, generator: &str) -> Vec<u8> {
     if !extensions.is_empty() {
         document["extensionsUsed"] = extensions.into_keys().collect::<Vec<_>>().into();
     }
-    container(document.to_string().into_bytes(), binary.bytes)
+    binary.finish(document)
 }
 
 /// Triangles of each material that has some.
@@ -56,7 +46,7 @@ fn by_material(model: &Model) -> BTreeMap<u32, Vec<[u32; 3]>> {
 }
 
 /// The triangles of one material with the vertices that they use.
-fn primitive(model: &Model, material: u32, triangles: &[[u32; 3]], binary: &mut Binary) -> Value {
+fn primitive(model: &Model, material: u32, triangles: &[[u32; 3]], binary: &mut GlbWriter) -> Value {
     let mut new = vec![u32::MAX; model.positions.len()];
     let mut used = Vec::new();
     let mut indices = Vec::with_capacity(triangles.len() * 3);
@@ -71,7 +61,7 @@ fn primitive(model: &Model, material: u32, triangles: &[[u32; 3]], binary: &mut 
     let floats = |values: &mut dyn Iterator<Item = f32>| values.flat_map(f32::to_le_bytes).collect::<Vec<u8>>();
     let mut attributes = Map::new();
     let mut add = |name: &str, kind: &str, data: Vec<u8>, extra: Value| {
-        let accessor = binary.accessor(&data, used.len(), FLOAT, kind, ARRAY_BUFFER, extra);
+        let accessor = binary.accessor(&data, used.len(), GlbWriter::FLOAT, kind, GlbWriter::ARRAY_BUFFER, extra);
         attributes.insert(name.to_owned(), accessor.into());
     };
     let bounds = |pick: fn(f32, f32) -> f32, start: f32| {
@@ -96,11 +86,18 @@ fn primitive(model: &Model, material: u32, triangles: &[[u32; 3]], binary: &mut 
         add("COLOR_0", "VEC4", floats(&mut used.iter().flat_map(|&v| model.colors[v])), json!({}));
     }
     let bytes: Vec<u8> = indices.iter().flat_map(|i| i.to_le_bytes()).collect();
-    let indices = binary.accessor(&bytes, indices.len(), UNSIGNED_INT, "SCALAR", ELEMENT_ARRAY_BUFFER, json!({}));
+    let indices = binary.accessor(
+        &bytes,
+        indices.len(),
+        GlbWriter::UNSIGNED_INT,
+        "SCALAR",
+        GlbWriter::ELEMENT_ARRAY_BUFFER,
+        json!({}),
+    );
     json!({ "attributes": attributes, "indices": indices, "material": material })
 }
 
-fn image(texture: &Texture, binary: &mut Binary) -> Value {
+fn image(texture: &Texture, binary: &mut GlbWriter) -> Value {
     let finest = &texture.levels[0];
     let (width, height) = (finest.width() as u32, finest.height() as u32);
     let pixels: Vec<u8> = finest.pixels().iter().flatten().copied().collect();
@@ -109,7 +106,7 @@ fn image(texture: &Texture, binary: &mut Binary) -> Value {
     buffer
         .write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)
         .expect("encoding into memory has no reason to fail");
-    json!({ "mimeType": "image/png", "bufferView": binary.view(&png, None) })
+    json!({ "mimeType": "image/png", "bufferView": binary.view(&png) })
 }
 
 /// Samplers and the textures that join them with images, each once.
@@ -219,61 +216,6 @@ fn material_json(m: &Material, lists: &mut Lists, used: &mut BTreeMap<&'static s
     json
 }
 
-/// The binary chunk with what describes it.
-#[derive(Default)]
-struct Binary {
-    bytes: Vec<u8>,
-    views: Vec<Value>,
-    accessors: Vec<Value>,
-}
-
-impl Binary {
-    fn view(&mut self, data: &[u8], target: Option<u32>) -> usize {
-        let mut view = json!({ "buffer": 0, "byteOffset": self.bytes.len(), "byteLength": data.len() });
-        if let Some(target) = target {
-            view["target"] = target.into();
-        }
-        self.bytes.extend_from_slice(data);
-        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
-        self.views.push(view);
-        self.views.len() - 1
-    }
-
-    fn accessor(
-        &mut self,
-        data: &[u8],
-        count: usize,
-        component: u32,
-        kind: &str,
-        target: u32,
-        mut accessor: Value,
-    ) -> usize {
-        accessor["bufferView"] = self.view(data, Some(target)).into();
-        accessor["componentType"] = component.into();
-        accessor["count"] = count.into();
-        accessor["type"] = kind.into();
-        self.accessors.push(accessor);
-        self.accessors.len() - 1
-    }
-}
-
-/// Header and the two chunks, each padded to four bytes.
-fn container(mut document: Vec<u8>, binary: Vec<u8>) -> Vec<u8> {
-    document.resize(document.len().next_multiple_of(4), b' ');
-    // 12 bytes of header and 8 of each chunk's.
-    let total = 12 + 8 + document.len() + 8 + binary.len();
-    let mut file = Vec::with_capacity(total);
-    file.extend_from_slice(b"glTF");
-    file.extend(2u32.to_le_bytes());
-    file.extend((total as u32).to_le_bytes());
-    for (kind, chunk) in [(b"JSON", &document), (b"BIN\0", &binary)] {
-        file.extend((chunk.len() as u32).to_le_bytes());
-        file.extend_from_slice(kind);
-        file.extend_from_slice(chunk);
-    }
-    file
-}
-
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
@@ -325,7 +267,8 @@ mod tests {
     #[test]
     fn the_reader_finds_what_was_written() {
         let written = model();
-        let read = Model::from_gltf_bytes(&written.to_glb(), &|_| Err(std::io::Error::other("no files"))).unwrap();
+        let read =
+            Model::from_gltf_bytes(&written.to_glb().unwrap(), &|_| Err(std::io::Error::other("no files"))).unwrap();
         assert_eq!(read.textures, written.textures);
         assert!(read.warnings.is_empty(), "{:?}", read.warnings);
         // The standard's default material comes last.
@@ -359,7 +302,7 @@ mod tests {
 
     #[test]
     fn the_file_names_its_maker_and_its_extensions() {
-        let glb = model().to_glb();
+        let glb = model().to_glb().unwrap();
         let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
         let root: Value = serde_json::from_slice(&glb[20..20 + length]).unwrap();
         assert_eq!(root["asset"]["generator"], imaging::generator());

@@ -1,5 +1,6 @@
 //! What is outside of the windows, as a panorama of absolute radiance and a sun.
 
+mod bodies;
 mod panorama;
 mod sky;
 mod surroundings;

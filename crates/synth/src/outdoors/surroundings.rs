@@ -5,6 +5,7 @@ use crate::chance::{between, chance, count, pick, tone};
 use crate::photometry::{UNIT_CD_M2, luminance_color};
 use crate::texture::{Noise, scaled, smoothstep};
 
+use super::bodies::{House, Tree, enter_ball, enter_box};
 use super::sky::Sky;
 
 /// What stands around the house: simple solids on level ground, lit by the sky, the sun and street lamps.
@@ -15,30 +16,24 @@ pub(crate) struct Surroundings {
     ground: [f32; 3],
     /// Road: distance of its near edge and width, along x or z.
     road: Option<(usize, [f32; 2])>,
+    skyline: Skyline,
     houses: Vec<House>,
     trees: Vec<Tree>,
     lamps: Vec<Vec3>,
+    /// Of luminance 1.
+    lamp_color: [f32; 3],
     /// Share of windows that are lit.
     lit: f32,
     noise: Noise,
 }
 
+/// Hedges, woods and roofs where the eye cannot tell them apart any more: a rugged band all around.
 #[derive(Clone, Copy, Debug)]
-struct House {
-    least: Vec3,
-    most: Vec3,
-    wall: [f32; 3],
-    roof: [f32; 3],
-    /// Distance between windows and between storeys, metres.
-    bay: [f32; 2],
-    seed: u32,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Tree {
-    center: Vec3,
-    radius: f32,
-    leaves: [f32; 3],
+struct Skyline {
+    distance_m: f32,
+    /// Least and greatest height above the ground, metres.
+    height_m: [f32; 2],
+    albedo: [f32; 3],
 }
 
 /// Sun for shading: direction and irradiance on a surface facing it, over π.
@@ -71,27 +66,13 @@ impl Surroundings {
             let distance = between(random, 14.0, 70.0);
             let half = Vec2::new(between(random, 4.0, 9.0), between(random, 4.0, 9.0));
             let at = Vec2::new(angle.cos(), angle.sin()) * (distance + half.max_element());
-            let tall = if rural { between(random, 5.0, 8.0) } else { between(random, 6.0, 24.0) };
-            houses.push(House {
-                least: Vec3::new(at.x - half.x, 0.0, at.y - half.y),
-                most: Vec3::new(at.x + half.x, tall, at.y + half.y),
-                wall: tone(between(random, 10.0, 50.0), between(random, 0.0, 0.5), between(random, 0.15, 0.6)),
-                roof: tone(between(random, 0.0, 25.0), 0.4, 0.12),
-                bay: [between(random, 1.8, 3.5), between(random, 2.8, 3.4)],
-                seed: count(random, 0, 1 << 20) as u32,
-            });
+            houses.push(House::draw(random, at, half, rural));
         }
         let mut trees = Vec::new();
         for _ in 0..if rural { count(random, 4, 16) } else { count(random, 0, 7) } {
             let angle = between(random, 0.0, std::f32::consts::TAU);
             let distance = between(random, 7.0, 40.0);
-            let radius = between(random, 1.2, 3.2);
-            let height = radius + between(random, 0.5, 3.0);
-            trees.push(Tree {
-                center: Vec3::new(angle.cos() * distance, height, angle.sin() * distance),
-                radius,
-                leaves: tone(between(random, 70.0, 120.0), 0.6, between(random, 0.04, 0.1)),
-            });
+            trees.push(Tree::draw(random, Vec2::new(angle.cos(), angle.sin()) * distance));
         }
         let road = (!rural || chance(random, 0.4)).then(|| {
             let near = between(random, 6.0, 10.0) * pick(random, &[1.0, -1.0]);
@@ -107,7 +88,25 @@ impl Surroundings {
         }
         let lit = if night { between(random, 0.1, 0.5) } else { 0.0 };
         let ground = if rural { grass } else { paving };
-        Self { eye_m, ground, road, houses, trees, lamps, lit, noise: Noise::new(count(random, 0, 1 << 30) as u64) }
+        let skyline = if rural {
+            let albedo = tone(between(random, 75.0, 110.0), 0.5, between(random, 0.04, 0.09));
+            Skyline { distance_m: between(random, 90.0, 300.0), height_m: [2.0, between(random, 8.0, 22.0)], albedo }
+        } else {
+            let albedo = tone(between(random, 20.0, 45.0), 0.15, between(random, 0.15, 0.3));
+            Skyline { distance_m: between(random, 90.0, 180.0), height_m: [7.0, between(random, 12.0, 28.0)], albedo }
+        };
+        Self {
+            eye_m,
+            lamp_color: luminance_color(2200.0),
+            ground,
+            road,
+            skyline,
+            houses,
+            trees,
+            lamps,
+            lit,
+            noise: Noise::new(count(random, 0, 1 << 30) as u64),
+        }
     }
 
     /// Radiance from a direction; `ambient` is the sky's mean radiance.
@@ -129,14 +128,13 @@ impl Surroundings {
                 light = std::array::from_fn(|c| light[c] + sun.radiosity[c] * cosine);
             }
         }
-        let sodium = luminance_color(2200.0);
         for lamp in &self.lamps {
             let to = *lamp - found.position;
             let squared = to.length_squared();
             // 6,000 lm into the lower half: about 950 cd.
             let lux = 950.0 * found.normal.dot(to / squared.sqrt()).max(0.0) / squared.max(1.0);
             let gain = lux / (std::f32::consts::PI * UNIT_CD_M2);
-            light = std::array::from_fn(|c| light[c] + sodium[c] * gain);
+            light = std::array::from_fn(|c| light[c] + self.lamp_color[c] * gain);
         }
         let haze = (1.0 - (-found.distance / 900.0).exp()).min(0.6);
         let horizon = sky.radiance(Vec3::new(direction.x, 0.02, direction.z).normalize_or(Vec3::X));
@@ -145,7 +143,7 @@ impl Surroundings {
         })
     }
 
-    /// Radiosity over π of level ground, for what comes up from below.
+    /// The nearest surface.
     fn find(&self, eye: Vec3, direction: Vec3) -> Option<Found> {
         let mut best: Option<Found> = None;
         let mut offer = |found: Found| {
@@ -166,25 +164,22 @@ impl Surroundings {
                 });
             }
         }
+        if let Some(found) = self.skyline_at(eye, direction) {
+            offer(found);
+        }
         for house in &self.houses {
-            if let Some((distance, normal)) = enter_box(eye, direction, house.least, house.most) {
+            if let Some((distance, normal)) = house.enter(eye, direction) {
                 let position = eye + direction * distance;
                 let (albedo, emission) = self.facade(house, position, normal);
                 offer(Found { distance, position, normal, albedo, emission });
             }
         }
         for tree in &self.trees {
-            if let Some(distance) = enter_ball(eye, direction, tree.center, tree.radius) {
-                let position = eye + direction * distance;
-                let normal = (position - tree.center) / tree.radius;
-                let p = normal * 6.0;
-                let clump =
-                    self.noise.octaves(0.5 + 0.07 * p.x + 0.05 * p.y, 0.5 + 0.07 * p.z - 0.05 * p.y, [16, 16], 3);
-                let albedo = scaled(tree.leaves, 0.4 + 1.2 * clump);
-                offer(Found { distance, position, normal, albedo, emission: [0.0; 3] });
+            if let Some(found) = self.crown(tree, eye, direction) {
+                offer(found);
             }
             let foot = Vec3::new(tree.center.x, 0.0, tree.center.z);
-            let thick = Vec3::new(0.15, 0.0, 0.15);
+            let thick = Vec3::new(0.03, 0.0, 0.03) * tree.radius;
             let most = foot + thick + Vec3::Y * tree.center.y;
             if let Some((distance, normal)) = enter_box(eye, direction, foot - thick, most) {
                 let position = eye + direction * distance;
@@ -194,9 +189,57 @@ impl Surroundings {
         best
     }
 
+    /// Where a ray meets a crown: leaves that face about as the ball does, with gaps towards its rim.
+    fn crown(&self, tree: &Tree, eye: Vec3, direction: Vec3) -> Option<Found> {
+        enter_ball(eye, direction, tree.center, tree.radius)?;
+        let hits = tree.crown.iter().filter_map(|&(center, radius)| {
+            let distance = enter_ball(eye, direction, center, radius)?;
+            let position = eye + direction * distance;
+            let normal = (position - center) / radius;
+            let clump = self.clumps(position);
+            let rim = 1.0 + normal.dot(direction);
+            (clump > 0.2 + 0.35 * rim * rim).then_some((distance, position, normal, clump))
+        });
+        let (distance, position, normal, clump) = hits.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        // Leaves face about as the ball does, about as the whole crown does, and anywhere.
+        let stray = Vec3::new(clump, self.clumps(position + 7.0), self.clumps(position + 13.0)) * 2.0 - 1.0;
+        let normal = (normal + (position - tree.center) / tree.radius + stray).normalize_or(Vec3::Y);
+        // Deep in the crown, low in it and between the clumps little light comes.
+        let height = ((position.y - tree.center.y) / tree.radius).clamp(-1.0, 1.0);
+        let albedo = scaled(tree.leaves, (0.1 + 1.8 * clump) * (0.75 + 0.35 * height));
+        Some(Found { distance, position, normal, albedo, emission: [0.0; 3] })
+    }
+
+    /// Twigs with leaves, some 40 cm large and smaller; in [0, 1], mean ½.
+    fn clumps(&self, p: Vec3) -> f32 {
+        let p = p / 25.6;
+        let planes = [(p.x, p.y, 0), (p.y, p.z, 1), (p.z, p.x, 2)];
+        let sum: f32 = planes.iter().map(|&(u, v, k)| self.noise.other(k + 9).octaves(u, v, [64, 64], 3)).sum();
+        (0.5 + 1.5 * (sum / 3.0 - 0.5)).clamp(0.0, 1.0)
+    }
+
+    fn skyline_at(&self, eye: Vec3, direction: Vec3) -> Option<Found> {
+        let level = Vec2::new(direction.x, direction.z);
+        let distance = self.skyline.distance_m / level.length().max(1e-3);
+        let position = eye + direction * distance;
+        let turn = level.y.atan2(level.x) / std::f32::consts::TAU + 0.5;
+        let [low, high] = self.skyline.height_m;
+        let rugged = self.noise.octaves(turn, 0.3, [48, 4], 4);
+        if position.y < 0.0 || position.y > low + (high - low) * smoothstep(0.15, 0.85, rugged) {
+            return None;
+        }
+        let normal = Vec3::new(-direction.x, 0.3, -direction.z).normalize_or(Vec3::Y);
+        let mottle = 0.6 + 0.8 * self.noise.octaves(turn, position.y / 64.0, [512, 64], 2);
+        let albedo = scaled(self.skyline.albedo, mottle);
+        Some(Found { distance, position, normal, albedo, emission: [0.0; 3] })
+    }
+
     fn shades(&self, start: Vec3, direction: Vec3) -> bool {
-        self.houses.iter().any(|h| enter_box(start, direction, h.least, h.most).is_some())
-            || self.trees.iter().any(|t| enter_ball(start, direction, t.center, t.radius).is_some())
+        self.houses.iter().any(|h| h.enter(start, direction).is_some())
+            || self.trees.iter().any(|t| {
+                enter_ball(start, direction, t.center, t.radius).is_some()
+                    && t.crown.iter().any(|&(center, radius)| enter_ball(start, direction, center, radius).is_some())
+            })
     }
 
     fn ground_albedo(&self, p: Vec3) -> [f32; 3] {
@@ -216,11 +259,13 @@ impl Surroundings {
     }
 
     fn facade(&self, house: &House, p: Vec3, normal: Vec3) -> ([f32; 3], [f32; 3]) {
-        if normal.y > 0.5 {
-            return (house.roof, [0.0; 3]);
+        if normal.y > 0.3 {
+            let mottle = 0.75 + 0.5 * self.noise.octaves(p.x / 64.0, (p.z + p.y) / 64.0, [128, 128], 2);
+            return (scaled(house.roof, mottle), [0.0; 3]);
         }
-        if p.y > house.most.y - 0.8 {
-            return (house.roof, [0.0; 3]);
+        if p.y > house.most.y - 0.5 {
+            // eaves and gables
+            return (scaled(house.wall, 0.8), [0.0; 3]);
         }
         let across = if normal.x.abs() > 0.5 { p.z - house.least.z } else { p.x - house.least.x };
         let (column, row) = ((across / house.bay[0]).floor(), (p.y / house.bay[1]).floor());
@@ -242,37 +287,7 @@ impl Surroundings {
         self.lamps.iter().find_map(|lamp| {
             enter_ball(eye, direction, *lamp, 0.25)?;
             // 6,000 lm from the lower half of a ball of 25 cm.
-            Some(luminance_color(2200.0).map(|c| c * 6000.0 / (std::f32::consts::PI * 0.39) / UNIT_CD_M2))
+            Some(self.lamp_color.map(|c| c * 6000.0 / (std::f32::consts::PI * 0.39) / UNIT_CD_M2))
         })
     }
-}
-
-/// Distance and normal where a ray from outside enters a box.
-fn enter_box(origin: Vec3, direction: Vec3, least: Vec3, most: Vec3) -> Option<(f32, Vec3)> {
-    let inverse = direction.recip();
-    let (a, b) = ((least - origin) * inverse, (most - origin) * inverse);
-    let (near, far) = (a.min(b), a.max(b));
-    let distance = near.max_element();
-    if !(distance > 0.0 && distance <= far.min_element()) {
-        return None;
-    }
-    let mut normal = Vec3::ZERO;
-    let axis = if near.x == distance {
-        0
-    } else if near.y == distance {
-        1
-    } else {
-        2
-    };
-    normal[axis] = -direction[axis].signum();
-    Some((distance, normal))
-}
-
-fn enter_ball(origin: Vec3, direction: Vec3, center: Vec3, radius: f32) -> Option<f32> {
-    let to = center - origin;
-    let along = to.dot(direction);
-    let squared = to.length_squared() - along * along;
-    let depth = radius * radius - squared;
-    let distance = along - depth.max(0.0).sqrt();
-    (depth > 0.0 && distance > 0.0).then_some(distance)
 }
