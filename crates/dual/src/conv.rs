@@ -24,20 +24,54 @@ const PARTS: usize = 32;
 ///
 /// # Panics
 /// Where the lengths do not fit.
-pub fn graph_conv<T: Real>(graph: &DualGraph, input: &[T], weights: &[T], [inputs, outputs]: [usize; 2]) -> Vec<T> {
+pub fn graph_conv<T: Real>(graph: &DualGraph, input: &[T], weights: &[T], size: [usize; 2]) -> Vec<T> {
+    let mut output = vec![T::default(); graph.len() * size[1]];
+    convolve(graph, input, weights, size, &mut output, None::<fn(usize, &mut [T])>);
+    output
+}
+
+/// [`graph_conv`] plus, for each node, what `start` writes into its row of `out` values: where part of the features is
+/// known to be the same for many nodes, its share of the product need be computed but once.
+///
+/// # Panics
+/// Where the lengths do not fit.
+pub fn graph_conv_onto<T: Real>(
+    graph: &DualGraph,
+    input: &[T],
+    weights: &[T],
+    size: [usize; 2],
+    start: impl Fn(usize, &mut [T]) + Sync,
+) -> Vec<T> {
+    let mut output = vec![T::default(); graph.len() * size[1]];
+    convolve(graph, input, weights, size, &mut output, Some(start));
+    output
+}
+
+fn convolve<T: Real>(
+    graph: &DualGraph,
+    input: &[T],
+    weights: &[T],
+    [inputs, outputs]: [usize; 2],
+    output: &mut [T],
+    start: Option<impl Fn(usize, &mut [T]) + Sync>,
+) {
     check(graph, input.len(), inputs);
     assert_eq!(weights.len(), EDGE_TYPES * inputs * outputs, "seven matrices of weights");
-    let mut output = vec![T::default(); graph.len() * outputs];
     output.par_chunks_mut(BLOCK * outputs).enumerate().for_each_init(
         || vec![T::default(); BLOCK * EDGE_TYPES * inputs],
         |buffer, (block, output)| {
             let rows = output.len() / outputs;
             let buffer = &mut buffer[..rows * EDGE_TYPES * inputs];
             gather(graph, input, inputs, block * BLOCK, buffer, Gather::Mean);
-            product(output, Matrix::new(buffer, EDGE_TYPES * inputs), Matrix::new(weights, outputs), false);
+            if let Some(start) = &start {
+                for (row, output) in output.chunks_exact_mut(outputs).enumerate() {
+                    start(block * BLOCK + row, output);
+                }
+            }
+            let gathered = Matrix::new(buffer, EDGE_TYPES * inputs);
+            product(output, gathered, Matrix::new(weights, outputs), start.is_some());
         },
     );
-    output
 }
 
 /// Gradients of a sum by [`graph_conv`]'s input and weights, from the one by its output.
@@ -186,6 +220,17 @@ mod tests {
         let single = |values: &[f64]| values.iter().map(|&v| v as f32).collect::<Vec<f32>>();
         let output = graph_conv(&graph, &single(&input), &single(&weights), size);
         assert!(output.iter().zip(&expected).all(|(a, b)| (f64::from(*a) - b).abs() < 1e-5));
+    }
+
+    #[test]
+    fn starts_are_added() {
+        let graph = DualGraph::all(&test_octree()).pop().expect("a graph");
+        let (input, weights) = (values(graph.len() * 5, 0.3), values(7 * 15, 1.1));
+        let start = |row: usize, channel: usize| (row as f64 * 0.7 + channel as f64).sin();
+        let write = |row: usize, output: &mut [f64]| (0..3).for_each(|channel| output[channel] = start(row, channel));
+        let onto = graph_conv_onto(&graph, &input, &weights, [5, 3], write);
+        let bare = graph_conv(&graph, &input, &weights, [5, 3]);
+        assert!((0..onto.len()).all(|i| (onto[i] - bare[i] - start(i / 3, i % 3)).abs() < 1e-12));
     }
 
     #[test]

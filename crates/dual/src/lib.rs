@@ -5,7 +5,7 @@ mod direction;
 mod graph;
 mod real;
 
-pub use conv::{EDGE_TYPES, graph_conv, graph_conv_backward};
+pub use conv::{EDGE_TYPES, graph_conv, graph_conv_backward, graph_conv_onto};
 pub use direction::Direction;
 pub use graph::{DualGraph, GraphNode};
-pub use real::Real;
+pub use real::{Matrix, Real, product};

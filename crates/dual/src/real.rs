@@ -28,7 +28,7 @@ impl Real for f64 {
 
 /// A matrix in a slice, row by row or, transposed, column by column.
 #[derive(Clone, Copy)]
-pub(crate) struct Matrix<'a, T> {
+pub struct Matrix<'a, T> {
     values: &'a [T],
     rows: usize,
     columns: usize,
@@ -37,10 +37,12 @@ pub(crate) struct Matrix<'a, T> {
 }
 
 impl<'a, T> Matrix<'a, T> {
+    /// The matrix with so many columns that fills `values` row by row.
     pub fn new(values: &'a [T], columns: usize) -> Self {
         Self { values, rows: values.len() / columns, columns, row_stride: columns, column_stride: 1 }
     }
 
+    /// Rows for columns, without moving a value.
     pub fn transposed(self) -> Self {
         Self {
             rows: self.columns,
@@ -52,8 +54,11 @@ impl<'a, T> Matrix<'a, T> {
     }
 }
 
-/// `out = left · right`, or `out += left · right`; `out` is row by row.
-pub(crate) fn product<T: Real>(out: &mut [T], left: Matrix<T>, right: Matrix<T>, add: bool) {
+/// `out = left · right`, or with `add` `out += left · right`, on the calling thread; `out` is row by row.
+///
+/// # Panics
+/// Where the sizes do not fit.
+pub fn product<T: Real>(out: &mut [T], left: Matrix<T>, right: Matrix<T>, add: bool) {
     let (m, n, k) = (left.rows, right.columns, left.columns);
     assert_eq!(k, right.rows, "the inner sizes of a product agree");
     assert_eq!(out.len(), m * n, "the result has the outer sizes");

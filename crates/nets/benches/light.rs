@@ -1,0 +1,125 @@
+//! The light network whole: the work of `graph_unet_*` in the peers' benchmark (graphs built anew each time, a few more input and
+//! output channels), and its training step with rays.
+//!
+//! `PEERS_INPUT` names a folder with the peers' clouds (`rgbd_unit.npy`); without it, a box room stands in.
+//! `RAYON_NUM_THREADS` sets the threads. `MIMALLOC_PURGE_DELAY=10000` keeps memory between the steps as the peers' `--tuned` does: a
+//! fifth of the time.
+
+use burn::module::Module;
+use burn::tensor::{Device, Tensor};
+use cone::{Cone, Settings};
+use divan::Bencher;
+use geometry::{Cube, Vec3};
+use lightoctree_nets::Adam;
+use lightoctree_nets::graph::GraphLevel;
+use lightoctree_nets::light::{
+    Growth, LightInput, LightLossConfig, LightLosses, LightNet, LightNetConfig, LightOutput, NODE_FEATURES, Rays,
+};
+use octree::{Coverage, LightOctree, RadiancePoint};
+
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
+fn main() {
+    divan::main();
+}
+
+#[divan::bench(args = [6, 7], sample_count = 10)]
+fn graph_unet_fwd(bencher: Bencher, depth: u32) {
+    let (input, config) = input(depth);
+    let net = LightNet::new(&config, 1, &Device::flex()).expect("a valid configuration");
+    bencher.bench_local(|| net.forward(&input, None, Growth::Truth(&input.octree)).expect("the network's depths"));
+}
+
+#[divan::bench(args = [6, 7], sample_count = 10)]
+fn graph_unet_train(bencher: Bencher, depth: u32) {
+    let (input, config) = input(depth);
+    let mut trainer = Trainer::new(&config);
+    bencher.bench_local(|| {
+        trainer.step(&input, |output| {
+            let parts = output.levels.iter().map(|level| {
+                let signal = level.light.clone() - 0.5;
+                level.logits.clone().square().mean() + signal.square().mean()
+            });
+            parts.reduce(|a, b| a + b).expect("levels")
+        });
+    });
+}
+
+/// One scene with 8,192 rays.
+#[divan::bench(args = [6, 7], sample_count = 10)]
+fn train_step(bencher: Bencher, depth: u32) {
+    let (input, config) = input(depth);
+    let mut trainer = Trainer::new(&config);
+    let rays: Rays = geometry::fibonacci_sphere(8192)
+        .into_iter()
+        .map(|direction| {
+            let tan_half_angle = (std::f32::consts::PI / 256.0).tan();
+            (Cone { origin: Vec3::new(0.03, 0.02, 0.05), direction, tan_half_angle }, [0.5; 3], 1.0)
+        })
+        .collect();
+    let none: Rays = std::iter::empty().collect();
+    bencher.bench_local(|| {
+        trainer.step(&input, |output| {
+            let losses = LightLosses::new(output, &input.visible, &rays, &none, Settings::default());
+            losses.expect("default settings").total(&LightLossConfig::default())
+        });
+    });
+}
+
+struct Trainer {
+    /// Taken while a step makes the next one of it.
+    net: Option<LightNet>,
+    adam: Adam,
+}
+
+impl Trainer {
+    fn new(config: &LightNetConfig) -> Self {
+        let net = LightNet::new(config, 1, &Device::flex().autodiff()).expect("a valid configuration");
+        Self { net: Some(net), adam: Adam::default() }
+    }
+
+    fn step(&mut self, input: &LightInput, loss: impl Fn(&LightOutput) -> Tensor<1>) {
+        let net = self.net.take().expect("a network");
+        let output = net.forward(input, None, Growth::Truth(&input.octree)).expect("the network's depths");
+        let gradients = loss(&output).backward();
+        self.net = Some(self.adam.step(net, &gradients, 1e-4));
+    }
+}
+
+/// The cloud's octree as input and as truth.
+fn input(depth: u32) -> (LightInput, LightNetConfig) {
+    let config = LightNetConfig { depth, channels_per_group: 1, ..LightNetConfig::default() };
+    let points: Vec<RadiancePoint> = cloud()
+        .into_iter()
+        .map(|p| RadiancePoint { position_m: Vec3::from(p), radiance: [0.5; 3], coverage: Coverage::Inferred })
+        .collect();
+    let cube = Cube { origin_m: Vec3::splat(-1.0), edge_m: 2.0 };
+    let (visible, _) = LightOctree::from_points(&points, cube, depth, config.full_depth).expect("valid depths");
+    let levels = GraphLevel::all(&visible.octree);
+    let nodes = levels[levels.len() - 1].len();
+    let features = (0..nodes * NODE_FEATURES).map(|i| (0.7 * i as f32).sin()).collect();
+    let net = LightNet::new(&config, 1, &Device::flex()).expect("a valid configuration");
+    eprintln!("depth {depth}: {nodes} nodes, {} parameters", net.num_params());
+    (LightInput { levels, octree: visible.octree.clone(), features, visible }, config)
+}
+
+fn cloud() -> Vec<[f32; 3]> {
+    match std::env::var_os("PEERS_INPUT") {
+        Some(folder) => {
+            let path = std::path::Path::new(&folder).join("rgbd_unit.npy");
+            let bytes = std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+            let values: Vec<f32> =
+                npyz::NpyFile::new(&bytes[..]).and_then(|file| file.into_vec()).expect("an .npy file of f32");
+            values.as_chunks().0.to_vec()
+        }
+        None => (0..153_600)
+            .map(|i| {
+                let [u, v] = [0.754_877_666, 0.569_840_29f64].map(|a| (0.5 + a * f64::from(i)).fract() as f32);
+                let mut p = [1.6 * u - 0.8, 1.2 * v - 0.6, if i % 2 == 0 { -0.7 } else { 0.7 }];
+                p.rotate_right(i as usize % 3);
+                p
+            })
+            .collect(),
+    }
+}

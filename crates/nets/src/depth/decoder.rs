@@ -1,0 +1,78 @@
+use burn::module::Module;
+use burn::nn::conv::Conv2d;
+use burn::nn::{GroupNorm, GroupNormConfig};
+use burn::tensor::{Device, Tensor, activation::relu};
+use random::Stream;
+
+use crate::depth::densenet::{DENSENET_CHANNELS, conv};
+
+/// Channels of the decoder's stages at 1/16, 1/8, 1/4 and 1/2.
+const CHANNELS: [usize; 4] = [256, 128, 64, 32];
+
+/// From the encoder's features to one channel at full resolution, with skip connections at 1/16, 1/8, 1/4 and 1/2.
+#[derive(Module, Debug)]
+pub struct DepthDecoder {
+    /// From 1/16 to 1/2.
+    pub stages: Vec<ConvStage>,
+    /// At full resolution.
+    pub last: ConvStage,
+    /// To one channel.
+    pub output: Conv2d,
+}
+
+/// 3 × 3 convolution, group norm (statistics of the picture at hand), positive part.
+#[derive(Module, Debug)]
+pub struct ConvStage {
+    /// The convolution.
+    pub conv: Conv2d,
+    /// After it.
+    pub norm: GroupNorm,
+}
+
+impl ConvStage {
+    pub(super) fn new(channels: [usize; 2], stream: &mut Stream, device: &Device) -> Self {
+        let norm = GroupNormConfig::new((channels[1] / 8).max(1), channels[1]).init(device);
+        Self { conv: conv(channels, 3, 1, false, stream, device), norm }
+    }
+
+    pub(super) fn forward(&self, x: Tensor<4>) -> Tensor<4> {
+        relu(self.norm.forward(self.conv.forward(x)))
+    }
+}
+
+impl DepthDecoder {
+    pub(super) fn new(stream: &mut Stream, device: &Device) -> Self {
+        let mut inputs = DENSENET_CHANNELS[4];
+        let skips = DENSENET_CHANNELS[..4].iter().rev();
+        let stages = skips.zip(CHANNELS).map(|(skip, outputs)| {
+            let stage = ConvStage::new([inputs + skip, outputs], stream, device);
+            inputs = outputs;
+            stage
+        });
+        Self {
+            stages: stages.collect(),
+            last: ConvStage::new([CHANNELS[3], 16], stream, device),
+            output: conv([16, 1], 3, 1, true, stream, device),
+        }
+    }
+
+    /// Features of the encoder to `[1, 1, height, width]`.
+    pub fn forward(&self, features: [Tensor<4>; 5]) -> Tensor<4> {
+        let [half, quarter, eighth, sixteenth, x] = features;
+        let skips = [sixteenth, eighth, quarter, half];
+        let x = self
+            .stages
+            .iter()
+            .zip(skips)
+            .fold(x, |x, (stage, skip)| stage.forward(Tensor::cat(vec![doubled(x), skip], 1)));
+        self.output.forward(self.last.forward(doubled(x)))
+    }
+}
+
+/// Twice the resolution, every pixel four times. (Burn's bilinear interpolation takes three times as long as PyTorch's, and a
+/// convolution follows that learns what is smooth.)
+pub(super) fn doubled(x: Tensor<4>) -> Tensor<4> {
+    let [batch, channels, height, width] = x.dims();
+    let x: Tensor<6> = x.reshape([batch, channels, height, 1, width, 1]);
+    x.expand([batch, channels, height, 2, width, 2]).reshape([batch, channels, 2 * height, 2 * width])
+}

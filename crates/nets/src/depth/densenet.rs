@@ -1,0 +1,232 @@
+use burn::module::{Module, Param};
+use burn::nn::conv::{Conv2d, Conv2dConfig};
+use burn::nn::pool::{AvgPool2d, AvgPool2dConfig, MaxPool2d, MaxPool2dConfig};
+use burn::nn::{BatchNorm, BatchNormConfig, PaddingConfig2d};
+use burn::tensor::{Device, Tensor, TensorData, activation::relu};
+use random::{RngExt, Stream};
+
+use crate::checkpoint::{Checkpoint, CheckpointError};
+
+/// Channels that a dense layer adds, and that it works with.
+const GROWTH: usize = 32;
+const BOTTLENECK: usize = 4 * GROWTH;
+
+/// Layers of the four dense blocks.
+const LAYERS: [usize; 4] = [6, 12, 24, 16];
+
+/// Channels of [`DenseNet::forward`]'s five outputs.
+pub const DENSENET_CHANNELS: [usize; 5] = [64, 256, 512, 1024, 1024];
+
+/// The feature extractor of DenseNet-121 (Huang et al. 2017) in the layout of torchvision, whose weights load by name.
+#[derive(Module, Debug)]
+pub struct DenseNet {
+    /// 7 × 7, to half resolution.
+    pub conv0: Conv2d,
+    /// After it.
+    pub norm0: BatchNorm,
+    pool0: MaxPool2d,
+    /// Dense blocks.
+    pub blocks: Vec<DenseBlock>,
+    /// Between them.
+    pub transitions: Vec<Transition>,
+    /// After the last.
+    pub norm5: BatchNorm,
+}
+
+/// Layers that each see what all before them gave.
+#[derive(Module, Debug)]
+pub struct DenseBlock {
+    /// In order.
+    pub layers: Vec<DenseLayer>,
+}
+
+/// A bottleneck of one dense block.
+#[derive(Module, Debug)]
+pub struct DenseLayer {
+    /// Before `conv1`.
+    pub norm1: BatchNorm,
+    /// 1 × 1.
+    pub conv1: Conv2d,
+    /// Before `conv2`.
+    pub norm2: BatchNorm,
+    /// 3 × 3.
+    pub conv2: Conv2d,
+}
+
+/// Half the channels, half the resolution.
+#[derive(Module, Debug)]
+pub struct Transition {
+    /// Before the convolution.
+    pub norm: BatchNorm,
+    /// 1 × 1.
+    pub conv: Conv2d,
+    pool: AvgPool2d,
+}
+
+/// A convolution, its weights normal with variance 2 / fan-in (He et al. 2015), as torchvision has it.
+pub(super) fn conv(
+    channels: [usize; 2],
+    kernel: usize,
+    stride: usize,
+    bias: bool,
+    stream: &mut Stream,
+    device: &Device,
+) -> Conv2d {
+    let padding = (kernel - 1) / 2;
+    let mut conv = Conv2dConfig::new(channels, [kernel, kernel])
+        .with_stride([stride, stride])
+        .with_padding(PaddingConfig2d::Explicit(padding, padding, padding, padding))
+        .with_bias(bias)
+        .init(device);
+    let fan_in = channels[0] * kernel * kernel;
+    let deviation = (2.0 / fan_in as f32).sqrt();
+    let weights = (0..channels[1] * fan_in).map(|_| deviation * normal(stream)).collect();
+    let weights = TensorData::new::<f32, _>(weights, [channels[1], channels[0], kernel, kernel]);
+    conv.weight = Param::from_data(weights, device);
+    conv.bias = bias.then(|| Param::from_data(TensorData::new(vec![0.0f32; channels[1]], [channels[1]]), device));
+    conv
+}
+
+/// Box & Muller (1958).
+fn normal(stream: &mut Stream) -> f32 {
+    let radius = (-2.0 * (1.0 - stream.random::<f32>()).ln()).sqrt();
+    radius * (std::f32::consts::TAU * stream.random::<f32>()).cos()
+}
+
+fn norm(channels: usize, device: &Device) -> BatchNorm {
+    BatchNormConfig::new(channels).init(device)
+}
+
+impl DenseNet {
+    /// Random weights.
+    pub fn new(stream: &mut Stream, device: &Device) -> Self {
+        let mut channels = DENSENET_CHANNELS[0];
+        let (mut blocks, mut transitions) = (Vec::new(), Vec::new());
+        let conv0 = conv([3, channels], 7, 2, false, stream, device);
+        for (i, layers) in LAYERS.into_iter().enumerate() {
+            let layer = |i| DenseLayer::new(channels + i * GROWTH, stream, device);
+            blocks.push(DenseBlock { layers: (0..layers).map(layer).collect() });
+            channels += layers * GROWTH;
+            if i + 1 < LAYERS.len() {
+                let half = conv([channels, channels / 2], 1, 1, false, stream, device);
+                let pool = AvgPool2dConfig::new([2, 2]).with_strides([2, 2]).init();
+                transitions.push(Transition { norm: norm(channels, device), conv: half, pool });
+                channels /= 2;
+            }
+        }
+        let padding = PaddingConfig2d::Explicit(1, 1, 1, 1);
+        Self {
+            conv0,
+            norm0: norm(DENSENET_CHANNELS[0], device),
+            pool0: MaxPool2dConfig::new([3, 3]).with_strides([2, 2]).with_padding(padding).init(),
+            blocks,
+            transitions,
+            norm5: norm(channels, device),
+        }
+    }
+
+    /// With the weights of torchvision's `densenet121`, of which the classifier is not used.
+    ///
+    /// # Errors
+    /// Names what is missing or of another shape.
+    pub fn load_torchvision(self, weights: &Checkpoint) -> Result<Self, CheckpointError> {
+        weights.load_renamed("DenseNet-121", self, |name| {
+            let name = torchvision_name(name);
+            // What torchvision offers for download still has the names of its first release.
+            let old = ["norm1", "norm2", "conv1", "conv2"].into_iter().fold(name.clone(), |name, part| {
+                let (kind, number) = part.split_at(4);
+                name.replace(&format!(".{part}."), &format!(".{kind}.{number}."))
+            });
+            if !weights.has(&name) && weights.has(&old) { old } else { name }
+        })
+    }
+
+    /// `[1, 3, height, width]`, multiples of 32, to the features at 1/2, 1/4, 1/8, 1/16 and 1/32 of that, of
+    /// [`DENSENET_CHANNELS`].
+    pub fn forward(&self, x: Tensor<4>) -> [Tensor<4>; 5] {
+        let half = relu(self.norm0.forward(self.conv0.forward(x)));
+        let mut x = self.pool0.forward(half.clone());
+        let mut outputs = Vec::new();
+        for (i, block) in self.blocks.iter().enumerate() {
+            x = block.forward(x);
+            if let Some(transition) = self.transitions.get(i) {
+                outputs.push(x.clone());
+                x = transition.forward(x);
+            }
+        }
+        let [quarter, eighth, sixteenth] = outputs.try_into().expect("three transitions");
+        [half, quarter, eighth, sixteenth, self.norm5.forward(x)]
+    }
+}
+
+impl DenseBlock {
+    fn forward(&self, x: Tensor<4>) -> Tensor<4> {
+        self.layers.iter().fold(x, |x, layer| {
+            let new = layer.forward(x.clone());
+            Tensor::cat(vec![x, new], 1)
+        })
+    }
+}
+
+impl DenseLayer {
+    fn new(inputs: usize, stream: &mut Stream, device: &Device) -> Self {
+        Self {
+            norm1: norm(inputs, device),
+            conv1: conv([inputs, BOTTLENECK], 1, 1, false, stream, device),
+            norm2: norm(BOTTLENECK, device),
+            conv2: conv([BOTTLENECK, GROWTH], 3, 1, false, stream, device),
+        }
+    }
+
+    fn forward(&self, x: Tensor<4>) -> Tensor<4> {
+        let x = self.conv1.forward(relu(self.norm1.forward(x)));
+        self.conv2.forward(relu(self.norm2.forward(x)))
+    }
+}
+
+impl Transition {
+    fn forward(&self, x: Tensor<4>) -> Tensor<4> {
+        self.pool.forward(self.conv.forward(relu(self.norm.forward(x))))
+    }
+}
+
+/// torchvision's name of one of our parameters: it counts blocks and layers from 1.
+fn torchvision_name(name: &str) -> String {
+    let mut parts = name.split('.');
+    let mut out = "features".to_owned();
+    let mut counted = |kind: &str, parts: &mut std::str::Split<char>| {
+        let number: usize = parts.next().and_then(|n| n.parse().ok()).expect("a list's fields are numbered");
+        out.push_str(&format!(".{kind}{}", number + 1));
+    };
+    let mut rest = Vec::new();
+    while let Some(part) = parts.next() {
+        match part {
+            "blocks" => counted("denseblock", &mut parts),
+            "layers" => counted("denselayer", &mut parts),
+            "transitions" => counted("transition", &mut parts),
+            "gamma" => rest.push("weight"),
+            "beta" => rest.push("bias"),
+            other => rest.push(other),
+        }
+    }
+    rest.iter().for_each(|part| out.push_str(&format!(".{part}")));
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_those_of_torchvision() {
+        for (ours, theirs) in [
+            ("conv0.weight", "features.conv0.weight"),
+            ("norm0.running_mean", "features.norm0.running_mean"),
+            ("blocks.2.layers.11.norm2.gamma", "features.denseblock3.denselayer12.norm2.weight"),
+            ("transitions.0.conv.weight", "features.transition1.conv.weight"),
+            ("norm5.beta", "features.norm5.bias"),
+        ] {
+            assert_eq!(torchvision_name(ours), theirs);
+        }
+    }
+}

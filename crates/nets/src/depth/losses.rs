@@ -1,0 +1,96 @@
+use burn::tensor::{Tensor, TensorData};
+use imaging::{DepthMap, RadianceImage};
+use serde::{Deserialize, Serialize};
+
+/// Weights of the depth network's losses (SPEC §6). Every field has a default, so that a file need name only what differs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DepthLossConfig {
+    /// Mean squared difference of log depth.
+    pub log_depth: f32,
+    /// Variance of the difference of log depth: blind to scale.
+    pub scale_invariant: f32,
+    /// Mean squared difference of log(1 + radiance) of the panorama.
+    pub panorama: f32,
+    /// The discriminator's opinion of the panorama.
+    pub adversarial: f32,
+}
+
+impl Default for DepthLossConfig {
+    fn default() -> Self {
+        Self { log_depth: 1.0, scale_invariant: 0.5, panorama: 1.0, adversarial: 0.01 }
+    }
+}
+
+/// Mean and variance of the squared difference of log depth over the pixels with a true reading (finite, above 0).
+///
+/// `log_depth[1, 1, height, width]`, of the same size as `truth`.
+///
+/// # Panics
+/// Where the sizes differ.
+pub fn depth_losses(log_depth: Tensor<4>, truth: &DepthMap) -> [Tensor<1>; 2] {
+    let (width, height) = (truth.width(), truth.height());
+    assert_eq!(log_depth.dims(), [1, 1, height, width], "the true depth map has the size of the predicted one");
+    let is_known = |z: f32| z.is_finite() && z > 0.0;
+    let known: Vec<f32> = truth.pixels().iter().map(|&z| f32::from(u8::from(is_known(z)))).collect();
+    let logs: Vec<f32> = truth.pixels().iter().map(|&z| if is_known(z) { z.ln() } else { 0.0 }).collect();
+    let count = known.iter().sum::<f32>().max(1.0);
+    let device = log_depth.device();
+    let constant = |values| Tensor::<4>::from_data(TensorData::new::<f32, _>(values, [1, 1, height, width]), &device);
+    let difference = (log_depth - constant(logs)) * constant(known);
+    let mean_square = difference.clone().square().sum() / count;
+    let square_mean = (difference.sum() / count).square();
+    [mean_square.clone(), mean_square - square_mean]
+}
+
+/// Mean squared difference of log(1 + radiance) over the sphere: rows count by their solid angle.
+///
+/// `panorama[1, 3, height, width]`, of the same size as `truth`.
+///
+/// # Panics
+/// Where the sizes differ.
+pub fn panorama_loss(panorama: Tensor<4>, truth: &RadianceImage) -> Tensor<1> {
+    let (width, height) = (truth.width(), truth.height());
+    assert_eq!(panorama.dims(), [1, 3, height, width], "the true panorama has the size of the predicted one");
+    let device = panorama.device();
+    let channels = (0..3).flat_map(|c| truth.pixels().iter().map(move |pixel| pixel[c].ln_1p()));
+    let expected =
+        Tensor::<4>::from_data(TensorData::new::<f32, _>(channels.collect(), [1, 3, height, width]), &device);
+    let share = width as f32 / (4.0 * std::f32::consts::PI);
+    let weights = (0..height).map(|y| share * geometry::pixel_solid_angle_sr(y, width, height) * height as f32);
+    let weights = Tensor::<4>::from_data(TensorData::new::<f32, _>(weights.collect(), [1, 1, height, 1]), &device);
+    ((panorama.log1p() - expected).square() * weights).mean()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{numbers, recording_device};
+
+    #[test]
+    fn scale_costs_only_the_first_loss() {
+        let truth = DepthMap::from_fn(6, 4, |x, y| if x == 2 { 0.0 } else { 1.0 + (x * y) as f32 });
+        let of = |scale: f32| {
+            let logs: Vec<f32> = truth.pixels().iter().map(|z| if *z > 0.0 { (scale * z).ln() } else { 7.0 }).collect();
+            let logs = Tensor::<4>::from_data(TensorData::new(logs, [1, 1, 4, 6]), &recording_device());
+            depth_losses(logs, &truth).map(|loss| numbers(loss.inner())[0])
+        };
+        let [square, variance] = of(2.0);
+        assert!((square - 2f64.ln().powi(2)).abs() < 1e-5 && variance.abs() < 1e-5, "{square} {variance}");
+        assert!(of(1.0).iter().all(|loss| loss.abs() < 1e-6));
+    }
+
+    #[test]
+    fn the_sphere_weighs_rows() {
+        let truth = RadianceImage::from_fn(16, 8, |_, _| [0.0; 3]);
+        let of = |bright: usize| {
+            let values = (0..3 * 8 * 16).map(|i| if i / 16 % 8 == bright { 1.0f32.exp_m1() } else { 0.0 }).collect();
+            let x = Tensor::<4>::from_data(TensorData::new::<f32, _>(values, [1, 3, 8, 16]), &recording_device());
+            numbers(panorama_loss(x, &truth).inner())[0]
+        };
+        let shares: Vec<f64> = (0..8).map(of).collect();
+        assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-5, "{shares:?}");
+        // sin(π/8)'s complement: the cap above 67.5° of latitude
+        assert!((shares[0] - 0.5 * (1.0 - (std::f64::consts::PI * 0.375).sin())).abs() < 1e-5);
+    }
+}

@@ -1,0 +1,154 @@
+use burn::module::Module;
+use burn::tensor::ops::PadMode;
+use burn::tensor::{Device, Tensor, TensorData};
+use imaging::{DepthMap, Image};
+
+use crate::depth::{DenseNet, DepthDecoder, GlobalEncoder, PanoramaDecoder};
+
+/// Mean and deviation of the pictures that torchvision's weights were trained on, sRGB values from 0 to 1.
+const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
+const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
+
+/// Depths that can be predicted, metres.
+const DEPTH_RANGE_M: [f64; 2] = [0.05, 200.0];
+
+/// The encoder halves the resolution five times.
+const MULTIPLE: usize = 32;
+
+/// The depth network (SPEC §4): depth of every pixel, the global lighting feature, and a panorama made of it.
+#[derive(Module, Debug)]
+pub struct DepthNet {
+    /// Features.
+    pub encoder: DenseNet,
+    /// Depth.
+    pub decoder: DepthDecoder,
+    /// `f_L`.
+    pub global: GlobalEncoder,
+    /// A panorama at the camera.
+    pub panorama: PanoramaDecoder,
+}
+
+/// What the depth network gives.
+#[derive(Debug)]
+pub struct DepthOutput {
+    /// Log depth in metres along the optical axis, `[1, 1, height, width]`.
+    pub log_depth: Tensor<4>,
+    /// The global lighting feature, `[1, features]`.
+    pub global: Tensor<2>,
+}
+
+impl DepthNet {
+    /// A network with weights drawn from `seed` and an `f_L` of this length.
+    pub fn new(global_features: usize, seed: u64, device: &Device) -> Self {
+        let mut stream = random::stream(seed, "depth network", 0);
+        let stream = &mut stream;
+        Self {
+            encoder: DenseNet::new(stream, device),
+            decoder: DepthDecoder::new(stream, device),
+            global: GlobalEncoder::new(global_features, stream, device),
+            panorama: PanoramaDecoder::new(global_features, stream, device),
+        }
+    }
+
+    /// From an sRGB photo of any size.
+    ///
+    /// # Panics
+    /// Where the photo has no pixels.
+    pub fn forward(&self, photo: &Image<[u8; 3]>) -> DepthOutput {
+        let (width, height) = (photo.width(), photo.height());
+        assert!(width > 0 && height > 0, "a photo has pixels");
+        let channels = (0..3).flat_map(|c| {
+            photo.pixels().iter().map(move |pixel| (f32::from(pixel[c]) / 255.0 - MEAN[c]) / DEVIATION[c])
+        });
+        let device = self.encoder.conv0.weight.val().device();
+        let x = Tensor::<4>::from_data(TensorData::new::<f32, _>(channels.collect(), [1, 3, height, width]), &device);
+        let missing = |size: usize| size.next_multiple_of(MULTIPLE) - size;
+        // The last rows and columns again: no edge that is not in the picture.
+        let x = x.pad((0, missing(width), 0, missing(height)), PadMode::Edge);
+        let features = self.encoder.forward(x);
+        let global = self.global.forward(features[4].clone());
+        let [nearest, farthest] = DEPTH_RANGE_M.map(f64::ln);
+        let log_depth = self.decoder.forward(features).slice([0..1, 0..1, 0..height, 0..width]);
+        DepthOutput { log_depth: log_depth.clamp(nearest, farthest), global }
+    }
+}
+
+impl DepthOutput {
+    /// The depth map, metres along the optical axis.
+    pub fn depth_m(&self) -> DepthMap {
+        let [_, _, height, width] = self.log_depth.dims();
+        let values: Vec<f32> = self.log_depth.clone().inner().into_data().iter().collect();
+        DepthMap::new(width, height, values.into_iter().map(f32::exp).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use imaging::RadianceImage;
+
+    use super::*;
+    use crate::depth::{PatchGan, depth_losses, panorama_loss};
+    use crate::{
+        Adam,
+        checkpoint::{Checkpoint, Precision},
+    };
+
+    fn photo(width: usize, height: usize) -> Image<[u8; 3]> {
+        Image::from_fn(width, height, |x, y| {
+            [(3 * x) as u8, (5 * y) as u8, if (x / 8 + y / 8) % 2 == 0 { 200 } else { 30 }]
+        })
+    }
+
+    #[test]
+    fn any_size_gives_depth_and_light() {
+        let net = DepthNet::new(16, 1, &Device::flex());
+        for (width, height) in [(50, 37), (64, 32), (1, 1)] {
+            let output = net.forward(&photo(width, height));
+            let depth = output.depth_m();
+            assert_eq!((depth.width(), depth.height()), (width, height));
+            assert!(depth.pixels().iter().all(|z| (0.049..201.0).contains(z)));
+            assert_eq!(output.global.dims(), [1, 16]);
+        }
+        let panorama = net.panorama.forward(net.forward(&photo(64, 32)).global);
+        assert_eq!(panorama.dims(), [1, 3, 64, 128]);
+        assert!(panorama.into_data().iter::<f32>().all(|c| c.is_finite() && c >= 0.0));
+    }
+
+    #[test]
+    fn a_step_of_each_network_lowers_its_loss_and_saves_its_statistics() {
+        let device = Device::flex().autodiff();
+        let (mut net, mut judge) = (DepthNet::new(16, 1, &device), PatchGan::new(2, &device));
+        let photo = photo(64, 32);
+        let truth = DepthMap::from_fn(64, 32, |x, _| 1.0 + x as f32 * 0.1);
+        let sky = RadianceImage::from_fn(128, 64, |_, y| [if y < 20 { 8.0 } else { 0.2 }; 3]);
+        let constant = |channels: usize, value: f32| {
+            let values = vec![value; channels * 64 * 128];
+            Tensor::<4>::from_data(TensorData::new(values, [1, channels, 64, 128]), &device)
+        };
+        let (mut adam, mut judge_adam) = (Adam::default(), Adam::default());
+        let (mut losses, mut opinions) = (Vec::new(), Vec::new());
+        for _ in 0..6 {
+            let output = net.forward(&photo);
+            let [log_depth, variance] = depth_losses(output.log_depth, &truth);
+            let made = net.panorama.forward(output.global);
+            let opinion = judge.generator_loss(made.clone(), constant(4, 0.0));
+            let loss = log_depth + variance * 0.5 + panorama_loss(made.clone(), &sky) + opinion * 0.01;
+            losses.push(loss.clone().inner().into_scalar::<f32>());
+            net = adam.step(net, &loss.backward(), 1e-3);
+            let loss = judge.discriminator_loss(constant(3, 1.0), made, constant(4, 0.0));
+            opinions.push(loss.clone().inner().into_scalar::<f32>());
+            judge = judge_adam.step(judge, &loss.backward(), 1e-3);
+        }
+        assert!(losses[5] < 0.9 * losses[0], "{losses:?}");
+        assert!(opinions[5] < opinions[0], "{opinions:?}");
+        // What is saved right after a training step is what the network computes with.
+        let folder = tempfile::tempdir().unwrap();
+        let mut checkpoint = Checkpoint::default();
+        checkpoint.add_module("depth", &net);
+        checkpoint.write(folder.path().join("depth.safetensors"), Precision::Full).unwrap();
+        let read = Checkpoint::read(folder.path().join("depth.safetensors")).unwrap();
+        let other = read.load_module("depth", DepthNet::new(16, 9, &Device::flex())).unwrap();
+        assert_eq!(other.forward(&photo).depth_m(), net.valid().forward(&photo).depth_m());
+    }
+}

@@ -1,0 +1,17 @@
+//! The networks: dual-octree light network, differentiable rendering, depth and global light, losses.
+//!
+//! The only crate that knows burn, the deep-learning stack.
+
+mod adam;
+pub mod checkpoint;
+pub mod depth;
+pub mod graph;
+pub mod host;
+pub mod layers;
+pub mod light;
+mod names;
+pub mod rendering;
+#[cfg(test)]
+mod testing;
+
+pub use adam::Adam;

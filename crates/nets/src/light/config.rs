@@ -1,0 +1,96 @@
+use serde::{Deserialize, Serialize};
+
+/// Shape of the light network. Every field has a default, so that a file need name only what differs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LightNetConfig {
+    /// Depth of the octree, `full_depth` to 8.
+    pub depth: u32,
+    /// Depth from which on the octree is sparse; the coarsest stage.
+    pub full_depth: u32,
+    /// Channels at the finest stage.
+    pub channels: usize,
+    /// Greatest number of channels; they double from stage to stage until then.
+    pub max_channels: usize,
+    /// Residual blocks of each stage.
+    pub blocks: usize,
+    /// Channels of a residual block ÷ channels between its two convolutions.
+    pub bottleneck: usize,
+    /// Hidden channels of the two heads of each stage.
+    pub head_channels: usize,
+    /// Channels whose mean and variance are taken together; 1 is batch normalisation on the tree at hand.
+    pub channels_per_group: usize,
+    /// Length of the global lighting feature `f_L`.
+    pub global_features: usize,
+    /// Channels that `f_L` is projected to before it joins the other features of a node.
+    pub global_channels: usize,
+    /// Greatest number of nodes of a graph that the network may grow to (and a family of eight for each depth beyond).
+    pub max_nodes: usize,
+}
+
+impl Default for LightNetConfig {
+    fn default() -> Self {
+        Self {
+            depth: 7,
+            full_depth: 4,
+            channels: 32,
+            max_channels: 256,
+            blocks: 2,
+            bottleneck: 4,
+            head_channels: 32,
+            channels_per_group: 4,
+            global_features: 64,
+            global_channels: 8,
+            max_nodes: 400_000,
+        }
+    }
+}
+
+impl LightNetConfig {
+    /// Checks what types cannot say.
+    ///
+    /// # Errors
+    /// Names the field and its range.
+    pub fn validate(&self) -> Result<(), String> {
+        let ranges = [
+            ("full_depth", self.full_depth as usize, 1, 6),
+            ("depth", self.depth as usize, self.full_depth as usize, 8),
+            ("channels", self.channels, 1, 1024),
+            ("max_channels", self.max_channels, self.channels, 4096),
+            ("blocks", self.blocks, 1, 16),
+            ("bottleneck", self.bottleneck, 1, self.channels),
+            ("head_channels", self.head_channels, 1, 1024),
+            ("channels_per_group", self.channels_per_group, 1, 4096),
+            ("global_features", self.global_features, 1, 65_536),
+            ("global_channels", self.global_channels, 1, 1024),
+            ("max_nodes", self.max_nodes, 1 << (3 * self.full_depth.min(6)), 1 << 24),
+        ];
+        if let Some((name, value, least, most)) =
+            ranges.into_iter().find(|(_, value, least, most)| !(least..=most).contains(&value))
+        {
+            return Err(format!("{name} is {value}; it must lie in {least} to {most}"));
+        }
+        let widths = self.stages().map(|depth| self.stage_channels(depth)).chain([self.head_channels]);
+        for width in widths.flat_map(|width| [width, width / self.bottleneck]) {
+            if !width.is_multiple_of(self.channels_per_group.min(width)) {
+                return Err(format!("{} channels do not divide into groups of {}", width, self.channels_per_group));
+            }
+        }
+        Ok(())
+    }
+
+    /// Depths of the stages, the coarsest first.
+    pub fn stages(&self) -> impl DoubleEndedIterator<Item = u32> + use<> {
+        self.full_depth..=self.depth
+    }
+
+    /// Channels of the stage of this depth.
+    pub fn stage_channels(&self, depth: u32) -> usize {
+        (self.channels << (self.depth - depth)).min(self.max_channels)
+    }
+
+    /// Number of different depths of the nodes of a stage's graph.
+    pub(crate) fn depths(&self, depth: u32) -> usize {
+        (depth - self.full_depth + 1) as usize
+    }
+}

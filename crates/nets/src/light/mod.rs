@@ -1,0 +1,21 @@
+//! The light network (SPEC §5): what the photo sees, as an octree, to the octree of the whole room's radiance.
+
+mod config;
+mod error;
+mod growth;
+mod input;
+mod losses;
+mod network;
+mod output;
+mod radiance;
+mod rays;
+
+pub use config::LightNetConfig;
+pub use error::LightError;
+pub use growth::Growth;
+pub use input::{LightInput, NODE_FEATURES, VisiblePoint};
+pub use losses::{LightLossConfig, LightLosses, RayLosses};
+pub use network::{LightNet, Stage};
+pub use output::{LevelOutput, LightOutput};
+pub use radiance::{KnownLight, MAX_RADIANCE, NodeLight};
+pub use rays::Rays;

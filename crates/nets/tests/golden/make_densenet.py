@@ -1,0 +1,69 @@
+"""Writes densenet.safetensors: features and gradients of torchvision's DenseNet-121 with weights made by a formula.
+
+Needs torch, torchvision and safetensors. Run beside this file. The weights themselves (30 MB) are made anew by the test.
+"""
+
+import json
+
+import numpy
+import torch
+import torchvision
+from safetensors.torch import save_file
+
+
+def fnv1a(text):
+    value = 0xCBF29CE484222325
+    for byte in text.encode():
+        value = (value ^ byte) * 0x100000001B3 % 2**64
+    return value
+
+
+def noise(name, count):
+    """Values in [-1, 1), the same in the test."""
+    h = (numpy.arange(count, dtype=numpy.uint64) + fnv1a(name) % 2**32) * 2654435761 % 2**32
+    h ^= h >> 15
+    h = h * 2246822519 % 2**32
+    h ^= h >> 13
+    return torch.from_numpy((h / 2.0**31 - 1).astype(numpy.float32))
+
+
+def values(name, shape):
+    x = noise(name, int(numpy.prod(shape))).reshape(shape)
+    if len(shape) == 4:
+        return x * (6 / (shape[1] * shape[2] * shape[3])) ** 0.5
+    if name.endswith("weight") or name.endswith("running_var"):
+        return 1 + 0.4 * x
+    return 0.2 * x
+
+
+net = torchvision.models.densenet121(weights=None)
+state = {k: v for k, v in net.state_dict().items() if not k.startswith("classifier") and not k.endswith("num_batches_tracked")}
+net.load_state_dict({k: values(k, tuple(v.shape)) for k, v in state.items()}, strict=False)
+features = net.features
+
+
+def run(x):
+    outputs = []
+    for name, module in features.named_children():
+        x = module(x)
+        if name in ("relu0", "denseblock1", "denseblock2", "denseblock3", "norm5"):
+            outputs.append(x.clone())  # some modules work in place
+    return outputs
+
+
+x = noise("photo", 3 * 64 * 96).reshape(1, 3, 64, 96)
+tensors = {}
+features.eval()
+with torch.no_grad():
+    for i, y in enumerate(run(x)):
+        tensors[f"eval.{i}"] = y.flatten()[::31]
+features.train()
+y = run(x)[4]
+(y * noise("gradient", y.numel()).reshape(y.shape)).sum().backward()
+tensors["train.4"] = y.detach().flatten()[::7]
+for name in ("conv0.weight", "denseblock2.denselayer3.norm1.weight", "denseblock4.denselayer16.conv2.weight", "transition3.conv.weight"):
+    gradient = dict(features.named_parameters())[name].grad.flatten()
+    tensors[f"gradient.{name}"] = gradient[:: max(1, gradient.numel() // 2000)]
+tensors["running_mean"] = features.denseblock3.denselayer5.norm2.running_mean
+shapes = json.dumps({k: list(v.shape) for k, v in state.items()})
+save_file({k: v.contiguous().clone() for k, v in tensors.items()}, "densenet.safetensors", metadata={"shapes": shapes})
