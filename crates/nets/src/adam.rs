@@ -9,7 +9,7 @@ use crate::names::Path;
 /// Adam (Kingma & Ba 2015) with PyTorch's defaults. Moments are kept by the parameters' names, so that they can be written to a
 /// file and belong to the same weights when it is read again.
 ///
-/// One pass over each parameter: burn's own, made of a dozen operations on tensors, took a fifth of a training step.
+/// One pass over each parameter, where burn's own makes a dozen operations on tensors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adam {
     /// Decay of the mean gradient.

@@ -24,7 +24,8 @@ fn composed(x: Tensor<2>, weights: Tensor<2>, bias: Option<Tensor<2>>) -> Tensor
     }
 }
 
-/// [`linear`] on slices. burn's own product takes twice the time of this one for the gradients of tall matrices.
+/// [`linear`] on slices. burn's own product is slow for the gradients of tall matrices (28–55 GFLOP per core and second where the
+/// forward product has 80).
 #[derive(Clone, Debug)]
 struct LinearKernel;
 
