@@ -42,10 +42,7 @@ pub(crate) fn render(baked: &BakedWorld, view: &View) -> Rendering {
         .into_par_iter()
         .map(|i| look(baked, view, at(i).0 as f32 + 0.5, at(i).1 as f32 + 0.5))
         .collect();
-    let rays = match view {
-        View::Panorama { .. } => baked.settings().pixel_light_rays,
-        View::Pinhole { .. } => (baked.settings().pixel_light_rays / 2).max(1),
-    };
+    let rays = baked.settings().pixel_light_rays;
     let sampled: Vec<Lit> = seen.par_iter().enumerate().map(|(i, seen)| sampler.sample(seen, at(i), rays)).collect();
     let filter = Filter { seen: &seen, sampled: &sampled, width, height, wraps: matches!(view, View::Panorama { .. }) };
     let lit: Vec<Lit> = (0..seen.len())

@@ -9,7 +9,7 @@ pub struct BakeSettings {
     pub gather_rays: u32,
     /// Shadow rays per cache point towards lamps and portals.
     pub light_rays: u32,
-    /// Shadow rays per pixel of a panorama; photos, whose pixels are finer, take half as many, at least one.
+    /// Shadow rays per pixel of a view.
     pub pixel_light_rays: u32,
     /// Chance: where samples lie. Has no influence on what is right, only on the noise.
     pub seed: u64,
