@@ -1,8 +1,11 @@
 //! Dual graphs and graph convolutions: the work of `graph_build_*` and `graph_conv_*` in the peers' benchmark, beside the bare
 //! matrix products of the same sizes.
 //!
-//! `PEERS_INPUT` names a folder with the peers' clouds (`rgbd_unit.npy`); without it, a box room stands in.
+//! `PEERS_INPUT` names a folder with the peers' clouds (`rgbd_unit.npy`, `rgbd_color.npy`); without it, a box room stands in.
 //! `RAYON_NUM_THREADS` sets the threads.
+
+#[path = "../../octree/benches/cloud/mod.rs"]
+mod cloud;
 
 use divan::{Bencher, black_box};
 use geometry::{Cube, Vec3};
@@ -80,27 +83,7 @@ fn layer(depth: u32, channels: usize) -> (DualGraph, Vec<f32>, Vec<f32>) {
 }
 
 fn cloud_octree() -> Octree {
-    let positions: Vec<[f32; 3]> = match std::env::var_os("PEERS_INPUT") {
-        Some(folder) => {
-            let path = std::path::Path::new(&folder).join("rgbd_unit.npy");
-            let bytes = std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-            let values: Vec<f32> =
-                npyz::NpyFile::new(&bytes[..]).and_then(|file| file.into_vec()).expect("an .npy file of f32");
-            values.as_chunks().0.to_vec()
-        }
-        None => (0..153_600)
-            .map(|i| {
-                let [u, v] = [0.754_877_666, 0.569_840_29f64].map(|a| (0.5 + a * f64::from(i)).fract() as f32);
-                let mut p = [1.6 * u - 0.8, 1.2 * v - 0.6, if i % 2 == 0 { -0.7 } else { 0.7 }];
-                p.rotate_right(i as usize % 3);
-                p
-            })
-            .collect(),
-    };
-    let points: Vec<RadiancePoint> = positions
-        .into_iter()
-        .map(|p| RadiancePoint { position_m: Vec3::from(p), radiance: [1.0; 3], coverage: Coverage::Seen })
-        .collect();
+    let points = cloud::points("rgbd");
     let cube = Cube { origin_m: Vec3::splat(-1.0), edge_m: 2.0 };
     LightOctree::from_points(&points, cube, 7, 4).expect("valid depths").0.octree
 }

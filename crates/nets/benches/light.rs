@@ -1,9 +1,12 @@
 //! The light network whole: the work of `graph_unet_*` in the peers' benchmark (graphs built anew each time, a few more input and
 //! output channels), and its training step with rays.
 //!
-//! `PEERS_INPUT` names a folder with the peers' clouds (`rgbd_unit.npy`); without it, a box room stands in.
+//! `PEERS_INPUT` names a folder with the peers' clouds (`rgbd_unit.npy`, `rgbd_color.npy`); without it, a box room stands in.
 //! `RAYON_NUM_THREADS` sets the threads. `MIMALLOC_PURGE_DELAY=10000` keeps memory between the steps as the peers' `--tuned` does: 0 to
 //! 17 % of a training step.
+
+#[path = "../../octree/benches/cloud/mod.rs"]
+mod cloud;
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
@@ -90,9 +93,9 @@ impl Trainer {
 /// The cloud's octree as input and as truth.
 fn input(depth: u32) -> (LightInput, LightNetConfig) {
     let config = LightNetConfig { depth, channels_per_group: 1, ..LightNetConfig::default() };
-    let points: Vec<RadiancePoint> = cloud()
+    let points: Vec<RadiancePoint> = cloud::points("rgbd")
         .into_iter()
-        .map(|p| RadiancePoint { position_m: Vec3::from(p), radiance: [0.5; 3], coverage: Coverage::Inferred })
+        .map(|point| RadiancePoint { radiance: [0.5; 3], coverage: Coverage::Inferred, ..point })
         .collect();
     let cube = Cube { origin_m: Vec3::splat(-1.0), edge_m: 2.0 };
     let (visible, _) = LightOctree::from_points(&points, cube, depth, config.full_depth).expect("valid depths");
@@ -102,24 +105,4 @@ fn input(depth: u32) -> (LightInput, LightNetConfig) {
     let net = LightNet::new(&config, 1, &Device::flex()).expect("a valid configuration");
     eprintln!("depth {depth}: {nodes} nodes, {} parameters", net.num_params());
     (LightInput { levels, octree: visible.octree.clone(), features, visible }, config)
-}
-
-fn cloud() -> Vec<[f32; 3]> {
-    match std::env::var_os("PEERS_INPUT") {
-        Some(folder) => {
-            let path = std::path::Path::new(&folder).join("rgbd_unit.npy");
-            let bytes = std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-            let values: Vec<f32> =
-                npyz::NpyFile::new(&bytes[..]).and_then(|file| file.into_vec()).expect("an .npy file of f32");
-            values.as_chunks().0.to_vec()
-        }
-        None => (0..153_600)
-            .map(|i| {
-                let [u, v] = [0.754_877_666, 0.569_840_29f64].map(|a| (0.5 + a * f64::from(i)).fract() as f32);
-                let mut p = [1.6 * u - 0.8, 1.2 * v - 0.6, if i % 2 == 0 { -0.7 } else { 0.7 }];
-                p.rotate_right(i as usize % 3);
-                p
-            })
-            .collect(),
-    }
 }

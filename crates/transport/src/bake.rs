@@ -35,8 +35,9 @@ pub(crate) struct Cache {
 
 impl Cache {
     pub(crate) fn bake(scene: &Scene, settings: &BakeSettings) -> Result<Self, crate::TransportError> {
-        let mut surfels = Surfels::spread(scene, settings.spacing_m)?;
-        let mut lighting = Lighting::new(Emitters::new(scene));
+        let emitters = Emitters::new(scene);
+        let mut surfels = Surfels::spread(scene, &emitters, settings.spacing_m)?;
+        let mut lighting = Lighting::new(emitters);
         surfels.retain(&reach::reached(scene, &surfels, &lighting.emitters, &other_sides(&surfels)));
         let others = other_sides(&surfels);
         let rotations = Rotations::new("transport cache", settings.seed);

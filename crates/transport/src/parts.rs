@@ -33,7 +33,7 @@ enum Inside {
 
 impl Parts {
     /// Finds the parts; those smaller than `least_m2` get number 0.
-    pub(crate) fn find(scene: &Scene, areas: &[f64], least_m2: f64) -> Self {
+    pub(crate) fn find(scene: &Scene, emitters: &Emitters, areas: &[f64], least_m2: f64) -> Self {
         let model = scene.prepared.model();
         let corners = corners(model);
         let roots = roots(model, &corners);
@@ -51,7 +51,7 @@ impl Parts {
         };
         let number = roots.iter().map(numbered).collect();
         let mut solids = closed(model, &corners, &roots);
-        for lit in around_lights(scene, &roots) {
+        for lit in around_lights(scene, emitters, &roots) {
             solids.remove(&lit);
         }
         let inside = |(triangle, root): (usize, &u32)| {
@@ -139,8 +139,7 @@ fn closed(model: &Model, corners: &[u32], roots: &[u32]) -> HashMap<u32, f64> {
 }
 
 /// Parts that are wound around lights: rooms, lanterns.
-fn around_lights(scene: &Scene, roots: &[u32]) -> HashSet<u32> {
-    let emitters = Emitters::new(scene);
+fn around_lights(scene: &Scene, emitters: &Emitters, roots: &[u32]) -> HashSet<u32> {
     let model = scene.prepared.model();
     let mut found = HashSet::new();
     let step = emitters.list.len().div_ceil(MOST_LIGHTS).max(1);

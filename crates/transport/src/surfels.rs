@@ -4,6 +4,7 @@ use geometry::Vec3;
 use rayon::prelude::*;
 
 use crate::TransportError;
+use crate::lights::Emitters;
 use crate::neighbours::Neighbours;
 use crate::parts::Parts;
 use crate::places::{self, Place};
@@ -49,7 +50,7 @@ struct Candidate {
 }
 
 impl Surfels {
-    pub(crate) fn spread(scene: &Scene, spacing_m: f32) -> Result<Self, TransportError> {
+    pub(crate) fn spread(scene: &Scene, emitters: &Emitters, spacing_m: f32) -> Result<Self, TransportError> {
         let model = scene.prepared.model();
         let areas = places::areas(model);
         let density = CANDIDATES / f64::from(spacing_m * spacing_m);
@@ -58,7 +59,7 @@ impl Surfels {
             let most = (places::MOST_PLACES / CANDIDATES) as usize;
             return Err(TransportError::TooLarge { area_m2: total as f32, spacing_m, most });
         }
-        let parts = Parts::find(scene, &areas, 2.0 * f64::from(spacing_m * spacing_m));
+        let parts = Parts::find(scene, emitters, &areas, 2.0 * f64::from(spacing_m * spacing_m));
         let mut candidates: Vec<Candidate> = places::spread(scene, density)
             .flat_map_iter(|places| places.into_iter().filter(|place| !parts.is_inside(place)))
             .map(|place| Candidate::new(place, parts.of(place.triangle), spacing_m))
