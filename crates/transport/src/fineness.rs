@@ -1,9 +1,8 @@
 //! Where light changes so quickly that surfels must lie closer together: near lamps, inside of their shades.
 
-use std::collections::HashMap;
-
 use geometry::Vec3;
 use mesh::Model;
+use rustc_hash::FxHashMap;
 
 use crate::lights::{Emitter, Emitters, Source};
 
@@ -22,13 +21,13 @@ const MOST_CELLS: i32 = 64;
 /// How often the spacing is halved, cell by cell.
 pub(crate) struct Fineness {
     spacing_m: f32,
-    levels: HashMap<[i32; 3], u32>,
+    levels: FxHashMap<[i32; 3], u32>,
 }
 
 impl Fineness {
     /// The same spacing everywhere.
     pub(crate) fn even(spacing_m: f32) -> Self {
-        Self { spacing_m, levels: HashMap::new() }
+        Self { spacing_m, levels: FxHashMap::default() }
     }
 
     /// Finer around all lamps.

@@ -1,11 +1,11 @@
 //! Radiance at points that fill the leaves of an octree.
 
-use std::collections::HashMap;
 use std::f32::consts::PI;
 
 use geometry::{Ray, Vec3, cosine_hemisphere, orthonormal_basis};
 use octree::{Coverage, RadiancePoint};
 use rayon::prelude::*;
+use rustc_hash::FxHashMap;
 
 use crate::baked::BakedWorld;
 use crate::fineness::Fineness;
@@ -50,7 +50,7 @@ pub(crate) fn spread(baked: &BakedWorld, leaf_m: f32) -> Vec<RadiancePoint> {
 /// The points but those that are hardly seen beside others of a leaf: the insides of cupboards, the floor under a rug.
 fn without_hidden(points: Vec<(RadiancePoint, f32)>, leaf_m: f32) -> Vec<RadiancePoint> {
     let cell = |position: Vec3| (position / leaf_m).floor().to_array().map(|v| v as i32);
-    let mut most: HashMap<[i32; 3], f32> = HashMap::new();
+    let mut most: FxHashMap<[i32; 3], f32> = FxHashMap::default();
     for (point, open_m3) in &points {
         let open = most.entry(cell(point.position_m)).or_default();
         *open = open.max(*open_m3);

@@ -23,6 +23,12 @@ const BLURRED: f32 = 0.5;
 /// A sample of a reflected lamp counts no more than this many times the lamp's own radiance times the gloss's albedo.
 const MOST_REFLECTED: f32 = 2.0;
 
+/// Reflected lamps below this share of what else a surface shows are looked for by chance,
+const LEAST_REFLECTED: f32 = 0.05;
+
+/// which is at least this.
+const LEAST_CHANCE: f32 = 0.1;
+
 /// Side of the square of pixels after which the samples repeat.
 const TILE: usize = 4;
 
@@ -134,8 +140,11 @@ impl<'a> Sampler<'a> {
                 rough += gloss / rays as f32;
             }
             if surface.is_glossy() && (ROUGH..BLURRED).contains(&surface.roughness) {
+                let shown = luminance(surface.diffuse * (lit.lamps + lit.indirect)) / std::f32::consts::PI;
+                let rays = rays.div_ceil(2);
                 for k in 0..rays {
-                    lit.sharp_gloss += self.reflected_lamp(surface, turn * rays + k, samples, jitter) / rays as f32;
+                    let (index, samples) = (turn * rays + k, rays * (TILE * TILE) as u32);
+                    lit.sharp_gloss += self.reflected_lamp(surface, shown, index, samples, jitter) / rays as f32;
                 }
             }
             let (diffuse, gloss) = self.sun(surface, turn);
@@ -212,8 +221,9 @@ impl<'a> Sampler<'a> {
         (arriving * surface.normal.dot(light.direction), gloss)
     }
 
-    /// Light of lamps that a narrow lobe reflects. Windows and curtains are large: a ray into the lobe finds them better.
-    fn reflected_lamp(&self, surface: &Surface, index: u32, samples: u32, jitter: [f32; 4]) -> Vec3 {
+    /// Light of lamps that a narrow lobe reflects, beside what the surface shows else (`shown`). Windows and curtains are large: a ray
+    /// into the lobe finds them better.
+    fn reflected_lamp(&self, surface: &Surface, shown: f32, index: u32, samples: u32, jitter: [f32; 4]) -> Vec3 {
         let random = [
             shifted((index as f32 + 0.5) / samples as f32, jitter[0]),
             shifted(van_der_corput(index), jitter[1]),
@@ -228,10 +238,19 @@ impl<'a> Sampler<'a> {
             return Vec3::ZERO;
         }
         let gloss = bsdf::specular_cos(surface.f0, surface.alpha(), surface.normal, surface.view, light.direction);
-        let passed = scene.transmittance(&Ray { origin: start, direction: light.direction }, light.distance_m);
         // What is reflected is never brighter than the lamp; a sample beside it would be.
         let most = MOST_REFLECTED * luminance(light.radiance * gloss_albedo(surface));
-        limited(light.radiance * passed * gloss / density, most)
+        let reflected = limited(light.radiance * gloss / density, most);
+        if reflected == Vec3::ZERO {
+            return Vec3::ZERO;
+        }
+        // Most lamps are not where a surface reflects them from: few rays look whether they are hidden.
+        let chance = (luminance(reflected) / (LEAST_REFLECTED * shown)).clamp(LEAST_CHANCE, 1.0);
+        if shifted(index as f32 * 0.618_034 % 1.0, jitter[3]) >= chance {
+            return Vec3::ZERO;
+        }
+        let passed = scene.transmittance(&Ray { origin: start, direction: light.direction }, light.distance_m);
+        reflected * passed / chance
     }
 
     /// Irradiance by the sun and its gloss.
