@@ -10,8 +10,11 @@ pub mod host;
 pub mod layers;
 pub mod light;
 mod names;
+mod networks;
 pub mod rendering;
 #[cfg(test)]
 mod testing;
 
 pub use adam::Adam;
+pub use burn::tensor::Device;
+pub use networks::{CompletedLight, GlobalLight, Networks};

@@ -6,6 +6,7 @@ use burn::tensor::{Device, Tensor, TensorData, activation::relu};
 use random::{RngExt, Stream};
 
 use crate::checkpoint::{Checkpoint, CheckpointError};
+use crate::layers::drawn;
 
 /// Channels that a dense layer adds, and that it works with.
 const GROWTH: usize = 32;
@@ -80,9 +81,8 @@ pub(super) fn conv(
         .init(device);
     let fan_in = channels[0] * kernel * kernel;
     let deviation = (2.0 / fan_in as f32).sqrt();
-    let weights = (0..channels[1] * fan_in).map(|_| deviation * normal(stream)).collect();
-    let weights = TensorData::new::<f32, _>(weights, [channels[1], channels[0], kernel, kernel]);
-    conv.weight = Param::from_data(weights, device);
+    let size = [channels[1], channels[0], kernel, kernel];
+    conv.weight = drawn(size, stream, device, move |stream| deviation * normal(stream));
     conv.bias = bias.then(|| Param::from_data(TensorData::new(vec![0.0f32; channels[1]], [channels[1]]), device));
     conv
 }
