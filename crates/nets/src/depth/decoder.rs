@@ -1,9 +1,10 @@
 use burn::module::Module;
 use burn::nn::conv::Conv2d;
 use burn::nn::{GroupNorm, GroupNormConfig};
-use burn::tensor::{Device, Tensor, activation::relu};
+use burn::tensor::{Device, Tensor};
 use random::Stream;
 
+use crate::conv::{Moments, activate, conv2d, group_norm};
 use crate::depth::densenet::{DENSENET_CHANNELS, conv};
 
 /// Channels of the decoder's stages at 1/16, 1/8, 1/4 and 1/2.
@@ -36,7 +37,9 @@ impl ConvStage {
     }
 
     pub(super) fn forward(&self, x: Tensor<4>) -> Tensor<4> {
-        relu(self.norm.forward(self.conv.forward(x)))
+        let x = conv2d(x, &self.conv);
+        let affine = group_norm(&self.norm, &Moments::new(x.clone()));
+        activate(x, affine)
     }
 }
 
@@ -65,7 +68,7 @@ impl DepthDecoder {
             .iter()
             .zip(skips)
             .fold(x, |x, (stage, skip)| stage.forward(Tensor::cat(vec![doubled(x), skip], 1)));
-        self.output.forward(self.last.forward(doubled(x)))
+        conv2d(self.last.forward(doubled(x)), &self.output)
     }
 }
 
