@@ -224,16 +224,24 @@ impl<T: Number> WithSimd for ThroughActivation<'_, T> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> [f64; 3] {
         let Self { gradient, x, affine, positive } = self;
+        let step = |gradient: &mut T, x: T, [by_scale, by_shift]: [&mut T; 2]| {
+            // The same operations as forward, so that the sign is the same.
+            let active = !positive || affine.value(x) > T::default();
+            let before = if active { *gradient } else { T::default() };
+            *by_scale += before * (x - affine.centre);
+            *by_shift += before;
+            *gradient = affine.scale * before;
+        };
         let mut sums = [[T::default(); COLUMNS]; 2];
-        for (gradient, x) in gradient.chunks_mut(COLUMNS).zip(x.chunks(COLUMNS)) {
-            for (i, (gradient, &x)) in gradient.iter_mut().zip(x).enumerate() {
-                // The same operations as forward, so that the sign is the same.
-                let active = !positive || affine.value(x) > T::default();
-                let before = if active { *gradient } else { T::default() };
-                sums[0][i] += before * (x - affine.centre);
-                sums[1][i] += before;
-                *gradient = affine.scale * before;
+        let [scale_sums, shift_sums] = &mut sums;
+        let ((chunks, rest), (x, x_rest)) = (gradient.as_chunks_mut::<COLUMNS>(), x.as_chunks::<COLUMNS>());
+        for (gradient, x) in chunks.iter_mut().zip(x) {
+            for i in 0..COLUMNS {
+                step(&mut gradient[i], x[i], [&mut scale_sums[i], &mut shift_sums[i]]);
             }
+        }
+        for (i, (gradient, &x)) in rest.iter_mut().zip(x_rest).enumerate() {
+            step(gradient, x, [&mut scale_sums[i], &mut shift_sums[i]]);
         }
         let [by_scale, by_shift] = sums.map(|sums| sums.iter().map(|sum| sum.wide()).sum::<f64>());
         [by_scale, -affine.scale.wide() * by_shift, by_shift]
@@ -241,6 +249,7 @@ impl<T: Number> WithSimd for ThroughActivation<'_, T> {
 }
 
 /// The sum, in a fixed order that vectors can follow.
+#[inline(always)]
 pub(super) fn total<T: Number>(row: &[T]) -> f64 {
     let (chunks, rest) = row.as_chunks::<COLUMNS>();
     let mut sums = [T::default(); COLUMNS];

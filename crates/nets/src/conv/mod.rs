@@ -3,6 +3,7 @@
 //! Pictures are tensors `[1, channels, height, width]`.
 
 mod activation;
+mod doubled;
 mod kernel;
 mod norm;
 mod sums;
@@ -18,6 +19,7 @@ use crate::conv::window::Window;
 use crate::host::{binary, has_kernels, ternary};
 
 pub use activation::{activate, activated_mean, scaled};
+pub use doubled::doubled;
 pub use norm::{Moments, batch_norm, group_norm};
 pub use sums::Sums;
 

@@ -139,10 +139,12 @@ impl<T: Number> WithSimd for RowMoments<'_, T> {
         let count = self.0.len() as f64;
         let mean = total(self.0) / count;
         let narrow = T::of(mean);
+        let (chunks, rest) = self.0.as_chunks::<COLUMNS>();
         let mut squares = [T::default(); COLUMNS];
-        for chunk in self.0.chunks(COLUMNS) {
+        for chunk in chunks {
             squares.iter_mut().zip(chunk).for_each(|(sum, &x)| *sum += (x - narrow) * (x - narrow));
         }
+        squares.iter_mut().zip(rest).for_each(|(sum, &x)| *sum += (x - narrow) * (x - narrow));
         [mean, squares.iter().map(|sum| sum.wide()).sum::<f64>() / count]
     }
 }

@@ -159,6 +159,11 @@ impl<T: Number> WithSimd for Read<'_, T> {
 fn read_plane<T: Number>(window: &Window, plane: &mut [T], first: usize, x: &[T], value: impl Fn(T) -> T) {
     let Window { input: [height, width], stride, padding, spread, .. } = *window;
     let (phases, pitch) = (window.phases(), window.pitch());
+    if pitch == width && stride == 1 && spread == 1 {
+        // Nothing between the rows.
+        plane.iter_mut().zip(&x[first * width..]).for_each(|(out, &x)| *out = value(x));
+        return;
+    }
     let rows = plane.len() / (phases * phases * pitch);
     for (index, row) in plane.chunks_exact_mut(pitch).enumerate() {
         let (phase, row_index) = (index / rows, index % rows);

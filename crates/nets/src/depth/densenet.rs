@@ -166,12 +166,25 @@ impl DenseNet {
 impl DenseBlock {
     /// Also gives the moments of its output's channels, in training.
     fn forward(&self, x: Tensor<4>) -> (Tensor<4>, Option<Moments>) {
-        let moments = Moments::in_training(&x);
-        self.layers.iter().fold((x, moments), |(x, moments), layer| {
+        let Some(moments) = Moments::in_training(&x) else { return (self.forward_in_place(x), None) };
+        self.layers.iter().fold((x, Some(moments)), |(x, moments), layer| {
             let new = layer.forward(x.clone(), moments.as_ref());
             let moments = moments.map(|moments| moments.joined(Moments::new(new.clone())));
             (Tensor::cat(vec![x, new], 1), moments)
         })
+    }
+
+    /// Where nothing is recorded, the layers write into one tensor: no copy of what all before gave for each.
+    fn forward_in_place(&self, x: Tensor<4>) -> Tensor<4> {
+        let [_, inputs, height, width] = x.dims();
+        let rest = Tensor::zeros([1, self.layers.len() * GROWTH, height, width], (&x.device(), x.dtype()));
+        let mut features = Tensor::cat(vec![x, rest], 1);
+        for (i, layer) in self.layers.iter().enumerate() {
+            let seen = inputs + i * GROWTH;
+            let new = layer.forward(features.clone().narrow(1, 0, seen), None);
+            features = features.slice_assign([0..1, seen..seen + GROWTH, 0..height, 0..width], new);
+        }
+        features
     }
 }
 

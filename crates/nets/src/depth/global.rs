@@ -3,8 +3,8 @@ use burn::nn::conv::Conv2d;
 use burn::tensor::{Device, Tensor, TensorData, activation, activation::relu, module::adaptive_avg_pool2d};
 use random::Stream;
 
-use crate::conv::conv2d;
-use crate::depth::decoder::{ConvStage, doubled};
+use crate::conv::{conv2d, doubled};
+use crate::depth::decoder::ConvStage;
 use crate::depth::densenet::{DENSENET_CHANNELS, conv};
 use crate::layers::Linear;
 use crate::light::MAX_RADIANCE;
@@ -71,7 +71,7 @@ impl PanoramaDecoder {
     pub fn forward(&self, features: Tensor<2>) -> Tensor<4> {
         let x = relu(self.input.forward(features)).reshape([1, PANORAMA_CHANNELS[0], 4, 8]);
         let x = self.stages.iter().fold(x, |x, stage| {
-            let x = doubled(x);
+            let x = doubled(x, None);
             let width = x.dims()[3];
             stage.forward(wrapped(x)).narrow(3, 1, width)
         });
