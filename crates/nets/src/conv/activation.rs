@@ -5,7 +5,7 @@ use burn::tensor::{Tensor, activation::relu, module::avg_pool2d};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use crate::conv::sums::COLUMNS;
+use crate::conv::sums::LANES;
 use crate::host::{Kernel, Number, binary, has_kernels};
 
 /// `scale · (x − centre) + shift`, the three rows of `affine[3, channels]`.
@@ -232,11 +232,11 @@ impl<T: Number> WithSimd for ThroughActivation<'_, T> {
             *by_shift += before;
             *gradient = affine.scale * before;
         };
-        let mut sums = [[T::default(); COLUMNS]; 2];
+        let mut sums = [[T::default(); LANES]; 2];
         let [scale_sums, shift_sums] = &mut sums;
-        let ((chunks, rest), (x, x_rest)) = (gradient.as_chunks_mut::<COLUMNS>(), x.as_chunks::<COLUMNS>());
+        let ((chunks, rest), (x, x_rest)) = (gradient.as_chunks_mut::<LANES>(), x.as_chunks::<LANES>());
         for (gradient, x) in chunks.iter_mut().zip(x) {
-            for i in 0..COLUMNS {
+            for i in 0..LANES {
                 step(&mut gradient[i], x[i], [&mut scale_sums[i], &mut shift_sums[i]]);
             }
         }
@@ -251,8 +251,8 @@ impl<T: Number> WithSimd for ThroughActivation<'_, T> {
 /// The sum, in a fixed order that vectors can follow.
 #[inline(always)]
 pub(super) fn total<T: Number>(row: &[T]) -> f64 {
-    let (chunks, rest) = row.as_chunks::<COLUMNS>();
-    let mut sums = [T::default(); COLUMNS];
+    let (chunks, rest) = row.as_chunks::<LANES>();
+    let mut sums = [T::default(); LANES];
     for chunk in chunks {
         sums.iter_mut().zip(chunk).for_each(|(sum, &value)| *sum += value);
     }

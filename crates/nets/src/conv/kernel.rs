@@ -56,10 +56,8 @@ impl Kernel for ConvKernel {
     }
 
     fn forward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]]) -> Vec<T> {
-        let ([outputs, _], [channels, _]) = (self.output_size(sizes), sizes[0]);
-        let taps = self.window.kernel.pow(2);
-        let weight = |output: usize, channel: usize, tap: usize| inputs[1][(output * channels + channel) * taps + tap];
-        let weights = grouped(outputs, [channels, taps], weight);
+        let ([outputs, _], [_, windows]) = (self.output_size(sizes), sizes[1]);
+        let weights = grouped(outputs, [1, windows], |output, _| &inputs[1][output * windows..][..windows]);
         convolve(&self.window, inputs[0], self.activation(inputs), &weights, outputs, self.bias(inputs))
     }
 
@@ -74,12 +72,12 @@ impl Kernel for ConvKernel {
         let activation = self.activation(inputs);
         let mut derivatives = vec![Vec::new(); inputs.len()];
         if wanted[0] || (activation.is_some() && wanted[2]) {
-            // Of what was convolved.
+            // By what was convolved: a convolution with the weights turned round.
             let taps = self.window.kernel.pow(2);
-            let turned = |channel: usize, output: usize, tap: usize| {
-                inputs[1][(output * channels + channel) * taps + taps - 1 - tap]
-            };
-            let weights = grouped(channels, [outputs, taps], turned);
+            let turned: Vec<T> = inputs[1].par_iter().rev().copied().collect();
+            let weights = grouped(channels, [outputs, taps], |channel, output| {
+                &turned[((outputs - 1 - output) * channels + channels - 1 - channel) * taps..][..taps]
+            });
             derivatives[0] = convolve(&self.window.transposed(), gradient, None, &weights, channels, None);
             if let Some(activation) = activation {
                 derivatives[2] = through_activation(&mut derivatives[0], inputs[0], activation, true);
@@ -95,18 +93,20 @@ impl Kernel for ConvKernel {
     }
 }
 
-/// `weight(row, channel, tap)` as `[rows / GROUP, channels, taps, GROUP]`, zeros where the rows end.
-fn grouped<T: Number>(
+/// `runs` of `length` weights, the one of each row by `weights(row, run)`, as `[rows / GROUP, runs, length, GROUP]`.
+fn grouped<'a, T: Number>(
     rows: usize,
-    [channels, taps]: [usize; 2],
-    weight: impl Fn(usize, usize, usize) -> T + Sync,
+    [runs, length]: [usize; 2],
+    weights: impl Fn(usize, usize) -> &'a [T] + Sync,
 ) -> Vec<T> {
-    let mut out = vec![T::default(); rows.div_ceil(GROUP) * channels * taps * GROUP];
-    out.par_chunks_mut(channels * taps * GROUP).enumerate().for_each(|(group, out)| {
-        let rows = group * GROUP..rows.min((group + 1) * GROUP);
-        for (channel, out) in out.chunks_exact_mut(taps * GROUP).enumerate() {
-            for (tap, out) in out.as_chunks_mut::<GROUP>().0.iter_mut().enumerate() {
-                out.iter_mut().zip(rows.clone()).for_each(|(out, row)| *out = weight(row, channel, tap));
+    let mut out = vec![T::default(); rows.div_ceil(GROUP) * runs * length * GROUP];
+    out.par_chunks_mut(runs * length * GROUP).enumerate().for_each(|(group, out)| {
+        for (run, out) in out.chunks_exact_mut(length * GROUP).enumerate() {
+            // Past the last row it is taken again and what it gives dropped.
+            let rows: [&[T]; GROUP] =
+                std::array::from_fn(|i| &weights((group * GROUP + i).min(rows - 1), run)[..length]);
+            for (k, out) in out.as_chunks_mut::<GROUP>().0.iter_mut().enumerate() {
+                *out = rows.map(|row| row[k]);
             }
         }
     });
@@ -155,19 +155,26 @@ fn convolve<T: Number>(
             }
         }
     }
-    let scratch = || Scratch { band: Vec::new(), sums: vec![T::default(); GROUP * window.columns(rows)] };
+    let columns = rows * window.pitch();
+    let scratch = || Scratch { band: Vec::new(), sums: vec![T::default(); GROUP * columns] };
     pieces.into_par_iter().for_each_init(scratch, |Scratch { band, sums }, mut piece| {
         window.read(band, [piece.first_row, rows], x, activation);
         for (group, channels) in (piece.first_group..).zip(piece.channels.chunks_mut(GROUP)) {
             let weights = &weights[group * offsets.len() * GROUP..][..offsets.len() * GROUP];
-            T::outer(weights, band, &offsets, sums);
-            for (i, (channel, sums)) in channels.iter_mut().zip(sums.chunks_exact(window.columns(rows))).enumerate() {
-                let bias = bias.map(|bias| bias[group * GROUP + i]);
-                for (out, sums) in channel.chunks_exact_mut(width).zip(sums.chunks(window.pitch())) {
-                    out.copy_from_slice(&sums[..width]);
-                    if let Some(bias) = bias {
-                        out.iter_mut().for_each(|out| *out += bias);
+            if window.pitch() == width {
+                T::outer(weights, band, &offsets, channels);
+            } else {
+                let mut rows: Vec<&mut [T]> = sums.chunks_exact_mut(columns).take(channels.len()).collect();
+                T::outer(weights, band, &offsets, &mut rows);
+                for (channel, sums) in channels.iter_mut().zip(rows) {
+                    for (out, sums) in channel.chunks_exact_mut(width).zip(sums.chunks_exact(window.pitch())) {
+                        out.copy_from_slice(&sums[..width]);
                     }
+                }
+            }
+            if let Some(bias) = bias {
+                for (channel, &bias) in channels.iter_mut().zip(&bias[group * GROUP..]) {
+                    channel.iter_mut().for_each(|out| *out += bias);
                 }
             }
         }

@@ -4,7 +4,7 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use crate::conv::activation::total;
-use crate::conv::sums::COLUMNS;
+use crate::conv::sums::LANES;
 use crate::host::{Kernel, Number, has_kernels, unary};
 
 /// Mean and variance of each channel of a picture.
@@ -139,8 +139,8 @@ impl<T: Number> WithSimd for RowMoments<'_, T> {
         let count = self.0.len() as f64;
         let mean = total(self.0) / count;
         let narrow = T::of(mean);
-        let (chunks, rest) = self.0.as_chunks::<COLUMNS>();
-        let mut squares = [T::default(); COLUMNS];
+        let (chunks, rest) = self.0.as_chunks::<LANES>();
+        let mut squares = [T::default(); LANES];
         for chunk in chunks {
             squares.iter_mut().zip(chunk).for_each(|(sum, &x)| *sum += (x - narrow) * (x - narrow));
         }

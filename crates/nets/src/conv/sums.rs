@@ -5,8 +5,8 @@ use pulp::{Arch, Simd, WithSimd};
 /// Channels that [`Sums::outer`] computes together.
 pub const GROUP: usize = 8;
 
-/// [`Sums::outer`]'s columns come in multiples of this.
-pub const COLUMNS: usize = 16;
+/// Numbers in the widest vector.
+pub const LANES: usize = 16;
 
 /// Rows and windows that [`Sums::inner`] computes together: their sums stay in registers.
 const ROWS: usize = 4;
@@ -14,12 +14,12 @@ const WINDOWS: usize = 6;
 
 /// Sums of products of numbers with numbers at given places.
 pub trait Sums: Sized {
-    /// `out[channel][column] = Σ_k weights[k][channel] · data[offsets[k] + column]` for [`GROUP`] channels and a multiple of
-    /// [`COLUMNS`] columns.
+    /// `out[channel][column] = Σ_k weights[k][channel] · data[offsets[k] + column]`, with weights `[windows, GROUP]` and for at most
+    /// [`GROUP`] channels of the same length.
     ///
     /// # Panics
-    /// Where a window leaves `data`.
-    fn outer(weights: &[Self], data: &[Self], offsets: &[usize], out: &mut [Self]);
+    /// Where a window, made longer to whole vectors of [`LANES`], leaves `data`.
+    fn outer(weights: &[Self], data: &[Self], offsets: &[usize], out: &mut [&mut [Self]]);
 
     /// `out[row][k] += Σ_p rows[row][p] · data[offsets[k] + p]`, where all rows have the same length.
     ///
@@ -30,9 +30,8 @@ pub trait Sums: Sized {
 
 /// Checks gradients; nothing depends on its speed.
 impl Sums for f64 {
-    fn outer(weights: &[Self], data: &[Self], offsets: &[usize], out: &mut [Self]) {
-        let columns = out.len() / GROUP;
-        for (channel, out) in out.chunks_exact_mut(columns).enumerate() {
+    fn outer(weights: &[Self], data: &[Self], offsets: &[usize], out: &mut [&mut [Self]]) {
+        for (channel, out) in out.iter_mut().enumerate() {
             for (column, out) in out.iter_mut().enumerate() {
                 let factors = weights.iter().skip(channel).step_by(GROUP);
                 *out = factors.zip(offsets).map(|(weight, offset)| weight * data[offset + column]).sum();
@@ -50,9 +49,9 @@ impl Sums for f64 {
 }
 
 impl Sums for f32 {
-    fn outer(weights: &[Self], data: &[Self], offsets: &[usize], out: &mut [Self]) {
+    fn outer(weights: &[Self], data: &[Self], offsets: &[usize], out: &mut [&mut [Self]]) {
         assert_eq!(weights.len(), offsets.len() * GROUP, "weights of a group for each window");
-        assert!(out.len().is_multiple_of(GROUP * COLUMNS), "whole vectors of columns");
+        assert!(out.len() <= GROUP && out.iter().all(|row| row.len() == out[0].len()), "a group of channels");
         Arch::new().dispatch(Outer { weights, data, offsets, out });
     }
 
@@ -62,22 +61,22 @@ impl Sums for f32 {
     }
 }
 
-struct Outer<'a> {
+struct Outer<'a, 'b> {
     weights: &'a [f32],
     data: &'a [f32],
     offsets: &'a [usize],
-    out: &'a mut [f32],
+    out: &'a mut [&'b mut [f32]],
 }
 
-impl WithSimd for Outer<'_> {
+impl WithSimd for Outer<'_, '_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
-        let columns = self.out.len() / GROUP;
+        let columns = self.out.first().map_or(0, |row| row.len());
         let mut start = 0;
         while start < columns {
-            let vectors = (columns - start) / S::F32_LANES;
+            let vectors = (columns - start).div_ceil(S::F32_LANES);
             // 4 vectors are better two and two.
             let vectors = if vectors == 4 { 2 } else { vectors.min(3) };
             if S::REGISTER_COUNT >= 32 {
@@ -100,7 +99,7 @@ impl WithSimd for Outer<'_> {
     }
 }
 
-impl Outer<'_> {
+impl Outer<'_, '_> {
     /// Some of the channels, from `first`, and vectors of columns, from `start`.
     #[inline(always)]
     fn tile<S: Simd, const CHANNELS: usize, const VECTORS: usize>(&mut self, simd: S, first: usize, start: usize) {
@@ -115,10 +114,13 @@ impl Outer<'_> {
                 }
             }
         }
-        let columns = self.out.len() / GROUP;
-        for (channel, sums) in sums.iter().enumerate() {
-            let out = &mut self.out[(first + channel) * columns + start..][..width];
-            S::as_mut_simd_f32s(out).0.copy_from_slice(sums);
+        for (out, sums) in self.out.iter_mut().skip(first).zip(&sums) {
+            let end = out.len().min(start + width);
+            let (vectors, rest) = S::as_mut_simd_f32s(&mut out[start..end]);
+            vectors.iter_mut().zip(sums).for_each(|(out, &sum)| *out = sum);
+            if !rest.is_empty() {
+                simd.partial_store_f32s(rest, sums[vectors.len()]);
+            }
         }
     }
 }
@@ -205,13 +207,15 @@ mod tests {
 
     #[test]
     fn f32_sums_are_the_f64_sums() {
-        for (windows, columns, rows) in [(1, 16, 1), (5, 32, 3), (27, 48, 4), (40, 64, 9), (13, 176, 7)] {
-            let data = values(3 * windows + 2 * columns, 1);
+        for (windows, columns, rows) in [(1, 16, 1), (5, 37, 3), (27, 48, 4), (40, 61, 9), (13, 175, 7)] {
+            let data = values(3 * windows + 2 * columns + LANES, 1);
             let offsets: Vec<usize> = (0..windows).map(|k| (7 * k) % (3 * windows)).collect();
             let weights = values(GROUP * windows, 2);
-            let (mut expected, mut got) = (vec![0.0; GROUP * columns], vec![0.0; GROUP * columns]);
-            f64::outer(&weights, &data, &offsets, &mut expected);
-            f32::outer(&narrow(&weights), &narrow(&data), &offsets, &mut got);
+            let channels = GROUP.min(rows);
+            let (mut expected, mut got) = (vec![0.0; channels * columns], vec![0.0; channels * columns]);
+            f64::outer(&weights, &data, &offsets, &mut expected.chunks_mut(columns).collect::<Vec<_>>());
+            let (weights, narrow_data) = (narrow(&weights), narrow(&data));
+            f32::outer(&weights, &narrow_data, &offsets, &mut got.chunks_mut(columns).collect::<Vec<_>>());
             let got: Vec<f64> = got.into_iter().map(f64::from).collect();
             let (error, largest) = difference(&got, &expected);
             assert!(error <= 2e-6 * largest, "outer {windows} {columns}: {error} of {largest}");
@@ -222,7 +226,7 @@ mod tests {
             let (mut expected, mut got) = (vec![1.0; rows * windows], vec![1.0; rows * windows]);
             f64::inner(&left.chunks(length).collect::<Vec<_>>(), &data, &offsets, &mut expected);
             let left = narrow(&left);
-            f32::inner(&left.chunks(length).collect::<Vec<_>>(), &narrow(&data), &offsets, &mut got);
+            f32::inner(&left.chunks(length).collect::<Vec<_>>(), &narrow_data, &offsets, &mut got);
             let got: Vec<f64> = got.into_iter().map(f64::from).collect();
             let (error, largest) = difference(&got, &expected);
             assert!(error <= 2e-6 * largest, "inner {windows} {rows}: {error} of {largest}");

@@ -1,7 +1,7 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use crate::conv::activation::{Affine, positive};
-use crate::conv::sums::COLUMNS;
+use crate::conv::sums::LANES;
 use crate::host::Number;
 
 /// Numbers of a band of all channels together: half a megabyte in f32, so that it stays in the second cache.
@@ -83,15 +83,10 @@ impl Window {
 
     /// Output rows of a band of so many channels.
     pub fn band_rows(&self, channels: usize) -> usize {
-        let columns = (BAND / (channels * self.phases().pow(2)).max(1)).clamp(4 * COLUMNS, BAND_COLUMNS);
+        let columns = (BAND / (channels * self.phases().pow(2)).max(1)).clamp(4 * LANES, BAND_COLUMNS);
         let rows = (columns / self.pitch()).clamp(1, self.output[0].max(1));
         // Bands of the same size, as far as possible.
         self.output[0].max(1).div_ceil(self.output[0].max(1).div_ceil(rows))
-    }
-
-    /// Columns to compute for a band.
-    pub fn columns(&self, rows: usize) -> usize {
-        (rows * self.pitch()).next_multiple_of(COLUMNS)
     }
 
     /// Numbers of one channel in a band.
@@ -122,9 +117,11 @@ impl Window {
         activation: Option<Affine<T>>,
     ) {
         let channels = x.len() / (self.input[0] * self.input[1]);
-        band.clear();
         // Past the last channel's plane nothing is read but by columns that mean nothing.
-        band.resize(channels * self.plane(rows) + COLUMNS + self.extra(), T::default());
+        let length = channels * self.plane(rows) + LANES + self.extra();
+        if band.len() < length {
+            band.resize(length, T::default());
+        }
         Arch::new().dispatch(Read { window: self, band, first, plane: self.plane(rows), x, activation });
     }
 }
@@ -169,18 +166,22 @@ fn read_plane<T: Number>(window: &Window, plane: &mut [T], first: usize, x: &[T]
         let (phase, row_index) = (index / rows, index % rows);
         // The picture's row.
         let y = (first + row_index) * stride + phase / phases;
-        let Some(y) = y.checked_sub(padding).filter(|y| y % spread == 0 && y / spread < height) else { continue };
+        let Some(y) = y.checked_sub(padding).filter(|y| y % spread == 0 && y / spread < height) else {
+            row.fill(T::default());
+            continue;
+        };
         let x = &x[y / spread * width..][..width];
         if stride == 1 && spread == 1 {
-            for (out, &x) in row.iter_mut().skip(padding).zip(x) {
-                *out = value(x);
-            }
+            let (left, rest) = row.split_at_mut(padding.min(pitch));
+            let (middle, right) = rest.split_at_mut(width.min(rest.len()));
+            left.fill(T::default());
+            middle.iter_mut().zip(x).for_each(|(out, &x)| *out = value(x));
+            right.fill(T::default());
         } else {
             for (column, out) in row.iter_mut().enumerate() {
                 let place = (column * stride + phase % phases).checked_sub(padding);
-                if let Some(place) = place.filter(|place| place % spread == 0 && place / spread < width) {
-                    *out = value(x[place / spread]);
-                }
+                let place = place.filter(|place| place % spread == 0 && place / spread < width);
+                *out = place.map_or(T::default(), |place| value(x[place / spread]));
             }
         }
     }

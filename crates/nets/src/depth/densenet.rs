@@ -177,8 +177,9 @@ impl DenseBlock {
     /// Where nothing is recorded, the layers write into one tensor: no copy of what all before gave for each.
     fn forward_in_place(&self, x: Tensor<4>) -> Tensor<4> {
         let [_, inputs, height, width] = x.dims();
-        let rest = Tensor::zeros([1, self.layers.len() * GROWTH, height, width], (&x.device(), x.dtype()));
-        let mut features = Tensor::cat(vec![x, rest], 1);
+        let channels = inputs + self.layers.len() * GROWTH;
+        let features = Tensor::zeros([1, channels, height, width], (&x.device(), x.dtype()));
+        let mut features = features.slice_assign([0..1, 0..inputs, 0..height, 0..width], x);
         for (i, layer) in self.layers.iter().enumerate() {
             let seen = inputs + i * GROWTH;
             let new = layer.forward(features.clone().narrow(1, 0, seen), None);
