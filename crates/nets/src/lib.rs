@@ -4,6 +4,7 @@
 
 mod adam;
 pub mod checkpoint;
+pub mod conv;
 pub mod depth;
 pub mod graph;
 pub mod host;
