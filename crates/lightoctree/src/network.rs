@@ -166,7 +166,9 @@ mod tests {
 
     #[test]
     fn what_the_photo_saw_is_in_the_scene() {
-        let (scene, messages) = estimated(&networks(&config(), &[]));
+        // Weights that want to change everything.
+        let (scene, messages) =
+            estimated(&networks(&config(), &[("light_net.regression.3.output.weights", &[8, 8], 0.5)]));
         let frame = &scene.frame;
         assert_eq!((&frame.photo, scene.completion, scene.light.octree.depth()), (&photo(), Completion::Network, 6));
         let view = ConeTracer::new(&scene.light, cone::Settings::default()).unwrap().perspective(&frame.camera);
