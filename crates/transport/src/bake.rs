@@ -42,7 +42,7 @@ impl Cache {
         let others = other_sides(&surfels);
         let rotations = Rotations::new("transport cache", settings.seed);
         let sample = |lighting: &Lighting, surfel: &Surfel, rays: u32, gather_rays: u32, i: usize| {
-            let (position, reach_m) = (surfel.position, settings.spacing_m);
+            let (position, reach_m) = (surfel.position, surfel.spacing_m);
             lighting.direct(scene, position, surfel.normal, reach_m, rays, gather_rays, rotations.of(i))
         };
         // Sheets lit from behind become lights themselves.
@@ -71,7 +71,7 @@ impl Cache {
         spread_mirrored(&surfels, &neighbourhoods, &mut rows);
         let direct: Vec<Vec3> = lit.iter().zip(&rows).map(|(lit, row)| lit.irradiance + row.lamps + lit.sun).collect();
         let mut indirect = exchange(&surfels, &rows, &direct, &others, settings.gather_rays);
-        denoise(&neighbourhoods, &rows, settings.spacing_m, &mut indirect);
+        denoise(&surfels, &neighbourhoods, &rows, &mut indirect);
         let behind = |&other: &u32| match other {
             u32::MAX => Vec3::ZERO,
             other => direct[other as usize] + indirect[other as usize],
@@ -113,8 +113,8 @@ fn other_sides(surfels: &Surfels) -> Vec<u32> {
 /// Radiance leaving each surfel if indirect light were the same everywhere.
 fn first_estimate(surfels: &Surfels, lit: &[Direct], others: &[u32]) -> Vec<Vec3> {
     let direct = |i: usize| lit[i].irradiance + lit[i].sun;
-    let mean = (0..lit.len()).map(direct).sum::<Vec3>() / lit.len().max(1) as f32;
-    let albedo = surfels.list.iter().map(|surfel| surfel.scatter.same_side).sum::<Vec3>() / lit.len().max(1) as f32;
+    let mean = surfels.mean(direct);
+    let albedo = surfels.mean(|i| surfels.list[i].scatter.same_side);
     let ambient = mean * albedo / (Vec3::ONE - albedo).max(Vec3::splat(0.1));
     (0..lit.len()).map(|i| leaving(surfels, |i| direct(i) + ambient, others, i)).collect()
 }

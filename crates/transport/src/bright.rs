@@ -42,9 +42,10 @@ pub(crate) fn push_sheets(scene: &Scene, surfels: &Surfels, glow: &[Vec3], emitt
 /// Surfaces much brighter than the rest: lit by the sun, near to a lamp, under the open sky. `leaving` is an estimate of the
 /// radiance of each surfel; the exchange makes up for what is wrong in it.
 pub(crate) fn bright<'s>(scene: &Scene, surfels: &'s Surfels, lighting: &Lighting, leaving: Vec<Vec3>) -> Lighting<'s> {
-    let lit = leaving.iter().map(|&l| luminance(l)).filter(|&l| l > 0.0);
-    let (sum, count) = lit.fold((0.0, 0), |(sum, count), l| (sum + f64::from(l).ln(), count + 1));
-    let least = (f64::from(BRIGHT) * (sum / f64::from(count.max(1))).exp()) as f32;
+    let lit = leaving.iter().map(|&l| luminance(l)).zip(&surfels.list).filter(|(l, _)| *l > 0.0);
+    let areas = lit.map(|(l, surfel)| (f64::from(l), f64::from(surfel.area_m2())));
+    let (sum, area) = areas.fold((0.0, 0.0), |(sum, total), (l, area)| (sum + l.ln() * area, total + area));
+    let least = (f64::from(BRIGHT) * (sum / area.max(f64::MIN_POSITIVE)).exp()) as f32;
     let hot: Vec<bool> = leaving.iter().map(|&light| luminance(light) > least).collect();
     let emitters = pieces(scene, surfels, lighting, &leaving, &hot);
     Lighting { surfaces: Some(Surfaces { surfels, leaving }), ..Lighting::new(emitters) }
@@ -87,7 +88,7 @@ fn pieces(scene: &Scene, surfels: &Surfels, lighting: &Lighting, leaving: &[Vec3
         }
     }
     for (i, surfel) in surfels.list.iter().enumerate().filter(|(i, _)| hot[*i]) {
-        for place in surfel.place.around(scene, 0.6 * surfels.spacing_m()) {
+        for place in surfel.place.around(scene, 0.6 * surfel.spacing_m) {
             let hit = Hit { distance_m: 0.0, triangle: place.triangle, barycentric: place.barycentric };
             let Some(piece) = emitters.of(&hit) else { continue };
             let back = emitters.list[piece as usize].normal.dot(surfel.normal) < 0.0;

@@ -9,7 +9,7 @@ use crate::gather::Row;
 use crate::lighting::limited;
 use crate::lights::luminance;
 use crate::neighbours::Neighbourhoods;
-use crate::surfels::Surfels;
+use crate::surfels::{Surfel, Surfels};
 
 /// Passes that take out single bright and dark surfels; more of them close larger holes.
 const DESPECKLING: usize = 3;
@@ -79,25 +79,25 @@ pub(crate) fn spread_mirrored(surfels: &Surfels, neighbourhoods: &Neighbourhoods
     let mut sums = [(Vec3::ZERO, 0.0_f32); 6];
     for (surfel, row) in surfels.list.iter().zip(&*rows) {
         let sum = &mut sums[surfel.face()];
-        *sum = (sum.0 + row.excess, sum.1 + 1.0);
+        *sum = (sum.0 + row.excess * surfel.area_m2(), sum.1 + surfel.area_m2());
     }
     for ((surfel, row), mirrored) in surfels.list.iter().zip(rows).zip(mirrored) {
-        let (sum, count) = sums[surfel.face()];
-        row.light += mirrored + sum / count;
+        let (sum, area_m2) = sums[surfel.face()];
+        row.light += mirrored + sum / area_m2;
     }
 }
 
 /// Takes the noise of few rays out of indirect light: first single surfels, then what is left by averaging over neighbours, widely
 /// where everything is far away, for light from afar changes slowly (Ward et al. 1988).
-pub(crate) fn denoise(neighbourhoods: &Neighbourhoods, rows: &[Row], spacing_m: f32, indirect: &mut Vec<Vec3>) {
+pub(crate) fn denoise(surfels: &Surfels, neighbourhoods: &Neighbourhoods, rows: &[Row], indirect: &mut Vec<Vec3>) {
     for _ in 0..DESPECKLING {
         *indirect = (0..rows.len()).into_par_iter().map(|i| despeckled(neighbourhoods, indirect, i)).collect();
     }
-    let passes = |row: &Row| {
-        let reach = REACH_SHARE / (SPREAD_OF_PASS * spacing_m * row.nearness_per_m.max(1e-6));
+    let passes = |(surfel, row): (&Surfel, &Row)| {
+        let reach = REACH_SHARE / (SPREAD_OF_PASS * surfel.spacing_m * row.nearness_per_m.max(1e-6));
         (reach * reach).clamp(*PASSES.start(), *PASSES.end()) as u32
     };
-    let passes: Vec<u32> = rows.iter().map(passes).collect();
+    let passes: Vec<u32> = surfels.list.iter().zip(rows).map(passes).collect();
     for pass in 0..*PASSES.end() as u32 {
         let averaged = |i: usize| if pass < passes[i] { neighbourhoods.mean(i, indirect) } else { indirect[i] };
         *indirect = (0..rows.len()).into_par_iter().map(averaged).collect();

@@ -11,14 +11,14 @@ use crate::lighting::{Direct, Lighting, Part, limited};
 use crate::lights::luminance;
 use crate::pattern::{Rotations, shifted};
 use crate::scene::{Scene, Surface};
-use crate::surfels::Surfels;
+use crate::surfels::{Surfel, Surfels};
 use crate::transfer;
 
 /// Most mirrors and panes on the way of a gather ray.
 const MOST_MIRRORS: u32 = 8;
 
 /// Lamps in mirrors are no brighter to the cache than this many times the mean irradiance: few rays find them.
-const MOST_MIRRORED: f64 = 1.0;
+const MOST_MIRRORED: f32 = 1.0;
 
 /// Free space farther away than this does not count for how open a surfel lies.
 const MOST_OPEN_M: f32 = 5.0;
@@ -73,8 +73,7 @@ impl Gatherer<'_> {
     /// What the rays of all surfels find; `lit` is what light samples found there.
     pub(crate) fn gather(&self, surfels: &Surfels, lighting: &Lighting, bright: &Lighting, lit: &[Direct]) -> Vec<Row> {
         // Mirrored lamps are limited by what matte surfaces get on average.
-        let sum: f64 = lit.iter().map(|lit| f64::from(luminance(lit.irradiance + lit.sun))).sum();
-        let most = (MOST_MIRRORED * sum / lit.len().max(1) as f64) as f32;
+        let most = MOST_MIRRORED * luminance(surfels.mean(|i| lit[i].irradiance + lit[i].sun));
         (0..lit.len()).into_par_iter().map(|i| self.row(surfels, lighting, bright, &lit[i].parts, i, most)).collect()
     }
 
@@ -93,14 +92,14 @@ impl Gatherer<'_> {
         let basis = orthonormal_basis(surfel.normal) * turn;
         let origin = offset_origin(surfel.position, surfel.normal);
         let (rays, gather) = (self.settings.light_rays, self.settings.gather_rays);
-        let reach = self.settings.spacing_m;
+        let reach = surfel.spacing_m;
         let lit = bright.direct(self.scene, surfel.position, surfel.normal, reach, rays, gather, rotation);
         let (bright, sampled) = (Bright { lighting: bright, parts: &lit.parts }, &lit);
         let mut row = Row { links: Vec::with_capacity(self.pattern.len()), ..Row::default() };
         for (k, &local) in self.pattern.iter().enumerate() {
             let ray = Ray { origin, direction: basis * local };
             let dice = shifted(k as f32 * 0.618_034 % 1.0, rotation[0]);
-            self.follow(surfels, lighting, parts, &bright, surfel.normal, ray, local.z / PI, dice, most, &mut row);
+            self.follow(surfels, lighting, parts, &bright, surfel, ray, local.z / PI, dice, most, &mut row);
         }
         row.light *= PI / self.pattern.len() as f32;
         row.light += sampled.irradiance;
@@ -119,7 +118,7 @@ impl Gatherer<'_> {
         lighting: &Lighting,
         parts: &[Part],
         bright: &Bright,
-        normal: Vec3,
+        surfel: &Surfel,
         mut ray: Ray,
         density: f32,
         mut dice: f32,
@@ -148,14 +147,14 @@ impl Gatherer<'_> {
             };
             if std::mem::take(&mut first) {
                 row.open_m3 += hit.distance_m.min(MOST_OPEN_M).powi(3);
-                row.nearness_per_m += 1.0 / hit.distance_m.max(0.1 * self.settings.spacing_m);
+                row.nearness_per_m += 1.0 / hit.distance_m.max(0.1 * surfel.spacing_m);
             }
             let surface = self.scene.surface(&hit, &ray, 0.0);
             let offset = surface.position - start.origin;
             let sr_per_m2 = surface.geometric_normal.dot(ray.direction).abs() / offset.length_squared().max(1e-12);
             // Share of the light of an emitter that gather rays answer for; the rest is light samples'.
             let share = |lighting: &Lighting, parts: &[Part], emitter: u32| {
-                let other = lighting.density(parts, emitter, start.origin, normal, sr_per_m2.max(1e-9));
+                let other = lighting.density(parts, emitter, start.origin, surfel.normal, sr_per_m2.max(1e-9));
                 let own = self.pattern.len() as f32 * density;
                 own / (own + other)
             };

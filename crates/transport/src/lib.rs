@@ -7,6 +7,7 @@ mod bright;
 mod bsdf;
 mod error;
 mod exchange;
+mod fineness;
 mod gather;
 mod gbuffer;
 mod light_tree;

@@ -35,6 +35,33 @@ pub(crate) struct CutNode {
     pub importance: f32,
 }
 
+/// Where a glossy surface reflects a viewer's direction to.
+pub(crate) struct Lobe {
+    pub mirrored: Vec3,
+    /// Of the GGX distribution.
+    pub alpha: f32,
+}
+
+impl Lobe {
+    /// Share of the peak that even the farthest directions count for: the bound is none.
+    const LEAST: f32 = 1e-3;
+
+    /// About the greatest value of the lobe towards a node, as a share of its peak.
+    fn most(&self, point: Vec3, node: &Node) -> f32 {
+        let offset = node.center - point;
+        let distance = offset.length();
+        if distance <= node.radius_m {
+            return 1.0;
+        }
+        let sin_u = node.radius_m / distance;
+        let cosine = widened(self.mirrored.dot(offset) / distance, (1.0 - sin_u * sin_u).sqrt(), sin_u);
+        // The half vector turns by half of the angle: 1 − cos² of it.
+        let sin2_half = 0.5 * (1.0 - cosine);
+        let alpha2 = self.alpha * self.alpha;
+        (alpha2 / (alpha2 + sin2_half * (1.0 - alpha2))).powi(2).max(Self::LEAST)
+    }
+}
+
 impl LightTree {
     pub(crate) fn build(emitters: &[Emitter]) -> Self {
         let mut order: Vec<u32> = (0..emitters.len() as u32).filter(|&e| emitters[e as usize].weight() > 0.0).collect();
@@ -89,10 +116,22 @@ impl LightTree {
     }
 
     /// Chooses an emitter of a node for a point by what it can give there, with `u` in [0, 1); also its probability.
-    pub(crate) fn choose(&self, mut node: u32, mut u: f32, point: Vec3, normal: Vec3) -> Option<(u32, f32)> {
+    pub(crate) fn choose(&self, node: u32, u: f32, point: Vec3, normal: Vec3) -> Option<(u32, f32)> {
+        self.descend(node, u, |node| node.importance(point, normal, 0.0))
+    }
+
+    /// The same for what is reflected by a lobe.
+    pub(crate) fn choose_reflected(&self, u: f32, point: Vec3, normal: Vec3, lobe: &Lobe) -> Option<(u32, f32)> {
+        if self.is_empty() {
+            return None;
+        }
+        self.descend(0, u, |node| node.importance(point, normal, 0.0) * lobe.most(point, node))
+    }
+
+    fn descend(&self, mut node: u32, mut u: f32, weight: impl Fn(&Node) -> f32) -> Option<(u32, f32)> {
         let mut probability = 1.0;
         while self.nodes[node as usize].second != 0 {
-            let share = self.first_share(node, point, normal)?;
+            let share = self.first_share(node, &weight)?;
             if u < share {
                 u /= share;
                 probability *= share;
@@ -122,7 +161,7 @@ impl LightTree {
         let (at, mut node) = cut.enumerate().find(|&(_, node)| inside(node))?;
         let mut probability = 1.0;
         while self.nodes[node as usize].second != 0 {
-            let share = self.first_share(node, point, normal)?;
+            let share = self.first_share(node, |node| node.importance(point, normal, 0.0))?;
             let second = self.nodes[node as usize].second;
             let in_first = place < self.nodes[second as usize].from;
             probability *= if in_first { share } else { 1.0 - share };
@@ -132,9 +171,9 @@ impl LightTree {
     }
 
     /// Share of the first child in what a node can give; nothing where neither gives anything.
-    fn first_share(&self, node: u32, point: Vec3, normal: Vec3) -> Option<f32> {
+    fn first_share(&self, node: u32, weight: impl Fn(&Node) -> f32) -> Option<f32> {
         let second = self.nodes[node as usize].second;
-        let [first, second] = [node + 1, second].map(|n| self.nodes[n as usize].importance(point, normal, 0.0));
+        let [first, second] = [node + 1, second].map(|n| weight(&self.nodes[n as usize]));
         let share = first / (first + second);
         share.is_finite().then_some(share)
     }

@@ -5,8 +5,8 @@ use std::f32::consts::PI;
 use geometry::Vec3;
 use mesh::offset_origin;
 
-use crate::light_tree::{CutNode, LightTree};
-use crate::lights::{Emitters, Source, luminance};
+use crate::light_tree::{CutNode, LightTree, Lobe};
+use crate::lights::{Emitters, LightSample, Source, luminance};
 use crate::pattern::{self, shifted};
 use crate::scene::Scene;
 use crate::surfels::Surfels;
@@ -121,15 +121,42 @@ impl Lighting<'_> {
         node: u32,
         random: [f32; 3],
         samples: f32,
-    ) -> Option<(crate::lights::LightSample, f32)> {
+    ) -> Option<(LightSample, f32)> {
         let (chosen, probability) = self.tree.choose(node, random[0].min(1.0 - f32::EPSILON), origin, normal)?;
+        self.sample_of(scene, origin, normal, chosen, [random[1], random[2]], samples * probability)
+    }
+
+    /// A sample for what a lobe reflects, from all lights.
+    pub(crate) fn sample_reflected(
+        &self,
+        scene: &Scene,
+        origin: Vec3,
+        normal: Vec3,
+        lobe: &Lobe,
+        random: [f32; 3],
+    ) -> Option<(LightSample, f32)> {
+        let u = random[0].min(1.0 - f32::EPSILON);
+        let (chosen, probability) = self.tree.choose_reflected(u, origin, normal, lobe)?;
+        self.sample_of(scene, origin, normal, chosen, [random[1], random[2]], probability)
+    }
+
+    /// A sample of an emitter that is chosen so often on the average.
+    fn sample_of(
+        &self,
+        scene: &Scene,
+        origin: Vec3,
+        normal: Vec3,
+        chosen: u32,
+        random: [f32; 2],
+        times: f32,
+    ) -> Option<(LightSample, f32)> {
         let emitter = &self.emitters.list[chosen as usize];
-        let mut light = emitter.sample(scene, origin, [random[1], random[2]])?;
+        let mut light = emitter.sample(scene, origin, random)?;
         if let (Some(surfaces), Source::Triangle { triangle, .. }) = (&self.surfaces, emitter.source) {
             let side = if light.direction.dot(emitter.normal) < 0.0 { emitter.normal } else { -emitter.normal };
             light.radiance = surfaces.radiance(origin + light.direction * light.distance_m, side, triangle);
         }
-        let density = samples * probability / (emitter.area_m2 * light.sr_per_m2);
+        let density = times / (emitter.area_m2 * light.sr_per_m2);
         (normal.dot(light.direction) > 0.0 && light.radiance != Vec3::ZERO).then_some((light, density))
     }
 

@@ -4,6 +4,7 @@ use geometry::{Ray, Vec2, Vec3};
 use mesh::{AlphaMode, Hit, Model};
 use rayon::prelude::*;
 
+use crate::fineness::Fineness;
 use crate::pattern;
 use crate::scene::{Scene, Surface};
 
@@ -59,23 +60,29 @@ impl Place {
     }
 }
 
-/// About `per_m2` places on each side, in the order of the triangles; none where a surface is cut out.
-pub(crate) fn spread(scene: &Scene, per_m2: f64) -> impl IndexedParallelIterator<Item = Vec<Place>> {
+/// About `per_m2` places on each side, four times as many for each halving by `fineness`, in the order of the triangles; none
+/// where a surface is cut out.
+pub(crate) fn spread<'a>(
+    scene: &'a Scene,
+    per_m2: f64,
+    fineness: &'a Fineness,
+) -> impl IndexedParallelIterator<Item = Vec<Place>> + 'a {
     let model = scene.prepared.model();
     let areas = areas(model);
-    let total: f64 = areas.iter().sum();
+    let finest: Vec<u32> = (0..areas.len() as u32).map(|triangle| fineness.most_on(model, triangle)).collect();
+    let total: f64 = areas.iter().zip(&finest).map(|(area, finest)| area * f64::from(1 << (2 * finest))).sum();
     let density = per_m2.min(MOST_PLACES / total.max(1e-9));
     // Each triangle gets the places between two running sums, so that small ones share them fairly.
-    let running = |sum: &mut f64, area: &f64| {
+    let running = |sum: &mut f64, (area, finest): (&f64, &u32)| {
         let from = *sum;
-        *sum += area * density;
-        Some((from.ceil() as u32, sum.ceil() as u32))
+        *sum += area * density * f64::from(1 << (2 * finest));
+        Some((from.ceil() as u32, sum.ceil() as u32, *finest))
     };
-    let ranges: Vec<(u32, u32)> = areas.iter().scan(0.0, running).collect();
-    ranges.into_par_iter().enumerate().map(move |(triangle, (from, to))| {
-        let mut places = Vec::with_capacity(2 * (to - from) as usize);
+    let ranges: Vec<(u32, u32, u32)> = areas.iter().zip(&finest).scan(0.0, running).collect();
+    ranges.into_par_iter().enumerate().map(move |(triangle, (from, to, finest))| {
+        let mut places = Vec::new();
         for index in from..to {
-            push_at(scene, triangle as u32, index, &mut places);
+            push_at(scene, triangle as u32, index, |position| finest - fineness.at(position).min(finest), &mut places);
         }
         places
     })
@@ -91,11 +98,17 @@ fn cross(model: &Model, triangle: usize) -> Vec3 {
     (b - a).cross(c - a)
 }
 
-fn push_at(scene: &Scene, triangle: u32, index: u32, places: &mut Vec<Place>) {
+/// Adds both sides of the place that belongs to `index`; of each four, `sparser` times, one.
+fn push_at(scene: &Scene, triangle: u32, index: u32, sparser: impl Fn(Vec3) -> u32, places: &mut Vec<Place>) {
     let model = scene.prepared.model();
     let Vec2 { x, y } = pattern::r2(index);
     // The square folded onto the triangle keeps the points as even as they are.
     let barycentric = if x + y > 1.0 { [1.0 - x, 1.0 - y] } else { [x, y] };
+    let [a, b, c] = model.triangles[triangle as usize].map(|v| model.positions[v as usize]);
+    let position = a + (b - a) * barycentric[0] + (c - a) * barycentric[1];
+    if !index.is_multiple_of(1 << (2 * sparser(position))) {
+        return;
+    }
     let hit = Hit { distance_m: 0.0, triangle, barycentric };
     let material = &model.materials[model.triangle_materials[triangle as usize] as usize];
     let there = material.alpha_mode == AlphaMode::Opaque || model.alpha(&hit) > 0.0;

@@ -8,6 +8,7 @@ use octree::{Coverage, RadiancePoint};
 use rayon::prelude::*;
 
 use crate::baked::BakedWorld;
+use crate::fineness::Fineness;
 use crate::pattern::Rotations;
 use crate::places::{self, Place};
 use crate::sky::Opening;
@@ -36,7 +37,8 @@ const MOST_VIEWER_M: f32 = 5.0;
 
 pub(crate) fn spread(baked: &BakedWorld, leaf_m: f32) -> Vec<RadiancePoint> {
     let per_m2 = PER_LEAF / f64::from(leaf_m * leaf_m).max(1e-12);
-    let surfaces = places::spread(baked.scene(), per_m2)
+    let even = Fineness::even(leaf_m);
+    let surfaces = places::spread(baked.scene(), per_m2, &even)
         .flat_map_iter(|places| places.into_iter().filter_map(|place| on_surface(baked, place, leaf_m)));
     let mut points = without_hidden(surfaces.collect(), leaf_m);
     for opening in &baked.scene().sky.portals {

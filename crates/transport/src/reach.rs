@@ -82,7 +82,7 @@ pub(crate) fn reached(scene: &Scene, surfels: &Surfels, emitters: &Emitters, oth
             for &local in &looks {
                 let ray = Ray { origin, direction: basis * local };
                 let distance_m = follow(scene, surfels, others, ray, &mut found);
-                blocked += usize::from(distance_m < GAP_SHARE * surfels.spacing_m());
+                blocked += usize::from(distance_m < GAP_SHARE * surfel.spacing_m);
             }
             if 2 * blocked > LOOKS { None } else { Some(found) }
         };

@@ -3,21 +3,22 @@
 
 use std::f32::consts::PI;
 
-use geometry::Vec3;
+use geometry::{Vec2, Vec3};
 use imaging::Image;
 use rayon::prelude::*;
 
 use crate::baked::{BakedWorld, Sampled};
 use crate::gbuffer::{Seen, alike, look};
 use crate::lights::Source;
+use crate::pattern;
 use crate::shade::{Lit, Sampler};
 use crate::{Rendering, View};
 
 /// Places of the samples at edges, in pixels from the middle: a rotated square.
 const EDGE_SAMPLES: [[f32; 2]; 4] = [[-0.125, -0.375], [0.375, -0.125], [0.125, 0.375], [-0.375, 0.125]];
 
-/// Side of the grid of samples in pixels that see a lamp: what counts there is how much of the pixel it covers.
-const LAMP_SAMPLES: usize = 5;
+/// Samples in pixels that see a lamp: what counts there is how much of the pixel it covers.
+const LAMP_SAMPLES: usize = 25;
 
 /// Lamps that cover a wider square of pixels are treated as other surfaces.
 const MOST_LAMP_PIXELS: f32 = 12.0;
@@ -58,9 +59,9 @@ pub(crate) fn render(baked: &BakedWorld, view: &View) -> Rendering {
         .collect();
     let wide = Filter { sampled: &lit, ..filter };
     let lit: Vec<Lit> = (0..seen.len()).into_par_iter().map(|i| wide.wider(i)).collect();
-    let lamp_samples: [[f32; 2]; LAMP_SAMPLES * LAMP_SAMPLES] = std::array::from_fn(|k| {
-        [k % LAMP_SAMPLES, k / LAMP_SAMPLES].map(|step| (step as f32 + 0.5) / LAMP_SAMPLES as f32 - 0.5)
-    });
+    // No two in a row or column: lamps seen edge-on are thinner than any grid.
+    let lamp_samples: [[f32; 2]; LAMP_SAMPLES] =
+        std::array::from_fn(|k| (pattern::r2(k as u32 + 1) - Vec2::splat(0.5)).to_array());
     let lamps = beside_lamps(baked, view);
     let radiance = |i: usize| {
         let places: &[[f32; 2]] = match () {
@@ -95,22 +96,29 @@ pub(crate) fn render(baked: &BakedWorld, view: &View) -> Rendering {
 /// Pixels that small lamps may lie in.
 fn beside_lamps(baked: &BakedWorld, view: &View) -> Vec<bool> {
     let (width, height) = view.size();
+    let wraps = matches!(view, View::Panorama { .. });
     let mut beside = vec![false; width * height];
     for emitter in &baked.cache().lighting.emitters.list {
         if emitter.source == Source::Portal || emitter.sheet {
             continue;
         }
         let corners = emitter.corners().map(|corner| view.pixel(corner));
-        let [Some(a), Some(b), Some(c), _] = corners else { continue };
+        let [Some(mut a), Some(mut b), Some(mut c), _] = corners else { continue };
+        if wraps && (a.max(b).max(c) - a.min(b).min(c)).x > 0.5 * width as f32 {
+            // Across the seam.
+            for corner in [&mut a, &mut b, &mut c] {
+                corner.x += if corner.x < 0.5 * width as f32 { width as f32 } else { 0.0 };
+            }
+        }
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
         if (high - low).max_element() > MOST_LAMP_PIXELS {
             continue;
         }
         let range =
-            |from: f32, to: f32, size: usize| (from.floor().max(0.0) as usize)..(to.floor() as usize + 1).min(size);
+            |from: f32, to: f32, end: usize| (from.floor().max(0.0) as usize)..(to.floor() as usize + 1).min(end);
         for y in range(low.y, high.y, height) {
-            for x in range(low.x, high.x, width) {
-                beside[y * width + x] = true;
+            for x in range(low.x, high.x, if wraps { 2 * width } else { width }) {
+                beside[y * width + x % width] = true;
             }
         }
     }
@@ -160,7 +168,7 @@ impl Filter<'_> {
         let (x, y) = ((i % self.width) as i64, (i / self.width) as i64);
         let mut window = [(0, 0.0); 25];
         let mut count = 0;
-        let (mut weights, mut brightness) = (0.0, 0.0);
+        let (mut weights, mut brightness, mut squares, mut weights2) = (0.0, 0.0, 0.0, 0.0);
         for dy in -2..=2_i64 {
             for dx in -2..=2_i64 {
                 let Some(j) = self.index(x + dx, y + dy) else { continue };
@@ -172,7 +180,10 @@ impl Filter<'_> {
                 window[count] = (j, weight);
                 count += 1;
                 weights += weight;
-                brightness += weight * self.sampled[j].brightness();
+                let own = self.sampled[j].brightness();
+                brightness += weight * own;
+                squares += weight * own * own;
+                weights2 += weight * weight;
             }
         }
         for &(j, weight) in &window[..count] {
@@ -183,6 +194,8 @@ impl Filter<'_> {
             sum.add(&self.sampled[j], weight * share);
         }
         sum.divide(weights);
+        let variance = (squares / weights - (brightness / weights).powi(2)).max(0.0);
+        sum.variance = variance * weights2 / (weights * weights);
         (sum, weights)
     }
 

@@ -5,8 +5,8 @@ use geometry::{Ray, Vec2, Vec3, orthonormal_basis};
 use crate::baked::{BakedWorld, Sampled};
 use crate::bsdf;
 use crate::gbuffer::Seen;
-use crate::light_tree::CutNode;
-use crate::lighting::Part;
+use crate::light_tree::{CutNode, Lobe};
+use crate::lighting::{Part, limited};
 use crate::lights::luminance;
 use crate::pattern::{Rotations, radical_inverse_3, shifted, van_der_corput};
 use crate::scene::Surface;
@@ -19,6 +19,9 @@ const SHARP: f32 = 0.12;
 
 /// From this roughness on the gloss of plastics, wood and plaster sees the mean light around.
 const BLURRED: f32 = 0.5;
+
+/// A sample of a reflected lamp counts no more than this many times the lamp's own radiance times the gloss's albedo.
+const MOST_REFLECTED: f32 = 2.0;
 
 /// Side of the square of pixels after which the samples repeat.
 const TILE: usize = 4;
@@ -41,6 +44,8 @@ pub(crate) struct Lit {
     rough_gloss: Vec3,
     /// Light reflected by the gloss, for surfaces whose pixels do not share it.
     sharp_gloss: Vec3,
+    /// Variance of [`Lit::brightness`], where it is a mean over pixels.
+    pub variance: f32,
 }
 
 impl Lit {
@@ -54,17 +59,13 @@ impl Lit {
         self.rough_gloss += other.rough_gloss * weight;
     }
 
-    /// How far samples that differ by this much may be due to chance, 0 to 1.
+    /// How far two means that differ by this much may differ by chance alone, 0 to 1.
     pub(crate) fn likeness(&self, other: &Self) -> f32 {
-        /// Relative noise of what sixteen pixels share, where part of a lamp is hidden.
-        const NOISE: f32 = 0.3;
-        let differs = |a: Vec3, b: Vec3| {
-            let (a, b) = (luminance(a), luminance(b));
-            (a - b) / (NOISE * (a + b).max(1e-9))
-        };
-        let lamps = differs(self.lamps, other.lamps);
-        let gloss = differs(self.rough_gloss, other.rough_gloss);
-        (-0.5 * (lamps * lamps + 0.25 * gloss * gloss)).exp()
+        /// Relative difference that does not show.
+        const SAME: f32 = 0.05;
+        let (a, b) = (self.brightness(), other.brightness());
+        let same = SAME * (a + b);
+        (-0.5 * (a - b).powi(2) / (self.variance + other.variance + same * same).max(1e-18)).exp()
     }
 
     /// Luminance of what pixels share.
@@ -132,6 +133,11 @@ impl<'a> Sampler<'a> {
                 lit.lamps += diffuse / rays as f32;
                 rough += gloss / rays as f32;
             }
+            if surface.is_glossy() && (ROUGH..BLURRED).contains(&surface.roughness) {
+                for k in 0..rays {
+                    lit.sharp_gloss += self.reflected_lamp(surface, turn * rays + k, samples, jitter) / rays as f32;
+                }
+            }
             let (diffuse, gloss) = self.sun(surface, turn);
             lit.sun = diffuse;
             lit.sharp_gloss += gloss;
@@ -198,20 +204,34 @@ impl<'a> Sampler<'a> {
         }
         let passed = scene.transmittance(&Ray { origin: start, direction: light.direction }, light.distance_m);
         let arriving = light.radiance * passed / density;
-        // Windows and curtains are large: a ray into a narrow lobe finds them better than light samples.
-        let gloss = if light.lamp || surface.roughness >= BLURRED {
-            arriving * self.rough_lobe(surface, light.direction)
+        let gloss = if surface.is_glossy() && surface.roughness >= BLURRED {
+            arriving * bsdf::specular_cos(surface.f0, surface.alpha(), surface.normal, surface.view, light.direction)
         } else {
             Vec3::ZERO
         };
         (arriving * surface.normal.dot(light.direction), gloss)
     }
 
-    fn rough_lobe(&self, surface: &Surface, direction: Vec3) -> Vec3 {
-        if !surface.is_glossy() || surface.roughness < ROUGH {
+    /// Light of lamps that a narrow lobe reflects. Windows and curtains are large: a ray into the lobe finds them better.
+    fn reflected_lamp(&self, surface: &Surface, index: u32, samples: u32, jitter: [f32; 4]) -> Vec3 {
+        let random = [
+            shifted((index as f32 + 0.5) / samples as f32, jitter[0]),
+            shifted(van_der_corput(index), jitter[1]),
+            shifted(radical_inverse_3(index), jitter[2]),
+        ];
+        let (lighting, scene) = (&self.baked.cache().lighting, self.baked.scene());
+        let start = surface.ray(surface.geometric_normal).origin;
+        let lobe = Lobe { mirrored: surface.mirrored(), alpha: surface.alpha() };
+        let sample = lighting.sample_reflected(scene, start, surface.normal, &lobe, random);
+        let Some((light, density)) = sample.filter(|(light, _)| light.lamp) else { return Vec3::ZERO };
+        if light.direction.dot(surface.geometric_normal) <= 0.0 {
             return Vec3::ZERO;
         }
-        bsdf::specular_cos(surface.f0, surface.alpha(), surface.normal, surface.view, direction)
+        let gloss = bsdf::specular_cos(surface.f0, surface.alpha(), surface.normal, surface.view, light.direction);
+        let passed = scene.transmittance(&Ray { origin: start, direction: light.direction }, light.distance_m);
+        // What is reflected is never brighter than the lamp; a sample beside it would be.
+        let most = MOST_REFLECTED * luminance(light.radiance * gloss_albedo(surface));
+        limited(light.radiance * passed * gloss / density, most)
     }
 
     /// Irradiance by the sun and its gloss.

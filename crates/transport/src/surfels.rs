@@ -4,6 +4,7 @@ use geometry::Vec3;
 use rayon::prelude::*;
 
 use crate::TransportError;
+use crate::fineness::Fineness;
 use crate::lights::Emitters;
 use crate::neighbours::Neighbours;
 use crate::parts::Parts;
@@ -23,11 +24,18 @@ pub(crate) struct Surfel {
     pub part: u32,
     /// The same on its triangle.
     pub place: Place,
+    /// Distance to the next surfels.
+    pub spacing_m: f32,
     /// How it scatters light on the average over directions and over its extent.
     pub scatter: Scatter,
 }
 
 impl Surfel {
+    /// About the area it stands for.
+    pub(crate) fn area_m2(&self) -> f32 {
+        self.spacing_m * self.spacing_m
+    }
+
     /// Which of the six axes it faces.
     pub(crate) fn face(&self) -> usize {
         face(self.normal) as usize
@@ -38,7 +46,7 @@ impl Surfel {
 pub(crate) struct Surfels {
     pub list: Vec<Surfel>,
     parts: Parts,
-    spacing_m: f32,
+    fineness: Fineness,
     table: Table,
 }
 
@@ -60,9 +68,10 @@ impl Surfels {
             return Err(TransportError::TooLarge { area_m2: total as f32, spacing_m, most });
         }
         let parts = Parts::find(scene, emitters, &areas, 2.0 * f64::from(spacing_m * spacing_m));
-        let mut candidates: Vec<Candidate> = places::spread(scene, density)
+        let fineness = Fineness::around_lamps(emitters, spacing_m);
+        let mut candidates: Vec<Candidate> = places::spread(scene, density, &fineness)
             .flat_map_iter(|places| places.into_iter().filter(|place| !parts.is_inside(place)))
-            .map(|place| Candidate::new(place, parts.of(place.triangle), spacing_m))
+            .map(|place| Candidate::new(place, parts.of(place.triangle), &fineness))
             .collect();
         candidates.par_sort_unstable_by(|a, b| {
             (a.key.cmp(&b.key))
@@ -71,15 +80,14 @@ impl Surfels {
                 .then(a.place.barycentric[0].total_cmp(&b.place.barycentric[0]))
         });
         candidates.dedup_by_key(|candidate| candidate.key);
-        let surfel = |Candidate { place, .. }: &Candidate| Surfel {
-            position: place.position,
-            normal: place.normal,
-            part: parts.of(place.triangle),
-            place: *place,
-            scatter: transfer::scatter(&place.surface(scene, spacing_m)),
+        let surfel = |Candidate { place, .. }: &Candidate| {
+            let spacing_m = fineness.spacing_m(fineness.at(place.position));
+            let scatter = transfer::scatter(&place.surface(scene, spacing_m));
+            let part = parts.of(place.triangle);
+            Surfel { position: place.position, normal: place.normal, part, place: *place, spacing_m, scatter }
         };
         let list: Vec<Surfel> = candidates.par_iter().map(surfel).collect();
-        let mut surfels = Self { list, parts, spacing_m, table: Table::new(0) };
+        let mut surfels = Self { list, parts, fineness, table: Table::new(0) };
         surfels.index();
         Ok(surfels)
     }
@@ -99,17 +107,29 @@ impl Surfels {
         self.index();
     }
 
+    /// Mean over all surfaces of what `value` gives for each surfel.
+    pub(crate) fn mean(&self, value: impl Fn(usize) -> Vec3) -> Vec3 {
+        let (mut sum, mut area_m2) = (Vec3::ZERO, 0.0);
+        for (i, surfel) in self.list.iter().enumerate() {
+            sum += value(i) * surfel.area_m2();
+            area_m2 += surfel.area_m2();
+        }
+        sum / area_m2.max(f32::MIN_POSITIVE)
+    }
+
     fn index(&mut self) {
         let mut table = Table::new(2 * self.list.len());
         for (at, surfel) in self.list.iter().enumerate() {
-            table.insert(key(surfel.part, face(surfel.normal), cell(surfel.position, self.spacing_m)), at as u32);
-            table.insert(key(ANY_PART, face(surfel.normal), cell(surfel.position, 2.0 * self.spacing_m)), at as u32);
+            let (face, level) = (face(surfel.normal), self.fineness.at(surfel.position));
+            table.insert(key(surfel.part, level, face, cell(surfel.position, surfel.spacing_m)), at as u32);
+            table.insert(key(ANY_PART, 0, face, cell(surfel.position, self.coarse_m())), at as u32);
         }
         self.table = table;
     }
 
-    pub(crate) fn spacing_m(&self) -> f32 {
-        self.spacing_m
+    /// Size of the cells in which any surfel serves.
+    fn coarse_m(&self) -> f32 {
+        2.0 * self.fineness.spacing_m(0)
     }
 
     /// Whether a place faces into a solid, where no light is.
@@ -124,22 +144,25 @@ impl Surfels {
     /// Surfels from which light at a place of part `part` with geometric normal `normal` is interpolated.
     pub(crate) fn near(&self, position: Vec3, normal: Vec3, part: u32) -> Neighbours {
         let mut found = Neighbours::none();
-        self.collect(position, normal, part, self.spacing_m, &mut found);
+        let level = self.fineness.at(position);
+        self.collect(position, normal, part, level, self.fineness.spacing_m(level), &mut found);
         if found.as_slice().is_empty() {
             found.of_others = true;
-            self.collect(position, normal, ANY_PART, 2.0 * self.spacing_m, &mut found);
+            self.collect(position, normal, ANY_PART, 0, self.coarse_m(), &mut found);
         }
         found
     }
 
     /// One surfel near a place: of its own cell where that has one, else the one that counts most.
     pub(crate) fn nearest(&self, position: Vec3, normal: Vec3, part: u32) -> Option<u32> {
-        let own = self.table.find(key(part, face(normal), cell(position, self.spacing_m)));
-        own.filter(|&surfel| self.weight(surfel, position, normal, self.spacing_m) > 0.0)
+        let level = self.fineness.at(position);
+        let spacing_m = self.fineness.spacing_m(level);
+        let own = self.table.find(key(part, level, face(normal), cell(position, spacing_m)));
+        own.filter(|&surfel| self.weight(surfel, position, normal, spacing_m) > 0.0)
             .or_else(|| self.near(position, normal, part).best())
     }
 
-    fn collect(&self, position: Vec3, normal: Vec3, part: u32, cell_m: f32, found: &mut Neighbours) {
+    fn collect(&self, position: Vec3, normal: Vec3, part: u32, level: u32, cell_m: f32, found: &mut Neighbours) {
         let scaled = position / cell_m + Vec3::splat(GRID_OFFSET - 0.5);
         let base = scaled.floor();
         let base = [base.x as i32, base.y as i32, base.z as i32];
@@ -151,7 +174,7 @@ impl Surfels {
             let face = 2 * axis as u32 + u32::from(normal[axis] < 0.0);
             for corner in 0..8 {
                 let at = [base[0] + (corner & 1), base[1] + (corner >> 1 & 1), base[2] + (corner >> 2)];
-                if let Some(surfel) = self.table.find(key(part, face, at)) {
+                if let Some(surfel) = self.table.find(key(part, level, face, at)) {
                     let weight = self.weight(surfel, position, normal, cell_m);
                     if weight > 0.0 {
                         found.push(surfel, weight);
@@ -209,16 +232,23 @@ fn cell(position: Vec3, cell_m: f32) -> [i32; 3] {
 }
 
 /// Cells 8192 apart share keys; positions tell them apart.
-fn key(part: u32, face: u32, [x, y, z]: [i32; 3]) -> u64 {
+fn key(part: u32, level: u32, face: u32, [x, y, z]: [i32; 3]) -> u64 {
     let bits = |v: i32| (v & 0x1fff) as u64;
-    u64::from(part & ANY_PART) << 42 | u64::from(face) << 39 | bits(x) << 26 | bits(y) << 13 | bits(z)
+    u64::from(level) << 62
+        | u64::from(part & ANY_PART) << 42
+        | u64::from(face) << 39
+        | bits(x) << 26
+        | bits(y) << 13
+        | bits(z)
 }
 
 impl Candidate {
-    fn new(place: Place, part: u32, spacing_m: f32) -> Self {
+    fn new(place: Place, part: u32, fineness: &Fineness) -> Self {
+        let level = fineness.at(place.position);
+        let spacing_m = fineness.spacing_m(level);
         let [x, y, z] = cell(place.position, spacing_m);
         let center = (Vec3::new(x as f32, y as f32, z as f32) + Vec3::splat(0.5 - GRID_OFFSET)) * spacing_m;
-        let key = key(part, face(place.normal), [x, y, z]);
+        let key = key(part, level, face(place.normal), [x, y, z]);
         Self { key, distance2: place.position.distance_squared(center), place }
     }
 }
