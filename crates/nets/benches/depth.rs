@@ -14,7 +14,8 @@ use lightoctree_nets::depth::{DenseNet, DepthNet, PatchGan, depth_losses, panora
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 fn main() {
-    divan::main();
+    // On one of rayon's threads: from another, each of some thousand small parallel loops waits for one of them to wake up.
+    rayon::scope(|_| divan::main());
 }
 
 fn net_and_photo() -> (DenseNet, Tensor<4>) {

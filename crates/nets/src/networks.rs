@@ -104,8 +104,10 @@ impl Networks {
     /// # Panics
     /// Where the photo has no pixels.
     pub fn depth_and_light(&self, photo: &Image<[u8; 3]>) -> (DepthMap, GlobalLight) {
-        let output = self.depth.forward(photo);
-        (output.depth_m(), GlobalLight(output.global))
+        in_pool(|| {
+            let output = self.depth.forward(photo);
+            (output.depth_m(), GlobalLight(output.global))
+        })
     }
 
     /// The light around an sRGB photo whose depth is known.
@@ -113,7 +115,7 @@ impl Networks {
     /// # Panics
     /// Where the photo has no pixels.
     pub fn global_light(&self, photo: &Image<[u8; 3]>) -> GlobalLight {
-        GlobalLight(self.depth.global_feature(photo))
+        in_pool(|| GlobalLight(self.depth.global_feature(photo)))
     }
 
     /// The light of the whole room, the octree grown by the network's own predictions.
@@ -130,13 +132,20 @@ impl Networks {
         global: GlobalLight,
         seed: u64,
     ) -> Result<CompletedLight, LightError> {
-        let input = LightInput::new(points, camera, cube, &self.config, seed)?;
-        let mut output = self.light.forward(&input, Some(global.0), Growth::Predicted)?;
-        drop(input);
-        let messages = std::mem::take(&mut output.messages);
-        let (light, confidence) = output.into_light()?;
-        Ok(CompletedLight { light, confidence, messages })
+        in_pool(|| {
+            let input = LightInput::new(points, camera, cube, &self.config, seed)?;
+            let mut output = self.light.forward(&input, Some(global.0), Growth::Predicted)?;
+            drop(input);
+            let messages = std::mem::take(&mut output.messages);
+            let (light, confidence) = output.into_light()?;
+            Ok(CompletedLight { light, confidence, messages })
+        })
     }
+}
+
+/// Works on one of rayon's threads: from another, each of some thousand small parallel loops waits for one of them to wake up.
+fn in_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    rayon::scope(|_| work())
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 mod activation;
 mod doubled;
 mod kernel;
+mod max_pool;
 mod norm;
 mod sums;
 mod window;
@@ -20,6 +21,7 @@ use crate::host::{binary, has_kernels, ternary};
 
 pub use activation::{activate, activated_mean, scaled};
 pub use doubled::doubled;
+pub use max_pool::max_pool;
 pub use norm::{Moments, batch_norm, group_norm};
 pub use sums::Sums;
 

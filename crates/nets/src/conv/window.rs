@@ -120,7 +120,7 @@ impl Window {
         // Past the last channel's plane nothing is read but by columns that mean nothing.
         let length = channels * self.plane(rows) + LANES + self.extra();
         if band.len() < length {
-            band.resize(length, T::default());
+            *band = vec![T::default(); length];
         }
         Arch::new().dispatch(Read { window: self, band, first, plane: self.plane(rows), x, activation });
     }

@@ -1,12 +1,11 @@
 use burn::module::{Module, Param};
 use burn::nn::conv::{Conv2d, Conv2dConfig};
-use burn::nn::pool::{MaxPool2d, MaxPool2dConfig};
 use burn::nn::{BatchNorm, BatchNormConfig, PaddingConfig2d};
 use burn::tensor::{Device, Tensor, TensorData};
 use random::{RngExt, Stream};
 
 use crate::checkpoint::{Checkpoint, CheckpointError};
-use crate::conv::{Moments, activate, activated_conv2d, activated_mean, batch_norm, conv2d, scaled};
+use crate::conv::{Moments, activate, activated_conv2d, activated_mean, batch_norm, conv2d, max_pool, scaled};
 use crate::layers::drawn;
 
 /// Channels that a dense layer adds, and that it works with.
@@ -26,7 +25,6 @@ pub struct DenseNet {
     pub conv0: Conv2d,
     /// After it.
     pub norm0: BatchNorm,
-    pool0: MaxPool2d,
     /// Dense blocks.
     pub blocks: Vec<DenseBlock>,
     /// Between them.
@@ -113,15 +111,7 @@ impl DenseNet {
                 channels /= 2;
             }
         }
-        let padding = PaddingConfig2d::Explicit(1, 1, 1, 1);
-        Self {
-            conv0,
-            norm0: norm(DENSENET_CHANNELS[0], device),
-            pool0: MaxPool2dConfig::new([3, 3]).with_strides([2, 2]).with_padding(padding).init(),
-            blocks,
-            transitions,
-            norm5: norm(channels, device),
-        }
+        Self { conv0, norm0: norm(DENSENET_CHANNELS[0], device), blocks, transitions, norm5: norm(channels, device) }
     }
 
     /// With the weights of torchvision's `densenet121`, of which the classifier is not used.
@@ -146,7 +136,7 @@ impl DenseNet {
         let x = conv2d(x, &self.conv0);
         let affine = batch_norm(&self.norm0, Moments::in_training(&x).as_ref());
         let half = activate(x, affine);
-        let mut x = self.pool0.forward(half.clone());
+        let mut x = max_pool(half.clone());
         let mut outputs = Vec::new();
         for (i, block) in self.blocks.iter().enumerate() {
             let (features, moments) = block.forward(x);
