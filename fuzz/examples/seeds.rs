@@ -82,7 +82,7 @@ fn scenes(folder: &Path) -> Result {
         let plane = Plane { normal: Vec3::Y, offset_m: -1.5 };
         let room = Room { up: Vec3::Y, planes: vec![RoomPlane { side: Side::Floor, plane, measured: true }] };
         let sources = vec!["photo.jpg".to_owned()];
-        Scene { light, frame, completion: Completion::Shell, room: Some(room), sources }
+        Scene { light, frame, completion: Completion::Shell, room: Some(room), sources, prediction: None }
             .write(&folder.join(format!("{name}.scene")))?;
     }
     Ok(())

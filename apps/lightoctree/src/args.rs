@@ -26,7 +26,7 @@ pub struct Global {
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
 
-    /// Seed of every random choice; only `synth` and `dataset` make any, the other commands' results are always the same
+    /// Seed of every random choice; only `synth`, `dataset` and the networks of `estimate` make any, other results are always the same
     #[arg(long, global = true, value_name = "N", default_value_t = 0)]
     pub seed: u64,
 
@@ -88,7 +88,7 @@ impl LogLevel {
 pub enum Command {
     /// Run the whole job on a photo that the program carries
     Demo(commands::demo::Args),
-    /// Photo and depth → scene file
+    /// Photo, with or without depth → scene file
     Estimate(commands::estimate::Args),
     /// Scene → HDR panorama at a point
     Envmap(commands::envmap::Args),

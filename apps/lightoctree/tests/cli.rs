@@ -6,8 +6,12 @@ mod support;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
+use lightoctree::Networks;
 use lightoctree::geometry::{Camera, Plane, Ray, Vec3};
 use lightoctree::imaging::{self, DepthMap, Image};
+use lightoctree::nets::Device;
+use lightoctree::nets::checkpoint::{Checkpoint, Precision};
+use lightoctree::nets::light::LightNetConfig;
 use tempfile::TempDir;
 
 use support::{done, json, refused};
@@ -199,6 +203,77 @@ fn export_writes_all_three_formats() {
         assert!(folder.path().join(&file).is_file());
         done(folder.path(), &["export", "room.scene", "--to", format, "-o", &file]); // replaces its own
     }
+}
+
+/// Writes weights.safetensors of untrained networks of depth 6.
+fn write_weights(folder: &Path) {
+    let small = LightNetConfig { depth: 6, channels: 8, max_channels: 16, blocks: 1, ..LightNetConfig::default() };
+    let config = LightNetConfig { bottleneck: 2, head_channels: 8, ..small };
+    let networks = Networks::new(&config, 1, &Device::flex()).unwrap();
+    networks.write(folder.join("weights.safetensors"), Precision::Half).unwrap();
+}
+
+#[test]
+fn networks_make_scenes_with_depth_and_without() {
+    let folder = room();
+    let at = folder.path();
+    write_weights(at);
+    let network = ["--completion", "network", "--weights", "weights.safetensors"];
+    let estimate = |photo: &str, more: &[&str]| done(at, &[&["estimate", photo][..], &network, more].concat());
+    let measured = json(&estimate("photo.png", &["--depth", "depth.png", "-o", "measured.scene", "--json"]));
+    assert!(
+        measured["leaves"].as_u64().unwrap() > 100 && measured["seconds"]["light network"].is_number(),
+        "{measured}"
+    );
+    let summary = json(&done(at, &["inspect", "measured.scene", "--json"]));
+    assert_eq!((&summary["completion"], &summary["octree"]["depth"]), (&"network".into(), &6.into()));
+    assert_eq!(summary["prediction"]["predicted_depth"], false);
+    assert!(summary["seen_share"].as_f64().unwrap() > 0.5);
+    done(at, &["envmap", "measured.scene", "--at", "0,-0.4,-1.5", "--size", "64x32", "-o", "light.exr"]);
+    // 160 of 255 is 0.3515 in linear light: the wall straight ahead.
+    assert!((imaging::read_radiance(at.join("light.exr")).unwrap()[(32, 15)][1] - 0.3515).abs() < 0.02);
+
+    let large = Image::from_fn(4000, 3000, |x, y| [(x / 16) as u8, (y / 12) as u8, 120]);
+    imaging::write_srgb8(at.join("large.jpg"), &large, 90).unwrap();
+    estimate("large.jpg", &["--hfov-deg", "70", "-o", "alone.scene"]);
+    let summary = json(&done(at, &["inspect", "alone.scene", "--json"]));
+    assert_eq!((&summary["photo"]["width"], &summary["photo"]["depth_width"]), (&4000.into(), &452.into()));
+    assert_eq!(summary["prediction"]["predicted_depth"], true);
+    assert!(done(at, &["inspect", "alone.scene"]).contains("depth predicted"));
+}
+
+#[test]
+fn wrong_weights_are_named() {
+    let folder = room();
+    let at = folder.path();
+    write_weights(at);
+    let refusal =
+        |code, more: &[&str]| refused(at, code, &[&["estimate", "photo.png", "-o", "a.scene"], more].concat());
+    let network = |file| ["--completion", "network", "--weights", file];
+    let message = refusal(2, &["--completion", "network"]);
+    assert!(message.contains("--weights FILE") && message.contains("no trained weights"), "{message}");
+    let message = refusal(2, &["--depth", "depth.png", "--weights", "weights.safetensors"]);
+    assert!(message.contains("--completion network"), "{message}");
+    let message = refusal(2, &[&network("weights.safetensors")[..], &["--octree-depth", "7"]].concat());
+    assert!(message.contains("depth 6, not 7"), "{message}");
+    let message = refusal(1, &network("none.safetensors"));
+    assert!(message.contains("none.safetensors"), "{message}");
+    let message = refusal(1, &network("photo.png"));
+    assert!(message.contains("photo.png"), "{message}");
+    let bytes = std::fs::read(at.join("weights.safetensors")).unwrap();
+    std::fs::write(at.join("half.safetensors"), &bytes[..bytes.len() / 2]).unwrap();
+    let message = refusal(1, &network("half.safetensors"));
+    assert!(message.contains("half.safetensors"), "{message}");
+    let mut other = Checkpoint::read(at.join("weights.safetensors")).unwrap();
+    other.insert("light_net.global.weights", &[3, 2], vec![0.0; 6]);
+    other.insert("depth_net.tail", &[1], vec![0.0]);
+    other.write(at.join("other.safetensors"), Precision::Full).unwrap();
+    let message = refusal(1, &network("other.safetensors"));
+    assert!(
+        message.contains("other.safetensors") && message.contains("has the shape [3, 2], not [64, 8]"),
+        "{message}"
+    );
+    assert!(!at.join("a.scene").exists());
 }
 
 #[test]

@@ -12,4 +12,4 @@ mod shell;
 
 pub use highlights::HighlightReport;
 pub use lamps::LampReport;
-pub use shell::{Shell, ShellOptions, ShellReport, shell};
+pub use shell::{Shell, ShellOptions, ShellReport, room_around, shell};

@@ -94,13 +94,8 @@ pub fn shell(frame: &Frame, options: &ShellOptions) -> Shell {
     let clean = frame.without_flying_pixels();
     let normals = clean.normals();
     let seen = clean.surfels_with_normals(&normals, &frame.radiance());
-
-    let up = options.up.and_then(Vec3::try_normalize).unwrap_or_else(|| {
-        let facets: Vec<Facet> = seen.iter().map(|s| Facet { normal: s.normal, area: area(s) }).collect();
-        up_from_facets(&facets)
-    });
-    let assumed = Assumed { camera_height_m: options.camera_height_m, ceiling_height_m: options.ceiling_height_m };
-    let room = fit(&seen, up, assumed);
+    let room = enclose(&seen, options);
+    let up = room.axes.col(1);
     let cube = cube_around(&room, options.octree_depth);
 
     // What faces up is lit from above and does not shine: white tables and papers are clipped often enough.
@@ -119,7 +114,7 @@ pub fn shell(frame: &Frame, options: &ShellOptions) -> Shell {
     let lamps = lamps::add(&mut faces, &room, &all, &radiance, &visibility);
 
     for surfel in &mut all {
-        surfel.position_m = pulled_inside(surfel.position_m, &cube);
+        surfel.position_m = cube.pulled_inside(surfel.position_m);
     }
     let filled = all.iter().filter(|s| s.coverage == Coverage::Inferred).count();
     let seen = all.len() - filled;
@@ -130,6 +125,20 @@ pub fn shell(frame: &Frame, options: &ShellOptions) -> Shell {
     let report = ShellReport { seen, filled, closing: closing.len(), highlights, lamps };
     surfels.extend(closing);
     Shell { surfels, room: room.room(), cube, report }
+}
+
+/// Gravity and the six planes around seen surfels: step 2 of [`shell`] alone.
+pub fn room_around(seen: &[Surfel], options: &ShellOptions) -> Room {
+    enclose(seen, options).room()
+}
+
+fn enclose(seen: &[Surfel], options: &ShellOptions) -> RoomBox {
+    let up = options.up.and_then(Vec3::try_normalize).unwrap_or_else(|| {
+        let facets: Vec<Facet> = seen.iter().map(|s| Facet { normal: s.normal, area: area(s) }).collect();
+        up_from_facets(&facets)
+    });
+    let assumed = Assumed { camera_height_m: options.camera_height_m, ceiling_height_m: options.ceiling_height_m };
+    fit(seen, up, assumed)
 }
 
 impl ShellReport {
@@ -241,21 +250,6 @@ fn cube_around(room: &RoomBox, octree_depth: u32) -> Cube {
     let (low, high) = corners.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), c| (l.min(c), h.max(c)));
     let margin = 2.0 * (BACKING_LAYERS + 1) as f32 / (1u32 << octree_depth.clamp(3, 16)) as f32;
     Cube::centred(0.5 * (low + high), (high - low).max_element() / (1.0 - margin.min(0.5)))
-}
-
-/// The point, or where its line of sight leaves the cube: what is seen through a window or a door far away is painted on the cube's
-/// side, where the camera sees it in the same direction.
-fn pulled_inside(point: Vec3, cube: &Cube) -> Vec3 {
-    let (low, high) = (cube.origin_m * 0.999, (cube.origin_m + Vec3::splat(cube.edge_m)) * 0.999);
-    let mut scale = 1.0f32;
-    for axis in 0..3 {
-        if point[axis] < low[axis] {
-            scale = scale.min(low[axis] / point[axis]);
-        } else if point[axis] > high[axis] {
-            scale = scale.min(high[axis] / point[axis]);
-        }
-    }
-    point * scale
 }
 
 /// One surfel in each leaf that a face crosses, where it hides nothing that the camera sees and no other surfel is.

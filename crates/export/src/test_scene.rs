@@ -36,5 +36,6 @@ pub(crate) fn box_room() -> Scene {
         completion: Completion::None,
         room: None,
         sources: Vec::new(),
+        prediction: None,
     }
 }

@@ -34,6 +34,21 @@ impl Cube {
         p.min_element() >= 0.0 && p.max_element() < self.edge_m
     }
 
+    /// The point, or where its line of sight from the world's origin leaves the cube, which holds that: what is seen through a window or
+    /// a door far away is painted on the cube's side, where the camera sees it in the same direction.
+    pub fn pulled_inside(&self, point: Vec3) -> Vec3 {
+        let (low, high) = (self.origin_m * 0.999, (self.origin_m + Vec3::splat(self.edge_m)) * 0.999);
+        let mut scale = 1.0f32;
+        for axis in 0..3 {
+            if point[axis] < low[axis] {
+                scale = scale.min(low[axis] / point[axis]);
+            } else if point[axis] > high[axis] {
+                scale = scale.min(high[axis] / point[axis]);
+            }
+        }
+        point * scale
+    }
+
     /// Coordinates in `[0, 1)³` for points inside of the cube.
     pub fn unit_from_world(&self, point: Vec3) -> Vec3 {
         (point - self.origin_m) / self.edge_m
@@ -67,6 +82,11 @@ mod tests {
         assert_eq!(cube.intersect(&Ray { origin: Vec3::ONE, direction: Vec3::NEG_Y }), Some((0.0, 1.0)));
         assert_eq!(cube.intersect(&Ray { origin: Vec3::splat(3.0), direction: Vec3::X }), None);
         assert_eq!(cube.unit_from_world(cube.centre_m()), Vec3::splat(0.5));
+        // seen from the origin, which must lie inside
+        let around = Cube::centred(Vec3::ZERO, 2.0);
+        assert_eq!(around.pulled_inside(Vec3::new(0.5, -0.2, -0.3)), Vec3::new(0.5, -0.2, -0.3));
+        let far = around.pulled_inside(Vec3::new(2.0, -8.0, 4.0));
+        assert!((far - Vec3::new(0.25, -1.0, 0.5) * 0.999).length() < 1e-6 && around.contains(far), "{far}");
         assert!(cube.contains(Vec3::ZERO) && !cube.contains(Vec3::splat(2.0)) && !cube.contains(Vec3::NAN));
     }
 }

@@ -1,9 +1,12 @@
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use completion::{Shell, ShellOptions, shell};
 use geometry::Vec3;
+use nets::light::LightError;
 use octree::{LightOctree, OctreeError, RadiancePoint, check_depths};
-use scene::{Completion, Frame, Scene, Side, place_cube};
+use scene::{Completion, Frame, FrameError, Scene, Side, place_cube};
+
+use crate::message::{Message, stage};
 
 /// Choices of [`estimate`].
 #[derive(Clone, Debug, PartialEq)]
@@ -35,29 +38,24 @@ pub enum EstimateError {
     /// No pixel has a depth that can be used.
     #[error("no depth reading is left after flying pixels at depth edges were dropped")]
     NothingSeen,
-    /// Asked for what this version cannot do.
-    #[error("completion by a network needs trained weights, and this version ships none")]
-    NoWeights,
-}
-
-/// What a long-running call says on its way; every front end consumes the same stream.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Message {
-    /// A stage is done.
-    Stage {
-        /// What was done.
-        name: &'static str,
-        /// How long it took.
-        took: Duration,
-    },
-    /// Something that the user should know.
-    Note(String),
+    /// Asked for networks without giving any.
+    #[error("completion by networks needs their weights: call `estimate_with_networks` or `estimate_from_photo`")]
+    NoNetworks,
+    /// The depth network's output is no number: its weights are damaged.
+    #[error("the depth network's output is not finite: its weights are damaged")]
+    PredictedDepth,
+    /// Photo and predicted depth do not make a frame.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+    /// The light network failed.
+    #[error(transparent)]
+    Light(#[from] LightError),
 }
 
 /// From a photo with depth to a self-contained scene (SPEC §2, §11).
 ///
 /// # Errors
-/// No usable depth, impossible octree depths, `Completion::Network`.
+/// No usable depth, impossible octree depths, `Completion::Network` (which needs [`Networks`](crate::Networks)).
 pub fn estimate(
     frame: Frame,
     options: &EstimateOptions,
@@ -65,12 +63,10 @@ pub fn estimate(
 ) -> Result<Scene, EstimateError> {
     // Before any work: the shell's closing points grow with 4^depth.
     check_depths(options.octree_depth, options.full_depth)?;
-    let begun = Instant::now();
-    let working = frame.working();
-    messages(Message::Stage { name: "working resolution", took: begun.elapsed() });
+    let working = stage(messages, "working resolution", || frame.working());
     let begun = Instant::now();
     let (points, cube, room) = match options.completion {
-        Completion::Network => return Err(EstimateError::NoWeights),
+        Completion::Network => return Err(EstimateError::NoNetworks),
         Completion::None => {
             let clean = working.without_flying_pixels();
             let surfels = clean.surfels(&clean.radiance());
@@ -90,9 +86,8 @@ pub fn estimate(
         return Err(EstimateError::NothingSeen);
     }
     messages(Message::Stage { name: "completion", took: begun.elapsed() });
-    let begun = Instant::now();
-    let (light, report) = LightOctree::from_points(&points, cube, options.octree_depth, options.full_depth)?;
-    messages(Message::Stage { name: "octree", took: begun.elapsed() });
+    let build = || LightOctree::from_points(&points, cube, options.octree_depth, options.full_depth);
+    let (light, report) = stage(messages, "octree", build)?;
     if report.outside > 0 {
         messages(Message::Note(format!(
             "{} of {} points lie outside of the cube and were left out",
@@ -100,7 +95,8 @@ pub fn estimate(
             points.len()
         )));
     }
-    Ok(Scene { light, frame, completion: options.completion, room, sources: options.sources.clone() })
+    let sources = options.sources.clone();
+    Ok(Scene { light, frame, completion: options.completion, room, sources, prediction: None })
 }
 
 /// What a user should know about a completion.
@@ -168,7 +164,7 @@ mod tests {
     #[test]
     fn what_cannot_be_done_is_an_error() {
         let network = EstimateOptions { completion: Completion::Network, ..EstimateOptions::default() };
-        assert!(matches!(estimate(wall(), &network, &mut |_| ()), Err(EstimateError::NoWeights)));
+        assert!(matches!(estimate(wall(), &network, &mut |_| ()), Err(EstimateError::NoNetworks)));
         let deep = EstimateOptions { octree_depth: 40, ..EstimateOptions::default() };
         assert!(matches!(estimate(wall(), &deep, &mut |_| ()), Err(EstimateError::Octree(_))));
     }

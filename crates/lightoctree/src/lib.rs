@@ -14,21 +14,27 @@
 //! ```
 //!
 //! The crates below are re-exported whole: [`geometry`], [`imaging`], [`octree`], [`cone`], [`mesh`], [`scene`],
-//! [`completion`], [`insert`] and [`export`].
+//! [`completion`], [`nets`], [`insert`] and [`export`].
 
 mod camera;
 mod estimate;
+mod message;
+mod network;
 mod place;
 
 pub use camera::{CameraSource, DEFAULT_HFOV_DEG, camera_of_photo};
 pub use completion;
 pub use cone;
-pub use estimate::{EstimateError, EstimateOptions, Message, estimate};
+pub use estimate::{EstimateError, EstimateOptions, estimate};
 pub use export;
 pub use geometry;
 pub use imaging;
 pub use insert;
 pub use mesh;
+pub use message::Message;
+pub use nets;
+pub use nets::Networks;
+pub use network::{NetworkOptions, estimate_from_photo, estimate_with_networks};
 pub use octree;
 pub use place::probe_grid;
 pub use scene;

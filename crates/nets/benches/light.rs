@@ -24,7 +24,8 @@ use octree::{Coverage, LightOctree, RadiancePoint};
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 fn main() {
-    divan::main();
+    // On one of rayon's threads: from another, each of some thousand small parallel loops waits for one of them to wake up.
+    rayon::scope(|_| divan::main());
 }
 
 #[divan::bench(args = [6, 7], sample_count = 10)]

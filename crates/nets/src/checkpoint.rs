@@ -1,12 +1,14 @@
 //! Weights and all that training needs to go on, in one `.safetensors` file.
 
 use std::collections::BTreeMap;
-use std::io::Write;
+use std::fs::File;
+use std::io::{Read, Write};
 use std::path::Path as FilePath;
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::{Tensor, TensorData};
-use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use half::slice::HalfFloatSliceExt;
+use safetensors::tensor::{Dtype, Metadata, TensorInfo, TensorView};
 
 use crate::adam::{Adam, Moments, floats};
 use crate::names::Path;
@@ -96,14 +98,27 @@ impl Checkpoint {
     /// Names what is missing, of another shape, or too much.
     pub fn load_module<M: Module>(&self, name: &str, module: M) -> Result<M, CheckpointError> {
         let prefix = format!("{name}.");
-        let mut problems = Vec::new();
-        let mut used = Vec::new();
-        let loaded = self.load(module, &mut problems, |parameter| {
+        let tensors = self.tensors.iter().filter(|(key, _)| key.starts_with(&prefix));
+        let mut own =
+            Self { tensors: tensors.map(|(key, tensor)| (key.clone(), tensor.clone())).collect(), ..Self::default() };
+        let recording = is_recording(&module);
+        let loaded = own.take_module(name, module.valid())?;
+        Ok(if recording { loaded.train() } else { loaded })
+    }
+
+    /// [`Checkpoint::load_module`] without copies: the values are taken away, and `module` must have been made for this, since clones
+    /// of it share running statistics.
+    ///
+    /// # Errors
+    /// Names what is missing, of another shape, or too much.
+    pub fn take_module<M: Module>(&mut self, name: &str, module: M) -> Result<M, CheckpointError> {
+        let prefix = format!("{name}.");
+        let (loaded, mut problems) = filled(module, |parameter| {
             let name = format!("{prefix}{parameter}");
-            used.push(name.clone());
-            name
+            let tensor = self.tensors.remove(&name);
+            (name, tensor)
         });
-        let extra = self.tensors.keys().filter(|key| key.starts_with(&prefix) && !used.contains(key));
+        let extra = self.tensors.keys().filter(|key| key.starts_with(&prefix));
         problems.extend(extra.map(|key| format!("\"{key}\" is not part of it")));
         checked(name, loaded, problems)
     }
@@ -117,11 +132,15 @@ impl Checkpoint {
         &self,
         name: &str,
         module: M,
-        renamed: impl FnMut(&str) -> String,
+        mut renamed: impl FnMut(&str) -> String,
     ) -> Result<M, CheckpointError> {
-        let mut problems = Vec::new();
-        let loaded = self.load(module, &mut problems, renamed);
-        checked(name, loaded, problems)
+        let recording = is_recording(&module);
+        let (loaded, problems) = filled(module.valid(), |parameter| {
+            let name = renamed(parameter);
+            let tensor = self.tensors.get(&name).cloned();
+            (name, tensor)
+        });
+        checked(name, if recording { loaded.train() } else { loaded }, problems)
     }
 
     /// The optimiser that was added under a name.
@@ -167,6 +186,20 @@ impl Checkpoint {
         self.tensors.contains_key(name)
     }
 
+    /// Names and shapes of all tensors, by name.
+    pub fn shapes(&self) -> impl Iterator<Item = (&str, &[usize])> {
+        self.tensors.iter().map(|(name, tensor)| (&name[..], &tensor.shape[..]))
+    }
+
+    /// How many values all tensors of a module have together.
+    pub fn values_of(&self, module: &str) -> u64 {
+        let own = self
+            .tensors
+            .range(format!("{module}.")..)
+            .take_while(|(key, _)| key.strip_prefix(module).is_some_and(|rest| rest.starts_with('.')));
+        own.map(|(_, tensor)| tensor.values.len() as u64).sum()
+    }
+
     /// Writes the file, whole or not at all.
     ///
     /// # Errors
@@ -204,23 +237,49 @@ impl Checkpoint {
     /// passed over).
     pub fn read(path: impl AsRef<FilePath>) -> Result<Self, CheckpointError> {
         let path = path.as_ref();
-        let bytes =
-            std::fs::read(path).map_err(|source| CheckpointError::File { path: path.display().to_string(), source })?;
-        let file = SafeTensors::deserialize(&bytes).map_err(|error| content(path, error))?;
-        let mut checkpoint = Self::default();
-        for (name, view) in file.tensors() {
-            let data = view.data();
-            let values: Vec<f32> = match view.dtype() {
-                Dtype::F32 => data.as_chunks::<4>().0.iter().map(|&b| f32::from_le_bytes(b)).collect(),
-                Dtype::F64 => data.as_chunks::<8>().0.iter().map(|&b| f64::from_le_bytes(b) as f32).collect(),
-                Dtype::F16 => data.as_chunks::<2>().0.iter().map(|&b| half::f16::from_le_bytes(b).to_f32()).collect(),
-                Dtype::BF16 => data.as_chunks::<2>().0.iter().map(|&b| half::bf16::from_le_bytes(b).to_f32()).collect(),
+        let system = |source| CheckpointError::File { path: path.display().to_string(), source };
+        let mut file = File::open(path).map_err(system)?;
+        let length = file.metadata().map_err(system)?.len();
+        let mut header_length = [0; 8];
+        if length < 8 {
+            return Err(content(path, "no .safetensors file: it has less than eight bytes"));
+        }
+        file.read_exact(&mut header_length).map_err(system)?;
+        let header_length = u64::from_le_bytes(header_length);
+        if header_length > length - 8 {
+            return Err(content(path, "no .safetensors file, or a truncated one: its header is longer than the file"));
+        }
+        let mut header = vec![0; header_length as usize];
+        file.read_exact(&mut header).map_err(system)?;
+        let header: Metadata = serde_json::from_slice(&header).map_err(|error| content(path, error))?;
+        let described = 8 + header_length + header.data_len() as u64;
+        if described != length {
+            return Err(content(path, format!("damaged: its header describes {described} bytes, but it has {length}")));
+        }
+        // Tensor by tensor, so that the file and the numbers made of it are not in memory together.
+        let (mut checkpoint, mut bytes) = (Self::default(), Vec::new());
+        for name in header.offset_keys() {
+            let Some(TensorInfo { dtype, shape, data_offsets: (begin, end) }) = header.info(&name) else { continue };
+            bytes.resize(end - begin, 0);
+            file.read_exact(&mut bytes).map_err(system)?;
+            let values = match dtype {
+                Dtype::F32 => bytes.as_chunks::<4>().0.iter().map(|&b| f32::from_le_bytes(b)).collect(),
+                Dtype::F64 => bytes.as_chunks::<8>().0.iter().map(|&b| f64::from_le_bytes(b) as f32).collect(),
+                Dtype::F16 => {
+                    let halves: Vec<half::f16> =
+                        bytes.as_chunks::<2>().0.iter().map(|&b| half::f16::from_le_bytes(b)).collect();
+                    let mut values = vec![0.0; halves.len()];
+                    halves.convert_to_f32_slice(&mut values);
+                    values
+                }
+                Dtype::BF16 => {
+                    bytes.as_chunks::<2>().0.iter().map(|&b| half::bf16::from_le_bytes(b).to_f32()).collect()
+                }
                 Dtype::I64 | Dtype::I32 => continue,
                 other => return Err(content(path, format!("tensor \"{name}\" holds {other:?}; floats are wanted"))),
             };
-            checkpoint.tensors.insert(name, HostTensor { shape: view.shape().to_vec(), values });
+            checkpoint.tensors.insert(name, HostTensor { shape: shape.clone(), values });
         }
-        let (_, header) = SafeTensors::read_metadata(&bytes).map_err(|error| content(path, error))?;
         if let Some(text) = header.metadata().as_ref().and_then(|map| map.get("checkpoint")) {
             let mut json: serde_json::Value = serde_json::from_str(text).map_err(|error| content(path, error))?;
             let version = json["format_version"].as_u64();
@@ -231,14 +290,18 @@ impl Checkpoint {
         }
         Ok(checkpoint)
     }
+}
 
-    fn load<M: Module>(&self, module: M, problems: &mut Vec<String>, renamed: impl FnMut(&str) -> String) -> M {
-        // A copy of its own: burn's running statistics are shared between clones.
-        let recording = module.devices().iter().any(|device| device.is_autodiff());
-        let own = module.valid();
-        let loaded = own.map(&mut Load { tensors: &self.tensors, problems, renamed, path: Path::default() });
-        if recording { loaded.train() } else { loaded }
-    }
+fn is_recording<M: Module>(module: &M) -> bool {
+    module.devices().iter().any(|device| device.is_autodiff())
+}
+
+/// `module` with the values that `get` has under a parameter's name, and what is wrong with them; `get` also gives the name for
+/// messages.
+fn filled<M: Module>(module: M, get: impl FnMut(&str) -> (String, Option<HostTensor>)) -> (M, Vec<String>) {
+    let mut fill = Fill { get, problems: Vec::new(), path: Path::default() };
+    let module = module.map(&mut fill);
+    (module, fill.problems)
 }
 
 fn checked<M>(name: &str, module: M, problems: Vec<String>) -> Result<M, CheckpointError> {
@@ -279,14 +342,13 @@ impl ModuleVisitor for Collect<'_> {
     }
 }
 
-struct Load<'a, F> {
-    tensors: &'a BTreeMap<String, HostTensor>,
-    problems: &'a mut Vec<String>,
-    renamed: F,
+struct Fill<F> {
+    get: F,
+    problems: Vec<String>,
     path: Path,
 }
 
-impl<F: FnMut(&str) -> String> ModuleMapper for Load<'_, F> {
+impl<F: FnMut(&str) -> (String, Option<HostTensor>)> ModuleMapper for Fill<F> {
     fn enter_module(&mut self, name: &str, _: &str) {
         self.path.enter(name);
     }
@@ -296,17 +358,18 @@ impl<F: FnMut(&str) -> String> ModuleMapper for Load<'_, F> {
     }
 
     fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
-        let name = (self.renamed)(&self.path.name());
-        let dims = param.val().dims();
-        match self.tensors.get(&name) {
+        let (name, tensor) = (self.get)(&self.path.name());
+        // Not its values, which might have to be drawn for that.
+        let dims = param.lazy_shape().dims::<D>();
+        match tensor {
             None => self.problems.push(format!("\"{name}\" is missing")),
             Some(tensor) if tensor.shape != dims => {
                 self.problems.push(format!("\"{name}\" has the shape {:?}, not {dims:?}", tensor.shape));
             }
             Some(tensor) => {
-                let (id, old, mapper) = param.consume();
-                let value = Tensor::from_data(TensorData::new(tensor.values.clone(), dims), &old.device());
-                return Param::from_mapped_value(id, value, mapper);
+                let value = Tensor::from_data(TensorData::new(tensor.values, dims), &param.lazy_device());
+                let id = param.id;
+                return param.transform_for_load(value, id);
             }
         }
         param

@@ -13,9 +13,11 @@ use burn::backend::tensor::FloatTensor;
 use burn::backend::{Autodiff, Backend, Dispatch, Flex, TensorMetadata, backend_extension};
 use burn::tensor::{DType, Element, Tensor, TensorData};
 
+use crate::conv::Sums;
+
 /// Numbers that kernels compute with: `f32` to use, `f64` to check gradients.
 pub trait Number:
-    dual::Real + Add<Output = Self> + Sub<Output = Self> + MulAssign + PartialOrd + Element + bytemuck::Pod
+    dual::Real + Sums + Add<Output = Self> + Sub<Output = Self> + MulAssign + PartialOrd + Element + bytemuck::Pod
 {
     /// The nearest number.
     fn of(value: f64) -> Self;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use burn::module::{Module, Param};
+use burn::module::{Module, Param, ParamId};
 use burn::tensor::{Device, Tensor, TensorData};
 use random::{RngExt, Stream};
 
@@ -11,8 +11,24 @@ use crate::graph::{Activation, GraphLevel, down_sample, graph_conv, linear, norm
 /// Weights `[rows, columns]`, uniform in ±√(6 / (`fan_in` + `fan_out`)) (Glorot & Bengio 2010).
 pub fn glorot(size: [usize; 2], fans: [usize; 2], stream: &mut Stream, device: &Device) -> Param<Tensor<2>> {
     let bound = (6.0 / (fans[0] + fans[1]) as f32).sqrt();
-    let values = (0..size[0] * size[1]).map(|_| stream.random_range(-bound..bound)).collect();
-    Param::from_data(TensorData::new::<f32, _>(values, size), device)
+    drawn(size, stream, device, move |stream| stream.random_range(-bound..bound))
+}
+
+/// Weights that are drawn when they are first used: those that a file replaces are not.
+pub(crate) fn drawn<const D: usize>(
+    size: [usize; D],
+    stream: &mut Stream,
+    device: &Device,
+    draw: impl Fn(&mut Stream) -> f32 + Send + Sync + 'static,
+) -> Param<Tensor<D>> {
+    // A stream of their own, so that they do not depend on what is used first.
+    let seed = stream.random();
+    let init = move |device: &Device, recording: bool| {
+        let mut stream = random::stream(seed, "weights", 0);
+        let values = (0..size.iter().product()).map(|_| draw(&mut stream)).collect();
+        Tensor::from_data(TensorData::new::<f32, _>(values, size), device).set_require_grad(recording)
+    };
+    Param::uninitialized(ParamId::new(), init, device.clone(), true, size.into())
 }
 
 /// [`graph_conv`] with its weights.

@@ -4,14 +4,18 @@
 
 mod adam;
 pub mod checkpoint;
+pub mod conv;
 pub mod depth;
 pub mod graph;
 pub mod host;
 pub mod layers;
 pub mod light;
 mod names;
+mod networks;
 pub mod rendering;
 #[cfg(test)]
 mod testing;
 
 pub use adam::Adam;
+pub use burn::tensor::Device;
+pub use networks::{CompletedLight, GlobalLight, Networks};

@@ -12,7 +12,7 @@ use octree::{NamedTensor, OctreeHeader, read_tensors, write_tensors};
 use safetensors::{Dtype, SafeTensors, View};
 use serde::{Deserialize, Serialize};
 
-use crate::{Completion, Frame, Room, Scene, SceneError};
+use crate::{Completion, Frame, Prediction, Room, Scene, SceneError};
 
 /// Version of the file's layout that this crate writes and reads.
 pub const FORMAT_VERSION: u32 = 1;
@@ -37,6 +37,14 @@ struct Metadata {
     completion: Completion,
     room: Option<Room>,
     sources: Vec<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    prediction: Option<PredictionHeader>,
+}
+
+/// A [`Prediction`] without its tensor.
+#[derive(Serialize, Deserialize)]
+struct PredictionHeader {
+    depth: bool,
 }
 
 impl Scene {
@@ -81,6 +89,7 @@ impl Scene {
             completion: self.completion,
             room: self.room.clone(),
             sources: self.sources.iter().map(|name| file_name(name)).collect(),
+            prediction: self.prediction.as_ref().map(|prediction| PredictionHeader { depth: prediction.depth }),
         };
         let json = serde_json::to_string(&metadata).map_err(|e| SceneError::Metadata(e.to_string()))?;
         let mut tensors: Vec<(String, Tensor)> =
@@ -90,11 +99,16 @@ impl Scene {
         let shape = vec![self.frame.photo.height(), self.frame.photo.width(), 3];
         let photo = match &self.frame.photo {
             Photo::Srgb8(image) => {
-                Tensor::Image { dtype: Dtype::U8, shape, bytes: Cow::Borrowed(image.pixels().as_flattened()) }
+                Tensor::Plain { dtype: Dtype::U8, shape, bytes: Cow::Borrowed(image.pixels().as_flattened()) }
             }
             Photo::Linear(image) => Tensor::floats(shape, image.pixels().as_flattened()),
         };
         tensors.push(("photo".to_owned(), photo));
+        if let Some(prediction) = &self.prediction {
+            let bytes = prediction.confidence.concat();
+            let tensor = Tensor::Plain { dtype: Dtype::U8, shape: vec![bytes.len()], bytes: Cow::Owned(bytes) };
+            tensors.push(("confidence".to_owned(), tensor));
+        }
         let map = HashMap::from([(METADATA_KEY.to_owned(), json)]);
         safetensors::serialize(tensors, Some(map)).map_err(|e| SceneError::Container(e.to_string()))
     }
@@ -135,7 +149,13 @@ impl Scene {
         let frame = Frame::new(read_photo(&tensors)?, read_depth(&tensors)?, metadata.camera, metadata.exposure)?;
         let light = read_tensors(&tensors, &metadata.octree)?;
         let sources = metadata.sources.iter().map(|name| file_name(name)).collect();
-        Ok(Self { light, frame, completion: metadata.completion, room: metadata.room, sources })
+        let prediction = match metadata.prediction {
+            Some(PredictionHeader { depth }) => {
+                Some(Prediction { confidence: read_confidence(&tensors, &light.rgba)?, depth })
+            }
+            None => None,
+        };
+        Ok(Self { light, frame, completion: metadata.completion, room: metadata.room, sources, prediction })
     }
 }
 
@@ -162,6 +182,22 @@ fn read_depth(tensors: &SafeTensors<'_>) -> Result<Image<f32>, SceneError> {
     }
 }
 
+/// One value for each of the feature rows `rgba[d]`.
+fn read_confidence(tensors: &SafeTensors<'_>, rgba: &[Vec<[f32; 4]>]) -> Result<Vec<Vec<u8>>, SceneError> {
+    let (dtype, shape, bytes) = tensor(tensors, "confidence")?;
+    let rows: usize = rgba.iter().map(Vec::len).sum();
+    if dtype != Dtype::U8 || shape != [rows] {
+        return Err(layout("confidence", "U8 [feature rows of all depths]", dtype, &shape));
+    }
+    let mut rest = bytes;
+    let depths = rgba.iter().map(|rows| {
+        let (depth, below) = rest.split_at(rows.len());
+        rest = below;
+        depth.to_vec()
+    });
+    Ok(depths.collect())
+}
+
 /// Type, shape and bytes; the bytes are as many as type and shape say, safetensors has seen to that.
 fn tensor<'data>(
     tensors: &SafeTensors<'data>,
@@ -186,13 +222,13 @@ fn file_name(path: &str) -> String {
 
 enum Tensor<'a> {
     Octree(NamedTensor),
-    Image { dtype: Dtype, shape: Vec<usize>, bytes: Cow<'a, [u8]> },
+    Plain { dtype: Dtype, shape: Vec<usize>, bytes: Cow<'a, [u8]> },
 }
 
 impl Tensor<'_> {
     fn floats(shape: Vec<usize>, values: &[f32]) -> Self {
         let bytes = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-        Self::Image { dtype: Dtype::F32, shape, bytes: Cow::Owned(bytes) }
+        Self::Plain { dtype: Dtype::F32, shape, bytes: Cow::Owned(bytes) }
     }
 }
 
@@ -200,28 +236,28 @@ impl View for Tensor<'_> {
     fn dtype(&self) -> Dtype {
         match self {
             Self::Octree(tensor) => tensor.dtype(),
-            Self::Image { dtype, .. } => *dtype,
+            Self::Plain { dtype, .. } => *dtype,
         }
     }
 
     fn shape(&self) -> &[usize] {
         match self {
             Self::Octree(tensor) => tensor.shape(),
-            Self::Image { shape, .. } => shape,
+            Self::Plain { shape, .. } => shape,
         }
     }
 
     fn data(&self) -> Cow<'_, [u8]> {
         match self {
             Self::Octree(tensor) => tensor.data(),
-            Self::Image { bytes, .. } => Cow::Borrowed(bytes),
+            Self::Plain { bytes, .. } => Cow::Borrowed(bytes),
         }
     }
 
     fn data_len(&self) -> usize {
         match self {
             Self::Octree(tensor) => tensor.data_len(),
-            Self::Image { bytes, .. } => bytes.len(),
+            Self::Plain { bytes, .. } => bytes.len(),
         }
     }
 }

@@ -16,12 +16,6 @@ const MAX_DEPTH_M: f32 = 200.0;
 /// Median depths below this many metres mean that the depth scale is wrong.
 const MIN_MEDIAN_DEPTH_M: f32 = 0.05;
 
-/// Long side of the working resolution in pixels; with 3:2 photos this is the 480 × 320 = 153,600 points of the paper.
-const WORKING_LONG_SIDE: f64 = 480.0;
-
-/// Most points of the working resolution.
-const WORKING_POINTS: f64 = 153_600.0;
-
 /// A photo with depth and camera.
 ///
 /// Photo and depth show the same field of view; their resolutions may differ until [`Frame::at_resolution`] makes them equal.
@@ -111,10 +105,7 @@ impl Frame {
     /// Where photo or depth have no pixels, which [`Frame::new`] does not let through.
     pub fn at_resolution(&self, width: usize, height: usize) -> Self {
         let (width, height) = (width.max(1), height.max(1));
-        let photo = match &self.photo {
-            photo if (photo.width(), photo.height()) == (width, height) => photo.clone(),
-            photo => Photo::Linear(resample::photo(photo, width, height)),
-        };
+        let photo = resample::photo(&self.photo, width, height);
         let depth_m = imaging::resize_depth(&self.depth_m, width, height);
         Self { camera: self.camera.resized(width as u32, height as u32), photo, depth_m, exposure: self.exposure }
     }
@@ -122,9 +113,8 @@ impl Frame {
     /// The frame at the resolution that estimation works at: at most 480 pixels on the long side and 153,600 in all, never
     /// larger than the photo.
     pub fn working(&self) -> Self {
-        let (width, height) = (self.photo.width() as f64, self.photo.height() as f64);
-        let scale = (WORKING_LONG_SIDE / width.max(height)).min((WORKING_POINTS / (width * height)).sqrt()).min(1.0);
-        self.at_resolution((width * scale) as usize, (height * scale) as usize)
+        let (width, height) = resample::working_size(&self.photo);
+        self.at_resolution(width, height)
     }
 
     /// Linear radiance of each photo pixel: the photo's linear value × exposure, clipped highlights as they are.

@@ -3,14 +3,38 @@
 use imaging::{Image, Photo, RadianceImage, linear_from_srgb8};
 use rayon::prelude::*;
 
-/// Mean linear value over each new pixel's footprint (box filter with exact edge weights).
+/// Long side of the working resolution in pixels; with 3:2 photos this is the 480 × 320 = 153,600 points of the paper.
+const WORKING_LONG_SIDE: f64 = 480.0;
+
+/// Most points of the working resolution.
+const WORKING_POINTS: f64 = 153_600.0;
+
+/// The photo at the resolution that estimation works at, of which [`Frame::working`](crate::Frame::working) tells; for a photo
+/// whose depth is not known yet.
+///
+/// # Panics
+/// Where the photo has no pixels.
+pub fn working_photo(photo: &Photo) -> Photo {
+    let (width, height) = working_size(photo);
+    self::photo(photo, width, height)
+}
+
+/// Width and height of the working resolution.
+pub(crate) fn working_size(photo: &Photo) -> (usize, usize) {
+    let (width, height) = (photo.width() as f64, photo.height() as f64);
+    let scale = (WORKING_LONG_SIDE / width.max(height)).min((WORKING_POINTS / (width * height)).sqrt()).min(1.0);
+    (((width * scale) as usize).max(1), ((height * scale) as usize).max(1))
+}
+
+/// Mean linear value over each new pixel's footprint (box filter with exact edge weights); a photo of that size stays as it is.
 ///
 /// 8-bit photos are converted row by row, so that a 50-megapixel photo never exists as 600 MB of floats.
-pub(crate) fn photo(photo: &Photo, width: usize, height: usize) -> RadianceImage {
+pub(crate) fn photo(photo: &Photo, width: usize, height: usize) -> Photo {
     match photo {
-        Photo::Srgb8(image) => boxed(image, width, height, |p| p.map(linear_from_srgb8)),
+        photo if (photo.width(), photo.height()) == (width, height) => photo.clone(),
+        Photo::Srgb8(image) => Photo::Linear(boxed(image, width, height, |p| p.map(linear_from_srgb8))),
         Photo::Linear(image) => {
-            boxed(image, width, height, |p| p.map(|c| if c.is_finite() { c.max(0.0) } else { 0.0 }))
+            Photo::Linear(boxed(image, width, height, |p| p.map(|c| if c.is_finite() { c.max(0.0) } else { 0.0 })))
         }
     }
 }
@@ -81,7 +105,7 @@ mod tests {
     #[test]
     fn means_are_kept() {
         let photo_in = Photo::Linear(Image::from_fn(7, 5, |x, y| [x as f32, y as f32, 1.0]));
-        let small = photo(&photo_in, 3, 2);
+        let small = photo(&photo_in, 3, 2).into_radiance();
         let mean = |image: &RadianceImage, c: usize| {
             image.pixels().iter().map(|p| p[c]).sum::<f32>() / image.pixels().len() as f32
         };

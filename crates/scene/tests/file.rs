@@ -3,7 +3,7 @@
 
 use geometry::{Camera, Cube, Plane, Vec3};
 use imaging::{Image, Photo};
-use lightoctree_scene::{Completion, Frame, Room, RoomPlane, Scene, SceneError, Side};
+use lightoctree_scene::{Completion, Frame, Prediction, Room, RoomPlane, Scene, SceneError, Side};
 use octree::{Coverage, LightOctree, RadiancePoint};
 use proptest::prelude::*;
 
@@ -32,6 +32,7 @@ fn scene(linear: bool) -> Scene {
         completion: Completion::Shell,
         room: Some(room),
         sources: vec!["/home/somebody/photo.jpg".to_owned(), "C:\\pictures\\depth.png".to_owned()],
+        prediction: None,
     }
 }
 
@@ -59,6 +60,23 @@ fn files_appear_whole_and_errors_name_the_path() {
     assert!(missing.contains("none"), "{missing}");
     assert!(scene.write(&folder.path().join("no/folder.safetensors")).is_err());
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+#[test]
+fn what_networks_say_of_their_work_comes_back() {
+    let mut scene = scene(false);
+    let rows = scene.light.rgba.iter().map(Vec::len);
+    let confidence = rows.map(|rows| (0..rows).map(|row| (7 * row) as u8).collect()).collect();
+    scene.prediction = Some(Prediction { confidence, depth: true });
+    let bytes = scene.to_bytes().unwrap();
+    assert_eq!(Scene::from_bytes(&bytes).unwrap().prediction, scene.prediction);
+    let missing = bytes.windows(12).position(|window| window == b"\"confidence\"").unwrap();
+    let mut damaged = bytes.clone();
+    damaged[missing + 3] = b'x';
+    assert!(matches!(Scene::from_bytes(&damaged), Err(SceneError::MissingTensor("confidence"))));
+    scene.prediction.as_mut().unwrap().confidence[2].pop();
+    let error = Scene::from_bytes(&scene.to_bytes().unwrap()).unwrap_err().to_string();
+    assert!(error.contains("confidence") && error.contains("feature rows"), "{error}");
 }
 
 /// A second reader, from the safetensors format's own description: 8 bytes of length, JSON, data.

@@ -1,13 +1,13 @@
-//! `lightoctree estimate PHOTO`: photo and depth → scene file.
+//! `lightoctree estimate PHOTO`: photo, with or without depth → scene file.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::ValueEnum;
-use lightoctree::EstimateOptions;
 use lightoctree::geometry::{Camera, Vec3};
-use lightoctree::imaging;
+use lightoctree::imaging::{self, DepthMap, Photo};
 use lightoctree::scene::{Completion, Frame, Scene};
+use lightoctree::{EstimateOptions, NetworkOptions, Networks};
 
 use super::parse;
 use crate::args::{Global, OutputArgs};
@@ -18,13 +18,14 @@ use crate::{Usage, output, report};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
     lightoctree estimate photo.jpg --depth lidar.png -o room.scene\n  \
-    lightoctree estimate kinect.png --depth kinect_depth.png --depth-scale 5000 --intrinsics 525,525,319.5,239.5 -o desk.scene")]
+    lightoctree estimate kinect.png --depth kinect_depth.png --depth-scale 5000 --intrinsics 525,525,319.5,239.5 -o desk.scene\n  \
+    lightoctree estimate photo.jpg --completion network --weights trained.safetensors -o room.scene")]
 #[command(mut_arg("output", |output| output.help("The scene file to write").value_name("SCENE")))]
 pub struct Args {
     /// The photo: PNG, JPEG, WebP, TIFF, BMP, PNM (sRGB) or HDR, EXR, PFM (linear)
     photo: PathBuf,
 
-    /// Measured depth of the same view, any resolution: 16-bit PNG, or EXR, PFM, TIFF, NPY in metres
+    /// Measured depth of the same view, any resolution: 16-bit PNG, or EXR, PFM, TIFF, NPY in metres; `--completion network` does without
     #[arg(long, value_name = "FILE")]
     depth: Option<PathBuf>,
 
@@ -40,13 +41,17 @@ pub struct Args {
     #[arg(long, value_name = "A")]
     hfov_deg: Option<f64>,
 
-    /// Depth of the octree: 7 gives leaves of 1/128 of the cube
-    #[arg(long, value_name = "D", default_value_t = 7, value_parser = clap::value_parser!(u32).range(5..=9))]
-    octree_depth: u32,
+    /// Depth of the octree: 7 gives leaves of 1/128 of the cube [default: 7, or that of the weights]
+    #[arg(long, value_name = "D", value_parser = clap::value_parser!(u32).range(5..=9))]
+    octree_depth: Option<u32>,
 
     /// How the unseen part of the room is filled
     #[arg(long, value_name = "HOW", default_value = "shell")]
     completion: CompletionArg,
+
+    /// Trained weights of the networks, for `--completion network` [none are shipped yet]
+    #[arg(long, value_name = "FILE")]
+    weights: Option<PathBuf>,
 
     /// The scene's upward direction [default: from the floor]
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::direction, allow_hyphen_values = true)]
@@ -59,7 +64,7 @@ pub struct Args {
 /// How the unseen part of the room is filled.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum CompletionArg {
-    /// By the networks (no weights are shipped yet)
+    /// By the networks, whose weights --weights names
     Network,
     /// By planes fitted to what is seen, with extrapolated radiance
     Shell,
@@ -67,50 +72,101 @@ enum CompletionArg {
     None,
 }
 
+impl From<CompletionArg> for Completion {
+    fn from(how: CompletionArg) -> Self {
+        match how {
+            CompletionArg::Network => Self::Network,
+            CompletionArg::Shell => Self::Shell,
+            CompletionArg::None => Self::None,
+        }
+    }
+}
+
 /// Reads, estimates, writes.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
-    let completion = match args.completion {
-        CompletionArg::Network => {
-            return Err(Usage(
-                "--completion network needs trained weights, and this version ships none; \
-                 `shell` (the default) closes the room without a network"
-                    .into(),
-            )
-            .into());
-        }
-        CompletionArg::Shell => Completion::Shell,
-        CompletionArg::None => Completion::None,
-    };
-    let Some(depth_path) = &args.depth else {
-        return Err(Usage(format!(
-            "{} comes without depth, and this version has no network to predict it: give --depth FILE.\n\
-             Depth can come from a phone's LiDAR (ARKit, Record3D), an RGB-D camera (Kinect, RealSense, Azure), or a monocular network such as\n\
-             Depth Anything run elsewhere: a 16-bit PNG in millimetres, or EXR, PFM, TIFF or NPY in metres, of the same view at any resolution.",
-            args.photo.display()
-        ))
-        .into());
-    };
+    let weights = weights(args)?;
+    if args.depth.is_none() && weights.is_none() {
+        return Err(without_depth(args));
+    }
     output::check_replaceable(&args.out.output, "estimate", args.out.force)?;
     let mut stages = Stages::new(global.quiet);
+    let networks = weights.map(|path| stages.stage("read weights", || networks(args, path))).transpose()?;
     let (photo, depth_m) = stages.stage("read photo and depth", || -> anyhow::Result<_> {
         let photo = imaging::read_photo(&args.photo)?;
-        let depth_m = imaging::read_depth(depth_path, args.depth_scale)?;
+        let depth_m = args.depth.as_ref().map(|path| imaging::read_depth(path, args.depth_scale)).transpose()?;
         Ok((photo, depth_m))
     })?;
     let camera = camera(args, &photo, &mut stages)?;
-    let frame = Frame::new(photo.photo, depth_m, camera, 1.0)
-        .with_context(|| format!("{} and {} do not fit together", args.photo.display(), depth_path.display()))?;
-    let file_name = |path: &Path| path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-    let options = EstimateOptions {
-        octree_depth: args.octree_depth,
-        completion,
-        up: args.up,
-        sources: vec![file_name(&args.photo), file_name(depth_path)],
-        ..EstimateOptions::default()
-    };
-    let scene = lightoctree::estimate(frame, &options, &mut |message| stages.hear(message))?;
+    let scene = estimate(global, args, (photo.photo, depth_m), camera, networks, &mut stages)?;
     stages.stage("write", || scene.write(&args.out.output))?;
     say(args, &scene, &stages)
+}
+
+/// The file of weights, where the networks are to complete the scene.
+fn weights(args: &Args) -> anyhow::Result<Option<&Path>> {
+    match (args.completion, &args.weights) {
+        (CompletionArg::Network, Some(path)) => Ok(Some(path)),
+        (CompletionArg::Network, None) => Err(Usage(
+            "--completion network needs --weights FILE, and this version ships no trained weights; \
+             `shell` (the default) closes the room without a network"
+                .into(),
+        )
+        .into()),
+        (_, Some(_)) => Err(Usage("--weights belongs to --completion network".into()).into()),
+        (_, None) => Ok(None),
+    }
+}
+
+fn networks(args: &Args, path: &Path) -> anyhow::Result<Networks> {
+    let networks = Networks::read(path).with_context(|| format!("--weights {}", path.display()))?;
+    let own = networks.config.depth;
+    match args.octree_depth {
+        Some(asked) if asked != own => Err(Usage(format!(
+            "the networks of {} make octrees of depth {own}, not {asked}; leave --octree-depth out",
+            path.display()
+        ))
+        .into()),
+        _ => Ok(networks),
+    }
+}
+
+fn without_depth(args: &Args) -> anyhow::Error {
+    Usage(format!(
+        "{} comes without depth: give --depth FILE, or --completion network --weights FILE to have it predicted.\n\
+         Depth can come from a phone's LiDAR (ARKit, Record3D), an RGB-D camera (Kinect, RealSense, Azure), or a monocular network such as\n\
+         Depth Anything run elsewhere: a 16-bit PNG in millimetres, or EXR, PFM, TIFF or NPY in metres, of the same view at any resolution.",
+        args.photo.display()
+    ))
+    .into()
+}
+
+/// By the networks where there are any, else as --completion says.
+fn estimate(
+    global: &Global,
+    args: &Args,
+    (photo, depth_m): (Photo, Option<DepthMap>),
+    camera: Camera,
+    networks: Option<Networks>,
+    stages: &mut Stages,
+) -> anyhow::Result<Scene> {
+    let file_name = |path: &PathBuf| path.file_name().map(|name| name.to_string_lossy().into_owned());
+    let sources = [Some(&args.photo), args.depth.as_ref()].into_iter().flatten().filter_map(file_name).collect();
+    let hear = &mut |message| stages.hear(message);
+    let network_options = NetworkOptions { seed: global.seed, up: args.up, sources };
+    let Some((depth_m, depth_path)) = depth_m.zip(args.depth.as_ref()) else {
+        let networks = networks.ok_or_else(|| without_depth(args))?;
+        return Ok(lightoctree::estimate_from_photo(photo, camera, &networks, &network_options, hear)?);
+    };
+    let frame = Frame::new(photo, depth_m, camera, 1.0)
+        .with_context(|| format!("{} and {} do not fit together", args.photo.display(), depth_path.display()))?;
+    if let Some(networks) = networks {
+        return Ok(lightoctree::estimate_with_networks(frame, &networks, &network_options, hear)?);
+    }
+    let NetworkOptions { up, sources, .. } = network_options;
+    let completion = args.completion.into();
+    let octree_depth = args.octree_depth.unwrap_or(EstimateOptions::default().octree_depth);
+    let options = EstimateOptions { octree_depth, completion, up, sources, ..EstimateOptions::default() };
+    Ok(lightoctree::estimate(frame, &options, hear)?)
 }
 
 /// The camera by the best source at hand; says which.
@@ -145,7 +201,7 @@ fn say(args: &Args, scene: &Scene, stages: &Stages) -> anyhow::Result<()> {
         "{}  {}, {leaves} leaves of {:.1} cm, in {}",
         args.out.output.display(),
         report::bytes(bytes),
-        100.0 * scene.light.cube.node_edge_m(args.octree_depth),
+        100.0 * scene.light.cube.node_edge_m(scene.light.octree.depth()),
         seconds(stages.total())
     ));
     Ok(())

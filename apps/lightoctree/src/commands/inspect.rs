@@ -38,6 +38,15 @@ struct Summary {
     radiance: RadianceSummary,
     seen_share: f64,
     inferred_share: f64,
+    prediction: Option<PredictionSummary>,
+}
+
+/// What the networks say of their work.
+#[derive(Serialize)]
+struct PredictionSummary {
+    predicted_depth: bool,
+    /// Mean over the finest leaves, from 0 to 1.
+    mean_confidence: f64,
 }
 
 #[derive(Serialize)]
@@ -109,7 +118,7 @@ fn summarise(scene: &Scene, bytes: u64) -> Summary {
         split: level.children.iter().filter(|child| **child >= 0).count(),
     });
     let seen: &[u8] = light.seen.last().map_or(&[], Vec::as_slice);
-    let seen_share = seen.iter().map(|&share| f64::from(share) / 255.0).sum::<f64>() / seen.len().max(1) as f64;
+    let seen_share = mean_share(seen);
     let camera = scene.frame.camera;
     let depth_m = &scene.frame.depth_m;
     let readings = depth_m.pixels().iter().filter(|z| **z > 0.0).count();
@@ -146,7 +155,16 @@ fn summarise(scene: &Scene, bytes: u64) -> Summary {
         radiance: percentiles(light.rgba.last().map_or(&[], Vec::as_slice)),
         seen_share,
         inferred_share: if seen.is_empty() { 0.0 } else { 1.0 - seen_share },
+        prediction: scene.prediction.as_ref().map(|prediction| PredictionSummary {
+            predicted_depth: prediction.depth,
+            mean_confidence: mean_share(prediction.confidence.last().map_or(&[], Vec::as_slice)),
+        }),
     }
+}
+
+/// Mean of shares, of which 255 is the whole.
+fn mean_share(shares: &[u8]) -> f64 {
+    shares.iter().map(|&share| f64::from(share) / 255.0).sum::<f64>() / shares.len().max(1) as f64
 }
 
 fn percentiles(rgba: &[[f32; 4]]) -> RadianceSummary {
@@ -192,6 +210,13 @@ fn print_tables(summary: &Summary) {
         100.0 * summary.seen_share,
         100.0 * summary.inferred_share
     ));
+    if let Some(prediction) = &summary.prediction {
+        report::print(&format!(
+            "networks mean confidence of the leaves {:.2}; depth {}",
+            prediction.mean_confidence,
+            if prediction.predicted_depth { "predicted" } else { "measured" }
+        ));
+    }
     if let Some(room) = &summary.room {
         for plane in &room.planes {
             let n = plane.plane.normal;

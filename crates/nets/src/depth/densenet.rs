@@ -1,11 +1,12 @@
 use burn::module::{Module, Param};
 use burn::nn::conv::{Conv2d, Conv2dConfig};
-use burn::nn::pool::{AvgPool2d, AvgPool2dConfig, MaxPool2d, MaxPool2dConfig};
 use burn::nn::{BatchNorm, BatchNormConfig, PaddingConfig2d};
-use burn::tensor::{Device, Tensor, TensorData, activation::relu};
+use burn::tensor::{Device, Tensor, TensorData};
 use random::{RngExt, Stream};
 
 use crate::checkpoint::{Checkpoint, CheckpointError};
+use crate::conv::{Moments, activate, activated_conv2d, activated_mean, batch_norm, conv2d, max_pool, scaled};
+use crate::layers::drawn;
 
 /// Channels that a dense layer adds, and that it works with.
 const GROWTH: usize = 32;
@@ -24,7 +25,6 @@ pub struct DenseNet {
     pub conv0: Conv2d,
     /// After it.
     pub norm0: BatchNorm,
-    pool0: MaxPool2d,
     /// Dense blocks.
     pub blocks: Vec<DenseBlock>,
     /// Between them.
@@ -60,7 +60,6 @@ pub struct Transition {
     pub norm: BatchNorm,
     /// 1 × 1.
     pub conv: Conv2d,
-    pool: AvgPool2d,
 }
 
 /// A convolution, its weights normal with variance 2 / fan-in (He et al. 2015), as torchvision has it.
@@ -80,9 +79,8 @@ pub(super) fn conv(
         .init(device);
     let fan_in = channels[0] * kernel * kernel;
     let deviation = (2.0 / fan_in as f32).sqrt();
-    let weights = (0..channels[1] * fan_in).map(|_| deviation * normal(stream)).collect();
-    let weights = TensorData::new::<f32, _>(weights, [channels[1], channels[0], kernel, kernel]);
-    conv.weight = Param::from_data(weights, device);
+    let size = [channels[1], channels[0], kernel, kernel];
+    conv.weight = drawn(size, stream, device, move |stream| deviation * normal(stream));
     conv.bias = bias.then(|| Param::from_data(TensorData::new(vec![0.0f32; channels[1]], [channels[1]]), device));
     conv
 }
@@ -109,20 +107,11 @@ impl DenseNet {
             channels += layers * GROWTH;
             if i + 1 < LAYERS.len() {
                 let half = conv([channels, channels / 2], 1, 1, false, stream, device);
-                let pool = AvgPool2dConfig::new([2, 2]).with_strides([2, 2]).init();
-                transitions.push(Transition { norm: norm(channels, device), conv: half, pool });
+                transitions.push(Transition { norm: norm(channels, device), conv: half });
                 channels /= 2;
             }
         }
-        let padding = PaddingConfig2d::Explicit(1, 1, 1, 1);
-        Self {
-            conv0,
-            norm0: norm(DENSENET_CHANNELS[0], device),
-            pool0: MaxPool2dConfig::new([3, 3]).with_strides([2, 2]).with_padding(padding).init(),
-            blocks,
-            transitions,
-            norm5: norm(channels, device),
-        }
+        Self { conv0, norm0: norm(DENSENET_CHANNELS[0], device), blocks, transitions, norm5: norm(channels, device) }
     }
 
     /// With the weights of torchvision's `densenet121`, of which the classifier is not used.
@@ -144,27 +133,49 @@ impl DenseNet {
     /// `[1, 3, height, width]`, multiples of 32, to the features at 1/2, 1/4, 1/8, 1/16 and 1/32 of that, of
     /// [`DENSENET_CHANNELS`].
     pub fn forward(&self, x: Tensor<4>) -> [Tensor<4>; 5] {
-        let half = relu(self.norm0.forward(self.conv0.forward(x)));
-        let mut x = self.pool0.forward(half.clone());
+        let x = conv2d(x, &self.conv0);
+        let affine = batch_norm(&self.norm0, Moments::in_training(&x).as_ref());
+        let half = activate(x, affine);
+        let mut x = max_pool(half.clone());
         let mut outputs = Vec::new();
         for (i, block) in self.blocks.iter().enumerate() {
-            x = block.forward(x);
-            if let Some(transition) = self.transitions.get(i) {
-                outputs.push(x.clone());
-                x = transition.forward(x);
-            }
+            let (features, moments) = block.forward(x);
+            x = match self.transitions.get(i) {
+                Some(transition) => {
+                    outputs.push(features.clone());
+                    transition.forward(features, moments.as_ref())
+                }
+                None => scaled(features, batch_norm(&self.norm5, moments.as_ref())),
+            };
         }
         let [quarter, eighth, sixteenth] = outputs.try_into().expect("three transitions");
-        [half, quarter, eighth, sixteenth, self.norm5.forward(x)]
+        [half, quarter, eighth, sixteenth, x]
     }
 }
 
 impl DenseBlock {
-    fn forward(&self, x: Tensor<4>) -> Tensor<4> {
-        self.layers.iter().fold(x, |x, layer| {
-            let new = layer.forward(x.clone());
-            Tensor::cat(vec![x, new], 1)
+    /// Also gives the moments of its output's channels, in training.
+    fn forward(&self, x: Tensor<4>) -> (Tensor<4>, Option<Moments>) {
+        let Some(moments) = Moments::in_training(&x) else { return (self.forward_in_place(x), None) };
+        self.layers.iter().fold((x, Some(moments)), |(x, moments), layer| {
+            let new = layer.forward(x.clone(), moments.as_ref());
+            let moments = moments.map(|moments| moments.joined(Moments::new(new.clone())));
+            (Tensor::cat(vec![x, new], 1), moments)
         })
+    }
+
+    /// Where nothing is recorded, the layers write into one tensor: no copy of what all before gave for each.
+    fn forward_in_place(&self, x: Tensor<4>) -> Tensor<4> {
+        let [_, inputs, height, width] = x.dims();
+        let channels = inputs + self.layers.len() * GROWTH;
+        let features = Tensor::zeros([1, channels, height, width], (&x.device(), x.dtype()));
+        let mut features = features.slice_assign([0..1, 0..inputs, 0..height, 0..width], x);
+        for (i, layer) in self.layers.iter().enumerate() {
+            let seen = inputs + i * GROWTH;
+            let new = layer.forward(features.clone().narrow(1, 0, seen), None);
+            features = features.slice_assign([0..1, seen..seen + GROWTH, 0..height, 0..width], new);
+        }
+        features
     }
 }
 
@@ -178,15 +189,18 @@ impl DenseLayer {
         }
     }
 
-    fn forward(&self, x: Tensor<4>) -> Tensor<4> {
-        let x = self.conv1.forward(relu(self.norm1.forward(x)));
-        self.conv2.forward(relu(self.norm2.forward(x)))
+    fn forward(&self, x: Tensor<4>, moments: Option<&Moments>) -> Tensor<4> {
+        let x = activated_conv2d(x, batch_norm(&self.norm1, moments), &self.conv1);
+        let affine = batch_norm(&self.norm2, Moments::in_training(&x).as_ref());
+        activated_conv2d(x, affine, &self.conv2)
     }
 }
 
 impl Transition {
-    fn forward(&self, x: Tensor<4>) -> Tensor<4> {
-        self.pool.forward(self.conv.forward(relu(self.norm.forward(x))))
+    fn forward(&self, x: Tensor<4>, moments: Option<&Moments>) -> Tensor<4> {
+        // torchvision pools what was convolved. Means of pixels and sums of channels commute, and this way round there is a
+        // quarter of the products.
+        conv2d(activated_mean(x, batch_norm(&self.norm, moments)), &self.conv)
     }
 }
 

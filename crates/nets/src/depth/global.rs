@@ -3,7 +3,8 @@ use burn::nn::conv::Conv2d;
 use burn::tensor::{Device, Tensor, TensorData, activation, activation::relu, module::adaptive_avg_pool2d};
 use random::Stream;
 
-use crate::depth::decoder::{ConvStage, doubled};
+use crate::conv::{conv2d, doubled};
+use crate::depth::decoder::ConvStage;
 use crate::depth::densenet::{DENSENET_CHANNELS, conv};
 use crate::layers::Linear;
 use crate::light::MAX_RADIANCE;
@@ -54,7 +55,7 @@ impl GlobalEncoder {
 
     /// `[1, 1024, height, width] → f_L [1, features]`.
     pub fn forward(&self, x: Tensor<4>) -> Tensor<2> {
-        let cells = adaptive_avg_pool2d(relu(self.conv.forward(x)), CELLS);
+        let cells = adaptive_avg_pool2d(relu(conv2d(x, &self.conv)), CELLS);
         self.output.forward(relu(self.hidden.forward(cells.flatten(1, 3))))
     }
 }
@@ -70,12 +71,12 @@ impl PanoramaDecoder {
     pub fn forward(&self, features: Tensor<2>) -> Tensor<4> {
         let x = relu(self.input.forward(features)).reshape([1, PANORAMA_CHANNELS[0], 4, 8]);
         let x = self.stages.iter().fold(x, |x, stage| {
-            let x = doubled(x);
+            let x = doubled(x, None);
             let width = x.dims()[3];
             stage.forward(wrapped(x)).narrow(3, 1, width)
         });
         let width = x.dims()[3];
-        let log = activation::softplus(self.output.forward(wrapped(x)).narrow(3, 1, width), 1.0);
+        let log = activation::softplus(conv2d(wrapped(x), &self.output).narrow(3, 1, width), 1.0);
         log.clamp_max(f64::from(MAX_RADIANCE).ln_1p()).exp() - 1.0
     }
 }

@@ -56,6 +56,25 @@ impl DepthNet {
     /// Where the photo has no pixels.
     pub fn forward(&self, photo: &Image<[u8; 3]>) -> DepthOutput {
         let (width, height) = (photo.width(), photo.height());
+        let features = self.encoder.forward(self.input(photo));
+        let global = self.global.forward(features[4].clone());
+        let [nearest, farthest] = DEPTH_RANGE_M.map(f64::ln);
+        let log_depth = self.decoder.forward(features).slice([0..1, 0..1, 0..height, 0..width]);
+        DepthOutput { log_depth: log_depth.clamp(nearest, farthest), global }
+    }
+
+    /// The global lighting feature alone, `[1, features]`, where depth is known from elsewhere.
+    ///
+    /// # Panics
+    /// Where the photo has no pixels.
+    pub fn global_feature(&self, photo: &Image<[u8; 3]>) -> Tensor<2> {
+        let [.., features] = self.encoder.forward(self.input(photo));
+        self.global.forward(features)
+    }
+
+    /// `[1, 3, height, width]`, padded to multiples of 32.
+    fn input(&self, photo: &Image<[u8; 3]>) -> Tensor<4> {
+        let (width, height) = (photo.width(), photo.height());
         assert!(width > 0 && height > 0, "a photo has pixels");
         let channels = (0..3).flat_map(|c| {
             photo.pixels().iter().map(move |pixel| (f32::from(pixel[c]) / 255.0 - MEAN[c]) / DEVIATION[c])
@@ -64,12 +83,7 @@ impl DepthNet {
         let x = Tensor::<4>::from_data(TensorData::new::<f32, _>(channels.collect(), [1, 3, height, width]), &device);
         let missing = |size: usize| size.next_multiple_of(MULTIPLE) - size;
         // The last rows and columns again: no edge that is not in the picture.
-        let x = x.pad((0, missing(width), 0, missing(height)), PadMode::Edge);
-        let features = self.encoder.forward(x);
-        let global = self.global.forward(features[4].clone());
-        let [nearest, farthest] = DEPTH_RANGE_M.map(f64::ln);
-        let log_depth = self.decoder.forward(features).slice([0..1, 0..1, 0..height, 0..width]);
-        DepthOutput { log_depth: log_depth.clamp(nearest, farthest), global }
+        x.pad((0, missing(width), 0, missing(height)), PadMode::Edge)
     }
 }
 

@@ -2,6 +2,7 @@ use burn::module::Module;
 use burn::nn::conv::Conv2d;
 use burn::tensor::{Device, Tensor, activation};
 
+use crate::conv::conv2d;
 use crate::depth::densenet::conv;
 
 /// Conditional PatchGAN discriminator (Isola et al. 2017): whether each patch of a panorama is real, given what the photo shows.
@@ -29,8 +30,8 @@ impl PatchGan {
         let shown = condition.clone().slice([0..1, 0..3, 0..height, 0..width]).log1p();
         let mask = condition.slice([0..1, 3..4, 0..height, 0..width]);
         let x = Tensor::cat(vec![panorama.log1p(), shown, mask], 1);
-        let x = self.stages.iter().fold(x, |x, stage| activation::leaky_relu(stage.forward(x), 0.2));
-        self.output.forward(x)
+        let x = self.stages.iter().fold(x, |x, stage| activation::leaky_relu(conv2d(x, stage), 0.2));
+        conv2d(x, &self.output)
     }
 
     /// What the discriminator minimises in its own step: cross-entropy on a true panorama and one that was made (whose maker

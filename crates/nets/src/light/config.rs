@@ -1,5 +1,8 @@
 use serde::{Deserialize, Serialize};
 
+use crate::light::NODE_FEATURES;
+use crate::light::radiance::RAW_CHANNELS;
+
 /// Shape of the light network. Every field has a default, so that a file need name only what differs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -61,7 +64,7 @@ impl LightNetConfig {
             ("bottleneck", self.bottleneck, 1, self.channels),
             ("head_channels", self.head_channels, 1, 1024),
             ("channels_per_group", self.channels_per_group, 1, 4096),
-            ("global_features", self.global_features, 1, 65_536),
+            ("global_features", self.global_features, 1, 1024),
             ("global_channels", self.global_channels, 1, 1024),
             ("max_nodes", self.max_nodes, 1 << (3 * self.full_depth.min(6)), 1 << 24),
         ];
@@ -79,6 +82,31 @@ impl LightNetConfig {
         Ok(())
     }
 
+    /// Number of weights of the network.
+    pub fn weights(&self) -> u64 {
+        let projection = |inputs: usize, outputs: usize| (inputs + 2) * outputs;
+        let stage = |depth: u32| {
+            let (channels, types) = (self.stage_channels(depth), type_channels(self.depths(depth)));
+            let between = channels / self.bottleneck;
+            let convolutions = 7 * (channels + types) * between + 7 * (between + types) * channels;
+            self.blocks * (convolutions + 2 * (between + channels))
+        };
+        let heads = |depth: u32| {
+            let hidden = self.head_channels;
+            2 * projection(self.stage_channels(depth), hidden) + (hidden + 1) * (1 + RAW_CHANNELS)
+        };
+        // From this stage to the one above it and back.
+        let between = |depth: u32| {
+            let (fine, coarse) = (self.stage_channels(depth), self.stage_channels(depth - 1));
+            8 * (fine * fine + coarse * coarse) + projection(fine, coarse) + projection(coarse, fine)
+        };
+        let inputs = NODE_FEATURES + self.global_channels + type_channels(self.depths(self.depth));
+        let start = self.global_features * self.global_channels + (7 * inputs + 2) * self.stage_channels(self.depth);
+        let all = self.stages().map(|depth| stage(depth) + heads(depth)).sum::<usize>();
+        let finer = (self.full_depth + 1..=self.depth).map(|depth| stage(depth) + between(depth)).sum::<usize>();
+        (start + all + finer) as u64
+    }
+
     /// Depths of the stages, the coarsest first.
     pub fn stages(&self) -> impl DoubleEndedIterator<Item = u32> + use<> {
         self.full_depth..=self.depth
@@ -93,4 +121,9 @@ impl LightNetConfig {
     pub(crate) fn depths(&self, depth: u32) -> usize {
         (depth - self.full_depth + 1) as usize
     }
+}
+
+/// Channels of the one-hot depth of nodes of so many depths.
+fn type_channels(depths: usize) -> usize {
+    if depths > 1 { depths } else { 0 }
 }

@@ -9,6 +9,17 @@ pub enum Growth<'a> {
     Predicted,
 }
 
+/// How many nodes of `depth` may be split where the octree ends at `last` and `splits` more fit the node budget in all.
+///
+/// What is seen is split whatever else is predicted, at this depth and below. A surface has four times as many nodes one depth further down, and what is left
+/// is shared accordingly: coarse predictions must not use up what fine ones need.
+pub(super) fn most_splits(splits: usize, visible: &Octree, depth: u32, last: u32) -> usize {
+    let seen = |depth: u32| visible.levels()[depth as usize].nonempty;
+    let free = splits.saturating_sub((depth..last).map(seen).sum());
+    let parts = (depth..last).fold(0, |parts, _| 4 * parts + 1);
+    (seen(depth) + free / parts).min(splits).max(1)
+}
+
 /// Which nodes of a level are not empty.
 pub(super) struct Labels {
     pub nonempty: Vec<bool>,
@@ -76,6 +87,23 @@ mod tests {
         let labels = Labels::predicted(&logits, &octree, &visible(), 3);
         assert_eq!(labels.nonempty, [true, false, true, false, true, false, false, false]);
         assert!(labels.message.unwrap().contains("5 nodes of depth 1"));
+    }
+
+    #[test]
+    fn budgets_are_shared_between_depths() {
+        let full = |depth| Octree::full(depth).unwrap();
+        // Nothing seen: 1 + 4 + 16 parts, then 1 + 4, then all.
+        let nothing = full(7);
+        assert_eq!(
+            [(4, 2100), (5, 2000), (6, 1600)].map(|(depth, left)| most_splits(left, &nothing, depth, 7)),
+            [100, 400, 1600]
+        );
+        // One node seen at each of the three depths.
+        let point = RadiancePoint { position_m: Vec3::ZERO, radiance: [1.0; 3], coverage: Coverage::Seen };
+        let cube = Cube { origin_m: Vec3::ZERO, edge_m: 1.0 };
+        let seen = LightOctree::from_points(&[point], cube, 7, 4).unwrap().0.octree;
+        assert_eq!(most_splits(2103, &seen, 4, 7), 101);
+        assert_eq!([most_splits(2, &seen, 4, 7), most_splits(0, &seen, 6, 7)], [1, 1]);
     }
 
     #[test]

@@ -8,7 +8,7 @@ use random::Stream;
 
 use crate::graph::{Activation, GraphLevel, RowMap, select_rows};
 use crate::layers::{DownSample, GraphConv, Head, Linear, Norm, ResBlock, UpSample};
-use crate::light::growth::Labels;
+use crate::light::growth::{Labels, most_splits};
 use crate::light::radiance::RAW_BIAS;
 use crate::light::{
     Growth, KnownLight, LevelOutput, LightError, LightInput, LightNetConfig, LightOutput, NODE_FEATURES, NodeLight,
@@ -185,8 +185,9 @@ impl LightNet {
                     if !logits.iter().all(|logit| logit.is_finite()) {
                         return Err(LightError::NotFinite { what: "split predictions", depth });
                     }
-                    let most = if last { usize::MAX } else { self.max_nodes.saturating_sub(level.len()) / 7 };
-                    Labels::predicted(&logits, &octree, &input.visible, most.max(1))
+                    let splits = self.max_nodes.saturating_sub(level.len()) / 7;
+                    let most = || most_splits(splits, &input.visible.octree, depth, self.depth());
+                    Labels::predicted(&logits, &octree, &input.visible, if last { usize::MAX } else { most() })
                 }
             };
             messages.extend(labels.message);
@@ -316,6 +317,13 @@ mod tests {
         let nodes = GraphLevel::all(&output.octree).pop().unwrap().len();
         assert!(nodes <= 4000 + 3 * 7, "{nodes}");
         assert!(output.messages.iter().any(|message| message.contains("budget")), "{:?}", output.messages);
+        let (visible, grown) = (&input.visible.octree, &output.octree);
+        let kept = |depth: u32| {
+            let level = &visible.levels()[depth as usize];
+            let occupied = level.keys.iter().zip(&level.rows).filter(|(_, row)| **row >= 0);
+            occupied.map(|(&key, _)| grown.find(depth, key).is_some()).collect::<Vec<bool>>()
+        };
+        assert!((3..=6).flat_map(kept).all(|kept| kept), "what is seen stays");
         let run = || net.forward(&input, None, Growth::Predicted).unwrap().into_light().unwrap();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
         assert_eq!(run(), pool.install(run), "whatever the number of threads");

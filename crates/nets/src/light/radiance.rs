@@ -20,13 +20,14 @@ pub(crate) const RAW_BIAS: [f32; RAW_CHANNELS] = [-1.0, -1.0, -1.0, 0.0, 0.0, 0.
 /// Logit of the opacity of what nothing is known of: surfaces are opaque.
 const ALPHA_LOGIT: f64 = 4.0;
 
-/// Known radiance is corrected by a factor of at most e^this.
-const MAX_LOG_GAIN: f64 = 1.0;
+/// Known radiance is corrected by a factor of at most e^this above the finest depth: there a node also holds what is not seen of it.
+const COARSE_LOG_GAIN: f64 = 1.0;
 
 /// What the photo says of nodes: linear RGB, logit of opacity, and how far to trust it (0 not at all, 1 wholly), one row a node.
 #[derive(Debug)]
 pub struct KnownLight {
     rows: Vec<[f32; 5]>,
+    max_log_gain: f64,
 }
 
 impl KnownLight {
@@ -42,7 +43,9 @@ impl KnownLight {
             Some([r.min(MAX_RADIANCE), g.min(MAX_RADIANCE), b.min(MAX_RADIANCE), (alpha / (1.0 - alpha)).ln(), trust])
         };
         let nonempty = level.keys.iter().zip(&level.rows).filter(|(_, row)| **row >= 0);
-        Arc::new(Self { rows: nonempty.map(|(&key, _)| known(key).unwrap_or([0.0; 5])).collect() })
+        let rows = nonempty.map(|(&key, _)| known(key).unwrap_or([0.0; 5])).collect();
+        let max_log_gain = if depth == visible.octree.depth() { 0.0 } else { COARSE_LOG_GAIN };
+        Arc::new(Self { rows, max_log_gain })
     }
 
     /// How far each node is known from the photo, 0 to 1.
@@ -55,7 +58,7 @@ impl KnownLight {
 /// [0, 1], and the expected error of log(1 + radiance), at least 0.
 ///
 /// What is known enters as a residual: `trust · known · e^gain + (1 − trust) · (e^softplus(raw) − 1)`, so that what the photo
-/// saw is right before anything is learned.
+/// saw is right before anything is learned, and stays so at the finest depth, where the gain is 0.
 #[derive(Clone, Debug)]
 pub struct NodeLight(pub Arc<KnownLight>);
 
@@ -73,7 +76,7 @@ impl NodeLight {
         let trust = columns(&known, 4, 5);
         let doubt = trust.clone().neg() + 1.0;
         let log = activation::softplus(columns(&raw, 0, 3), 1.0).clamp_max(f64::from(MAX_RADIANCE).ln_1p());
-        let gain = (columns(&raw, 3, 6) / MAX_LOG_GAIN).tanh() * MAX_LOG_GAIN;
+        let gain = columns(&raw, 3, 6).tanh() * self.0.max_log_gain;
         let radiance = trust.clone() * columns(&known, 0, 3) * gain.exp() + doubt.clone() * (log.exp() - 1.0);
         let logit = columns(&raw, 6, 7) + doubt * ALPHA_LOGIT + trust * columns(&known, 3, 4);
         let alpha = activation::sigmoid(logit);
@@ -91,21 +94,25 @@ fn softplus(x: f64) -> (f64, f64) {
 
 /// The five outputs of a node, and their derivatives by the eight inputs: three by the radiance's own inputs, three by the gains,
 /// one by the opacity's, one by the error's.
-fn node_light(raw: [f64; RAW_CHANNELS], known: &[f32; 5]) -> ([f64; LIGHT_CHANNELS], [f64; RAW_CHANNELS]) {
+fn node_light(
+    raw: [f64; RAW_CHANNELS],
+    known: &[f32; 5],
+    max_log_gain: f64,
+) -> ([f64; LIGHT_CHANNELS], [f64; RAW_CHANNELS]) {
     let (mut out, mut slope) = ([0.0; LIGHT_CHANNELS], [0.0; RAW_CHANNELS]);
     let trust = f64::from(known[4]);
     let (most, most_log) = (f64::from(MAX_RADIANCE), f64::from(MAX_RADIANCE).ln_1p());
     for c in 0..3 {
         let (log, log_slope) = softplus(raw[c]);
         let (log, log_slope) = if log > most_log { (most_log, 0.0) } else { (log, log_slope) };
-        let squashed = (raw[3 + c] / MAX_LOG_GAIN).tanh();
-        let seen = trust * f64::from(known[c]) * (MAX_LOG_GAIN * squashed).exp();
+        let squashed = raw[3 + c].tanh();
+        let seen = trust * f64::from(known[c]) * (max_log_gain * squashed).exp();
         out[c] = seen + (1.0 - trust) * log.exp_m1();
         if out[c] > most {
             out[c] = most;
         } else {
             slope[c] = (1.0 - trust) * log.exp() * log_slope;
-            slope[3 + c] = seen * (1.0 - squashed * squashed);
+            slope[3 + c] = seen * max_log_gain * (1.0 - squashed * squashed);
         }
     }
     let logit = raw[6] + (1.0 - trust) * ALPHA_LOGIT + trust * f64::from(known[3]);
@@ -132,13 +139,13 @@ impl Kernel for NodeLight {
     fn forward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]]) -> Vec<T> {
         self.output_size(sizes);
         let rows = inputs[0].chunks_exact(RAW_CHANNELS).zip(&self.0.rows);
-        rows.flat_map(|(raw, known)| node_light(row(raw), known).0.map(T::of)).collect()
+        rows.flat_map(|(raw, known)| node_light(row(raw), known, self.0.max_log_gain).0.map(T::of)).collect()
     }
 
     fn backward<T: Number>(&self, inputs: &[&[T]], _: &[[usize; 2]], gradient: &[T], _: &[bool]) -> Vec<Vec<T>> {
         let rows = inputs[0].chunks_exact(RAW_CHANNELS).zip(&self.0.rows).zip(gradient.chunks_exact(LIGHT_CHANNELS));
         let by_raw = rows.flat_map(|((raw, known), gradient)| {
-            let (_, slope) = node_light(row(raw), known);
+            let (_, slope) = node_light(row(raw), known, self.0.max_log_gain);
             (0..RAW_CHANNELS).map(move |c| T::of(slope[c]) * gradient[MOVES[c]])
         });
         vec![by_raw.collect()]
@@ -150,23 +157,27 @@ mod tests {
     use super::*;
     use crate::testing::{assert_gradients, assert_same_function};
 
-    fn known() -> Arc<KnownLight> {
+    fn known(max_log_gain: f64) -> Arc<KnownLight> {
         let rows = (0..20).map(|i| [i as f32, 0.5, 0.0, 2.0, [0.0, 0.4, 1.0][i % 3]]).collect();
-        Arc::new(KnownLight { rows })
+        Arc::new(KnownLight { rows, max_log_gain })
     }
 
     #[test]
     fn kernel_is_the_composition() {
-        let light = NodeLight(known());
-        assert_same_function(&[[20, 8]], |[raw]| light.clone().apply(raw), |[raw]| light.composed(raw));
-        assert_gradients(&[[20, 8]], |[raw]| light.clone().apply(raw));
+        for light in [0.0, 0.7].map(|gain| NodeLight(known(gain))) {
+            assert_same_function(&[[20, 8]], |[raw]| light.clone().apply(raw), |[raw]| light.composed(raw));
+            assert_gradients(&[[20, 8]], |[raw]| light.clone().apply(raw));
+        }
     }
 
     #[test]
     fn trusted_radiance_is_kept_and_nothing_is_infinite() {
-        let (out, _) = node_light([500.0, -500.0, 3.0, 0.0, 0.0, 0.0, 900.0, 900.0], &[2.0, 0.25, 0.0, 9.0, 1.0]);
-        assert_eq!(out[..3], [2.0, 0.25, 0.0]);
-        let (out, _) = node_light([500.0, -500.0, 3.0, 0.0, 0.0, 0.0, 900.0, 900.0], &[0.0; 5]);
+        let raw = |gain| [500.0, -500.0, 3.0, gain, gain, gain, 900.0, 900.0];
+        let seen = [2.0, 0.25, 0.0, 9.0, 1.0];
+        assert_eq!(node_light(raw(0.0), &seen, 1.0).0[..3], [2.0, 0.25, 0.0]);
+        assert_eq!(node_light(raw(9.0), &seen, 0.0).0[..3], [2.0, 0.25, 0.0]);
+        assert!((node_light(raw(9.0), &seen, 1.0).0[0] / 2.0 - 1f64.exp()).abs() < 1e-6);
+        let (out, _) = node_light(raw(0.0), &[0.0; 5], 1.0);
         assert!((out[0] - f64::from(MAX_RADIANCE)).abs() < 0.1 && out[1] >= 0.0 && out[3] <= 1.0);
         assert!(out.iter().all(|v| v.is_finite()));
     }

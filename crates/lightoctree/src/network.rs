@@ -1,0 +1,247 @@
+//! Scenes by the networks: photo → depth and global light → what is seen, as an octree → the octree of the whole room.
+
+use completion::{ShellOptions, room_around};
+use geometry::{Camera, Vec3};
+use imaging::{Image, Photo, srgb8_from_linear};
+use nets::light::VisiblePoint;
+use nets::{CompletedLight, GlobalLight, Networks};
+use scene::{Completion, Frame, Prediction, Scene, place_cube, working_photo};
+
+use crate::EstimateError;
+use crate::message::{Message, stage};
+
+/// Choices of [`estimate_with_networks`] and [`estimate_from_photo`]; the octree's depths are the light network's own.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct NetworkOptions {
+    /// Seed of the places of the points that carry the global light into what is not seen.
+    pub seed: u64,
+    /// Unit vector against gravity; from the floor where it is not given.
+    pub up: Option<Vec3>,
+    /// Names of the input files, kept in the scene.
+    pub sources: Vec<String>,
+}
+
+/// From a photo with measured depth to a scene whose unseen part is the light network's.
+///
+/// What the photo shows unclipped is in the scene as it was seen. The same input, seed and weights give the same scene to the bit.
+///
+/// # Errors
+/// No usable depth; networks whose output is not finite.
+pub fn estimate_with_networks(
+    frame: Frame,
+    networks: &Networks,
+    options: &NetworkOptions,
+    messages: &mut dyn FnMut(Message),
+) -> Result<Scene, EstimateError> {
+    let working = stage(messages, "working resolution", || frame.working());
+    let global = stage(messages, "global light", || networks.global_light(&srgb8(&working.photo)));
+    complete(frame, &working, (global, false), networks, options, messages)
+}
+
+/// From a photo alone: its depth is the depth network's.
+///
+/// # Errors
+/// Photos of less than 16 pixels; networks whose output is not finite.
+pub fn estimate_from_photo(
+    photo: Photo,
+    camera: Camera,
+    networks: &Networks,
+    options: &NetworkOptions,
+    messages: &mut dyn FnMut(Message),
+) -> Result<Scene, EstimateError> {
+    let small = stage(messages, "working resolution", || working_photo(&photo));
+    let (depth_m, global) = stage(messages, "depth and global light", || networks.depth_and_light(&srgb8(&small)));
+    if !depth_m.pixels().iter().all(|z| z.is_finite()) {
+        return Err(EstimateError::PredictedDepth);
+    }
+    let frame = Frame::new(photo, depth_m, camera, 1.0)?;
+    let working = Frame { camera: frame.depth_camera(), photo: small, depth_m: frame.depth_m.clone(), exposure: 1.0 };
+    messages(Message::Note(
+        "depth is predicted from the photo alone: distances, and with them all sizes, may be off".into(),
+    ));
+    complete(frame, &working, (global, true), networks, options, messages)
+}
+
+/// The scene of a frame; `working` is the same at the working resolution, and `global` comes with whether depth is predicted.
+fn complete(
+    frame: Frame,
+    working: &Frame,
+    (global, predicted_depth): (GlobalLight, bool),
+    networks: &Networks,
+    options: &NetworkOptions,
+    messages: &mut dyn FnMut(Message),
+) -> Result<Scene, EstimateError> {
+    let clean = working.without_flying_pixels();
+    let normals = clean.normals();
+    let seen = clean.surfels_with_normals(&normals, &clean.radiance());
+    if seen.is_empty() {
+        return Err(EstimateError::NothingSeen);
+    }
+    let positions: Vec<Vec3> = seen.iter().map(|surfel| surfel.position_m).collect();
+    let cube = place_cube(&positions);
+    let certain = clean.clipped();
+    let readings = clean.depth_m.pixels().iter().zip(normals.pixels()).zip(certain.pixels());
+    let points =
+        readings.filter(|((z, _), _)| **z > 0.0).zip(&seen).map(|(((_, normal), clipped), surfel)| VisiblePoint {
+            position_m: cube.pulled_inside(surfel.position_m),
+            radiance: surfel.radiance,
+            normal: normal.unwrap_or(Vec3::ZERO),
+            certain: !clipped,
+        });
+    let points: Vec<VisiblePoint> = points.collect();
+    let room = room_around(&seen, &ShellOptions { up: options.up, ..ShellOptions::default() });
+    let completed =
+        stage(messages, "light network", || networks.complete(&points, &clean.camera, cube, global, options.seed))?;
+    let CompletedLight { light, confidence, messages: notes } = completed;
+    notes.into_iter().for_each(|note| messages(Message::Note(note)));
+    let confidence = confidence.into_iter().map(|level| level.into_iter().map(|c| (255.0 * c).round() as u8).collect());
+    Ok(Scene {
+        light,
+        frame,
+        completion: Completion::Network,
+        room: Some(room),
+        sources: options.sources.clone(),
+        prediction: Some(Prediction { confidence: confidence.collect(), depth: predicted_depth }),
+    })
+}
+
+fn srgb8(photo: &Photo) -> Image<[u8; 3]> {
+    match photo {
+        Photo::Srgb8(image) => image.clone(),
+        Photo::Linear(image) => image.map(|rgb| rgb.map(srgb8_from_linear)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use cone::ConeTracer;
+    use imaging::DepthMap;
+    use nets::Device;
+    use nets::checkpoint::Checkpoint;
+    use nets::light::LightNetConfig;
+
+    use super::*;
+
+    const SIZE: (usize, usize) = (96, 64);
+
+    fn config() -> LightNetConfig {
+        let small = LightNetConfig { depth: 6, full_depth: 3, channels: 8, max_channels: 16, ..Default::default() };
+        LightNetConfig { blocks: 1, bottleneck: 2, head_channels: 8, global_features: 6, global_channels: 2, ..small }
+    }
+
+    /// Untrained networks, in which some values are others.
+    fn networks(config: &LightNetConfig, others: &[(&str, &[usize], f32)]) -> Networks {
+        let mut checkpoint = Checkpoint::default();
+        Networks::new(config, 5, &Device::flex()).unwrap().add_to(&mut checkpoint);
+        for (name, shape, value) in others {
+            checkpoint.insert(name, shape, vec![*value; shape.iter().product()]);
+        }
+        Networks::from_checkpoint(checkpoint, &Device::flex()).unwrap()
+    }
+
+    /// A wall two metres away: dark on the left, bright on the right, with a clipped square in the middle.
+    fn photo() -> Photo {
+        let clipped = |x: usize, y: usize| (40..56).contains(&x) && (24..40).contains(&y);
+        Photo::Srgb8(Image::from_fn(SIZE.0, SIZE.1, |x, y| match x {
+            _ if clipped(x, y) => [255; 3],
+            0..48 => [60, 50, 40],
+            _ => [128, 140, 150],
+        }))
+    }
+
+    fn camera() -> Camera {
+        Camera::from_hfov_deg(65.0, SIZE.0 as u32, SIZE.1 as u32).unwrap()
+    }
+
+    fn wall() -> Frame {
+        Frame::new(photo(), DepthMap::new(SIZE.0, SIZE.1, vec![2.0; SIZE.0 * SIZE.1]), camera(), 1.0).unwrap()
+    }
+
+    fn estimated(networks: &Networks) -> (Scene, Vec<Message>) {
+        let mut messages = Vec::new();
+        let options = NetworkOptions::default();
+        (estimate_with_networks(wall(), networks, &options, &mut |message| messages.push(message)).unwrap(), messages)
+    }
+
+    #[test]
+    fn what_the_photo_saw_is_in_the_scene() {
+        // Weights that want to change everything.
+        let (scene, messages) =
+            estimated(&networks(&config(), &[("light_net.regression.3.output.weights", &[8, 8], 0.5)]));
+        let frame = &scene.frame;
+        assert_eq!((&frame.photo, scene.completion, scene.light.octree.depth()), (&photo(), Completion::Network, 6));
+        let view = ConeTracer::new(&scene.light, cone::Settings::default()).unwrap().perspective(&frame.camera);
+        let radiance = frame.radiance();
+        // A leaf is an eighth of a metre: nine pixels.
+        for (x, y) in [(10, 10), (20, 50), (30, 20), (70, 12), (85, 55)] {
+            let (got, expected) = (view.radiance[(x, y)], radiance[(x, y)]);
+            assert!(
+                got.iter().zip(expected).all(|(a, b)| (a / b - 1.0).abs() < 2e-3),
+                "{x}, {y}: {got:?} {expected:?}"
+            );
+            assert!((view.distance_m[(x, y)] / frame.point(x, y).unwrap().length() - 1.0).abs() < 0.1);
+        }
+        let (seen, prediction) = (scene.light.seen.last().unwrap(), scene.prediction.as_ref().unwrap());
+        assert!(seen.contains(&255) && seen.contains(&0), "seen, and clipped");
+        assert!(
+            !prediction.depth && prediction.confidence.iter().map(Vec::len).eq(scene.light.rgba.iter().map(Vec::len))
+        );
+        let stages = messages.iter().filter(|message| matches!(message, Message::Stage { .. })).count();
+        assert_eq!(stages, 3);
+        assert!((scene.room.as_ref().unwrap().up.y - 1.0).abs() < 0.1);
+        assert_eq!(Scene::from_bytes(&scene.to_bytes().unwrap()).unwrap(), scene);
+    }
+
+    #[test]
+    fn the_same_photo_gives_the_same_bytes_on_any_number_of_threads() {
+        // Untrained heads give the same whatever they are given.
+        let networks = networks(&config(), &[("light_net.regression.3.output.weights", &[8, 8], 0.1)]);
+        let run = |threads, seed| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let options = NetworkOptions { seed, ..NetworkOptions::default() };
+            pool.install(|| {
+                let with_depth = estimate_with_networks(wall(), &networks, &options, &mut |_| ()).unwrap();
+                let alone = estimate_from_photo(photo(), camera(), &networks, &options, &mut |_| ()).unwrap();
+                [with_depth.to_bytes().unwrap(), alone.to_bytes().unwrap()]
+            })
+        };
+        let first = run(2, 1);
+        assert!(first == run(2, 1) && first == run(1, 1) && first == run(3, 1));
+        assert!(first[0] != run(2, 2)[0]);
+    }
+
+    #[test]
+    fn a_photo_alone_gets_its_depth() {
+        let mut messages = Vec::new();
+        let networks = networks(&config(), &[]);
+        let hear = &mut |message| messages.push(message);
+        let scene = estimate_from_photo(photo(), camera(), &networks, &NetworkOptions::default(), hear).unwrap();
+        let depth_m = &scene.frame.depth_m;
+        assert_eq!((depth_m.width(), depth_m.height()), SIZE);
+        assert!(scene.prediction.unwrap().depth);
+        assert!(messages.iter().any(|message| matches!(message, Message::Note(note) if note.contains("predicted"))));
+    }
+
+    #[test]
+    fn trees_stay_within_the_budget_and_say_so() {
+        let config = LightNetConfig { max_nodes: 2000, ..config() };
+        let split = |stage| format!("light_net.prediction.{stage}.output.bias");
+        let names: Vec<String> = (0..4).map(split).collect();
+        let all: Vec<(&str, &[usize], f32)> = names.iter().map(|name| (&name[..], &[1, 1][..], 5.0)).collect();
+        let (scene, messages) = estimated(&networks(&config, &all));
+        assert!(scene.light.octree.levels()[6].len() < 2000 * 8);
+        assert!(messages.iter().any(|message| matches!(message, Message::Note(note) if note.contains("node budget"))));
+    }
+
+    #[test]
+    fn damaged_weights_are_errors() {
+        let light = networks(&config(), &[("light_net.global.weights", &[6, 2], f32::NAN)]);
+        let error = estimate_with_networks(wall(), &light, &NetworkOptions::default(), &mut |_| ()).unwrap_err();
+        assert!(matches!(error, EstimateError::Light(_)) && error.to_string().contains("not finite"), "{error}");
+        let depth = networks(&config(), &[("depth_net.decoder.output.bias", &[1], f32::NAN)]);
+        let error =
+            estimate_from_photo(photo(), camera(), &depth, &NetworkOptions::default(), &mut |_| ()).unwrap_err();
+        assert!(matches!(error, EstimateError::PredictedDepth), "{error}");
+    }
+}

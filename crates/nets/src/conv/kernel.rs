@@ -1,0 +1,235 @@
+use rayon::prelude::*;
+
+use crate::conv::activation::{Affine, through_activation, total};
+use crate::conv::sums::GROUP;
+use crate::conv::window::Window;
+use crate::host::{Kernel, Number};
+
+/// Pieces of work at least: bands of rows, or where these are few, of channels too. Fixed, as is everything that sums depend on.
+const PIECES: usize = 8;
+
+/// Input channels whose gradients by the weights are computed together, at most.
+const CHANNELS: usize = 32;
+
+/// A convolution of `x[channels, height · width]` with `weights[outputs, channels · kernel²]`, and perhaps a third input. Gives
+/// `[outputs, height · width]` of the output.
+#[derive(Clone, Copy, Debug)]
+pub struct ConvKernel {
+    /// What is read.
+    pub window: Window,
+    /// The third input.
+    pub third: Third,
+}
+
+/// What the third input of a [`ConvKernel`] is, if there is one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Third {
+    /// Nothing.
+    None,
+    /// `[1, outputs]`: added to the output.
+    Bias,
+    /// `[3, channels]`, scale, centre and shift: what is convolved is max(0, scale · (x − centre) + shift), which is never stored.
+    Activation,
+}
+
+impl ConvKernel {
+    fn bias<'a, T>(&self, inputs: &[&'a [T]]) -> Option<&'a [T]> {
+        (self.third == Third::Bias).then(|| inputs[2])
+    }
+
+    fn activation<'a, T: Number>(&self, inputs: &[&'a [T]]) -> Option<Affine<'a, T>> {
+        (self.third == Third::Activation).then(|| Affine::new(inputs[2]))
+    }
+}
+
+impl Kernel for ConvKernel {
+    fn output_size(&self, sizes: &[[usize; 2]]) -> [usize; 2] {
+        let ([channels, area], [outputs, windows]) = (sizes[0], sizes[1]);
+        assert_eq!(area, self.window.input[0] * self.window.input[1], "the picture has the window's size");
+        assert_eq!(windows, channels * self.window.kernel.pow(2), "weights for each channel");
+        match self.third {
+            Third::None => assert_eq!(sizes.len(), 2, "no third input"),
+            Third::Bias => assert_eq!(sizes[2], [1, outputs], "one bias for each output"),
+            Third::Activation => assert_eq!(sizes[2], [3, channels], "a scale, a centre and a shift for each channel"),
+        }
+        [outputs, self.window.area()]
+    }
+
+    fn forward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]]) -> Vec<T> {
+        let ([outputs, _], [_, windows]) = (self.output_size(sizes), sizes[1]);
+        let weights = grouped(outputs, [1, windows], |output, _| &inputs[1][output * windows..][..windows]);
+        convolve(&self.window, inputs[0], self.activation(inputs), &weights, outputs, self.bias(inputs))
+    }
+
+    fn backward<T: Number>(
+        &self,
+        inputs: &[&[T]],
+        sizes: &[[usize; 2]],
+        gradient: &[T],
+        wanted: &[bool],
+    ) -> Vec<Vec<T>> {
+        let ([outputs, area], [channels, _]) = (self.output_size(sizes), sizes[0]);
+        let activation = self.activation(inputs);
+        let mut derivatives = vec![Vec::new(); inputs.len()];
+        if wanted[0] || (activation.is_some() && wanted[2]) {
+            // By what was convolved: a convolution with the weights turned round.
+            let taps = self.window.kernel.pow(2);
+            let turned: Vec<T> = inputs[1].par_iter().rev().copied().collect();
+            let weights = grouped(channels, [outputs, taps], |channel, output| {
+                &turned[((outputs - 1 - output) * channels + channels - 1 - channel) * taps..][..taps]
+            });
+            derivatives[0] = convolve(&self.window.transposed(), gradient, None, &weights, channels, None);
+            if let Some(activation) = activation {
+                derivatives[2] = through_activation(&mut derivatives[0], inputs[0], activation, true);
+            }
+        }
+        if wanted[1] {
+            derivatives[1] = weight_gradient(&self.window, inputs[0], activation, gradient, outputs);
+        }
+        if self.third == Third::Bias && wanted[2] {
+            derivatives[2] = gradient.par_chunks(area.max(1)).map(|row| T::of(total(row))).collect();
+        }
+        derivatives
+    }
+}
+
+/// `runs` of `length` weights, the one of each row by `weights(row, run)`, as `[rows / GROUP, runs, length, GROUP]`.
+fn grouped<'a, T: Number>(
+    rows: usize,
+    [runs, length]: [usize; 2],
+    weights: impl Fn(usize, usize) -> &'a [T] + Sync,
+) -> Vec<T> {
+    let mut out = vec![T::default(); rows.div_ceil(GROUP) * runs * length * GROUP];
+    out.par_chunks_mut(runs * length * GROUP).enumerate().for_each(|(group, out)| {
+        for (run, out) in out.chunks_exact_mut(length * GROUP).enumerate() {
+            // Past the last row it is taken again and what it gives dropped.
+            let rows: [&[T]; GROUP] =
+                std::array::from_fn(|i| &weights((group * GROUP + i).min(rows - 1), run)[..length]);
+            for (k, out) in out.as_chunks_mut::<GROUP>().0.iter_mut().enumerate() {
+                *out = rows.map(|row| row[k]);
+            }
+        }
+    });
+    out
+}
+
+/// Part of the output: a band of rows of some channels.
+struct Piece<'a, T> {
+    first_row: usize,
+    first_group: usize,
+    channels: Vec<&'a mut [T]>,
+}
+
+/// What a thread works with.
+struct Scratch<T> {
+    band: Vec<T>,
+    sums: Vec<T>,
+}
+
+fn convolve<T: Number>(
+    window: &Window,
+    x: &[T],
+    activation: Option<Affine<T>>,
+    weights: &[T],
+    outputs: usize,
+    bias: Option<&[T]>,
+) -> Vec<T> {
+    let channels = x.len() / (window.input[0] * window.input[1]);
+    let (rows, [height, width]) = (window.band_rows(channels), window.output);
+    let offsets = window.offsets(channels, rows);
+    let mut out = vec![T::default(); outputs * height * width];
+    // Few bands: each is read several times, for some of the output's channels each.
+    let (groups, bands) = (outputs.div_ceil(GROUP), height.div_ceil(rows));
+    let groups = groups.div_ceil(PIECES.div_ceil(bands));
+    let mut pieces = Vec::new();
+    for (i, channels) in out.chunks_mut(groups * GROUP * height * width).enumerate() {
+        let first_piece = pieces.len();
+        pieces.extend((0..bands).map(|band| Piece {
+            first_row: band * rows,
+            first_group: i * groups,
+            channels: Vec::with_capacity(groups * GROUP),
+        }));
+        for channel in channels.chunks_mut(height * width) {
+            for (piece, part) in pieces[first_piece..].iter_mut().zip(channel.chunks_mut(rows * width)) {
+                piece.channels.push(part);
+            }
+        }
+    }
+    let columns = rows * window.pitch();
+    let scratch = || Scratch { band: Vec::new(), sums: vec![T::default(); GROUP * columns] };
+    pieces.into_par_iter().for_each_init(scratch, |Scratch { band, sums }, mut piece| {
+        window.read(band, [piece.first_row, rows], x, activation);
+        for (group, channels) in (piece.first_group..).zip(piece.channels.chunks_mut(GROUP)) {
+            let weights = &weights[group * offsets.len() * GROUP..][..offsets.len() * GROUP];
+            if window.pitch() == width {
+                T::outer(weights, band, &offsets, channels);
+            } else {
+                let mut rows: Vec<&mut [T]> = sums.chunks_exact_mut(columns).take(channels.len()).collect();
+                T::outer(weights, band, &offsets, &mut rows);
+                for (channel, sums) in channels.iter_mut().zip(rows) {
+                    for (out, sums) in channel.chunks_exact_mut(width).zip(sums.chunks_exact(window.pitch())) {
+                        out.copy_from_slice(&sums[..width]);
+                    }
+                }
+            }
+            if let Some(bias) = bias {
+                for (channel, &bias) in channels.iter_mut().zip(&bias[group * GROUP..]) {
+                    channel.iter_mut().for_each(|out| *out += bias);
+                }
+            }
+        }
+    });
+    out
+}
+
+/// Gradient by the weights, `[outputs, channels · kernel²]`.
+fn weight_gradient<T: Number>(
+    window: &Window,
+    x: &[T],
+    activation: Option<Affine<T>>,
+    gradient: &[T],
+    outputs: usize,
+) -> Vec<T> {
+    let taps = window.kernel.pow(2);
+    let ([height, width], pitch) = (window.output, window.pitch());
+    let area = window.input[0] * window.input[1];
+    let all = x.len() / area;
+    let some = all.div_ceil(PIECES).min(CHANNELS);
+    let rows = window.band_rows(some);
+    // Rows as wide as those of bands, with zeros where columns mean nothing.
+    let mut padded = Vec::new();
+    if pitch > width {
+        padded.resize(outputs * height * pitch, T::default());
+        padded.par_chunks_mut(pitch).zip(gradient.par_chunks(width)).for_each(|(out, row)| {
+            out[..width].copy_from_slice(row);
+        });
+    }
+    let gradient = if pitch > width { &padded } else { gradient };
+    let parts: Vec<Vec<T>> = x
+        .par_chunks(some * area)
+        .enumerate()
+        .map(|(i, x)| {
+            let channels = i * some..i * some + x.len() / area;
+            let activation = activation.map(|affine| affine.part(channels.clone()));
+            let offsets = window.offsets(channels.len(), rows);
+            let mut sums = vec![T::default(); outputs * offsets.len()];
+            let mut band = Vec::new();
+            for first in (0..height).step_by(rows) {
+                window.read(&mut band, [first, rows], x, activation);
+                let range = first * pitch..height.min(first + rows) * pitch;
+                let rows: Vec<&[T]> =
+                    gradient.chunks_exact(height * pitch).map(|channel| &channel[range.clone()]).collect();
+                T::inner(&rows, &band, &offsets, &mut sums);
+            }
+            sums
+        })
+        .collect();
+    let mut out = Vec::with_capacity(outputs * all * taps);
+    for output in 0..outputs {
+        for part in &parts {
+            let windows = part.len() / outputs;
+            out.extend_from_slice(&part[output * windows..][..windows]);
+        }
+    }
+    out
+}

@@ -1,0 +1,235 @@
+//! The two sums of products that a convolution and its gradients are made of, in vector registers.
+
+use pulp::{Arch, Simd, WithSimd};
+
+/// Channels that [`Sums::outer`] computes together.
+pub const GROUP: usize = 8;
+
+/// Numbers in the widest vector.
+pub const LANES: usize = 16;
+
+/// Rows and windows that [`Sums::inner`] computes together: their sums stay in registers.
+const ROWS: usize = 4;
+const WINDOWS: usize = 6;
+
+/// Sums of products of numbers with numbers at given places.
+pub trait Sums: Sized {
+    /// `out[channel][column] = Σ_k weights[k][channel] · data[offsets[k] + column]`, with weights `[windows, GROUP]` and for at most
+    /// [`GROUP`] channels of the same length.
+    ///
+    /// # Panics
+    /// Where a window, made longer to whole vectors of [`LANES`], leaves `data`.
+    fn outer(weights: &[Self], data: &[Self], offsets: &[usize], out: &mut [&mut [Self]]);
+
+    /// `out[row][k] += Σ_p rows[row][p] · data[offsets[k] + p]`, where all rows have the same length.
+    ///
+    /// # Panics
+    /// Where a window leaves `data`.
+    fn inner(rows: &[&[Self]], data: &[Self], offsets: &[usize], out: &mut [Self]);
+}
+
+/// Checks gradients; nothing depends on its speed.
+impl Sums for f64 {
+    fn outer(weights: &[Self], data: &[Self], offsets: &[usize], out: &mut [&mut [Self]]) {
+        for (channel, out) in out.iter_mut().enumerate() {
+            for (column, out) in out.iter_mut().enumerate() {
+                let factors = weights.iter().skip(channel).step_by(GROUP);
+                *out = factors.zip(offsets).map(|(weight, offset)| weight * data[offset + column]).sum();
+            }
+        }
+    }
+
+    fn inner(rows: &[&[Self]], data: &[Self], offsets: &[usize], out: &mut [Self]) {
+        for (row, out) in rows.iter().zip(out.chunks_exact_mut(offsets.len())) {
+            for (&offset, out) in offsets.iter().zip(out) {
+                *out += row.iter().zip(&data[offset..][..row.len()]).map(|(a, b)| a * b).sum::<f64>();
+            }
+        }
+    }
+}
+
+impl Sums for f32 {
+    fn outer(weights: &[Self], data: &[Self], offsets: &[usize], out: &mut [&mut [Self]]) {
+        assert_eq!(weights.len(), offsets.len() * GROUP, "weights of a group for each window");
+        assert!(out.len() <= GROUP && out.iter().all(|row| row.len() == out[0].len()), "a group of channels");
+        Arch::new().dispatch(Outer { weights, data, offsets, out });
+    }
+
+    fn inner(rows: &[&[Self]], data: &[Self], offsets: &[usize], out: &mut [Self]) {
+        assert_eq!(out.len(), rows.len() * offsets.len(), "a sum for each row and window");
+        Arch::new().dispatch(Inner { rows, data, offsets, out });
+    }
+}
+
+struct Outer<'a, 'b> {
+    weights: &'a [f32],
+    data: &'a [f32],
+    offsets: &'a [usize],
+    out: &'a mut [&'b mut [f32]],
+}
+
+impl WithSimd for Outer<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        let columns = self.out.first().map_or(0, |row| row.len());
+        let mut start = 0;
+        while start < columns {
+            let vectors = (columns - start).div_ceil(S::F32_LANES);
+            // 4 vectors are better two and two.
+            let vectors = if vectors == 4 { 2 } else { vectors.min(3) };
+            if S::REGISTER_COUNT >= 32 {
+                match vectors {
+                    1 => self.tile::<S, GROUP, 1>(simd, 0, start),
+                    2 => self.tile::<S, GROUP, 2>(simd, 0, start),
+                    _ => self.tile::<S, GROUP, 3>(simd, 0, start),
+                }
+            } else {
+                for first in [0, GROUP / 2] {
+                    match vectors {
+                        1 => self.tile::<S, { GROUP / 2 }, 1>(simd, first, start),
+                        2 => self.tile::<S, { GROUP / 2 }, 2>(simd, first, start),
+                        _ => self.tile::<S, { GROUP / 2 }, 3>(simd, first, start),
+                    }
+                }
+            }
+            start += vectors * S::F32_LANES;
+        }
+    }
+}
+
+impl Outer<'_, '_> {
+    /// Some of the channels, from `first`, and vectors of columns, from `start`.
+    #[inline(always)]
+    fn tile<S: Simd, const CHANNELS: usize, const VECTORS: usize>(&mut self, simd: S, first: usize, start: usize) {
+        let width = VECTORS * S::F32_LANES;
+        let mut sums = [[simd.splat_f32s(0.0); VECTORS]; CHANNELS];
+        for (&offset, weights) in self.offsets.iter().zip(self.weights.as_chunks::<GROUP>().0) {
+            let (values, _) = S::as_simd_f32s(&self.data[offset + start..][..width]);
+            for channel in 0..CHANNELS {
+                let weight = simd.splat_f32s(weights[first + channel]);
+                for vector in 0..VECTORS {
+                    sums[channel][vector] = simd.mul_add_e_f32s(weight, values[vector], sums[channel][vector]);
+                }
+            }
+        }
+        for (out, sums) in self.out.iter_mut().skip(first).zip(&sums) {
+            let end = out.len().min(start + width);
+            let (vectors, rest) = S::as_mut_simd_f32s(&mut out[start..end]);
+            vectors.iter_mut().zip(sums).for_each(|(out, &sum)| *out = sum);
+            if !rest.is_empty() {
+                simd.partial_store_f32s(rest, sums[vectors.len()]);
+            }
+        }
+    }
+}
+
+struct Inner<'a> {
+    rows: &'a [&'a [f32]],
+    data: &'a [f32],
+    offsets: &'a [usize],
+    out: &'a mut [f32],
+}
+
+impl WithSimd for Inner<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        // The windows of a tile stay in the first cache while all rows pass.
+        for k in (0..self.offsets.len()).step_by(WINDOWS) {
+            for row in (0..self.rows.len()).step_by(ROWS) {
+                if S::REGISTER_COUNT >= 32 {
+                    self.tile::<S, ROWS, WINDOWS>(simd, row, k);
+                } else {
+                    for row in [row, row + ROWS / 2] {
+                        for k in [k, k + WINDOWS / 2] {
+                            self.tile::<S, { ROWS / 2 }, { WINDOWS / 2 }>(simd, row, k);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Inner<'_> {
+    /// Some rows and windows, from these. Past the end the last ones are taken again and their sums dropped.
+    #[inline(always)]
+    fn tile<S: Simd, const R: usize, const W: usize>(&mut self, simd: S, first_row: usize, first_window: usize) {
+        let (last_row, last_window) = (self.rows.len() - 1, self.offsets.len() - 1);
+        let length = self.rows[0].len();
+        let vectors = length / S::F32_LANES;
+        let empty: (&[S::f32s], &[f32]) = (&[], &[]);
+        let (mut rows, mut windows) = ([empty; R], [empty; W]);
+        for (i, row) in rows.iter_mut().enumerate() {
+            let (head, tail) = S::as_simd_f32s(&self.rows[(first_row + i).min(last_row)][..length]);
+            *row = (&head[..vectors], tail);
+        }
+        for (i, window) in windows.iter_mut().enumerate() {
+            let offset = self.offsets[(first_window + i).min(last_window)];
+            let (head, tail) = S::as_simd_f32s(&self.data[offset..][..length]);
+            *window = (&head[..vectors], tail);
+        }
+        let mut sums = [[simd.splat_f32s(0.0); W]; R];
+        for p in 0..vectors {
+            for window in 0..W {
+                let value = windows[window].0[p];
+                for row in 0..R {
+                    sums[row][window] = simd.mul_add_e_f32s(rows[row].0[p], value, sums[row][window]);
+                }
+            }
+        }
+        for window in 0..W {
+            let value = simd.partial_load_f32s(windows[window].1);
+            for row in 0..R {
+                let factor = simd.partial_load_f32s(rows[row].1);
+                sums[row][window] = simd.mul_add_e_f32s(factor, value, sums[row][window]);
+            }
+        }
+        for (row, sums) in (first_row..=last_row).zip(&sums) {
+            for (k, &sum) in (first_window..=last_window).zip(sums) {
+                self.out[row * self.offsets.len() + k] += simd.reduce_sum_f32s(sum);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{difference, values};
+
+    fn narrow(values: &[f64]) -> Vec<f32> {
+        values.iter().map(|&value| value as f32).collect()
+    }
+
+    #[test]
+    fn f32_sums_are_the_f64_sums() {
+        for (windows, columns, rows) in [(1, 16, 1), (5, 37, 3), (27, 48, 4), (40, 61, 9), (13, 175, 7)] {
+            let data = values(3 * windows + 2 * columns + LANES, 1);
+            let offsets: Vec<usize> = (0..windows).map(|k| (7 * k) % (3 * windows)).collect();
+            let weights = values(GROUP * windows, 2);
+            let channels = GROUP.min(rows);
+            let (mut expected, mut got) = (vec![0.0; channels * columns], vec![0.0; channels * columns]);
+            f64::outer(&weights, &data, &offsets, &mut expected.chunks_mut(columns).collect::<Vec<_>>());
+            let (weights, narrow_data) = (narrow(&weights), narrow(&data));
+            f32::outer(&weights, &narrow_data, &offsets, &mut got.chunks_mut(columns).collect::<Vec<_>>());
+            let got: Vec<f64> = got.into_iter().map(f64::from).collect();
+            let (error, largest) = difference(&got, &expected);
+            assert!(error <= 2e-6 * largest, "outer {windows} {columns}: {error} of {largest}");
+
+            // Lengths that are no multiple of any vector's.
+            let length = columns + 5;
+            let left = values(rows * length, 3);
+            let (mut expected, mut got) = (vec![1.0; rows * windows], vec![1.0; rows * windows]);
+            f64::inner(&left.chunks(length).collect::<Vec<_>>(), &data, &offsets, &mut expected);
+            let left = narrow(&left);
+            f32::inner(&left.chunks(length).collect::<Vec<_>>(), &narrow_data, &offsets, &mut got);
+            let got: Vec<f64> = got.into_iter().map(f64::from).collect();
+            let (error, largest) = difference(&got, &expected);
+            assert!(error <= 2e-6 * largest, "inner {windows} {rows}: {error} of {largest}");
+        }
+    }
+}

@@ -1,0 +1,188 @@
+use pulp::{Arch, Simd, WithSimd};
+
+use crate::conv::activation::{Affine, positive};
+use crate::conv::sums::LANES;
+use crate::host::Number;
+
+/// Numbers of a band of all channels together: half a megabyte in f32, so that it stays in the second cache.
+const BAND: usize = 1 << 17;
+
+/// Most columns of a band.
+const BAND_COLUMNS: usize = 2048;
+
+/// Which pixels of a picture a convolution reads for which of its output.
+///
+/// The picture is read in bands of output rows. A band holds what its rows read, all channels, with zeros around the picture, sorted
+/// by the remainder of the pixel's place divided by the stride: then what one weight is multiplied by, for all pixels of the band,
+/// is a run of neighbouring numbers. Rows of a band are a little wider than those of the output; what is computed for
+/// columns past the output's width means nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Window {
+    /// Height and width of what is read.
+    pub input: [usize; 2],
+    /// Height and width of the output.
+    pub output: [usize; 2],
+    /// Height and width of the weights.
+    pub kernel: usize,
+    /// Steps between neighbouring pixels of the output.
+    pub stride: usize,
+    /// Rows and columns of zeros before the picture.
+    pub padding: usize,
+    /// Steps between neighbouring pixels of what is read, zeros between them: the stride of the convolution of which this is the
+    /// gradient.
+    pub spread: usize,
+}
+
+impl Window {
+    /// The window of a convolution of a picture of height and width `input`.
+    ///
+    /// # Panics
+    /// Where the picture is smaller than the kernel.
+    pub fn new(input: [usize; 2], kernel: usize, stride: usize, padding: usize) -> Self {
+        let output = input.map(|side| {
+            let padded = side + 2 * padding;
+            assert!(kernel > 0 && padded >= kernel, "a picture of side {side} for a kernel of side {kernel}");
+            (padded - kernel) / stride + 1
+        });
+        Self { input, output, kernel, stride, padding, spread: 1 }
+    }
+
+    /// The window by which the gradient of the input follows from that of the output.
+    pub fn transposed(&self) -> Self {
+        // More zeros than the kernel is wide change nothing.
+        assert!(self.padding < self.kernel, "padding below the kernel's side");
+        Self {
+            input: self.output,
+            output: self.input,
+            stride: 1,
+            padding: self.kernel - 1 - self.padding,
+            spread: self.stride,
+            ..*self
+        }
+    }
+
+    /// Pixels of the output.
+    pub fn area(&self) -> usize {
+        self.output[0] * self.output[1]
+    }
+
+    /// Rows or columns of a band beyond those of the output.
+    fn extra(&self) -> usize {
+        (self.kernel - 1) / self.stride
+    }
+
+    /// Width of a band's rows.
+    pub fn pitch(&self) -> usize {
+        self.output[1] + self.extra()
+    }
+
+    /// Remainders of places divided by the stride that are read.
+    fn phases(&self) -> usize {
+        self.stride.min(self.kernel)
+    }
+
+    /// Output rows of a band of so many channels.
+    pub fn band_rows(&self, channels: usize) -> usize {
+        let columns = (BAND / (channels * self.phases().pow(2)).max(1)).clamp(4 * LANES, BAND_COLUMNS);
+        let rows = (columns / self.pitch()).clamp(1, self.output[0].max(1));
+        // Bands of the same size, as far as possible.
+        self.output[0].max(1).div_ceil(self.output[0].max(1).div_ceil(rows))
+    }
+
+    /// Numbers of one channel in a band.
+    fn plane(&self, rows: usize) -> usize {
+        self.phases().pow(2) * (rows + self.extra()) * self.pitch()
+    }
+
+    /// Where a band of `rows` output rows holds what each weight is multiplied by: `[channels, kernel, kernel]`.
+    pub fn offsets(&self, channels: usize, rows: usize) -> Vec<usize> {
+        let (pitch, phases, stride) = (self.pitch(), self.phases(), self.stride);
+        let phase_size = (rows + self.extra()) * pitch;
+        let place = |channel: usize, ky: usize, kx: usize| {
+            let phase = (ky % stride) * phases + kx % stride;
+            channel * self.plane(rows) + phase * phase_size + (ky / stride) * pitch + kx / stride
+        };
+        let side = self.kernel;
+        let kernel = move |channel| (0..side).flat_map(move |ky| (0..side).map(move |kx| (channel, ky, kx)));
+        (0..channels).flat_map(kernel).map(|(channel, ky, kx)| place(channel, ky, kx)).collect()
+    }
+
+    /// Fills `band` with what `rows` output rows from `first` read of the channels in `x`, where wanted
+    /// activated.
+    pub fn read<T: Number>(
+        &self,
+        band: &mut Vec<T>,
+        [first, rows]: [usize; 2],
+        x: &[T],
+        activation: Option<Affine<T>>,
+    ) {
+        let channels = x.len() / (self.input[0] * self.input[1]);
+        // Past the last channel's plane nothing is read but by columns that mean nothing.
+        let length = channels * self.plane(rows) + LANES + self.extra();
+        if band.len() < length {
+            *band = vec![T::default(); length];
+        }
+        Arch::new().dispatch(Read { window: self, band, first, plane: self.plane(rows), x, activation });
+    }
+}
+
+struct Read<'a, T> {
+    window: &'a Window,
+    band: &'a mut [T],
+    first: usize,
+    plane: usize,
+    x: &'a [T],
+    activation: Option<Affine<'a, T>>,
+}
+
+impl<T: Number> WithSimd for Read<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let planes = self.band.chunks_exact_mut(self.plane);
+        let [height, width] = self.window.input;
+        for (channel, (plane, x)) in planes.zip(self.x.chunks_exact(height * width)).enumerate() {
+            match self.activation.map(|affine| affine.channel(channel)) {
+                Some(affine) => read_plane(self.window, plane, self.first, x, |x| positive(affine.value(x))),
+                None => read_plane(self.window, plane, self.first, x, |x| x),
+            }
+        }
+    }
+}
+
+/// One channel of a band that begins with output row `first`.
+#[inline(always)]
+fn read_plane<T: Number>(window: &Window, plane: &mut [T], first: usize, x: &[T], value: impl Fn(T) -> T) {
+    let Window { input: [height, width], stride, padding, spread, .. } = *window;
+    let (phases, pitch) = (window.phases(), window.pitch());
+    if pitch == width && stride == 1 && spread == 1 {
+        // Nothing between the rows.
+        plane.iter_mut().zip(&x[first * width..]).for_each(|(out, &x)| *out = value(x));
+        return;
+    }
+    let rows = plane.len() / (phases * phases * pitch);
+    for (index, row) in plane.chunks_exact_mut(pitch).enumerate() {
+        let (phase, row_index) = (index / rows, index % rows);
+        // The picture's row.
+        let y = (first + row_index) * stride + phase / phases;
+        let Some(y) = y.checked_sub(padding).filter(|y| y % spread == 0 && y / spread < height) else {
+            row.fill(T::default());
+            continue;
+        };
+        let x = &x[y / spread * width..][..width];
+        if stride == 1 && spread == 1 {
+            let (left, rest) = row.split_at_mut(padding.min(pitch));
+            let (middle, right) = rest.split_at_mut(width.min(rest.len()));
+            left.fill(T::default());
+            middle.iter_mut().zip(x).for_each(|(out, &x)| *out = value(x));
+            right.fill(T::default());
+        } else {
+            for (column, out) in row.iter_mut().enumerate() {
+                let place = (column * stride + phase % phases).checked_sub(padding);
+                let place = place.filter(|place| place % spread == 0 && place / spread < width);
+                *out = place.map_or(T::default(), |place| value(x[place / spread]));
+            }
+        }
+    }
+}

@@ -1,0 +1,234 @@
+//! Both networks as they are shipped and used: one file of weights that says what they are.
+
+use std::path::Path;
+
+use burn::tensor::{Device, Tensor};
+use geometry::{Camera, Cube};
+use imaging::{DepthMap, Image};
+use octree::LightOctree;
+
+use crate::checkpoint::{Checkpoint, CheckpointError, Precision};
+use crate::depth::DepthNet;
+use crate::light::{Growth, LightError, LightInput, LightNet, LightNetConfig, VisiblePoint};
+
+/// Names of the two modules in a checkpoint; the configuration is under [`LIGHT`] in its state.
+const DEPTH: &str = "depth_net";
+const LIGHT: &str = "light_net";
+
+/// The depth and the light network, which share the global lighting feature.
+#[derive(Debug)]
+pub struct Networks {
+    /// Depth and global light from a photo.
+    pub depth: DepthNet,
+    /// The room's light from what is seen.
+    pub light: LightNet,
+    /// Shape of the light network; also gives the length of the global lighting feature of both.
+    pub config: LightNetConfig,
+}
+
+/// What a photo tells of the light outside of it: `f_L`.
+#[derive(Clone, Debug)]
+pub struct GlobalLight(Tensor<2>);
+
+/// The light of a whole room.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CompletedLight {
+    /// Radiance and opacity, and what the photo saw of each node.
+    pub light: LightOctree,
+    /// `confidence[d][row]` of each node, in (0, 1]: e^−(expected error of log(1 + radiance)).
+    pub confidence: Vec<Vec<f32>>,
+    /// What was not done as predicted.
+    pub messages: Vec<String>,
+}
+
+impl Networks {
+    /// Untrained networks with weights drawn from `seed`.
+    ///
+    /// # Errors
+    /// A configuration out of range, with the field's name.
+    pub fn new(config: &LightNetConfig, seed: u64, device: &Device) -> Result<Self, String> {
+        let light = LightNet::new(config, seed, device)?;
+        Ok(Self { depth: DepthNet::new(config.global_features, seed, device), light, config: config.clone() })
+    }
+
+    /// Adds the weights of both networks, and the configuration to the checkpoint's state.
+    pub fn add_to(&self, checkpoint: &mut Checkpoint) {
+        checkpoint.add_module(DEPTH, &self.depth);
+        checkpoint.add_module(LIGHT, &self.light);
+        checkpoint.state[LIGHT] = serde_json::json!(self.config);
+    }
+
+    /// The networks of a checkpoint; what else it holds does not matter.
+    ///
+    /// # Errors
+    /// Says which configuration is missing or wrong, and which weights are missing, too much or of another shape.
+    pub fn from_checkpoint(mut checkpoint: Checkpoint, device: &Device) -> Result<Self, CheckpointError> {
+        let config = &checkpoint.state[LIGHT];
+        let wrong = |what: String| CheckpointError::Weights { module: LIGHT.to_owned(), problems: vec![what] };
+        if config.is_null() {
+            return Err(wrong("the file's metadata holds no configuration of that name".to_owned()));
+        }
+        let config: LightNetConfig =
+            serde_json::from_value(config.clone()).map_err(|error| wrong(format!("its configuration: {error}")))?;
+        config.validate().map_err(|error| wrong(format!("its configuration: {error}")))?;
+        let (described, held) = (config.weights(), checkpoint.values_of(LIGHT));
+        // A few bytes must not make us allocate gigabytes.
+        if described > 2 * held {
+            return Err(wrong(format!("its configuration describes {described} weights, but the file holds {held}")));
+        }
+        let blank = Self::new(&config, 0, device).map_err(|error| wrong(format!("its configuration: {error}")))?;
+        let light = checkpoint.take_module(LIGHT, blank.light)?;
+        Ok(Self { depth: checkpoint.take_module(DEPTH, blank.depth)?, light, config })
+    }
+
+    /// Reads a file of weights, of whichever precision, for use: without gradients, on the CPU.
+    ///
+    /// # Errors
+    /// Of the file, and of [`Networks::from_checkpoint`].
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, CheckpointError> {
+        Self::from_checkpoint(Checkpoint::read(path)?, &Device::flex())
+    }
+
+    /// Writes a file of weights, whole or not at all.
+    ///
+    /// # Errors
+    /// The file system's.
+    pub fn write(&self, path: impl AsRef<Path>, precision: Precision) -> Result<(), CheckpointError> {
+        let mut checkpoint = Checkpoint::default();
+        self.add_to(&mut checkpoint);
+        checkpoint.write(path, precision)
+    }
+
+    /// Depth of every pixel of an sRGB photo, in metres along the optical axis, and the light around it.
+    ///
+    /// # Panics
+    /// Where the photo has no pixels.
+    pub fn depth_and_light(&self, photo: &Image<[u8; 3]>) -> (DepthMap, GlobalLight) {
+        in_pool(|| {
+            let output = self.depth.forward(photo);
+            (output.depth_m(), GlobalLight(output.global))
+        })
+    }
+
+    /// The light around an sRGB photo whose depth is known.
+    ///
+    /// # Panics
+    /// Where the photo has no pixels.
+    pub fn global_light(&self, photo: &Image<[u8; 3]>) -> GlobalLight {
+        in_pool(|| GlobalLight(self.depth.global_feature(photo)))
+    }
+
+    /// The light of the whole room, the octree grown by the network's own predictions.
+    ///
+    /// `points` are what the camera sees, in the frame of `cube`; `seed` places the points that carry the global light.
+    ///
+    /// # Errors
+    /// Points that are not finite; predictions that are not.
+    pub fn complete(
+        &self,
+        points: &[VisiblePoint],
+        camera: &Camera,
+        cube: Cube,
+        global: GlobalLight,
+        seed: u64,
+    ) -> Result<CompletedLight, LightError> {
+        in_pool(|| {
+            let input = LightInput::new(points, camera, cube, &self.config, seed)?;
+            let mut output = self.light.forward(&input, Some(global.0), Growth::Predicted)?;
+            drop(input);
+            let messages = std::mem::take(&mut output.messages);
+            let (light, confidence) = output.into_light()?;
+            Ok(CompletedLight { light, confidence, messages })
+        })
+    }
+}
+
+/// Works on one of rayon's threads: from another, each of some thousand small parallel loops waits for one of them to wake up.
+fn in_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    rayon::scope(|_| work())
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::checkpoint::FORMAT_VERSION;
+
+    fn config() -> LightNetConfig {
+        let small = LightNetConfig { depth: 5, full_depth: 3, channels: 8, max_channels: 16, ..Default::default() };
+        LightNetConfig { blocks: 1, bottleneck: 2, head_channels: 8, global_features: 6, ..small }
+    }
+
+    fn checkpoint(config: &LightNetConfig, seed: u64) -> Checkpoint {
+        let mut checkpoint = Checkpoint::default();
+        Networks::new(config, seed, &Device::flex()).unwrap().add_to(&mut checkpoint);
+        checkpoint
+    }
+
+    fn refusal(checkpoint: &Checkpoint) -> String {
+        Networks::from_checkpoint(checkpoint.clone(), &Device::flex()).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_file_of_weights_comes_back_in_both_precisions() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("weights.safetensors");
+        let networks = Networks::new(&config(), 3, &Device::flex()).unwrap();
+        let photo = Image::from_fn(64, 32, |x, y| [(3 * x) as u8, (7 * y) as u8, 90]);
+        let (depth_m, _) = networks.depth_and_light(&photo);
+        networks.write(&path, Precision::Full).unwrap();
+        let read = Networks::read(&path).unwrap();
+        assert_eq!((&read.config, read.depth_and_light(&photo).0), (&config(), depth_m.clone()));
+        networks.write(&path, Precision::Half).unwrap();
+        let half = Networks::read(&path).unwrap().depth_and_light(&photo).0;
+        let close = |(a, b): (&f32, &f32)| (a / b).ln().abs() < 0.05;
+        assert!(half != depth_m && half.pixels().iter().zip(depth_m.pixels()).all(close));
+        let state = Checkpoint::read(&path).unwrap().state;
+        assert_eq!((FORMAT_VERSION, &state["light_net"]["depth"]), (1, &serde_json::json!(5)));
+    }
+
+    #[test]
+    fn light_alone_is_that_beside_depth() {
+        let networks = Networks::new(&config(), 3, &Device::flex()).unwrap();
+        let photo = Image::from_fn(70, 41, |x, y| [(3 * x) as u8, (7 * y) as u8, 90]);
+        let [beside, alone] = [networks.depth_and_light(&photo).1, networks.global_light(&photo)];
+        assert_eq!(beside.0.into_data(), alone.0.into_data());
+    }
+
+    #[test]
+    fn the_configuration_knows_the_number_of_weights() {
+        for config in [config(), LightNetConfig { full_depth: 5, ..config() }, LightNetConfig::default()] {
+            let mut checkpoint = Checkpoint::default();
+            checkpoint.add_module(LIGHT, &LightNet::new(&config, 1, &Device::flex()).unwrap());
+            assert_eq!(config.weights(), checkpoint.values_of(LIGHT));
+        }
+    }
+
+    #[test]
+    fn weights_of_something_else_are_named() {
+        let whole = checkpoint(&config(), 1);
+        let error = refusal(&Checkpoint::default());
+        assert!(error.contains("\"light_net\"") && error.contains("no configuration"), "{error}");
+        let with = |key: &str, value: serde_json::Value| {
+            let mut other = whole.clone();
+            other.state[LIGHT][key] = value;
+            refusal(&other)
+        };
+        let error = with("blocks", serde_json::json!(16));
+        assert!(error.contains("describes") && error.contains("the file holds"), "{error}");
+        let error = with("depth", serde_json::json!(12));
+        assert!(error.contains("depth is 12"), "{error}");
+        let error = with("colour", serde_json::json!("red"));
+        assert!(error.contains("colour"), "{error}");
+        let error = with("global_features", serde_json::json!(7));
+        assert!(error.contains("\"light_net.global.weights\" has the shape [6, 8], not [7, 8]"), "{error}");
+        let mut more = whole.clone();
+        more.insert("light_net.hat", &[2], vec![0.0; 2]);
+        assert!(refusal(&more).contains("\"light_net.hat\" is not part of it"));
+        let mut light_only = Checkpoint::default();
+        light_only.state = whole.state.clone();
+        light_only.add_module(LIGHT, &LightNet::new(&config(), 1, &Device::flex()).unwrap());
+        let error = refusal(&light_only);
+        assert!(error.contains("\"depth_net.encoder.conv0.weight\" is missing") && error.contains("more"), "{error}");
+    }
+}
