@@ -114,13 +114,14 @@ impl Outer<'_, '_> {
                 }
             }
         }
-        for (out, sums) in self.out.iter_mut().skip(first).zip(&sums) {
+        // By way of a tile of fixed size: with rows of any number and length the compiler would not keep the sums in registers.
+        let mut tile = [0.0; GROUP * 3 * LANES];
+        for (tile, sums) in tile.chunks_exact_mut(3 * LANES).zip(&sums) {
+            S::as_mut_simd_f32s(tile).0[..VECTORS].copy_from_slice(sums);
+        }
+        for (out, tile) in self.out.iter_mut().skip(first).zip(tile.chunks_exact(3 * LANES)).take(CHANNELS) {
             let end = out.len().min(start + width);
-            let (vectors, rest) = S::as_mut_simd_f32s(&mut out[start..end]);
-            vectors.iter_mut().zip(sums).for_each(|(out, &sum)| *out = sum);
-            if !rest.is_empty() {
-                simd.partial_store_f32s(rest, sums[vectors.len()]);
-            }
+            out[start..end].copy_from_slice(&tile[..end - start]);
         }
     }
 }
