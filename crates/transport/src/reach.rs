@@ -16,6 +16,9 @@ const LOOKS: usize = 16;
 /// Surfels of which more than half of the rays end within this share of the spacing lie in a gap that cannot be looked into.
 const GAP_SHARE: f32 = 0.25;
 
+/// So do those in gaps narrower than this, however fine the surfels: between a lamp and its socket.
+const LEAST_GAP_M: f32 = 0.008;
+
 /// Rays that leave all lights together, at least; each piece of one sends four or more.
 const LIGHT_RAYS: f32 = 20_000.0;
 
@@ -82,7 +85,7 @@ pub(crate) fn reached(scene: &Scene, surfels: &Surfels, emitters: &Emitters, oth
             for &local in &looks {
                 let ray = Ray { origin, direction: basis * local };
                 let distance_m = follow(scene, surfels, others, ray, &mut found);
-                blocked += usize::from(distance_m < GAP_SHARE * surfel.spacing_m);
+                blocked += usize::from(distance_m < LEAST_GAP_M.max(GAP_SHARE * surfel.spacing_m));
             }
             if 2 * blocked > LOOKS { None } else { Some(found) }
         };

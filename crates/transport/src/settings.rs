@@ -18,7 +18,7 @@ pub struct BakeSettings {
 impl Default for BakeSettings {
     /// What a room of 150 m² takes few core-seconds with.
     fn default() -> Self {
-        Self { spacing_m: 0.18, gather_rays: 64, light_rays: 16, pixel_light_rays: 2, seed: 0 }
+        Self { spacing_m: 0.16, gather_rays: 64, light_rays: 16, pixel_light_rays: 2, seed: 0 }
     }
 }
 

@@ -15,10 +15,10 @@ const WINDOWS: usize = 6;
 /// Sums of products of numbers with numbers at given places.
 pub trait Sums: Sized {
     /// `out[channel][column] = Σ_k weights[k][channel] · data[offsets[k] + column]`, with weights `[windows, GROUP]` and for at most
-    /// [`GROUP`] channels of the same length.
+    /// `GROUP` channels of the same length.
     ///
     /// # Panics
-    /// Where a window, made longer to whole vectors of [`LANES`], leaves `data`.
+    /// Where a window, made longer to whole vectors of `LANES`, leaves `data`.
     fn outer(weights: &[Self], data: &[Self], offsets: &[usize], out: &mut [&mut [Self]]);
 
     /// `out[row][k] += Σ_p rows[row][p] · data[offsets[k] + p]`, where all rows have the same length.
