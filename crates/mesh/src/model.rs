@@ -7,7 +7,7 @@ use crate::{GlbTooLarge, Material, MeshError, Texture, gltf, normals, obj, ply, 
 /// A whole model: node transforms applied, all meshes in one list of triangles.
 ///
 /// Lists per vertex have the length of `positions`, or are empty where the text says so.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Model {
     /// Vertex positions in metres (glTF) or file units.
     pub positions: Vec<Vec3>,
@@ -141,12 +141,14 @@ impl Model {
     ) -> Result<Self, MeshError> {
         repair::check_indices(&triangles, positions.len())?;
         let smooth = normals::smooth(&positions, &triangles, options.crease_angle_rad, |_| None);
-        let mut model = Self::empty();
-        model.positions = smooth.vertex_positions.iter().map(|&p| positions[p as usize]).collect();
-        model.normals = smooth.vertex_normals;
-        model.triangle_materials = vec![0; smooth.triangles.len()];
-        model.triangles = smooth.triangles;
-        model.materials = vec![material];
+        let model = Self {
+            positions: smooth.vertex_positions.iter().map(|&p| positions[p as usize]).collect(),
+            normals: smooth.vertex_normals,
+            triangle_materials: vec![0; smooth.triangles.len()],
+            triangles: smooth.triangles,
+            materials: vec![material],
+            ..Self::default()
+        };
         model.finish()
     }
 
@@ -166,21 +168,6 @@ impl Model {
             let p = self.positions[vertex as usize];
             Bounds { min: bounds.min.min(p), max: bounds.max.max(p) }
         })
-    }
-
-    pub(crate) fn empty() -> Self {
-        Self {
-            positions: Vec::new(),
-            normals: Vec::new(),
-            tangents: Vec::new(),
-            uvs: [Vec::new(), Vec::new()],
-            colors: Vec::new(),
-            triangles: Vec::new(),
-            triangle_materials: Vec::new(),
-            materials: Vec::new(),
-            textures: Vec::new(),
-            warnings: Vec::new(),
-        }
     }
 
     /// Brings a freshly read model into the state that the fields promise.

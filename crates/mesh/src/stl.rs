@@ -18,12 +18,13 @@ pub(crate) fn read(bytes: &[u8], options: &LoadOptions) -> Result<Model, MeshErr
     let triangles: Vec<[u32; 3]> = corners.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
     drop(corners);
     let smooth = normals::smooth(&positions, &triangles, options.crease_angle_rad, |_| None);
-    let mut model = Model::empty();
-    model.positions = smooth.vertex_positions.iter().map(|&p| positions[p as usize]).collect();
-    model.normals = smooth.vertex_normals;
-    model.triangle_materials = vec![0; smooth.triangles.len()];
-    model.triangles = smooth.triangles;
-    Ok(model)
+    Ok(Model {
+        positions: smooth.vertex_positions.iter().map(|&p| positions[p as usize]).collect(),
+        normals: smooth.vertex_normals,
+        triangle_materials: vec![0; smooth.triangles.len()],
+        triangles: smooth.triangles,
+        ..Model::default()
+    })
 }
 
 /// Binary files may begin with "solid" too; theirs is the length that their count announces.

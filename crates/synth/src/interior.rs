@@ -100,14 +100,13 @@ impl Interior {
         let model = Model {
             positions: shape.positions,
             normals: shape.normals,
-            tangents: Vec::new(),
             uvs: [shape.uvs, Vec::new()],
             colors: shape.tints.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect(),
             triangles: shape.triangles,
             triangle_materials: shape.materials,
             materials: palette.materials,
             textures: palette.textures,
-            warnings: Vec::new(),
+            ..Model::default()
         };
         Ok(Self {
             id: format!("synth-{seed}-{index:06}"),
@@ -155,15 +154,10 @@ impl Interior {
         let model = self.prepared.get_or_init(|| {
             let bare = Model {
                 positions: self.world.model.positions.clone(),
-                normals: Vec::new(),
-                tangents: Vec::new(),
-                uvs: [Vec::new(), Vec::new()],
-                colors: Vec::new(),
                 triangles: self.world.model.triangles.clone(),
                 triangle_materials: vec![0; self.world.model.triangles.len()],
                 materials: vec![Material::default()],
-                textures: Vec::new(),
-                warnings: Vec::new(),
+                ..Model::default()
             };
             PreparedModel::new(bare)
         });

@@ -36,7 +36,7 @@ pub(crate) fn read(bytes: &[u8], resolve: &Resolver) -> Result<Model, MeshError>
         return Err(MeshError::syntax("glTF", "asset.version", what));
     }
     check_extensions(&root)?;
-    let mut model = Model::empty();
+    let mut model = Model::default();
     let buffers = Buffers::load(&root, binary, resolve)?;
     let file_bytes = bytes.len() + buffers.external_bytes();
     materials::read(&root, &buffers, resolve, file_bytes, &mut model)?;

@@ -15,7 +15,7 @@ const NONE: u32 = u32::MAX;
 /// Reads the model without checking or completing its vertices.
 pub(crate) fn read(bytes: &[u8], resolve: &Resolver, options: &LoadOptions) -> Result<Model, MeshError> {
     let mut file = ObjFile { counts: count_elements(bytes), ..ObjFile::default() };
-    let mut model = Model::empty();
+    let mut model = Model::default();
     for (number, line) in logical_lines(bytes) {
         file.line(number, &line)?;
     }

@@ -169,9 +169,8 @@ impl PlyFile {
             };
             return Err(MeshError::NoTriangles { reason });
         }
-        let mut model = Model::empty();
-        model.triangle_materials = vec![0; self.triangles.len()];
-        model.warnings = self.warnings;
+        let triangle_materials = vec![0; self.triangles.len()];
+        let mut model = Model { triangle_materials, warnings: self.warnings, ..Model::default() };
         if self.normals.len() == self.positions.len() {
             model.positions = self.positions;
             model.normals = self.normals;

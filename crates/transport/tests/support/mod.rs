@@ -13,19 +13,7 @@ pub struct Builder {
 
 impl Builder {
     pub fn new() -> Self {
-        let model = Model {
-            positions: Vec::new(),
-            normals: Vec::new(),
-            tangents: Vec::new(),
-            uvs: [Vec::new(), Vec::new()],
-            colors: Vec::new(),
-            triangles: Vec::new(),
-            triangle_materials: Vec::new(),
-            materials: Vec::new(),
-            textures: Vec::new(),
-            warnings: Vec::new(),
-        };
-        Self { model }
+        Self { model: Model::default() }
     }
 
     pub fn material(&mut self, material: Material) -> u32 {
