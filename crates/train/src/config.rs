@@ -139,27 +139,30 @@ pub struct JointPhase {
 }
 
 impl Default for TrainConfig {
-    /// About a day on two cores.
+    /// The recipe of `configs/two-cores.toml`, with rooms generated on the fly.
     fn default() -> Self {
-        let depth = |steps, photo_width| DepthPhase { steps, photo_width, ..DepthPhase::default() };
-        let light = |steps, octree_depth| LightPhase { steps, octree_depth, ..LightPhase::default() };
+        let depth = DepthPhase::default();
+        let light = LightPhase::default();
         Self {
-            clip_norm: 1.0,
+            clip_norm: 5.0,
             average_decay: 0.999,
             judge_rate: 0.5,
             checkpoint_minutes: 10.0,
-            log_steps: 20,
+            log_steps: 50,
             data: DataConfig::default(),
             augmentation: AugmentationConfig::default(),
             network: LightNetConfig::default(),
             depth_losses: DepthLossConfig::default(),
             light_losses: LightLossConfig::default(),
             validation: ValidationConfig::default(),
-            depth: vec![depth(24_000, 240), DepthPhase { rate: 1e-4, frozen_statistics: true, ..depth(8_000, 480) }],
+            depth: vec![
+                DepthPhase { steps: 12_000, final_share: 0.3, photo_width: 240, ..depth.clone() },
+                DepthPhase { steps: 3_000, rate: 1e-4, frozen_statistics: true, ..depth },
+            ],
             light: vec![
-                light(8_000, 5),
-                light(16_000, 6),
-                LightPhase { own_growth: [0.0, 0.5], rate: 5e-4, ..light(16_000, 7) },
+                LightPhase { steps: 4_000, rate: 1e-3, final_share: 0.3, octree_depth: 5, ..light.clone() },
+                LightPhase { steps: 8_000, rate: 1e-3, final_share: 0.3, octree_depth: 6, ..light.clone() },
+                LightPhase { own_growth: [0.0, 0.5], ..light },
             ],
             joint: vec![JointPhase::default()],
         }
@@ -174,31 +177,30 @@ impl Default for DataConfig {
 
 impl Default for ValidationConfig {
     fn default() -> Self {
-        Self { every_steps: 2_000, photos: 24, sheet_rows: 6 }
+        Self { every_steps: 1_000, photos: 24, sheet_rows: 6 }
     }
 }
 
 impl Default for DepthPhase {
     fn default() -> Self {
-        let shape = Self {
+        Self {
             steps: 8_000,
             rate: 3e-4,
             warm_up_steps: 200,
-            final_share: 0.1,
+            final_share: 0.05,
             photo_width: 480,
             frozen_statistics: false,
-        };
-        Self { ..shape }
+        }
     }
 }
 
 impl Default for LightPhase {
     fn default() -> Self {
         Self {
-            steps: 8_000,
-            rate: 1e-3,
+            steps: 10_000,
+            rate: 7e-4,
             warm_up_steps: 200,
-            final_share: 0.1,
+            final_share: 0.05,
             octree_depth: 7,
             own_growth: [0.0, 0.0],
             sensor_share: 0.5,
@@ -211,8 +213,8 @@ impl Default for LightPhase {
 impl Default for JointPhase {
     fn default() -> Self {
         Self {
-            steps: 8_000,
-            rate: 2e-4,
+            steps: 4_000,
+            rate: 1e-4,
             warm_up_steps: 200,
             final_share: 0.05,
             octree_depth: 7,
@@ -404,6 +406,14 @@ mod tests {
         assert_eq!(message(share), "light 2/2: sensor_share is 1.5; it must lie in 0 to 1");
         let none = TrainConfig { log_steps: 0, ..TrainConfig::default() };
         assert_eq!(message(none), "log_steps is 0; it must lie in 1 to 1000000000");
+    }
+
+    #[test]
+    fn the_recipe_is_the_default() {
+        let recipe: TrainConfig = toml::from_str(include_str!("../../../configs/two-cores.toml")).unwrap();
+        assert_eq!(recipe, TrainConfig::default());
+        let rooms: GeneratorConfig = toml::from_str(include_str!("../../../configs/rooms.toml")).unwrap();
+        assert_eq!(rooms.validate(), Ok(()));
     }
 
     #[test]

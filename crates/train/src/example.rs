@@ -196,3 +196,82 @@ fn median_ratio(a: &DepthMap, b: &DepthMap) -> f32 {
     let middle = ratios.len() / 2;
     *ratios.select_nth_unstable_by(middle, f32::total_cmp).1
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use dataset::{Generator, GeneratorConfig};
+    use synth::SynthConfig;
+
+    use super::*;
+
+    fn sample() -> Sample {
+        let room = SynthConfig { crop_size: [120, 80], ..SynthConfig::default() };
+        let config = GeneratorConfig {
+            room,
+            shots: 1,
+            panoramas: 2,
+            panorama_height: 32,
+            octree_depth: 6,
+            ..Default::default()
+        };
+        Generator::new(3, config).unwrap().record(1).unwrap().sample(0)
+    }
+
+    fn median(mut values: Vec<f32>) -> f32 {
+        values.sort_by(f32::total_cmp);
+        values[values.len() / 2]
+    }
+
+    #[test]
+    fn photo_panoramas_and_true_octree_agree_however_the_sample_is_varied() {
+        let sample = sample();
+        let network = LightNetConfig { depth: 6, ..LightNetConfig::default() };
+        let wrong = Variation { mirrored: true, gains: [1.3, 1.0, 1.1], focal: 1.15 };
+        let doubled = sample.depth_m.as_ref().unwrap().map(|z| 2.0 * z);
+        let doubled_turned = wrong.depth(&doubled);
+        let cases = [
+            (Variation::NONE, KnownDepth::True, 1.0),
+            (wrong, KnownDepth::True, 1.0),
+            (wrong, KnownDepth::Predicted(&doubled_turned), 2.0),
+        ];
+        for (variation, depth, scale) in cases {
+            let rays = RayCounts { novel: 2000, visible: 2000 };
+            let mut stream = random::stream(1, "test", 0);
+            let example = LightExample::new(&sample, &variation, depth, &network, rays, &mut stream).unwrap();
+            let tracer = ConeTracer::new(&example.truth, Settings::default()).unwrap();
+            let leaf_m = example.truth.cube.node_edge_m(6);
+            for (what, rays) in [("photo", &example.visible), ("panoramas", &example.novel)] {
+                assert!(rays.len() > 1000, "{what}: {} rays", rays.len());
+                let mut seen = vec![cone::Sample::default(); rays.len()];
+                tracer.trace_batch(&rays.cones, &mut seen);
+                let known = || (0..rays.len()).filter(|&i| rays.distance_m[i] > 0.0);
+                let off = median(known().map(|i| (seen[i].distance_m - rays.distance_m[i]).abs()).collect());
+                assert!(off < 0.75 * leaf_m, "{what} at {variation:?}: {off} m, a leaf has {leaf_m} m");
+                // The photo has a tone curve of its own; panoramas have none.
+                let limit = if what == "photo" { 0.35 } else { 0.15 };
+                let log = |i: usize| (seen[i].radiance[1].ln_1p() - rays.radiance[i][1].ln_1p()).abs();
+                let off = median(known().map(log).collect());
+                assert!(off < limit, "{what} at {variation:?}: radiance is {off} off");
+            }
+            let visible_m = median(example.visible.distance_m.clone());
+            let truth_m =
+                median(sample.depth_m.as_ref().unwrap().pixels().iter().copied().filter(|z| *z > 0.0).collect());
+            assert!((0.8..1.6).contains(&(visible_m / truth_m / scale)), "{visible_m} {truth_m}");
+        }
+    }
+
+    #[test]
+    fn the_depth_networks_panorama_shows_what_the_photo_shows() {
+        let sample = sample();
+        let variation = Variation { mirrored: true, gains: [1.2; 3], focal: 1.2 };
+        let example = DepthExample::new(&sample, &variation, 60).unwrap();
+        assert_eq!((example.photo.width(), example.photo.height()), (60, 40));
+        assert_eq!((example.depth_m.width(), example.depth_m.height()), (60, 40));
+        let pairs = example.shown.pixels().iter().zip(example.panorama.pixels());
+        let shown: Vec<(f32, f32)> = pairs.filter(|(s, _)| s[3] > 0.99).map(|(s, p)| (s[1], p[1])).collect();
+        assert!(shown.len() > 300, "{} pixels", shown.len());
+        let off = median(shown.iter().map(|(a, b)| (a.ln_1p() - b.min(1.0).ln_1p()).abs()).collect());
+        assert!(off < 0.1, "{off}");
+    }
+}

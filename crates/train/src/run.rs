@@ -236,7 +236,10 @@ impl<'a> Run<'a> {
             self.validate()?;
             self.state.phase += 1;
             self.state.step = 0;
-            self.save()?;
+            // Other phases begin with that.
+            if self.state.phase == self.phases.len() {
+                self.save()?;
+            }
         }
         Ok(outcome)
     }
