@@ -34,7 +34,7 @@ pub use mesh;
 pub use message::Message;
 pub use nets;
 pub use nets::Networks;
-pub use network::{NetworkOptions, estimate_from_photo, estimate_with_networks};
+pub use network::{NetworkOptions, SeenFrame, estimate_from_photo, estimate_with_networks};
 pub use octree;
 pub use place::probe_grid;
 pub use scene;

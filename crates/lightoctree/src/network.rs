@@ -1,11 +1,11 @@
 //! Scenes by the networks: photo → depth and global light → what is seen, as an octree → the octree of the whole room.
 
 use completion::{ShellOptions, room_around};
-use geometry::{Camera, Vec3};
+use geometry::{Camera, Cube, Vec3};
 use imaging::{Image, Photo, srgb8_from_linear};
 use nets::light::VisiblePoint;
 use nets::{CompletedLight, GlobalLight, Networks};
-use scene::{Completion, Frame, Prediction, Scene, place_cube, working_photo};
+use scene::{Completion, Frame, Prediction, Scene, Surfel, place_cube, working_photo};
 
 use crate::EstimateError;
 use crate::message::{Message, stage};
@@ -62,6 +62,44 @@ pub fn estimate_from_photo(
     complete(frame, &working, (global, true), networks, options, messages)
 }
 
+/// What the light network is told of a frame, in estimation and in training alike.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SeenFrame {
+    /// The camera, in pixels of the working resolution.
+    pub camera: Camera,
+    /// What is seen where it is seen, one for each depth reading that is none of a flying pixel.
+    pub surfels: Vec<Surfel>,
+    /// Part of the world that the octree covers.
+    pub cube: Cube,
+    /// The surfels, those beyond the cube drawn in to its side, with whether the photo is clipped there. Normals are zero where no
+    /// surface could be fitted.
+    pub points: Vec<VisiblePoint>,
+}
+
+impl SeenFrame {
+    /// Of a frame at the [working resolution](Frame::working); `None` where no depth reading is left.
+    pub fn new(working: &Frame) -> Option<Self> {
+        let clean = working.without_flying_pixels();
+        let normals = clean.normals();
+        let surfels = clean.surfels_with_normals(&normals, &clean.radiance());
+        if surfels.is_empty() {
+            return None;
+        }
+        let positions: Vec<Vec3> = surfels.iter().map(|surfel| surfel.position_m).collect();
+        let cube = place_cube(&positions);
+        let clipped = clean.clipped();
+        let readings = clean.depth_m.pixels().iter().zip(normals.pixels()).zip(clipped.pixels());
+        let readings = readings.filter(|((z, _), _)| **z > 0.0).zip(&surfels);
+        let points = readings.map(|(((_, normal), clipped), surfel)| VisiblePoint {
+            position_m: cube.pulled_inside(surfel.position_m),
+            radiance: surfel.radiance,
+            normal: normal.unwrap_or(Vec3::ZERO),
+            certain: !clipped,
+        });
+        Some(Self { points: points.collect(), camera: clean.camera, cube, surfels })
+    }
+}
+
 /// The scene of a frame; `working` is the same at the working resolution, and `global` comes with whether depth is predicted.
 fn complete(
     frame: Frame,
@@ -71,27 +109,11 @@ fn complete(
     options: &NetworkOptions,
     messages: &mut dyn FnMut(Message),
 ) -> Result<Scene, EstimateError> {
-    let clean = working.without_flying_pixels();
-    let normals = clean.normals();
-    let seen = clean.surfels_with_normals(&normals, &clean.radiance());
-    if seen.is_empty() {
-        return Err(EstimateError::NothingSeen);
-    }
-    let positions: Vec<Vec3> = seen.iter().map(|surfel| surfel.position_m).collect();
-    let cube = place_cube(&positions);
-    let certain = clean.clipped();
-    let readings = clean.depth_m.pixels().iter().zip(normals.pixels()).zip(certain.pixels());
-    let points =
-        readings.filter(|((z, _), _)| **z > 0.0).zip(&seen).map(|(((_, normal), clipped), surfel)| VisiblePoint {
-            position_m: cube.pulled_inside(surfel.position_m),
-            radiance: surfel.radiance,
-            normal: normal.unwrap_or(Vec3::ZERO),
-            certain: !clipped,
-        });
-    let points: Vec<VisiblePoint> = points.collect();
-    let room = room_around(&seen, &ShellOptions { up: options.up, ..ShellOptions::default() });
-    let completed =
-        stage(messages, "light network", || networks.complete(&points, &clean.camera, cube, global, options.seed))?;
+    let seen = SeenFrame::new(working).ok_or(EstimateError::NothingSeen)?;
+    let room = room_around(&seen.surfels, &ShellOptions { up: options.up, ..ShellOptions::default() });
+    let completed = stage(messages, "light network", || {
+        networks.complete(&seen.points, &seen.camera, seen.cube, global, options.seed)
+    })?;
     let CompletedLight { light, confidence, messages: notes } = completed;
     notes.into_iter().for_each(|note| messages(Message::Note(note)));
     let confidence = confidence.into_iter().map(|level| level.into_iter().map(|c| (255.0 * c).round() as u8).collect());

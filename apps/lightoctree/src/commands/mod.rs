@@ -11,6 +11,7 @@ pub mod insert;
 pub mod inspect;
 pub mod probes;
 pub mod synth;
+pub mod train;
 
 mod environment;
 mod parse;

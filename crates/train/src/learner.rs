@@ -1,0 +1,372 @@
+//! The networks while they learn: weights, optimisers, averages, and one step of each stage.
+
+use burn::module::Module;
+use burn::tensor::{Device, Gradients, Tensor, TensorData};
+use cone::Settings;
+use nets::checkpoint::{Checkpoint, CheckpointError};
+use nets::depth::{DepthNet, DepthOutput, PatchGan, depth_losses, panorama_loss};
+use nets::light::{Growth, LightLosses, LightNet, LightNetConfig};
+use nets::{Adam, Networks};
+use serde::{Deserialize, Serialize};
+
+use crate::config::TrainConfig;
+use crate::deepen::deepened;
+use crate::example::{DepthExample, LightExample, PANORAMA};
+use crate::weights::{averaged, first_not_finite, gradient_norm, scale_gradient};
+
+/// Weights enter the average once in so many steps: it moves slowly, and each time costs as much as an optimiser's step.
+const AVERAGE_EVERY: u64 = 8;
+
+/// Names in a checkpoint. The averages are under those that [`Networks`] has, so that a checkpoint also is a file of weights.
+const DEPTH: &str = "training.depth_net";
+const LIGHT: &str = "training.light_net";
+const JUDGE: &str = "training.discriminator";
+
+/// The parts of a loss and what came of them.
+#[derive(Debug, Default)]
+pub(crate) struct Progress {
+    /// Name and value, not weighted.
+    pub losses: Vec<(&'static str, f32)>,
+    /// Norms of the gradients before they were shortened.
+    pub norms: Vec<(&'static str, f32)>,
+}
+
+/// What made a step impossible: numbers that are none.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Fault(pub String);
+
+/// A network, its optimiser and the average of its weights.
+#[derive(Debug)]
+pub(crate) struct Trained<M> {
+    pub net: M,
+    pub average: M,
+    adam: Adam,
+    steps: u64,
+}
+
+/// All networks of a run.
+#[derive(Debug)]
+pub(crate) struct Learner {
+    pub depth: Trained<DepthNet>,
+    pub light: Trained<LightNet>,
+    /// Shape of the light network as it is now.
+    pub network: LightNetConfig,
+    judge: PatchGan,
+    judge_adam: Adam,
+}
+
+/// Steps of the averages since they began, and the light network's shape.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct LearnerState {
+    network: LightNetConfig,
+    averaged: [u64; 2],
+}
+
+/// Where gradients are recorded.
+fn recording() -> Device {
+    Device::flex().autodiff()
+}
+
+/// Does work on one of rayon's threads, as the networks want it.
+pub(crate) fn in_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    rayon::scope(|_| work())
+}
+
+fn scalar(loss: &Tensor<1>) -> f32 {
+    loss.clone().inner().into_scalar::<f32>()
+}
+
+impl<M: Module> Trained<M> {
+    /// One step along a gradient, shortened to `clip`; gives its norm.
+    fn descend(
+        &mut self,
+        name: &str,
+        gradients: &mut Gradients,
+        rate: f64,
+        config: &TrainConfig,
+    ) -> Result<f32, Fault> {
+        let norm = gradient_norm(&self.net, gradients)
+            .map_err(|layer| Fault(format!("the gradient of {name}.{layer} is not finite")))?;
+        if norm > config.clip_norm {
+            scale_gradient(&self.net, gradients, config.clip_norm / norm);
+        }
+        self.net = self.adam.step(self.net.clone(), gradients, rate);
+        // Running statistics wait for the next use on the same thread; the next step may be on another one.
+        let _ = self.net.valid();
+        self.steps += 1;
+        if self.steps.is_multiple_of(AVERAGE_EVERY) {
+            let times = (self.steps / AVERAGE_EVERY) as f64;
+            let decay = config.average_decay.powi(AVERAGE_EVERY as i32).min(times / (9.0 + times));
+            self.average = averaged(self.average.clone(), &self.net, decay);
+        }
+        Ok(norm)
+    }
+
+    /// The first weight that is no number.
+    fn check(&self, name: &str) -> Result<(), Fault> {
+        first_not_finite(&self.net).map_or(Ok(()), |layer| Err(Fault(format!("{name}.{layer} is not finite"))))
+    }
+}
+
+impl Learner {
+    /// Untrained networks, the light network for this octree depth.
+    ///
+    /// # Errors
+    /// A configuration out of range.
+    pub fn new(config: &TrainConfig, octree_depth: u32, seed: u64) -> Result<Self, String> {
+        let network = config.network_of(octree_depth);
+        let features = network.global_features;
+        let plain = || Device::flex();
+        let mut judge_adam = Adam::default();
+        // As Isola et al. 2017.
+        judge_adam.beta1 = 0.5;
+        Ok(Self {
+            depth: Trained {
+                net: DepthNet::new(features, seed, &recording()),
+                average: DepthNet::new(features, seed, &plain()),
+                adam: Adam::default(),
+                steps: 0,
+            },
+            light: Trained {
+                net: LightNet::new(&network, seed, &recording())?,
+                average: LightNet::new(&network, seed, &plain())?,
+                adam: Adam::default(),
+                steps: 0,
+            },
+            network,
+            judge: PatchGan::new(seed, &recording()),
+            judge_adam,
+        })
+    }
+
+    /// Starts the depth network's encoder with torchvision's weights.
+    ///
+    /// # Errors
+    /// Names what is missing or of another shape.
+    pub fn load_encoder(&mut self, weights: &Checkpoint) -> Result<(), CheckpointError> {
+        self.depth.net.encoder = self.depth.net.encoder.clone().load_torchvision(weights)?;
+        self.depth.average.encoder = self.depth.average.encoder.clone().load_torchvision(weights)?;
+        Ok(())
+    }
+
+    /// Adds everything to a checkpoint but what [`LearnerState`] holds, which it gives.
+    pub fn add_to(&self, checkpoint: &mut Checkpoint) -> LearnerState {
+        let averages = Networks {
+            depth: self.depth.average.clone(),
+            light: self.light.average.clone(),
+            config: self.network.clone(),
+        };
+        averages.add_to(checkpoint);
+        checkpoint.add_module(DEPTH, &self.depth.net);
+        checkpoint.add_module(LIGHT, &self.light.net);
+        checkpoint.add_module(JUDGE, &self.judge);
+        for (name, adam) in [(DEPTH, &self.depth.adam), (LIGHT, &self.light.adam), (JUDGE, &self.judge_adam)] {
+            checkpoint.add_adam(&adam_name(name), adam);
+        }
+        LearnerState { network: self.network.clone(), averaged: [self.depth.steps, self.light.steps] }
+    }
+
+    /// What [`Learner::add_to`] added.
+    ///
+    /// # Errors
+    /// Names what is missing or of another shape.
+    pub fn from_checkpoint(mut checkpoint: Checkpoint, state: &LearnerState) -> Result<Self, CheckpointError> {
+        let wrong = |problem| CheckpointError::Weights { module: LIGHT.to_owned(), problems: vec![problem] };
+        let LearnerState { network, averaged: [depth_steps, light_steps] } = state;
+        let adams = [DEPTH, LIGHT, JUDGE].map(|name| checkpoint.load_adam(&adam_name(name)));
+        let [depth_adam, light_adam, judge_adam] = adams;
+        let blank = DepthNet::new(network.global_features, 0, &Device::flex());
+        let depth = checkpoint.take_module(DEPTH, blank)?.train();
+        let blank = LightNet::new(network, 0, &Device::flex()).map_err(wrong)?;
+        let light = checkpoint.take_module(LIGHT, blank)?.train();
+        let judge = checkpoint.take_module(JUDGE, PatchGan::new(0, &Device::flex()))?.train();
+        let averages = Networks::from_checkpoint(checkpoint, &Device::flex())?;
+        Ok(Self {
+            depth: Trained { net: depth, average: averages.depth, adam: depth_adam?, steps: *depth_steps },
+            light: Trained { net: light, average: averages.light, adam: light_adam?, steps: *light_steps },
+            network: network.clone(),
+            judge,
+            judge_adam: judge_adam?,
+        })
+    }
+
+    /// Makes the light network one for octrees of another depth: the stages that both have keep their weights, what is new is drawn
+    /// from the seed, and the optimiser begins anew.
+    ///
+    /// # Errors
+    /// A configuration out of range.
+    pub fn deepen(&mut self, config: &TrainConfig, octree_depth: u32, seed: u64) -> Result<(), String> {
+        let network = config.network_of(octree_depth);
+        if network == self.network {
+            return Ok(());
+        }
+        let make = |old: &LightNet, device: &Device| deepened(old, &self.network, &network, seed, device);
+        let (net, average) =
+            (make(&self.light.net.valid(), &recording())?, make(&self.light.average, &Device::flex())?);
+        self.light = Trained { net, average, adam: Adam::default(), steps: 0 };
+        self.network = network;
+        Ok(())
+    }
+
+    /// Whether the depth network's encoder normalises by its running statistics also while it learns.
+    pub fn freeze_statistics(&mut self, frozen: bool) {
+        let encoder = &mut self.depth.net.encoder;
+        let layers = encoder.blocks.iter_mut().flat_map(|block| &mut block.layers);
+        let norms = layers.flat_map(|layer| [&mut layer.norm1, &mut layer.norm2]);
+        let norms = norms.chain(encoder.transitions.iter_mut().map(|transition| &mut transition.norm));
+        for norm in norms.chain([&mut encoder.norm0, &mut encoder.norm5]) {
+            norm.training = norm.training.clone().with_value(!frozen);
+        }
+    }
+
+    /// Whether all weights are numbers.
+    pub fn check(&self) -> Result<(), Fault> {
+        self.depth.check("depth_net")?;
+        self.light.check("light_net")
+    }
+
+    /// A step of the depth network and its discriminator.
+    pub fn depth_step(&mut self, example: &DepthExample, rate: f64, config: &TrainConfig) -> Result<Progress, Fault> {
+        let output = self.depth.net.forward(&example.photo);
+        let (total, judged, mut progress) = self.depth_losses(output, example, config);
+        let mut gradients = total.backward();
+        let norm = self.depth.descend("depth_net", &mut gradients, rate, config);
+        progress.norms.push(("depth", norm.map_err(|fault| with_losses(fault, &progress))?));
+        drop(gradients);
+        self.judge_step(judged, rate * config.judge_rate, &mut progress)?;
+        Ok(progress)
+    }
+
+    /// The weighted sum of the depth network's losses, what the discriminator needs for its own step, and the losses.
+    fn depth_losses(
+        &self,
+        output: DepthOutput,
+        example: &DepthExample,
+        config: &TrainConfig,
+    ) -> (Tensor<1>, Option<Judged>, Progress) {
+        let weights = &config.depth_losses;
+        let [log_depth, variance] = depth_losses(output.log_depth, &example.depth_m);
+        let made = self.depth.net.panorama.forward(output.global);
+        let panorama = panorama_loss(made.clone(), &example.panorama);
+        let mut losses = vec![
+            ("log_depth", scalar(&log_depth)),
+            ("scale_invariant", scalar(&variance)),
+            ("panorama", scalar(&panorama)),
+        ];
+        let mut total =
+            log_depth * weights.log_depth + variance * weights.scale_invariant + panorama * weights.panorama;
+        let mut judged = None;
+        if weights.adversarial > 0.0 {
+            let condition = channels::<4>(example.shown.pixels());
+            let real = channels::<3>(example.panorama.pixels());
+            let opinion = self.judge.generator_loss(made.clone(), condition.clone());
+            losses.push(("adversarial", scalar(&opinion)));
+            total = total + opinion * weights.adversarial;
+            judged = Some(Judged { real, made: made.detach(), condition });
+        }
+        (total, judged, Progress { losses, norms: Vec::new() })
+    }
+
+    fn judge_step(&mut self, judged: Option<Judged>, rate: f64, progress: &mut Progress) -> Result<(), Fault> {
+        let Some(Judged { real, made, condition }) = judged else { return Ok(()) };
+        let loss = self.judge.discriminator_loss(real, made, condition);
+        progress.losses.push(("discriminator", scalar(&loss)));
+        let gradients = loss.backward();
+        gradient_norm(&self.judge, &gradients)
+            .map_err(|layer| Fault(format!("the gradient of discriminator.{layer} is not finite")))?;
+        self.judge = self.judge_adam.step(self.judge.clone(), &gradients, rate);
+        Ok(())
+    }
+
+    /// A step of the light network with a global lighting feature that is not trained.
+    pub fn light_step(
+        &mut self,
+        example: &LightExample,
+        global: Vec<f32>,
+        own_growth: bool,
+        rate: f64,
+        config: &TrainConfig,
+    ) -> Result<Progress, Fault> {
+        let features = global.len();
+        let global = Tensor::from_data(TensorData::new(global, [1, features]), &recording());
+        let (total, mut progress) = self.light_losses(example, global, own_growth, config)?;
+        let mut gradients = total.backward();
+        let norm = self.light.descend("light_net", &mut gradients, rate, config);
+        progress.norms.push(("light", norm.map_err(|fault| with_losses(fault, &progress))?));
+        Ok(progress)
+    }
+
+    fn light_losses(
+        &self,
+        example: &LightExample,
+        global: Tensor<2>,
+        own_growth: bool,
+        config: &TrainConfig,
+    ) -> Result<(Tensor<1>, Progress), Fault> {
+        let growth = if own_growth { Growth::Predicted } else { Growth::Truth(&example.truth.octree) };
+        let fault = |error: nets::light::LightError| Fault(format!("light_net: {error}"));
+        let output = self.light.net.forward(&example.input, Some(global), growth).map_err(fault)?;
+        let settings = Settings::default();
+        let losses =
+            LightLosses::new(&output, &example.truth, &example.novel, &example.visible, settings).map_err(fault)?;
+        let total = losses.total(&config.light_losses);
+        let named = [
+            ("octree", &losses.octree),
+            ("novel_radiance", &losses.novel.radiance),
+            ("novel_distance", &losses.novel.distance),
+            ("visible_radiance", &losses.visible.radiance),
+            ("visible_distance", &losses.visible.distance),
+            ("node_radiance", &losses.node_radiance),
+            ("node_error", &losses.node_error),
+        ];
+        let losses = named.map(|(name, loss)| (name, scalar(loss))).to_vec();
+        Ok((total, Progress { losses, norms: Vec::new() }))
+    }
+
+    /// A step of both networks on one photo, of which `output` is the depth network's.
+    pub fn joint_step(
+        &mut self,
+        output: DepthOutput,
+        depth_example: &DepthExample,
+        light_example: &LightExample,
+        own_growth: bool,
+        rate: f64,
+        config: &TrainConfig,
+    ) -> Result<Progress, Fault> {
+        let (light, lit) = self.light_losses(light_example, output.global.clone(), own_growth, config)?;
+        let (depth, judged, mut progress) = self.depth_losses(output, depth_example, config);
+        progress.losses.extend(lit.losses);
+        let mut gradients = (light + depth).backward();
+        let norm = self.light.descend("light_net", &mut gradients, rate, config);
+        progress.norms.push(("light", norm.map_err(|fault| with_losses(fault, &progress))?));
+        let norm = self.depth.descend("depth_net", &mut gradients, rate, config);
+        progress.norms.push(("depth", norm.map_err(|fault| with_losses(fault, &progress))?));
+        drop(gradients);
+        self.judge_step(judged, rate * config.judge_rate, &mut progress)?;
+        Ok(progress)
+    }
+}
+
+/// Panoramas for the discriminator.
+struct Judged {
+    real: Tensor<4>,
+    made: Tensor<4>,
+    condition: Tensor<4>,
+}
+
+fn adam_name(name: &str) -> String {
+    format!("adam.{name}")
+}
+
+/// Pixels of a panorama as `[1, C, height, width]`.
+fn channels<const C: usize>(pixels: &[[f32; C]]) -> Tensor<4> {
+    let values: Vec<f32> = (0..C).flat_map(|c| pixels.iter().map(move |pixel| pixel[c])).collect();
+    Tensor::from_data(TensorData::new(values, [1, C, PANORAMA.1, PANORAMA.0]), &recording())
+}
+
+/// Names the losses that are no numbers too.
+fn with_losses(fault: Fault, progress: &Progress) -> Fault {
+    let bad: Vec<&str> =
+        progress.losses.iter().filter(|(_, value)| !value.is_finite()).map(|(name, _)| *name).collect();
+    if bad.is_empty() { fault } else { Fault(format!("{}; neither are the losses {}", fault.0, bad.join(", "))) }
+}

@@ -1,0 +1,511 @@
+//! A run: phase by phase, step by step, resumable at any.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use dataset::{CropModel, Dataset, Generated, Generator, Layout, LoaderState, Sample, fingerprint};
+use imaging::write_rgba8;
+use nets::Networks;
+use nets::checkpoint::{Checkpoint, Precision};
+use random::RngExt;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use crate::augmentation::Variation;
+use crate::config::{JointPhase, LightPhase, Phase, TrainConfig, between};
+use crate::example::{DepthExample, KnownDepth, LightExample, RayCounts};
+use crate::feed::Feed;
+use crate::learner::{Fault, Learner, LearnerState, Progress, in_pool};
+use crate::log::Log;
+use crate::validation::Validation;
+use crate::{Message, TrainError};
+
+/// Everything that is needed to go on.
+pub const CHECKPOINT_FILE: &str = "checkpoint.safetensors";
+/// The averaged weights in 16 bits, for use.
+pub const WEIGHTS_FILE: &str = "weights.safetensors";
+/// One line of JSON for every few steps, validation and incident.
+pub const LOG_FILE: &str = "log.jsonl";
+/// The last validation's pictures.
+pub const SHEET_FILE: &str = "sheet.png";
+
+/// Under which name a run's state is in its checkpoint.
+const STATE: &str = "training";
+
+/// Samples in a row that cannot be used before the run gives up.
+const MOST_UNUSABLE: u64 = 1000;
+
+/// Times that a run goes back to the same checkpoint before it gives up.
+const MOST_SETBACKS: u32 = 5;
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// All phases are done.
+    Done,
+    /// It was asked to stop, and can be resumed.
+    Stopped,
+}
+
+/// Where a run stands, but for the weights.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct RunState {
+    seed: u64,
+    /// Which phase, counted from 0.
+    phase: usize,
+    /// Its steps that are done.
+    step: u64,
+    /// Steps of all phases that are done.
+    total_steps: u64,
+    /// How often the run went back; chance after it is another.
+    setbacks: u64,
+    /// Where the next sample stands, and in which dataset.
+    position: LoaderState,
+    fingerprint: u64,
+    log_bytes: u64,
+    learner: Option<LearnerState>,
+}
+
+/// What a run is asked for beside its configuration.
+#[derive(Debug)]
+pub struct Request<'a> {
+    /// Folder of the run's files; it exists.
+    pub folder: &'a Path,
+    /// Go on from the folder's checkpoint.
+    pub resume: bool,
+    /// Seed of all chance; a resumed run keeps its own.
+    pub seed: u64,
+    /// Weights of torchvision's `densenet121` to begin with.
+    pub encoder_weights: Option<&'a Path>,
+}
+
+/// Trains until all phases are done or `stop` says so.
+///
+/// A resumed run goes on as if it had not been interrupted: the same weights to the bit, for every number of threads. The configuration may
+/// have changed meanwhile, but not the networks' shapes, nor the phases that are done.
+///
+/// # Errors
+/// See [`TrainError`].
+pub fn train(
+    config: &TrainConfig,
+    request: &Request,
+    stop: &dyn Fn() -> bool,
+    messages: &mut dyn FnMut(Message),
+) -> Result<Outcome, TrainError> {
+    config.validate().map_err(TrainError::Config)?;
+    let phases = config.phases();
+    if phases.is_empty() {
+        return Err(TrainError::Config("there are no phases: none of depth, light and joint is given".into()));
+    }
+    let dataset = open(config, request.seed)?;
+    let mut run = Run::new(config, request, dataset, phases, messages)?;
+    while run.state.phase < run.phases.len() {
+        if run.phase(stop)? == Outcome::Stopped {
+            return Ok(Outcome::Stopped);
+        }
+    }
+    Ok(Outcome::Done)
+}
+
+fn open(config: &TrainConfig, seed: u64) -> Result<Arc<dyn Dataset>, TrainError> {
+    let data = &config.data;
+    Ok(match &data.folder {
+        Some(folder) => Layout::detect(folder)?.open(folder, CropModel { seed, ..CropModel::default() })?.into(),
+        None => {
+            let generator = Generator::new(seed, data.generator.clone()).map_err(TrainError::Config)?;
+            Arc::new(Generated::new(generator, data.generated_rooms))
+        }
+    })
+}
+
+struct Run<'a> {
+    config: &'a TrainConfig,
+    folder: &'a Path,
+    dataset: Arc<dyn Dataset>,
+    phases: Vec<(String, Phase)>,
+    messages: &'a mut dyn FnMut(Message),
+    learner: Learner,
+    state: RunState,
+    log: Log,
+    validation: Option<Validation>,
+    saved: Instant,
+    /// Setbacks since the checkpoint was written.
+    setbacks_here: u32,
+}
+
+/// A sample whose light example has to wait for the depth network.
+struct JointExample {
+    sample: Sample,
+    variation: Variation,
+    epoch: u64,
+    depth: DepthExample,
+    /// Where depth is known already.
+    light: Option<LightExample>,
+}
+
+impl<'a> Run<'a> {
+    fn new(
+        config: &'a TrainConfig,
+        request: &Request<'a>,
+        dataset: Arc<dyn Dataset>,
+        phases: Vec<(String, Phase)>,
+        messages: &'a mut dyn FnMut(Message),
+    ) -> Result<Self, TrainError> {
+        let folder = request.folder;
+        let fingerprint = fingerprint(&*dataset);
+        let (learner, state) = match request.resume {
+            true => {
+                let (learner, mut state) = read(&folder.join(CHECKPOINT_FILE))?;
+                if state.fingerprint != fingerprint {
+                    let epoch = state.position.epoch + 1;
+                    state.position = LoaderState { epoch, ..LoaderState::default() };
+                    state.fingerprint = fingerprint;
+                    messages(Message::Note("the dataset is not what it was; its next epoch begins".into()));
+                }
+                (learner, state)
+            }
+            false => {
+                let first_depth = phases.iter().find_map(|(_, phase)| phase.octree_depth());
+                let octree_depth = first_depth.unwrap_or(config.network.depth);
+                let mut learner = Learner::new(config, octree_depth, request.seed).map_err(TrainError::Config)?;
+                if let Some(path) = request.encoder_weights {
+                    learner.load_encoder(&Checkpoint::read(path)?)?;
+                }
+                (learner, RunState::new(request.seed, fingerprint))
+            }
+        };
+        let log_path = folder.join(LOG_FILE);
+        let log = Log::open(&log_path, state.log_bytes).map_err(TrainError::io(&log_path))?;
+        let (saved, setbacks_here) = (Instant::now(), 0);
+        Ok(Self {
+            config,
+            folder,
+            dataset,
+            phases,
+            messages,
+            learner,
+            state,
+            log,
+            validation: None,
+            saved,
+            setbacks_here,
+        })
+    }
+
+    /// The rest of the phase at hand.
+    fn phase(&mut self, stop: &dyn Fn() -> bool) -> Result<Outcome, TrainError> {
+        let (name, phase) = self.phases[self.state.phase].clone();
+        if self.state.step == 0 {
+            if let Some(depth) = phase.octree_depth() {
+                self.learner.deepen(self.config, depth, self.state.seed).map_err(TrainError::Config)?;
+            }
+            // Whatever happens, there is something to go back to.
+            self.save()?;
+        }
+        (self.messages)(Message::Phase { name, steps: phase.steps(), done: self.state.step });
+        let outcome = match &phase {
+            Phase::Depth(depth) => {
+                self.learner.freeze_statistics(depth.frozen_statistics);
+                let (seed, augmentation, width) =
+                    (self.state.seed, self.config.augmentation.clone(), depth.photo_width);
+                let prepare = move |sample: &Sample, epoch: u64| {
+                    let variation = augmentation.of(seed, sample, epoch).0;
+                    DepthExample::new(sample, &variation, width).map_err(|error| error.to_string())
+                };
+                self.steps(&phase, prepare, stop, |run, example, rate| {
+                    in_pool(|| run.learner.depth_step(&example, rate, run.config)).map(Ok)
+                })
+            }
+            Phase::Light(light) => {
+                let prepare = self.prepare_light(light);
+                let (growth, steps) = (light.own_growth, light.steps);
+                self.steps(&phase, prepare, stop, move |run, (example, global), rate| {
+                    let own = run.grows_itself(growth, steps);
+                    in_pool(|| run.learner.light_step(&example, global, own, rate, run.config)).map(Ok)
+                })
+            }
+            Phase::Joint(joint) => {
+                self.learner.freeze_statistics(true);
+                let prepare = self.prepare_joint(joint);
+                let joint = joint.clone();
+                self.steps(&phase, prepare, stop, move |run, example, rate| run.joint_step(&joint, example, rate))
+            }
+        }?;
+        if outcome == Outcome::Done {
+            self.validate()?;
+            self.state.phase += 1;
+            self.state.step = 0;
+            // Other phases begin with that.
+            if self.state.phase == self.phases.len() {
+                self.save()?;
+            }
+        }
+        Ok(outcome)
+    }
+
+    /// Makes steps until the phase is done.
+    fn steps<T: Send + 'static>(
+        &mut self,
+        phase: &Phase,
+        prepare: impl FnMut(&Sample, u64) -> Result<T, String> + Send + 'static,
+        stop: &dyn Fn() -> bool,
+        mut step: impl FnMut(&mut Self, T, f64) -> Result<Result<Progress, String>, Fault>,
+    ) -> Result<Outcome, TrainError> {
+        let (data, position) = (&self.config.data, self.state.position);
+        let feed = Feed::start(self.dataset.clone(), data, self.state.seed, position, prepare);
+        let mut feed = feed.map_err(TrainError::io(self.folder))?;
+        let (mut unusable, mut waited) = (0, Duration::ZERO);
+        while self.state.step < phase.steps() {
+            if stop() {
+                drop(feed);
+                self.save()?;
+                return Ok(Outcome::Stopped);
+            }
+            let fed = feed.next().map_err(|_| TrainError::Empty)?;
+            waited += feed.take_waited();
+            self.state.position = fed.next;
+            let rate = phase.rate(self.state.step);
+            let result = match fed.example {
+                Ok(example) => step(self, example, rate),
+                Err(reason) => Ok(Err(reason)),
+            };
+            match result {
+                Ok(Ok(progress)) => {
+                    unusable = 0;
+                    self.done(&progress, rate, &mut waited)?;
+                }
+                Ok(Err(reason)) => {
+                    unusable += 1;
+                    if unusable == MOST_UNUSABLE {
+                        return Err(TrainError::NoSamples { count: unusable, last: reason });
+                    }
+                    (self.messages)(Message::Note(format!("passed over: {reason}")));
+                }
+                Err(fault) => self.go_back(&fault)?,
+            }
+        }
+        Ok(Outcome::Done)
+    }
+
+    /// Counts a step, tells of it, and does what is due after it.
+    fn done(&mut self, progress: &Progress, rate: f64, waited: &mut Duration) -> Result<(), TrainError> {
+        self.state.step += 1;
+        self.state.total_steps += 1;
+        self.log.add(progress);
+        let losses = self.log.losses(progress);
+        (self.messages)(Message::Step { done: self.state.step, losses });
+        let (name, phase) = &self.phases[self.state.phase];
+        let last = self.state.step == phase.steps();
+        if last || self.state.step.is_multiple_of(self.config.log_steps) {
+            let means = self.log.means(name, self.state.step, self.state.total_steps, rate, std::mem::take(waited));
+            means.map_err(TrainError::io(&self.folder.join(LOG_FILE)))?;
+        }
+        if !last && self.state.step.is_multiple_of(self.config.validation.every_steps) {
+            self.validate()?;
+        }
+        if self.saved.elapsed().as_secs_f64() > 60.0 * self.config.checkpoint_minutes {
+            match self.learner.check() {
+                Ok(()) => self.save()?,
+                Err(fault) => self.go_back(&fault)?,
+            }
+        }
+        Ok(())
+    }
+
+    fn prepare_light(
+        &self,
+        phase: &LightPhase,
+    ) -> impl FnMut(&Sample, u64) -> Result<(LightExample, Vec<f32>), String> + Send + 'static {
+        let (seed, augmentation) = (self.state.seed, self.config.augmentation.clone());
+        let (network, sensor_share) = (self.learner.network.clone(), phase.sensor_share);
+        let rays = RayCounts { novel: phase.novel_rays, visible: phase.visible_rays };
+        // The depth network does not change in this stage.
+        let depth_net = self.learner.depth.average.clone();
+        let mut features = std::collections::HashMap::<(u64, u64), Vec<f32>>::new();
+        move |sample, epoch| {
+            let (variation, variant) = augmentation.of(seed, sample, epoch);
+            let mut stream = Variation::stream(seed, "light example", sample, epoch);
+            let depth = if stream.random::<f32>() < sensor_share { KnownDepth::Sensor } else { KnownDepth::True };
+            let example = LightExample::new(sample, &variation, depth, &network, rays, &mut stream);
+            let example = example.map_err(|error| error.to_string())?;
+            let feature = || {
+                let global = depth_net.global_feature(&variation.photo(&sample.photo));
+                global.into_data().iter().collect::<Vec<f32>>()
+            };
+            let global = if augmentation.variants == 0 {
+                feature()
+            } else {
+                features.entry((random::hash(sample.id.as_bytes()), variant)).or_insert_with(feature).clone()
+            };
+            Ok((example, global))
+        }
+    }
+
+    fn prepare_joint(
+        &self,
+        phase: &JointPhase,
+    ) -> impl FnMut(&Sample, u64) -> Result<JointExample, String> + Send + 'static {
+        let (seed, augmentation) = (self.state.seed, self.config.augmentation.clone());
+        let (network, phase) = (self.learner.network.clone(), phase.clone());
+        move |sample, epoch| {
+            let variation = augmentation.of(seed, sample, epoch).0;
+            let depth = DepthExample::new(sample, &variation, sample.photo.width()).map_err(|e| e.to_string())?;
+            let mut stream = Variation::stream(seed, "light example", sample, epoch);
+            let (predicted, sensor) = (stream.random::<f32>(), stream.random::<f32>());
+            let light = if predicted < phase.predicted_share {
+                None
+            } else {
+                let known = if sensor < phase.sensor_share { KnownDepth::Sensor } else { KnownDepth::True };
+                let rays = RayCounts { novel: phase.novel_rays, visible: phase.visible_rays };
+                let example = LightExample::new(sample, &variation, known, &network, rays, &mut stream);
+                Some(example.map_err(|error| error.to_string())?)
+            };
+            let sample = Sample { radiance: None, normal: None, albedo: None, ..sample.clone() };
+            Ok(JointExample { sample, variation, epoch, depth, light })
+        }
+    }
+
+    fn joint_step(
+        &mut self,
+        phase: &JointPhase,
+        example: JointExample,
+        rate: f64,
+    ) -> Result<Result<Progress, String>, Fault> {
+        let own = self.grows_itself(phase.own_growth, phase.steps);
+        let seed = self.state.seed;
+        in_pool(|| {
+            let JointExample { sample, variation, epoch, depth, light } = example;
+            let output = self.learner.depth.net.forward(&depth.photo);
+            let light = match light {
+                Some(light) => light,
+                None => {
+                    let predicted_m = output.depth_m();
+                    if !predicted_m.pixels().iter().all(|z| z.is_finite()) {
+                        return Err(Fault("depth_net's depth is not finite".into()));
+                    }
+                    let rays = RayCounts { novel: phase.novel_rays, visible: phase.visible_rays };
+                    let known = KnownDepth::Predicted(&predicted_m);
+                    let mut stream = Variation::stream(seed, "predicted example", &sample, epoch);
+                    let network = &self.learner.network;
+                    match LightExample::new(&sample, &variation, known, network, rays, &mut stream) {
+                        Ok(example) => example,
+                        Err(error) => return Ok(Err(format!("{}: {error}", sample.id))),
+                    }
+                }
+            };
+            self.learner.joint_step(output, &depth, &light, own, rate, self.config).map(Ok)
+        })
+    }
+
+    /// Whether this step's octree grows by the network's own predictions.
+    fn grows_itself(&self, shares: [f32; 2], steps: u64) -> bool {
+        let share = between(shares, self.state.step, steps);
+        let index = self.state.total_steps ^ (self.state.setbacks << 48);
+        random::stream(self.state.seed, "growth", index).random::<f32>() < share
+    }
+
+    /// Takes up the last checkpoint, but goes on with the data that come next.
+    fn go_back(&mut self, fault: &Fault) -> Result<(), TrainError> {
+        let (name, _) = &self.phases[self.state.phase];
+        let (name, step, what) = (name.clone(), self.state.step, fault.0.clone());
+        self.setbacks_here += 1;
+        if self.setbacks_here > MOST_SETBACKS {
+            return Err(TrainError::Diverged { phase: name, step, what, times: MOST_SETBACKS });
+        }
+        let (learner, state) = read(&self.folder.join(CHECKPOINT_FILE))?;
+        let (position, setbacks, fingerprint) = (self.state.position, self.state.setbacks + 1, self.state.fingerprint);
+        self.learner = learner;
+        self.state = RunState { position, setbacks, fingerprint, ..state };
+        self.freeze_as_the_phase_wants();
+        self.log.restart();
+        let back_to = self.state.step;
+        let line = json!({ "phase": name, "step": step, "fault": what, "back_to_step": back_to });
+        self.log.line(&line).map_err(TrainError::io(&self.folder.join(LOG_FILE)))?;
+        (self.messages)(Message::Note(format!("{name}, step {step}: {what}; back to step {back_to}, with other data")));
+        Ok(())
+    }
+
+    fn freeze_as_the_phase_wants(&mut self) {
+        match &self.phases[self.state.phase].1 {
+            Phase::Depth(depth) => self.learner.freeze_statistics(depth.frozen_statistics),
+            Phase::Joint(_) => self.learner.freeze_statistics(true),
+            Phase::Light(_) => {}
+        }
+    }
+
+    fn validate(&mut self) -> Result<(), TrainError> {
+        let (name, phase) = &self.phases[self.state.phase];
+        let lit = !matches!(phase, Phase::Depth(_));
+        let name = name.clone();
+        let settings = &self.config.validation;
+        if settings.photos == 0 {
+            return Ok(());
+        }
+        let (dataset, messages) = (&self.dataset, &mut self.messages);
+        let validation = self.validation.get_or_insert_with(|| {
+            Validation::new(&**dataset, settings.photos, settings.sheet_rows, |reason| {
+                messages(Message::Note(format!("held-out sample passed over: {reason}")));
+            })
+        });
+        let begun = Instant::now();
+        let (report, sheet) = validation.run(&self.learner, lit);
+        let seconds = (begun.elapsed().as_secs_f64() * 10.0).round() / 10.0;
+        let line = json!({ "phase": name, "step": self.state.step, "total_steps": self.state.total_steps,
+            "validation": report, "seconds": seconds });
+        self.log.line(&line).map_err(TrainError::io(&self.folder.join(LOG_FILE)))?;
+        if let Some(sheet) = sheet {
+            let rgba = sheet.map(|&[r, g, b]| [r, g, b, 255]);
+            write_rgba8(self.folder.join(SHEET_FILE), &rgba)?;
+        }
+        (self.messages)(Message::Validation(report));
+        Ok(())
+    }
+
+    /// Writes the checkpoint and the weights for use, each whole or not at all.
+    fn save(&mut self) -> Result<(), TrainError> {
+        let begun = Instant::now();
+        let path = self.folder.join(CHECKPOINT_FILE);
+        let mut checkpoint = Checkpoint::default();
+        self.state.learner = Some(self.learner.add_to(&mut checkpoint));
+        self.state.log_bytes = self.log.bytes();
+        checkpoint.state[STATE] = json!(self.state);
+        checkpoint.write(&path, Precision::Full)?;
+        let averages = Networks {
+            depth: self.learner.depth.average.clone(),
+            light: self.learner.light.average.clone(),
+            config: self.learner.network.clone(),
+        };
+        averages.write(self.folder.join(WEIGHTS_FILE), Precision::Half)?;
+        self.setbacks_here = 0;
+        self.saved = Instant::now();
+        (self.messages)(Message::Saved { path, took: begun.elapsed() });
+        Ok(())
+    }
+}
+
+impl RunState {
+    fn new(seed: u64, fingerprint: u64) -> Self {
+        Self {
+            seed,
+            phase: 0,
+            step: 0,
+            total_steps: 0,
+            setbacks: 0,
+            position: LoaderState::default(),
+            fingerprint,
+            log_bytes: 0,
+            learner: None,
+        }
+    }
+}
+
+/// Reads a run's checkpoint.
+fn read(path: &Path) -> Result<(Learner, RunState), TrainError> {
+    let not = |reason: String| TrainError::NotThisRun { path: PathBuf::from(path), reason };
+    let checkpoint = Checkpoint::read(path)?;
+    let state: RunState = serde_json::from_value(checkpoint.state[STATE].clone())
+        .map_err(|error| not(format!("its state is none of a run: {error}")))?;
+    let learner = state.learner.clone().ok_or_else(|| not("its state has no networks".into()))?;
+    Ok((Learner::from_checkpoint(checkpoint, &learner)?, state))
+}
