@@ -1,0 +1,27 @@
+//! Evaluation of estimated lighting: metrics, spheres, published protocols, baselines, tables (SPEC §9).
+//!
+//! `docs/evaluation.md` tells what the figures mean and where the protocols come from.
+
+mod baseline;
+mod coherence;
+mod depth;
+mod method;
+mod metrics;
+mod profile;
+mod protocol;
+mod scores;
+mod seen;
+pub mod spheres;
+mod split;
+#[cfg(test)]
+mod testing;
+
+pub use coherence::coherence;
+pub use depth::DepthErrors;
+pub use method::{DepthInput, Estimate, Light, Method, MethodError, Tools};
+pub use metrics::{PsnrCurve, angular_error_deg, log_rmse, psnr_db, rmse, si_rmse, solid_angles_sr};
+pub use profile::{Profile, ProfileBuilder, ProfileError};
+pub use protocol::{Protocol, ProtocolCrops, ProtocolRenders};
+pub use scores::{Scorer, Scores};
+pub use seen::seen_mask;
+pub use split::SplitAgreement;
