@@ -26,7 +26,7 @@ pub struct Global {
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
 
-    /// Seed of every random choice; only `synth`, `dataset` and the networks of `estimate` make any, other results are always the same
+    /// Seed of every random choice; only `synth`, `dataset`, `eval` and the networks of `estimate` make any, other results are always the same
     #[arg(long, global = true, value_name = "N", default_value_t = 0)]
     pub seed: u64,
 
@@ -104,6 +104,8 @@ pub enum Command {
     Synth(commands::synth::Args),
     /// Look at, convert or preview a dataset
     Dataset(commands::dataset::Args),
+    /// Measure methods and baselines on a dataset
+    Eval(commands::eval::Args),
     /// Time this program on the input of the peers' kit
     Bench(commands::bench::Args),
     /// Print a completion script for a shell
@@ -123,6 +125,7 @@ impl Command {
             Self::Export(_) => "export",
             Self::Synth(_) => "synth",
             Self::Dataset(_) => "dataset",
+            Self::Eval(_) => "eval",
             Self::Bench(_) => "bench",
             Self::Completions(_) => "completions",
         }

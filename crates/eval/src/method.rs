@@ -132,6 +132,18 @@ impl Method {
         }
     }
 
+    /// Whether a sample has what the method takes.
+    pub fn takes(self, sample: &Sample) -> bool {
+        match self {
+            Self::Network(Some(DepthInput::True)) | Self::Shell(DepthInput::True) => sample.depth_m.is_some(),
+            Self::Network(Some(DepthInput::Sensor)) | Self::Shell(DepthInput::Sensor) => {
+                sample.sensor_depth_m.is_some()
+            }
+            Self::TrueOctree => !sample.points.is_empty(),
+            _ => true,
+        }
+    }
+
     /// Estimates the light of a sample's room from its photo, and from depth where the method takes any.
     ///
     /// # Errors

@@ -66,6 +66,13 @@ pub fn si_rmse(truth: &RadianceImage, got: &RadianceImage, weights: &[f32]) -> O
     mean_over_channels(truth, got, weights, |a, b| (scale * f64::from(b) - f64::from(a)).powi(2)).map(f64::sqrt)
 }
 
+/// [`si_rmse`] over the truth's own root mean square, in `[0, 1]`: free of the truth's unit too, so that a mean over scenes is not that of the one
+/// with the brightest lamp. The sine of the angle between the two pictures as vectors. `None` where the truth is black.
+pub fn relative_si_rmse(truth: &RadianceImage, got: &RadianceImage, weights: &[f32]) -> Option<f64> {
+    let size = mean_over_channels(truth, got, weights, |a, _| f64::from(a).powi(2))?.sqrt();
+    si_rmse(truth, got, weights).filter(|_| size > 0.0).map(|error| error / size)
+}
+
 /// RGB angular error in degrees: the mean angle between the colours as vectors, `acos(I·Î / |I||Î|)` (LeGendre et al. 2019), blind to
 /// intensity. Pixels of which one is black have no colour and do not count, as in Weber et al.'s evaluation.
 pub fn angular_error_deg(truth: &RadianceImage, got: &RadianceImage, weights: &[f32]) -> Option<f64> {
@@ -141,7 +148,10 @@ mod tests {
         let least = (10.0 - 15.5f64.powi(2) / 25.25) / 3.0;
         assert!((si_rmse(&truth, &got, &ones).unwrap() - least.sqrt()).abs() < 1e-9);
         assert!((si_rmse(&truth, &grey(&[0.0; 3]), &ones).unwrap() - (10.0f64 / 3.0).sqrt()).abs() < 1e-12);
-        assert_eq!(rmse(&truth, &got, &[0.0; 3]), None);
+        // the sine of the angle between (1, 0, 3) and (0.5, 0, 5)
+        let sine = (1.0 - 15.5f64.powi(2) / (10.0 * 25.25)).sqrt();
+        assert!((relative_si_rmse(&truth, &got, &ones).unwrap() - sine).abs() < 1e-9);
+        assert_eq!((rmse(&truth, &got, &[0.0; 3]), relative_si_rmse(&grey(&[0.0; 3]), &got, &ones)), (None, None));
     }
 
     #[test]

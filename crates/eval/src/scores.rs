@@ -9,7 +9,7 @@ use crate::method::true_octree_in;
 use crate::spheres::{Material, SphereView, Transport, single_sphere};
 use crate::{
     DepthErrors, Estimate, Light, ProtocolRenders, PsnrCurve, SplitAgreement, angular_error_deg, coherence, log_rmse,
-    psnr_db, rmse, seen_mask, si_rmse, solid_angles_sr,
+    psnr_db, relative_si_rmse, rmse, seen_mask, si_rmse, solid_angles_sr,
 };
 
 /// PSNR of pictures without any difference.
@@ -31,7 +31,8 @@ impl Scores {
         self.0.iter().map(|(name, value)| (&name[..], *value))
     }
 
-    fn add(&mut self, name: impl Into<String>, value: Option<f64>) {
+    /// Adds a figure, where there is one.
+    pub fn add(&mut self, name: impl Into<String>, value: Option<f64>) {
         self.0.extend(value.map(|value| (name.into(), value)));
     }
 
@@ -47,6 +48,12 @@ impl Scores {
             }
         }
         Self(sums.into_iter().map(|(name, sum, count)| (name.to_owned(), sum / count as f64)).collect())
+    }
+}
+
+impl FromIterator<(String, f64)> for Scores {
+    fn from_iter<I: IntoIterator<Item = (String, f64)>>(figures: I) -> Self {
+        Self(figures.into_iter().collect())
     }
 }
 
@@ -122,6 +129,7 @@ fn parts(scores: &mut Scores, truth: &RadianceImage, got: &RadianceImage, angles
         scores.add(format!("{prefix}rmse"), rmse(truth, got, &weights));
         scores.add(format!("{prefix}log_rmse"), log_rmse(truth, got, &weights));
         scores.add(format!("{prefix}si_rmse"), si_rmse(truth, got, &weights));
+        scores.add(format!("{prefix}relative_si_rmse"), relative_si_rmse(truth, got, &weights));
         scores.add(format!("{prefix}angular_deg"), angular_error_deg(truth, got, &weights));
     }
 }
