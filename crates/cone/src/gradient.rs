@@ -7,7 +7,7 @@ use crate::{
     Cone, Sample, Sampling,
     march::{Hit, LocalCone, Wave},
     packets::Packets,
-    reconstruction::{Interpolated, Nearest, Reconstruction},
+    reconstruction::{Blended, Interpolated, Nearest, Reading, Reconstruction},
     steps::StepTable,
     tracer::{CONES_PER_TASK, Composite, ConeTracer, LANES},
 };
@@ -104,17 +104,17 @@ impl ConeTracer {
         let mut behind = transmittance * (d_distance * cone.far - d_sample.opacity);
         for hit in hits_from_the_last {
             let step = &table.steps()[hit.step as usize];
-            let [r, g, b, extinction] = hit.value;
+            let Reading { radiance: [r, g, b], radiance_weight, .. } = hit.reading;
             let shade = step.weight * dot(d_radiance, [r, g, b]) + d_distance * step.distance;
             let share = hit.transmittance * hit.opacity;
             let d_extinction = ((hit.transmittance - share) * shade - behind) * step.length;
             behind += share * shade;
             // Share of the light per extinction; its limit where there is none.
-            let rate = if extinction > 0.0 { hit.opacity / extinction } else { step.length };
+            let rate = if radiance_weight > 0.0 { hit.opacity / radiance_weight } else { step.length };
             let rate = rate * hit.transmittance * step.weight;
-            R::footprint(&self.grid, cone.at(step.distance), step.level, |slot, weight| {
+            R::footprint(&self.grid, cone, step, |slot, weight| {
                 let [slot_r, slot_g, slot_b, slot_extinction] = self.grid.value(slot);
-                let d_colour = weight * slot_extinction * rate;
+                let d_colour = weight.radiance * slot_extinction * rate;
                 let colour_change = dot(d_radiance, [slot_r - r, slot_g - g, slot_b - b]);
                 sum.add(
                     slot,
@@ -122,7 +122,7 @@ impl ConeTracer {
                         d_colour * d_radiance[0],
                         d_colour * d_radiance[1],
                         d_colour * d_radiance[2],
-                        weight * (d_extinction + rate * colour_change),
+                        weight.extinction * d_extinction + weight.radiance * rate * colour_change,
                     ],
                 );
             });
@@ -152,6 +152,7 @@ fn gradients_of_task<F: Fn(usize, &Sample) -> SampleGradient>(
 ) {
     match tracer.settings.sampling {
         Sampling::Nearest => gradients_of_cones::<Nearest, F>(tracer, cones, samples, loss, sum),
+        Sampling::Blended => gradients_of_cones::<Blended, F>(tracer, cones, samples, loss, sum),
         Sampling::Interpolated => gradients_of_cones::<Interpolated, F>(tracer, cones, samples, loss, sum),
     }
 }

@@ -3,7 +3,7 @@ use geometry::Cube;
 use crate::{
     Cone,
     grid::{Entry, Grid},
-    reconstruction::Reconstruction,
+    reconstruction::{Reading, Reconstruction},
     steps::{Step, StepTable},
 };
 
@@ -22,8 +22,8 @@ pub(crate) struct LocalCone {
 /// A sample that met something.
 pub(crate) struct Hit {
     pub step: u32,
-    /// Linear RGB radiance and extinction per leaf edge at the sample.
-    pub value: [f32; 4],
+    /// What the octree holds there.
+    pub reading: Reading,
     /// Share of the cone that arrives at the sample.
     pub transmittance: f32,
     /// Share of that which it stops.
@@ -137,10 +137,10 @@ impl<const LANES: usize> Wave<LANES> {
                 }
                 let cone = self.cone[lane] as usize;
                 let step = &table.steps()[self.step[lane] as usize];
-                if let Some(value) = R::read(grid, self.found[lane], cones[cone].at(step.distance), step.level) {
+                if let Some(reading) = R::read(grid, self.found[lane], &cones[cone], step) {
                     let transmittance = self.transmittance[lane];
-                    let opacity = opacity(value[3] * step.length);
-                    hit(cone, step, Hit { step: self.step[lane] as u32, value, transmittance, opacity });
+                    let opacity = opacity(reading.extinction * step.length);
+                    hit(cone, step, Hit { step: self.step[lane] as u32, reading, transmittance, opacity });
                     self.transmittance[lane] -= transmittance * opacity;
                     if self.transmittance[lane] < min_transmittance {
                         self.end[lane] = 0;
@@ -275,7 +275,7 @@ mod tests {
     use super::*;
     use crate::{
         Settings,
-        reconstruction::{Interpolated, Nearest},
+        reconstruction::{Blended, Interpolated, Nearest},
         tracer::LANES,
     };
 
@@ -286,7 +286,7 @@ mod tests {
         grid: &Grid,
         table: &StepTable,
         cone: &LocalCone,
-    ) -> Vec<(u32, [f32; 4])> {
+    ) -> Vec<(u32, Reading)> {
         let mut seen = Vec::new();
         for n in 0..table.steps().len() as u32 {
             let step = &table.steps()[n as usize];
@@ -296,23 +296,23 @@ mod tests {
             let position = cone.at(step.distance);
             let leaf = position.map(|p| (p as i32).clamp(0, grid.side() - 1));
             let entry = grid.find(leaf, step.level.ceil() as i32);
-            if let Some(value) = R::read(grid, entry, position, step.level) {
-                seen.push((n, value));
+            if let Some(reading) = R::read(grid, entry, cone, step) {
+                seen.push((n, reading));
             }
         }
         seen
     }
 
     fn check<R: Reconstruction>(grid: &Grid, table: &StepTable, cones: &[LocalCone]) -> usize {
-        let mut met: Vec<Vec<(u32, [f32; 4])>> = vec![Vec::new(); LANES];
+        let mut met: Vec<Vec<(u32, Reading)>> = vec![Vec::new(); LANES];
         Wave::<LANES>::new().march::<R>(grid, table, cones, 0.0, &mut [0.0; LANES], |lane, _, hit| {
-            met[lane].push((hit.step, hit.value));
+            met[lane].push((hit.step, hit.reading));
         });
         for (cone, met) in cones.iter().zip(&met) {
             assert_eq!(*met, march_without_skipping::<R>(grid, table, cone));
             let mut alone = Vec::new();
             Wave::<1>::new().march::<R>(grid, table, std::slice::from_ref(cone), 0.0, &mut [0.0], |_, _, hit| {
-                alone.push((hit.step, hit.value));
+                alone.push((hit.step, hit.reading));
             });
             assert_eq!(*met, alone);
         }
@@ -353,6 +353,7 @@ mod tests {
             let settings = Settings { step, ..Settings::default() };
             let table = StepTable::new(&settings, tan_half_angle, grid.max_level(), 0.0, 3.0 * grid.side() as f32);
             check::<Nearest>(&grid, &table, &cones);
+            check::<Blended>(&grid, &table, &cones);
             check::<Interpolated>(&grid, &table, &cones);
         }
     }

@@ -1,18 +1,42 @@
-use crate::grid::{Entry, Grid};
+use crate::{
+    grid::{Entry, Grid},
+    march::LocalCone,
+    steps::Step,
+};
 
-/// How the octree is read at a position between node centres.
+/// What the octree holds at a sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Reading {
+    /// Linear RGB radiance.
+    pub radiance: [f32; 3],
+    /// Extinction per leaf edge.
+    pub extinction: f32,
+    /// Weighted sum of the extinctions by which the radiance is averaged.
+    pub radiance_weight: f32,
+}
+
+/// The weights of a node in a reading.
+#[derive(Clone, Copy)]
+pub(crate) struct Share {
+    /// Times the node's extinction: its weight in the radiance.
+    pub radiance: f32,
+    /// Its weight in the extinction.
+    pub extinction: f32,
+}
+
+/// How the octree is read between node centres.
 pub(crate) trait Reconstruction {
     /// Samples in the cells of the entry's level at a distance below this find nothing; where it is not positive, this one
     /// may find something.
     fn empty_radius(entry: Entry) -> i32;
 
-    /// Linear RGB radiance and extinction per leaf edge at `position` (leaf edges) and `level`, or `None` where there is
-    /// nothing; `entry` is what [`Grid::find`] gives at the level rounded up.
-    fn read(grid: &Grid, entry: Entry, position: [f32; 3], level: f32) -> Option<[f32; 4]>;
+    /// What is at a step of the cone, or `None` where there is nothing; `entry` is what [`Grid::find`] gives there at the
+    /// level rounded up.
+    fn read(grid: &Grid, entry: Entry, cone: &LocalCone, step: &Step) -> Option<Reading>;
 
-    /// The slots that the value is made of and their weights: extinction is the weighted sum of theirs, radiance the mean
+    /// The slots that the reading is made of and their shares: extinction is the weighted sum of theirs, radiance the mean
     /// weighted by extinction too.
-    fn footprint(grid: &Grid, position: [f32; 3], level: f32, visit: impl FnMut(u32, f32));
+    fn footprint(grid: &Grid, cone: &LocalCone, step: &Step, visit: impl FnMut(u32, Share));
 }
 
 /// The node that contains the position, at the level rounded up; an empty one in a crack counts as its neighbour.
@@ -26,6 +50,15 @@ pub(crate) struct Nearest;
 /// is turned against the cube; with 0.5 some still do, with 0.6 none. Up to 1.0 it closes no more and costs 0.3 dB.
 const CRACK_WIDTH: f32 = 0.6;
 
+/// Extinction of [`Nearest`], so that surfaces get no thicker, and radiance blended between the nodes around.
+///
+/// Radiance is read half a node's edge further along the cone: a sample that meets a node is on its near side, the surface
+/// on average in its middle.
+pub(crate) struct Blended;
+
+/// Share of the node that is met in the radiance, beside the trilinear ones, so that there always is one.
+const OWN_SHARE: f32 = 0.1;
+
 /// Trilinear within a level, linear between the two levels around the sample's. Outside of the cube there is nothing.
 pub(crate) struct Interpolated;
 
@@ -36,18 +69,111 @@ impl Reconstruction for Nearest {
     }
 
     #[inline(always)]
-    fn read(grid: &Grid, entry: Entry, position: [f32; 3], level: f32) -> Option<[f32; 4]> {
-        entry.slot().or_else(|| crack(grid, position, rounded_up(level))).map(|slot| grid.value(slot))
+    fn read(grid: &Grid, entry: Entry, cone: &LocalCone, step: &Step) -> Option<Reading> {
+        let slot = entry.slot().or_else(|| crack(grid, cone.at(step.distance), rounded_up(step.level)))?;
+        let [r, g, b, extinction] = grid.value(slot);
+        Some(Reading { radiance: [r, g, b], extinction, radiance_weight: extinction })
     }
 
     #[inline(always)]
-    fn footprint(grid: &Grid, position: [f32; 3], level: f32, mut visit: impl FnMut(u32, f32)) {
-        let leaf = position.map(|p| (p as i32).clamp(0, grid.side() - 1));
-        let level = rounded_up(level);
-        if let Some(slot) = grid.find(leaf, level).slot().or_else(|| crack(grid, position, level)) {
-            visit(slot, 1.0);
+    fn footprint(grid: &Grid, cone: &LocalCone, step: &Step, mut visit: impl FnMut(u32, Share)) {
+        if let Some(slot) = nearest(grid, cone, step) {
+            visit(slot, Share { radiance: 1.0, extinction: 1.0 });
         }
     }
+}
+
+impl Reconstruction for Blended {
+    #[inline(always)]
+    fn empty_radius(entry: Entry) -> i32 {
+        Nearest::empty_radius(entry)
+    }
+
+    #[inline(always)]
+    fn read(grid: &Grid, entry: Entry, cone: &LocalCone, step: &Step) -> Option<Reading> {
+        let met = Nearest::read(grid, entry, cone, step)?;
+        let mut sum = Sum::default();
+        sum.add([met.radiance[0], met.radiance[1], met.radiance[2], met.extinction], OWN_SHARE);
+        around(grid, cone, step, |slot, weight| sum.add(grid.value(slot), weight));
+        if sum.0[3] > 0.0 {
+            return Some(Reading { extinction: met.extinction, ..sum.reading() });
+        }
+        // All are transparent: whatever the others become, nothing is seen before this one is, and then its own radiance.
+        Some(Reading { radiance_weight: f32::INFINITY, ..met })
+    }
+
+    #[inline(always)]
+    fn footprint(grid: &Grid, cone: &LocalCone, step: &Step, mut visit: impl FnMut(u32, Share)) {
+        if let Some(slot) = nearest(grid, cone, step) {
+            visit(slot, Share { radiance: OWN_SHARE, extinction: 1.0 });
+            around(grid, cone, step, |slot, weight| visit(slot, Share { radiance: weight, extinction: 0.0 }));
+        }
+    }
+}
+
+impl Reconstruction for Interpolated {
+    #[inline(always)]
+    fn empty_radius(entry: Entry) -> i32 {
+        // The eight nodes around a position are its own and neighbours.
+        entry.radius() - 1
+    }
+
+    #[inline(always)]
+    fn read(grid: &Grid, _: Entry, cone: &LocalCone, step: &Step) -> Option<Reading> {
+        let (mut sum, mut found) = (Sum::default(), false);
+        Self::footprint(grid, cone, step, |slot, share| {
+            sum.add(grid.value(slot), share.extinction);
+            found = true;
+        });
+        found.then(|| sum.reading())
+    }
+
+    #[inline(always)]
+    fn footprint(grid: &Grid, cone: &LocalCone, step: &Step, mut visit: impl FnMut(u32, Share)) {
+        let position = cone.at(step.distance);
+        let fine = step.level as i32;
+        let blend = step.level - fine as f32;
+        let mut visit = |slot, weight| visit(slot, Share { radiance: weight, extinction: weight });
+        trilinear(grid, position, fine, |slot, weight| visit(slot, weight * (1.0 - blend)));
+        if blend > 0.0 {
+            trilinear(grid, position, fine + 1, |slot, weight| visit(slot, weight * blend));
+        }
+    }
+}
+
+/// Radiance times extinction and extinction, weighted.
+#[derive(Default)]
+struct Sum([f32; 4]);
+
+impl Sum {
+    #[inline(always)]
+    fn add(&mut self, [r, g, b, extinction]: [f32; 4], weight: f32) {
+        let extinction = weight * extinction;
+        let [sum_r, sum_g, sum_b, sum] = self.0;
+        self.0 = [sum_r + extinction * r, sum_g + extinction * g, sum_b + extinction * b, sum + extinction];
+    }
+
+    #[inline(always)]
+    fn reading(self) -> Reading {
+        let [r, g, b, extinction] = self.0;
+        let scale = if extinction > 0.0 { 1.0 / extinction } else { 0.0 };
+        Reading { radiance: [r * scale, g * scale, b * scale], extinction, radiance_weight: extinction }
+    }
+}
+
+/// The node that [`Nearest`] reads.
+#[inline(always)]
+fn nearest(grid: &Grid, cone: &LocalCone, step: &Step) -> Option<u32> {
+    let (position, level) = (cone.at(step.distance), rounded_up(step.level));
+    let leaf = position.map(|p| (p as i32).clamp(0, grid.side() - 1));
+    grid.find(leaf, level).slot().or_else(|| crack(grid, position, level))
+}
+
+/// The nodes that [`Blended`] takes radiance from.
+#[inline(always)]
+fn around(grid: &Grid, cone: &LocalCone, step: &Step, visit: impl FnMut(u32, f32)) {
+    let level = rounded_up(step.level);
+    trilinear(grid, cone.at(step.distance + 0.5 * (1 << level) as f32), level, visit);
 }
 
 /// The nearest of at least two occupied neighbours across the three nearest faces of an empty cell.
@@ -73,38 +199,6 @@ fn crack(grid: &Grid, position: [f32; 3], level: i32) -> Option<u32> {
         }
     }
     (nearest + second < CRACK_WIDTH).then_some(found)
-}
-
-impl Reconstruction for Interpolated {
-    #[inline(always)]
-    fn empty_radius(entry: Entry) -> i32 {
-        // The eight nodes around a position are its own and neighbours.
-        entry.radius() - 1
-    }
-
-    #[inline(always)]
-    fn read(grid: &Grid, _: Entry, position: [f32; 3], level: f32) -> Option<[f32; 4]> {
-        let (mut sum, mut found) = ([0.0; 4], false);
-        Self::footprint(grid, position, level, |slot, weight| {
-            let [r, g, b, extinction] = grid.value(slot);
-            let extinction = weight * extinction;
-            sum = [sum[0] + extinction * r, sum[1] + extinction * g, sum[2] + extinction * b, sum[3] + extinction];
-            found = true;
-        });
-        let [r, g, b, extinction] = sum;
-        let scale = if extinction > 0.0 { 1.0 / extinction } else { 0.0 };
-        found.then_some([r * scale, g * scale, b * scale, extinction])
-    }
-
-    #[inline(always)]
-    fn footprint(grid: &Grid, position: [f32; 3], level: f32, mut visit: impl FnMut(u32, f32)) {
-        let fine = level as i32;
-        let blend = level - fine as f32;
-        trilinear(grid, position, fine, |slot, weight| visit(slot, weight * (1.0 - blend)));
-        if blend > 0.0 {
-            trilinear(grid, position, fine + 1, |slot, weight| visit(slot, weight * blend));
-        }
-    }
 }
 
 /// ⌈level⌉; `f32::ceil` is a call without SSE 4.1.

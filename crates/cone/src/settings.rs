@@ -56,10 +56,13 @@ pub enum SampleWeight {
 /// How the octree is read between node centres.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Sampling {
-    /// The node that contains the sample, with cracks between nodes closed: the faster and, in panoramas of known rooms
-    /// (`tests/room.rs`, d = 7 and 8), the better by 1 to 2 dB, since it does not make surfaces thicker.
+    /// The node that contains the sample, with cracks between nodes closed: the fastest.
     Nearest,
-    /// Trilinear within a level and linear between levels. Leaves no holes in coarse levels either.
+    /// Opacity as [`Nearest`](Self::Nearest), which does not make surfaces thicker; radiance trilinear, half a node further
+    /// along the cone, where the surface is. In panoramas of known rooms (`tests/room.rs`, d = 6, 7, 8) 1.2, 1.5, 1.8 dB
+    /// better than the nearest node alone and 2.9 to 3.3 dB better than interpolated opacity.
+    Blended,
+    /// Trilinear within a level and linear between levels, opacity too. Leaves no holes in coarse levels either.
     Interpolated,
 }
 
@@ -87,7 +90,7 @@ impl Default for Settings {
             growth: 1.0,
             first_step: 1.0,
             weight: SampleWeight::One,
-            sampling: Sampling::Nearest,
+            sampling: Sampling::Blended,
             min_transmittance: 1e-4,
         }
     }

@@ -9,7 +9,7 @@ use crate::{
     grid::Grid,
     march::{Hit, LocalCone, Wave},
     packets::Packets,
-    reconstruction::{Interpolated, Nearest, Reconstruction},
+    reconstruction::{Blended, Interpolated, Nearest, Reconstruction},
     steps::{Step, StepTable},
 };
 
@@ -49,6 +49,7 @@ impl ConeTracer {
         let mut sample = [Sample::default()];
         match self.settings.sampling {
             Sampling::Nearest => trace_cones::<Nearest, 1>(self, &[*cone], &mut sample),
+            Sampling::Blended => trace_cones::<Blended, 1>(self, &[*cone], &mut sample),
             Sampling::Interpolated => trace_cones::<Interpolated, 1>(self, &[*cone], &mut sample),
         }
         sample[0]
@@ -147,6 +148,7 @@ impl ConeTracer {
 fn trace_task(tracer: &ConeTracer, cones: &[Cone], samples: &mut [Sample]) {
     match tracer.settings.sampling {
         Sampling::Nearest => trace_cones::<Nearest, LANES>(tracer, cones, samples),
+        Sampling::Blended => trace_cones::<Blended, LANES>(tracer, cones, samples),
         Sampling::Interpolated => trace_cones::<Interpolated, LANES>(tracer, cones, samples),
     }
 }
@@ -182,7 +184,7 @@ impl Composite {
     pub fn add(&mut self, step: &Step, hit: &Hit) {
         let share = hit.transmittance * hit.opacity;
         for channel in 0..3 {
-            self.radiance[channel] += step.weight * share * hit.value[channel];
+            self.radiance[channel] += step.weight * share * hit.reading.radiance[channel];
         }
         self.distance += step.distance * share;
     }

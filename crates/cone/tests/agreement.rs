@@ -99,7 +99,7 @@ fn all_settings() -> Vec<Settings> {
     let mut all = Vec::new();
     for step in [StepRule::Floored(0.5), StepRule::Literal] {
         for weight in [SampleWeight::One, SampleWeight::Paper] {
-            for sampling in [Sampling::Nearest, Sampling::Interpolated] {
+            for sampling in [Sampling::Nearest, Sampling::Blended, Sampling::Interpolated] {
                 all.push(Settings { step, weight, sampling, ..Settings::default() });
             }
         }
@@ -146,7 +146,7 @@ fn fast_agrees_with_reference() {
                 let [r, g, b] = expected.radiance;
                 for (got, expected) in got.into_iter().zip([r, g, b, expected.distance_m, expected.opacity]) {
                     let error = (f64::from(got) - expected).abs();
-                    assert!(error <= 1e-4 * expected.abs() + 2e-6, "{got} for {expected}: {cone:?} {settings:?}");
+                    assert!(error <= 1e-4 * expected.abs() + 4e-5, "{got} for {expected}: {cone:?} {settings:?}");
                 }
             }
             assert!(compared > 150 && met > 80, "{compared} compared, {met} met something: {settings:?}");
@@ -209,7 +209,7 @@ fn gradients_agree_with_reference_and_central_differences() {
             for &(_, depth, row, channel) in strongest.iter().filter(|s| s.3 < 3).take(3).chain(with_alpha) {
                 let stored = reference.rgba[depth][row][channel];
                 // Fourth order (five points): the error of two alone, h², is above 1e-6 where rounding is not.
-                let h = 1e-3 * if channel == 3 { 1.0 - stored } else { 1.0 };
+                let h = 5e-4 * if channel == 3 { 1.0 - stored } else { 1.0 };
                 let mut at = |offset: f64| {
                     reference.rgba[depth][row][channel] = stored + offset * h;
                     loss(&reference)
@@ -228,7 +228,7 @@ fn results_do_not_depend_on_threads() {
     let mut random = Random(3);
     let light = random_octree(&mut random, 7, 4, 0.9);
     let cones = cones(&mut random, 5000);
-    for sampling in [Sampling::Nearest, Sampling::Interpolated] {
+    for sampling in [Sampling::Nearest, Sampling::Blended, Sampling::Interpolated] {
         let tracer = ConeTracer::new(&light, Settings { sampling, ..Settings::default() }).unwrap();
         let run = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

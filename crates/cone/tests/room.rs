@@ -169,7 +169,7 @@ fn panoramas_match_the_truth_and_better_with_depth() {
     let mut last = 0.0;
     for depth in [6, 7, 8] {
         let light = room(depth);
-        for sampling in [Sampling::Interpolated, Sampling::Nearest] {
+        for sampling in [Sampling::Interpolated, Sampling::Nearest, Sampling::Blended] {
             let score = score(&light, Settings { sampling, ..Settings::default() });
             eprintln!(
                 "depth {depth}, {sampling:?}: {:.2} dB, log-RMSE {:.4}, distance off by {:.2} %",
@@ -225,7 +225,7 @@ fn a_closed_room_stays_closed() {
             );
             match sampling {
                 // The edges of the axis-aligned room are half open in the octree's upper levels.
-                Sampling::Nearest => assert!(holes < if room == 0 { 1e-3 } else { 1e-9 }),
+                Sampling::Nearest | Sampling::Blended => assert!(holes < if room == 0 { 1e-3 } else { 1e-9 }),
                 Sampling::Interpolated => assert!(most < 0.025),
             }
             // Equal steps keep a ray in one level, with the least and the most that a step of that level covers.
@@ -248,7 +248,7 @@ fn a_closed_room_stays_closed() {
                     );
                     match sampling {
                         Sampling::Nearest if step == 0.5 => assert!(holes == 0.0),
-                        Sampling::Nearest => assert!(holes < 0.01),
+                        Sampling::Nearest | Sampling::Blended => assert!(holes < 0.01),
                         Sampling::Interpolated => assert!(most < 0.025),
                     }
                 }

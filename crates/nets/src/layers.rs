@@ -6,7 +6,9 @@ use burn::module::{Module, Param, ParamId};
 use burn::tensor::{Device, Tensor, TensorData};
 use random::{RngExt, Stream};
 
-use crate::graph::{Activation, GraphLevel, down_sample, graph_conv, linear, normalise, normalise_and_add, up_sample};
+use crate::graph::{
+    Activation, GraphLevel, down_sample, graph_conv, linear, normalise, normalise_and_add, type_channels_of, up_sample,
+};
 
 /// Weights `[rows, columns]`, uniform in ±√(6 / (`fan_in` + `fan_out`)) (Glorot & Bengio 2010).
 pub fn glorot(size: [usize; 2], fans: [usize; 2], stream: &mut Stream, device: &Device) -> Param<Tensor<2>> {
@@ -41,7 +43,7 @@ pub struct GraphConv {
 impl GraphConv {
     /// For graphs whose nodes have `depths` different depths.
     pub fn new([inputs, outputs]: [usize; 2], depths: usize, stream: &mut Stream, device: &Device) -> Self {
-        let types = if depths > 1 { depths } else { 0 };
+        let types = type_channels_of(depths);
         let weights = glorot([7 * (inputs + types), outputs], [7 * inputs, 7 * outputs], stream, device);
         Self { weights }
     }

@@ -37,8 +37,7 @@ impl Place {
     pub(crate) fn at(scene: &Scene, triangle: u32, barycentric: [f32; 2]) -> Option<[Self; 2]> {
         let model = scene.prepared.model();
         let normal = cross(model, triangle as usize).try_normalize()?;
-        let [a, b, c] = model.triangles[triangle as usize].map(|v| model.positions[v as usize]);
-        let position = a + (b - a) * barycentric[0] + (c - a) * barycentric[1];
+        let position = point(model, triangle, barycentric);
         let side = |normal, is_front| Self { triangle, barycentric, position, normal, is_front };
         Some([side(normal, true), side(-normal, false)])
     }
@@ -98,15 +97,18 @@ fn cross(model: &Model, triangle: usize) -> Vec3 {
     (b - a).cross(c - a)
 }
 
+fn point(model: &Model, triangle: u32, barycentric: [f32; 2]) -> Vec3 {
+    let [a, b, c] = model.triangles[triangle as usize].map(|v| model.positions[v as usize]);
+    a + (b - a) * barycentric[0] + (c - a) * barycentric[1]
+}
+
 /// Adds both sides of the place that belongs to `index`; of each four, `sparser` times, one.
 fn push_at(scene: &Scene, triangle: u32, index: u32, sparser: impl Fn(Vec3) -> u32, places: &mut Vec<Place>) {
     let model = scene.prepared.model();
     let Vec2 { x, y } = pattern::r2(index);
     // The square folded onto the triangle keeps the points as even as they are.
     let barycentric = if x + y > 1.0 { [1.0 - x, 1.0 - y] } else { [x, y] };
-    let [a, b, c] = model.triangles[triangle as usize].map(|v| model.positions[v as usize]);
-    let position = a + (b - a) * barycentric[0] + (c - a) * barycentric[1];
-    if !index.is_multiple_of(1 << (2 * sparser(position))) {
+    if !index.is_multiple_of(1 << (2 * sparser(point(model, triangle, barycentric)))) {
         return;
     }
     let hit = Hit { distance_m: 0.0, triangle, barycentric };

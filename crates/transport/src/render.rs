@@ -45,7 +45,7 @@ pub(crate) fn render(baked: &BakedWorld, view: &View) -> Rendering {
         .collect();
     let rays = baked.settings().pixel_light_rays;
     let sampled: Vec<Lit> = seen.par_iter().enumerate().map(|(i, seen)| sampler.sample(seen, at(i), rays)).collect();
-    let filter = Filter { seen: &seen, sampled: &sampled, width, height, wraps: matches!(view, View::Panorama { .. }) };
+    let filter = Filter { seen: &seen, sampled: &sampled, width, height, wraps: view.wraps() };
     let lit: Vec<Lit> = (0..seen.len())
         .into_par_iter()
         .map(|i| {
@@ -96,7 +96,7 @@ pub(crate) fn render(baked: &BakedWorld, view: &View) -> Rendering {
 /// Pixels that small lamps may lie in.
 fn beside_lamps(baked: &BakedWorld, view: &View) -> Vec<bool> {
     let (width, height) = view.size();
-    let wraps = matches!(view, View::Panorama { .. });
+    let wraps = view.wraps();
     let mut beside = vec![false; width * height];
     for emitter in &baked.cache().lighting.emitters.list {
         if emitter.source == Source::Portal || emitter.sheet {

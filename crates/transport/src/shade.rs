@@ -11,10 +11,7 @@ use crate::lights::luminance;
 use crate::pattern::{Rotations, radical_inverse_3, shifted, van_der_corput};
 use crate::scene::Surface;
 
-/// From this roughness on lamps are sampled for the gloss; below it the ray into the lobe finds them.
-const ROUGH: f32 = 0.12;
-
-/// Below this roughness the lobe is no wider than a few pixels: a mirror.
+/// Below this roughness the lobe is no wider than a few pixels: a mirror. From it on lamps are sampled for the gloss.
 const SHARP: f32 = 0.12;
 
 /// From this roughness on the gloss of plastics, wood and plaster sees the mean light around.
@@ -139,7 +136,7 @@ impl<'a> Sampler<'a> {
                 lit.lamps += diffuse / rays as f32;
                 rough += gloss / rays as f32;
             }
-            if surface.is_glossy() && (ROUGH..BLURRED).contains(&surface.roughness) {
+            if surface.is_glossy() && (SHARP..BLURRED).contains(&surface.roughness) {
                 let shown = luminance(surface.diffuse * (lit.lamps + lit.indirect)) / std::f32::consts::PI;
                 let rays = rays.div_ceil(2);
                 for k in 0..rays {
@@ -175,14 +172,10 @@ impl<'a> Sampler<'a> {
             bsdf::sample_lobe(surface.f0, surface.alpha(), basis.transpose() * surface.view, random);
         let direction = basis * direction;
         let above = weight != Vec3::ZERO && direction.dot(surface.geometric_normal) > 0.0;
-        if surface.roughness >= ROUGH {
-            let sampled = if surface.roughness >= BLURRED { Sampled::All } else { Sampled::Lamps };
-            let along = |ray| weight * self.baked.light_along(ray, sampled);
-            let ray = if above { along(surface.ray(direction)) } else { Vec3::ZERO };
-            lit.rough_gloss = share(lamps + ray);
-        } else if above {
-            lit.rough_gloss = share(weight * self.baked.light_along(surface.ray(direction), Sampled::Nothing));
-        }
+        let sampled = if surface.roughness >= BLURRED { Sampled::All } else { Sampled::Lamps };
+        let along = |ray| weight * self.baked.light_along(ray, sampled);
+        let ray = if above { along(surface.ray(direction)) } else { Vec3::ZERO };
+        lit.rough_gloss = share(lamps + ray);
     }
 
     /// Light sample number `index` of `samples`: irradiance, and light that the gloss reflects.

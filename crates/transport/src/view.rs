@@ -57,6 +57,11 @@ impl View {
         Ray { origin: pose.position, direction: (pose.rotation * direction).normalize() }
     }
 
+    /// Whether the left edge goes on at the right one.
+    pub(crate) fn wraps(&self) -> bool {
+        matches!(self, Self::Panorama { .. })
+    }
+
     /// Where a place of the world lies in the image, in pixels (centres at +0.5); nothing behind a camera.
     pub(crate) fn pixel(&self, position: Vec3) -> Option<Vec2> {
         let pose = self.pose();

@@ -28,12 +28,13 @@ struct Read {
     distance: f64,
     length: f64,
     weight: f64,
-    /// The rows that the value is made of, with their weights.
-    footprint: Vec<(usize, usize, f64)>,
+    /// The rows that the value is made of, with their weights in radiance and in extinction.
+    footprint: Vec<(usize, usize, [f64; 2])>,
     transmittance: f64,
     opacity: f64,
     colour: [f64; 3],
-    extinction: f64,
+    /// Weighted sum of the extinctions that the colour is averaged by.
+    colour_extinction: f64,
 }
 
 impl<'a> Reference<'a> {
@@ -67,12 +68,13 @@ impl<'a> Reference<'a> {
             let after = read.transmittance * (1.0 - read.opacity);
             let behind: f64 = reads[n + 1..].iter().map(|r| r.transmittance * r.opacity * shade(r)).sum();
             let d_thickness = after * shade(read) - behind - transmittance * (d_distance * far - d_opacity);
-            for &(depth, row, weight) in &read.footprint {
+            for &(depth, row, [colour_weight, weight]) in &read.footprint {
                 let [r, g, b, alpha] = self.rgba[depth][row];
                 let (extinction, slope) = self.extinction(depth, alpha);
                 // colour = Σ weight · extinction · rgb / Σ weight · extinction
-                let rate = if read.extinction != 0.0 { read.opacity / read.extinction } else { read.length };
-                let part = read.weight * read.transmittance * rate * weight;
+                let sum = read.colour_extinction;
+                let rate = if sum != 0.0 { read.opacity / sum } else { read.length };
+                let part = read.weight * read.transmittance * rate * colour_weight;
                 let d_colour = part * extinction;
                 for channel in 0..3 {
                     gradient[depth][row][channel] += d_colour * d_radiance[channel];
@@ -110,34 +112,40 @@ impl<'a> Reference<'a> {
         let first = length;
         while distance < far {
             // The first length is exact on both sides.
-            if length != first && self.settings.sampling == Sampling::Nearest && max_level > 0.0 {
+            if length != first && self.settings.sampling != Sampling::Interpolated && max_level > 0.0 {
                 let level = length.log2();
                 margin = margin.min((level - level.round().clamp(0.0, max_level - 1.0)).abs());
             }
             margin = margin.min((distance - near).abs()).min(far - distance);
             if distance >= near {
                 let level = length.log2().clamp(0.0, max_level);
-                let position = (origin + direction * distance).to_array();
-                let footprint = self.footprint(position, level, &mut margin);
-                let mut sum = [0.0; 4];
-                for &(depth, row, weight) in &footprint {
+                let at = |distance: f64| (origin + direction * distance).to_array();
+                let footprint = self.footprint(at, distance, level, &mut margin);
+                let (mut sum, mut extinction) = ([0.0; 4], 0.0);
+                for &(depth, row, [colour_weight, weight]) in &footprint {
                     let [r, g, b, alpha] = self.rgba[depth][row];
-                    let extinction = weight * self.extinction(depth, alpha).0;
-                    sum = [
-                        sum[0] + extinction * r,
-                        sum[1] + extinction * g,
-                        sum[2] + extinction * b,
-                        sum[3] + extinction,
-                    ];
+                    let of_row = self.extinction(depth, alpha).0;
+                    extinction += weight * of_row;
+                    let of_row = colour_weight * of_row;
+                    sum = [sum[0] + of_row * r, sum[1] + of_row * g, sum[2] + of_row * b, sum[3] + of_row];
                 }
-                let [r, g, b, extinction] = sum;
+                if self.settings.sampling == Sampling::Blended && sum[3] == 0.0 && !footprint.is_empty() {
+                    // Nothing is seen before the node that is met is, and then its own colour.
+                    let [r, g, b, _] = self.rgba[footprint[0].0][footprint[0].1];
+                    sum = [r, g, b, f64::INFINITY];
+                }
+                let [r, g, b, colour_extinction] = sum;
                 if !footprint.is_empty() {
                     let opacity = 1.0 - (-extinction * length).exp();
                     let weight = match self.settings.weight {
                         SampleWeight::One => 1.0,
                         SampleWeight::Paper => length / distance,
                     };
-                    let colour = [r, g, b].map(|c| if extinction != 0.0 { c / extinction } else { 0.0 });
+                    let colour = [r, g, b].map(|c| match colour_extinction {
+                        0.0 => 0.0,
+                        f64::INFINITY => c,
+                        sum => c / sum,
+                    });
                     reads.push(Read {
                         distance: distance * leaf,
                         length,
@@ -146,7 +154,7 @@ impl<'a> Reference<'a> {
                         transmittance,
                         opacity,
                         colour,
-                        extinction,
+                        colour_extinction,
                     });
                     transmittance *= 1.0 - opacity;
                     let least = f64::from(self.settings.min_transmittance);
@@ -169,62 +177,82 @@ impl<'a> Reference<'a> {
         (-(1.0 - alpha.min(MAX_ALPHA)).ln() / edge, slope)
     }
 
-    fn footprint(&self, position: [f64; 3], level: f64, margin: &mut f64) -> Vec<(usize, usize, f64)> {
-        let mut rows = Vec::new();
-        let mut add = |cell: [i64; 3], level: f64, weight: f64| {
-            if let Some((depth, row)) = self.row(cell, self.octree.depth() - level as u32) {
-                rows.push((depth, row, weight));
-            }
-        };
-        match self.settings.sampling {
-            Sampling::Nearest => {
-                let edge = level.ceil().exp2();
-                *margin =
-                    position.iter().fold(*margin, |margin, p| margin.min((p / edge - (p / edge).round()).abs() * edge));
-                let cell = position.map(|p| (p / edge).floor() as i64);
-                let depth = self.octree.depth() - level.ceil() as u32;
-                // An empty cell counts as the nearer of two occupied neighbours where the distances to their faces sum to < 0.6.
-                let mut neighbours = Vec::new();
-                if !self.occupied(cell, depth) {
-                    for axis in 0..3 {
-                        let fraction = position[axis] / edge - cell[axis] as f64;
-                        *margin = margin.min((fraction - 0.5).abs() * edge);
-                        let mut neighbour = cell;
-                        neighbour[axis] += if fraction > 0.5 { 1 } else { -1 };
-                        if self.occupied(neighbour, depth) {
-                            neighbours.push((fraction.min(1.0 - fraction), neighbour));
-                        }
-                    }
-                    neighbours.sort_by(|a, b| a.0.total_cmp(&b.0));
-                    if neighbours.len() > 1 {
-                        *margin = margin.min((neighbours[1].0 - neighbours[0].0) * edge);
-                        *margin = margin.min((neighbours[0].0 + neighbours[1].0 - 0.6).abs() * edge);
-                    }
+    /// Rows at a distance with their weights in radiance and in extinction.
+    fn footprint(
+        &self,
+        at: impl Fn(f64) -> [f64; 3],
+        distance: f64,
+        level: f64,
+        margin: &mut f64,
+    ) -> Vec<(usize, usize, [f64; 2])> {
+        if self.settings.sampling == Sampling::Interpolated {
+            let fine = level.floor();
+            let mut rows = Vec::new();
+            for (level, blend) in [(fine, 1.0 - level.fract()), (fine + 1.0, level.fract())] {
+                if blend > 0.0 {
+                    rows.extend(self.trilinear(at(distance), level, |weight| [blend * weight; 2]));
                 }
-                let in_crack = neighbours.len() > 1 && neighbours[0].0 + neighbours[1].0 < 0.6;
-                add(if in_crack { neighbours[0].1 } else { cell }, level.ceil(), 1.0);
             }
-            Sampling::Interpolated => {
-                let fine = level.floor();
-                for (level, blend) in [(fine, 1.0 - level.fract()), (fine + 1.0, level.fract())] {
-                    if blend == 0.0 {
-                        continue;
-                    }
-                    let p = position.map(|p| p / level.exp2() - 0.5);
-                    for corner in 0..8i64 {
-                        let offset = [corner >> 2, corner >> 1 & 1, corner & 1];
-                        let (mut cell, mut weight) = ([0; 3], blend);
-                        for axis in 0..3 {
-                            cell[axis] = p[axis].floor() as i64 + offset[axis];
-                            let fraction = p[axis] - p[axis].floor();
-                            weight *= if offset[axis] == 1 { fraction } else { 1.0 - fraction };
-                        }
-                        add(cell, level, weight);
-                    }
+            return rows;
+        }
+        let (cell, level) = (self.nearest(at(distance), level.ceil(), margin), level.ceil());
+        let Some((depth, row)) = self.row(cell, self.octree.depth() - level as u32) else { return Vec::new() };
+        if self.settings.sampling == Sampling::Nearest {
+            return vec![(depth, row, [1.0; 2])];
+        }
+        let mut rows = vec![(depth, row, [f64::from(0.1f32), 1.0])];
+        rows.extend(self.trilinear(at(distance + 0.5 * level.exp2()), level, |weight| [weight, 0.0]));
+        rows
+    }
+
+    /// The cell of a whole level that answers at a position.
+    fn nearest(&self, position: [f64; 3], level: f64, margin: &mut f64) -> [i64; 3] {
+        let edge = level.exp2();
+        *margin = position.iter().fold(*margin, |margin, p| margin.min((p / edge - (p / edge).round()).abs() * edge));
+        let cell = position.map(|p| (p / edge).floor() as i64);
+        let depth = self.octree.depth() - level as u32;
+        // An empty cell counts as the nearer of two occupied neighbours where the distances to their faces sum to < 0.6.
+        let mut neighbours = Vec::new();
+        if !self.occupied(cell, depth) {
+            for axis in 0..3 {
+                let fraction = position[axis] / edge - cell[axis] as f64;
+                *margin = margin.min((fraction - 0.5).abs() * edge);
+                let mut neighbour = cell;
+                neighbour[axis] += if fraction > 0.5 { 1 } else { -1 };
+                if self.occupied(neighbour, depth) {
+                    neighbours.push((fraction.min(1.0 - fraction), neighbour));
                 }
+            }
+            neighbours.sort_by(|a, b| a.0.total_cmp(&b.0));
+            if neighbours.len() > 1 {
+                *margin = margin.min((neighbours[1].0 - neighbours[0].0) * edge);
+                *margin = margin.min((neighbours[0].0 + neighbours[1].0 - 0.6).abs() * edge);
             }
         }
-        rows
+        let in_crack = neighbours.len() > 1 && neighbours[0].0 + neighbours[1].0 < 0.6;
+        if in_crack { neighbours[0].1 } else { cell }
+    }
+
+    /// The rows of the eight cells of a whole level around a position.
+    fn trilinear(
+        &self,
+        position: [f64; 3],
+        level: f64,
+        weights: impl Fn(f64) -> [f64; 2],
+    ) -> Vec<(usize, usize, [f64; 2])> {
+        let p = position.map(|p| p / level.exp2() - 0.5);
+        let corners = (0..8i64).filter_map(|corner| {
+            let offset = [corner >> 2, corner >> 1 & 1, corner & 1];
+            let (mut cell, mut weight) = ([0; 3], 1.0);
+            for axis in 0..3 {
+                cell[axis] = p[axis].floor() as i64 + offset[axis];
+                let fraction = p[axis] - p[axis].floor();
+                weight *= if offset[axis] == 1 { fraction } else { 1.0 - fraction };
+            }
+            let (depth, row) = self.row(cell, self.octree.depth() - level as u32)?;
+            Some((depth, row, weights(weight)))
+        });
+        corners.collect()
     }
 
     /// Whether a node of the tree, or the leaf above it where that ends, has features or a descendant that has.

@@ -23,7 +23,12 @@ pub fn graph_conv(x: Tensor<2>, weights: Tensor<2>, level: &Arc<GraphLevel>) -> 
 
 /// Channels of the one-hot depth.
 pub fn type_channels(level: &GraphLevel) -> usize {
-    if level.types.count > 1 { level.types.count } else { 0 }
+    type_channels_of(level.types.count)
+}
+
+/// The same where nodes have `depths` different depths.
+pub(crate) fn type_channels_of(depths: usize) -> usize {
+    if depths > 1 { depths } else { 0 }
 }
 
 /// The same by burn's own operations: for backends without kernels, and to check them.

@@ -8,6 +8,7 @@ mod norm;
 mod pool;
 mod rows;
 
+pub(crate) use conv::type_channels_of;
 pub use conv::{graph_conv, type_channels};
 pub use level::{GraphLevel, NodeTypes, Refinement};
 pub use linear::linear;

@@ -1,5 +1,6 @@
 use serde::{Deserialize, Serialize};
 
+use crate::graph::type_channels_of;
 use crate::light::NODE_FEATURES;
 use crate::light::radiance::RAW_CHANNELS;
 
@@ -86,7 +87,7 @@ impl LightNetConfig {
     pub fn weights(&self) -> u64 {
         let projection = |inputs: usize, outputs: usize| (inputs + 2) * outputs;
         let stage = |depth: u32| {
-            let (channels, types) = (self.stage_channels(depth), type_channels(self.depths(depth)));
+            let (channels, types) = (self.stage_channels(depth), type_channels_of(self.depths(depth)));
             let between = channels / self.bottleneck;
             let convolutions = 7 * (channels + types) * between + 7 * (between + types) * channels;
             self.blocks * (convolutions + 2 * (between + channels))
@@ -100,7 +101,7 @@ impl LightNetConfig {
             let (fine, coarse) = (self.stage_channels(depth), self.stage_channels(depth - 1));
             8 * (fine * fine + coarse * coarse) + projection(fine, coarse) + projection(coarse, fine)
         };
-        let inputs = NODE_FEATURES + self.global_channels + type_channels(self.depths(self.depth));
+        let inputs = NODE_FEATURES + self.global_channels + type_channels_of(self.depths(self.depth));
         let start = self.global_features * self.global_channels + (7 * inputs + 2) * self.stage_channels(self.depth);
         let all = self.stages().map(|depth| stage(depth) + heads(depth)).sum::<usize>();
         let finer = (self.full_depth + 1..=self.depth).map(|depth| stage(depth) + between(depth)).sum::<usize>();
@@ -121,9 +122,4 @@ impl LightNetConfig {
     pub(crate) fn depths(&self, depth: u32) -> usize {
         (depth - self.full_depth + 1) as usize
     }
-}
-
-/// Channels of the one-hot depth of nodes of so many depths.
-fn type_channels(depths: usize) -> usize {
-    if depths > 1 { depths } else { 0 }
 }
