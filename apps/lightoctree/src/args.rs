@@ -26,7 +26,7 @@ pub struct Global {
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
 
-    /// Seed of every random choice; only `synth`, `dataset`, `train` and the networks of `estimate` make any, other results are always the same
+    /// Seed of every random choice; only `synth`, `dataset`, `train`, `eval` and the networks of `estimate` make any, other results are always the same
     #[arg(long, global = true, value_name = "N", default_value_t = 0)]
     pub seed: u64,
 
@@ -106,6 +106,8 @@ pub enum Command {
     Dataset(commands::dataset::Args),
     /// Train the networks
     Train(commands::train::Args),
+    /// Measure methods and baselines on a dataset
+    Eval(commands::eval::Args),
     /// Time this program on the input of the peers' kit
     Bench(commands::bench::Args),
     /// Print a completion script for a shell
@@ -126,6 +128,7 @@ impl Command {
             Self::Synth(_) => "synth",
             Self::Dataset(_) => "dataset",
             Self::Train(_) => "train",
+            Self::Eval(_) => "eval",
             Self::Bench(_) => "bench",
             Self::Completions(_) => "completions",
         }

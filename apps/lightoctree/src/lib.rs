@@ -75,6 +75,7 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::Synth(args) => commands::synth::run(global, args),
         Command::Dataset(args) => commands::dataset::run(global, args),
         Command::Train(args) => commands::train::run(global, args),
+        Command::Eval(args) => commands::eval::run(global, args),
         Command::Bench(args) => commands::bench::run(global, args),
         Command::Completions(args) => commands::completions::run(args),
     }

@@ -14,7 +14,7 @@ use crate::args::Global;
 use crate::{Usage, interrupt, report};
 
 mod cases;
-mod memory;
+pub(super) mod memory;
 
 /// Options of `bench`.
 #[derive(Debug, clap::Args)]

@@ -51,7 +51,7 @@ struct Source {
 
 /// Layouts on the command line.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum LayoutName {
+pub(super) enum LayoutName {
     /// WebDataset archives of `lightoctree synth` and `dataset convert`.
     Shards,
     /// FutureHouse (Li et al. 2022).
@@ -169,7 +169,7 @@ impl Source {
 }
 
 /// `count` of a dataset's samples, evenly spread.
-fn spread(len: usize, count: usize) -> impl Iterator<Item = usize> {
+pub(super) fn spread(len: usize, count: usize) -> impl Iterator<Item = usize> {
     let count = count.min(len);
     (0..count).map(move |i| (2 * i + 1) * len / (2 * count.max(1)))
 }

@@ -6,6 +6,7 @@ pub mod dataset;
 pub mod demo;
 pub mod envmap;
 pub mod estimate;
+pub mod eval;
 pub mod export;
 pub mod insert;
 pub mod inspect;

@@ -57,6 +57,15 @@ pub fn part(text: &str) -> Result<[u32; 2], String> {
     }
 }
 
+/// `A,B` in degrees: fields of view from 5 to 150, the smaller one first.
+pub fn hfov_range_deg(text: &str) -> Result<[f32; 2], String> {
+    let [least, most]: [f64; 2] = numbers(text, "A,B")?;
+    if !(5.0..=150.0).contains(&least) || !(least..=150.0).contains(&most) {
+        return Err("fields of view lie between 5 and 150 degrees, the smaller one first".into());
+    }
+    Ok([least as f32, most as f32])
+}
+
 /// A finite number above zero.
 pub fn positive(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| format!("`{text}` is not a number"))?;
@@ -96,6 +105,8 @@ mod tests {
         assert!(counts("0,1,1").is_err() && counts("1.5,1,1").is_err());
         assert_eq!(part("3/16"), Ok([3, 16]));
         assert!(["0/4", "5/4", "1", "a/2", "1/0"].iter().all(|text| part(text).is_err()));
+        assert_eq!(hfov_range_deg("60,80"), Ok([60.0, 80.0]));
+        assert!(["80,60", "1,80", "60", "60,170"].iter().all(|text| hfov_range_deg(text).is_err()));
         assert!(positive("0").is_err() && positive("inf").is_err() && positive("2").is_ok());
     }
 }
