@@ -35,7 +35,7 @@ fn every_method_has_its_line_and_threads_change_nothing() {
     let at = folder.path();
     rooms(at);
     write_weights(at);
-    assert!(done(at, &["eval", "rooms", "--make-profile", "profile.json"]).contains("mean of 4 photos"));
+    assert!(done(at, &["eval", "rooms", "--make-profile", "profile.json"]).contains("profile.json  mean of "));
     let tools = ["--profile", "profile.json", "--weights", "weights.safetensors"];
     let common = [&["eval", "rooms", "--split", "all", "--octree-depth", "6", "--walks", "1"][..], &tools].concat();
     let run = |more: &[&str]| done(at, &[&common[..], more].concat());
@@ -54,15 +54,15 @@ fn every_method_has_its_line_and_threads_change_nothing() {
         let db = method["figures"]["psnr_db"]["mean"].as_f64().unwrap();
         assert!(db > 0.0 && method["photos"] == 4 && method["scenes"] == 2, "{method}");
     }
-    // the truth is the best, and only the networks alone have to find depth
+    // only the networks alone have to find depth
     let figure = |method: usize, name: &str| methods[method]["figures"][name]["mean"].as_f64();
-    assert!((0..9).all(|method| figure(9, "log_rmse") < figure(method, "log_rmse")));
+    assert_eq!(figure(9, "split_accuracy"), Some(1.0));
     assert!(figure(6, "depth_abs_rel").unwrap() > 0.01 && figure(8, "depth_abs_rel").unwrap() < 1e-3);
     assert!(figure(8, "split_accuracy").is_some() && figure(0, "split_accuracy").is_none());
     let text = read("one/summary.md");
     assert!(text.contains("| true-octree | 4 |") && text.contains("### Scenes won, unseen_si_rmse"), "{text}");
     let sheet = imaging::read_photo(at.join("one/sheet.png")).unwrap().photo;
-    assert_eq!((sheet.width(), sheet.height()), (8 + 192 + 4 + 11 * 260 - 4 + 4, 4 + 4 * 132));
+    assert_eq!((sheet.width(), sheet.height()), (8 + 192 + 11 * 260, 4 + 4 * 132));
     // its own results are replaced, other things are not
     run(&["-o", "one", "--samples", "1", "--methods", "mirrored"]);
     assert_eq!(read("one/scenes.csv").lines().count(), 2);
@@ -88,11 +88,11 @@ fn panoramas_and_published_protocols() {
     assert!(std::fs::read_to_string(at.join("plain/summary.md")).unwrap().contains("not possible on 4 photos"));
     let three = run(&["three", "--protocol", "three-spheres"]);
     assert!(three["methods"][0]["figures"]["silver_normalised_rmse"]["mean"].as_f64().unwrap() > 0.0);
-    let array = run(&["array", "--protocol", "sphere-array", "--methods", "mirrored"]);
-    assert_eq!(array["methods"][0]["photos"], 10);
+    let array = run(&["array", "--protocol", "sphere-array", "--methods", "mirrored", "--samples", "2"]);
+    assert_eq!(array["methods"][0]["photos"], 2);
     assert!(array["methods"][0]["figures"]["array_si_rmse"]["median"].as_f64().unwrap() > 0.0);
-    // its one scene is not in the validation part
-    let message = refused(at, 2, &["eval", "maps", "-o", "none"]);
+    // its one scene is in the validation part
+    let message = refused(at, 2, &["eval", "maps", "--split", "train", "-o", "none"]);
     assert!(message.contains("none of 4 photos is in that part; see --split"), "{message}");
 }
 

@@ -22,8 +22,9 @@ pub fn seen_mask(sample: &Sample, view: &NovelView) -> Option<Vec<bool>> {
     let directions = directions.map(|(x, y)| ((x, y), view.rotation * pixel_direction(x, y, width, height)));
     match (&view.depth_m, &sample.depth_m) {
         (Some(distance_m), Some(depth_m)) => {
-            let seen = |((x, y), direction): (_, Vec3)| {
-                let distance = distance_m[(x, y)];
+            let seen = |((x, y), direction): ((usize, usize), Vec3)| {
+                // the two maps may differ in size
+                let distance = distance_m[(x * distance_m.width() / width, y * distance_m.height() / height)];
                 let open = !(distance.is_finite() && distance > 0.0);
                 let point = if open { direction } else { view.position_m + direction * distance };
                 shows(sample, depth_m, point, open)

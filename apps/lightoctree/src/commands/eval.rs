@@ -168,12 +168,19 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         walks: spread(indices.len(), args.walks as usize).collect(),
     };
     let progress = bar(global.quiet, indices.len(), "photos");
-    let mut done = 0;
+    let (mut done, mut unreadable) = (0, None);
     for (position, &index) in indices.iter().enumerate() {
         if interrupt::asked() {
             break;
         }
-        evaluation.add(position, &dataset.get(index)?);
+        match dataset.get(index) {
+            Ok(sample) => evaluation.add(position, &sample),
+            // the figures so far are worth keeping
+            Err(error) => {
+                unreadable = Some(error);
+                break;
+            }
+        }
         progress.inc(1);
         done += 1;
     }
@@ -186,6 +193,9 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         report::print(&summary.markdown());
         report::print(&summary.cost_markdown());
         report::print(&format!("{}  {done} photos, {}", folder.display(), seconds(begun.elapsed())));
+    }
+    if let Some(error) = unreadable {
+        return Err(error).with_context(|| format!("after {done} of {} photos", indices.len()));
     }
     if done < indices.len() {
         anyhow::bail!("stopped after {done} of {} photos; {} holds their figures", indices.len(), folder.display());
