@@ -98,8 +98,7 @@ pub fn train(
     if phases.is_empty() {
         return Err(TrainError::Config("there are no phases: none of depth, light and joint is given".into()));
     }
-    let dataset = open(config, request.seed)?;
-    let mut run = Run::new(config, request, dataset, phases, messages)?;
+    let mut run = Run::new(config, request, phases, messages)?;
     while run.state.phase < run.phases.len() {
         if run.phase(stop)? == Outcome::Stopped {
             return Ok(Outcome::Stopped);
@@ -148,31 +147,30 @@ impl<'a> Run<'a> {
     fn new(
         config: &'a TrainConfig,
         request: &Request<'a>,
-        dataset: Arc<dyn Dataset>,
         phases: Vec<(String, Phase)>,
         messages: &'a mut dyn FnMut(Message),
     ) -> Result<Self, TrainError> {
         let folder = request.folder;
+        let resumed = request.resume.then(|| read(&folder.join(CHECKPOINT_FILE))).transpose()?;
+        // Rooms that are generated on the fly depend on it too.
+        let seed = resumed.as_ref().map_or(request.seed, |(_, state)| state.seed);
+        let dataset = open(config, seed)?;
         let fingerprint = fingerprint(&*dataset);
-        let (learner, state) = match request.resume {
-            true => {
-                let (learner, mut state) = read(&folder.join(CHECKPOINT_FILE))?;
-                if state.fingerprint != fingerprint {
-                    let epoch = state.position.epoch + 1;
-                    state.position = LoaderState { epoch, ..LoaderState::default() };
-                    state.fingerprint = fingerprint;
-                    messages(Message::Note("the dataset is not what it was; its next epoch begins".into()));
-                }
-                (learner, state)
+        let (learner, state) = match resumed {
+            Some((learner, state)) if state.fingerprint == fingerprint => (learner, state),
+            Some((learner, state)) => {
+                messages(Message::Note("the dataset is not what it was; its next epoch begins".into()));
+                let position = LoaderState { epoch: state.position.epoch + 1, ..LoaderState::default() };
+                (learner, RunState { position, fingerprint, ..state })
             }
-            false => {
+            None => {
                 let first_depth = phases.iter().find_map(|(_, phase)| phase.octree_depth());
                 let octree_depth = first_depth.unwrap_or(config.network.depth);
-                let mut learner = Learner::new(config, octree_depth, request.seed).map_err(TrainError::Config)?;
+                let mut learner = Learner::new(config, octree_depth, seed).map_err(TrainError::Config)?;
                 if let Some(path) = request.encoder_weights {
                     learner.load_encoder(&Checkpoint::read(path)?)?;
                 }
-                (learner, RunState::new(request.seed, fingerprint))
+                (learner, RunState::new(seed, fingerprint))
             }
         };
         let log_path = folder.join(LOG_FILE);

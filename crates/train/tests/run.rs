@@ -49,7 +49,8 @@ fn config() -> TrainConfig {
 fn run(config: &TrainConfig, folder: &Path, resume: bool, steps: u64) -> (Outcome, Vec<Message>) {
     let made = Cell::new(0);
     let mut messages = Vec::new();
-    let request = Request { folder, resume, seed: 5, encoder_weights: None };
+    // A resumed run keeps its own seed.
+    let request = Request { folder, resume, seed: if resume { 6 } else { 5 }, encoder_weights: None };
     let outcome = train(config, &request, &|| made.get() >= steps, &mut |message| {
         made.set(made.get() + u64::from(matches!(message, Message::Step { .. })));
         messages.push(message);
