@@ -1,6 +1,6 @@
 //! The networks: dual-octree light network, differentiable rendering, depth and global light, losses.
 //!
-//! The only crate that knows burn, the deep-learning stack.
+//! Beside the trainer the only crate that knows burn, the deep-learning stack.
 
 mod adam;
 pub mod checkpoint;
