@@ -247,7 +247,7 @@ mod tests {
 
     #[test]
     fn trees_stay_within_the_budget_and_say_so() {
-        let config = LightNetConfig { max_nodes: 2000, ..config() };
+        let config = LightNetConfig { max_nodes: Some(2000), ..config() };
         let split = |stage| format!("light_net.prediction.{stage}.output.bias");
         let names: Vec<String> = (0..4).map(split).collect();
         let all: Vec<(&str, &[usize], f32)> = names.iter().map(|name| (&name[..], &[1, 1][..], 5.0)).collect();

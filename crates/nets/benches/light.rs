@@ -4,6 +4,9 @@
 //! `PEERS_INPUT` names a folder with the peers' clouds (`rgbd_unit.npy`, `rgbd_color.npy`); without it, a box room stands in.
 //! `RAYON_NUM_THREADS` sets the threads. `MIMALLOC_PURGE_DELAY=10000` keeps memory between the steps as the peers' `--tuned` does: 0 to
 //! 17 % of a training step.
+//!
+//! `MEMORY_OF_DEPTH=7 cargo bench -p lightoctree-nets --bench light` measures no time: it prints the resident memory before the first and the most after the
+//! fifth step of `graph_unet_train`, as the peers' lines have it.
 
 #[path = "../../octree/benches/cloud/mod.rs"]
 mod cloud;
@@ -25,7 +28,28 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 fn main() {
     // On one of rayon's threads: from another, each of some thousand small parallel loops waits for one of them to wake up.
-    rayon::scope(|_| divan::main());
+    rayon::scope(|_| match std::env::var("MEMORY_OF_DEPTH") {
+        Ok(depth) => print_memory(depth.parse().expect("MEMORY_OF_DEPTH is a depth")),
+        Err(_) => divan::main(),
+    });
+}
+
+/// Resident memory of the training, MiB: what the kernel counts (Linux alone).
+fn print_memory(depth: u32) {
+    let status = |field: &str| {
+        let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+        let line = status.lines().find_map(|line| line.strip_prefix(field)).unwrap_or_default();
+        let kib: f64 = line.trim_matches(|c: char| !c.is_ascii_digit()).parse().unwrap_or(f64::NAN);
+        kib / 1024.0
+    };
+    let (input, config) = input(depth);
+    let mut trainer = Trainer::new(&config);
+    let base = status("VmRSS:");
+    (0..5).for_each(|_| trainer.step(&input, plain_loss));
+    let peak = status("VmHWM:");
+    println!(
+        r#"{{"peer": "lightoctree", "case": "graph_unet_d{depth}_train", "peak_rss_mib": {peak:.1}, "base_rss_mib": {base:.1}}}"#
+    );
 }
 
 #[divan::bench(args = [6, 7], sample_count = 10)]
@@ -39,15 +63,16 @@ fn graph_unet_fwd(bencher: Bencher, depth: u32) {
 fn graph_unet_train(bencher: Bencher, depth: u32) {
     let (input, config) = input(depth);
     let mut trainer = Trainer::new(&config);
-    bencher.bench_local(|| {
-        trainer.step(&input, |output| {
-            let parts = output.levels.iter().map(|level| {
-                let signal = level.light.clone() - 0.5;
-                level.logits.clone().square().mean() + signal.square().mean()
-            });
-            parts.reduce(|a, b| a + b).expect("levels")
-        });
+    bencher.bench_local(|| trainer.step(&input, plain_loss));
+}
+
+/// Something that needs all outputs.
+fn plain_loss(output: &LightOutput) -> Tensor<1> {
+    let parts = output.levels.iter().map(|level| {
+        let signal = level.light.clone() - 0.5;
+        level.logits.clone().square().mean() + signal.square().mean()
     });
+    parts.reduce(|a, b| a + b).expect("levels")
 }
 
 /// One scene with 8,192 rays.

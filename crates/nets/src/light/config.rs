@@ -28,8 +28,9 @@ pub struct LightNetConfig {
     pub global_features: usize,
     /// Channels that `f_L` is projected to before it joins the other features of a node.
     pub global_channels: usize,
-    /// Greatest number of nodes of a graph that the network may grow to (and a family of eight for each depth beyond).
-    pub max_nodes: usize,
+    /// Greatest number of nodes of a graph that the network may grow to by its own predictions (and a family of eight for each depth beyond). Growth along a
+    /// truth knows no budget. `None`: [`LightNetConfig::node_budget`] follows the depth.
+    pub max_nodes: Option<usize>,
 }
 
 impl Default for LightNetConfig {
@@ -45,7 +46,7 @@ impl Default for LightNetConfig {
             channels_per_group: 4,
             global_features: 64,
             global_channels: 8,
-            max_nodes: 400_000,
+            max_nodes: None,
         }
     }
 }
@@ -67,7 +68,7 @@ impl LightNetConfig {
             ("channels_per_group", self.channels_per_group, 1, 4096),
             ("global_features", self.global_features, 1, 1024),
             ("global_channels", self.global_channels, 1, 1024),
-            ("max_nodes", self.max_nodes, 1 << (3 * self.full_depth.min(6)), 1 << 24),
+            ("max_nodes", self.node_budget(), 1 << (3 * self.full_depth.min(6)), 1 << 24),
         ];
         if let Some((name, value, least, most)) =
             ranges.into_iter().find(|(_, value, least, most)| !(least..=most).contains(&value))
@@ -108,6 +109,13 @@ impl LightNetConfig {
         (start + all + finer) as u64
     }
 
+    /// Greatest number of nodes of a graph: `max_nodes`, or else about three and a half times what a generated room has at this depth, 1,600,000 at
+    /// d = 8 and a quarter of that for each depth less (rooms of seed 7: 29,000 nodes at d = 6, 117,000 at 7, 485,000 at 8).
+    pub fn node_budget(&self) -> usize {
+        let full = 1usize << (3 * self.full_depth.min(6));
+        self.max_nodes.unwrap_or_else(|| (1_600_000 >> (2 * 8u32.saturating_sub(self.depth))).max(2 * full))
+    }
+
     /// Depths of the stages, the coarsest first.
     pub fn stages(&self) -> impl DoubleEndedIterator<Item = u32> + use<> {
         self.full_depth..=self.depth
@@ -121,5 +129,26 @@ impl LightNetConfig {
     /// Number of different depths of the nodes of a stage's graph.
     pub(crate) fn depths(&self, depth: u32) -> usize {
         (depth - self.full_depth + 1) as usize
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_budget_follows_the_depth_and_holds_a_room() {
+        let budget = |depth| LightNetConfig { depth, ..LightNetConfig::default() }.node_budget();
+        assert_eq!([6, 7, 8].map(budget), [100_000, 400_000, 1_600_000]);
+        // docs/networks.md: nodes of the graph of a generated room.
+        for (depth, room) in [(6, 28_792), (7, 117_237), (8, 484_737)] {
+            assert!(budget(depth) > 3 * room, "{depth}");
+        }
+        let all = LightNetConfig { depth: 4, ..LightNetConfig::default() };
+        assert!(all.node_budget() >= 4096 && all.validate().is_ok());
+        assert_eq!(LightNetConfig { max_nodes: Some(5000), ..all.clone() }.node_budget(), 5000);
+        assert!(
+            LightNetConfig { max_nodes: Some(4095), ..all }.validate().is_err_and(|error| error.contains("max_nodes"))
+        );
     }
 }

@@ -91,7 +91,7 @@ impl LightNet {
             prediction: stages.iter().map(|&depth| head(depth, &[0.0], stream)).collect(),
             regression: stages.iter().map(|&depth| head(depth, &RAW_BIAS, stream)).collect(),
             full_depth: config.full_depth as usize,
-            max_nodes: config.max_nodes,
+            max_nodes: config.node_budget(),
         })
     }
 
@@ -306,7 +306,7 @@ mod tests {
 
     #[test]
     fn it_grows_its_own_tree_within_the_budget_and_always_the_same() {
-        let config = LightNetConfig { max_nodes: 4000, ..config(6) };
+        let config = LightNetConfig { max_nodes: Some(4000), ..config(6) };
         let (input, _) = input(&config);
         let net = LightNet::new(&config, 3, &Device::flex()).unwrap();
         let mut all_split = net.clone();

@@ -35,7 +35,8 @@ fn distance(origin: Vec3, direction: Vec3) -> f32 {
         .fold(f32::INFINITY, |nearest, t| if t < nearest { t } else { nearest })
 }
 
-pub fn sample() -> Sample {
+/// With so many panoramas of 96 × 48.
+pub fn sample(views: usize) -> Sample {
     let camera = Camera::from_hfov_deg(75.0, 120, 80).unwrap();
     let seen = |x: usize, y: usize| {
         let direction = camera.direction(x as f64 + 0.5, y as f64 + 0.5);
@@ -90,7 +91,7 @@ pub fn sample() -> Sample {
         normal: None,
         albedo: None,
         points,
-        views: (0..8).map(view).collect(),
+        views: (0..views).map(view).collect(),
         metadata: Metadata::new(),
     }
 }
