@@ -247,7 +247,8 @@ mod tests {
                 tracer.trace_batch(&rays.cones, &mut seen);
                 let known = || (0..rays.len()).filter(|&i| rays.distance_m[i] > 0.0);
                 let off = median(known().map(|i| (seen[i].distance_m - rays.distance_m[i]).abs()).collect());
-                assert!(off < 0.75 * leaf_m, "{what} at {variation:?}: {off} m, a leaf has {leaf_m} m");
+                // A ray ends in the leaf that holds the surface, up to a leaf before it; with anything mixed up it is metres off.
+                assert!(off < leaf_m, "{what} at {variation:?}: {off} m, a leaf has {leaf_m} m");
                 // The photo has a tone curve of its own; panoramas have none.
                 let limit = if what == "photo" { 0.35 } else { 0.15 };
                 let log = |i: usize| (seen[i].radiance[1].ln_1p() - rays.radiance[i][1].ln_1p()).abs();

@@ -507,3 +507,65 @@ fn read(path: &Path) -> Result<(Learner, RunState), TrainError> {
     let learner = state.learner.clone().ok_or_else(|| not("its state has no networks".into()))?;
     Ok((Learner::from_checkpoint(checkpoint, &learner)?, state))
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use std::cell::Cell;
+
+    use dataset::GeneratorConfig;
+    use nets::light::LightNetConfig;
+    use synth::SynthConfig;
+
+    use super::*;
+    use crate::{DataConfig, ValidationConfig};
+
+    #[test]
+    fn a_weight_that_is_no_number_is_named_and_the_run_goes_back() {
+        let room = SynthConfig { crop_size: [64, 48], ..SynthConfig::default() };
+        let small = GeneratorConfig {
+            room,
+            shots: 1,
+            panoramas: 1,
+            panorama_height: 16,
+            octree_depth: 5,
+            ..Default::default()
+        };
+        let network = LightNetConfig { depth: 4, full_depth: 3, channels: 8, max_channels: 16, ..Default::default() };
+        let config = TrainConfig {
+            network: LightNetConfig { bottleneck: 2, head_channels: 8, global_features: 8, ..network },
+            data: DataConfig { generated_rooms: 12, generator: small, ..DataConfig::default() },
+            validation: ValidationConfig { photos: 0, ..ValidationConfig::default() },
+            depth: Vec::new(),
+            light: vec![LightPhase { steps: 3, octree_depth: 4, ..LightPhase::default() }],
+            joint: Vec::new(),
+            ..TrainConfig::default()
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let request = Request { folder: folder.path(), resume: false, seed: 1, encoder_weights: None };
+        let (steps, mut notes) = (Cell::new(0), Vec::new());
+        let mut hear = |message| match message {
+            Message::Step { .. } => steps.set(steps.get() + 1),
+            Message::Note(note) => notes.push(note),
+            _ => {}
+        };
+        let mut run = Run::new(&config, &request, config.phases(), &mut hear).unwrap();
+        assert_eq!(run.phase(&|| steps.get() == 1).unwrap(), Outcome::Stopped);
+
+        let mut poisoned = Checkpoint::default();
+        poisoned.add_module("light", &run.learner.light.net);
+        poisoned.insert("light.global.weights", &[8, 8], vec![f32::NAN; 64]);
+        run.learner.light.net = poisoned.load_module("light", run.learner.light.net.clone()).unwrap();
+        assert_eq!(run.learner.check(), Err(Fault("light_net.global.weights is not finite".into())));
+
+        assert_eq!(run.phase(&|| false).unwrap(), Outcome::Done);
+        assert_eq!((run.state.setbacks, run.state.total_steps), (1, 3));
+        assert_eq!(run.learner.check(), Ok(()));
+        drop(run);
+        assert_eq!((steps.get(), notes.len()), (3, 1), "{notes:?}");
+        assert!(notes[0].starts_with("light, step 1: ") && notes[0].contains("light_net."), "{}", notes[0]);
+        assert!(notes[0].ends_with("back to step 1, with other data"), "{}", notes[0]);
+        let log = std::fs::read_to_string(folder.path().join(LOG_FILE)).unwrap();
+        assert!(log.contains("\"back_to_step\":1"), "{log}");
+    }
+}

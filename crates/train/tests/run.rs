@@ -69,7 +69,8 @@ fn checkpoint(folder: &Path) -> Checkpoint {
 fn a_run_goes_on_as_if_it_had_not_stopped() {
     let folder = tempfile::tempdir().unwrap();
     let [whole, parts] = ["whole", "parts"].map(|name| folder.path().join(name));
-    [&whole, &parts].map(|path| std::fs::create_dir(path).unwrap());
+    std::fs::create_dir(&whole).unwrap();
+    std::fs::create_dir(&parts).unwrap();
     let config = config();
     let (outcome, messages) = run(&config, &whole, false, u64::MAX);
     assert_eq!(outcome, Outcome::Done);
