@@ -4,7 +4,7 @@ use std::hint::black_box;
 use std::path::Path;
 
 use anyhow::Context;
-use lightoctree::cone::{Cone, ConeTracer, Sample, SampleGradient, Settings};
+use lightoctree::cone::{Cone, ConeTracer, Sample, SampleGradient, Sampling, Settings};
 use lightoctree::geometry::{Camera, Cube, Vec3, pixel_direction};
 use lightoctree::imaging::{Image, Photo};
 use lightoctree::insert::{Inserter, Lighting, Placement, Quality};
@@ -77,7 +77,8 @@ fn panorama(backward: bool) -> anyhow::Result<Prepared> {
     let light = room_octree(&folder)?;
     let nodes = light.octree.levels()[FULL_DEPTH as usize..].iter().map(|level| level.nonempty).sum();
     let origin = probe(&folder)?;
-    let tracer = ConeTracer::new(&light, Settings::default())?;
+    // The kit reads the nearest node.
+    let tracer = ConeTracer::new(&light, Settings { sampling: Sampling::Nearest, ..Settings::default() })?;
     let cones = panorama_cones(origin);
     let mut samples = vec![Sample::default(); cones.len()];
     let run = move || {
