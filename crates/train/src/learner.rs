@@ -149,14 +149,14 @@ impl Learner {
         Ok(())
     }
 
+    /// The averaged weights: what is used.
+    pub fn averages(&self) -> Networks {
+        Networks { depth: self.depth.average.clone(), light: self.light.average.clone(), config: self.network.clone() }
+    }
+
     /// Adds everything to a checkpoint but what [`LearnerState`] holds, which it gives.
     pub fn add_to(&self, checkpoint: &mut Checkpoint) -> LearnerState {
-        let averages = Networks {
-            depth: self.depth.average.clone(),
-            light: self.light.average.clone(),
-            config: self.network.clone(),
-        };
-        averages.add_to(checkpoint);
+        self.averages().add_to(checkpoint);
         checkpoint.add_module(DEPTH, &self.depth.net);
         checkpoint.add_module(LIGHT, &self.light.net);
         checkpoint.add_module(JUDGE, &self.judge);

@@ -6,7 +6,6 @@ use std::time::{Duration, Instant};
 
 use dataset::{CropModel, Dataset, Generated, Generator, Layout, LoaderState, Sample, fingerprint};
 use imaging::write_rgba8;
-use nets::Networks;
 use nets::checkpoint::{Checkpoint, Precision};
 use random::RngExt;
 use serde::{Deserialize, Serialize};
@@ -469,12 +468,7 @@ impl<'a> Run<'a> {
         self.state.log_bytes = self.log.bytes();
         checkpoint.state[STATE] = json!(self.state);
         checkpoint.write(&path, Precision::Full)?;
-        let averages = Networks {
-            depth: self.learner.depth.average.clone(),
-            light: self.learner.light.average.clone(),
-            config: self.learner.network.clone(),
-        };
-        averages.write(self.folder.join(WEIGHTS_FILE), Precision::Half)?;
+        self.learner.averages().write(self.folder.join(WEIGHTS_FILE), Precision::Half)?;
         self.setbacks_here = 0;
         self.saved = Instant::now();
         (self.messages)(Message::Saved { path, took: begun.elapsed() });
