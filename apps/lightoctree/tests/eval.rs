@@ -102,8 +102,8 @@ fn what_is_missing_is_named() {
     let at = folder.path();
     std::fs::write(at.join("bad.json"), r#"{"format_version":1,"samples":1,"dataset":"x","factors":[]}"#).unwrap();
     let refusal = |code: i32, more: &[&str]| refused(at, code, &[&["eval", "rooms", "-o", "report"], more].concat());
-    let message = refusal(2, &["--methods", "network"]);
-    assert!(message.contains("the method network needs --weights FILE"), "{message}");
+    let message = refusal(2, &["--methods", "profile"]);
+    assert!(message.contains("the method profile needs --profile FILE.json"), "{message}");
     let message = refusal(2, &["--methods", "magic"]);
     assert!(message.contains("there are mean-colour"), "{message}");
     let message = refusal(1, &["--profile", "bad.json"]);

@@ -4,8 +4,8 @@ use dataset::{NovelView, Sample};
 use geometry::{Cube, Vec3};
 use imaging::{DepthMap, Photo, RadianceImage, sample_equirectangular};
 use lightoctree::cone::{self, Cone, ConeTracer};
-use lightoctree::scene::{Frame, FrameError, Scene};
-use lightoctree::{EstimateError, EstimateOptions, NetworkOptions, Networks};
+use lightoctree::scene::{Completion, Frame, FrameError, Scene};
+use lightoctree::{EstimateError, EstimateOptions, Input, Networks};
 use octree::{LightOctree, OctreeError};
 
 use crate::{Profile, baseline};
@@ -157,22 +157,19 @@ impl Method {
             Self::Mirrored => map(baseline::mirrored_map(sample)),
             Self::SingleMap => map(single_map(sample, networks()?)),
             Self::Shell(input) => {
-                let options = EstimateOptions { octree_depth: tools.octree_depth, ..EstimateOptions::default() };
-                Estimate::of_scene(lightoctree::estimate(frame(sample, input)?, &options, &mut |_| ())?)
+                let octree_depth = Some(tools.octree_depth);
+                let options = EstimateOptions { octree_depth, ..EstimateOptions::default() };
+                Estimate::of_scene(lightoctree::estimate(frame(sample, input)?, None, &options, &mut |_| ())?)
             }
             Self::Network(input) => {
                 let networks = networks()?;
-                let options = NetworkOptions { seed: tools.seed, ..NetworkOptions::default() };
-                Estimate::of_scene(match input {
-                    Some(input) => {
-                        let frame = frame(sample, input)?;
-                        lightoctree::estimate_with_networks(frame, networks, &options, &mut |_| ())?
-                    }
-                    None => {
-                        let photo = Photo::Srgb8(sample.photo.clone());
-                        lightoctree::estimate_from_photo(photo, sample.camera, networks, &options, &mut |_| ())?
-                    }
-                })
+                let completion = Completion::Network;
+                let options = EstimateOptions { completion, seed: tools.seed, ..EstimateOptions::default() };
+                let input = match input {
+                    Some(input) => frame(sample, input)?.into(),
+                    None => Input::Photo { photo: Photo::Srgb8(sample.photo.clone()), camera: sample.camera },
+                };
+                Estimate::of_scene(lightoctree::estimate(input, Some(networks), &options, &mut |_| ())?)
             }
             Self::TrueOctree => Estimate::of_octree(true_octree(sample, tools)?, None),
         }
@@ -234,7 +231,7 @@ fn frame(sample: &Sample, input: DepthInput) -> Result<Frame, MethodError> {
 
 fn single_map(sample: &Sample, networks: &Networks) -> RadianceImage {
     let panorama = networks.depth.panorama.forward(networks.depth.global_feature(&sample.photo));
-    let [_, _, height, width] = panorama.dims();
+    let [.., height, width] = panorama.dims();
     let values: Vec<f32> = panorama.into_data().iter().collect();
     let channel = width * height;
     RadianceImage::from_fn(width, height, |x, y| [0, 1, 2].map(|c| values[c * channel + y * width + x]))

@@ -36,6 +36,7 @@ pub(crate) fn box_room() -> Scene {
         completion: Completion::None,
         room: None,
         sources: Vec::new(),
-        prediction: None,
+        predicted_depth: false,
+        confidence: None,
     }
 }

@@ -47,7 +47,15 @@ fn scene() -> Scene {
     let photo: RadianceImage = Image::from_fn(WIDTH, HEIGHT, |x, y| wall_radiance(seen(x, y)));
     let depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| -seen(x, y).z);
     let frame = Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).expect("photo and depth have one size");
-    Scene { light, frame, completion: Completion::None, room: None, sources: Vec::new(), prediction: None }
+    Scene {
+        light,
+        frame,
+        completion: Completion::None,
+        room: None,
+        sources: Vec::new(),
+        predicted_depth: false,
+        confidence: None,
+    }
 }
 
 /// A sphere of 32 × 64 quads, glossy like gold or matte.

@@ -45,7 +45,15 @@ fn scene(photo: impl Fn(RadianceImage) -> Photo) -> Scene {
     let radiance = Image::from_fn(WIDTH, HEIGHT, |x, y| wall_radiance(point(x, y)));
     let depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| -point(x, y).z);
     let frame = Frame::new(photo(radiance), depth_m, camera, 1.0).unwrap();
-    Scene { light, frame, completion: Completion::None, room: None, sources: Vec::new(), prediction: None }
+    Scene {
+        light,
+        frame,
+        completion: Completion::None,
+        room: None,
+        sources: Vec::new(),
+        predicted_depth: false,
+        confidence: None,
+    }
 }
 
 fn linear_scene() -> Scene {

@@ -1,35 +1,62 @@
-use std::time::Instant;
-
 use completion::{Shell, ShellOptions, shell};
-use geometry::Vec3;
+use geometry::{Camera, Cube, Vec3};
+use imaging::Photo;
 use nets::light::LightError;
+use nets::{GlobalLight, Networks};
 use octree::{LightOctree, OctreeError, RadiancePoint, check_depths};
-use scene::{Completion, Frame, FrameError, Scene, Side, place_cube};
+use scene::{Completion, Frame, FrameError, Room, Scene, Side, place_cube};
 
 use crate::message::{Message, stage};
+use crate::network;
+
+/// Depth of the octree where no network says it.
+pub const DEFAULT_OCTREE_DEPTH: u32 = 7;
+
+/// What an estimate starts from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Input {
+    /// A photo with measured depth.
+    Frame(Frame),
+    /// A photo alone, whose depth the depth network predicts.
+    Photo {
+        /// The photo, of at least 16 pixels.
+        photo: Photo,
+        /// The camera, in pixels of the photo.
+        camera: Camera,
+    },
+}
 
 /// Choices of [`estimate`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct EstimateOptions {
-    /// Depth of the octree: leaves have 1/2^depth of the cube's edge. 7 by default.
-    pub octree_depth: u32,
-    /// Depth down to which the octree is full. 4 by default.
+    /// Depth of the octree: leaves have 1/2^depth of the cube's edge. By default that of the network that completes it, else 7.
+    pub octree_depth: Option<u32>,
+    /// Depth down to which the octree is full where no network makes it. 4 by default.
     pub full_depth: u32,
     /// How the unseen part of the room is filled. The shell by default.
     pub completion: Completion,
     /// Unit vector against gravity; from the floor where it is not given.
     pub up: Option<Vec3>,
+    /// Seed of the places of the points that carry the global light into what the network has not seen.
+    pub seed: u64,
     /// Names of the input files, kept in the scene.
     pub sources: Vec<String>,
 }
 
 impl Default for EstimateOptions {
     fn default() -> Self {
-        Self { octree_depth: 7, full_depth: 4, completion: Completion::Shell, up: None, sources: Vec::new() }
+        Self {
+            octree_depth: None,
+            full_depth: 4,
+            completion: Completion::Shell,
+            up: None,
+            seed: 0,
+            sources: Vec::new(),
+        }
     }
 }
 
-/// Why a frame gave no scene.
+/// Why there is no scene.
 #[derive(Debug, thiserror::Error)]
 pub enum EstimateError {
     /// The octree's depths or cube are impossible.
@@ -38,9 +65,17 @@ pub enum EstimateError {
     /// No pixel has a depth that can be used.
     #[error("no depth reading is left after flying pixels at depth edges were dropped")]
     NothingSeen,
-    /// Asked for networks without giving any.
-    #[error("completion by networks needs their weights: call `estimate_with_networks` or `estimate_from_photo`")]
-    NoNetworks,
+    /// Networks are needed for what was asked for, and none were given.
+    #[error("{0} needs the weights of the networks")]
+    NoNetworks(&'static str),
+    /// The light network makes octrees of another depth.
+    #[error("the light network makes octrees of depth {own}, not {asked}")]
+    OctreeDepth {
+        /// What was asked for.
+        asked: u32,
+        /// The network's own.
+        own: u32,
+    },
     /// The depth network's output is no number: its weights are damaged.
     #[error("the depth network's output is not finite: its weights are damaged")]
     PredictedDepth,
@@ -52,41 +87,118 @@ pub enum EstimateError {
     Light(#[from] LightError),
 }
 
-/// From a photo with depth to a self-contained scene (SPEC §2, §11).
+impl From<Frame> for Input {
+    fn from(frame: Frame) -> Self {
+        Self::Frame(frame)
+    }
+}
+
+/// From a photo, with measured depth or without, to a self-contained scene (SPEC §2, §11).
+///
+/// `networks` predict depth where there is none, and complete the room where the options say so. The same input, options and weights
+/// give the same scene to the bit, on any number of threads. What the photo shows unclipped is in the scene as it was seen.
 ///
 /// # Errors
-/// No usable depth, impossible octree depths, `Completion::Network` (which needs [`Networks`](crate::Networks)).
+/// No usable depth, impossible octree depths, networks that are needed and not given, networks whose output is not finite.
 pub fn estimate(
-    frame: Frame,
+    input: impl Into<Input>,
+    networks: Option<&Networks>,
     options: &EstimateOptions,
     messages: &mut dyn FnMut(Message),
 ) -> Result<Scene, EstimateError> {
-    // Before any work: the shell's closing points grow with 4^depth.
-    check_depths(options.octree_depth, options.full_depth)?;
-    let working = stage(messages, "working resolution", || frame.working());
-    let begun = Instant::now();
-    let (points, cube, room) = match options.completion {
-        Completion::Network => return Err(EstimateError::NoNetworks),
-        Completion::None => {
-            let clean = working.without_flying_pixels();
-            let surfels = clean.surfels(&clean.radiance());
-            let positions: Vec<Vec3> = surfels.iter().map(|surfel| surfel.position_m).collect();
-            let points: Vec<RadiancePoint> = surfels.into_iter().map(RadiancePoint::from).collect();
-            (points, place_cube(&positions), None)
+    let octree_depth = octree_depth(networks, options)?;
+    let (view, predicted_depth) = match input.into() {
+        Input::Frame(frame) => {
+            let working = stage(messages, "working resolution", || frame.working());
+            (View { frame, working, global: None }, false)
         }
-        Completion::Shell => {
-            let shell_options =
-                ShellOptions { up: options.up, octree_depth: options.octree_depth, ..ShellOptions::default() };
-            let shell = shell(&working, &shell_options);
-            notes(&shell).into_iter().for_each(|note| messages(Message::Note(note)));
-            (shell.points(), shell.cube, Some(shell.room))
+        Input::Photo { photo, camera } => {
+            let networks = networks.ok_or(EstimateError::NoNetworks("a photo without depth"))?;
+            (network::predicted_view(photo, camera, networks, messages)?, true)
         }
     };
+    let Completed { light, room, confidence } = match options.completion {
+        Completion::Network => {
+            let networks = networks.ok_or(EstimateError::NoNetworks("completion by a network"))?;
+            network::complete(&view, networks, options, messages)?
+        }
+        Completion::Shell => closed(&view.working, octree_depth, options, messages)?,
+        Completion::None => as_seen(&view.working, octree_depth, options, messages)?,
+    };
+    let (frame, completion, sources) = (view.frame, options.completion, options.sources.clone());
+    Ok(Scene { light, frame, completion, room, sources, predicted_depth, confidence })
+}
+
+/// A photo with depth, at full and at working resolution.
+pub(crate) struct View {
+    pub frame: Frame,
+    pub working: Frame,
+    /// What the photo tells of the light outside of it, where that is known already.
+    pub global: Option<GlobalLight>,
+}
+
+/// The light of the room, and what belongs to it in a scene.
+pub(crate) struct Completed {
+    pub light: LightOctree,
+    pub room: Option<Room>,
+    pub confidence: Option<Vec<Vec<u8>>>,
+}
+
+/// Depth of the octree, checked before any work: the shell's closing points grow with 4^depth.
+fn octree_depth(networks: Option<&Networks>, options: &EstimateOptions) -> Result<u32, EstimateError> {
+    if options.completion == Completion::Network {
+        let own = networks.ok_or(EstimateError::NoNetworks("completion by a network"))?.config.depth;
+        let asked = options.octree_depth.unwrap_or(own);
+        return if asked == own { Ok(own) } else { Err(EstimateError::OctreeDepth { asked, own }) };
+    }
+    let octree_depth = options.octree_depth.unwrap_or(DEFAULT_OCTREE_DEPTH);
+    check_depths(octree_depth, options.full_depth)?;
+    Ok(octree_depth)
+}
+
+/// What the photo saw, and nothing else.
+fn as_seen(
+    working: &Frame,
+    octree_depth: u32,
+    options: &EstimateOptions,
+    messages: &mut dyn FnMut(Message),
+) -> Result<Completed, EstimateError> {
+    let (points, cube) = stage(messages, "completion", || {
+        let clean = working.without_flying_pixels();
+        let surfels = clean.surfels(&clean.radiance());
+        let positions: Vec<Vec3> = surfels.iter().map(|surfel| surfel.position_m).collect();
+        let points: Vec<RadiancePoint> = surfels.into_iter().map(RadiancePoint::from).collect();
+        (points, place_cube(&positions))
+    });
+    let light = octree_of(&points, cube, octree_depth, options, messages)?;
+    Ok(Completed { light, room: None, confidence: None })
+}
+
+/// The room closed by planes.
+fn closed(
+    working: &Frame,
+    octree_depth: u32,
+    options: &EstimateOptions,
+    messages: &mut dyn FnMut(Message),
+) -> Result<Completed, EstimateError> {
+    let shell_options = ShellOptions { up: options.up, octree_depth, ..ShellOptions::default() };
+    let shell = stage(messages, "completion", || shell(working, &shell_options));
+    notes(&shell).into_iter().for_each(|note| messages(Message::Note(note)));
+    let light = octree_of(&shell.points(), shell.cube, octree_depth, options, messages)?;
+    Ok(Completed { light, room: Some(shell.room), confidence: None })
+}
+
+fn octree_of(
+    points: &[RadiancePoint],
+    cube: Cube,
+    octree_depth: u32,
+    options: &EstimateOptions,
+    messages: &mut dyn FnMut(Message),
+) -> Result<LightOctree, EstimateError> {
     if points.is_empty() {
         return Err(EstimateError::NothingSeen);
     }
-    messages(Message::Stage { name: "completion", took: begun.elapsed() });
-    let build = || LightOctree::from_points(&points, cube, options.octree_depth, options.full_depth);
+    let build = || LightOctree::from_points(points, cube, octree_depth, options.full_depth);
     let (light, report) = stage(messages, "octree", build)?;
     if report.outside > 0 {
         messages(Message::Note(format!(
@@ -95,8 +207,7 @@ pub fn estimate(
             points.len()
         )));
     }
-    let sources = options.sources.clone();
-    Ok(Scene { light, frame, completion: options.completion, room, sources, prediction: None })
+    Ok(light)
 }
 
 /// What a user should know about a completion.
@@ -136,7 +247,7 @@ mod tests {
     #[test]
     fn without_completion_only_the_seen_is_there() {
         let options = EstimateOptions { completion: Completion::None, ..EstimateOptions::default() };
-        let scene = estimate(wall(), &options, &mut |_| ()).unwrap();
+        let scene = estimate(wall(), None, &options, &mut |_| ()).unwrap();
         // 128 of 255 is 0.2158605 by IEC 61966-2-1
         for rgba in scene.light.rgba.last().unwrap() {
             assert!((rgba[0] - 0.215_860_5).abs() < 1e-6, "{rgba:?}");
@@ -153,7 +264,7 @@ mod tests {
     #[test]
     fn the_shell_adds_what_is_not_seen_and_says_so() {
         let mut messages = Vec::new();
-        let scene = estimate(wall(), &EstimateOptions::default(), &mut |message| messages.push(message)).unwrap();
+        let scene = estimate(wall(), None, &EstimateOptions::default(), &mut |message| messages.push(message)).unwrap();
         assert!(scene.light.seen.last().unwrap().contains(&0));
         assert_eq!(scene.room.as_ref().unwrap().planes.len(), 6);
         let stages = messages.iter().filter(|message| matches!(message, Message::Stage { .. })).count();
@@ -164,8 +275,12 @@ mod tests {
     #[test]
     fn what_cannot_be_done_is_an_error() {
         let network = EstimateOptions { completion: Completion::Network, ..EstimateOptions::default() };
-        assert!(matches!(estimate(wall(), &network, &mut |_| ()), Err(EstimateError::NoNetworks)));
-        let deep = EstimateOptions { octree_depth: 40, ..EstimateOptions::default() };
-        assert!(matches!(estimate(wall(), &deep, &mut |_| ()), Err(EstimateError::Octree(_))));
+        let error = |input: Input, options: &EstimateOptions| estimate(input, None, options, &mut |_| ()).unwrap_err();
+        assert!(matches!(error(wall().into(), &network), EstimateError::NoNetworks("completion by a network")));
+        let Frame { photo, camera, .. } = wall();
+        let alone = error(Input::Photo { photo, camera }, &EstimateOptions::default());
+        assert!(matches!(alone, EstimateError::NoNetworks("a photo without depth")));
+        let deep = EstimateOptions { octree_depth: Some(40), ..EstimateOptions::default() };
+        assert!(matches!(error(wall().into(), &deep), EstimateError::Octree(_)));
     }
 }

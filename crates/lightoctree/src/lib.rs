@@ -7,7 +7,7 @@
 //! let depth_m = imaging::read_depth("room_depth.png", None)?;
 //! let (camera, _source) = camera_of_photo(&photo)?;
 //! let frame = Frame::new(photo.photo, depth_m, camera, 1.0)?;
-//! let scene = estimate(frame, &EstimateOptions::default(), &mut |_| ())?;
+//! let scene = estimate(frame, None, &EstimateOptions::default(), &mut |_| ())?;
 //! let tracer = cone::ConeTracer::new(&scene.light, cone::Settings::default())?;
 //! let panorama = tracer.panorama(Vec3::new(0.0, 0.0, -1.0), 256, 128);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -21,11 +21,13 @@ mod estimate;
 mod message;
 mod network;
 mod place;
+#[cfg(feature = "weights")]
+mod weights;
 
 pub use camera::{CameraSource, DEFAULT_HFOV_DEG, camera_of_photo};
 pub use completion;
 pub use cone;
-pub use estimate::{EstimateError, EstimateOptions, estimate};
+pub use estimate::{DEFAULT_OCTREE_DEPTH, EstimateError, EstimateOptions, Input, estimate};
 pub use export;
 pub use geometry;
 pub use imaging;
@@ -34,7 +36,9 @@ pub use mesh;
 pub use message::Message;
 pub use nets;
 pub use nets::Networks;
-pub use network::{NetworkOptions, SeenFrame, estimate_from_photo, estimate_with_networks};
+pub use network::SeenFrame;
 pub use octree;
 pub use place::probe_grid;
 pub use scene;
+#[cfg(feature = "weights")]
+pub use weights::shipped_networks;

@@ -4,51 +4,19 @@ use completion::{ShellOptions, room_around};
 use geometry::{Camera, Cube, Vec3};
 use imaging::{Image, Photo, srgb8_from_linear};
 use nets::light::VisiblePoint;
-use nets::{CompletedLight, GlobalLight, Networks};
-use scene::{Completion, Frame, Prediction, Scene, Surfel, place_cube, working_photo};
+use nets::{CompletedLight, Networks};
+use scene::{Frame, Surfel, place_cube, working_photo};
 
-use crate::EstimateError;
+use crate::estimate::{Completed, EstimateError, EstimateOptions, View};
 use crate::message::{Message, stage};
 
-/// Choices of [`estimate_with_networks`] and [`estimate_from_photo`]; the octree's depths are the light network's own.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct NetworkOptions {
-    /// Seed of the places of the points that carry the global light into what is not seen.
-    pub seed: u64,
-    /// Unit vector against gravity; from the floor where it is not given.
-    pub up: Option<Vec3>,
-    /// Names of the input files, kept in the scene.
-    pub sources: Vec<String>,
-}
-
-/// From a photo with measured depth to a scene whose unseen part is the light network's.
-///
-/// What the photo shows unclipped is in the scene as it was seen. The same input, seed and weights give the same scene to the bit.
-///
-/// # Errors
-/// No usable depth; networks whose output is not finite.
-pub fn estimate_with_networks(
-    frame: Frame,
-    networks: &Networks,
-    options: &NetworkOptions,
-    messages: &mut dyn FnMut(Message),
-) -> Result<Scene, EstimateError> {
-    let working = stage(messages, "working resolution", || frame.working());
-    let global = stage(messages, "global light", || networks.global_light(&srgb8(&working.photo)));
-    complete(frame, &working, (global, false), networks, options, messages)
-}
-
-/// From a photo alone: its depth is the depth network's.
-///
-/// # Errors
-/// Photos of less than 16 pixels; networks whose output is not finite.
-pub fn estimate_from_photo(
+/// A photo whose depth is the depth network's.
+pub(crate) fn predicted_view(
     photo: Photo,
     camera: Camera,
     networks: &Networks,
-    options: &NetworkOptions,
     messages: &mut dyn FnMut(Message),
-) -> Result<Scene, EstimateError> {
+) -> Result<View, EstimateError> {
     let small = stage(messages, "working resolution", || working_photo(&photo));
     let (depth_m, global) = stage(messages, "depth and global light", || networks.depth_and_light(&srgb8(&small)));
     if !depth_m.pixels().iter().all(|z| z.is_finite()) {
@@ -59,7 +27,7 @@ pub fn estimate_from_photo(
     messages(Message::Note(
         "depth is predicted from the photo alone: distances, and with them all sizes, may be off".into(),
     ));
-    complete(frame, &working, (global, true), networks, options, messages)
+    Ok(View { frame, working, global: Some(global) })
 }
 
 /// What the light network is told of a frame, in estimation and in training alike.
@@ -100,16 +68,18 @@ impl SeenFrame {
     }
 }
 
-/// The scene of a frame; `working` is the same at the working resolution, and `global` comes with whether depth is predicted.
-fn complete(
-    frame: Frame,
-    working: &Frame,
-    (global, predicted_depth): (GlobalLight, bool),
+/// The room by the light network.
+pub(crate) fn complete(
+    view: &View,
     networks: &Networks,
-    options: &NetworkOptions,
+    options: &EstimateOptions,
     messages: &mut dyn FnMut(Message),
-) -> Result<Scene, EstimateError> {
-    let seen = SeenFrame::new(working).ok_or(EstimateError::NothingSeen)?;
+) -> Result<Completed, EstimateError> {
+    let global = match &view.global {
+        Some(global) => global.clone(),
+        None => stage(messages, "global light", || networks.global_light(&srgb8(&view.working.photo))),
+    };
+    let seen = SeenFrame::new(&view.working).ok_or(EstimateError::NothingSeen)?;
     let room = room_around(&seen.surfels, &ShellOptions { up: options.up, ..ShellOptions::default() });
     let completed = stage(messages, "light network", || {
         networks.complete(&seen.points, &seen.camera, seen.cube, global, options.seed)
@@ -117,14 +87,7 @@ fn complete(
     let CompletedLight { light, confidence, messages: notes } = completed;
     notes.into_iter().for_each(|note| messages(Message::Note(note)));
     let confidence = confidence.into_iter().map(|level| level.into_iter().map(|c| (255.0 * c).round() as u8).collect());
-    Ok(Scene {
-        light,
-        frame,
-        completion: Completion::Network,
-        room: Some(room),
-        sources: options.sources.clone(),
-        prediction: Some(Prediction { confidence: confidence.collect(), depth: predicted_depth }),
-    })
+    Ok(Completed { light, room: Some(room), confidence: Some(confidence.collect()) })
 }
 
 fn srgb8(photo: &Photo) -> Image<[u8; 3]> {
@@ -142,8 +105,10 @@ mod tests {
     use nets::Device;
     use nets::checkpoint::Checkpoint;
     use nets::light::LightNetConfig;
+    use scene::{Completion, Scene};
 
     use super::*;
+    use crate::{Input, estimate};
 
     const SIZE: (usize, usize) = (96, 64);
 
@@ -180,10 +145,18 @@ mod tests {
         Frame::new(photo(), DepthMap::new(SIZE.0, SIZE.1, vec![2.0; SIZE.0 * SIZE.1]), camera(), 1.0).unwrap()
     }
 
+    fn alone() -> Input {
+        Input::Photo { photo: photo(), camera: camera() }
+    }
+
+    fn options() -> EstimateOptions {
+        EstimateOptions { completion: Completion::Network, ..EstimateOptions::default() }
+    }
+
     fn estimated(networks: &Networks) -> (Scene, Vec<Message>) {
         let mut messages = Vec::new();
-        let options = NetworkOptions::default();
-        (estimate_with_networks(wall(), networks, &options, &mut |message| messages.push(message)).unwrap(), messages)
+        let hear = &mut |message| messages.push(message);
+        (estimate(wall(), Some(networks), &options(), hear).unwrap(), messages)
     }
 
     #[test]
@@ -204,11 +177,9 @@ mod tests {
             );
             assert!((view.distance_m[(x, y)] / frame.point(x, y).unwrap().length() - 1.0).abs() < 0.1);
         }
-        let (seen, prediction) = (scene.light.seen.last().unwrap(), scene.prediction.as_ref().unwrap());
+        let (seen, confidence) = (scene.light.seen.last().unwrap(), scene.confidence.as_ref().unwrap());
         assert!(seen.contains(&255) && seen.contains(&0), "seen, and clipped");
-        assert!(
-            !prediction.depth && prediction.confidence.iter().map(Vec::len).eq(scene.light.rgba.iter().map(Vec::len))
-        );
+        assert!(!scene.predicted_depth && confidence.iter().map(Vec::len).eq(scene.light.rgba.iter().map(Vec::len)));
         let stages = messages.iter().filter(|message| matches!(message, Message::Stage { .. })).count();
         assert_eq!(stages, 3);
         assert!((scene.room.as_ref().unwrap().up.y - 1.0).abs() < 0.1);
@@ -221,12 +192,9 @@ mod tests {
         let networks = networks(&config(), &[("light_net.regression.3.output.weights", &[8, 8], 0.1)]);
         let run = |threads, seed| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let options = NetworkOptions { seed, ..NetworkOptions::default() };
-            pool.install(|| {
-                let with_depth = estimate_with_networks(wall(), &networks, &options, &mut |_| ()).unwrap();
-                let alone = estimate_from_photo(photo(), camera(), &networks, &options, &mut |_| ()).unwrap();
-                [with_depth.to_bytes().unwrap(), alone.to_bytes().unwrap()]
-            })
+            let options = EstimateOptions { seed, ..options() };
+            let bytes = |input| estimate(input, Some(&networks), &options, &mut |_| ()).unwrap().to_bytes().unwrap();
+            pool.install(|| [bytes(wall().into()), bytes(alone())])
         };
         let first = run(2, 1);
         assert!(first == run(2, 1) && first == run(1, 1) && first == run(3, 1));
@@ -238,10 +206,14 @@ mod tests {
         let mut messages = Vec::new();
         let networks = networks(&config(), &[]);
         let hear = &mut |message| messages.push(message);
-        let scene = estimate_from_photo(photo(), camera(), &networks, &NetworkOptions::default(), hear).unwrap();
+        let scene = estimate(alone(), Some(&networks), &options(), hear).unwrap();
         let depth_m = &scene.frame.depth_m;
         assert_eq!((depth_m.width(), depth_m.height()), SIZE);
-        assert!(scene.prediction.unwrap().depth);
+        assert!(scene.predicted_depth && scene.confidence.is_some());
+        // Completion does not ask where depth comes from.
+        let shell = estimate(alone(), Some(&networks), &EstimateOptions::default(), &mut |_| ()).unwrap();
+        assert_eq!((&shell.frame, shell.completion, shell.predicted_depth), (&scene.frame, Completion::Shell, true));
+        assert_eq!((shell.light.octree.depth(), shell.confidence), (7, None));
         assert!(messages.iter().any(|message| matches!(message, Message::Note(note) if note.contains("predicted"))));
     }
 
@@ -257,13 +229,18 @@ mod tests {
     }
 
     #[test]
-    fn damaged_weights_are_errors() {
+    fn networks_that_do_not_fit_are_errors() {
+        let error = |input: Input, networks: &Networks, options: &EstimateOptions| {
+            estimate(input, Some(networks), options, &mut |_| ()).unwrap_err()
+        };
         let light = networks(&config(), &[("light_net.global.weights", &[6, 2], f32::NAN)]);
-        let error = estimate_with_networks(wall(), &light, &NetworkOptions::default(), &mut |_| ()).unwrap_err();
-        assert!(matches!(error, EstimateError::Light(_)) && error.to_string().contains("not finite"), "{error}");
+        let light = error(wall().into(), &light, &options());
+        assert!(matches!(light, EstimateError::Light(_)) && light.to_string().contains("not finite"), "{light}");
         let depth = networks(&config(), &[("depth_net.decoder.output.bias", &[1], f32::NAN)]);
-        let error =
-            estimate_from_photo(photo(), camera(), &depth, &NetworkOptions::default(), &mut |_| ()).unwrap_err();
-        assert!(matches!(error, EstimateError::PredictedDepth), "{error}");
+        let depth = error(alone(), &depth, &options());
+        assert!(matches!(depth, EstimateError::PredictedDepth), "{depth}");
+        let deeper = EstimateOptions { octree_depth: Some(7), ..options() };
+        let deeper = error(wall().into(), &networks(&config(), &[]), &deeper);
+        assert!(matches!(deeper, EstimateError::OctreeDepth { asked: 7, own: 6 }), "{deeper}");
     }
 }

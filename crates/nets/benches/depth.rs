@@ -21,7 +21,7 @@ fn main() {
 fn net_and_photo() -> (DenseNet, Tensor<4>) {
     let device = Device::flex().autodiff();
     let net = DenseNet::new(&mut random::stream(1, "bench", 0), &device);
-    (net, Tensor::random([1, 3, 320, 480], Distribution::Default, &device))
+    (net, Tensor::random([3, 1, 320, 480], Distribution::Default, &device))
 }
 
 #[divan::bench(sample_count = 10)]
@@ -51,7 +51,7 @@ fn photo() -> Image<[u8; 3]> {
 #[divan::bench(sample_count = 10)]
 fn depth_net_fwd(bencher: Bencher) {
     let (net, photo) = (DepthNet::new(64, 1, &Device::flex()), photo());
-    bencher.bench_local(|| net.forward(&photo));
+    bencher.bench_local(|| net.forward(&[&photo]));
 }
 
 /// All losses, a step of the network and one of the discriminator.
@@ -62,15 +62,15 @@ fn depth_net_train(bencher: Bencher) {
     let (mut adam, mut judge_adam) = (Adam::default(), Adam::default());
     let truth = DepthMap::from_fn(480, 320, |x, y| 1.0 + 0.01 * (x + y) as f32);
     let sky = RadianceImage::from_fn(128, 64, |_, y| [if y < 20 { 8.0 } else { 0.2 }; 3]);
-    let condition = Tensor::<4>::ones([1, 4, 64, 128], &device);
-    let real = Tensor::<4>::ones([1, 3, 64, 128], &device);
+    let condition = Tensor::<4>::ones([4, 1, 64, 128], &device);
+    let real = Tensor::<4>::ones([3, 1, 64, 128], &device);
     bencher.bench_local(|| {
         let (net, judge) = nets.take().expect("networks");
-        let output = net.forward(&photo);
-        let [log_depth, variance] = depth_losses(output.log_depth, &truth);
+        let output = net.forward(&[&photo]);
+        let [log_depth, variance] = depth_losses(output.log_depth, &[&truth]);
         let made = net.panorama.forward(output.global);
         let opinion = judge.generator_loss(made.clone(), condition.clone());
-        let loss = log_depth + variance + panorama_loss(made.clone(), &sky) + opinion;
+        let loss = log_depth + variance + panorama_loss(made.clone(), &[&sky]) + opinion;
         let net = adam.step(net, &loss.backward(), 1e-4);
         let loss = judge.discriminator_loss(real.clone(), made, condition.clone());
         nets = Some((net, judge_adam.step(judge, &loss.backward(), 1e-4)));

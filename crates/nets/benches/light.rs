@@ -130,5 +130,5 @@ fn input(depth: u32) -> (LightInput, LightNetConfig) {
     let features = (0..nodes * NODE_FEATURES).map(|i| (0.7 * i as f32).sin()).collect();
     let net = LightNet::new(&config, 1, &Device::flex()).expect("a valid configuration");
     eprintln!("depth {depth}: {nodes} nodes, {} parameters", net.num_params());
-    (LightInput { levels, octree: visible.octree.clone(), features, visible }, config)
+    (LightInput { levels, octree: visible.octree.clone(), features, visible, ambient: [0.3; 3] }, config)
 }

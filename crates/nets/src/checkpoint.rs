@@ -238,8 +238,21 @@ impl Checkpoint {
     pub fn read(path: impl AsRef<FilePath>) -> Result<Self, CheckpointError> {
         let path = path.as_ref();
         let system = |source| CheckpointError::File { path: path.display().to_string(), source };
-        let mut file = File::open(path).map_err(system)?;
+        let file = File::open(path).map_err(system)?;
         let length = file.metadata().map_err(system)?.len();
+        Self::from_reader(file, length, path)
+    }
+
+    /// [`Checkpoint::read`] of a file's bytes; messages call it `name`.
+    ///
+    /// # Errors
+    /// As of a file.
+    pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Self, CheckpointError> {
+        Self::from_reader(bytes, bytes.len() as u64, name.as_ref())
+    }
+
+    fn from_reader(mut file: impl Read, length: u64, path: &FilePath) -> Result<Self, CheckpointError> {
+        let system = |source| CheckpointError::File { path: path.display().to_string(), source };
         let mut header_length = [0; 8];
         if length < 8 {
             return Err(content(path, "no .safetensors file: it has less than eight bytes"));

@@ -89,6 +89,14 @@ impl Networks {
         Self::from_checkpoint(Checkpoint::read(path)?, &Device::flex())
     }
 
+    /// [`Networks::read`] of a file's bytes; messages call it `name`.
+    ///
+    /// # Errors
+    /// As of a file.
+    pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Self, CheckpointError> {
+        Self::from_checkpoint(Checkpoint::from_bytes(bytes, name)?, &Device::flex())
+    }
+
     /// Writes a file of weights, whole or not at all.
     ///
     /// # Errors
@@ -105,7 +113,7 @@ impl Networks {
     /// Where the photo has no pixels.
     pub fn depth_and_light(&self, photo: &Image<[u8; 3]>) -> (DepthMap, GlobalLight) {
         in_pool(|| {
-            let output = self.depth.forward(photo);
+            let output = self.depth.forward(&[photo]);
             (output.depth_m(), GlobalLight(output.global))
         })
     }

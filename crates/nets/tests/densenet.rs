@@ -78,7 +78,7 @@ fn features_and_gradients_are_those_of_torchvision() {
     let fresh = || DenseNet::new(&mut random::stream(1, "test", 0), &device);
     let net = fresh().load_torchvision(&published).unwrap();
     let photo =
-        |device: &Device| Tensor::<4>::from_data(TensorData::new(noise("photo", 3 * 64 * 96), [1, 3, 64, 96]), device);
+        |device: &Device| Tensor::<4>::from_data(TensorData::new(noise("photo", 3 * 64 * 96), [3, 1, 64, 96]), device);
     for (i, features) in net.valid().forward(photo(&Device::flex())).into_iter().enumerate() {
         golden.check(&format!("eval.{i}"), features, 1e-4);
     }

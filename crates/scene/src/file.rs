@@ -12,7 +12,7 @@ use octree::{NamedTensor, OctreeHeader, read_tensors, write_tensors};
 use safetensors::{Dtype, SafeTensors, View};
 use serde::{Deserialize, Serialize};
 
-use crate::{Completion, Frame, Prediction, Room, Scene, SceneError};
+use crate::{Completion, Frame, Room, Scene, SceneError};
 
 /// Version of the file's layout that this crate writes and reads.
 pub const FORMAT_VERSION: u32 = 1;
@@ -37,14 +37,10 @@ struct Metadata {
     completion: Completion,
     room: Option<Room>,
     sources: Vec<String>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    prediction: Option<PredictionHeader>,
-}
-
-/// A [`Prediction`] without its tensor.
-#[derive(Serialize, Deserialize)]
-struct PredictionHeader {
-    depth: bool,
+    #[serde(default)]
+    predicted_depth: bool,
+    #[serde(default)]
+    confidence: bool,
 }
 
 impl Scene {
@@ -89,7 +85,8 @@ impl Scene {
             completion: self.completion,
             room: self.room.clone(),
             sources: self.sources.iter().map(|name| file_name(name)).collect(),
-            prediction: self.prediction.as_ref().map(|prediction| PredictionHeader { depth: prediction.depth }),
+            predicted_depth: self.predicted_depth,
+            confidence: self.confidence.is_some(),
         };
         let json = serde_json::to_string(&metadata).map_err(|e| SceneError::Metadata(e.to_string()))?;
         let mut tensors: Vec<(String, Tensor)> =
@@ -104,8 +101,8 @@ impl Scene {
             Photo::Linear(image) => Tensor::floats(shape, image.pixels().as_flattened()),
         };
         tensors.push(("photo".to_owned(), photo));
-        if let Some(prediction) = &self.prediction {
-            let bytes = prediction.confidence.concat();
+        if let Some(confidence) = &self.confidence {
+            let bytes = confidence.concat();
             let tensor = Tensor::Plain { dtype: Dtype::U8, shape: vec![bytes.len()], bytes: Cow::Owned(bytes) };
             tensors.push(("confidence".to_owned(), tensor));
         }
@@ -149,13 +146,9 @@ impl Scene {
         let frame = Frame::new(read_photo(&tensors)?, read_depth(&tensors)?, metadata.camera, metadata.exposure)?;
         let light = read_tensors(&tensors, &metadata.octree)?;
         let sources = metadata.sources.iter().map(|name| file_name(name)).collect();
-        let prediction = match metadata.prediction {
-            Some(PredictionHeader { depth }) => {
-                Some(Prediction { confidence: read_confidence(&tensors, &light.rgba)?, depth })
-            }
-            None => None,
-        };
-        Ok(Self { light, frame, completion: metadata.completion, room: metadata.room, sources, prediction })
+        let confidence = metadata.confidence.then(|| read_confidence(&tensors, &light.rgba)).transpose()?;
+        let Metadata { completion, room, predicted_depth, .. } = metadata;
+        Ok(Self { light, frame, completion, room, sources, predicted_depth, confidence })
     }
 }
 

@@ -10,13 +10,13 @@
 //! | | or F32 `[height, width, 3]` | linear Rec. 709, where the photo had more than 8 bits |
 //! | `depth_m` | F32 `[h, w]` | depth along the optical axis, same field of view, 0 = no reading |
 //! | `octree.d.…` | | the lighting octree, depth by depth: see [`octree::write_tensors`] |
-//! | `confidence` | U8 `[rows]` | only where networks made the scene: of each feature row of the octree, depth by depth, 255 = sure |
+//! | `confidence` | U8 `[rows]` | only where a network completed the scene: of each feature row of the octree, depth by depth, 255 = sure |
 //!
 //! Under the key `lightoctree` of safetensors' `__metadata__` lies one JSON block: `format_version` (1), `program`,
 //! `octree` (`format_version`, `depth`, `full_depth`, `cube` with `origin_m` and `edge_m`), `camera` (`fx fy cx cy width height`, pixels of the photo),
 //! `exposure`, `completion` (`network`, `shell`, `none`), `room` (null, or `up` and `planes`: `side`, `plane` with `normal` and
-//! `offset_m`, `measured`), `sources` (file names without folders) and, where networks made the scene, `prediction` (`depth`: whether
-//! `depth_m` is predicted too). In Python:
+//! `offset_m`, `measured`), `sources` (file names without folders), `predicted_depth` (whether `depth_m` was predicted from the photo) and
+//! `confidence` (whether there is a tensor of that name). In Python:
 //!
 //! ```python
 //! from safetensors import safe_open
@@ -57,15 +57,9 @@ pub struct Scene {
     pub room: Option<Room>,
     /// Names of the files that the scene was made from, without folders.
     pub sources: Vec<String>,
-    /// What the networks say of their own work, where they did any.
-    pub prediction: Option<Prediction>,
-}
-
-/// How far a scene rests on predictions of networks.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Prediction {
-    /// `confidence[d][row]` of each row of [`LightOctree::rgba`]: 255 · e^−ε with the expected error ε of log(1 + radiance).
-    pub confidence: Vec<Vec<u8>>,
-    /// Whether the frame's depth is predicted too, from the photo alone.
-    pub depth: bool,
+    /// Whether the frame's depth was predicted from the photo instead of measured.
+    pub predicted_depth: bool,
+    /// What a network says of its own work: `confidence[d][row]` of each row of [`LightOctree::rgba`], 255 · e^−ε with the expected
+    /// error ε of log(1 + radiance).
+    pub confidence: Option<Vec<Vec<u8>>>,
 }

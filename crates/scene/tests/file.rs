@@ -3,7 +3,7 @@
 
 use geometry::{Camera, Cube, Plane, Vec3};
 use imaging::{Image, Photo};
-use lightoctree_scene::{Completion, Frame, Prediction, Room, RoomPlane, Scene, SceneError, Side};
+use lightoctree_scene::{Completion, Frame, Room, RoomPlane, Scene, SceneError, Side};
 use octree::{Coverage, LightOctree, RadiancePoint};
 use proptest::prelude::*;
 
@@ -32,7 +32,8 @@ fn scene(linear: bool) -> Scene {
         completion: Completion::Shell,
         room: Some(room),
         sources: vec!["/home/somebody/photo.jpg".to_owned(), "C:\\pictures\\depth.png".to_owned()],
-        prediction: None,
+        predicted_depth: false,
+        confidence: None,
     }
 }
 
@@ -67,14 +68,16 @@ fn what_networks_say_of_their_work_comes_back() {
     let mut scene = scene(false);
     let rows = scene.light.rgba.iter().map(Vec::len);
     let confidence = rows.map(|rows| (0..rows).map(|row| (7 * row) as u8).collect()).collect();
-    scene.prediction = Some(Prediction { confidence, depth: true });
+    (scene.predicted_depth, scene.confidence) = (true, Some(confidence));
     let bytes = scene.to_bytes().unwrap();
-    assert_eq!(Scene::from_bytes(&bytes).unwrap().prediction, scene.prediction);
+    let back = Scene::from_bytes(&bytes).unwrap();
+    assert_eq!((back.predicted_depth, &back.confidence), (true, &scene.confidence));
+    // in the metadata the quotes are escaped
     let missing = bytes.windows(12).position(|window| window == b"\"confidence\"").unwrap();
     let mut damaged = bytes.clone();
     damaged[missing + 3] = b'x';
     assert!(matches!(Scene::from_bytes(&damaged), Err(SceneError::MissingTensor("confidence"))));
-    scene.prediction.as_mut().unwrap().confidence[2].pop();
+    scene.confidence.as_mut().unwrap()[2].pop();
     let error = Scene::from_bytes(&scene.to_bytes().unwrap()).unwrap_err().to_string();
     assert!(error.contains("confidence") && error.contains("feature rows"), "{error}");
 }

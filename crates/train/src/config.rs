@@ -74,8 +74,10 @@ pub struct ValidationConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DepthPhase {
-    /// Steps, each of one photo.
+    /// Steps.
     pub steps: u64,
+    /// Photos a step. More than one are faster than as many steps, and normalised together.
+    pub batch_size: usize,
     /// Greatest learning rate.
     pub rate: f64,
     /// Steps in which the learning rate rises to it.
@@ -84,7 +86,7 @@ pub struct DepthPhase {
     pub final_share: f64,
     /// Width of the photos in pixels; smaller ones are faster. The network is used on up to 480.
     pub photo_width: usize,
-    /// Normalise by the running statistics, as in use, instead of those of the photo at hand.
+    /// Normalise by the running statistics, as in use, instead of those of the photos at hand.
     pub frozen_statistics: bool,
 }
 
@@ -185,6 +187,7 @@ impl Default for DepthPhase {
     fn default() -> Self {
         Self {
             steps: 8_000,
+            batch_size: 1,
             rate: 3e-4,
             warm_up_steps: 200,
             final_share: 0.05,
@@ -241,6 +244,14 @@ impl Phase {
             Self::Depth(phase) => phase.steps,
             Self::Light(phase) => phase.steps,
             Self::Joint(phase) => phase.steps,
+        }
+    }
+
+    /// Samples of a step.
+    pub fn batch_size(&self) -> usize {
+        match self {
+            Self::Depth(phase) => phase.batch_size,
+            Self::Light(_) | Self::Joint(_) => 1,
         }
     }
 
@@ -339,7 +350,10 @@ impl TrainConfig {
                 shallowest = depth.into();
             }
             match &phase {
-                Phase::Depth(p) => inside("photo_width", p.photo_width as f64, 32.0, 4096.0)?,
+                Phase::Depth(p) => {
+                    inside("photo_width", p.photo_width as f64, 32.0, 4096.0)?;
+                    inside("batch_size", p.batch_size as f64, 1.0, 256.0)?;
+                }
                 Phase::Light(p) => {
                     shares(&[
                         ("own_growth", p.own_growth[0]),

@@ -1,5 +1,8 @@
 //! The networks while they learn: weights, optimisers, averages, and one step of each stage.
 
+use std::collections::BTreeMap;
+use std::path::Path;
+
 use burn::module::Module;
 use burn::tensor::{Device, Gradients, Tensor, TensorData};
 use cone::Settings;
@@ -11,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::TrainConfig;
 use crate::deepen::deepened;
+use crate::error::TrainError;
 use crate::example::{DepthExample, LightExample, PANORAMA};
 use crate::weights::{averaged, first_not_finite, gradient_norm, scale_gradient};
 
@@ -149,6 +153,27 @@ impl Learner {
         Ok(())
     }
 
+    /// Starts with the networks of a file of weights, the light network made one for octrees of the depth at hand.
+    ///
+    /// # Errors
+    /// Of the file; networks of another shape than the configuration's.
+    pub fn load(&mut self, path: &Path, config: &TrainConfig, seed: u64) -> Result<(), TrainError> {
+        // Twice: clones share running statistics.
+        let (start, average) = (Networks::read(path)?, Networks::read(path)?);
+        let own = &start.config;
+        if *own != config.network_of(own.depth) {
+            let reason = "its networks are of another shape than [network] of the configuration says".into();
+            return Err(TrainError::NotThisRun { path: path.to_owned(), reason });
+        }
+        let light = |old: &LightNet, device: &Device| {
+            deepened(old, own, &self.network, seed, device).map_err(TrainError::Config)
+        };
+        (self.light.net, self.light.average) =
+            (light(&start.light, &recording())?, light(&average.light, &Device::flex())?);
+        (self.depth.net, self.depth.average) = (start.depth.train(), average.depth);
+        Ok(())
+    }
+
     /// The averaged weights: what is used.
     pub fn averages(&self) -> Networks {
         Networks { depth: self.depth.average.clone(), light: self.light.average.clone(), config: self.network.clone() }
@@ -225,10 +250,22 @@ impl Learner {
         self.light.check("light_net")
     }
 
-    /// A step of the depth network and its discriminator.
-    pub fn depth_step(&mut self, example: &DepthExample, rate: f64, config: &TrainConfig) -> Result<Progress, Fault> {
-        let output = self.depth.net.forward(&example.photo);
-        let (total, judged, mut progress) = self.depth_losses(output, example, config);
+    /// A step of the depth network and its discriminator. Photos of the same size go through the network together.
+    pub fn depth_step(
+        &mut self,
+        examples: &[DepthExample],
+        rate: f64,
+        config: &TrainConfig,
+    ) -> Result<Progress, Fault> {
+        let mut groups = BTreeMap::<_, Vec<&DepthExample>>::new();
+        for example in examples {
+            groups.entry((example.photo.width(), example.photo.height())).or_default().push(example);
+        }
+        let outputs = groups.into_values().map(|group| {
+            let photos: Vec<_> = group.iter().map(|example| &example.photo).collect();
+            (self.depth.net.forward(&photos), group)
+        });
+        let (total, judged, mut progress) = self.depth_losses(outputs.collect(), config);
         let mut gradients = total.backward();
         let norm = self.depth.descend("depth_net", &mut gradients, rate, config);
         progress.norms.push(("depth", norm.map_err(|fault| with_losses(fault, &progress))?));
@@ -240,14 +277,24 @@ impl Learner {
     /// The weighted sum of the depth network's losses, what the discriminator needs for its own step, and the losses.
     fn depth_losses(
         &self,
-        output: DepthOutput,
-        example: &DepthExample,
+        outputs: Vec<(DepthOutput, Vec<&DepthExample>)>,
         config: &TrainConfig,
     ) -> (Tensor<1>, Option<Judged>, Progress) {
         let weights = &config.depth_losses;
-        let [log_depth, variance] = depth_losses(output.log_depth, &example.depth_m);
-        let made = self.depth.net.panorama.forward(output.global);
-        let panorama = panorama_loss(made.clone(), &example.panorama);
+        let count: usize = outputs.iter().map(|(_, examples)| examples.len()).sum();
+        let (mut globals, mut all) = (Vec::new(), Vec::new());
+        let [mut log_depth, mut variance] = [(); 2].map(|()| Tensor::zeros([1], &recording()));
+        for (output, examples) in outputs {
+            let share = examples.len() as f64 / count as f64;
+            let truths: Vec<_> = examples.iter().map(|example| &example.depth_m).collect();
+            let [mean_square, of_group] = depth_losses(output.log_depth, &truths);
+            (log_depth, variance) = (log_depth + mean_square * share, variance + of_group * share);
+            globals.push(output.global);
+            all.extend(examples);
+        }
+        let made = self.depth.net.panorama.forward(Tensor::cat(globals, 0));
+        let truths: Vec<_> = all.iter().map(|example| &example.panorama).collect();
+        let panorama = panorama_loss(made.clone(), &truths);
         let mut losses = vec![
             ("log_depth", scalar(&log_depth)),
             ("scale_invariant", scalar(&variance)),
@@ -257,8 +304,8 @@ impl Learner {
             log_depth * weights.log_depth + variance * weights.scale_invariant + panorama * weights.panorama;
         let mut judged = None;
         if weights.adversarial > 0.0 {
-            let condition = channels::<4>(example.shown.pixels());
-            let real = channels::<3>(example.panorama.pixels());
+            let condition = channels::<4>(all.iter().map(|example| example.shown.pixels()));
+            let real = channels::<3>(truths.iter().map(|truth| truth.pixels()));
             let opinion = self.judge.generator_loss(made.clone(), condition.clone());
             losses.push(("adversarial", scalar(&opinion)));
             total = total + opinion * weights.adversarial;
@@ -334,7 +381,7 @@ impl Learner {
         config: &TrainConfig,
     ) -> Result<Progress, Fault> {
         let (light, lit) = self.light_losses(light_example, output.global.clone(), own_growth, config)?;
-        let (depth, judged, mut progress) = self.depth_losses(output, depth_example, config);
+        let (depth, judged, mut progress) = self.depth_losses(vec![(output, vec![depth_example])], config);
         progress.losses.extend(lit.losses);
         let mut gradients = (light + depth).backward();
         let norm = self.light.descend("light_net", &mut gradients, rate, config);
@@ -358,10 +405,11 @@ fn adam_name(name: &str) -> String {
     format!("adam.{name}")
 }
 
-/// Pixels of a panorama as `[1, C, height, width]`.
-fn channels<const C: usize>(pixels: &[[f32; C]]) -> Tensor<4> {
-    let values: Vec<f32> = (0..C).flat_map(|c| pixels.iter().map(move |pixel| pixel[c])).collect();
-    Tensor::from_data(TensorData::new(values, [1, C, PANORAMA.1, PANORAMA.0]), &recording())
+/// Panoramas as `[C, panoramas, height, width]`.
+fn channels<'a, const C: usize>(panoramas: impl ExactSizeIterator<Item = &'a [[f32; C]]> + Clone) -> Tensor<4> {
+    let size = [C, panoramas.len(), PANORAMA.1, PANORAMA.0];
+    let channel = |c: usize| panoramas.clone().flatten().map(move |pixel| pixel[c]);
+    Tensor::from_data(TensorData::new((0..C).flat_map(channel).collect::<Vec<f32>>(), size), &recording())
 }
 
 /// Names the losses that are no numbers too.

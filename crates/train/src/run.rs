@@ -75,6 +75,8 @@ pub struct Request<'a> {
     pub resume: bool,
     /// Seed of all chance; a resumed run keeps its own.
     pub seed: u64,
+    /// Trained weights of all networks to begin with.
+    pub weights: Option<&'a Path>,
     /// Weights of torchvision's `densenet121` to begin with.
     pub encoder_weights: Option<&'a Path>,
 }
@@ -166,6 +168,9 @@ impl<'a> Run<'a> {
                 let first_depth = phases.iter().find_map(|(_, phase)| phase.octree_depth());
                 let octree_depth = first_depth.unwrap_or(config.network.depth);
                 let mut learner = Learner::new(config, octree_depth, seed).map_err(TrainError::Config)?;
+                if let Some(path) = request.weights {
+                    learner.load(path, config, seed)?;
+                }
                 if let Some(path) = request.encoder_weights {
                     learner.load_encoder(&Checkpoint::read(path)?)?;
                 }
@@ -210,14 +215,15 @@ impl<'a> Run<'a> {
                     let variation = augmentation.of(seed, sample, epoch).0;
                     DepthExample::new(sample, &variation, width).map_err(|error| error.to_string())
                 };
-                self.steps(&phase, prepare, stop, |run, example, rate| {
-                    in_pool(|| run.learner.depth_step(&example, rate, run.config)).map(Ok)
+                self.steps(&phase, prepare, stop, |run, examples, rate| {
+                    in_pool(|| run.learner.depth_step(&examples, rate, run.config)).map(Ok)
                 })
             }
             Phase::Light(light) => {
                 let prepare = self.prepare_light(light);
                 let (growth, steps) = (light.own_growth, light.steps);
-                self.steps(&phase, prepare, stop, move |run, (example, global), rate| {
+                self.steps(&phase, prepare, stop, move |run, mut examples, rate| {
+                    let (example, global) = examples.swap_remove(0);
                     let own = run.grows_itself(growth, steps);
                     in_pool(|| run.learner.light_step(&example, global, own, rate, run.config)).map(Ok)
                 })
@@ -226,7 +232,9 @@ impl<'a> Run<'a> {
                 self.learner.freeze_statistics(true);
                 let prepare = self.prepare_joint(joint);
                 let joint = joint.clone();
-                self.steps(&phase, prepare, stop, move |run, example, rate| run.joint_step(&joint, example, rate))
+                self.steps(&phase, prepare, stop, move |run, mut examples, rate| {
+                    run.joint_step(&joint, examples.swap_remove(0), rate)
+                })
             }
         }?;
         if outcome == Outcome::Done {
@@ -247,7 +255,7 @@ impl<'a> Run<'a> {
         phase: &Phase,
         prepare: impl FnMut(&Sample, u64) -> Result<T, String> + Send + 'static,
         stop: &dyn Fn() -> bool,
-        mut step: impl FnMut(&mut Self, T, f64) -> Result<Result<Progress, String>, Fault>,
+        mut step: impl FnMut(&mut Self, Vec<T>, f64) -> Result<Result<Progress, String>, Fault>,
     ) -> Result<Outcome, TrainError> {
         let (data, position) = (&self.config.data, self.state.position);
         let feed = Feed::start(self.dataset.clone(), data, self.state.seed, position, prepare);
@@ -259,30 +267,37 @@ impl<'a> Run<'a> {
                 self.save()?;
                 return Ok(Outcome::Stopped);
             }
-            let fed = feed.next().map_err(|_| TrainError::Empty)?;
+            let mut examples = Vec::with_capacity(phase.batch_size());
+            while examples.len() < phase.batch_size() {
+                let fed = feed.next().map_err(|_| TrainError::Empty)?;
+                self.state.position = fed.next;
+                match fed.example {
+                    Ok(example) => examples.push(example),
+                    Err(reason) => self.pass_over(reason, &mut unusable)?,
+                }
+            }
             waited += feed.take_waited();
-            self.state.position = fed.next;
             let rate = phase.rate(self.state.step);
-            let result = match fed.example {
-                Ok(example) => step(self, example, rate),
-                Err(reason) => Ok(Err(reason)),
-            };
-            match result {
+            match step(self, examples, rate) {
                 Ok(Ok(progress)) => {
                     unusable = 0;
                     self.done(&progress, rate, &mut waited)?;
                 }
-                Ok(Err(reason)) => {
-                    unusable += 1;
-                    if unusable == MOST_UNUSABLE {
-                        return Err(TrainError::NoSamples { count: unusable, last: reason });
-                    }
-                    (self.messages)(Message::Note(format!("passed over: {reason}")));
-                }
+                Ok(Err(reason)) => self.pass_over(reason, &mut unusable)?,
                 Err(fault) => self.go_back(&fault)?,
             }
         }
         Ok(Outcome::Done)
+    }
+
+    /// Counts a sample that cannot be used.
+    fn pass_over(&mut self, reason: String, unusable: &mut u64) -> Result<(), TrainError> {
+        *unusable += 1;
+        if *unusable == MOST_UNUSABLE {
+            return Err(TrainError::NoSamples { count: *unusable, last: reason });
+        }
+        (self.messages)(Message::Note(format!("passed over: {reason}")));
+        Ok(())
     }
 
     /// Counts a step, tells of it, and does what is due after it.
@@ -373,7 +388,7 @@ impl<'a> Run<'a> {
         let seed = self.state.seed;
         in_pool(|| {
             let JointExample { sample, variation, epoch, depth, light } = example;
-            let output = self.learner.depth.net.forward(&depth.photo);
+            let output = self.learner.depth.net.forward(&[&depth.photo]);
             let light = match light {
                 Some(light) => light,
                 None => {
@@ -536,7 +551,7 @@ mod tests {
             ..TrainConfig::default()
         };
         let folder = tempfile::tempdir().unwrap();
-        let request = Request { folder: folder.path(), resume: false, seed: 1, encoder_weights: None };
+        let request = Request { folder: folder.path(), resume: false, seed: 1, weights: None, encoder_weights: None };
         let (steps, mut notes) = (Cell::new(0), Vec::new());
         let mut hear = |message| match message {
             Message::Step { .. } => steps.set(steps.get() + 1),

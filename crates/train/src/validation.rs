@@ -106,7 +106,7 @@ fn mean(values: impl Iterator<Item = f32>) -> Option<f32> {
 /// Figures of one photo into `means`, and its row of the sheet.
 fn judge(learner: &Learner, sample: &Sample, lit: bool, means: &mut Means) -> Option<Row> {
     let example = DepthExample::new(sample, &Variation::NONE, sample.photo.width()).ok()?;
-    let output = learner.depth.average.forward(&example.photo);
+    let output = learner.depth.average.forward(&[&example.photo]);
     let predicted_m = output.depth_m();
     let (abs_rel, delta1) = depth_figures(&predicted_m, &example.depth_m);
     means.abs_rel.extend(abs_rel);
@@ -170,8 +170,8 @@ fn grown(learner: &Learner, room: &VariedRoom, global: &[f32]) -> Option<LightOc
 fn bounds(sample: &Sample, network: &LightNetConfig) -> [Option<f32>; 2] {
     let Ok(room) = VariedRoom::new(sample, &Variation::NONE, KnownDepth::True) else { return [None; 2] };
     let truth = room.truth(network).ok().and_then(|truth| mean(views_db(&truth, &sample.views, 1.0).into_iter()));
-    let options = EstimateOptions { octree_depth: network.depth, up: sample.up, ..EstimateOptions::default() };
-    let shell = estimate(room.working, &options, &mut |_| ()).ok();
+    let options = EstimateOptions { octree_depth: Some(network.depth), up: sample.up, ..EstimateOptions::default() };
+    let shell = estimate(room.working, None, &options, &mut |_| ()).ok();
     [truth, shell.and_then(|scene| mean(views_db(&scene.light, &sample.views, 1.0).into_iter()))]
 }
 

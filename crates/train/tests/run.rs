@@ -29,7 +29,7 @@ fn config() -> TrainConfig {
         data: DataConfig { generated_rooms: 12, generator: small, ..DataConfig::default() },
         validation: ValidationConfig { every_steps: 100, photos: 1, sheet_rows: 1 },
         depth: vec![
-            DepthPhase { steps: 1, photo_width: 32, ..Default::default() },
+            DepthPhase { steps: 1, batch_size: 3, photo_width: 32, ..Default::default() },
             DepthPhase { steps: 1, frozen_statistics: true, ..Default::default() },
         ],
         light: vec![light(4), LightPhase { own_growth: [0.0, 1.0], ..light(5) }],
@@ -50,7 +50,8 @@ fn run(config: &TrainConfig, folder: &Path, resume: bool, steps: u64) -> (Outcom
     let made = Cell::new(0);
     let mut messages = Vec::new();
     // A resumed run keeps its own seed.
-    let request = Request { folder, resume, seed: if resume { 6 } else { 5 }, encoder_weights: None };
+    let seed = if resume { 6 } else { 5 };
+    let request = Request { folder, resume, seed, weights: None, encoder_weights: None };
     let outcome = train(config, &request, &|| made.get() >= steps, &mut |message| {
         made.set(made.get() + u64::from(matches!(message, Message::Step { .. })));
         messages.push(message);
@@ -110,9 +111,34 @@ fn a_run_goes_on_as_if_it_had_not_stopped() {
 }
 
 #[test]
+fn trained_weights_begin_a_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let weights = folder.path().join("trained.safetensors");
+    let config = TrainConfig { depth: Vec::new(), joint: Vec::new(), ..config() };
+    let trained = Networks::new(&config.network, 3, &nets::Device::flex()).unwrap();
+    trained.write(&weights, nets::checkpoint::Precision::Half).unwrap();
+    let request =
+        Request { folder: folder.path(), resume: false, seed: 5, weights: Some(&weights), encoder_weights: None };
+    assert_eq!(train(&config, &request, &|| true, &mut |_| ()).unwrap(), Outcome::Stopped);
+    // The light network begins with octrees of depth 4, without the finest stage of the one that was trained.
+    let read = |file: &Path| {
+        let Networks { depth, light, config } = Networks::read(file).unwrap();
+        let finest = &light.encoder[config.depth as usize - 4].blocks[0].first.weights;
+        let weights = [light.global.weights.val(), finest.val()].map(|weights| weights.into_data());
+        (config.depth, depth.encoder.conv0.weight.val().into_data(), weights)
+    };
+    let (begun, trained) = (read(&folder.path().join(CHECKPOINT_FILE)), read(&weights));
+    assert_eq!([begun.0, trained.0], [4, 5]);
+    assert!(begun.1 == trained.1 && begun.2 == trained.2);
+    let other = LightNetConfig { channels: 16, ..config.network.clone() };
+    let error = train(&TrainConfig { network: other, ..config }, &request, &|| true, &mut |_| ()).unwrap_err();
+    assert!(error.to_string().contains("of another shape than [network]"), "{error}");
+}
+
+#[test]
 fn what_cannot_be_trained_is_said() {
     let folder = tempfile::tempdir().unwrap();
-    let request = Request { folder: folder.path(), resume: false, seed: 5, encoder_weights: None };
+    let request = Request { folder: folder.path(), resume: false, seed: 5, weights: None, encoder_weights: None };
     let message = |config: &TrainConfig, request: &Request| {
         train(config, request, &|| false, &mut |_| ()).unwrap_err().to_string()
     };

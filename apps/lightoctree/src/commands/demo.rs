@@ -101,7 +101,7 @@ fn halved(frame: Frame) -> Frame {
 pub fn estimate(stages: &mut Stages, frame: Frame) -> anyhow::Result<Scene> {
     let sources = vec!["library_color.jpg".into(), "library_lidar_depth.png".into()];
     let options = EstimateOptions { sources, ..EstimateOptions::default() };
-    Ok(lightoctree::estimate(frame, &options, &mut |message| stages.hear(message))?)
+    Ok(lightoctree::estimate(frame, None, &options, &mut |message| stages.hear(message))?)
 }
 
 /// The object that the program carries, of a preset material.

@@ -1,13 +1,13 @@
 //! `lightoctree estimate PHOTO`: photo, with or without depth → scene file.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::Context;
 use clap::ValueEnum;
 use lightoctree::geometry::{Camera, Vec3};
-use lightoctree::imaging::{self, DepthMap, Photo};
+use lightoctree::imaging;
 use lightoctree::scene::{Completion, Frame, Scene};
-use lightoctree::{EstimateOptions, NetworkOptions, Networks};
+use lightoctree::{EstimateOptions, Input, Networks};
 
 use super::parse;
 use crate::args::{Global, OutputArgs};
@@ -17,6 +17,7 @@ use crate::{Usage, output, report};
 /// Options of `estimate`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
+    lightoctree estimate photo.jpg -o room.scene\n  \
     lightoctree estimate photo.jpg --depth lidar.png -o room.scene\n  \
     lightoctree estimate kinect.png --depth kinect_depth.png --depth-scale 5000 --intrinsics 525,525,319.5,239.5 -o desk.scene\n  \
     lightoctree estimate photo.jpg --completion network --weights trained.safetensors -o room.scene")]
@@ -25,7 +26,9 @@ pub struct Args {
     /// The photo: PNG, JPEG, WebP, TIFF, BMP, PNM (sRGB) or HDR, EXR, PFM (linear)
     photo: PathBuf,
 
-    /// Measured depth of the same view, any resolution: 16-bit PNG, or EXR, PFM, TIFF, NPY in metres; `--completion network` does without
+    /// Measured depth of the same view, any resolution: 16-bit PNG, or EXR, PFM, TIFF, NPY in metres [default: predicted]
+    ///
+    /// From a phone's LiDAR (ARKit, Record3D), an RGB-D camera (Kinect, RealSense, Azure), or another program that estimates depth.
     #[arg(long, value_name = "FILE")]
     depth: Option<PathBuf>,
 
@@ -45,11 +48,11 @@ pub struct Args {
     #[arg(long, value_name = "D", value_parser = clap::value_parser!(u32).range(5..=9))]
     octree_depth: Option<u32>,
 
-    /// How the unseen part of the room is filled
-    #[arg(long, value_name = "HOW", default_value = "shell")]
-    completion: CompletionArg,
+    /// How the unseen part of the room is filled [default: shell with --depth, network without]
+    #[arg(long, value_name = "HOW")]
+    completion: Option<CompletionArg>,
 
-    /// Trained weights of the networks, for `--completion network` [none are shipped yet]
+    /// Trained weights of the networks [default: those of the program]
     #[arg(long, value_name = "FILE")]
     weights: Option<PathBuf>,
 
@@ -64,7 +67,7 @@ pub struct Args {
 /// How the unseen part of the room is filled.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum CompletionArg {
-    /// By the networks, whose weights --weights names
+    /// By the light network
     Network,
     /// By planes fitted to what is seen, with extrapolated radiance
     Shell,
@@ -84,89 +87,62 @@ impl From<CompletionArg> for Completion {
 
 /// Reads, estimates, writes.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
-    let weights = weights(args)?;
-    if args.depth.is_none() && weights.is_none() {
-        return Err(without_depth(args));
-    }
     output::check_replaceable(&args.out.output, "estimate", args.out.force)?;
     let mut stages = Stages::new(global.quiet);
-    let networks = weights.map(|path| stages.stage("read weights", || networks(args, path))).transpose()?;
+    let networks = networks(args, &mut stages)?;
     let (photo, depth_m) = stages.stage("read photo and depth", || -> anyhow::Result<_> {
         let photo = imaging::read_photo(&args.photo)?;
         let depth_m = args.depth.as_ref().map(|path| imaging::read_depth(path, args.depth_scale)).transpose()?;
         Ok((photo, depth_m))
     })?;
     let camera = camera(args, &photo, &mut stages)?;
-    let scene = estimate(global, args, (photo.photo, depth_m), camera, networks, &mut stages)?;
+    let input = match depth_m.zip(args.depth.as_ref()) {
+        None => Input::Photo { photo: photo.photo, camera },
+        Some((depth_m, path)) => Frame::new(photo.photo, depth_m, camera, 1.0)
+            .with_context(|| format!("{} and {} do not fit together", args.photo.display(), path.display()))?
+            .into(),
+    };
+    let scene = lightoctree::estimate(input, networks.as_ref(), &options(global, args), &mut |m| stages.hear(m))?;
     stages.stage("write", || scene.write(&args.out.output))?;
     say(args, &scene, &stages)
 }
 
-/// The file of weights, where the networks are to complete the scene.
-fn weights(args: &Args) -> anyhow::Result<Option<&Path>> {
-    match (args.completion, &args.weights) {
-        (CompletionArg::Network, Some(path)) => Ok(Some(path)),
-        (CompletionArg::Network, None) => Err(Usage(
-            "--completion network needs --weights FILE, and this version ships no trained weights; \
-             `shell` (the default) closes the room without a network"
-                .into(),
-        )
-        .into()),
-        (_, Some(_)) => Err(Usage("--weights belongs to --completion network".into()).into()),
-        (_, None) => Ok(None),
-    }
+fn completion(args: &Args) -> Completion {
+    let usual = if args.depth.is_some() { CompletionArg::Shell } else { CompletionArg::Network };
+    args.completion.unwrap_or(usual).into()
 }
 
-fn networks(args: &Args, path: &Path) -> anyhow::Result<Networks> {
-    let networks = Networks::read(path).with_context(|| format!("--weights {}", path.display()))?;
-    let own = networks.config.depth;
+/// The networks, where depth or completion needs them.
+fn networks(args: &Args, stages: &mut Stages) -> anyhow::Result<Option<Networks>> {
+    let completes = completion(args) == Completion::Network;
+    if !completes && args.depth.is_some() {
+        return match args.weights {
+            Some(_) => Err(Usage("with --depth, --weights belongs to --completion network".into()).into()),
+            None => Ok(None),
+        };
+    }
+    let networks = stages.stage("read weights", || super::networks(args.weights.as_deref()))?;
     match args.octree_depth {
-        Some(asked) if asked != own => Err(Usage(format!(
-            "the networks of {} make octrees of depth {own}, not {asked}; leave --octree-depth out",
-            path.display()
+        Some(asked) if completes && asked != networks.config.depth => Err(Usage(format!(
+            "the networks make octrees of depth {}, not {asked}; leave --octree-depth out, or choose another --completion",
+            networks.config.depth
         ))
         .into()),
-        _ => Ok(networks),
+        _ => Ok(Some(networks)),
     }
 }
 
-fn without_depth(args: &Args) -> anyhow::Error {
-    Usage(format!(
-        "{} comes without depth: give --depth FILE, or --completion network --weights FILE to have it predicted.\n\
-         Depth can come from a phone's LiDAR (ARKit, Record3D), an RGB-D camera (Kinect, RealSense, Azure), or a monocular network such as\n\
-         Depth Anything run elsewhere: a 16-bit PNG in millimetres, or EXR, PFM, TIFF or NPY in metres, of the same view at any resolution.",
-        args.photo.display()
-    ))
-    .into()
-}
-
-/// By the networks where there are any, else as --completion says.
-fn estimate(
-    global: &Global,
-    args: &Args,
-    (photo, depth_m): (Photo, Option<DepthMap>),
-    camera: Camera,
-    networks: Option<Networks>,
-    stages: &mut Stages,
-) -> anyhow::Result<Scene> {
+fn options(global: &Global, args: &Args) -> EstimateOptions {
     let file_name = |path: &PathBuf| path.file_name().map(|name| name.to_string_lossy().into_owned());
     let sources = [Some(&args.photo), args.depth.as_ref()].into_iter().flatten().filter_map(file_name).collect();
-    let hear = &mut |message| stages.hear(message);
-    let network_options = NetworkOptions { seed: global.seed, up: args.up, sources };
-    let Some((depth_m, depth_path)) = depth_m.zip(args.depth.as_ref()) else {
-        let networks = networks.ok_or_else(|| without_depth(args))?;
-        return Ok(lightoctree::estimate_from_photo(photo, camera, &networks, &network_options, hear)?);
-    };
-    let frame = Frame::new(photo, depth_m, camera, 1.0)
-        .with_context(|| format!("{} and {} do not fit together", args.photo.display(), depth_path.display()))?;
-    if let Some(networks) = networks {
-        return Ok(lightoctree::estimate_with_networks(frame, &networks, &network_options, hear)?);
+    EstimateOptions {
+        octree_depth: args.octree_depth,
+        completion: completion(args),
+        up: args.up,
+        seed: global.seed,
+        sources,
+        ..EstimateOptions::default()
     }
-    let NetworkOptions { up, sources, .. } = network_options;
-    let completion = args.completion.into();
-    let octree_depth = args.octree_depth.unwrap_or(EstimateOptions::default().octree_depth);
-    let options = EstimateOptions { octree_depth, completion, up, sources, ..EstimateOptions::default() };
-    Ok(lightoctree::estimate(frame, &options, hear)?)
 }
 
 /// The camera by the best source at hand; says which.

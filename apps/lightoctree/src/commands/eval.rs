@@ -11,7 +11,7 @@ use eval::{
     Cost, Method, Outcome, Profile, ProfileBuilder, Protocol, ProtocolCrops, ProtocolRenders, Scorer, Sheet, Summary,
     Tools, walk,
 };
-use lightoctree::{Networks, imaging};
+use lightoctree::imaging;
 use serde_json::json;
 
 use super::bench::memory;
@@ -62,7 +62,7 @@ pub struct Args {
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = method)]
     methods: Vec<Method>,
 
-    /// Trained weights of the networks, for network, network-sensor, network-true and single-map
+    /// Trained weights, for network, network-sensor, network-true and single-map [default: those of the program]
     #[arg(long, value_name = "FILE")]
     weights: Option<PathBuf>,
 
@@ -144,7 +144,8 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     }
     let folder = args.output.as_deref().ok_or_else(|| Usage("--output DIR is missing".into()))?;
     let profile = args.profile.as_deref().map(read_profile).transpose()?;
-    let networks = args.weights.as_deref().map(read_networks).transpose()?;
+    let has_networks = args.weights.is_some() || cfg!(feature = "weights");
+    let networks = has_networks.then(|| super::networks(args.weights.as_deref())).transpose()?;
     let tools = Tools {
         networks: networks.as_ref(),
         profile: profile.as_ref(),
@@ -360,10 +361,6 @@ fn costs_csv(summary: &Summary) -> anyhow::Result<Vec<u8>> {
 fn write_bytes(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     imaging::write_atomically(path, |out| out.write_all(bytes))
         .with_context(|| format!("cannot write {}", path.display()))
-}
-
-fn read_networks(path: &Path) -> anyhow::Result<Networks> {
-    Networks::read(path).with_context(|| format!("--weights {}", path.display()))
 }
 
 fn read_profile(path: &Path) -> anyhow::Result<Profile> {

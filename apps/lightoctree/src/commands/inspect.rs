@@ -38,15 +38,9 @@ struct Summary {
     radiance: RadianceSummary,
     seen_share: f64,
     inferred_share: f64,
-    prediction: Option<PredictionSummary>,
-}
-
-/// What the networks say of their work.
-#[derive(Serialize)]
-struct PredictionSummary {
     predicted_depth: bool,
-    /// Mean over the finest leaves, from 0 to 1.
-    mean_confidence: f64,
+    /// What the network says of its own work: mean over the finest leaves, from 0 to 1.
+    mean_confidence: Option<f64>,
 }
 
 #[derive(Serialize)]
@@ -155,10 +149,8 @@ fn summarise(scene: &Scene, bytes: u64) -> Summary {
         radiance: percentiles(light.rgba.last().map_or(&[], Vec::as_slice)),
         seen_share,
         inferred_share: if seen.is_empty() { 0.0 } else { 1.0 - seen_share },
-        prediction: scene.prediction.as_ref().map(|prediction| PredictionSummary {
-            predicted_depth: prediction.depth,
-            mean_confidence: mean_share(prediction.confidence.last().map_or(&[], Vec::as_slice)),
-        }),
+        predicted_depth: scene.predicted_depth,
+        mean_confidence: scene.confidence.as_ref().and_then(|levels| levels.last()).map(|leaves| mean_share(leaves)),
     }
 }
 
@@ -195,7 +187,8 @@ fn print_tables(summary: &Summary) {
         camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height, camera.hfov_deg
     ));
     report::print(&format!(
-        "depth    {} × {}, readings in {:.1} % of the pixels",
+        "depth    {}, {} × {}, readings in {:.1} % of the pixels",
+        if summary.predicted_depth { "predicted" } else { "measured" },
         photo.depth_width,
         photo.depth_height,
         100.0 * photo.depth_readings_share
@@ -205,18 +198,12 @@ fn print_tables(summary: &Summary) {
         "radiance luminance of the leaves: min {:.3}  5 % {:.3}  median {:.3}  95 % {:.3}  99 % {:.3}  max {:.3}",
         radiance.min, radiance.p05, radiance.median, radiance.p95, radiance.p99, radiance.max
     ));
+    let confidence = summary.mean_confidence.map(|mean| format!(", mean confidence {mean:.2}")).unwrap_or_default();
     report::print(&format!(
-        "leaves   {:.1} % seen, {:.1} % inferred",
+        "leaves   {:.1} % seen, {:.1} % inferred{confidence}",
         100.0 * summary.seen_share,
         100.0 * summary.inferred_share
     ));
-    if let Some(prediction) = &summary.prediction {
-        report::print(&format!(
-            "networks mean confidence of the leaves {:.2}; depth {}",
-            prediction.mean_confidence,
-            if prediction.predicted_depth { "predicted" } else { "measured" }
-        ));
-    }
     if let Some(room) = &summary.room {
         for plane in &room.planes {
             let n = plane.plane.normal;

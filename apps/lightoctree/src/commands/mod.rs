@@ -21,9 +21,28 @@ mod shards;
 use std::path::Path;
 
 use anyhow::Context;
+use lightoctree::Networks;
 use lightoctree::scene::Scene;
 
 /// Reads a scene file; errors name it.
 fn read_scene(path: &Path) -> anyhow::Result<Scene> {
     Scene::read(path).with_context(|| format!("{}", path.display()))
+}
+
+/// The networks of a file of weights, or those that the program carries.
+fn networks(weights: Option<&Path>) -> anyhow::Result<Networks> {
+    match weights {
+        Some(path) => Networks::read(path).with_context(|| format!("--weights {}", path.display())),
+        None => shipped_networks(),
+    }
+}
+
+#[cfg(feature = "weights")]
+fn shipped_networks() -> anyhow::Result<Networks> {
+    Ok(lightoctree::shipped_networks()?)
+}
+
+#[cfg(not(feature = "weights"))]
+fn shipped_networks() -> anyhow::Result<Networks> {
+    Err(crate::Usage("this program was built without weights (feature `weights`): give --weights FILE".into()).into())
 }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use crate::conv::sums::LANES;
 use crate::host::{Kernel, Number, binary, has_kernels};
 
-/// `scale · (x − centre) + shift`, the three rows of `affine[3, channels]`.
+/// `scale · (x − centre) + shift`, the three rows of `affine`: `[3, channels]`, or `[3, channels · pictures]` for each picture its own.
 pub fn scaled(x: Tensor<4>, affine: Tensor<2>) -> Tensor<4> {
     apply(x, affine, Then::Nothing)
 }
@@ -18,7 +18,7 @@ pub fn activate(x: Tensor<4>, affine: Tensor<2>) -> Tensor<4> {
     apply(x, affine, Then::Positive)
 }
 
-/// The means of 2 × 2 pixels of [`activate`], `[1, channels, height / 2, width / 2]`.
+/// The means of 2 × 2 pixels of [`activate`], `[channels, pictures, height / 2, width / 2]`.
 ///
 /// # Panics
 /// For an odd height or width.
@@ -30,18 +30,20 @@ fn apply(x: Tensor<4>, affine: Tensor<2>, then: Then) -> Tensor<4> {
     if !has_kernels(&x) {
         return composed(x, affine, then);
     }
-    let [pictures, channels, height, width] = x.dims();
-    assert_eq!(pictures, 1, "one picture");
+    let [channels, pictures, height, width] = x.dims();
+    let [_, rows] = affine.dims();
+    assert!(then != Then::PositiveMean || height.is_multiple_of(2), "an even height");
     let kernel = ActivationKernel { width, then };
-    let y = binary(x.reshape([channels, height * width]), affine, kernel);
+    let y = binary(x.reshape([rows, channels * pictures * height * width / rows.max(1)]), affine, kernel);
     let halved = usize::from(then == Then::PositiveMean);
-    y.reshape([1, channels, height >> halved, width >> halved])
+    y.reshape([channels, pictures, height >> halved, width >> halved])
 }
 
 /// The same by burn's own operations.
 pub(super) fn composed(x: Tensor<4>, affine: Tensor<2>, then: Then) -> Tensor<4> {
-    let channels = x.dims()[1];
-    let [scale, centre, shift] = [0, 1, 2].map(|row| affine.clone().narrow(0, row, 1).reshape([1, channels, 1, 1]));
+    let ([channels, ..], [_, rows]) = (x.dims(), affine.dims());
+    let row = |row| affine.clone().narrow(0, row, 1).reshape([channels, rows / channels, 1, 1]);
+    let [scale, centre, shift] = [0, 1, 2].map(row);
     let y = (x - centre) * scale + shift;
     match then {
         Then::Nothing => y,
@@ -264,28 +266,33 @@ mod tests {
     use super::*;
     use crate::testing::{assert_gradients, assert_same_function};
 
-    const SIZES: [[usize; 2]; 2] = [[5, 6 * 8], [3, 5]];
+    /// Five channels of two pictures, by channels and by pictures.
+    const SIZES: [[[usize; 2]; 2]; 2] = [[[5, 2 * 6 * 8], [3, 5]], [[5, 2 * 6 * 8], [3, 10]]];
 
-    fn on_picture(x: Tensor<2>, function: impl Fn(Tensor<4>) -> Tensor<4>) -> Tensor<2> {
+    fn on_pictures(x: Tensor<2>, function: impl Fn(Tensor<4>) -> Tensor<4>) -> Tensor<2> {
         let channels = x.dims()[0];
-        function(x.reshape([1, channels, 6, 8])).flatten(0, 2)
+        function(x.reshape([channels, 2, 6, 8])).flatten(0, 2)
     }
 
     #[test]
     fn kernel_is_the_composition() {
         for then in [Then::Nothing, Then::Positive, Then::PositiveMean] {
-            assert_same_function(
-                &SIZES,
-                |[x, a]| on_picture(x, |x| apply(x, a.clone(), then)),
-                |[x, a]| on_picture(x, |x| composed(x, a.clone(), then)),
-            );
+            for sizes in SIZES {
+                assert_same_function(
+                    &sizes,
+                    |[x, a]| on_pictures(x, |x| apply(x, a.clone(), then)),
+                    |[x, a]| on_pictures(x, |x| composed(x, a.clone(), then)),
+                );
+            }
         }
     }
 
     #[test]
     fn gradients_are_differences() {
         for then in [Then::Nothing, Then::Positive, Then::PositiveMean] {
-            assert_gradients(&SIZES, |[x, a]| on_picture(x, |x| apply(x, a.clone(), then)));
+            for sizes in SIZES {
+                assert_gradients(&sizes, |[x, a]| on_pictures(x, |x| apply(x, a.clone(), then)));
+            }
         }
     }
 }

@@ -3,37 +3,36 @@ use rayon::prelude::*;
 
 use crate::host::{Kernel, Number, binary, has_kernels, unary};
 
-/// Twice the resolution, every pixel four times, and where there is a `skip[1, more, 2 · height, 2 · width]` its channels after those
+/// Twice the resolution, every pixel four times, and where there is a `skip[more, pictures, 2 · height, 2 · width]` its channels after those
 /// of `x`. (A convolution follows that learns what is smooth.)
 ///
 /// # Panics
-/// For several pictures, and where `skip` has another size.
+/// Where `skip` has another size.
 pub fn doubled(x: Tensor<4>, skip: Option<Tensor<4>>) -> Tensor<4> {
-    let [pictures, channels, height, width] = x.dims();
+    let [channels, pictures, height, width] = x.dims();
     if !has_kernels(&x) {
         return composed(x, skip);
     }
-    assert_eq!(pictures, 1, "one picture");
     let kernel = DoubledKernel { width };
-    let x = x.reshape([channels, height * width]);
+    let x = x.reshape([channels * pictures, height * width]);
     let (y, more) = match skip {
         Some(skip) => {
-            let [_, more, skip_height, skip_width] = skip.dims();
-            assert_eq!([skip_height, skip_width], [2 * height, 2 * width], "twice the size");
-            (binary(x, skip.reshape([more, 4 * height * width]), kernel), more)
+            let [more, skip_pictures, skip_height, skip_width] = skip.dims();
+            assert_eq!([skip_pictures, skip_height, skip_width], [pictures, 2 * height, 2 * width], "twice the size");
+            (binary(x, skip.reshape([more * pictures, 4 * height * width]), kernel), more)
         }
         None => (unary(x, kernel), 0),
     };
-    y.reshape([1, channels + more, 2 * height, 2 * width])
+    y.reshape([channels + more, pictures, 2 * height, 2 * width])
 }
 
 /// The same by burn's own operations.
 fn composed(x: Tensor<4>, skip: Option<Tensor<4>>) -> Tensor<4> {
-    let [pictures, channels, height, width] = x.dims();
-    let x: Tensor<6> = x.reshape([pictures, channels, height, 1, width, 1]);
-    let x = x.expand([pictures, channels, height, 2, width, 2]).reshape([pictures, channels, 2 * height, 2 * width]);
+    let [channels, pictures, height, width] = x.dims();
+    let x: Tensor<6> = x.reshape([channels, pictures, height, 1, width, 1]);
+    let x = x.expand([channels, pictures, height, 2, width, 2]).reshape([channels, pictures, 2 * height, 2 * width]);
     match skip {
-        Some(skip) => Tensor::cat(vec![x, skip], 1),
+        Some(skip) => Tensor::cat(vec![x, skip], 0),
         None => x,
     }
 }
@@ -88,11 +87,12 @@ mod tests {
     use super::*;
     use crate::testing::{assert_gradients, assert_same_function};
 
-    const SIZES: [[usize; 2]; 2] = [[3, 4 * 5], [2, 8 * 10]];
+    /// Three and two channels of two pictures.
+    const SIZES: [[usize; 2]; 2] = [[3, 2 * 4 * 5], [2, 2 * 8 * 10]];
 
     fn on_pictures(x: Tensor<2>, skip: Option<Tensor<2>>, composed_of_burn: bool) -> Tensor<2> {
-        let x = x.reshape([1, 3, 4, 5]);
-        let skip = skip.map(|skip| skip.reshape([1, 2, 8, 10]));
+        let x = x.reshape([3, 2, 4, 5]);
+        let skip = skip.map(|skip| skip.reshape([2, 2, 8, 10]));
         let y = if composed_of_burn { composed(x, skip) } else { doubled(x, skip) };
         y.flatten(0, 2)
     }

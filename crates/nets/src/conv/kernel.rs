@@ -11,8 +11,8 @@ const PIECES: usize = 8;
 /// Input channels whose gradients by the weights are computed together, at most.
 const CHANNELS: usize = 32;
 
-/// A convolution of `x[channels, height · width]` with `weights[outputs, channels · kernel²]`, and perhaps a third input. Gives
-/// `[outputs, height · width]` of the output.
+/// A convolution of `x[channels, pictures · height · width]` with `weights[outputs, channels · kernel²]`, and perhaps a third input. Gives
+/// `[outputs, pictures · height · width]` of the output.
 #[derive(Clone, Copy, Debug)]
 pub struct ConvKernel {
     /// What is read.
@@ -45,14 +45,14 @@ impl ConvKernel {
 impl Kernel for ConvKernel {
     fn output_size(&self, sizes: &[[usize; 2]]) -> [usize; 2] {
         let ([channels, area], [outputs, windows]) = (sizes[0], sizes[1]);
-        assert_eq!(area, self.window.input[0] * self.window.input[1], "the picture has the window's size");
+        assert_eq!(area, self.window.input_area(), "the pictures have the window's size");
         assert_eq!(windows, channels * self.window.kernel.pow(2), "weights for each channel");
         match self.third {
             Third::None => assert_eq!(sizes.len(), 2, "no third input"),
             Third::Bias => assert_eq!(sizes[2], [1, outputs], "one bias for each output"),
             Third::Activation => assert_eq!(sizes[2], [3, channels], "a scale, a centre and a shift for each channel"),
         }
-        [outputs, self.window.area()]
+        [outputs, self.window.pictures * self.window.area()]
     }
 
     fn forward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]]) -> Vec<T> {
@@ -134,40 +134,47 @@ fn convolve<T: Number>(
     outputs: usize,
     bias: Option<&[T]>,
 ) -> Vec<T> {
-    let channels = x.len() / (window.input[0] * window.input[1]);
-    let (rows, [height, width]) = (window.band_rows(channels), window.output);
+    let channels = x.len() / window.input_area();
+    let (rows, height, width) = (window.band_rows(channels), window.rows(), window.output[1]);
     let offsets = window.offsets(channels, rows);
-    let mut out = vec![T::default(); outputs * height * width];
+    let area = window.pictures * window.area();
+    let mut out = vec![T::default(); outputs * area];
     // Few bands: each is read several times, for some of the output's channels each.
     let (groups, bands) = (outputs.div_ceil(GROUP), height.div_ceil(rows));
     let groups = groups.div_ceil(PIECES.div_ceil(bands));
     let mut pieces = Vec::new();
-    for (i, channels) in out.chunks_mut(groups * GROUP * height * width).enumerate() {
+    for (i, channels) in out.chunks_mut(groups * GROUP * area).enumerate() {
         let first_piece = pieces.len();
         pieces.extend((0..bands).map(|band| Piece {
             first_row: band * rows,
             first_group: i * groups,
             channels: Vec::with_capacity(groups * GROUP),
         }));
-        for channel in channels.chunks_mut(height * width) {
-            for (piece, part) in pieces[first_piece..].iter_mut().zip(channel.chunks_mut(rows * width)) {
-                piece.channels.push(part);
+        for channel in channels.chunks_mut(area) {
+            let mut rest = channel;
+            for piece in &mut pieces[first_piece..] {
+                let ends = [piece.first_row, height.min(piece.first_row + rows)];
+                let [begin, end] = ends.map(|row| window.rows_before(row));
+                piece.channels.push(rest.split_off_mut(..(end - begin) * width).expect("rows of the output"));
             }
         }
     }
     let columns = rows * window.pitch();
+    let is_dense = window.pitch() == width && height == window.rows_before(height);
     let scratch = || Scratch { band: Vec::new(), sums: vec![T::default(); GROUP * columns] };
     pieces.into_par_iter().for_each_init(scratch, |Scratch { band, sums }, mut piece| {
         window.read(band, [piece.first_row, rows], x, activation);
         for (group, channels) in (piece.first_group..).zip(piece.channels.chunks_mut(GROUP)) {
             let weights = &weights[group * offsets.len() * GROUP..][..offsets.len() * GROUP];
-            if window.pitch() == width {
+            if is_dense {
                 T::outer(weights, band, &offsets, channels);
             } else {
                 let mut rows: Vec<&mut [T]> = sums.chunks_exact_mut(columns).take(channels.len()).collect();
                 T::outer(weights, band, &offsets, &mut rows);
                 for (channel, sums) in channels.iter_mut().zip(rows) {
-                    for (out, sums) in channel.chunks_exact_mut(width).zip(sums.chunks_exact(window.pitch())) {
+                    let sums = (piece.first_row..height).zip(sums.chunks_exact(window.pitch()));
+                    let sums = sums.filter(|(row, _)| window.is_row(*row));
+                    for (out, (_, sums)) in channel.chunks_exact_mut(width).zip(sums) {
                         out.copy_from_slice(&sums[..width]);
                     }
                 }
@@ -191,20 +198,23 @@ fn weight_gradient<T: Number>(
     outputs: usize,
 ) -> Vec<T> {
     let taps = window.kernel.pow(2);
-    let ([height, width], pitch) = (window.output, window.pitch());
-    let area = window.input[0] * window.input[1];
+    let (height, width, pitch) = (window.rows(), window.output[1], window.pitch());
+    let area = window.input_area();
     let all = x.len() / area;
     let some = all.div_ceil(PIECES).min(CHANNELS);
     let rows = window.band_rows(some);
-    // Rows as wide as those of bands, with zeros where columns mean nothing.
+    // The tall picture with rows as wide as those of bands, with zeros where rows and columns mean nothing.
     let mut padded = Vec::new();
-    if pitch > width {
+    let is_dense = pitch == width && height == window.rows_before(height);
+    if !is_dense {
         padded.resize(outputs * height * pitch, T::default());
-        padded.par_chunks_mut(pitch).zip(gradient.par_chunks(width)).for_each(|(out, row)| {
-            out[..width].copy_from_slice(row);
+        let channels = gradient.par_chunks(window.pictures * window.area());
+        padded.par_chunks_mut(height * pitch).zip(channels).for_each(|(out, channel)| {
+            let rows = out.chunks_exact_mut(pitch).enumerate().filter(|(row, _)| window.is_row(*row));
+            rows.zip(channel.chunks_exact(width)).for_each(|((_, out), row)| out[..width].copy_from_slice(row));
         });
     }
-    let gradient = if pitch > width { &padded } else { gradient };
+    let gradient = if is_dense { gradient } else { &padded };
     let parts: Vec<Vec<T>> = x
         .par_chunks(some * area)
         .enumerate()

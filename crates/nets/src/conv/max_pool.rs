@@ -5,18 +5,14 @@ use rayon::prelude::*;
 
 use crate::host::{Kernel, Number, has_kernels, unary};
 
-/// Largest of 3 × 3 pixels around every second one, `[1, channels, ⌈height / 2⌉, ⌈width / 2⌉]`.
-///
-/// # Panics
-/// For several pictures.
+/// Largest of 3 × 3 pixels around every second one, `[channels, pictures, ⌈height / 2⌉, ⌈width / 2⌉]`.
 pub fn max_pool(x: Tensor<4>) -> Tensor<4> {
-    let [pictures, channels, height, width] = x.dims();
+    let [channels, pictures, height, width] = x.dims();
     if !has_kernels(&x) {
         return composed(x);
     }
-    assert_eq!(pictures, 1, "one picture");
-    let y = unary(x.reshape([channels, height * width]), MaxPoolKernel { size: [height, width] });
-    y.reshape([1, channels, height.div_ceil(2), width.div_ceil(2)])
+    let y = unary(x.reshape([channels * pictures, height * width]), MaxPoolKernel { size: [height, width] });
+    y.reshape([channels, pictures, height.div_ceil(2), width.div_ceil(2)])
 }
 
 /// The same by burn's own operations, whose search of the largest is slow (a tenth of DenseNet's time).
@@ -126,9 +122,13 @@ mod tests {
     fn kernel_is_the_composition() {
         for [height, width] in SIZES {
             let on_picture = |x: Tensor<2>, function: fn(Tensor<4>) -> Tensor<4>| {
-                function(x.reshape([1, 3, height, width])).flatten::<2>(0, 2)
+                function(x.reshape([3, 2, height, width])).flatten::<2>(0, 2)
             };
-            assert_same_function(&[[3, height * width]], |[x]| on_picture(x, max_pool), |[x]| on_picture(x, composed));
+            assert_same_function(
+                &[[3, 2 * height * width]],
+                |[x]| on_picture(x, max_pool),
+                |[x]| on_picture(x, composed),
+            );
         }
     }
 

@@ -7,27 +7,37 @@ use crate::conv::activation::total;
 use crate::conv::sums::LANES;
 use crate::host::{Kernel, Number, has_kernels, unary};
 
-/// Mean and variance of each channel of a picture.
+/// Mean and variance of each channel, over all pictures or of each picture.
 ///
 /// They are those of the channel whoever asks: the layers of a dense block share them.
 #[derive(Clone, Debug)]
 pub struct Moments {
-    /// `[2, channels]`.
+    /// `[2, channels]` or `[2, channels · pictures]`.
     values: Tensor<2>,
     /// Pixels.
     count: usize,
 }
 
 impl Moments {
-    /// Of `x[1, channels, height, width]`.
+    /// Over all pictures of `x[channels, pictures, height, width]`.
     pub fn new(x: Tensor<4>) -> Self {
-        let [_, channels, height, width] = x.dims();
-        let x = x.reshape([channels, height * width]);
-        let values = if has_kernels(&x) { unary(x, MomentsKernel) } else { composed(x) };
-        Self { values, count: height * width }
+        let [channels, pictures, height, width] = x.dims();
+        Self::of_rows(x, [channels, pictures * height * width])
     }
 
-    /// Of `x[1, channels, height, width]` where gradients are recorded, for norms that train.
+    /// Of each picture of `x[channels, pictures, height, width]`.
+    pub fn of_pictures(x: Tensor<4>) -> Self {
+        let [channels, pictures, height, width] = x.dims();
+        Self::of_rows(x, [channels * pictures, height * width])
+    }
+
+    fn of_rows(x: Tensor<4>, [rows, count]: [usize; 2]) -> Self {
+        let x = x.reshape([rows, count]);
+        let values = if has_kernels(&x) { unary(x, MomentsKernel) } else { composed(x) };
+        Self { values, count }
+    }
+
+    /// Over all pictures of `x[channels, pictures, height, width]` where gradients are recorded, for norms that train.
     pub fn in_training(x: &Tensor<4>) -> Option<Self> {
         x.device().is_autodiff().then(|| Self::new(x.clone()))
     }
@@ -37,7 +47,7 @@ impl Moments {
         Self { values: Tensor::cat(vec![self.values, other.values], 1), count: self.count }
     }
 
-    /// Mean and variance, `[1, channels]`.
+    /// Mean and variance, a row each.
     fn parts(&self) -> [Tensor<2>; 2] {
         [0, 1].map(|row| self.values.clone().narrow(0, row, 1))
     }
@@ -52,7 +62,7 @@ fn composed(x: Tensor<2>) -> Tensor<2> {
 
 /// Batch normalisation as scale, centre and shift, `[3, channels]`.
 ///
-/// With the `moments` of the picture and while `norm` trains, by these, which then enter the running statistics; else by the running
+/// With the `moments` over all pictures and while `norm` trains, by these, which then enter the running statistics; else by the running
 /// statistics.
 pub fn batch_norm(norm: &BatchNorm, moments: Option<&Moments>) -> Tensor<2> {
     let [channels] = norm.gamma.dims();
@@ -75,24 +85,26 @@ pub fn batch_norm(norm: &BatchNorm, moments: Option<&Moments>) -> Tensor<2> {
     affine([mean, variance], row(norm.gamma.val()), row(norm.beta.val()), norm.epsilon)
 }
 
-/// Group normalisation as scale, centre and shift, `[3, channels]`.
+/// Group normalisation by the `moments` of each picture as scale, centre and shift, `[3, channels · pictures]`.
 ///
 /// # Panics
 /// For a norm without weights of its own.
 pub fn group_norm(norm: &GroupNorm, moments: &Moments) -> Tensor<2> {
-    let per_group = norm.num_channels / norm.num_groups;
-    let [mean, variance] = moments.parts().map(|part| part.reshape([norm.num_groups, per_group]));
+    let (channels, groups) = (norm.num_channels, norm.num_groups);
+    let [_, rows] = moments.values.dims();
+    let size = [groups, channels / groups, rows / channels];
+    let [mean, variance]: [Tensor<3>; 2] = moments.parts().map(|part| part.reshape(size));
     let group_mean = mean.clone().mean_dim(1);
     let variance = variance.mean_dim(1) + (mean - group_mean.clone()).square().mean_dim(1);
-    let all = |x: Tensor<2>| x.expand([norm.num_groups, per_group]).reshape([1, norm.num_channels]);
+    let all = |x: Tensor<3>| x.expand(size).reshape([1, rows]);
     let [gain, bias] = [&norm.gamma, &norm.beta].map(|weights| {
-        let weights = weights.as_ref().expect("a group norm with weights");
-        weights.val().reshape([1, norm.num_channels])
+        let weights = weights.as_ref().expect("a group norm with weights").val();
+        weights.reshape([channels, 1]).expand([channels, rows / channels]).reshape([1, rows])
     });
     affine([all(group_mean), all(variance)], gain, bias, norm.epsilon)
 }
 
-/// Normalisation by these statistics, then gain and bias, `[3, channels]`.
+/// Normalisation by these statistics, then gain and bias, three rows.
 fn affine([mean, variance]: [Tensor<2>; 2], gain: Tensor<2>, bias: Tensor<2>, epsilon: f64) -> Tensor<2> {
     Tensor::cat(vec![gain / (variance + epsilon).sqrt(), mean, bias], 0)
 }

@@ -16,11 +16,15 @@ const BAND_COLUMNS: usize = 2048;
 /// by the remainder of the pixel's place divided by the stride: then what one weight is multiplied by, for all pixels of the band,
 /// is a run of neighbouring numbers. Rows of a band are a little wider than those of the output; what is computed for
 /// columns past the output's width means nothing.
+///
+/// Several pictures are read as one tall one, with rows of zeros between them; some of its output rows mean nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Window {
-    /// Height and width of what is read.
+    /// Pictures, of each channel one after the other.
+    pub pictures: usize,
+    /// Height and width of a picture that is read.
     pub input: [usize; 2],
-    /// Height and width of the output.
+    /// Height and width of a picture of the output.
     pub output: [usize; 2],
     /// Height and width of the weights.
     pub kernel: usize,
@@ -34,7 +38,7 @@ pub struct Window {
 }
 
 impl Window {
-    /// The window of a convolution of a picture of height and width `input`.
+    /// The window of a convolution of one picture of height and width `input`.
     ///
     /// # Panics
     /// Where the picture is smaller than the kernel.
@@ -44,7 +48,7 @@ impl Window {
             assert!(kernel > 0 && padded >= kernel, "a picture of side {side} for a kernel of side {kernel}");
             (padded - kernel) / stride + 1
         });
-        Self { input, output, kernel, stride, padding, spread: 1 }
+        Self { pictures: 1, input, output, kernel, stride, padding, spread: 1 }
     }
 
     /// The window by which the gradient of the input follows from that of the output.
@@ -61,9 +65,38 @@ impl Window {
         }
     }
 
-    /// Pixels of the output.
+    /// Pixels of a picture of the output.
     pub fn area(&self) -> usize {
         self.output[0] * self.output[1]
+    }
+
+    /// Pixels of all pictures that are read.
+    pub fn input_area(&self) -> usize {
+        self.pictures * self.input[0] * self.input[1]
+    }
+
+    /// Rows from one picture to the next as they are read, zeros included: no window of one reaches another.
+    fn period(&self) -> usize {
+        let last_row = |side: usize, step: usize| side.saturating_sub(1) * step;
+        let read = (last_row(self.output[0], self.stride) + self.kernel).saturating_sub(self.padding);
+        let least = read.max(last_row(self.input[0], self.spread) + 1 + self.padding).max(self.output[0] * self.stride);
+        least.next_multiple_of(self.stride)
+    }
+
+    /// Output rows of the tall picture.
+    pub fn rows(&self) -> usize {
+        (self.pictures - 1) * (self.period() / self.stride) + self.output[0]
+    }
+
+    /// Whether an output row of the tall picture is one of a picture.
+    pub fn is_row(&self, row: usize) -> bool {
+        row % (self.period() / self.stride) < self.output[0]
+    }
+
+    /// How many output rows before this one are such.
+    pub fn rows_before(&self, row: usize) -> usize {
+        let period = self.period() / self.stride;
+        row / period * self.output[0] + (row % period).min(self.output[0])
     }
 
     /// Rows or columns of a band beyond those of the output.
@@ -84,9 +117,10 @@ impl Window {
     /// Output rows of a band of so many channels.
     pub fn band_rows(&self, channels: usize) -> usize {
         let columns = (BAND / (channels * self.phases().pow(2)).max(1)).clamp(4 * LANES, BAND_COLUMNS);
-        let rows = (columns / self.pitch()).clamp(1, self.output[0].max(1));
+        let all = self.rows().max(1);
+        let rows = (columns / self.pitch()).clamp(1, all);
         // Bands of the same size, as far as possible.
-        self.output[0].max(1).div_ceil(self.output[0].max(1).div_ceil(rows))
+        all.div_ceil(all.div_ceil(rows))
     }
 
     /// Numbers of one channel in a band.
@@ -116,7 +150,7 @@ impl Window {
         x: &[T],
         activation: Option<Affine<T>>,
     ) {
-        let channels = x.len() / (self.input[0] * self.input[1]);
+        let channels = x.len() / self.input_area();
         // Past the last channel's plane nothing is read but by columns that mean nothing.
         let length = channels * self.plane(rows) + LANES + self.extra();
         if band.len() < length {
@@ -141,8 +175,7 @@ impl<T: Number> WithSimd for Read<'_, T> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let planes = self.band.chunks_exact_mut(self.plane);
-        let [height, width] = self.window.input;
-        for (channel, (plane, x)) in planes.zip(self.x.chunks_exact(height * width)).enumerate() {
+        for (channel, (plane, x)) in planes.zip(self.x.chunks_exact(self.window.input_area())).enumerate() {
             match self.activation.map(|affine| affine.channel(channel)) {
                 Some(affine) => read_plane(self.window, plane, self.first, x, |x| positive(affine.value(x))),
                 None => read_plane(self.window, plane, self.first, x, |x| x),
@@ -156,7 +189,8 @@ impl<T: Number> WithSimd for Read<'_, T> {
 fn read_plane<T: Number>(window: &Window, plane: &mut [T], first: usize, x: &[T], value: impl Fn(T) -> T) {
     let Window { input: [height, width], stride, padding, spread, .. } = *window;
     let (phases, pitch) = (window.phases(), window.pitch());
-    if pitch == width && stride == 1 && spread == 1 {
+    let period = window.period();
+    if pitch == width && stride == 1 && spread == 1 && period == height {
         // Nothing between the rows.
         plane.iter_mut().zip(&x[first * width..]).for_each(|(out, &x)| *out = value(x));
         return;
@@ -166,11 +200,14 @@ fn read_plane<T: Number>(window: &Window, plane: &mut [T], first: usize, x: &[T]
         let (phase, row_index) = (index / rows, index % rows);
         // The picture's row.
         let y = (first + row_index) * stride + phase / phases;
-        let Some(y) = y.checked_sub(padding).filter(|y| y % spread == 0 && y / spread < height) else {
+        let place = y.checked_sub(padding).map(|y| (y / period, y % period));
+        let is_pixel =
+            |&(picture, y): &(usize, usize)| picture < window.pictures && y % spread == 0 && y / spread < height;
+        let Some((picture, y)) = place.filter(is_pixel) else {
             row.fill(T::default());
             continue;
         };
-        let x = &x[y / spread * width..][..width];
+        let x = &x[(picture * height + y / spread) * width..][..width];
         if stride == 1 && spread == 1 {
             let (left, rest) = row.split_at_mut(padding.min(pitch));
             let (middle, right) = rest.split_at_mut(width.min(rest.len()));

@@ -38,7 +38,7 @@ impl ConvStage {
 
     pub(super) fn forward(&self, x: Tensor<4>) -> Tensor<4> {
         let x = conv2d(x, &self.conv);
-        let affine = group_norm(&self.norm, &Moments::new(x.clone()));
+        let affine = group_norm(&self.norm, &Moments::of_pictures(x.clone()));
         activate(x, affine)
     }
 }
@@ -59,7 +59,7 @@ impl DepthDecoder {
         }
     }
 
-    /// Features of the encoder to `[1, 1, height, width]`.
+    /// Features of the encoder to `[1, pictures, height, width]`.
     pub fn forward(&self, features: [Tensor<4>; 5]) -> Tensor<4> {
         let [half, quarter, eighth, sixteenth, x] = features;
         let skips = [sixteenth, eighth, quarter, half];

@@ -130,7 +130,7 @@ impl DenseNet {
         })
     }
 
-    /// `[1, 3, height, width]`, multiples of 32, to the features at 1/2, 1/4, 1/8, 1/16 and 1/32 of that, of
+    /// `[3, pictures, height, width]`, multiples of 32, to the features at 1/2, 1/4, 1/8, 1/16 and 1/32 of that, of
     /// [`DENSENET_CHANNELS`].
     pub fn forward(&self, x: Tensor<4>) -> [Tensor<4>; 5] {
         let x = conv2d(x, &self.conv0);
@@ -160,20 +160,20 @@ impl DenseBlock {
         self.layers.iter().fold((x, Some(moments)), |(x, moments), layer| {
             let new = layer.forward(x.clone(), moments.as_ref());
             let moments = moments.map(|moments| moments.joined(Moments::new(new.clone())));
-            (Tensor::cat(vec![x, new], 1), moments)
+            (Tensor::cat(vec![x, new], 0), moments)
         })
     }
 
     /// Where nothing is recorded, the layers write into one tensor: no copy of what all before gave for each.
     fn forward_in_place(&self, x: Tensor<4>) -> Tensor<4> {
-        let [_, inputs, height, width] = x.dims();
+        let [inputs, pictures, height, width] = x.dims();
         let channels = inputs + self.layers.len() * GROWTH;
-        let features = Tensor::zeros([1, channels, height, width], (&x.device(), x.dtype()));
-        let mut features = features.slice_assign([0..1, 0..inputs, 0..height, 0..width], x);
+        let features = Tensor::zeros([channels, pictures, height, width], (&x.device(), x.dtype()));
+        let mut features = features.slice_assign([0..inputs, 0..pictures, 0..height, 0..width], x);
         for (i, layer) in self.layers.iter().enumerate() {
             let seen = inputs + i * GROWTH;
-            let new = layer.forward(features.clone().narrow(1, 0, seen), None);
-            features = features.slice_assign([0..1, seen..seen + GROWTH, 0..height, 0..width], new);
+            let new = layer.forward(features.clone().narrow(0, 0, seen), None);
+            features = features.slice_assign([seen..seen + GROWTH, 0..pictures, 0..height, 0..width], new);
         }
         features
     }

@@ -53,10 +53,10 @@ impl GlobalEncoder {
         }
     }
 
-    /// `[1, 1024, height, width] → f_L [1, features]`.
+    /// `[1024, pictures, height, width] → f_L [pictures, features]`.
     pub fn forward(&self, x: Tensor<4>) -> Tensor<2> {
         let cells = adaptive_avg_pool2d(relu(conv2d(x, &self.conv)), CELLS);
-        self.output.forward(relu(self.hidden.forward(cells.flatten(1, 3))))
+        self.output.forward(relu(self.hidden.forward(cells.swap_dims(0, 1).flatten(1, 3))))
     }
 }
 
@@ -67,9 +67,10 @@ impl PanoramaDecoder {
         Self { input, stages: stages.collect(), output: conv([PANORAMA_CHANNELS[4], 3], 3, 1, true, stream, device) }
     }
 
-    /// `f_L [1, features]` → linear radiance `[1, 3, 64, 128]` of an equirectangular panorama at the camera.
+    /// `f_L [pictures, features]` → linear radiance `[3, pictures, 64, 128]` of equirectangular panoramas at the cameras.
     pub fn forward(&self, features: Tensor<2>) -> Tensor<4> {
-        let x = relu(self.input.forward(features)).reshape([1, PANORAMA_CHANNELS[0], 4, 8]);
+        let [pictures, _] = features.dims();
+        let x = relu(self.input.forward(features)).reshape([pictures, PANORAMA_CHANNELS[0], 4, 8]).swap_dims(0, 1);
         let x = self.stages.iter().fold(x, |x, stage| {
             let x = doubled(x, None);
             let width = x.dims()[3];

@@ -31,9 +31,9 @@ pub struct DepthNet {
 /// What the depth network gives.
 #[derive(Debug)]
 pub struct DepthOutput {
-    /// Log depth in metres along the optical axis, `[1, 1, height, width]`.
+    /// Log depth in metres along the optical axis, `[1, pictures, height, width]`.
     pub log_depth: Tensor<4>,
-    /// The global lighting feature, `[1, features]`.
+    /// The global lighting features, `[pictures, features]`.
     pub global: Tensor<2>,
 }
 
@@ -50,16 +50,16 @@ impl DepthNet {
         }
     }
 
-    /// From an sRGB photo of any size.
+    /// From sRGB photos of any size, which all have.
     ///
     /// # Panics
-    /// Where the photo has no pixels.
-    pub fn forward(&self, photo: &Image<[u8; 3]>) -> DepthOutput {
-        let (width, height) = (photo.width(), photo.height());
-        let features = self.encoder.forward(self.input(photo));
+    /// Where there is no photo, a photo has no pixels or is of another size than the first.
+    pub fn forward(&self, photos: &[&Image<[u8; 3]>]) -> DepthOutput {
+        let (width, height) = (photos[0].width(), photos[0].height());
+        let features = self.encoder.forward(self.input(photos));
         let global = self.global.forward(features[4].clone());
         let [nearest, farthest] = DEPTH_RANGE_M.map(f64::ln);
-        let log_depth = self.decoder.forward(features).slice([0..1, 0..1, 0..height, 0..width]);
+        let log_depth = self.decoder.forward(features).narrow(2, 0, height).narrow(3, 0, width);
         DepthOutput { log_depth: log_depth.clamp(nearest, farthest), global }
     }
 
@@ -68,19 +68,20 @@ impl DepthNet {
     /// # Panics
     /// Where the photo has no pixels.
     pub fn global_feature(&self, photo: &Image<[u8; 3]>) -> Tensor<2> {
-        let [.., features] = self.encoder.forward(self.input(photo));
+        let [.., features] = self.encoder.forward(self.input(&[photo]));
         self.global.forward(features)
     }
 
-    /// `[1, 3, height, width]`, padded to multiples of 32.
-    fn input(&self, photo: &Image<[u8; 3]>) -> Tensor<4> {
-        let (width, height) = (photo.width(), photo.height());
+    /// `[3, pictures, height, width]`, padded to multiples of 32.
+    fn input(&self, photos: &[&Image<[u8; 3]>]) -> Tensor<4> {
+        let (width, height) = (photos[0].width(), photos[0].height());
         assert!(width > 0 && height > 0, "a photo has pixels");
-        let channels = (0..3).flat_map(|c| {
-            photo.pixels().iter().map(move |pixel| (f32::from(pixel[c]) / 255.0 - MEAN[c]) / DEVIATION[c])
-        });
+        assert!(photos.iter().all(|photo| (photo.width(), photo.height()) == (width, height)), "photos of one size");
+        let normal = |c: usize| move |pixel: &[u8; 3]| (f32::from(pixel[c]) / 255.0 - MEAN[c]) / DEVIATION[c];
+        let channels = (0..3).flat_map(|c| photos.iter().flat_map(move |photo| photo.pixels().iter().map(normal(c))));
         let device = self.encoder.conv0.weight.val().device();
-        let x = Tensor::<4>::from_data(TensorData::new::<f32, _>(channels.collect(), [1, 3, height, width]), &device);
+        let size = [3, photos.len(), height, width];
+        let x = Tensor::<4>::from_data(TensorData::new::<f32, _>(channels.collect(), size), &device);
         let missing = |size: usize| size.next_multiple_of(MULTIPLE) - size;
         // The last rows and columns again: no edge that is not in the picture.
         x.pad((0, missing(width), 0, missing(height)), PadMode::Edge)
@@ -88,10 +89,10 @@ impl DepthNet {
 }
 
 impl DepthOutput {
-    /// The depth map, metres along the optical axis.
+    /// The depth map of the first photo, metres along the optical axis.
     pub fn depth_m(&self) -> DepthMap {
         let [_, _, height, width] = self.log_depth.dims();
-        let values: Vec<f32> = self.log_depth.clone().inner().into_data().iter().collect();
+        let values: Vec<f32> = self.log_depth.clone().inner().narrow(1, 0, 1).into_data().iter().collect();
         DepthMap::new(width, height, values.into_iter().map(f32::exp).collect())
     }
 }
@@ -118,15 +119,37 @@ mod tests {
     fn any_size_gives_depth_and_light() {
         let net = DepthNet::new(16, 1, &Device::flex());
         for (width, height) in [(50, 37), (64, 32), (1, 1)] {
-            let output = net.forward(&photo(width, height));
+            let output = net.forward(&[&photo(width, height)]);
             let depth = output.depth_m();
             assert_eq!((depth.width(), depth.height()), (width, height));
             assert!(depth.pixels().iter().all(|z| (0.049..201.0).contains(z)));
             assert_eq!(output.global.dims(), [1, 16]);
         }
-        let panorama = net.panorama.forward(net.forward(&photo(64, 32)).global);
-        assert_eq!(panorama.dims(), [1, 3, 64, 128]);
+        let panorama = net.panorama.forward(net.forward(&[&photo(64, 32)]).global);
+        assert_eq!(panorama.dims(), [3, 1, 64, 128]);
         assert!(panorama.into_data().iter::<f32>().all(|c| c.is_finite() && c >= 0.0));
+    }
+
+    #[test]
+    fn photos_together_give_what_each_gives_alone() {
+        let net = DepthNet::new(16, 1, &Device::flex());
+        let photos = [photo(50, 37), photo(50, 37).map(|&[r, g, b]| [b, r, g])];
+        let together = net.forward(&photos.each_ref());
+        let values = |tensor: Tensor<4>| tensor.into_data().iter::<f32>().collect::<Vec<_>>();
+        let panoramas = values(net.panorama.forward(together.global.clone()).swap_dims(0, 1));
+        for (i, photo) in photos.iter().enumerate() {
+            let alone = net.forward(&[photo]);
+            let panorama = values(net.panorama.forward(alone.global.clone()));
+            let pairs = [
+                (values(together.log_depth.clone().narrow(1, i, 1)), values(alone.log_depth)),
+                (panoramas[i * panorama.len()..][..panorama.len()].to_vec(), panorama),
+            ];
+            for (got, expected) in pairs {
+                assert!(got.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-5 * (1.0 + b.abs())), "photo {i}");
+            }
+        }
+        let different = net.forward(&[&photos[0]]).log_depth - net.forward(&[&photos[1]]).log_depth;
+        assert!(different.abs().mean().into_scalar::<f32>() > 1e-3);
     }
 
     #[test]
@@ -138,16 +161,16 @@ mod tests {
         let sky = RadianceImage::from_fn(128, 64, |_, y| [if y < 20 { 8.0 } else { 0.2 }; 3]);
         let constant = |channels: usize, value: f32| {
             let values = vec![value; channels * 64 * 128];
-            Tensor::<4>::from_data(TensorData::new(values, [1, channels, 64, 128]), &device)
+            Tensor::<4>::from_data(TensorData::new(values, [channels, 1, 64, 128]), &device)
         };
         let (mut adam, mut judge_adam) = (Adam::default(), Adam::default());
         let (mut losses, mut opinions) = (Vec::new(), Vec::new());
         for _ in 0..6 {
-            let output = net.forward(&photo);
-            let [log_depth, variance] = depth_losses(output.log_depth, &truth);
+            let output = net.forward(&[&photo]);
+            let [log_depth, variance] = depth_losses(output.log_depth, &[&truth]);
             let made = net.panorama.forward(output.global);
             let opinion = judge.generator_loss(made.clone(), constant(4, 0.0));
-            let loss = log_depth + variance * 0.5 + panorama_loss(made.clone(), &sky) + opinion * 0.01;
+            let loss = log_depth + variance * 0.5 + panorama_loss(made.clone(), &[&sky]) + opinion * 0.01;
             losses.push(loss.clone().inner().into_scalar::<f32>());
             net = adam.step(net, &loss.backward(), 1e-3);
             let loss = judge.discriminator_loss(constant(3, 1.0), made, constant(4, 0.0));
@@ -163,6 +186,6 @@ mod tests {
         checkpoint.write(folder.path().join("depth.safetensors"), Precision::Full).unwrap();
         let read = Checkpoint::read(folder.path().join("depth.safetensors")).unwrap();
         let other = read.load_module("depth", DepthNet::new(16, 9, &Device::flex())).unwrap();
-        assert_eq!(other.forward(&photo).depth_m(), net.valid().forward(&photo).depth_m());
+        assert_eq!(other.forward(&[&photo]).depth_m(), net.valid().forward(&[&photo]).depth_m());
     }
 }

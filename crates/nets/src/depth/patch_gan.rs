@@ -23,13 +23,12 @@ impl PatchGan {
         Self { stages, output: conv([128, 1], 3, 1, true, &mut stream, device) }
     }
 
-    /// `panorama[1, 3, height, width]`: linear radiance; `condition[1, 4, height, width]`: what the photo shows of it, linear
-    /// radiance and 1 where it shows something. Gives logits `[1, 1, height / 8, width / 8]`.
+    /// `panorama[3, pictures, height, width]`: linear radiance; `condition[4, pictures, height, width]`: what the photo shows of it,
+    /// linear radiance and 1 where it shows something. Gives logits `[1, pictures, height / 8, width / 8]`.
     pub fn forward(&self, panorama: Tensor<4>, condition: Tensor<4>) -> Tensor<4> {
-        let [_, _, height, width] = condition.dims();
-        let shown = condition.clone().slice([0..1, 0..3, 0..height, 0..width]).log1p();
-        let mask = condition.slice([0..1, 3..4, 0..height, 0..width]);
-        let x = Tensor::cat(vec![panorama.log1p(), shown, mask], 1);
+        let shown = condition.clone().narrow(0, 0, 3).log1p();
+        let mask = condition.narrow(0, 3, 1);
+        let x = Tensor::cat(vec![panorama.log1p(), shown, mask], 0);
         let x = self.stages.iter().fold(x, |x, stage| activation::leaky_relu(conv2d(x, stage), 0.2));
         conv2d(x, &self.output)
     }

@@ -1,5 +1,9 @@
 use octree::{LightOctree, Octree};
 
+/// Nodes are split whose logit is above this, a probability of a third: what is split in vain costs a little, but through a hole in a wall
+/// one sees nothing. On 12 generated rooms 0.7 dB more than at an even chance.
+const LEAST_LOGIT: f32 = -0.7;
+
 /// By what the decoder's octree grows.
 #[derive(Clone, Copy, Debug)]
 pub enum Growth<'a> {
@@ -33,7 +37,7 @@ impl Labels {
         Self { nonempty: truth.levels()[depth as usize].rows.iter().map(|&row| row >= 0).collect(), message: None }
     }
 
-    /// Nodes whose logit is positive, and those where something was seen; at least one, and at most `most`: the likeliest.
+    /// Nodes whose logit is above [`LEAST_LOGIT`], and those where something was seen; at least one, and at most `most`: the likeliest.
     pub fn predicted(logits: &[f32], octree: &Octree, visible: &LightOctree, most: usize) -> Self {
         let depth = octree.depth();
         let seen = |key: u32| {
@@ -44,7 +48,7 @@ impl Labels {
         let keys = &octree.levels()[depth as usize].keys;
         let score: Vec<f32> =
             logits.iter().zip(keys).map(|(&l, &key)| if seen(key) { f32::INFINITY } else { l }).collect();
-        let mut order: Vec<u32> = (0..score.len() as u32).filter(|&node| score[node as usize] > 0.0).collect();
+        let mut order: Vec<u32> = (0..score.len() as u32).filter(|&node| score[node as usize] > LEAST_LOGIT).collect();
         let mut message = None;
         if order.is_empty() {
             order.extend((0..score.len() as u32).max_by(|&a, &b| score[a as usize].total_cmp(&score[b as usize])));
@@ -110,7 +114,7 @@ mod tests {
     fn something_is_always_there() {
         let empty = LightOctree::from_points(&[], Cube { origin_m: Vec3::ZERO, edge_m: 1.0 }, 2, 1).unwrap().0;
         let labels =
-            Labels::predicted(&[-1.0, -0.5, -3.0, -1.0, -1.0, -1.0, -1.0, -1.0], &Octree::full(1).unwrap(), &empty, 8);
+            Labels::predicted(&[-1.0, -0.8, -3.0, -1.0, -1.0, -1.0, -1.0, -1.0], &Octree::full(1).unwrap(), &empty, 8);
         assert_eq!(labels.nonempty.iter().position(|&label| label), Some(1));
         assert!(labels.message.is_some());
     }

@@ -6,7 +6,7 @@ use octree::{Coverage, LightOctree, Octree, RadiancePoint};
 use random::RngExt;
 
 use crate::graph::GraphLevel;
-use crate::light::{LightError, LightNetConfig};
+use crate::light::{LightError, LightNetConfig, MAX_RADIANCE};
 
 /// Features of a node of the input: see [`LightInput::features`].
 pub const NODE_FEATURES: usize = 15;
@@ -40,6 +40,8 @@ pub struct LightInput {
     pub features: Vec<f32>,
     /// The octree of the visible points; its `seen` are the certain shares.
     pub visible: LightOctree,
+    /// Mean radiance of the visible points, linear RGB, above 0; 0.2 where there are none.
+    pub ambient: [f32; 3],
 }
 
 impl LightInput {
@@ -74,7 +76,7 @@ impl LightInput {
         let (light, _) = LightOctree::from_points(&surface, cube, config.depth, config.full_depth)?;
         let levels = GraphLevel::all(&light.octree);
         let features = features(&light, &levels[levels.len() - 1], points, &carriers);
-        Ok(Self { levels, octree: light.octree, features, visible })
+        Ok(Self { levels, octree: light.octree, features, visible, ambient: ambient(points) })
     }
 
     /// Part of the world that the octrees cover.
@@ -116,6 +118,17 @@ impl VisiblePoint {
         let coverage = if self.certain { Coverage::Seen } else { Coverage::Inferred };
         RadiancePoint { position_m: self.position_m, radiance: self.radiance, coverage }
     }
+}
+
+/// Mean radiance of the points.
+fn ambient(points: &[VisiblePoint]) -> [f32; 3] {
+    const LEAST: f64 = 1e-3;
+    const UNKNOWN: f32 = 0.2;
+    if points.is_empty() {
+        return [UNKNOWN; 3];
+    }
+    let mean = |c: usize| points.iter().map(|point| f64::from(point.radiance[c])).sum::<f64>() / points.len() as f64;
+    [0, 1, 2].map(|c| mean(c).clamp(LEAST, MAX_RADIANCE.into()) as f32)
 }
 
 /// Places of the points that carry `f_L`.

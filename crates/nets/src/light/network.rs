@@ -14,6 +14,9 @@ use crate::light::{
     Growth, KnownLight, LevelOutput, LightError, LightInput, LightNetConfig, LightOutput, NODE_FEATURES, NodeLight,
 };
 
+/// Logit of a node's being occupied before anything is learned: most of a room is air.
+const SPLIT_BIAS: f32 = -2.0;
+
 /// The light network: a U-Net over dual octree graphs whose decoder grows the octree it works on (Wang et al. 2022).
 #[derive(Module, Debug)]
 pub struct LightNet {
@@ -88,7 +91,7 @@ impl LightNet {
                 .map(|pair| UpSample::new([width(pair[0]), width(pair[1])], groups, stream, device))
                 .collect(),
             decoder: stages[1..].iter().map(|&depth| Stage::new(config, depth, stream, device)).collect(),
-            prediction: stages.iter().map(|&depth| head(depth, &[0.0], stream)).collect(),
+            prediction: stages.iter().map(|&depth| head(depth, &[SPLIT_BIAS], stream)).collect(),
             regression: stages.iter().map(|&depth| head(depth, &RAW_BIAS, stream)).collect(),
             full_depth: config.full_depth as usize,
             max_nodes: config.node_budget(),
@@ -192,7 +195,7 @@ impl LightNet {
             };
             messages.extend(labels.message);
             octree.set_nonempty(&labels.nonempty)?;
-            let known = KnownLight::of_level(&octree, depth, &input.visible);
+            let known = KnownLight::of_level(&octree, depth, &input.visible, input.ambient);
             let occupied = (0..labels.nonempty.len() as u32).filter(|&node| labels.nonempty[node as usize]);
             let raw = select_rows(own, &RowMap::new(occupied.map(Some), finest.len()));
             let light = NodeLight(known.clone()).apply(self.regression[stage].forward(raw));

@@ -14,8 +14,8 @@ pub(crate) const RAW_CHANNELS: usize = 8;
 /// Channels of [`NodeLight`].
 pub(crate) const LIGHT_CHANNELS: usize = 5;
 
-/// The regression module's outputs before anything is learned: log radiance about 0.3, opaque by `ALPHA_LOGIT`, an error of 0.3.
-pub(crate) const RAW_BIAS: [f32; RAW_CHANNELS] = [-1.0, -1.0, -1.0, 0.0, 0.0, 0.0, 0.0, -1.0];
+/// The regression module's outputs before anything is learned: the mean radiance of what is seen, opaque by `ALPHA_LOGIT`, an error of 0.3.
+pub(crate) const RAW_BIAS: [f32; RAW_CHANNELS] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0];
 
 /// Logit of the opacity of what nothing is known of: surfaces are opaque.
 const ALPHA_LOGIT: f64 = 4.0;
@@ -27,12 +27,14 @@ const COARSE_LOG_GAIN: f64 = 1.0;
 #[derive(Debug)]
 pub struct KnownLight {
     rows: Vec<[f32; 5]>,
+    /// Linear RGB that everything else is measured by, above 0.
+    ambient: [f32; 3],
     max_log_gain: f64,
 }
 
 impl KnownLight {
-    /// Of the non-empty nodes of `depth` of `octree`, as far as `visible` has the same nodes.
-    pub fn of_level(octree: &Octree, depth: u32, visible: &LightOctree) -> Arc<Self> {
+    /// Of the non-empty nodes of `depth` of `octree`, as far as `visible` has the same nodes; `ambient` is the mean radiance of what is seen.
+    pub fn of_level(octree: &Octree, depth: u32, visible: &LightOctree, ambient: [f32; 3]) -> Arc<Self> {
         let level = &octree.levels()[depth as usize];
         let known = |key: u32| {
             let node = visible.octree.find(depth, key)?;
@@ -45,7 +47,7 @@ impl KnownLight {
         let nonempty = level.keys.iter().zip(&level.rows).filter(|(_, row)| **row >= 0);
         let rows = nonempty.map(|(&key, _)| known(key).unwrap_or([0.0; 5])).collect();
         let max_log_gain = if depth == visible.octree.depth() { 0.0 } else { COARSE_LOG_GAIN };
-        Arc::new(Self { rows, max_log_gain })
+        Arc::new(Self { rows, ambient, max_log_gain })
     }
 
     /// How far each node is known from the photo, 0 to 1.
@@ -57,8 +59,9 @@ impl KnownLight {
 /// From the regression module's `raw[nodes, 8]` to `[nodes, 5]`: linear RGB in [0, [`MAX_RADIANCE`]], opacity in
 /// [0, 1], and the expected error of log(1 + radiance), at least 0.
 ///
-/// What is known enters as a residual: `trust · known · e^gain + (1 − trust) · (e^softplus(raw) − 1)`, so that what the photo
-/// saw is right before anything is learned, and stays so at the finest depth, where the gain is 0.
+/// What is known enters as a residual: `trust · known · e^gain + (1 − trust) · ambient · e^raw`, so that what the photo
+/// saw is right before anything is learned, and stays so at the finest depth, where the gain is 0; and what it did not see begins with the
+/// mean of what it saw, in whose measure it is learned.
 #[derive(Clone, Debug)]
 pub struct NodeLight(pub Arc<KnownLight>);
 
@@ -75,9 +78,11 @@ impl NodeLight {
         let columns = |of: &Tensor<2>, from: usize, to: usize| of.clone().slice([0..nodes, from..to]);
         let trust = columns(&known, 4, 5);
         let doubt = trust.clone().neg() + 1.0;
-        let log = activation::softplus(columns(&raw, 0, 3), 1.0).clamp_max(f64::from(MAX_RADIANCE).ln_1p());
+        let ambient =
+            Tensor::<2>::from_data(TensorData::new(self.0.ambient.to_vec(), [1, 3]), (&raw.device(), raw.dtype()));
+        let log = (columns(&raw, 0, 3) + ambient.log()).clamp_max(f64::from(MAX_RADIANCE).ln());
         let gain = columns(&raw, 3, 6).tanh() * self.0.max_log_gain;
-        let radiance = trust.clone() * columns(&known, 0, 3) * gain.exp() + doubt.clone() * (log.exp() - 1.0);
+        let radiance = trust.clone() * columns(&known, 0, 3) * gain.exp() + doubt.clone() * log.exp();
         let logit = columns(&raw, 6, 7) + doubt * ALPHA_LOGIT + trust * columns(&known, 3, 4);
         let alpha = activation::sigmoid(logit);
         Tensor::cat(
@@ -97,21 +102,20 @@ fn softplus(x: f64) -> (f64, f64) {
 fn node_light(
     raw: [f64; RAW_CHANNELS],
     known: &[f32; 5],
-    max_log_gain: f64,
+    light: &KnownLight,
 ) -> ([f64; LIGHT_CHANNELS], [f64; RAW_CHANNELS]) {
     let (mut out, mut slope) = ([0.0; LIGHT_CHANNELS], [0.0; RAW_CHANNELS]);
     let trust = f64::from(known[4]);
-    let (most, most_log) = (f64::from(MAX_RADIANCE), f64::from(MAX_RADIANCE).ln_1p());
+    let (most, max_log_gain) = (f64::from(MAX_RADIANCE), light.max_log_gain);
     for c in 0..3 {
-        let (log, log_slope) = softplus(raw[c]);
-        let (log, log_slope) = if log > most_log { (most_log, 0.0) } else { (log, log_slope) };
+        let guessed = (1.0 - trust) * (raw[c] + f64::from(light.ambient[c]).ln()).min(most.ln()).exp();
         let squashed = raw[3 + c].tanh();
         let seen = trust * f64::from(known[c]) * (max_log_gain * squashed).exp();
-        out[c] = seen + (1.0 - trust) * log.exp_m1();
-        if out[c] > most {
+        out[c] = seen + guessed;
+        if out[c] >= most {
             out[c] = most;
         } else {
-            slope[c] = (1.0 - trust) * log.exp() * log_slope;
+            slope[c] = guessed;
             slope[3 + c] = seen * max_log_gain * (1.0 - squashed * squashed);
         }
     }
@@ -139,13 +143,13 @@ impl Kernel for NodeLight {
     fn forward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]]) -> Vec<T> {
         self.output_size(sizes);
         let rows = inputs[0].chunks_exact(RAW_CHANNELS).zip(&self.0.rows);
-        rows.flat_map(|(raw, known)| node_light(row(raw), known, self.0.max_log_gain).0.map(T::of)).collect()
+        rows.flat_map(|(raw, known)| node_light(row(raw), known, &self.0).0.map(T::of)).collect()
     }
 
     fn backward<T: Number>(&self, inputs: &[&[T]], _: &[[usize; 2]], gradient: &[T], _: &[bool]) -> Vec<Vec<T>> {
         let rows = inputs[0].chunks_exact(RAW_CHANNELS).zip(&self.0.rows).zip(gradient.chunks_exact(LIGHT_CHANNELS));
         let by_raw = rows.flat_map(|((raw, known), gradient)| {
-            let (_, slope) = node_light(row(raw), known, self.0.max_log_gain);
+            let (_, slope) = node_light(row(raw), known, &self.0);
             (0..RAW_CHANNELS).map(move |c| T::of(slope[c]) * gradient[MOVES[c]])
         });
         vec![by_raw.collect()]
@@ -159,7 +163,7 @@ mod tests {
 
     fn known(max_log_gain: f64) -> Arc<KnownLight> {
         let rows = (0..20).map(|i| [i as f32, 0.5, 0.0, 2.0, [0.0, 0.4, 1.0][i % 3]]).collect();
-        Arc::new(KnownLight { rows, max_log_gain })
+        Arc::new(KnownLight { rows, ambient: [0.5, 0.2, 1.5], max_log_gain })
     }
 
     #[test]
@@ -172,13 +176,14 @@ mod tests {
 
     #[test]
     fn trusted_radiance_is_kept_and_nothing_is_infinite() {
-        let raw = |gain| [500.0, -500.0, 3.0, gain, gain, gain, 900.0, 900.0];
-        let seen = [2.0, 0.25, 0.0, 9.0, 1.0];
-        assert_eq!(node_light(raw(0.0), &seen, 1.0).0[..3], [2.0, 0.25, 0.0]);
-        assert_eq!(node_light(raw(9.0), &seen, 0.0).0[..3], [2.0, 0.25, 0.0]);
-        assert!((node_light(raw(9.0), &seen, 1.0).0[0] / 2.0 - 1f64.exp()).abs() < 1e-6);
-        let (out, _) = node_light(raw(0.0), &[0.0; 5], 1.0);
+        let raw = |gain| [500.0, -500.0, 2.0, gain, gain, gain, 900.0, 900.0];
+        let (seen, [rigid, free]) = ([2.0, 0.25, 0.0, 9.0, 1.0], [0.0, 1.0].map(known));
+        assert_eq!(node_light(raw(0.0), &seen, &free).0[..3], [2.0, 0.25, 0.0]);
+        assert_eq!(node_light(raw(9.0), &seen, &rigid).0[..3], [2.0, 0.25, 0.0]);
+        assert!((node_light(raw(9.0), &seen, &free).0[0] / 2.0 - 1f64.exp()).abs() < 1e-6);
+        let (out, _) = node_light(raw(0.0), &[0.0; 5], &free);
         assert!((out[0] - f64::from(MAX_RADIANCE)).abs() < 0.1 && out[1] >= 0.0 && out[3] <= 1.0);
+        assert!((out[2] - 1.5 * 2f64.exp()).abs() < 1e-6, "e² times what is seen on average");
         assert!(out.iter().all(|v| v.is_finite()));
     }
 }
