@@ -2,19 +2,19 @@
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod support;
+#[path = "support/weights.rs"]
+mod weights;
 
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
-use lightoctree::Networks;
 use lightoctree::geometry::{Camera, Plane, Ray, Vec3};
 use lightoctree::imaging::{self, DepthMap, Image};
-use lightoctree::nets::Device;
 use lightoctree::nets::checkpoint::{Checkpoint, Precision};
-use lightoctree::nets::light::LightNetConfig;
 use tempfile::TempDir;
 
 use support::{done, json, refused};
+use weights::write_weights;
 
 const SIZE: (usize, usize) = (144, 96);
 
@@ -203,14 +203,6 @@ fn export_writes_all_three_formats() {
         assert!(folder.path().join(&file).is_file());
         done(folder.path(), &["export", "room.scene", "--to", format, "-o", &file]); // replaces its own
     }
-}
-
-/// Writes weights.safetensors of untrained networks of depth 6.
-fn write_weights(folder: &Path) {
-    let small = LightNetConfig { depth: 6, channels: 8, max_channels: 16, blocks: 1, ..LightNetConfig::default() };
-    let config = LightNetConfig { bottleneck: 2, head_channels: 8, ..small };
-    let networks = Networks::new(&config, 1, &Device::flex()).unwrap();
-    networks.write(folder.join("weights.safetensors"), Precision::Half).unwrap();
 }
 
 #[test]

@@ -2,16 +2,16 @@
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod support;
+#[path = "support/weights.rs"]
+mod weights;
 
 use std::path::Path;
 
 use lightoctree::geometry::pixel_direction;
 use lightoctree::imaging::{self, ExrOptions, Image};
-use lightoctree::nets::checkpoint::Precision;
-use lightoctree::nets::light::LightNetConfig;
-use lightoctree::{Networks, nets::Device};
 
 use support::{done, json, refused};
+use weights::write_weights;
 
 /// Two small photos and panoramas of a room, few points: a second or two a room.
 const SMALL: &str = "shots = 2\npanoramas = 2\npanorama_height = 16\noctree_depth = 5\n[room]\ncrop_size = [48, 32]\n";
@@ -19,14 +19,6 @@ const SMALL: &str = "shots = 2\npanoramas = 2\npanorama_height = 16\noctree_dept
 fn rooms(at: &Path) {
     std::fs::write(at.join("small.toml"), SMALL).unwrap();
     done(at, &["synth", "--scenes", "2", "--config", "small.toml", "--seed", "4", "-o", "rooms"]);
-}
-
-/// weights.safetensors of untrained networks of depth 6.
-fn write_weights(at: &Path) {
-    let small = LightNetConfig { depth: 6, channels: 8, max_channels: 16, blocks: 1, ..LightNetConfig::default() };
-    let config = LightNetConfig { bottleneck: 2, head_channels: 8, ..small };
-    let networks = Networks::new(&config, 1, &Device::flex()).unwrap();
-    networks.write(at.join("weights.safetensors"), Precision::Half).unwrap();
 }
 
 #[test]

@@ -160,13 +160,12 @@ fn convolve<T: Number>(
         }
     }
     let columns = rows * window.pitch();
-    let is_dense = window.pitch() == width && height == window.rows_before(height);
     let scratch = || Scratch { band: Vec::new(), sums: vec![T::default(); GROUP * columns] };
     pieces.into_par_iter().for_each_init(scratch, |Scratch { band, sums }, mut piece| {
         window.read(band, [piece.first_row, rows], x, activation);
         for (group, channels) in (piece.first_group..).zip(piece.channels.chunks_mut(GROUP)) {
             let weights = &weights[group * offsets.len() * GROUP..][..offsets.len() * GROUP];
-            if is_dense {
+            if window.is_dense() {
                 T::outer(weights, band, &offsets, channels);
             } else {
                 let mut rows: Vec<&mut [T]> = sums.chunks_exact_mut(columns).take(channels.len()).collect();
@@ -205,8 +204,7 @@ fn weight_gradient<T: Number>(
     let rows = window.band_rows(some);
     // The tall picture with rows as wide as those of bands, with zeros where rows and columns mean nothing.
     let mut padded = Vec::new();
-    let is_dense = pitch == width && height == window.rows_before(height);
-    if !is_dense {
+    if !window.is_dense() {
         padded.resize(outputs * height * pitch, T::default());
         let channels = gradient.par_chunks(window.pictures * window.area());
         padded.par_chunks_mut(height * pitch).zip(channels).for_each(|(out, channel)| {
@@ -214,7 +212,7 @@ fn weight_gradient<T: Number>(
             rows.zip(channel.chunks_exact(width)).for_each(|((_, out), row)| out[..width].copy_from_slice(row));
         });
     }
-    let gradient = if is_dense { gradient } else { &padded };
+    let gradient = if window.is_dense() { gradient } else { &padded };
     let parts: Vec<Vec<T>> = x
         .par_chunks(some * area)
         .enumerate()

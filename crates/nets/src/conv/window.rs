@@ -114,6 +114,11 @@ impl Window {
         self.stride.min(self.kernel)
     }
 
+    /// Whether every row and column of the tall output means something.
+    pub fn is_dense(&self) -> bool {
+        self.pitch() == self.output[1] && self.rows() == self.rows_before(self.rows())
+    }
+
     /// Output rows of a band of so many channels.
     pub fn band_rows(&self, channels: usize) -> usize {
         let columns = (BAND / (channels * self.phases().pow(2)).max(1)).clamp(4 * LANES, BAND_COLUMNS);
