@@ -155,7 +155,7 @@ impl Method {
             Self::MeanColour => map(baseline::mean_colour_map(sample)),
             Self::Profile => map(baseline::profile_map(sample, tools.profile.ok_or(MethodError::Needs("a profile"))?)),
             Self::Mirrored => map(baseline::mirrored_map(sample)),
-            Self::SingleMap => map(single_map(sample, networks()?)),
+            Self::SingleMap => map(networks()?.single_map(&sample.photo)),
             Self::Shell(input) => {
                 let octree_depth = Some(tools.octree_depth);
                 let options = EstimateOptions { octree_depth, ..EstimateOptions::default() };
@@ -227,14 +227,6 @@ fn frame(sample: &Sample, input: DepthInput) -> Result<Frame, MethodError> {
     };
     let depth_m = depth_m.clone().ok_or(MethodError::Needs(needed))?;
     Ok(Frame::new(Photo::Srgb8(sample.photo.clone()), depth_m, sample.camera, 1.0)?)
-}
-
-fn single_map(sample: &Sample, networks: &Networks) -> RadianceImage {
-    let panorama = networks.depth.panorama.forward(networks.depth.global_feature(&sample.photo));
-    let [.., height, width] = panorama.dims();
-    let values: Vec<f32> = panorama.into_data().iter().collect();
-    let channel = width * height;
-    RadianceImage::from_fn(width, height, |x, y| [0, 1, 2].map(|c| values[c * channel + y * width + x]))
 }
 
 /// Of all surface points, in the smallest cube that holds them.

@@ -84,6 +84,12 @@ impl Camera {
         Self::new(focal, focal, 0.5 * f64::from(width), 0.5 * f64::from(height), width, height)
     }
 
+    /// Half the length of the picture's longer side over the focal length: metres from the middle of what is seen at a depth of one metre
+    /// to its end.
+    pub fn half_extent(&self) -> f64 {
+        0.5 * f64::from(self.width.max(self.height)) / self.fx
+    }
+
     /// Horizontal field of view in degrees.
     pub fn hfov_deg(&self) -> f64 {
         let left = (self.cx / self.fx).atan();

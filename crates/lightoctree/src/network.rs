@@ -18,12 +18,14 @@ pub(crate) fn predicted_view(
     messages: &mut dyn FnMut(Message),
 ) -> Result<View, EstimateError> {
     let small = stage(messages, "working resolution", || working_photo(&photo));
-    let (depth_m, global) = stage(messages, "depth and global light", || networks.depth_and_light(&srgb8(&small)));
+    let (depth_m, global) = stage(messages, "depth and global light", || networks.depth_and_light(&srgb8(&small), &camera));
     if !depth_m.pixels().iter().all(|z| z.is_finite()) {
         return Err(EstimateError::PredictedDepth);
     }
     let frame = Frame::new(photo, depth_m, camera, 1.0)?;
-    let working = Frame { camera: frame.depth_camera(), photo: small, depth_m: frame.depth_m.clone(), exposure: 1.0 };
+    let depth_m = imaging::resize_depth(&frame.depth_m, small.width(), small.height());
+    let camera = frame.camera.resized(small.width() as u32, small.height() as u32);
+    let working = Frame { camera, photo: small, depth_m, exposure: 1.0 };
     messages(Message::Note(
         "depth is predicted from the photo alone: distances, and with them all sizes, may be off".into(),
     ));

@@ -4,11 +4,11 @@ use std::path::Path;
 
 use burn::tensor::{Device, Tensor};
 use geometry::{Camera, Cube};
-use imaging::{DepthMap, Image};
+use imaging::{DepthMap, Image, RadianceImage};
 use octree::LightOctree;
 
 use crate::checkpoint::{Checkpoint, CheckpointError, Precision};
-use crate::depth::DepthNet;
+use crate::depth::{DepthNet, looked_at, panorama_image};
 use crate::light::{Growth, LightError, LightInput, LightNet, LightNetConfig, VisiblePoint};
 
 /// Names of the two modules in a checkpoint; the configuration is under [`LIGHT`] in its state.
@@ -107,14 +107,15 @@ impl Networks {
         checkpoint.write(path, precision)
     }
 
-    /// Depth of every pixel of an sRGB photo, in metres along the optical axis, and the light around it.
+    /// Depth in an sRGB photo that this camera made, in metres along the optical axis, and the light around it. The depth map has at most
+    /// 240 pixels on the longer side, as the photo is [looked at](looked_at).
     ///
     /// # Panics
     /// Where the photo has no pixels.
-    pub fn depth_and_light(&self, photo: &Image<[u8; 3]>) -> (DepthMap, GlobalLight) {
+    pub fn depth_and_light(&self, photo: &Image<[u8; 3]>, camera: &Camera) -> (DepthMap, GlobalLight) {
         in_pool(|| {
-            let output = self.depth.forward(&[photo]);
-            (output.depth_m(), GlobalLight(output.global))
+            let output = self.depth.forward(&[&looked_at(photo)]);
+            (output.depth_m(camera), GlobalLight(output.global))
         })
     }
 
@@ -123,7 +124,16 @@ impl Networks {
     /// # Panics
     /// Where the photo has no pixels.
     pub fn global_light(&self, photo: &Image<[u8; 3]>) -> GlobalLight {
-        in_pool(|| GlobalLight(self.depth.global_feature(photo)))
+        in_pool(|| GlobalLight(self.depth.global_feature(&looked_at(photo))))
+    }
+
+    /// The panorama at the camera that the global lighting decoder makes of an sRGB photo, its centre along the camera's view.
+    ///
+    /// # Panics
+    /// Where the photo has no pixels.
+    pub fn single_map(&self, photo: &Image<[u8; 3]>) -> RadianceImage {
+        let global = self.global_light(photo).0;
+        in_pool(|| panorama_image(self.depth.panorama.forward(global)))
     }
 
     /// The light of the whole room, the octree grown by the network's own predictions.
@@ -167,6 +177,10 @@ mod tests {
         LightNetConfig { blocks: 1, bottleneck: 2, head_channels: 8, global_features: 6, ..small }
     }
 
+    fn camera(photo: &Image<[u8; 3]>) -> Camera {
+        Camera::from_hfov_deg(70.0, photo.width() as u32, photo.height() as u32).unwrap()
+    }
+
     fn checkpoint(config: &LightNetConfig, seed: u64) -> Checkpoint {
         let mut checkpoint = Checkpoint::default();
         Networks::new(config, seed, &Device::flex()).unwrap().add_to(&mut checkpoint);
@@ -183,12 +197,12 @@ mod tests {
         let path = folder.path().join("weights.safetensors");
         let networks = Networks::new(&config(), 3, &Device::flex()).unwrap();
         let photo = Image::from_fn(64, 32, |x, y| [(3 * x) as u8, (7 * y) as u8, 90]);
-        let (depth_m, _) = networks.depth_and_light(&photo);
+        let (depth_m, _) = networks.depth_and_light(&photo, &camera(&photo));
         networks.write(&path, Precision::Full).unwrap();
         let read = Networks::read(&path).unwrap();
-        assert_eq!((&read.config, read.depth_and_light(&photo).0), (&config(), depth_m.clone()));
+        assert_eq!((&read.config, read.depth_and_light(&photo, &camera(&photo)).0), (&config(), depth_m.clone()));
         networks.write(&path, Precision::Half).unwrap();
-        let half = Networks::read(&path).unwrap().depth_and_light(&photo).0;
+        let half = Networks::read(&path).unwrap().depth_and_light(&photo, &camera(&photo)).0;
         let close = |(a, b): (&f32, &f32)| (a / b).ln().abs() < 0.05;
         assert!(half != depth_m && half.pixels().iter().zip(depth_m.pixels()).all(close));
         let state = Checkpoint::read(&path).unwrap().state;
@@ -199,7 +213,7 @@ mod tests {
     fn light_alone_is_that_beside_depth() {
         let networks = Networks::new(&config(), 3, &Device::flex()).unwrap();
         let photo = Image::from_fn(70, 41, |x, y| [(3 * x) as u8, (7 * y) as u8, 90]);
-        let [beside, alone] = [networks.depth_and_light(&photo).1, networks.global_light(&photo)];
+        let [beside, alone] = [networks.depth_and_light(&photo, &camera(&photo)).1, networks.global_light(&photo)];
         assert_eq!(beside.0.into_data(), alone.0.into_data());
     }
 

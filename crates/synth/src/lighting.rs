@@ -40,20 +40,25 @@ pub(crate) fn light(stage: &mut Stage, kind: RoomKind, lighting: Lighting) {
         Lighting::Normal => 0.3,
         Lighting::OverLit | Lighting::Mixed => 1.0,
     };
-    let switch = Switch {
+    let mut switch = Switch {
         burn,
         single: lighting == Lighting::SingleLamp,
         gain: if lighting == Lighting::OverLit { 2.0 } else { 1.0 },
         kelvin: kelvin.min(3200.0),
         on: 0,
     };
-    let small = small_lamps(stage, kind, switch);
+    small_lamps(stage, kind, &mut switch);
     let main = match lighting {
         Lighting::Normal | Lighting::OverLit => true,
-        Lighting::Mixed | Lighting::SingleLamp => small == 0,
+        Lighting::Mixed | Lighting::SingleLamp => switch.on == 0,
         Lighting::Daylight => false,
     };
+    let before = stage.lamps_on;
     ceiling_lamps(stage, kind, kelvin, main, lighting);
+    if main && stage.lamps_on == before {
+        // Furniture or a slope left no place.
+        wall_lamp(stage, &mut Switch { burn: 1.0, ..switch });
+    }
 }
 
 /// Illuminance that the use asks for (EN 12464-1 and common practice at home), lux.
@@ -198,7 +203,7 @@ impl Switch {
 }
 
 /// Floor lamps, lamps on tables and desks, sconces.
-fn small_lamps(stage: &mut Stage, kind: RoomKind, mut switch: Switch) -> usize {
+fn small_lamps(stage: &mut Stage, kind: RoomKind, switch: &mut Switch) {
     let homely = !matches!(kind, RoomKind::Bathroom | RoomKind::Classroom | RoomKind::Corridor | RoomKind::Kitchen);
     if homely && (switch.single || chance(&mut stage.random, 0.6)) {
         for _ in 0..count(&mut stage.random, 1, 2) {
@@ -227,11 +232,14 @@ fn small_lamps(stage: &mut Stage, kind: RoomKind, mut switch: Switch) -> usize {
     }
     let share = if kind == RoomKind::Bathroom { 0.6 } else { 0.2 };
     if (homely || kind == RoomKind::Bathroom) && chance(&mut stage.random, share) {
-        let sconce = fixtures::sconce(stage);
-        if hang(stage, &sconce, 1.95, None) {
-            let object = stage.objects.len() - 1;
-            switch.throw(stage, object, [300.0, 900.0]);
-        }
+        wall_lamp(stage, switch);
     }
-    switch.on
+}
+
+fn wall_lamp(stage: &mut Stage, switch: &mut Switch) {
+    let sconce = fixtures::sconce(stage);
+    if hang(stage, &sconce, 1.95, None) {
+        let object = stage.objects.len() - 1;
+        switch.throw(stage, object, [300.0, 900.0]);
+    }
 }

@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use geometry::{Quat, Ray, Vec3, fibonacci_sphere};
-use lightoctree_synth::{Interior, Object, Support, SynthConfig};
+use lightoctree_synth::{Interior, Lighting, Object, Support, SynthConfig};
 use mesh::PreparedModel;
 
 /// What lies on a thing or leans on it may touch it; carpets give way by their pile.
@@ -367,16 +367,24 @@ fn check_portals(room: &Room) {
 /// A tenth of a second each in release, half a second as tests are built.
 const ROOMS: u64 = 100;
 
+/// Where daylight is not meant to be alone, a lamp burns.
+fn check_lit(room: &Room) {
+    let about = &room.interior.description;
+    let lit = about.lighting == Lighting::Daylight || (about.lamps_on > 0 && about.flux_lm > 0.0);
+    assert!(lit, "{}: {:?}, but no lamp burns", room.interior.id, about.lighting);
+}
+
 type Check = (&'static str, fn(&Room));
 
 #[test]
 fn rooms_keep_the_rules() {
-    let checks: [Check; 7] = [
+    let checks: [Check; 8] = [
         ("numbers", check_numbers),
         ("outwards", check_outwards),
         ("apart", check_apart),
         ("supported", check_supported),
         ("views", check_views),
+        ("lit", check_lit),
         ("portals", check_portals),
         ("passages", check_passages),
     ];
@@ -415,6 +423,13 @@ fn rooms_keep_the_rules() {
 }
 
 /// Bytes of the triangles and materials.
+#[test]
+fn a_wall_lamp_burns_where_the_ceiling_has_no_place() {
+    // A bedroom without windows: its wardrobe reaches to where the one lamp would hang.
+    let interior = Interior::generate(100, 418, &SynthConfig::default()).unwrap();
+    assert_eq!((interior.description.windows, interior.description.lamps_on), (0, 1));
+}
+
 fn fingerprint(interior: &Interior) -> u64 {
     let model = &interior.world.model;
     let mut bytes: Vec<u8> = Vec::new();

@@ -19,13 +19,15 @@ pub struct AugmentationConfig {
     /// Natural logarithm of the factor by which the believed focal length is wrong, at most. What is seen, and with it the room that
     /// the network ought to make of it, becomes narrower or wider by that factor.
     pub focal: f32,
+    /// A photo is cut to its middle, down to one over this of its width: what a longer lens sees.
+    pub zoom: f32,
     /// How many variants of a sample there are; global light is kept for each. 0: always another one.
     pub variants: u64,
 }
 
 impl Default for AugmentationConfig {
     fn default() -> Self {
-        Self { mirror_share: 0.5, brighter_ev: 0.6, colour: 0.08, focal: 0.1, variants: 4 }
+        Self { mirror_share: 0.5, brighter_ev: 0.6, colour: 0.08, focal: 0.1, zoom: 1.25, variants: 4 }
     }
 }
 
@@ -41,6 +43,9 @@ impl AugmentationConfig {
             ("colour", self.colour, 1.0),
             ("focal", self.focal, 1.0),
         ];
+        if !(1.0..=8.0).contains(&self.zoom) {
+            return Err(format!("zoom is {}; it must lie in 1 to 8", self.zoom));
+        }
         match ranges.into_iter().find(|(_, value, most)| !(0.0..=*most).contains(value)) {
             Some((name, value, most)) => Err(format!("{name} is {value}; it must lie in 0 to {most}")),
             None => Ok(()),
@@ -60,11 +65,9 @@ impl AugmentationConfig {
         let focal = upto(self.focal).exp();
         let least = colour.into_iter().fold(f32::INFINITY, f32::min);
         let brighter = stream.random::<f32>() * self.brighter_ev * std::f32::consts::LN_2;
-        Variation {
-            mirrored: stream.random::<f32>() < self.mirror_share,
-            gains: colour.map(|gain| (gain - least + brighter).exp()),
-            focal,
-        }
+        let mirrored = stream.random::<f32>() < self.mirror_share;
+        let gains = colour.map(|gain| (gain - least + brighter).exp());
+        Variation { mirrored, gains, focal, zoom: self.zoom.powf(stream.random::<f32>()) }
     }
 }
 
@@ -77,11 +80,13 @@ pub(crate) struct Variation {
     pub gains: [f32; 3],
     /// The believed focal length over the true one.
     pub focal: f32,
+    /// The photo's size over that of its middle that is left, at least 1.
+    pub zoom: f32,
 }
 
 impl Variation {
     /// The sample as it is.
-    pub const NONE: Self = Self { mirrored: false, gains: [1.0; 3], focal: 1.0 };
+    pub const NONE: Self = Self { mirrored: false, gains: [1.0; 3], focal: 1.0, zoom: 1.0 };
 
     /// Positions of the world are multiplied by this. A wrong focal length shows everything at another place, and since the map is
     /// linear, straight lines and planes stay so: the room is as if it were built like that.
@@ -92,7 +97,7 @@ impl Variation {
 
     /// The photo.
     pub fn photo(&self, photo: &Image<[u8; 3]>) -> Image<[u8; 3]> {
-        let photo = self.turned(photo);
+        let photo = self.framed(photo);
         if self.gains == [1.0; 3] {
             return photo;
         }
@@ -103,14 +108,22 @@ impl Variation {
 
     /// A depth map of the photo.
     pub fn depth(&self, depth_m: &DepthMap) -> DepthMap {
-        self.turned(depth_m)
+        self.framed(depth_m)
     }
 
     /// The camera that is believed to have made the photo.
     pub fn camera(&self, camera: &Camera) -> Camera {
         let focal = f64::from(self.focal);
         let cx = if self.mirrored { f64::from(camera.width) - camera.cx } else { camera.cx };
-        Camera { fx: camera.fx * focal, fy: camera.fy * focal, cx, ..*camera }
+        let [left, top] = [camera.width, camera.height].map(|size| self.margin(size as usize) as u32);
+        Camera {
+            fx: camera.fx * focal,
+            fy: camera.fy * focal,
+            cx: cx - f64::from(left),
+            cy: camera.cy - f64::from(top),
+            width: camera.width - 2 * left,
+            height: camera.height - 2 * top,
+        }
     }
 
     /// The room's surfaces.
@@ -129,12 +142,16 @@ impl Variation {
         std::array::from_fn(|c| radiance[c] * self.gains[c])
     }
 
-    fn turned<T: Copy>(&self, image: &Image<T>) -> Image<T> {
-        let width = image.width();
-        if !self.mirrored {
-            return image.clone();
-        }
-        Image::from_fn(width, image.height(), |x, y| image[(width - 1 - x, y)])
+    fn framed<T: Copy>(&self, image: &Image<T>) -> Image<T> {
+        let (width, height) = (image.width(), image.height());
+        let [left, top] = [width, height].map(|size| self.margin(size));
+        let column = |x: usize| if self.mirrored { width - 1 - left - x } else { left + x };
+        Image::from_fn(width - 2 * left, height - 2 * top, |x, y| image[(column(x), top + y)])
+    }
+
+    /// Pixels that are cut off at each end of so many.
+    fn margin(&self, size: usize) -> usize {
+        (0.5 * size as f32 * (1.0 - 1.0 / self.zoom)) as usize
     }
 
     /// The stream that everything of one preparation of a sample draws from.
@@ -180,7 +197,7 @@ mod tests {
     use super::*;
 
     fn variation() -> Variation {
-        Variation { mirrored: true, gains: [1.5, 1.2, 1.0], focal: 1.1 }
+        Variation { mirrored: true, gains: [1.5, 1.2, 1.0], focal: 1.1, zoom: 1.2 }
     }
 
     #[test]
@@ -189,11 +206,14 @@ mod tests {
         let believed = variation().camera(&camera);
         for (u, v, z) in [(10.5, 20.5, 3.0), (400.5, 300.5, 1.5)] {
             let point = camera.unproject(u, v, z) * variation().scale();
-            let seen = believed.unproject(480.0 - u, v, z);
+            let seen = believed.unproject(480.0 - 40.0 - u, v - 26.0, z);
             assert!((point - seen).length() < 1e-5, "{point} {seen}");
         }
-        let depth = DepthMap::from_fn(4, 2, |x, y| (x + 10 * y) as f32);
-        assert_eq!(variation().depth(&depth)[(0, 1)], 13.0);
+        assert_eq!((believed.width, believed.height), (400, 268));
+        let depth = DepthMap::from_fn(480, 320, |x, y| (x + 1000 * y) as f32);
+        let framed = variation().depth(&depth);
+        assert_eq!((framed.width(), framed.height()), (400, 268));
+        assert_eq!((framed[(0, 0)], framed[(399, 1)]), (26_439.0, 27_040.0));
     }
 
     #[test]
@@ -225,11 +245,12 @@ mod tests {
         for index in 0..50 {
             let variation = config.draw(&mut random::stream(1, "test", index));
             assert!(variation.gains.iter().all(|gain| (1.0..1.8).contains(gain)), "{variation:?}");
-            let varied = Variation { mirrored: false, ..variation }.photo(&photo);
+            assert!((1.0..=1.25).contains(&variation.zoom), "{variation:?}");
+            let varied = Variation { mirrored: false, zoom: 1.0, ..variation }.photo(&photo);
             assert!(varied.pixels().iter().zip(photo.pixels()).all(|(a, b)| a >= b));
             assert_eq!(varied[(15, 15)], [255; 3]);
         }
-        let none = AugmentationConfig { mirror_share: 0.0, brighter_ev: 0.0, colour: 0.0, focal: 0.0, variants: 0 };
+        let none = AugmentationConfig { mirror_share: 0.0, brighter_ev: 0.0, colour: 0.0, focal: 0.0, zoom: 1.0, variants: 0 };
         assert_eq!(none.draw(&mut random::stream(1, "test", 0)), Variation::NONE);
     }
 }

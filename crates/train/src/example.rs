@@ -2,7 +2,7 @@
 
 use cone::{ConeTracer, Settings};
 use dataset::Sample;
-use geometry::{Cube, Mat3, Vec3};
+use geometry::{Camera, Cube, Mat3, Vec3};
 use imaging::{DepthMap, Image, Photo, RadianceImage, linear_from_srgb8, srgb8_from_linear};
 use lightoctree::SeenFrame;
 use nets::light::{LightInput, LightNetConfig, Rays};
@@ -43,6 +43,8 @@ pub(crate) struct DepthExample {
     pub photo: Image<[u8; 3]>,
     /// True depth of the same size.
     pub depth_m: DepthMap,
+    /// The photo's.
+    pub camera: Camera,
     /// The true panorama at the camera, of size [`PANORAMA`].
     pub panorama: RadianceImage,
     /// What the photo shows of it: radiance times share, share.
@@ -69,15 +71,23 @@ impl DepthExample {
         let linear = photo.map(|rgb| rgb.map(linear_from_srgb8));
         let camera = camera.resized(photo.width() as u32, photo.height() as u32);
         let shown = imaging::equirectangular_from_perspective(&linear, &camera, Mat3::IDENTITY, PANORAMA.0, PANORAMA.1);
-        let width = width.min(photo.width());
-        let height = (photo.height() * width).div_ceil(photo.width());
-        let photo = if width < photo.width() {
-            imaging::resize(&linear, width, height).map(|rgb| rgb.map(srgb8_from_linear))
-        } else {
+        // Of the whole photo's shape, so that photos of one size are one batch however they are cut.
+        let width = width.min(sample.photo.width());
+        let height = (sample.photo.height() * width).div_ceil(sample.photo.width());
+        let photo = if (width, height) == (photo.width(), photo.height()) {
             photo
+        } else {
+            imaging::resize(&linear, width, height).map(|rgb| rgb.map(srgb8_from_linear))
         };
         let depth_m = imaging::resize_depth(&depth_m, width, height);
-        Ok(Self { photo, depth_m, panorama, shown })
+        let camera = camera.resized(photo.width() as u32, photo.height() as u32);
+        Ok(Self { photo, depth_m, camera, panorama, shown })
+    }
+
+    /// What the depth network ought to say, but for the logarithm.
+    pub fn extent_m(&self) -> DepthMap {
+        let extent = self.camera.half_extent() as f32;
+        self.depth_m.map(|z| z * extent)
     }
 }
 
@@ -227,7 +237,7 @@ mod tests {
     fn photo_panoramas_and_true_octree_agree_however_the_sample_is_varied() {
         let sample = sample();
         let network = LightNetConfig { depth: 6, ..LightNetConfig::default() };
-        let wrong = Variation { mirrored: true, gains: [1.3, 1.0, 1.1], focal: 1.15 };
+        let wrong = Variation { mirrored: true, gains: [1.3, 1.0, 1.1], focal: 1.15, zoom: 1.1 };
         let doubled = sample.depth_m.as_ref().unwrap().map(|z| 2.0 * z);
         let doubled_turned = wrong.depth(&doubled);
         let cases = [
@@ -265,7 +275,7 @@ mod tests {
     #[test]
     fn the_depth_networks_panorama_shows_what_the_photo_shows() {
         let sample = sample();
-        let variation = Variation { mirrored: true, gains: [1.2; 3], focal: 1.2 };
+        let variation = Variation { mirrored: true, gains: [1.2; 3], focal: 1.2, zoom: 1.1 };
         let example = DepthExample::new(&sample, &variation, 60).unwrap();
         assert_eq!((example.photo.width(), example.photo.height()), (60, 40));
         assert_eq!((example.depth_m.width(), example.depth_m.height()), (60, 40));

@@ -286,8 +286,8 @@ impl Learner {
         let [mut log_depth, mut variance] = [(); 2].map(|()| Tensor::zeros([1], &recording()));
         for (output, examples) in outputs {
             let share = examples.len() as f64 / count as f64;
-            let truths: Vec<_> = examples.iter().map(|example| &example.depth_m).collect();
-            let [mean_square, of_group] = depth_losses(output.log_depth, &truths);
+            let extents: Vec<_> = examples.iter().map(|example| example.extent_m()).collect();
+            let [mean_square, of_group] = depth_losses(output.log_extent, &extents.iter().collect::<Vec<_>>());
             (log_depth, variance) = (log_depth + mean_square * share, variance + of_group * share);
             globals.push(output.global);
             all.extend(examples);

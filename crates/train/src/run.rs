@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use dataset::{CropModel, Dataset, Generated, Generator, Layout, LoaderState, Sample, fingerprint};
 use imaging::write_rgba8;
 use nets::checkpoint::{Checkpoint, Precision};
+use nets::depth::looked_at;
 use random::RngExt;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -342,7 +343,7 @@ impl<'a> Run<'a> {
             let example = LightExample::new(sample, &variation, depth, &network, rays, &mut stream);
             let example = example.map_err(|error| error.to_string())?;
             let feature = || {
-                let global = depth_net.global_feature(&variation.photo(&sample.photo));
+                let global = depth_net.global_feature(&looked_at(&variation.photo(&sample.photo)));
                 global.into_data().iter().collect::<Vec<f32>>()
             };
             let global = if augmentation.variants == 0 {
@@ -362,7 +363,8 @@ impl<'a> Run<'a> {
         let (network, phase) = (self.learner.network.clone(), phase.clone());
         move |sample, epoch| {
             let variation = augmentation.of(seed, sample, epoch).0;
-            let depth = DepthExample::new(sample, &variation, sample.photo.width()).map_err(|e| e.to_string())?;
+            let width = looked_at(&sample.photo).width();
+            let depth = DepthExample::new(sample, &variation, width).map_err(|e| e.to_string())?;
             let mut stream = Variation::stream(seed, "light example", sample, epoch);
             let (predicted, sensor) = (stream.random::<f32>(), stream.random::<f32>());
             let light = if predicted < phase.predicted_share {
@@ -392,7 +394,7 @@ impl<'a> Run<'a> {
             let light = match light {
                 Some(light) => light,
                 None => {
-                    let predicted_m = output.depth_m();
+                    let predicted_m = output.depth_m(&depth.camera);
                     if !predicted_m.pixels().iter().all(|z| z.is_finite()) {
                         return Err(Fault("depth_net's depth is not finite".into()));
                     }

@@ -7,11 +7,12 @@ use cone::{ConeTracer, Settings};
 use dataset::{Dataset, NovelView, Sample, Split};
 use imaging::{DepthMap, Image, RadianceImage, srgb_from_linear};
 use lightoctree::{EstimateOptions, estimate};
+use nets::depth::{looked_at, panorama_image};
 use nets::light::{Growth, LightNetConfig};
 use octree::LightOctree;
 
 use crate::augmentation::Variation;
-use crate::example::{DepthExample, KnownDepth, PANORAMA, VariedRoom};
+use crate::example::{DepthExample, KnownDepth, VariedRoom};
 use crate::learner::{Learner, in_pool};
 use crate::message::ValidationReport;
 use crate::sheet::{Row, sheet};
@@ -105,13 +106,13 @@ fn mean(values: impl Iterator<Item = f32>) -> Option<f32> {
 
 /// Figures of one photo into `means`, and its row of the sheet.
 fn judge(learner: &Learner, sample: &Sample, lit: bool, means: &mut Means) -> Option<Row> {
-    let example = DepthExample::new(sample, &Variation::NONE, sample.photo.width()).ok()?;
+    let example = DepthExample::new(sample, &Variation::NONE, looked_at(&sample.photo).width()).ok()?;
     let output = learner.depth.average.forward(&[&example.photo]);
-    let predicted_m = output.depth_m();
+    let predicted_m = output.depth_m(&sample.camera);
     let (abs_rel, delta1) = depth_figures(&predicted_m, &example.depth_m);
     means.abs_rel.extend(abs_rel);
     means.delta1.extend(delta1);
-    let global_panorama = panorama(learner.depth.average.panorama.forward(output.global.clone()));
+    let global_panorama = panorama_image(learner.depth.average.panorama.forward(output.global.clone()));
     means.global_db.push(psnr_db(&global_panorama, &example.panorama));
     let mut row = Row {
         photo: sample.photo.clone(),
@@ -209,13 +210,6 @@ fn depth_figures(found_m: &DepthMap, true_m: &DepthMap) -> (Option<f32>, Option<
 
 fn tensor(global: &[f32]) -> Tensor<2> {
     Tensor::from_data(TensorData::new(global.to_vec(), [1, global.len()]), &Device::flex())
-}
-
-/// A decoder's `[1, 3, height, width]` as a picture.
-fn panorama(tensor: Tensor<4>) -> RadianceImage {
-    let values: Vec<f32> = tensor.into_data().iter().collect();
-    let plane = PANORAMA.0 * PANORAMA.1;
-    RadianceImage::new(PANORAMA.0, PANORAMA.1, (0..plane).map(|i| [0, 1, 2].map(|c| values[c * plane + i])).collect())
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DepthLossConfig {
-    /// Mean squared difference of log depth.
+    /// Mean squared difference of log depth, or of the log of what it is in proportion to.
     pub log_depth: f32,
     /// Variance of the difference of log depth: blind to scale.
     pub scale_invariant: f32,
@@ -25,7 +25,7 @@ impl Default for DepthLossConfig {
 /// Mean square and variance of the difference of log depth over a picture's pixels with a true reading (finite, above 0), each the mean
 /// of all pictures.
 ///
-/// `log_depth[1, pictures, height, width]`, of the same size as the `truths`.
+/// `log_depth[1, pictures, height, width]`, of the same size as the `truths`, and in the same unit.
 ///
 /// # Panics
 /// Where the sizes differ.

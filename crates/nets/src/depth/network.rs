@@ -1,7 +1,8 @@
 use burn::module::Module;
 use burn::tensor::ops::PadMode;
 use burn::tensor::{Device, Tensor, TensorData};
-use imaging::{DepthMap, Image};
+use geometry::Camera;
+use imaging::{DepthMap, Image, RadianceImage, linear_from_srgb8, srgb8_from_linear};
 
 use crate::depth::{DenseNet, DepthDecoder, GlobalEncoder, PanoramaDecoder};
 
@@ -9,8 +10,12 @@ use crate::depth::{DenseNet, DepthDecoder, GlobalEncoder, PanoramaDecoder};
 const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
 const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
 
-/// Depths that can be predicted, metres.
-const DEPTH_RANGE_M: [f64; 2] = [0.05, 200.0];
+/// Extents that can be predicted, metres.
+const EXTENT_RANGE_M: [f64; 2] = [0.02, 200.0];
+
+/// Most pixels on a photo's longer side as the network is used. Sizes are what tells distance, and the network knows them at the
+/// resolutions that it learned from; light needs no finer depth: at 4 m a pixel is 2 cm wide.
+const LONGER_SIDE: usize = 240;
 
 /// The encoder halves the resolution five times.
 const MULTIPLE: usize = 32;
@@ -31,10 +36,33 @@ pub struct DepthNet {
 /// What the depth network gives.
 #[derive(Debug)]
 pub struct DepthOutput {
-    /// Log depth in metres along the optical axis, `[1, pictures, height, width]`.
-    pub log_depth: Tensor<4>,
+    /// Logarithm of how far what is seen at a pixel's depth extends, from its middle to the end of the picture's longer side, in metres:
+    /// depth along the optical axis times [`Camera::half_extent`]. It is what sizes in the picture tell, whatever the focal length: the
+    /// canonical camera of Yin et al., "Metric3D", ICCV 2023. `[1, pictures, height, width]`.
+    pub log_extent: Tensor<4>,
     /// The global lighting features, `[pictures, features]`.
     pub global: Tensor<2>,
+}
+
+/// An sRGB photo at the size at which the network is used: at most 240 pixels on the longer side, never larger than it is.
+///
+/// # Panics
+/// Where the photo has no pixels.
+pub fn looked_at(photo: &Image<[u8; 3]>) -> Image<[u8; 3]> {
+    let (width, height) = (photo.width(), photo.height());
+    let longer = width.max(height);
+    if longer <= LONGER_SIDE {
+        return photo.clone();
+    }
+    let [width, height] = [width, height].map(|side| (side * LONGER_SIDE).div_ceil(longer));
+    imaging::resize(&photo.map(|rgb| rgb.map(linear_from_srgb8)), width, height).map(|rgb| rgb.map(srgb8_from_linear))
+}
+
+/// The first of a decoder's panoramas, `[3, panoramas, height, width]`, as a picture.
+pub fn panorama_image(panoramas: Tensor<4>) -> RadianceImage {
+    let [_, _, height, width] = panoramas.dims();
+    let values: Vec<f32> = panoramas.inner().narrow(1, 0, 1).into_data().iter().collect();
+    RadianceImage::from_fn(width, height, |x, y| [0, 1, 2].map(|c| values[(c * height + y) * width + x]))
 }
 
 impl DepthNet {
@@ -58,9 +86,9 @@ impl DepthNet {
         let (width, height) = (photos[0].width(), photos[0].height());
         let features = self.encoder.forward(self.input(photos));
         let global = self.global.forward(features[4].clone());
-        let [nearest, farthest] = DEPTH_RANGE_M.map(f64::ln);
-        let log_depth = self.decoder.forward(features).narrow(2, 0, height).narrow(3, 0, width);
-        DepthOutput { log_depth: log_depth.clamp(nearest, farthest), global }
+        let [least, most] = EXTENT_RANGE_M.map(f64::ln);
+        let log_extent = self.decoder.forward(features).narrow(2, 0, height).narrow(3, 0, width);
+        DepthOutput { log_extent: log_extent.clamp(least, most), global }
     }
 
     /// The global lighting feature alone, `[1, features]`, where depth is known from elsewhere.
@@ -89,11 +117,12 @@ impl DepthNet {
 }
 
 impl DepthOutput {
-    /// The depth map of the first photo, metres along the optical axis.
-    pub fn depth_m(&self) -> DepthMap {
-        let [_, _, height, width] = self.log_depth.dims();
-        let values: Vec<f32> = self.log_depth.clone().inner().narrow(1, 0, 1).into_data().iter().collect();
-        DepthMap::new(width, height, values.into_iter().map(f32::exp).collect())
+    /// The depth map of the first photo, which this camera made; metres along the optical axis.
+    pub fn depth_m(&self, camera: &Camera) -> DepthMap {
+        let [_, _, height, width] = self.log_extent.dims();
+        let values: Vec<f32> = self.log_extent.clone().inner().narrow(1, 0, 1).into_data().iter().collect();
+        let extent = camera.half_extent() as f32;
+        DepthMap::new(width, height, values.into_iter().map(|log| log.exp() / extent).collect())
     }
 }
 
@@ -115,14 +144,40 @@ mod tests {
         })
     }
 
+    /// That of 90°, which sees two metres at a depth of one.
+    fn camera() -> Camera {
+        Camera::from_hfov_deg(90.0, 64, 32).unwrap()
+    }
+
+    #[test]
+    fn the_same_picture_by_a_longer_lens_is_farther() {
+        let output = DepthNet::new(16, 1, &Device::flex()).forward(&[&photo(64, 32)]);
+        let (wide, upright) = (camera(), Camera::from_hfov_deg(53.130_102, 32, 64).unwrap());
+        let long = Camera { fx: 3.0 * wide.fx, fy: 3.0 * wide.fy, ..wide };
+        let [near, far, other] = [wide, long, upright].map(|camera| output.depth_m(&camera).pixels()[77]);
+        assert!((far / near - 3.0).abs() < 1e-5, "{near} {far}");
+        // 32 pixels wide at 53.13°: a focal length of 32, as the wide one's; the longer side is the same too.
+        assert!((other / near - 1.0).abs() < 1e-5, "{near} {other}");
+    }
+
+    #[test]
+    fn large_photos_are_looked_at_in_240_pixels() {
+        let size = |width, height| {
+            let seen = looked_at(&photo(width, height));
+            (seen.width(), seen.height())
+        };
+        assert_eq!((size(480, 320), size(301, 480), size(240, 200)), ((240, 160), (151, 240), (240, 200)));
+        assert_eq!(looked_at(&photo(64, 32)), photo(64, 32));
+    }
+
     #[test]
     fn any_size_gives_depth_and_light() {
         let net = DepthNet::new(16, 1, &Device::flex());
         for (width, height) in [(50, 37), (64, 32), (1, 1)] {
             let output = net.forward(&[&photo(width, height)]);
-            let depth = output.depth_m();
+            let depth = output.depth_m(&camera());
             assert_eq!((depth.width(), depth.height()), (width, height));
-            assert!(depth.pixels().iter().all(|z| (0.049..201.0).contains(z)));
+            assert!(depth.pixels().iter().all(|z| (0.019..201.0).contains(z)));
             assert_eq!(output.global.dims(), [1, 16]);
         }
         let panorama = net.panorama.forward(net.forward(&[&photo(64, 32)]).global);
@@ -141,14 +196,14 @@ mod tests {
             let alone = net.forward(&[photo]);
             let panorama = values(net.panorama.forward(alone.global.clone()));
             let pairs = [
-                (values(together.log_depth.clone().narrow(1, i, 1)), values(alone.log_depth)),
+                (values(together.log_extent.clone().narrow(1, i, 1)), values(alone.log_extent)),
                 (panoramas[i * panorama.len()..][..panorama.len()].to_vec(), panorama),
             ];
             for (got, expected) in pairs {
                 assert!(got.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-5 * (1.0 + b.abs())), "photo {i}");
             }
         }
-        let different = net.forward(&[&photos[0]]).log_depth - net.forward(&[&photos[1]]).log_depth;
+        let different = net.forward(&[&photos[0]]).log_extent - net.forward(&[&photos[1]]).log_extent;
         assert!(different.abs().mean().into_scalar::<f32>() > 1e-3);
     }
 
@@ -167,7 +222,7 @@ mod tests {
         let (mut losses, mut opinions) = (Vec::new(), Vec::new());
         for _ in 0..6 {
             let output = net.forward(&[&photo]);
-            let [log_depth, variance] = depth_losses(output.log_depth, &[&truth]);
+            let [log_depth, variance] = depth_losses(output.log_extent, &[&truth]);
             let made = net.panorama.forward(output.global);
             let opinion = judge.generator_loss(made.clone(), constant(4, 0.0));
             let loss = log_depth + variance * 0.5 + panorama_loss(made.clone(), &[&sky]) + opinion * 0.01;
@@ -186,6 +241,6 @@ mod tests {
         checkpoint.write(folder.path().join("depth.safetensors"), Precision::Full).unwrap();
         let read = Checkpoint::read(folder.path().join("depth.safetensors")).unwrap();
         let other = read.load_module("depth", DepthNet::new(16, 9, &Device::flex())).unwrap();
-        assert_eq!(other.forward(&[&photo]).depth_m(), net.valid().forward(&[&photo]).depth_m());
+        assert_eq!(other.forward(&[&photo]).depth_m(&camera()), net.valid().forward(&[&photo]).depth_m(&camera()));
     }
 }
