@@ -7,6 +7,7 @@ pub mod args;
 pub mod commands;
 mod config;
 mod interrupt;
+mod memory;
 mod output;
 mod progress;
 mod report;

@@ -3,7 +3,7 @@
 use geometry::{Camera, Cube, Vec3};
 use imaging::{Image, Photo};
 use octree::{LightOctree, key_from_xyz};
-use scene::{Completion, Frame, Scene};
+use scene::{Frame, Scene};
 
 /// An octree from cells of its finest level with their RGBα, all seen.
 pub(crate) fn light_of(cells: &[([u32; 3], [f32; 4])], cube: Cube, depth: u32) -> LightOctree {
@@ -30,13 +30,8 @@ pub(crate) fn box_room() -> Scene {
     depth_m[(0, 0)] = 0.0;
     let photo = Photo::Srgb8(Image::from_fn(8, 6, |x, y| [(x * 30) as u8, (y * 40) as u8, 128]));
     let camera = Camera::new(5.0, 5.0, 4.5, 2.75, 8, 6).expect("the test's camera is valid");
-    Scene {
-        light: light_of(&cells, Cube::centred(Vec3::ZERO, 4.0), 3),
-        frame: Frame::new(photo, depth_m, camera, 1.0).expect("the test's frame is valid"),
-        completion: Completion::None,
-        room: None,
-        sources: Vec::new(),
-        predicted_depth: false,
-        confidence: None,
-    }
+    Scene::as_seen(
+        light_of(&cells, Cube::centred(Vec3::ZERO, 4.0), 3),
+        Frame::new(photo, depth_m, camera, 1.0).expect("the test's frame is valid"),
+    )
 }

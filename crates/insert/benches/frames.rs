@@ -8,7 +8,7 @@ use imaging::{Image, Photo, RadianceImage};
 use lightoctree_insert::{Inserter, Lighting, Placement, Quality};
 use mesh::{LoadOptions, Material, Model, PreparedModel};
 use octree::{Coverage, LightOctree, RadiancePoint};
-use scene::{Completion, Frame, Scene};
+use scene::{Frame, Scene};
 
 const LOW: Vec3 = Vec3::new(-2.0, -1.0, -4.0);
 const HIGH: Vec3 = Vec3::new(2.0, 1.5, 1.0);
@@ -47,15 +47,7 @@ fn scene() -> Scene {
     let photo: RadianceImage = Image::from_fn(WIDTH, HEIGHT, |x, y| wall_radiance(seen(x, y)));
     let depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| -seen(x, y).z);
     let frame = Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).expect("photo and depth have one size");
-    Scene {
-        light,
-        frame,
-        completion: Completion::None,
-        room: None,
-        sources: Vec::new(),
-        predicted_depth: false,
-        confidence: None,
-    }
+    Scene::as_seen(light, frame)
 }
 
 /// A sphere of 32 × 64 quads, glossy like gold or matte.

@@ -7,7 +7,7 @@ use imaging::{Image, Photo, RadianceImage};
 use lightoctree_insert::{Composite, InsertError, Inserter, Lighting, Path, Placement, Quality};
 use mesh::{AlphaMode, LoadOptions, Material, Model, PreparedModel};
 use octree::{Coverage, LightOctree, RadiancePoint};
-use scene::{Completion, Frame, Scene};
+use scene::{Frame, Scene};
 
 const LOW: Vec3 = Vec3::new(-2.0, -1.0, -4.0);
 const HIGH: Vec3 = Vec3::new(2.0, 1.5, 1.0);
@@ -45,15 +45,7 @@ fn scene(photo: impl Fn(RadianceImage) -> Photo) -> Scene {
     let radiance = Image::from_fn(WIDTH, HEIGHT, |x, y| wall_radiance(point(x, y)));
     let depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| -point(x, y).z);
     let frame = Frame::new(photo(radiance), depth_m, camera, 1.0).unwrap();
-    Scene {
-        light,
-        frame,
-        completion: Completion::None,
-        room: None,
-        sources: Vec::new(),
-        predicted_depth: false,
-        confidence: None,
-    }
+    Scene::as_seen(light, frame)
 }
 
 fn linear_scene() -> Scene {

@@ -10,7 +10,7 @@ use mesh::{LoadOptions, Material, Model};
 use octree::{Coverage, LightOctree, RadiancePoint};
 use rayon::prelude::*;
 use reference::{Body, Finish, Random, Room, Solution, Tracer, V, add, scale, unit};
-use scene::{Completion, Frame, Scene};
+use scene::{Frame, Scene};
 
 fn room() -> Room {
     Room {
@@ -64,15 +64,7 @@ fn scene_of(solution: &Solution, depth: u32, width: u32, height: u32) -> Scene {
     let depth_m = hits.iter().map(|hit| -hit.position[2] as f32).collect();
     let frame =
         Frame::new(Photo::Linear(RadianceImage::new(w, h, photo)), Image::new(w, h, depth_m), camera, 1.0).unwrap();
-    Scene {
-        light,
-        frame,
-        completion: Completion::None,
-        room: None,
-        sources: Vec::new(),
-        predicted_depth: false,
-        confidence: None,
-    }
+    Scene::as_seen(light, frame)
 }
 
 fn pixel_direction(camera: &Camera, x: usize, y: usize) -> V {

@@ -106,7 +106,7 @@ pub fn estimate(
     options: &EstimateOptions,
     messages: &mut dyn FnMut(Message),
 ) -> Result<Scene, EstimateError> {
-    let octree_depth = octree_depth(networks, options)?;
+    let how = How::new(networks, options)?;
     let (view, predicted_depth) = match input.into() {
         Input::Frame(frame) => {
             let working = stage(messages, "working resolution", || frame.working());
@@ -117,13 +117,10 @@ pub fn estimate(
             (network::predicted_view(photo, camera, networks, messages)?, true)
         }
     };
-    let Completed { light, room, confidence } = match options.completion {
-        Completion::Network => {
-            let networks = networks.ok_or(EstimateError::NoNetworks("completion by a network"))?;
-            network::complete(&view, networks, options, messages)?
-        }
-        Completion::Shell => closed(&view.working, octree_depth, options, messages)?,
-        Completion::None => as_seen(&view.working, octree_depth, options, messages)?,
+    let Completed { light, room, confidence } = match how {
+        How::Network(networks) => network::complete(&view, networks, options, messages)?,
+        How::Shell { octree_depth } => closed(&view.working, octree_depth, options, messages)?,
+        How::None { octree_depth } => as_seen(&view.working, octree_depth, options, messages)?,
     };
     let (frame, completion, sources) = (view.frame, options.completion, options.sources.clone());
     Ok(Scene { light, frame, completion, room, sources, predicted_depth, confidence })
@@ -144,16 +141,29 @@ pub(crate) struct Completed {
     pub confidence: Option<Vec<Vec<u8>>>,
 }
 
-/// Depth of the octree, checked before any work: the shell's closing points grow with 4^depth.
-fn octree_depth(networks: Option<&Networks>, options: &EstimateOptions) -> Result<u32, EstimateError> {
-    if options.completion == Completion::Network {
-        let own = networks.ok_or(EstimateError::NoNetworks("completion by a network"))?.config.depth;
-        let asked = options.octree_depth.unwrap_or(own);
-        return if asked == own { Ok(own) } else { Err(EstimateError::OctreeDepth { asked, own }) };
+/// How the room is completed, with what that needs.
+enum How<'a> {
+    Network(&'a Networks),
+    Shell { octree_depth: u32 },
+    None { octree_depth: u32 },
+}
+
+impl<'a> How<'a> {
+    /// Checks the options before any work: the shell's closing points grow with 4^depth.
+    fn new(networks: Option<&'a Networks>, options: &EstimateOptions) -> Result<Self, EstimateError> {
+        let octree_depth = options.octree_depth.unwrap_or(DEFAULT_OCTREE_DEPTH);
+        let checked = || check_depths(octree_depth, options.full_depth);
+        match options.completion {
+            Completion::Network => {
+                let networks = networks.ok_or(EstimateError::NoNetworks("completion by a network"))?;
+                let own = networks.config.depth;
+                let asked = options.octree_depth.unwrap_or(own);
+                if asked == own { Ok(Self::Network(networks)) } else { Err(EstimateError::OctreeDepth { asked, own }) }
+            }
+            Completion::Shell => checked().map(|()| Self::Shell { octree_depth }).map_err(Into::into),
+            Completion::None => checked().map(|()| Self::None { octree_depth }).map_err(Into::into),
+        }
     }
-    let octree_depth = options.octree_depth.unwrap_or(DEFAULT_OCTREE_DEPTH);
-    check_depths(octree_depth, options.full_depth)?;
-    Ok(octree_depth)
 }
 
 /// What the photo saw, and nothing else.

@@ -18,7 +18,8 @@ pub(crate) fn predicted_view(
     messages: &mut dyn FnMut(Message),
 ) -> Result<View, EstimateError> {
     let small = stage(messages, "working resolution", || working_photo(&photo));
-    let (depth_m, global) = stage(messages, "depth and global light", || networks.depth_and_light(&srgb8(&small), &camera));
+    let (depth_m, global) =
+        stage(messages, "depth and global light", || networks.depth_and_light(&srgb8(&small), &camera));
     if !depth_m.pixels().iter().all(|z| z.is_finite()) {
         return Err(EstimateError::PredictedDepth);
     }

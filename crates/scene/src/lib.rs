@@ -63,3 +63,11 @@ pub struct Scene {
     /// error ε of log(1 + radiance).
     pub confidence: Option<Vec<Vec<u8>>>,
 }
+
+impl Scene {
+    /// Of measured depth, with no more light than `light` holds: nothing completed, no sources named.
+    pub fn as_seen(light: LightOctree, frame: Frame) -> Self {
+        let completion = Completion::None;
+        Self { light, frame, completion, room: None, sources: Vec::new(), predicted_depth: false, confidence: None }
+    }
+}

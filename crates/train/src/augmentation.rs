@@ -250,7 +250,8 @@ mod tests {
             assert!(varied.pixels().iter().zip(photo.pixels()).all(|(a, b)| a >= b));
             assert_eq!(varied[(15, 15)], [255; 3]);
         }
-        let none = AugmentationConfig { mirror_share: 0.0, brighter_ev: 0.0, colour: 0.0, focal: 0.0, zoom: 1.0, variants: 0 };
+        let none =
+            AugmentationConfig { mirror_share: 0.0, brighter_ev: 0.0, colour: 0.0, focal: 0.0, zoom: 1.0, variants: 0 };
         assert_eq!(none.draw(&mut random::stream(1, "test", 0)), Variation::NONE);
     }
 }

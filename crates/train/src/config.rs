@@ -84,7 +84,7 @@ pub struct DepthPhase {
     pub warm_up_steps: u64,
     /// Share of the rate that is left at the end, after a half cosine.
     pub final_share: f64,
-    /// Width of the photos in pixels; smaller ones are faster. The network is used on up to 480.
+    /// Width of the photos in pixels; smaller ones are faster. The network is used on 240.
     pub photo_width: usize,
     /// Normalise by the running statistics, as in use, instead of those of the photos at hand.
     pub frozen_statistics: bool,
@@ -158,13 +158,13 @@ impl Default for TrainConfig {
             light_losses: LightLossConfig::default(),
             validation: ValidationConfig::default(),
             depth: vec![
-                DepthPhase { steps: 12_000, final_share: 0.3, photo_width: 240, ..depth.clone() },
-                DepthPhase { steps: 3_000, rate: 1e-4, frozen_statistics: true, ..depth },
+                DepthPhase { final_share: 0.15, photo_width: 128, ..depth.clone() },
+                DepthPhase { steps: 1_500, batch_size: 8, rate: 4e-4, ..depth },
             ],
             light: vec![
-                LightPhase { steps: 4_000, rate: 1e-3, final_share: 0.3, octree_depth: 5, ..light.clone() },
-                LightPhase { steps: 8_000, rate: 1e-3, final_share: 0.3, octree_depth: 6, ..light.clone() },
-                LightPhase { own_growth: [0.0, 0.5], ..light },
+                LightPhase { steps: 2_000, rate: 1e-3, final_share: 0.3, octree_depth: 5, ..light.clone() },
+                LightPhase { steps: 2_000, rate: 1e-3, final_share: 0.3, octree_depth: 6, ..light.clone() },
+                LightPhase { own_growth: [0.0, 0.6], ..light },
             ],
             joint: vec![JointPhase::default()],
         }
@@ -186,12 +186,12 @@ impl Default for ValidationConfig {
 impl Default for DepthPhase {
     fn default() -> Self {
         Self {
-            steps: 8_000,
-            batch_size: 1,
-            rate: 3e-4,
+            steps: 6_000,
+            batch_size: 16,
+            rate: 1e-3,
             warm_up_steps: 200,
             final_share: 0.05,
-            photo_width: 480,
+            photo_width: 240,
             frozen_statistics: false,
         }
     }
@@ -200,7 +200,7 @@ impl Default for DepthPhase {
 impl Default for LightPhase {
     fn default() -> Self {
         Self {
-            steps: 10_000,
+            steps: 6_000,
             rate: 7e-4,
             warm_up_steps: 200,
             final_share: 0.05,

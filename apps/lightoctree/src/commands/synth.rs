@@ -81,6 +81,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let generator = Generator::new(global.seed, config.clone()).map_err(Usage)?;
     let shards = ShardFolder::open(folder, PREFIX, COMMAND, &manifest(global, args, scenes, &config)?, args.force)?;
 
+    crate::memory::keep_what_is_freed();
     let begun = std::time::Instant::now();
     let per_shard = args.scenes_per_shard;
     let [part, parts] = args.shard;

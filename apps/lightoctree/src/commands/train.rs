@@ -62,15 +62,6 @@ pub struct Args {
 const COMMAND: &str = "train";
 const CONFIG: &str = "config.toml";
 
-/// mimalloc's `mi_option_purge_delay`, which its bindings have no name for.
-const PURGE_DELAY: libmimalloc_sys::mi_option_t = 15;
-
-/// Keeps memory that is freed: a step wants what the step before gave back, and page faults would be half of its time.
-fn keep_freed_memory() {
-    // SAFETY: the call sets an option of the allocator, which may be done at any time; negative values are for this.
-    unsafe { libmimalloc_sys::mi_option_set(PURGE_DELAY, -1) };
-}
-
 /// Trains until all phases are done or Ctrl-C is pressed.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let Some(folder) = args.output.as_deref().filter(|_| !args.print_config) else {
@@ -89,7 +80,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         }
     }
     write_config(&folder.join(CONFIG), &config)?;
-    keep_freed_memory();
+    crate::memory::keep_what_is_freed();
     let request = Request {
         folder,
         resume: args.resume,
