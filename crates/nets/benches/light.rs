@@ -15,11 +15,12 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use cone::{Cone, Settings};
 use divan::Bencher;
-use geometry::{Cube, Vec3};
+use geometry::{Camera, Cube, Vec3};
 use lightoctree_nets::Adam;
 use lightoctree_nets::graph::GraphLevel;
 use lightoctree_nets::light::{
-    Growth, LightInput, LightLossConfig, LightLosses, LightNet, LightNetConfig, LightOutput, NODE_FEATURES, Rays,
+    FreeSpace, Growth, LightInput, LightLossConfig, LightLosses, LightNet, LightNetConfig, LightOutput, NODE_FEATURES,
+    Rays,
 };
 use octree::{Coverage, LightOctree, RadiancePoint};
 
@@ -130,5 +131,7 @@ fn input(depth: u32) -> (LightInput, LightNetConfig) {
     let features = (0..nodes * NODE_FEATURES).map(|i| (0.7 * i as f32).sin()).collect();
     let net = LightNet::new(&config, 1, &Device::flex()).expect("a valid configuration");
     eprintln!("depth {depth}: {nodes} nodes, {} parameters", net.num_params());
-    (LightInput { levels, octree: visible.octree.clone(), features, visible, ambient: [0.3; 3] }, config)
+    let camera = Camera::from_hfov_deg(60.0, 480, 320).expect("a plain camera");
+    let free = FreeSpace::new(&[], &camera);
+    (LightInput { levels, octree: visible.octree.clone(), features, visible, ambient: [0.3; 3], free }, config)
 }

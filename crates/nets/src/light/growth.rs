@@ -1,8 +1,11 @@
-use octree::{LightOctree, Octree};
+use octree::Octree;
+use rayon::prelude::*;
 
-/// Nodes are split whose logit is above this, a probability of a third: what is split in vain costs a little, but through a hole in a wall
-/// one sees nothing. On 12 generated rooms 0.7 dB more than at an even chance.
-const LEAST_LOGIT: f32 = -0.7;
+use crate::light::LightInput;
+
+/// Nodes are split whose logit is above this, a probability of a quarter: what is split in vain costs a little, but through a hole in a wall
+/// one sees nothing.
+const LEAST_LOGIT: f32 = -1.0;
 
 /// By what the decoder's octree grows.
 #[derive(Clone, Copy, Debug)]
@@ -38,17 +41,29 @@ impl Labels {
     }
 
     /// Nodes whose logit is above [`LEAST_LOGIT`], and those where something was seen; at least one, and at most `most`: the likeliest.
-    pub fn predicted(logits: &[f32], octree: &Octree, visible: &LightOctree, most: usize) -> Self {
+    ///
+    /// Below the full depth these are the children of nodes that are occupied. Where a wall is known to be, but not in which of many small
+    /// leaves, none of these is likely, and the wall would vanish: there all eight are taken, but for those that the photo shows to be empty.
+    pub fn predicted(logits: &[f32], octree: &Octree, input: &LightInput, most: usize) -> Self {
         let depth = octree.depth();
-        let seen = |key: u32| {
-            let node = visible.octree.find(depth, key);
-            node.is_some_and(|node| visible.octree.levels()[depth as usize].rows[node] >= 0)
+        let visible = &input.visible.octree;
+        let seen =
+            |key: u32| visible.find(depth, key).is_some_and(|node| visible.levels()[depth as usize].rows[node] >= 0);
+        // What is seen comes before all that is predicted, and where one sees through there is nothing.
+        let score = |(&logit, &key): (&f32, &u32)| match seen(key) {
+            true => f32::INFINITY,
+            false if input.free.holds(input.cube(), depth, key) => f32::NEG_INFINITY,
+            false => logit,
         };
-        // What is seen comes before all that is predicted.
-        let keys = &octree.levels()[depth as usize].keys;
-        let score: Vec<f32> =
-            logits.iter().zip(keys).map(|(&l, &key)| if seen(key) { f32::INFINITY } else { l }).collect();
+        let score: Vec<f32> = logits.par_iter().zip(&octree.levels()[depth as usize].keys).map(score).collect();
         let mut order: Vec<u32> = (0..score.len() as u32).filter(|&node| score[node as usize] > LEAST_LOGIT).collect();
+        // Children of one node lie side by side. Where none is likely, all are there: it stays the leaf that it was.
+        if depth > octree.full_depth() {
+            let unlikely = |scores: &[f32]| scores.iter().all(|&score| score <= LEAST_LOGIT);
+            let whole = score.chunks(8).enumerate().filter(|(_, scores)| unlikely(scores));
+            let children = whole.flat_map(|(family, _)| 8 * family as u32..8 * (family as u32 + 1));
+            order.extend(children.filter(|&child| score[child as usize] > f32::NEG_INFINITY));
+        }
         let mut message = None;
         if order.is_empty() {
             order.extend((0..score.len() as u32).max_by(|&a, &b| score[a as usize].total_cmp(&score[b as usize])));
@@ -71,26 +86,43 @@ impl Labels {
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
-    use geometry::{Cube, Vec3};
-    use octree::{Coverage, RadiancePoint};
+    use geometry::{Camera, Cube, Vec3};
+    use octree::{Coverage, LightOctree, RadiancePoint};
 
     use super::*;
+    use crate::light::{LightNetConfig, VisiblePoint};
 
-    fn visible() -> LightOctree {
-        let point = RadiancePoint { position_m: Vec3::ZERO, radiance: [1.0; 3], coverage: Coverage::Seen };
-        LightOctree::from_points(&[point], Cube { origin_m: Vec3::ZERO, edge_m: 1.0 }, 2, 1).unwrap().0
+    /// Points that a camera at a corner of the cube sees; none of the rest of space is known.
+    fn input(points: &[Vec3]) -> LightInput {
+        let point =
+            |&position_m: &Vec3| VisiblePoint { position_m, radiance: [1.0; 3], normal: Vec3::ZERO, certain: true };
+        let points: Vec<VisiblePoint> = points.iter().map(point).collect();
+        let camera = Camera::from_hfov_deg(60.0, 8, 8).unwrap();
+        let config = LightNetConfig { depth: 2, full_depth: 1, ..LightNetConfig::default() };
+        LightInput::new(&points, &camera, Cube { origin_m: Vec3::ZERO, edge_m: 1.0 }, &config, 1).unwrap()
     }
 
     #[test]
     fn the_likeliest_and_what_is_seen_is_kept() {
         let octree = Octree::full(1).unwrap();
         let logits = [-5.0, 1.0, 3.0, -1.0, 2.0, 0.5, -2.0, -3.0];
-        let labels = Labels::predicted(&logits, &octree, &visible(), 8);
+        let labels = Labels::predicted(&logits, &octree, &input(&[Vec3::ZERO]), 8);
         assert_eq!(labels.nonempty, [true, true, true, false, true, true, false, false]);
         assert_eq!(labels.message, None);
-        let labels = Labels::predicted(&logits, &octree, &visible(), 3);
+        let labels = Labels::predicted(&logits, &octree, &input(&[Vec3::ZERO]), 3);
         assert_eq!(labels.nonempty, [true, false, true, false, true, false, false, false]);
         assert!(labels.message.unwrap().contains("5 nodes of depth 1"));
+    }
+
+    #[test]
+    fn a_node_without_likely_children_stays_whole() {
+        let mut octree = Octree::full(1).unwrap();
+        octree.set_nonempty(&[true; 8]).unwrap();
+        octree.grow(&[true, false, true, false, false, false, false, false]).unwrap();
+        let mut logits = [-4.0; 16];
+        logits[3] = 2.0;
+        let labels = Labels::predicted(&logits, &octree, &input(&[]), usize::MAX);
+        assert!((0..16).all(|node| labels.nonempty[node] == (node == 3 || node >= 8)), "{:?}", labels.nonempty);
     }
 
     #[test]
@@ -112,9 +144,8 @@ mod tests {
 
     #[test]
     fn something_is_always_there() {
-        let empty = LightOctree::from_points(&[], Cube { origin_m: Vec3::ZERO, edge_m: 1.0 }, 2, 1).unwrap().0;
-        let labels =
-            Labels::predicted(&[-1.0, -0.8, -3.0, -1.0, -1.0, -1.0, -1.0, -1.0], &Octree::full(1).unwrap(), &empty, 8);
+        let logits = [-3.0, -1.8, -3.0, -2.0, -2.0, -2.0, -2.0, -2.0];
+        let labels = Labels::predicted(&logits, &Octree::full(1).unwrap(), &input(&[]), 8);
         assert_eq!(labels.nonempty.iter().position(|&label| label), Some(1));
         assert!(labels.message.is_some());
     }

@@ -6,7 +6,7 @@ use octree::{Coverage, LightOctree, Octree, RadiancePoint};
 use random::RngExt;
 
 use crate::graph::GraphLevel;
-use crate::light::{LightError, LightNetConfig, MAX_RADIANCE};
+use crate::light::{FreeSpace, LightError, LightNetConfig, MAX_RADIANCE};
 
 /// Features of a node of the input: see [`LightInput::features`].
 pub const NODE_FEATURES: usize = 15;
@@ -42,6 +42,8 @@ pub struct LightInput {
     pub visible: LightOctree,
     /// Mean radiance of the visible points, linear RGB, above 0; 0.2 where there are none.
     pub ambient: [f32; 3],
+    /// What the photo shows to be empty.
+    pub free: FreeSpace,
 }
 
 impl LightInput {
@@ -76,7 +78,8 @@ impl LightInput {
         let (light, _) = LightOctree::from_points(&surface, cube, config.depth, config.full_depth)?;
         let levels = GraphLevel::all(&light.octree);
         let features = features(&light, &levels[levels.len() - 1], points, &carriers);
-        Ok(Self { levels, octree: light.octree, features, visible, ambient: ambient(points) })
+        let free = FreeSpace::new(points, camera);
+        Ok(Self { levels, octree: light.octree, features, visible, ambient: ambient(points), free })
     }
 
     /// Part of the world that the octrees cover.

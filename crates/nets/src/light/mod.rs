@@ -2,6 +2,7 @@
 
 mod config;
 mod error;
+mod free_space;
 mod growth;
 mod input;
 mod losses;
@@ -12,6 +13,7 @@ mod rays;
 
 pub use config::LightNetConfig;
 pub use error::LightError;
+pub use free_space::FreeSpace;
 pub use growth::Growth;
 pub use input::{LightInput, NODE_FEATURES, VisiblePoint};
 pub use losses::{LightLossConfig, LightLosses, RayLosses};

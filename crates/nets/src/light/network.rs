@@ -190,7 +190,7 @@ impl LightNet {
                     }
                     let splits = self.max_nodes.saturating_sub(level.len()) / 7;
                     let most = || most_splits(splits, &input.visible.octree, depth, self.depth());
-                    Labels::predicted(&logits, &octree, &input.visible, if last { usize::MAX } else { most() })
+                    Labels::predicted(&logits, &octree, input, if last { usize::MAX } else { most() })
                 }
             };
             messages.extend(labels.message);
