@@ -361,7 +361,6 @@ impl Learner {
             ("octree", &losses.octree),
             ("novel_radiance", &losses.novel.radiance),
             ("novel_distance", &losses.novel.distance),
-            ("irradiance", &losses.irradiance),
             ("visible_radiance", &losses.visible.radiance),
             ("visible_distance", &losses.visible.distance),
             ("node_radiance", &losses.node_radiance),

@@ -1,8 +1,5 @@
-use std::collections::BTreeMap;
-
 use burn::tensor::{Tensor, TensorData, activation};
 use cone::Settings;
-use geometry::fibonacci_sphere;
 use octree::LightOctree;
 use serde::{Deserialize, Serialize};
 
@@ -19,10 +16,6 @@ pub struct LightLossConfig {
     pub novel_radiance: f32,
     /// λ_ld: the same of log(1 + distance in metres).
     pub novel_distance: f32,
-    /// Squared difference of log(0.1 + irradiance / π) of surfaces at the places of the novel views. Not in the paper. Of what is not seen,
-    /// where the lamps are remains unknown; on rays, and in the logarithm, the best guess is then to have none, and things stand in half of
-    /// their light. How much light there is in all can be known better.
-    pub irradiance: f32,
     /// `L_visible`: as λ_li, over rays of the photo.
     pub visible_radiance: f32,
     /// `L_visible`: as λ_ld, over rays of the photo.
@@ -40,7 +33,6 @@ impl Default for LightLossConfig {
             octree: 1.0,
             novel_radiance: 1.0,
             novel_distance: 0.1,
-            irradiance: 0.2,
             visible_radiance: 0.25,
             visible_distance: 0.025,
             node_radiance: 1.0,
@@ -56,8 +48,6 @@ pub struct LightLosses {
     pub octree: Tensor<1>,
     /// Radiance and distance over rays of novel views.
     pub novel: RayLosses,
-    /// Irradiance at the places of the novel views.
-    pub irradiance: Tensor<1>,
     /// Radiance and distance over rays of the photo.
     pub visible: RayLosses,
     /// Radiance of the nodes.
@@ -98,7 +88,6 @@ impl LightLosses {
         Ok(Self {
             octree: octree_loss(output, truth),
             novel: seen(0, novel),
-            irradiance: irradiance_loss(&samples, novel),
             visible: seen(novel.len(), visible),
             node_radiance,
             node_error,
@@ -110,7 +99,6 @@ impl LightLosses {
         self.octree.clone() * weights.octree
             + self.novel.radiance.clone() * weights.novel_radiance
             + self.novel.distance.clone() * weights.novel_distance
-            + self.irradiance.clone() * weights.irradiance
             + self.visible.radiance.clone() * weights.visible_radiance
             + self.visible.distance.clone() * weights.visible_distance
             + self.node_radiance.clone() * weights.node_radiance
@@ -200,79 +188,4 @@ fn ray_losses(samples: &Tensor<2>, first: usize, rays: &Rays) -> RayLosses {
     let distance = samples.clone().narrow(1, 3, 1).log1p() - constant(expected, [rays.len(), 1], &samples);
     let distance = distance * constant(known, [rays.len(), 1], &samples);
     RayLosses { radiance: radiance.square().mean(), distance: distance.square().sum() / count as f32 }
-}
-
-/// Directions in which surfaces face whose irradiance is compared, at each place.
-const FACINGS: usize = 16;
-
-/// Fewest rays of a place that say how much light comes in there.
-const LEAST_RAYS: usize = 64;
-
-/// Mean squared difference of log(0.1 + E / π) over the places that many rays begin at and over all facings, the first rows of
-/// `samples[_, 5]` being what these rays see. Both irradiances are of the same rays, evenly spread over the sphere.
-fn irradiance_loss(samples: &Tensor<2>, rays: &Rays) -> Tensor<1> {
-    let mut places = BTreeMap::<[u32; 3], Vec<usize>>::new();
-    for (i, cone) in rays.cones.iter().enumerate() {
-        places.entry(cone.origin.to_array().map(f32::to_bits)).or_default().push(i);
-    }
-    let (mut weights, mut expected) = (Vec::new(), Vec::new());
-    for place in places.values().filter(|place| place.len() >= LEAST_RAYS) {
-        for facing in fibonacci_sphere(FACINGS) {
-            let cosine = |i: usize| facing.dot(rays.cones[i].direction).max(0.0);
-            let sum: f32 = place.iter().map(|&i| cosine(i)).sum::<f32>().max(f32::MIN_POSITIVE);
-            let row = weights.len();
-            weights.resize(row + rays.len(), 0.0);
-            let mut light = [0.0f32; 3];
-            for &i in place {
-                weights[row + i] = cosine(i) / sum;
-                (0..3).for_each(|c| light[c] += cosine(i) / sum * rays.radiance[i][c]);
-            }
-            expected.extend(light.map(|c| (0.1 + c).ln()));
-        }
-    }
-    let rows = expected.len() / 3;
-    if rows == 0 {
-        return zero(samples);
-    }
-    let weights: Tensor<2> = constant(weights, [rows, rays.len()], samples);
-    let light = weights.matmul(samples.clone().narrow(0, 0, rays.len()).narrow(1, 0, 3));
-    ((light + 0.1).log() - constant(expected, [rows, 3], samples)).square().mean()
-}
-
-#[cfg(test)]
-mod tests {
-    use cone::Cone;
-    use geometry::Vec3;
-
-    use super::*;
-    use crate::testing::{numbers, recording_device};
-
-    /// Rays all around each place, which see `radiance` of their direction there.
-    fn rays(places: &[(Vec3, usize)], radiance: impl Fn(Vec3) -> f32) -> Rays {
-        let of_place = |&(origin, count): &(Vec3, usize)| {
-            fibonacci_sphere(count).into_iter().map(move |direction| Cone { origin, direction, tan_half_angle: 0.01 })
-        };
-        places.iter().flat_map(of_place).map(|cone| (cone, [radiance(cone.direction); 3], 1.0)).collect()
-    }
-
-    fn loss(seen: &Rays, expected: &Rays) -> f64 {
-        let samples = seen.radiance.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0, 1.0]).collect::<Vec<f32>>();
-        let samples = Tensor::from_data(TensorData::new(samples, [seen.len(), 5]), &recording_device());
-        numbers(irradiance_loss(&samples, expected).inner())[0]
-    }
-
-    #[test]
-    fn irradiance_is_of_all_light_that_comes_in() {
-        let places = [(Vec3::ZERO, 1000), (Vec3::ONE, 1000), (Vec3::NEG_ONE, 8)];
-        // A constant radiance of 1 gives E / π = 1; half of it, and 8 rays of a third place that do not count.
-        let truth = rays(&places, |_| 1.0);
-        assert!(loss(&truth, &truth) < 1e-9);
-        let expected = (1.1f64 / 0.6).ln().powi(2);
-        assert!((loss(&rays(&places, |_| 0.5), &truth) / expected - 1.0).abs() < 1e-4);
-        // The light of a lamp, spread over a sixteenth of the sphere around where it is: other rays, nearly the same irradiance.
-        let (lamp, spread) =
-            (rays(&places, |d| f32::from(d.y > 0.98) * 50.0), rays(&places, |d| f32::from(d.y > 0.9) * 10.0));
-        let none = rays(&places, |_| 0.0);
-        assert!(loss(&spread, &lamp) < 0.02 * loss(&none, &lamp), "{} {}", loss(&spread, &lamp), loss(&none, &lamp));
-    }
 }
