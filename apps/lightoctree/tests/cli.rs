@@ -230,7 +230,7 @@ fn networks_make_scenes_with_depth_and_without() {
     imaging::write_srgb8(at.join("large.jpg"), &large, 90).unwrap();
     estimate("large.jpg", &["--hfov-deg", "70", "-o", "alone.scene"]);
     let summary = json(&done(at, &["inspect", "alone.scene", "--json"]));
-    assert_eq!((&summary["photo"]["width"], &summary["photo"]["depth_width"]), (&4000.into(), &452.into()));
+    assert_eq!((&summary["photo"]["width"], &summary["photo"]["depth_width"]), (&4000.into(), &240.into()));
     assert_eq!(summary["predicted_depth"], true);
     assert!(done(at, &["inspect", "alone.scene"]).contains("depth    predicted"));
 }
