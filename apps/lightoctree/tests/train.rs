@@ -31,6 +31,7 @@ global_features = 8
 photos = 0
 [[depth]]
 steps = 2
+batch_size = 1
 photo_width = 32
 [[light]]
 steps = 2

@@ -30,7 +30,7 @@ fn config() -> TrainConfig {
         validation: ValidationConfig { every_steps: 100, photos: 1, sheet_rows: 1 },
         depth: vec![
             DepthPhase { steps: 1, batch_size: 3, photo_width: 32, ..Default::default() },
-            DepthPhase { steps: 1, frozen_statistics: true, ..Default::default() },
+            DepthPhase { steps: 1, batch_size: 1, frozen_statistics: true, ..Default::default() },
         ],
         light: vec![light(4), LightPhase { own_growth: [0.0, 1.0], ..light(5) }],
         joint: vec![JointPhase {
