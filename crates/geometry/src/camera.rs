@@ -124,6 +124,11 @@ impl Camera {
         Some((u, v, depth_m))
     }
 
+    /// Whether image position `(u, v)` lies in the picture.
+    pub fn contains(&self, u: f64, v: f64) -> bool {
+        (0.0..f64::from(self.width)).contains(&u) && (0.0..f64::from(self.height)).contains(&v)
+    }
+
     /// Unit direction from the camera through image position `(u, v)`.
     pub fn direction(&self, u: f64, v: f64) -> Vec3 {
         self.unproject(u, v, 1.0).normalize()

@@ -77,9 +77,7 @@ pub fn equirectangular_from_perspective(
     let samples = samples_per_side(2.0 * TAU / width as f32 / camera.pixel_angle_rad());
     render(width, height, samples, |x, y| {
         let direction = direction_from_uv((x / width as f32, y / height as f32).into());
-        let inside = camera.project(camera_from_world * direction).filter(|&(u, v, _)| {
-            (0.0..f64::from(camera.width)).contains(&u) && (0.0..f64::from(camera.height)).contains(&v)
-        });
+        let inside = camera.project(camera_from_world * direction).filter(|&(u, v, _)| camera.contains(u, v));
         inside.map_or([0.0; 4], |(u, v, _)| {
             let [r, g, b] = sample_clamped(image, u as f32, v as f32);
             [r, g, b, 1.0]

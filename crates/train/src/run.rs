@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use dataset::{CropModel, Dataset, Generated, Generator, Layout, LoaderState, Sample, fingerprint};
 use imaging::write_rgba8;
 use nets::checkpoint::{Checkpoint, Precision};
-use nets::depth::looked_at;
+use nets::depth::{looked_at, looked_at_size};
 use random::RngExt;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -363,7 +363,7 @@ impl<'a> Run<'a> {
         let (network, phase) = (self.learner.network.clone(), phase.clone());
         move |sample, epoch| {
             let variation = augmentation.of(seed, sample, epoch).0;
-            let width = looked_at(&sample.photo).width();
+            let [width, _] = looked_at_size([sample.photo.width(), sample.photo.height()]);
             let depth = DepthExample::new(sample, &variation, width).map_err(|e| e.to_string())?;
             let mut stream = Variation::stream(seed, "light example", sample, epoch);
             let (predicted, sensor) = (stream.random::<f32>(), stream.random::<f32>());

@@ -44,17 +44,25 @@ pub struct DepthOutput {
     pub global: Tensor<2>,
 }
 
-/// An sRGB photo at the size at which the network is used: at most 240 pixels on the longer side, never larger than it is.
+/// Width and height at which the network is used on a photo of this size: at most 240 on the longer side, never larger than it is.
+pub fn looked_at_size([width, height]: [usize; 2]) -> [usize; 2] {
+    let longer = width.max(height);
+    if longer <= LONGER_SIDE {
+        return [width, height];
+    }
+    [width, height].map(|side| (side * LONGER_SIDE).div_ceil(longer))
+}
+
+/// An sRGB photo at the size at which the network is used ([`looked_at_size`]).
 ///
 /// # Panics
 /// Where the photo has no pixels.
 pub fn looked_at(photo: &Image<[u8; 3]>) -> Image<[u8; 3]> {
-    let (width, height) = (photo.width(), photo.height());
-    let longer = width.max(height);
-    if longer <= LONGER_SIDE {
+    let size = [photo.width(), photo.height()];
+    let [width, height] = looked_at_size(size);
+    if [width, height] == size {
         return photo.clone();
     }
-    let [width, height] = [width, height].map(|side| (side * LONGER_SIDE).div_ceil(longer));
     imaging::resize(&photo.map(|rgb| rgb.map(linear_from_srgb8)), width, height).map(|rgb| rgb.map(srgb8_from_linear))
 }
 

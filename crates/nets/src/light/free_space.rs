@@ -22,7 +22,7 @@ impl FreeSpace {
         let mut nearest_m = vec![0.0f32; camera.width as usize * camera.height as usize];
         for point in points {
             let Some((u, v, z)) = camera.project(point.position_m) else { continue };
-            if (0.0..f64::from(camera.width)).contains(&u) && (0.0..f64::from(camera.height)).contains(&v) {
+            if camera.contains(u, v) {
                 let cell = &mut nearest_m[v as usize * camera.width as usize + u as usize];
                 *cell = if *cell == 0.0 { z as f32 } else { cell.min(z as f32) };
             }

@@ -117,7 +117,7 @@ impl VisiblePoint {
             .collect()
     }
 
-    fn radiance_point(&self) -> RadiancePoint {
+    pub(crate) fn radiance_point(&self) -> RadiancePoint {
         let coverage = if self.certain { Coverage::Seen } else { Coverage::Inferred };
         RadiancePoint { position_m: self.position_m, radiance: self.radiance, coverage }
     }
@@ -140,10 +140,7 @@ fn carriers(points: &[VisiblePoint], camera: &Camera, cube: Cube, seed: u64) -> 
         return Vec::new();
     }
     let mut stream = random::stream(seed, "global light points", 0);
-    let (width, height) = (f64::from(camera.width), f64::from(camera.height));
-    let in_view = |point: Vec3| {
-        camera.project(point).is_some_and(|(u, v, _)| (0.0..width).contains(&u) && (0.0..height).contains(&v))
-    };
+    let in_view = |point: Vec3| camera.project(point).is_some_and(|(u, v, _)| camera.contains(u, v));
     (0..GLOBAL_POINTS)
         .filter_map(|_| {
             let z: f32 = stream.random_range(-1.0..1.0);
