@@ -59,6 +59,8 @@ pub(crate) struct Grid {
     /// Linear RGB radiance and extinction per leaf edge of each slot.
     values: Vec<[f32; 4]>,
     nodes: Vec<SlotNode>,
+    /// Whether leaves end at several depths.
+    uneven: bool,
 }
 
 /// The node behind a slot.
@@ -79,7 +81,8 @@ impl Grid {
         let children = child_entries(light, &entries);
         let cells = dense_cells(entries[0][0], &children, dense_depth);
         let max_level = depth - light.octree.full_depth();
-        let mut grid = Self { depth, dense_depth, max_level, cells, children, values, nodes };
+        let uneven = light.leaves().any(|(leaf_depth, _)| leaf_depth < depth as usize);
+        let mut grid = Self { depth, dense_depth, max_level, cells, children, values, nodes, uneven };
         grid.mark_creases_below_dense(light, &entries);
         grid
     }
@@ -98,6 +101,12 @@ impl Grid {
     #[inline(always)]
     pub fn value(&self, slot: u32) -> [f32; 4] {
         self.values[slot as usize]
+    }
+
+    /// Level of a slot's node where it is a leaf above the finest; at most that of the node elsewhere.
+    #[inline(always)]
+    pub fn least_level(&self, slot: u32) -> i32 {
+        if self.uneven { self.depth as i32 - i32::from(self.nodes[slot as usize].depth) } else { 0 }
     }
 
     /// The nodes of all slots.

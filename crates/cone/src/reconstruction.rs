@@ -53,7 +53,7 @@ const CRACK_WIDTH: f32 = 0.6;
 /// Extinction of [`Nearest`], so that surfaces get no thicker, and radiance blended between the nodes around.
 ///
 /// Radiance is read half a node's edge further along the cone: a sample that meets a node is on its near side, the surface
-/// on average in its middle.
+/// on average in its middle. A leaf that ends above the sample's level is read at its own.
 pub(crate) struct Blended;
 
 /// Share of the node that is met in the radiance, beside the trilinear ones, so that there always is one.
@@ -91,22 +91,23 @@ impl Reconstruction for Blended {
 
     #[inline(always)]
     fn read(grid: &Grid, entry: Entry, cone: &LocalCone, step: &Step) -> Option<Reading> {
-        let met = Nearest::read(grid, entry, cone, step)?;
+        let met = entry.slot().or_else(|| crack(grid, cone.at(step.distance), rounded_up(step.level)))?;
+        let own @ [r, g, b, extinction] = grid.value(met);
         let mut sum = Sum::default();
-        sum.add([met.radiance[0], met.radiance[1], met.radiance[2], met.extinction], OWN_SHARE);
-        around(grid, cone, step, |slot, weight| sum.add(grid.value(slot), weight));
+        sum.add(own, OWN_SHARE);
+        around(grid, met, cone, step, |slot, weight| sum.add(grid.value(slot), weight));
         if sum.0[3] > 0.0 {
-            return Some(Reading { extinction: met.extinction, ..sum.reading() });
+            return Some(Reading { extinction, ..sum.reading() });
         }
         // All are transparent: whatever the others become, nothing is seen before this one is, and then its own radiance.
-        Some(Reading { radiance_weight: f32::INFINITY, ..met })
+        Some(Reading { radiance: [r, g, b], extinction, radiance_weight: f32::INFINITY })
     }
 
     #[inline(always)]
     fn footprint(grid: &Grid, cone: &LocalCone, step: &Step, mut visit: impl FnMut(u32, Share)) {
         if let Some(slot) = nearest(grid, cone, step) {
             visit(slot, Share { radiance: OWN_SHARE, extinction: 1.0 });
-            around(grid, cone, step, |slot, weight| visit(slot, Share { radiance: weight, extinction: 0.0 }));
+            around(grid, slot, cone, step, |slot, weight| visit(slot, Share { radiance: weight, extinction: 0.0 }));
         }
     }
 }
@@ -169,10 +170,10 @@ fn nearest(grid: &Grid, cone: &LocalCone, step: &Step) -> Option<u32> {
     grid.find(leaf, level).slot().or_else(|| crack(grid, position, level))
 }
 
-/// The nodes that [`Blended`] takes radiance from.
+/// The nodes that [`Blended`] takes radiance from where the cone has met the node of a slot.
 #[inline(always)]
-fn around(grid: &Grid, cone: &LocalCone, step: &Step, visit: impl FnMut(u32, f32)) {
-    let level = rounded_up(step.level);
+fn around(grid: &Grid, met: u32, cone: &LocalCone, step: &Step, visit: impl FnMut(u32, f32)) {
+    let level = rounded_up(step.level).max(grid.least_level(met));
     trilinear(grid, cone.at(step.distance + 0.5 * (1 << level) as f32), level, visit);
 }
 

@@ -45,7 +45,7 @@ pub struct Tools<'a> {
     pub networks: Option<&'a Networks>,
     /// For `Profile`.
     pub profile: Option<&'a Profile>,
-    /// Depth of the octrees that have no network to say it.
+    /// Depth of the octrees; those of networks are at least as deep as these say.
     pub octree_depth: u32,
     /// Of the networks' random choices.
     pub seed: u64,
@@ -163,8 +163,13 @@ impl Method {
             }
             Self::Network(input) => {
                 let networks = networks()?;
-                let completion = Completion::Network;
-                let options = EstimateOptions { completion, seed: tools.seed, ..EstimateOptions::default() };
+                let octree_depth = Some(tools.octree_depth.max(networks.config.depth));
+                let options = EstimateOptions {
+                    completion: Completion::Network,
+                    octree_depth,
+                    seed: tools.seed,
+                    ..EstimateOptions::default()
+                };
                 let input = match input {
                     Some(input) => frame(sample, input)?.into(),
                     None => Input::Photo { photo: Photo::Srgb8(sample.photo.clone()), camera: sample.camera },

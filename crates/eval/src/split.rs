@@ -3,7 +3,8 @@
 use octree::{LightOctree, Octree};
 use serde::Serialize;
 
-/// Agreement of split labels, over the nodes from the full depth to the last but one.
+/// Agreement of split labels, over the nodes from the full depth to the last but one. An occupied node counts as split, also where the
+/// estimated tree ends there: whether it found the surface counts, not how fine it is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct SplitAgreement {
     /// Share of the true tree's nodes that are split in both trees or in neither; a node that the estimated tree lacks is not split there.
@@ -24,7 +25,7 @@ impl SplitAgreement {
         let (mut nodes, mut agree, mut both) = (0usize, 0usize, 0usize);
         let [mut split_truth, mut split_got] = [0usize; 2];
         for depth in truth.octree.full_depth()..truth.octree.depth() {
-            let mine = split_keys(&got.octree, depth);
+            let mine = occupied_keys(&got.octree, depth);
             split_got += mine.len();
             let level = &truth.octree.levels()[depth as usize];
             for (key, &child) in level.keys.iter().zip(&level.children) {
@@ -44,10 +45,12 @@ impl SplitAgreement {
     }
 }
 
-/// Keys of the nodes with children, in increasing order.
-fn split_keys(octree: &Octree, depth: u32) -> Vec<u32> {
+/// Keys of the occupied nodes, in increasing order. Leaves at the full depth are not among them: they close the cube's sides, and say nothing of where
+/// surfaces are.
+fn occupied_keys(octree: &Octree, depth: u32) -> Vec<u32> {
     let level = &octree.levels()[depth as usize];
-    level.keys.iter().zip(&level.children).filter(|(_, child)| **child >= 0).map(|(&key, _)| key).collect()
+    let occupied = |node: &usize| level.rows[*node] >= 0 && (depth > octree.full_depth() || level.children[*node] >= 0);
+    (0..level.len()).filter(occupied).map(|node| level.keys[node]).collect()
 }
 
 #[cfg(test)]

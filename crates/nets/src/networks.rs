@@ -5,11 +5,11 @@ use std::path::Path;
 use burn::tensor::{Device, Tensor};
 use geometry::{Camera, Cube};
 use imaging::{DepthMap, Image, RadianceImage};
-use octree::LightOctree;
+use octree::{LightOctree, RadiancePoint};
 
 use crate::checkpoint::{Checkpoint, CheckpointError, Precision};
 use crate::depth::{DepthNet, looked_at, panorama_image};
-use crate::light::{Growth, LightError, LightInput, LightNet, LightNetConfig, VisiblePoint};
+use crate::light::{Growth, LightError, LightInput, LightNet, LightNetConfig, SeenDetail, VisiblePoint};
 
 /// Names of the two modules in a checkpoint; the configuration is under [`LIGHT`] in its state.
 const DEPTH: &str = "depth_net";
@@ -138,24 +138,31 @@ impl Networks {
 
     /// The light of the whole room, the octree grown by the network's own predictions.
     ///
-    /// `points` are what the camera sees, in the frame of `cube`; `seed` places the points that carry the global light.
+    /// `points` are what the camera sees, in the frame of `cube`; `seed` places the points that carry the global light. Where
+    /// `octree_depth` is greater than the network's own depth, what is seen is that fine, and what is not ends above it.
     ///
     /// # Errors
-    /// Points that are not finite; predictions that are not.
+    /// Points that are not finite; predictions that are not; a depth that no octree can have.
     pub fn complete(
         &self,
         points: &[VisiblePoint],
         camera: &Camera,
         cube: Cube,
         global: GlobalLight,
+        octree_depth: u32,
         seed: u64,
     ) -> Result<CompletedLight, LightError> {
         in_pool(|| {
             let input = LightInput::new(points, camera, cube, &self.config, seed)?;
             let mut output = self.light.forward(&input, Some(global.0), Growth::Predicted)?;
-            drop(input);
             let messages = std::mem::take(&mut output.messages);
-            let (light, confidence) = output.into_light()?;
+            let (mut light, mut confidence) = output.into_light()?;
+            if octree_depth > self.config.depth {
+                let points: Vec<RadiancePoint> = points.iter().map(VisiblePoint::radiance_point).collect();
+                let (fine, _) = LightOctree::from_points(&points, cube, octree_depth, self.config.full_depth)?;
+                let detail = SeenDetail { coarse: &input.visible, fine: &fine, free: &input.free };
+                detail.refine(&mut light, &mut confidence)?;
+            }
             Ok(CompletedLight { light, confidence, messages })
         })
     }

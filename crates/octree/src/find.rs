@@ -36,6 +36,14 @@ impl LightOctree {
         self.cube.contains(point).then(|| self.octree.deepest(depth, leaf_key(point, self.cube, depth)))
     }
 
+    /// Depth and row of every leaf: non-empty nodes that are not split, the coarse ones first.
+    pub fn leaves(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        self.octree.levels().iter().enumerate().flat_map(|(depth, level)| {
+            let leaves = level.rows.iter().zip(&level.children).filter(|(row, child)| **row >= 0 && **child < 0);
+            leaves.map(move |(&row, _)| (depth, row as usize))
+        })
+    }
+
     /// RGBα of a node; `None` for an empty one.
     pub fn node_rgba(&self, depth: u32, node: usize) -> Option<[f32; 4]> {
         let row = usize::try_from(self.octree.levels()[depth as usize].rows[node]).ok()?;

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use lightoctree::imaging::luminance;
+use lightoctree::octree::LightOctree;
 use lightoctree::scene::Scene;
 use serde::Serialize;
 
@@ -39,7 +40,7 @@ struct Summary {
     seen_share: f64,
     inferred_share: f64,
     predicted_depth: bool,
-    /// What the network says of its own work: mean over the finest leaves, from 0 to 1.
+    /// What the network says of its own work: mean over the leaves by area, from 0 to 1.
     mean_confidence: Option<f64>,
 }
 
@@ -80,7 +81,7 @@ struct PhotoSummary {
     depth_readings_share: f64,
 }
 
-/// Percentiles of the finest leaves' luminance.
+/// Percentiles of the leaves' luminance.
 #[derive(Serialize)]
 struct RadianceSummary {
     min: f32,
@@ -111,8 +112,7 @@ fn summarise(scene: &Scene, bytes: u64) -> Summary {
         nonempty: level.nonempty,
         split: level.children.iter().filter(|child| **child >= 0).count(),
     });
-    let seen: &[u8] = light.seen.last().map_or(&[], Vec::as_slice);
-    let seen_share = mean_share(seen);
+    let seen_share = mean_share(light, &light.seen);
     let camera = scene.frame.camera;
     let depth_m = &scene.frame.depth_m;
     let readings = depth_m.pixels().iter().filter(|z| **z > 0.0).count();
@@ -146,21 +146,31 @@ fn summarise(scene: &Scene, bytes: u64) -> Summary {
         room: scene.room.clone(),
         sources: scene.sources.clone(),
         bytes,
-        radiance: percentiles(light.rgba.last().map_or(&[], Vec::as_slice)),
+        radiance: percentiles(light),
         seen_share,
-        inferred_share: if seen.is_empty() { 0.0 } else { 1.0 - seen_share },
+        inferred_share: if light.leaves().next().is_some() { 1.0 - seen_share } else { 0.0 },
         predicted_depth: scene.predicted_depth,
-        mean_confidence: scene.confidence.as_ref().and_then(|levels| levels.last()).map(|leaves| mean_share(leaves)),
+        mean_confidence: scene.confidence.as_ref().map(|confidence| mean_share(light, confidence)),
     }
 }
 
-/// Mean of shares, of which 255 is the whole.
-fn mean_share(shares: &[u8]) -> f64 {
-    shares.iter().map(|&share| f64::from(share) / 255.0).sum::<f64>() / shares.len().max(1) as f64
+/// Mean over the leaves, by the area of their faces, of `shares[depth][row]`, of which 255 is the whole.
+fn mean_share(light: &LightOctree, shares: &[Vec<u8>]) -> f64 {
+    let (mut sum, mut areas) = (0.0, 0.0);
+    for (depth, row) in light.leaves() {
+        let area = 0.25f64.powi(depth as i32);
+        sum += area * f64::from(shares[depth][row]) / 255.0;
+        areas += area;
+    }
+    if areas > 0.0 { sum / areas } else { 0.0 }
 }
 
-fn percentiles(rgba: &[[f32; 4]]) -> RadianceSummary {
-    let mut values: Vec<f32> = rgba.iter().map(|&[r, g, b, _]| luminance([r, g, b])).collect();
+fn percentiles(light: &LightOctree) -> RadianceSummary {
+    let of_leaf = |(depth, row): (usize, usize)| {
+        let [r, g, b, _] = light.rgba[depth][row];
+        luminance([r, g, b])
+    };
+    let mut values: Vec<f32> = light.leaves().map(of_leaf).collect();
     values.sort_by(f32::total_cmp);
     let at =
         |share: f64| values.get(((values.len().max(1) - 1) as f64 * share).round() as usize).copied().unwrap_or(0.0);
@@ -200,7 +210,7 @@ fn print_tables(summary: &Summary) {
     ));
     let confidence = summary.mean_confidence.map(|mean| format!(", mean confidence {mean:.2}")).unwrap_or_default();
     report::print(&format!(
-        "leaves   {:.1} % seen, {:.1} % inferred{confidence}",
+        "leaves   {:.1} % seen, {:.1} % inferred, by area{confidence}",
         100.0 * summary.seen_share,
         100.0 * summary.inferred_share
     ));

@@ -201,6 +201,8 @@ impl<'a> Reference<'a> {
             return vec![(depth, row, [1.0; 2])];
         }
         let mut rows = vec![(depth, row, [f64::from(0.1f32), 1.0])];
+        // A leaf that ends above the level is read at its own.
+        let level = level.max((self.octree.depth() as usize - depth) as f64);
         rows.extend(self.trilinear(at(distance + 0.5 * level.exp2()), level, |weight| [weight, 0.0]));
         rows
     }

@@ -1,4 +1,4 @@
-use octree::Octree;
+use octree::{Octree, xyz_from_key};
 use rayon::prelude::*;
 
 use crate::light::LightInput;
@@ -25,6 +25,16 @@ pub(super) fn most_splits(splits: usize, visible: &Octree, depth: u32, last: u32
     let free = splits.saturating_sub((depth..last).map(seen).sum());
     let parts = (depth..last).fold(0, |parts, _| 4 * parts + 1);
     (seen(depth) + free / parts).min(splits).max(1)
+}
+
+/// Makes the nodes of a full level that lie at the cube's sides non-empty, but for those that the photo shows to be empty: a ray that finds a hole in
+/// what was grown ends there, in light that the network gives for the place, and not in the dark.
+pub(super) fn close(nonempty: &mut [bool], depth: u32, input: &LightInput) {
+    let last = (1 << depth) - 1;
+    for (key, nonempty) in (0..).zip(nonempty) {
+        let at_side = xyz_from_key(key).iter().any(|&at| at == 0 || at == last);
+        *nonempty |= at_side && !input.free.holds(input.cube(), depth, key);
+    }
 }
 
 /// Which nodes of a level are not empty.

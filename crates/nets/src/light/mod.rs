@@ -10,6 +10,7 @@ mod network;
 mod output;
 mod radiance;
 mod rays;
+mod refine;
 
 pub use config::LightNetConfig;
 pub use error::LightError;
@@ -21,3 +22,4 @@ pub use network::{LightNet, Stage};
 pub use output::{LevelOutput, LightOutput};
 pub use radiance::{KnownLight, MAX_RADIANCE, NodeLight};
 pub use rays::Rays;
+pub(crate) use refine::SeenDetail;

@@ -8,7 +8,7 @@ use random::Stream;
 
 use crate::graph::{Activation, GraphLevel, RowMap, select_rows};
 use crate::layers::{DownSample, GraphConv, Head, Linear, Norm, ResBlock, UpSample};
-use crate::light::growth::{Labels, most_splits};
+use crate::light::growth::{Labels, close, most_splits};
 use crate::light::radiance::RAW_BIAS;
 use crate::light::{
     Growth, KnownLight, LevelOutput, LightError, LightInput, LightNetConfig, LightOutput, NODE_FEATURES, NodeLight,
@@ -194,9 +194,13 @@ impl LightNet {
                 }
             };
             messages.extend(labels.message);
-            octree.set_nonempty(&labels.nonempty)?;
+            let mut nonempty = labels.nonempty.clone();
+            if stage == 0 && matches!(growth, Growth::Predicted) {
+                close(&mut nonempty, depth, input);
+            }
+            octree.set_nonempty(&nonempty)?;
             let known = KnownLight::of_level(&octree, depth, &input.visible, input.ambient);
-            let occupied = (0..labels.nonempty.len() as u32).filter(|&node| labels.nonempty[node as usize]);
+            let occupied = (0..nonempty.len() as u32).filter(|&node| nonempty[node as usize]);
             let raw = select_rows(own, &RowMap::new(occupied.map(Some), finest.len()));
             let light = NodeLight(known.clone()).apply(self.regression[stage].forward(raw));
             levels.push(LevelOutput { logits, light, known });
@@ -229,7 +233,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use burn::module::{ModuleMapper, ModuleVisitor, Param};
     use burn::tensor::{DType, Gradients};
-    use cone::{Cone, Settings};
+    use cone::{Cone, ConeTracer, Settings};
     use geometry::{Camera, Cube, Vec3};
     use octree::{Coverage, LightOctree, RadiancePoint};
 
@@ -278,6 +282,21 @@ mod tests {
         let seen: Vec<VisiblePoint> = points.iter().filter(in_view).map(visible).collect();
         let truth = LightOctree::from_points(&points, cube, config.depth, config.full_depth).unwrap().0;
         (LightInput::new(&seen, &camera, cube, config, 7).unwrap(), truth)
+    }
+
+    #[test]
+    fn a_room_in_which_nothing_is_predicted_is_closed() {
+        let config = config(5);
+        let (input, _) = input(&config);
+        let output =
+            LightNet::new(&config, 3, &Device::flex()).unwrap().forward(&input, None, Growth::Predicted).unwrap();
+        let (light, _) = output.into_light().unwrap();
+        let tracer = ConeTracer::new(&light, Settings::default()).unwrap();
+        for place in [Vec3::ZERO, Vec3::new(1.5, -1.0, 1.8)] {
+            let opacity = tracer.panorama(place, 64, 32).opacity;
+            let least = opacity.pixels().iter().fold(1.0f32, |least, &opacity| least.min(opacity));
+            assert!(least > 0.9, "{least} from {place}");
+        }
     }
 
     #[test]

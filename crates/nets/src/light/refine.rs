@@ -1,0 +1,191 @@
+//! What the photo shows of a room is finer than what a network can say of it: leaves of the network's depth that are seen are split further.
+
+use octree::{LightOctree, OctreeError};
+
+use crate::light::FreeSpace;
+
+/// What is seen, as octrees of two depths.
+pub(crate) struct SeenDetail<'a> {
+    /// Of the depth of the octree that is refined.
+    pub coarse: &'a LightOctree,
+    /// Of the depth that is asked for. Shares seen are shares that are certain, of both.
+    pub fine: &'a LightOctree,
+    /// What is known to be empty.
+    pub free: &'a FreeSpace,
+}
+
+impl SeenDetail<'_> {
+    /// Splits the leaves of `light` in which something is seen, and their rows of `confidence`, down to the depth of the finer octree.
+    ///
+    /// Children that are seen have the radiance that is seen there, as far as it is certain, else the leaf's. Those that are not are as the
+    /// leaf was: surfaces stay as thick as they were, but for what lies before them. Leaves in which nothing is seen stay.
+    ///
+    /// # Errors
+    /// None for octrees of one cube.
+    pub fn refine(&self, light: &mut LightOctree, confidence: &mut Vec<Vec<f32>>) -> Result<(), OctreeError> {
+        let mut guesses = self.guesses(light);
+        while light.octree.depth() < self.fine.octree.depth() {
+            let depth = light.octree.depth();
+            let finest = &light.octree.levels()[depth as usize];
+            let seen = |node: &usize| finest.rows[*node] >= 0 && row(self.fine, depth, finest.keys[*node]).is_some();
+            let split: Vec<bool> = (0..finest.len()).map(|node| seen(&node)).collect();
+            let parents = (0..finest.len()).filter(|&node| split[node]);
+            let parents: Vec<(u32, usize)> =
+                parents.map(|node| (finest.keys[node], finest.rows[node] as usize)).collect();
+            let (mut below, mut nonempty) = (Below::default(), Vec::new());
+            for (key, parent) in parents {
+                let (mean, guess) = (light.rgba[depth as usize][parent], guesses[parent]);
+                for child in (0..8).map(|child| key << 3 | child) {
+                    let known = row(self.fine, depth + 1, child);
+                    nonempty.push(known.is_some() || !self.free.holds(light.cube, depth + 1, child));
+                    if nonempty[nonempty.len() - 1] {
+                        let (rgba, seen) = known.map_or((mean, 0), |(known, seen)| (mixed(known, seen, guess), seen));
+                        below.push(rgba, seen, guess, confidence[depth as usize][parent]);
+                    }
+                }
+            }
+            light.octree.grow(&split)?;
+            light.octree.set_nonempty(&nonempty)?;
+            light.rgba.push(below.rgba);
+            light.seen.push(below.seen);
+            confidence.push(below.confidence);
+            guesses = below.guesses;
+        }
+        Ok(())
+    }
+
+    /// What the network says of each finest row where the photo is not certain.
+    fn guesses(&self, light: &LightOctree) -> Vec<[f32; 4]> {
+        let depth = light.octree.depth();
+        let level = &light.octree.levels()[depth as usize];
+        let rows = level.keys.iter().zip(&level.rows).filter(|(_, row)| **row >= 0);
+        rows.zip(&light.rgba[depth as usize])
+            .map(|((&key, _), &rgba)| match row(self.coarse, depth, key) {
+                Some((known, seen)) if seen < 255 => {
+                    let trust = f32::from(seen) / 255.0;
+                    std::array::from_fn(|c| ((rgba[c] - trust * known[c]) / (1.0 - trust)).max(0.0))
+                }
+                _ => rgba,
+            })
+            .map(|[r, g, b, alpha]| [r, g, b, alpha.min(1.0)])
+            .collect()
+    }
+}
+
+/// Rows of a level that comes to be.
+#[derive(Default)]
+struct Below {
+    rgba: Vec<[f32; 4]>,
+    seen: Vec<u8>,
+    guesses: Vec<[f32; 4]>,
+    confidence: Vec<f32>,
+}
+
+impl Below {
+    fn push(&mut self, rgba: [f32; 4], seen: u8, guess: [f32; 4], confidence: f32) {
+        self.rgba.push(rgba);
+        self.seen.push(seen);
+        self.guesses.push(guess);
+        self.confidence.push(confidence);
+    }
+}
+
+/// What an octree holds of a node, and the share of it that is seen; `None` where it has no such node, or an empty one.
+fn row(light: &LightOctree, depth: u32, key: u32) -> Option<([f32; 4], u8)> {
+    let node = light.octree.find(depth, key)?;
+    let row = usize::try_from(light.octree.levels()[depth as usize].rows[node]).ok()?;
+    Some((light.rgba[depth as usize][row], light.seen[depth as usize][row]))
+}
+
+/// What is known as far as it is certain, else what is guessed.
+fn mixed(known: [f32; 4], seen: u8, guess: [f32; 4]) -> [f32; 4] {
+    let trust = f32::from(seen) / 255.0;
+    std::array::from_fn(|c| trust * known[c] + (1.0 - trust) * guess[c])
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use geometry::{Camera, Cube, Vec3};
+    use octree::RadiancePoint;
+
+    use super::*;
+    use crate::light::VisiblePoint;
+
+    const CUBE: Cube = Cube { origin_m: Vec3::new(-4.0, -4.0, -4.0), edge_m: 8.0 };
+
+    /// A wall 3.1 m away, every pixel in its own colour, its right half clipped.
+    fn wall() -> (Vec<VisiblePoint>, Camera) {
+        let camera = Camera::from_hfov_deg(80.0, 96, 96).unwrap();
+        let point = |i: usize| {
+            let (u, v) = (i % 96, i / 96);
+            VisiblePoint {
+                position_m: camera.unproject(u as f64 + 0.5, v as f64 + 0.5, 3.1),
+                radiance: [0.1 + u as f32 / 96.0, 0.5, 0.1 + v as f32 / 96.0],
+                normal: Vec3::Z,
+                certain: u < 48,
+            }
+        };
+        ((0..96 * 96).map(point).collect(), camera)
+    }
+
+    /// Octree of the wall at a depth, with a leaf behind the camera.
+    fn octree_of(points: &[VisiblePoint], depth: u32) -> LightOctree {
+        let points: Vec<RadiancePoint> = points.iter().map(VisiblePoint::radiance_point).collect();
+        LightOctree::from_points(&points, CUBE, depth, 2).unwrap().0
+    }
+
+    #[test]
+    fn what_is_seen_gets_finer_and_nothing_else_changes() {
+        let (points, camera) = wall();
+        let behind = VisiblePoint { position_m: Vec3::new(0.1, 0.1, 3.0), certain: false, ..points[0] };
+        let mut light = octree_of(&[&points[..], &[behind]].concat(), 5);
+        // The network says that what is clipped is ten times as bright.
+        for (rgba, seen) in light.rgba[5].iter_mut().zip(&light.seen[5]) {
+            if *seen == 0 {
+                *rgba = rgba.map(|c| 10.0 * c);
+                rgba[3] = 0.9;
+            }
+        }
+        let before = light.clone();
+        let mut confidence: Vec<Vec<f32>> =
+            light.rgba.iter().map(|rows| (0..rows.len()).map(|row| 1.0 / (1.0 + row as f32)).collect()).collect();
+        let (coarse, fine) = (octree_of(&points, 5), octree_of(&points, 7));
+        let free = FreeSpace::new(&points, &camera);
+        SeenDetail { coarse: &coarse, fine: &fine, free: &free }.refine(&mut light, &mut confidence).unwrap();
+        assert_eq!(light.octree.depth(), 7);
+        assert_eq!((&light.rgba[..6], &light.seen[..6]), (&before.rgba[..], &before.seen[..]));
+        assert!(confidence.iter().map(Vec::len).eq(light.rgba.iter().map(Vec::len)));
+        for point in &points {
+            let (depth, node) = light.locate(point.position_m, 7).unwrap();
+            let rgba = light.node_rgba(depth, node).unwrap();
+            let (_, known) = fine.locate(point.position_m, 7).unwrap();
+            let expected = fine.node_rgba(7, known).unwrap();
+            assert_eq!(depth, 7);
+            if point.certain && fine.seen[7][fine.octree.levels()[7].rows[known] as usize] == 255 {
+                assert!((0..4).all(|c| (rgba[c] - expected[c]).abs() < 1e-4), "{rgba:?} {expected:?}");
+            } else if point.position_m.x > 0.3 {
+                assert!(rgba[1] == 5.0 && rgba[3] == 0.9, "clipped: {rgba:?}");
+            }
+        }
+        // Leaves of 6 cm: before the wall there is nothing, and it is as thick as it was.
+        let is_empty = |z: f32| {
+            let (depth, node) = light.locate(Vec3::new(-0.5, 0.3, z), 7).unwrap();
+            light.octree.levels()[depth as usize].rows[node] < 0
+        };
+        assert!([-3.2, -3.13, -3.09].iter().all(|&z| !is_empty(z)) && is_empty(-3.03) && is_empty(-2.9));
+        let (depth, node) = light.locate(behind.position_m, 7).unwrap();
+        assert_eq!((depth, light.node_rgba(depth, node).unwrap()[3]), (5, 0.9));
+    }
+
+    #[test]
+    fn an_octree_as_deep_as_what_is_seen_stays() {
+        let (points, camera) = wall();
+        let same = octree_of(&points, 5);
+        let mut light = same.clone();
+        let mut confidence = light.rgba.iter().map(|rows| vec![1.0; rows.len()]).collect();
+        let free = FreeSpace::new(&points, &camera);
+        SeenDetail { coarse: &same, fine: &same, free: &free }.refine(&mut light, &mut confidence).unwrap();
+        assert_eq!(light, same);
+    }
+}
