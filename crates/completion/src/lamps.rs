@@ -18,10 +18,10 @@ const WHITE_ALBEDO: f32 = 0.85;
 const RECEIVERS: usize = 96;
 
 /// Objects stand at this share of the way from the camera to what is seen.
-const OBJECT_SHARE: f32 = 0.6;
+pub(crate) const OBJECT_SHARE: f32 = 0.6;
 
 /// What lies there face up is lit at most by so many times what the seen surfaces ask for: below a lamp in the ceiling it gets more than walls.
-const MOST_LIGHT: f32 = 2.0;
+pub(crate) const MOST_LIGHT: f32 = 2.0;
 
 /// Rays per point.
 const RAYS: usize = 256;
@@ -34,10 +34,22 @@ const PATCH_SHARE: f32 = 0.6;
 pub struct LampReport {
     /// Irradiance that the brightness of the seen surfaces asks for.
     pub wanted_irradiance: f32,
-    /// Irradiance that the closed room gave them without the lamp.
-    pub shell_irradiance: f32,
+    /// Irradiance that they had without the lamp.
+    pub other_irradiance: f32,
     /// Radiance in the middle of the lamp patch; 0 where none was needed.
     pub lamp_radiance: f32,
+}
+
+impl LampReport {
+    /// What a user should know about it, in a sentence.
+    pub fn note(&self) -> Option<String> {
+        (self.lamp_radiance > 0.0).then(|| {
+            format!(
+                "what is seen does not explain the light: an unseen ceiling lamp of radiance {:.1} was assumed",
+                self.lamp_radiance
+            )
+        })
+    }
 }
 
 /// Adds a soft, neutral patch of light to the unseen part of the ceiling so that seen surfaces are lit as brightly as they look.
@@ -72,8 +84,8 @@ pub(crate) fn add(
         return LampReport::default();
     };
     // Where hardly anything of the patch is in sight of the receivers its radiance would be a wild guess.
-    let asked = (wanted_irradiance - seen.shell) / seen.patch.max(0.03);
-    let bearable = (MOST_LIGHT * wanted_irradiance - standing.shell) / standing.patch.max(0.03);
+    let asked = (wanted_irradiance - seen.other) / seen.patch.max(0.03);
+    let bearable = (MOST_LIGHT * wanted_irradiance - standing.other) / standing.patch.max(0.03);
     let lamp_radiance = asked.min(bearable).clamp(0.0, 50.0 * wanted_irradiance);
     if lamp_radiance > 0.0 {
         faces.grids[3].brighten(|at| {
@@ -82,13 +94,13 @@ pub(crate) fn add(
             [if open { lamp_radiance * patch_weight(room, local) } else { 0.0 }; 3]
         });
     }
-    LampReport { wanted_irradiance, shell_irradiance: seen.shell, lamp_radiance }
+    LampReport { wanted_irradiance, other_irradiance: seen.other, lamp_radiance }
 }
 
 /// Mean irradiance of places.
 struct Irradiance {
-    /// By the closed room without the patch.
-    shell: f32,
+    /// By the room without the patch.
+    other: f32,
     /// By a patch of radiance 1.
     patch: f32,
 }
@@ -101,7 +113,7 @@ fn balance(
     visibility: &Visibility,
 ) -> Option<Irradiance> {
     let directions = cosine_hemisphere(RAYS);
-    let (mut shell_sum, mut patch_sum, mut weights) = (0.0f32, 0.0f32, 0.0f32);
+    let (mut other_sum, mut patch_sum, mut weights) = (0.0f32, 0.0f32, 0.0f32);
     for place in places {
         let basis = orthonormal_basis(place.normal);
         let origin = room.local(place.position_m + 0.02 * place.normal).clamp(room.low, room.high);
@@ -120,15 +132,15 @@ fn balance(
         }
         let weight = area(&place);
         let scale = std::f32::consts::PI / RAYS as f32 * weight;
-        shell_sum += light * scale;
+        other_sum += light * scale;
         patch_sum += patch * scale;
         weights += weight;
     }
-    (weights > 0.0).then(|| Irradiance { shell: shell_sum / weights, patch: patch_sum / weights })
+    (weights > 0.0).then(|| Irradiance { other: other_sum / weights, patch: patch_sum / weights })
 }
 
 /// Irradiance that the brightness of the seen surfaces asks for.
-fn wanted(surfels: &[Surfel]) -> Option<f32> {
+pub(crate) fn wanted(surfels: &[Surfel]) -> Option<f32> {
     let mut values: Vec<f32> = surfels.iter().map(|s| luminance(s.radiance)).collect();
     if values.is_empty() {
         return None;

@@ -1,5 +1,5 @@
 //! Completion without a network (`shell`, SPEC §11): the room closed by planes, unseen surfaces extrapolated, clipped highlights
-//! and lamps outside of the view given plausible light.
+//! and lamps outside of the view given plausible light. The lamps also for rooms that networks complete.
 
 mod extrapolate;
 mod face;
@@ -8,8 +8,10 @@ mod gravity;
 mod highlights;
 mod lamps;
 mod layout;
+mod light_from_above;
 mod shell;
 
 pub use highlights::HighlightReport;
 pub use lamps::LampReport;
+pub use light_from_above::light_from_above;
 pub use shell::{Shell, ShellOptions, ShellReport, room_around, shell};

@@ -160,12 +160,7 @@ impl ShellReport {
                 self.highlights.peak_radiance
             ));
         }
-        if self.lamps.lamp_radiance > 0.0 {
-            notes.push(format!(
-                "what is seen does not explain the light: an unseen ceiling lamp of radiance {:.1} was assumed",
-                self.lamps.lamp_radiance
-            ));
-        }
+        notes.extend(self.lamps.note());
         notes
     }
 }

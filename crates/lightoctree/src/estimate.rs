@@ -9,7 +9,7 @@ use scene::{Completion, Frame, FrameError, Room, Scene, Side, place_cube};
 use crate::message::{Message, stage};
 use crate::network;
 
-/// Depth of the octree where no network says it.
+/// Depth of the octree where none is asked for.
 pub const DEFAULT_OCTREE_DEPTH: u32 = 7;
 
 /// What an estimate starts from.
@@ -29,13 +29,14 @@ pub enum Input {
 /// Choices of [`estimate`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct EstimateOptions {
-    /// Depth of the octree: leaves have 1/2^depth of the cube's edge. By default that of the network that completes it, else 7.
+    /// Depth of the octree: leaves have 1/2^depth of the cube's edge. 7 by default, or the network's own where that is more. Deeper than a
+    /// network's own, what the photo shows is that fine, and what it does not is as coarse as the network makes it.
     pub octree_depth: Option<u32>,
     /// Depth down to which the octree is full where no network makes it. 4 by default.
     pub full_depth: u32,
     /// How the unseen part of the room is filled. The shell by default.
     pub completion: Completion,
-    /// Unit vector against gravity; from the floor where it is not given.
+    /// Unit vector against gravity. Where it is not given: from the floor if depth is measured, else the camera's own.
     pub up: Option<Vec3>,
     /// Seed of the places of the points that carry the global light into what the network has not seen.
     pub seed: u64,
@@ -68,12 +69,12 @@ pub enum EstimateError {
     /// Networks are needed for what was asked for, and none were given.
     #[error("{0} needs the weights of the networks")]
     NoNetworks(&'static str),
-    /// The light network makes octrees of another depth.
-    #[error("the light network makes octrees of depth {own}, not {asked}")]
+    /// The light network makes deeper octrees.
+    #[error("the light network makes octrees of depth {own} at least, not {asked}")]
     OctreeDepth {
         /// What was asked for.
         asked: u32,
-        /// The network's own.
+        /// The network's own depth.
         own: u32,
     },
     /// The depth network's output is no number: its weights are damaged.
@@ -106,7 +107,7 @@ pub fn estimate(
     options: &EstimateOptions,
     messages: &mut dyn FnMut(Message),
 ) -> Result<Scene, EstimateError> {
-    let how = How::new(networks, options)?;
+    let (how, octree_depth) = how(networks, options)?;
     let (view, predicted_depth) = match input.into() {
         Input::Frame(frame) => {
             let working = stage(messages, "working resolution", || frame.working());
@@ -117,10 +118,12 @@ pub fn estimate(
             (network::predicted_view(photo, camera, networks, messages)?, true)
         }
     };
+    // Predicted floors are too uneven to tell gravity by; photos are held upright.
+    let options = &EstimateOptions { up: options.up.or(predicted_depth.then_some(Vec3::Y)), ..options.clone() };
     let Completed { light, room, confidence } = match how {
-        How::Network(networks) => network::complete(&view, networks, options, messages)?,
-        How::Shell { octree_depth } => closed(&view.working, octree_depth, options, messages)?,
-        How::None { octree_depth } => as_seen(&view.working, octree_depth, options, messages)?,
+        How::Network(networks) => network::complete(&view, networks, octree_depth, options, messages)?,
+        How::Shell => closed(&view.working, octree_depth, options, messages)?,
+        How::None => as_seen(&view.working, octree_depth, options, messages)?,
     };
     let (frame, completion, sources) = (view.frame, options.completion, options.sources.clone());
     Ok(Scene { light, frame, completion, room, sources, predicted_depth, confidence })
@@ -144,26 +147,28 @@ pub(crate) struct Completed {
 /// How the room is completed, with what that needs.
 enum How<'a> {
     Network(&'a Networks),
-    Shell { octree_depth: u32 },
-    None { octree_depth: u32 },
+    Shell,
+    None,
 }
 
-impl<'a> How<'a> {
-    /// Checks the options before any work: the shell's closing points grow with 4^depth.
-    fn new(networks: Option<&'a Networks>, options: &EstimateOptions) -> Result<Self, EstimateError> {
-        let octree_depth = options.octree_depth.unwrap_or(DEFAULT_OCTREE_DEPTH);
-        let checked = || check_depths(octree_depth, options.full_depth);
-        match options.completion {
-            Completion::Network => {
-                let networks = networks.ok_or(EstimateError::NoNetworks("completion by a network"))?;
-                let own = networks.config.depth;
-                let asked = options.octree_depth.unwrap_or(own);
-                if asked == own { Ok(Self::Network(networks)) } else { Err(EstimateError::OctreeDepth { asked, own }) }
+/// How, and down to which depth: the options are checked before any work, since the shell's closing points grow with 4^depth.
+fn how<'a>(networks: Option<&'a Networks>, options: &EstimateOptions) -> Result<(How<'a>, u32), EstimateError> {
+    let mut octree_depth = options.octree_depth.unwrap_or(DEFAULT_OCTREE_DEPTH);
+    let how = match options.completion {
+        Completion::Network => {
+            let networks = networks.ok_or(EstimateError::NoNetworks("completion by a network"))?;
+            let own = networks.config.depth;
+            if let Some(asked) = options.octree_depth.filter(|&asked| asked < own) {
+                return Err(EstimateError::OctreeDepth { asked, own });
             }
-            Completion::Shell => checked().map(|()| Self::Shell { octree_depth }).map_err(Into::into),
-            Completion::None => checked().map(|()| Self::None { octree_depth }).map_err(Into::into),
+            octree_depth = octree_depth.max(own);
+            How::Network(networks)
         }
-    }
+        Completion::Shell => How::Shell,
+        Completion::None => How::None,
+    };
+    check_depths(octree_depth, options.full_depth)?;
+    Ok((how, octree_depth))
 }
 
 /// What the photo saw, and nothing else.

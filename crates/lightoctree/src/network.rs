@@ -1,6 +1,6 @@
 //! Scenes by the networks: photo → depth and global light → what is seen, as an octree → the octree of the whole room.
 
-use completion::{ShellOptions, room_around};
+use completion::{ShellOptions, light_from_above, room_around};
 use geometry::{Camera, Cube, Vec3};
 use imaging::{Image, Photo, srgb8_from_linear};
 use nets::light::VisiblePoint;
@@ -28,7 +28,7 @@ pub(crate) fn predicted_view(
     let camera = frame.camera.resized(small.width() as u32, small.height() as u32);
     let working = Frame { camera, photo: small, depth_m, exposure: 1.0 };
     messages(Message::Note(
-        "depth is predicted from the photo alone: distances, and with them all sizes, may be off".into(),
+        "depth is predicted from the photo alone: distances, and with them all sizes, may be off; the camera is taken to be upright".into(),
     ));
     Ok(View { frame, working, global: Some(global) })
 }
@@ -75,6 +75,7 @@ impl SeenFrame {
 pub(crate) fn complete(
     view: &View,
     networks: &Networks,
+    octree_depth: u32,
     options: &EstimateOptions,
     messages: &mut dyn FnMut(Message),
 ) -> Result<Completed, EstimateError> {
@@ -85,10 +86,12 @@ pub(crate) fn complete(
     let seen = SeenFrame::new(&view.working).ok_or(EstimateError::NothingSeen)?;
     let room = room_around(&seen.surfels, &ShellOptions { up: options.up, ..ShellOptions::default() });
     let completed = stage(messages, "light network", || {
-        networks.complete(&seen.points, &seen.camera, seen.cube, global, options.seed)
+        networks.complete(&seen.points, &seen.camera, seen.cube, global, octree_depth, options.seed)
     })?;
-    let CompletedLight { light, confidence, messages: notes } = completed;
+    let CompletedLight { mut light, confidence, messages: notes } = completed;
     notes.into_iter().for_each(|note| messages(Message::Note(note)));
+    let lamps = stage(messages, "lamps", || light_from_above(&mut light, &seen.surfels, room.up));
+    lamps.note().into_iter().for_each(|note| messages(Message::Note(note)));
     let confidence = confidence.into_iter().map(|level| level.into_iter().map(|c| (255.0 * c).round() as u8).collect());
     Ok(Completed { light, room: Some(room), confidence: Some(confidence.collect()) })
 }
@@ -168,10 +171,10 @@ mod tests {
         let (scene, messages) =
             estimated(&networks(&config(), &[("light_net.regression.3.output.weights", &[8, 8], 0.5)]));
         let frame = &scene.frame;
-        assert_eq!((&frame.photo, scene.completion, scene.light.octree.depth()), (&photo(), Completion::Network, 6));
+        assert_eq!((&frame.photo, scene.completion, scene.light.octree.depth()), (&photo(), Completion::Network, 7));
         let view = ConeTracer::new(&scene.light, cone::Settings::default()).unwrap().perspective(&frame.camera);
         let radiance = frame.radiance();
-        // A leaf is an eighth of a metre: nine pixels.
+        // A leaf is 6 cm: four pixels.
         for (x, y) in [(10, 10), (20, 50), (30, 20), (70, 12), (85, 55)] {
             let (got, expected) = (view.radiance[(x, y)], radiance[(x, y)]);
             assert!(
@@ -218,6 +221,7 @@ mod tests {
         assert_eq!((&shell.frame, shell.completion, shell.predicted_depth), (&scene.frame, Completion::Shell, true));
         assert_eq!((shell.light.octree.depth(), shell.confidence), (7, None));
         assert!(messages.iter().any(|message| matches!(message, Message::Note(note) if note.contains("predicted"))));
+        assert!(scene.room.as_ref().unwrap().up.distance(Vec3::Y) < 1e-6);
     }
 
     #[test]
@@ -242,8 +246,11 @@ mod tests {
         let depth = networks(&config(), &[("depth_net.decoder.output.bias", &[1], f32::NAN)]);
         let depth = error(alone(), &depth, &options());
         assert!(matches!(depth, EstimateError::PredictedDepth), "{depth}");
-        let deeper = EstimateOptions { octree_depth: Some(7), ..options() };
-        let deeper = error(wall().into(), &networks(&config(), &[]), &deeper);
-        assert!(matches!(deeper, EstimateError::OctreeDepth { asked: 7, own: 6 }), "{deeper}");
+        let shallow = EstimateOptions { octree_depth: Some(5), ..options() };
+        let shallow = error(wall().into(), &networks(&config(), &[]), &shallow);
+        assert!(matches!(shallow, EstimateError::OctreeDepth { asked: 5, own: 6 }), "{shallow}");
+        let deep = EstimateOptions { octree_depth: Some(40), ..options() };
+        let deep = error(wall().into(), &networks(&config(), &[]), &deep);
+        assert!(matches!(deep, EstimateError::Octree(_)), "{deep}");
     }
 }

@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use lightoctree::EstimateOptions;
 use lightoctree::cone::{ConeTracer, Settings};
 use lightoctree::geometry::Camera;
 use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, Photo, ToneCurve};
 use lightoctree::insert::{self, Inserter, Lighting, Placement, Quality};
 use lightoctree::mesh::{MaterialSpec, Model, PreparedModel};
-use lightoctree::scene::{Frame, Scene};
+use lightoctree::scene::{Completion, Frame, Scene};
+use lightoctree::{EstimateOptions, Input, Networks};
 use serde_json::json;
 
 use super::environment;
@@ -62,23 +62,54 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
 
     let frame = stages.stage("read photo and depth", frame)?;
     let frame = stages.stage("halve the photo", || halved(frame));
-    let scene = estimate(&mut stages, frame)?;
+    let networks = match cfg!(feature = "weights") {
+        true => Some(stages.stage("read weights", || super::networks(None))?),
+        false => None,
+    };
+    if let Some(networks) = &networks {
+        stages.note("first from the photo alone");
+        let alone = Input::Photo { photo: frame.photo.clone(), camera: frame.camera };
+        let scene = estimate(&mut stages, alone, Some(networks))?;
+        let base = placement(&scene)?;
+        files.extend(write_panorama(&mut stages, &scene, &base, &file("alone_panorama"))?);
+        let gold = model("gold")?;
+        let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Draft)?;
+        let composite = stages.stage("insert, gold", || inserter.render(&gold, &base.scaled(scale(&gold))))?;
+        imaging::write_photo(file("alone_object.png"), &composite.image)?;
+        files.push(file("alone_object.png"));
+        stages.note("then from photo and LiDAR depth");
+    }
+    let scene = estimate(&mut stages, frame, networks.as_ref())?;
     stages.stage("write scene", || scene.write(&file("library.scene")))?;
     imaging::write_photo(file("photo.png"), &scene.frame.photo)?;
     files.extend([file("library.scene"), file("photo.png")]);
+    let base = placement(&scene)?;
+    files.extend(write_panorama(&mut stages, &scene, &base, &file("panorama"))?);
+    files.extend(insert_objects(global, &mut stages, &scene, &base, &args.out)?);
+    finish(args, &files, &stages)
+}
 
+/// Where the object stands.
+fn placement(scene: &Scene) -> anyhow::Result<Placement> {
     let [u, v] = PIXEL;
-    let base = Placement::rest_on_pixel(&scene, u, v)?;
+    Ok(Placement::rest_on_pixel(scene, u, v)?)
+}
+
+/// Metres per unit of the object.
+fn scale(object: &PreparedModel) -> f32 {
+    HEIGHT_M / object.bounds().size().y
+}
+
+/// The panorama in the middle of the object, as `.exr` and `.png` of this name.
+fn write_panorama(stages: &mut Stages, scene: &Scene, base: &Placement, name: &Path) -> anyhow::Result<[PathBuf; 2]> {
     let at = base.position_m + base.up * (0.5 * HEIGHT_M);
     let tracer = stages.stage("prepare cone tracing", || ConeTracer::new(&scene.light, Settings::default()))?;
     let panorama = stages.stage("panorama 512 × 256", || tracer.panorama(at, 512, 256));
     let options = ExrOptions { environment: Some(EnvironmentLayout::LatitudeLongitude), ..ExrOptions::default() };
-    imaging::write_radiance(file("panorama.exr"), &panorama.radiance, &options)?;
-    imaging::write_tone_mapped(file("panorama.png"), &panorama.radiance, ToneCurve::Reinhard, 0.0)?;
-    files.extend([file("panorama.exr"), file("panorama.png")]);
-
-    files.extend(insert_objects(global, &mut stages, &scene, &base, &args.out)?);
-    finish(args, &files, &stages)
+    let files = ["exr", "png"].map(|extension| name.with_extension(extension));
+    imaging::write_radiance(&files[0], &panorama.radiance, &options)?;
+    imaging::write_tone_mapped(&files[1], &panorama.radiance, ToneCurve::Reinhard, 0.0)?;
+    Ok(files)
 }
 
 /// The frame that the program carries, at the photo's full resolution.
@@ -97,11 +128,14 @@ fn halved(frame: Frame) -> Frame {
     Frame { camera: frame.camera.resized(width as u32, height as u32), photo: Photo::Srgb8(photo), ..frame }
 }
 
-/// The scene of a carried frame.
-pub fn estimate(stages: &mut Stages, frame: Frame) -> anyhow::Result<Scene> {
-    let sources = vec!["library_color.jpg".into(), "library_lidar_depth.png".into()];
-    let options = EstimateOptions { sources, ..EstimateOptions::default() };
-    Ok(lightoctree::estimate(frame, None, &options, &mut |message| stages.hear(message))?)
+/// The scene of the carried photo: by networks where there are any, else by the shell.
+pub fn estimate(stages: &mut Stages, input: impl Into<Input>, networks: Option<&Networks>) -> anyhow::Result<Scene> {
+    let input = input.into();
+    let mut sources = vec!["library_color.jpg".into()];
+    sources.extend(matches!(input, Input::Frame(_)).then(|| "library_lidar_depth.png".into()));
+    let completion = if networks.is_some() { Completion::Network } else { Completion::Shell };
+    let options = EstimateOptions { completion, sources, ..EstimateOptions::default() };
+    Ok(lightoctree::estimate(input, networks, &options, &mut |message| stages.hear(message))?)
 }
 
 /// The object that the program carries, of a preset material.
@@ -121,7 +155,7 @@ fn insert_objects(
 ) -> anyhow::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     let gold = stages.stage("read mesh", || model("gold"))?;
-    let scale = HEIGHT_M / gold.bounds().size().y;
+    let scale = scale(&gold);
     let inserter = stages.stage("prepare light", || Inserter::new(scene, Lighting::Octree, Quality::Normal))?;
     for material in ["gold", "chrome", "matte-white"] {
         let object = model(material)?;

@@ -44,11 +44,13 @@ pub struct Args {
     #[arg(long, value_name = "A")]
     hfov_deg: Option<f64>,
 
-    /// Depth of the octree: 7 gives leaves of 1/128 of the cube [default: 7, or that of the weights]
+    /// Depth of the octree: 7 gives leaves of 1/128 of the cube [default: 7]
+    ///
+    /// Networks make octrees of a depth of their own (that of the program 6): what the photo shows is finer than that, what it does not is not.
     #[arg(long, value_name = "D", value_parser = clap::value_parser!(u32).range(5..=9))]
     octree_depth: Option<u32>,
 
-    /// How the unseen part of the room is filled [default: shell with --depth, network without]
+    /// How the unseen part of the room is filled [default: network]
     #[arg(long, value_name = "HOW")]
     completion: Option<CompletionArg>,
 
@@ -56,7 +58,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     weights: Option<PathBuf>,
 
-    /// The scene's upward direction [default: from the floor]
+    /// The scene's upward direction [default: from the floor with --depth, else the camera's]
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::direction, allow_hyphen_values = true)]
     up: Option<Vec3>,
 
@@ -108,7 +110,9 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
 }
 
 fn completion(args: &Args) -> Completion {
-    let usual = if args.depth.is_some() { CompletionArg::Shell } else { CompletionArg::Network };
+    // A program without weights still has what needs none.
+    let has_weights = cfg!(feature = "weights") || args.weights.is_some();
+    let usual = if has_weights || args.depth.is_none() { CompletionArg::Network } else { CompletionArg::Shell };
     args.completion.unwrap_or(usual).into()
 }
 
@@ -123,8 +127,8 @@ fn networks(args: &Args, stages: &mut Stages) -> anyhow::Result<Option<Networks>
     }
     let networks = stages.stage("read weights", || super::networks(args.weights.as_deref()))?;
     match args.octree_depth {
-        Some(asked) if completes && asked != networks.config.depth => Err(Usage(format!(
-            "the networks make octrees of depth {}, not {asked}; leave --octree-depth out, or choose another --completion",
+        Some(asked) if completes && asked < networks.config.depth => Err(Usage(format!(
+            "the networks make octrees of depth {} at least, not {asked}; leave --octree-depth out, or choose another --completion",
             networks.config.depth
         ))
         .into()),
@@ -163,7 +167,7 @@ fn camera(args: &Args, photo: &imaging::PhotoFile, stages: &mut Stages) -> anyho
 }
 
 fn say(args: &Args, scene: &Scene, stages: &Stages) -> anyhow::Result<()> {
-    let leaves = scene.light.rgba.last().map_or(0, Vec::len);
+    let leaves = scene.light.leaves().count();
     let bytes = std::fs::metadata(&args.out.output).map_or(0, |metadata| metadata.len());
     if args.out.json {
         return report::print_json(&serde_json::json!({
@@ -174,7 +178,7 @@ fn say(args: &Args, scene: &Scene, stages: &Stages) -> anyhow::Result<()> {
         }));
     }
     report::print(&format!(
-        "{}  {}, {leaves} leaves of {:.1} cm, in {}",
+        "{}  {}, {leaves} leaves, the finest of {:.1} cm, in {}",
         args.out.output.display(),
         report::bytes(bytes),
         100.0 * scene.light.cube.node_edge_m(scene.light.octree.depth()),

@@ -74,7 +74,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE.json", conflicts_with_all = ["output", "profile", "weights", "methods"])]
     make_profile: Option<PathBuf>,
 
-    /// Depth of the octrees of shell and true-octree
+    /// Depth of octrees; those of the networks are at least as deep as they are
     #[arg(long, value_name = "D", default_value_t = 7, value_parser = clap::value_parser!(u32).range(5..=9))]
     octree_depth: u32,
 

@@ -142,7 +142,7 @@ fn probe(folder: &Path) -> anyhow::Result<Vec3> {
 fn estimate_panorama() -> anyhow::Result<Prepared> {
     let run = || {
         let scene = demo::frame()
-            .and_then(|frame| demo::estimate(&mut Stages::new(true), frame))
+            .and_then(|frame| demo::estimate(&mut Stages::new(true), frame, None))
             .expect("the carried photo makes a scene");
         let tracer = ConeTracer::new(&scene.light, Settings::default()).expect("the default settings are valid");
         black_box(tracer.panorama(Vec3::new(0.0, -0.5, -1.5), WIDTH, HEIGHT));
@@ -153,7 +153,7 @@ fn estimate_panorama() -> anyhow::Result<Prepared> {
 
 /// One frame of an object of about 20,000 pixels in the carried photo at 480 × 320, draft quality.
 fn insert_draft() -> anyhow::Result<Prepared> {
-    let mut scene = demo::estimate(&mut Stages::new(true), demo::frame()?)?;
+    let mut scene = demo::estimate(&mut Stages::new(true), demo::frame()?, None)?;
     scene.frame = cropped(&scene.frame.at_resolution(480, 360), 320)?;
     let model = demo::model("gold")?;
     let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Draft)?;
