@@ -187,7 +187,7 @@ mod tests {
         assert!(seen.contains(&255) && seen.contains(&0), "seen, and clipped");
         assert!(!scene.predicted_depth && confidence.iter().map(Vec::len).eq(scene.light.rgba.iter().map(Vec::len)));
         let stages = messages.iter().filter(|message| matches!(message, Message::Stage { .. })).count();
-        assert_eq!(stages, 3);
+        assert_eq!(stages, 4);
         assert!((scene.room.as_ref().unwrap().up.y - 1.0).abs() < 0.1);
         assert_eq!(Scene::from_bytes(&scene.to_bytes().unwrap()).unwrap(), scene);
     }

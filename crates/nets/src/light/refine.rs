@@ -2,7 +2,7 @@
 
 use octree::{LightOctree, OctreeError};
 
-use crate::light::FreeSpace;
+use crate::light::{FreeSpace, MAX_RADIANCE};
 
 /// What is seen, as octrees of two depths.
 pub(crate) struct SeenDetail<'a> {
@@ -37,8 +37,9 @@ impl SeenDetail<'_> {
                 let (mean, guess) = (light.rgba[depth as usize][parent], guesses[parent]);
                 for child in (0..8).map(|child| key << 3 | child) {
                     let known = row(self.fine, depth + 1, child);
-                    nonempty.push(known.is_some() || !self.free.holds(light.cube, depth + 1, child));
-                    if nonempty[nonempty.len() - 1] {
+                    let occupied = known.is_some() || !self.free.holds(light.cube, depth + 1, child);
+                    nonempty.push(occupied);
+                    if occupied {
                         let (rgba, seen) = known.map_or((mean, 0), |(known, seen)| (mixed(known, seen, guess), seen));
                         below.push(rgba, seen, guess, confidence[depth as usize][parent]);
                     }
@@ -67,7 +68,7 @@ impl SeenDetail<'_> {
                 }
                 _ => rgba,
             })
-            .map(|[r, g, b, alpha]| [r, g, b, alpha.min(1.0)])
+            .map(|[r, g, b, alpha]| [r.min(MAX_RADIANCE), g.min(MAX_RADIANCE), b.min(MAX_RADIANCE), alpha.min(1.0)])
             .collect()
     }
 }
