@@ -244,6 +244,7 @@ fn a_photo_alone_is_enough() {
     done(at, &["estimate", "photo.png", "-o", "alone.scene"]);
     let summary = json(&done(at, &["inspect", "alone.scene", "--json"]));
     assert_eq!((&summary["completion"], &summary["predicted_depth"]), (&"network".into(), &true.into()));
+    done(at, &["envmap", "alone.scene", "--at", "0,0,-1", "--size", "64x32", "--lamp", "-o", "lamp.exr"]);
     done(at, &["estimate", "photo.png", "--depth", "depth.png", "-o", "measured.scene"]);
     let summary = json(&done(at, &["inspect", "measured.scene", "--json"]));
     assert_eq!((&summary["completion"], &summary["predicted_depth"]), (&"network".into(), &false.into()));

@@ -36,8 +36,7 @@ const LEAST_PATCH: f32 = 1e-3;
 /// of radiance L gets E ≥ π L, since its albedo is at most 1. The lamp is the weakest that makes this so for three quarters of what is seen, by
 /// area (clipped pixels count with what is known of them), as long as what stands face up in the middle of the view does not get more than the
 /// shell's limit. On 24 generated rooms the RMS error of a diffuse sphere becomes 0.252 instead of 0.269 (8 rooms better, 1 worse), and panoramas lose
-/// 0.13 dB, as any lamp costs that is not where the true one is; asking for the shell's irradiance instead costs 0.5 dB, and a lamp as wide
-/// as the shell's 2 dB.
+/// 0.13 dB, as any lamp costs that is not where the true one is (`docs/evaluation.md`): this is for lighting objects.
 pub fn light_from_above(light: &mut LightOctree, seen: &[Surfel], up: Vec3) -> LampReport {
     let Some(wanted_irradiance) = wanted(seen) else { return LampReport::default() };
     let stride = seen.len().div_ceil(RECEIVERS).max(1);

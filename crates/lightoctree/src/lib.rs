@@ -18,6 +18,7 @@
 
 mod camera;
 mod estimate;
+mod lamp;
 mod message;
 mod network;
 mod place;
@@ -32,6 +33,7 @@ pub use export;
 pub use geometry;
 pub use imaging;
 pub use insert;
+pub use lamp::add_lamp;
 pub use mesh;
 pub use message::Message;
 pub use nets;

@@ -1,6 +1,6 @@
 //! Scenes by the networks: photo → depth and global light → what is seen, as an octree → the octree of the whole room.
 
-use completion::{ShellOptions, light_from_above, room_around};
+use completion::{ShellOptions, room_around};
 use geometry::{Camera, Cube, Vec3};
 use imaging::{Image, Photo, srgb8_from_linear};
 use nets::light::VisiblePoint;
@@ -88,10 +88,8 @@ pub(crate) fn complete(
     let completed = stage(messages, "light network", || {
         networks.complete(&seen.points, &seen.camera, seen.cube, global, octree_depth, options.seed)
     })?;
-    let CompletedLight { mut light, confidence, messages: notes } = completed;
+    let CompletedLight { light, confidence, messages: notes } = completed;
     notes.into_iter().for_each(|note| messages(Message::Note(note)));
-    let lamps = stage(messages, "lamps", || light_from_above(&mut light, &seen.surfels, room.up));
-    lamps.note().into_iter().for_each(|note| messages(Message::Note(note)));
     let confidence = confidence.into_iter().map(|level| level.into_iter().map(|c| (255.0 * c).round() as u8).collect());
     Ok(Completed { light, room: Some(room), confidence: Some(confidence.collect()) })
 }
@@ -114,7 +112,7 @@ mod tests {
     use scene::{Completion, Scene};
 
     use super::*;
-    use crate::{Input, estimate};
+    use crate::{Input, add_lamp, estimate};
 
     const SIZE: (usize, usize) = (96, 64);
 
@@ -187,9 +185,24 @@ mod tests {
         assert!(seen.contains(&255) && seen.contains(&0), "seen, and clipped");
         assert!(!scene.predicted_depth && confidence.iter().map(Vec::len).eq(scene.light.rgba.iter().map(Vec::len)));
         let stages = messages.iter().filter(|message| matches!(message, Message::Stage { .. })).count();
-        assert_eq!(stages, 4);
+        assert_eq!(stages, 3);
         assert!((scene.room.as_ref().unwrap().up.y - 1.0).abs() < 0.1);
         assert_eq!(Scene::from_bytes(&scene.to_bytes().unwrap()).unwrap(), scene);
+    }
+
+    #[test]
+    fn objects_get_a_lamp_where_what_is_seen_asks_for_one() {
+        // Weights that make what is not seen dark.
+        let dark = networks(&config(), &[("light_net.regression.3.output.bias", &[1, 8], -4.0)]);
+        let (mut scene, _) = estimated(&dark);
+        let before = scene.clone();
+        let report = add_lamp(&mut scene);
+        assert!(report.lamp_radiance > 0.0 && scene.light != before.light, "{report:?}");
+        let darker = |(a, b): (&[f32; 4], &[f32; 4])| (0..3).any(|c| a[c] < b[c]) || a[3] != b[3];
+        assert!(!scene.light.rgba.iter().flatten().zip(before.light.rgba.iter().flatten()).any(darker));
+        let mut shell = estimate(wall(), None, &EstimateOptions::default(), &mut |_| ()).unwrap();
+        let before = shell.clone();
+        assert_eq!((add_lamp(&mut shell).lamp_radiance, shell), (0.0, before));
     }
 
     #[test]

@@ -69,22 +69,24 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     if let Some(networks) = &networks {
         stages.note("first from the photo alone");
         let alone = Input::Photo { photo: frame.photo.clone(), camera: frame.camera };
-        let scene = estimate(&mut stages, alone, Some(networks))?;
+        let mut scene = estimate(&mut stages, alone, Some(networks))?;
         let base = placement(&scene)?;
         files.extend(write_panorama(&mut stages, &scene, &base, &file("alone_panorama"))?);
         let gold = model("gold")?;
+        super::add_lamp(&mut scene, &mut stages);
         let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Draft)?;
         let composite = stages.stage("insert, gold", || inserter.render(&gold, &base.scaled(scale(&gold))))?;
         imaging::write_photo(file("alone_object.png"), &composite.image)?;
         files.push(file("alone_object.png"));
         stages.note("then from photo and LiDAR depth");
     }
-    let scene = estimate(&mut stages, frame, networks.as_ref())?;
+    let mut scene = estimate(&mut stages, frame, networks.as_ref())?;
     stages.stage("write scene", || scene.write(&file("library.scene")))?;
     imaging::write_photo(file("photo.png"), &scene.frame.photo)?;
     files.extend([file("library.scene"), file("photo.png")]);
     let base = placement(&scene)?;
     files.extend(write_panorama(&mut stages, &scene, &base, &file("panorama"))?);
+    super::add_lamp(&mut scene, &mut stages);
     files.extend(insert_objects(global, &mut stages, &scene, &base, &args.out)?);
     finish(args, &files, &stages)
 }

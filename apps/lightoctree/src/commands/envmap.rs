@@ -29,6 +29,10 @@ pub struct Args {
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::point, allow_hyphen_values = true)]
     at: Option<Vec3>,
 
+    /// With the lamp above that `insert` adds where seen surfaces give more light than they get: to light objects elsewhere
+    #[arg(long)]
+    lamp: bool,
+
     /// Above the surface seen at this pixel of the photo
     #[arg(long, value_name = "U,V", value_parser = parse::pixel)]
     pixel: Option<[f64; 2]>,
@@ -77,7 +81,10 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         output::check_replaceable(path, COMMAND, args.out.force)?;
     }
     let mut stages = Stages::new(global.quiet);
-    let scene = stages.stage("read scene", || super::read_scene(&args.scene))?;
+    let mut scene = stages.stage("read scene", || super::read_scene(&args.scene))?;
+    if args.lamp {
+        super::add_lamp(&mut scene, &mut stages);
+    }
     let at = match (args.at, args.pixel) {
         (Some(at), _) => at,
         (None, Some([u, v])) => {

@@ -74,6 +74,10 @@ pub struct Args {
     #[arg(long, value_name = "octree|envmap:FILE", default_value = "octree")]
     lighting: String,
 
+    /// Light from the scene as it is, without the lamp above that is added where seen surfaces give more light than they get
+    #[arg(long)]
+    no_lamp: bool,
+
     /// Samples: draft for moving about, high for the final picture
     #[arg(long, value_name = "QUALITY", default_value = "normal")]
     quality: QualityArg,
@@ -115,7 +119,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         return Err(Usage("a scene, --mesh and --output are needed".into()).into());
     };
     let mut stages = Stages::new(global.quiet);
-    let scene = stages.stage("read scene", || super::read_scene(scene))?;
+    let mut scene = stages.stage("read scene", || super::read_scene(scene))?;
     let model = stages.stage("read mesh", || load_model(mesh, args.material.as_deref()))?;
     let scale = scale(args, &model)?;
     let placements = placements(args, &scene, scale)?;
@@ -126,6 +130,9 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         QualityArg::Normal => Quality::Normal,
         QualityArg::High => Quality::High,
     };
+    if matches!(lighting, Lighting::Octree) && !args.no_lamp {
+        super::add_lamp(&mut scene, &mut stages);
+    }
     let inserter = stages.stage("prepare light", || Inserter::new(&scene, lighting, quality))?;
     let progress = bar(global.quiet || files.len() == 1, files.len(), "frames");
     let mut written = Vec::new();

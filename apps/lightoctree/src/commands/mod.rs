@@ -24,9 +24,17 @@ use anyhow::Context;
 use lightoctree::Networks;
 use lightoctree::scene::Scene;
 
+use crate::progress::Stages;
+
 /// Reads a scene file; errors name it.
 fn read_scene(path: &Path) -> anyhow::Result<Scene> {
     Scene::read(path).with_context(|| format!("{}", path.display()))
+}
+
+/// Gives a scene the lamp that objects need, and says so.
+fn add_lamp(scene: &mut Scene, stages: &mut Stages) {
+    let report = stages.stage("lamp", || lightoctree::add_lamp(scene));
+    report.note().iter().for_each(|note| stages.note(note));
 }
 
 /// The networks of a file of weights, or those that the program carries.

@@ -27,6 +27,10 @@ pub struct Args {
     /// A scene file
     scene: PathBuf,
 
+    /// With the lamp above that `insert` adds where seen surfaces give more light than they get: to light objects elsewhere
+    #[arg(long)]
+    lamp: bool,
+
     /// A regular grid inside of the room
     #[arg(long, value_name = "NX,NY,NZ", value_parser = parse::counts)]
     grid: Option<[usize; 3]>,
@@ -79,7 +83,10 @@ pub struct Probe {
 /// Renders every probe, then writes the manifest.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let mut stages = Stages::new(global.quiet);
-    let scene = stages.stage("read scene", || super::read_scene(&args.scene))?;
+    let mut scene = stages.stage("read scene", || super::read_scene(&args.scene))?;
+    if args.lamp {
+        super::add_lamp(&mut scene, &mut stages);
+    }
     let probes = probes(args, &scene)?;
     let renderer = Renderer::new(&scene, args.panorama.size)?;
     output::prepare_folder(&args.output, MANIFEST, COMMAND, args.force)?;

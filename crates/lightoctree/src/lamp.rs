@@ -1,0 +1,17 @@
+use completion::{LampReport, light_from_above};
+use scene::{Completion, Scene};
+
+use crate::SeenFrame;
+
+/// Adds the lamp to a scene completed by a network that what the photo shows asks for: for objects, which have to be as bright as what they
+/// stand beside.
+///
+/// A scene's own light is the likeliest one, which has no lamps that are not seen: nobody knows where they are. Panoramas are nearer to the truth without
+/// (`docs/evaluation.md`), objects look right with it. Scenes that no network completed stay as they are: the shell has a lamp of its own.
+pub fn add_lamp(scene: &mut Scene) -> LampReport {
+    let up = scene.room.as_ref().map(|room| room.up);
+    match (scene.completion, up, SeenFrame::new(&scene.frame.working())) {
+        (Completion::Network, Some(up), Some(seen)) => light_from_above(&mut scene.light, &seen.surfels, up),
+        _ => LampReport::default(),
+    }
+}
