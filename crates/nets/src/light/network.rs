@@ -235,7 +235,7 @@ mod tests {
     use burn::tensor::{DType, Gradients};
     use cone::{Cone, ConeTracer, Settings};
     use geometry::{Camera, Cube, Vec3};
-    use octree::{Coverage, LightOctree, RadiancePoint};
+    use octree::{Coverage, LightOctree, MAX_ALPHA, RadiancePoint};
 
     use super::*;
     use crate::layers::glorot;
@@ -307,6 +307,7 @@ mod tests {
         let output = net.forward(&input, None, Growth::Truth(&truth.octree)).unwrap();
         let (light, confidence) = output.into_light().unwrap();
         assert_eq!(light.octree, truth.octree);
+        assert!(light.rgba[5].iter().all(|rgba| rgba[3] == MAX_ALPHA), "the first guess is 0.98");
         let finest = &light.octree.levels()[5];
         let mut seen = 0;
         for (node, &row) in finest.rows.iter().enumerate().filter(|(_, row)| **row >= 0) {

@@ -2,9 +2,13 @@ use std::sync::Arc;
 
 use burn::tensor::Tensor;
 use geometry::Cube;
-use octree::{LightOctree, Octree};
+use octree::{LightOctree, MAX_ALPHA, Octree};
 
 use crate::light::{KnownLight, LightError};
+
+/// Nodes more opaque than this count as opaque: a few percent that shine through cost a ray twice the samples and show nothing (24 rooms:
+/// 15.66 dB with and without).
+const OPAQUE: f32 = 0.9;
 
 /// What the light network gives.
 #[derive(Debug)]
@@ -39,7 +43,7 @@ impl LightOutput {
         )
     }
 
-    /// The lighting octree, and for each of its rows how sure the network is: e^−(expected error), in (0, 1].
+    /// The lighting octree, in which what is nearly opaque is opaque, and for each of its rows how sure the network is: e^−(expected error), in (0, 1].
     ///
     /// Levels above the full depth hold the means of those below.
     ///
@@ -54,7 +58,8 @@ impl LightOutput {
                 return Err(LightError::NotFinite { what: "radiance, opacity or error", depth });
             }
             let rows = values.as_chunks::<5>().0;
-            rgba.push(rows.iter().map(|&[r, g, b, a, _]| [r, g, b, a]).collect());
+            let rgba_of = |&[r, g, b, a, _]: &[f32; 5]| [r, g, b, if a > OPAQUE { MAX_ALPHA } else { a }];
+            rgba.push(rows.iter().map(rgba_of).collect());
             confidence.push(rows.iter().map(|row| (-row[4]).exp()).collect());
             seen.push(level.known.trust().map(|trust| (255.0 * trust).round() as u8).collect());
         }
