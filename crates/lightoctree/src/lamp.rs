@@ -9,9 +9,7 @@ use crate::SeenFrame;
 /// A scene's own light is the likeliest one, which has no lamps that are not seen: nobody knows where they are. Panoramas are nearer to the truth without
 /// (`docs/evaluation.md`), objects look right with it. Scenes that no network completed stay as they are: the shell has a lamp of its own.
 pub fn add_lamp(scene: &mut Scene) -> LampReport {
-    let up = scene.room.as_ref().map(|room| room.up);
-    match (scene.completion, up, SeenFrame::new(&scene.frame.working())) {
-        (Completion::Network, Some(up), Some(seen)) => light_from_above(&mut scene.light, &seen.surfels, up),
-        _ => LampReport::default(),
-    }
+    let (Completion::Network, Some(room)) = (scene.completion, &scene.room) else { return LampReport::default() };
+    let Some(seen) = SeenFrame::new(&scene.frame.working()) else { return LampReport::default() };
+    light_from_above(&mut scene.light, &seen.surfels, room.up)
 }
