@@ -40,6 +40,7 @@ pub(crate) fn record(key: &str) -> Record {
         scene_id: format!("room of {key}"),
         up: Some(Vec3::Y),
         points: (0..20).map(point).collect(),
+        point_area_m2: Some(0.25),
         views: (0..2).map(view).collect(),
         shots: (0..2).map(shot).collect(),
         metadata: Metadata::from_iter([("lights".to_owned(), 3.into())]),

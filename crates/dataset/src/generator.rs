@@ -26,7 +26,7 @@ pub struct GeneratorConfig {
     pub panoramas: u32,
     /// Rows of a panorama, which is twice as wide.
     pub panorama_height: u32,
-    /// Depth of the octree that the surface points are made for: four points for the face of a leaf of the cube around the room.
+    /// Depth of the octree that the surface points are made for: eight points for the face of a leaf of the cube around the room.
     pub octree_depth: u32,
 }
 
@@ -120,11 +120,13 @@ impl Generator {
             shot.views = own_first(&probes, i, |position_m| shot.shows(position_m));
             shots.push(shot);
         }
+        let surface = baked.radiance_points(leaf_m);
         let mut record = Record {
             key: interior.id.clone(),
             scene_id: interior.id,
             up: Some(Vec3::Y),
-            points: baked.radiance_points(leaf_m),
+            points: surface.points,
+            point_area_m2: Some(surface.area_m2),
             views,
             shots,
             metadata: Metadata::from_iter([("room".to_owned(), description)]),

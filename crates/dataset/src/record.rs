@@ -19,6 +19,8 @@ pub struct Record {
     pub up: Option<Vec3>,
     /// Radiance leaving all surfaces.
     pub points: Vec<RadiancePoint>,
+    /// See [`Sample::point_area_m2`].
+    pub point_area_m2: Option<f32>,
     /// Panoramas.
     pub views: Vec<NovelView>,
     /// Photos, at least one.
@@ -112,6 +114,7 @@ impl Record {
             normal: taken.normal.clone(),
             albedo: taken.albedo.clone(),
             points,
+            point_area_m2: self.point_area_m2,
             views,
             metadata,
         }
@@ -142,6 +145,7 @@ impl From<Sample> for Record {
             scene_id: sample.scene_id,
             up: sample.up,
             points: sample.points,
+            point_area_m2: sample.point_area_m2,
             views: sample.views,
             shots: vec![shot],
             metadata: Metadata::new(),

@@ -1,6 +1,6 @@
-use geometry::{Camera, Quat, Vec3};
+use geometry::{Camera, Cube, Quat, Vec3};
 use imaging::{DepthMap, Image, RadianceImage};
-use octree::RadiancePoint;
+use octree::{LightOctree, OctreeError, RadiancePoint};
 use serde::{Deserialize, Serialize};
 
 /// What a source says beyond a sample's own fields: settings of the camera, properties of the scene, names of files.
@@ -34,10 +34,37 @@ pub struct Sample {
     pub albedo: Option<Image<[f32; 3]>>,
     /// Radiance leaving all surfaces of the room, seen or not: what the octree is built from.
     pub points: Vec<RadiancePoint>,
+    /// Surface that each point stands for, where they are known to lie evenly on all surfaces.
+    pub point_area_m2: Option<f32>,
     /// Panoramas at other places.
     pub views: Vec<NovelView>,
     /// What else the source says.
     pub metadata: Metadata,
+}
+
+impl Sample {
+    /// The true octree of the room in a cube.
+    ///
+    /// # Errors
+    /// Depths out of range, a cube without volume.
+    pub fn octree(&self, cube: Cube, depth: u32, full_depth: u32) -> Result<LightOctree, OctreeError> {
+        octree_of(&self.points, self.point_area_m2, cube, depth, full_depth)
+    }
+}
+
+/// The octree of surface points, each of which stands for `area_m2` where they lie evenly.
+pub(crate) fn octree_of(
+    points: &[RadiancePoint],
+    area_m2: Option<f32>,
+    cube: Cube,
+    depth: u32,
+    full_depth: u32,
+) -> Result<LightOctree, OctreeError> {
+    let (octree, _) = match area_m2 {
+        Some(area_m2) => LightOctree::from_even_points(points, area_m2, cube, depth, full_depth)?,
+        None => LightOctree::from_points(points, cube, depth, full_depth)?,
+    };
+    Ok(octree)
 }
 
 /// An HDR panorama at a known place.
@@ -89,6 +116,7 @@ pub(crate) mod tests {
             normal: None,
             albedo: None,
             points: Vec::new(),
+            point_area_m2: None,
             views: Vec::new(),
             metadata: Metadata::new(),
         }

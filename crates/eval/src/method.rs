@@ -241,7 +241,7 @@ fn true_octree(sample: &Sample, tools: &Tools) -> Result<LightOctree, MethodErro
         bounds.reduce(|(low, high), (a, b)| (low.min(a), high.max(b))).ok_or(MethodError::Needs("surface points"))?;
     // a point on the far side would be outside
     let cube = Cube::centred(0.5 * (low + high), 1.001 * (high - low).max_element().max(0.01));
-    true_octree_in(sample, cube, tools.octree_depth, EstimateOptions::default().full_depth)
+    Ok(sample.octree(cube, tools.octree_depth, EstimateOptions::default().full_depth)?)
 }
 
 /// The true octree of a given cube and shape.

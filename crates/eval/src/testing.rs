@@ -20,6 +20,7 @@ pub(crate) fn sample() -> Sample {
         normal: None,
         albedo: None,
         points: Vec::new(),
+        point_area_m2: None,
         views: Vec::new(),
         metadata: Metadata::new(),
     }

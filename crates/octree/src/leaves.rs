@@ -30,6 +30,13 @@ pub(crate) struct Leaves {
     pub seen: Vec<u8>,
 }
 
+/// Means over the points of each leaf, and how many these are.
+#[derive(Debug, Default)]
+pub(crate) struct Averaged {
+    pub leaves: Leaves,
+    pub counts: Vec<u32>,
+}
+
 /// Chunks are small enough that sorting one stays in a core's cache.
 const CHUNK_POINTS: usize = 1 << 14;
 
@@ -40,7 +47,7 @@ const DROPPED: u32 = u32::MAX;
 const SEEN: u32 = 1 << 31;
 
 /// Averages the finite points inside of the cube per leaf of `depth`; every leaf gets opacity `alpha`.
-pub(crate) fn average_points(points: &[RadiancePoint], cube: Cube, depth: u32, alpha: f32) -> (Leaves, BuildReport) {
+pub(crate) fn average_points(points: &[RadiancePoint], cube: Cube, depth: u32, alpha: f32) -> (Averaged, BuildReport) {
     let buckets = Buckets::new(depth);
     // At most 64 chunks, so that their tables stay small beside the points.
     let chunks: Vec<SortedChunk> =
@@ -50,18 +57,19 @@ pub(crate) fn average_points(points: &[RadiancePoint], cube: Cube, depth: u32, a
         outside: chunks.iter().map(|chunk| chunk.outside).sum(),
         not_finite: chunks.iter().map(|chunk| chunk.not_finite).sum(),
     };
-    let parts: Vec<Leaves> = buckets
+    let parts: Vec<Averaged> = buckets
         .groups(&chunks, report.used)
         .into_par_iter()
         .map(|group| buckets.average(&chunks, group, alpha))
         .collect();
-    let mut leaves = Leaves::default();
-    for part in parts {
-        leaves.keys.extend(part.keys);
-        leaves.rgba.extend(part.rgba);
-        leaves.seen.extend(part.seen);
+    let mut all = Averaged::default();
+    for Averaged { leaves, counts } in parts {
+        all.leaves.keys.extend(leaves.keys);
+        all.leaves.rgba.extend(leaves.rgba);
+        all.leaves.seen.extend(leaves.seen);
+        all.counts.extend(counts);
     }
-    (leaves, report)
+    (all, report)
 }
 
 /// Key of the leaf of `depth` that a point of the half-open cube lies in.
@@ -189,9 +197,9 @@ impl Buckets {
         groups
     }
 
-    fn average(&self, chunks: &[SortedChunk], buckets: std::ops::Range<usize>, alpha: f32) -> Leaves {
+    fn average(&self, chunks: &[SortedChunk], buckets: std::ops::Range<usize>, alpha: f32) -> Averaged {
         const EMPTY: u32 = u32::MAX;
-        let mut leaves = Leaves::default();
+        let Averaged { mut leaves, mut counts } = Averaged::default();
         // Index into `sums` of each leaf of the bucket.
         let mut slots = vec![EMPTY; 1 << self.leaf_bits];
         let mut sums: Vec<Sums> = Vec::new();
@@ -221,9 +229,10 @@ impl Buckets {
                 leaves.keys.push((bucket << self.leaf_bits | leaf) as u32);
                 leaves.rgba.push([r, g, b, alpha]);
                 leaves.seen.push((255.0 * f64::from(sum.seen) / f64::from(sum.points)).round() as u8);
+                counts.push(sum.points);
             }
             sums.clear();
         }
-        leaves
+        Averaged { leaves, counts }
     }
 }

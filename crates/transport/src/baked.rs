@@ -1,9 +1,9 @@
 use std::f32::consts::PI;
 
 use geometry::{Ray, Vec3};
-use octree::RadiancePoint;
 
 use crate::bake::Cache;
+use crate::points::SurfacePoints;
 use crate::scene::{Scene, Surface};
 use crate::{BakeSettings, Rendering, TransportError, View, World, bsdf, points, render};
 
@@ -52,7 +52,7 @@ impl BakedWorld {
     /// Radiance leaving all surfaces that light reaches, both sides of thin sheets, as the mean over the directions of
     /// each side. Every octree leaf of edge `leaf_m` that such a surface crosses holds a point, but for corners that it
     /// barely touches.
-    pub fn radiance_points(&self, leaf_m: f32) -> Vec<RadiancePoint> {
+    pub fn radiance_points(&self, leaf_m: f32) -> SurfacePoints {
         points::spread(self, leaf_m)
     }
 

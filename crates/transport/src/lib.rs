@@ -32,6 +32,7 @@ mod world;
 
 pub use baked::BakedWorld;
 pub use error::TransportError;
+pub use points::SurfacePoints;
 pub use reference::PathTracer;
 pub use settings::BakeSettings;
 pub use view::{Pose, Rendering, View};

@@ -14,8 +14,18 @@ use crate::places::{self, Place};
 use crate::sky::Opening;
 use crate::transfer;
 
-/// Points per square of a leaf's size.
-const PER_LEAF: f64 = 4.0;
+/// Points per square of a leaf's size. With half of them a leaf's count says too little of how much surface it holds
+/// ([`octree::LightOctree::from_even_points`]).
+const PER_LEAF: f64 = 8.0;
+
+/// Radiance at points that lie evenly on surfaces.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurfacePoints {
+    /// The points.
+    pub points: Vec<RadiancePoint>,
+    /// Surface that each one stands for.
+    pub area_m2: f32,
+}
 
 /// A surface that lets this share of light straight through is left out: what is behind it is seen.
 const CLEAR: f32 = 0.5;
@@ -35,7 +45,7 @@ const COVERED_M3: f32 = 0.1;
 /// Farther away nobody looks out of a portal.
 const MOST_VIEWER_M: f32 = 5.0;
 
-pub(crate) fn spread(baked: &BakedWorld, leaf_m: f32) -> Vec<RadiancePoint> {
+pub(crate) fn spread(baked: &BakedWorld, leaf_m: f32) -> SurfacePoints {
     let per_m2 = PER_LEAF / f64::from(leaf_m * leaf_m).max(1e-12);
     let even = Fineness::even(leaf_m);
     let surfaces = places::spread(baked.scene(), per_m2, &even)
@@ -44,7 +54,7 @@ pub(crate) fn spread(baked: &BakedWorld, leaf_m: f32) -> Vec<RadiancePoint> {
     for opening in &baked.scene().sky.portals {
         points.extend(in_portal(baked, opening, leaf_m));
     }
-    points
+    SurfacePoints { points, area_m2: (1.0 / per_m2) as f32 }
 }
 
 /// The points but those that are hardly seen beside others of a leaf: the insides of cupboards, the floor under a rug.
@@ -92,7 +102,9 @@ fn on_surface(baked: &BakedWorld, place: Place, leaf_m: f32) -> Option<(Radiance
 fn in_portal(baked: &BakedWorld, opening: &Opening, leaf_m: f32) -> Vec<RadiancePoint> {
     let edges = opening.portal.edges;
     let rotations = Rotations::new("transport portal points", baked.settings().seed);
-    let counts = edges.map(|edge| (2.0 * edge.length() / leaf_m).ceil().clamp(1.0, MOST_PORTAL_POINTS) as usize);
+    let per_leaf_edge = PER_LEAF.sqrt() as f32;
+    let counts =
+        edges.map(|edge| (per_leaf_edge * edge.length() / leaf_m).ceil().clamp(1.0, MOST_PORTAL_POINTS) as usize);
     let pattern = cosine_hemisphere(PORTAL_RAYS);
     let light = |i: usize| {
         let [u, v] = [i % counts[0], i / counts[0]];

@@ -11,6 +11,7 @@ use random::{RngExt, Stream};
 use rayon::prelude::*;
 
 use crate::bsdf;
+use crate::pattern::{self, shifted};
 use crate::scene::{Scene, Surface};
 use crate::{TransportError, View, World};
 
@@ -78,9 +79,11 @@ impl PathTracer {
         let (width, height) = view.size();
         let pixel = |i: usize| {
             let mut stream = random::stream(self.seed, "reference view", i as u64);
+            let shift = [stream.random(), stream.random()];
             let mut sum = Vec3::ZERO;
-            for _ in 0..samples {
-                let (u, v) = ((i % width) as f32 + stream.random::<f32>(), (i / width) as f32 + stream.random::<f32>());
+            for sample in 0..samples {
+                let Vec2 { x, y } = pattern::r2(sample);
+                let (u, v) = ((i % width) as f32 + shifted(x, shift[0]), (i / width) as f32 + shifted(y, shift[1]));
                 sum += self.radiance(view.ray(u, v), &mut stream);
             }
             (sum / samples as f32).to_array()

@@ -9,19 +9,25 @@ use rayon::prelude::*;
 
 use crate::baked::{BakedWorld, Sampled};
 use crate::gbuffer::{Seen, alike, look};
-use crate::lights::Source;
+use crate::lights::{Source, luminance};
 use crate::pattern;
 use crate::shade::{Lit, Sampler};
 use crate::{Rendering, View};
 
-/// Places of the samples at edges, in pixels from the middle: a rotated square.
+/// Places of the first samples at edges, in pixels from the middle: a rotated square.
 const EDGE_SAMPLES: [[f32; 2]; 4] = [[-0.125, -0.375], [0.375, -0.125], [0.125, 0.375], [-0.375, 0.125]];
 
-/// Samples in pixels that see a lamp: what counts there is how much of the pixel it covers.
-const LAMP_SAMPLES: usize = 25;
+/// Where these samples differ by more than the given share of their brightness, how much of the pixel is bright counts, and it
+/// takes so many samples.
+const CONTRASTS: [(f32, usize); 2] = [(0.5, 64), (0.1, 16)];
 
-/// Lamps that cover a wider square of pixels are treated as other surfaces.
-const MOST_LAMP_PIXELS: f32 = 12.0;
+/// Lamps that fit into a square of so many pixels, and the samples that pixels take which see them.
+const LAMPS: [(f32, usize); 2] = [(2.0, 256), (12.0, 64)];
+
+/// Light samples of a view, as long as its pixels take no fewer than [`crate::BakeSettings::pixel_light_rays`] and no more than
+/// [`MOST_PIXEL_RAYS`]: where pixels are few, fewer of them see the same surface and share what they found.
+const VIEW_RAYS: usize = 160_000;
+const MOST_PIXEL_RAYS: u32 = 16;
 
 /// A sample is no brighter than this many times the mean of those around it.
 const FIREFLY: f32 = 10.0;
@@ -43,7 +49,8 @@ pub(crate) fn render(baked: &BakedWorld, view: &View) -> Rendering {
         .into_par_iter()
         .map(|i| look(baked, view, at(i).0 as f32 + 0.5, at(i).1 as f32 + 0.5))
         .collect();
-    let rays = baked.settings().pixel_light_rays;
+    let least_rays = baked.settings().pixel_light_rays;
+    let rays = (VIEW_RAYS.div_ceil(seen.len()) as u32).clamp(least_rays, least_rays.max(MOST_PIXEL_RAYS));
     let sampled: Vec<Lit> = seen.par_iter().enumerate().map(|(i, seen)| sampler.sample(seen, at(i), rays)).collect();
     let filter = Filter { seen: &seen, sampled: &sampled, width, height, wraps: view.wraps() };
     let lit: Vec<Lit> = (0..seen.len())
@@ -60,26 +67,33 @@ pub(crate) fn render(baked: &BakedWorld, view: &View) -> Rendering {
     let wide = Filter { sampled: &lit, ..filter };
     let lit: Vec<Lit> = (0..seen.len()).into_par_iter().map(|i| wide.wider(i)).collect();
     // No two in a row or column: lamps seen edge-on are thinner than any grid.
-    let lamp_samples: [[f32; 2]; LAMP_SAMPLES] =
+    let within_pixel: [[f32; 2]; LAMPS[0].1] =
         std::array::from_fn(|k| (pattern::r2(k as u32 + 1) - Vec2::splat(0.5)).to_array());
-    let lamps = beside_lamps(baked, view);
+    let lamps = lamp_samples(baked, view);
     let radiance = |i: usize| {
-        let places: &[[f32; 2]] = match () {
-            () if lamps[i] => &lamp_samples,
-            () if filter.is_edge(i) => &EDGE_SAMPLES,
-            () => return shown(baked, &seen[i], &lit[i]).to_array(),
-        };
         let (x, y) = at(i);
-        let mut sum = Vec3::ZERO;
-        for [dx, dy] in places {
+        let within = |[dx, dy]: [f32; 2]| {
             let sub = look(baked, view, x as f32 + 0.5 + dx, y as f32 + 0.5 + dy);
             let light = match sub.surface.as_ref().and_then(|_| filter.like(&sub, x, y)) {
                 Some(like) => lit[like],
                 None => sampler.sample(&sub, (x, y), LONELY_RAYS),
             };
-            sum += shown(baked, &sub, &light);
+            shown(baked, &sub, &light)
+        };
+        let mean =
+            |samples: usize| within_pixel[..samples].iter().map(|&place| within(place)).sum::<Vec3>() / samples as f32;
+        if lamps[i] > 0 {
+            return mean(lamps[i]).to_array();
         }
-        (sum / places.len() as f32).to_array()
+        if !filter.is_edge(i) {
+            return shown(baked, &seen[i], &lit[i]).to_array();
+        }
+        let few = EDGE_SAMPLES.map(within);
+        let contrast = contrast(few);
+        match CONTRASTS.iter().find(|(least, _)| contrast > *least) {
+            Some(&(_, samples)) => mean(samples).to_array(),
+            None => (few.into_iter().sum::<Vec3>() / few.len() as f32).to_array(),
+        }
     };
     let pixels = (0..seen.len()).into_par_iter().map(radiance).collect();
     let camera_from_world = view.pose().rotation.conjugate();
@@ -93,11 +107,19 @@ pub(crate) fn render(baked: &BakedWorld, view: &View) -> Rendering {
     }
 }
 
-/// Pixels that small lamps may lie in.
-fn beside_lamps(baked: &BakedWorld, view: &View) -> Vec<bool> {
+/// Difference of the brightest and the darkest over their sum: 0 where all are alike, 1 where one is black.
+fn contrast(lights: [Vec3; 4]) -> f32 {
+    let brightness = lights.map(luminance);
+    let high = brightness.into_iter().fold(0.0, f32::max);
+    let low = brightness.into_iter().fold(high, f32::min);
+    (high - low) / (high + low).max(f32::MIN_POSITIVE)
+}
+
+/// How many samples each pixel takes because small lamps may lie in it; 0 where none do.
+fn lamp_samples(baked: &BakedWorld, view: &View) -> Vec<usize> {
     let (width, height) = view.size();
     let wraps = view.wraps();
-    let mut beside = vec![false; width * height];
+    let mut samples = vec![0; width * height];
     for emitter in &baked.cache().lighting.emitters.list {
         if emitter.source == Source::Portal || emitter.sheet {
             continue;
@@ -111,18 +133,18 @@ fn beside_lamps(baked: &BakedWorld, view: &View) -> Vec<bool> {
             }
         }
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-        if (high - low).max_element() > MOST_LAMP_PIXELS {
-            continue;
-        }
+        let extent = (high - low).max_element();
+        let Some(&(_, wanted)) = LAMPS.iter().find(|(most, _)| extent <= *most) else { continue };
         let range =
             |from: f32, to: f32, end: usize| (from.floor().max(0.0) as usize)..(to.floor() as usize + 1).min(end);
         for y in range(low.y, high.y, height) {
             for x in range(low.x, high.x, if wraps { 2 * width } else { width }) {
-                beside[y * width + x % width] = true;
+                let pixel = &mut samples[y * width + x % width];
+                *pixel = wanted.max(*pixel);
             }
         }
     }
-    beside
+    samples
 }
 
 /// Radiance of a view ray, from the light on its surface.

@@ -9,7 +9,7 @@ pub struct BakeSettings {
     pub gather_rays: u32,
     /// Shadow rays per cache point towards lamps and portals.
     pub light_rays: u32,
-    /// Shadow rays per pixel of a view.
+    /// Shadow rays per pixel of a view, at least: pictures of few pixels take more.
     pub pixel_light_rays: u32,
     /// Chance: where samples lie. Has no influence on what is right, only on the noise.
     pub seed: u64,

@@ -46,7 +46,7 @@ fn furnaces_glow_by_the_geometric_series() {
         let view = panorama(Vec3::new(0.2, 1.1, 0.3), 24);
         let (found, truth) = (mean(&baked.render(&view).radiance), mean(&tracer.render(&view, 64)));
         assert!((found / truth - 1.0).abs() < 0.01, "{found} for {truth} at base {base}");
-        let points = baked.radiance_points(0.1);
+        let points = baked.radiance_points(0.1).points;
         let sum: f64 = points.iter().map(|p| f64::from(p.radiance[1])).sum();
         assert!((sum / points.len() as f64 - 1.0).abs() < 0.01, "{}", sum / points.len() as f64);
     }

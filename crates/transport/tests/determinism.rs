@@ -77,5 +77,5 @@ fn an_empty_world_shows_the_sky() {
     let baked = BakedWorld::bake(world, &BakeSettings::default()).unwrap();
     let made = baked.render(&panorama(Vec3::ZERO, 8));
     assert!(made.radiance.pixels().iter().all(|&p| p == [0.25, 0.5, 1.0]));
-    assert!(made.depth_m.pixels().iter().all(|&d| d == 0.0) && baked.radiance_points(0.1).is_empty());
+    assert!(made.depth_m.pixels().iter().all(|&d| d == 0.0) && baked.radiance_points(0.1).points.is_empty());
 }

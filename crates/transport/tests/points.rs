@@ -32,7 +32,10 @@ fn with_cupboard() -> Vec<RadiancePoint> {
             b.solid(center + offset, board, 0.0, 1, grey);
         }
     }
-    BakedWorld::bake(b.world([0.0; 3], None, Vec::new()), &BakeSettings::default()).unwrap().radiance_points(LEAF_M)
+    BakedWorld::bake(b.world([0.0; 3], None, Vec::new()), &BakeSettings::default())
+        .unwrap()
+        .radiance_points(LEAF_M)
+        .points
 }
 
 #[test]
@@ -63,11 +66,11 @@ fn a_window_shows_the_sky_that_the_room_sees() {
     b.sheet(corner + d, h, w, [2, 2], grey);
     let portal = Portal { corner, edges: [w, h] };
     let world = b.world([3.0, 2.0, 1.0], None, vec![portal]);
-    let points = BakedWorld::bake(world, &BakeSettings::default()).unwrap().radiance_points(LEAF_M);
+    let points = BakedWorld::bake(world, &BakeSettings::default()).unwrap().radiance_points(LEAF_M).points;
     let window: Vec<&RadiancePoint> =
         points.iter().filter(|p| p.position_m.z < -1.999 && p.position_m.x.abs() < 1.9).collect();
-    // Four for each square of a leaf's size, and nothing but the sky on them.
-    assert!(window.len() > (3.5 * 3.8 * 2.5 / (LEAF_M * LEAF_M)) as usize, "{}", window.len());
+    // Eight for each square of a leaf's size, and nothing but the sky on them.
+    assert!(window.len() > (7.5 * 3.8 * 2.5 / (LEAF_M * LEAF_M)) as usize, "{}", window.len());
     assert!(
         window
             .iter()
@@ -81,7 +84,7 @@ fn points_are_where_the_walls_are() {
     let light = RoomLight { sky: [1.0; 3], sun: None, lamps: true };
     let baked =
         BakedWorld::bake(living_room(&light), &BakeSettings { spacing_m: 0.3, ..BakeSettings::default() }).unwrap();
-    let points = baked.radiance_points(0.1);
+    let points = baked.radiance_points(0.1).points;
     let model = baked.prepared().model();
     let (low, high) =
         model.positions.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), &p| (l.min(p), h.max(p)));

@@ -110,6 +110,7 @@ impl CropModel {
             scene_id,
             up: Some(Vec3::Y),
             points: Vec::new(),
+            point_area_m2: None,
             views: vec![view],
             shots: vec![shot],
             metadata: Metadata::new(),

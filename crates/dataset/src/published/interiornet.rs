@@ -262,6 +262,7 @@ impl Dataset for InteriorNet {
             scene_id: sequence.scene.clone(),
             up: Some(Vec3::Z),
             points: Vec::new(),
+            point_area_m2: None,
             views,
             shots: vec![shot],
             metadata: Metadata::new(),

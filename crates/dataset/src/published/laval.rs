@@ -133,6 +133,7 @@ impl Dataset for LavalVarying {
             scene_id: id,
             up: None,
             points: Vec::new(),
+            point_area_m2: None,
             views,
             shots: vec![shot],
             metadata: Metadata::new(),

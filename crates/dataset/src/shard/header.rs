@@ -43,6 +43,9 @@ pub(super) struct PointsHeader {
     pub origin_m: [f32; 3],
     pub step_m: f32,
     pub radiance: Halves,
+    /// Surface that each point stands for; archives of before November 2026 do not say.
+    #[serde(default)]
+    pub area_m2: Option<f32>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -34,7 +34,7 @@ impl Problem {
 /// The files of a record, the header first.
 pub(super) fn pack(record: &Record) -> Vec<(String, Vec<u8>)> {
     let mut files = Vec::new();
-    let points = (!record.points.is_empty()).then(|| pack_points(&record.points, &mut files));
+    let points = (!record.points.is_empty()).then(|| pack_points(&record.points, record.point_area_m2, &mut files));
     let views = record
         .views
         .iter()
@@ -71,7 +71,7 @@ fn keep(files: &mut Files, name: String, bytes: Vec<u8>) -> String {
     name
 }
 
-fn pack_points(points: &[RadiancePoint], files: &mut Files) -> PointsHeader {
+fn pack_points(points: &[RadiancePoint], area_m2: Option<f32>, files: &mut Files) -> PointsHeader {
     let finite = |p: &&RadiancePoint| p.position_m.is_finite();
     let low = points.iter().filter(finite).map(|p| p.position_m).reduce(Vec3::min).unwrap_or_default();
     let high = points.iter().filter(finite).map(|p| p.position_m).reduce(Vec3::max).unwrap_or_default();
@@ -81,7 +81,7 @@ fn pack_points(points: &[RadiancePoint], files: &mut Files) -> PointsHeader {
     let position = keep(files, "points.position.npy".to_owned(), encode(&[count, 3], codes));
     let (exponent, values) = halves(points.iter().flat_map(|p| p.radiance));
     let file = keep(files, "points.radiance.npy".to_owned(), encode(&[count, 3], values));
-    PointsHeader { position, origin_m: low.to_array(), step_m, radiance: Halves { file, exponent } }
+    PointsHeader { position, origin_m: low.to_array(), step_m, radiance: Halves { file, exponent }, area_m2 }
 }
 
 fn pack_radiance(image: &RadianceImage, name: String, files: &mut Files) -> Halves {
@@ -170,6 +170,10 @@ pub(super) fn unpack(
     read: &dyn Fn(&str) -> Result<Vec<u8>, Problem>,
 ) -> Result<Record, Problem> {
     let points = header.points.as_ref().map(|points| unpack_points(points, read)).transpose()?.unwrap_or_default();
+    let point_area_m2 = header.points.as_ref().and_then(|points| points.area_m2);
+    if let Some(area_m2) = point_area_m2.filter(|area| !(*area > 0.0 && area.is_finite())) {
+        return Err(Problem::new(HEADER, "points.area_m2", format!("{area_m2} is not positive")));
+    }
     let taken = &header.shots[shot];
     let mut views = Vec::with_capacity(taken.views.len());
     for &i in &taken.views {
@@ -201,6 +205,7 @@ pub(super) fn unpack(
         scene_id: header.scene_id.clone(),
         up: up.transpose()?,
         points,
+        point_area_m2,
         views,
         shots: vec![shot],
         metadata: header.metadata.clone(),
