@@ -5,7 +5,7 @@ use std::f32::consts::PI;
 use cone::{Cone, ConeTracer, Settings};
 use geometry::{Vec3, cosine_hemisphere, orthonormal_basis};
 use imaging::luminance;
-use octree::{LightOctree, xyz_from_key};
+use octree::LightOctree;
 use scene::Surfel;
 
 use crate::lamps::{LampReport, MOST_LIGHT, OBJECT_SHARE, wanted};
@@ -77,8 +77,7 @@ fn weights(light: &LightOctree, middle: Vec3, up: Vec3) -> Vec<Vec<f32>> {
     let of_level = levels.map(|((depth, level), seen)| {
         let nonempty = level.keys.iter().zip(&level.rows).filter(|(_, row)| **row >= 0).zip(seen);
         let weight = |((&key, _), &seen): ((&u32, &i32), &u8)| {
-            let at = (Vec3::from(xyz_from_key(key).map(|i| i as f32)) + 0.5) / (1u32 << depth) as f32;
-            let cos = (light.cube.world_from_unit(at) - middle).normalize_or_zero().dot(up);
+            let cos = (light.node_middle_m(depth, key) - middle).normalize_or_zero().dot(up);
             let inside = ((cos - FADE.1) / (FADE.0 - FADE.1)).clamp(0.0, 1.0);
             inside * inside * (3.0 - 2.0 * inside) * (1.0 - f32::from(seen) / 255.0)
         };
@@ -174,7 +173,7 @@ mod tests {
         let changed = |depth: usize, row: usize| light.rgba[depth][row] != before.rgba[depth][row];
         let finest = &light.octree.levels()[6];
         for (&key, &row) in finest.keys.iter().zip(&finest.rows).filter(|(_, row)| **row >= 0) {
-            let y = light.cube.world_from_unit((Vec3::from(xyz_from_key(key).map(|i| i as f32)) + 0.5) / 64.0).y;
+            let y = light.node_middle_m(6, key).y;
             assert!(!changed(6, row as usize) || (y > 1.0 && light.seen[6][row as usize] == 0), "{y}");
         }
     }

@@ -81,7 +81,7 @@ fn grown_octree(random: &mut Random) -> LightOctree {
     octree.set_nonempty(&nonempty).unwrap();
     let rgba: Vec<Vec<[f32; 4]>> = octree.levels().iter().map(|level| vec![[0.0; 4]; level.nonempty]).collect();
     let seen = rgba.iter().map(|rows| vec![0; rows.len()]).collect();
-    let mut light = LightOctree { octree, cube: CUBE, rgba, seen };
+    let mut light = LightOctree { octree, cube: CUBE, rgba, seen, lobes: None };
     fill(random, &mut light, 0.9);
     light
 }

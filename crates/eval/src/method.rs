@@ -1,5 +1,7 @@
 //! What is compared: the networks, the shell, and baselines.
 
+use std::borrow::Cow;
+
 use dataset::{NovelView, Sample};
 use geometry::{Cube, Vec3};
 use imaging::{DepthMap, Photo, RadianceImage, sample_equirectangular};
@@ -210,19 +212,30 @@ impl Estimate {
             Light::Map(map) => {
                 RadianceImage::from_fn(width, height, |x, y| sample_equirectangular(map, direction(x, y)))
             }
-            Light::Octree { tracer, .. } => {
+            Light::Octree { octree, tracer } => {
                 // half of the pixel's pitch, as of `ConeTracer::panorama`
                 let tan_half_angle = (std::f32::consts::PI / width as f32).tan();
                 let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
                 let cones: Vec<Cone> = places
                     .map(|(x, y)| Cone { origin: position_m, direction: direction(x, y), tan_half_angle })
                     .collect();
-                let mut samples = vec![cone::Sample::default(); cones.len()];
-                tracer.trace_batch(&cones, &mut samples);
+                let samples = traced(octree, tracer, position_m, &cones);
                 RadianceImage::new(width, height, samples.iter().map(|sample| sample.radiance).collect())
             }
         }
     }
+}
+
+/// What cones from `eye` see.
+pub(crate) fn traced(octree: &LightOctree, tracer: &ConeTracer, eye: Vec3, cones: &[Cone]) -> Vec<cone::Sample> {
+    let mut samples = vec![cone::Sample::default(); cones.len()];
+    match octree.seen_from(eye) {
+        Cow::Borrowed(_) => tracer.trace_batch(cones, &mut samples),
+        Cow::Owned(seen) => ConeTracer::new(&seen, cone::Settings::default())
+            .expect("the usual settings are valid")
+            .trace_batch(cones, &mut samples),
+    }
+    samples
 }
 
 fn frame(sample: &Sample, input: DepthInput) -> Result<Frame, MethodError> {

@@ -3,8 +3,9 @@
 use dataset::{NovelView, Sample};
 use geometry::{Vec3, pixel_direction};
 use imaging::{DepthMap, RadianceImage, luminance, sample_equirectangular};
-use lightoctree::cone::{self, Cone};
+use lightoctree::cone::Cone;
 
+use crate::method::traced;
 use crate::{Estimate, Light, solid_angles_sr};
 
 /// Length of the walk, metres, and its steps.
@@ -208,9 +209,8 @@ fn grid(estimate: &Estimate, eye: Vec3, feature: &Feature, side: usize) -> Vec<f
         Light::Map(map) => {
             cones.iter().map(|cone| luminance(sample_equirectangular(map, cone.direction)).max(0.0).ln_1p()).collect()
         }
-        Light::Octree { tracer, .. } => {
-            let mut samples = vec![cone::Sample::default(); cones.len()];
-            tracer.trace_batch(&cones, &mut samples);
+        Light::Octree { octree, tracer } => {
+            let samples = traced(octree, tracer, eye, &cones);
             samples.iter().map(|sample| luminance(sample.radiance).max(0.0).ln_1p()).collect()
         }
     }

@@ -39,7 +39,7 @@ pub fn render(
         true => vec![[0.0; 4]; count],
         false => rows.by_ref().take(count).collect(),
     });
-    let light = LightOctree { rgba: levels.collect(), octree, cube, seen: Vec::new() };
+    let light = LightOctree { rgba: levels.collect(), octree, cube, seen: Vec::new(), lobes: None };
     assert_eq!(values.len() / 4, counts[full_depth..].iter().sum::<usize>(), "RGBα of every non-empty node");
     let tracer = ConeTracer::new(&light, settings)?;
     Ok(unary(rgba, RenderKernel(Arc::new(View { tracer, full_depth, cones }))))

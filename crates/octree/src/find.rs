@@ -1,6 +1,6 @@
-use geometry::Vec3;
+use geometry::{Cube, Vec3};
 
-use crate::{LightOctree, Octree, leaves::leaf_key};
+use crate::{LightOctree, Octree, leaves::leaf_key, xyz_from_key};
 
 impl Octree {
     /// Index in level `depth` of the node with shuffled key `key`, if there is one.
@@ -29,6 +29,11 @@ impl Octree {
     }
 }
 
+/// Middle of the node of `depth` of a cube with this shuffled key, metres.
+pub fn node_middle_m(cube: Cube, depth: u32, key: u32) -> Vec3 {
+    cube.world_from_unit((Vec3::from(xyz_from_key(key).map(|i| i as f32)) + 0.5) / (1u32 << depth) as f32)
+}
+
 impl LightOctree {
     /// Depth and index of the deepest node at most at `max_depth` that contains a point; `None` outside of the cube.
     pub fn locate(&self, point: Vec3, max_depth: u32) -> Option<(u32, usize)> {
@@ -42,6 +47,17 @@ impl LightOctree {
             let leaves = level.rows.iter().zip(&level.children).filter(|(row, child)| **row >= 0 && **child < 0);
             leaves.map(move |(&row, _)| (depth, row as usize))
         })
+    }
+
+    /// Middle of the node of `depth` with this shuffled key, metres.
+    pub fn node_middle_m(&self, depth: u32, key: u32) -> Vec3 {
+        node_middle_m(self.cube, depth, key)
+    }
+
+    /// Row of the features of the node of `depth` with this shuffled key; `None` where there is none, or an empty one.
+    pub fn row(&self, depth: u32, key: u32) -> Option<usize> {
+        let node = self.octree.find(depth, key)?;
+        usize::try_from(self.octree.levels()[depth as usize].rows[node]).ok()
     }
 
     /// RGBα of a node; `None` for an empty one.

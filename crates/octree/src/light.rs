@@ -41,6 +41,9 @@ pub struct LightOctree {
     /// `seen[d][row]`: share, 0 for none and 255 for all, that the photo saw: of a finest node's points, and above that the
     /// mean of a node's non-empty children.
     pub seen: Vec<Vec<u8>>,
+    /// Where light differs by direction: `lobes[d][row]`, whose gain ([`lobe_gain`](crate::lobe_gain)) towards a viewer the radiance
+    /// is to be multiplied by, being the mean over directions ([`LightOctree::seen_from`]).
+    pub lobes: Option<Vec<Vec<[f32; 3]>>>,
 }
 
 /// Opacity of leaves built from points and greatest opacity of the levels above, so that extinctions stay finite.
@@ -149,7 +152,7 @@ impl LightOctree {
     fn from_valid_leaves(leaves: Leaves, cube: Cube, depth: u32, full_depth: u32) -> Self {
         let octree = Octree::from_leaf_keys(&leaves.keys, depth, full_depth);
         let (rgba, seen) = pyramid(&octree, leaves);
-        Self { octree, cube, rgba, seen }
+        Self { octree, cube, rgba, seen, lobes: None }
     }
 }
 

@@ -9,6 +9,7 @@
 //! | `octree.d.nonempty` | BOOL `[n]` | which nodes have a row in the features |
 //! | `octree.d.rgba` | F32 `[m, 4]` | linear radiance, opacity of one crossing |
 //! | `octree.d.seen` | U8 `[m]` | share that the photo saw, 255 for all |
+//! | `octree.d.lobes` | F32 `[m, 3]` | of all depths or none: axis times sharpness of a spherical Gaussian, see [`lobe_gain`](crate::lobe_gain) |
 //!
 //! Row numbers are not stored: they are the running count of `nonempty`. In Python:
 //!
@@ -32,6 +33,12 @@ use crate::{
 
 /// Version of the tensors' layout that this crate writes and reads.
 pub const FORMAT_VERSION: u32 = 1;
+
+/// The one part that an octree may lack.
+const LOBES: &str = "lobes";
+
+/// Sharper lobes than these are read as mistakes; their gains would be too large for products.
+const MOST_LOBE: f32 = 1000.0;
 
 /// What the tensors themselves do not say; stored as JSON.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -97,6 +104,10 @@ pub fn write_tensors(light: &LightOctree) -> (OctreeHeader, Vec<NamedTensor>) {
         let rgba = light.rgba[depth].as_flattened();
         push("rgba", Dtype::F32, &[rows, 4], rgba.iter().flat_map(|value| value.to_le_bytes()).collect());
         push("seen", Dtype::U8, &[rows], light.seen[depth].clone());
+        if let Some(lobes) = &light.lobes {
+            let lobes = lobes[depth].as_flattened();
+            push(LOBES, Dtype::F32, &[rows, 3], lobes.iter().flat_map(|value| value.to_le_bytes()).collect());
+        }
     }
     (header, tensors)
 }
@@ -117,13 +128,17 @@ pub fn read_tensors(tensors: &SafeTensors<'_>, header: &OctreeHeader) -> Result<
     check_cube(cube)?;
     let mut levels: Vec<Level> = Vec::new();
     let (mut rgba, mut seen) = (Vec::new(), Vec::new());
+    let mut lobes = tensors.tensor(&tensor_name(0, LOBES)).is_ok().then(Vec::new);
     for d in 0..=depth {
         let level = read_level(tensors, levels.last(), d, header)?;
         rgba.push(read_rgba(tensors, d, level.nonempty)?);
         seen.push(tensor(tensors, d, "seen", Dtype::U8, &[level.nonempty])?.1.to_vec());
+        if let Some(lobes) = &mut lobes {
+            lobes.push(read_lobes(tensors, d, level.nonempty)?);
+        }
         levels.push(level);
     }
-    Ok(LightOctree { octree: Octree::from_valid_levels(levels, full_depth), cube, rgba, seen })
+    Ok(LightOctree { octree: Octree::from_valid_levels(levels, full_depth), cube, rgba, seen, lobes })
 }
 
 fn read_level(
@@ -189,6 +204,15 @@ fn read_rgba(tensors: &SafeTensors<'_>, depth: u32, rows: usize) -> Result<Vec<[
             Err(OctreeError::Value { tensor, index, what: "is not finite radiance >= 0 with opacity in [0, 1]" })
         }
         None => Ok(rgba),
+    }
+}
+
+fn read_lobes(tensors: &SafeTensors<'_>, depth: u32, rows: usize) -> Result<Vec<[f32; 3]>, OctreeError> {
+    let (tensor, bytes) = tensor(tensors, depth, LOBES, Dtype::F32, &[rows, 3])?;
+    let lobes: Vec<[f32; 3]> = words(bytes, f32::from_le_bytes).as_chunks().0.to_vec();
+    match lobes.iter().position(|lobe| !lobe.iter().all(|v| v.abs() <= MOST_LOBE)) {
+        Some(index) => Err(OctreeError::Value { tensor, index, what: "is no lobe of at most 1000 along each axis" }),
+        None => Ok(lobes),
     }
 }
 

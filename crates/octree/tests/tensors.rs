@@ -34,7 +34,7 @@ fn grown() -> LightOctree {
     octree.set_nonempty(&[true; 16]).unwrap();
     let rgba = octree.levels().iter().map(|level| vec![[0.5, 1.0, 2.0, 0.25]; level.nonempty]).collect();
     let seen = octree.levels().iter().map(|level| vec![9; level.nonempty]).collect();
-    LightOctree { octree, cube: CUBE, rgba, seen }
+    LightOctree { octree, cube: CUBE, rgba, seen, lobes: None }
 }
 
 fn bytes_of(tensors: Vec<NamedTensor>) -> Vec<u8> {
@@ -54,7 +54,10 @@ fn error_after(name: &str, change: impl FnOnce(&mut NamedTensor)) -> String {
 
 #[test]
 fn round_trips_are_exact() {
-    for light in [sample(7, 4, 2000), sample(3, 3, 10), sample(1, 0, 1), sample(6, 2, 0), grown()] {
+    let mut directional = sample(5, 2, 500);
+    let lobe = |rgba: &[f32; 4]| [rgba[0], -rgba[1], 0.5];
+    directional.lobes = Some(directional.rgba.iter().map(|rows| rows.iter().map(lobe).collect()).collect());
+    for light in [directional, sample(7, 4, 2000), sample(3, 3, 10), sample(1, 0, 1), sample(6, 2, 0), grown()] {
         let (header, tensors) = write_tensors(&light);
         let json = serde_json::to_string(&header).unwrap();
         let header: OctreeHeader = serde_json::from_str(&json).unwrap();
@@ -63,6 +66,23 @@ fn round_trips_are_exact() {
         assert_eq!(back, light);
         assert_eq!(write_tensors(&back), (header, tensors));
     }
+}
+
+#[test]
+fn lobes_are_of_all_depths_and_finite() {
+    let mut light = sample(4, 2, 300);
+    light.lobes = Some(light.rgba.iter().map(|rows| vec![[1.0, 0.0, -2.0]; rows.len()]).collect());
+    let (header, tensors) = write_tensors(&light);
+    let is = |name: &'static str| move |tensor: &NamedTensor| tensor.name == name;
+    let mut fewer = tensors.clone();
+    fewer.retain(|tensor| !is("octree.3.lobes")(tensor));
+    let error = read(&bytes_of(fewer), &header).unwrap_err().to_string();
+    assert!(error.contains("octree.3.lobes"), "{error}");
+    let mut infinite = tensors;
+    let lobes = infinite.iter_mut().find(|tensor| is("octree.2.lobes")(tensor)).unwrap();
+    lobes.bytes[16..20].copy_from_slice(&f32::INFINITY.to_le_bytes());
+    let error = read(&bytes_of(infinite), &header).unwrap_err().to_string();
+    assert!(error.contains("octree.2.lobes, entry 1"), "{error}");
 }
 
 #[test]

@@ -184,8 +184,8 @@ fn views_db(light: &LightOctree, views: &[NovelView], scale: f32) -> Vec<f32> {
 }
 
 fn seen_from(light: &LightOctree, view: &NovelView, scale: f32) -> Option<RadianceImage> {
-    let tracer = ConeTracer::new(light, Settings::default()).ok()?;
     let moved = NovelView { position_m: view.position_m * scale, ..view.clone() };
+    let tracer = ConeTracer::new(&light.seen_from(moved.position_m), Settings::default()).ok()?;
     let rays = nets::light::Rays::of_panorama(&moved);
     let mut samples = vec![cone::Sample::default(); rays.len()];
     tracer.trace_batch(&rays.cones, &mut samples);

@@ -17,16 +17,18 @@ use crate::{Rendering, View};
 /// Places of the first samples at edges, in pixels from the middle: a rotated square.
 const EDGE_SAMPLES: [[f32; 2]; 4] = [[-0.125, -0.375], [0.375, -0.125], [0.125, 0.375], [-0.375, 0.125]];
 
-/// Where these samples differ by more than the given share of their brightness, how much of the pixel is bright counts, and it
-/// takes so many samples.
-const CONTRASTS: [(f32, usize); 2] = [(0.5, 64), (0.1, 16)];
+/// Where these samples differ by more than the given share of their brightness, how much of the pixel is bright counts. It takes so
+/// many samples as would be this many if all pixels of the view did, but at most [`MOST_EDGE_SAMPLES`]: in pictures of few pixels
+/// more of them lie at edges.
+const CONTRASTS: [(f32, usize); 2] = [(0.5, 2_000_000), (0.1, 500_000)];
+const MOST_EDGE_SAMPLES: usize = 64;
 
 /// Lamps that fit into a square of so many pixels, and the samples that pixels take which see them.
 const LAMPS: [(f32, usize); 2] = [(2.0, 256), (12.0, 64)];
 
 /// Light samples of a view, as long as its pixels take no fewer than [`crate::BakeSettings::pixel_light_rays`] and no more than
 /// [`MOST_PIXEL_RAYS`]: where pixels are few, fewer of them see the same surface and share what they found.
-const VIEW_RAYS: usize = 160_000;
+const VIEW_RAYS: usize = 120_000;
 const MOST_PIXEL_RAYS: u32 = 16;
 
 /// A sample is no brighter than this many times the mean of those around it.
@@ -72,27 +74,33 @@ pub(crate) fn render(baked: &BakedWorld, view: &View) -> Rendering {
     let lamps = lamp_samples(baked, view);
     let radiance = |i: usize| {
         let (x, y) = at(i);
-        let within = |[dx, dy]: [f32; 2]| {
+        let within = |[dx, dy]: [f32; 2], rays: u32| {
             let sub = look(baked, view, x as f32 + 0.5 + dx, y as f32 + 0.5 + dy);
             let light = match sub.surface.as_ref().and_then(|_| filter.like(&sub, x, y)) {
                 Some(like) => lit[like],
-                None => sampler.sample(&sub, (x, y), LONELY_RAYS),
+                None => sampler.sample(&sub, (x, y), rays),
             };
             shown(baked, &sub, &light)
         };
-        let mean =
-            |samples: usize| within_pixel[..samples].iter().map(|&place| within(place)).sum::<Vec3>() / samples as f32;
+        let mean = |samples: usize| {
+            // Many samples of a pixel need few light samples each.
+            let rays = (EDGE_SAMPLES.len() as u32 * LONELY_RAYS).div_ceil(samples as u32);
+            within_pixel[..samples].iter().map(|&place| within(place, rays)).sum::<Vec3>() / samples as f32
+        };
         if lamps[i] > 0 {
             return mean(lamps[i]).to_array();
         }
         if !filter.is_edge(i) {
             return shown(baked, &seen[i], &lit[i]).to_array();
         }
-        let few = EDGE_SAMPLES.map(within);
+        let few = EDGE_SAMPLES.map(|place| within(place, LONELY_RAYS));
         let contrast = contrast(few);
-        match CONTRASTS.iter().find(|(least, _)| contrast > *least) {
-            Some(&(_, samples)) => mean(samples).to_array(),
-            None => (few.into_iter().sum::<Vec3>() / few.len() as f32).to_array(),
+        let wanted = CONTRASTS.iter().find(|(least, _)| contrast > *least);
+        let samples = wanted.map_or(0, |(_, of_view)| (of_view / seen.len()).min(MOST_EDGE_SAMPLES));
+        if samples > few.len() {
+            mean(samples).to_array()
+        } else {
+            (few.into_iter().sum::<Vec3>() / few.len() as f32).to_array()
         }
     };
     let pixels = (0..seen.len()).into_par_iter().map(radiance).collect();

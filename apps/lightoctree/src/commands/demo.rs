@@ -105,7 +105,8 @@ fn scale(object: &PreparedModel) -> f32 {
 /// The panorama in the middle of the object, as `.exr` and `.png` of this name.
 fn write_panorama(stages: &mut Stages, scene: &Scene, base: &Placement, name: &Path) -> anyhow::Result<[PathBuf; 2]> {
     let at = base.position_m + base.up * (0.5 * HEIGHT_M);
-    let tracer = stages.stage("prepare cone tracing", || ConeTracer::new(&scene.light, Settings::default()))?;
+    let tracer =
+        stages.stage("prepare cone tracing", || ConeTracer::new(&scene.light.seen_from(at), Settings::default()))?;
     let panorama = stages.stage("panorama 512 × 256", || tracer.panorama(at, 512, 256));
     let options = ExrOptions { environment: Some(EnvironmentLayout::LatitudeLongitude), ..ExrOptions::default() };
     let files = ["exr", "png"].map(|extension| name.with_extension(extension));

@@ -7,6 +7,7 @@ use clap::ValueEnum;
 use lightoctree::cone::{ConeTracer, Rendering, Settings};
 use lightoctree::geometry::{Orientation, Vec3};
 use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, RadianceImage};
+use lightoctree::octree::LightOctree;
 use lightoctree::scene::Scene;
 
 use crate::output::signature;
@@ -89,6 +90,8 @@ pub struct PanoramaArgs {
 /// Tracer and scene, made once for many points.
 pub struct Renderer {
     tracer: ConeTracer,
+    /// Where the light differs by direction: each place has a tracer of its own.
+    directional: Option<LightOctree>,
     size: [usize; 2],
 }
 
@@ -103,12 +106,19 @@ impl Renderer {
             ))
             .into());
         }
-        Ok(Self { tracer: ConeTracer::new(&scene.light, Settings::default())?, size })
+        let tracer = ConeTracer::new(&scene.light, Settings::default())?;
+        Ok(Self { tracer, directional: scene.light.lobes.is_some().then(|| scene.light.clone()), size })
     }
 
     /// The panorama at `point`, in our own orientation.
     pub fn at(&self, point: Vec3) -> Rendering {
-        self.tracer.panorama(point, self.size[0], self.size[1])
+        let [width, height] = self.size;
+        match &self.directional {
+            Some(light) => ConeTracer::new(&light.seen_from(point), Settings::default())
+                .expect("the usual settings are valid")
+                .panorama(point, width, height),
+            None => self.tracer.panorama(point, width, height),
+        }
     }
 }
 

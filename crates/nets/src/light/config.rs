@@ -2,6 +2,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::graph::type_channels_of;
 use crate::light::NODE_FEATURES;
+use crate::light::lobes::LOBE_CHANNELS;
 use crate::light::radiance::RAW_CHANNELS;
 
 /// Shape of the light network. Every field has a default, so that a file need name only what differs.
@@ -28,6 +29,8 @@ pub struct LightNetConfig {
     pub global_features: usize,
     /// Channels that `f_L` is projected to before it joins the other features of a node.
     pub global_channels: usize,
+    /// Whether each node has a spherical Gaussian lobe beside its radiance (variant "SG" of the paper).
+    pub lobes: bool,
     /// Greatest number of nodes of a graph that the network may grow to by its own predictions (and a family of eight for each depth beyond). Growth along a
     /// truth knows no budget. `None`: [`LightNetConfig::node_budget`] follows the depth.
     pub max_nodes: Option<usize>,
@@ -46,6 +49,7 @@ impl Default for LightNetConfig {
             channels_per_group: 4,
             global_features: 64,
             global_channels: 8,
+            lobes: false,
             max_nodes: None,
         }
     }
@@ -95,7 +99,7 @@ impl LightNetConfig {
         };
         let heads = |depth: u32| {
             let hidden = self.head_channels;
-            2 * projection(self.stage_channels(depth), hidden) + (hidden + 1) * (1 + RAW_CHANNELS)
+            2 * projection(self.stage_channels(depth), hidden) + (hidden + 1) * (1 + self.raw_channels())
         };
         // From this stage to the one above it and back.
         let between = |depth: u32| {
@@ -114,6 +118,11 @@ impl LightNetConfig {
     pub fn node_budget(&self) -> usize {
         let full = 1usize << (3 * self.full_depth.min(6));
         self.max_nodes.unwrap_or_else(|| (1_600_000 >> (2 * 8u32.saturating_sub(self.depth))).max(2 * full))
+    }
+
+    /// Outputs of the regression module.
+    pub(crate) fn raw_channels(&self) -> usize {
+        RAW_CHANNELS + if self.lobes { LOBE_CHANNELS } else { 0 }
     }
 
     /// Depths of the stages, the coarsest first.

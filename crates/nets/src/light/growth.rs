@@ -56,9 +56,7 @@ impl Labels {
     /// leaves, none of these is likely, and the wall would vanish: there all eight are taken, but for those that the photo shows to be empty.
     pub fn predicted(logits: &[f32], octree: &Octree, input: &LightInput, most: usize) -> Self {
         let depth = octree.depth();
-        let visible = &input.visible.octree;
-        let seen =
-            |key: u32| visible.find(depth, key).is_some_and(|node| visible.levels()[depth as usize].rows[node] >= 0);
+        let seen = |key: u32| input.visible.row(depth, key).is_some();
         // What is seen comes before all that is predicted, and where one sees through there is nothing.
         let score = |(&logit, &key): (&f32, &u32)| match seen(key) {
             true => f32::INFINITY,

@@ -1,10 +1,9 @@
 use burn::tensor::{Tensor, TensorData, activation};
-use cone::Settings;
+use cone::{Cone, Settings};
 use octree::LightOctree;
 use serde::{Deserialize, Serialize};
 
 use crate::light::{LightError, LightOutput, Rays};
-use crate::rendering::render;
 
 /// Weights of the light network's losses (SPEC §6). Every field has a default, so that a file need name only what differs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -82,8 +81,8 @@ impl LightLosses {
         }
         let (node_radiance, node_error) = node_losses(output, truth);
         // One tracing for all rays.
-        let cones = novel.cones.iter().chain(visible.cones.iter()).copied().collect();
-        let samples = render(output.rgba(), output.octree.clone(), output.cube, cones, settings)?;
+        let cones: Vec<Cone> = novel.cones.iter().chain(visible.cones.iter()).copied().collect();
+        let samples = output.rendered(&cones, settings)?;
         let seen = |from: usize, rays: &Rays| ray_losses(&samples, from, rays);
         Ok(Self {
             octree: octree_loss(output, truth),

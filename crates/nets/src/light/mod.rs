@@ -5,6 +5,7 @@ mod error;
 mod free_space;
 mod growth;
 mod input;
+mod lobes;
 mod losses;
 mod network;
 mod output;

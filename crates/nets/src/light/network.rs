@@ -9,7 +9,8 @@ use random::Stream;
 use crate::graph::{Activation, GraphLevel, RowMap, select_rows};
 use crate::layers::{DownSample, GraphConv, Head, Linear, Norm, ResBlock, UpSample};
 use crate::light::growth::{Labels, close, most_splits};
-use crate::light::radiance::RAW_BIAS;
+use crate::light::lobes::{LOBE_CHANNELS, lobes};
+use crate::light::radiance::{RAW_BIAS, RAW_CHANNELS};
 use crate::light::{
     Growth, KnownLight, LevelOutput, LightError, LightInput, LightNetConfig, LightOutput, NODE_FEATURES, NodeLight,
 };
@@ -76,6 +77,7 @@ impl LightNet {
         let width = |depth| config.stage_channels(depth);
         let stages: Vec<u32> = config.stages().collect();
         let inputs = NODE_FEATURES + config.global_channels;
+        let raw_bias: Vec<f32> = RAW_BIAS.into_iter().chain([0.0; LOBE_CHANNELS]).take(config.raw_channels()).collect();
         let head = |depth, bias: &[f32], stream: &mut Stream| {
             Head::new([width(depth), config.head_channels], bias, groups, stream, device)
         };
@@ -92,7 +94,7 @@ impl LightNet {
                 .collect(),
             decoder: stages[1..].iter().map(|&depth| Stage::new(config, depth, stream, device)).collect(),
             prediction: stages.iter().map(|&depth| head(depth, &[SPLIT_BIAS], stream)).collect(),
-            regression: stages.iter().map(|&depth| head(depth, &RAW_BIAS, stream)).collect(),
+            regression: stages.iter().map(|&depth| head(depth, &raw_bias, stream)).collect(),
             full_depth: config.full_depth as usize,
             max_nodes: config.node_budget(),
         })
@@ -202,7 +204,11 @@ impl LightNet {
             let known = KnownLight::of_level(&octree, depth, &input.visible, input.ambient);
             let occupied = (0..nonempty.len() as u32).filter(|&node| nonempty[node as usize]);
             let raw = select_rows(own, &RowMap::new(occupied.map(Some), finest.len()));
-            let light = NodeLight(known.clone()).apply(self.regression[stage].forward(raw));
+            let raw = self.regression[stage].forward(raw);
+            let mut light = NodeLight(known.clone()).apply(raw.clone().narrow(1, 0, RAW_CHANNELS));
+            if raw.dims()[1] > RAW_CHANNELS {
+                light = Tensor::cat(vec![light, lobes(raw.narrow(1, RAW_CHANNELS, LOBE_CHANNELS), &known)], 1);
+            }
             levels.push(LevelOutput { logits, light, known });
             if !last {
                 octree.grow(&labels.nonempty)?;
@@ -385,9 +391,14 @@ mod tests {
     #[test]
     fn gradients_of_the_whole_network_are_differences() {
         let config = LightNetConfig { channels: 4, max_channels: 8, ..config(5) };
-        let (input, truth) = input(&config);
+        gradients_are_differences(&config);
+        gradients_are_differences(&LightNetConfig { lobes: true, ..config });
+    }
+
+    fn gradients_are_differences(config: &LightNetConfig) {
+        let (input, truth) = input(config);
         let device = recording_device();
-        let mut net = LightNet::new(&config, 3, &device).unwrap();
+        let mut net = LightNet::new(config, 3, &device).unwrap();
         // The heads' last layers start at 0, where nothing behind them has a gradient.
         let mut stream = random::stream(4, "test", 0);
         for head in net.prediction.iter_mut().chain(&mut net.regression) {

@@ -37,8 +37,7 @@ impl KnownLight {
     pub fn of_level(octree: &Octree, depth: u32, visible: &LightOctree, ambient: [f32; 3]) -> Arc<Self> {
         let level = &octree.levels()[depth as usize];
         let known = |key: u32| {
-            let node = visible.octree.find(depth, key)?;
-            let row = usize::try_from(visible.octree.levels()[depth as usize].rows[node]).ok()?;
+            let row = visible.row(depth, key)?;
             let [r, g, b, alpha] = visible.rgba[depth as usize][row];
             let alpha = alpha.clamp(1.0 - MAX_ALPHA, MAX_ALPHA);
             let trust = f32::from(visible.seen[depth as usize][row]) / 255.0;

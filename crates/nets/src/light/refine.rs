@@ -41,15 +41,24 @@ impl SeenDetail<'_> {
                     nonempty.push(occupied);
                     if occupied {
                         let (rgba, seen) = known.map_or((mean, 0), |(known, seen)| (mixed(known, seen, guess), seen));
-                        below.push(rgba, seen, guess, confidence[depth as usize][parent]);
+                        below.push(rgba, seen, guess, parent);
                     }
                 }
             }
             light.octree.grow(&split)?;
             light.octree.set_nonempty(&nonempty)?;
             light.rgba.push(below.rgba);
+            if let Some(lobes) = &mut light.lobes {
+                let inherited = |(&parent, &seen): (&usize, &u8)| {
+                    // What the photo shows is known towards the camera, and has no lobe.
+                    let guessed = 1.0 - f32::from(seen) / 255.0;
+                    lobes[depth as usize][parent].map(|v| guessed * v)
+                };
+                let below = below.parents.iter().zip(&below.seen).map(inherited).collect();
+                lobes.push(below);
+            }
+            confidence.push(below.parents.iter().map(|&parent| confidence[depth as usize][parent]).collect());
             light.seen.push(below.seen);
-            confidence.push(below.confidence);
             guesses = below.guesses;
         }
         Ok(())
@@ -79,22 +88,21 @@ struct Below {
     rgba: Vec<[f32; 4]>,
     seen: Vec<u8>,
     guesses: Vec<[f32; 4]>,
-    confidence: Vec<f32>,
+    parents: Vec<usize>,
 }
 
 impl Below {
-    fn push(&mut self, rgba: [f32; 4], seen: u8, guess: [f32; 4], confidence: f32) {
+    fn push(&mut self, rgba: [f32; 4], seen: u8, guess: [f32; 4], parent: usize) {
         self.rgba.push(rgba);
         self.seen.push(seen);
         self.guesses.push(guess);
-        self.confidence.push(confidence);
+        self.parents.push(parent);
     }
 }
 
 /// What an octree holds of a node, and the share of it that is seen; `None` where it has no such node, or an empty one.
 fn row(light: &LightOctree, depth: u32, key: u32) -> Option<([f32; 4], u8)> {
-    let node = light.octree.find(depth, key)?;
-    let row = usize::try_from(light.octree.levels()[depth as usize].rows[node]).ok()?;
+    let row = light.row(depth, key)?;
     Some((light.rgba[depth as usize][row], light.seen[depth as usize][row]))
 }
 
@@ -148,6 +156,7 @@ mod tests {
                 rgba[3] = 0.9;
             }
         }
+        light.lobes = Some(light.rgba.iter().map(|rows| vec![[1.0, 2.0, -3.0]; rows.len()]).collect());
         let before = light.clone();
         let mut confidence: Vec<Vec<f32>> =
             light.rgba.iter().map(|rows| (0..rows.len()).map(|row| 1.0 / (1.0 + row as f32)).collect()).collect();
@@ -157,6 +166,13 @@ mod tests {
         assert_eq!(light.octree.depth(), 7);
         assert_eq!((&light.rgba[..6], &light.seen[..6]), (&before.rgba[..], &before.seen[..]));
         assert!(confidence.iter().map(Vec::len).eq(light.rgba.iter().map(Vec::len)));
+        // What is certain shows every direction what it showed the photo.
+        for (lobe, seen) in light.lobes.as_ref().unwrap()[7].iter().zip(&light.seen[7]) {
+            assert!(
+                *lobe == if *seen == 255 { [0.0; 3] } else { [1.0, 2.0, -3.0] } || (1..255).contains(seen),
+                "{lobe:?}"
+            );
+        }
         for point in &points {
             let (depth, node) = light.locate(point.position_m, 7).unwrap();
             let rgba = light.node_rgba(depth, node).unwrap();

@@ -58,12 +58,14 @@ fn overfit(scene: &Scene, config: &LightNetConfig, training: &Training) -> (Figu
 #[test]
 fn a_box_room_is_learned() {
     let small = LightNetConfig { channels: 16, max_channels: 32, blocks: 1, ..default_config(5) };
-    let config = LightNetConfig { full_depth: 3, bottleneck: 2, head_channels: 16, ..small };
-    let scene = Scene::new(room::sample(8), 4, &config);
-    let training = Training { until: Until::Steps(80), rate: 6e-3, rays: 2048 };
-    let (before, after, right) = overfit(&scene, &config, &training);
-    assert!(after.psnr_db > before.psnr_db + 6.0 && after.psnr_db > 20.0, "{} dB", after.psnr_db);
-    assert!(right > 0.95, "{right}");
+    let plain = LightNetConfig { full_depth: 3, bottleneck: 2, head_channels: 16, ..small };
+    for config in [LightNetConfig { lobes: true, ..plain.clone() }, plain] {
+        let scene = Scene::new(room::sample(8), 4, &config);
+        let training = Training { until: Until::Steps(80), rate: 6e-3, rays: 2048 };
+        let (before, after, right) = overfit(&scene, &config, &training);
+        assert!(after.psnr_db > before.psnr_db + 6.0 && after.psnr_db > 20.0, "{} dB", after.psnr_db);
+        assert!(right > 0.95, "{right}");
+    }
 }
 
 #[test]

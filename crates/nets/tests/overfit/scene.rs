@@ -77,9 +77,9 @@ impl Scene {
 
     /// Of the held-out panoramas.
     pub fn figures(&self, light: &LightOctree) -> Figures {
-        let tracer = ConeTracer::new(light, Settings::default()).unwrap();
         let (mut squares, mut logs, mut count) = (0.0, 0.0, 0.0);
         for view in &self.held_out {
+            let tracer = ConeTracer::new(&light.seen_from(view.position_m), Settings::default()).unwrap();
             let rays = Rays::of_panorama(view);
             let mut samples = vec![cone::Sample::default(); rays.len()];
             tracer.trace_batch(&rays.cones, &mut samples);
