@@ -46,7 +46,8 @@ const COVERED_M3: f32 = 0.1;
 const MOST_VIEWER_M: f32 = 5.0;
 
 pub(crate) fn spread(baked: &BakedWorld, leaf_m: f32) -> SurfacePoints {
-    let per_m2 = PER_LEAF / f64::from(leaf_m * leaf_m).max(1e-12);
+    let area_m2: f64 = places::areas(baked.scene().prepared.model()).iter().sum();
+    let per_m2 = (PER_LEAF / f64::from(leaf_m * leaf_m).max(1e-12)).min(places::MOST_PLACES / area_m2.max(1e-9));
     let even = Fineness::even(leaf_m);
     let surfaces = places::spread(baked.scene(), per_m2, &even)
         .flat_map_iter(|places| places.into_iter().filter_map(|place| on_surface(baked, place, leaf_m)));

@@ -358,6 +358,41 @@ mod tests {
         assert_eq!(run(), pool.install(run), "whatever the number of threads");
     }
 
+    /// The heads' last layers start at 0, where nothing behind them has a gradient and no lobe a direction.
+    fn with_random_heads(mut net: LightNet, device: &Device) -> LightNet {
+        let mut stream = random::stream(4, "test", 0);
+        for head in net.prediction.iter_mut().chain(&mut net.regression) {
+            let [inputs, outputs] = head.output.weights.dims();
+            head.output.weights = glorot([inputs, outputs], [inputs, outputs], &mut stream, device);
+        }
+        net
+    }
+
+    #[test]
+    fn rays_see_lobes_from_where_they_start() {
+        let config = LightNetConfig { lobes: true, ..config(5) };
+        let (input, truth) = input(&config);
+        let net = with_random_heads(LightNet::new(&config, 3, &Device::flex()).unwrap(), &Device::flex());
+        let output = net.forward(&input, None, Growth::Truth(&truth.octree)).unwrap();
+        let apexes = [Vec3::ZERO, Vec3::new(0.9, -0.7, 1.1)];
+        let cone = |origin: Vec3, direction: Vec3| Cone { origin, direction, tan_half_angle: 0.02 };
+        let cones: Vec<Cone> =
+            geometry::fibonacci_sphere(300).into_iter().flat_map(|d| apexes.map(|apex| cone(apex, d))).collect();
+        let found = numbers(output.rendered(&cones, Settings::default()).unwrap());
+        let (light, _) = output.into_light().unwrap();
+        let plain = LightOctree { lobes: None, ..light.clone() };
+        // Mean difference, relative, of what tracing of the finished octree sees.
+        let difference = |light: &LightOctree| {
+            let tracers = apexes.map(|apex| ConeTracer::new(&light.seen_from(apex), Settings::default()).unwrap());
+            let expected = cones.iter().enumerate().map(|(i, cone)| f64::from(tracers[i % 2].trace(cone).radiance[1]));
+            let pairs: Vec<(f64, f64)> = expected.enumerate().map(|(i, e)| (found[5 * i + 1], e)).collect();
+            pairs.iter().map(|(a, b)| (a - b).abs()).sum::<f64>() / pairs.iter().map(|(_, b)| b).sum::<f64>()
+        };
+        // What is nearly opaque is opaque in a finished octree.
+        assert!(difference(&light) < 0.03, "{}", difference(&light));
+        assert!(difference(&plain) > 0.06, "{}", difference(&plain));
+    }
+
     /// Parameters in f64; one of them moved.
     struct Wide {
         nudged: Option<(usize, usize, f64)>,
@@ -398,13 +433,7 @@ mod tests {
     fn gradients_are_differences(config: &LightNetConfig) {
         let (input, truth) = input(config);
         let device = recording_device();
-        let mut net = LightNet::new(config, 3, &device).unwrap();
-        // The heads' last layers start at 0, where nothing behind them has a gradient.
-        let mut stream = random::stream(4, "test", 0);
-        for head in net.prediction.iter_mut().chain(&mut net.regression) {
-            let [inputs, outputs] = head.output.weights.dims();
-            head.output.weights = glorot([inputs, outputs], [inputs, outputs], &mut stream, &device);
-        }
+        let net = with_random_heads(LightNet::new(config, 3, &device).unwrap(), &device);
         let loss = |net: &LightNet| {
             let weights = net.input.weights.val();
             let (device, dtype) = (weights.device(), weights.dtype());

@@ -66,22 +66,22 @@ impl LightOutput {
     /// # Errors
     /// Settings out of range.
     pub fn rendered(&self, cones: &[Cone], settings: Settings) -> Result<Tensor<2>, SettingsError> {
+        let from = |apex: Vec3, cones: Arc<[Cone]>| {
+            render(self.rgba_from(apex), self.octree.clone(), self.cube, cones, settings)
+        };
+        if !self.has_lobes() || cones.is_empty() {
+            return from(Vec3::ZERO, cones.into());
+        }
         let mut apexes: Vec<(Vec3, Vec<u32>)> = Vec::new();
         for (i, cone) in (0..).zip(cones) {
-            let apex = if self.has_lobes() { cone.origin } else { Vec3::ZERO };
-            match apexes.iter_mut().find(|(other, _)| *other == apex) {
+            match apexes.iter_mut().find(|(apex, _)| *apex == cone.origin) {
                 Some((_, members)) => members.push(i),
-                None => apexes.push((apex, vec![i])),
+                None => apexes.push((cone.origin, vec![i])),
             }
         }
-        let rendered = apexes.iter().map(|(apex, members)| {
-            let cones = members.iter().map(|&i| cones[i as usize]).collect();
-            render(self.rgba_from(*apex), self.octree.clone(), self.cube, cones, settings)
-        });
+        let rendered =
+            apexes.iter().map(|(apex, members)| from(*apex, members.iter().map(|&i| cones[i as usize]).collect()));
         let rendered = Tensor::cat(rendered.collect::<Result<_, _>>()?, 0);
-        if apexes.len() == 1 {
-            return Ok(rendered);
-        }
         let mut sources = vec![None; cones.len()];
         for (at, i) in (0..).zip(apexes.into_iter().flat_map(|(_, members)| members)) {
             sources[i as usize] = Some(at);
@@ -103,7 +103,7 @@ impl LightOutput {
         for (depth, level) in (full_depth..).zip(self.levels) {
             let (channels, values) = (level.light.dims()[1], level.light.into_data().iter::<f32>().collect::<Vec<_>>());
             if !values.iter().all(|value| value.is_finite()) {
-                return Err(LightError::NotFinite { what: "radiance, opacity or error", depth });
+                return Err(LightError::NotFinite { what: "radiance, opacity, error or lobe", depth });
             }
             let rows = || values.chunks_exact(channels);
             rgba.push(

@@ -91,6 +91,7 @@ pub fn sample(views: usize) -> Sample {
         normal: None,
         albedo: None,
         points,
+        point_area_m2: None,
         views: (0..views).map(view).collect(),
         metadata: Metadata::new(),
     }
