@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use geometry::Vec3;
 
-use crate::{Level, LightOctree};
+use crate::LightOctree;
 
 /// No lobe is less sharp than this, so that sharpness has a gradient everywhere. Such a lobe differs by 2 % between front and back.
 pub const LEAST_SHARPNESS: f32 = 0.01;
@@ -24,19 +24,20 @@ impl LightOctree {
     /// The octree as it shows itself at `viewer_m`: each row's radiance times the gain of its lobe towards there, and no lobes.
     pub fn seen_from(&self, viewer_m: Vec3) -> Cow<'_, Self> {
         let Some(lobes) = &self.lobes else { return Cow::Borrowed(self) };
-        let levels = (0..).zip(self.octree.levels()).zip(self.rgba.iter().zip(lobes));
-        let level = |((depth, level), (rgba, lobes)): ((u32, &Level), (&Vec<[f32; 4]>, &Vec<[f32; 3]>))| {
+        let shown = |depth: usize| {
+            let level = &self.octree.levels()[depth];
             let keys = level.keys.iter().zip(&level.rows).filter(|(_, row)| **row >= 0).map(|(key, _)| *key);
-            let gain = |(key, lobe): (u32, &[f32; 3])| {
-                let towards = (viewer_m - self.node_middle_m(depth, key)).normalize_or_zero();
-                lobe_gain(Vec3::from_array(*lobe), towards)
-            };
-            let gains = keys.zip(lobes).map(gain);
-            rgba.iter().zip(gains).map(|(&[r, g, b, alpha], gain)| [r * gain, g * gain, b * gain, alpha]).collect()
+            let rows = keys.zip(&self.rgba[depth]).zip(&lobes[depth]);
+            rows.map(|((key, &[r, g, b, alpha]), &lobe)| {
+                let towards = (viewer_m - self.node_middle_m(depth as u32, key)).normalize_or_zero();
+                let gain = lobe_gain(Vec3::from_array(lobe), towards);
+                [r * gain, g * gain, b * gain, alpha]
+            })
+            .collect()
         };
         let Self { octree, cube, seen, .. } = self;
         let (octree, seen) = (octree.clone(), seen.clone());
-        Cow::Owned(Self { octree, cube: *cube, rgba: levels.map(level).collect(), seen, lobes: None })
+        Cow::Owned(Self { octree, cube: *cube, rgba: (0..lobes.len()).map(shown).collect(), seen, lobes: None })
     }
 }
 
