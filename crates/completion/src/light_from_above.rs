@@ -75,13 +75,12 @@ pub fn light_from_above(light: &mut LightOctree, seen: &[Surfel], up: Vec3) -> L
 fn weights(light: &LightOctree, middle: Vec3, up: Vec3) -> Vec<Vec<f32>> {
     let levels = (0..).zip(light.octree.levels()).zip(&light.seen);
     let of_level = levels.map(|((depth, level), seen)| {
-        let nonempty = level.keys.iter().zip(&level.rows).filter(|(_, row)| **row >= 0).zip(seen);
-        let weight = |((&key, _), &seen): ((&u32, &i32), &u8)| {
+        let weight = |(key, &seen): (u32, &u8)| {
             let cos = (light.node_middle_m(depth, key) - middle).normalize_or_zero().dot(up);
             let inside = ((cos - FADE.1) / (FADE.0 - FADE.1)).clamp(0.0, 1.0);
             inside * inside * (3.0 - 2.0 * inside) * (1.0 - f32::from(seen) / 255.0)
         };
-        nonempty.map(weight).collect()
+        level.row_keys().zip(seen).map(weight).collect()
     });
     of_level.collect()
 }

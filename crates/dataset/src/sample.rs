@@ -48,23 +48,12 @@ impl Sample {
     /// # Errors
     /// Depths out of range, a cube without volume.
     pub fn octree(&self, cube: Cube, depth: u32, full_depth: u32) -> Result<LightOctree, OctreeError> {
-        octree_of(&self.points, self.point_area_m2, cube, depth, full_depth)
+        let (octree, _) = match self.point_area_m2 {
+            Some(area_m2) => LightOctree::from_even_points(&self.points, area_m2, cube, depth, full_depth)?,
+            None => LightOctree::from_points(&self.points, cube, depth, full_depth)?,
+        };
+        Ok(octree)
     }
-}
-
-/// The octree of surface points, each of which stands for `area_m2` where they lie evenly.
-pub(crate) fn octree_of(
-    points: &[RadiancePoint],
-    area_m2: Option<f32>,
-    cube: Cube,
-    depth: u32,
-    full_depth: u32,
-) -> Result<LightOctree, OctreeError> {
-    let (octree, _) = match area_m2 {
-        Some(area_m2) => LightOctree::from_even_points(points, area_m2, cube, depth, full_depth)?,
-        None => LightOctree::from_points(points, cube, depth, full_depth)?,
-    };
-    Ok(octree)
 }
 
 /// An HDR panorama at a known place.

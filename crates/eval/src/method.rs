@@ -257,7 +257,7 @@ fn true_octree(sample: &Sample, tools: &Tools) -> Result<LightOctree, MethodErro
     Ok(sample.octree(cube, tools.octree_depth, EstimateOptions::default().full_depth)?)
 }
 
-/// The true octree of a given cube and shape.
+/// The true octree of a given cube and shape with all its leaves, as the network learns it.
 pub(crate) fn true_octree_in(
     sample: &Sample,
     cube: Cube,

@@ -270,7 +270,7 @@ mod tests {
         assert!(scene.light.seen.last().unwrap().iter().all(|&share| share == 255));
         let edge_m = scene.light.cube.node_edge_m(7);
         let level = &scene.light.octree.levels()[7];
-        for (&key, _) in level.keys.iter().zip(&level.rows).filter(|(_, row)| **row >= 0) {
+        for key in level.row_keys() {
             let z = scene.light.cube.origin_m.z + octree::xyz_from_key(key)[2] as f32 * edge_m;
             assert!((-2.0 - edge_m..=-2.0 + edge_m).contains(&z), "a leaf at {z} m");
         }

@@ -51,7 +51,7 @@ fn occupied_corners(scene: &Scene) -> Vec<Vec3> {
     let edge_m = light.cube.node_edge_m(depth);
     let level = &light.octree.levels()[depth as usize];
     let mut corners = Vec::new();
-    for (&key, _) in level.keys.iter().zip(&level.rows).filter(|(_, row)| **row >= 0) {
+    for key in level.row_keys() {
         let [x, y, z] = octree::xyz_from_key(key);
         let low = light.cube.origin_m + Vec3::new(x as f32, y as f32, z as f32) * edge_m;
         corners.extend([low, low + Vec3::splat(edge_m)]);

@@ -25,9 +25,7 @@ impl LightOctree {
     pub fn seen_from(&self, viewer_m: Vec3) -> Cow<'_, Self> {
         let Some(lobes) = &self.lobes else { return Cow::Borrowed(self) };
         let shown = |depth: usize| {
-            let level = &self.octree.levels()[depth];
-            let keys = level.keys.iter().zip(&level.rows).filter(|(_, row)| **row >= 0).map(|(key, _)| *key);
-            let rows = keys.zip(&self.rgba[depth]).zip(&lobes[depth]);
+            let rows = self.octree.levels()[depth].row_keys().zip(&self.rgba[depth]).zip(&lobes[depth]);
             rows.map(|((key, &[r, g, b, alpha]), &lobe)| {
                 let towards = (viewer_m - self.node_middle_m(depth as u32, key)).normalize_or_zero();
                 let gain = lobe_gain(Vec3::from_array(lobe), towards);

@@ -125,6 +125,11 @@ impl Level {
         }
     }
 
+    /// Keys of the non-empty nodes: those of the feature rows, in their order.
+    pub fn row_keys(&self) -> impl Iterator<Item = u32> + '_ {
+        self.keys.iter().zip(&self.rows).filter(|(_, row)| **row >= 0).map(|(key, _)| *key)
+    }
+
     /// Number of nodes.
     pub fn len(&self) -> usize {
         self.keys.len()

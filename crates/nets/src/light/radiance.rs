@@ -43,8 +43,7 @@ impl KnownLight {
             let trust = f32::from(visible.seen[depth as usize][row]) / 255.0;
             Some([r.min(MAX_RADIANCE), g.min(MAX_RADIANCE), b.min(MAX_RADIANCE), (alpha / (1.0 - alpha)).ln(), trust])
         };
-        let nonempty = level.keys.iter().zip(&level.rows).filter(|(_, row)| **row >= 0);
-        let rows = nonempty.map(|(&key, _)| known(key).unwrap_or([0.0; 5])).collect();
+        let rows = level.row_keys().map(|key| known(key).unwrap_or([0.0; 5])).collect();
         let max_log_gain = if depth == visible.octree.depth() { 0.0 } else { COARSE_LOG_GAIN };
         Arc::new(Self { rows, ambient, max_log_gain })
     }

@@ -67,10 +67,9 @@ impl SeenDetail<'_> {
     /// What the network says of each finest row where the photo is not certain.
     fn guesses(&self, light: &LightOctree) -> Vec<[f32; 4]> {
         let depth = light.octree.depth();
-        let level = &light.octree.levels()[depth as usize];
-        let rows = level.keys.iter().zip(&level.rows).filter(|(_, row)| **row >= 0);
-        rows.zip(&light.rgba[depth as usize])
-            .map(|((&key, _), &rgba)| match row(self.coarse, depth, key) {
+        let keys = light.octree.levels()[depth as usize].row_keys();
+        keys.zip(&light.rgba[depth as usize])
+            .map(|(key, &rgba)| match row(self.coarse, depth, key) {
                 Some((known, seen)) if seen < 255 => {
                     let trust = f32::from(seen) / 255.0;
                     std::array::from_fn(|c| ((rgba[c] - trust * known[c]) / (1.0 - trust)).max(0.0))
