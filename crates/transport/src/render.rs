@@ -52,7 +52,7 @@ pub(crate) fn render(baked: &BakedWorld, view: &View) -> Rendering {
         .map(|i| look(baked, view, at(i).0 as f32 + 0.5, at(i).1 as f32 + 0.5))
         .collect();
     let least_rays = baked.settings().pixel_light_rays;
-    let rays = (VIEW_RAYS.div_ceil(seen.len()) as u32).clamp(least_rays, least_rays.max(MOST_PIXEL_RAYS));
+    let rays = (VIEW_RAYS.div_ceil(seen.len().max(1)) as u32).clamp(least_rays, least_rays.max(MOST_PIXEL_RAYS));
     let sampled: Vec<Lit> = seen.par_iter().enumerate().map(|(i, seen)| sampler.sample(seen, at(i), rays)).collect();
     let filter = Filter { seen: &seen, sampled: &sampled, width, height, wraps: view.wraps() };
     let lit: Vec<Lit> = (0..seen.len())
