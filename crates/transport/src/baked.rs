@@ -14,17 +14,6 @@ pub struct BakedWorld {
     settings: BakeSettings,
 }
 
-/// What a ray leaves out because light samples bring it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Sampled {
-    /// Sees all, the sun's disc too.
-    Nothing,
-    /// Lamps and sun.
-    Lamps,
-    /// Lamps, sun, portals and sheets lit from behind.
-    All,
-}
-
 impl BakedWorld {
     /// Spreads points over all surfaces and finds the light that falls on them. The result is the same to the bit for
     /// every number of threads.
@@ -89,34 +78,47 @@ impl BakedWorld {
         light / PI
     }
 
-    /// Radiance that arrives along a ray, from the cache, without what is sampled as a light elsewhere.
-    pub(crate) fn light_along(&self, mut ray: Ray, sampled: Sampled) -> Vec3 {
+    /// Radiance that arrives along a ray, the sun's disc included; all of matte surfaces from the cache.
+    pub(crate) fn light_along(&self, ray: Ray) -> Vec3 {
+        self.follow(ray, true, |_, _| 1.0)
+    }
+
+    /// Radiance that arrives along a ray where lights are sampled too: of an emitter straight ahead only `share`, given
+    /// the emitter and the solid angle that a square metre of it fills there; of the sun's disc nothing.
+    pub(crate) fn light_beside_samples(&self, ray: Ray, share: impl Fn(u32, f32) -> f32) -> Vec3 {
+        self.follow(ray, false, share)
+    }
+
+    fn follow(&self, mut ray: Ray, with_sun: bool, share: impl Fn(u32, f32) -> f32) -> Vec3 {
         const MOST_MIRRORS: u32 = 6;
+        let start = ray.origin;
+        let sr_per_m2 = |place: Vec3, cosine: f32| cosine / place.distance_squared(start).max(1e-12);
+        let (sky, emitters) = (&self.scene.sky, &self.cache.lighting.emitters);
         let (mut light, mut tint, mut straight) = (Vec3::ZERO, Vec3::ONE, true);
         let mut run = ray;
         for _ in 0..MOST_MIRRORS {
             let Some(hit) = self.scene.hit(&ray) else {
-                let sky = &self.scene.sky;
-                if !sky.is_open(&run, self.scene.far_m) {
+                let portal = sky.portal_left(&run, self.scene.far_m);
+                if portal.is_none() && !sky.portals.is_empty() {
                     return light;
                 }
-                if sampled == Sampled::Nothing {
-                    light += tint * sky.radiance_with_sun(ray.direction);
-                } else if !(sampled == Sampled::All && straight && !sky.portals.is_empty()) {
-                    light += tint * sky.radiance(ray.direction);
-                }
-                return light;
+                let emitter = portal.filter(|_| straight).and_then(|(at, place)| {
+                    Some((emitters.of_portal(at, place.along)?, sr_per_m2(place.position, place.cosine)))
+                });
+                let own = emitter.map_or(1.0, |(emitter, sr_per_m2)| share(emitter, sr_per_m2));
+                let sun = if with_sun { sky.sun_radiance(ray.direction) } else { Vec3::ZERO };
+                return light + tint * (sky.radiance(ray.direction) * own + sun);
             };
             let surface = self.scene.surface(&hit, &ray, hit.distance_m * 0.005);
-            if sampled == Sampled::Nothing || !straight {
-                light += tint * surface.emission;
-            }
+            let own = emitters.of(&hit).filter(|_| straight).map(|emitter| {
+                let facing = surface.geometric_normal.dot(ray.direction).abs();
+                (emitter, share(emitter, sr_per_m2(surface.position, facing)))
+            });
+            light += tint * (surface.emission * own.map_or(1.0, |(_, share)| share));
             light += tint * self.scattered_from_cache(&surface);
-            if sampled == Sampled::All && straight && surface.emission == Vec3::ZERO {
+            if let Some((emitter, share)) = own.filter(|_| surface.emission == Vec3::ZERO) {
                 // The light of sheets, which the cache knows too.
-                let emitters = &self.cache.lighting.emitters;
-                let sheet = emitters.of(&hit).map(|e| emitters.radiance(e, surface.geometric_normal));
-                light -= tint * sheet.unwrap_or_default();
+                light -= tint * emitters.radiance(emitter, surface.geometric_normal) * (1.0 - share);
             }
             // The stronger way is followed; the weaker one is left out where it is weak.
             if surface.pass.max_element() >= surface.mirror.max_element() {

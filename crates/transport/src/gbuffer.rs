@@ -3,7 +3,7 @@
 use geometry::Vec3;
 
 use crate::View;
-use crate::baked::{BakedWorld, Sampled};
+use crate::baked::BakedWorld;
 use crate::scene::Surface;
 
 /// Most panes and mirrors on the way of a view ray.
@@ -18,6 +18,8 @@ pub(crate) struct Seen {
     pub tint: Vec3,
     /// Light that needs no more work: sky, emission, reflections in panes.
     pub light: Vec3,
+    /// Way from the eye to the surface.
+    pub travelled_m: f32,
     /// Width of the pixel at the surface.
     pub footprint_m: f32,
     /// Of the first surface that is no clear pane, along the ray; 0 where there is none.
@@ -40,6 +42,7 @@ pub(crate) fn look(baked: &BakedWorld, view: &View, u: f32, v: f32) -> Seen {
         surface: None,
         tint: Vec3::ONE,
         light: Vec3::ZERO,
+        travelled_m: 0.0,
         footprint_m: 0.0,
         distance_m: 0.0,
         direction: ray.direction,
@@ -68,6 +71,7 @@ pub(crate) fn look(baked: &BakedWorld, view: &View, u: f32, v: f32) -> Seen {
         seen.light += seen.tint * surface.emission;
         let goes_through = surface.pass.max_element() > 0.5;
         if !goes_through && !mirror {
+            seen.travelled_m = travelled_m;
             seen.footprint_m = travelled_m * angle;
             seen.surface = Some(surface);
             return seen;
@@ -75,7 +79,7 @@ pub(crate) fn look(baked: &BakedWorld, view: &View, u: f32, v: f32) -> Seen {
         seen.light += seen.tint * baked.scattered_from_cache(&surface);
         if goes_through {
             if surface.mirror != Vec3::ZERO {
-                let reflection = baked.light_along(surface.ray(surface.mirrored()), Sampled::Nothing);
+                let reflection = baked.light_along(surface.ray(surface.mirrored()));
                 seen.light += seen.tint * surface.mirror * reflection;
             }
             seen.tint *= surface.pass;

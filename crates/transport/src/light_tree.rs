@@ -158,16 +158,31 @@ impl LightTree {
             return None;
         }
         let inside = |node: u32| (self.nodes[node as usize].from..self.nodes[node as usize].to).contains(&place);
-        let (at, mut node) = cut.enumerate().find(|&(_, node)| inside(node))?;
+        let (at, node) = cut.enumerate().find(|&(_, node)| inside(node))?;
+        let probability = self.probability(node, place, |node| node.importance(point, normal, 0.0))?;
+        Some((at, probability))
+    }
+
+    /// Probability with which [`LightTree::choose_reflected`] chooses the emitter.
+    pub(crate) fn probability_reflected(&self, emitter: u32, point: Vec3, normal: Vec3, lobe: &Lobe) -> Option<f32> {
+        let place = self.place[emitter as usize];
+        if place == u32::MAX {
+            return None;
+        }
+        self.probability(0, place, |node| node.importance(point, normal, 0.0) * lobe.most(point, node))
+    }
+
+    /// Probability with which [`LightTree::descend`] comes from a node to the leaf at a place below it.
+    fn probability(&self, mut node: u32, place: u32, weight: impl Fn(&Node) -> f32) -> Option<f32> {
         let mut probability = 1.0;
         while self.nodes[node as usize].second != 0 {
-            let share = self.first_share(node, |node| node.importance(point, normal, 0.0))?;
+            let share = self.first_share(node, &weight)?;
             let second = self.nodes[node as usize].second;
             let in_first = place < self.nodes[second as usize].from;
             probability *= if in_first { share } else { 1.0 - share };
             node = if in_first { node + 1 } else { second };
         }
-        Some((at, probability))
+        Some(probability)
     }
 
     /// Share of the first child in what a node can give; nothing where neither gives anything.

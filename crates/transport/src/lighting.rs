@@ -140,6 +140,19 @@ impl Lighting<'_> {
         self.sample_of(scene, origin, normal, chosen, [random[1], random[2]], probability)
     }
 
+    /// Density per steradian with which [`Lighting::sample_reflected`] samples a point of an emitter.
+    pub(crate) fn density_reflected(
+        &self,
+        emitter: u32,
+        origin: Vec3,
+        normal: Vec3,
+        lobe: &Lobe,
+        sr_per_m2: f32,
+    ) -> f32 {
+        let probability = self.tree.probability_reflected(emitter, origin, normal, lobe).unwrap_or(0.0);
+        probability / (self.emitters.list[emitter as usize].area_m2 * sr_per_m2)
+    }
+
     /// A sample of an emitter that is chosen so often on the average.
     fn sample_of(
         &self,

@@ -39,8 +39,8 @@ pub(crate) struct LightSample {
     pub radiance: Vec3,
     /// Solid angle per area at that point: cos / distance².
     pub sr_per_m2: f32,
-    /// A lamp's, not a portal's or a sheet's.
-    pub lamp: bool,
+    /// A sheet's, lit from behind.
+    pub sheet: bool,
 }
 
 impl Emitter {
@@ -94,8 +94,7 @@ impl Emitter {
                 (radiance, until)
             }
         };
-        let lamp = self.source != Source::Portal && !self.sheet;
-        Some(LightSample { direction, distance_m, radiance, sr_per_m2, lamp })
+        Some(LightSample { direction, distance_m, radiance, sr_per_m2, sheet: self.sheet })
     }
 }
 
@@ -104,6 +103,8 @@ pub(crate) struct Emitters {
     pub list: Vec<Emitter>,
     /// Per triangle of the model: first emitter and pieces per edge; 0 pieces where it is no light.
     by_triangle: Vec<(u32, u32)>,
+    /// Per portal: first emitter and pieces along both edges; empty where the sky is dark.
+    by_portal: Vec<(u32, [u32; 2])>,
 }
 
 /// Longest edge of a piece of a lamp.
@@ -130,7 +131,8 @@ impl Emitters {
 
     /// No emitters yet.
     pub(crate) fn none(scene: &Scene) -> Self {
-        Self { list: Vec::new(), by_triangle: vec![(0, 0); scene.prepared.model().triangles.len()] }
+        let by_triangle = vec![(0, 0); scene.prepared.model().triangles.len()];
+        Self { list: Vec::new(), by_triangle, by_portal: Vec::new() }
     }
 
     /// Whether a triangle is a light.
@@ -233,6 +235,7 @@ impl Emitters {
             let mean = mean.max(Vec3::splat(1e-6));
             let count = [a, b].map(|edge| (edge.length() / PORTAL_PIECE_M).ceil().clamp(1.0, MOST_PIECES));
             let edges = [a / count[0], b / count[1]];
+            self.by_portal.push((self.list.len() as u32, count.map(|count| count as u32)));
             for i in 0..count[0] as u32 * count[1] as u32 {
                 let (row, column) = (i / count[0] as u32, i % count[0] as u32);
                 self.list.push(Emitter {
@@ -246,6 +249,13 @@ impl Emitters {
                 });
             }
         }
+    }
+
+    /// The emitter at a place of a portal.
+    pub(crate) fn of_portal(&self, portal: usize, along: [f32; 2]) -> Option<u32> {
+        let &(first, count) = self.by_portal.get(portal)?;
+        let [column, row] = [0, 1].map(|k| ((along[k] * count[k] as f32) as u32).min(count[k] - 1));
+        Some(first + row * count[0] + column)
     }
 
     /// Which emitter a hit belongs to.

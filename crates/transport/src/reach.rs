@@ -81,11 +81,14 @@ pub(crate) fn reached(scene: &Scene, surfels: &Surfels, emitters: &Emitters, oth
             let turn = geometry::Mat3::from_rotation_z(std::f32::consts::TAU * rotations.of(i as usize)[0]);
             let basis = orthonormal_basis(surfel.normal) * turn;
             let origin = offset_origin(surfel.position, surfel.normal);
+            // Cloth hangs in folds finer than surfels, and light gets between them.
+            let is_cloth = surfel.scatter.through != Vec3::ZERO;
+            let gap_m = if is_cloth { LEAST_GAP_M } else { LEAST_GAP_M.max(GAP_SHARE * surfel.spacing_m) };
             let (mut found, mut blocked) = (Vec::new(), 0);
             for &local in &looks {
                 let ray = Ray { origin, direction: basis * local };
                 let distance_m = follow(scene, surfels, others, ray, &mut found);
-                blocked += usize::from(distance_m < LEAST_GAP_M.max(GAP_SHARE * surfel.spacing_m));
+                blocked += usize::from(distance_m < gap_m);
             }
             if 2 * blocked > LOOKS { None } else { Some(found) }
         };

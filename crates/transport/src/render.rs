@@ -4,13 +4,13 @@
 use std::f32::consts::PI;
 
 use geometry::{Vec2, Vec3};
-use imaging::Image;
+use imaging::{Image, RadianceImage};
 use rayon::prelude::*;
 
-use crate::baked::{BakedWorld, Sampled};
+use crate::baked::BakedWorld;
 use crate::gbuffer::{Seen, alike, look};
 use crate::lights::{Source, luminance};
-use crate::pattern;
+use crate::pattern::{self, Rotations, shifted};
 use crate::shade::{Lit, Sampler};
 use crate::{Rendering, View};
 
@@ -25,6 +25,10 @@ const MOST_EDGE_SAMPLES: usize = 64;
 
 /// Lamps that fit into a square of so many pixels, and the samples that pixels take which see them.
 const LAMPS: [(f32, usize); 2] = [(2.0, 256), (12.0, 64)];
+
+/// Views of fewer pixels are rendered more finely, up to so many times as finely each way.
+const FINE_PIXELS: usize = 40_000;
+const MOST_FINENESS: usize = 8;
 
 /// Light samples of a view, as long as its pixels take no fewer than [`crate::BakeSettings::pixel_light_rays`] and no more than
 /// [`MOST_PIXEL_RAYS`]: where pixels are few, fewer of them see the same surface and share what they found.
@@ -45,16 +49,47 @@ const LONELY_RAYS: u32 = 12;
 
 pub(crate) fn render(baked: &BakedWorld, view: &View) -> Rendering {
     let (width, height) = view.size();
+    let seen = middles(baked, view);
+    let radiance = match fineness(seen.len()) {
+        1 => radiance(baked, view, &seen),
+        times => {
+            let fine = view.finer(times);
+            imaging::resize(&radiance(baked, &fine, &middles(baked, &fine)), width, height)
+        }
+    };
+    let camera_from_world = view.pose().rotation.conjugate();
+    let image = |pixel: &dyn Fn(&Seen) -> [f32; 3]| Image::new(width, height, seen.iter().map(pixel).collect());
+    Rendering {
+        radiance,
+        depth_m: Image::new(width, height, seen.iter().map(|s| view.depth_m(s.distance_m, s.direction)).collect()),
+        normal: image(&|s| (camera_from_world * s.normal).to_array()),
+        albedo: image(&|s| s.albedo.to_array()),
+        specular: Image::new(width, height, seen.iter().map(|s| s.specular).collect()),
+    }
+}
+
+/// What the rays through the middles of all pixels see.
+fn middles(baked: &BakedWorld, view: &View) -> Vec<Seen> {
+    let (width, height) = view.size();
+    let middle = |i: usize| look(baked, view, (i % width) as f32 + 0.5, (i / width) as f32 + 0.5);
+    (0..width * height).into_par_iter().map(middle).collect()
+}
+
+/// How many times as fine each way a view of so many pixels is rendered, to be averaged: pixels that share light samples
+/// must not be far apart, nor what they see differ much within them.
+fn fineness(pixels: usize) -> usize {
+    ((FINE_PIXELS / pixels.max(1)).isqrt()).clamp(1, MOST_FINENESS)
+}
+
+/// Radiance of all pixels, given what their middles see.
+fn radiance(baked: &BakedWorld, view: &View, seen: &[Seen]) -> RadianceImage {
+    let (width, height) = view.size();
     let at = |i: usize| (i % width, i / width);
-    let sampler = Sampler::new(baked);
-    let seen: Vec<Seen> = (0..width * height)
-        .into_par_iter()
-        .map(|i| look(baked, view, at(i).0 as f32 + 0.5, at(i).1 as f32 + 0.5))
-        .collect();
+    let sampler = Sampler::new(baked, view);
     let least_rays = baked.settings().pixel_light_rays;
     let rays = (VIEW_RAYS.div_ceil(seen.len().max(1)) as u32).clamp(least_rays, least_rays.max(MOST_PIXEL_RAYS));
     let sampled: Vec<Lit> = seen.par_iter().enumerate().map(|(i, seen)| sampler.sample(seen, at(i), rays)).collect();
-    let filter = Filter { seen: &seen, sampled: &sampled, width, height, wraps: view.wraps() };
+    let filter = Filter { seen, sampled: &sampled, width, height, wraps: view.wraps() };
     let lit: Vec<Lit> = (0..seen.len())
         .into_par_iter()
         .map(|i| {
@@ -69,14 +104,14 @@ pub(crate) fn render(baked: &BakedWorld, view: &View) -> Rendering {
     let wide = Filter { sampled: &lit, ..filter };
     let lit: Vec<Lit> = (0..seen.len()).into_par_iter().map(|i| wide.wider(i)).collect();
     // No two in a row or column: lamps seen edge-on are thinner than any grid.
-    let within_pixel: [[f32; 2]; LAMPS[0].1] =
-        std::array::from_fn(|k| (pattern::r2(k as u32 + 1) - Vec2::splat(0.5)).to_array());
+    let within_pixel: [Vec2; LAMPS[0].1] = std::array::from_fn(|k| pattern::r2(k as u32));
+    let shifts = Rotations::new("transport edges", baked.settings().seed);
     let lamps = lamp_samples(baked, view);
     let radiance = |i: usize| {
         let (x, y) = at(i);
         let within = |[dx, dy]: [f32; 2], rays: u32| {
             let sub = look(baked, view, x as f32 + 0.5 + dx, y as f32 + 0.5 + dy);
-            let light = match sub.surface.as_ref().and_then(|_| filter.like(&sub, x, y)) {
+            let light = match sub.surface.as_ref().filter(|_| lamps[i] == 0).and_then(|_| filter.like(&sub, x, y)) {
                 Some(like) => lit[like],
                 None => sampler.sample(&sub, (x, y), rays),
             };
@@ -85,7 +120,9 @@ pub(crate) fn render(baked: &BakedWorld, view: &View) -> Rendering {
         let mean = |samples: usize| {
             // Many samples of a pixel need few light samples each.
             let rays = (EDGE_SAMPLES.len() as u32 * LONELY_RAYS).div_ceil(samples as u32);
-            within_pixel[..samples].iter().map(|&place| within(place, rays)).sum::<Vec3>() / samples as f32
+            let [dx, dy, ..] = shifts.of(i * 997);
+            let place = |at: &Vec2| [shifted(at.x, dx) - 0.5, shifted(at.y, dy) - 0.5];
+            within_pixel[..samples].iter().map(|at| within(place(at), rays)).sum::<Vec3>() / samples as f32
         };
         if lamps[i] > 0 {
             return mean(lamps[i]).to_array();
@@ -103,16 +140,7 @@ pub(crate) fn render(baked: &BakedWorld, view: &View) -> Rendering {
             (few.into_iter().sum::<Vec3>() / few.len() as f32).to_array()
         }
     };
-    let pixels = (0..seen.len()).into_par_iter().map(radiance).collect();
-    let camera_from_world = view.pose().rotation.conjugate();
-    let image = |pixel: &dyn Fn(&Seen) -> [f32; 3]| Image::new(width, height, seen.iter().map(pixel).collect());
-    Rendering {
-        radiance: Image::new(width, height, pixels),
-        depth_m: Image::new(width, height, seen.iter().map(|s| view.depth_m(s.distance_m, s.direction)).collect()),
-        normal: image(&|s| (camera_from_world * s.normal).to_array()),
-        albedo: image(&|s| s.albedo.to_array()),
-        specular: Image::new(width, height, seen.iter().map(|s| s.specular).collect()),
-    }
+    Image::new(width, height, (0..seen.len()).into_par_iter().map(radiance).collect())
 }
 
 /// Difference of the brightest and the darkest over their sum: 0 where all are alike, 1 where one is black.
@@ -163,13 +191,13 @@ fn shown(baked: &BakedWorld, seen: &Seen, lit: &Lit) -> Vec3 {
         light += surface.through * lit.behind / PI;
     }
     if surface.is_glossy() {
-        light += lit.gloss(surface) * surface.coverage;
+        light += lit.reflected(surface) * surface.coverage;
     }
     if surface.pass != Vec3::ZERO {
-        light += surface.pass * baked.light_along(surface.ray(-surface.view), Sampled::Nothing);
+        light += surface.pass * baked.light_along(surface.ray(-surface.view));
     }
     if surface.mirror != Vec3::ZERO {
-        light += surface.mirror * baked.light_along(surface.ray(surface.mirrored()), Sampled::Nothing);
+        light += surface.mirror * baked.light_along(surface.ray(surface.mirrored()));
     }
     seen.light + seen.tint * light
 }

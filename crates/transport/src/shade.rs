@@ -1,14 +1,18 @@
 //! Light at one pixel: a few samples of lamps and portals, the sun, a ray into the gloss, the rest from the cache.
 
+use std::f32::consts::PI;
+
 use geometry::{Ray, Vec2, Vec3, orthonormal_basis};
 
-use crate::baked::{BakedWorld, Sampled};
+use crate::View;
+use crate::baked::BakedWorld;
 use crate::bsdf;
-use crate::gbuffer::Seen;
+use crate::gbuffer::{Seen, alike, look};
 use crate::light_tree::{CutNode, Lobe};
-use crate::lighting::{Part, limited};
+use crate::lighting::Part;
 use crate::lights::luminance;
-use crate::pattern::{Rotations, radical_inverse_3, shifted, van_der_corput};
+use crate::neighbours::Neighbours;
+use crate::pattern::{Rotations, r2, radical_inverse_3, shifted, van_der_corput};
 use crate::scene::Surface;
 
 /// Below this roughness the lobe is no wider than a few pixels: a mirror. From it on lamps are sampled for the gloss.
@@ -17,8 +21,20 @@ const SHARP: f32 = 0.12;
 /// From this roughness on the gloss of plastics, wood and plaster sees the mean light around.
 const BLURRED: f32 = 0.5;
 
-/// A sample of a reflected lamp counts no more than this many times the lamp's own radiance times the gloss's albedo.
-const MOST_REFLECTED: f32 = 2.0;
+/// A lobe whose α is below this many pixels (in radians) would be blurred by sharing what it shows with other pixels.
+const SHARED_LOBES: f32 = 2.0;
+
+/// Rays into such a lobe, at least.
+const LEAST_LOBE_RAYS: u32 = 8;
+
+/// Mirrors trace one ray for so many light samples.
+const MIRROR_SHARE: u32 = 4;
+
+/// Specular reflectance above which the gloss of rough surfaces is worth a ray.
+const METAL: f32 = 0.2;
+
+/// Surfaces whose reflectance and roughness together differ by less are one.
+const LIKE_GLOSS: f32 = 0.1;
 
 /// Reflected lamps below this share of what else a surface shows are looked for by chance,
 const LEAST_REFLECTED: f32 = 0.05;
@@ -43,10 +59,12 @@ pub(crate) struct Lit {
     pub indirect: Vec3,
     /// Irradiance on the other side.
     pub behind: Vec3,
-    /// Light reflected by the rough gloss, divided by the gloss's albedo.
-    rough_gloss: Vec3,
-    /// Light reflected by the gloss, for surfaces whose pixels do not share it.
-    sharp_gloss: Vec3,
+    /// Light reflected by the gloss, divided by the gloss's albedo.
+    gloss: Vec3,
+    /// The same of the sun.
+    sun_gloss: Vec3,
+    /// Others' gloss would blur what its own shows.
+    is_sharp: bool,
     /// Variance of [`Lit::brightness`], where it is a mean over pixels.
     pub variance: f32,
 }
@@ -54,12 +72,20 @@ pub(crate) struct Lit {
 impl Lit {
     /// Itself without what pixels share.
     pub(crate) fn nothing(&self) -> Self {
-        Self { lamps: Vec3::ZERO, rough_gloss: Vec3::ZERO, ..*self }
+        Self {
+            lamps: Vec3::ZERO,
+            behind: Vec3::ZERO,
+            gloss: if self.is_sharp { self.gloss } else { Vec3::ZERO },
+            ..*self
+        }
     }
 
     pub(crate) fn add(&mut self, other: &Self, weight: f32) {
         self.lamps += other.lamps * weight;
-        self.rough_gloss += other.rough_gloss * weight;
+        self.behind += other.behind * weight;
+        if !self.is_sharp {
+            self.gloss += other.gloss * weight;
+        }
     }
 
     /// How far two means that differ by this much may differ by chance alone, 0 to 1.
@@ -73,24 +99,28 @@ impl Lit {
 
     /// Luminance of what pixels share.
     pub(crate) fn brightness(&self) -> f32 {
-        luminance(self.lamps) + luminance(self.rough_gloss)
+        luminance(self.lamps) + luminance(self.gloss)
     }
 
     pub(crate) fn divide(&mut self, by: f32) {
         self.lamps /= by;
-        self.rough_gloss /= by;
+        self.behind /= by;
+        if !self.is_sharp {
+            self.gloss /= by;
+        }
     }
 
     /// Mean of what pixels share and own samples.
     pub(crate) fn mix(&mut self, own: &Self, weight: f32, own_weight: f32) {
         let share = own_weight / (weight + own_weight);
         self.lamps = self.lamps.lerp(own.lamps, share);
-        self.rough_gloss = self.rough_gloss.lerp(own.rough_gloss, share);
+        self.behind = self.behind.lerp(own.behind, share);
+        self.gloss = self.gloss.lerp(own.gloss, share);
     }
 
     /// Light that the gloss reflects.
-    pub(crate) fn gloss(&self, surface: &Surface) -> Vec3 {
-        self.sharp_gloss + self.rough_gloss * gloss_albedo(surface)
+    pub(crate) fn reflected(&self, surface: &Surface) -> Vec3 {
+        (self.gloss + self.sun_gloss) * gloss_albedo(surface)
     }
 }
 
@@ -98,72 +128,147 @@ fn gloss_albedo(surface: &Surface) -> Vec3 {
     bsdf::specular_albedo(surface.f0, surface.roughness, surface.normal.dot(surface.view))
 }
 
+/// Light that the gloss reflects, divided by its albedo.
+fn per_albedo(surface: &Surface, reflected: Vec3) -> Vec3 {
+    reflected / gloss_albedo(surface).max(Vec3::splat(1e-6))
+}
+
 /// Samples light at pixels of a baked world.
 pub(crate) struct Sampler<'a> {
     baked: &'a BakedWorld,
+    view: &'a View,
     rotations: Rotations,
 }
 
+/// The place of a pixel's samples in the pattern of its tile.
+fn turn((x, y): (usize, usize)) -> u32 {
+    ORDER[(y % TILE) * TILE + x % TILE]
+}
+
 impl<'a> Sampler<'a> {
-    pub(crate) fn new(baked: &'a BakedWorld) -> Self {
-        Self { baked, rotations: Rotations::new("transport view", baked.settings().seed) }
+    pub(crate) fn new(baked: &'a BakedWorld, view: &'a View) -> Self {
+        Self { baked, view, rotations: Rotations::new("transport view", baked.settings().seed) }
     }
 
     /// Light at a pixel from `rays` light samples, which are part of a pattern over the tile of pixels around.
-    pub(crate) fn sample(&self, seen: &Seen, (x, y): (usize, usize), rays: u32) -> Lit {
+    pub(crate) fn sample(&self, seen: &Seen, at: (usize, usize), rays: u32) -> Lit {
         let Some(surface) = &seen.surface else { return Lit::default() };
         let cache = self.baked.cache();
-        let turn = ORDER[(y % TILE) * TILE + x % TILE];
+        let turn = turn(at);
         let near = cache.surfels.near(surface.position, surface.geometric_normal, cache.surfels.part(surface.triangle));
         let mut lit = Lit { indirect: near.mean(|surfel| cache.indirect[surfel]), ..Lit::default() };
+        let jitter = self.rotations.of(at.0 / TILE * 59 + at.1 / TILE * 997);
         if surface.through != Vec3::ZERO {
-            lit.behind = near.mean(|surfel| cache.behind[surfel]);
+            let back = Surface { geometric_normal: -surface.geometric_normal, normal: -surface.normal, ..*surface };
+            let near = cache.surfels.near(back.position, back.geometric_normal, cache.surfels.part(back.triangle));
+            let (lamps, _) = self.lamps(&back, &near, turn, rays, jitter);
+            let (sun, _) = self.sun(&back, turn);
+            lit.behind = near.mean(|surfel| cache.indirect[surfel]) + lamps + sun;
         }
-        let mut rough = Vec3::ZERO;
         if surface.diffuse != Vec3::ZERO || surface.is_glossy() {
-            let fresh;
-            let parts = match near.best() {
-                Some(surfel) => cache.parts(surfel),
-                None => {
-                    fresh = self.fresh_parts(surface);
-                    &fresh
-                }
-            };
-            let samples = rays * (TILE * TILE) as u32;
-            let jitter = self.rotations.of(x / TILE * 59 + y / TILE * 997);
-            for k in 0..rays {
-                let (diffuse, gloss) = self.lamp(surface, parts, turn * rays + k, samples, jitter);
-                lit.lamps += diffuse / rays as f32;
-                rough += gloss / rays as f32;
-            }
-            if surface.is_glossy() && (SHARP..BLURRED).contains(&surface.roughness) {
-                let shown = luminance(surface.diffuse * (lit.lamps + lit.indirect)) / std::f32::consts::PI;
-                let rays = rays.div_ceil(2);
-                for k in 0..rays {
-                    let (index, samples) = (turn * rays + k, rays * (TILE * TILE) as u32);
-                    lit.sharp_gloss += self.reflected_lamp(surface, shown, index, samples, jitter) / rays as f32;
-                }
-            }
+            let (diffuse, rough) = self.lamps(surface, &near, turn, rays, jitter);
+            lit.lamps = diffuse;
             let (diffuse, gloss) = self.sun(surface, turn);
             lit.sun = diffuse;
-            lit.sharp_gloss += gloss;
-        }
-        if surface.is_glossy() {
-            self.gloss(surface, turn, rough, &mut lit);
+            lit.sun_gloss = per_albedo(surface, gloss);
+            if surface.is_glossy() {
+                if (SHARP..BLURRED).contains(&surface.roughness) {
+                    self.lobe(seen, surface, at, rays, jitter, &mut lit);
+                } else {
+                    self.gloss(surface, at, rays, rough, &mut lit);
+                }
+            }
         }
         lit
     }
 
-    fn gloss(&self, surface: &Surface, turn: u32, lamps: Vec3, lit: &mut Lit) {
-        let albedo = gloss_albedo(surface);
-        let share = |light: Vec3| light / albedo.max(Vec3::splat(1e-6));
-        if surface.roughness >= BLURRED && surface.f0.max_element() < 0.2 {
-            lit.rough_gloss = share(lamps);
-            lit.sharp_gloss += albedo * lit.indirect / std::f32::consts::PI;
+    /// Light of lamps and portals at a pixel: irradiance, and what a rough gloss reflects of it.
+    fn lamps(&self, surface: &Surface, near: &Neighbours, turn: u32, rays: u32, jitter: [f32; 4]) -> (Vec3, Vec3) {
+        let fresh;
+        let parts = match near.best() {
+            Some(surfel) => self.baked.cache().parts(surfel),
+            None => {
+                fresh = self.fresh_parts(surface);
+                &fresh
+            }
+        };
+        let samples = rays * (TILE * TILE) as u32;
+        let sample = |k: u32| self.lamp(surface, parts, turn * rays + k, samples, jitter);
+        let add = |sum: (Vec3, Vec3), (diffuse, gloss): (Vec3, Vec3)| (sum.0 + diffuse, sum.1 + gloss);
+        let (diffuse, gloss) = (0..rays).map(sample).fold((Vec3::ZERO, Vec3::ZERO), add);
+        (diffuse / rays as f32, gloss / rays as f32)
+    }
+
+    /// Gloss of a lobe that is neither a mirror's nor so wide that it sees the mean light around: by rays into the lobe and by
+    /// samples of lamps, weighed by the balance heuristic where both find a lamp (Veach & Guibas 1995).
+    fn lobe(&self, seen: &Seen, surface: &Surface, at: (usize, usize), rays: u32, jitter: [f32; 4], lit: &mut Lit) {
+        let turn = turn(at);
+        let is_shared = surface.alpha() * seen.travelled_m >= SHARED_LOBES * seen.footprint_m;
+        let count = if is_shared { rays.div_ceil(2) } else { rays.max(LEAST_LOBE_RAYS) };
+        let shown = luminance(surface.diffuse * (lit.lamps + lit.indirect)) / PI;
+        let lighting = &self.baked.cache().lighting;
+        let mut sum = Vec3::ZERO;
+        for k in 0..count {
+            // Spread over the pixel's own samples first, then over its tile.
+            let first = (k as f32 + (turn as f32 + 0.5) / (TILE * TILE) as f32) / count as f32;
+            let second = shifted(van_der_corput(k), van_der_corput(turn));
+            let third = shifted(radical_inverse_3(k), radical_inverse_3(turn));
+            let random = [shifted(first, jitter[0]), shifted(second, jitter[1]), shifted(third, jitter[2])];
+            let surface = if is_shared { *surface } else { self.elsewhere(surface, at, k) };
+            let dice = shifted(r2(turn).x, shifted(r2(k).y, jitter[3]));
+            sum += self.reflected_light(&surface, shown, random, dice);
+            let basis = orthonormal_basis(surface.normal);
+            let view = basis.transpose() * surface.view;
+            let (direction, weight) =
+                bsdf::sample_lobe(surface.f0, surface.alpha(), view, Vec2::new(random[1], random[0]));
+            let direction = basis * direction;
+            if weight == Vec3::ZERO || direction.dot(surface.geometric_normal) <= 0.0 {
+                continue;
+            }
+            let own = bsdf::lobe_density(surface.alpha(), surface.normal, surface.view, direction);
+            let reflected = Lobe { mirrored: surface.mirrored(), alpha: surface.alpha() };
+            let ray = surface.ray(direction);
+            let start = surface.ray(surface.geometric_normal).origin;
+            let share = |emitter: u32, sr_per_m2: f32| {
+                if lighting.emitters.list[emitter as usize].sheet {
+                    return 1.0;
+                }
+                let other = lighting.density_reflected(emitter, start, surface.normal, &reflected, sr_per_m2);
+                own / (own + other)
+            };
+            sum += weight * self.baked.light_beside_samples(ray, share);
+        }
+        lit.gloss = per_albedo(surface, sum / count as f32);
+        lit.is_sharp = !is_shared;
+    }
+
+    /// What ray `k` within a pixel sees of the surface that the ray through its middle sees; the latter where it sees another one.
+    fn elsewhere(&self, surface: &Surface, (x, y): (usize, usize), k: u32) -> Surface {
+        let within = r2(k);
+        let seen = look(self.baked, self.view, x as f32 + within.x, y as f32 + within.y);
+        let same = |other: &Surface| {
+            // A thin thing may lie on another one that faces the same way.
+            let gloss = (other.f0 - surface.f0).abs().max_element() + (other.roughness - surface.roughness).abs();
+            gloss < LIKE_GLOSS && alike(surface, seen.footprint_m, other)
+        };
+        seen.surface.filter(same).unwrap_or(*surface)
+    }
+
+    /// Gloss of mirrors and of wide lobes, whose lamps are sampled with the diffuse ones.
+    fn gloss(&self, surface: &Surface, at: (usize, usize), rays: u32, lamps: Vec3, lit: &mut Lit) {
+        let turn = turn(at);
+        if surface.roughness >= BLURRED && surface.f0.max_element() < METAL {
+            lit.gloss = per_albedo(surface, lamps) + lit.indirect / PI;
             return;
         }
         if surface.roughness < SHARP {
-            lit.sharp_gloss += albedo * self.baked.light_along(surface.ray(surface.mirrored()), Sampled::Nothing);
+            let count = rays.div_ceil(MIRROR_SHARE);
+            for k in 0..count {
+                let surface = if count > 1 { self.elsewhere(surface, at, k) } else { *surface };
+                let light = self.baked.light_along(surface.ray(surface.mirrored()));
+                lit.gloss += light / count as f32;
+            }
+            lit.is_sharp = true;
             return;
         }
         let random = Vec2::new(van_der_corput(turn), (turn as f32 + 0.5) / (TILE * TILE) as f32);
@@ -172,10 +277,9 @@ impl<'a> Sampler<'a> {
             bsdf::sample_lobe(surface.f0, surface.alpha(), basis.transpose() * surface.view, random);
         let direction = basis * direction;
         let above = weight != Vec3::ZERO && direction.dot(surface.geometric_normal) > 0.0;
-        let sampled = if surface.roughness >= BLURRED { Sampled::All } else { Sampled::Lamps };
-        let along = |ray| weight * self.baked.light_along(ray, sampled);
+        let along = |ray| weight * self.baked.light_beside_samples(ray, |_, _| 0.0);
         let ray = if above { along(surface.ray(direction)) } else { Vec3::ZERO };
-        lit.rough_gloss = share(lamps + ray);
+        lit.gloss = per_albedo(surface, lamps + ray);
     }
 
     /// Light sample number `index` of `samples`: irradiance, and light that the gloss reflects.
@@ -214,32 +318,26 @@ impl<'a> Sampler<'a> {
         (arriving * surface.normal.dot(light.direction), gloss)
     }
 
-    /// Light of lamps that a narrow lobe reflects, beside what the surface shows else (`shown`). Windows and curtains are large: a ray
-    /// into the lobe finds them better.
-    fn reflected_lamp(&self, surface: &Surface, shown: f32, index: u32, samples: u32, jitter: [f32; 4]) -> Vec3 {
-        let random = [
-            shifted((index as f32 + 0.5) / samples as f32, jitter[0]),
-            shifted(van_der_corput(index), jitter[1]),
-            shifted(radical_inverse_3(index), jitter[2]),
-        ];
+    /// Light of lamps and portals that a lobe reflects, as far as samples of these answer for it, beside what the surface shows
+    /// else (`shown`). Curtains are large: rays into the lobe find them.
+    fn reflected_light(&self, surface: &Surface, shown: f32, random: [f32; 3], dice: f32) -> Vec3 {
         let (lighting, scene) = (&self.baked.cache().lighting, self.baked.scene());
         let start = surface.ray(surface.geometric_normal).origin;
         let lobe = Lobe { mirrored: surface.mirrored(), alpha: surface.alpha() };
         let sample = lighting.sample_reflected(scene, start, surface.normal, &lobe, random);
-        let Some((light, density)) = sample.filter(|(light, _)| light.lamp) else { return Vec3::ZERO };
+        let Some((light, density)) = sample.filter(|(light, _)| !light.sheet) else { return Vec3::ZERO };
         if light.direction.dot(surface.geometric_normal) <= 0.0 {
             return Vec3::ZERO;
         }
         let gloss = bsdf::specular_cos(surface.f0, surface.alpha(), surface.normal, surface.view, light.direction);
-        // What is reflected is never brighter than the lamp; a sample beside it would be.
-        let most = MOST_REFLECTED * luminance(light.radiance * gloss_albedo(surface));
-        let reflected = limited(light.radiance * gloss / density, most);
+        let by_lobe = bsdf::lobe_density(surface.alpha(), surface.normal, surface.view, light.direction);
+        let reflected = light.radiance * gloss / (density + by_lobe);
         if reflected == Vec3::ZERO {
             return Vec3::ZERO;
         }
         // Most lamps are not where a surface reflects them from: few rays look whether they are hidden.
         let chance = (luminance(reflected) / (LEAST_REFLECTED * shown)).clamp(LEAST_CHANCE, 1.0);
-        if shifted(index as f32 * 0.618_034 % 1.0, jitter[3]) >= chance {
+        if dice >= chance {
             return Vec3::ZERO;
         }
         let passed = scene.transmittance(&Ray { origin: start, direction: light.direction }, light.distance_m);

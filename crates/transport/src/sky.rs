@@ -30,6 +30,16 @@ pub(crate) struct Opening {
     duals: [Vec3; 2],
 }
 
+/// Where a ray leaves by a portal.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PlaceInPortal {
+    /// Shares of the edges.
+    pub along: [f32; 2],
+    pub position: Vec3,
+    /// Between the ray and the way out.
+    pub cosine: f32,
+}
+
 impl Sky {
     pub(crate) fn new(outdoors: Outdoors, portals: &[Portal]) -> Result<Self, TransportError> {
         let map = outdoors.radiance;
@@ -52,8 +62,13 @@ impl Sky {
 
     /// Radiance from a direction, the sun's disc included.
     pub(crate) fn radiance_with_sun(&self, direction: Vec3) -> Vec3 {
+        self.radiance(direction) + self.sun_radiance(direction)
+    }
+
+    /// Radiance of the sun's disc in a direction.
+    pub(crate) fn sun_radiance(&self, direction: Vec3) -> Vec3 {
         let disc = self.sun.as_ref().filter(|sun| sun.covers(direction));
-        self.radiance(direction) + disc.map_or(Vec3::ZERO, |disc| disc.sun.radiance.into())
+        disc.map_or(Vec3::ZERO, |disc| disc.sun.radiance.into())
     }
 
     pub(crate) fn is_dark(&self) -> bool {
@@ -67,7 +82,13 @@ impl Sky {
 
     /// Whether the ray leaves the room through a portal within the distance.
     pub(crate) fn leaves_by_portal(&self, ray: &Ray, most_m: f32) -> bool {
-        self.portals.iter().any(|opening| opening.leaves_by(ray, most_m))
+        self.portal_left(ray, most_m).is_some()
+    }
+
+    /// The portal by which the ray leaves the room within the distance, with the place in it.
+    pub(crate) fn portal_left(&self, ray: &Ray, most_m: f32) -> Option<(usize, PlaceInPortal)> {
+        let place = |(at, opening): (usize, &Opening)| Some((at, opening.leaves_by(ray, most_m)?));
+        self.portals.iter().enumerate().find_map(place)
     }
 }
 
@@ -110,17 +131,19 @@ impl Opening {
         (duals.iter().all(|d| d.is_finite()) && normal.is_finite()).then_some(Self { portal, normal, duals })
     }
 
-    fn leaves_by(&self, ray: &Ray, most_m: f32) -> bool {
+    fn leaves_by(&self, ray: &Ray, most_m: f32) -> Option<PlaceInPortal> {
         let approach = ray.direction.dot(self.normal);
         if approach >= 0.0 {
-            return false;
+            return None;
         }
-        let distance = (self.portal.corner - ray.origin).dot(self.normal) / approach;
-        if !(distance > 0.0 && distance < most_m) {
-            return false;
+        let distance_m = (self.portal.corner - ray.origin).dot(self.normal) / approach;
+        if !(distance_m > 0.0 && distance_m < most_m) {
+            return None;
         }
-        let offset = ray.at(distance) - self.portal.corner;
-        self.duals.iter().all(|&dual| (0.0..=1.0).contains(&offset.dot(dual)))
+        let offset = ray.at(distance_m) - self.portal.corner;
+        let along = self.duals.map(|dual| offset.dot(dual));
+        let inside = along.iter().all(|share| (0.0..=1.0).contains(share));
+        inside.then_some(PlaceInPortal { along, position: ray.at(distance_m), cosine: -approach })
     }
 }
 
@@ -140,12 +163,12 @@ mod tests {
         let portal = Portal { corner: Vec3::new(0.0, 0.0, -2.0), edges: [Vec3::X, Vec3::new(0.5, 1.0, 0.0)] };
         let opening = Opening::new(portal).unwrap();
         let leaves = |x, y, z: f32| {
-            opening.leaves_by(&Ray { origin: Vec3::new(x, y, 0.0), direction: Vec3::new(0.0, 0.0, z) }, 10.0)
+            opening.leaves_by(&Ray { origin: Vec3::new(x, y, 0.0), direction: Vec3::new(0.0, 0.0, z) }, 10.0).is_some()
         };
         assert!(leaves(0.5, 0.5, -1.0) && leaves(1.2, 0.9, -1.0) && !leaves(0.2, 0.9, -1.0));
         assert!(!leaves(0.5, 0.5, 1.0));
         let near = Ray { origin: Vec3::new(0.5, 0.5, 0.0), direction: Vec3::NEG_Z };
-        assert!(!opening.leaves_by(&near, 1.9));
+        assert!(opening.leaves_by(&near, 1.9).is_none());
     }
 
     #[test]

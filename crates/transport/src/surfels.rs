@@ -193,13 +193,17 @@ impl Surfels {
         }
         let above = offset.dot(normal).abs().max(offset.dot(surfel.normal).abs());
         let near = 1.0 - offset.length_squared() / (2.25 * cell_m * cell_m);
-        let flat = 1.0 - above / (0.6 * cell_m);
-        if near <= 0.0 || flat <= 0.0 {
+        // What lies in the plane counts far more than another layer before or behind it.
+        let layer = above / (LAYER_SHARE * cell_m);
+        if near <= 0.0 || above >= 0.6 * cell_m {
             return 0.0;
         }
-        near * near * near * flat * facing * facing
+        near * near * near * facing * facing / (1.0 + layer * layer).powi(2)
     }
 }
+
+/// Surfels this share of a cell before or behind a place count a quarter.
+const LAYER_SHARE: f32 = 0.1;
 
 /// Part that stands for all parts.
 const ANY_PART: u32 = 0xf_ffff;

@@ -57,6 +57,17 @@ impl View {
         Ray { origin: pose.position, direction: (pose.rotation * direction).normalize() }
     }
 
+    /// The same with so many times as many pixels each way.
+    pub(crate) fn finer(&self, times: usize) -> Self {
+        match *self {
+            Self::Pinhole { pose, camera } => {
+                let times = times as u32;
+                Self::Pinhole { pose, camera: camera.resized(camera.width * times, camera.height * times) }
+            }
+            Self::Panorama { pose, height } => Self::Panorama { pose, height: height * times },
+        }
+    }
+
     /// Whether the left edge goes on at the right one.
     pub(crate) fn wraps(&self) -> bool {
         matches!(self, Self::Panorama { .. })
