@@ -25,7 +25,7 @@ const BLURRED: f32 = 0.5;
 const SHARED_LOBES: f32 = 2.0;
 
 /// Rays into such a lobe, at least.
-const LEAST_LOBE_RAYS: u32 = 8;
+const LEAST_LOBE_RAYS: u32 = 6;
 
 /// Mirrors trace one ray for so many light samples.
 const MIRROR_SHARE: u32 = 4;
