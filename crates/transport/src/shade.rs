@@ -133,6 +133,14 @@ fn per_albedo(surface: &Surface, reflected: Vec3) -> Vec3 {
     reflected / gloss_albedo(surface).max(Vec3::splat(1e-6))
 }
 
+/// A direction into the lobe, and what multiplies its radiance in a plain mean; nothing where it points below the surface.
+fn into_lobe(surface: &Surface, random: Vec2) -> Option<(Vec3, Vec3)> {
+    let basis = orthonormal_basis(surface.normal);
+    let (direction, weight) = bsdf::sample_lobe(surface.f0, surface.alpha(), basis.transpose() * surface.view, random);
+    let direction = basis * direction;
+    (weight != Vec3::ZERO && direction.dot(surface.geometric_normal) > 0.0).then_some((direction, weight))
+}
+
 /// Samples light at pixels of a baked world.
 pub(crate) struct Sampler<'a> {
     baked: &'a BakedWorld,
@@ -217,14 +225,7 @@ impl<'a> Sampler<'a> {
             let surface = if is_shared { *surface } else { self.elsewhere(surface, at, k) };
             let dice = shifted(r2(turn).x, shifted(r2(k).y, jitter[3]));
             sum += self.reflected_light(&surface, shown, random, dice);
-            let basis = orthonormal_basis(surface.normal);
-            let view = basis.transpose() * surface.view;
-            let (direction, weight) =
-                bsdf::sample_lobe(surface.f0, surface.alpha(), view, Vec2::new(random[1], random[0]));
-            let direction = basis * direction;
-            if weight == Vec3::ZERO || direction.dot(surface.geometric_normal) <= 0.0 {
-                continue;
-            }
+            let Some((direction, weight)) = into_lobe(&surface, Vec2::new(random[1], random[0])) else { continue };
             let own = bsdf::lobe_density(surface.alpha(), surface.normal, surface.view, direction);
             let reflected = Lobe { mirrored: surface.mirrored(), alpha: surface.alpha() };
             let ray = surface.ray(direction);
@@ -272,13 +273,9 @@ impl<'a> Sampler<'a> {
             return;
         }
         let random = Vec2::new(van_der_corput(turn), (turn as f32 + 0.5) / (TILE * TILE) as f32);
-        let basis = orthonormal_basis(surface.normal);
-        let (direction, weight) =
-            bsdf::sample_lobe(surface.f0, surface.alpha(), basis.transpose() * surface.view, random);
-        let direction = basis * direction;
-        let above = weight != Vec3::ZERO && direction.dot(surface.geometric_normal) > 0.0;
-        let along = |ray| weight * self.baked.light_beside_samples(ray, |_, _| 0.0);
-        let ray = if above { along(surface.ray(direction)) } else { Vec3::ZERO };
+        let ray = into_lobe(surface, random).map_or(Vec3::ZERO, |(direction, weight)| {
+            weight * self.baked.light_beside_samples(surface.ray(direction), |_, _| 0.0)
+        });
         lit.gloss = per_albedo(surface, lamps + ray);
     }
 
