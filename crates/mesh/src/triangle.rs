@@ -38,7 +38,7 @@ impl ShearedRay {
     }
 
     /// The crossing at a distance in [`least`, `most`], if there is one.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn intersect(&self, [a, b, c]: [Vec3; 3], least: f32, most: f32) -> Option<Crossing> {
         let [x, y, z] = self.axes;
         let (a, b, c) = (a - self.origin, b - self.origin, c - self.origin);

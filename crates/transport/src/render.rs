@@ -17,6 +17,9 @@ use crate::{Rendering, View};
 /// Places of the first samples at edges, in pixels from the middle: a rotated square.
 const EDGE_SAMPLES: [[f32; 2]; 4] = [[-0.125, -0.375], [0.375, -0.125], [0.125, 0.375], [-0.375, 0.125]];
 
+/// Light samples of each of them where nobody shares.
+const EDGE_RAYS: u32 = 4;
+
 /// Where these samples differ by more than the given share of their brightness, how much of the pixel is bright counts. It takes so
 /// many samples as would be this many if all pixels of the view did, but at most [`MOST_EDGE_SAMPLES`]: in pictures of few pixels
 /// more of them lie at edges.
@@ -130,7 +133,7 @@ fn radiance(baked: &BakedWorld, view: &View, seen: &[Seen]) -> RadianceImage {
         if !filter.is_edge(i) {
             return shown(baked, &seen[i], &lit[i]).to_array();
         }
-        let few = EDGE_SAMPLES.map(|place| within(place, LONELY_RAYS));
+        let few = EDGE_SAMPLES.map(|place| within(place, EDGE_RAYS));
         let contrast = contrast(few);
         let wanted = CONTRASTS.iter().find(|(least, _)| contrast > *least);
         let samples = wanted.map_or(0, |(_, of_view)| (of_view / seen.len()).min(MOST_EDGE_SAMPLES));
