@@ -18,7 +18,7 @@ use crate::scene::Surface;
 /// Below this roughness the lobe is no wider than a few pixels: a mirror. From it on lamps are sampled for the gloss.
 const SHARP: f32 = 0.12;
 
-/// From this roughness on the gloss of plastics, wood and plaster sees the mean light around.
+/// From this roughness on a lobe is wide: lamps are sampled for it together with the diffuse light.
 const BLURRED: f32 = 0.5;
 
 /// A lobe whose α is below this many pixels (in radians) would be blurred by sharing what it shows with other pixels.
@@ -30,7 +30,7 @@ const LEAST_LOBE_RAYS: u32 = 6;
 /// Mirrors trace one ray for so many light samples.
 const MIRROR_SHARE: u32 = 4;
 
-/// Specular reflectance above which the gloss of rough surfaces is worth a ray.
+/// Specular reflectance from which a wide lobe is worth a ray. That of plastics, wood and plaster sees the mean light around.
 const METAL: f32 = 0.2;
 
 /// Surfaces whose reflectance and roughness together differ by less are one.
@@ -180,10 +180,10 @@ impl<'a> Sampler<'a> {
             lit.sun = diffuse;
             lit.sun_gloss = per_albedo(surface, gloss);
             if surface.is_glossy() {
-                if (SHARP..BLURRED).contains(&surface.roughness) {
-                    self.lobe(seen, surface, at, rays, jitter, &mut lit);
-                } else {
-                    self.gloss(surface, at, rays, rough, &mut lit);
+                match surface.roughness {
+                    ..SHARP => self.mirror(surface, at, rays, &mut lit),
+                    SHARP..BLURRED => self.lobe(seen, surface, at, rays, jitter, &mut lit),
+                    _ => self.wide_lobe(surface, turn, rough, &mut lit),
                 }
             }
         }
@@ -255,21 +255,21 @@ impl<'a> Sampler<'a> {
         seen.surface.filter(same).unwrap_or(*surface)
     }
 
-    /// Gloss of mirrors and of wide lobes, whose lamps are sampled with the diffuse ones.
-    fn gloss(&self, surface: &Surface, at: (usize, usize), rays: u32, lamps: Vec3, lit: &mut Lit) {
-        let turn = turn(at);
-        if surface.roughness >= BLURRED && surface.f0.max_element() < METAL {
-            lit.gloss = per_albedo(surface, lamps) + lit.indirect / PI;
-            return;
+    /// Gloss of a mirror.
+    fn mirror(&self, surface: &Surface, at: (usize, usize), rays: u32, lit: &mut Lit) {
+        let count = rays.div_ceil(MIRROR_SHARE);
+        for k in 0..count {
+            let surface = if count > 1 { self.elsewhere(surface, at, k) } else { *surface };
+            let light = self.baked.light_along(surface.ray(surface.mirrored()));
+            lit.gloss += light / count as f32;
         }
-        if surface.roughness < SHARP {
-            let count = rays.div_ceil(MIRROR_SHARE);
-            for k in 0..count {
-                let surface = if count > 1 { self.elsewhere(surface, at, k) } else { *surface };
-                let light = self.baked.light_along(surface.ray(surface.mirrored()));
-                lit.gloss += light / count as f32;
-            }
-            lit.is_sharp = true;
+        lit.is_sharp = true;
+    }
+
+    /// Gloss of a wide lobe, given what it reflects of lamps and portals: these are sampled with the diffuse ones.
+    fn wide_lobe(&self, surface: &Surface, turn: u32, lamps: Vec3, lit: &mut Lit) {
+        if surface.f0.max_element() < METAL {
+            lit.gloss = per_albedo(surface, lamps) + lit.indirect / PI;
             return;
         }
         let random = Vec2::new(van_der_corput(turn), (turn as f32 + 0.5) / (TILE * TILE) as f32);
