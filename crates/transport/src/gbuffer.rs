@@ -93,8 +93,22 @@ pub(crate) fn look(baked: &BakedWorld, view: &View, u: f32, v: f32) -> Seen {
     seen
 }
 
-/// Whether two places are so alike that light sampled at one serves the other.
-pub(crate) fn alike(a: &Surface, footprint_m: f32, b: &Surface) -> bool {
-    let above = (b.position - a.position).dot(a.geometric_normal).abs();
-    a.geometric_normal.dot(b.geometric_normal) > 0.9 && above < footprint_m + 2e-3
+/// The plane that a pixel sees a bit of.
+#[derive(Clone, Copy)]
+pub(crate) struct Facet {
+    pub position: Vec3,
+    pub normal: Vec3,
+}
+
+impl Facet {
+    pub(crate) fn of(surface: &Surface) -> Self {
+        Self { position: surface.position, normal: surface.geometric_normal }
+    }
+
+    /// Whether light sampled at another one serves this one, which is `footprint_m` wide.
+    #[inline]
+    pub(crate) fn is_like(&self, footprint_m: f32, other: &Self) -> bool {
+        let above = (other.position - self.position).dot(self.normal).abs();
+        self.normal.dot(other.normal) > 0.9 && above < footprint_m + 2e-3
+    }
 }

@@ -8,7 +8,7 @@ use imaging::{Image, RadianceImage};
 use rayon::prelude::*;
 
 use crate::baked::BakedWorld;
-use crate::gbuffer::{Seen, alike, look};
+use crate::gbuffer::{Facet, Seen, look};
 use crate::lights::{Source, luminance};
 use crate::pattern::{self, Rotations, shifted};
 use crate::shade::{Lit, Sampler};
@@ -92,7 +92,8 @@ fn radiance(baked: &BakedWorld, view: &View, seen: &[Seen]) -> RadianceImage {
     let least_rays = baked.settings().pixel_light_rays;
     let rays = (VIEW_RAYS.div_ceil(seen.len().max(1)) as u32).clamp(least_rays, least_rays.max(MOST_PIXEL_RAYS));
     let sampled: Vec<Lit> = seen.par_iter().enumerate().map(|(i, seen)| sampler.sample(seen, at(i), rays)).collect();
-    let filter = Filter { seen, sampled: &sampled, width, height, wraps: view.wraps() };
+    let facets: Vec<Option<Facet>> = seen.par_iter().map(|seen| seen.surface.as_ref().map(Facet::of)).collect();
+    let filter = Filter { seen, facets: &facets, sampled: &sampled, width, height, wraps: view.wraps() };
     let lit: Vec<Lit> = (0..seen.len())
         .into_par_iter()
         .map(|i| {
@@ -209,6 +210,8 @@ fn shown(baked: &BakedWorld, seen: &Seen, lit: &Lit) -> Vec3 {
 /// window: five pixels wide, the outer ones with half the weight.
 struct Filter<'a> {
     seen: &'a [Seen],
+    /// What the window looks at most, close together.
+    facets: &'a [Option<Facet>],
     sampled: &'a [Lit],
     width: usize,
     height: usize,
@@ -218,37 +221,37 @@ struct Filter<'a> {
 impl Filter<'_> {
     fn index(&self, x: i64, y: i64) -> Option<usize> {
         let width = self.width as i64;
-        let x = if self.wraps { x.rem_euclid(width) } else { x };
+        let x = if self.wraps && !(0..width).contains(&x) { x.rem_euclid(width) } else { x };
         ((0..width).contains(&x) && (0..self.height as i64).contains(&y)).then(|| (y * width + x) as usize)
     }
 
     /// The mean over the window, and how many pixels shared.
     fn at(&self, i: usize) -> (Lit, f32) {
         let mut sum = self.sampled[i].nothing();
-        let Some(surface) = &self.seen[i].surface else { return (sum, 0.0) };
+        let Some(facet) = &self.facets[i] else { return (sum, 0.0) };
+        let footprint_m = self.seen[i].footprint_m;
         let (x, y) = ((i % self.width) as i64, (i / self.width) as i64);
-        let mut window = [(0, 0.0); 25];
+        let mut window = [(0, 0.0, 0.0); 25];
         let mut count = 0;
         let (mut weights, mut brightness, mut squares, mut weights2) = (0.0, 0.0, 0.0, 0.0);
         for dy in -2..=2_i64 {
             for dx in -2..=2_i64 {
                 let Some(j) = self.index(x + dx, y + dy) else { continue };
-                let Some(other) = &self.seen[j].surface else { continue };
-                if j != i && !alike(surface, self.seen[i].footprint_m, other) {
+                let Some(other) = &self.facets[j] else { continue };
+                if j != i && !facet.is_like(footprint_m, other) {
                     continue;
                 }
                 let weight = if dx.abs() == 2 { 0.5 } else { 1.0 } * if dy.abs() == 2 { 0.5 } else { 1.0 };
-                window[count] = (j, weight);
+                let own = self.sampled[j].brightness();
+                window[count] = (j, weight, own);
                 count += 1;
                 weights += weight;
-                let own = self.sampled[j].brightness();
                 brightness += weight * own;
                 squares += weight * own * own;
                 weights2 += weight * weight;
             }
         }
-        for &(j, weight) in &window[..count] {
-            let own = self.sampled[j].brightness();
+        for &(j, weight, own) in &window[..count] {
             let others = (brightness - weight * own) / (weights - weight).max(f32::MIN_POSITIVE);
             // One sample among many that is far brighter than all of them says little of the light here.
             let share = if count > 4 && own > FIREFLY * others { FIREFLY * others / own } else { 1.0 };
@@ -263,15 +266,16 @@ impl Filter<'_> {
     /// What is left of the noise, taken away by a wider and sparser window that does not mix what differs much.
     fn wider(&self, i: usize) -> Lit {
         let own = &self.sampled[i];
-        let Some(surface) = &self.seen[i].surface else { return *own };
+        let Some(facet) = &self.facets[i] else { return *own };
+        let footprint_m = self.seen[i].footprint_m;
         let (x, y) = ((i % self.width) as i64, (i / self.width) as i64);
         let mut sum = own.nothing();
         let mut weights = 0.0;
         for dy in [-WIDE, 0, WIDE] {
             for dx in [-WIDE, 0, WIDE] {
                 let Some(j) = self.index(x + dx, y + dy) else { continue };
-                let Some(other) = &self.seen[j].surface else { continue };
-                if j != i && !alike(surface, self.seen[i].footprint_m, other) {
+                let Some(other) = &self.facets[j] else { continue };
+                if j != i && !facet.is_like(footprint_m, other) {
                     continue;
                 }
                 let weight = own.likeness(&self.sampled[j]);
@@ -292,7 +296,7 @@ impl Filter<'_> {
             let differs = |a: Vec3, b: Vec3| (a - b).abs().max_element() > 0.05 * (a + b).max_element() + 0.01;
             match (&here.surface, &there.surface) {
                 (Some(a), Some(b)) => {
-                    !alike(a, here.footprint_m, b)
+                    !Facet::of(a).is_like(here.footprint_m, &Facet::of(b))
                         || a.normal.dot(b.normal) < 0.95
                         || differs(a.base_color, b.base_color)
                         || differs(here.light, there.light)
@@ -307,15 +311,15 @@ impl Filter<'_> {
 
     /// A pixel around whose light serves a view ray within it.
     fn like(&self, sub: &Seen, x: usize, y: usize) -> Option<usize> {
-        let surface = sub.surface.as_ref()?;
+        let facet = Facet::of(sub.surface.as_ref()?);
         let offsets = [(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
         let candidates = offsets.into_iter().filter_map(|(dx, dy)| self.index(x as i64 + dx, y as i64 + dy));
         candidates
             .filter_map(|j| {
-                let other = self.seen[j].surface.as_ref()?;
-                let near = other.position.distance_squared(surface.position);
+                let other = self.facets[j].as_ref()?;
+                let near = other.position.distance_squared(facet.position);
                 let close = near < (4.0 * sub.footprint_m + 0.01).powi(2);
-                (close && alike(surface, 0.5 * sub.footprint_m, other)).then_some((j, near))
+                (close && facet.is_like(0.5 * sub.footprint_m, other)).then_some((j, near))
             })
             .min_by(|a, b| a.1.total_cmp(&b.1))
             .map(|(j, _)| j)

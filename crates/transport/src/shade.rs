@@ -7,7 +7,7 @@ use geometry::{Ray, Vec2, Vec3, orthonormal_basis};
 use crate::View;
 use crate::baked::BakedWorld;
 use crate::bsdf;
-use crate::gbuffer::{Seen, alike, look};
+use crate::gbuffer::{Facet, Seen, look};
 use crate::light_tree::{CutNode, Lobe};
 use crate::lighting::Part;
 use crate::lights::luminance;
@@ -250,7 +250,7 @@ impl<'a> Sampler<'a> {
         let same = |other: &Surface| {
             // A thin thing may lie on another one that faces the same way.
             let gloss = (other.f0 - surface.f0).abs().max_element() + (other.roughness - surface.roughness).abs();
-            gloss < LIKE_GLOSS && alike(surface, seen.footprint_m, other)
+            gloss < LIKE_GLOSS && Facet::of(surface).is_like(seen.footprint_m, &Facet::of(other))
         };
         seen.surface.filter(same).unwrap_or(*surface)
     }
