@@ -82,8 +82,8 @@ impl MeshBvh {
         self.traverse(origin, direction, most, visit);
     }
 
-    /// [`MeshBvh::traverse`] compiled for processors since 2013: 1.17 × as many camera rays, 1.07 × as many shadow rays. Without fused products, so that every processor
-    /// finds the same.
+    /// [`MeshBvh::traverse`] compiled for processors since 2013: 1.17 × as many camera rays, 1.07 × as many shadow rays.
+    /// Without fused products, so that every processor finds the same.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
     fn traverse_avx2(
