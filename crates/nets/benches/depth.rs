@@ -67,7 +67,7 @@ fn depth_net_train(bencher: Bencher) {
     bencher.bench_local(|| {
         let (net, judge) = nets.take().expect("networks");
         let output = net.forward(&[&photo]);
-        let [log_depth, variance] = depth_losses(output.log_extent, &[&truth]);
+        let [log_depth, _, variance] = depth_losses(output.log_extent, &[&truth]);
         let made = net.panorama.forward(output.global);
         let opinion = judge.generator_loss(made.clone(), condition.clone());
         let loss = log_depth + variance + panorama_loss(made.clone(), &[&sky]) + opinion;

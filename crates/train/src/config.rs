@@ -106,7 +106,9 @@ pub struct LightPhase {
     pub octree_depth: u32,
     /// Share of the steps whose octree grows by the network's own predictions, at the beginning and at the end.
     pub own_growth: [f32; 2],
-    /// Share of the samples that come with a sensor's depth instead of the true one.
+    /// Share of the samples whose depth the depth network, which stays as it is, predicts.
+    pub predicted_share: f32,
+    /// Share of the others that come with a sensor's depth instead of the true one.
     pub sensor_share: f32,
     /// Rays of novel views a step.
     pub novel_rays: usize,
@@ -206,6 +208,7 @@ impl Default for LightPhase {
             final_share: 0.05,
             octree_depth: 7,
             own_growth: [0.0, 0.0],
+            predicted_share: 0.4,
             sensor_share: 0.5,
             novel_rays: 6144,
             visible_rays: 2048,
@@ -358,6 +361,7 @@ impl TrainConfig {
                     shares(&[
                         ("own_growth", p.own_growth[0]),
                         ("own_growth", p.own_growth[1]),
+                        ("predicted_share", p.predicted_share),
                         ("sensor_share", p.sensor_share),
                     ])?;
                     inside("novel_rays + visible_rays", (p.novel_rays + p.visible_rays) as f64, 1.0, 1e7)?;

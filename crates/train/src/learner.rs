@@ -283,12 +283,14 @@ impl Learner {
         let weights = &config.depth_losses;
         let count: usize = outputs.iter().map(|(_, examples)| examples.len()).sum();
         let (mut globals, mut all) = (Vec::new(), Vec::new());
-        let [mut log_depth, mut variance] = [(); 2].map(|()| Tensor::zeros([1], &recording()));
+        let [mut log_depth, mut absolute, mut variance] = [(); 3].map(|()| Tensor::zeros([1], &recording()));
         for (output, examples) in outputs {
             let share = examples.len() as f64 / count as f64;
             let extents: Vec<_> = examples.iter().map(|example| example.extent_m()).collect();
-            let [mean_square, of_group] = depth_losses(output.log_extent, &extents.iter().collect::<Vec<_>>());
-            (log_depth, variance) = (log_depth + mean_square * share, variance + of_group * share);
+            let parts = depth_losses(output.log_extent, &extents.iter().collect::<Vec<_>>());
+            for (sum, part) in [&mut log_depth, &mut absolute, &mut variance].into_iter().zip(parts) {
+                *sum = sum.clone() + part * share;
+            }
             globals.push(output.global);
             all.extend(examples);
         }
@@ -297,11 +299,14 @@ impl Learner {
         let panorama = panorama_loss(made.clone(), &truths);
         let mut losses = vec![
             ("log_depth", scalar(&log_depth)),
+            ("absolute", scalar(&absolute)),
             ("scale_invariant", scalar(&variance)),
             ("panorama", scalar(&panorama)),
         ];
-        let mut total =
-            log_depth * weights.log_depth + variance * weights.scale_invariant + panorama * weights.panorama;
+        let mut total = log_depth * weights.log_depth
+            + absolute * weights.absolute
+            + variance * weights.scale_invariant
+            + panorama * weights.panorama;
         let mut judged = None;
         if weights.adversarial > 0.0 {
             let condition = channels::<4>(all.iter().map(|example| example.shown.pixels()));

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use burn::tensor::Tensor;
 use dataset::{CropModel, Dataset, Generated, Generator, Layout, LoaderState, Sample, fingerprint};
 use imaging::write_rgba8;
 use nets::checkpoint::{Checkpoint, Precision};
@@ -331,7 +332,7 @@ impl<'a> Run<'a> {
         phase: &LightPhase,
     ) -> impl FnMut(&Sample, u64) -> Result<(LightExample, Vec<f32>), String> + Send + 'static {
         let (seed, augmentation) = (self.state.seed, self.config.augmentation.clone());
-        let (network, sensor_share) = (self.learner.network.clone(), phase.sensor_share);
+        let (network, phase) = (self.learner.network.clone(), phase.clone());
         let rays = RayCounts { novel: phase.novel_rays, visible: phase.visible_rays };
         // The depth network does not change in this stage.
         let depth_net = self.learner.depth.average.clone();
@@ -339,17 +340,24 @@ impl<'a> Run<'a> {
         move |sample, epoch| {
             let (variation, variant) = augmentation.of(seed, sample, epoch);
             let mut stream = Variation::stream(seed, "light example", sample, epoch);
-            let depth = if stream.random::<f32>() < sensor_share { KnownDepth::Sensor } else { KnownDepth::True };
+            let shares = [phase.predicted_share, phase.sensor_share];
+            let [predicted, sensor] = shares.map(|share| stream.random::<f32>() < share);
+            let photo = || looked_at(&variation.photo(&sample.photo));
+            let output = predicted.then(|| depth_net.forward(&[&photo()]));
+            let predicted_m = output.as_ref().map(|output| output.depth_m(&variation.camera(&sample.camera)));
+            let depth = match &predicted_m {
+                Some(predicted_m) => KnownDepth::Predicted(predicted_m),
+                None if sensor => KnownDepth::Sensor,
+                None => KnownDepth::True,
+            };
             let example = LightExample::new(sample, &variation, depth, &network, rays, &mut stream);
             let example = example.map_err(|error| error.to_string())?;
-            let feature = || {
-                let global = depth_net.global_feature(&looked_at(&variation.photo(&sample.photo)));
-                global.into_data().iter().collect::<Vec<f32>>()
-            };
-            let global = if augmentation.variants == 0 {
-                feature()
-            } else {
-                features.entry((random::hash(sample.id.as_bytes()), variant)).or_insert_with(feature).clone()
+            let values = |global: Tensor<2>| global.into_data().iter().collect::<Vec<f32>>();
+            let feature = || values(depth_net.global_feature(&photo()));
+            let global = match output {
+                Some(output) => values(output.global),
+                None if augmentation.variants == 0 => feature(),
+                None => features.entry((random::hash(sample.id.as_bytes()), variant)).or_insert_with(feature).clone(),
             };
             Ok((example, global))
         }

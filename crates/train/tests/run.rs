@@ -32,7 +32,7 @@ fn config() -> TrainConfig {
             DepthPhase { steps: 1, batch_size: 3, photo_width: 32, ..Default::default() },
             DepthPhase { steps: 1, batch_size: 1, frozen_statistics: true, ..Default::default() },
         ],
-        light: vec![light(4), LightPhase { own_growth: [0.0, 1.0], ..light(5) }],
+        light: vec![light(4), LightPhase { own_growth: [0.0, 1.0], predicted_share: 1.0, ..light(5) }],
         joint: vec![JointPhase {
             steps: 2,
             octree_depth: 5,

@@ -8,6 +8,9 @@ use serde::{Deserialize, Serialize};
 pub struct DepthLossConfig {
     /// Mean squared difference of log depth, or of the log of what it is in proportion to.
     pub log_depth: f32,
+    /// Mean absolute difference of the same: less moved than the square by the few pixels that show another surface than is believed, and nearer to
+    /// what abs-rel and δ measure.
+    pub absolute: f32,
     /// Variance of the difference of log depth: blind to scale.
     pub scale_invariant: f32,
     /// Mean squared difference of log(1 + radiance) of the panorama.
@@ -18,18 +21,18 @@ pub struct DepthLossConfig {
 
 impl Default for DepthLossConfig {
     fn default() -> Self {
-        Self { log_depth: 1.0, scale_invariant: 0.5, panorama: 1.0, adversarial: 0.01 }
+        Self { log_depth: 1.0, absolute: 0.0, scale_invariant: 0.5, panorama: 1.0, adversarial: 0.01 }
     }
 }
 
-/// Mean square and variance of the difference of log depth over a picture's pixels with a true reading (finite, above 0), each the mean
-/// of all pictures.
+/// Mean square, mean absolute value and variance of the difference of log depth over a picture's pixels with a true reading (finite, above 0), each
+/// the mean of all pictures.
 ///
 /// `log_depth[1, pictures, height, width]`, of the same size as the `truths`, and in the same unit.
 ///
 /// # Panics
 /// Where the sizes differ.
-pub fn depth_losses(log_depth: Tensor<4>, truths: &[&DepthMap]) -> [Tensor<1>; 2] {
+pub fn depth_losses(log_depth: Tensor<4>, truths: &[&DepthMap]) -> [Tensor<1>; 3] {
     let [_, pictures, height, width] = log_depth.dims();
     let fits = |truth: &&DepthMap| (truth.width(), truth.height()) == (width, height);
     assert!(truths.len() == pictures && truths.iter().all(fits), "true depth maps have the size of the predicted ones");
@@ -45,8 +48,9 @@ pub fn depth_losses(log_depth: Tensor<4>, truths: &[&DepthMap]) -> [Tensor<1>; 2
     let difference = (log_depth.reshape([pictures, height * width]) - logs) * known;
     let counts = constant(counts, 1);
     let mean_square = difference.clone().square().sum_dim(1) / counts.clone();
+    let absolute = difference.clone().abs().sum_dim(1) / counts.clone();
     let square_mean = (difference.sum_dim(1) / counts).square();
-    [mean_square.clone().mean(), (mean_square - square_mean).mean()]
+    [mean_square.clone().mean(), absolute.mean(), (mean_square - square_mean).mean()]
 }
 
 /// Mean squared difference of log(1 + radiance) over the sphere: rows count by their solid angle.
@@ -75,15 +79,16 @@ mod tests {
     use crate::testing::{numbers, recording_device};
 
     #[test]
-    fn scale_costs_only_the_first_loss() {
+    fn scale_costs_all_but_the_variance() {
         let truth = DepthMap::from_fn(6, 4, |x, y| if x == 2 { 0.0 } else { 1.0 + (x * y) as f32 });
         let of = |scale: f32| {
             let logs: Vec<f32> = truth.pixels().iter().map(|z| if *z > 0.0 { (scale * z).ln() } else { 7.0 }).collect();
             let logs = Tensor::<4>::from_data(TensorData::new(logs, [1, 1, 4, 6]), &recording_device());
             depth_losses(logs, &[&truth]).map(|loss| numbers(loss.inner())[0])
         };
-        let [square, variance] = of(2.0);
+        let [square, absolute, variance] = of(0.5);
         assert!((square - 2f64.ln().powi(2)).abs() < 1e-5 && variance.abs() < 1e-5, "{square} {variance}");
+        assert!((absolute - 2f64.ln()).abs() < 1e-5, "{absolute}");
         assert!(of(1.0).iter().all(|loss| loss.abs() < 1e-6));
     }
 
@@ -93,8 +98,9 @@ mod tests {
         let truths = [1, 4].map(|rows| DepthMap::from_fn(6, 4, |_, y| if y < rows { 1.0 } else { 0.0 }));
         let logs: Vec<f32> = (0..48).map(|i| if i < 24 { 1.0 } else { 3.0 }).collect();
         let logs = Tensor::<4>::from_data(TensorData::new(logs, [1, 2, 4, 6]), &recording_device());
-        let [square, variance] = depth_losses(logs, &truths.each_ref()).map(|loss| numbers(loss.inner())[0]);
+        let [square, absolute, variance] = depth_losses(logs, &truths.each_ref()).map(|loss| numbers(loss.inner())[0]);
         assert!((square - 5.0).abs() < 1e-5 && variance.abs() < 1e-5, "{square} {variance}");
+        assert!((absolute - 2.0).abs() < 1e-5, "{absolute}");
     }
 
     #[test]

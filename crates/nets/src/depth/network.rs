@@ -230,7 +230,7 @@ mod tests {
         let (mut losses, mut opinions) = (Vec::new(), Vec::new());
         for _ in 0..6 {
             let output = net.forward(&[&photo]);
-            let [log_depth, variance] = depth_losses(output.log_extent, &[&truth]);
+            let [log_depth, _, variance] = depth_losses(output.log_extent, &[&truth]);
             let made = net.panorama.forward(output.global);
             let opinion = judge.generator_loss(made.clone(), constant(4, 0.0));
             let loss = log_depth + variance * 0.5 + panorama_loss(made.clone(), &[&sky]) + opinion * 0.01;

@@ -40,7 +40,7 @@ pub struct LightInput {
     pub features: Vec<f32>,
     /// The octree of the visible points; its `seen` are the certain shares.
     pub visible: LightOctree,
-    /// Mean radiance of the visible points, linear RGB, above 0; 0.2 where there are none.
+    /// Log-average radiance of the visible points, linear RGB, above 0; 0.2 where there are none.
     pub ambient: [f32; 3],
     /// What the photo shows to be empty.
     pub free: FreeSpace,
@@ -123,15 +123,19 @@ impl VisiblePoint {
     }
 }
 
-/// Mean radiance of the points.
+/// Log-average radiance of the points, as Reinhard et al. 2002 measure the key of a scene: a window or a lamp in the picture hardly raises it, and
+/// whether a depth sensor sees them hardly matters.
 fn ambient(points: &[VisiblePoint]) -> [f32; 3] {
+    // Keeps black from counting without limit.
+    const DARK: f64 = 0.01;
     const LEAST: f64 = 1e-3;
     const UNKNOWN: f32 = 0.2;
     if points.is_empty() {
         return [UNKNOWN; 3];
     }
-    let mean = |c: usize| points.iter().map(|point| f64::from(point.radiance[c])).sum::<f64>() / points.len() as f64;
-    [0, 1, 2].map(|c| mean(c).clamp(LEAST, MAX_RADIANCE.into()) as f32)
+    let mean =
+        |c: usize| points.iter().map(|p| (f64::from(p.radiance[c]) + DARK).ln()).sum::<f64>() / points.len() as f64;
+    [0, 1, 2].map(|c| (mean(c).exp() - DARK).clamp(LEAST, MAX_RADIANCE.into()) as f32)
 }
 
 /// Places of the points that carry `f_L`.
@@ -232,6 +236,16 @@ mod tests {
         let carriers = rows.iter().filter(|row| row[14] > 0.0).count();
         assert!(carriers > 100, "{carriers} leaves of carriers");
         assert!(rows.iter().all(|row| row[12] + row[14] < 1.001));
+    }
+
+    #[test]
+    fn a_window_hardly_raises_the_ambient_light() {
+        let seen = |radiance: f32| VisiblePoint { radiance: [radiance; 3], ..point([0.0, 0.0, -3.0]) };
+        let [grey, dark, window] = [0.3, 0.02, 1.0].map(seen);
+        assert!((ambient(&[grey; 9])[1] - 0.3).abs() < 1e-5);
+        // A sixth of a dark room's photo is its window; its mean is 0.18.
+        assert!((ambient(&[dark, dark, dark, dark, dark, window])[1] - 0.044).abs() < 1e-3);
+        assert_eq!((ambient(&[seen(0.0); 4]), ambient(&[])), ([1e-3; 3], [0.2; 3]));
     }
 
     #[test]
