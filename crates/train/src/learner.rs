@@ -283,17 +283,16 @@ impl Learner {
         let weights = &config.depth_losses;
         let count: usize = outputs.iter().map(|(_, examples)| examples.len()).sum();
         let (mut globals, mut all) = (Vec::new(), Vec::new());
-        let [mut log_depth, mut absolute, mut variance] = [(); 3].map(|()| Tensor::zeros([1], &recording()));
+        let mut sums = [(); 3].map(|()| Tensor::zeros([1], &recording()));
         for (output, examples) in outputs {
             let share = examples.len() as f64 / count as f64;
             let extents: Vec<_> = examples.iter().map(|example| example.extent_m()).collect();
             let parts = depth_losses(output.log_extent, &extents.iter().collect::<Vec<_>>());
-            for (sum, part) in [&mut log_depth, &mut absolute, &mut variance].into_iter().zip(parts) {
-                *sum = sum.clone() + part * share;
-            }
+            sums.iter_mut().zip(parts).for_each(|(sum, part)| *sum = sum.clone() + part * share);
             globals.push(output.global);
             all.extend(examples);
         }
+        let [log_depth, absolute, variance] = sums;
         let made = self.depth.net.panorama.forward(Tensor::cat(globals, 0));
         let truths: Vec<_> = all.iter().map(|example| &example.panorama).collect();
         let panorama = panorama_loss(made.clone(), &truths);
