@@ -48,6 +48,7 @@ impl Entry {
 /// cells know how far away the next occupied cell is. Below it each slot has the entries of its eight children, for which a
 /// node that is not split answers itself. Positions are in leaf edges from the lowest corner of the cube; the *level* of a
 /// node counts from the leaves up.
+#[derive(Clone)]
 pub(crate) struct Grid {
     depth: u32,
     dense_depth: u32,

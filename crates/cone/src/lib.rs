@@ -14,7 +14,9 @@ mod reconstruction;
 mod settings;
 mod steps;
 mod tracer;
+mod viewers;
 
 pub use gradient::{Gradients, SampleGradient};
 pub use settings::{Cone, Rendering, Sample, SampleWeight, Sampling, Settings, SettingsError, StepRule};
 pub use tracer::ConeTracer;
+pub use viewers::Viewers;

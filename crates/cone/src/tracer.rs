@@ -25,6 +25,7 @@ const TILE: usize = 8;
 /// Traces cones through one lighting octree.
 ///
 /// It holds the octree in a form of its own, which takes some milliseconds to make; the octree itself is not needed after.
+#[derive(Clone)]
 pub struct ConeTracer {
     pub(crate) grid: Grid,
     pub(crate) cube: Cube,

@@ -1,11 +1,9 @@
 //! What is compared: the networks, the shell, and baselines.
 
-use std::borrow::Cow;
-
 use dataset::{NovelView, Sample};
 use geometry::{Cube, Vec3};
 use imaging::{DepthMap, Photo, RadianceImage, sample_equirectangular};
-use lightoctree::cone::{self, Cone, ConeTracer};
+use lightoctree::cone::{self, Cone, Viewers};
 use lightoctree::scene::{Completion, Frame, FrameError, Scene};
 use lightoctree::{EstimateError, EstimateOptions, Input, Networks};
 use octree::{LightOctree, OctreeError};
@@ -68,9 +66,6 @@ pub enum MethodError {
     /// The octree cannot be built.
     #[error(transparent)]
     Octree(#[from] OctreeError),
-    /// The octree cannot be traced.
-    #[error(transparent)]
-    Settings(#[from] cone::SettingsError),
 }
 
 /// What a method says about a room.
@@ -88,7 +83,7 @@ pub enum Light {
         /// The octree.
         octree: Box<LightOctree>,
         /// Ready to be traced.
-        tracer: Box<ConeTracer>,
+        viewers: Viewers,
     },
     /// The same panorama, in the photo's frame, wherever the probe is.
     Map(RadianceImage),
@@ -161,7 +156,7 @@ impl Method {
             Self::Shell(input) => {
                 let octree_depth = Some(tools.octree_depth);
                 let options = EstimateOptions { octree_depth, ..EstimateOptions::default() };
-                Estimate::of_scene(lightoctree::estimate(frame(sample, input)?, None, &options, &mut |_| ())?)
+                Ok(Estimate::of_scene(lightoctree::estimate(frame(sample, input)?, None, &options, &mut |_| ())?))
             }
             Self::Network(input) => {
                 let networks = networks()?;
@@ -176,21 +171,21 @@ impl Method {
                     Some(input) => frame(sample, input)?.into(),
                     None => Input::Photo { photo: Photo::Srgb8(sample.photo.clone()), camera: sample.camera },
                 };
-                Estimate::of_scene(lightoctree::estimate(input, Some(networks), &options, &mut |_| ())?)
+                Ok(Estimate::of_scene(lightoctree::estimate(input, Some(networks), &options, &mut |_| ())?))
             }
-            Self::TrueOctree => Estimate::of_octree(true_octree(sample, tools)?, None),
+            Self::TrueOctree => Ok(Estimate::of_octree(true_octree(sample, tools)?, None)),
         }
     }
 }
 
 impl Estimate {
-    fn of_scene(scene: Scene) -> Result<Self, MethodError> {
+    fn of_scene(scene: Scene) -> Self {
         Self::of_octree(scene.light, Some(scene.frame.depth_m))
     }
 
-    fn of_octree(octree: LightOctree, depth_m: Option<DepthMap>) -> Result<Self, MethodError> {
-        let tracer = Box::new(ConeTracer::new(&octree, cone::Settings::default())?);
-        Ok(Self { light: Light::Octree { octree: Box::new(octree), tracer }, depth_m })
+    fn of_octree(octree: LightOctree, depth_m: Option<DepthMap>) -> Self {
+        let viewers = Viewers::new(&octree);
+        Self { light: Light::Octree { octree: Box::new(octree), viewers }, depth_m }
     }
 
     /// The panorama at a view's place, in its orientation and of its size.
@@ -212,14 +207,14 @@ impl Estimate {
             Light::Map(map) => {
                 RadianceImage::from_fn(width, height, |x, y| sample_equirectangular(map, direction(x, y)))
             }
-            Light::Octree { octree, tracer } => {
+            Light::Octree { viewers, .. } => {
                 // half of the pixel's pitch, as of `ConeTracer::panorama`
                 let tan_half_angle = (std::f32::consts::PI / width as f32).tan();
                 let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
                 let cones: Vec<Cone> = places
                     .map(|(x, y)| Cone { origin: position_m, direction: direction(x, y), tan_half_angle })
                     .collect();
-                let samples = traced(octree, tracer, position_m, &cones);
+                let samples = traced(viewers, position_m, &cones);
                 RadianceImage::new(width, height, samples.iter().map(|sample| sample.radiance).collect())
             }
         }
@@ -227,14 +222,9 @@ impl Estimate {
 }
 
 /// What cones from `eye` see.
-pub(crate) fn traced(octree: &LightOctree, tracer: &ConeTracer, eye: Vec3, cones: &[Cone]) -> Vec<cone::Sample> {
+pub(crate) fn traced(viewers: &Viewers, eye: Vec3, cones: &[Cone]) -> Vec<cone::Sample> {
     let mut samples = vec![cone::Sample::default(); cones.len()];
-    match octree.seen_from(eye) {
-        Cow::Borrowed(_) => tracer.trace_batch(cones, &mut samples),
-        Cow::Owned(seen) => ConeTracer::new(&seen, cone::Settings::default())
-            .expect("the usual settings are valid")
-            .trace_batch(cones, &mut samples),
-    }
+    viewers.at(eye).trace_batch(cones, &mut samples);
     samples
 }
 

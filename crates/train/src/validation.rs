@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::{Device, Tensor, TensorData};
-use cone::{ConeTracer, Settings};
+use cone::Viewers;
 use dataset::{Dataset, NovelView, Sample, Split};
 use imaging::{DepthMap, Image, RadianceImage, srgb_from_linear};
 use lightoctree::{EstimateOptions, estimate};
@@ -127,7 +127,7 @@ fn judge(learner: &Learner, sample: &Sample, lit: bool, means: &mut Means) -> Op
             means.splits.push(accuracy);
             means.db.extend(views_db(&light, &sample.views, 1.0));
             if let Some(view) = sample.views.first() {
-                row.panoramas = [seen_from(&light, view, 1.0)?, view.radiance.clone()];
+                row.panoramas = [seen_from(&Viewers::new(&light), view, 1.0), view.radiance.clone()];
             }
             row.octrees = Some([light, truth]);
         }
@@ -180,17 +180,17 @@ fn bounds(sample: &Sample, network: &LightNetConfig) -> [Option<f32>; 2] {
 /// PSNR of each panorama that stands in the cube, its place moved with the room's scale.
 fn views_db(light: &LightOctree, views: &[NovelView], scale: f32) -> Vec<f32> {
     let inside = views.iter().filter(|view| light.cube.contains(view.position_m * scale));
-    inside.filter_map(|view| Some(psnr_db(&seen_from(light, view, scale)?, &view.radiance))).collect()
+    let viewers = Viewers::new(light);
+    inside.map(|view| psnr_db(&seen_from(&viewers, view, scale), &view.radiance)).collect()
 }
 
-fn seen_from(light: &LightOctree, view: &NovelView, scale: f32) -> Option<RadianceImage> {
+fn seen_from(viewers: &Viewers, view: &NovelView, scale: f32) -> RadianceImage {
     let moved = NovelView { position_m: view.position_m * scale, ..view.clone() };
-    let tracer = ConeTracer::new(&light.seen_from(moved.position_m), Settings::default()).ok()?;
     let rays = nets::light::Rays::of_panorama(&moved);
     let mut samples = vec![cone::Sample::default(); rays.len()];
-    tracer.trace_batch(&rays.cones, &mut samples);
+    viewers.at(moved.position_m).trace_batch(&rays.cones, &mut samples);
     let pixels = samples.into_iter().map(|sample| sample.radiance).collect();
-    Some(RadianceImage::new(view.radiance.width(), view.radiance.height(), pixels))
+    RadianceImage::new(view.radiance.width(), view.radiance.height(), pixels)
 }
 
 /// Of pictures as a screen shows them: sRGB-coded, clipped to [0, 1].

@@ -4,10 +4,9 @@ use std::path::Path;
 
 use anyhow::Context;
 use clap::ValueEnum;
-use lightoctree::cone::{ConeTracer, Rendering, Settings};
+use lightoctree::cone::{Rendering, Viewers};
 use lightoctree::geometry::{Orientation, Vec3};
 use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, RadianceImage};
-use lightoctree::octree::LightOctree;
 use lightoctree::scene::Scene;
 
 use crate::output::signature;
@@ -89,9 +88,7 @@ pub struct PanoramaArgs {
 
 /// Tracer and scene, made once for many points.
 pub struct Renderer {
-    tracer: ConeTracer,
-    /// Where the light differs by direction: each place has a tracer of its own.
-    directional: Option<LightOctree>,
+    viewers: Viewers,
     size: [usize; 2],
 }
 
@@ -106,19 +103,13 @@ impl Renderer {
             ))
             .into());
         }
-        let tracer = ConeTracer::new(&scene.light, Settings::default())?;
-        Ok(Self { tracer, directional: scene.light.lobes.is_some().then(|| scene.light.clone()), size })
+        Ok(Self { viewers: Viewers::new(&scene.light), size })
     }
 
     /// The panorama at `point`, in our own orientation.
     pub fn at(&self, point: Vec3) -> Rendering {
         let [width, height] = self.size;
-        match &self.directional {
-            Some(light) => ConeTracer::new(&light.seen_from(point), Settings::default())
-                .expect("the usual settings are valid")
-                .panorama(point, width, height),
-            None => self.tracer.panorama(point, width, height),
-        }
+        self.viewers.at(point).panorama(point, width, height)
     }
 }
 
