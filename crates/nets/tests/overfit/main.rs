@@ -8,6 +8,8 @@
 //! | `a_generated_room_is_overfitted` | a furnished one, beside what its octree can show at all | 20 |
 //! | `eight_generated_rooms_are_overfitted` | | 60 |
 //! | `unseen_rooms_are_completed_better_than_by_a_shell` | 200 rooms of the shards in the folder `LIGHTOCTREE_ROOMS`, 20 others | 65 |
+//!
+//! `LIGHTOCTREE_MINUTES` makes the last two train for another time than an hour.
 #![allow(clippy::unwrap_used)]
 
 mod ceiling;
@@ -21,6 +23,7 @@ use std::sync::Arc;
 use burn::module::Module;
 use dataset::{Dataset, DatasetError, Generator, GeneratorConfig, Loader, LoaderConfig, Sample, Shards};
 use lightoctree_nets::light::{LightNet, LightNetConfig};
+use octree::LightOctree;
 
 use crate::scene::{Figures, Scene};
 use crate::training::{Training, Until};
@@ -61,7 +64,7 @@ fn a_box_room_is_learned() {
     let plain = LightNetConfig { full_depth: 3, bottleneck: 2, head_channels: 16, ..small };
     for config in [LightNetConfig { lobes: true, ..plain.clone() }, plain] {
         let scene = Scene::new(room::sample(8), 4, &config);
-        let training = Training { until: Until::Steps(80), rate: 6e-3, rays: 2048 };
+        let training = Training { until: Until::Steps(80), rate: 6e-3, halved_after: 200.0, rays: 2048 };
         let (before, after, right) = overfit(&scene, &config, &training);
         assert!(after.psnr_db > before.psnr_db + 6.0 && after.psnr_db > 20.0, "{} dB", after.psnr_db);
         assert!(right > 0.95, "{right}");
@@ -73,7 +76,7 @@ fn a_box_room_is_learned() {
 fn a_box_room_is_overfitted() {
     let config = default_config(6);
     let scene = Scene::new(room::sample(84), 21, &config);
-    let training = Training { until: Until::Minutes(15.0), rate: 4e-3, rays: 8192 };
+    let training = Training { until: Until::Minutes(15.0), rate: 4e-3, halved_after: 200.0, rays: 8192 };
     let (_, after, right) = overfit(&scene, &config, &training);
     assert!(after.psnr_db >= 28.0, "{} dB", after.psnr_db);
     assert!(right >= 0.98, "{right}");
@@ -86,7 +89,7 @@ fn a_generated_room_is_overfitted() {
     let scene = Scene::new(generated(0, 210), 21, &config);
     let possible = scene.figures(&ceiling::fitted_octree(&scene, 400));
     print("the octree fitted without a network", possible);
-    let training = Training { until: Until::Minutes(15.0), rate: 4e-3, rays: 8192 };
+    let training = Training { until: Until::Minutes(15.0), rate: 4e-3, halved_after: 200.0, rays: 8192 };
     let (_, after, right) = overfit(&scene, &config, &training);
     // Leaves of a decimetre cannot show furniture: not the true octree, and not the best one either, comes to 28 dB.
     assert!(after.psnr_db > scene.figures(&scene.truth).psnr_db + 2.0, "{} dB", after.psnr_db);
@@ -99,11 +102,14 @@ fn a_generated_room_is_overfitted() {
 fn eight_generated_rooms_are_overfitted() {
     let config = default_config(6);
     let scenes: Vec<Scene> = (0..8).map(|index| Scene::new(generated(index, 84), 14, &config)).collect();
-    let training = Training { until: Until::Minutes(60.0), rate: 4e-3, rays: 8192 };
+    let training = Training { until: Until::Minutes(minutes()), rate: 4e-3, halved_after: 1600.0, rays: 8192 };
+    let mean = |of: &dyn Fn(&Scene) -> LightOctree| {
+        scenes.iter().map(|scene| scene.figures(&of(scene)).psnr_db / 8.0).sum::<f64>()
+    };
+    println!("the true octrees: {:.2} dB", mean(&|scene| scene.truth.clone()));
     let report = |net: &LightNet, done: f64| {
         let net = net.valid();
-        let db: f64 = scenes.iter().map(|scene| scene.figures(&scene.completed(&net)).psnr_db / 8.0).sum();
-        println!("{:.0} %: {db:.2} dB", 100.0 * done);
+        println!("{:.0} %: {:.2} dB", 100.0 * done, mean(&|scene| scene.completed(&net)));
     };
     let net = training.run(&config, |step| &scenes[step as usize % 8], report).valid();
     let mut sums = [0.0; 3];
@@ -142,7 +148,7 @@ fn unseen_rooms_are_completed_better_than_by_a_shell() {
     let shell = mean(&|scene| scene.figures(&scene.shell(6)));
     print("shell", shell);
     print("the true octree", mean(&|scene| scene.figures(&scene.truth)));
-    let training = Training { until: Until::Minutes(60.0), rate: 2e-3, rays: 8192 };
+    let training = Training { until: Until::Minutes(minutes()), rate: 2e-3, halved_after: 2000.0, rays: 8192 };
     let completed = |net: &LightNet| {
         let net = net.valid();
         mean(&|scene| scene.figures(&scene.completed(&net)))
@@ -174,6 +180,12 @@ impl Dataset for First {
     fn get(&self, index: usize) -> Result<Sample, DatasetError> {
         self.rooms.get(index)
     }
+}
+
+/// How long the tests of an hour train: less of it by `LIGHTOCTREE_MINUTES`.
+fn minutes() -> f64 {
+    std::env::var("LIGHTOCTREE_MINUTES")
+        .map_or(60.0, |minutes| minutes.parse().expect("LIGHTOCTREE_MINUTES is a number"))
 }
 
 /// A generated room's sample with many panoramas.

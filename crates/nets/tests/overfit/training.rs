@@ -22,12 +22,11 @@ pub struct Training {
     pub until: Until,
     /// Learning rate of the first step; there is no warm-up.
     pub rate: f64,
+    /// Steps until the rate is half of the first. In the last fifth it goes down to nothing.
+    pub halved_after: f64,
     /// Rays a step, a quarter of them of the photo.
     pub rays: usize,
 }
-
-/// Steps until the rate is half of the first.
-const HALVED_AFTER: f64 = 200.0;
 
 impl Training {
     /// A network from scratch; `scene_of` says from which scene each step is, and `report` is called twenty times with the network and what is done,
@@ -59,7 +58,8 @@ impl Training {
             let total = losses.total(&weights);
             assert!(numbers(&total)[0].is_finite(), "step {step}");
             let gradients = total.backward();
-            net = adam.step(net, &gradients, self.rate / (1.0 + step as f64 / HALVED_AFTER));
+            let cooled = ((1.0 - done) / 0.2).min(1.0);
+            net = adam.step(net, &gradients, cooled * self.rate / (1.0 + step as f64 / self.halved_after));
             step += 1;
         }
     }
