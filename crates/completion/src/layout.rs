@@ -61,6 +61,13 @@ impl RoomBox {
         Plane::through(self.world(corner), self.inward(face))
     }
 
+    /// Normal of the first face that a point lies on.
+    pub fn normal_at(&self, point: Vec3) -> Option<Vec3> {
+        const ON_FACE_M: f32 = 0.01;
+        let mut planes = (0..6).map(|face| self.plane(face));
+        planes.find(|plane| plane.signed_distance_m(point).abs() < ON_FACE_M).map(|plane| plane.normal)
+    }
+
     /// Where a ray from a point inside leaves the box: the face and the local point. Both arguments along the axes.
     pub fn exit(&self, origin: Vec3, direction: Vec3) -> (usize, Vec3) {
         let mut best = (f32::INFINITY, 0);

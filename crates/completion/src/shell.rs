@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use geometry::{Camera, Cube, Plane, Vec2, Vec3};
+use geometry::{Camera, Cube, Vec2, Vec3};
 use imaging::{DepthMap, RadianceImage};
 use octree::{Coverage, RadiancePoint};
 use scene::{Frame, Room, Surfel};
@@ -127,9 +127,31 @@ pub fn shell(frame: &Frame, options: &ShellOptions) -> Shell {
     Shell { surfels, room: room.room(), cube, report }
 }
 
-/// Gravity and the six planes around seen surfels: step 2 of [`shell`] alone.
-pub fn room_around(seen: &[Surfel], options: &ShellOptions) -> Room {
-    enclose(seen, options).room()
+/// Gravity and the six planes around what is seen, and depth where there is no reading: steps 2 and 3 of [`shell`] alone.
+#[derive(Clone, Copy, Debug)]
+pub struct Enclosure(RoomBox);
+
+impl Enclosure {
+    /// Around seen surfels.
+    pub fn around(seen: &[Surfel], options: &ShellOptions) -> Self {
+        Self(enclose(seen, options))
+    }
+
+    /// What the scene file keeps of it.
+    pub fn room(&self) -> Room {
+        self.0.room()
+    }
+
+    /// A depth for every pixel of a frame [without flying pixels](Frame::without_flying_pixels): its own where it has one, else that
+    /// of the planes or of what is around.
+    pub fn filled_depth_m(&self, clean: &Frame) -> DepthMap {
+        fill_holes(&clean.depth_m, &clean.depth_camera(), &self.0)
+    }
+
+    /// Unit normal, into the room, of the plane that a point lies on.
+    pub fn normal_at(&self, point: Vec3) -> Option<Vec3> {
+        self.0.normal_at(point)
+    }
 }
 
 fn enclose(seen: &[Surfel], options: &ShellOptions) -> RoomBox {
@@ -227,12 +249,9 @@ fn at_depth_resolution(radiance: RadianceImage, depth_m: &DepthMap) -> RadianceI
 /// Marks the surfels of pixels that had no reading and gives those on the room's faces the faces' normals; `surfels` holds one for
 /// each pixel, in order.
 fn mark_filled(surfels: &mut [Surfel], known: &[f32], room: &RoomBox) {
-    let planes: Vec<Plane> = (0..6).map(|face| room.plane(face)).collect();
     for (surfel, _) in surfels.iter_mut().zip(known).filter(|(_, z)| **z <= 0.0) {
         surfel.coverage = Coverage::Inferred;
-        if let Some(plane) = planes.iter().find(|p| p.signed_distance_m(surfel.position_m).abs() < 0.01) {
-            surfel.normal = plane.normal;
-        }
+        surfel.normal = room.normal_at(surfel.position_m).unwrap_or(surfel.normal);
     }
 }
 

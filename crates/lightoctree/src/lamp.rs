@@ -10,6 +10,6 @@ use crate::SeenFrame;
 /// (`docs/evaluation.md`), objects look right with it. Scenes that no network completed stay as they are: the shell has a lamp of its own.
 pub fn add_lamp(scene: &mut Scene) -> LampReport {
     let (Completion::Network, Some(room)) = (scene.completion, &scene.room) else { return LampReport::default() };
-    let Some(seen) = SeenFrame::new(&scene.frame.working()) else { return LampReport::default() };
+    let Some(seen) = SeenFrame::new(&scene.frame.working(), Some(room.up)) else { return LampReport::default() };
     light_from_above(&mut scene.light, &seen.surfels, room.up)
 }

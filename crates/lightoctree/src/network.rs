@@ -1,11 +1,11 @@
 //! Scenes by the networks: photo → depth and global light → what is seen, as an octree → the octree of the whole room.
 
-use completion::{ShellOptions, room_around};
+use completion::{Enclosure, ShellOptions};
 use geometry::{Camera, Cube, Vec3};
 use imaging::{Image, Photo, srgb8_from_linear};
 use nets::light::VisiblePoint;
 use nets::{CompletedLight, Networks};
-use scene::{Frame, Surfel, place_cube, working_photo};
+use scene::{Frame, Room, Surfel, place_cube, working_photo};
 
 use crate::estimate::{Completed, EstimateError, EstimateOptions, View};
 use crate::message::{Message, stage};
@@ -40,34 +40,48 @@ pub struct SeenFrame {
     pub camera: Camera,
     /// What is seen where it is seen, one for each depth reading that is none of a flying pixel.
     pub surfels: Vec<Surfel>,
+    /// Gravity and the planes around the surfels.
+    pub room: Room,
     /// Part of the world that the octree covers.
     pub cube: Cube,
-    /// The surfels, those beyond the cube drawn in to its side, with whether the photo is clipped there. Normals are zero where no
-    /// surface could be fitted.
+    /// The surfels, and what the photo shows where depth has no reading (windows, lamps, what is shiny, black or too far), with whether the photo
+    /// is clipped there. What has no reading lies on the room's planes or continues what is around it. All that is beyond the cube is drawn in to its
+    /// side. Normals are zero where no surface could be fitted.
     pub points: Vec<VisiblePoint>,
 }
 
 impl SeenFrame {
-    /// Of a frame at the [working resolution](Frame::working); `None` where no depth reading is left.
-    pub fn new(working: &Frame) -> Option<Self> {
+    /// Of a frame at the [working resolution](Frame::working), with the unit vector against gravity where it is known; `None` where no depth
+    /// reading is left.
+    pub fn new(working: &Frame, up: Option<Vec3>) -> Option<Self> {
         let clean = working.without_flying_pixels();
-        let normals = clean.normals();
-        let surfels = clean.surfels_with_normals(&normals, &clean.radiance());
+        let (normals, radiance, clipped) = (clean.normals(), clean.radiance(), clean.clipped());
+        let surfels = clean.surfels_with_normals(&normals, &radiance);
         if surfels.is_empty() {
             return None;
         }
         let positions: Vec<Vec3> = surfels.iter().map(|surfel| surfel.position_m).collect();
         let cube = place_cube(&positions);
-        let clipped = clean.clipped();
-        let readings = clean.depth_m.pixels().iter().zip(normals.pixels()).zip(clipped.pixels());
-        let readings = readings.filter(|((z, _), _)| **z > 0.0).zip(&surfels);
-        let points = readings.map(|(((_, normal), clipped), surfel)| VisiblePoint {
-            position_m: cube.pulled_inside(surfel.position_m),
-            radiance: surfel.radiance,
-            normal: normal.unwrap_or(Vec3::ZERO),
-            certain: !clipped,
+        let enclosure = Enclosure::around(&surfels, &ShellOptions { up, ..ShellOptions::default() });
+        let complete = working.depth_m.pixels().iter().all(|&z| z > 0.0);
+        let filled_m = if complete { clean.depth_m.clone() } else { enclosure.filled_depth_m(&clean) };
+        let camera = clean.depth_camera();
+        let pixels = (0..filled_m.height()).flat_map(|y| (0..filled_m.width()).map(move |x| (x, y)));
+        let points = pixels.filter_map(|at| {
+            let read = clean.depth_m[at] > 0.0;
+            if !read && working.depth_m[at] > 0.0 {
+                return None; // a flying pixel shows two surfaces
+            }
+            let position_m = camera.unproject(at.0 as f64 + 0.5, at.1 as f64 + 0.5, f64::from(filled_m[at]));
+            let normal = if read { normals[at] } else { enclosure.normal_at(position_m) };
+            Some(VisiblePoint {
+                position_m: cube.pulled_inside(position_m),
+                radiance: radiance[at],
+                normal: normal.unwrap_or(Vec3::ZERO),
+                certain: !clipped[at],
+            })
         });
-        Some(Self { points: points.collect(), camera: clean.camera, cube, surfels })
+        Some(Self { points: points.collect(), camera: clean.camera, room: enclosure.room(), cube, surfels })
     }
 }
 
@@ -83,15 +97,14 @@ pub(crate) fn complete(
         Some(global) => global.clone(),
         None => stage(messages, "global light", || networks.global_light(&srgb8(&view.working.photo))),
     };
-    let seen = SeenFrame::new(&view.working).ok_or(EstimateError::NothingSeen)?;
-    let room = room_around(&seen.surfels, &ShellOptions { up: options.up, ..ShellOptions::default() });
+    let seen = SeenFrame::new(&view.working, options.up).ok_or(EstimateError::NothingSeen)?;
     let completed = stage(messages, "light network", || {
         networks.complete(&seen.points, &seen.camera, seen.cube, global, octree_depth, options.seed)
     })?;
     let CompletedLight { light, confidence, messages: notes } = completed;
     notes.into_iter().for_each(|note| messages(Message::Note(note)));
     let confidence = confidence.into_iter().map(|level| level.into_iter().map(|c| (255.0 * c).round() as u8).collect());
-    Ok(Completed { light, room: Some(room), confidence: Some(confidence.collect()) })
+    Ok(Completed { light, room: Some(seen.room), confidence: Some(confidence.collect()) })
 }
 
 fn srgb8(photo: &Photo) -> Image<[u8; 3]> {

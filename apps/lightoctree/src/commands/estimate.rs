@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use lightoctree::geometry::{Camera, Vec3};
 use lightoctree::imaging;
 use lightoctree::scene::{Completion, Frame, Scene};
-use lightoctree::{EstimateOptions, Input, Networks};
+use lightoctree::{EstimateError, EstimateOptions, Input, Networks};
 
 use super::parse;
 use crate::args::{Global, OutputArgs};
@@ -104,7 +104,13 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             .with_context(|| format!("{} and {} do not fit together", args.photo.display(), path.display()))?
             .into(),
     };
-    let scene = lightoctree::estimate(input, networks.as_ref(), &options(global, args), &mut |m| stages.hear(m))?;
+    let scene = lightoctree::estimate(input, networks.as_ref(), &options(global, args), &mut |m| stages.hear(m))
+        .map_err(|error| match error {
+            EstimateError::OctreeDepth { .. } => {
+                Usage(format!("--octree-depth: {error}; leave it out, or choose another --completion")).into()
+            }
+            error => anyhow::Error::from(error),
+        })?;
     stages.stage("write", || scene.write(&args.out.output))?;
     say(args, &scene, &stages)
 }
@@ -125,15 +131,7 @@ fn networks(args: &Args, stages: &mut Stages) -> anyhow::Result<Option<Networks>
             None => Ok(None),
         };
     }
-    let networks = stages.stage("read weights", || super::networks(args.weights.as_deref()))?;
-    match args.octree_depth {
-        Some(asked) if completes && asked < networks.config.depth => Err(Usage(format!(
-            "the networks make octrees of depth {} at least, not {asked}; leave --octree-depth out, or choose another --completion",
-            networks.config.depth
-        ))
-        .into()),
-        _ => Ok(Some(networks)),
-    }
+    stages.stage("read weights", || super::networks(args.weights.as_deref())).map(Some)
 }
 
 fn options(global: &Global, args: &Args) -> EstimateOptions {

@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use geometry::{Camera, Cube, Vec3};
+use geometry::{Camera, Cube, DVec3, Vec3};
 use imaging::{DepthMap, Image};
 use octree::{Coverage, LightOctree, Octree, RadiancePoint};
 use random::RngExt;
@@ -40,7 +40,7 @@ pub struct LightInput {
     pub features: Vec<f32>,
     /// The octree of the visible points; its `seen` are the certain shares.
     pub visible: LightOctree,
-    /// Log-average radiance of the visible points, linear RGB, above 0; 0.2 where there are none.
+    /// A first guess of what is not seen, from the visible points: linear RGB, above 0; 0.2 where there are none.
     pub ambient: [f32; 3],
     /// What the photo shows to be empty.
     pub free: FreeSpace,
@@ -123,19 +123,24 @@ impl VisiblePoint {
     }
 }
 
-/// Log-average radiance of the points, as Reinhard et al. 2002 measure the key of a scene: a window or a lamp in the picture hardly raises it, and
-/// whether a depth sensor sees them hardly matters.
+/// What light is like where nothing is seen of it, at a first guess: as bright as the middle half of the points by brightness, their log average (as
+/// Reinhard et al. 2002 measure the key of a scene), in the mean of all points' colours, bright or dark. Windows and lamps in the picture, or the space below
+/// a table, do not count.
 fn ambient(points: &[VisiblePoint]) -> [f32; 3] {
     // Keeps black from counting without limit.
     const DARK: f64 = 0.01;
-    const LEAST: f64 = 1e-3;
+    const LEAST: f32 = 1e-3;
     const UNKNOWN: f32 = 0.2;
     if points.is_empty() {
         return [UNKNOWN; 3];
     }
-    let mean =
-        |c: usize| points.iter().map(|p| (f64::from(p.radiance[c]) + DARK).ln()).sum::<f64>() / points.len() as f64;
-    [0, 1, 2].map(|c| (mean(c).exp() - DARK).clamp(LEAST, MAX_RADIANCE.into()) as f32)
+    let mut brightness: Vec<f32> = points.iter().map(|point| Vec3::from(point.radiance).element_sum() / 3.0).collect();
+    brightness.sort_unstable_by(f32::total_cmp);
+    let middle = &brightness[points.len() / 4..points.len() - points.len() / 4];
+    let log_mean = middle.iter().map(|&b| (f64::from(b) + DARK).ln()).sum::<f64>() / middle.len() as f64;
+    let colours = points.iter().map(|point| Vec3::from(point.radiance).normalize_or_zero().as_dvec3()).sum::<DVec3>();
+    let colour = if colours == DVec3::ZERO { DVec3::ONE } else { 3.0 * colours / colours.element_sum() };
+    ((log_mean.exp() - DARK) * colour).as_vec3().to_array().map(|c| c.clamp(LEAST, MAX_RADIANCE))
 }
 
 /// Places of the points that carry `f_L`.
@@ -243,9 +248,17 @@ mod tests {
         let seen = |radiance: f32| VisiblePoint { radiance: [radiance; 3], ..point([0.0, 0.0, -3.0]) };
         let [grey, dark, window] = [0.3, 0.02, 1.0].map(seen);
         assert!((ambient(&[grey; 9])[1] - 0.3).abs() < 1e-5);
-        // A sixth of a dark room's photo is its window; its mean is 0.18.
-        assert!((ambient(&[dark, dark, dark, dark, dark, window])[1] - 0.044).abs() < 1e-3);
+        // A quarter of a dark room's photo is its window.
+        assert!((ambient(&[window, dark, dark, dark, dark, dark, dark, window])[1] - 0.02).abs() < 1e-5);
         assert_eq!((ambient(&[seen(0.0); 4]), ambient(&[])), ([1e-3; 3], [0.2; 3]));
+    }
+
+    #[test]
+    fn bright_and_dark_colours_count_alike() {
+        let seen = |radiance| VisiblePoint { radiance, ..point([0.0, 0.0, -3.0]) };
+        let [r, g, b] = ambient(&[seen([0.4, 0.3, 0.0]), seen([0.0, 0.003, 0.004])]);
+        // unit vectors (0.8, 0.6, 0) and (0, 0.6, 0.8)
+        assert!((r / g - 0.8 / 1.2).abs() < 1e-4 && (b / g - 0.8 / 1.2).abs() < 1e-4, "{r} {g} {b}");
     }
 
     #[test]
