@@ -14,4 +14,4 @@ mod shell;
 pub use highlights::HighlightReport;
 pub use lamps::LampReport;
 pub use light_from_above::light_from_above;
-pub use shell::{Enclosure, Shell, ShellOptions, ShellReport, shell};
+pub use shell::{Enclosure, Shell, ShellOptions, ShellReport, filled_note, shell};

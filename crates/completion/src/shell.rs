@@ -167,13 +167,7 @@ impl ShellReport {
     /// What a user should know about this completion, in sentences.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
-        let pixels = (self.seen + self.filled).max(1) as f32;
-        if self.filled as f32 > 0.05 * pixels {
-            notes.push(format!(
-                "{:.0} % of the pixels have no depth reading; theirs was taken from the room's planes or from around them",
-                100.0 * self.filled as f32 / pixels
-            ));
-        }
+        notes.extend(filled_note(self.seen, self.filled));
         if self.highlights.brightened_regions > 0 {
             notes.push(format!(
                 "{:.1} % of the photo is clipped; {} bright regions were given up to {:.1} times white",
@@ -185,6 +179,17 @@ impl ShellReport {
         notes.extend(self.lamps.note());
         notes
     }
+}
+
+/// What a user should know about pixels whose depth was filled in, beside those seen with their own.
+pub fn filled_note(seen: usize, filled: usize) -> Option<String> {
+    let share = filled as f32 / (seen + filled).max(1) as f32;
+    (share > 0.05).then(|| {
+        format!(
+            "{:.0} % of the pixels have no depth reading; theirs was taken from the room's planes or from around them",
+            100.0 * share
+        )
+    })
 }
 
 /// What the camera sees where.

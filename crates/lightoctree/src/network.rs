@@ -1,6 +1,6 @@
 //! Scenes by the networks: photo → depth and global light → what is seen, as an octree → the octree of the whole room.
 
-use completion::{Enclosure, ShellOptions};
+use completion::{Enclosure, ShellOptions, filled_note};
 use geometry::{Camera, Cube, Vec3};
 use imaging::{Image, Photo, srgb8_from_linear};
 use nets::light::VisiblePoint;
@@ -98,6 +98,8 @@ pub(crate) fn complete(
         None => stage(messages, "global light", || networks.global_light(&srgb8(&view.working.photo))),
     };
     let seen = SeenFrame::new(&view.working, options.up).ok_or(EstimateError::NothingSeen)?;
+    let filled = seen.points.len() - seen.surfels.len();
+    filled_note(seen.surfels.len(), filled).into_iter().for_each(|note| messages(Message::Note(note)));
     let completed = stage(messages, "light network", || {
         networks.complete(&seen.points, &seen.camera, seen.cube, global, octree_depth, options.seed)
     })?;
@@ -170,30 +172,35 @@ mod tests {
         EstimateOptions { completion: Completion::Network, ..EstimateOptions::default() }
     }
 
-    fn estimated(networks: &Networks) -> (Scene, Vec<Message>) {
+    fn estimated(frame: Frame, networks: &Networks) -> (Scene, Vec<Message>) {
         let mut messages = Vec::new();
         let hear = &mut |message| messages.push(message);
-        (estimate(wall(), Some(networks), &options(), hear).unwrap(), messages)
+        (estimate(frame, Some(networks), &options(), hear).unwrap(), messages)
+    }
+
+    /// From the camera, the wall is where it is and as the photo shows it at these pixels.
+    fn assert_seen(scene: &Scene, pixels: &[(usize, usize)]) {
+        let view = ConeTracer::new(&scene.light, cone::Settings::default()).unwrap().perspective(&camera());
+        let (wall, radiance) = (wall(), scene.frame.radiance());
+        for &(x, y) in pixels {
+            let (got, expected) = (view.radiance[(x, y)], radiance[(x, y)]);
+            assert!(
+                got.iter().zip(expected).all(|(a, b)| (a / b - 1.0).abs() < 2e-3),
+                "{x}, {y}: {got:?} {expected:?}"
+            );
+            assert!((view.distance_m[(x, y)] / wall.point(x, y).unwrap().length() - 1.0).abs() < 0.1);
+        }
     }
 
     #[test]
     fn what_the_photo_saw_is_in_the_scene() {
         // Weights that want to change everything.
         let (scene, messages) =
-            estimated(&networks(&config(), &[("light_net.regression.3.output.weights", &[8, 8], 0.5)]));
+            estimated(wall(), &networks(&config(), &[("light_net.regression.3.output.weights", &[8, 8], 0.5)]));
         let frame = &scene.frame;
         assert_eq!((&frame.photo, scene.completion, scene.light.octree.depth()), (&photo(), Completion::Network, 7));
-        let view = ConeTracer::new(&scene.light, cone::Settings::default()).unwrap().perspective(&frame.camera);
-        let radiance = frame.radiance();
         // A leaf is 6 cm: four pixels.
-        for (x, y) in [(10, 10), (20, 50), (30, 20), (70, 12), (85, 55)] {
-            let (got, expected) = (view.radiance[(x, y)], radiance[(x, y)]);
-            assert!(
-                got.iter().zip(expected).all(|(a, b)| (a / b - 1.0).abs() < 2e-3),
-                "{x}, {y}: {got:?} {expected:?}"
-            );
-            assert!((view.distance_m[(x, y)] / frame.point(x, y).unwrap().length() - 1.0).abs() < 0.1);
-        }
+        assert_seen(&scene, &[(10, 10), (20, 50), (30, 20), (70, 12), (85, 55)]);
         let (seen, confidence) = (scene.light.seen.last().unwrap(), scene.confidence.as_ref().unwrap());
         assert!(seen.contains(&255) && seen.contains(&0), "seen, and clipped");
         assert!(!scene.predicted_depth && confidence.iter().map(Vec::len).eq(scene.light.rgba.iter().map(Vec::len)));
@@ -204,10 +211,20 @@ mod tests {
     }
 
     #[test]
+    fn a_window_without_depth_readings_lies_in_the_wall() {
+        let window = |x: usize, y: usize| (60..88).contains(&x) && (10..54).contains(&y);
+        let depth_m = DepthMap::from_fn(SIZE.0, SIZE.1, |x, y| if window(x, y) { 0.0 } else { 2.0 });
+        let frame = Frame::new(photo(), depth_m, camera(), 1.0).unwrap();
+        let (scene, messages) = estimated(frame, &networks(&config(), &[]));
+        assert_seen(&scene, &[(10, 10), (64, 14), (74, 32), (84, 50)]);
+        assert!(messages.iter().any(|message| matches!(message, Message::Note(note) if note.contains("20 %"))));
+    }
+
+    #[test]
     fn objects_get_a_lamp_where_what_is_seen_asks_for_one() {
         // Weights that make what is not seen dark.
         let dark = networks(&config(), &[("light_net.regression.3.output.bias", &[1, 8], -4.0)]);
-        let (mut scene, _) = estimated(&dark);
+        let (mut scene, _) = estimated(wall(), &dark);
         let before = scene.clone();
         let report = add_lamp(&mut scene);
         assert!(report.lamp_radiance > 0.0 && scene.light != before.light, "{report:?}");
@@ -256,7 +273,7 @@ mod tests {
         let split = |stage| format!("light_net.prediction.{stage}.output.bias");
         let names: Vec<String> = (0..4).map(split).collect();
         let all: Vec<(&str, &[usize], f32)> = names.iter().map(|name| (&name[..], &[1, 1][..], 5.0)).collect();
-        let (scene, messages) = estimated(&networks(&config, &all));
+        let (scene, messages) = estimated(wall(), &networks(&config, &all));
         assert!(scene.light.octree.levels()[6].len() < 2000 * 8);
         assert!(messages.iter().any(|message| matches!(message, Message::Note(note) if note.contains("node budget"))));
     }
