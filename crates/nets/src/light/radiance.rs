@@ -33,7 +33,7 @@ pub struct KnownLight {
 }
 
 impl KnownLight {
-    /// Of the non-empty nodes of `depth` of `octree`, as far as `visible` has the same nodes; `ambient` is the log-average radiance of what is seen.
+    /// Of the non-empty nodes of `depth` of `octree`, as far as `visible` has the same nodes; `ambient` is [`LightInput::ambient`](super::LightInput::ambient).
     pub fn of_level(octree: &Octree, depth: u32, visible: &LightOctree, ambient: [f32; 3]) -> Arc<Self> {
         let level = &octree.levels()[depth as usize];
         let known = |key: u32| {
@@ -59,7 +59,7 @@ impl KnownLight {
 ///
 /// What is known enters as a residual: `trust · known · e^gain + (1 − trust) · ambient · e^raw`, so that what the photo
 /// saw is right before anything is learned, and stays so at the finest depth, where the gain is 0; and what it did not see begins with the
-/// log average of what it saw, in whose measure it is learned.
+/// ambient light of what it saw, in whose measure it is learned.
 #[derive(Clone, Debug)]
 pub struct NodeLight(pub Arc<KnownLight>);
 
