@@ -133,5 +133,16 @@ fn input(depth: u32) -> (LightInput, LightNetConfig) {
     eprintln!("depth {depth}: {nodes} nodes, {} parameters", net.num_params());
     let camera = Camera::from_hfov_deg(60.0, 480, 320).expect("a plain camera");
     let free = FreeSpace::new(&[], &camera);
-    (LightInput { levels, octree: visible.octree.clone(), features, visible, ambient: [0.3; 3], free }, config)
+    (
+        LightInput {
+            levels,
+            octree: visible.octree.clone(),
+            features,
+            visible,
+            ambient: [0.3; 3],
+            colour_share: 1.0,
+            free,
+        },
+        config,
+    )
 }

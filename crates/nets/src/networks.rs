@@ -154,6 +154,7 @@ impl Networks {
     ) -> Result<CompletedLight, LightError> {
         in_pool(|| {
             let input = LightInput::new(points, camera, cube, &self.config, seed)?;
+            let input = LightInput { colour_share: COLOUR_SHARE, ..input };
             let mut output = self.light.forward(&input, Some(global.0), Growth::Predicted)?;
             let messages = std::mem::take(&mut output.messages);
             let (mut light, mut confidence) = output.into_light()?;
@@ -167,6 +168,10 @@ impl Networks {
         })
     }
 }
+
+/// Of the colour that the light network guesses beside ambient light, this much is believed. The rest is noise, in rooms of the training and in
+/// others: unseen parts are 6.1° off with it, 6.7° with all of the colour (70 rooms), and no other figure changes.
+const COLOUR_SHARE: f32 = 0.2;
 
 /// Works on one of rayon's threads: from another, each of some thousand small parallel loops waits for one of them to wake up.
 fn in_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {

@@ -42,6 +42,8 @@ pub struct LightInput {
     pub visible: LightOctree,
     /// A first guess of what is not seen, from the visible points: linear RGB, above 0; 0.2 where there are none.
     pub ambient: [f32; 3],
+    /// Share of the colour beside the ambient light's that the network's guesses are believed to have: 1, all of it, in training.
+    pub colour_share: f32,
     /// What the photo shows to be empty.
     pub free: FreeSpace,
 }
@@ -79,7 +81,7 @@ impl LightInput {
         let levels = GraphLevel::all(&light.octree);
         let features = features(&light, &levels[levels.len() - 1], points, &carriers);
         let free = FreeSpace::new(points, camera);
-        Ok(Self { levels, octree: light.octree, features, visible, ambient: ambient(points), free })
+        Ok(Self { levels, octree: light.octree, features, visible, ambient: ambient(points), colour_share: 1.0, free })
     }
 
     /// Part of the world that the octrees cover.

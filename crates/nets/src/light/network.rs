@@ -201,7 +201,7 @@ impl LightNet {
                 close(&mut nonempty, depth, input);
             }
             octree.set_nonempty(&nonempty)?;
-            let known = KnownLight::of_level(&octree, depth, &input.visible, input.ambient);
+            let known = KnownLight::of_level(&octree, depth, input);
             let occupied = (0..nonempty.len() as u32).filter(|&node| nonempty[node as usize]);
             let raw = select_rows(own, &RowMap::new(occupied.map(Some), finest.len()));
             let raw = self.regression[stage].forward(raw);

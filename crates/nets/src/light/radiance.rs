@@ -1,9 +1,10 @@
 use std::sync::Arc;
 
 use burn::tensor::{Tensor, TensorData, activation};
-use octree::{LightOctree, MAX_ALPHA, Octree};
+use octree::{MAX_ALPHA, Octree};
 
 use crate::host::{Kernel, Number, has_kernels, unary};
+use crate::light::LightInput;
 
 /// Greatest radiance that comes out: what a half-precision file can hold.
 pub const MAX_RADIANCE: f32 = 65_504.0;
@@ -29,12 +30,14 @@ pub struct KnownLight {
     rows: Vec<[f32; 5]>,
     /// Linear RGB that everything else is measured by, above 0.
     ambient: [f32; 3],
+    colour_share: f64,
     max_log_gain: f64,
 }
 
 impl KnownLight {
-    /// Of the non-empty nodes of `depth` of `octree`, as far as `visible` has the same nodes; `ambient` is [`LightInput::ambient`](super::LightInput::ambient).
-    pub fn of_level(octree: &Octree, depth: u32, visible: &LightOctree, ambient: [f32; 3]) -> Arc<Self> {
+    /// Of the non-empty nodes of `depth` of `octree`, as far as `visible` has the same nodes; what `input` says is known.
+    pub fn of_level(octree: &Octree, depth: u32, input: &LightInput) -> Arc<Self> {
+        let visible = &input.visible;
         let level = &octree.levels()[depth as usize];
         let known = |key: u32| {
             let row = visible.row(depth, key)?;
@@ -45,7 +48,7 @@ impl KnownLight {
         };
         let rows = level.row_keys().map(|key| known(key).unwrap_or([0.0; 5])).collect();
         let max_log_gain = if depth == visible.octree.depth() { 0.0 } else { COARSE_LOG_GAIN };
-        Arc::new(Self { rows, ambient, max_log_gain })
+        Arc::new(Self { rows, ambient: input.ambient, colour_share: input.colour_share.into(), max_log_gain })
     }
 
     /// How far each node is known from the photo, 0 to 1.
@@ -54,15 +57,11 @@ impl KnownLight {
     }
 }
 
-/// Of the colour that a node's guess has beside the ambient light's, this much is believed: nearly all of it is noise, in rooms of the training
-/// and others.
-const COLOUR_SHARE: f64 = 0.2;
-
 /// From the regression module's `raw[nodes, 8]` to `[nodes, 5]`: linear RGB in [0, [`MAX_RADIANCE`]], opacity in
 /// [0, 1], and the expected error of log(1 + radiance), at least 0.
 ///
 /// What is known enters as a residual: `trust · known · e^gain + (1 − trust) · ambient · e^guess`, where the guess is the mean of the three raw
-/// values and a fifth of each one's difference from it, so that what the photo
+/// values and a share of each one's difference from it ([`LightInput::colour_share`](super::LightInput::colour_share)), so that what the photo
 /// saw is right before anything is learned, and stays so at the finest depth, where the gain is 0; and what it did not see begins with the
 /// ambient light of what it saw, in whose measure it is learned.
 #[derive(Clone, Debug)]
@@ -84,7 +83,7 @@ impl NodeLight {
         let ambient =
             Tensor::<2>::from_data(TensorData::new(self.0.ambient.to_vec(), [1, 3]), (&raw.device(), raw.dtype()));
         let brightness = columns(&raw, 0, 3).mean_dim(1);
-        let guess = (columns(&raw, 0, 3) - brightness.clone()) * COLOUR_SHARE + brightness;
+        let guess = (columns(&raw, 0, 3) - brightness.clone()) * self.0.colour_share + brightness;
         let log = (guess + ambient.log()).clamp_max(f64::from(MAX_RADIANCE).ln());
         let gain = columns(&raw, 3, 6).tanh() * self.0.max_log_gain;
         let radiance = trust.clone() * columns(&known, 0, 3) * gain.exp() + doubt.clone() * log.exp();
@@ -114,7 +113,7 @@ fn node_light(
     let (most, max_log_gain) = (f64::from(MAX_RADIANCE), light.max_log_gain);
     let brightness = (raw[0] + raw[1] + raw[2]) / 3.0;
     for c in 0..3 {
-        let guess = brightness + COLOUR_SHARE * (raw[c] - brightness);
+        let guess = brightness + light.colour_share * (raw[c] - brightness);
         let guessed = (1.0 - trust) * (guess + f64::from(light.ambient[c]).ln()).min(most.ln()).exp();
         let squashed = raw[3 + c].tanh();
         let seen = trust * f64::from(known[c]) * (max_log_gain * squashed).exp();
@@ -160,7 +159,7 @@ impl Kernel for NodeLight {
             let own: [f64; RAW_CHANNELS] = std::array::from_fn(|c| slope[c] * gradient[MOVES[c]].wide());
             let brightness = (own[0] + own[1] + own[2]) / 3.0;
             (0..RAW_CHANNELS).map(move |c| match c {
-                0..3 => T::of(brightness + COLOUR_SHARE * (own[c] - brightness)),
+                0..3 => T::of(brightness + self.0.colour_share * (own[c] - brightness)),
                 _ => T::of(own[c]),
             })
         });
@@ -175,7 +174,7 @@ mod tests {
 
     fn known(max_log_gain: f64) -> Arc<KnownLight> {
         let rows = (0..20).map(|i| [i as f32, 0.5, 0.0, 2.0, [0.0, 0.4, 1.0][i % 3]]).collect();
-        Arc::new(KnownLight { rows, ambient: [0.5, 0.2, 1.5], max_log_gain })
+        Arc::new(KnownLight { rows, ambient: [0.5, 0.2, 1.5], colour_share: 0.2, max_log_gain })
     }
 
     #[test]
