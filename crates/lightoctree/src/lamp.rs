@@ -1,8 +1,6 @@
 use completion::{LampReport, light_from_above};
 use scene::{Completion, Scene};
 
-use crate::SeenFrame;
-
 /// Adds the lamp to a scene completed by a network that what the photo shows asks for: for objects, which have to be as bright as what they
 /// stand beside.
 ///
@@ -10,6 +8,6 @@ use crate::SeenFrame;
 /// (`docs/evaluation.md`), objects look right with it. Scenes that no network completed stay as they are: the shell has a lamp of its own.
 pub fn add_lamp(scene: &mut Scene) -> LampReport {
     let (Completion::Network, Some(room)) = (scene.completion, &scene.room) else { return LampReport::default() };
-    let Some(seen) = SeenFrame::new(&scene.frame.working(), Some(room.up)) else { return LampReport::default() };
-    light_from_above(&mut scene.light, &seen.surfels, room.up)
+    let seen = scene.frame.working().without_flying_pixels();
+    light_from_above(&mut scene.light, &seen.surfels(&seen.radiance()), room.up)
 }
