@@ -169,8 +169,8 @@ impl Networks {
     }
 }
 
-/// Of the colour that the light network guesses beside ambient light, this much is believed. The rest is noise, in rooms of the training and in
-/// others: unseen parts are 6.1° off with it, 6.7° with all of the colour (70 rooms), and no other figure changes.
+/// Of the colour that the light network guesses beside ambient light, this much is believed; most of the rest is noise (`ARCHITECTURE.md` has the
+/// figures, and how it was chosen).
 const COLOUR_SHARE: f32 = 0.2;
 
 /// Works on one of rayon's threads: from another, each of some thousand small parallel loops waits for one of them to wake up.
