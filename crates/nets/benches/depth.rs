@@ -8,6 +8,7 @@ use burn::tensor::{Device, Distribution, Tensor};
 use divan::Bencher;
 use imaging::{DepthMap, Image, RadianceImage};
 use lightoctree_nets::Adam;
+use lightoctree_nets::conv::in_bf16;
 use lightoctree_nets::depth::{DenseNet, DepthNet, PatchGan, depth_losses, panorama_loss};
 
 #[global_allocator]
@@ -54,9 +55,9 @@ fn depth_net_fwd(bencher: Bencher) {
     bencher.bench_local(|| net.forward(&[&photo]));
 }
 
-/// All losses, a step of the network and one of the discriminator.
-#[divan::bench(sample_count = 5)]
-fn depth_net_train(bencher: Bencher) {
+/// All losses, a step of the network and one of the discriminator; in f32, and with bf16 products.
+#[divan::bench(sample_count = 5, args = [false, true])]
+fn depth_net_train(bencher: Bencher, bf16: bool) {
     let (device, photo) = (Device::flex().autodiff(), photo());
     let mut nets = Some((DepthNet::new(64, 1, &device), PatchGan::new(2, &device)));
     let (mut adam, mut judge_adam) = (Adam::default(), Adam::default());
@@ -64,7 +65,7 @@ fn depth_net_train(bencher: Bencher) {
     let sky = RadianceImage::from_fn(128, 64, |_, y| [if y < 20 { 8.0 } else { 0.2 }; 3]);
     let condition = Tensor::<4>::ones([4, 1, 64, 128], &device);
     let real = Tensor::<4>::ones([3, 1, 64, 128], &device);
-    bencher.bench_local(|| {
+    let mut step = || {
         let (net, judge) = nets.take().expect("networks");
         let output = net.forward(&[&photo]);
         let [log_depth, _, variance] = depth_losses(output.log_extent, &[&truth]);
@@ -74,5 +75,6 @@ fn depth_net_train(bencher: Bencher) {
         let net = adam.step(net, &loss.backward(), 1e-4);
         let loss = judge.discriminator_loss(real.clone(), made, condition.clone());
         nets = Some((net, judge_adam.step(judge, &loss.backward(), 1e-4)));
-    });
+    };
+    bencher.bench_local(|| in_bf16(bf16, &mut step));
 }

@@ -4,6 +4,7 @@
 //! and recording the backward pass. Kernels themselves know nothing of burn.
 
 use std::fmt::Debug;
+use std::mem::MaybeUninit;
 use std::ops::{Add, MulAssign, Sub};
 
 use burn::backend::autodiff::checkpoint::{base::Checkpointer, strategy::CheckpointStrategy};
@@ -12,6 +13,7 @@ use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Autodiff, Backend, Dispatch, Flex, TensorMetadata, backend_extension};
 use burn::tensor::{DType, Element, Tensor, TensorData};
+use rayon::prelude::*;
 
 use crate::conv::Sums;
 
@@ -81,6 +83,17 @@ pub fn binary<K: Kernel>(x: Tensor<2>, y: Tensor<2>, kernel: K) -> Tensor<2> {
 pub fn ternary<K: Kernel>(x: Tensor<2>, y: Tensor<2>, z: Tensor<2>, kernel: K) -> Tensor<2> {
     let (x, y, z) = (x.into_dispatch(), y.into_dispatch(), z.into_dispatch());
     Tensor::from_dispatch(<Dispatch as KernelOps>::kernel_ternary(x, y, z, kernel))
+}
+
+/// Zeros, written by all threads: of large outputs that is what the first touch costs, and one thread alone would make the others wait.
+pub(crate) fn zeros<T: Copy + Default + Send>(count: usize) -> Vec<T> {
+    const CHUNK: usize = 1 << 16;
+    let mut out = Vec::with_capacity(count);
+    let chunks = out.spare_capacity_mut()[..count].par_chunks_mut(CHUNK);
+    chunks.for_each(|chunk| chunk.fill(MaybeUninit::new(T::default())));
+    // SAFETY: the first `count` places have just been filled.
+    unsafe { out.set_len(count) };
+    out
 }
 
 /// Whether [`Kernel`]s can run where a tensor lies; elsewhere the same is composed of burn's operations.

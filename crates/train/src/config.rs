@@ -13,6 +13,9 @@ use crate::AugmentationConfig;
 pub struct TrainConfig {
     /// Greatest norm of the gradient of a network; a longer one is shortened to it.
     pub clip_norm: f32,
+    /// Whether the depth network's convolutions multiply in bf16 in training, where the processor has a matrix unit for that (Intel's AMX, servers since
+    /// 2023): sums, weights and all else stay f32. Elsewhere, and in use, nothing changes.
+    pub bf16: bool,
     /// Share of the averaged weights that stays at a step; what is validated and exported are these. It rises to this value from 0.1.
     pub average_decay: f64,
     /// Learning rate of the discriminator, as a share of the depth network's.
@@ -149,6 +152,7 @@ impl Default for TrainConfig {
         let light = LightPhase::default();
         Self {
             clip_norm: 5.0,
+            bf16: true,
             average_decay: 0.999,
             judge_rate: 0.5,
             checkpoint_minutes: 10.0,

@@ -47,8 +47,6 @@ pub(crate) struct DepthExample {
     pub camera: Camera,
     /// The true panorama at the camera, of size [`PANORAMA`].
     pub panorama: RadianceImage,
-    /// What the photo shows of it: radiance times share, share.
-    pub shown: Image<[f32; 4]>,
 }
 
 impl DepthExample {
@@ -68,20 +66,24 @@ impl DepthExample {
         let (octree, _) = LightOctree::from_points(&points, cube, PANORAMA_DEPTH, 4).map_err(impossible)?;
         let tracer = ConeTracer::new(&octree, Settings::default()).map_err(impossible)?;
         let panorama = tracer.panorama(Vec3::ZERO, PANORAMA.0, PANORAMA.1).radiance;
-        let linear = photo.map(|rgb| rgb.map(linear_from_srgb8));
-        let camera = camera.resized(photo.width() as u32, photo.height() as u32);
-        let shown = imaging::equirectangular_from_perspective(&linear, &camera, Mat3::IDENTITY, PANORAMA.0, PANORAMA.1);
         // Of the whole photo's shape, so that photos of one size are one batch however they are cut.
         let width = width.min(sample.photo.width());
         let height = (sample.photo.height() * width).div_ceil(sample.photo.width());
         let photo = if (width, height) == (photo.width(), photo.height()) {
             photo
         } else {
+            let linear = photo.map(|rgb| rgb.map(linear_from_srgb8));
             imaging::resize(&linear, width, height).map(|rgb| rgb.map(srgb8_from_linear))
         };
         let depth_m = imaging::resize_depth(&depth_m, width, height);
         let camera = camera.resized(photo.width() as u32, photo.height() as u32);
-        Ok(Self { photo, depth_m, camera, panorama, shown })
+        Ok(Self { photo, depth_m, camera, panorama })
+    }
+
+    /// What the photo shows of the panorama: radiance times share, share.
+    pub fn shown(&self) -> Image<[f32; 4]> {
+        let linear = self.photo.map(|rgb| rgb.map(linear_from_srgb8));
+        imaging::equirectangular_from_perspective(&linear, &self.camera, Mat3::IDENTITY, PANORAMA.0, PANORAMA.1)
     }
 
     /// What the depth network ought to say, but for the logarithm.
@@ -280,7 +282,8 @@ mod tests {
         let example = DepthExample::new(&sample, &variation, 60).unwrap();
         assert_eq!((example.photo.width(), example.photo.height()), (60, 40));
         assert_eq!((example.depth_m.width(), example.depth_m.height()), (60, 40));
-        let pairs = example.shown.pixels().iter().zip(example.panorama.pixels());
+        let shown = example.shown();
+        let pairs = shown.pixels().iter().zip(example.panorama.pixels());
         let shown: Vec<(f32, f32)> = pairs.filter(|(s, _)| s[3] > 0.99).map(|(s, p)| (s[1], p[1])).collect();
         assert!(shown.len() > 300, "{} pixels", shown.len());
         let off = median(shown.iter().map(|(a, b)| (a.ln_1p() - b.min(1.0).ln_1p()).abs()).collect());

@@ -308,7 +308,8 @@ impl Learner {
             + panorama * weights.panorama;
         let mut judged = None;
         if weights.adversarial > 0.0 {
-            let condition = channels::<4>(all.iter().map(|example| example.shown.pixels()));
+            let shown: Vec<_> = all.iter().map(|example| example.shown()).collect();
+            let condition = channels::<4>(shown.iter().map(|shown| shown.pixels()));
             let real = channels::<3>(truths.iter().map(|truth| truth.pixels()));
             let opinion = self.judge.generator_loss(made.clone(), condition.clone());
             losses.push(("adversarial", scalar(&opinion)));

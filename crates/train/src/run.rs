@@ -8,6 +8,7 @@ use burn::tensor::Tensor;
 use dataset::{CropModel, Dataset, Generated, Generator, Layout, LoaderState, Sample, fingerprint};
 use imaging::write_rgba8;
 use nets::checkpoint::{Checkpoint, Precision};
+use nets::conv::in_bf16;
 use nets::depth::{looked_at, looked_at_size};
 use random::RngExt;
 use serde::{Deserialize, Serialize};
@@ -218,7 +219,8 @@ impl<'a> Run<'a> {
                     DepthExample::new(sample, &variation, width).map_err(|error| error.to_string())
                 };
                 self.steps(&phase, prepare, stop, |run, examples, rate| {
-                    in_pool(|| run.learner.depth_step(&examples, rate, run.config)).map(Ok)
+                    let config = run.config;
+                    in_pool(|| in_bf16(config.bf16, || run.learner.depth_step(&examples, rate, config))).map(Ok)
                 })
             }
             Phase::Light(light) => {
@@ -396,9 +398,10 @@ impl<'a> Run<'a> {
     ) -> Result<Result<Progress, String>, Fault> {
         let own = self.grows_itself(phase.own_growth, phase.steps);
         let seed = self.state.seed;
+        let bf16 = self.config.bf16;
         in_pool(|| {
             let JointExample { sample, variation, epoch, depth, light } = example;
-            let output = self.learner.depth.net.forward(&[&depth.photo]);
+            let output = in_bf16(bf16, || self.learner.depth.net.forward(&[&depth.photo]));
             let light = match light {
                 Some(light) => light,
                 None => {
@@ -416,7 +419,7 @@ impl<'a> Run<'a> {
                     }
                 }
             };
-            self.learner.joint_step(output, &depth, &light, own, rate, self.config).map(Ok)
+            in_bf16(bf16, || self.learner.joint_step(output, &depth, &light, own, rate, self.config)).map(Ok)
         })
     }
 

@@ -6,7 +6,7 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use crate::conv::sums::LANES;
-use crate::host::{Kernel, Number, binary, has_kernels};
+use crate::host::{Kernel, Number, binary, has_kernels, zeros};
 
 /// `scale · (x − centre) + shift`, the three rows of `affine`: `[3, channels]`, or `[3, channels · pictures]` for each picture its own.
 pub fn scaled(x: Tensor<4>, affine: Tensor<2>) -> Tensor<4> {
@@ -133,7 +133,7 @@ impl Kernel for ActivationKernel {
     fn forward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]]) -> Vec<T> {
         let [channels, out_area] = self.output_size(sizes);
         let affine = Affine::new(inputs[1]);
-        let mut out = vec![T::default(); channels * out_area];
+        let mut out = zeros(channels * out_area);
         let rows = out.par_chunks_mut(out_area.max(1)).zip(inputs[0].par_chunks(sizes[0][1].max(1)));
         rows.enumerate().for_each(|(channel, (out, x))| {
             Arch::new().dispatch(Activate { out, x, affine: affine.channel(channel), kernel: *self });
@@ -186,7 +186,7 @@ impl<T: Number> WithSimd for Activate<'_, T> {
 /// A quarter of each value for each of 2 × 2 pixels; `width` is that of `gradient`'s rows.
 fn shared_out<T: Number>(gradient: &[T], width: usize) -> Vec<T> {
     let quarter = T::of(0.25);
-    let mut out = vec![T::default(); 4 * gradient.len()];
+    let mut out = zeros(4 * gradient.len());
     out.par_chunks_mut(4 * width).zip(gradient.par_chunks(width)).for_each(|(rows, gradient)| {
         let (upper, lower) = rows.split_at_mut(2 * width);
         for (pair, &gradient) in upper.as_chunks_mut::<2>().0.iter_mut().zip(gradient) {

@@ -1,7 +1,7 @@
 use burn::tensor::Tensor;
 use rayon::prelude::*;
 
-use crate::host::{Kernel, Number, binary, has_kernels, unary};
+use crate::host::{Kernel, Number, binary, has_kernels, unary, zeros};
 
 /// Twice the resolution, every pixel four times, and where there is a `skip[more, pictures, 2 · height, 2 · width]` its channels after those
 /// of `x`. (A convolution follows that learns what is smooth.)
@@ -51,7 +51,7 @@ impl Kernel for DoubledKernel {
 
     fn forward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]]) -> Vec<T> {
         let [channels, area] = self.output_size(sizes);
-        let mut out = vec![T::default(); channels * area];
+        let mut out = zeros(channels * area);
         let (doubled, rest) = out.split_at_mut(4 * inputs[0].len());
         doubled.par_chunks_mut(4 * self.width).zip(inputs[0].par_chunks(self.width)).for_each(|(rows, x)| {
             let (upper, lower) = rows.split_at_mut(2 * self.width);
@@ -66,7 +66,7 @@ impl Kernel for DoubledKernel {
 
     fn backward<T: Number>(&self, inputs: &[&[T]], _: &[[usize; 2]], gradient: &[T], wanted: &[bool]) -> Vec<Vec<T>> {
         let (doubled, rest) = gradient.split_at(4 * inputs[0].len());
-        let mut by_x = vec![T::default(); inputs[0].len()];
+        let mut by_x = zeros(inputs[0].len());
         by_x.par_chunks_mut(self.width).zip(doubled.par_chunks(4 * self.width)).for_each(|(out, rows)| {
             let (upper, lower) = rows.split_at(2 * self.width);
             let pairs = upper.as_chunks::<2>().0.iter().zip(lower.as_chunks::<2>().0);

@@ -1,12 +1,15 @@
+use std::any::TypeId;
+
 use rayon::prelude::*;
 
 use crate::conv::activation::{Affine, through_activation, total};
+use crate::conv::half;
 use crate::conv::sums::GROUP;
 use crate::conv::window::Window;
-use crate::host::{Kernel, Number};
+use crate::host::{Kernel, Number, zeros};
 
 /// Pieces of work at least: bands of rows, or where these are few, of channels too. Fixed, as is everything that sums depend on.
-const PIECES: usize = 8;
+pub(super) const PIECES: usize = 8;
 
 /// Input channels whose gradients by the weights are computed together, at most.
 const CHANNELS: usize = 32;
@@ -19,6 +22,8 @@ pub struct ConvKernel {
     pub window: Window,
     /// The third input.
     pub third: Third,
+    /// Whether `f32` numbers are multiplied as bf16.
+    pub half: bool,
 }
 
 /// What the third input of a [`ConvKernel`] is, if there is one.
@@ -35,6 +40,11 @@ pub enum Third {
 impl ConvKernel {
     fn bias<'a, T>(&self, inputs: &[&'a [T]]) -> Option<&'a [T]> {
         (self.third == Third::Bias).then(|| inputs[2])
+    }
+
+    /// The inputs, where they are to be multiplied as bf16.
+    fn half_inputs<'a, T: Number>(&self, inputs: &[&'a [T]]) -> Option<Vec<&'a [f32]>> {
+        if self.half { inputs.iter().map(|input| f32s(input)).collect() } else { None }
     }
 
     fn activation<'a, T: Number>(&self, inputs: &[&'a [T]]) -> Option<Affine<'a, T>> {
@@ -57,6 +67,12 @@ impl Kernel for ConvKernel {
 
     fn forward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]]) -> Vec<T> {
         let ([outputs, _], [_, windows]) = (self.output_size(sizes), sizes[1]);
+        if let Some(half) = self.half_inputs(inputs) {
+            let taps = self.window.kernel.pow(2);
+            let weight = |output, channel, tap| half[1][output * windows + channel * taps + tap];
+            let (activation, bias) = (self.activation(&half), self.bias(&half));
+            return of_f32s(half::convolve(&self.window, half[0], activation, &weight, outputs, bias));
+        }
         let weights = grouped(outputs, [1, windows], |output, _| &inputs[1][output * windows..][..windows]);
         convolve(&self.window, inputs[0], self.activation(inputs), &weights, outputs, self.bias(inputs))
     }
@@ -73,24 +89,43 @@ impl Kernel for ConvKernel {
         let mut derivatives = vec![Vec::new(); inputs.len()];
         if wanted[0] || (activation.is_some() && wanted[2]) {
             // By what was convolved: a convolution with the weights turned round.
-            let taps = self.window.kernel.pow(2);
-            let turned: Vec<T> = inputs[1].par_iter().rev().copied().collect();
-            let weights = grouped(channels, [outputs, taps], |channel, output| {
-                &turned[((outputs - 1 - output) * channels + channels - 1 - channel) * taps..][..taps]
-            });
-            derivatives[0] = convolve(&self.window.transposed(), gradient, None, &weights, channels, None);
+            let (taps, window) = (self.window.kernel.pow(2), self.window.transposed());
+            derivatives[0] = if let (Some(half), Some(gradient)) = (self.half_inputs(inputs), f32s(gradient)) {
+                let weight = |channel, output, tap| half[1][(output * channels + channel) * taps + taps - 1 - tap];
+                of_f32s(half::convolve(&window, gradient, None, &weight, channels, None))
+            } else {
+                let turned: Vec<T> = inputs[1].par_iter().rev().copied().collect();
+                let weights = grouped(channels, [outputs, taps], |channel, output| {
+                    &turned[((outputs - 1 - output) * channels + channels - 1 - channel) * taps..][..taps]
+                });
+                convolve(&window, gradient, None, &weights, channels, None)
+            };
             if let Some(activation) = activation {
                 derivatives[2] = through_activation(&mut derivatives[0], inputs[0], activation, true);
             }
         }
         if wanted[1] {
-            derivatives[1] = weight_gradient(&self.window, inputs[0], activation, gradient, outputs);
+            derivatives[1] = if let (Some(half), Some(gradient)) = (self.half_inputs(inputs), f32s(gradient)) {
+                of_f32s(half::weight_gradient(&self.window, half[0], self.activation(&half), gradient, outputs))
+            } else {
+                weight_gradient(&self.window, inputs[0], activation, gradient, outputs)
+            };
         }
         if self.third == Third::Bias && wanted[2] {
             derivatives[2] = gradient.par_chunks(area.max(1)).map(|row| T::of(total(row))).collect();
         }
         derivatives
     }
+}
+
+/// Numbers that are `f32`.
+fn f32s<T: Number>(numbers: &[T]) -> Option<&[f32]> {
+    (TypeId::of::<T>() == TypeId::of::<f32>()).then(|| bytemuck::cast_slice(numbers))
+}
+
+/// `f32` numbers as `T`, which is that.
+fn of_f32s<T: Number>(numbers: Vec<f32>) -> Vec<T> {
+    bytemuck::cast_vec(numbers)
 }
 
 /// `runs` of `length` weights, the one of each row by `weights(row, run)`, as `[rows / GROUP, runs, length, GROUP]`.
@@ -120,12 +155,6 @@ struct Piece<'a, T> {
     channels: Vec<&'a mut [T]>,
 }
 
-/// What a thread works with.
-struct Scratch<T> {
-    band: Vec<T>,
-    sums: Vec<T>,
-}
-
 fn convolve<T: Number>(
     window: &Window,
     x: &[T],
@@ -135,20 +164,38 @@ fn convolve<T: Number>(
     bias: Option<&[T]>,
 ) -> Vec<T> {
     let channels = x.len() / window.input_area();
-    let (rows, height, width) = (window.band_rows(channels), window.rows(), window.output[1]);
+    let rows = window.band_rows(channels);
     let offsets = window.offsets(channels, rows);
+    let read = |band: &mut Vec<T>, first| window.read(band, [first, rows], x, activation);
+    let sums = |band: &Vec<T>, group: usize, out: &mut [&mut [T]]| {
+        T::outer(&weights[group * offsets.len() * GROUP..][..offsets.len() * GROUP], band, &offsets, out);
+    };
+    by_bands(window, rows, [outputs, GROUP], bias, read, sums)
+}
+
+/// A convolution band by band of `rows` output rows. `read` makes what a band with this first row reads, `sums` computes from it the columns of a
+/// group of `group` channels; the rows that it is given are those of the band, in the last one perhaps fewer.
+pub(super) fn by_bands<T: Number, B: Default>(
+    window: &Window,
+    rows: usize,
+    [outputs, group]: [usize; 2],
+    bias: Option<&[T]>,
+    read: impl Fn(&mut B, usize) + Sync,
+    sums: impl Fn(&B, usize, &mut [&mut [T]]) + Sync,
+) -> Vec<T> {
+    let (height, width) = (window.rows(), window.output[1]);
     let area = window.pictures * window.area();
-    let mut out = vec![T::default(); outputs * area];
+    let mut out = zeros(outputs * area);
     // Few bands: each is read several times, for some of the output's channels each.
-    let (groups, bands) = (outputs.div_ceil(GROUP), height.div_ceil(rows));
+    let (groups, bands) = (outputs.div_ceil(group), height.div_ceil(rows));
     let groups = groups.div_ceil(PIECES.div_ceil(bands));
     let mut pieces = Vec::new();
-    for (i, channels) in out.chunks_mut(groups * GROUP * area).enumerate() {
+    for (i, channels) in out.chunks_mut(groups * group * area).enumerate() {
         let first_piece = pieces.len();
         pieces.extend((0..bands).map(|band| Piece {
             first_row: band * rows,
             first_group: i * groups,
-            channels: Vec::with_capacity(groups * GROUP),
+            channels: Vec::with_capacity(groups * group),
         }));
         for channel in channels.chunks_mut(area) {
             let mut rest = channel;
@@ -160,16 +207,15 @@ fn convolve<T: Number>(
         }
     }
     let columns = rows * window.pitch();
-    let scratch = || Scratch { band: Vec::new(), sums: vec![T::default(); GROUP * columns] };
-    pieces.into_par_iter().for_each_init(scratch, |Scratch { band, sums }, mut piece| {
-        window.read(band, [piece.first_row, rows], x, activation);
-        for (group, channels) in (piece.first_group..).zip(piece.channels.chunks_mut(GROUP)) {
-            let weights = &weights[group * offsets.len() * GROUP..][..offsets.len() * GROUP];
+    let scratch = || (B::default(), vec![T::default(); group * columns]);
+    pieces.into_par_iter().for_each_init(scratch, |(band, scratch), mut piece| {
+        read(band, piece.first_row);
+        for (index, channels) in (piece.first_group..).zip(piece.channels.chunks_mut(group)) {
             if window.is_dense() {
-                T::outer(weights, band, &offsets, channels);
+                sums(band, index, channels);
             } else {
-                let mut rows: Vec<&mut [T]> = sums.chunks_exact_mut(columns).take(channels.len()).collect();
-                T::outer(weights, band, &offsets, &mut rows);
+                let mut rows: Vec<&mut [T]> = scratch.chunks_exact_mut(columns).take(channels.len()).collect();
+                sums(band, index, &mut rows);
                 for (channel, sums) in channels.iter_mut().zip(rows) {
                     let sums = (piece.first_row..height).zip(sums.chunks_exact(window.pitch()));
                     let sums = sums.filter(|(row, _)| window.is_row(*row));
@@ -179,7 +225,7 @@ fn convolve<T: Number>(
                 }
             }
             if let Some(bias) = bias {
-                for (channel, &bias) in channels.iter_mut().zip(&bias[group * GROUP..]) {
+                for (channel, &bias) in channels.iter_mut().zip(&bias[index * group..]) {
                     channel.iter_mut().for_each(|out| *out += bias);
                 }
             }

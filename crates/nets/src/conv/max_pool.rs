@@ -3,7 +3,7 @@ use burn::tensor::{Tensor, module::max_pool2d};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use crate::host::{Kernel, Number, has_kernels, unary};
+use crate::host::{Kernel, Number, has_kernels, unary, zeros};
 
 /// Largest of 3 × 3 pixels around every second one, `[channels, pictures, ⌈height / 2⌉, ⌈width / 2⌉]`.
 pub fn max_pool(x: Tensor<4>) -> Tensor<4> {
@@ -37,7 +37,7 @@ impl Kernel for MaxPoolKernel {
     fn forward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]]) -> Vec<T> {
         let [channels, area] = self.output_size(sizes);
         let [height, width] = self.size;
-        let mut out = vec![T::default(); channels * area];
+        let mut out = zeros(channels * area);
         out.par_chunks_mut(area).zip(inputs[0].par_chunks(height * width)).for_each(|(out, x)| {
             Arch::new().dispatch(Pool { out, x, width });
         });
@@ -47,7 +47,7 @@ impl Kernel for MaxPoolKernel {
     fn backward<T: Number>(&self, inputs: &[&[T]], _: &[[usize; 2]], gradient: &[T], _: &[bool]) -> Vec<Vec<T>> {
         let [height, width] = self.size;
         let half_width = width.div_ceil(2);
-        let mut by_x = vec![T::default(); inputs[0].len()];
+        let mut by_x = zeros(inputs[0].len());
         by_x.par_chunks_mut(height * width)
             .zip(inputs[0].par_chunks(height * width))
             .zip(gradient.par_chunks(height.div_ceil(2) * half_width))

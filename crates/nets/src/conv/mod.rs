@@ -4,7 +4,9 @@
 //! (normalisation, weights) meets long rows, and what goes by pixels need not know which picture they are of.
 
 mod activation;
+mod amx;
 mod doubled;
+mod half;
 mod kernel;
 mod max_pool;
 mod norm;
@@ -22,6 +24,7 @@ use crate::host::{binary, has_kernels, ternary};
 
 pub use activation::{activate, activated_mean, scaled};
 pub use doubled::doubled;
+pub use half::in_bf16;
 pub use max_pool::max_pool;
 pub use norm::{Moments, batch_norm, group_norm};
 pub use sums::Sums;
@@ -64,7 +67,7 @@ fn convolved(x: Tensor<4>, affine: Option<Tensor<2>>, conv: &Conv2d) -> Tensor<4
     let window = Window { pictures, ..Window::new([height, width], kernel, stride, padding) };
     let x = x.reshape([channels, pictures * height * width]);
     let weights = conv.weight.val().reshape([outputs, channels * kernel * kernel]);
-    let kernel = |third| ConvKernel { window, third };
+    let kernel = |third| ConvKernel { window, third, half: half::is_wanted() };
     let y = match (affine, bias) {
         (Some(affine), _) => ternary(x, weights, affine, kernel(Third::Activation)),
         (None, Some(bias)) => ternary(x, weights, bias.reshape([1, outputs]), kernel(Third::Bias)),
@@ -118,7 +121,6 @@ mod tests {
 
     fn run(case: Case, third: Third, inputs: &[Tensor<2>], composed_of_burn: bool) -> Tensor<2> {
         let ([channels, outputs], [pictures, height, width], [kernel, stride, padding]) = case;
-        let window = Window { pictures, ..Window::new([height, width], kernel, stride, padding) };
         let [x, weights] = [0, 1].map(|i| inputs[i].clone());
         let third_input = inputs.get(2).cloned();
         if composed_of_burn {
@@ -126,9 +128,10 @@ mod tests {
             let weights = weights.reshape([outputs, channels, kernel, kernel]);
             let affine = third_input.clone().filter(|_| third == Third::Activation);
             let bias = third_input.filter(|_| third == Third::Bias).map(|bias| bias.reshape([outputs]));
-            return composed(x, affine, weights, bias, stride, padding).reshape([outputs, pictures * window.area()]);
+            let y = composed(x, affine, weights, bias, stride, padding);
+            return y.reshape([outputs as i32, -1]);
         }
-        let kernel = ConvKernel { window, third };
+        let kernel = kernel_of(case, third, false);
         match third_input {
             Some(third) => ternary(x, weights, third, kernel),
             None => binary(x, weights, kernel),
@@ -164,6 +167,57 @@ mod tests {
     }
 
     #[test]
+    fn bf16_products_of_small_integers_are_exact() {
+        for case in CASES {
+            for third in [Third::None, Third::Activation, Third::Bias] {
+                let sizes = sizes(case, third);
+                let sizes = if third == Third::None { &sizes[..2] } else { &sizes };
+                let whole = |index: usize, [rows, columns]: [usize; 2]| -> Vec<f64> {
+                    let numbers = crate::testing::values(rows * columns, 7 + index);
+                    numbers.iter().map(|v| (3.0 * v).round()).collect()
+                };
+                let inputs: Vec<Vec<f64>> = sizes.iter().enumerate().map(|(i, &size)| whole(i, size)).collect();
+                let narrow: Vec<Vec<f32>> = inputs.iter().map(|v| v.iter().map(|&v| v as f32).collect()).collect();
+                let (inputs, narrow): (Vec<&[f64]>, Vec<&[f32]>) =
+                    (inputs.iter().map(Vec::as_slice).collect(), narrow.iter().map(Vec::as_slice).collect());
+                let kernel = |half| kernel_of(case, third, half);
+                let (expected, got) = (kernel(false).forward(&inputs, sizes), kernel(true).forward(&narrow, sizes));
+                assert_eq!(wide(&got), expected, "{case:?} {third:?}");
+                let gradient = whole(9, kernel(false).output_size(sizes));
+                let narrow_gradient: Vec<f32> = gradient.iter().map(|&v| v as f32).collect();
+                let expected = kernel(false).backward(&inputs, sizes, &gradient, &[true; 3]);
+                let got = kernel(true).backward(&narrow, sizes, &narrow_gradient, &[true; 3]);
+                for (i, (got, expected)) in got.iter().zip(&expected).enumerate() {
+                    assert_eq!(&wide(got), expected, "input {i} of {case:?} {third:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn bf16_is_wanted_within_and_not_beyond() {
+        let available = amx::available();
+        assert!(!half::is_wanted());
+        let inner = in_bf16(true, || (half::is_wanted(), in_bf16(false, half::is_wanted), half::is_wanted()));
+        assert_eq!(inner, (available, false, available));
+        assert!(std::panic::catch_unwind(|| in_bf16(true, || panic!("once"))).is_err());
+        assert!(!half::is_wanted());
+    }
+
+    fn kernel_of(
+        ([_, _], [pictures, height, width], [kernel, stride, padding]): Case,
+        third: Third,
+        half: bool,
+    ) -> ConvKernel {
+        let window = Window { pictures, ..Window::new([height, width], kernel, stride, padding) };
+        ConvKernel { window, third, half }
+    }
+
+    fn wide(numbers: &[f32]) -> Vec<f64> {
+        numbers.iter().map(|&v| f64::from(v)).collect()
+    }
+
+    #[test]
     fn threads_do_not_change_a_bit() {
         let case = CASES[13];
         let [x, weights, affine] = sizes(case, Third::Activation);
@@ -172,16 +226,16 @@ mod tests {
         };
         let inputs = [values(x, 1), values(weights, 2), values(affine, 3)];
         let inputs: Vec<&[f32]> = inputs.iter().map(Vec::as_slice).collect();
-        let ([pictures, height, width], [kernel, stride, padding]) = (case.1, case.2);
-        let window = Window { pictures, ..Window::new([height, width], kernel, stride, padding) };
-        let kernel = ConvKernel { window, third: Third::Activation };
-        let on = |threads: usize| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-            pool.install(|| {
-                let output = kernel.forward(&inputs, &[x, weights, affine]);
-                (kernel.backward(&inputs, &[x, weights, affine], &output, &[true; 3]), output)
-            })
-        };
-        assert!(on(1) == on(3));
+        for half in [false, true] {
+            let kernel = kernel_of(case, Third::Activation, half);
+            let on = |threads: usize| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+                pool.install(|| {
+                    let output = kernel.forward(&inputs, &[x, weights, affine]);
+                    (kernel.backward(&inputs, &[x, weights, affine], &output, &[true; 3]), output)
+                })
+            };
+            assert!(on(1) == on(3));
+        }
     }
 }

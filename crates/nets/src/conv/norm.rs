@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::conv::activation::total;
 use crate::conv::sums::LANES;
-use crate::host::{Kernel, Number, has_kernels, unary};
+use crate::host::{Kernel, Number, has_kernels, unary, zeros};
 
 /// Mean and variance of each channel, over all pictures or of each picture.
 ///
@@ -128,7 +128,7 @@ impl Kernel for MomentsKernel {
     fn backward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]], gradient: &[T], _: &[bool]) -> Vec<Vec<T>> {
         let pixels = sizes[0][1];
         let (by_mean, by_variance) = gradient.split_at(sizes[0][0]);
-        let mut out = vec![T::default(); inputs[0].len()];
+        let mut out = zeros(inputs[0].len());
         let rows = out.par_chunks_mut(pixels).zip(inputs[0].par_chunks(pixels));
         rows.zip(by_mean.par_iter().zip(by_variance)).for_each(|((out, x), (by_mean, by_variance))| {
             let count = pixels as f64;

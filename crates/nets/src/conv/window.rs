@@ -1,6 +1,7 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use crate::conv::activation::{Affine, positive};
+use crate::conv::amx::{BLOCK, STEP, bf16};
 use crate::conv::sums::LANES;
 use crate::host::Number;
 
@@ -129,7 +130,7 @@ impl Window {
     }
 
     /// Numbers of one channel in a band.
-    fn plane(&self, rows: usize) -> usize {
+    pub fn plane(&self, rows: usize) -> usize {
         self.phases().pow(2) * (rows + self.extra()) * self.pitch()
     }
 
@@ -165,6 +166,86 @@ impl Window {
     }
 }
 
+/// What a band of bf16 numbers is made of.
+pub trait Halves: Copy + Default {
+    /// Channels of a plane.
+    const CHANNELS: usize;
+
+    /// With this number of the plane's channel `index`, after those of the channels before it.
+    fn with(self, index: usize, value: u16) -> Self;
+}
+
+impl Halves for u16 {
+    const CHANNELS: usize = 1;
+
+    #[inline(always)]
+    fn with(self, _: usize, value: u16) -> Self {
+        value
+    }
+}
+
+/// Of two channels.
+impl Halves for u32 {
+    const CHANNELS: usize = 2;
+
+    #[inline(always)]
+    fn with(self, index: usize, value: u16) -> Self {
+        if index == 0 { Self::from(value) } else { self | Self::from(value) << 16 }
+    }
+}
+
+impl Window {
+    /// [`read`](Self::read) as bf16; zeros for as many channels as lack to a multiple of [`BLOCK`] and [`STEP`].
+    pub fn read_halves<N: Halves>(
+        &self,
+        band: &mut Vec<N>,
+        [first, rows]: [usize; 2],
+        x: &[f32],
+        activation: Option<Affine<f32>>,
+    ) {
+        let (plane, channels) = (self.plane(rows), x.len() / self.input_area());
+        let channels = channels.next_multiple_of(BLOCK);
+        // Products in whole blocks and steps read beyond the last plane.
+        let length = channels / N::CHANNELS * plane + BLOCK + STEP;
+        if band.len() < length {
+            *band = vec![N::default(); length];
+        }
+        Arch::new().dispatch(ReadHalves { window: self, band, first, channels, plane, x, activation });
+    }
+}
+
+struct ReadHalves<'a, N> {
+    window: &'a Window,
+    band: &'a mut [N],
+    first: usize,
+    channels: usize,
+    plane: usize,
+    x: &'a [f32],
+    activation: Option<Affine<'a, f32>>,
+}
+
+impl<N: Halves> WithSimd for ReadHalves<'_, N> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let mut channels = self.x.chunks_exact(self.window.input_area());
+        for channel in 0..self.channels {
+            let (plane, index) = (channel / N::CHANNELS, channel % N::CHANNELS);
+            let plane = &mut self.band[plane * self.plane..][..self.plane];
+            let put = |out: &mut N, value: f32| *out = out.with(index, bf16(value));
+            match (channels.next(), self.activation) {
+                (None, _) => plane.iter_mut().for_each(|out| put(out, 0.0)),
+                (Some(x), None) => read_plane(self.window, plane, self.first, x, put, |x| x),
+                (Some(x), Some(affine)) => {
+                    let affine = affine.channel(channel);
+                    read_plane(self.window, plane, self.first, x, put, |x| positive(affine.value(x)));
+                }
+            }
+        }
+    }
+}
+
 struct Read<'a, T> {
     window: &'a Window,
     band: &'a mut [T],
@@ -180,24 +261,33 @@ impl<T: Number> WithSimd for Read<'_, T> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let planes = self.band.chunks_exact_mut(self.plane);
+        let put = |out: &mut T, value| *out = value;
         for (channel, (plane, x)) in planes.zip(self.x.chunks_exact(self.window.input_area())).enumerate() {
             match self.activation.map(|affine| affine.channel(channel)) {
-                Some(affine) => read_plane(self.window, plane, self.first, x, |x| positive(affine.value(x))),
-                None => read_plane(self.window, plane, self.first, x, |x| x),
+                Some(affine) => read_plane(self.window, plane, self.first, x, put, |x| positive(affine.value(x))),
+                None => read_plane(self.window, plane, self.first, x, put, |x| x),
             }
         }
     }
 }
 
-/// One channel of a band that begins with output row `first`.
+/// One channel of a band that begins with output row `first`: `put` where it belongs, the `value` of what is there or zero.
 #[inline(always)]
-fn read_plane<T: Number>(window: &Window, plane: &mut [T], first: usize, x: &[T], value: impl Fn(T) -> T) {
+fn read_plane<T: Number, P>(
+    window: &Window,
+    plane: &mut [P],
+    first: usize,
+    x: &[T],
+    put: impl Fn(&mut P, T),
+    value: impl Fn(T) -> T,
+) {
     let Window { input: [height, width], stride, padding, spread, .. } = *window;
+    let clear = |row: &mut [P]| row.iter_mut().for_each(|out| put(out, T::default()));
     let (phases, pitch) = (window.phases(), window.pitch());
     let period = window.period();
     if pitch == width && stride == 1 && spread == 1 && period == height {
         // Nothing between the rows.
-        plane.iter_mut().zip(&x[first * width..]).for_each(|(out, &x)| *out = value(x));
+        plane.iter_mut().zip(&x[first * width..]).for_each(|(out, &x)| put(out, value(x)));
         return;
     }
     let rows = plane.len() / (phases * phases * pitch);
@@ -209,21 +299,21 @@ fn read_plane<T: Number>(window: &Window, plane: &mut [T], first: usize, x: &[T]
         let is_pixel =
             |&(picture, y): &(usize, usize)| picture < window.pictures && y % spread == 0 && y / spread < height;
         let Some((picture, y)) = place.filter(is_pixel) else {
-            row.fill(T::default());
+            clear(row);
             continue;
         };
         let x = &x[(picture * height + y / spread) * width..][..width];
         if stride == 1 && spread == 1 {
             let (left, rest) = row.split_at_mut(padding.min(pitch));
             let (middle, right) = rest.split_at_mut(width.min(rest.len()));
-            left.fill(T::default());
-            middle.iter_mut().zip(x).for_each(|(out, &x)| *out = value(x));
-            right.fill(T::default());
+            clear(left);
+            middle.iter_mut().zip(x).for_each(|(out, &x)| put(out, value(x)));
+            clear(right);
         } else {
             for (column, out) in row.iter_mut().enumerate() {
                 let place = (column * stride + phase % phases).checked_sub(padding);
                 let place = place.filter(|place| place % spread == 0 && place / spread < width);
-                *out = place.map_or(T::default(), |place| value(x[place / spread]));
+                put(out, place.map_or(T::default(), |place| value(x[place / spread])));
             }
         }
     }
