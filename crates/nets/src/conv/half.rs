@@ -16,6 +16,8 @@ thread_local! {
 
 /// Does `work`; where `wanted`, convolutions that it begins on this thread, and their gradients, multiply in bf16 and sum in f32 if the processor has a
 /// matrix unit for that (Intel's AMX). Elsewhere nothing changes. As `torch.autocast` does it: what lies between them stays f32.
+///
+/// While `work` waits for others, its thread may begin what another has left in rayon's pool; no convolution should be among that.
 pub fn in_bf16<R>(wanted: bool, work: impl FnOnce() -> R) -> R {
     /// Puts back what was, after a panic too.
     struct Before(bool);
