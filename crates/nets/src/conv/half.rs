@@ -60,7 +60,7 @@ pub(super) fn convolve(
             out.iter_mut().zip(part).for_each(|(out, channel)| *out = bf16(weight(output, channel, tap)));
         }
     });
-    let read = |band: &mut Vec<u32>, first| window.read_halves(band, [first, rows], x, activation);
+    let read = |band: &mut Vec<u32>, first| window.read(band, [first, rows], x, activation);
     let sums = |band: &Vec<u32>, group: usize, out: &mut [&mut [f32]]| {
         let columns = out.first().map_or(0, |row| row.len());
         let mut block = [[0.0; BLOCK]; BLOCK];
@@ -109,10 +109,10 @@ pub(super) fn weight_gradient(
             let activation = activation.map(|affine| affine.part(channels));
             let some = bands.len() * share / shares..bands.len() * (share + 1) / shares;
             let mut sums = vec![0.0; taps.len() * BLOCK * gradient.outputs];
-            let mut band = Vec::new();
+            let mut band: Vec<u16> = Vec::new();
             let mut block = [[0.0; BLOCK]; BLOCK];
             for &(first, gradients) in &bands[some] {
-                window.read_halves(&mut band, [first, rows], x, activation);
+                window.read(&mut band, [first, rows], x, activation);
                 for (tap, sums) in taps.iter().zip(sums.chunks_exact_mut(BLOCK * gradient.outputs)) {
                     for first in (0..gradient.outputs).step_by(BLOCK) {
                         let product = Product {

@@ -149,123 +149,95 @@ impl Window {
 
     /// Fills `band` with what `rows` output rows from `first` read of the channels in `x`, where wanted
     /// activated.
-    pub fn read<T: Number>(
+    pub fn read<T: Number, P: Place<T>>(
         &self,
-        band: &mut Vec<T>,
+        band: &mut Vec<P>,
         [first, rows]: [usize; 2],
         x: &[T],
         activation: Option<Affine<T>>,
     ) {
-        let channels = x.len() / self.input_area();
-        // Past the last channel's plane nothing is read but by columns that mean nothing.
-        let length = channels * self.plane(rows) + LANES + self.extra();
+        let (plane, channels) = (self.plane(rows), (x.len() / self.input_area()).next_multiple_of(P::PADDED_TO));
+        // Past the last plane nothing is read but by columns that mean nothing.
+        let length = channels / P::CHANNELS * plane + self.extra() + LANES.max(BLOCK + STEP);
         if band.len() < length {
-            *band = vec![T::default(); length];
+            *band = vec![P::default(); length];
         }
-        Arch::new().dispatch(Read { window: self, band, first, plane: self.plane(rows), x, activation });
+        Arch::new().dispatch(Read { window: self, band, first, channels, plane, x, activation });
     }
 }
 
-/// What a band of bf16 numbers is made of.
-pub trait Halves: Copy + Default {
+/// What a band of numbers `T` is made of.
+pub trait Place<T>: Copy + Default {
     /// Channels of a plane.
     const CHANNELS: usize;
 
+    /// Planes hold a multiple of so many channels, zeros where they lack.
+    const PADDED_TO: usize;
+
     /// With this number of the plane's channel `index`, after those of the channels before it.
-    fn with(self, index: usize, value: u16) -> Self;
+    fn with(self, index: usize, value: T) -> Self;
 }
 
-impl Halves for u16 {
+impl<T: Number> Place<T> for T {
     const CHANNELS: usize = 1;
+    const PADDED_TO: usize = 1;
 
     #[inline(always)]
-    fn with(self, _: usize, value: u16) -> Self {
+    fn with(self, _: usize, value: T) -> Self {
         value
     }
 }
 
-/// Of two channels.
-impl Halves for u32 {
-    const CHANNELS: usize = 2;
+/// As bf16.
+impl Place<f32> for u16 {
+    const CHANNELS: usize = 1;
+    const PADDED_TO: usize = BLOCK;
 
     #[inline(always)]
-    fn with(self, index: usize, value: u16) -> Self {
-        if index == 0 { Self::from(value) } else { self | Self::from(value) << 16 }
+    fn with(self, _: usize, value: f32) -> Self {
+        bf16(value)
     }
 }
 
-impl Window {
-    /// [`read`](Self::read) as bf16; zeros for as many channels as lack to a multiple of [`BLOCK`] and [`STEP`].
-    pub fn read_halves<N: Halves>(
-        &self,
-        band: &mut Vec<N>,
-        [first, rows]: [usize; 2],
-        x: &[f32],
-        activation: Option<Affine<f32>>,
-    ) {
-        let (plane, channels) = (self.plane(rows), x.len() / self.input_area());
-        let channels = channels.next_multiple_of(BLOCK);
-        // Products in whole blocks and steps read beyond the last plane.
-        let length = channels / N::CHANNELS * plane + BLOCK + STEP;
-        if band.len() < length {
-            *band = vec![N::default(); length];
-        }
-        Arch::new().dispatch(ReadHalves { window: self, band, first, channels, plane, x, activation });
+/// Two channels' numbers as bf16.
+impl Place<f32> for u32 {
+    const CHANNELS: usize = 2;
+    const PADDED_TO: usize = STEP;
+
+    #[inline(always)]
+    fn with(self, index: usize, value: f32) -> Self {
+        let value = Self::from(bf16(value));
+        if index == 0 { value } else { self | value << 16 }
     }
 }
 
-struct ReadHalves<'a, N> {
+struct Read<'a, T, P> {
     window: &'a Window,
-    band: &'a mut [N],
+    band: &'a mut [P],
     first: usize,
     channels: usize,
     plane: usize,
-    x: &'a [f32],
-    activation: Option<Affine<'a, f32>>,
+    x: &'a [T],
+    activation: Option<Affine<'a, T>>,
 }
 
-impl<N: Halves> WithSimd for ReadHalves<'_, N> {
+impl<T: Number, P: Place<T>> WithSimd for Read<'_, T, P> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let mut channels = self.x.chunks_exact(self.window.input_area());
         for channel in 0..self.channels {
-            let (plane, index) = (channel / N::CHANNELS, channel % N::CHANNELS);
+            let (plane, index) = (channel / P::CHANNELS, channel % P::CHANNELS);
             let plane = &mut self.band[plane * self.plane..][..self.plane];
-            let put = |out: &mut N, value: f32| *out = out.with(index, bf16(value));
+            let put = |out: &mut P, value: T| *out = out.with(index, value);
             match (channels.next(), self.activation) {
-                (None, _) => plane.iter_mut().for_each(|out| put(out, 0.0)),
+                (None, _) => plane.iter_mut().for_each(|out| put(out, T::default())),
                 (Some(x), None) => read_plane(self.window, plane, self.first, x, put, |x| x),
                 (Some(x), Some(affine)) => {
                     let affine = affine.channel(channel);
                     read_plane(self.window, plane, self.first, x, put, |x| positive(affine.value(x)));
                 }
-            }
-        }
-    }
-}
-
-struct Read<'a, T> {
-    window: &'a Window,
-    band: &'a mut [T],
-    first: usize,
-    plane: usize,
-    x: &'a [T],
-    activation: Option<Affine<'a, T>>,
-}
-
-impl<T: Number> WithSimd for Read<'_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        let planes = self.band.chunks_exact_mut(self.plane);
-        let put = |out: &mut T, value| *out = value;
-        for (channel, (plane, x)) in planes.zip(self.x.chunks_exact(self.window.input_area())).enumerate() {
-            match self.activation.map(|affine| affine.channel(channel)) {
-                Some(affine) => read_plane(self.window, plane, self.first, x, put, |x| positive(affine.value(x))),
-                None => read_plane(self.window, plane, self.first, x, put, |x| x),
             }
         }
     }
