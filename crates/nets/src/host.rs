@@ -262,3 +262,16 @@ fn recorded<B: HostMemory, C: CheckpointStrategy, K: Kernel, const N: usize>(
         OpsKind::UnTracked(preparation) => preparation.finish(output),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn zeros_fill_all_chunks() {
+        for count in [0, 1, 65_535, 65_536, 65_537, 200_000] {
+            let zeros: Vec<f32> = zeros(count);
+            assert!(zeros.len() == count && zeros.iter().all(|&zero| zero.to_bits() == 0), "{count}");
+        }
+    }
+}

@@ -86,11 +86,12 @@ impl Kernel for ConvKernel {
     ) -> Vec<Vec<T>> {
         let ([outputs, area], [channels, _]) = (self.output_size(sizes), sizes[0]);
         let activation = self.activation(inputs);
+        let half = self.half_inputs(inputs).zip(f32s(gradient));
         let mut derivatives = vec![Vec::new(); inputs.len()];
         if wanted[0] || (activation.is_some() && wanted[2]) {
             // By what was convolved: a convolution with the weights turned round.
             let (taps, window) = (self.window.kernel.pow(2), self.window.transposed());
-            derivatives[0] = if let (Some(half), Some(gradient)) = (self.half_inputs(inputs), f32s(gradient)) {
+            derivatives[0] = if let Some((half, gradient)) = &half {
                 let weight = |channel, output, tap| half[1][(output * channels + channel) * taps + taps - 1 - tap];
                 of_f32s(half::convolve(&window, gradient, None, &weight, channels, None))
             } else {
@@ -105,8 +106,8 @@ impl Kernel for ConvKernel {
             }
         }
         if wanted[1] {
-            derivatives[1] = if let (Some(half), Some(gradient)) = (self.half_inputs(inputs), f32s(gradient)) {
-                of_f32s(half::weight_gradient(&self.window, half[0], self.activation(&half), gradient, outputs))
+            derivatives[1] = if let Some((half, gradient)) = &half {
+                of_f32s(half::weight_gradient(&self.window, half[0], self.activation(half), gradient, outputs))
             } else {
                 weight_gradient(&self.window, inputs[0], activation, gradient, outputs)
             };
