@@ -47,6 +47,7 @@ pub struct Inserter {
     frame: Frame,
     environment: Environment,
     occluders: SurfaceMap,
+    predicted_depth: bool,
     /// For the light that real surfaces in the object's shadow send to it.
     coarse: ShadowField,
     fine: ShadowField,
@@ -80,6 +81,7 @@ impl Inserter {
             frame: scene.frame.clone(),
             environment,
             occluders,
+            predicted_depth: scene.predicted_depth,
             coarse,
             fine,
             table: AlbedoTable::new(),
@@ -145,6 +147,7 @@ impl Inserter {
             camera: self.frame.camera,
             object,
             surfaces: &self.occluders,
+            predicted_depth: self.predicted_depth,
             samples: &samples,
             thrift: self.counts.thrift,
         };

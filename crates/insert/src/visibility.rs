@@ -20,6 +20,9 @@ const MAX_FRAGMENTS: usize = 6;
 /// touches it. Metres, and metres per metre of depth.
 const OCCLUSION_BIAS: (f32, f32) = (0.004, 0.005);
 
+/// The same where depth was predicted: floors and desks are wavy then.
+const PREDICTED_OCCLUSION_BIAS: (f32, f32) = (0.01, 0.025);
+
 /// A visible piece of the object within one pixel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Fragment {
@@ -76,6 +79,8 @@ pub(crate) struct Viewer<'a> {
     pub camera: Camera,
     pub object: &'a Object<'a>,
     pub surfaces: &'a SurfaceMap,
+    /// Whether the surfaces' depth was predicted from the photo.
+    pub predicted_depth: bool,
     /// Places of the samples within a pixel, see [`coverage_pattern`].
     pub samples: &'a [Vec2],
     pub thrift: Thrift,
@@ -259,7 +264,8 @@ impl Viewer<'_> {
         if -point.z <= depth_m {
             return false;
         }
-        let bias_m = OCCLUSION_BIAS.0 + OCCLUSION_BIAS.1 * depth_m;
+        let (least_m, per_m) = if self.predicted_depth { PREDICTED_OCCLUSION_BIAS } else { OCCLUSION_BIAS };
+        let bias_m = least_m + per_m * depth_m;
         if surface.normal.dot(point - surface.position_m) > -bias_m {
             return false;
         }

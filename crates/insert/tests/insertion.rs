@@ -215,6 +215,27 @@ fn real_surfaces_in_front_hide_the_object_and_holes_do_not() {
     assert!(composite.warnings.iter().any(|w| w.contains("real surfaces")), "{:?}", composite.warnings);
 }
 
+#[test]
+fn predicted_depth_hides_only_what_is_well_behind_it() {
+    let mut scene = linear_scene();
+    // All is 8 % nearer than it is, which lifts the floor below the object by 8 cm; on the left stands a board, a third nearer than the object.
+    scene.frame.depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| match x {
+        0..40 => 1.6,
+        _ => scene.frame.depth_m[(x, y)] * 0.92,
+    });
+    let mut hidden = |predicted_depth: bool, x: f32| {
+        scene.predicted_depth = predicted_depth;
+        let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Draft).unwrap();
+        let composite = inserter.render(&sphere(matte()), &on_floor(x, -2.5, 0.1)).unwrap();
+        let [hidden, shown] = [&composite.occlusion, &composite.alpha].map(|image| image.pixels().iter().sum::<f32>());
+        hidden / (hidden + shown)
+    };
+    let measured = hidden(false, 0.5);
+    assert!(measured > 0.05, "what is measured is believed: {measured}");
+    let [clear, behind] = [0.5, -0.85].map(|x| hidden(true, x));
+    assert!(clear < 0.005 && behind > 0.95, "{clear} {behind}");
+}
+
 /// Share of a uniform environment that glTF's dielectric BRDF (appendix B.3) reflects; plain quadrature.
 fn reflectance(cosine: f64, base: f64, roughness: f64) -> f64 {
     let v = [(1.0 - cosine * cosine).sqrt(), 0.0, cosine];
