@@ -27,7 +27,7 @@ pub struct AugmentationConfig {
 
 impl Default for AugmentationConfig {
     fn default() -> Self {
-        Self { mirror_share: 0.5, brighter_ev: 0.6, colour: 0.08, focal: 0.1, zoom: 1.25, variants: 4 }
+        Self { mirror_share: 0.5, brighter_ev: 0.6, colour: 0.08, focal: 0.1, zoom: 1.25, variants: 8 }
     }
 }
 

@@ -160,19 +160,23 @@ impl Default for TrainConfig {
             data: DataConfig::default(),
             augmentation: AugmentationConfig::default(),
             network: LightNetConfig::default(),
-            depth_losses: DepthLossConfig::default(),
+            depth_losses: DepthLossConfig {
+                log_depth: 0.25,
+                absolute: 1.0,
+                adversarial: 0.0,
+                ..DepthLossConfig::default()
+            },
             light_losses: LightLossConfig::default(),
             validation: ValidationConfig::default(),
             depth: vec![
-                DepthPhase { final_share: 0.15, photo_width: 128, ..depth.clone() },
-                DepthPhase { steps: 1_500, batch_size: 8, rate: 4e-4, ..depth },
+                DepthPhase { steps: 3_000, final_share: 0.15, photo_width: 128, ..depth.clone() },
+                DepthPhase { steps: 10_000, batch_size: 8, rate: 4e-4, final_share: 0.01, ..depth },
             ],
             light: vec![
                 LightPhase { steps: 2_000, rate: 1e-3, final_share: 0.3, octree_depth: 5, ..light.clone() },
-                LightPhase { steps: 2_000, rate: 1e-3, final_share: 0.3, octree_depth: 6, ..light.clone() },
-                LightPhase { own_growth: [0.0, 0.6], ..light },
+                LightPhase { final_share: 0.02, octree_depth: 6, own_growth: [0.0, 0.6], ..light },
             ],
-            joint: vec![JointPhase::default()],
+            joint: Vec::new(),
         }
     }
 }
