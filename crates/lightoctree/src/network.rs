@@ -222,8 +222,10 @@ mod tests {
 
     #[test]
     fn objects_get_a_lamp_where_what_is_seen_asks_for_one() {
-        // Weights that make what is not seen dark.
-        let dark = networks(&config(), &[("light_net.regression.3.output.bias", &[1, 8], -4.0)]);
+        // Weights that make what is not seen dark, in both guesses.
+        let others: [(&str, &[usize], f32); 2] =
+            [("light_net.regression.3.output.bias", &[1, 8], -4.0), ("depth_net.panorama.output.bias", &[3], -9.0)];
+        let dark = networks(&config(), &others);
         let (mut scene, _) = estimated(wall(), &dark);
         let before = scene.clone();
         let report = add_lamp(&mut scene);

@@ -9,7 +9,9 @@ use octree::{LightOctree, RadiancePoint};
 
 use crate::checkpoint::{Checkpoint, CheckpointError, Precision};
 use crate::depth::{DepthNet, looked_at, panorama_image};
-use crate::light::{Growth, LightError, LightInput, LightNet, LightNetConfig, SeenDetail, VisiblePoint};
+use crate::light::{
+    Growth, LightError, LightInput, LightNet, LightNetConfig, SeenDetail, VisiblePoint, blend_with_map,
+};
 
 /// Names of the two modules in a checkpoint; the configuration is under [`LIGHT`] in its state.
 const DEPTH: &str = "depth_net";
@@ -136,7 +138,8 @@ impl Networks {
         in_pool(|| panorama_image(self.depth.panorama.forward(global)))
     }
 
-    /// The light of the whole room, the octree grown by the network's own predictions.
+    /// The light of the whole room, the octree grown by the network's own predictions. How bright what is not seen is lies between what the light
+    /// network and what the [single map](Networks::single_map) say.
     ///
     /// `points` are what the camera sees, in the frame of `cube`; `seed` places the points that carry the global light. Where
     /// `octree_depth` is greater than the network's own depth, what is seen is that fine, and what is not ends above it.
@@ -155,9 +158,11 @@ impl Networks {
         in_pool(|| {
             let input = LightInput::new(points, camera, cube, &self.config, seed)?;
             let input = LightInput { colour_share: COLOUR_SHARE, ..input };
+            let map = panorama_image(self.depth.panorama.forward(global.0.clone()));
             let mut output = self.light.forward(&input, Some(global.0), Growth::Predicted)?;
             let messages = std::mem::take(&mut output.messages);
             let (mut light, mut confidence) = output.into_light()?;
+            blend_with_map(&mut light, &input.visible, &map);
             if octree_depth > self.config.depth {
                 let points: Vec<RadiancePoint> = points.iter().map(VisiblePoint::radiance_point).collect();
                 let (fine, _) = LightOctree::from_points(&points, cube, octree_depth, self.config.full_depth)?;

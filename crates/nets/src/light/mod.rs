@@ -12,6 +12,7 @@ mod output;
 mod radiance;
 mod rays;
 mod refine;
+mod second_guess;
 
 pub use config::LightNetConfig;
 pub use error::LightError;
@@ -24,3 +25,4 @@ pub use output::{LevelOutput, LightOutput};
 pub use radiance::{KnownLight, MAX_RADIANCE, NodeLight};
 pub use rays::Rays;
 pub(crate) use refine::SeenDetail;
+pub(crate) use second_guess::blend as blend_with_map;
