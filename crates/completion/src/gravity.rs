@@ -1,6 +1,9 @@
 //! Which way is up.
 
 use geometry::{Mat3, Vec3, fibonacci_sphere};
+use scene::Frame;
+
+use crate::layout::area_of;
 
 /// The camera may be pitched and rolled by this much: cos 50°, five degrees of slack over the stated ±45°.
 const MIN_COS_TILT: f32 = 0.643;
@@ -21,8 +24,7 @@ pub(crate) struct Facet {
 /// Coarse search over directions 3° apart, then a few steps of least squares: the smallest eigenvector of
 /// `Σ_vertical n nᵀ − Σ_horizontal n nᵀ`. Upward surfaces (floors, tables) count most, then walls, then downward ones.
 pub(crate) fn up_from_facets(facets: &[Facet]) -> Vec3 {
-    let stride = facets.len().div_ceil(VOTES).max(1);
-    let votes: Vec<Facet> = facets.iter().copied().step_by(stride).collect();
+    let votes = thinned(facets);
     let score = |up: Vec3| {
         let sum: f32 = votes.iter().map(|f| f.area * vote(f.normal.dot(up), 0.10)).sum();
         // Photos are held roughly level: at 45° a direction must be half as well supported again to win.
@@ -41,6 +43,46 @@ pub(crate) fn up_from_facets(facets: &[Facet]) -> Vec3 {
         up = refined(&votes, up, width);
     }
     if up.y >= MIN_COS_TILT { up } else { best.1 }
+}
+
+/// The unit vector against gravity of a frame whose depth was predicted, and is wavy: of the ways in which cameras are held the likeliest.
+///
+/// Photos are pitched up and down, by 20° or so, but hardly rolled (3°); what normals say is believed within 30°, and
+/// the fourth power of their support is weighed against that. Pitch is told to 1.5°, up to 45°, roll to 2°, up to 6°.
+pub fn up_from_predicted_depth(frame: &Frame) -> Vec3 {
+    const WIDTH: f32 = 0.5;
+    const STRENGTH: f32 = 4.0;
+    const SPREAD_DEG: [f32; 2] = [20.0, 3.0];
+    const STEPS_DEG: [f32; 2] = [1.5, 2.0];
+    let (camera, normals) = (frame.depth_camera(), frame.normals());
+    let facets: Vec<Facet> = (0..normals.height())
+        .flat_map(|y| (0..normals.width()).map(move |x| (x, y)))
+        .filter_map(|at| {
+            let normal = normals[at]?;
+            let position_m = camera.unproject(at.0 as f64 + 0.5, at.1 as f64 + 0.5, f64::from(frame.depth_m[at]));
+            Some(Facet { normal, area: area_of(position_m, normal) })
+        })
+        .collect();
+    let votes = thinned(&facets);
+    let total: f32 = votes.iter().map(|facet| facet.area).sum();
+    let mut best = (f32::NEG_INFINITY, Vec3::Y);
+    for (pitch, roll) in (-30..=30).flat_map(|pitch| (-3..=3).map(move |roll| (pitch, roll))) {
+        let held_deg = [pitch as f32 * STEPS_DEG[0], roll as f32 * STEPS_DEG[1]];
+        let [(sin_pitch, cos_pitch), (sin_roll, cos_roll)] = held_deg.map(|angle| angle.to_radians().sin_cos());
+        let up = Vec3::new(sin_roll * cos_pitch, cos_roll * cos_pitch, sin_pitch);
+        let support: f32 = votes.iter().map(|facet| facet.area * vote(facet.normal.dot(up), WIDTH)).sum();
+        let unlikely: f32 = held_deg.iter().zip(SPREAD_DEG).map(|(angle, spread)| 0.5 * (angle / spread).powi(2)).sum();
+        let score = STRENGTH * (support / total.max(f32::MIN_POSITIVE) + 1e-3).ln() - unlikely;
+        if score > best.0 {
+            best = (score, up);
+        }
+    }
+    best.1
+}
+
+/// At most [`VOTES`] of them, evenly.
+fn thinned(facets: &[Facet]) -> Vec<Facet> {
+    facets.iter().copied().step_by(facets.len().div_ceil(VOTES).max(1)).collect()
 }
 
 /// Support of a normal at `cosine` from the candidate, for a tolerance of `width` in sine.
@@ -80,6 +122,10 @@ fn refined(votes: &[Facet], up: Vec3, width: f32) -> Vec3 {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
+    use geometry::{Camera, Plane, Ray};
+    use imaging::{Image, Photo};
+
     use super::*;
 
     fn facets(directions: &[(Vec3, f32)]) -> Vec<Facet> {
@@ -106,6 +152,39 @@ mod tests {
             let found = up_from_facets(&facets(&room.map(|(d, a)| (turn * d, a))));
             let angle_deg = found.dot(turn * Vec3::Y).min(1.0).acos().to_degrees();
             assert!(angle_deg < 0.7, "pitch {pitch} roll {roll}: {angle_deg}°");
+        }
+    }
+
+    /// A room of 4 × 3 m, 2.6 m high, seen by a camera in its middle that is pitched and rolled; depth waves by a tenth, normals by some 20°.
+    fn wavy_frame(turn: Mat3) -> Frame {
+        let camera = Camera::from_hfov_deg(65.0, 96, 72).unwrap();
+        let planes = [
+            (Vec3::Y, -1.4),
+            (Vec3::NEG_Y, -1.2),
+            (Vec3::X, -2.0),
+            (Vec3::NEG_X, -2.0),
+            (Vec3::Z, -1.5),
+            (Vec3::NEG_Z, -1.5),
+        ];
+        let depth_m = Image::from_fn(96, 72, |x, y| {
+            let direction = camera.direction(x as f64 + 0.5, y as f64 + 0.5);
+            let hit = |&(normal, offset_m): &(Vec3, f32)| {
+                Plane { normal: turn * normal, offset_m }.intersect(&Ray { origin: Vec3::ZERO, direction })
+            };
+            let distance = planes.iter().filter_map(hit).fold(f32::INFINITY, f32::min);
+            -distance * direction.z * (1.0 + 0.05 * (0.12 * x as f32).sin() * (0.1 * y as f32).cos())
+        });
+        Frame::new(Photo::Linear(Image::from_fn(96, 72, |_, _| [0.5; 3])), depth_m, camera, 1.0).unwrap()
+    }
+
+    #[test]
+    fn wavy_rooms_stand_up_too() {
+        for (pitch_deg, roll_deg) in [(0.0f32, 0.0f32), (25.0, 2.0), (-20.0, -3.0), (12.0, 4.0)] {
+            // Pitched down, the camera sees up behind it.
+            let turn = Mat3::from_rotation_x(pitch_deg.to_radians()) * Mat3::from_rotation_z(roll_deg.to_radians());
+            let found = up_from_predicted_depth(&wavy_frame(turn));
+            let angle_deg = found.dot(turn * Vec3::Y).min(1.0).acos().to_degrees();
+            assert!(angle_deg < 6.0, "pitch {pitch_deg} roll {roll_deg}: {angle_deg}°");
         }
     }
 

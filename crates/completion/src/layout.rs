@@ -243,8 +243,13 @@ fn peak(offsets: &[f32], limit: f32) -> Option<(f32, f32)> {
 
 /// Area in square metres, up to a constant, that a surfel stands for: its pixel's footprint on the surface.
 pub(crate) fn area(surfel: &Surfel) -> f32 {
-    let distance = surfel.position_m.length().max(1e-3);
-    let cosine = (-surfel.normal.dot(surfel.position_m) / distance).max(0.1);
-    let obliquity = (-surfel.position_m.z / distance).max(0.1);
+    area_of(surfel.position_m, surfel.normal)
+}
+
+/// [`area`] of a seen place with this normal.
+pub(crate) fn area_of(position_m: Vec3, normal: Vec3) -> f32 {
+    let distance = position_m.length().max(1e-3);
+    let cosine = (-normal.dot(position_m) / distance).max(0.1);
+    let obliquity = (-position_m.z / distance).max(0.1);
     distance * distance * obliquity.powi(3) / cosine
 }

@@ -11,6 +11,7 @@ mod layout;
 mod light_from_above;
 mod shell;
 
+pub use gravity::up_from_predicted_depth;
 pub use highlights::HighlightReport;
 pub use lamps::LampReport;
 pub use light_from_above::light_from_above;

@@ -1,4 +1,4 @@
-use completion::{Shell, ShellOptions, shell};
+use completion::{Shell, ShellOptions, shell, up_from_predicted_depth};
 use geometry::{Camera, Cube, Vec3};
 use imaging::Photo;
 use nets::light::LightError;
@@ -36,7 +36,7 @@ pub struct EstimateOptions {
     pub full_depth: u32,
     /// How the unseen part of the room is filled. The shell by default.
     pub completion: Completion,
-    /// Unit vector against gravity. Where it is not given: from the floor if depth is measured, else the camera's own.
+    /// Unit vector against gravity. Where it is not given: from the surfaces, and if depth is predicted also from how cameras are held.
     pub up: Option<Vec3>,
     /// Seed of the places of the points that carry the global light into what the network has not seen.
     pub seed: u64,
@@ -118,8 +118,9 @@ pub fn estimate(
             (network::predicted_view(photo, camera, networks, messages)?, true)
         }
     };
-    // Predicted floors are too uneven to tell gravity by; photos are held upright.
-    let options = &EstimateOptions { up: options.up.or(predicted_depth.then_some(Vec3::Y)), ..options.clone() };
+    // Predicted floors are wavy: how cameras are held counts too.
+    let up = options.up.or_else(|| predicted_depth.then(|| up_from_predicted_depth(&view.frame)));
+    let options = &EstimateOptions { up, ..options.clone() };
     let Completed { light, room, confidence } = match how {
         How::Network(networks) => network::complete(&view, networks, octree_depth, options, messages)?,
         How::Shell => closed(&view.working, octree_depth, options, messages)?,

@@ -58,7 +58,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     weights: Option<PathBuf>,
 
-    /// The scene's upward direction [default: from the floor with --depth, else the camera's]
+    /// The scene's upward direction [default: from the surfaces, without --depth also from how cameras are held]
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::direction, allow_hyphen_values = true)]
     up: Option<Vec3>,
 
