@@ -72,13 +72,7 @@ impl SeenDetail<'_> {
         let depth = light.octree.depth();
         let keys = light.octree.levels()[depth as usize].row_keys();
         keys.zip(&light.rgba[depth as usize])
-            .map(|(key, &rgba)| match known(self.coarse, depth, key) {
-                Some((known, seen)) if seen < 255 => {
-                    let trust = f32::from(seen) / 255.0;
-                    std::array::from_fn(|c| ((rgba[c] - trust * known[c]) / (1.0 - trust)).max(0.0))
-                }
-                _ => rgba,
-            })
+            .map(|(key, &rgba)| guess(rgba, known(self.coarse, depth, key)))
             .map(|[r, g, b, alpha]| [r.min(MAX_RADIANCE), g.min(MAX_RADIANCE), b.min(MAX_RADIANCE), alpha.min(1.0)])
             .collect()
     }
@@ -139,6 +133,17 @@ impl Below {
 pub(crate) fn known(light: &LightOctree, depth: u32, key: u32) -> Option<([f32; 4], u8)> {
     let row = light.row(depth, key)?;
     Some((light.rgba[depth as usize][row], light.seen[depth as usize][row]))
+}
+
+/// What is guessed of a node beside what is known of it: of a node that is wholly certain itself.
+pub(crate) fn guess(rgba: [f32; 4], known: Option<([f32; 4], u8)>) -> [f32; 4] {
+    match known {
+        Some((known, seen)) if seen < 255 => {
+            let trust = f32::from(seen) / 255.0;
+            std::array::from_fn(|c| ((rgba[c] - trust * known[c]) / (1.0 - trust)).max(0.0))
+        }
+        _ => rgba,
+    }
 }
 
 /// What is known as far as it is certain, else what is guessed.

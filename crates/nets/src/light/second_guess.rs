@@ -3,7 +3,7 @@
 use imaging::{RadianceImage, luminance, sample_equirectangular};
 use octree::LightOctree;
 
-use crate::light::refine::known;
+use crate::light::refine::{guess, known};
 
 /// Weight of the map's brightness beside that of the light network's guess; `ARCHITECTURE.md` has how it was found.
 const MAP_SHARE: f32 = 0.4;
@@ -15,17 +15,17 @@ const MAP_SHARE: f32 = 0.4;
 pub(crate) fn blend(light: &mut LightOctree, visible: &LightOctree, map: &RadianceImage) {
     for (depth, level) in (0..).zip(light.octree.levels()) {
         for (key, rgba) in level.row_keys().zip(&mut light.rgba[depth as usize]) {
-            let (known, seen) = known(visible, depth, key).unwrap_or_default();
-            let trust = f32::from(seen) / 255.0;
-            let guessed: [f32; 3] = std::array::from_fn(|c| (rgba[c] - trust * known[c]).max(0.0));
-            let brightness = luminance(guessed) / (1.0 - trust);
-            if seen == 255 || brightness == 0.0 {
+            let known = known(visible, depth, key);
+            let doubt = 1.0 - known.map_or(0.0, |(_, seen)| f32::from(seen) / 255.0);
+            let [r, g, b, _] = guess(*rgba, known);
+            let brightness = luminance([r, g, b]);
+            if doubt == 0.0 || brightness == 0.0 {
                 continue;
             }
-            let middle_m = octree::node_middle_m(light.cube, depth, key);
-            let shown = luminance(sample_equirectangular(map, middle_m)).max(0.0);
+            let shown = luminance(sample_equirectangular(map, octree::node_middle_m(light.cube, depth, key)));
             let blended = ((1.0 - MAP_SHARE) * brightness.ln_1p() + MAP_SHARE * shown.ln_1p()).exp_m1();
-            rgba.iter_mut().zip(guessed).for_each(|(c, guessed)| *c += guessed * (blended / brightness - 1.0));
+            let change = doubt * (blended / brightness - 1.0);
+            rgba.iter_mut().zip([r, g, b]).for_each(|(c, guess)| *c += change * guess);
         }
     }
 }
