@@ -42,6 +42,15 @@ fn synth_is_resumable_and_the_same_however_it_is_split() {
         refused(at, 2, &["synth", "--scenes", "3", "--scenes-per-shard", "1", "--config", "small.toml", "-o", "whole"]);
     assert_eq!(other, "error: whole was begun with another seed; repeat that command, or choose another folder\n");
 
+    // one part of the data: of these three rooms the middle one is held out
+    let summary = json(&run(&["-o", "held-out", "--split", "validation", "--json"]));
+    assert_eq!((summary["shards_written"].as_u64(), summary["shards_there"].as_u64()), (Some(1), Some(1)));
+    let [held_out, second] =
+        ["held-out/rooms-000000.tar", "whole/rooms-000001.tar"].map(|shard| std::fs::read(at.join(shard)).unwrap());
+    assert!(held_out == second, "the same room as among all");
+    let none = refused(at, 2, &["synth", "--scenes", "1", "--seed", "4", "--split", "validation", "-o", "none"]);
+    assert_eq!(none, "error: none of 1 rooms is in that part; see --split\n");
+
     let found = json(&done(at, &["dataset", "inspect", "whole", "--json"]));
     assert_eq!((found["layout"].as_str(), found["samples_in_all"].as_u64()), (Some("shards"), Some(6)));
     assert_eq!((found["summary"]["scenes"].as_u64(), found["summary"]["samples"].as_u64()), (Some(3), Some(6)));

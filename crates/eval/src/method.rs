@@ -74,6 +74,8 @@ pub struct Estimate {
     pub light: Light,
     /// The depth of the photo that the method found or used.
     pub depth_m: Option<DepthMap>,
+    /// Which way it takes to be up, in the photo's frame, of unit length.
+    pub up: Option<Vec3>,
 }
 
 /// Light around every point.
@@ -147,7 +149,7 @@ impl Method {
     /// What the sample or the tools lack; estimates that fail.
     pub fn estimate(self, sample: &Sample, tools: &Tools) -> Result<Estimate, MethodError> {
         let networks = || tools.networks.ok_or(MethodError::Needs("weights"));
-        let map = |map: RadianceImage| Ok(Estimate { light: Light::Map(map), depth_m: None });
+        let map = |map: RadianceImage| Ok(Estimate { light: Light::Map(map), depth_m: None, up: None });
         match self {
             Self::MeanColour => map(baseline::mean_colour_map(sample)),
             Self::Profile => map(baseline::profile_map(sample, tools.profile.ok_or(MethodError::Needs("a profile"))?)),
@@ -173,19 +175,20 @@ impl Method {
                 };
                 Ok(Estimate::of_scene(lightoctree::estimate(input, Some(networks), &options, &mut |_| ())?))
             }
-            Self::TrueOctree => Ok(Estimate::of_octree(true_octree(sample, tools)?, None)),
+            Self::TrueOctree => Ok(Estimate::of_octree(true_octree(sample, tools)?)),
         }
     }
 }
 
 impl Estimate {
     fn of_scene(scene: Scene) -> Self {
-        Self::of_octree(scene.light, Some(scene.frame.depth_m))
+        let up = scene.room.map(|room| room.up);
+        Self { depth_m: Some(scene.frame.depth_m), up, ..Self::of_octree(scene.light) }
     }
 
-    fn of_octree(octree: LightOctree, depth_m: Option<DepthMap>) -> Self {
+    fn of_octree(octree: LightOctree) -> Self {
         let viewers = Viewers::new(&octree);
-        Self { light: Light::Octree { octree: Box::new(octree), viewers }, depth_m }
+        Self { light: Light::Octree { octree: Box::new(octree), viewers }, depth_m: None, up: None }
     }
 
     /// The panorama at a view's place, in its orientation and of its size.

@@ -144,6 +144,8 @@ fn scene(scores: &mut Scores, sample: &Sample, estimate: &Estimate) {
             scores.add(format!("depth_delta{}", i + 1), Some(delta));
         }
     }
+    let up = sample.up.zip(estimate.up);
+    scores.add("up_deg", up.map(|(truth, got)| f64::from(truth.angle_between(got)).to_degrees()));
     let Light::Octree { octree, .. } = &estimate.light else { return };
     if sample.points.is_empty() {
         return;
@@ -191,7 +193,8 @@ mod tests {
         assert_eq!(octree.get("split_accuracy"), Some(1.0));
         assert!(figure(&shell, "split_accuracy") < 1.0, "it assumes other heights of floor and ceiling");
         assert!(figure(&shell, "depth_abs_rel") < 1e-6 && figure(&shell, "depth_delta1") == 1.0);
-        assert_eq!((mean.get("depth_abs_rel"), mean.get("split_accuracy")), (None, None));
+        assert_eq!((mean.get("depth_abs_rel"), mean.get("split_accuracy"), mean.get("up_deg")), (None, None, None));
+        assert!(figure(&shell, "up_deg") < 1.0, "floor and walls are seen");
         assert!(matches!(Method::Network(None).estimate(&sample, &tools), Err(crate::MethodError::Needs("weights"))));
         let bare = testing::sample();
         let error = Method::Shell(DepthInput::True).estimate(&bare, &tools).err().unwrap();

@@ -128,6 +128,7 @@ const TABLES: [Table; 7] = [
             ("depth_delta1", "δ1 ↑", 3),
             ("depth_delta2", "δ2 ↑", 3),
             ("depth_delta3", "δ3 ↑", 3),
+            ("up_deg", "up ° ↓", 1),
             ("split_accuracy", "split accuracy ↑", 3),
             ("split_precision", "precision ↑", 3),
             ("split_recall", "recall ↑", 3),

@@ -79,7 +79,7 @@ pub struct ValidationConfig {
 pub struct DepthPhase {
     /// Steps.
     pub steps: u64,
-    /// Photos a step. More than one are faster than as many steps, and normalised together.
+    /// Photos a step, all of one size. More than one are faster than as many steps, and normalised together.
     pub batch_size: usize,
     /// Greatest learning rate.
     pub rate: f64,
@@ -87,7 +87,7 @@ pub struct DepthPhase {
     pub warm_up_steps: u64,
     /// Share of the rate that is left at the end, after a half cosine.
     pub final_share: f64,
-    /// Width of the photos in pixels; smaller ones are faster. The network is used on 240.
+    /// Width of the photos in pixels, of upright ones the height; smaller ones are faster. The network is used on 240.
     pub photo_width: usize,
     /// Normalise by the running statistics, as in use, instead of those of the photos at hand.
     pub frozen_statistics: bool,

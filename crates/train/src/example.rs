@@ -5,6 +5,7 @@ use dataset::Sample;
 use geometry::{Camera, Cube, Mat3, Vec3};
 use imaging::{DepthMap, Image, Photo, RadianceImage, linear_from_srgb8, srgb8_from_linear};
 use lightoctree::SeenFrame;
+use nets::depth::size_within;
 use nets::light::{LightInput, LightNetConfig, Rays};
 use octree::LightOctree;
 use random::{RngExt, Stream};
@@ -50,7 +51,7 @@ pub(crate) struct DepthExample {
 }
 
 impl DepthExample {
-    pub fn new(sample: &Sample, variation: &Variation, width: usize) -> Result<Self, Unusable> {
+    pub fn new(sample: &Sample, variation: &Variation, longer_side: usize) -> Result<Self, Unusable> {
         let depth_m = variation.depth(sample.depth_m.as_ref().ok_or(Unusable::Missing("true depth"))?);
         if sample.points.is_empty() {
             return Err(Unusable::Missing("surface points"));
@@ -67,8 +68,7 @@ impl DepthExample {
         let tracer = ConeTracer::new(&octree, Settings::default()).map_err(impossible)?;
         let panorama = tracer.panorama(Vec3::ZERO, PANORAMA.0, PANORAMA.1).radiance;
         // Of the whole photo's shape, so that photos of one size are one batch however they are cut.
-        let width = width.min(sample.photo.width());
-        let height = (sample.photo.height() * width).div_ceil(sample.photo.width());
+        let [width, height] = size_within([sample.photo.width(), sample.photo.height()], longer_side);
         let photo = if (width, height) == (photo.width(), photo.height()) {
             photo
         } else {
@@ -78,6 +78,11 @@ impl DepthExample {
         let depth_m = imaging::resize_depth(&depth_m, width, height);
         let camera = camera.resized(photo.width() as u32, photo.height() as u32);
         Ok(Self { photo, depth_m, camera, panorama })
+    }
+
+    /// Width and height of the photo.
+    pub fn size(&self) -> [usize; 2] {
+        [self.photo.width(), self.photo.height()]
     }
 
     /// What the photo shows of the panorama: radiance times share, share.

@@ -1,6 +1,5 @@
 //! The networks while they learn: weights, optimisers, averages, and one step of each stage.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use burn::module::Module;
@@ -250,22 +249,16 @@ impl Learner {
         self.light.check("light_net")
     }
 
-    /// A step of the depth network and its discriminator. Photos of the same size go through the network together.
+    /// A step of the depth network and its discriminator on photos of one size.
     pub fn depth_step(
         &mut self,
         examples: &[DepthExample],
         rate: f64,
         config: &TrainConfig,
     ) -> Result<Progress, Fault> {
-        let mut groups = BTreeMap::<_, Vec<&DepthExample>>::new();
-        for example in examples {
-            groups.entry((example.photo.width(), example.photo.height())).or_default().push(example);
-        }
-        let outputs = groups.into_values().map(|group| {
-            let photos: Vec<_> = group.iter().map(|example| &example.photo).collect();
-            (self.depth.net.forward(&photos), group)
-        });
-        let (total, judged, mut progress) = self.depth_losses(outputs.collect(), config);
+        let examples: Vec<_> = examples.iter().collect();
+        let photos: Vec<_> = examples.iter().map(|example| &example.photo).collect();
+        let (total, judged, mut progress) = self.depth_losses(self.depth.net.forward(&photos), &examples, config);
         let mut gradients = total.backward();
         let norm = self.depth.descend("depth_net", &mut gradients, rate, config);
         progress.norms.push(("depth", norm.map_err(|fault| with_losses(fault, &progress))?));
@@ -277,24 +270,15 @@ impl Learner {
     /// The weighted sum of the depth network's losses, what the discriminator needs for its own step, and the losses.
     fn depth_losses(
         &self,
-        outputs: Vec<(DepthOutput, Vec<&DepthExample>)>,
+        output: DepthOutput,
+        examples: &[&DepthExample],
         config: &TrainConfig,
     ) -> (Tensor<1>, Option<Judged>, Progress) {
         let weights = &config.depth_losses;
-        let count: usize = outputs.iter().map(|(_, examples)| examples.len()).sum();
-        let (mut globals, mut all) = (Vec::new(), Vec::new());
-        let mut sums = [(); 3].map(|()| Tensor::zeros([1], &recording()));
-        for (output, examples) in outputs {
-            let share = examples.len() as f64 / count as f64;
-            let extents: Vec<_> = examples.iter().map(|example| example.extent_m()).collect();
-            let parts = depth_losses(output.log_extent, &extents.iter().collect::<Vec<_>>());
-            sums.iter_mut().zip(parts).for_each(|(sum, part)| *sum = sum.clone() + part * share);
-            globals.push(output.global);
-            all.extend(examples);
-        }
-        let [log_depth, absolute, variance] = sums;
-        let made = self.depth.net.panorama.forward(Tensor::cat(globals, 0));
-        let truths: Vec<_> = all.iter().map(|example| &example.panorama).collect();
+        let extents: Vec<_> = examples.iter().map(|example| example.extent_m()).collect();
+        let [log_depth, absolute, variance] = depth_losses(output.log_extent, &extents.iter().collect::<Vec<_>>());
+        let made = self.depth.net.panorama.forward(output.global);
+        let truths: Vec<_> = examples.iter().map(|example| &example.panorama).collect();
         let panorama = panorama_loss(made.clone(), &truths);
         let mut losses = vec![
             ("log_depth", scalar(&log_depth)),
@@ -308,7 +292,7 @@ impl Learner {
             + panorama * weights.panorama;
         let mut judged = None;
         if weights.adversarial > 0.0 {
-            let shown: Vec<_> = all.iter().map(|example| example.shown()).collect();
+            let shown: Vec<_> = examples.iter().map(|example| example.shown()).collect();
             let condition = channels::<4>(shown.iter().map(|shown| shown.pixels()));
             let real = channels::<3>(truths.iter().map(|truth| truth.pixels()));
             let opinion = self.judge.generator_loss(made.clone(), condition.clone());
@@ -386,7 +370,7 @@ impl Learner {
         config: &TrainConfig,
     ) -> Result<Progress, Fault> {
         let (light, lit) = self.light_losses(light_example, output.global.clone(), own_growth, config)?;
-        let (depth, judged, mut progress) = self.depth_losses(vec![(output, vec![depth_example])], config);
+        let (depth, judged, mut progress) = self.depth_losses(output, &[depth_example], config);
         progress.losses.extend(lit.losses);
         let mut gradients = (light + depth).backward();
         let norm = self.light.descend("light_net", &mut gradients, rate, config);

@@ -9,7 +9,7 @@ use dataset::{CropModel, Dataset, Generated, Generator, Layout, LoaderState, Sam
 use imaging::write_rgba8;
 use nets::checkpoint::{Checkpoint, Precision};
 use nets::conv::in_bf16;
-use nets::depth::{looked_at, looked_at_size};
+use nets::depth::{LONGER_SIDE, looked_at};
 use random::RngExt;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -17,7 +17,7 @@ use serde_json::json;
 use crate::augmentation::Variation;
 use crate::config::{JointPhase, LightPhase, Phase, TrainConfig, between};
 use crate::example::{DepthExample, KnownDepth, LightExample, RayCounts};
-use crate::feed::Feed;
+use crate::feed::{Batches, Feed};
 use crate::learner::{Fault, Learner, LearnerState, Progress, in_pool};
 use crate::log::Log;
 use crate::validation::Validation;
@@ -64,6 +64,9 @@ struct RunState {
     setbacks: u64,
     /// Where the next sample stands, and in which dataset.
     position: LoaderState,
+    /// Where samples before it stand that wait for others of their size.
+    #[serde(default)]
+    waiting: Vec<LoaderState>,
     fingerprint: u64,
     log_bytes: u64,
     learner: Option<LearnerState>,
@@ -165,7 +168,7 @@ impl<'a> Run<'a> {
             Some((learner, state)) => {
                 messages(Message::Note("the dataset is not what it was; its next epoch begins".into()));
                 let position = LoaderState { epoch: state.position.epoch + 1, ..LoaderState::default() };
-                (learner, RunState { position, fingerprint, ..state })
+                (learner, RunState { position, waiting: Vec::new(), fingerprint, ..state })
             }
             None => {
                 let first_depth = phases.iter().find_map(|(_, phase)| phase.octree_depth());
@@ -218,7 +221,7 @@ impl<'a> Run<'a> {
                     let variation = augmentation.of(seed, sample, epoch).0;
                     DepthExample::new(sample, &variation, width).map_err(|error| error.to_string())
                 };
-                self.steps(&phase, prepare, stop, |run, examples, rate| {
+                self.steps(&phase, prepare, DepthExample::size, stop, |run, examples, rate| {
                     let config = run.config;
                     in_pool(|| in_bf16(config.bf16, || run.learner.depth_step(&examples, rate, config))).map(Ok)
                 })
@@ -226,19 +229,29 @@ impl<'a> Run<'a> {
             Phase::Light(light) => {
                 let prepare = self.prepare_light(light);
                 let (growth, steps) = (light.own_growth, light.steps);
-                self.steps(&phase, prepare, stop, move |run, mut examples, rate| {
-                    let (example, global) = examples.swap_remove(0);
-                    let own = run.grows_itself(growth, steps);
-                    in_pool(|| run.learner.light_step(&example, global, own, rate, run.config)).map(Ok)
-                })
+                self.steps(
+                    &phase,
+                    prepare,
+                    |_| [0; 2],
+                    stop,
+                    move |run, mut examples, rate| {
+                        let (example, global) = examples.swap_remove(0);
+                        let own = run.grows_itself(growth, steps);
+                        in_pool(|| run.learner.light_step(&example, global, own, rate, run.config)).map(Ok)
+                    },
+                )
             }
             Phase::Joint(joint) => {
                 self.learner.freeze_statistics(true);
                 let prepare = self.prepare_joint(joint);
                 let joint = joint.clone();
-                self.steps(&phase, prepare, stop, move |run, mut examples, rate| {
-                    run.joint_step(&joint, examples.swap_remove(0), rate)
-                })
+                self.steps(
+                    &phase,
+                    prepare,
+                    |_| [0; 2],
+                    stop,
+                    move |run, mut examples, rate| run.joint_step(&joint, examples.swap_remove(0), rate),
+                )
             }
         }?;
         if outcome == Outcome::Done {
@@ -253,16 +266,18 @@ impl<'a> Run<'a> {
         Ok(outcome)
     }
 
-    /// Makes steps until the phase is done.
+    /// Makes steps until the phase is done, each of examples of one size.
     fn steps<T: Send + 'static>(
         &mut self,
         phase: &Phase,
         prepare: impl FnMut(&Sample, u64) -> Result<T, String> + Send + 'static,
+        size: fn(&T) -> [usize; 2],
         stop: &dyn Fn() -> bool,
         mut step: impl FnMut(&mut Self, Vec<T>, f64) -> Result<Result<Progress, String>, Fault>,
     ) -> Result<Outcome, TrainError> {
-        let (data, position) = (&self.config.data, self.state.position);
-        let feed = Feed::start(self.dataset.clone(), data, self.state.seed, position, prepare);
+        let RunState { seed, position, ref waiting, .. } = self.state;
+        let feed = Feed::start(self.dataset.clone(), &self.config.data, seed, waiting.clone(), position, prepare);
+        let mut batches = Batches::new(phase.batch_size());
         let mut feed = feed.map_err(TrainError::io(self.folder))?;
         let (mut unusable, mut waited) = (0, Duration::ZERO);
         while self.state.step < phase.steps() {
@@ -271,15 +286,19 @@ impl<'a> Run<'a> {
                 self.save()?;
                 return Ok(Outcome::Stopped);
             }
-            let mut examples = Vec::with_capacity(phase.batch_size());
-            while examples.len() < phase.batch_size() {
+            let examples = loop {
                 let fed = feed.next().map_err(|_| TrainError::Empty)?;
                 self.state.position = fed.next;
                 match fed.example {
-                    Ok(example) => examples.push(example),
+                    Ok(example) => {
+                        if let Some(batch) = batches.add(fed.at, size(&example), example) {
+                            break batch;
+                        }
+                    }
                     Err(reason) => self.pass_over(reason, &mut unusable)?,
                 }
-            }
+            };
+            self.state.waiting = batches.waiting();
             waited += feed.take_waited();
             let rate = phase.rate(self.state.step);
             match step(self, examples, rate) {
@@ -373,8 +392,7 @@ impl<'a> Run<'a> {
         let (network, phase) = (self.learner.network.clone(), phase.clone());
         move |sample, epoch| {
             let variation = augmentation.of(seed, sample, epoch).0;
-            let [width, _] = looked_at_size([sample.photo.width(), sample.photo.height()]);
-            let depth = DepthExample::new(sample, &variation, width).map_err(|e| e.to_string())?;
+            let depth = DepthExample::new(sample, &variation, LONGER_SIDE).map_err(|e| e.to_string())?;
             let mut stream = Variation::stream(seed, "light example", sample, epoch);
             let (predicted, sensor) = (stream.random::<f32>(), stream.random::<f32>());
             let light = if predicted < phase.predicted_share {
@@ -439,9 +457,10 @@ impl<'a> Run<'a> {
             return Err(TrainError::Diverged { phase: name, step, what, times: MOST_SETBACKS });
         }
         let (learner, state) = read(&self.folder.join(CHECKPOINT_FILE))?;
-        let (position, setbacks, fingerprint) = (self.state.position, self.state.setbacks + 1, self.state.fingerprint);
+        let RunState { position, fingerprint, setbacks, ref mut waiting, .. } = self.state;
+        let (waiting, setbacks) = (std::mem::take(waiting), setbacks + 1);
         self.learner = learner;
-        self.state = RunState { position, setbacks, fingerprint, ..state };
+        self.state = RunState { position, waiting, setbacks, fingerprint, ..state };
         self.freeze_as_the_phase_wants();
         self.log.restart();
         let back_to = self.state.step;
@@ -513,6 +532,7 @@ impl RunState {
             total_steps: 0,
             setbacks: 0,
             position: LoaderState::default(),
+            waiting: Vec::new(),
             fingerprint,
             log_bytes: 0,
             learner: None,

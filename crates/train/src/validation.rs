@@ -7,7 +7,7 @@ use cone::Viewers;
 use dataset::{Dataset, NovelView, Sample, Split};
 use imaging::{DepthMap, Image, RadianceImage, srgb_from_linear};
 use lightoctree::{EstimateOptions, estimate};
-use nets::depth::{looked_at_size, panorama_image};
+use nets::depth::{LONGER_SIDE, panorama_image};
 use nets::light::{Growth, LightNetConfig};
 use octree::LightOctree;
 
@@ -106,8 +106,7 @@ fn mean(values: impl Iterator<Item = f32>) -> Option<f32> {
 
 /// Figures of one photo into `means`, and its row of the sheet.
 fn judge(learner: &Learner, sample: &Sample, lit: bool, means: &mut Means) -> Option<Row> {
-    let [width, _] = looked_at_size([sample.photo.width(), sample.photo.height()]);
-    let example = DepthExample::new(sample, &Variation::NONE, width).ok()?;
+    let example = DepthExample::new(sample, &Variation::NONE, LONGER_SIDE).ok()?;
     let output = learner.depth.average.forward(&[&example.photo]);
     let predicted_m = output.depth_m(&sample.camera);
     let (abs_rel, delta1) = depth_figures(&predicted_m, &example.depth_m);

@@ -4,7 +4,7 @@
 use std::cell::Cell;
 use std::path::Path;
 
-use dataset::GeneratorConfig;
+use dataset::{Generator, GeneratorConfig, Split, write_shard};
 use lightoctree_train::{
     CHECKPOINT_FILE, DataConfig, DepthPhase, JointPhase, LOG_FILE, LightPhase, Message, Outcome, Request, SHEET_FILE,
     TrainConfig, ValidationConfig, WEIGHTS_FILE, train,
@@ -108,6 +108,37 @@ fn a_run_goes_on_as_if_it_had_not_stopped() {
         let steps = lines.iter().filter(|line| line["means"].is_object()).map(|line| line["total_steps"].as_u64());
         assert!(steps.map(Option::unwrap).eq([1, 2, 4, 6, 8]), "{log}");
     }
+}
+
+#[test]
+fn photos_of_two_sizes_wait_for_their_own_kind_also_over_a_stop() {
+    let folder = tempfile::tempdir().unwrap();
+    let [whole, parts, rooms] = ["whole", "parts", "rooms"].map(|name| folder.path().join(name));
+    [&whole, &parts, &rooms].into_iter().for_each(|path| std::fs::create_dir(path).unwrap());
+    let base = config();
+    for (seed, crop_size) in [(1, [64, 48]), (2, [48, 64])] {
+        let room = SynthConfig { crop_size, ..SynthConfig::default() };
+        let generator = GeneratorConfig { room, shots: 4, ..base.data.generator.clone() };
+        let generator = Generator::new(seed, generator).unwrap();
+        assert_eq!(Split::of(&generator.scene_id(0)), Split::Train);
+        write_shard(&rooms.join(format!("rooms-{seed}.tar")), [generator.record(0)].into_iter()).unwrap();
+    }
+    let config = TrainConfig {
+        data: DataConfig { folder: Some(rooms), ..DataConfig::default() },
+        validation: ValidationConfig { photos: 0, ..base.validation.clone() },
+        depth: vec![DepthPhase { steps: 5, batch_size: 3, photo_width: 64, ..Default::default() }],
+        light: Vec::new(),
+        joint: Vec::new(),
+        ..base
+    };
+    assert_eq!(run(&config, &whole, false, u64::MAX).0, Outcome::Done);
+    let mut waited = 0;
+    for steps in 1..=5 {
+        run(&config, &parts, steps > 1, 1);
+        waited += checkpoint(&parts).state["training"]["waiting"].as_array().unwrap().len();
+    }
+    assert!(waited > 0, "no photo had to wait");
+    assert!(checkpoint(&whole) == checkpoint(&parts), "weights, moments or state differ");
 }
 
 #[test]

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use clap::ValueEnum;
 use dataset::{
-    ContactSheet, CropModel, Dataset, DatasetError, Histogram, Layout, Loader, LoaderConfig, Record, Sample, Summary,
-    SummaryReport, write_shard,
+    ContactSheet, CropModel, Dataset, DatasetError, Histogram, Layout, Loader, LoaderConfig, Record, Sample, Split,
+    Summary, SummaryReport, write_shard,
 };
 use lightoctree::imaging;
 use serde_json::json;
@@ -72,6 +72,28 @@ impl From<LayoutName> for Layout {
             LayoutName::Interiornet => Self::InteriorNet,
             LayoutName::LavalVarying => Self::LavalVarying,
             LayoutName::Panoramas => Self::Panoramas,
+        }
+    }
+}
+
+/// Parts of a dataset on the command line.
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+pub(super) enum SplitName {
+    /// One scene of ten
+    Validation,
+    /// The other nine
+    Train,
+    /// All scenes: for data that no training ever saw
+    All,
+}
+
+impl SplitName {
+    /// Whether scenes of this split belong to it.
+    pub(super) fn holds(self, split: Split) -> bool {
+        match self {
+            Self::All => true,
+            Self::Train => split == Split::Train,
+            Self::Validation => split == Split::Validation,
         }
     }
 }

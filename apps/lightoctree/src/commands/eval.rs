@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use anyhow::Context;
 use clap::ValueEnum;
-use dataset::{CropModel, Dataset, Layout, Sample, Split};
+use dataset::{CropModel, Dataset, Layout, Sample};
 use eval::{
     Cost, Method, Outcome, Profile, ProfileBuilder, Protocol, ProtocolCrops, ProtocolRenders, Scorer, Sheet, Summary,
     Tools, walk,
@@ -15,7 +15,7 @@ use lightoctree::imaging;
 use serde_json::json;
 
 use super::bench::memory;
-use super::dataset::{LayoutName, spread};
+use super::dataset::{LayoutName, SplitName, spread};
 use super::environment::write_json;
 use super::parse;
 use crate::args::Global;
@@ -115,17 +115,6 @@ impl From<ProtocolName> for Protocol {
             ProtocolName::SphereArray => Self::SphereArray,
         }
     }
-}
-
-/// Parts of a dataset on the command line.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum SplitName {
-    /// One scene of ten
-    Validation,
-    /// The other nine
-    Train,
-    /// All scenes: for data that no training ever saw
-    All,
 }
 
 const COMMAND: &str = "eval";
@@ -271,12 +260,7 @@ fn open(global: &Global, args: &Args) -> anyhow::Result<Box<dyn Dataset>> {
 
 /// The samples of a part, evenly thinned out.
 fn indices(args: &Args, dataset: &dyn Dataset, part: SplitName, most: Option<u32>) -> anyhow::Result<Vec<usize>> {
-    let wanted = |index: &usize| match part {
-        SplitName::All => true,
-        SplitName::Train => dataset.split(*index) == Split::Train,
-        SplitName::Validation => dataset.split(*index) == Split::Validation,
-    };
-    let all: Vec<usize> = (0..dataset.len()).filter(wanted).collect();
+    let all: Vec<usize> = (0..dataset.len()).filter(|&index| part.holds(dataset.split(index))).collect();
     if all.is_empty() {
         let shown = args.dataset.display();
         return Err(Usage(format!("{shown}: none of {} photos is in that part; see --split", dataset.len())).into());

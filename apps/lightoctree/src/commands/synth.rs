@@ -3,9 +3,11 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use dataset::{DatasetError, FORMAT_VERSION, Generator, GeneratorConfig, write_shard};
+use clap::ValueEnum;
+use dataset::{DatasetError, FORMAT_VERSION, Generator, GeneratorConfig, Split, write_shard};
 use serde_json::{Value, json};
 
+use super::dataset::SplitName;
 use super::parse;
 use super::shards::ShardFolder;
 use crate::args::Global;
@@ -30,6 +32,10 @@ pub struct Args {
     /// Make only part I of N, counted from 1: every N-th shard
     #[arg(long, value_name = "I/N", default_value = "1/1", value_parser = parse::part)]
     shard: [u32; 2],
+
+    /// Make only the rooms of this part of the data, e.g. to evaluate on what trained weights have not seen
+    #[arg(long, value_name = "PART", default_value = "all")]
+    split: SplitName,
 
     /// Rooms in a shard
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=10_000))]
@@ -79,45 +85,49 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         return Ok(());
     };
     let generator = Generator::new(global.seed, config.clone()).map_err(Usage)?;
+    let wanted = |room: &u64| args.split.holds(Split::of(&generator.scene_id(*room)));
+    let rooms: Vec<u64> = (0..scenes.into()).filter(wanted).collect();
+    if rooms.is_empty() {
+        return Err(Usage(format!("none of {scenes} rooms is in that part; see --split")).into());
+    }
     let shards = ShardFolder::open(folder, PREFIX, COMMAND, &manifest(global, args, scenes, &config)?, args.force)?;
 
     crate::memory::keep_what_is_freed();
     let begun = std::time::Instant::now();
     let per_shard = args.scenes_per_shard;
     let [part, parts] = args.shard;
-    let all = scenes.div_ceil(per_shard);
-    let mine: Vec<u32> = (0..all).filter(|shard| shard % parts == part - 1).collect();
-    let rooms = |shard: u32| shard * per_shard..scenes.min((shard + 1).saturating_mul(per_shard));
-    let todo: Vec<u32> = mine.iter().copied().filter(|&shard| !shards.has(shard as usize)).collect();
-    let progress = bar(global.quiet, todo.iter().map(|&shard| rooms(shard).len()).sum(), "rooms");
+    let mine = || rooms.chunks(per_shard as usize).enumerate().skip(part as usize - 1).step_by(parts as usize);
+    let todo: Vec<(usize, &[u64])> = mine().filter(|&(shard, _)| !shards.has(shard)).collect();
+    let progress = bar(global.quiet, todo.iter().map(|(_, rooms)| rooms.len()).sum(), "rooms");
     let mut written = 0;
-    for &shard in &todo {
+    for &(shard, rooms) in &todo {
         if interrupt::asked() {
             break;
         }
-        let records = rooms(shard).map(|room| {
-            let record = generator.record(room.into())?;
+        let records = rooms.iter().map(|&room| {
+            let record = generator.record(room)?;
             progress.inc(1);
             Ok::<_, DatasetError>(record)
         });
-        write_shard(&shards.shard(shard as usize), records)?;
+        write_shard(&shards.shard(shard), records)?;
         written += 1;
     }
     progress.finish_and_clear();
-    let done = mine.len() - todo.len() + written;
+    let mine = mine().count();
+    let done = mine - todo.len() + written;
     if args.json {
         report::print_json(&json!({
-            "shards_of_this_part": mine.len(),
+            "shards_of_this_part": mine,
             "shards_there": done,
             "shards_written": written,
             "seconds": begun.elapsed().as_secs_f64(),
         }))?;
     } else {
         let (shown, took) = (folder.display(), seconds(begun.elapsed()));
-        report::print(&format!("{shown}  {written} shards written, {done} of {} there, {took}", mine.len()));
+        report::print(&format!("{shown}  {written} shards written, {done} of {mine} there, {took}"));
     }
-    if done < mine.len() {
-        anyhow::bail!("stopped after {done} of {} shards; the same command goes on", mine.len());
+    if done < mine {
+        anyhow::bail!("stopped after {done} of {mine} shards; the same command goes on");
     }
     Ok(())
 }
@@ -159,6 +169,7 @@ fn manifest(global: &Global, args: &Args, scenes: u32, config: &GeneratorConfig)
         "seed": global.seed,
         "scenes": scenes,
         "scenes_per_shard": args.scenes_per_shard,
+        "split": args.split.to_possible_value().map(|name| name.get_name().to_owned()),
         "config": serde_json::to_value(config)?,
     }))
 }

@@ -11,5 +11,5 @@ pub use decoder::{ConvStage, DepthDecoder};
 pub use densenet::{DENSENET_CHANNELS, DenseBlock, DenseLayer, DenseNet, Transition};
 pub use global::{GlobalEncoder, PanoramaDecoder};
 pub use losses::{DepthLossConfig, depth_losses, panorama_loss};
-pub use network::{DepthNet, DepthOutput, looked_at, looked_at_size, panorama_image};
+pub use network::{DepthNet, DepthOutput, LONGER_SIDE, looked_at, panorama_image, size_within};
 pub use patch_gan::PatchGan;

@@ -15,7 +15,7 @@ const EXTENT_RANGE_M: [f64; 2] = [0.02, 200.0];
 
 /// Most pixels on a photo's longer side as the network is used. Sizes are what tells distance, and the network knows them at the
 /// resolutions that it learned from; light needs no finer depth: at 4 m a pixel is 2 cm wide.
-const LONGER_SIDE: usize = 240;
+pub const LONGER_SIDE: usize = 240;
 
 /// The encoder halves the resolution five times.
 const MULTIPLE: usize = 32;
@@ -44,22 +44,22 @@ pub struct DepthOutput {
     pub global: Tensor<2>,
 }
 
-/// Width and height at which the network is used on a photo of this size: at most 240 on the longer side, never larger than it is.
-pub fn looked_at_size([width, height]: [usize; 2]) -> [usize; 2] {
+/// Width and height of a photo of this size with at most so many pixels on its longer side, never larger than it is.
+pub fn size_within([width, height]: [usize; 2], longer_side: usize) -> [usize; 2] {
     let longer = width.max(height);
-    if longer <= LONGER_SIDE {
+    if longer <= longer_side {
         return [width, height];
     }
-    [width, height].map(|side| (side * LONGER_SIDE).div_ceil(longer))
+    [width, height].map(|side| (side * longer_side).div_ceil(longer))
 }
 
-/// An sRGB photo at the size at which the network is used ([`looked_at_size`]).
+/// An sRGB photo at the size at which the network is used: at most [`LONGER_SIDE`].
 ///
 /// # Panics
 /// Where the photo has no pixels.
 pub fn looked_at(photo: &Image<[u8; 3]>) -> Image<[u8; 3]> {
     let size = [photo.width(), photo.height()];
-    let [width, height] = looked_at_size(size);
+    let [width, height] = size_within(size, LONGER_SIDE);
     if [width, height] == size {
         return photo.clone();
     }
