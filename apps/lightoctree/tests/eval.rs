@@ -62,6 +62,25 @@ fn every_method_has_its_line_and_threads_change_nothing() {
     assert!(message.contains("rooms"), "{message}");
 }
 
+/// What a user relies on when an object moves, by the weights that the program carries.
+#[test]
+fn light_moves_as_geometry_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let config = "shots = 1\npanoramas = 1\npanorama_height = 32\n[room]\ncrop_size = [240, 160]\n";
+    std::fs::write(at.join("one.toml"), config).unwrap();
+    done(at, &["synth", "--scenes", "3", "--config", "one.toml", "--seed", "4", "-o", "rooms"]);
+    let methods = ["--methods", "single-map,network-sensor,network-true"];
+    let eval = ["eval", "rooms", "--split", "all", "--walks", "3", "--json", "-o", "report"];
+    let summary = json(&done(at, &[&eval[..], &methods].concat()));
+    let figure = |method: usize, name: &str| summary["methods"][method]["figures"][name]["mean"].as_f64();
+    assert!(figure(0, "walk_parallax_px").unwrap() > 10.0, "{summary}");
+    for method in [1, 2] {
+        assert!(figure(method, "walk_parallax_px").unwrap() <= 2.0, "{summary}");
+        assert!(figure(method, "walk_step_ratio").unwrap() <= 3.0, "{summary}");
+    }
+}
+
 #[test]
 fn panoramas_and_published_protocols() {
     let folder = tempfile::tempdir().unwrap();
