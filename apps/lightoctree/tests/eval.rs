@@ -16,16 +16,16 @@ use weights::write_weights;
 /// Two small photos and panoramas of a room, few points: a second or two a room.
 const SMALL: &str = "shots = 2\npanoramas = 2\npanorama_height = 16\noctree_depth = 5\n[room]\ncrop_size = [48, 32]\n";
 
-fn rooms(at: &Path) {
-    std::fs::write(at.join("small.toml"), SMALL).unwrap();
-    done(at, &["synth", "--scenes", "2", "--config", "small.toml", "--seed", "4", "-o", "rooms"]);
+fn rooms(at: &Path, scenes: &str, config: &str) {
+    std::fs::write(at.join("config.toml"), config).unwrap();
+    done(at, &["synth", "--scenes", scenes, "--config", "config.toml", "--seed", "4", "-o", "rooms"]);
 }
 
 #[test]
 fn every_method_has_its_line_and_threads_change_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    rooms(at);
+    rooms(at, "2", SMALL);
     write_weights(at);
     assert!(done(at, &["eval", "rooms", "--make-profile", "profile.json"]).contains("profile.json  mean of "));
     let tools = ["--profile", "profile.json", "--weights", "weights.safetensors"];
@@ -67,9 +67,7 @@ fn every_method_has_its_line_and_threads_change_nothing() {
 fn light_moves_as_geometry_says() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    let config = "shots = 1\npanoramas = 1\npanorama_height = 32\n[room]\ncrop_size = [240, 160]\n";
-    std::fs::write(at.join("one.toml"), config).unwrap();
-    done(at, &["synth", "--scenes", "3", "--config", "one.toml", "--seed", "4", "-o", "rooms"]);
+    rooms(at, "3", "shots = 1\npanoramas = 1\npanorama_height = 32\n[room]\ncrop_size = [240, 160]\n");
     let methods = ["--methods", "single-map,network-sensor,network-true"];
     let eval = ["eval", "rooms", "--split", "all", "--walks", "3", "--json", "-o", "report"];
     let summary = json(&done(at, &[&eval[..], &methods].concat()));
