@@ -5,7 +5,7 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use dataset::{DatasetError, Metadata, NovelView, Record, Shot, write_shard};
+use lo_dataset::{DatasetError, Metadata, NovelView, Record, Shot, write_shard};
 use exr::compression::Compression;
 use image::{DynamicImage, GrayImage, ImageFormat, Luma, Rgb, RgbImage, Rgba, RgbaImage};
 use lightoctree::geometry::{Camera, Cube, Plane, Quat, Vec3};
@@ -61,7 +61,7 @@ fn shards(folder: &Path) -> Result {
         shots: vec![shot],
         metadata: Metadata::new(),
     };
-    Ok(write_shard::<DatasetError>(&folder.join("room.tar"), std::iter::once(Ok(record)))?)
+    Ok(write_shard::<DatasetError>(&folder.join("room.tar"), std::iter::once(Ok(record)), "seeds")?)
 }
 
 fn scenes(folder: &Path) -> Result {
@@ -101,7 +101,7 @@ fn pictures(folder: &Path) -> Result {
         imaging::write_radiance(folder.join(name), &radiance, &ExrOptions::default())?;
     }
     for name in ["depth.pfm", "depth.npy", "depth.png", "depth.exr"] {
-        imaging::write_depth(folder.join(name), &depth_m)?;
+        imaging::write_depth(folder.join(name), &depth_m, imaging::GENERATOR)?;
     }
     std::fs::write(folder.join("flat.hdr"), b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=2\n\n-Y 2 +X 2\n\x80\x40\0\x81\xff\0\x01\x80\x80\x40\0\x81\xff\0\x01\x80")?;
     std::fs::write(

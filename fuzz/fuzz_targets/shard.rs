@@ -1,7 +1,7 @@
 //! Shards: whatever the bytes, an error or samples whose pictures have their camera's size.
 #![no_main]
 
-use dataset::{Dataset, Shards};
+use lo_dataset::{Dataset, Shards};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {

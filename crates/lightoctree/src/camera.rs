@@ -1,7 +1,7 @@
 use std::fmt;
 
-use geometry::{Camera, CameraError};
-use imaging::PhotoFile;
+use lo_geometry::{Camera, CameraError};
+use lo_imaging::PhotoFile;
 
 /// Horizontal field of view of a photo about which nothing is known, in degrees: a phone's main camera (about 27 mm on 35 mm film).
 pub const DEFAULT_HFOV_DEG: f64 = 65.0;
@@ -43,7 +43,7 @@ pub fn camera_of_photo(photo: &PhotoFile) -> Result<(Camera, CameraSource), Came
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use imaging::{FocalLength, Image, Photo};
+    use lo_imaging::{FocalLength, Image, Photo};
 
     #[test]
     fn exif_wins_over_the_default() {

@@ -1,11 +1,11 @@
-use completion::{LampReport, light_from_above};
-use scene::{Completion, Scene};
+use lo_completion::{LampReport, light_from_above};
+use lo_scene::{Completion, Scene};
 
 /// Adds the lamp to a scene completed by a network that what the photo shows asks for: for objects, which have to be as bright as what they
 /// stand beside.
 ///
 /// A scene's own light is the likeliest one, which has no lamps that are not seen: nobody knows where they are. Panoramas are nearer to the truth without
-/// (`docs/evaluation.md`), objects look right with it. Scenes that no network completed stay as they are: the shell has a lamp of its own.
+/// (`docs/design/013-lamp-for-objects.md`), objects look right with it. Scenes that no network completed stay as they are: the shell has a lamp of its own.
 pub fn add_lamp(scene: &mut Scene) -> LampReport {
     let (Completion::Network, Some(room)) = (scene.completion, &scene.room) else { return LampReport::default() };
     let seen = scene.frame.working().without_flying_pixels();

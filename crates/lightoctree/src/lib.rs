@@ -1,46 +1,62 @@
 //! Indoor lighting from one photo: the public Rust API.
 //!
 //! ```no_run
-//! use lightoctree::{EstimateOptions, camera_of_photo, cone, estimate, geometry::Vec3, imaging, scene::Frame};
+//! use lightoctree::{EstimateOptions, Estimator, Input, camera_of_photo, cone, events, geometry::Vec3, imaging};
 //!
 //! let photo = imaging::read_photo("room.jpg")?;
-//! let depth_m = imaging::read_depth("room_depth.png", None)?;
 //! let (camera, _source) = camera_of_photo(&photo)?;
-//! let frame = Frame::new(photo.photo, depth_m, camera, 1.0)?;
-//! let scene = estimate(frame, None, &EstimateOptions::default(), &mut |_| ())?;
-//! let tracer = cone::ConeTracer::new(&scene.light, cone::Settings::default())?;
-//! let panorama = tracer.panorama(Vec3::new(0.0, 0.0, -1.0), 256, 128);
+//! let input = Input::Photo { photo: photo.photo, camera };
+//! let scene = Estimator::shipped()?.estimate(input, &EstimateOptions::default(), &mut events::ignore)?;
+//! let panorama = cone::Viewers::new(&scene.light).at(Vec3::NEG_Z).panorama(Vec3::NEG_Z, 256, 128);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! With depth, [`Input::MeasuredDepth`] takes a [`scene::Frame`] of photo and depth map. What the program says on its way comes as
+//! [`Event`]s, and whoever hears them can end the job.
+//!
 //! The crates below are re-exported whole: [`geometry`], [`imaging`], [`octree`], [`cone`], [`mesh`], [`scene`],
-//! [`completion`], [`nets`], [`insert`] and [`export`].
+//! [`completion`], [`events`], [`insert`] and [`export`]. Of the networks, [`Networks`] and its errors are public. The hidden module `nets` is the
+//! rest of them, for training and tests: its types change with the deep-learning stack, and are no part of this crate's version.
 
 mod camera;
-mod estimate;
+mod completed;
+mod error;
+mod estimator;
+mod input;
 mod lamp;
-mod message;
-mod network;
+mod options;
 mod place;
+mod probes;
+mod seen_frame;
+#[cfg(test)]
+mod tests;
+mod view;
 #[cfg(feature = "weights")]
 mod weights;
 
 pub use camera::{CameraSource, DEFAULT_HFOV_DEG, camera_of_photo};
-pub use completion;
-pub use cone;
-pub use estimate::{DEFAULT_OCTREE_DEPTH, EstimateError, EstimateOptions, Input, estimate};
-pub use export;
-pub use geometry;
-pub use imaging;
-pub use insert;
+pub use error::EstimateError;
+pub use estimator::Estimator;
+pub use input::Input;
 pub use lamp::add_lamp;
-pub use mesh;
-pub use message::Message;
-pub use nets;
-pub use nets::Networks;
-pub use network::SeenFrame;
-pub use octree;
+pub use lo_completion as completion;
+pub use lo_cone as cone;
+pub use lo_events as events;
+pub use lo_events::{Cancelled, Event, OnEvent, Stage, Warning};
+pub use lo_export as export;
+pub use lo_geometry as geometry;
+pub use lo_imaging as imaging;
+pub use lo_insert as insert;
+pub use lo_mesh as mesh;
+#[doc(hidden)]
+pub use lo_nets as nets;
+pub use lo_nets::Networks;
+pub use lo_nets::checkpoint::CheckpointError;
+pub use lo_nets::light::LightError;
+pub use lo_octree as octree;
+pub use lo_scene as scene;
+pub use options::{DEFAULT_OCTREE_DEPTH, EstimateOptions};
 pub use place::probe_grid;
-pub use scene;
-#[cfg(feature = "weights")]
-pub use weights::shipped_networks;
+pub use probes::render_probes;
+#[doc(hidden)]
+pub use seen_frame::SeenFrame;

@@ -1,5 +1,5 @@
-use geometry::{Vec3, orthonormal_basis};
-use scene::{Scene, Side};
+use lo_geometry::{Vec3, orthonormal_basis};
+use lo_scene::{Scene, Side};
 
 /// The centres of `counts` cells that divide the inside of the room, x fastest, then y, then z.
 ///
@@ -19,17 +19,17 @@ pub fn probe_grid(scene: &Scene, counts: [usize; 3]) -> Vec<Vec3> {
 }
 
 /// Axes of the room as columns (y is up), and the lowest and highest coordinate along each.
-fn inside(scene: &Scene) -> (geometry::Mat3, Vec3, Vec3) {
+fn inside(scene: &Scene) -> (lo_geometry::Mat3, Vec3, Vec3) {
     let occupied = occupied_corners(scene);
     let Some(room) = &scene.room else {
         let (low, high) = bounds(occupied.into_iter());
-        return (geometry::Mat3::IDENTITY, low, high);
+        return (lo_geometry::Mat3::IDENTITY, low, high);
     };
     let wall = room.planes.iter().find(|plane| plane.side == Side::Wall).map(|plane| plane.plane.normal);
     let z =
         wall.map(|normal| (normal - room.up * normal.dot(room.up)).normalize_or_zero()).filter(|z| *z != Vec3::ZERO);
     let z = z.unwrap_or_else(|| orthonormal_basis(room.up).x_axis);
-    let axes = geometry::Mat3::from_cols(room.up.cross(z), room.up, z);
+    let axes = lo_geometry::Mat3::from_cols(room.up.cross(z), room.up, z);
     let (mut low, mut high) = bounds(occupied.into_iter().map(|point| axes.transpose() * point));
     for plane in &room.planes {
         let normal = axes.transpose() * plane.plane.normal;
@@ -52,7 +52,7 @@ fn occupied_corners(scene: &Scene) -> Vec<Vec3> {
     let level = &light.octree.levels()[depth as usize];
     let mut corners = Vec::new();
     for key in level.row_keys() {
-        let [x, y, z] = octree::xyz_from_key(key);
+        let [x, y, z] = lo_octree::xyz_from_key(key);
         let low = light.cube.origin_m + Vec3::new(x as f32, y as f32, z as f32) * edge_m;
         corners.extend([low, low + Vec3::splat(edge_m)]);
     }

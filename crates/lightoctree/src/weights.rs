@@ -1,5 +1,5 @@
-use nets::Networks;
-use nets::checkpoint::CheckpointError;
+use lo_nets::Networks;
+use lo_nets::checkpoint::CheckpointError;
 
 /// File name of the trained weights in messages.
 const NAME: &str = "lightoctree.safetensors";
@@ -11,7 +11,7 @@ static BYTES: &[u8] = include_bytes!("../weights/lightoctree.safetensors");
 ///
 /// # Errors
 /// None, unless the library itself is damaged.
-pub fn shipped_networks() -> Result<Networks, CheckpointError> {
+pub(crate) fn shipped_networks() -> Result<Networks, CheckpointError> {
     Networks::from_bytes(BYTES, NAME)
 }
 

@@ -1,0 +1,149 @@
+//! `lightoctree bench`: our side of the peers' kit, in the kit's own line format.
+//!
+//! Each case runs in a process of its own, as the peers' do, so that its memory is its own too.
+
+use std::process::Command;
+use std::time::Instant;
+
+use anyhow::Context;
+use lo_eval::memory;
+use serde::{Deserialize, Serialize};
+
+use self::cases::{CASES, Case};
+use crate::args::Global;
+use crate::{Usage, interrupt, report};
+
+mod cases;
+mod input;
+
+/// Options of `bench`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  \
+    PEERS_INPUT=peers/input lightoctree bench --threads 1\n  \
+    peers/run.sh --tuned --threads 1 --ours 'lightoctree bench --threads 1 --json'\n\n\
+    The input is what the kit's make_input.py writes: rgbd_*.npy, room_*.npy, room_rgba128.npy and input.json.\n\
+    The cases `estimate_panorama` and `insert_draft` use the photo and the mesh that the program carries.")]
+pub struct Args {
+    /// One JSON object a line instead of a table
+    #[arg(long)]
+    json: bool,
+
+    /// Cases whose name contains this; may be given more than once
+    #[arg(long, value_name = "NAME")]
+    only: Vec<String>,
+
+    /// Timed repetitions of a case
+    #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    reps: u32,
+
+    /// Print the names of the cases and stop
+    #[arg(long)]
+    list: bool,
+
+    /// Run one case in this process (what `bench` itself starts)
+    #[arg(long, hide = true)]
+    child: Option<String>,
+}
+
+/// One line of results; the names are the kit's.
+#[derive(Debug, Serialize, Deserialize)]
+struct Line {
+    peer: String,
+    case: String,
+    threads: usize,
+    min_s: f64,
+    median_s: f64,
+    peak_rss_mib: Option<f64>,
+    base_rss_mib: Option<f64>,
+    reps: usize,
+    nodes: Option<usize>,
+}
+
+/// Runs the chosen cases one after the other.
+pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
+    if let Some(name) = &args.child {
+        let case = CASES.iter().find(|case| case.name == name).with_context(|| format!("no case {name}"))?;
+        return report::print_json(&measure(case, args.reps as usize)?);
+    }
+    let chosen: Vec<&Case> = CASES
+        .iter()
+        .filter(|case| args.only.is_empty() || args.only.iter().any(|only| case.name.contains(only.as_str())))
+        .collect();
+    if chosen.is_empty() {
+        return Err(Usage(format!("no case has `{}` in its name; --list prints them", args.only.join("`, `"))).into());
+    }
+    if args.list {
+        chosen.iter().for_each(|case| report::print(case.name));
+        return Ok(());
+    }
+    let mut rows = Vec::new();
+    for case in chosen {
+        if interrupt::asked() {
+            break;
+        }
+        let line = in_own_process(global, case, args.reps)?;
+        if args.json {
+            report::print_json(&line)?;
+        } else {
+            rows.push(row(&line));
+        }
+    }
+    if !args.json {
+        report::print(&report::table(&["case", "threads", "min", "median", "peak MiB", "base MiB", "nodes"], &rows));
+    }
+    Ok(())
+}
+
+fn row(line: &Line) -> Vec<String> {
+    let mib = |value: Option<f64>| value.map_or_else(|| "-".into(), |mib| format!("{mib:.0}"));
+    vec![
+        line.case.clone(),
+        line.threads.to_string(),
+        format!("{:.2} ms", 1e3 * line.min_s),
+        format!("{:.2} ms", 1e3 * line.median_s),
+        mib(line.peak_rss_mib),
+        mib(line.base_rss_mib),
+        line.nodes.map_or_else(|| "-".into(), |nodes| nodes.to_string()),
+    ]
+}
+
+fn in_own_process(global: &Global, case: &Case, reps: u32) -> anyhow::Result<Line> {
+    let program = std::env::current_exe().context("cannot find this program")?;
+    let mut command = Command::new(program);
+    command.args(["bench", "--child", case.name, "--reps", &reps.to_string()]);
+    if let Some(threads) = global.threads {
+        command.args(["--threads", &threads.to_string()]);
+    }
+    let done = command.output().with_context(|| format!("cannot start the case {}", case.name))?;
+    if !done.status.success() {
+        let message = String::from_utf8_lossy(&done.stderr);
+        anyhow::bail!("{}: {}", case.name, message.trim().trim_start_matches("error: "));
+    }
+    serde_json::from_slice(&done.stdout).with_context(|| format!("the case {} gave no result", case.name))
+}
+
+fn measure(case: &Case, reps: usize) -> anyhow::Result<Line> {
+    let mut prepared = (case.prepare)()?;
+    let base_rss_mib = memory::current_mib();
+    memory::restart_peak();
+    let nodes = (prepared.run)(); // warm-up
+    let mut times: Vec<f64> = (0..reps)
+        .map(|_| {
+            let begun = Instant::now();
+            (prepared.run)();
+            begun.elapsed().as_secs_f64()
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    Ok(Line {
+        peer: "lightoctree".into(),
+        case: case.name.into(),
+        threads: rayon::current_num_threads(),
+        min_s: times[0],
+        median_s: times[times.len() / 2],
+        peak_rss_mib: memory::peak_mib(),
+        base_rss_mib,
+        reps,
+        nodes,
+    })
+}

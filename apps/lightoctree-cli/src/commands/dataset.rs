@@ -1,0 +1,369 @@
+//! `lightoctree dataset inspect|convert|preview`: what a dataset holds, in any layout that is known.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::ValueEnum;
+use lightoctree::imaging;
+use lo_dataset::{
+    ContactSheet, CropModel, Dataset, DatasetError, Histogram, Layout, Loader, LoaderConfig, Sample, ShardCount,
+    ShardFolder, Split, Summary, SummaryReport, convert_to_shards, evenly_spread,
+};
+use serde_json::json;
+
+use super::environment::signed;
+use crate::args::Global;
+use crate::progress::{StageBar, bar, seconds};
+use crate::{Usage, interrupt, output, report};
+
+/// Options of `dataset`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    action: Action,
+}
+
+/// What to do with a dataset.
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    /// Count samples and show how light, depth and lamps are distributed
+    Inspect(InspectArgs),
+    /// Write any dataset as shards
+    Convert(ConvertArgs),
+    /// Make a contact sheet of photos and tone-mapped panoramas
+    Preview(PreviewArgs),
+}
+
+/// The dataset.
+#[derive(Debug, clap::Args)]
+struct Source {
+    /// A folder in one of the layouts, or a shard
+    dataset: PathBuf,
+
+    /// How its files are laid out [default: found out]
+    #[arg(long, value_name = "NAME")]
+    layout: Option<LayoutName>,
+
+    /// Photos to cut out of each panorama, where there are no photos
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    crops: u32,
+}
+
+/// Layouts on the command line.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum LayoutName {
+    /// WebDataset archives of `lightoctree synth` and `dataset convert`.
+    Shards,
+    /// FutureHouse (Li et al. 2022).
+    Futurehouse,
+    /// InteriorNet (Li et al. 2018).
+    Interiornet,
+    /// Laval spatially varying (Garon et al. 2019), with a scene.json in each folder.
+    LavalVarying,
+    /// Equirectangular HDR pictures.
+    Panoramas,
+}
+
+impl From<LayoutName> for Layout {
+    fn from(name: LayoutName) -> Self {
+        match name {
+            LayoutName::Shards => Self::Shards,
+            LayoutName::Futurehouse => Self::FutureHouse,
+            LayoutName::Interiornet => Self::InteriorNet,
+            LayoutName::LavalVarying => Self::LavalVarying,
+            LayoutName::Panoramas => Self::Panoramas,
+        }
+    }
+}
+
+/// Parts of a dataset on the command line.
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+pub(super) enum SplitName {
+    /// One scene of ten
+    Validation,
+    /// The other nine
+    Train,
+    /// All scenes: for data that no training ever saw
+    All,
+}
+
+impl SplitName {
+    /// The part; `None` for all.
+    pub(super) fn part(self) -> Option<Split> {
+        match self {
+            Self::All => None,
+            Self::Train => Some(Split::Train),
+            Self::Validation => Some(Split::Validation),
+        }
+    }
+}
+
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  lightoctree dataset inspect rooms\n  lightoctree dataset inspect rooms --json | jq .figures"
+)]
+struct InspectArgs {
+    #[command(flatten)]
+    source: Source,
+
+    /// Look at no more than this many samples, evenly spread
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    samples: Option<u32>,
+
+    /// Print one JSON object instead of tables
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  lightoctree dataset convert panoramas --crops 4 -o shards\n\n\
+    Run the same command again after it was stopped: finished shards are kept.")]
+struct ConvertArgs {
+    #[command(flatten)]
+    source: Source,
+
+    /// Samples in a shard
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    samples_per_shard: u32,
+
+    /// The folder to write into
+    #[arg(long, short, value_name = "DIR")]
+    output: PathBuf,
+
+    /// Write into a folder that holds other things; shards of another dataset or seed there are removed
+    #[arg(long)]
+    force: bool,
+}
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  lightoctree dataset preview rooms --photos 48 --panoramas 24 -o sheet.png")]
+struct PreviewArgs {
+    #[command(flatten)]
+    source: Source,
+
+    /// Photos on the sheet
+    #[arg(long, value_name = "N", default_value_t = 24, value_parser = clap::value_parser!(u32).range(0..=1000))]
+    photos: u32,
+
+    /// Panoramas on the sheet
+    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u32).range(0..=1000))]
+    panoramas: u32,
+
+    /// Pictures in a row
+    #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u32).range(1..=40))]
+    columns: u32,
+
+    /// The picture to write: .png or .jpg
+    #[arg(long, short, value_name = "FILE")]
+    output: PathBuf,
+
+    /// Replace a file of something else
+    #[arg(long)]
+    force: bool,
+}
+
+const CONVERT: &str = "dataset";
+/// Shards begin with this name.
+const PREFIX: &str = "samples";
+
+/// Does what was asked for.
+pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
+    match &args.action {
+        Action::Inspect(args) => inspect(global, args),
+        Action::Convert(args) => convert(global, args),
+        Action::Preview(args) => preview(global, args),
+    }
+}
+
+impl Source {
+    fn open(&self, global: &Global) -> anyhow::Result<(Layout, Arc<dyn Dataset>)> {
+        let layout = match self.layout {
+            Some(name) => name.into(),
+            None => Layout::detect(&self.dataset)?,
+        };
+        let model = CropModel { crops: self.crops, seed: global.seed, ..CropModel::default() };
+        let dataset: Arc<dyn Dataset> = layout.open(&self.dataset, model)?.into();
+        if dataset.is_empty() {
+            return Err(DatasetError::Layout { folder: self.dataset.clone(), reason: "no sample in it".into() }.into());
+        }
+        Ok((layout, dataset))
+    }
+}
+
+/// A folder of shards of this command: its own is taken up again, of others it is said whose they are.
+pub(super) fn shard_folder(
+    path: &Path,
+    prefix: &str,
+    command: &str,
+    manifest: serde_json::Value,
+    force: bool,
+) -> anyhow::Result<ShardFolder> {
+    output::prepare_folder(path, ShardFolder::MANIFEST, command, force)?;
+    ShardFolder::open(path, prefix, &signed(command, manifest), force).map_err(|error| match error {
+        DatasetError::OtherManifest { .. } => {
+            Usage(format!("{error}; repeat that command, or choose another folder")).into()
+        }
+        error => error.into(),
+    })
+}
+
+fn threads(global: &Global) -> usize {
+    global.threads.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from)
+}
+
+fn inspect(global: &Global, args: &InspectArgs) -> anyhow::Result<()> {
+    let (layout, dataset) = args.source.open(global)?;
+    let count = args.samples.map_or(dataset.len(), |most| dataset.len().min(most as usize));
+    let progress = bar(global.quiet, count, "samples");
+    let mut summary = Summary::default();
+    let mut looked = 0;
+    let mut look = |sample: &Sample| {
+        summary.add(sample);
+        progress.inc(1);
+        looked += 1;
+        !interrupt::asked()
+    };
+    if count == dataset.len() {
+        let config = LoaderConfig { shuffle: false, threads: threads(global), ..LoaderConfig::default() };
+        for sample in Loader::new(Arc::clone(&dataset), config) {
+            if !look(&sample?) {
+                break;
+            }
+        }
+    } else {
+        for index in evenly_spread(dataset.len(), count) {
+            if !look(&dataset.get(index)?) {
+                break;
+            }
+        }
+    }
+    progress.finish_and_clear();
+    let found = summary.report();
+    if args.json {
+        let head = json!({ "layout": layout.name(), "samples_in_all": dataset.len(), "summary": found });
+        report::print_json(&head)?;
+    } else {
+        report::print(&text(layout, &dataset, &found));
+    }
+    if looked < count {
+        anyhow::bail!("stopped after {looked} of {count} samples");
+    }
+    Ok(())
+}
+
+fn text(layout: Layout, dataset: &Arc<dyn Dataset>, found: &SummaryReport) -> String {
+    let split = |name: &str, i: usize| {
+        vec![name.to_owned(), found.scenes_by_split[i].to_string(), found.samples_by_split[i].to_string()]
+    };
+    let rows = [
+        split("train", 0),
+        split("validation", 1),
+        vec!["all".to_owned(), found.scenes.to_string(), found.samples.to_string()],
+    ];
+    let figures: Vec<Vec<String>> = found
+        .figures
+        .iter()
+        .map(|figure| {
+            let [low, middle, high] = figure.percentiles;
+            let numbers = [low, middle, high, figure.mean].map(|value| format!("{value:.3}"));
+            std::iter::once(figure.name.to_owned()).chain(numbers).collect()
+        })
+        .collect();
+    [
+        format!(
+            "{}, {} samples; looked at {} with {} panoramas and {} points",
+            layout.name(),
+            dataset.len(),
+            found.samples,
+            found.views,
+            found.points
+        ),
+        report::table(&["", "scenes", "samples"], &rows),
+        report::table(&["per sample", "5 %", "50 %", "95 %", "mean"], &figures),
+        chart("light, stops above the photo's white", &found.log2_luminance),
+        chart("depth, m", &found.depth_m),
+    ]
+    .join("\n\n")
+}
+
+/// A line for each bin between the first and the last that hold anything.
+fn chart(title: &str, histogram: &Histogram) -> String {
+    let used = |share: &f32| *share > 0.0;
+    let shares = &histogram.shares;
+    let Some((first, last)) = shares.iter().position(used).zip(shares.iter().rposition(used)) else {
+        return format!("{title}: none");
+    };
+    let largest = shares.iter().copied().fold(0.0, f32::max);
+    let line = |i: usize| {
+        let width = (40.0 * shares[i] / largest).round() as usize;
+        let low = histogram.first + i as f32 * histogram.step;
+        format!("{low:>6.1}  {:>5.1} %  {}", 100.0 * shares[i], "#".repeat(width))
+    };
+    std::iter::once(title.to_owned()).chain((first..=last).map(line)).collect::<Vec<_>>().join("\n")
+}
+
+fn convert(global: &Global, args: &ConvertArgs) -> anyhow::Result<()> {
+    let begun = std::time::Instant::now();
+    let (layout, dataset) = args.source.open(global)?;
+    // Everything that the shards' bytes depend on.
+    let manifest = json!({
+        "format_version": lo_dataset::FORMAT_VERSION,
+        "program_version": env!("CARGO_PKG_VERSION"),
+        "layout": layout.name(),
+        "seed": global.seed,
+        "crops": args.source.crops,
+        "samples": dataset.len(),
+        "scene_ids_fnv1a": format!("{:016x}", lo_dataset::fingerprint(dataset.as_ref())),
+        "samples_per_shard": args.samples_per_shard,
+    });
+    let shards = shard_folder(&args.output, PREFIX, CONVERT, manifest, args.force)?;
+    let mut bar = StageBar::new(global.quiet);
+    let (per_shard, threads) = (args.samples_per_shard as usize, threads(global));
+    let count = convert_to_shards(&shards, &dataset, per_shard, threads, &mut |event| bar.hear(event))?;
+    drop(bar);
+    let ShardCount { all, there: done, written } = count;
+    report::print(&format!(
+        "{}  {written} shards written, {done} of {all} there, {} samples in all, {}",
+        args.output.display(),
+        dataset.len(),
+        seconds(begun.elapsed())
+    ));
+    if done < all {
+        anyhow::bail!("stopped after {done} of {all} shards; the same command goes on");
+    }
+    Ok(())
+}
+
+fn preview(global: &Global, args: &PreviewArgs) -> anyhow::Result<()> {
+    check_picture(&args.output)?;
+    output::check_replaceable(&args.output, CONVERT, args.force)?;
+    let (_, dataset) = args.source.open(global)?;
+    let mut sheet = ContactSheet::new(args.columns as usize);
+    let count = args.photos.max(args.panoramas) as usize;
+    let progress = bar(global.quiet, count.min(dataset.len()), "samples");
+    let (mut photos, mut panoramas) = (0, 0);
+    for index in evenly_spread(dataset.len(), count) {
+        if interrupt::asked() {
+            anyhow::bail!("stopped before the sheet was full");
+        }
+        let sample = dataset.get(index)?;
+        if photos < args.photos {
+            sheet.add_photo(&sample);
+            photos += 1;
+        }
+        if let (Some(view), true) = (sample.views.first(), panoramas < args.panoramas) {
+            sheet.add_panorama(&view.radiance);
+            panoramas += 1;
+        }
+        progress.inc(1);
+    }
+    progress.finish_and_clear();
+    imaging::write_srgb8(&args.output, &sheet.picture(), imaging::JPEG_QUALITY, &output::signature(CONVERT))?;
+    report::print(&format!("{}  {photos} photos, {panoramas} panoramas", args.output.display()));
+    Ok(())
+}
+
+fn check_picture(path: &Path) -> anyhow::Result<()> {
+    let known = path.extension().is_some_and(|e| ["png", "jpg", "jpeg"].iter().any(|k| e.eq_ignore_ascii_case(k)));
+    if known { Ok(()) } else { Err(Usage(format!("{}: a sheet is written as .png or .jpg", path.display())).into()) }
+}

@@ -1,0 +1,217 @@
+//! `lightoctree demo`: the whole job on a photo that the program carries.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use lightoctree::cone::{ConeTracer, Settings};
+use lightoctree::geometry::Camera;
+use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, Photo, ToneCurve};
+use lightoctree::insert::{self, Inserter, Lighting, Placement, Quality};
+use lightoctree::mesh::{MaterialSpec, Model, PreparedModel};
+use lightoctree::scene::{Frame, Scene};
+use lightoctree::{EstimateOptions, Estimator, Input};
+use serde_json::json;
+
+use super::environment;
+use crate::args::Global;
+use crate::progress::{Stages, bar, seconds};
+use crate::{interrupt, output, report};
+
+/// Options of `demo`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  lightoctree demo --out demo")]
+pub struct Args {
+    /// The folder to write into
+    #[arg(long, value_name = "DIR", default_value = "lightoctree-demo")]
+    out: PathBuf,
+
+    /// Write into a folder that holds other things
+    #[arg(long)]
+    force: bool,
+
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+const COMMAND: &str = "demo";
+const MANIFEST: &str = "demo.json";
+const FRAMES: usize = 12;
+
+const PHOTO: &[u8] = include_bytes!("../../assets/library_color.jpg");
+const DEPTH: &[u8] = include_bytes!("../../assets/library_lidar_depth.png");
+const MESH: &[u8] = include_bytes!("../../assets/suzanne.glb");
+/// The intrinsics with which floor and shelf come out perpendicular; the photo has no EXIF block.
+const INTRINSICS: [f64; 4] = [1330.0, 1330.0, 960.0, 720.0];
+/// Where the object stands in the halved photo, in pixels.
+const PIXEL: [f64; 2] = [510.0, 570.0];
+/// Height of the object in metres.
+const HEIGHT_M: f32 = 0.5;
+/// Keyframes of the moving object.
+const PATH: &str = r#"{"interpolation": "catmull-rom", "keyframes": [
+    {"time_s": 0, "pixel": [310, 530], "yaw_deg": 30},
+    {"time_s": 1, "pixel": [510, 570], "yaw_deg": 0},
+    {"time_s": 2, "pixel": [730, 545], "yaw_deg": -40}]}"#;
+
+/// Runs everything once.
+pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
+    output::prepare_folder(&args.out, MANIFEST, COMMAND, args.force)?;
+    let file = |name: &str| args.out.join(name);
+    let mut files = Vec::new();
+    let mut stages = Stages::new(global.quiet);
+
+    let frame = stages.stage("read photo and depth", frame)?;
+    let frame = stages.stage("halve the photo", || halved(frame));
+    let estimator = match cfg!(feature = "weights") {
+        true => stages.stage("read weights", || super::estimator(None))?,
+        false => Estimator::without_networks(),
+    };
+    if estimator.networks().is_some() {
+        stages.note("first from the photo alone");
+        let alone = Input::Photo { photo: frame.photo.clone(), camera: frame.camera };
+        let mut scene = estimate(&mut stages, alone, &estimator)?;
+        let base = placement(&scene)?;
+        files.extend(write_panorama(&mut stages, &scene, &base, &file("alone_panorama"))?);
+        let gold = model("gold")?;
+        super::add_lamp(&mut scene, &mut stages);
+        let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Draft)?;
+        let composite = stages.stage("insert, gold", || {
+            inserter.render(&gold, &base.scaled(scale(&gold)), &mut |_| interrupt::go_on())
+        })?;
+        imaging::write_photo(file("alone_object.png"), &composite.image, &output::signature(COMMAND))?;
+        files.push(file("alone_object.png"));
+        stages.note("then from photo and LiDAR depth");
+    }
+    let mut scene = estimate(&mut stages, Input::MeasuredDepth(frame), &estimator)?;
+    stages.stage("write scene", || scene.write(&file("library.scene"), &output::signature(COMMAND)))?;
+    imaging::write_photo(file("photo.png"), &scene.frame.photo, &output::signature(COMMAND))?;
+    files.extend([file("library.scene"), file("photo.png")]);
+    let base = placement(&scene)?;
+    files.extend(write_panorama(&mut stages, &scene, &base, &file("panorama"))?);
+    super::add_lamp(&mut scene, &mut stages);
+    files.extend(insert_objects(global, &mut stages, &scene, &base, &args.out)?);
+    finish(args, &files, &stages)
+}
+
+/// Where the object stands.
+fn placement(scene: &Scene) -> anyhow::Result<Placement> {
+    let [u, v] = PIXEL;
+    Ok(Placement::rest_on_pixel(scene, u, v)?)
+}
+
+/// Metres per unit of the object.
+fn scale(object: &PreparedModel) -> f32 {
+    HEIGHT_M / object.bounds().size().y
+}
+
+/// The panorama in the middle of the object, as `.exr` and `.png` of this name.
+fn write_panorama(stages: &mut Stages, scene: &Scene, base: &Placement, name: &Path) -> anyhow::Result<[PathBuf; 2]> {
+    let at = base.position_m + base.up * (0.5 * HEIGHT_M);
+    let tracer =
+        stages.stage("prepare cone tracing", || ConeTracer::new(&scene.light.seen_from(at), Settings::default()))?;
+    let panorama = stages.stage("panorama 512 × 256", || tracer.panorama(at, 512, 256));
+    let options = ExrOptions {
+        generator: output::signature(COMMAND),
+        environment: Some(EnvironmentLayout::LatitudeLongitude),
+        ..ExrOptions::default()
+    };
+    let files = ["exr", "png"].map(|extension| name.with_extension(extension));
+    imaging::write_radiance(&files[0], &panorama.radiance, &options)?;
+    imaging::write_tone_mapped(&files[1], &panorama.radiance, ToneCurve::Reinhard, 0.0, &output::signature(COMMAND))?;
+    Ok(files)
+}
+
+/// The frame that the program carries, at the photo's full resolution.
+pub fn frame() -> anyhow::Result<Frame> {
+    let photo = imaging::photo_from_bytes(PHOTO, "library_color.jpg")?;
+    let depth_m = imaging::depth_from_bytes(DEPTH, "library_lidar_depth.png", None)?;
+    let [fx, fy, cx, cy] = INTRINSICS;
+    let camera = Camera::new(fx, fy, cx, cy, photo.photo.width() as u32, photo.photo.height() as u32)?;
+    Ok(Frame::new(photo.photo, depth_m, camera, 1.0)?)
+}
+
+/// The same photo with half as many pixels a side: enough for a first look, in a quarter of the time.
+fn halved(frame: Frame) -> Frame {
+    let (width, height) = (frame.photo.width() / 2, frame.photo.height() / 2);
+    let photo = imaging::resize(&frame.photo.radiance(), width, height).map(|rgb| rgb.map(imaging::srgb8_from_linear));
+    Frame { camera: frame.camera.resized(width as u32, height as u32), photo: Photo::Srgb8(photo), ..frame }
+}
+
+/// The scene of the carried photo: by networks where there are any, else by the shell.
+pub fn estimate(stages: &mut Stages, input: Input, estimator: &Estimator) -> anyhow::Result<Scene> {
+    let mut sources = vec!["library_color.jpg".into()];
+    sources.extend(matches!(input, Input::MeasuredDepth(_)).then(|| "library_lidar_depth.png".into()));
+    let options = EstimateOptions { sources, ..EstimateOptions::default() };
+    Ok(estimator.estimate(input, &options, &mut |event| stages.hear(event))?)
+}
+
+/// The object that the program carries, of a preset material.
+pub fn model(material: &str) -> anyhow::Result<PreparedModel> {
+    let no_files = |_: &str| Err(std::io::ErrorKind::NotFound.into());
+    let mut model = Model::from_gltf_bytes(MESH, &no_files)?;
+    model.override_material(&MaterialSpec::parse(material)?, Path::new("."))?;
+    Ok(PreparedModel::new(model))
+}
+
+fn insert_objects(
+    global: &Global,
+    stages: &mut Stages,
+    scene: &Scene,
+    base: &Placement,
+    out: &Path,
+) -> anyhow::Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    let gold = stages.stage("read mesh", || model("gold"))?;
+    let scale = scale(&gold);
+    let inserter = stages.stage("prepare light", || Inserter::new(scene, Lighting::Octree, Quality::Normal))?;
+    for material in ["gold", "chrome", "matte-white"] {
+        let object = model(material)?;
+        let composite = stages.stage(&format!("insert, {material}"), || {
+            inserter.render(&object, &base.scaled(scale), &mut |_| interrupt::go_on())
+        })?;
+        let file = out.join(format!("object_{}.png", material.replace('-', "_")));
+        imaging::write_photo(&file, &composite.image, &output::signature(COMMAND))?;
+        files.push(file);
+    }
+    let placements = insert::Path::from_json(PATH)?.placements(scene, scale, FRAMES)?;
+    let draft = stages.stage("prepare light for drafts", || Inserter::new(scene, Lighting::Octree, Quality::Draft))?;
+    let begun = Instant::now();
+    let folder = out.join("moving");
+    std::fs::create_dir_all(&folder)?;
+    let progress = bar(global.quiet, FRAMES, "moving object");
+    for (i, placement) in placements.iter().enumerate() {
+        if interrupt::asked() {
+            anyhow::bail!("stopped after {i} of {FRAMES} frames; what is written in {} is whole", out.display());
+        }
+        let composite = draft.render(&gold, placement, &mut |_| interrupt::go_on())?;
+        let file = folder.join(format!("frame_{i:02}.jpg"));
+        imaging::write_photo(&file, &composite.image, &output::signature(COMMAND))?;
+        files.push(file);
+        progress.inc(1);
+    }
+    progress.finish_and_clear();
+    stages.note(&format!("{:.1} frames a second of the moving object", FRAMES as f64 / begun.elapsed().as_secs_f64()));
+    Ok(files)
+}
+
+fn finish(args: &Args, files: &[PathBuf], stages: &Stages) -> anyhow::Result<()> {
+    let result = json!({ "files": files, "seconds": stages.timings() });
+    environment::write_json(&args.out.join(MANIFEST), COMMAND, result.clone())?;
+    if args.json {
+        return report::print_json(&result);
+    }
+    let sizes: Vec<Vec<String>> = files
+        .iter()
+        .filter(|file| file.parent() == Some(args.out.as_path()))
+        .map(|file| {
+            vec![
+                file.display().to_string(),
+                std::fs::metadata(file).map_or_else(|_| "-".into(), |m| report::bytes(m.len())),
+            ]
+        })
+        .collect();
+    report::print(&report::table(&["written", "size"], &sizes));
+    report::print(&format!("{}  {FRAMES} frames of the moving object", args.out.join("moving").display()));
+    report::print(&format!("all in {}", seconds(stages.total())));
+    Ok(())
+}

@@ -1,0 +1,187 @@
+//! What `envmap` and `probes` share: rendering a panorama and writing it.
+
+use std::path::Path;
+
+use anyhow::Context;
+use clap::ValueEnum;
+use lightoctree::cone::{Rendering, Viewers};
+use lightoctree::geometry::{Orientation, Vec3};
+use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, RadianceImage};
+use lightoctree::scene::Scene;
+
+use crate::output::signature;
+
+/// How the panorama is held.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum OrientationArg {
+    /// Centre −Z, +X right (also skylibs)
+    Lightoctree,
+    /// OpenEXR latitude-longitude, Mitsuba, USD dome light
+    Openexr,
+    /// three.js
+    Threejs,
+    /// Blender Cycles
+    Blender,
+}
+
+impl OrientationArg {
+    /// The preset.
+    pub fn preset(self) -> Orientation {
+        match self {
+            Self::Lightoctree => Orientation::Lightoctree,
+            Self::Openexr => Orientation::Openexr,
+            Self::Threejs => Orientation::Threejs,
+            Self::Blender => Orientation::Blender,
+        }
+    }
+}
+
+/// Tone curves of previews.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum ToneArg {
+    /// Clipped at the photo's white
+    Clip,
+    /// Reinhard, white two stops above
+    Reinhard,
+    /// ACES fit
+    Aces,
+}
+
+impl ToneArg {
+    /// The library's curve.
+    pub fn curve(self) -> imaging::ToneCurve {
+        match self {
+            Self::Clip => imaging::ToneCurve::Clip,
+            Self::Reinhard => imaging::ToneCurve::Reinhard,
+            Self::Aces => imaging::ToneCurve::Aces,
+        }
+    }
+}
+
+/// Options of the panorama itself.
+#[derive(Clone, Debug, clap::Args)]
+pub struct PanoramaArgs {
+    /// Width and height; equirectangular maps are twice as wide as high
+    #[arg(long, value_name = "WxH", default_value = "512x256", value_parser = super::parse::size)]
+    pub size: [usize; 2],
+
+    /// Which program's convention the map follows
+    #[arg(long, value_name = "NAME", default_value = "lightoctree")]
+    pub orientation: OrientationArg,
+
+    /// Write EXR as 16-bit half instead of 32-bit float
+    #[arg(long)]
+    pub half: bool,
+
+    /// Also write a tone-mapped PNG beside the panorama
+    #[arg(long)]
+    pub preview: bool,
+
+    /// Tone curve of the preview
+    #[arg(long, value_name = "CURVE", default_value = "reinhard", requires = "preview")]
+    pub tone: ToneArg,
+
+    /// Exposure of the preview in stops
+    #[arg(long, value_name = "EV", default_value_t = 0.0, requires = "preview", allow_hyphen_values = true)]
+    pub preview_ev: f32,
+}
+
+/// The scene, made ready for panoramas.
+pub struct Renderer {
+    viewers: Viewers,
+    height: usize,
+}
+
+impl Renderer {
+    /// # Errors
+    /// A size that is no equirectangular map's.
+    pub fn new(scene: &Scene, size: [usize; 2]) -> anyhow::Result<Self> {
+        Ok(Self { viewers: Viewers::new(&scene.light), height: height(size)? })
+    }
+
+    /// The panorama at `point`, in our own orientation.
+    pub fn at(&self, point: Vec3) -> Rendering {
+        self.viewers.at(point).panorama(point, 2 * self.height, self.height)
+    }
+}
+
+/// Of an equirectangular map of this width and height.
+pub fn height([width, height]: [usize; 2]) -> anyhow::Result<usize> {
+    if width != 2 * height {
+        let text = format!("--size {width}x{height}: an equirectangular map is twice as wide as high");
+        return Err(crate::Usage(text).into());
+    }
+    Ok(height)
+}
+
+/// Whether a point lies inside of a surface's leaf or outside of the cube; both give a panorama, but hardly the one wanted.
+pub fn odd_place(scene: &Scene, point: Vec3) -> Option<&'static str> {
+    let light = &scene.light;
+    if !light.cube.contains(point) {
+        return Some("outside of the octree's cube");
+    }
+    let (depth, node) = light.locate(point, light.octree.depth())?;
+    light.octree.levels()[depth as usize].rows[node].ge(&0).then_some("inside of a surface")
+}
+
+/// Writes the panorama of a command in the wanted orientation and, on request, its preview.
+pub fn write(
+    path: &Path,
+    radiance: &RadianceImage,
+    at: Vec3,
+    args: &PanoramaArgs,
+    command: &str,
+) -> anyhow::Result<()> {
+    let turned = imaging::reorient(radiance, Orientation::Lightoctree, args.orientation.preset());
+    imaging::write_radiance(path, &turned, &exr_options(args, at, EnvironmentLayout::LatitudeLongitude, command))?;
+    if args.preview {
+        imaging::write_tone_mapped(
+            preview_path(path),
+            &turned,
+            args.tone.curve(),
+            args.preview_ev,
+            &signature(command),
+        )?;
+    }
+    Ok(())
+}
+
+/// Attributes of an EXR environment map.
+pub fn exr_options(args: &PanoramaArgs, at: Vec3, layout: EnvironmentLayout, command: &str) -> ExrOptions {
+    ExrOptions {
+        generator: signature(command),
+        half: args.half,
+        environment: Some(layout),
+        metadata: vec![
+            ("lightoctree.position_m".into(), format!("{} {} {}", at.x, at.y, at.z)),
+            (
+                "lightoctree.orientation".into(),
+                args.orientation.to_possible_value().map_or_else(String::new, |v| v.get_name().into()),
+            ),
+            ("lightoctree.units".into(), "linear Rec. 709; 1 is the photo's white".into()),
+        ],
+        ..ExrOptions::default()
+    }
+}
+
+/// `room.exr` → `room.png`.
+pub fn preview_path(path: &Path) -> std::path::PathBuf {
+    path.with_extension("png")
+}
+
+/// Writes a value as readable JSON that names this program.
+pub fn write_json(path: &Path, command: &str, value: serde_json::Value) -> anyhow::Result<()> {
+    let text = format!("{:#}", signed(command, value));
+    imaging::write_atomically(path, |out| std::io::Write::write_all(out, text.as_bytes()))
+        .with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// An object that names the command that made it.
+pub fn signed(command: &str, value: serde_json::Value) -> serde_json::Value {
+    let mut object = serde_json::Map::new();
+    object.insert("generator".into(), signature(command).into());
+    if let serde_json::Value::Object(fields) = value {
+        object.extend(fields);
+    }
+    object.into()
+}

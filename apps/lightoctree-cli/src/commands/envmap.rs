@@ -1,0 +1,135 @@
+//! `lightoctree envmap SCENE`: the HDR panorama at a point.
+
+use std::path::PathBuf;
+
+use lightoctree::cone::Rendering;
+use lightoctree::geometry::{Orientation, Vec3};
+use lightoctree::imaging::{self, EnvironmentLayout};
+use lightoctree::insert;
+use serde_json::json;
+
+use super::environment::{self, PanoramaArgs, Renderer};
+use super::parse;
+use crate::args::{Global, OutputArgs};
+use crate::progress::Stages;
+use crate::{Usage, output, report};
+
+/// Options of `envmap`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  \
+    lightoctree envmap room.scene --at 0,-0.5,-2 -o room.exr --preview\n  \
+    lightoctree envmap room.scene --pixel 960,1100 --lift 0.2 --orientation blender --sh9 sh.json --main-light sun.json -o light.hdr")]
+#[command(group(clap::ArgGroup::new("place").required(true).args(["at", "pixel"])))]
+#[command(mut_arg("output", |output| output.help("The panorama to write: .exr, .hdr or .pfm")))]
+pub struct Args {
+    /// A scene file
+    scene: PathBuf,
+
+    /// Where, in metres: +X right, +Y up, the camera at 0,0,0 looks along -Z
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse::point, allow_hyphen_values = true)]
+    at: Option<Vec3>,
+
+    /// With the lamp above that `insert` adds where seen surfaces give more light than they get: to light objects elsewhere
+    #[arg(long)]
+    lamp: bool,
+
+    /// Above the surface seen at this pixel of the photo
+    #[arg(long, value_name = "U,V", value_parser = parse::pixel)]
+    pixel: Option<[f64; 2]>,
+
+    /// How far off that surface, in metres
+    #[arg(long, value_name = "METRES", default_value_t = 0.1, value_parser = parse::positive, conflicts_with = "at")]
+    lift: f64,
+
+    #[command(flatten)]
+    panorama: PanoramaArgs,
+
+    /// Write a cubemap (six faces of H/2 pixels, one above the other in OpenEXR's order) instead of an equirectangular map
+    #[arg(long)]
+    cubemap: bool,
+
+    /// Also write the distance in metres of everything seen: EXR, PFM, NPY or PNG (millimetres)
+    #[arg(long, value_name = "FILE")]
+    depth_out: Option<PathBuf>,
+
+    /// Also write nine spherical-harmonics coefficients per channel, in our frame
+    #[arg(long, value_name = "FILE.json")]
+    sh9: Option<PathBuf>,
+
+    /// Also write direction, solid angle, colour and power of the main light, in our frame
+    #[arg(long, value_name = "FILE.json")]
+    main_light: Option<PathBuf>,
+
+    #[command(flatten)]
+    out: OutputArgs,
+}
+
+const COMMAND: &str = "envmap";
+
+/// Renders and writes.
+pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
+    let preview = args.panorama.preview.then(|| environment::preview_path(&args.out.output));
+    let outputs = [
+        Some(&args.out.output),
+        preview.as_ref(),
+        args.depth_out.as_ref(),
+        args.sh9.as_ref(),
+        args.main_light.as_ref(),
+    ];
+    let outputs: Vec<&PathBuf> = outputs.into_iter().flatten().collect();
+    for path in &outputs {
+        output::check_replaceable(path, COMMAND, args.out.force)?;
+    }
+    let mut stages = Stages::new(global.quiet);
+    let mut scene = stages.stage("read scene", || super::read_scene(&args.scene))?;
+    if args.lamp {
+        super::add_lamp(&mut scene, &mut stages);
+    }
+    let at = match (args.at, args.pixel) {
+        (Some(at), _) => at,
+        (None, Some([u, v])) => {
+            let (point, normal) = insert::surface_at_pixel(&scene, u, v)?;
+            point + normal * args.lift as f32
+        }
+        (None, None) => return Err(Usage("give --at X,Y,Z or --pixel U,V".into()).into()),
+    };
+    if let Some(odd) = environment::odd_place(&scene, at) {
+        stages.note(&format!("({}, {}, {}) lies {odd}", at.x, at.y, at.z));
+    }
+    let renderer = Renderer::new(&scene, args.panorama.size)?;
+    let panorama = stages.stage("panorama", || renderer.at(at));
+    stages.stage("write", || write(args, at, &panorama))?;
+    if args.out.json {
+        return report::print_json(&json!({
+            "position_m": at.to_array(),
+            "files": outputs,
+            "seconds": stages.timings(),
+        }));
+    }
+    outputs.iter().for_each(|path| report::print(&path.display().to_string()));
+    Ok(())
+}
+
+fn write(args: &Args, at: Vec3, panorama: &Rendering) -> anyhow::Result<()> {
+    if args.cubemap {
+        let turned =
+            imaging::reorient(&panorama.radiance, Orientation::Lightoctree, args.panorama.orientation.preset());
+        let cube = imaging::cubemap_from_equirectangular(&turned, args.panorama.size[1] / 2);
+        let options = environment::exr_options(&args.panorama, at, EnvironmentLayout::Cube, COMMAND);
+        imaging::write_radiance(&args.out.output, &cube.strip(), &options)?;
+    } else {
+        environment::write(&args.out.output, &panorama.radiance, at, &args.panorama, COMMAND)?;
+    }
+    if let Some(path) = &args.depth_out {
+        imaging::write_depth(path, &panorama.distance_m, &output::signature(COMMAND))?;
+    }
+    if let Some(path) = &args.sh9 {
+        let sh = imaging::Sh9::project(&panorama.radiance);
+        environment::write_json(path, COMMAND, json!({ "position_m": at.to_array(), "sh9": sh }))?;
+    }
+    if let Some(path) = &args.main_light {
+        let light = imaging::main_light(&panorama.radiance);
+        environment::write_json(path, COMMAND, json!({ "position_m": at.to_array(), "main_light": light }))?;
+    }
+    Ok(())
+}

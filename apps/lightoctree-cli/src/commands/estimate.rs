@@ -1,0 +1,206 @@
+//! `lightoctree estimate PHOTO`: photo, with or without depth → scene file.
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+use clap::ValueEnum;
+use lightoctree::geometry::{Camera, Vec3};
+use lightoctree::imaging;
+use lightoctree::scene::{Completion, Frame, Scene};
+use lightoctree::{EstimateError, EstimateOptions, Estimator, Input};
+
+use super::parse;
+use crate::args::{Global, OutputArgs};
+use crate::progress::{Stages, seconds};
+use crate::{Usage, output, report};
+
+/// Options of `estimate`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  \
+    lightoctree estimate photo.jpg -o room.scene\n  \
+    lightoctree estimate photo.jpg --depth lidar.png -o room.scene\n  \
+    lightoctree estimate kinect.png --depth kinect_depth.png --depth-scale 5000 --intrinsics 525,525,319.5,239.5 -o desk.scene\n  \
+    lightoctree estimate photo.jpg --depth depth_pro.npy --depth-is predicted -o room.scene\n  \
+    lightoctree estimate photo.jpg --completion network --weights trained.safetensors -o room.scene")]
+#[command(mut_arg("output", |output| output.help("The scene file to write").value_name("SCENE")))]
+pub struct Args {
+    /// The photo: PNG, JPEG, WebP, TIFF, BMP, PNM (sRGB) or HDR, EXR, PFM (linear)
+    photo: PathBuf,
+
+    /// Depth of the same view, any resolution: 16-bit PNG, or EXR, PFM, TIFF, NPY in metres [default: predicted by the network]
+    ///
+    /// From a phone's LiDAR (ARKit, Record3D), an RGB-D camera (Kinect, RealSense, Azure), or, with --depth-is predicted, from another program that
+    /// estimates depth in metres (Depth Anything, Depth Pro, MoGe, UniDepth).
+    #[arg(long, value_name = "FILE")]
+    depth: Option<PathBuf>,
+
+    /// Where the depth file comes from
+    #[arg(long, value_name = "SOURCE", default_value = "measured", requires = "depth")]
+    depth_is: DepthArg,
+
+    /// What one metre is in an integer depth file [default: 1000, millimetres]
+    #[arg(long, value_name = "UNITS_PER_METRE", requires = "depth", value_parser = parse::positive)]
+    depth_scale: Option<f64>,
+
+    /// Focal lengths and principal point in pixels of the photo [default: from EXIF, else 65 degrees across]
+    #[arg(long, value_name = "FX,FY,CX,CY", value_parser = parse::intrinsics, conflicts_with = "hfov_deg")]
+    intrinsics: Option<[f64; 4]>,
+
+    /// Horizontal field of view in degrees, instead of intrinsics
+    #[arg(long, value_name = "A")]
+    hfov_deg: Option<f64>,
+
+    /// Depth of the octree: 7 gives leaves of 1/128 of the cube [default: 7]
+    ///
+    /// Networks make octrees of a depth of their own (that of the program 6): what the photo shows is finer than that, what it does not is not.
+    #[arg(long, value_name = "D", value_parser = clap::value_parser!(u32).range(5..=9))]
+    octree_depth: Option<u32>,
+
+    /// How the unseen part of the room is filled [default: network]
+    #[arg(long, value_name = "HOW")]
+    completion: Option<CompletionArg>,
+
+    /// Trained weights of the networks [default: those of the program]
+    #[arg(long, value_name = "FILE")]
+    weights: Option<PathBuf>,
+
+    /// The scene's upward direction [default: from the surfaces, where depth is predicted also from how cameras are held]
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse::direction, allow_hyphen_values = true)]
+    up: Option<Vec3>,
+
+    #[command(flatten)]
+    out: OutputArgs,
+}
+
+/// Where a depth file comes from.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum DepthArg {
+    /// A sensor: it is believed as it is
+    Measured,
+    /// Another program's network: how cameras are held counts for which way is up, and objects are hidden only by what is well before them
+    Predicted,
+}
+
+/// How the unseen part of the room is filled.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum CompletionArg {
+    /// By the light network
+    Network,
+    /// By planes fitted to what is seen, with extrapolated radiance
+    Shell,
+    /// Not at all: what the photo saw, and nothing else
+    None,
+}
+
+impl From<CompletionArg> for Completion {
+    fn from(how: CompletionArg) -> Self {
+        match how {
+            CompletionArg::Network => Self::Network,
+            CompletionArg::Shell => Self::Shell,
+            CompletionArg::None => Self::None,
+        }
+    }
+}
+
+const COMMAND: &str = "estimate";
+
+/// Reads, estimates, writes.
+pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
+    output::check_replaceable(&args.out.output, COMMAND, args.out.force)?;
+    let mut stages = Stages::new(global.quiet);
+    let estimator = estimator(args, &mut stages)?;
+    let (photo, depth_m) = stages.stage("read photo and depth", || -> anyhow::Result<_> {
+        let photo = imaging::read_photo(&args.photo)?;
+        let depth_m = args.depth.as_ref().map(|path| imaging::read_depth(path, args.depth_scale)).transpose()?;
+        Ok((photo, depth_m))
+    })?;
+    let camera = camera(args, &photo, &mut stages)?;
+    let input = match depth_m.zip(args.depth.as_ref()) {
+        None => Input::Photo { photo: photo.photo, camera },
+        Some((depth_m, path)) => {
+            let frame = Frame::new(photo.photo, depth_m, camera, 1.0)
+                .with_context(|| format!("{} and {} do not fit together", args.photo.display(), path.display()))?;
+            match args.depth_is {
+                DepthArg::Measured => Input::MeasuredDepth(frame),
+                DepthArg::Predicted => Input::PredictedDepth(frame),
+            }
+        }
+    };
+    let scene = estimator.estimate(input, &options(global, args), &mut |event| stages.hear(event)).map_err(
+        |error| match error {
+            EstimateError::OctreeDepth { .. } => {
+                Usage(format!("--octree-depth: {error}; leave it out, or choose another --completion")).into()
+            }
+            error => anyhow::Error::from(error),
+        },
+    )?;
+    stages.stage("write", || scene.write(&args.out.output, &output::signature(COMMAND)))?;
+    say(args, &scene, &stages)
+}
+
+/// With networks, where depth or completion needs them.
+fn estimator(args: &Args, stages: &mut Stages) -> anyhow::Result<Estimator> {
+    let completes = match args.completion {
+        Some(how) => matches!(how, CompletionArg::Network),
+        // A program without weights still has what needs none.
+        None => cfg!(feature = "weights") || args.weights.is_some(),
+    };
+    if !completes && args.depth.is_some() {
+        return match args.weights {
+            Some(_) => Err(Usage("with --depth, --weights belongs to --completion network".into()).into()),
+            None => Ok(Estimator::without_networks()),
+        };
+    }
+    stages.stage("read weights", || super::estimator(args.weights.as_deref()))
+}
+
+fn options(global: &Global, args: &Args) -> EstimateOptions {
+    let file_name = |path: &PathBuf| path.file_name().map(|name| name.to_string_lossy().into_owned());
+    let sources = [Some(&args.photo), args.depth.as_ref()].into_iter().flatten().filter_map(file_name).collect();
+    EstimateOptions {
+        octree_depth: args.octree_depth,
+        completion: args.completion.map(Completion::from),
+        up: args.up,
+        seed: global.seed,
+        sources,
+        ..EstimateOptions::default()
+    }
+}
+
+/// The camera by the best source at hand; says which.
+fn camera(args: &Args, photo: &imaging::PhotoFile, stages: &mut Stages) -> anyhow::Result<Camera> {
+    let (width, height) = (photo.photo.width() as u32, photo.photo.height() as u32);
+    let (camera, source) = if let Some([fx, fy, cx, cy]) = args.intrinsics {
+        let camera = Camera::new(fx, fy, cx, cy, width, height);
+        (camera.map_err(|error| Usage(format!("--intrinsics: {error}")))?, "--intrinsics".to_owned())
+    } else if let Some(hfov_deg) = args.hfov_deg {
+        let camera = Camera::from_hfov_deg(hfov_deg, width, height);
+        (camera.map_err(|error| Usage(format!("--hfov-deg: {error}")))?, "--hfov-deg".to_owned())
+    } else {
+        let (camera, source) = lightoctree::camera_of_photo(photo)?;
+        (camera, source.to_string())
+    };
+    stages.note(&format!("camera of {:.1} degrees across ({source})", camera.hfov_deg()));
+    Ok(camera)
+}
+
+fn say(args: &Args, scene: &Scene, stages: &Stages) -> anyhow::Result<()> {
+    let leaves = scene.light.leaves().count();
+    let bytes = std::fs::metadata(&args.out.output).map_or(0, |metadata| metadata.len());
+    if args.out.json {
+        return report::print_json(&serde_json::json!({
+            "scene": args.out.output,
+            "bytes": bytes,
+            "leaves": leaves,
+            "seconds": stages.timings(),
+        }));
+    }
+    report::print(&format!(
+        "{}  {}, {leaves} leaves, the finest of {:.1} cm, in {}",
+        args.out.output.display(),
+        report::bytes(bytes),
+        100.0 * scene.light.cube.node_edge_m(scene.light.octree.depth()),
+        seconds(stages.total())
+    ));
+    Ok(())
+}

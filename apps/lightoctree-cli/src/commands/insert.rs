@@ -1,0 +1,321 @@
+//! `lightoctree insert SCENE`: a virtual object in the photo.
+
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use clap::ValueEnum;
+use lightoctree::Event;
+use lightoctree::geometry::Vec3;
+use lightoctree::imaging::{self, ChannelGroup, ExrOptions};
+use lightoctree::insert::{self, Composite, InsertError, Inserter, Lighting, Placement, Quality};
+use lightoctree::mesh::{LoadOptions, Material, MaterialSpec, Model, PreparedModel};
+use lightoctree::scene::Scene;
+use serde_json::json;
+
+use super::parse;
+use crate::args::Global;
+use crate::progress::{Stages, bar, seconds};
+use crate::{Usage, interrupt, output, report};
+
+/// Options of `insert`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  \
+    lightoctree insert room.scene --mesh tea_set.gltf --pixel 1100,1150 -o composite.png\n  \
+    lightoctree insert room.scene --mesh bunny.ply --height 0.3 --material gold --pixel 900,1200 --quality high -o gold.png\n  \
+    lightoctree insert room.scene --mesh car.glb --path path.json --frames 48 -o frames/car_%04d.png\n\n\
+    --material NAME|JSON: a name of --list-materials, or an object such as\n  \
+    '{\"base_color_texture\":\"cow.png\",\"roughness\":0.4}'")]
+#[command(group(clap::ArgGroup::new("place").args(["at", "pixel", "path"])))]
+pub struct Args {
+    /// A scene file
+    #[arg(required_unless_present = "list_materials")]
+    scene: Option<PathBuf>,
+
+    /// The object: glTF, GLB, OBJ, PLY or STL
+    #[arg(long, value_name = "FILE", required_unless_present = "list_materials")]
+    mesh: Option<PathBuf>,
+
+    /// Where the middle of its base stands, in metres
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse::point, allow_hyphen_values = true)]
+    at: Option<Vec3>,
+
+    /// Rest it on the surface seen at this pixel of the photo
+    #[arg(long, value_name = "U,V", value_parser = parse::pixel)]
+    pixel: Option<[f64; 2]>,
+
+    /// Metres per unit of the mesh
+    #[arg(long, value_name = "S", value_parser = parse::positive, conflicts_with = "height", default_value_t = 1.0)]
+    scale: f64,
+
+    /// Height of the object in metres, instead of a scale
+    #[arg(long, value_name = "METRES", value_parser = parse::positive)]
+    height: Option<f64>,
+
+    /// Turn about the vertical, counter-clockwise seen from above
+    #[arg(long, value_name = "A", default_value_t = 0.0, allow_hyphen_values = true)]
+    yaw_deg: f32,
+
+    /// A material for the whole object: a name or a JSON object
+    #[arg(long, value_name = "NAME|JSON")]
+    material: Option<String>,
+
+    /// Print the names of the materials and stop
+    #[arg(long)]
+    list_materials: bool,
+
+    /// Move the object along keyframes; needs --frames and a %04d in the output's name
+    #[arg(long, value_name = "FILE.json", requires = "frames")]
+    path: Option<PathBuf>,
+
+    /// Number of frames along the path
+    #[arg(long, value_name = "N", requires = "path", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    frames: Option<u32>,
+
+    /// What lights the object: `octree`, or `envmap:FILE` (an equirectangular .exr, .hdr or .pfm in our orientation)
+    #[arg(long, value_name = "octree|envmap:FILE", default_value = "octree")]
+    lighting: String,
+
+    /// Light from the scene as it is, without the lamp above that is added where seen surfaces give more light than they get
+    #[arg(long)]
+    no_lamp: bool,
+
+    /// Samples: draft for moving about, high for the final picture
+    #[arg(long, value_name = "QUALITY", default_value = "normal")]
+    quality: QualityArg,
+
+    /// Also write object, alpha, shadow ratio and occlusion as layers of an EXR (with %04d for a sequence)
+    #[arg(long, value_name = "FILE.exr")]
+    layers: Option<PathBuf>,
+
+    /// The composite to write: .png, .jpg, or .exr, .hdr, .pfm for linear photos
+    #[arg(long, short, value_name = "FILE", required_unless_present = "list_materials")]
+    output: Option<PathBuf>,
+
+    /// Replace existing files, whatever they are
+    #[arg(long)]
+    force: bool,
+
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Quality presets.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum QualityArg {
+    Draft,
+    Normal,
+    High,
+}
+
+const COMMAND: &str = "insert";
+
+/// Loads, renders, writes.
+pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
+    if args.list_materials {
+        Material::preset_names().for_each(report::print);
+        return Ok(());
+    }
+    let (Some(scene), Some(mesh), Some(output)) = (&args.scene, &args.mesh, &args.output) else {
+        return Err(Usage("a scene, --mesh and --output are needed".into()).into());
+    };
+    let mut stages = Stages::new(global.quiet);
+    let mut scene = stages.stage("read scene", || super::read_scene(scene))?;
+    let model = stages.stage("read mesh", || load_model(mesh, args.material.as_deref()))?;
+    model.model().warnings.iter().for_each(|warning| stages.note(warning));
+    let scale = scale(args, &model)?;
+    let placements = placements(args, &scene, scale)?;
+    let files = output_files(args, output, placements.len())?;
+    let lighting = lighting(&args.lighting)?;
+    let quality = match args.quality {
+        QualityArg::Draft => Quality::Draft,
+        QualityArg::Normal => Quality::Normal,
+        QualityArg::High => Quality::High,
+    };
+    // Where light differs by direction, that which comes to the object counts.
+    if let (Cow::Owned(seen), Lighting::Octree) = (scene.light.seen_from(placements[0].position_m), &lighting) {
+        scene.light = seen;
+    }
+    if matches!(lighting, Lighting::Octree) && !args.no_lamp {
+        super::add_lamp(&mut scene, &mut stages);
+    }
+    let inserter = stages.stage("prepare light", || Inserter::new(&scene, lighting, quality))?;
+    let progress = bar(global.quiet || files.len() == 1, files.len(), "frames");
+    let mut written = Vec::new();
+    for (placement, (file, layers)) in placements.iter().zip(&files) {
+        let first = written.is_empty();
+        let hear = &mut |event| match event {
+            _ if files.len() == 1 => stages.hear(event),
+            // Frames are all alike.
+            Event::Warning(warning) if first => stages.hear(Event::Warning(warning)),
+            _ => interrupt::go_on(),
+        };
+        let composite = match inserter.render(&model, placement, hear) {
+            Err(InsertError::Cancelled(_)) => break,
+            composite => composite?,
+        };
+        imaging::write_photo(file, &composite.image, &output::signature(COMMAND))?;
+        written.push(file.clone());
+        if let Some(layers) = layers {
+            write_layers(layers, &composite)?;
+            written.push(layers.clone());
+        }
+        progress.inc(1);
+    }
+    progress.finish_and_clear();
+    say(args, &written, &placements, &stages)?;
+    let frames = if args.layers.is_some() { written.len() / 2 } else { written.len() };
+    if frames < files.len() {
+        anyhow::bail!("stopped after {frames} of {} frames; the written ones are whole", files.len());
+    }
+    Ok(())
+}
+
+fn say(args: &Args, written: &[PathBuf], placements: &[Placement], stages: &Stages) -> anyhow::Result<()> {
+    if args.json {
+        let positions: Vec<[f32; 3]> = placements.iter().map(|placement| placement.position_m.to_array()).collect();
+        return report::print_json(&json!({ "files": written, "positions_m": positions, "seconds": stages.timings() }));
+    }
+    match written {
+        [] => {}
+        [one] => report::print(&one.display().to_string()),
+        [first, .., last] => report::print(&format!(
+            "{} … {}  {} files in {}",
+            first.display(),
+            last.display(),
+            written.len(),
+            seconds(stages.total())
+        )),
+    }
+    Ok(())
+}
+
+/// Reads a mesh and gives it the material, if one is wanted.
+fn load_model(path: &Path, material: Option<&str>) -> anyhow::Result<PreparedModel> {
+    let material =
+        material.map(MaterialSpec::parse).transpose().map_err(|error| Usage(format!("--material: {error}")))?;
+    let mut model = Model::load(path, &LoadOptions::default())?;
+    if let Some(material) = material {
+        model.override_material(&material, Path::new(".")).context("--material")?;
+    }
+    Ok(PreparedModel::new(model))
+}
+
+fn scale(args: &Args, model: &PreparedModel) -> anyhow::Result<f32> {
+    let Some(height_m) = args.height else {
+        return Ok(args.scale as f32);
+    };
+    let height = model.bounds().size().y;
+    if height > 0.0 {
+        Ok(height_m as f32 / height)
+    } else {
+        Err(Usage("--height: the mesh is flat and has no height; give --scale".into()).into())
+    }
+}
+
+fn placements(args: &Args, scene: &Scene, scale: f32) -> anyhow::Result<Vec<Placement>> {
+    if let (Some(path), Some(frames)) = (&args.path, args.frames) {
+        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+        let path_of_object = insert::Path::from_json(&text).with_context(|| format!("{}", path.display()))?;
+        return Ok(path_of_object.placements(scene, scale, frames as usize)?);
+    }
+    let placement = match (args.at, args.pixel) {
+        (Some(at), _) => Placement::at(scene, at),
+        (None, Some([u, v])) => Placement::rest_on_pixel(scene, u, v)?,
+        (None, None) => {
+            return Err(Usage("say where: --at X,Y,Z, --pixel U,V, or --path FILE.json with --frames N".into()).into());
+        }
+    };
+    Ok(vec![placement.scaled(scale).turned(args.yaw_deg.to_radians())])
+}
+
+/// Names of the composite and of the layers of each frame, checked before any work is done.
+fn output_files(args: &Args, output: &Path, frames: usize) -> anyhow::Result<Vec<(PathBuf, Option<PathBuf>)>> {
+    let sequence = args.path.is_some();
+    (0..frames)
+        .map(|frame| {
+            let file = frame_name(output, "--output", sequence, frame)?;
+            let layers =
+                args.layers.as_deref().map(|layers| frame_name(layers, "--layers", sequence, frame)).transpose()?;
+            output::check_replaceable(&file, COMMAND, args.force)?;
+            if let Some(layers) = &layers {
+                output::check_replaceable(layers, COMMAND, args.force)?;
+            }
+            Ok((file, layers))
+        })
+        .collect()
+}
+
+/// Puts the frame's number, from 0, in the place of `%d` or `%0Nd`.
+fn frame_name(pattern: &Path, option: &str, sequence: bool, frame: usize) -> anyhow::Result<PathBuf> {
+    let text = pattern.to_str().ok_or_else(|| Usage(format!("{option}: the name is not valid Unicode")))?;
+    if !sequence {
+        return Ok(pattern.to_owned());
+    }
+    let wrong = || Usage(format!("{option} {text}: a sequence needs one %d or %04d in the name"));
+    let (before, rest) = text.split_once('%').ok_or_else(wrong)?;
+    let (digits, after) = rest.split_once('d').ok_or_else(wrong)?;
+    if after.contains('%') || !(digits.is_empty() || (digits.starts_with('0') && digits.len() == 2)) {
+        return Err(wrong().into());
+    }
+    let width = digits.parse::<usize>().unwrap_or(0);
+    Ok(PathBuf::from(format!("{before}{frame:0width$}{after}")))
+}
+
+fn lighting(text: &str) -> anyhow::Result<Lighting> {
+    if text == "octree" {
+        return Ok(Lighting::Octree);
+    }
+    let Some(path) = text.strip_prefix("envmap:") else {
+        return Err(Usage(format!("--lighting {text}: must be `octree` or `envmap:FILE`")).into());
+    };
+    let map = imaging::read_radiance(path)?;
+    if map.width() != 2 * map.height() {
+        return Err(Usage(format!(
+            "{path} is {} × {}: an equirectangular map is twice as wide as high",
+            map.width(),
+            map.height()
+        ))
+        .into());
+    }
+    Ok(Lighting::EnvironmentMap(map))
+}
+
+fn write_layers(path: &Path, composite: &Composite) -> anyhow::Result<()> {
+    let groups = [
+        ChannelGroup::rgb("object", &composite.object),
+        ChannelGroup::single("object", "A", &composite.alpha),
+        ChannelGroup::rgb("shadow_ratio", &composite.shadow_ratio),
+        ChannelGroup::single("occlusion", "A", &composite.occlusion),
+    ];
+    let size = (composite.alpha.width(), composite.alpha.height());
+    let options = ExrOptions { generator: output::signature(COMMAND), ..ExrOptions::default() };
+    Ok(imaging::write_exr(path, size, &groups, &options)?)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn frames_are_numbered_as_the_pattern_says() {
+        let name = |pattern: &str, frame| {
+            frame_name(Path::new(pattern), "-o", true, frame).map(|path| path.display().to_string())
+        };
+        assert_eq!(name("out/a_%04d.png", 7).unwrap(), "out/a_0007.png");
+        assert_eq!(name("%d.png", 12).unwrap(), "12.png");
+        for bad in ["a.png", "%4d.png", "%0x.png", "%04d_%04d.png", "%012d.png"] {
+            assert!(name(bad, 0).unwrap_err().is::<Usage>(), "{bad}");
+        }
+        assert_eq!(frame_name(Path::new("50%.png"), "-o", false, 0).unwrap(), Path::new("50%.png"));
+    }
+
+    #[test]
+    fn lighting_is_octree_or_a_map() {
+        assert!(matches!(lighting("octree"), Ok(Lighting::Octree)));
+        assert!(lighting("sun").err().unwrap().is::<Usage>());
+        assert!(lighting("envmap:no/such.exr").is_err());
+    }
+}

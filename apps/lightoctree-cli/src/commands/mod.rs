@@ -1,0 +1,56 @@
+//! One module per command: its options, and what it does with the library.
+
+pub mod bench;
+pub mod completions;
+pub mod dataset;
+pub mod demo;
+pub mod envmap;
+pub mod estimate;
+pub mod eval;
+pub mod export;
+pub mod insert;
+pub mod inspect;
+pub mod probes;
+pub mod synth;
+pub mod train;
+pub mod weights;
+
+mod environment;
+mod parse;
+
+use std::path::Path;
+
+use anyhow::Context;
+use lightoctree::Estimator;
+use lightoctree::scene::Scene;
+
+use crate::progress::Stages;
+
+/// Reads a scene file; errors name it.
+fn read_scene(path: &Path) -> anyhow::Result<Scene> {
+    Scene::read(path).with_context(|| format!("{}", path.display()))
+}
+
+/// Gives a scene the lamp that objects need, and says so.
+fn add_lamp(scene: &mut Scene, stages: &mut Stages) {
+    let report = stages.stage("lamp", || lightoctree::add_lamp(scene));
+    report.warning().iter().for_each(|warning| stages.warn(warning));
+}
+
+/// With the networks of a file of weights, or those that the program carries.
+fn estimator(weights: Option<&Path>) -> anyhow::Result<Estimator> {
+    match weights {
+        Some(path) => Estimator::read(path).with_context(|| format!("--weights {}", path.display())),
+        None => shipped_estimator(),
+    }
+}
+
+#[cfg(feature = "weights")]
+fn shipped_estimator() -> anyhow::Result<Estimator> {
+    Ok(Estimator::shipped()?)
+}
+
+#[cfg(not(feature = "weights"))]
+fn shipped_estimator() -> anyhow::Result<Estimator> {
+    Err(crate::Usage("this program was built without weights (feature `weights`): give --weights FILE".into()).into())
+}

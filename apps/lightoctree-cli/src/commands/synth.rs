@@ -1,0 +1,161 @@
+//! `lightoctree synth`: procedural rooms with global light, as shards.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use clap::ValueEnum;
+use lo_dataset::{FORMAT_VERSION, Generator, GeneratorConfig, ShardCount, ShardPart, Split, generate_shards};
+use serde_json::{Value, json};
+
+use super::dataset::{SplitName, shard_folder};
+use super::parse;
+use crate::args::Global;
+use crate::progress::{StageBar, seconds};
+use crate::{Usage, config, output, report};
+
+/// Options of `synth`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  \
+    lightoctree synth --scenes 2000 --seed 1 -o rooms\n  \
+    lightoctree synth --scenes 2000 --seed 1 --shard $((SLURM_ARRAY_TASK_ID + 1))/16 -o rooms\n  \
+    lightoctree synth --print-config > rooms.toml\n  \
+    lightoctree synth --glb 7 --seed 1 -o room.glb\n\n\
+    Run the same command again after it was stopped: finished shards are kept. The rooms depend on the seed and the configuration alone, \
+    not on --shard or --threads. Shards are WebDataset archives; docs/data.md describes them.")]
+pub struct Args {
+    /// How many rooms
+    #[arg(long, value_name = "N", required_unless_present_any = ["print_config", "glb"],
+        value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
+    scenes: Option<u32>,
+
+    /// Make only part I of N, counted from 1: every N-th shard
+    #[arg(long, value_name = "I/N", default_value = "1/1", value_parser = parse::part)]
+    shard: [u32; 2],
+
+    /// Make only the rooms of this part of the data, e.g. to evaluate on what trained weights have not seen
+    #[arg(long, value_name = "PART", default_value = "all")]
+    split: SplitName,
+
+    /// Rooms in a shard
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    scenes_per_shard: u32,
+
+    /// What rooms, cameras and sensors are like: TOML with the fields that --print-config shows, as many as differ
+    #[arg(long, value_name = "FILE.toml")]
+    config: Option<PathBuf>,
+
+    /// Depth of the octree that the surface points are made for
+    #[arg(long, value_name = "D", value_parser = clap::value_parser!(u32).range(1..=10))]
+    octree_depth: Option<u32>,
+
+    /// Print the configuration with all of its fields and stop
+    #[arg(long)]
+    print_config: bool,
+
+    /// Write only the geometry and materials of this room, counted from 0, as glTF: --output then names a .glb file
+    #[arg(long, value_name = "ROOM", conflicts_with_all = ["scenes", "shard"])]
+    glb: Option<u32>,
+
+    /// The folder to write into
+    #[arg(long, short, value_name = "DIR", required_unless_present = "print_config")]
+    output: Option<PathBuf>,
+
+    /// Write into a folder that holds other things; shards of another seed or configuration there are removed
+    #[arg(long)]
+    force: bool,
+
+    /// Print a summary as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+const COMMAND: &str = "synth";
+/// Shards begin with this name.
+const PREFIX: &str = "rooms";
+
+/// Makes the shards of this part that are not there yet.
+pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
+    let config = read_config(args)?;
+    if let (Some(room), Some(path)) = (args.glb, &args.output) {
+        return write_glb(global, args, config, room, path);
+    }
+    let (Some(scenes), Some(folder), false) = (args.scenes, &args.output, args.print_config) else {
+        report::print(config::text(&config)?.trim_end());
+        return Ok(());
+    };
+    let generator = Generator::new(global.seed, config.clone()).map_err(|error| Usage(error.to_string()))?;
+    let wanted = |room: &u64| args.split.part().is_none_or(|part| Split::of(&generator.scene_id(*room)) == part);
+    let rooms: Vec<u64> = (0..scenes.into()).filter(wanted).collect();
+    if rooms.is_empty() {
+        return Err(Usage(format!("none of {scenes} rooms is in that part; see --split")).into());
+    }
+    let shards = shard_folder(folder, PREFIX, COMMAND, manifest(global, args, scenes, &config)?, args.force)?;
+
+    crate::memory::keep_what_is_freed();
+    let begun = std::time::Instant::now();
+    let [number, of] = args.shard;
+    let part = ShardPart { first: number as usize - 1, of: of as usize };
+    let mut bar = StageBar::new(global.quiet);
+    let per_shard = args.scenes_per_shard as usize;
+    let count = generate_shards(&shards, &generator, &rooms, per_shard, part, &mut |event| bar.hear(event))?;
+    drop(bar);
+    let ShardCount { all: mine, there: done, written } = count;
+    if args.json {
+        report::print_json(&json!({
+            "shards_of_this_part": mine,
+            "shards_there": done,
+            "shards_written": written,
+            "seconds": begun.elapsed().as_secs_f64(),
+        }))?;
+    } else {
+        let (shown, took) = (folder.display(), seconds(begun.elapsed()));
+        report::print(&format!("{shown}  {written} shards written, {done} of {mine} there, {took}"));
+    }
+    if done < mine {
+        anyhow::bail!("stopped after {done} of {mine} shards; the same command goes on");
+    }
+    Ok(())
+}
+
+fn write_glb(global: &Global, args: &Args, config: GeneratorConfig, room: u32, path: &Path) -> anyhow::Result<()> {
+    output::check_replaceable(path, COMMAND, args.force)?;
+    let generator = Generator::new(global.seed, config).map_err(|error| Usage(error.to_string()))?;
+    let interior = generator.interior(room.into())?;
+    let bytes = interior.world.model.to_glb(&output::signature(COMMAND))?;
+    lightoctree::imaging::write_atomically(path, |out| out.write_all(&bytes))?;
+    if args.json {
+        let description = serde_json::to_value(&interior.description)?;
+        report::print_json(&json!({ "id": interior.id, "bytes": bytes.len(), "description": description }))?;
+    } else {
+        report::print(&format!("{}  {}, {} bytes", path.display(), interior.id, bytes.len()));
+    }
+    Ok(())
+}
+
+fn read_config(args: &Args) -> anyhow::Result<GeneratorConfig> {
+    let mut config = match &args.config {
+        None => GeneratorConfig::default(),
+        Some(path) => config::read(path)?,
+    };
+    if let Some(depth) = args.octree_depth {
+        config.octree_depth = depth;
+    }
+    config.validate().map_err(|error| match &args.config {
+        Some(path) => Usage(format!("{}: {error}", path.display())),
+        None => Usage(error.to_string()),
+    })?;
+    Ok(config)
+}
+
+/// Everything that the shards' bytes depend on.
+fn manifest(global: &Global, args: &Args, scenes: u32, config: &GeneratorConfig) -> anyhow::Result<Value> {
+    Ok(json!({
+        "format_version": FORMAT_VERSION,
+        "program_version": env!("CARGO_PKG_VERSION"),
+        "seed": global.seed,
+        "scenes": scenes,
+        "scenes_per_shard": args.scenes_per_shard,
+        "split": args.split.to_possible_value().map(|name| name.get_name().to_owned()),
+        "config": serde_json::to_value(config)?,
+    }))
+}

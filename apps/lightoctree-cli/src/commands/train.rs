@@ -1,0 +1,206 @@
+//! `lightoctree train`: the networks, from rooms with known light.
+
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use indicatif::ProgressBar;
+use lightoctree::events::{Event, Figure, Stage};
+use lo_train::{CHECKPOINT_FILE, Request, TrainConfig, TrainError};
+
+use crate::args::Global;
+use crate::progress::{bar, seconds, stage_label, warning_text};
+use crate::{Usage, config, interrupt, output, report};
+
+/// Options of `train`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  \
+    lightoctree train --config configs/recipe.toml --data rooms -o run\n  \
+    lightoctree train --resume -o run\n  \
+    lightoctree train --print-config > mine.toml\n  \
+    lightoctree estimate photo.jpg --completion network --weights run/weights.safetensors -o room.scene\n\n\
+    The folder holds config.toml, checkpoint.safetensors (all that is needed to go on), weights.safetensors (what `estimate` takes), \
+    log.jsonl and sheet.png (held-out photos; predicted and true panorama, depth and octree). Files are replaced, not piled up. Ctrl-C writes a \
+    checkpoint and stops; a run that was killed loses what came after its last checkpoint, and --resume computes the same again.")]
+pub struct Args {
+    /// What is trained, on what and how long: TOML with the fields that --print-config shows, as many as differ
+    #[arg(long, value_name = "FILE.toml")]
+    config: Option<PathBuf>,
+
+    /// The folder of training data, instead of the configuration's
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+
+    /// Trained weights to begin with, as `estimate --weights` takes them
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["resume", "encoder_weights"])]
+    weights: Option<PathBuf>,
+
+    /// Weights of torchvision's densenet121 (.safetensors) to begin with
+    #[arg(long, value_name = "FILE", conflicts_with = "resume")]
+    encoder_weights: Option<PathBuf>,
+
+    /// Go on from the folder's checkpoint, with the configuration there or that of --config
+    #[arg(long)]
+    resume: bool,
+
+    /// Print the configuration with all of its fields and stop
+    #[arg(long)]
+    print_config: bool,
+
+    /// The run's folder
+    #[arg(long, short, value_name = "DIR", required_unless_present = "print_config")]
+    output: Option<PathBuf>,
+
+    /// Begin a new run in a folder that holds another one, or other things
+    #[arg(long, conflicts_with = "resume")]
+    force: bool,
+
+    /// Print how the run ended as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+const COMMAND: &str = "train";
+const CONFIG: &str = "config.toml";
+
+/// Trains until all phases are done or Ctrl-C is pressed.
+pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
+    let Some(folder) = args.output.as_deref().filter(|_| !args.print_config) else {
+        report::print(config::text(&read_config(args, None)?)?.trim_end());
+        return Ok(());
+    };
+    if args.resume && !folder.join(CHECKPOINT_FILE).exists() {
+        return Err(Usage(format!("{} holds no {CHECKPOINT_FILE} to go on from", folder.display())).into());
+    }
+    let config = read_config(args, args.resume.then_some(folder))?;
+    if !args.resume {
+        output::prepare_folder(folder, CONFIG, COMMAND, args.force)?;
+        if folder.join(CHECKPOINT_FILE).exists() && !args.force {
+            let told = "go on with --resume, or begin anew with --force";
+            return Err(Usage(format!("{} holds a run: {told}", folder.display())).into());
+        }
+    }
+    write_config(&folder.join(CONFIG), &config)?;
+    crate::memory::keep_what_is_freed();
+    let request = Request {
+        folder,
+        resume: args.resume,
+        seed: global.seed,
+        weights: args.weights.as_deref(),
+        encoder_weights: args.encoder_weights.as_deref(),
+    };
+    let mut teller = Teller { quiet: global.quiet, bar: ProgressBar::hidden(), steps: 0, last: Vec::new() };
+    let outcome = lo_train::train(&config, &request, &mut |event| {
+        teller.hear(event);
+        if interrupt::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    teller.bar.finish_and_clear();
+    let done = match outcome {
+        Ok(()) => true,
+        Err(TrainError::Cancelled(_)) => false,
+        Err(error) => return Err(error.into()),
+    };
+    if args.json {
+        // Figures are of single precision: so many digits.
+        let last: serde_json::Map<_, _> =
+            teller.last.iter().map(|figure| (figure.name.to_owned(), (figure.value as f32).into())).collect();
+        let last = (!last.is_empty()).then_some(last);
+        report::print_json(&serde_json::json!({ "done": done, "steps": teller.steps, "validation": last }))?;
+    } else {
+        report::print(&format!("{}  {} steps{}", folder.display(), teller.steps, figures(&teller.last)));
+    }
+    if !done {
+        anyhow::bail!("stopped; `lightoctree train --resume -o {}` goes on", folder.display());
+    }
+    Ok(())
+}
+
+/// The configuration of `--config`, else that of the run to go on with, else the default.
+fn read_config(args: &Args, run: Option<&Path>) -> anyhow::Result<TrainConfig> {
+    let path = args.config.clone().or_else(|| run.map(|folder| folder.join(CONFIG)));
+    let mut config: TrainConfig =
+        path.as_ref().map_or_else(|| Ok(TrainConfig::default()), |path| config::read(path))?;
+    if let Some(data) = &args.data {
+        config.data.folder = Some(data.clone());
+    }
+    config.validate().map_err(|error| match &path {
+        Some(path) => Usage(format!("{}: {error}", path.display())),
+        None => Usage(error.to_string()),
+    })?;
+    Ok(config)
+}
+
+fn write_config(path: &Path, config: &TrainConfig) -> anyhow::Result<()> {
+    let text = format!("# {}\n{}", output::signature(COMMAND), config::text(config)?);
+    lightoctree::imaging::write_atomically(path, |out| std::io::Write::write_all(out, text.as_bytes()))
+        .with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// Turns what a run says into a bar and lines on stderr.
+struct Teller {
+    quiet: bool,
+    bar: ProgressBar,
+    /// Steps of this call.
+    steps: u64,
+    /// What the last validation found.
+    last: Vec<Figure>,
+}
+
+impl Teller {
+    fn hear(&mut self, event: Event) {
+        match event {
+            Event::Begun(stage @ Stage::Training(_)) => {
+                self.bar.finish_and_clear();
+                self.bar = bar(self.quiet, 0, &stage_label(&stage));
+            }
+            Event::Progress { stage: stage @ Stage::Training(_), done, total } => {
+                if self.bar.length() != Some(total) {
+                    self.say(&format!("{}: {total} steps", stage_label(&stage)));
+                    self.bar.set_length(total);
+                    self.bar.set_position(done);
+                    self.bar.reset_eta();
+                }
+                self.bar.set_position(done);
+            }
+            Event::Figures { stage: Stage::Validation, figures: found } => {
+                self.say(&format!("held out{}", figures(&found)));
+                self.last = found;
+            }
+            Event::Figures { figures, .. } => {
+                self.steps += 1;
+                let losses = figures.iter().map(|loss| format!("{} {:.3}", loss.name, loss.value));
+                self.bar.set_message(losses.collect::<Vec<_>>().join(", "));
+            }
+            Event::Done { stage: stage @ Stage::Checkpoint, took } => {
+                tracing::debug!("{} written in {}", stage_label(&stage), seconds(took));
+            }
+            Event::Warning(warning) => self.say(&format!("note: {}", warning_text(&warning))),
+            _ => {}
+        }
+    }
+
+    fn say(&self, text: &str) {
+        if !self.quiet {
+            self.bar.suspend(|| eprintln!("  {text}"));
+        }
+    }
+}
+
+/// What a validation found, in one line.
+fn figures(found: &[Figure]) -> String {
+    let part = |&Figure { name, value }: &Figure| {
+        let db = |what: &str| format!("  {what} {value:.2} dB");
+        Some(match name {
+            "depth_abs_rel" => format!("  depth abs-rel {value:.3}"),
+            "depth_delta1" => format!("  δ1 {value:.3}"),
+            "global_psnr_db" => db("single map"),
+            "psnr_db" => db("panoramas"),
+            "photo_alone_psnr_db" => db("photo alone"),
+            "true_octree_psnr_db" => db("true octree"),
+            "shell_psnr_db" => db("shell"),
+            "split_accuracy" => format!("  splits {:.1} %", 100.0 * value),
+            _ => return None,
+        })
+    };
+    found.iter().filter_map(part).collect()
+}

@@ -1,0 +1,110 @@
+//! The `lightoctree` command: indoor lighting from one photo.
+//!
+//! A library so that its options can be tested and fuzzed; `main.rs` only calls [`main`].
+//! Exit codes: 0 done, 1 the job failed, 2 wrong usage.
+
+pub mod args;
+pub mod commands;
+mod config;
+mod interrupt;
+mod memory;
+mod output;
+mod progress;
+mod report;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use args::{Cli, Command};
+
+/// A request that cannot be carried out as it was written: exit code 2 instead of 1.
+#[derive(Debug)]
+pub struct Usage(pub String);
+
+impl std::fmt::Display for Usage {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for Usage {}
+
+/// The whole program, from the command line to the exit code.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    start_log(&cli);
+    if let Err(error) = start_threads(cli.global.threads) {
+        eprintln!("error: {error:#}");
+        return ExitCode::from(2);
+    }
+    interrupt::install();
+    match run(&cli) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {}", message(&error));
+            ExitCode::from(if error.is::<Usage>() { 2 } else { 1 })
+        }
+    }
+}
+
+/// The chain of causes, without those that the text before them tells already.
+fn message(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if text.is_empty() {
+            text = cause;
+        } else if !text.contains(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
+}
+
+fn run(cli: &Cli) -> anyhow::Result<()> {
+    let global = &cli.global;
+    match &cli.command {
+        Command::Demo(args) => commands::demo::run(global, args),
+        Command::Estimate(args) => commands::estimate::run(global, args),
+        Command::Envmap(args) => commands::envmap::run(global, args),
+        Command::Probes(args) => commands::probes::run(global, args),
+        Command::Insert(args) => commands::insert::run(global, args),
+        Command::Inspect(args) => commands::inspect::run(args),
+        Command::Export(args) => commands::export::run(global, args),
+        Command::Synth(args) => commands::synth::run(global, args),
+        Command::Dataset(args) => commands::dataset::run(global, args),
+        Command::Train(args) => commands::train::run(global, args),
+        Command::Weights(args) => commands::weights::run(args),
+        Command::Eval(args) => commands::eval::run(global, args),
+        Command::Bench(args) => commands::bench::run(global, args),
+        Command::Completions(args) => commands::completions::run(args),
+    }
+}
+
+fn start_log(cli: &Cli) {
+    let level = if cli.global.quiet { tracing::Level::ERROR } else { cli.global.log.level() };
+    tracing_subscriber::fmt()
+        .with_max_level(level)
+        .with_writer(std::io::stderr)
+        .without_time()
+        .with_target(false)
+        .init();
+}
+
+fn start_threads(threads: Option<u16>) -> anyhow::Result<()> {
+    if let Some(threads) = threads {
+        rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global()?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn causes_are_told_once() {
+        let error = anyhow::anyhow!("no such node").context("a.glb: no such node").context("--mesh");
+        assert_eq!(message(&error), "--mesh: a.glb: no such node");
+    }
+}

@@ -1,0 +1,243 @@
+//! Progress on stderr: a line per stage with its time, a bar with rate and time left for what has many steps.
+
+use std::borrow::Cow;
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use lightoctree::{Event, Stage, Warning};
+
+use crate::interrupt;
+
+/// Speaks about the stages of one command.
+pub struct Stages {
+    quiet: bool,
+    begun: Instant,
+    done: Vec<(String, Duration)>,
+    /// Of the stage at hand, once it says how far it is.
+    bar: Option<ProgressBar>,
+}
+
+impl Stages {
+    /// Starts the clock; says nothing when `quiet`.
+    pub fn new(quiet: bool) -> Self {
+        Self { quiet, begun: Instant::now(), done: Vec::new(), bar: None }
+    }
+
+    /// Does one stage and says how long it took.
+    pub fn stage<T>(&mut self, name: &str, work: impl FnOnce() -> T) -> T {
+        let begun = Instant::now();
+        let result = work();
+        self.done(name, begun.elapsed());
+        result
+    }
+
+    /// Takes note of what the library says on its way, and ends its job after a Ctrl-C.
+    pub fn hear(&mut self, event: Event) -> ControlFlow<()> {
+        match event {
+            Event::Progress { stage, done, total } => {
+                let quiet = self.quiet;
+                let bar = self.bar.get_or_insert_with(|| bar(quiet, total as usize, &stage_label(&stage)));
+                bar.set_position(done);
+            }
+            Event::Done { stage, took } => {
+                self.clear_bar();
+                self.done(&stage_label(&stage), took);
+            }
+            Event::Warning(warning) => self.warn(&warning),
+            // What begins is told when it is done.
+            _ => {}
+        }
+        if interrupt::asked() {
+            self.clear_bar();
+        }
+        interrupt::go_on()
+    }
+
+    fn clear_bar(&mut self) {
+        self.bar.take().iter().for_each(ProgressBar::finish_and_clear);
+    }
+
+    /// Says what the library thinks the user should know.
+    pub fn warn(&self, warning: &Warning) {
+        self.note(&warning_text(warning));
+    }
+
+    /// Says something that the user should know.
+    pub fn note(&self, text: &str) {
+        if !self.quiet {
+            eprintln!("  note: {text}");
+        }
+    }
+
+    /// Name → seconds of every stage so far.
+    pub fn timings(&self) -> serde_json::Map<String, serde_json::Value> {
+        self.done.iter().map(|(name, took)| (name.clone(), took.as_secs_f64().into())).collect()
+    }
+
+    fn done(&mut self, name: &str, took: Duration) {
+        if !self.quiet {
+            eprintln!("  {name:<28} {}", seconds(took));
+        }
+        self.done.push((name.to_owned(), took));
+    }
+
+    /// Time since the beginning.
+    pub fn total(&self) -> Duration {
+        self.begun.elapsed()
+    }
+}
+
+/// What a stage is called on the terminal, and in `--json`'s seconds.
+pub fn stage_label(stage: &Stage) -> Cow<'static, str> {
+    let label = match stage {
+        Stage::ReadInput => "read input",
+        Stage::ReadWeights => "read weights",
+        Stage::WorkingResolution => "working resolution",
+        Stage::DepthAndGlobalLight => "depth and global light",
+        Stage::GlobalLight => "global light",
+        Stage::LightNetwork => "light network",
+        Stage::Completion => "completion",
+        Stage::Octree => "octree",
+        Stage::Probes => "panoramas",
+        Stage::CoarseShadow => "shadow, coarse",
+        Stage::Radiosity => "light on the object",
+        Stage::FineShadow => "shadow",
+        Stage::Visibility => "visibility",
+        Stage::Shading => "shading",
+        Stage::Composite => "composite",
+        Stage::Write => "write",
+        Stage::GenerateRooms => "rooms",
+        Stage::ReadSamples => "samples",
+        Stage::EvaluatePhotos => "photos",
+        Stage::Training(phase) => return phase.to_string().into(),
+        Stage::Validation => "validation",
+        Stage::Checkpoint => "checkpoint",
+        other => return format!("{other:?}").into(),
+    };
+    label.into()
+}
+
+/// A warning in words.
+pub fn warning_text(warning: &Warning) -> String {
+    match warning {
+        Warning::PredictedDepth => "depth is predicted from the photo alone: distances, and with them all sizes, \
+                                    may be off, and which way is up by some degrees"
+            .into(),
+        Warning::OutsideCube { outside, points } => {
+            format!("{outside} of {points} points lie outside of the cube and were left out")
+        }
+        Warning::ObjectHidden => "the object does not show: real surfaces stand before all of it".into(),
+        Warning::ObjectOutsidePicture => "the object does not show: it lies outside of the picture".into(),
+        Warning::ObjectOutsideOctree => "the object lies outside of the lighting octree, its light is a guess".into(),
+        Warning::FilledDepth { filled, pixels } => format!(
+            "{:.0} % of the pixels have no depth reading; theirs was taken from the room's planes or from around them",
+            100.0 * *filled as f32 / *pixels as f32
+        ),
+        Warning::Highlights { clipped_share, regions, peak_radiance } => format!(
+            "{:.1} % of the photo is clipped; {regions} bright regions were given up to {peak_radiance:.1} times white",
+            100.0 * clipped_share
+        ),
+        Warning::AssumedLamp { radiance } => {
+            format!(
+                "what is seen does not explain the light: an unseen ceiling lamp of radiance {radiance:.1} was assumed"
+            )
+        }
+        Warning::AssumedPlanes { floor, ceiling, walls } => {
+            let planes = [
+                floor.then(|| "the floor".to_owned()),
+                ceiling.then(|| "the ceiling".to_owned()),
+                (*walls > 0).then(|| format!("{walls} of 4 walls")),
+            ];
+            let planes: Vec<String> = planes.into_iter().flatten().collect();
+            format!("not seen, so their place is assumed: {}", planes.join(", "))
+        }
+        Warning::NothingOccupied { depth } => {
+            format!("no node of depth {depth} was predicted to be occupied; the likeliest one is")
+        }
+        Warning::NodeBudget { depth, predicted, kept } => format!(
+            "{predicted} nodes of depth {depth} were predicted to be split, but only the likeliest {kept} fit the node budget"
+        ),
+        Warning::SamplePassedOver { sample, error } => format!("passed over: {sample}: {error}"),
+        Warning::DatasetChanged { .. } => "the dataset is not what it was; its next epoch begins".into(),
+        Warning::SetBack { phase, step, fault, back_to_step } => {
+            format!("{phase}, step {step}: {fault}; back to step {back_to_step}, with other data")
+        }
+        other => format!("{other:?}"),
+    }
+}
+
+/// Shows the stage at hand as a bar, and ends the job after a Ctrl-C.
+pub struct StageBar {
+    quiet: bool,
+    bar: ProgressBar,
+}
+
+impl StageBar {
+    /// Without a stage yet; says nothing when `quiet`.
+    pub fn new(quiet: bool) -> Self {
+        Self { quiet, bar: ProgressBar::hidden() }
+    }
+
+    /// Takes note of what the library says on its way.
+    pub fn hear(&mut self, event: Event) -> ControlFlow<()> {
+        match event {
+            Event::Progress { stage, done: 0, total } => {
+                self.bar.finish_and_clear();
+                self.bar = bar(self.quiet, total as usize, &stage_label(&stage));
+            }
+            Event::Progress { done, .. } => self.bar.set_position(done),
+            Event::Warning(warning) if !self.quiet => {
+                self.bar.suspend(|| eprintln!("  note: {}", warning_text(&warning)));
+            }
+            _ => {}
+        }
+        if interrupt::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
+
+impl Drop for StageBar {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// `12 ms`, `1.24 s`.
+pub fn seconds(duration: Duration) -> String {
+    let s = duration.as_secs_f64();
+    if s < 1.0 { format!("{:.0} ms", 1e3 * s) } else { format!("{s:.2} s") }
+}
+
+/// A bar for `count` steps with rate and time left; hidden when `quiet` or when stderr is no terminal.
+pub fn bar(quiet: bool, count: usize, what: &str) -> ProgressBar {
+    if quiet {
+        return ProgressBar::hidden();
+    }
+    let style = ProgressStyle::with_template("  {msg} {wide_bar} {pos}/{len}  {per_sec}  {eta} left")
+        .unwrap_or_else(|_| ProgressStyle::default_bar());
+    ProgressBar::new(count as u64).with_style(style).with_message(what.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn warnings_have_words_with_their_numbers() {
+        let text = |warning| warning_text(&warning);
+        let filled = text(Warning::FilledDepth { filled: 1, pixels: 5 });
+        assert!(filled.starts_with("20 % of the pixels have no depth reading"), "{filled}");
+        let clipped = text(Warning::Highlights { clipped_share: 0.012, regions: 3, peak_radiance: 4.56 });
+        assert_eq!(clipped, "1.2 % of the photo is clipped; 3 bright regions were given up to 4.6 times white");
+        let planes = text(Warning::AssumedPlanes { floor: false, ceiling: true, walls: 2 });
+        assert_eq!(planes, "not seen, so their place is assumed: the ceiling, 2 of 4 walls");
+    }
+
+    #[test]
+    fn what_the_library_did_is_in_the_timings() {
+        let mut stages = Stages::new(true);
+        let took = Duration::from_millis(250);
+        assert_eq!(stages.hear(Event::Done { stage: Stage::LightNetwork, took }), ControlFlow::Continue(()));
+        assert_eq!(stages.timings()["light network"], 0.25);
+    }
+}

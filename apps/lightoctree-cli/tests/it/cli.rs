@@ -1,0 +1,403 @@
+//! The program as a user runs it: every command, what it writes, what it refuses and how.
+
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+use lightoctree::geometry::{Camera, Plane, Ray, Vec3};
+use lightoctree::imaging::{self, DepthMap, Image};
+use lightoctree::nets::checkpoint::{Checkpoint, Precision};
+use tempfile::TempDir;
+
+use crate::support::weights::write_weights;
+use crate::support::{done, json, refused};
+
+const SIZE: (usize, usize) = (144, 96);
+
+/// A folder with photo.png and depth.png of a floor 1.2 m below the camera and a wall 3 m before it, and their scene.
+fn room() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let (width, height) = SIZE;
+    let camera = Camera::from_hfov_deg(65.0, width as u32, height as u32).unwrap();
+    let floor = Plane::through(Vec3::new(0.0, -1.2, 0.0), Vec3::Y);
+    let wall = Plane::through(Vec3::new(0.0, 0.0, -3.0), Vec3::Z);
+    let seen = |x: usize, y: usize| {
+        let ray = Ray { origin: Vec3::ZERO, direction: camera.direction(x as f64 + 0.5, y as f64 + 0.5) };
+        let to_floor = floor.intersect(&ray).unwrap_or(f32::INFINITY);
+        let to_wall = wall.intersect(&ray).unwrap_or(f32::INFINITY);
+        (-ray.at(to_floor.min(to_wall)).z, to_floor < to_wall)
+    };
+    let photo = Image::from_fn(width, height, |x, y| if seen(x, y).1 { [90, 85, 80] } else { [150, 160, 170] });
+    let depth_m = DepthMap::from_fn(width, height, |x, y| seen(x, y).0);
+    imaging::write_srgb8(folder.path().join("photo.png"), &photo, 95, imaging::GENERATOR).unwrap();
+    imaging::write_depth(folder.path().join("depth.png"), &depth_m, imaging::GENERATOR).unwrap();
+    folder
+}
+
+fn room_with_scene() -> TempDir {
+    let folder = room();
+    let estimate = ["estimate", "photo.png", "--depth", "depth.png", "--hfov-deg", "65", "--completion", "shell"];
+    done(folder.path(), &[&estimate[..], &["-o", "room.scene"]].concat());
+    folder
+}
+
+/// A tetrahedron of about a unit's size.
+fn write_mesh(folder: &Path) -> PathBuf {
+    let path = folder.join("object.obj");
+    let text = "v 0 0 0.6\nv 0.5 0 -0.3\nv -0.5 0 -0.3\nv 0 0.8 0\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+#[test]
+fn inspect_prints_what_the_specification_says() {
+    let folder = room_with_scene();
+    let text = done(folder.path(), &["inspect", "room.scene", "--json"]);
+    assert!(text.starts_with(r#"{"format_version":1,"octree":{"depth":7,"full_depth":4,"origin_m":["#), "{text}");
+    let summary = json(&text);
+    let levels = summary["octree"]["levels"].as_array().unwrap();
+    assert_eq!(levels.len(), 8);
+    assert_eq!(levels[4]["total"], 4096);
+    assert_eq!(levels[7]["split"], 0);
+    assert_eq!(summary["camera"]["width"], SIZE.0);
+    let shares = summary["seen_share"].as_f64().unwrap() + summary["inferred_share"].as_f64().unwrap();
+    assert!((shares - 1.0).abs() < 1e-9);
+    let tables = done(folder.path(), &["inspect", "room.scene"]);
+    assert!(tables.contains("depth") && tables.contains("plane    floor"), "{tables}");
+}
+
+#[test]
+fn the_same_input_gives_the_same_scene_on_any_thread_count() {
+    let folder = room_with_scene();
+    let args = ["estimate", "photo.png", "--depth", "depth.png", "--hfov-deg", "65", "--completion", "shell"];
+    let args = [&args[..], &["-o", "again.scene"]].concat();
+    let mut command = Command::cargo_bin("lightoctree").unwrap();
+    command.current_dir(folder.path()).args(["--threads", "1", "--quiet"]).args(args).assert().success();
+    let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    assert_eq!(read("room.scene"), read("again.scene"));
+}
+
+#[test]
+fn envmap_writes_panorama_depth_and_light() {
+    let folder = room_with_scene();
+    let path = |name: &str| folder.path().join(name);
+    done(
+        folder.path(),
+        &[
+            "envmap",
+            "room.scene",
+            "--at",
+            "0,-0.4,-1.5",
+            "--size",
+            "128x64",
+            "--depth-out",
+            "distance.exr",
+            "--sh9",
+            "sh.json",
+            "--main-light",
+            "light.json",
+            "--preview",
+            "-o",
+            "light.exr",
+        ],
+    );
+    let panorama = imaging::read_radiance(path("light.exr")).unwrap();
+    assert_eq!((panorama.width(), panorama.height()), (128, 64));
+    // The middle shows the wall: 160 of 255 is 0.3515 in linear light.
+    assert!((panorama[(64, 30)][1] - 0.3515).abs() < 0.02, "{:?}", panorama[(64, 30)]);
+    // Straight down lies the floor, 0.8 m below; the wall is 1.5 m away. A leaf is some 5 cm.
+    let distance_m = imaging::read_depth(path("distance.exr"), None).unwrap();
+    assert!((distance_m[(64, 63)] - 0.8).abs() < 0.1, "{}", distance_m[(64, 63)]);
+    assert!((distance_m[(64, 32)] - 1.5).abs() < 0.1, "{}", distance_m[(64, 32)]);
+    assert!(path("light.png").is_file());
+    let sh = json(&std::fs::read_to_string(path("sh.json")).unwrap());
+    assert_eq!(sh["generator"], "lightoctree envmap");
+    assert!(json(&std::fs::read_to_string(path("light.json")).unwrap()).get("main_light").is_some());
+    // Its own result is replaced, another command's is not.
+    done(
+        folder.path(),
+        &["envmap", "room.scene", "--pixel", "72,80", "--size", "64x32", "--cubemap", "-o", "light.exr"],
+    );
+    let cube = imaging::read_radiance(path("light.exr")).unwrap();
+    assert_eq!((cube.width(), cube.height()), (16, 96));
+    let message = refused(folder.path(), 2, &["envmap", "room.scene", "--at", "0,0,-1", "-o", "room.scene"]);
+    assert!(message.contains("--force"), "{message}");
+}
+
+#[test]
+fn probes_come_with_a_manifest() {
+    let folder = room_with_scene();
+    let text =
+        done(folder.path(), &["probes", "room.scene", "--grid", "2,1,2", "--size", "32x16", "-o", "probes", "--json"]);
+    let probes = json(&text)["probes"].as_array().unwrap().clone();
+    assert_eq!(probes.len(), 4);
+    for probe in &probes {
+        assert_eq!(probe["place"], "free", "{probe}");
+        let file = folder.path().join("probes").join(probe["file"].as_str().unwrap());
+        assert_eq!(imaging::read_radiance(file).unwrap().width(), 32);
+    }
+    std::fs::write(folder.path().join("points.csv"), "x,y,z,name\n0,-0.5,-1,near\n0,-0.5,-40,far\n").unwrap();
+    let args = [
+        "probes",
+        "room.scene",
+        "--points",
+        "points.csv",
+        "--size",
+        "32x16",
+        "--format",
+        "hdr",
+        "-o",
+        "named",
+        "--json",
+    ];
+    let manifest = json(&done(folder.path(), &args));
+    assert_eq!(manifest["probes"][1]["place"], "outside of the octree's cube");
+    assert!(folder.path().join("named/near.hdr").is_file());
+}
+
+#[test]
+fn insert_changes_the_photo_only_where_the_object_acts() {
+    let folder = room_with_scene();
+    write_mesh(folder.path());
+    let args =
+        ["insert", "room.scene", "--mesh", "object.obj", "--height", "0.4", "--pixel", "72,80", "--quality", "draft"];
+    done(
+        folder.path(),
+        &[&args[..], &["--material", "gold", "--layers", "layers.exr", "-o", "composite.png"]].concat(),
+    );
+    let before = imaging::read_rgba8(folder.path().join("photo.png")).unwrap();
+    let after = imaging::read_rgba8(folder.path().join("composite.png")).unwrap();
+    let changed = before.pixels().iter().zip(after.pixels()).filter(|(a, b)| a != b).count();
+    assert!((50..SIZE.0 * SIZE.1 / 2).contains(&changed), "{changed} pixels changed");
+    assert_eq!(before[(2, 2)], after[(2, 2)]);
+    let layers = imaging::read_exr_channels(folder.path().join("layers.exr")).unwrap();
+    let names: Vec<&str> = layers.channels.iter().map(|channel| channel.0.as_str()).collect();
+    for wanted in ["object.R", "object.A", "shadow_ratio.G", "occlusion.A"] {
+        assert!(names.contains(&wanted), "{wanted} is missing in {names:?}");
+    }
+    let path = r#"{"keyframes":[{"time_s":0,"pixel":[50,80]},{"time_s":1,"pixel":[90,80]}]}"#;
+    std::fs::write(folder.path().join("path.json"), path).unwrap();
+    let sequence = ["insert", "room.scene", "--mesh", "object.obj", "--height", "0.3", "--quality", "draft"];
+    done(folder.path(), &[&sequence[..], &["--path", "path.json", "--frames", "3", "-o", "frame_%02d.png"]].concat());
+    assert!((0..3).all(|i| folder.path().join(format!("frame_0{i}.png")).is_file()));
+    let message = refused(
+        folder.path(),
+        2,
+        &[&sequence[..], &["--path", "path.json", "--frames", "3", "-o", "frame.png"]].concat(),
+    );
+    assert!(message.contains("%04d"), "{message}");
+}
+
+#[test]
+fn export_writes_all_three_formats() {
+    let folder = room_with_scene();
+    for format in ["ply", "glb", "usda"] {
+        let file = format!("room.{format}");
+        let text = done(
+            folder.path(),
+            &["export", "room.scene", "--to", format, "--probe-at", "0,-0.4,-1", "-o", &file, "--json"],
+        );
+        assert!(json(&text)["points"].as_u64().unwrap() > 100, "{text}");
+        assert!(folder.path().join(&file).is_file());
+        done(folder.path(), &["export", "room.scene", "--to", format, "-o", &file]); // replaces its own
+    }
+}
+
+#[test]
+fn networks_make_scenes_with_depth_and_without() {
+    let folder = room();
+    let at = folder.path();
+    write_weights(at);
+    let network = ["--completion", "network", "--weights", "weights.safetensors"];
+    let estimate = |photo: &str, more: &[&str]| done(at, &[&["estimate", photo][..], &network, more].concat());
+    let measured = json(&estimate("photo.png", &["--depth", "depth.png", "-o", "measured.scene", "--json"]));
+    assert!(
+        measured["leaves"].as_u64().unwrap() > 100 && measured["seconds"]["light network"].is_number(),
+        "{measured}"
+    );
+    let summary = json(&done(at, &["inspect", "measured.scene", "--json"]));
+    assert_eq!((&summary["completion"], &summary["octree"]["depth"]), (&"network".into(), &7.into()));
+    assert_eq!(summary["predicted_depth"], false);
+    assert!(summary["mean_confidence"].as_f64().unwrap() > 0.0);
+    assert!(summary["seen_share"].as_f64().unwrap() > 0.02);
+    done(at, &["envmap", "measured.scene", "--at", "0,-0.4,-1.5", "--size", "64x32", "-o", "light.exr"]);
+    // 160 of 255 is 0.3515 in linear light: the wall straight ahead.
+    assert!((imaging::read_radiance(at.join("light.exr")).unwrap()[(32, 15)][1] - 0.3515).abs() < 0.02);
+
+    let large = Image::from_fn(4000, 3000, |x, y| [(x / 16) as u8, (y / 12) as u8, 120]);
+    imaging::write_srgb8(at.join("large.jpg"), &large, 90, imaging::GENERATOR).unwrap();
+    estimate("large.jpg", &["--hfov-deg", "70", "-o", "alone.scene"]);
+    let summary = json(&done(at, &["inspect", "alone.scene", "--json"]));
+    assert_eq!((&summary["photo"]["width"], &summary["photo"]["depth_width"]), (&4000.into(), &240.into()));
+    assert_eq!(summary["predicted_depth"], true);
+    assert!(done(at, &["inspect", "alone.scene"]).contains("depth    predicted"));
+}
+
+#[test]
+fn a_photo_alone_is_enough() {
+    let folder = room();
+    let at = folder.path();
+    done(at, &["estimate", "photo.png", "-o", "alone.scene"]);
+    let summary = json(&done(at, &["inspect", "alone.scene", "--json"]));
+    assert_eq!((&summary["completion"], &summary["predicted_depth"]), (&"network".into(), &true.into()));
+    done(at, &["envmap", "alone.scene", "--at", "0,0,-1", "--size", "64x32", "--lamp", "-o", "lamp.exr"]);
+    done(at, &["estimate", "photo.png", "--depth", "depth.png", "-o", "measured.scene"]);
+    let summary = json(&done(at, &["inspect", "measured.scene", "--json"]));
+    assert_eq!((&summary["completion"], &summary["predicted_depth"]), (&"network".into(), &false.into()));
+    done(at, &["estimate", "photo.png", "--completion", "shell", "-o", "closed.scene"]);
+    let summary = json(&done(at, &["inspect", "closed.scene", "--json"]));
+    assert_eq!((&summary["completion"], &summary["predicted_depth"]), (&"shell".into(), &true.into()));
+    assert_eq!(summary["octree"]["depth"], 7);
+}
+
+/// The photo that the program carries, with LiDAR depth and without: the library's defaults are the command line's.
+#[cfg(feature = "weights")]
+#[test]
+fn library_and_program_write_the_same_bytes() {
+    use lightoctree::{EstimateOptions, Estimator, Input, camera_of_photo, events, scene::Frame};
+
+    let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets");
+    let [photo_path, depth_path] = ["library_color.jpg", "library_lidar_depth.png"].map(|name| assets.join(name));
+    let [photo_name, depth_name] = [&photo_path, &depth_path].map(|path| path.to_str().unwrap());
+    let folder = tempfile::tempdir().unwrap();
+    let depth = |is| ["--depth", depth_name, "--depth-is", is];
+    let program = |name: &str, more: &[&str]| {
+        done(folder.path(), &[&["estimate", photo_name, "-o", name], more].concat());
+        std::fs::read(folder.path().join(name)).unwrap()
+    };
+
+    let photo = imaging::read_photo(&photo_path).unwrap();
+    let (camera, _) = camera_of_photo(&photo).unwrap();
+    let frame = Frame::new(photo.photo.clone(), imaging::read_depth(&depth_path, None).unwrap(), camera, 1.0).unwrap();
+    let estimator = Estimator::shipped().unwrap();
+    let library = |input: Input, sources: &[&str]| {
+        let sources = sources.iter().map(|&name| name.to_owned()).collect();
+        let options = EstimateOptions { sources, ..EstimateOptions::default() };
+        estimator.estimate(input, &options, &mut events::ignore).unwrap().to_bytes("lightoctree estimate").unwrap()
+    };
+    let both = ["library_color.jpg", "library_lidar_depth.png"];
+    let alone = library(Input::Photo { photo: photo.photo, camera }, &both[..1]);
+    let measured = library(Input::MeasuredDepth(frame.clone()), &both);
+    let predicted = library(Input::PredictedDepth(frame), &both);
+    assert!(program("alone.scene", &[]) == alone);
+    assert!(program("measured.scene", &depth("measured")[..2]) == measured);
+    assert!(program("predicted.scene", &depth("predicted")) == predicted);
+    assert!(measured != predicted);
+    let summary = json(&done(folder.path(), &["inspect", "predicted.scene", "--json"]));
+    assert_eq!(summary["predicted_depth"], true);
+    let refusal = refused(folder.path(), 2, &["estimate", photo_name, "--depth-is", "measured", "-o", "a.scene"]);
+    assert!(refusal.contains("--depth <FILE>"), "{refusal}");
+}
+
+#[test]
+fn wrong_weights_are_named() {
+    let folder = room();
+    let at = folder.path();
+    write_weights(at);
+    let refusal =
+        |code, more: &[&str]| refused(at, code, &[&["estimate", "photo.png", "-o", "a.scene"], more].concat());
+    let network = |file| ["--completion", "network", "--weights", file];
+    let closed = ["--depth", "depth.png", "--completion", "shell", "--weights", "weights.safetensors"];
+    let message = refusal(2, &closed);
+    assert!(message.contains("--completion network"), "{message}");
+    let message = refusal(2, &[&network("weights.safetensors")[..], &["--octree-depth", "5"]].concat());
+    assert!(message.contains("depth 6 at least, not 5"), "{message}");
+    let message = refusal(1, &network("none.safetensors"));
+    assert!(message.contains("none.safetensors"), "{message}");
+    let message = refusal(1, &network("photo.png"));
+    assert!(message.contains("photo.png"), "{message}");
+    let bytes = std::fs::read(at.join("weights.safetensors")).unwrap();
+    std::fs::write(at.join("half.safetensors"), &bytes[..bytes.len() / 2]).unwrap();
+    let message = refusal(1, &network("half.safetensors"));
+    assert!(message.contains("half.safetensors"), "{message}");
+    let mut other = Checkpoint::read(at.join("weights.safetensors")).unwrap();
+    other.insert("light_net.global.weights", &[3, 2], vec![0.0; 6]);
+    other.insert("depth_net.tail", &[1], vec![0.0]);
+    other.write(at.join("other.safetensors"), Precision::Full).unwrap();
+    let message = refusal(1, &network("other.safetensors"));
+    assert!(
+        message.contains("other.safetensors") && message.contains("has the shape [3, 2], not [64, 8]"),
+        "{message}"
+    );
+    assert!(!at.join("a.scene").exists());
+}
+
+#[test]
+fn what_cannot_be_done_is_said_with_the_right_exit_code() {
+    let folder = room_with_scene();
+    let at = folder.path();
+    let message = refused(
+        at,
+        2,
+        &["estimate", "photo.png", "--depth", "depth.png", "--intrinsics", "100,100,900,50", "-o", "a.scene"],
+    );
+    assert!(message.contains("principal point"), "{message}");
+    let message = refused(at, 1, &["estimate", "missing.png", "--depth", "depth.png", "-o", "a.scene"]);
+    assert!(message.contains("missing.png"), "{message}");
+    std::fs::write(at.join("text.png"), "no picture").unwrap();
+    let message = refused(at, 1, &["estimate", "text.png", "--depth", "depth.png", "-o", "a.scene"]);
+    assert!(message.contains("text.png"), "{message}");
+    let message = refused(at, 1, &["inspect", "photo.png"]);
+    assert!(message.contains("photo.png"), "{message}");
+    let message = refused(at, 2, &["envmap", "room.scene", "--at", "0,0,-1", "--size", "100x100", "-o", "a.exr"]);
+    assert!(message.contains("twice as wide"), "{message}");
+    let message = refused(at, 1, &["envmap", "room.scene", "--at", "0,0,-1", "-o", "a.gif"]);
+    assert!(message.contains(".exr"), "{message}");
+    let message = refused(at, 1, &["envmap", "room.scene", "--pixel", "9999,3", "-o", "a.exr"]);
+    assert!(message.contains("outside"), "{message}");
+    write_mesh(at);
+    let message = refused(
+        at,
+        2,
+        &[
+            "insert",
+            "room.scene",
+            "--mesh",
+            "object.obj",
+            "--pixel",
+            "70,80",
+            "--material",
+            "unobtainium",
+            "-o",
+            "a.png",
+        ],
+    );
+    assert!(message.contains("gold"), "{message}");
+    std::fs::write(at.join("empty.obj"), "v 0 0 0\n").unwrap();
+    let message = refused(at, 1, &["insert", "room.scene", "--mesh", "empty.obj", "--pixel", "70,80", "-o", "a.png"]);
+    assert!(message.contains("empty.obj"), "{message}");
+    assert!(!at.join("a.scene").exists() && !at.join("a.exr").exists() && !at.join("a.png").exists());
+}
+
+#[test]
+fn hard_photos_give_a_scene_or_a_clear_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let photo = |name: &str, width, height| {
+        imaging::write_srgb8(
+            at.join(name),
+            &Image::new(width, height, vec![[120u8; 3]; width * height]),
+            95,
+            imaging::GENERATOR,
+        )
+        .unwrap();
+    };
+    let depth = |name: &str, width, height, value: fn(usize, usize) -> f32| {
+        imaging::write_depth(at.join(name), &DepthMap::from_fn(width, height, value), imaging::GENERATOR).unwrap();
+    };
+    photo("one.png", 1, 1);
+    depth("one.pfm", 1, 1, |_, _| 2.0);
+    let message = refused(at, 1, &["estimate", "one.png", "--depth", "one.pfm", "-o", "one.scene"]);
+    assert!(message.contains("one.pfm") && message.contains("readings"), "{message}");
+    photo("strip.png", 2000, 2);
+    depth("strip.pfm", 2000, 2, |_, _| 2.0);
+    done(at, &["estimate", "strip.png", "--depth", "strip.pfm", "-o", "strip.scene"]);
+    photo("photo.png", 60, 40);
+    depth("holes.pfm", 60, 40, |_, _| f32::NAN);
+    let message = refused(at, 1, &["estimate", "photo.png", "--depth", "holes.pfm", "-o", "a.scene"]);
+    assert!(message.contains("holes.pfm"), "{message}");
+    depth("square.pfm", 40, 40, |_, _| 2.0);
+    let message = refused(at, 1, &["estimate", "photo.png", "--depth", "square.pfm", "-o", "a.scene"]);
+    assert!(message.contains("40 × 40") && message.contains("60 × 40"), "{message}");
+    depth("mixed.pfm", 60, 40, |x, y| [2.0, f32::NAN, -1.0, f32::INFINITY, 0.0, 2.0, 2.0][(x + 3 * y) % 7]);
+    done(at, &["estimate", "photo.png", "--depth", "mixed.pfm", "-o", "mixed.scene"]);
+}

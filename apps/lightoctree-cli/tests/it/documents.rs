@@ -1,0 +1,228 @@
+//! Commands in documents, in `--help` and in the heads of configurations are understood by the program.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use clap::error::ErrorKind;
+use clap::{CommandFactory, Parser};
+use lightoctree_cli::args::Cli;
+
+use crate::support::done;
+
+/// A command, where it stands, and whether all of it is there.
+struct Command {
+    place: String,
+    words: Vec<String>,
+    /// In a code block or in `--help`; in running text values may be left out or stand for others (`--threads T`).
+    is_whole: bool,
+}
+
+#[test]
+fn documented_commands_parse() {
+    let documents = files(&root(), ".md");
+    let mut commands: Vec<_> =
+        documents.iter().flat_map(|path| in_document(&path.display().to_string(), &text(path))).collect();
+    let counts = [true, false].map(|is_whole| commands.iter().filter(|command| command.is_whole == is_whole).count());
+    assert!(counts[0] >= 10 && counts[1] >= 10, "commands in blocks and in text: {counts:?}");
+    commands.extend(in_help(&Cli::command()));
+    commands.extend(in_comments_of_configurations());
+    let faults: Vec<_> = commands.iter().filter_map(fault).collect();
+    assert!(faults.is_empty(), "\n{}\n", faults.join("\n"));
+}
+
+#[test]
+fn documented_commands_that_do_not_exist_are_found() {
+    let faults = |document: &str| in_document("a.md", document).iter().filter_map(fault).count();
+    assert_eq!(
+        faults(
+            "```sh\n# a comment\nX=1 lightoctree inspect 'room a.scene' | jq .octree > a.json && lightoctree demo  # all of it\n```"
+        ),
+        0
+    );
+    assert_eq!(
+        faults(
+            "```sh\ncargo run --release -- demo\nlightoctree inspect \\\n    room.scene\n```\n`lightoctree bench --threads T`"
+        ),
+        0
+    );
+    assert_eq!(
+        faults(
+            "```sh\nlightoctree inspect room.scene --deep\nlightoctree look\ncargo run --release -- demonstrate\n```"
+        ),
+        3
+    );
+    assert_eq!(
+        faults(
+            "```sh\nlightoctree envmap room.scene -o a.exr --at nowhere\nlightoctree inspect a.scene && lightoctree envmap\n```"
+        ),
+        2
+    );
+    assert_eq!(
+        faults("`lightoctree inspect --deep`, `lightoctree look`, `lightoctree` and `lightoctree::estimate`"),
+        2
+    );
+}
+
+/// What each configuration is for stands in the documents or in a configuration's comments: `synth` or `train`.
+#[test]
+fn configurations_parse() {
+    let folder = tempfile::tempdir().unwrap();
+    let configurations = files(&root().join("configs"), ".toml");
+    assert!(configurations.len() >= 3);
+    let documents = files(&root(), ".md");
+    let mut commands: Vec<_> = documents.iter().flat_map(|path| in_document("", &text(path))).collect();
+    commands.extend(in_comments_of_configurations());
+    for path in configurations {
+        let name = format!("configs/{}", path.file_name().unwrap().to_string_lossy());
+        let uses = commands.iter().filter(|command| command.words.contains(&name));
+        let uses: BTreeSet<_> = uses.map(|command| command.words[1].as_str()).collect();
+        assert!(!uses.is_empty(), "no document tells what {name} is for");
+        for command in uses {
+            done(folder.path(), &[command, "--config", path.to_str().unwrap(), "--print-config"]);
+        }
+    }
+}
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
+}
+
+fn text(path: &Path) -> String {
+    std::fs::read_to_string(path).unwrap()
+}
+
+/// Files with an ending, below a folder; not those of builds.
+fn files(folder: &Path, end: &str) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in folder.read_dir().unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        if path.is_symlink() || name.starts_with('.') || ["target", "out"].contains(&name.as_str()) {
+            continue;
+        }
+        if path.is_dir() {
+            found.extend(files(&path, end));
+        } else if name.ends_with(end) {
+            found.push(path);
+        }
+    }
+    found.sort();
+    found
+}
+
+fn in_document(place: &str, document: &str) -> Vec<Command> {
+    let mut commands = Vec::new();
+    // Every second part is code.
+    for (index, part) in document.split("```").enumerate() {
+        if index % 2 == 1 {
+            commands.extend(in_block(place, part));
+        } else {
+            for span in part.split('`').skip(1).step_by(2).filter(|span| span.starts_with("lightoctree ")) {
+                let found = split(span).into_iter().filter_map(|words| command(place, words, false));
+                commands.extend(found);
+            }
+        }
+    }
+    commands
+}
+
+/// Lines of a shell, those that end in a backslash with the next.
+fn in_block(place: &str, block: &str) -> Vec<Command> {
+    let lines = block.replace("\\\n", " ");
+    lines.lines().flat_map(split).filter_map(|words| command(place, words, true)).collect()
+}
+
+fn in_comments_of_configurations() -> Vec<Command> {
+    let in_comments = |path: PathBuf| {
+        let text = text(&path);
+        let comments = text.lines().filter_map(|line| line.strip_prefix('#'));
+        in_block(&path.display().to_string(), &comments.collect::<Vec<_>>().join("\n"))
+    };
+    files(&root().join("configs"), ".toml").into_iter().flat_map(in_comments).collect()
+}
+
+fn in_help(program: &clap::Command) -> Vec<Command> {
+    let own =
+        program.get_after_help().map(|help| in_block(&format!("--help of {}", program.get_name()), &help.to_string()));
+    own.into_iter().flatten().chain(program.get_subcommands().flat_map(in_help)).collect()
+}
+
+/// Our program's words among a shell's: after variables, or after `cargo run … --`.
+fn command(place: &str, words: Vec<String>, is_whole: bool) -> Option<Command> {
+    let words: Vec<_> =
+        words.into_iter().skip_while(|word| word.split_once('=').is_some_and(|(name, _)| is_variable(name))).collect();
+    let words = match words.first()?.as_str() {
+        "lightoctree" => words,
+        "cargo" if words.get(1)? == "run" && !words.contains(&"--example".to_owned()) => {
+            let start = words.iter().position(|word| word == "--")?;
+            [&["lightoctree".to_owned()], &words[start + 1..]].concat()
+        }
+        _ => return None,
+    };
+    // In running text a word in capitals stands for any command; what the shell puts in is not known.
+    if !is_whole && words.get(1).is_some_and(|word| is_variable(word)) {
+        return None;
+    }
+    let is_whole = is_whole && !words.iter().any(|word| word.contains('$'));
+    Some(Command { place: place.to_owned(), words, is_whole })
+}
+
+fn is_variable(name: &str) -> bool {
+    !name.is_empty() && name.chars().all(|c| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_')
+}
+
+/// Why the program would not understand a command.
+fn fault(command: &Command) -> Option<String> {
+    let error = Cli::try_parse_from(&command.words).err()?;
+    let is_abridged = matches!(
+        error.kind(),
+        ErrorKind::ValueValidation
+            | ErrorKind::InvalidValue
+            | ErrorKind::MissingRequiredArgument
+            | ErrorKind::MissingSubcommand
+            | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand
+    );
+    let is_fine = match error.kind() {
+        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => true,
+        _ => is_abridged && !command.is_whole,
+    };
+    (!is_fine).then(|| {
+        format!("{}: `{}`: {}", command.place, command.words.join(" "), error.to_string().lines().next().unwrap_or(""))
+    })
+}
+
+/// A shell's line as commands of words: quotes, comments, `|`, `&&`, `;`, `>` and `<` are understood, expansions left as they are.
+fn split(line: &str) -> Vec<Vec<String>> {
+    let (mut commands, mut words, mut word) = (Vec::new(), Vec::new(), None::<String>);
+    let mut quote = None;
+    let mut depth = 0;
+    for c in line.chars() {
+        match (quote, c) {
+            (Some(open), c) if c == open => quote = None,
+            (None, '\'' | '"') => {
+                quote = Some(c);
+                word.get_or_insert_default();
+            }
+            (None, '(' | ')') => {
+                depth += if c == '(' { 1 } else { -1 };
+                word.get_or_insert_default().push(c);
+            }
+            (None, '#') if word.is_none() => break,
+            (None, c) if depth == 0 && (c.is_whitespace() || "|&;<>".contains(c)) => {
+                words.extend(word.take());
+                match c {
+                    '|' | '&' | ';' => commands.push(std::mem::take(&mut words)),
+                    '<' | '>' => words.push(c.to_string()),
+                    _ => (),
+                }
+            }
+            (_, c) => word.get_or_insert_default().push(c),
+        }
+    }
+    words.extend(word);
+    commands.push(words);
+    // What is read and written is the shell's.
+    let of_program =
+        |words: Vec<String>| words.into_iter().take_while(|word| word != "<" && word != ">").collect::<Vec<_>>();
+    commands.into_iter().map(of_program).filter(|words| !words.is_empty()).collect()
+}

@@ -1,0 +1,118 @@
+//! `eval` as a user runs it.
+
+use std::path::Path;
+
+use lightoctree::geometry::pixel_direction;
+use lightoctree::imaging::{self, ExrOptions, Image};
+
+use crate::support::weights::write_weights;
+use crate::support::{done, json, refused};
+
+/// Two small photos and panoramas of a room, few points: a second or two a room.
+const SMALL: &str = "shots = 2\npanoramas = 2\npanorama_height = 16\noctree_depth = 5\n[room]\ncrop_size = [48, 32]\n";
+
+fn rooms(at: &Path, scenes: &str, config: &str) {
+    std::fs::write(at.join("config.toml"), config).unwrap();
+    done(at, &["synth", "--scenes", scenes, "--config", "config.toml", "--seed", "4", "-o", "rooms"]);
+}
+
+#[test]
+fn every_method_has_its_line_and_threads_change_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    rooms(at, "2", SMALL);
+    write_weights(at);
+    assert!(done(at, &["eval", "rooms", "--make-profile", "profile.json"]).contains("profile.json  mean of "));
+    let tools = ["--profile", "profile.json", "--weights", "weights.safetensors"];
+    let common = [&["eval", "rooms", "--split", "all", "--octree-depth", "6", "--walks", "1"][..], &tools].concat();
+    let run = |more: &[&str]| done(at, &[&common[..], more].concat());
+    let summary = json(&run(&["-o", "one", "--threads", "1", "--json"]));
+    run(&["-o", "two", "--threads", "2"]);
+    let read = |file: &str| std::fs::read_to_string(at.join(file)).unwrap();
+    assert_eq!(read("one/scenes.csv"), read("two/scenes.csv"));
+    let methods = summary["methods"].as_array().unwrap();
+    let names: Vec<&str> = methods.iter().map(|method| method["method"].as_str().unwrap()).collect();
+    let all = [
+        ["mean-colour", "profile", "mirrored", "single-map", "shell-sensor"],
+        ["shell-true", "network", "network-sensor", "network-true", "true-octree"],
+    ];
+    assert_eq!(names, all.concat());
+    for method in methods {
+        let db = method["figures"]["psnr_db"]["mean"].as_f64().unwrap();
+        assert!(db > 0.0 && method["photos"] == 4 && method["scenes"] == 2, "{method}");
+    }
+    // only the networks alone have to find depth
+    let figure = |method: usize, name: &str| methods[method]["figures"][name]["mean"].as_f64();
+    assert_eq!(figure(9, "split_accuracy"), Some(1.0));
+    assert!(figure(6, "depth_abs_rel").unwrap() > 0.01 && figure(8, "depth_abs_rel").unwrap() < 1e-3);
+    assert!(figure(8, "split_accuracy").is_some() && figure(0, "split_accuracy").is_none());
+    let text = read("one/summary.md");
+    assert!(text.contains("| true-octree | 4 |") && text.contains("### Scenes won, unseen_si_rmse"), "{text}");
+    let sheet = imaging::read_photo(at.join("one/sheet.png")).unwrap().photo;
+    assert_eq!((sheet.width(), sheet.height()), (8 + 192 + 11 * 260, 4 + 4 * 132));
+    // its own results are replaced, other things are not
+    run(&["-o", "one", "--samples", "1", "--methods", "mirrored"]);
+    assert_eq!(read("one/scenes.csv").lines().count(), 2);
+    let message = refused(at, 2, &["eval", "rooms", "--split", "all", "-o", "rooms"]);
+    assert!(message.contains("rooms"), "{message}");
+}
+
+/// What a user relies on when an object moves, by the weights that the program carries.
+#[test]
+fn light_moves_as_geometry_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    rooms(at, "3", "shots = 1\npanoramas = 1\npanorama_height = 32\n[room]\ncrop_size = [240, 160]\n");
+    let methods = ["--methods", "single-map,network-sensor,network-true"];
+    let eval = ["eval", "rooms", "--split", "all", "--walks", "3", "--json", "-o", "report"];
+    let summary = json(&done(at, &[&eval[..], &methods].concat()));
+    let figure = |method: usize, name: &str| summary["methods"][method]["figures"][name]["mean"].as_f64();
+    assert!(figure(0, "walk_parallax_px").unwrap() > 10.0, "{summary}");
+    for method in [1, 2] {
+        assert!(figure(method, "walk_parallax_px").unwrap() <= 2.0, "{summary}");
+        assert!(figure(method, "walk_step_ratio").unwrap() <= 3.0, "{summary}");
+    }
+}
+
+#[test]
+fn panoramas_and_published_protocols() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    std::fs::create_dir(at.join("maps")).unwrap();
+    let map = Image::from_fn(64, 32, |x, y| pixel_direction(x, y, 64, 32).to_array().map(|v| 1.2 + v));
+    imaging::write_radiance(at.join("maps/hall.hdr"), &map, &ExrOptions::default()).unwrap();
+    let eval = ["eval", "maps", "--split", "all", "--json", "-o"];
+    let run = |more: &[&str]| json(&done(at, &[&eval[..], more].concat()));
+    let summary = run(&["plain", "--methods", "mean-colour,mirrored,shell-true"]);
+    let methods = &summary["methods"];
+    assert_eq!((&methods[0]["photos"], &methods[2]["photos"]), (&4.into(), &0.into()));
+    assert_eq!(methods[2]["not_possible"]["needs true depth"], 4);
+    let figure = |method: usize, name: &str| methods[method]["figures"][name]["mean"].as_f64().unwrap();
+    assert!(figure(1, "seen_psnr_db") > figure(0, "seen_psnr_db"));
+    assert!(std::fs::read_to_string(at.join("plain/summary.md")).unwrap().contains("not possible on 4 photos"));
+    let three = run(&["three", "--protocol", "three-spheres"]);
+    assert!(three["methods"][0]["figures"]["silver_normalised_rmse"]["mean"].as_f64().unwrap() > 0.0);
+    let array = run(&["array", "--protocol", "sphere-array", "--methods", "mirrored", "--samples", "2"]);
+    assert_eq!(array["methods"][0]["photos"], 2);
+    assert!(array["methods"][0]["figures"]["array_si_rmse"]["median"].as_f64().unwrap() > 0.0);
+    // its one scene is in the validation part
+    let message = refused(at, 2, &["eval", "maps", "--split", "train", "-o", "none"]);
+    assert!(message.contains("none of 4 photos is in that part; see --split"), "{message}");
+}
+
+#[test]
+fn what_is_missing_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    std::fs::write(at.join("bad.json"), r#"{"format_version":1,"samples":1,"dataset":"x","factors":[]}"#).unwrap();
+    let refusal = |code: i32, more: &[&str]| refused(at, code, &[&["eval", "rooms", "-o", "report"], more].concat());
+    let message = refusal(2, &["--methods", "profile"]);
+    assert!(message.contains("the method profile needs --profile FILE.json"), "{message}");
+    let message = refusal(2, &["--methods", "magic"]);
+    assert!(message.contains("there are mean-colour"), "{message}");
+    let message = refusal(1, &["--profile", "bad.json"]);
+    assert!(message.contains("bad.json") && message.contains("factors"), "{message}");
+    let message = refusal(1, &[]);
+    assert!(message.contains("rooms"), "{message}");
+    assert!(refused(at, 2, &["eval", "rooms"]).contains("--output"));
+}

@@ -1,0 +1,91 @@
+use serde::Serialize;
+
+use crate::TrainingPhase;
+
+/// Something that the user should know. Numbers, no words: those are the front end's.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub enum Warning {
+    /// Depth is predicted from the photo alone: distances, all sizes and which way is up may be off.
+    PredictedDepth,
+    /// Points lie outside of the octree's cube and were left out.
+    OutsideCube {
+        /// How many.
+        outside: usize,
+        /// Of how many.
+        points: usize,
+    },
+    /// The inserted object does not show: real surfaces stand before all of it.
+    ObjectHidden,
+    /// The inserted object does not show: it lies outside of the picture.
+    ObjectOutsidePicture,
+    /// The inserted object lies outside of the lighting octree: its light is a guess.
+    ObjectOutsideOctree,
+    /// Pixels have no depth reading; theirs was taken from the room's planes or from around them.
+    FilledDepth {
+        /// How many.
+        filled: usize,
+        /// Of how many.
+        pixels: usize,
+    },
+    /// What the sensor clipped was made brighter than white.
+    Highlights {
+        /// Share of the photo's pixels that are clipped, from 0 to 1.
+        clipped_share: f32,
+        /// Connected regions that were made brighter.
+        regions: usize,
+        /// Greatest radiance given to any of them; the photo's white is 1.
+        peak_radiance: f32,
+    },
+    /// What is seen does not explain its light: a lamp in the ceiling was assumed, where it is not seen.
+    AssumedLamp {
+        /// Radiance in its middle; the photo's white is 1.
+        radiance: f32,
+    },
+    /// Planes of the room are not seen, so their place is assumed.
+    AssumedPlanes {
+        /// Whether the floor is one of them.
+        floor: bool,
+        /// Whether the ceiling is one of them.
+        ceiling: bool,
+        /// How many of the four walls are.
+        walls: usize,
+    },
+    /// The light network took no node of a depth to be occupied; the likeliest one was.
+    NothingOccupied {
+        /// Depth of the nodes.
+        depth: u32,
+    },
+    /// The light network would split more nodes than fit its budget: only the likeliest were.
+    NodeBudget {
+        /// Depth of the nodes.
+        depth: u32,
+        /// How many it would split.
+        predicted: usize,
+        /// How many were.
+        kept: usize,
+    },
+    /// A sample of a dataset cannot be used and was passed over.
+    SamplePassedOver {
+        /// Its name, or its place in the dataset.
+        sample: String,
+        /// What is wrong with it.
+        error: String,
+    },
+    /// The dataset is not the one that a run was begun with: its next epoch begins.
+    DatasetChanged {
+        /// The epoch that begins.
+        epoch: u64,
+    },
+    /// Training met numbers that are none and went back to its last checkpoint, to go on with other data.
+    SetBack {
+        /// The phase.
+        phase: TrainingPhase,
+        /// Its step at which that happened.
+        step: u64,
+        /// What is no number.
+        fault: String,
+        /// The step of the checkpoint.
+        back_to_step: u64,
+    },
+}

@@ -1,0 +1,21 @@
+//! Frames, cameras, the octree's cube, directions on the sphere and fixed sample patterns.
+//!
+//! World frame: right-handed, +X right, +Y up, the camera at the origin looks along −Z; metres.
+//! Everything here is plain mathematics without I/O; the rest of the workspace builds on it.
+
+mod camera;
+mod cube;
+mod equirectangular;
+mod orientation;
+mod pattern;
+mod plane;
+mod ray;
+
+pub use camera::{Camera, CameraError};
+pub use cube::Cube;
+pub use equirectangular::{direction_from_uv, pixel_direction, pixel_solid_angle_sr, uv_from_direction};
+pub use glam::{DVec3, Mat3, Mat4, Quat, Vec2, Vec3, Vec4};
+pub use orientation::Orientation;
+pub use pattern::{cosine_hemisphere, fibonacci_sphere, orthonormal_basis, van_der_corput};
+pub use plane::Plane;
+pub use ray::Ray;

@@ -1,0 +1,102 @@
+//! Depth maps: what each format holds, and what counts as a reading.
+
+use std::io::{self, Cursor, Write};
+
+use image::DynamicImage;
+use tiff::decoder::{Decoder, DecodingResult, Limits};
+
+use crate::pfm::Pfm;
+use crate::samples::Samples;
+use crate::source::{MAX_PIXELS, Source};
+use crate::{DepthMap, Format, Image, ImageError, exr_read, npy, pfm, raster};
+
+/// Readings from here on are the "background" of renderers (Blender writes 1e10).
+const FARTHEST_M: f64 = 1e5;
+
+/// Units of a metre in integer files when nothing is said: millimetres.
+const INTEGER_UNITS_PER_METRE: f64 = 1000.0;
+
+pub(crate) fn decode(source: Source, units_per_metre: Option<f64>) -> Result<DepthMap, ImageError> {
+    if let Some(scale) = units_per_metre.filter(|s| !(s.is_finite() && *s > 0.0)) {
+        return Err(source.invalid(format!("a depth scale of {scale} units per metre; it must be positive")));
+    }
+    let float = |values| Samples { values, integers: false };
+    let Samples { mut values, integers } = match source.format {
+        Format::Exr => float(exr_read::decode_depth(source)?),
+        Format::Pfm => match pfm::decode(source)? {
+            Pfm::Grey(depth) => float(depth),
+            Pfm::Color(image) => float(image.map(|rgb| rgb[0])),
+        },
+        Format::Npy => npy::decode(source)?,
+        Format::Tiff => decode_tiff(source)?,
+        Format::Png | Format::Pnm => Samples { values: decode_integers(source)?, integers: true },
+        other => return Err(source.unsupported(format!("{other}: depth needs 16-bit PNG, EXR, PFM, TIFF or NPY"))),
+    };
+    let units = units_per_metre.unwrap_or(if integers { INTEGER_UNITS_PER_METRE } else { 1.0 });
+    let (mut positive, mut negative) = (false, false);
+    for value in values.pixels_mut() {
+        let depth_m = f64::from(*value) / units;
+        let reading = depth_m > 0.0 && depth_m < FARTHEST_M;
+        positive |= reading;
+        negative |= depth_m < 0.0 && depth_m.is_finite();
+        *value = if reading { depth_m as f32 } else { 0.0 };
+    }
+    if negative && !positive {
+        return Err(source.invalid("all depths are negative; they must grow away from the camera"));
+    }
+    Ok(values)
+}
+
+fn decode_integers(source: Source) -> Result<DepthMap, ImageError> {
+    let samples = match raster::decode(source)?.0 {
+        DynamicImage::ImageLuma16(grey) => grey,
+        other => {
+            return Err(source.unsupported(format!("{:?} pixels; depth needs one channel of 16 bits", other.color())));
+        }
+    };
+    let (width, height) = (samples.width() as usize, samples.height() as usize);
+    Ok(Image::new(width, height, samples.into_raw().into_iter().map(f32::from).collect()))
+}
+
+fn decode_tiff(source: Source) -> Result<Samples, ImageError> {
+    let invalid = |e: tiff::TiffError| source.invalid(e);
+    let mut decoder = Decoder::new(Cursor::new(source.bytes)).map_err(invalid)?;
+    let (width, height) = decoder.dimensions().map_err(invalid)?;
+    source.check_size(width.into(), height.into())?;
+    let color = decoder.colortype().map_err(invalid)?;
+    let single = matches!(color, tiff::ColorType::Gray(_));
+    if !single {
+        return Err(source.unsupported(format!("{color:?} pixels; depth needs one channel")));
+    }
+    let mut limits = Limits::default();
+    limits.decoding_buffer_size = 8 * MAX_PIXELS as usize;
+    limits.intermediate_buffer_size = limits.decoding_buffer_size;
+    decoder = decoder.with_limits(limits);
+    let (values, integers): (Vec<f32>, bool) = match decoder.read_image().map_err(invalid)? {
+        DecodingResult::F16(v) => (v.into_iter().map(|v| v.to_f32()).collect(), false),
+        DecodingResult::F32(v) => (v, false),
+        DecodingResult::F64(v) => (v.into_iter().map(|v| v as f32).collect(), false),
+        DecodingResult::U16(v) => (v.into_iter().map(f32::from).collect(), true),
+        DecodingResult::I16(v) => (v.into_iter().map(f32::from).collect(), true),
+        DecodingResult::U32(v) => (v.into_iter().map(|v| v as f32).collect(), true),
+        _ => return Err(source.unsupported("pixels other than 16-bit or 32-bit integers and floats")),
+    };
+    if values.len() != width as usize * height as usize {
+        return Err(source.invalid(format!("{} pixels instead of {width} × {height}", values.len())));
+    }
+    Ok(Samples { values: Image::new(width as usize, height as usize, values), integers })
+}
+
+/// 16-bit grey PNG in millimetres; beyond 65.535 m there is no reading.
+pub(crate) fn millimetres(depth: &DepthMap) -> Vec<u16> {
+    let to_millimetres = |&depth_m: &f32| {
+        let value = (f64::from(depth_m) * INTEGER_UNITS_PER_METRE).round();
+        if value > 65535.0 { 0 } else { value as u16 }
+    };
+    depth.pixels().iter().map(to_millimetres).collect()
+}
+
+/// Writes what [`decode`] reads from NPY.
+pub(crate) fn encode_npy(depth: &DepthMap, out: &mut impl Write) -> io::Result<()> {
+    npy::encode(depth, out)
+}

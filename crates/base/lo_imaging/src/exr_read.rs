@@ -1,0 +1,224 @@
+//! OpenEXR: scan lines and tiles, every compression that the `exr` crate decodes (none, RLE, ZIP, ZIPS, PIZ, PXR24, B44,
+//! B44A, DWAA, DWAB), half, float and uint channels, several parts and layers.
+//!
+//! The picture is the data window; of several resolution levels the largest is read.
+
+use std::io::Cursor;
+
+use exr::block::UncompressedBlock;
+use exr::block::reader::ChunksReader;
+use exr::compression::Compression;
+use exr::math::Vec2;
+use exr::meta::MetaData;
+use exr::meta::attribute::{AttributeValue, Chromaticities, SampleType};
+use exr::meta::header::Header;
+use rayon::prelude::*;
+
+use crate::chromaticity::rec709_from_primaries;
+use crate::source::Source;
+use crate::{DepthMap, ImageError, RadianceImage};
+
+/// All channels of the first part of an OpenEXR file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExrChannels {
+    /// Width in pixels.
+    pub width: usize,
+    /// Height in pixels.
+    pub height: usize,
+    /// Name (`R`, or `layer.R`) and samples, row by row from the top, in the file's (alphabetical) order.
+    pub channels: Vec<(String, Vec<f32>)>,
+    /// Custom attributes that are texts, by name.
+    pub metadata: Vec<(String, String)>,
+}
+
+/// Reads the colour of the first part that has some: `R G B`, else the first layer's `name.R name.G name.B`,
+/// else `Y`, else the only channel, as grey. Other primaries than Rec. 709 are converted.
+pub(crate) fn decode_radiance(source: Source) -> Result<RadianceImage, ImageError> {
+    let meta = read_meta(source)?;
+    let found = meta.headers.iter().enumerate().find_map(|(part, h)| Some((part, color_channels(&names(h))?)));
+    let (part, channels) = found.ok_or_else(|| no_channel(source, &meta, "neither colour nor a channel Y"))?;
+    let header = &meta.headers[part];
+    let size = check(source, header)?;
+    let to_rec709 = header.shared_attributes.chromaticities.as_ref().and_then(conversion);
+
+    let mut pixels = vec![[0.0f32; 3]; size.area()];
+    decode_part(source, part, &channels, size, |slot, index, value| match channels.len() {
+        3 => pixels[index][slot] = value,
+        _ => pixels[index] = [value; 3],
+    })?;
+    if let Some(matrix) = to_rec709.filter(|_| channels.len() == 3) {
+        pixels.par_iter_mut().for_each(|p| *p = matrix.map(|row| row[0] * p[0] + row[1] * p[1] + row[2] * p[2]));
+    }
+    Ok(RadianceImage::new(size.width(), size.height(), pixels))
+}
+
+/// Reads one channel of values: `Z`, else one called depth or distance in some layer, else `Y`, else `R`, else the only one.
+pub(crate) fn decode_depth(source: Source) -> Result<DepthMap, ImageError> {
+    let meta = read_meta(source)?;
+    let found = meta.headers.iter().enumerate().find_map(|(part, h)| Some((part, depth_channel(&names(h))?)));
+    let (part, channel) = found.ok_or_else(|| no_channel(source, &meta, "no channel Z, depth, Y or R"))?;
+    let size = check(source, &meta.headers[part])?;
+    let mut depth = vec![0.0f32; size.area()];
+    decode_part(source, part, &[channel], size, |_, index, value| depth[index] = value)?;
+    Ok(DepthMap::new(size.width(), size.height(), depth))
+}
+
+pub(crate) fn decode_channels(source: Source) -> Result<ExrChannels, ImageError> {
+    let meta = read_meta(source)?;
+    let header = meta.headers.first().ok_or_else(|| source.invalid("no parts"))?;
+    let size = check(source, header)?;
+    let names = names(header);
+    source.check_size(size.width() as u64 * names.len() as u64, size.height() as u64)?;
+    let slots: Vec<usize> = (0..names.len()).collect();
+    let mut planes = vec![vec![0.0f32; size.area()]; names.len()];
+    decode_part(source, 0, &slots, size, |slot, index, value| planes[slot][index] = value)?;
+    let text = |value: &AttributeValue| match value {
+        AttributeValue::Text(text) => Some(text.to_string()),
+        _ => None,
+    };
+    let mut metadata: Vec<(String, String)> =
+        header.own_attributes.other.iter().filter_map(|(k, v)| Some((k.to_string(), text(v)?))).collect();
+    metadata.sort();
+    Ok(ExrChannels {
+        width: size.width(),
+        height: size.height(),
+        channels: names.into_iter().zip(planes).collect(),
+        metadata,
+    })
+}
+
+fn read_meta(source: Source) -> Result<MetaData, ImageError> {
+    let meta = MetaData::read_from_buffered(source.bytes, false).map_err(|e| source.invalid(e))?;
+    // the decoder allocates by these counts: an offset table alone needs 8 bytes of file per block
+    let blocks = meta.headers.iter().fold(0usize, |sum, h| sum.saturating_add(h.chunk_count));
+    if blocks > source.bytes.len() / 8 {
+        return Err(source.invalid(format!("{blocks} blocks do not fit into {} bytes", source.bytes.len())));
+    }
+    Ok(meta)
+}
+
+fn check(source: Source, header: &Header) -> Result<Vec2<usize>, ImageError> {
+    let size = header.layer_size;
+    source.check_size(size.width() as u64, size.height() as u64)?;
+    if header.deep {
+        return Err(source.unsupported("deep data"));
+    }
+    if matches!(header.compression, Compression::HTJ2K32 | Compression::HTJ2K256) {
+        return Err(source.unsupported("HTJ2K compression"));
+    }
+    if header.channels.list.iter().any(|c| c.sampling != Vec2(1, 1)) {
+        return Err(source.unsupported("subsampled channels (luminance/chroma)"));
+    }
+    // all channels of a block are decompressed together
+    let widest = header.max_block_pixel_size();
+    let block_pixels = widest.width().min(size.width()).saturating_mul(widest.height().min(size.height()));
+    let block_bytes = block_pixels.saturating_mul(header.channels.bytes_per_pixel);
+    if block_bytes > (64 << 20) + source.bytes.len().saturating_mul(4096) {
+        return Err(source.unsupported(format!("blocks of {block_bytes} bytes in a file of {}", source.bytes.len())));
+    }
+    Ok(size)
+}
+
+fn names(header: &Header) -> Vec<String> {
+    header.channels.list.iter().map(|c| c.name.to_string()).collect()
+}
+
+fn no_channel(source: Source, meta: &MetaData, missing: &str) -> ImageError {
+    let mut all: Vec<String> = meta.headers.iter().flat_map(names).collect();
+    all.truncate(12);
+    source.invalid(format!("{missing} among its channels {}", all.join(", ")))
+}
+
+fn color_channels(names: &[String]) -> Option<Vec<usize>> {
+    let position = |name: String| names.iter().position(|n| n.eq_ignore_ascii_case(&name));
+    let triple = |prefix: &str| -> Option<Vec<usize>> {
+        ["R", "G", "B"].iter().map(|c| position(format!("{prefix}{c}"))).collect()
+    };
+    let layers = names.iter().filter_map(|n| n.rfind('.').map(|dot| &n[..=dot]));
+    let single = || position("Y".into()).or((names.len() == 1).then_some(0)).map(|i| vec![i]);
+    triple("").or_else(|| layers.into_iter().find_map(triple)).or_else(single)
+}
+
+fn depth_channel(names: &[String]) -> Option<usize> {
+    let last = |name: &str| name.rsplit('.').next().unwrap_or_default().to_ascii_lowercase();
+    ["z", "depth", "distance", "y", "v", "r"]
+        .iter()
+        .find_map(|wanted| names.iter().position(|n| last(n) == *wanted))
+        .or((names.len() == 1).then_some(0))
+}
+
+/// The matrix to Rec. 709, row by row; `None` where the file says Rec. 709 or nothing that makes sense.
+fn conversion(c: &Chromaticities) -> Option<[[f32; 3]; 3]> {
+    rec709_from_primaries([c.red, c.green, c.blue, c.white].map(|Vec2(x, y)| [f64::from(x), f64::from(y)]))
+}
+
+/// Decompresses the wanted channels of a part; `put(slot, pixel, value)` is called once per sample, `slot` counting in `channels`.
+fn decode_part(
+    source: Source,
+    part: usize,
+    channels: &[usize],
+    size: Vec2<usize>,
+    mut put: impl FnMut(usize, usize, f32),
+) -> Result<(), ImageError> {
+    let reader = exr::block::read(Cursor::new(source.bytes), false).map_err(|e| source.invalid(e))?;
+    let mut chunks = reader
+        .filter_chunks(false, |_, tile, block| block.layer == part && tile.level_index == Vec2(0, 0))
+        .map_err(|e| source.invalid(e))?;
+    let meta = chunks.meta_data().clone();
+    let header = &meta.headers[part];
+    loop {
+        // batches: decompressing is the work to share, but all blocks at once would double the memory
+        let batch = chunks.by_ref().take(32).collect::<Result<Vec<_>, _>>().map_err(|e| source.invalid(e))?;
+        if batch.is_empty() {
+            return Ok(());
+        }
+        let blocks: Result<Vec<_>, _> =
+            batch.into_par_iter().map(|chunk| UncompressedBlock::decompress_chunk(chunk, &meta, false)).collect();
+        for block in blocks.map_err(|e| source.invalid(format!("{} ({})", e, header.compression)))? {
+            if block.index.layer == part && block.index.level == Vec2(0, 0) {
+                scatter(source, header, &block, channels, size, &mut put)?;
+            }
+        }
+    }
+}
+
+/// Hands on the samples of a block: line by line, and in a line channel by channel.
+fn scatter(
+    source: Source,
+    header: &Header,
+    block: &UncompressedBlock,
+    channels: &[usize],
+    size: Vec2<usize>,
+    put: &mut impl FnMut(usize, usize, f32),
+) -> Result<(), ImageError> {
+    let (position, extent) = (block.index.pixel_position, block.index.pixel_size);
+    let line_bytes = header.channels.bytes_per_pixel * extent.width();
+    let inside = position.x() + extent.width() <= size.width() && position.y() + extent.height() <= size.height();
+    if !inside || block.data.len() < line_bytes * extent.height() {
+        return Err(source.invalid("a block does not fit its place"));
+    }
+    for (row, line) in block.data.chunks_exact(line_bytes.max(1)).take(extent.height()).enumerate() {
+        let first = (position.y() + row) * size.width() + position.x();
+        let mut offset = 0;
+        for (index, channel) in header.channels.list.iter().enumerate() {
+            let bytes = channel.sample_type.bytes_per_sample() * extent.width();
+            let samples = &line[offset..offset + bytes];
+            offset += bytes;
+            for slot in channels.iter().enumerate().filter(|(_, c)| **c == index).map(|(slot, _)| slot) {
+                let mut put = |x: usize, value: f32| put(slot, first + x, value);
+                match channel.sample_type {
+                    SampleType::F16 => samples.as_chunks().0.iter().enumerate().for_each(|(x, b)| {
+                        put(x, half::f16::from_ne_bytes(*b).to_f32());
+                    }),
+                    SampleType::F32 => samples.as_chunks().0.iter().enumerate().for_each(|(x, b)| {
+                        put(x, f32::from_ne_bytes(*b));
+                    }),
+                    SampleType::U32 => samples.as_chunks().0.iter().enumerate().for_each(|(x, b)| {
+                        put(x, u32::from_ne_bytes(*b) as f32);
+                    }),
+                }
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,60 @@
+//! Images: reading and writing every format of the specification, colour, projections of the sphere, spherical harmonics.
+//!
+//! Linear radiance in Rec. 709 primaries, relative units: 1.0 is the photo's white. Row 0 is the top row.
+
+mod atomic;
+mod chromaticity;
+mod color;
+mod contact_sheet;
+mod cubemap;
+mod depth;
+mod equirectangular;
+mod error;
+mod exif;
+mod exr_read;
+mod exr_write;
+mod format;
+mod generator;
+mod image;
+mod main_light;
+mod npy;
+mod perspective;
+mod pfm;
+mod photo;
+mod raster;
+mod read;
+mod resize;
+mod rgbe;
+mod samples;
+mod sh;
+mod source;
+mod tone;
+mod write;
+
+pub use crate::exif::FocalLength;
+pub use crate::image::{DepthMap, Image, RadianceImage};
+pub use atomic::write_atomically;
+pub use color::{linear_from_srgb, linear_from_srgb8, luminance, srgb_from_linear, srgb8_from_linear};
+pub use contact_sheet::{CONTACT_SHEET_GROUND, contact_sheet, photo_tile};
+pub use cubemap::{Cubemap, cubemap_from_equirectangular, equirectangular_from_cubemap};
+pub use equirectangular::{reorient, reorient_depth, resize_equirectangular, sample_equirectangular};
+pub use error::ImageError;
+pub use exr_read::ExrChannels;
+pub use exr_write::{ChannelGroup, EnvironmentLayout, ExrOptions};
+pub use format::Format;
+pub use generator::GENERATOR;
+pub use main_light::{MainLight, main_light};
+pub use perspective::{equirectangular_from_perspective, perspective_from_equirectangular, view_rotation};
+pub use photo::Photo;
+pub use read::{
+    PhotoFile, depth_from_bytes, exr_channels_from_bytes, photo_from_bytes, radiance_from_bytes, read_depth,
+    read_exr_channels, read_photo, read_radiance, read_rgba8, rgba8_from_bytes,
+};
+pub use resize::{resize, resize_depth};
+pub use sh::Sh9;
+pub use source::MAX_PIXELS;
+pub use tone::ToneCurve;
+pub use write::{
+    JPEG_QUALITY, encode_png, write_depth, write_exr, write_photo, write_png16, write_radiance, write_rgba8,
+    write_srgb8, write_tone_mapped,
+};

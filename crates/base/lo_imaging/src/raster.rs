@@ -1,0 +1,87 @@
+//! Pictures for the eye (PNG, JPEG, WebP, TIFF, BMP, PNM), through the `image` crate.
+
+use std::io::Cursor;
+
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use rayon::prelude::*;
+
+use crate::color::linear_from_srgb;
+use crate::exif::FocalLength;
+use crate::source::Source;
+use crate::{Format, Image, ImageError, Photo, RadianceImage};
+
+/// Decodes, turns by the EXIF (or TIFF) orientation, and reads what EXIF says of the lens.
+pub(crate) fn decode(source: Source) -> Result<(DynamicImage, FocalLength), ImageError> {
+    let format = match source.format {
+        Format::Png => ImageFormat::Png,
+        Format::Jpeg => ImageFormat::Jpeg,
+        Format::WebP => ImageFormat::WebP,
+        Format::Tiff => ImageFormat::Tiff,
+        Format::Bmp => ImageFormat::Bmp,
+        Format::Pnm => ImageFormat::Pnm,
+        other => return Err(source.unsupported(format!("{other} where a picture is expected"))),
+    };
+    let mut reader = ImageReader::with_format(Cursor::new(source.bytes), format);
+    // the size is checked below; this bounds what a decoder takes besides
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(4 << 30);
+    reader.limits(limits);
+    let mut decoder = reader.into_decoder().map_err(|e| invalid(source, e))?;
+    let (width, height) = decoder.dimensions();
+    source.check_size(width.into(), height.into())?;
+    // metadata that cannot be read must not cost the picture
+    let exif = decoder.exif_metadata().ok().flatten();
+    let focal = exif.as_deref().map(FocalLength::from_exif).unwrap_or_default();
+    let orientation = match exif.as_deref().and_then(image::metadata::Orientation::from_exif_chunk) {
+        Some(orientation) => orientation,
+        None => decoder.orientation().unwrap_or(image::metadata::Orientation::NoTransforms),
+    };
+    let mut picture = DynamicImage::from_decoder(decoder).map_err(|e| invalid(source, e))?;
+    picture.apply_orientation(orientation);
+    Ok((picture, focal))
+}
+
+fn invalid(source: Source, error: image::ImageError) -> ImageError {
+    match error {
+        image::ImageError::Unsupported(e) => source.unsupported(e),
+        image::ImageError::Limits(e) => source.invalid(e),
+        image::ImageError::Decoding(e) => {
+            source.invalid(std::error::Error::source(&e).map_or(e.to_string(), |s| s.to_string()))
+        }
+        e => source.invalid(e),
+    }
+}
+
+/// 8-bit pictures stay as they are, deeper ones become linear light; float TIFF is linear already. Alpha is dropped:
+/// a photo has none, and what a transparent PNG stores beneath is the only colour there is.
+pub(crate) fn photo(picture: DynamicImage) -> Photo {
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    match picture {
+        DynamicImage::ImageLuma16(_)
+        | DynamicImage::ImageLumaA16(_)
+        | DynamicImage::ImageRgb16(_)
+        | DynamicImage::ImageRgba16(_) => {
+            let table: Vec<f32> = (0..=u16::MAX).map(|v| linear_from_srgb(f32::from(v) / 65535.0)).collect();
+            let samples = picture.into_rgb16().into_raw();
+            let linear = samples.as_chunks::<3>().0.par_iter().map(|p| p.map(|v| table[usize::from(v)])).collect();
+            Photo::Linear(Image::new(width, height, linear))
+        }
+        DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => {
+            Photo::Linear(RadianceImage::new(width, height, pixels_of(picture.into_rgb32f().into_raw())))
+        }
+        _ => Photo::Srgb8(Image::new(width, height, pixels_of(picture.into_rgb8().into_raw()))),
+    }
+}
+
+pub(crate) fn rgba8(picture: DynamicImage) -> Image<[u8; 4]> {
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    Image::new(width, height, pixels_of(picture.into_rgba8().into_raw()))
+}
+
+/// Groups samples into pixels, without a copy where the allocation allows: a photo of 50 megapixels has 150 MB.
+fn pixels_of<T: bytemuck::Pod, const N: usize>(samples: Vec<T>) -> Vec<[T; N]>
+where
+    [T; N]: bytemuck::Pod,
+{
+    bytemuck::try_cast_vec(samples).unwrap_or_else(|(_, samples)| samples.as_chunks::<N>().0.to_vec())
+}

@@ -1,0 +1,219 @@
+use std::io::{self, Cursor};
+use std::path::Path;
+
+use image::codecs::jpeg::JpegEncoder;
+use image::codecs::png::PngEncoder;
+use image::{ExtendedColorType, ImageEncoder};
+
+use crate::atomic::replace_when_written;
+use crate::color::srgb_from_linear;
+use crate::exr_write::{self, ChannelGroup, ExrOptions};
+use crate::generator::{mark_jpeg, mark_png};
+use crate::{DepthMap, Format, Image, ImageError, Photo, RadianceImage, ToneCurve, depth, pfm, rgbe};
+
+/// JPEG quality where nothing else is said: no visible loss.
+pub const JPEG_QUALITY: u8 = 95;
+
+/// Writes linear radiance as `.exr`, `.hdr` or `.pfm`. `options` count for EXR; the others keep pixels alone.
+///
+/// `.hdr` holds neither negative values nor NaN (both become 0) and rounds to 1/256 of a pixel's greatest channel.
+pub fn write_radiance(path: impl AsRef<Path>, image: &RadianceImage, options: &ExrOptions) -> Result<(), ImageError> {
+    let path = path.as_ref();
+    match Format::from_extension(path) {
+        Some(Format::Exr) => {
+            let size = (image.width(), image.height());
+            write_exr(path, size, &[ChannelGroup::rgb("", image)], options)
+        }
+        Some(Format::Hdr) => {
+            check_not_empty(path, Format::Hdr, image)?;
+            atomically(path, |out| rgbe::encode(image, &options.generator, out))
+        }
+        Some(Format::Pfm) => {
+            check_not_empty(path, Format::Pfm, image)?;
+            atomically(path, |out| pfm::encode_color(image, out))
+        }
+        _ => Err(ImageError::OutputFormat { path: path.to_owned(), supported: ".exr, .hdr, .pfm" }),
+    }
+}
+
+/// Writes any set of layers as OpenEXR (32-bit float, or half): `(width, height)` in pixels, each channel of that size.
+pub fn write_exr(
+    path: impl AsRef<Path>,
+    (width, height): (usize, usize),
+    groups: &[ChannelGroup],
+    options: &ExrOptions,
+) -> Result<(), ImageError> {
+    let path = path.as_ref();
+    let refused = |reason: String| ImageError::Encode { path: path.to_owned(), format: Format::Exr, reason };
+    if width == 0 || height == 0 || groups.iter().all(|g| g.channels.is_empty()) {
+        return Err(refused("it has no pixels or no channels".to_owned()));
+    }
+    atomically(path, |out| exr_write::encode((width, height), groups, options, out)).map_err(|error| match error {
+        ImageError::Io { source, .. } if source.kind() == io::ErrorKind::InvalidInput => refused(source.to_string()),
+        error => error,
+    })
+}
+
+/// Writes a photo, and in it `generator`, the name of the writing program (PFM has no place for it): 8-bit as PNG or JPEG bit for bit (JPEG: [`JPEG_QUALITY`]); linear as 16-bit sRGB PNG, JPEG, or as radiance.
+pub fn write_photo(path: impl AsRef<Path>, photo: &Photo, generator: &str) -> Result<(), ImageError> {
+    let path = path.as_ref();
+    match (photo, Format::from_extension(path)) {
+        (Photo::Srgb8(image), Some(Format::Png | Format::Jpeg)) => write_srgb8(path, image, JPEG_QUALITY, generator),
+        (Photo::Linear(image), Some(Format::Png)) => {
+            let code = |v: f32| (srgb_from_linear(v) * 65535.0 + 0.5) as u16;
+            write_png16(path, &image.map(|rgb| rgb.map(code)), generator)
+        }
+        (Photo::Linear(image), Some(Format::Jpeg)) => write_tone_mapped(path, image, ToneCurve::Clip, 0.0, generator),
+        (_, Some(Format::Exr | Format::Hdr | Format::Pfm)) => {
+            write_radiance(path, &photo.radiance(), &named(generator))
+        }
+        _ => Err(ImageError::OutputFormat { path: path.to_owned(), supported: ".png, .jpg, .exr, .hdr, .pfm" }),
+    }
+}
+
+/// Writes 8-bit sRGB as PNG or, with `quality` 1 to 100, as JPEG, and in it `generator`, the name of the writing program.
+pub fn write_srgb8(
+    path: impl AsRef<Path>,
+    image: &Image<[u8; 3]>,
+    quality: u8,
+    generator: &str,
+) -> Result<(), ImageError> {
+    let path = path.as_ref();
+    let (bytes, color) = (image.pixels().as_flattened(), ExtendedColorType::Rgb8);
+    match Format::from_extension(path) {
+        Some(Format::Png) => write_encoded(path, Format::Png, image, |out| png(out, bytes, image, color), generator),
+        Some(Format::Jpeg) => {
+            let (width, height) = (image.width() as u32, image.height() as u32);
+            write_encoded(
+                path,
+                Format::Jpeg,
+                image,
+                |out| JpegEncoder::new_with_quality(out, quality.clamp(1, 100)).encode(bytes, width, height, color),
+                generator,
+            )
+        }
+        _ => Err(ImageError::OutputFormat { path: path.to_owned(), supported: ".png, .jpg" }),
+    }
+}
+
+/// Writes a tone-mapped 8-bit preview (PNG or JPEG) of radiance times 2^`exposure_ev`, and in it `generator`.
+pub fn write_tone_mapped(
+    path: impl AsRef<Path>,
+    image: &RadianceImage,
+    curve: ToneCurve,
+    exposure_ev: f32,
+    generator: &str,
+) -> Result<(), ImageError> {
+    write_srgb8(path, &curve.map(image, exposure_ev), JPEG_QUALITY, generator)
+}
+
+/// Writes 8-bit sRGB with straight alpha as PNG, and in it `generator`, the name of the writing program.
+pub fn write_rgba8(path: impl AsRef<Path>, image: &Image<[u8; 4]>, generator: &str) -> Result<(), ImageError> {
+    let (path, bytes) = (path.as_ref(), image.pixels().as_flattened());
+    require_png(path)?;
+    write_encoded(path, Format::Png, image, |out| png(out, bytes, image, ExtendedColorType::Rgba8), generator)
+}
+
+/// Writes 16-bit sRGB as PNG, and in it `generator`, the name of the writing program.
+pub fn write_png16(path: impl AsRef<Path>, image: &Image<[u16; 3]>, generator: &str) -> Result<(), ImageError> {
+    let path = path.as_ref();
+    let bytes: &[u8] = bytemuck::cast_slice(image.pixels().as_flattened());
+    require_png(path)?;
+    write_encoded(path, Format::Png, image, |out| png(out, bytes, image, ExtendedColorType::Rgb16), generator)
+}
+
+/// The bytes of an 8-bit sRGB PNG, for files that carry pictures inside (glTF).
+///
+/// # Panics
+/// Where the image has no pixels.
+pub fn encode_png(image: &Image<[u8; 3]>) -> Vec<u8> {
+    let mut bytes = Cursor::new(Vec::new());
+    png(&mut bytes, image.pixels().as_flattened(), image, ExtendedColorType::Rgb8)
+        .expect("an image with pixels can be written to memory as PNG");
+    bytes.into_inner()
+}
+
+/// Writes depth in metres: `.exr` (channel Z, 32-bit), `.pfm`, `.npy`, or `.png` (16-bit millimetres; from 65.536 m no reading).
+/// EXR and PNG name `generator`, the writing program.
+pub fn write_depth(path: impl AsRef<Path>, depth_m: &DepthMap, generator: &str) -> Result<(), ImageError> {
+    let path = path.as_ref();
+    match Format::from_extension(path) {
+        Some(Format::Exr) => {
+            let size = (depth_m.width(), depth_m.height());
+            write_exr(path, size, &[ChannelGroup::single("", "Z", depth_m)], &named(generator))
+        }
+        Some(Format::Pfm) => {
+            check_not_empty(path, Format::Pfm, depth_m)?;
+            atomically(path, |out| pfm::encode_grey(depth_m, out))
+        }
+        Some(Format::Npy) => {
+            check_not_empty(path, Format::Npy, depth_m)?;
+            atomically(path, |out| depth::encode_npy(depth_m, out))
+        }
+        Some(Format::Png) => {
+            let millimetres = depth::millimetres(depth_m);
+            let bytes: &[u8] = bytemuck::cast_slice(&millimetres);
+            write_encoded(path, Format::Png, depth_m, |out| png(out, bytes, depth_m, ExtendedColorType::L16), generator)
+        }
+        _ => Err(ImageError::OutputFormat { path: path.to_owned(), supported: ".exr, .png, .pfm, .npy" }),
+    }
+}
+
+fn named(generator: &str) -> ExrOptions {
+    ExrOptions { generator: generator.to_owned(), ..ExrOptions::default() }
+}
+
+fn png<T>(
+    out: impl io::Write,
+    bytes: &[u8],
+    image: &Image<T>,
+    color: ExtendedColorType,
+) -> Result<(), image::ImageError> {
+    PngEncoder::new(out).write_image(bytes, image.width() as u32, image.height() as u32, color)
+}
+
+fn require_png(path: &Path) -> Result<(), ImageError> {
+    match Format::from_extension(path) {
+        Some(Format::Png) => Ok(()),
+        _ => Err(ImageError::OutputFormat { path: path.to_owned(), supported: ".png" }),
+    }
+}
+
+fn check_not_empty<T>(path: &Path, format: Format, image: &Image<T>) -> Result<(), ImageError> {
+    match image.pixels() {
+        [] => Err(ImageError::Encode { path: path.to_owned(), format, reason: "it has no pixels".to_owned() }),
+        _ => Ok(()),
+    }
+}
+
+/// Encodes into memory first: the encoders' errors are not those of the disk.
+fn write_encoded<T>(
+    path: &Path,
+    format: Format,
+    image: &Image<T>,
+    encode: impl FnOnce(&mut Cursor<Vec<u8>>) -> Result<(), image::ImageError>,
+    generator: &str,
+) -> Result<(), ImageError> {
+    check_not_empty(path, format, image)?;
+    let mut bytes = Cursor::new(Vec::new());
+    encode(&mut bytes).map_err(|error| ImageError::Encode {
+        path: path.to_owned(),
+        format,
+        reason: error.to_string(),
+    })?;
+    let mut bytes = bytes.into_inner();
+    match format {
+        Format::Png => mark_png(&mut bytes, generator),
+        Format::Jpeg => mark_jpeg(&mut bytes, generator),
+        _ => {}
+    }
+    atomically(path, |out| io::Write::write_all(out, &bytes))
+}
+
+fn atomically(
+    path: &Path,
+    write: impl FnOnce(&mut io::BufWriter<&mut std::fs::File>) -> io::Result<()>,
+) -> Result<(), ImageError> {
+    let named = |source| ImageError::Io { path: path.to_owned(), source };
+    replace_when_written(path, |out| write(out).map_err(named), named)
+}

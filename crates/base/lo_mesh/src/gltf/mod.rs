@@ -1,0 +1,112 @@
+//! glTF 2.0: JSON with external or embedded buffers, and GLB.
+
+mod buffers;
+mod json;
+mod materials;
+mod primitives;
+mod transform;
+mod write;
+
+use self::buffers::Buffers;
+use self::json::Root;
+pub(crate) use self::write::write;
+use crate::model::Resolver;
+use crate::{MeshError, Model};
+
+/// Extensions that may stand in `extensionsRequired`: those that are read, and those without which the picture
+/// is still the intended one.
+const SUPPORTED_EXTENSIONS: [&str; 6] = [
+    "KHR_materials_unlit",
+    "KHR_materials_emissive_strength",
+    "KHR_texture_transform",
+    "KHR_mesh_quantization",
+    "EXT_texture_webp",
+    "KHR_lights_punctual",
+];
+
+/// Reads the model without checking or completing its vertices.
+pub(crate) fn read(bytes: &[u8], resolve: &Resolver) -> Result<Model, MeshError> {
+    let (json, binary) = if bytes.starts_with(b"glTF") { split_glb(bytes)? } else { (bytes, None) };
+    let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json);
+    let root: Root = serde_json::from_slice(json).map_err(|error| {
+        MeshError::syntax("glTF", format!("line {}, column {}", error.line(), error.column()), error.to_string())
+    })?;
+    if !root.asset.version.starts_with("2.") {
+        let what = format!("glTF version {} (2.0 can be read)", root.asset.version);
+        return Err(MeshError::syntax("glTF", "asset.version", what));
+    }
+    check_extensions(&root)?;
+    let mut model = Model::default();
+    let buffers = Buffers::load(&root, binary, resolve)?;
+    let file_bytes = bytes.len() + buffers.external_bytes();
+    materials::read(&root, &buffers, resolve, file_bytes, &mut model)?;
+    primitives::read(&root, &buffers, triangle_limit(file_bytes), &mut model)?;
+    if !root.animations.is_empty() || !root.skins.is_empty() {
+        let what = if root.skins.is_empty() { "animations" } else { "skins and animations" };
+        model.warnings.push(format!("{what} are not played: the model is shown in its bind pose"));
+    }
+    Ok(model)
+}
+
+/// The most triangles (and vertices) that instances and shared accessors may unfold to: a small file stays small.
+fn triangle_limit(bytes: usize) -> u64 {
+    2_000_000 + bytes as u64
+}
+
+fn check_extensions(root: &Root) -> Result<(), MeshError> {
+    let unsupported = root.extensions_required.iter().find(|name| !SUPPORTED_EXTENSIONS.contains(&name.as_str()));
+    match unsupported {
+        None => Ok(()),
+        Some(name) => {
+            let remedy = match name.as_str() {
+                "KHR_draco_mesh_compression" => {
+                    "export without Draco compression, or unpack the file with `gltf-transform cp in.glb out.glb`"
+                }
+                "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
+                    "export without meshopt compression, or unpack the file with `gltf-transform cp in.glb out.glb`"
+                }
+                "KHR_texture_basisu" => {
+                    "export with PNG or JPEG textures, or convert the file with `gltf-transform ktxdecompress`"
+                }
+                _ => "export the model without it",
+            };
+            Err(MeshError::UnsupportedExtension { name: name.clone(), remedy })
+        }
+    }
+}
+
+/// The JSON and BIN chunks of a GLB file.
+fn split_glb(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), MeshError> {
+    let broken = |at: usize, what: String| MeshError::syntax("GLB", format!("byte {at}"), what);
+    let word = |at: usize| -> Result<u32, MeshError> {
+        let word = bytes.get(at..at + 4).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
+        word.ok_or_else(|| broken(at, "the file ends inside a header".to_owned()))
+    };
+    let version = word(4)?;
+    if version != 2 {
+        return Err(broken(4, format!("container version {version} (2 can be read)")));
+    }
+    let length = word(8)? as usize;
+    if length > bytes.len() {
+        return Err(broken(8, format!("{length} bytes announced, the file has {}", bytes.len())));
+    }
+    let chunk = |at: usize, kind: &[u8; 4]| -> Result<&[u8], MeshError> {
+        let length = word(at)? as usize;
+        if word(at + 4)?.to_le_bytes() != *kind {
+            return Err(broken(
+                at + 4,
+                format!("expected a {} chunk", String::from_utf8_lossy(kind).trim_end_matches('\0')),
+            ));
+        }
+        let end = (at + 8).checked_add(length).filter(|&end| end <= bytes.len());
+        let end = end.ok_or_else(|| broken(at, format!("a chunk of {length} bytes runs past the end of the file")))?;
+        Ok(&bytes[at + 8..end])
+    };
+    let json = chunk(12, b"JSON")?;
+    let next = 20 + json.len();
+    let binary = if next + 8 <= length { Some(chunk(next, b"BIN\0")?) } else { None };
+    Ok((json, binary))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,201 @@
+use lo_geometry::{Mat3, Mat4, Vec3};
+
+use super::buffers::Buffers;
+use super::json::{Mesh, Primitive, Root, get};
+use super::transform::placed_meshes;
+use crate::{MeshError, Model};
+
+/// Appends all triangle primitives of the scene to the model, in world coordinates.
+pub(super) fn read(root: &Root, buffers: &Buffers, limit: u64, model: &mut Model) -> Result<(), MeshError> {
+    let default_material = model.materials.len() as u32 - 1;
+    let mut skipped = 0;
+    for (mesh_index, world_from_mesh) in placed_meshes(root)? {
+        let mesh = get(&root.meshes, mesh_index, "mesh")?;
+        for (primitive_index, primitive) in mesh.primitives.iter().enumerate() {
+            let place = format!("mesh {mesh_index} '{}', primitive {primitive_index}", mesh.name);
+            if primitive.extensions.draco.is_some() && !primitive.attributes.contains_key("POSITION") {
+                return Err(MeshError::UnsupportedExtension {
+                    name: "KHR_draco_mesh_compression".to_owned(),
+                    remedy: "export without Draco compression",
+                });
+            }
+            if !(4..=6).contains(&primitive.mode) {
+                skipped += 1;
+                continue;
+            }
+            let left = limit.saturating_sub(model.positions.len().max(model.triangles.len()) as u64);
+            let material = match primitive.material {
+                Some(material) => {
+                    get(&root.materials, material, "material")?;
+                    material as u32
+                }
+                None => default_material,
+            };
+            let mut part = read_primitive(primitive, buffers, left, &place)?;
+            part.place(&world_from_mesh);
+            append(model, part, material);
+        }
+    }
+    if skipped > 0 {
+        model.warnings.push(format!("{skipped} primitives of points or lines left out"));
+    }
+    warn_about_poses(root, model);
+    Ok(())
+}
+
+fn warn_about_poses(root: &Root, model: &mut Model) {
+    let morphs = |mesh: &Mesh| mesh.primitives.iter().any(|p| !p.targets.is_empty());
+    if root.meshes.iter().any(morphs) {
+        model.warnings.push("morph targets are not applied".to_owned());
+    }
+}
+
+/// One primitive with vertices of its own.
+struct Part {
+    positions: Vec<Vec3>,
+    normals: Vec<Vec3>,
+    tangents: Vec<[f32; 4]>,
+    uvs: [Vec<[f32; 2]>; 2],
+    colors: Vec<[f32; 4]>,
+    triangles: Vec<[u32; 3]>,
+}
+
+fn read_primitive(primitive: &Primitive, buffers: &Buffers, limit: u64, place: &str) -> Result<Part, MeshError> {
+    let attribute = |name: &str| primitive.attributes.get(name).copied();
+    let Some(position) = attribute("POSITION") else {
+        return Err(MeshError::syntax("glTF", place, "it has no POSITION"));
+    };
+    let positions: Vec<Vec3> = buffers.floats::<3>(position, limit)?.into_iter().map(Vec3::from_array).collect();
+    let count = positions.len();
+    let same_length = |name: &str, length: usize| {
+        let what = format!("{length} values of {name} for {count} positions");
+        if length == count { Ok(()) } else { Err(MeshError::syntax("glTF", place, what)) }
+    };
+    let mut part = Part {
+        positions,
+        normals: Vec::new(),
+        tangents: Vec::new(),
+        uvs: [Vec::new(), Vec::new()],
+        colors: Vec::new(),
+        triangles: Vec::new(),
+    };
+    if let Some(accessor) = attribute("NORMAL") {
+        part.normals = buffers.floats::<3>(accessor, limit)?.into_iter().map(Vec3::from_array).collect();
+        same_length("NORMAL", part.normals.len())?;
+        // Without normals the standard wants given tangents ignored.
+        if let Some(accessor) = attribute("TANGENT") {
+            part.tangents = buffers.floats::<4>(accessor, limit)?;
+            same_length("TANGENT", part.tangents.len())?;
+        }
+    }
+    for (set, name) in ["TEXCOORD_0", "TEXCOORD_1"].into_iter().enumerate() {
+        if let Some(accessor) = attribute(name) {
+            part.uvs[set] = buffers.floats::<2>(accessor, limit)?;
+            same_length(name, part.uvs[set].len())?;
+        }
+    }
+    if let Some(accessor) = attribute("COLOR_0") {
+        part.colors = if buffers.components(accessor)? == 3 {
+            buffers.floats::<3>(accessor, limit)?.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect()
+        } else {
+            buffers.floats::<4>(accessor, limit)?
+        };
+        same_length("COLOR_0", part.colors.len())?;
+    }
+    let indices = match primitive.indices {
+        Some(accessor) => buffers.indices(accessor, limit.saturating_mul(3))?,
+        None => (0..count as u32).collect(),
+    };
+    if let Some(&index) = indices.iter().find(|&&index| index as usize >= count) {
+        return Err(MeshError::IndexOutOfRange { place: place.to_owned(), index: i64::from(index), count });
+    }
+    part.triangles = assemble(primitive.mode, &indices);
+    if part.triangles.len() as u64 > limit {
+        return Err(MeshError::TooLarge { what: "triangles", count: part.triangles.len() as u64, limit });
+    }
+    if part.normals.is_empty() {
+        part.flatten();
+    }
+    Ok(part)
+}
+
+/// Triangles of a list (mode 4), a strip (5) or a fan (6).
+fn assemble(mode: u32, indices: &[u32]) -> Vec<[u32; 3]> {
+    match mode {
+        4 => indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
+        5 => indices
+            .windows(3)
+            .enumerate()
+            .map(|(i, t)| if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] })
+            .collect(),
+        _ => indices.windows(2).skip(1).map(|t| [indices[0], t[0], t[1]]).collect(),
+    }
+}
+
+impl Part {
+    /// Gives every triangle vertices of its own: flat shading, which the standard asks for where normals are missing.
+    fn flatten(&mut self) {
+        fn gather<T: Copy>(list: &mut Vec<T>, triangles: &[[u32; 3]]) {
+            if !list.is_empty() {
+                *list = triangles.iter().flatten().map(|&vertex| list[vertex as usize]).collect();
+            }
+        }
+        gather(&mut self.positions, &self.triangles);
+        for uvs in &mut self.uvs {
+            gather(uvs, &self.triangles);
+        }
+        gather(&mut self.colors, &self.triangles);
+        self.triangles = (0..self.triangles.len() as u32).map(|t| [t * 3, t * 3 + 1, t * 3 + 2]).collect();
+        // Zero normals become those of their faces when the model is completed.
+        self.normals = vec![Vec3::ZERO; self.positions.len()];
+    }
+
+    /// Moves the primitive into world coordinates; a mirroring transform turns the winding.
+    fn place(&mut self, world_from_mesh: &Mat4) {
+        let linear = Mat3::from_mat4(*world_from_mesh);
+        let determinant = linear.as_dmat3().determinant();
+        // The cofactor matrix carries normals right for every transform, singular ones too.
+        let [x, y, z] = [linear.x_axis, linear.y_axis, linear.z_axis].map(Vec3::as_dvec3);
+        let sign = if determinant < 0.0 { -1.0 } else { 1.0 };
+        let cofactors = [y.cross(z) * sign, z.cross(x) * sign, x.cross(y) * sign];
+        for position in &mut self.positions {
+            *position = world_from_mesh.transform_point3(*position);
+        }
+        for normal in &mut self.normals {
+            let n = normal.as_dvec3();
+            let turned = cofactors[0] * n.x + cofactors[1] * n.y + cofactors[2] * n.z;
+            *normal = turned.normalize_or_zero().as_vec3();
+        }
+        for tangent in &mut self.tangents {
+            let turned = (linear * Vec3::new(tangent[0], tangent[1], tangent[2])).normalize_or_zero();
+            *tangent = [turned.x, turned.y, turned.z, tangent[3] * sign as f32];
+        }
+        if determinant < 0.0 {
+            for triangle in &mut self.triangles {
+                triangle.swap(1, 2);
+            }
+        }
+    }
+}
+
+/// Adds the primitive to the model; a list that only one of the two has is filled up for the other.
+fn append(model: &mut Model, part: Part, material: u32) {
+    fn join<T: Copy>(all: &mut Vec<T>, before: usize, new: Vec<T>, added: usize, missing: T) {
+        if all.is_empty() && new.is_empty() {
+            return;
+        }
+        all.resize(before, missing);
+        all.extend(new);
+        all.resize(before + added, missing);
+    }
+    let (before, added) = (model.positions.len(), part.positions.len());
+    model.positions.extend(part.positions);
+    model.normals.extend(part.normals);
+    join(&mut model.tangents, before, part.tangents, added, [0.0; 4]);
+    for (all, new) in model.uvs.iter_mut().zip(part.uvs) {
+        join(all, before, new, added, [0.0; 2]);
+    }
+    join(&mut model.colors, before, part.colors, added, [1.0; 4]);
+    model.triangle_materials.resize(model.triangles.len() + part.triangles.len(), material);
+    model.triangles.extend(part.triangles.iter().map(|t| t.map(|vertex| vertex + before as u32)));
+}

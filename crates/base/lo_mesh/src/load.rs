@@ -1,0 +1,124 @@
+use std::path::{Path, PathBuf};
+
+use lo_geometry::Vec3;
+
+use crate::model::Resolver;
+use crate::{GlbTooLarge, LoadOptions, Material, MeshError, Model, gltf, normals, obj, ply, repair, stl, tangents};
+
+impl Model {
+    /// Reads glTF 2.0 (`.gltf`, `.glb`), Wavefront OBJ (with its MTL), PLY or STL. The extension chooses the
+    /// format; without a known one the first bytes do. Files named inside the mesh lie beside it.
+    ///
+    /// # Errors
+    /// See [`MeshError`]; all of them name the file. Missing textures are no error: see [`Model::warnings`].
+    pub fn load(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Self, MeshError> {
+        let path = path.as_ref();
+        let bytes = std::fs::read(path).map_err(|source| MeshError::Io { path: path.to_owned(), source })?;
+        let folder = path.parent().map(Path::to_owned).unwrap_or_default();
+        let resolve = |name: &str| read_file(&folder.join(local_path(name)));
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+        let model = match extension.as_str() {
+            "gltf" | "glb" => Self::from_gltf_bytes(&bytes, &resolve),
+            "obj" => Self::from_obj_bytes(&bytes, &resolve, options),
+            "ply" => Self::from_ply_bytes(&bytes, options),
+            "stl" => Self::from_stl_bytes(&bytes, options),
+            _ if bytes.starts_with(b"glTF") || bytes.trim_ascii_start().starts_with(b"{") => {
+                Self::from_gltf_bytes(&bytes, &resolve)
+            }
+            _ if bytes.starts_with(b"ply") => Self::from_ply_bytes(&bytes, options),
+            _ if bytes.starts_with(b"solid") => Self::from_stl_bytes(&bytes, options),
+            _ => Err(MeshError::UnknownFormat),
+        };
+        model.map_err(|source| MeshError::InFile { path: path.to_owned(), source: Box::new(source) })
+    }
+
+    /// Reads glTF JSON or GLB. All triangle primitives of the default scene (of all scenes where none is the
+    /// default), with node transforms; skins and animations in their bind pose.
+    ///
+    /// # Errors
+    /// See [`MeshError`].
+    pub fn from_gltf_bytes(bytes: &[u8], resolve: &Resolver) -> Result<Self, MeshError> {
+        gltf::read(bytes, resolve)?.finish()
+    }
+
+    /// Reads OBJ text and the MTL files that it names.
+    ///
+    /// # Errors
+    /// See [`MeshError`].
+    pub fn from_obj_bytes(bytes: &[u8], resolve: &Resolver, options: &LoadOptions) -> Result<Self, MeshError> {
+        obj::read(bytes, resolve, options)?.finish()
+    }
+
+    /// Reads PLY, ASCII or binary of either byte order.
+    ///
+    /// # Errors
+    /// See [`MeshError`].
+    pub fn from_ply_bytes(bytes: &[u8], options: &LoadOptions) -> Result<Self, MeshError> {
+        ply::read(bytes, options)?.finish()
+    }
+
+    /// Reads STL, ASCII or binary. Equal positions become one vertex.
+    ///
+    /// # Errors
+    /// See [`MeshError`].
+    pub fn from_stl_bytes(bytes: &[u8], options: &LoadOptions) -> Result<Self, MeshError> {
+        stl::read(bytes, options)?.finish()
+    }
+
+    /// A model of one material from bare triangles; normals are smooth up to the crease angle.
+    ///
+    /// # Errors
+    /// Indices beyond the vertices, no usable triangle.
+    pub fn from_triangles(
+        positions: Vec<Vec3>,
+        triangles: Vec<[u32; 3]>,
+        material: Material,
+        options: &LoadOptions,
+    ) -> Result<Self, MeshError> {
+        repair::check_indices(&triangles, positions.len())?;
+        let smooth = normals::smooth(&positions, &triangles, options.crease_angle_rad, |_| None);
+        let model = Self {
+            positions: smooth.vertex_positions.iter().map(|&p| positions[p as usize]).collect(),
+            normals: smooth.vertex_normals,
+            triangle_materials: vec![0; smooth.triangles.len()],
+            triangles: smooth.triangles,
+            materials: vec![material],
+            ..Self::default()
+        };
+        model.finish()
+    }
+
+    /// The model as glTF 2.0 binary: textures inside as PNG, radiance above 1 by `KHR_materials_emissive_strength`, panes and cloth by
+    /// `KHR_materials_transmission` and `KHR_materials_diffuse_transmission`. Vertices that no triangle uses are left out.
+    /// `generator` names the writing program.
+    ///
+    /// # Errors
+    /// A file of more than 4 GiB.
+    pub fn to_glb(&self, generator: &str) -> Result<Vec<u8>, GlbTooLarge> {
+        gltf::write(self, generator)
+    }
+
+    /// Brings a freshly read model into the state that the fields promise.
+    fn finish(mut self) -> Result<Self, MeshError> {
+        if self.materials.is_empty() {
+            self.materials.push(Material::default());
+        }
+        repair::repair(&mut self)?;
+        tangents::complete(&mut self);
+        Ok(self)
+    }
+}
+
+/// Reads a file that a mesh names. It may name anything: devices and pipes need not have an end.
+fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
+    if std::fs::metadata(path)?.is_file() {
+        std::fs::read(path)
+    } else {
+        Err(std::io::Error::other("it is no regular file"))
+    }
+}
+
+/// The name of a neighbouring file as a path: Windows separators turned, no scheme.
+fn local_path(name: &str) -> PathBuf {
+    PathBuf::from(name.replace('\\', "/"))
+}

@@ -1,0 +1,27 @@
+//! Lines of OBJ and MTL files.
+
+use std::borrow::Cow;
+
+/// Lines with their numbers (from 1), without comments; a backslash at the end joins the next line.
+pub(super) fn logical_lines(bytes: &[u8]) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
+    let mut lines = bytes.split(|&byte| byte == b'\n').enumerate();
+    std::iter::from_fn(move || {
+        let (number, first) = lines.next()?;
+        let mut line = clean(first);
+        while line.ends_with('\\') {
+            let joined = line.to_mut();
+            joined.pop();
+            joined.push(' ');
+            joined.push_str(&lines.next().map(|(_, next)| clean(next)).unwrap_or_default());
+        }
+        Some((number + 1, line))
+    })
+}
+
+pub(super) fn clean(line: &[u8]) -> Cow<'_, str> {
+    String::from_utf8_lossy(without_comment(line))
+}
+
+pub(super) fn without_comment(line: &[u8]) -> &[u8] {
+    line.split(|&byte| byte == b'#').next().unwrap_or_default().trim_ascii()
+}

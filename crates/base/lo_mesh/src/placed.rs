@@ -1,0 +1,101 @@
+use lo_geometry::{Quat, Ray, Vec3};
+
+use crate::{Bounds, Hit, PreparedModel, SurfacePoint};
+
+/// Where a model stands: scaled, turned, then moved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    /// Metres per model unit; positive.
+    pub scale: f32,
+    /// Unit quaternion.
+    pub rotation: Quat,
+    /// World position of the model's origin, metres.
+    pub translation: Vec3,
+}
+
+impl Default for Placement {
+    /// The model as it is.
+    fn default() -> Self {
+        Self { scale: 1.0, rotation: Quat::IDENTITY, translation: Vec3::ZERO }
+    }
+}
+
+impl Placement {
+    /// World position of a model point.
+    pub fn world_from_model(&self, point: Vec3) -> Vec3 {
+        self.rotation * (point * self.scale) + self.translation
+    }
+
+    /// Model point of a world position.
+    pub fn model_from_world(&self, point: Vec3) -> Vec3 {
+        (self.rotation.conjugate() * (point - self.translation)) / self.scale
+    }
+}
+
+/// A prepared model in the world. Rays are carried into the model, so moving it costs nothing.
+#[derive(Clone, Copy, Debug)]
+pub struct PlacedModel<'a> {
+    /// What stands there.
+    pub prepared: &'a PreparedModel,
+    /// Where it stands.
+    pub placement: Placement,
+}
+
+impl PlacedModel<'_> {
+    /// The closest surface that a viewer sees: backs of single-sided materials and fully transparent places are passed.
+    /// All distances are world metres.
+    pub fn intersect(&self, ray: &Ray, max_distance_m: f32) -> Option<Hit> {
+        self.world_hit(self.prepared.intersect(&self.model_ray(ray), max_distance_m / self.placement.scale))
+    }
+
+    /// The closest surface whichever way it faces; fully transparent places are passed.
+    pub fn intersect_both_sides(&self, ray: &Ray, max_distance_m: f32) -> Option<Hit> {
+        self.world_hit(self.prepared.intersect_both_sides(&self.model_ray(ray), max_distance_m / self.placement.scale))
+    }
+
+    /// Whether something that stops at least half of the light lies within the distance.
+    pub fn occluded(&self, ray: &Ray, max_distance_m: f32) -> bool {
+        self.prepared.occluded(&self.model_ray(ray), max_distance_m / self.placement.scale)
+    }
+
+    /// Share of the light that passes along the ray up to the distance.
+    pub fn transmittance(&self, ray: &Ray, max_distance_m: f32) -> f32 {
+        self.prepared.transmittance(&self.model_ray(ray), max_distance_m / self.placement.scale)
+    }
+
+    /// Material and normals at a hit, in world coordinates; `direction` is the ray's, `footprint_m` the width of what
+    /// it stands for there (see [`crate::Model::surface`]).
+    ///
+    /// # Panics
+    /// Where `hit` is not one of this model.
+    pub fn surface(&self, hit: &Hit, direction: Vec3, footprint_m: f32) -> SurfacePoint {
+        let Placement { scale, rotation, .. } = self.placement;
+        let local = self.prepared.model().surface(hit, rotation.conjugate() * direction, footprint_m / scale);
+        SurfacePoint {
+            position: self.placement.world_from_model(local.position),
+            geometric_normal: (rotation * local.geometric_normal).normalize(),
+            shading_normal: (rotation * local.shading_normal).normalize(),
+            ..local
+        }
+    }
+
+    /// Axis-parallel world box around the model (around its turned box: not the smallest one).
+    pub fn bounds(&self) -> Bounds {
+        let local = self.prepared.bounds();
+        let none = Bounds { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+        (0..8).fold(none, |bounds, corner| {
+            let pick = |axis: usize| if corner >> axis & 1 == 0 { local.min[axis] } else { local.max[axis] };
+            let p = self.placement.world_from_model(Vec3::new(pick(0), pick(1), pick(2)));
+            Bounds { min: bounds.min.min(p), max: bounds.max.max(p) }
+        })
+    }
+
+    fn model_ray(&self, ray: &Ray) -> Ray {
+        let inverse = self.placement.rotation.conjugate();
+        Ray { origin: self.placement.model_from_world(ray.origin), direction: inverse * ray.direction }
+    }
+
+    fn world_hit(&self, hit: Option<Hit>) -> Option<Hit> {
+        hit.map(|hit| Hit { distance_m: hit.distance_m * self.placement.scale, ..hit })
+    }
+}

@@ -1,0 +1,308 @@
+//! Materials by name and from JSON, for meshes that bring none or should look otherwise.
+
+use std::path::Path;
+
+use serde::Deserialize;
+
+use crate::{AlphaMode, Material, MeshError, Model, Texture, TextureRef, tangents};
+
+/// Name, linear base colour, metallic, roughness. Metals: reflectance at normal incidence as published for
+/// metallic-roughness renderers (Hoffman, "Physics and Math of Shading", SIGGRAPH 2015; physicallybased.info).
+const PRESETS: [(&str, [f32; 3], f32, f32); 19] = [
+    ("matte-white", [0.8, 0.8, 0.8], 0.0, 1.0),
+    ("matte-grey", [0.18, 0.18, 0.18], 0.0, 1.0),
+    ("matte-black", [0.03, 0.03, 0.03], 0.0, 1.0),
+    ("glossy-white", [0.8, 0.8, 0.8], 0.0, 0.1),
+    ("plastic-red", [0.6, 0.02, 0.02], 0.0, 0.3),
+    ("plastic-green", [0.03, 0.4, 0.06], 0.0, 0.3),
+    ("plastic-blue", [0.02, 0.08, 0.5], 0.0, 0.3),
+    ("plastic-black", [0.02, 0.02, 0.02], 0.0, 0.3),
+    ("clay", [0.46, 0.27, 0.19], 0.0, 0.95),
+    ("rubber", [0.023, 0.023, 0.023], 0.0, 0.9),
+    ("mirror", [1.0, 1.0, 1.0], 1.0, 0.0),
+    ("chrome", [0.549, 0.556, 0.554], 1.0, 0.05),
+    ("silver", [0.972, 0.960, 0.915], 1.0, 0.1),
+    ("rough-silver", [0.972, 0.960, 0.915], 1.0, 0.5),
+    ("aluminium", [0.913, 0.922, 0.924], 1.0, 0.2),
+    ("brushed-steel", [0.562, 0.565, 0.578], 1.0, 0.35),
+    ("gold", [1.0, 0.766, 0.336], 1.0, 0.15),
+    ("copper", [0.955, 0.638, 0.538], 1.0, 0.2),
+    ("brass", [0.887, 0.789, 0.434], 1.0, 0.25),
+];
+
+impl Material {
+    /// A material of [`Material::preset_names`]; both sides show.
+    pub fn preset(name: &str) -> Option<Self> {
+        let &(name, [r, g, b], metallic, roughness) = PRESETS.iter().find(|preset| preset.0 == name)?;
+        Some(Self { name: name.to_owned(), base_color: [r, g, b, 1.0], metallic, roughness, ..Self::default() })
+    }
+
+    /// Names that [`Material::preset`] knows.
+    pub fn preset_names() -> impl Iterator<Item = &'static str> {
+        PRESETS.iter().map(|preset| preset.0)
+    }
+}
+
+/// A material as a user describes it: a preset's name, or JSON such as
+/// `{"preset":"gold","roughness":0.4}` or `{"base_color":"#c02020","base_color_texture":"wood.png"}`.
+///
+/// Left out fields keep the preset's values (without one: white, not metallic, roughness 0.5, both sides).
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MaterialSpec {
+    /// Where the other fields start from.
+    pub preset: Option<String>,
+    /// Linear RGB or RGBA in [0, 1], or sRGB as "#rrggbb".
+    pub base_color: Option<Color>,
+    /// Coverage in [0, 1]; below 1 the alpha mode becomes "blend" unless given.
+    pub alpha: Option<f32>,
+    /// 0 dielectric … 1 metal.
+    pub metallic: Option<f32>,
+    /// Perceptual roughness in [0, 1].
+    pub roughness: Option<f32>,
+    /// Linear RGB radiance given off, 1 is the photo's white; or sRGB as "#rrggbb".
+    pub emissive: Option<Color>,
+    /// Picture file, sRGB.
+    pub base_color_texture: Option<String>,
+    /// Picture file: green roughness, blue metallic.
+    pub metallic_roughness_texture: Option<String>,
+    /// Picture file: tangent-space normals, +Y up.
+    pub normal_texture: Option<String>,
+    /// Scale of the normal texture's x and y.
+    pub normal_scale: Option<f32>,
+    /// Picture file, sRGB.
+    pub emissive_texture: Option<String>,
+    /// "opaque", "mask" or "blend".
+    pub alpha_mode: Option<AlphaModeName>,
+    /// Smallest alpha that shows under "mask"; 0.5.
+    pub alpha_cutoff: Option<f32>,
+    /// Whether the back shows too.
+    pub double_sided: Option<bool>,
+    /// Base colour is shown as it is, without light.
+    pub unlit: Option<bool>,
+}
+
+/// A colour in a material description.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(untagged, expecting = "a colour is [r, g, b], [r, g, b, a] or \"#rrggbb\"")]
+pub enum Color {
+    /// Linear RGB.
+    Rgb([f32; 3]),
+    /// Linear RGBA.
+    Rgba([f32; 4]),
+    /// sRGB, "#rrggbb".
+    Hex(String),
+}
+
+/// Alpha modes by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum AlphaModeName {
+    /// Alpha is ignored.
+    Opaque,
+    /// Visible where alpha reaches the cutoff.
+    Mask,
+    /// Alpha is coverage.
+    Blend,
+}
+
+impl MaterialSpec {
+    /// Reads a preset's name or JSON, and checks every value.
+    ///
+    /// # Errors
+    /// [`MeshError::UnknownMaterial`] with the names that exist; [`MeshError::MaterialJson`] naming the field.
+    pub fn parse(text: &str) -> Result<Self, MeshError> {
+        let text = text.trim();
+        let spec = if text.starts_with('{') {
+            serde_json::from_str(text).map_err(|error| MeshError::MaterialJson(error.to_string()))?
+        } else {
+            Self { preset: Some(text.to_owned()), ..Self::default() }
+        };
+        spec.factors()?;
+        Ok(spec)
+    }
+
+    /// The material without its textures.
+    fn factors(&self) -> Result<Material, MeshError> {
+        let mut material = match &self.preset {
+            Some(name) => Material::preset(name).ok_or_else(|| MeshError::UnknownMaterial {
+                name: name.clone(),
+                known: Material::preset_names().collect::<Vec<_>>().join(", "),
+            })?,
+            None => Material { name: "given".to_owned(), base_color: [1.0; 4], roughness: 0.5, ..Material::default() },
+        };
+        if let Some(color) = &self.base_color {
+            let [r, g, b, a] = color.linear("base_color")?;
+            material.base_color =
+                [share("base_color", r)?, share("base_color", g)?, share("base_color", b)?, share("base_color", a)?];
+        }
+        if let Some(alpha) = self.alpha {
+            material.base_color[3] = share("alpha", alpha)?;
+        }
+        if let Some(metallic) = self.metallic {
+            material.metallic = share("metallic", metallic)?;
+        }
+        if let Some(roughness) = self.roughness {
+            material.roughness = share("roughness", roughness)?;
+        }
+        if let Some(emissive) = &self.emissive {
+            let [r, g, b, _] = emissive.linear("emissive")?;
+            material.emissive = [r, g, b];
+        } else if self.emissive_texture.is_some() {
+            material.emissive = [1.0; 3];
+        }
+        if let Some(scale) = self.normal_scale {
+            if !scale.is_finite() {
+                return Err(MeshError::MaterialJson(format!("normal_scale is {scale}")));
+            }
+            material.normal_scale = scale;
+        }
+        let cutoff = share("alpha_cutoff", self.alpha_cutoff.unwrap_or(0.5))?;
+        material.alpha_mode = match self.alpha_mode {
+            Some(AlphaModeName::Mask) => AlphaMode::Mask { cutoff },
+            Some(AlphaModeName::Blend) => AlphaMode::Blend,
+            Some(AlphaModeName::Opaque) => AlphaMode::Opaque,
+            None if material.base_color[3] < 1.0 => AlphaMode::Blend,
+            None => AlphaMode::Opaque,
+        };
+        material.double_sided = self.double_sided.unwrap_or(material.double_sided);
+        material.unlit = self.unlit.unwrap_or(false);
+        Ok(material)
+    }
+}
+
+impl Color {
+    fn linear(&self, field: &str) -> Result<[f32; 4], MeshError> {
+        let color = match self {
+            Self::Rgb([r, g, b]) => [*r, *g, *b, 1.0],
+            Self::Rgba(rgba) => *rgba,
+            Self::Hex(text) => {
+                let code = text.strip_prefix('#').filter(|hex| hex.len() == 6 && hex.is_ascii());
+                let code = code.and_then(|hex| u32::from_str_radix(hex, 16).ok()).ok_or_else(|| {
+                    MeshError::MaterialJson(format!("{field} is \"{text}\"; a colour code looks like \"#c02020\""))
+                })?;
+                let [_, r, g, b] = code.to_be_bytes();
+                let [r, g, b] = [r, g, b].map(lo_imaging::linear_from_srgb8);
+                [r, g, b, 1.0]
+            }
+        };
+        if color.iter().all(|x| x.is_finite() && *x >= 0.0) {
+            Ok(color)
+        } else {
+            Err(MeshError::MaterialJson(format!("{field} is {color:?}; it must not be negative")))
+        }
+    }
+}
+
+fn share(field: &str, value: f32) -> Result<f32, MeshError> {
+    if (0.0..=1.0).contains(&value) {
+        Ok(value)
+    } else {
+        Err(MeshError::MaterialJson(format!("{field} is {value}; it lies between 0 and 1")))
+    }
+}
+
+impl Model {
+    /// Gives the whole model one material. Textures are read relative to `base_dir`.
+    ///
+    /// # Errors
+    /// As [`MaterialSpec::parse`]; [`MeshError::Texture`] where a picture cannot be used.
+    pub fn override_material(&mut self, spec: &MaterialSpec, base_dir: &Path) -> Result<(), MeshError> {
+        let mut material = spec.factors()?;
+        let mut textures = Vec::new();
+        let slots = [
+            (&spec.base_color_texture, true, &mut material.base_color_texture),
+            (&spec.metallic_roughness_texture, false, &mut material.metallic_roughness_texture),
+            (&spec.normal_texture, false, &mut material.normal_texture),
+            (&spec.emissive_texture, true, &mut material.emissive_texture),
+        ];
+        for (file, srgb, slot) in slots {
+            let Some(file) = file else { continue };
+            if self.uvs[0].is_empty() {
+                self.warnings.push(format!("texture {file} left out: the mesh has no texture coordinates"));
+                continue;
+            }
+            let bytes = std::fs::read(base_dir.join(file))
+                .map_err(|error| MeshError::Texture { name: file.clone(), reason: error.to_string() })?;
+            textures.push(Texture::from_bytes(file, &bytes, srgb)?);
+            *slot = Some(TextureRef::new(textures.len() - 1));
+        }
+        // A metallic picture scales the factor, which is 0 by default.
+        if material.metallic_roughness_texture.is_some() && spec.preset.is_none() {
+            material.metallic = spec.metallic.unwrap_or(1.0);
+            material.roughness = spec.roughness.unwrap_or(1.0);
+        }
+        self.textures = textures;
+        self.triangle_materials.fill(0);
+        self.materials = vec![material];
+        tangents::complete(self);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::LoadOptions;
+    use lo_geometry::Vec3;
+
+    #[test]
+    fn every_preset_is_physical_and_has_its_own_name() {
+        for name in Material::preset_names() {
+            let material = Material::preset(name).unwrap();
+            assert!(material.base_color.iter().all(|c| (0.0..=1.0).contains(c)), "{name}");
+            assert_eq!(Material::preset_names().filter(|&other| other == name).count(), 1);
+            assert_eq!(MaterialSpec::parse(name).unwrap().factors().unwrap(), material);
+        }
+    }
+
+    #[test]
+    fn json_changes_what_it_names() {
+        let spec = MaterialSpec::parse(r##"{"preset":"gold","roughness":0.4,"emissive":"#ff8000"}"##).unwrap();
+        let material = spec.factors().unwrap();
+        let gold = Material::preset("gold").unwrap();
+        assert_eq!((material.roughness, material.base_color, material.metallic), (0.4, gold.base_color, 1.0));
+        // IEC 61966-2-1 of 128: 0.21586.
+        assert_eq!(material.emissive[0], 1.0);
+        assert!((material.emissive[1] - 0.215_86).abs() < 1e-5);
+        let glass = MaterialSpec::parse(r#"{"base_color":[0.5,0.25,1,0.5]}"#).unwrap().factors().unwrap();
+        assert_eq!((glass.base_color, glass.alpha_mode), ([0.5, 0.25, 1.0, 0.5], AlphaMode::Blend));
+    }
+
+    #[test]
+    fn errors_name_the_field() {
+        let error = |text| MaterialSpec::parse(text).unwrap_err().to_string();
+        assert!(error("gould").starts_with("no material is called 'gould'; give JSON such as {\"base_color\":[0.8,0.1,0.1]} or one of: matte-white, matte-grey"));
+        assert!(
+            error(r#"{"roughnes":0.4}"#)
+                .starts_with("material JSON: unknown field `roughnes`, expected one of `preset`")
+        );
+        assert_eq!(error(r#"{"roughness":1.4}"#), "material JSON: roughness is 1.4; it lies between 0 and 1");
+        assert_eq!(
+            error(r#"{"base_color":"red"}"#),
+            "material JSON: base_color is \"red\"; a colour code looks like \"#c02020\""
+        );
+        assert!(error(r#"{"base_color":[1,2]}"#).contains("a colour is [r, g, b], [r, g, b, a] or \"#rrggbb\""));
+        assert!(error(r#"{"emissive":[1,-2,0]}"#).starts_with("material JSON: emissive is [1.0, -2.0, 0.0"));
+        assert!(error(r#"{"metallic":"#).starts_with("material JSON: EOF"));
+    }
+
+    #[test]
+    fn overriding_reads_textures_relative_to_the_folder() {
+        let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
+        let mut model =
+            Model::from_triangles(positions, vec![[0, 1, 2]], Material::default(), &LoadOptions::default()).unwrap();
+        model.uvs[0] = vec![[0.0, 1.0], [1.0, 1.0], [0.0, 0.0]];
+        let folder = tempfile::tempdir().unwrap();
+        let picture = lo_imaging::Image::new(1, 1, vec![[128, 128, 255, 255]]);
+        lo_imaging::write_rgba8(folder.path().join("up.png"), &picture, lo_imaging::GENERATOR).unwrap();
+        let spec = MaterialSpec::parse(r#"{"normal_texture":"up.png"}"#).unwrap();
+        model.override_material(&spec, folder.path()).unwrap();
+        // u grows along +X, v (down) along −Y: tangent +X, bitangent +Y.
+        assert_eq!(model.tangents, vec![[1.0, 0.0, 0.0, 1.0]; 3]);
+        let spec = MaterialSpec::parse(r#"{"base_color_texture":"missing.png"}"#).unwrap();
+        let error = model.override_material(&spec, folder.path()).unwrap_err().to_string();
+        assert!(error.starts_with("texture missing.png: "), "{error}");
+    }
+}

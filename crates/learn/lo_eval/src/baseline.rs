@@ -1,0 +1,107 @@
+//! Panoramas from the photo alone, without any notion of a room: what a method must beat.
+
+use lo_dataset::Sample;
+use lo_geometry::{Vec2, Vec3, direction_from_uv, pixel_direction};
+use lo_imaging::{RadianceImage, linear_from_srgb8, resize_equirectangular};
+
+use crate::profile::{Profile, mean_colour};
+
+/// Size of the panoramas that baselines give.
+pub(crate) const MAP: [usize; 2] = [256, 128];
+
+/// The photo's mean colour in all directions.
+pub(crate) fn mean_colour_map(sample: &Sample) -> RadianceImage {
+    let [width, height] = MAP;
+    RadianceImage::new(width, height, vec![mean_colour(sample); width * height])
+}
+
+/// The profile times the photo's mean colour, about the room's true vertical where it is known, else the photo's own.
+pub(crate) fn profile_map(sample: &Sample, profile: &Profile) -> RadianceImage {
+    let [width, height] = MAP;
+    let (mean, up) = (mean_colour(sample), sample.up.unwrap_or(Vec3::Y));
+    RadianceImage::from_fn(width, height, |x, y| {
+        let factor = profile.at(pixel_direction(x, y, width, height), up);
+        mean.map(|v| v * factor)
+    })
+}
+
+/// The photo mirrored at its edges again and again, in angles, until the sphere is full; inside of the photo it is the photo.
+pub(crate) fn mirrored_map(sample: &Sample) -> RadianceImage {
+    let camera = &sample.camera;
+    let half = [
+        camera.cx.min(f64::from(camera.width) - camera.cx) / camera.fx,
+        camera.cy.min(f64::from(camera.height) - camera.cy) / camera.fy,
+    ]
+    .map(|tangent| tangent.atan() as f32);
+    let linear = sample.photo.map(|rgb| rgb.map(linear_from_srgb8));
+    // four samples a pixel, then their mean
+    let [width, height] = MAP.map(|size| 2 * size);
+    let map = RadianceImage::from_fn(width, height, |x, y| {
+        let uv = Vec2::new((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32);
+        let longitude = (uv.x - 0.5) * std::f32::consts::TAU;
+        let latitude = (0.5 - uv.y) * std::f32::consts::PI;
+        let (along, up) = (folded(longitude, half[0]), folded(latitude, half[1]));
+        let inside = Vec2::new(along / std::f32::consts::TAU + 0.5, 0.5 - up / std::f32::consts::PI);
+        let direct = camera.project(direction_from_uv(uv)).filter(|(u, v, _)| {
+            (0.0..f64::from(camera.width)).contains(u) && (0.0..f64::from(camera.height)).contains(v)
+        });
+        let (u, v, _) = direct.or_else(|| camera.project(direction_from_uv(inside))).unwrap_or((0.0, 0.0, 1.0));
+        let at = |t: f64, size: usize| (t.max(0.0) as usize).min(size - 1);
+        linear[(at(u, linear.width()), at(v, linear.height()))]
+    });
+    resize_equirectangular(&map, MAP[0], MAP[1])
+}
+
+/// An angle mirrored at ± `half` until it lies between.
+fn folded(angle: f32, half: f32) -> f32 {
+    let turned = (angle + half).rem_euclid(4.0 * half);
+    if turned <= 2.0 * half { turned - half } else { 3.0 * half - turned }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::testing;
+    use lo_imaging::Image;
+
+    #[test]
+    fn the_photo_is_where_it_was_and_its_mirror_beside_it() {
+        let mut sample = testing::sample();
+        // red grows to the right, green downwards
+        sample.photo = Image::from_fn(96, 64, |x, y| [(2 * x) as u8, (3 * y) as u8, 0]);
+        let map = mirrored_map(&sample);
+        let camera = sample.camera;
+        for (x, y) in [(20, 30), (48, 32), (80, 50)] {
+            let uv = lo_geometry::uv_from_direction(camera.direction(x as f64 + 0.5, y as f64 + 0.5));
+            let got = map[((uv.x * 256.0) as usize, (uv.y * 128.0) as usize)];
+            let expected = sample.photo[(x, y)].map(linear_from_srgb8);
+            assert!((0..3).all(|c| (got[c] - expected[c]).abs() < 0.03), "{x}, {y}: {got:?} {expected:?}");
+        }
+        // on the horizon: the mirror of the right edge at 32.5° is at the same angle on both sides
+        let (inside, outside) = (column_at(&map, 26.0), column_at(&map, 39.0));
+        assert!((inside[0] - outside[0]).abs() < 0.03, "{inside:?} {outside:?}");
+    }
+
+    fn column_at(map: &RadianceImage, degrees: f32) -> [f32; 3] {
+        map[(((0.5 + degrees / 360.0) * 256.0) as usize, 64)]
+    }
+
+    #[test]
+    fn folding_is_a_triangle_wave() {
+        for (angle, expected) in
+            [(0.0, 0.0), (0.4, 0.4), (0.6, 0.4), (1.0, 0.0), (1.4, -0.4), (1.6, -0.4), (-0.6, -0.4)]
+        {
+            assert!((folded(angle, 0.5) - expected).abs() < 1e-6, "{angle}");
+        }
+    }
+
+    #[test]
+    fn the_mean_is_of_linear_light() {
+        let mut sample = testing::sample();
+        sample.photo = Image::from_fn(96, 64, |x, _| [if x < 48 { 0 } else { 255 }, 128, 0]);
+        let [r, g, b] = mean_colour(&sample);
+        assert!((r - 0.5).abs() < 1e-6 && (g - 0.215_860_5).abs() < 1e-6 && b == 0.0);
+        assert_eq!(mean_colour_map(&sample)[(3, 100)], [r, g, b]);
+    }
+}

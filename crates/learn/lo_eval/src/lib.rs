@@ -1,0 +1,34 @@
+//! Evaluation of estimated lighting: scores, spheres, published protocols, baselines, tables (`docs/method.md` §9).
+//!
+//! `docs/evaluation.md` tells what the figures mean and where the protocols come from.
+
+mod baseline;
+mod coherence;
+mod evaluation;
+pub mod memory;
+mod method;
+mod profile;
+mod protocol;
+mod report;
+mod scores;
+mod seen;
+mod sheet;
+pub mod spheres;
+mod split;
+mod summary;
+#[cfg(test)]
+mod testing;
+mod walk;
+
+pub use coherence::coherence;
+pub use evaluation::{EvalError, Evaluation, Photos};
+pub use method::{DepthInput, Estimate, Light, Method, MethodError, Tools};
+pub use profile::{Profile, ProfileBuilder, ProfileError};
+pub use protocol::{Protocol, ProtocolCrops, ProtocolRenders};
+pub use report::Report;
+pub use scores::{Scorer, Scores};
+pub use seen::seen_mask;
+pub use sheet::Sheet;
+pub use split::SplitAgreement;
+pub use summary::{Cost, Outcome, Summary};
+pub use walk::{Walk, walk};

@@ -1,0 +1,263 @@
+//! What is compared: the networks, the shell, and baselines.
+
+use lightoctree::cone::{self, Cone, Viewers};
+use lightoctree::scene::{Completion, Frame, FrameError, Scene};
+use lightoctree::{EstimateError, EstimateOptions, Estimator, Input};
+use lo_dataset::{NovelView, Sample, TrueLeaves};
+use lo_geometry::{Cube, Vec3};
+use lo_imaging::{DepthMap, Photo, RadianceImage, sample_equirectangular};
+use lo_octree::{LightOctree, OctreeError};
+
+use crate::{Profile, baseline};
+
+/// Depth that a method is given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DepthInput {
+    /// The scene's own.
+    True,
+    /// As a sensor measures it.
+    Sensor,
+}
+
+/// A way to the light around a point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// The networks, from the photo alone or with depth.
+    Network(Option<DepthInput>),
+    /// Completion by planes.
+    Shell(DepthInput),
+    /// The photo's mean colour in all directions.
+    MeanColour,
+    /// The training set's mean vertical profile times the photo's mean colour.
+    Profile,
+    /// The photo mirrored until the sphere is full.
+    Mirrored,
+    /// The one panorama that the global decoder makes of the photo, wherever the probe is (Gardner et al. 2017's kind).
+    SingleMap,
+    /// The true octree: what a perfect network of this depth would reach.
+    TrueOctree,
+}
+
+/// What methods need beside the photo.
+#[derive(Clone, Copy, Debug)]
+pub struct Tools<'a> {
+    /// `Network` and `SingleMap` need one with networks.
+    pub estimator: &'a Estimator,
+    /// For `Profile`.
+    pub profile: Option<&'a Profile>,
+    /// Depth of the octrees; those of networks are at least as deep as these say.
+    pub octree_depth: u32,
+    /// Of the networks' random choices.
+    pub seed: u64,
+}
+
+/// Why a method gave nothing for a sample.
+#[derive(Debug, thiserror::Error)]
+pub enum MethodError {
+    /// The sample or the tools lack something.
+    #[error("needs {0}")]
+    Needs(&'static str),
+    /// Photo and depth do not make a frame.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+    /// The estimate failed.
+    #[error(transparent)]
+    Estimate(#[from] EstimateError),
+    /// The octree cannot be built.
+    #[error(transparent)]
+    Octree(#[from] OctreeError),
+}
+
+/// What a method says about a room.
+pub struct Estimate {
+    /// The light.
+    pub light: Light,
+    /// The depth of the photo that the method found or used.
+    pub depth_m: Option<DepthMap>,
+    /// Which way it takes to be up, in the photo's frame, of unit length.
+    pub up: Option<Vec3>,
+}
+
+/// Light around every point.
+pub enum Light {
+    /// By cone tracing.
+    Octree {
+        /// The octree.
+        octree: Box<LightOctree>,
+        /// Ready to be traced.
+        viewers: Viewers,
+    },
+    /// The same panorama, in the photo's frame, wherever the probe is.
+    Map(RadianceImage),
+}
+
+impl Method {
+    /// All of them, in the order of the tables.
+    pub const ALL: [Self; 10] = [
+        Self::MeanColour,
+        Self::Profile,
+        Self::Mirrored,
+        Self::SingleMap,
+        Self::Shell(DepthInput::Sensor),
+        Self::Shell(DepthInput::True),
+        Self::Network(None),
+        Self::Network(Some(DepthInput::Sensor)),
+        Self::Network(Some(DepthInput::True)),
+        Self::TrueOctree,
+    ];
+
+    /// Its name in tables and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Network(None) => "network",
+            Self::Network(Some(DepthInput::Sensor)) => "network-sensor",
+            Self::Network(Some(DepthInput::True)) => "network-true",
+            Self::Shell(DepthInput::Sensor) => "shell-sensor",
+            Self::Shell(DepthInput::True) => "shell-true",
+            Self::MeanColour => "mean-colour",
+            Self::Profile => "profile",
+            Self::Mirrored => "mirrored",
+            Self::SingleMap => "single-map",
+            Self::TrueOctree => "true-octree",
+        }
+    }
+
+    /// Whether the tools at hand suffice, whatever the sample has.
+    pub fn has_tools(self, tools: &Tools) -> bool {
+        match self {
+            Self::Network(_) | Self::SingleMap => tools.estimator.networks().is_some(),
+            Self::Profile => tools.profile.is_some(),
+            _ => true,
+        }
+    }
+
+    /// Whether a sample has what the method takes.
+    pub fn takes(self, sample: &Sample) -> bool {
+        match self {
+            Self::Network(Some(DepthInput::True)) | Self::Shell(DepthInput::True) => sample.depth_m.is_some(),
+            Self::Network(Some(DepthInput::Sensor)) | Self::Shell(DepthInput::Sensor) => {
+                sample.sensor_depth_m.is_some()
+            }
+            Self::TrueOctree => !sample.points.is_empty(),
+            _ => true,
+        }
+    }
+
+    /// Estimates the light of a sample's room from its photo, and from depth where the method takes any.
+    ///
+    /// # Errors
+    /// What the sample or the tools lack; estimates that fail.
+    pub fn estimate(self, sample: &Sample, tools: &Tools) -> Result<Estimate, MethodError> {
+        let networks = || tools.estimator.networks().ok_or(MethodError::Needs("weights"));
+        let map = |map: RadianceImage| Ok(Estimate { light: Light::Map(map), depth_m: None, up: None });
+        match self {
+            Self::MeanColour => map(baseline::mean_colour_map(sample)),
+            Self::Profile => map(baseline::profile_map(sample, tools.profile.ok_or(MethodError::Needs("a profile"))?)),
+            Self::Mirrored => map(baseline::mirrored_map(sample)),
+            Self::SingleMap => map(networks()?.single_map(&sample.photo)),
+            Self::Shell(input) => {
+                let octree_depth = Some(tools.octree_depth);
+                let completion = Some(Completion::Shell);
+                let options = EstimateOptions { completion, octree_depth, ..EstimateOptions::default() };
+                let input = Input::MeasuredDepth(frame(sample, input)?);
+                let scene = tools.estimator.estimate(input, &options, &mut lightoctree::events::ignore)?;
+                Ok(Estimate::of_scene(scene))
+            }
+            Self::Network(input) => {
+                let networks = networks()?;
+                let octree_depth = Some(tools.octree_depth.max(networks.config.depth));
+                let options = EstimateOptions {
+                    completion: Some(Completion::Network),
+                    octree_depth,
+                    seed: tools.seed,
+                    ..EstimateOptions::default()
+                };
+                let input = match input {
+                    Some(input) => Input::MeasuredDepth(frame(sample, input)?),
+                    None => Input::Photo { photo: Photo::Srgb8(sample.photo.clone()), camera: sample.camera },
+                };
+                let scene = tools.estimator.estimate(input, &options, &mut lightoctree::events::ignore)?;
+                Ok(Estimate::of_scene(scene))
+            }
+            Self::TrueOctree => Ok(Estimate::of_octree(true_octree(sample, tools)?)),
+        }
+    }
+}
+
+impl Estimate {
+    fn of_scene(scene: Scene) -> Self {
+        let up = scene.room.map(|room| room.up);
+        Self { depth_m: Some(scene.frame.depth_m), up, ..Self::of_octree(scene.light) }
+    }
+
+    fn of_octree(octree: LightOctree) -> Self {
+        let viewers = Viewers::new(&octree);
+        Self { light: Light::Octree { octree: Box::new(octree), viewers }, depth_m: None, up: None }
+    }
+
+    /// The panorama at a view's place, in its orientation and of its size.
+    pub fn panorama(&self, view: &NovelView) -> RadianceImage {
+        let (width, height) = (view.radiance.width(), view.radiance.height());
+        self.panorama_at(view.position_m, width, height, |direction| view.rotation * direction)
+    }
+
+    /// A panorama whose directions become the photo's by `turn`.
+    pub(crate) fn panorama_at(
+        &self,
+        position_m: Vec3,
+        width: usize,
+        height: usize,
+        turn: impl Fn(Vec3) -> Vec3,
+    ) -> RadianceImage {
+        let direction = |x: usize, y: usize| turn(lo_geometry::pixel_direction(x, y, width, height));
+        match &self.light {
+            Light::Map(map) => {
+                RadianceImage::from_fn(width, height, |x, y| sample_equirectangular(map, direction(x, y)))
+            }
+            Light::Octree { viewers, .. } => {
+                // half of the pixel's pitch, as of `ConeTracer::panorama`
+                let tan_half_angle = (std::f32::consts::PI / width as f32).tan();
+                let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+                let cones: Vec<Cone> = places
+                    .map(|(x, y)| Cone { origin: position_m, direction: direction(x, y), tan_half_angle })
+                    .collect();
+                let samples = traced(viewers, position_m, &cones);
+                RadianceImage::new(width, height, samples.iter().map(|sample| sample.radiance).collect())
+            }
+        }
+    }
+}
+
+/// What cones from `eye` see.
+pub(crate) fn traced(viewers: &Viewers, eye: Vec3, cones: &[Cone]) -> Vec<cone::ConeSample> {
+    let mut samples = vec![cone::ConeSample::default(); cones.len()];
+    viewers.at(eye).trace_batch(cones, &mut samples);
+    samples
+}
+
+fn frame(sample: &Sample, input: DepthInput) -> Result<Frame, MethodError> {
+    let (depth_m, needed) = match input {
+        DepthInput::True => (&sample.depth_m, "true depth"),
+        DepthInput::Sensor => (&sample.sensor_depth_m, "sensor depth"),
+    };
+    let depth_m = depth_m.clone().ok_or(MethodError::Needs(needed))?;
+    Ok(Frame::new(Photo::Srgb8(sample.photo.clone()), depth_m, sample.camera, 1.0)?)
+}
+
+/// Of all surface points, in the smallest cube that holds them.
+fn true_octree(sample: &Sample, tools: &Tools) -> Result<LightOctree, MethodError> {
+    let bounds = sample.points.iter().map(|point| (point.position_m, point.position_m));
+    let (low, high) =
+        bounds.reduce(|(low, high), (a, b)| (low.min(a), high.max(b))).ok_or(MethodError::Needs("surface points"))?;
+    // a point on the far side would be outside
+    let cube = Cube::centred(0.5 * (low + high), 1.001 * (high - low).max_element().max(0.01));
+    let filled = |point_area_m2| TrueLeaves::Filled { point_area_m2 };
+    let leaves = sample.point_area_m2.map_or(TrueLeaves::All, filled);
+    Ok(lo_dataset::true_octree(
+        &sample.points,
+        leaves,
+        cube,
+        tools.octree_depth,
+        EstimateOptions::default().full_depth,
+    )?)
+}

@@ -1,0 +1,98 @@
+//! What an evaluation gives, as data and as tables.
+
+use lo_dataset::DatasetError;
+
+use crate::{Cost, Method, Sheet, Summary};
+
+/// The figures of an evaluation.
+#[derive(Debug)]
+pub struct Report {
+    /// In the order of the sheet's columns.
+    pub methods: Vec<Method>,
+    /// Every outcome.
+    pub summary: Summary,
+    /// Pictures of some photos.
+    pub sheet: Sheet,
+    /// Photos that were evaluated.
+    pub photos: usize,
+    /// Photos that should have been.
+    pub asked: usize,
+    /// Why the next photo could not be read, where that was the end.
+    pub unreadable: Option<DatasetError>,
+}
+
+impl Report {
+    /// The order of the sheet and all tables, in Markdown.
+    pub fn markdown(&self) -> String {
+        let names: Vec<&str> = self.methods.iter().map(|method| method.name()).collect();
+        let order = format!("sheet.png, from left to right: photo, true panorama, {}\n\n", names.join(", "));
+        order + &self.summary.markdown() + &self.summary.cost_markdown()
+    }
+
+    /// A line for each photo and method; what cannot be said stays empty.
+    pub fn scenes_csv(&self) -> String {
+        let figures = self.summary.figures();
+        let head = ["scene", "photo", "method", "not_possible"].map(str::to_owned);
+        let mut text = line(head.into_iter().chain(figures.iter().cloned()));
+        for outcome in self.summary.outcomes() {
+            let (scores, reason) = match &outcome.scores {
+                Ok(scores) => (Some(scores), String::new()),
+                Err(reason) => (None, reason.to_string()),
+            };
+            let value = |figure: &String| scores.and_then(|scores| scores.get(figure)).map(|v| format!("{v:.6}"));
+            let start = [outcome.scene.clone(), outcome.sample.clone(), outcome.method.to_owned(), reason];
+            text += &line(start.into_iter().chain(figures.iter().map(|figure| value(figure).unwrap_or_default())));
+        }
+        text
+    }
+
+    /// Time and memory of each method on each photo.
+    pub fn costs_csv(&self) -> String {
+        let mut text = line(["photo", "method", "estimate_s", "panorama_s", "peak_mib"].map(str::to_owned));
+        for outcome in self.summary.outcomes().iter().filter(|outcome| outcome.scores.is_ok()) {
+            let Cost { estimate_s, panorama_s, peak_mib } = outcome.cost;
+            let peak = peak_mib.map_or_else(String::new, |mib| format!("{mib:.1}"));
+            let numbers = [format!("{estimate_s:.6}"), format!("{panorama_s:.6}"), peak];
+            text += &line([outcome.sample.clone(), outcome.method.to_owned()].into_iter().chain(numbers));
+        }
+        text
+    }
+}
+
+/// A record as RFC 4180 has it, but for the end of the line.
+fn line(cells: impl IntoIterator<Item = String>) -> String {
+    let quoted = |cell: String| {
+        if cell.contains([',', '"', '\n', '\r']) { format!("\"{}\"", cell.replace('"', "\"\"")) } else { cell }
+    };
+    cells.into_iter().map(quoted).collect::<Vec<_>>().join(",") + "\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{MethodError, Outcome, Scores};
+
+    #[test]
+    fn tables_hold_every_outcome() {
+        let scores = Scores::from_iter([("psnr_db".to_owned(), 12.5)]);
+        let cost = Cost { estimate_s: 1.5, panorama_s: 0.25, peak_mib: Some(99.04) };
+        let outcome =
+            |method, scores| Outcome { sample: "a \"small\" room, 1".into(), scene: "a".into(), method, scores, cost };
+        let mut summary = Summary::default();
+        summary.add(outcome("network", Ok(scores)));
+        summary.add(outcome("shell-true", Err(MethodError::Needs("true depth"))));
+        let sheet = Sheet::default();
+        let methods = vec![Method::Network(None)];
+        let report = Report { methods, summary, sheet, photos: 1, asked: 2, unreadable: None };
+        let name = "\"a \"\"small\"\" room, 1\"";
+        assert_eq!(
+            report.scenes_csv(),
+            format!(
+                "scene,photo,method,not_possible,psnr_db\na,{name},network,,12.500000\na,{name},shell-true,needs true depth,\n"
+            )
+        );
+        let costs = format!("photo,method,estimate_s,panorama_s,peak_mib\n{name},network,1.500000,0.250000,99.0\n");
+        assert_eq!(report.costs_csv(), costs);
+        assert!(report.markdown().starts_with("sheet.png, from left to right: photo, true panorama, network\n\n###"));
+    }
+}

@@ -1,0 +1,209 @@
+//! All figures of one method on one sample.
+
+use lo_dataset::{Sample, TrueLeaves, true_octree};
+use lo_geometry::Vec3;
+use lo_imaging::RadianceImage;
+use lo_metrics::{
+    DepthErrors, MAX_PSNR_DB, PsnrCurve, angular_error_deg, log_rmse, psnr_db, relative_si_rmse, rmse, si_rmse,
+    solid_angles_sr,
+};
+use serde::Serialize;
+
+use crate::spheres::{Material, SphereView, Transport, single_sphere};
+use crate::{Estimate, Light, ProtocolRenders, SplitAgreement, coherence, seen_mask};
+
+/// Named figures; what cannot be said of a sample is missing.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[serde(transparent)]
+pub struct Scores(Vec<(String, f64)>);
+
+impl Scores {
+    /// A figure by its name.
+    pub fn get(&self, name: &str) -> Option<f64> {
+        self.0.iter().find(|(own, _)| own == name).map(|(_, value)| *value)
+    }
+
+    /// All of them, in the order of the tables.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, f64)> {
+        self.0.iter().map(|(name, value)| (&name[..], *value))
+    }
+
+    /// Adds a figure, where there is one.
+    pub fn add(&mut self, name: impl Into<String>, value: Option<f64>) {
+        self.0.extend(value.map(|value| (name.into(), value)));
+    }
+
+    /// Mean of each figure over those that have it; the order is that of first appearance.
+    pub fn mean<'a>(all: impl IntoIterator<Item = &'a Self>) -> Self {
+        let mut sums: Vec<(&str, f64, usize)> = Vec::new();
+        for scores in all {
+            for (name, value) in scores.iter() {
+                match sums.iter_mut().find(|(own, ..)| *own == name) {
+                    Some((_, sum, count)) => (*sum, *count) = (*sum + value, *count + 1),
+                    None => sums.push((name, value, 1)),
+                }
+            }
+        }
+        Self(sums.into_iter().map(|(name, sum, count)| (name.to_owned(), sum / count as f64)).collect())
+    }
+}
+
+impl FromIterator<(String, f64)> for Scores {
+    fn from_iter<I: IntoIterator<Item = (String, f64)>>(figures: I) -> Self {
+        Self(figures.into_iter().collect())
+    }
+}
+
+/// Makes scores; holds the spheres.
+#[derive(Debug)]
+pub struct Scorer {
+    spheres: Vec<(&'static str, Transport)>,
+    protocol: Option<ProtocolRenders>,
+}
+
+impl Scorer {
+    /// With the project's own three spheres, or with a published protocol's.
+    pub fn new(protocol: Option<ProtocolRenders>) -> Self {
+        // seen from where the viewer of the panorama's centre stands, 72 and 288 pixels across
+        let view = SphereView { eye: Vec3::new(0.0, 0.0, 16.0), focal_px: 2300.0 };
+        let spheres = [
+            ("diffuse", Material::Diffuse { albedo: 1.0 }),
+            ("silver", Material::Metal { reflectance: 1.0, roughness: 0.3271 }),
+            ("mirror", Material::Mirror { reflectance: 1.0 }),
+        ];
+        let spheres = match protocol {
+            None => spheres.map(|(name, material)| (name, single_sphere(material, view))).into(),
+            Some(_) => Vec::new(),
+        };
+        Self { spheres, protocol }
+    }
+
+    /// Panoramas that an estimate gives at the sample's views, in order.
+    pub fn panoramas(sample: &Sample, estimate: &Estimate) -> Vec<RadianceImage> {
+        sample.views.iter().map(|view| estimate.panorama(view)).collect()
+    }
+
+    /// Figures of an estimate whose [`panoramas`](Self::panoramas) are at hand: means over the sample's views.
+    pub fn score(&self, sample: &Sample, estimate: &Estimate, panoramas: &[RadianceImage]) -> Scores {
+        let views: Vec<Scores> = sample
+            .views
+            .iter()
+            .zip(panoramas)
+            .map(|(view, got)| {
+                let mut scores = Scores::default();
+                let angles = solid_angles_sr(got.width(), got.height());
+                parts(&mut scores, &view.radiance, got, &angles, seen_mask(sample, view).as_deref());
+                for (name, sphere) in &self.spheres {
+                    let (a, b) = (sphere.render(&view.radiance), sphere.render(got));
+                    let ones = vec![1.0; a.pixels().len()];
+                    scores.add(format!("{name}_rmse"), rmse(&a, &b, &ones));
+                    scores.add(format!("{name}_si_rmse"), si_rmse(&a, &b, &ones));
+                    scores.add(format!("{name}_angular_deg"), angular_error_deg(&a, &b, &ones));
+                }
+                let protocol = self.protocol.iter().flat_map(|protocol| protocol.figures(&view.radiance, got));
+                protocol.for_each(|(name, value)| scores.add(name, Some(value)));
+                scores
+            })
+            .collect();
+        let mut scores = Scores::mean(&views);
+        scores.add("coherence", coherence(sample.views.iter().zip(panoramas)));
+        scene(&mut scores, sample, estimate);
+        scores
+    }
+}
+
+/// Figures of a whole panorama and of its seen and unseen parts.
+fn parts(scores: &mut Scores, truth: &RadianceImage, got: &RadianceImage, angles: &[f32], seen: Option<&[bool]>) {
+    let of = |wanted: bool| -> Option<Vec<f32>> {
+        let part = |(&angle, &seen): (&f32, &bool)| if seen == wanted { angle } else { 0.0 };
+        seen.map(|seen| angles.iter().zip(seen).map(part).collect())
+    };
+    for (prefix, weights) in [("", Some(angles.to_vec())), ("seen_", of(true)), ("unseen_", of(false))] {
+        let Some(weights) = weights else { continue };
+        let db = |curve| psnr_db(truth, got, &weights, curve).map(|db| db.min(MAX_PSNR_DB));
+        scores.add(format!("{prefix}psnr_db"), db(PsnrCurve::ClippedSrgb));
+        scores.add(format!("{prefix}reinhard_psnr_db"), db(PsnrCurve::Reinhard));
+        scores.add(format!("{prefix}rmse"), rmse(truth, got, &weights));
+        scores.add(format!("{prefix}log_rmse"), log_rmse(truth, got, &weights));
+        scores.add(format!("{prefix}si_rmse"), si_rmse(truth, got, &weights));
+        scores.add(format!("{prefix}relative_si_rmse"), relative_si_rmse(truth, got, &weights));
+        scores.add(format!("{prefix}angular_deg"), angular_error_deg(truth, got, &weights));
+    }
+}
+
+/// Figures of depth and of the octree's structure.
+fn scene(scores: &mut Scores, sample: &Sample, estimate: &Estimate) {
+    let depth = sample.depth_m.as_ref().zip(estimate.depth_m.as_ref());
+    if let Some(errors) = depth.and_then(|(truth, got)| DepthErrors::of(truth, got)) {
+        scores.add("depth_abs_rel", Some(errors.abs_rel));
+        scores.add("depth_rmse_m", Some(errors.rmse_m));
+        for (i, delta) in errors.delta.into_iter().enumerate() {
+            scores.add(format!("depth_delta{}", i + 1), Some(delta));
+        }
+    }
+    let up = sample.up.zip(estimate.up);
+    scores.add("up_deg", up.map(|(truth, got)| f64::from(truth.angle_between(got)).to_degrees()));
+    let Light::Octree { octree, .. } = &estimate.light else { return };
+    if sample.points.is_empty() {
+        return;
+    }
+    let (depth, full_depth) = (octree.octree.depth(), octree.octree.full_depth());
+    let truth = true_octree(&sample.points, TrueLeaves::All, octree.cube, depth, full_depth).ok();
+    if let Some(agreement) = truth.and_then(|truth| SplitAgreement::of(&truth, octree)) {
+        scores.add("split_accuracy", Some(agreement.accuracy));
+        scores.add("split_precision", Some(agreement.precision));
+        scores.add("split_recall", Some(agreement.recall));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::{DepthInput, Method, ProfileBuilder, Tools, testing};
+    use lightoctree::Estimator;
+
+    #[test]
+    fn methods_are_ranked_as_they_must_be_in_a_known_room() {
+        let sample = testing::box_room();
+        let mut builder = ProfileBuilder::default();
+        builder.add(&sample);
+        let profile = builder.finish("the same room").unwrap();
+        let tools =
+            Tools { estimator: &Estimator::without_networks(), profile: Some(&profile), octree_depth: 6, seed: 0 };
+        let scorer = Scorer::new(None);
+        let score = |method: Method| {
+            let estimate = method.estimate(&sample, &tools).unwrap();
+            let panoramas = Scorer::panoramas(&sample, &estimate);
+            scorer.score(&sample, &estimate, &panoramas)
+        };
+        let [octree, shell, mean, mirrored] =
+            [Method::TrueOctree, Method::Shell(DepthInput::True), Method::MeanColour, Method::Mirrored].map(score);
+        let figure = |scores: &Scores, name: &str| scores.get(name).unwrap_or_else(|| panic!("no {name}"));
+        assert!(figure(&octree, "psnr_db") > 25.0, "{octree:?}");
+        assert!(figure(&shell, "seen_psnr_db") > figure(&mean, "seen_psnr_db") + 5.0, "{shell:?} {mean:?}");
+        assert!(figure(&mirrored, "seen_psnr_db") > figure(&mean, "seen_psnr_db"));
+        for scores in [&shell, &mean, &mirrored] {
+            assert!(figure(&octree, "unseen_si_rmse") < figure(scores, "unseen_si_rmse"), "{scores:?}");
+            assert!(figure(&octree, "coherence") < figure(scores, "coherence"));
+            assert!(figure(&octree, "diffuse_rmse") < figure(scores, "diffuse_rmse"));
+        }
+        // the true octree is split as itself, true depth has no error
+        assert_eq!(octree.get("split_accuracy"), Some(1.0));
+        assert!(figure(&shell, "split_accuracy") < 1.0, "it assumes other heights of floor and ceiling");
+        assert!(figure(&shell, "depth_abs_rel") < 1e-6 && figure(&shell, "depth_delta1") == 1.0);
+        assert_eq!((mean.get("depth_abs_rel"), mean.get("split_accuracy"), mean.get("up_deg")), (None, None, None));
+        assert!(figure(&shell, "up_deg") < 1.0, "floor and walls are seen");
+        assert!(matches!(Method::Network(None).estimate(&sample, &tools), Err(crate::MethodError::Needs("weights"))));
+        let bare = testing::sample();
+        let error = Method::Shell(DepthInput::True).estimate(&bare, &tools).err().unwrap();
+        assert_eq!(error.to_string(), "needs true depth");
+    }
+
+    #[test]
+    fn means_take_what_there_is() {
+        let scores = |values: &[(&str, f64)]| Scores(values.iter().map(|(n, v)| ((*n).to_owned(), *v)).collect());
+        let mean = Scores::mean(&[scores(&[("a", 1.0), ("b", 2.0)]), scores(&[("a", 3.0)])]);
+        assert_eq!(mean, scores(&[("a", 2.0), ("b", 2.0)]));
+    }
+}

@@ -1,0 +1,110 @@
+//! Which part of a probe's panorama the photo shows.
+
+use lo_dataset::{NovelView, Sample};
+use lo_geometry::{Vec3, pixel_direction};
+use lo_imaging::DepthMap;
+
+/// A surface counts as seen where the photo's depth differs by no more than this, metres, and this share of the distance: a panorama's pixel covers
+/// some centimetres of a surface, more of an oblique one.
+const TOLERANCE_M: f64 = 0.1;
+const TOLERANCE_SHARE: f64 = 0.03;
+
+/// A probe this near to the camera, metres, sees what it sees in each direction.
+const AT_CAMERA_M: f32 = 1e-3;
+
+/// For every pixel of the view's panorama, row by row: whether the photo shows what is there.
+///
+/// With depth at both ends: the surface point lies in the picture and is the one that the photo's true depth says; open sky is seen where the
+/// photo has open sky in that direction. Without: the camera's own frustum, for a probe at the camera; for others nothing can be said (`None`).
+pub fn seen_mask(sample: &Sample, view: &NovelView) -> Option<Vec<bool>> {
+    let (width, height) = (view.radiance.width(), view.radiance.height());
+    let directions = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+    let directions = directions.map(|(x, y)| ((x, y), view.rotation * pixel_direction(x, y, width, height)));
+    match (&view.depth_m, &sample.depth_m) {
+        (Some(distance_m), Some(depth_m)) => {
+            let seen = |((x, y), direction): ((usize, usize), Vec3)| {
+                // the two maps may differ in size
+                let distance = distance_m[(x * distance_m.width() / width, y * distance_m.height() / height)];
+                let open = !(distance.is_finite() && distance > 0.0);
+                let point = if open { direction } else { view.position_m + direction * distance };
+                shows(sample, depth_m, point, open)
+            };
+            Some(directions.map(seen).collect())
+        }
+        _ if view.position_m.length() < AT_CAMERA_M => {
+            Some(directions.map(|(_, direction)| pixel_of(sample, direction).is_some()).collect())
+        }
+        _ => None,
+    }
+}
+
+/// Whether the photo shows a surface point or, where `open`, the sky in that direction.
+fn shows(sample: &Sample, depth_m: &DepthMap, point: Vec3, open: bool) -> bool {
+    pixel_of(sample, point).is_some_and(|([u, v], z)| {
+        let column = (u * depth_m.width() as f64) as usize;
+        let row = (v * depth_m.height() as f64) as usize;
+        let there = f64::from(depth_m[(column.min(depth_m.width() - 1), row.min(depth_m.height() - 1))]);
+        let surface = there.is_finite() && there > 0.0;
+        if open { !surface } else { surface && (there - z).abs() < TOLERANCE_M + TOLERANCE_SHARE * z }
+    })
+}
+
+/// Place in the picture, each coordinate in `[0, 1)`, and depth; `None` outside of it.
+fn pixel_of(sample: &Sample, point: Vec3) -> Option<([f64; 2], f64)> {
+    let (u, v, z) = sample.camera.project(point)?;
+    let place = [u / f64::from(sample.camera.width), v / f64::from(sample.camera.height)];
+    place.iter().all(|t| (0.0..1.0).contains(t)).then_some((place, z))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::testing;
+    use lo_geometry::Quat;
+    use lo_imaging::RadianceImage;
+    use lo_metrics::solid_angles_sr;
+
+    #[test]
+    fn the_frustum_has_its_solid_angle() {
+        let sample = testing::sample();
+        let view = NovelView {
+            position_m: Vec3::ZERO,
+            rotation: Quat::from_rotation_y(2.0),
+            radiance: RadianceImage::new(512, 256, vec![[1.0; 3]; 512 * 256]),
+            depth_m: None,
+        };
+        let mask = seen_mask(&sample, &view).unwrap();
+        let angles = solid_angles_sr(512, 256);
+        let got: f32 = mask.iter().zip(&angles).filter(|(seen, _)| **seen).map(|(_, angle)| angle).sum();
+        // a centred rectangle a × b at distance 1: 4 asin(ab / √((1 + a²)(1 + b²)))
+        let camera = sample.camera;
+        let (a, b) = (camera.cx / camera.fx, camera.cy / camera.fy);
+        let expected = 4.0 * (a * b / ((1.0 + a * a) * (1.0 + b * b)).sqrt()).asin();
+        assert!((f64::from(got) / expected - 1.0).abs() < 0.01, "{got} {expected}");
+        let elsewhere = NovelView { position_m: Vec3::X, ..view };
+        assert_eq!(seen_mask(&sample, &elsewhere), None);
+    }
+
+    #[test]
+    fn with_depth_only_what_is_not_hidden_is_seen() {
+        // a box room 4 m wide, 4 m deep and high around the camera; the photo shows the wall at z = −2
+        let sample = testing::box_room();
+        let view = &sample.views[0];
+        let mask = seen_mask(&sample, view).unwrap();
+        let (width, height) = (view.radiance.width(), view.radiance.height());
+        for (index, &seen) in mask.iter().enumerate() {
+            let direction = pixel_direction(index % width, index / width, width, height);
+            let point = view.position_m + direction * view.depth_m.as_ref().unwrap().pixels()[index];
+            let (u, v) = (point.x / -point.z, point.y / -point.z);
+            let (a, b) = (sample.camera.cx / sample.camera.fx, sample.camera.cy / sample.camera.fy);
+            let inside = point.z < 0.0 && f64::from(u.abs()) < a - 0.01 && f64::from(v.abs()) < b - 0.01;
+            let outside = point.z >= 0.0 || f64::from(u.abs()) > a + 0.01 || f64::from(v.abs()) > b + 0.01;
+            assert!((seen || !inside) && !(seen && outside), "{direction} {point} {seen}");
+        }
+        // an obstacle in the photo hides the wall
+        let mut hidden = sample.clone();
+        hidden.depth_m.as_mut().unwrap().pixels_mut().fill(0.5);
+        assert!(seen_mask(&hidden, view).unwrap().iter().all(|seen| !seen));
+    }
+}

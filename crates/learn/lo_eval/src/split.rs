@@ -1,0 +1,85 @@
+//! Whether an octree is split where the true one is.
+
+use lo_octree::{LightOctree, Octree};
+use serde::Serialize;
+
+/// Agreement of split labels, over the nodes from the full depth to the last but one. An occupied node counts as split, also where the
+/// estimated tree ends there: whether it found the surface counts, not how fine it is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct SplitAgreement {
+    /// Share of the true tree's nodes that are split in both trees or in neither; a node that the estimated tree lacks is not split there.
+    pub accuracy: f64,
+    /// Of the estimated tree's split nodes, the share that is split in the true tree.
+    pub precision: f64,
+    /// Of the true tree's split nodes, the share that is split in the estimated tree.
+    pub recall: f64,
+}
+
+impl SplitAgreement {
+    /// Compares two trees over the same cube; `None` where their cubes, depths or full depths differ, or nothing is split in one of them.
+    pub fn of(truth: &LightOctree, got: &LightOctree) -> Option<Self> {
+        let shape = |light: &LightOctree| (light.cube, light.octree.depth(), light.octree.full_depth());
+        if shape(truth) != shape(got) {
+            return None;
+        }
+        let (mut nodes, mut agree, mut both) = (0usize, 0usize, 0usize);
+        let [mut split_truth, mut split_got] = [0usize; 2];
+        for depth in truth.octree.full_depth()..truth.octree.depth() {
+            let mine = occupied_keys(&got.octree, depth);
+            split_got += mine.len();
+            let level = &truth.octree.levels()[depth as usize];
+            for (key, &child) in level.keys.iter().zip(&level.children) {
+                let (is, predicted) = (child >= 0, mine.binary_search(key).is_ok());
+                nodes += 1;
+                agree += usize::from(is == predicted);
+                split_truth += usize::from(is);
+                both += usize::from(is && predicted);
+            }
+        }
+        let share = |part: usize, whole: usize| part as f64 / whole as f64;
+        (split_truth > 0 && split_got > 0).then(|| Self {
+            accuracy: share(agree, nodes),
+            precision: share(both, split_got),
+            recall: share(both, split_truth),
+        })
+    }
+}
+
+/// Keys of the occupied nodes, in increasing order. Leaves at the full depth are not among them: they close the cube's sides, and say nothing of where
+/// surfaces are.
+fn occupied_keys(octree: &Octree, depth: u32) -> Vec<u32> {
+    let level = &octree.levels()[depth as usize];
+    let occupied = |node: &usize| level.rows[*node] >= 0 && (depth > octree.full_depth() || level.children[*node] >= 0);
+    (0..level.len()).filter(occupied).map(|node| level.keys[node]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use lo_geometry::{Cube, Vec3};
+    use lo_octree::key_from_xyz;
+
+    /// Leaves of depth 3 at these places, full down to depth 1.
+    fn tree(leaves: &[[u32; 3]]) -> LightOctree {
+        let mut keys: Vec<u32> = leaves.iter().map(|&[x, y, z]| key_from_xyz([x, y, z])).collect();
+        keys.sort_unstable();
+        let count = keys.len();
+        let cube = Cube::centred(Vec3::ZERO, 8.0);
+        LightOctree::from_leaves(keys, vec![[1.0; 4]; count], vec![0; count], cube, 3, 1).unwrap()
+    }
+
+    #[test]
+    fn labels_are_counted() {
+        // truth: octants 000 and 111 of depth 1 are split, and one node of depth 2 in each
+        let truth = tree(&[[0, 0, 0], [7, 7, 7]]);
+        assert_eq!(SplitAgreement::of(&truth, &truth).unwrap().accuracy, 1.0);
+        // the estimate has the first as it is, and splits octant 100 instead of 111
+        let got = tree(&[[0, 0, 0], [7, 0, 0]]);
+        let found = SplitAgreement::of(&truth, &got).unwrap();
+        // depth 1: 8 nodes, 2 wrong. Depth 2: 16 nodes, of which only the split one in octant 111 is wrong
+        assert_eq!(found, SplitAgreement { accuracy: 21.0 / 24.0, precision: 0.5, recall: 0.5 });
+        let elsewhere = LightOctree { cube: Cube::centred(Vec3::ZERO, 9.0), ..truth.clone() };
+        assert_eq!(SplitAgreement::of(&truth, &elsewhere), None);
+    }
+}

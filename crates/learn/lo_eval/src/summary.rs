@@ -1,0 +1,366 @@
+//! Tables of many samples and methods.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+use serde::Serialize;
+use serde_json::json;
+
+use crate::{MethodError, Scores};
+
+/// What came of one method on one sample.
+#[derive(Debug)]
+pub struct Outcome {
+    /// The sample.
+    pub sample: String,
+    /// Its scene.
+    pub scene: String,
+    /// Name of the method.
+    pub method: &'static str,
+    /// Figures, or why there are none.
+    pub scores: Result<Scores, MethodError>,
+    /// What it took; measured, so never the same twice.
+    pub cost: Cost,
+}
+
+/// Time and memory of a method on a sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Cost {
+    /// From photo to light, seconds.
+    pub estimate_s: f64,
+    /// One panorama of the sample's size, seconds.
+    pub panorama_s: f64,
+    /// Highest resident memory of the whole process meanwhile, MiB, where the system tells.
+    pub peak_mib: Option<f64>,
+}
+
+/// All outcomes of an evaluation.
+#[derive(Debug, Default)]
+pub struct Summary {
+    outcomes: Vec<Outcome>,
+}
+
+/// A method's line of the tables.
+struct Line<'a> {
+    method: &'static str,
+    samples: usize,
+    failures: BTreeMap<String, usize>,
+    /// Scene → mean of its samples.
+    scenes: Vec<(&'a str, Scores)>,
+    /// Over the scenes.
+    mean: Scores,
+    cost: Cost,
+}
+
+/// Heading of a table, and its columns: figure, head, digits.
+type Table = (&'static str, &'static [(&'static str, &'static str, usize)]);
+
+const TABLES: [Table; 7] = [
+    (
+        "Panorama",
+        &[
+            ("psnr_db", "PSNR dB ↑", 2),
+            ("reinhard_psnr_db", "PSNR dB, L/(1+L) ↑", 2),
+            ("log_rmse", "log-RMSE ↓", 3),
+            ("rmse", "RMSE ↓", 3),
+            ("si_rmse", "si-RMSE ↓", 3),
+            ("relative_si_rmse", "relative si-RMSE ↓", 3),
+            ("angular_deg", "angle ° ↓", 2),
+        ],
+    ),
+    (
+        "Seen and unseen parts",
+        &[
+            ("seen_psnr_db", "seen PSNR ↑", 2),
+            ("seen_si_rmse", "seen si-RMSE ↓", 3),
+            ("seen_angular_deg", "seen ° ↓", 2),
+            ("unseen_psnr_db", "unseen PSNR ↑", 2),
+            ("unseen_log_rmse", "unseen log-RMSE ↓", 3),
+            ("unseen_si_rmse", "unseen si-RMSE ↓", 3),
+            ("unseen_relative_si_rmse", "unseen relative ↓", 3),
+            ("unseen_angular_deg", "unseen ° ↓", 2),
+        ],
+    ),
+    (
+        "Spheres",
+        &[
+            ("diffuse_rmse", "diffuse RMSE ↓", 3),
+            ("diffuse_si_rmse", "diffuse si-RMSE ↓", 3),
+            ("diffuse_angular_deg", "diffuse ° ↓", 2),
+            ("silver_rmse", "silver RMSE ↓", 3),
+            ("silver_si_rmse", "silver si-RMSE ↓", 3),
+            ("silver_angular_deg", "silver ° ↓", 2),
+            ("mirror_rmse", "mirror RMSE ↓", 3),
+            ("mirror_si_rmse", "mirror si-RMSE ↓", 3),
+            ("mirror_angular_deg", "mirror ° ↓", 2),
+        ],
+    ),
+    (
+        "Spheres, normalised",
+        &[
+            ("diffuse_normalised_rmse", "diffuse ↓", 3),
+            ("silver_normalised_rmse", "silver ↓", 3),
+            ("mirror_normalised_rmse", "mirror ↓", 3),
+        ],
+    ),
+    (
+        "Array of spheres",
+        &[
+            ("array_rmse", "RMSE ↓", 3),
+            ("array_si_rmse", "si-RMSE ↓", 3),
+            ("array_angular_deg", "angle ° ↓", 2),
+            ("array_psnr_db", "PSNR dB ↑", 2),
+        ],
+    ),
+    (
+        "Coherence",
+        &[
+            ("coherence", "L_SC ↓", 4),
+            ("walk_step_ratio", "largest ÷ median step ↓", 2),
+            ("walk_parallax_px", "parallax error px ↓", 2),
+        ],
+    ),
+    (
+        "Depth and octree",
+        &[
+            ("depth_abs_rel", "abs-rel ↓", 3),
+            ("depth_rmse_m", "RMSE m ↓", 3),
+            ("depth_delta1", "δ1 ↑", 3),
+            ("depth_delta2", "δ2 ↑", 3),
+            ("depth_delta3", "δ3 ↑", 3),
+            ("up_deg", "up ° ↓", 1),
+            ("split_accuracy", "split accuracy ↑", 3),
+            ("split_precision", "precision ↑", 3),
+            ("split_recall", "recall ↑", 3),
+        ],
+    ),
+];
+
+/// Figures for which scenes won are counted.
+const CONTESTS: [&str; 5] =
+    ["psnr_db", "unseen_si_rmse", "unseen_relative_si_rmse", "unseen_angular_deg", "array_si_rmse"];
+
+impl Summary {
+    /// Takes in an outcome.
+    pub fn add(&mut self, outcome: Outcome) {
+        self.outcomes.push(outcome);
+    }
+
+    /// All outcomes, in the order in which they came.
+    pub fn outcomes(&self) -> &[Outcome] {
+        &self.outcomes
+    }
+
+    /// All figures that occur, those of the tables first and in their order.
+    pub fn figures(&self) -> Vec<String> {
+        let mut found: Vec<String> = Vec::new();
+        let known = TABLES.iter().flat_map(|(_, columns)| columns.iter().map(|(figure, ..)| *figure));
+        let scores = || self.outcomes.iter().filter_map(|outcome| outcome.scores.as_ref().ok());
+        let all = known.filter(|figure| scores().any(|scores| scores.get(figure).is_some()));
+        for figure in all.chain(scores().flat_map(|scores| scores.iter().map(|(figure, _)| figure))) {
+            if !found.iter().any(|own| own == figure) {
+                found.push(figure.to_owned());
+            }
+        }
+        found
+    }
+
+    /// The tables in Markdown: means over scenes of the means over each scene's samples, and who wins how many scenes.
+    pub fn markdown(&self) -> String {
+        let lines = self.lines();
+        let mut text = String::new();
+        for (title, columns) in TABLES {
+            let shown: Vec<_> = columns
+                .iter()
+                .filter(|(figure, ..)| lines.iter().any(|line| line.mean.get(figure).is_some()))
+                .collect();
+            if shown.is_empty() {
+                continue;
+            }
+            let mut head = vec!["method".to_owned(), "photos".to_owned()];
+            head.extend(shown.iter().map(|(_, name, _)| (*name).to_owned()));
+            let rows = lines.iter().filter(|line| shown.iter().any(|(figure, ..)| line.mean.get(figure).is_some()));
+            let rows = rows.map(|line| {
+                let figures = shown.iter().map(|(figure, _, digits)| number(line.mean.get(figure), *digits));
+                [line.method.to_owned(), line.samples.to_string()].into_iter().chain(figures).collect()
+            });
+            table(&mut text, title, &head, rows);
+        }
+        for figure in CONTESTS {
+            contest(&mut text, figure, &lines);
+        }
+        failures(&mut text, &lines);
+        text
+    }
+
+    /// The table of time and memory in Markdown.
+    pub fn cost_markdown(&self) -> String {
+        let mut text = String::new();
+        let head = ["method", "photo → light, s", "panorama, ms", "peak memory, MiB"].map(str::to_owned);
+        let rows = self.lines().into_iter().filter(|line| line.samples > 0).map(|line| {
+            let Cost { estimate_s, panorama_s, peak_mib } = line.cost;
+            vec![
+                line.method.to_owned(),
+                number(Some(estimate_s), 3),
+                number(Some(1e3 * panorama_s), 1),
+                number(peak_mib, 0),
+            ]
+        });
+        table(&mut text, "Cost (medians; memory: the largest)", &head, rows);
+        text
+    }
+
+    /// The same as JSON: for every method its counts, means and medians over scenes, and cost.
+    pub fn json(&self) -> serde_json::Value {
+        let methods: Vec<_> = self
+            .lines()
+            .into_iter()
+            .map(|line| {
+                let figures: serde_json::Map<_, _> = line
+                    .mean
+                    .iter()
+                    .map(|(figure, mean)| {
+                        let values = line.scenes.iter().filter_map(|(_, scores)| scores.get(figure)).collect();
+                        (figure.to_owned(), json!({ "mean": mean, "median": median(values) }))
+                    })
+                    .collect();
+                json!({
+                    "method": line.method,
+                    "photos": line.samples,
+                    "scenes": line.scenes.len(),
+                    "not_possible": line.failures,
+                    "figures": figures,
+                    "cost": line.cost,
+                })
+            })
+            .collect();
+        json!({ "methods": methods })
+    }
+
+    fn lines(&self) -> Vec<Line<'_>> {
+        let mut methods: Vec<&'static str> = Vec::new();
+        for outcome in &self.outcomes {
+            if !methods.contains(&outcome.method) {
+                methods.push(outcome.method);
+            }
+        }
+        methods.into_iter().map(|method| self.line(method)).collect()
+    }
+
+    fn line(&self, method: &'static str) -> Line<'_> {
+        let own = || self.outcomes.iter().filter(|outcome| outcome.method == method);
+        let mut failures = BTreeMap::new();
+        let mut by_scene: Vec<(&str, Vec<&Scores>)> = Vec::new();
+        for outcome in own() {
+            match &outcome.scores {
+                Err(reason) => *failures.entry(reason.to_string()).or_default() += 1,
+                Ok(scores) => match by_scene.iter_mut().find(|(scene, _)| *scene == outcome.scene) {
+                    Some((_, samples)) => samples.push(scores),
+                    None => by_scene.push((&outcome.scene, vec![scores])),
+                },
+            }
+        }
+        let samples = by_scene.iter().map(|(_, samples)| samples.len()).sum();
+        let scenes: Vec<_> = by_scene.into_iter().map(|(scene, samples)| (scene, Scores::mean(samples))).collect();
+        let mean = Scores::mean(scenes.iter().map(|(_, scores)| scores));
+        let costs = || own().filter(|outcome| outcome.scores.is_ok()).map(|outcome| outcome.cost);
+        let cost = Cost {
+            estimate_s: median(costs().map(|cost| cost.estimate_s).collect()).unwrap_or(0.0),
+            panorama_s: median(costs().map(|cost| cost.panorama_s).collect()).unwrap_or(0.0),
+            peak_mib: costs().filter_map(|cost| cost.peak_mib).max_by(f64::total_cmp),
+        };
+        Line { method, samples, failures, scenes, mean, cost }
+    }
+}
+
+/// How many scenes each method (line) wins against each other one (column).
+fn contest(text: &mut String, figure: &str, lines: &[Line]) {
+    let more_is_better = figure.ends_with("psnr_db");
+    let able: Vec<&Line> = lines.iter().filter(|line| line.mean.get(figure).is_some()).collect();
+    if able.len() < 2 {
+        return;
+    }
+    let head: Vec<String> =
+        std::iter::once("wins against →".to_owned()).chain(able.iter().map(|line| line.method.to_owned())).collect();
+    let won = |a: &Line, b: &Line| {
+        let pairs = a.scenes.iter().filter_map(|(scene, scores)| {
+            let (_, other) = b.scenes.iter().find(|(own, _)| own == scene)?;
+            Some((scores.get(figure)?, other.get(figure)?))
+        });
+        let (mut wins, mut all) = (0, 0);
+        for (mine, other) in pairs {
+            wins += usize::from(if more_is_better { mine > other } else { mine < other });
+            all += 1;
+        }
+        if a.method == b.method || all == 0 { "–".to_owned() } else { format!("{wins}/{all}") }
+    };
+    let rows =
+        able.iter().map(|a| std::iter::once(a.method.to_owned()).chain(able.iter().map(|b| won(a, b))).collect());
+    table(text, &format!("Scenes won, {figure}"), &head, rows);
+}
+
+fn failures(text: &mut String, lines: &[Line]) {
+    for line in lines {
+        for (reason, count) in &line.failures {
+            // writing into a String cannot fail
+            let _ = writeln!(text, "{}: not possible on {count} photos: {reason}\n", line.method);
+        }
+    }
+}
+
+fn table(text: &mut String, title: &str, head: &[String], rows: impl Iterator<Item = Vec<String>>) {
+    let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
+    *text += &format!("### {title}\n\n{}", line(head));
+    *text += &line(&vec!["---".to_owned(); head.len()]);
+    rows.for_each(|row| *text += &line(&row));
+    *text += "\n";
+}
+
+fn number(value: Option<f64>, digits: usize) -> String {
+    value.map_or_else(|| "–".to_owned(), |value| format!("{value:.digits$}"))
+}
+
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_unstable_by(f64::total_cmp);
+    let middle = values.len() / 2;
+    let upper = values.get(middle).copied()?;
+    Some(if values.len() % 2 == 1 { upper } else { 0.5 * (values[middle - 1] + upper) })
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    fn outcome(scene: &str, number: usize, method: &'static str, psnr_db: f64) -> Outcome {
+        let scores = Scores::from_iter([("psnr_db".to_owned(), psnr_db)]);
+        let sample = format!("{scene}-{number}");
+        Outcome { sample, scene: scene.to_owned(), method, scores: Ok(scores), cost: Cost::default() }
+    }
+
+    #[test]
+    fn scenes_count_alike_and_failures_are_told() {
+        let mut summary = Summary::default();
+        for (scene, number, psnr_db) in [("a", 0, 10.0), ("a", 1, 20.0), ("b", 0, 21.0)] {
+            summary.add(outcome(scene, number, "mean-colour", psnr_db));
+            summary.add(outcome(scene, number, "network", psnr_db + if scene == "a" { 1.0 } else { -1.0 }));
+        }
+        let needs = Err(MethodError::Needs("true depth"));
+        summary.add(Outcome { scores: needs, ..outcome("b", 0, "shell-true", 0.0) });
+        let text = summary.markdown();
+        // (15 + 21) / 2, not the mean of three
+        assert!(text.contains("| mean-colour | 3 | 18.00 |"), "{text}");
+        assert!(text.contains("| network | 1/2 | – |"), "{text}");
+        assert!(text.contains("shell-true: not possible on 1 photos: needs true depth"), "{text}");
+        let json = summary.json();
+        assert_eq!(json["methods"][0]["figures"]["psnr_db"]["median"], 18.0);
+        assert_eq!(json["methods"][2]["not_possible"]["needs true depth"], 1);
+        assert_eq!(summary.figures(), ["psnr_db"]);
+        assert!(summary.cost_markdown().contains("| network | 0.000 | 0.0 | – |"));
+    }
+
+    #[test]
+    fn medians() {
+        assert_eq!([median(vec![]), median(vec![3.0, 1.0, 2.0]), median(vec![4.0, 1.0])], [None, Some(2.0), Some(2.5)]);
+    }
+}

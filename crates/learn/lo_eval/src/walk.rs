@@ -1,0 +1,290 @@
+//! A probe that walks a metre: the light must change gradually, and what is near must move as geometry says.
+
+use lightoctree::cone::Cone;
+use lo_dataset::{NovelView, Sample};
+use lo_geometry::{Vec3, pixel_direction};
+use lo_imaging::{DepthMap, RadianceImage, luminance, sample_equirectangular};
+use lo_metrics::solid_angles_sr;
+
+use crate::method::traced;
+use crate::{Estimate, Light};
+
+/// Length of the walk, metres, and its steps.
+const LENGTH_M: f32 = 1.0;
+const STEPS: usize = 100;
+/// Free space beyond the end of the walk, metres.
+const CLEARANCE_M: f32 = 0.4;
+/// Panorama of each step.
+const STEP_MAP: [usize; 2] = [128, 64];
+
+/// Pixels of the panorama that errors are stated in, around the horizon.
+const PIXELS_AROUND: f32 = 256.0;
+/// Features that are followed at most, and what must at least be found again.
+const MAX_FEATURES: usize = 120;
+const MIN_FEATURES: usize = 8;
+/// A feature is a square of this many samples of half a pixel, sought this many samples around.
+const PATCH: usize = 13;
+const REACH: usize = 16;
+/// Rows that a panorama needs for the neighbourhoods of corners.
+const MIN_ROWS: usize = 16;
+/// Least correlation of a feature that counts as found again.
+const MIN_CORRELATION: f32 = 0.85;
+
+/// What a walk showed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Walk {
+    /// Largest change from one step to the next over the median one, changes being means of |Δ ln(1 + radiance)| over the sphere; missing
+    /// where nothing changes, as of a single map.
+    pub largest_step_ratio: Option<f64>,
+    /// Median distance of the features of what is nearest from where they must be, in pixels of 256 around the horizon; missing where fewer
+    /// than eight were found again.
+    pub parallax_px: Option<f64>,
+}
+
+/// Lets a probe walk through the room from the first view that has a metre of free space before it; `None` where there is none.
+///
+/// Features are corners on the nearest quarter of what stands around the start: squares on the surface, whose place and tilt come from the true
+/// depth, are rendered from the estimate at the start and sought on the same surface from the end. For a single map the error is the whole motion.
+pub fn walk(sample: &Sample, estimate: &Estimate) -> Option<Walk> {
+    let up = sample.up.unwrap_or(Vec3::Y);
+    let (view, depth_m, towards) = sample.views.iter().find_map(|view| {
+        let depth_m = view.depth_m.as_ref()?;
+        Some((view, depth_m, free_direction(view, depth_m, up)?))
+    })?;
+    let at = |step: usize| view.position_m + towards * (LENGTH_M * step as f32 / STEPS as f32);
+    Some(Walk {
+        largest_step_ratio: largest_step_ratio(estimate, at),
+        parallax_px: parallax_px(estimate, view, depth_m, at(STEPS), up),
+    })
+}
+
+/// The horizontal direction with the most free space, of sixteen.
+fn free_direction(view: &NovelView, depth_m: &DepthMap, up: Vec3) -> Option<Vec3> {
+    let (width, height) = (depth_m.width(), depth_m.height());
+    let side = up.any_orthonormal_vector();
+    let candidates = (0..16).map(|i| {
+        let (sin, cos) = (std::f32::consts::TAU * i as f32 / 16.0).sin_cos();
+        side * cos + up.cross(side) * sin
+    });
+    let free_m = |direction: Vec3| {
+        let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        let beside =
+            pixels.filter(|&(x, y)| (view.rotation * pixel_direction(x, y, width, height)).dot(direction) > 0.94);
+        beside.map(|pixel| depth_m[pixel]).filter(|z| *z > 0.0).fold(f32::INFINITY, f32::min)
+    };
+    let best = candidates.map(|direction| (direction, free_m(direction))).max_by(|a, b| a.1.total_cmp(&b.1))?;
+    (best.1 > LENGTH_M + CLEARANCE_M).then_some(best.0)
+}
+
+fn largest_step_ratio(estimate: &Estimate, at: impl Fn(usize) -> Vec3) -> Option<f64> {
+    let [width, height] = STEP_MAP;
+    let angles = solid_angles_sr(width, height);
+    let log = |map: RadianceImage| map.map(|rgb| rgb.map(|v| v.max(0.0).ln_1p()));
+    let mut last = log(estimate.panorama_at(at(0), width, height, |direction| direction));
+    let mut changes = Vec::with_capacity(STEPS);
+    for step in 1..=STEPS {
+        let next = log(estimate.panorama_at(at(step), width, height, |direction| direction));
+        let pixels = last.pixels().iter().zip(next.pixels()).zip(&angles);
+        let change = pixels
+            .map(|((a, b), &angle)| f64::from(angle) * (0..3).map(|c| f64::from((a[c] - b[c]).abs())).sum::<f64>());
+        changes.push(change.sum::<f64>());
+        last = next;
+    }
+    changes.sort_unstable_by(f64::total_cmp);
+    let median = changes[STEPS / 2];
+    (median > 0.0).then(|| changes[STEPS - 1] / median)
+}
+
+/// A place on a surface, and the grid around it.
+struct Feature {
+    point: Vec3,
+    axes: [Vec3; 2],
+}
+
+fn parallax_px(estimate: &Estimate, view: &NovelView, depth_m: &DepthMap, end: Vec3, up: Vec3) -> Option<f64> {
+    let features = features(estimate, view, depth_m, up);
+    let px_of_angle = |angle: f32| f64::from(angle / std::f32::consts::TAU * PIXELS_AROUND);
+    let mut errors: Vec<f64> = match &estimate.light {
+        Light::Map(_) => features
+            .iter()
+            .map(|feature| px_of_angle((feature.point - view.position_m).angle_between(feature.point - end)))
+            .collect(),
+        Light::Octree { .. } => {
+            let found = features
+                .iter()
+                .filter_map(|feature| found_at(estimate, view.position_m, end, feature).map(|p| (feature, p)));
+            found.map(|(feature, point)| px_of_angle((feature.point - end).angle_between(point - end))).collect()
+        }
+    };
+    errors.sort_unstable_by(f64::total_cmp);
+    (errors.len() >= MIN_FEATURES).then(|| errors[errors.len() / 2])
+}
+
+/// Corners of the estimate's panorama on the nearest quarter of what is not floor or ceiling.
+fn features(estimate: &Estimate, view: &NovelView, depth_m: &DepthMap, up: Vec3) -> Vec<Feature> {
+    let (width, height) = (depth_m.width(), depth_m.height());
+    if height < MIN_ROWS {
+        return Vec::new();
+    }
+    let rotate = |x: usize, y: usize| view.rotation * pixel_direction(x, y, width, height);
+    let map = estimate.panorama_at(view.position_m, width, height, |direction| view.rotation * direction);
+    let light = map.map(|&rgb| luminance(rgb).max(0.0).ln_1p());
+    let point = |x: usize, y: usize| view.position_m + rotate(x % width, y) * depth_m[(x % width, y)];
+    let inner = (height / 4..3 * height / 4).flat_map(|y| (0..width).map(move |x| (x, y)));
+    let mut distances: Vec<f32> = inner.clone().map(|pixel| depth_m[pixel]).filter(|z| *z > 0.0).collect();
+    distances.sort_unstable_by(f32::total_cmp);
+    let Some(&near) = distances.get(distances.len() / 4) else { return Vec::new() };
+    let mut corners: Vec<(f32, usize, usize)> = inner
+        .filter(|&pixel| depth_m[pixel] > 0.0 && depth_m[pixel] <= near)
+        .map(|(x, y)| (corner(&light, x, y), x, y))
+        .filter(|corner| corner.0 > 0.0)
+        .collect();
+    corners.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut taken: Vec<(usize, usize)> = Vec::new();
+    let mut features = Vec::new();
+    for (_, x, y) in corners {
+        let apart = |&(u, v): &(usize, usize)| {
+            let across = x.abs_diff(u);
+            across.min(width - across).max(y.abs_diff(v)) >= 5
+        };
+        let [here, right, below] = [point(x, y), point(x + 1, y), point(x, y + 1)];
+        let normal = (right - here).cross(below - here).normalize_or_zero();
+        let direction = rotate(x, y);
+        // a wall, seen not too obliquely; at a depth edge the three points do not lie on one
+        let wall = normal.dot(up).abs() < 0.3 && normal.dot(direction).abs() > 0.4;
+        if !wall || !taken.iter().all(apart) {
+            continue;
+        }
+        taken.push((x, y));
+        let spacing_m = 0.5 * std::f32::consts::TAU / PIXELS_AROUND * depth_m[(x, y)];
+        let across = normal.cross(up).normalize_or(normal.any_orthonormal_vector());
+        features.push(Feature { point: here, axes: [across, across.cross(normal)].map(|axis| axis * spacing_m) });
+        if features.len() == MAX_FEATURES {
+            break;
+        }
+    }
+    features
+}
+
+/// Smaller eigenvalue of the structure tensor over 5 × 5 pixels (Shi & Tomasi 1994).
+fn corner(light: &lo_imaging::Image<f32>, x: usize, y: usize) -> f32 {
+    let width = light.width();
+    let at = |dx: usize, dy: usize| light[((x + width + dx - 3) % width, y + dy - 3)];
+    let [mut xx, mut xy, mut yy] = [0.0f32; 3];
+    for (dx, dy) in (1..6).flat_map(|dy| (1..6).map(move |dx| (dx, dy))) {
+        let (gx, gy) = (at(dx + 1, dy) - at(dx - 1, dy), at(dx, dy + 1) - at(dx, dy - 1));
+        (xx, xy, yy) = (xx + gx * gx, xy + gx * gy, yy + gy * gy);
+    }
+    0.5 * (xx + yy - ((xx - yy).powi(2) + 4.0 * xy * xy).sqrt())
+}
+
+/// Where on its surface a feature that was seen from `start` appears from `end`.
+fn found_at(estimate: &Estimate, start: Vec3, end: Vec3, feature: &Feature) -> Option<Vec3> {
+    let side = PATCH + 2 * REACH;
+    let patch = grid(estimate, start, feature, PATCH);
+    let field = grid(estimate, end, feature, side);
+    let mut best = (MIN_CORRELATION, None);
+    for (i, j) in (0..=2 * REACH).flat_map(|j| (0..=2 * REACH).map(move |i| (i, j))) {
+        let window = (0..PATCH).flat_map(|y| field[(j + y) * side + i..][..PATCH].iter().copied());
+        let correlation = correlation(&patch, window);
+        if correlation > best.0 {
+            let offset = |k: usize| k as f32 - REACH as f32;
+            best = (correlation, Some(feature.point + feature.axes[0] * offset(i) + feature.axes[1] * offset(j)));
+        }
+    }
+    best.1
+}
+
+/// `ln(1 + luminance)` of the estimate on `side`² places of the feature's grid, as seen from `eye`.
+fn grid(estimate: &Estimate, eye: Vec3, feature: &Feature, side: usize) -> Vec<f32> {
+    let offset = |k: usize| k as f32 - 0.5 * (side - 1) as f32;
+    let places = (0..side).flat_map(|j| (0..side).map(move |i| (i, j)));
+    let cones: Vec<Cone> = places
+        .map(|(i, j)| {
+            let to = feature.point + feature.axes[0] * offset(i) + feature.axes[1] * offset(j) - eye;
+            let tan_half_angle = 0.5 * feature.axes[0].length() / to.length();
+            Cone { origin: eye, direction: to.normalize(), tan_half_angle }
+        })
+        .collect();
+    match &estimate.light {
+        Light::Map(map) => {
+            cones.iter().map(|cone| luminance(sample_equirectangular(map, cone.direction)).max(0.0).ln_1p()).collect()
+        }
+        Light::Octree { viewers, .. } => {
+            let samples = traced(viewers, eye, &cones);
+            samples.iter().map(|sample| luminance(sample.radiance).max(0.0).ln_1p()).collect()
+        }
+    }
+}
+
+/// Normalised cross-correlation.
+fn correlation(a: &[f32], b: impl Iterator<Item = f32>) -> f32 {
+    let [mut sa, mut sb, mut aa, mut bb, mut ab] = [0.0f32; 5];
+    for (&a, b) in a.iter().zip(b) {
+        (sa, sb, aa, bb, ab) = (sa + a, sb + b, aa + a * a, bb + b * b, ab + a * b);
+    }
+    let count = a.len() as f32;
+    let variance = (aa - sa * sa / count) * (bb - sb * sb / count);
+    if variance > 0.0 { (ab - sa * sb / count) / variance.sqrt() } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::{Method, Tools, testing};
+    use lightoctree::Estimator;
+
+    const TOOLS: Tools<'static> =
+        Tools { estimator: &Estimator::without_networks(), profile: None, octree_depth: 7, seed: 0 };
+
+    /// The box room with patches of colour on its walls.
+    fn textured() -> Sample {
+        let mut sample = testing::box_room();
+        for point in &mut sample.points {
+            let [x, y, z] = point.position_m.to_array().map(|v| (v / 0.25).floor() as i64);
+            // hashed squares of 25 cm
+            let number = lo_random::hash(&[x, y, z].map(|v| v.to_le_bytes()).concat());
+            point.radiance = [0.1 + (number % 1000) as f32 / 1000.0; 3];
+        }
+        sample
+    }
+
+    #[test]
+    fn a_true_octree_moves_as_geometry_says_and_a_map_does_not() {
+        let sample = textured();
+        let estimate = Method::TrueOctree.estimate(&sample, &TOOLS).unwrap();
+        let found = walk(&sample, &estimate).unwrap();
+        let (ratio, parallax) = (found.largest_step_ratio.unwrap(), found.parallax_px.unwrap());
+        assert!(parallax < 1.0 && (1.0..2.0).contains(&ratio), "{found:?}");
+        // the same light as one map: its features stay where they are. Walls are 1.2 to 2.8 m away, a metre moves them by tens of pixels
+        let view = &sample.views[0];
+        let map = estimate.panorama_at(view.position_m, 256, 128, |direction| direction);
+        let single = Estimate { light: Light::Map(map), depth_m: None, up: None };
+        let found = walk(&sample, &single).unwrap();
+        assert!(found.largest_step_ratio.is_none() && found.parallax_px.unwrap() > 10.0, "{found:?}");
+    }
+
+    #[test]
+    fn a_wall_in_the_wrong_place_is_noticed() {
+        let sample = textured();
+        let mut wrong = sample.clone();
+        // a fifth nearer to the start: the same panorama there, another parallax
+        let start = sample.views[0].position_m;
+        wrong.points.iter_mut().for_each(|point| point.position_m = start + 0.8 * (point.position_m - start));
+        let estimate = Method::TrueOctree.estimate(&wrong, &TOOLS).unwrap();
+        let found = walk(&sample, &estimate).unwrap();
+        let right = walk(&sample, &Method::TrueOctree.estimate(&sample, &TOOLS).unwrap()).unwrap();
+        assert!(found.parallax_px.is_none_or(|error| error > 2.0 * right.parallax_px.unwrap()), "{found:?} {right:?}");
+    }
+
+    #[test]
+    fn nobody_walks_through_walls() {
+        let mut sample = textured();
+        for view in &mut sample.views {
+            view.depth_m.as_mut().unwrap().pixels_mut().fill(1.2);
+        }
+        let estimate = Method::MeanColour.estimate(&sample, &TOOLS).unwrap();
+        assert_eq!(walk(&sample, &estimate), None);
+    }
+}

@@ -1,0 +1,12 @@
+//! Figures of estimated light and depth against the truth: one definition for what training validates and what evaluation reports.
+//!
+//! `docs/evaluation.md` tells what the figures mean.
+
+mod depth;
+mod radiance;
+
+pub use depth::DepthErrors;
+pub use radiance::{
+    MAX_PSNR_DB, PsnrCurve, angular_error_deg, log_rmse, panorama_psnr_db, psnr_db, relative_si_rmse, rmse, si_rmse,
+    solid_angles_sr,
+};

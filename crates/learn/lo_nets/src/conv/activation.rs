@@ -1,0 +1,298 @@
+use std::ops::Range;
+
+use burn::tensor::Tensor;
+use pulp::{Arch, Simd, WithSimd};
+use rayon::prelude::*;
+
+use crate::host::{Kernel, Number, binary, zeros};
+use crate::sums::LANES;
+
+/// `scale · (x − centre) + shift`, the three rows of `affine`: `[3, channels]`, or `[3, channels · pictures]` for each picture its own.
+pub fn scaled(x: Tensor<4>, affine: Tensor<2>) -> Tensor<4> {
+    apply(x, affine, Then::Nothing)
+}
+
+/// The positive part of [`scaled`].
+pub fn activate(x: Tensor<4>, affine: Tensor<2>) -> Tensor<4> {
+    apply(x, affine, Then::Positive)
+}
+
+/// The means of 2 × 2 pixels of [`activate`], `[channels, pictures, height / 2, width / 2]`.
+///
+/// # Panics
+/// For an odd height or width.
+pub fn activated_mean(x: Tensor<4>, affine: Tensor<2>) -> Tensor<4> {
+    apply(x, affine, Then::PositiveMean)
+}
+
+fn apply(x: Tensor<4>, affine: Tensor<2>, then: Then) -> Tensor<4> {
+    let [channels, pictures, height, width] = x.dims();
+    let [_, rows] = affine.dims();
+    assert!(then != Then::PositiveMean || height.is_multiple_of(2), "an even height");
+    let kernel = ActivationKernel { width, then };
+    let y = binary(x.reshape([rows, channels * pictures * height * width / rows.max(1)]), affine, kernel);
+    let halved = usize::from(then == Then::PositiveMean);
+    y.reshape([channels, pictures, height >> halved, width >> halved])
+}
+
+/// The same by burn's own operations, to check the kernel.
+#[cfg(test)]
+pub(super) fn composed(x: Tensor<4>, affine: Tensor<2>, then: Then) -> Tensor<4> {
+    use burn::tensor::ops::AvgPoolOptions;
+    use burn::tensor::{activation::relu, module::avg_pool2d};
+
+    let ([channels, ..], [_, rows]) = (x.dims(), affine.dims());
+    let row = |row| affine.clone().narrow(0, row, 1).reshape([channels, rows / channels, 1, 1]);
+    let [scale, centre, shift] = [0, 1, 2].map(row);
+    let y = (x - centre) * scale + shift;
+    match then {
+        Then::Nothing => y,
+        Then::Positive => relu(y),
+        Then::PositiveMean => avg_pool2d(relu(y), AvgPoolOptions::new([2, 2])),
+    }
+}
+
+/// `scale · (x − centre) + shift` on slices. Gradients are sums with x − centre: those with x alone lose what is left of their
+/// difference where the mean is large.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Affine<'a, T> {
+    scale: &'a [T],
+    centre: &'a [T],
+    shift: &'a [T],
+}
+
+/// [`Affine`] of one channel.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ChannelAffine<T> {
+    scale: T,
+    centre: T,
+    /// Of `scale · x`.
+    shift: T,
+}
+
+impl<'a, T: Number> Affine<'a, T> {
+    /// From `[3, channels]`.
+    pub fn new(rows: &'a [T]) -> Self {
+        let (scale, rest) = rows.split_at(rows.len() / 3);
+        let (centre, shift) = rest.split_at(rest.len() / 2);
+        Self { scale, centre, shift }
+    }
+
+    /// Of the channels in a range.
+    pub fn part(&self, channels: Range<usize>) -> Self {
+        let [scale, centre, shift] = [self.scale, self.centre, self.shift].map(|row| &row[channels.clone()]);
+        Self { scale, centre, shift }
+    }
+
+    pub fn channel(&self, channel: usize) -> ChannelAffine<T> {
+        let (scale, centre) = (self.scale[channel], self.centre[channel]);
+        ChannelAffine { scale, centre, shift: self.shift[channel] - scale * centre }
+    }
+}
+
+impl<T: Number> ChannelAffine<T> {
+    #[inline(always)]
+    pub fn value(&self, x: T) -> T {
+        self.scale * x + self.shift
+    }
+}
+
+/// NaN stays NaN, so that it is noticed.
+#[inline(always)]
+pub(super) fn positive<T: Number>(value: T) -> T {
+    if value < T::default() { T::default() } else { value }
+}
+
+/// What follows scale and shift.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Then {
+    Nothing,
+    Positive,
+    /// And the means of 2 × 2 pixels.
+    PositiveMean,
+}
+
+/// [`apply`] on slices.
+#[derive(Clone, Copy, Debug)]
+struct ActivationKernel {
+    width: usize,
+    then: Then,
+}
+
+impl Kernel for ActivationKernel {
+    fn output_size(&self, sizes: &[[usize; 2]]) -> [usize; 2] {
+        let [channels, area] = sizes[0];
+        assert_eq!(sizes[1], [3, channels], "a scale, a centre and a shift for each channel");
+        if self.then != Then::PositiveMean {
+            return [channels, area];
+        }
+        assert!(self.width.is_multiple_of(2) && area.is_multiple_of(2 * self.width), "an even height and width");
+        [channels, area / 4]
+    }
+
+    fn forward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]]) -> Vec<T> {
+        let [channels, out_area] = self.output_size(sizes);
+        let affine = Affine::new(inputs[1]);
+        let mut out = zeros(channels * out_area);
+        let rows = out.par_chunks_mut(out_area.max(1)).zip(inputs[0].par_chunks(sizes[0][1].max(1)));
+        rows.enumerate().for_each(|(channel, (out, x))| {
+            Arch::new().dispatch(Activate { out, x, affine: affine.channel(channel), kernel: *self });
+        });
+        out
+    }
+
+    fn backward<T: Number>(&self, inputs: &[&[T]], _: &[[usize; 2]], gradient: &[T], _: &[bool]) -> Vec<Vec<T>> {
+        let mut by_x = match self.then {
+            Then::PositiveMean => shared_out(gradient, self.width / 2),
+            _ => gradient.to_vec(),
+        };
+        let by_affine = through_activation(&mut by_x, inputs[0], Affine::new(inputs[1]), self.then != Then::Nothing);
+        vec![by_x, by_affine]
+    }
+}
+
+/// One channel of [`apply`].
+struct Activate<'a, T> {
+    out: &'a mut [T],
+    x: &'a [T],
+    affine: ChannelAffine<T>,
+    kernel: ActivationKernel,
+}
+
+impl<T: Number> WithSimd for Activate<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { out, x, affine, kernel: ActivationKernel { width, then } } = self;
+        let value = |x: T| positive(affine.value(x));
+        match then {
+            Then::Nothing => out.iter_mut().zip(x).for_each(|(out, &x)| *out = affine.value(x)),
+            Then::Positive => out.iter_mut().zip(x).for_each(|(out, &x)| *out = value(x)),
+            Then::PositiveMean => {
+                let quarter = T::of(0.25);
+                for (out, rows) in out.chunks_exact_mut(width / 2).zip(x.chunks_exact(2 * width)) {
+                    let (upper, lower) = rows.split_at(width);
+                    let pairs = upper.as_chunks::<2>().0.iter().zip(lower.as_chunks::<2>().0);
+                    for (out, (upper, lower)) in out.iter_mut().zip(pairs) {
+                        *out = (value(upper[0]) + value(upper[1]) + (value(lower[0]) + value(lower[1]))) * quarter;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A quarter of each value for each of 2 × 2 pixels; `width` is that of `gradient`'s rows.
+fn shared_out<T: Number>(gradient: &[T], width: usize) -> Vec<T> {
+    let quarter = T::of(0.25);
+    let mut out = zeros(4 * gradient.len());
+    out.par_chunks_mut(4 * width).zip(gradient.par_chunks(width)).for_each(|(rows, gradient)| {
+        let (upper, lower) = rows.split_at_mut(2 * width);
+        for (pair, &gradient) in upper.as_chunks_mut::<2>().0.iter_mut().zip(gradient) {
+            *pair = [gradient * quarter; 2];
+        }
+        lower.copy_from_slice(upper);
+    });
+    out
+}
+
+/// From the gradient by [`Affine`], where wanted its positive part, to the one by x, in place, and the one by the affine's rows.
+pub(super) fn through_activation<T: Number>(gradient: &mut [T], x: &[T], affine: Affine<T>, positive: bool) -> Vec<T> {
+    let area = (x.len() / affine.scale.len()).max(1);
+    let sums: Vec<[f64; 3]> = gradient
+        .par_chunks_mut(area)
+        .zip(x.par_chunks(area))
+        .enumerate()
+        .map(|(channel, (gradient, x))| {
+            Arch::new().dispatch(ThroughActivation { gradient, x, affine: affine.channel(channel), positive })
+        })
+        .collect();
+    (0..3).flat_map(|i| sums.iter().map(move |sums| T::of(sums[i]))).collect()
+}
+
+/// One channel of [`through_activation`].
+struct ThroughActivation<'a, T> {
+    gradient: &'a mut [T],
+    x: &'a [T],
+    affine: ChannelAffine<T>,
+    positive: bool,
+}
+
+impl<T: Number> WithSimd for ThroughActivation<'_, T> {
+    /// By scale, centre and shift.
+    type Output = [f64; 3];
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> [f64; 3] {
+        let Self { gradient, x, affine, positive } = self;
+        let step = |gradient: &mut T, x: T, [by_scale, by_shift]: [&mut T; 2]| {
+            // The same operations as forward, so that the sign is the same.
+            let active = !positive || affine.value(x) > T::default();
+            let before = if active { *gradient } else { T::default() };
+            *by_scale += before * (x - affine.centre);
+            *by_shift += before;
+            *gradient = affine.scale * before;
+        };
+        let mut sums = [[T::default(); LANES]; 2];
+        let [scale_sums, shift_sums] = &mut sums;
+        let ((chunks, rest), (x, x_rest)) = (gradient.as_chunks_mut::<LANES>(), x.as_chunks::<LANES>());
+        for (gradient, x) in chunks.iter_mut().zip(x) {
+            for i in 0..LANES {
+                step(&mut gradient[i], x[i], [&mut scale_sums[i], &mut shift_sums[i]]);
+            }
+        }
+        for (i, (gradient, &x)) in rest.iter_mut().zip(x_rest).enumerate() {
+            step(gradient, x, [&mut scale_sums[i], &mut shift_sums[i]]);
+        }
+        let [by_scale, by_shift] = sums.map(|sums| sums.iter().map(|sum| sum.wide()).sum::<f64>());
+        [by_scale, -affine.scale.wide() * by_shift, by_shift]
+    }
+}
+
+/// The sum, in a fixed order that vectors can follow.
+#[inline(always)]
+pub(super) fn total<T: Number>(row: &[T]) -> f64 {
+    let (chunks, rest) = row.as_chunks::<LANES>();
+    let mut sums = [T::default(); LANES];
+    for chunk in chunks {
+        sums.iter_mut().zip(chunk).for_each(|(sum, &value)| *sum += value);
+    }
+    sums.iter().chain(rest).map(|sum| sum.wide()).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{assert_gradients, assert_same_function};
+
+    /// Five channels of two pictures, by channels and by pictures.
+    const SIZES: [[[usize; 2]; 2]; 2] = [[[5, 2 * 6 * 8], [3, 5]], [[5, 2 * 6 * 8], [3, 10]]];
+
+    fn on_pictures(x: Tensor<2>, function: impl Fn(Tensor<4>) -> Tensor<4>) -> Tensor<2> {
+        let channels = x.dims()[0];
+        function(x.reshape([channels, 2, 6, 8])).flatten(0, 2)
+    }
+
+    #[test]
+    fn kernel_is_the_composition() {
+        for then in [Then::Nothing, Then::Positive, Then::PositiveMean] {
+            for sizes in SIZES {
+                assert_same_function(
+                    &sizes,
+                    |[x, a]| on_pictures(x, |x| apply(x, a.clone(), then)),
+                    |[x, a]| on_pictures(x, |x| composed(x, a.clone(), then)),
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn gradients_are_differences() {
+        for then in [Then::Nothing, Then::Positive, Then::PositiveMean] {
+            for sizes in SIZES {
+                assert_gradients(&sizes, |[x, a]| on_pictures(x, |x| apply(x, a.clone(), then)));
+            }
+        }
+    }
+}

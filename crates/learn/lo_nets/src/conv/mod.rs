@@ -1,0 +1,240 @@
+//! Convolution of pictures on the CPU, with the normalisation and activation before it, and its gradients.
+//!
+//! Pictures are tensors `[channels, pictures, height, width]`: of a channel all pictures lie one after the other, so that what goes by channels
+//! (normalisation, weights) meets long rows, and what goes by pixels need not know which picture they are of.
+
+mod activation;
+mod amx;
+mod bands;
+mod half;
+mod kernel;
+mod max_pool;
+mod norm;
+mod upsample;
+mod window;
+
+use burn::nn::PaddingConfig2d;
+use burn::nn::conv::Conv2d;
+use burn::tensor::Tensor;
+
+use crate::conv::kernel::{ConvKernel, Third};
+use crate::conv::window::Window;
+use crate::host::{binary, ternary};
+
+pub use activation::{activate, activated_mean, scaled};
+pub use half::in_bf16;
+pub use max_pool::max_pool;
+pub use norm::{Moments, batch_norm, group_norm};
+pub use upsample::upsample_nearest;
+
+/// [`Conv2d::forward`] of pictures.
+///
+/// # Panics
+/// For dilation, groups, or another stride or padding down than across.
+pub fn conv2d(x: Tensor<4>, conv: &Conv2d) -> Tensor<4> {
+    convolved(x, None, conv)
+}
+
+/// [`conv2d`] of what [`activate`] makes of `x` and `affine[3, channels]`, which is never stored, for a convolution without bias.
+///
+/// # Panics
+/// As [`conv2d`], and for a convolution with a bias.
+pub fn activated_conv2d(x: Tensor<4>, affine: Tensor<2>, conv: &Conv2d) -> Tensor<4> {
+    assert!(conv.bias.is_none(), "a convolution without bias");
+    convolved(x, Some(affine), conv)
+}
+
+fn convolved(x: Tensor<4>, affine: Option<Tensor<2>>, conv: &Conv2d) -> Tensor<4> {
+    let ([channels, pictures, height, width], [outputs, _, kernel, _]) = (x.dims(), conv.weight.dims());
+    let PaddingConfig2d::Explicit(padding, bottom, left, right) = conv.padding else {
+        panic!("padding in numbers of pixels");
+    };
+    let stride = conv.stride[0];
+    assert!(
+        conv.groups == 1 && conv.dilation == [1; 2] && conv.kernel_size == [kernel; 2],
+        "no groups, no dilation, a square kernel"
+    );
+    assert!(
+        conv.stride == [stride; 2] && [bottom, left, right] == [padding; 3],
+        "the same stride and padding all round"
+    );
+    let bias = conv.bias.as_ref().map(|bias| bias.val());
+    let window = Window { pictures, ..Window::new([height, width], kernel, stride, padding) };
+    let x = x.reshape([channels, pictures * height * width]);
+    let weights = conv.weight.val().reshape([outputs, channels * kernel * kernel]);
+    let kernel = |third| ConvKernel { window, third, half: half::is_wanted() };
+    let y = match (affine, bias) {
+        (Some(affine), _) => ternary(x, weights, affine, kernel(Third::Activation)),
+        (None, Some(bias)) => ternary(x, weights, bias.reshape([1, outputs]), kernel(Third::Bias)),
+        (None, None) => binary(x, weights, kernel(Third::None)),
+    };
+    y.reshape([outputs, pictures, window.output[0], window.output[1]])
+}
+
+/// The same by burn's own operations, to check the kernel.
+#[cfg(test)]
+fn composed(
+    x: Tensor<4>,
+    affine: Option<Tensor<2>>,
+    weights: Tensor<4>,
+    bias: Option<Tensor<1>>,
+    stride: usize,
+    padding: usize,
+) -> Tensor<4> {
+    use burn::tensor::module;
+    use burn::tensor::ops::ConvOptions;
+
+    let x = match affine {
+        Some(affine) => activation::composed(x, affine, activation::Then::Positive),
+        None => x,
+    };
+    let options = ConvOptions::new([stride; 2], [padding; 2], [1; 2], 1);
+    module::conv2d(x.swap_dims(0, 1), weights, bias, options).swap_dims(0, 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::host::Kernel;
+    use crate::testing::{assert_gradients, assert_same_function};
+
+    /// Channels in and out; pictures, height and width; kernel, stride, padding.
+    type Case = ([usize; 2], [usize; 3], [usize; 3]);
+
+    const CASES: [Case; 14] = [
+        ([5, 9], [1, 6, 7], [1, 1, 0]),
+        ([3, 8], [1, 9, 11], [3, 1, 1]),
+        ([2, 17], [1, 40, 5], [3, 1, 1]),
+        ([3, 4], [1, 12, 14], [7, 2, 3]),
+        ([7, 3], [1, 9, 8], [3, 2, 1]),
+        ([1, 1], [1, 5, 6], [2, 1, 0]),
+        ([4, 2], [1, 6, 6], [2, 3, 1]),
+        ([5, 9], [3, 2, 3], [1, 1, 0]),
+        ([3, 8], [4, 3, 4], [3, 1, 1]),
+        ([3, 4], [2, 6, 7], [7, 2, 3]),
+        ([3, 4], [3, 7, 6], [3, 2, 1]),
+        ([2, 3], [3, 5, 4], [2, 2, 0]),
+        ([4, 2], [2, 6, 6], [2, 3, 1]),
+        ([40, 33], [2, 30, 50], [3, 1, 1]),
+    ];
+
+    fn run(case: Case, third: Third, inputs: &[Tensor<2>], composed_of_burn: bool) -> Tensor<2> {
+        let ([channels, outputs], [pictures, height, width], [kernel, stride, padding]) = case;
+        let [x, weights] = [0, 1].map(|i| inputs[i].clone());
+        let third_input = inputs.get(2).cloned();
+        if composed_of_burn {
+            let x = x.reshape([channels, pictures, height, width]);
+            let weights = weights.reshape([outputs, channels, kernel, kernel]);
+            let affine = third_input.clone().filter(|_| third == Third::Activation);
+            let bias = third_input.filter(|_| third == Third::Bias).map(|bias| bias.reshape([outputs]));
+            let y = composed(x, affine, weights, bias, stride, padding);
+            return y.reshape([outputs as i32, -1]);
+        }
+        let kernel = kernel_of(case, third, false);
+        match third_input {
+            Some(third) => ternary(x, weights, third, kernel),
+            None => binary(x, weights, kernel),
+        }
+    }
+
+    fn sizes(case: Case, third: Third) -> [[usize; 2]; 3] {
+        let ([channels, outputs], [pictures, height, width], [kernel, ..]) = case;
+        let third = if third == Third::Bias { [1, outputs] } else { [3, channels] };
+        [[channels, pictures * height * width], [outputs, channels * kernel * kernel], third]
+    }
+
+    #[test]
+    fn kernel_is_the_composition() {
+        for case in CASES {
+            for third in [Third::Activation, Third::Bias] {
+                let sizes = sizes(case, third);
+                assert_same_function(&sizes, |i| run(case, third, &i, false), |i| run(case, third, &i, true));
+            }
+            let [x, weights, _] = sizes(case, Third::None);
+            let third = Third::None;
+            assert_same_function(&[x, weights], |i| run(case, third, &i, false), |i| run(case, third, &i, true));
+        }
+    }
+
+    #[test]
+    fn gradients_are_differences() {
+        for case in &CASES[..13] {
+            for third in [Third::Activation, Third::Bias] {
+                assert_gradients(&sizes(*case, third), |inputs| run(*case, third, &inputs, false));
+            }
+        }
+    }
+
+    #[test]
+    fn bf16_products_of_small_integers_are_exact() {
+        for case in CASES {
+            for third in [Third::None, Third::Activation, Third::Bias] {
+                let sizes = sizes(case, third);
+                let sizes = if third == Third::None { &sizes[..2] } else { &sizes };
+                let whole = |index: usize, [rows, columns]: [usize; 2]| -> Vec<f64> {
+                    let numbers = crate::testing::values(rows * columns, 7 + index);
+                    numbers.iter().map(|v| (3.0 * v).round()).collect()
+                };
+                let inputs: Vec<Vec<f64>> = sizes.iter().enumerate().map(|(i, &size)| whole(i, size)).collect();
+                let narrow: Vec<Vec<f32>> = inputs.iter().map(|v| v.iter().map(|&v| v as f32).collect()).collect();
+                let (inputs, narrow): (Vec<&[f64]>, Vec<&[f32]>) =
+                    (inputs.iter().map(Vec::as_slice).collect(), narrow.iter().map(Vec::as_slice).collect());
+                let kernel = |half| kernel_of(case, third, half);
+                let (expected, got) = (kernel(false).forward(&inputs, sizes), kernel(true).forward(&narrow, sizes));
+                assert_eq!(wide(&got), expected, "{case:?} {third:?}");
+                let gradient = whole(9, kernel(false).output_size(sizes));
+                let narrow_gradient: Vec<f32> = gradient.iter().map(|&v| v as f32).collect();
+                let expected = kernel(false).backward(&inputs, sizes, &gradient, &[true; 3]);
+                let got = kernel(true).backward(&narrow, sizes, &narrow_gradient, &[true; 3]);
+                for (i, (got, expected)) in got.iter().zip(&expected).enumerate() {
+                    assert_eq!(&wide(got), expected, "input {i} of {case:?} {third:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn bf16_is_wanted_within_and_not_beyond() {
+        let available = amx::available();
+        assert!(!half::is_wanted());
+        let inner = in_bf16(true, || (half::is_wanted(), in_bf16(false, half::is_wanted), half::is_wanted()));
+        assert_eq!(inner, (available, false, available));
+        assert!(std::panic::catch_unwind(|| in_bf16(true, || panic!("once"))).is_err());
+        assert!(!half::is_wanted());
+    }
+
+    fn kernel_of(
+        ([_, _], [pictures, height, width], [kernel, stride, padding]): Case,
+        third: Third,
+        half: bool,
+    ) -> ConvKernel {
+        let window = Window { pictures, ..Window::new([height, width], kernel, stride, padding) };
+        ConvKernel { window, third, half }
+    }
+
+    fn wide(numbers: &[f32]) -> Vec<f64> {
+        numbers.iter().map(|&v| f64::from(v)).collect()
+    }
+
+    #[test]
+    fn threads_do_not_change_a_bit() {
+        let case = CASES[13];
+        let [x, weights, affine] = sizes(case, Third::Activation);
+        let values = |[rows, columns]: [usize; 2], seed| -> Vec<f32> {
+            crate::testing::values(rows * columns, seed).iter().map(|&v| v as f32).collect()
+        };
+        let inputs = [values(x, 1), values(weights, 2), values(affine, 3)];
+        let inputs: Vec<&[f32]> = inputs.iter().map(Vec::as_slice).collect();
+        for half in [false, true] {
+            let kernel = kernel_of(case, Third::Activation, half);
+            let on = |threads: usize| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+                pool.install(|| {
+                    let output = kernel.forward(&inputs, &[x, weights, affine]);
+                    (kernel.backward(&inputs, &[x, weights, affine], &output, &[true; 3]), output)
+                })
+            };
+            assert!(on(1) == on(3));
+        }
+    }
+}

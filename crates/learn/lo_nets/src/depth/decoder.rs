@@ -1,0 +1,70 @@
+use burn::module::Module;
+use burn::nn::conv::Conv2d;
+use burn::nn::{GroupNorm, GroupNormConfig};
+use burn::tensor::{Device, Tensor};
+use lo_random::Stream;
+
+use crate::conv::{Moments, activate, conv2d, group_norm, upsample_nearest};
+use crate::depth::densenet::{DENSENET_CHANNELS, conv};
+
+/// Channels of the decoder's stages at 1/16, 1/8, 1/4 and 1/2.
+const CHANNELS: [usize; 4] = [256, 128, 64, 32];
+
+/// From the encoder's features to one channel at full resolution, with skip connections at 1/16, 1/8, 1/4 and 1/2.
+#[derive(Module, Debug)]
+pub struct DepthDecoder {
+    /// From 1/16 to 1/2.
+    pub stages: Vec<ConvStage>,
+    /// At full resolution.
+    pub last: ConvStage,
+    /// To one channel.
+    pub output: Conv2d,
+}
+
+/// 3 × 3 convolution, group norm (statistics of the picture at hand), positive part.
+#[derive(Module, Debug)]
+pub struct ConvStage {
+    /// The convolution.
+    pub conv: Conv2d,
+    /// After it.
+    pub norm: GroupNorm,
+}
+
+impl ConvStage {
+    pub(super) fn new(channels: [usize; 2], stream: &mut Stream, device: &Device) -> Self {
+        let norm = GroupNormConfig::new((channels[1] / 8).max(1), channels[1]).init(device);
+        Self { conv: conv(channels, 3, 1, false, stream, device), norm }
+    }
+
+    pub(super) fn forward(&self, x: Tensor<4>) -> Tensor<4> {
+        let x = conv2d(x, &self.conv);
+        let affine = group_norm(&self.norm, &Moments::of_pictures(x.clone()));
+        activate(x, affine)
+    }
+}
+
+impl DepthDecoder {
+    pub(super) fn new(stream: &mut Stream, device: &Device) -> Self {
+        let mut inputs = DENSENET_CHANNELS[4];
+        let skips = DENSENET_CHANNELS[..4].iter().rev();
+        let stages = skips.zip(CHANNELS).map(|(skip, outputs)| {
+            let stage = ConvStage::new([inputs + skip, outputs], stream, device);
+            inputs = outputs;
+            stage
+        });
+        Self {
+            stages: stages.collect(),
+            last: ConvStage::new([CHANNELS[3], 16], stream, device),
+            output: conv([16, 1], 3, 1, true, stream, device),
+        }
+    }
+
+    /// Features of the encoder to `[1, pictures, height, width]`.
+    pub fn forward(&self, features: [Tensor<4>; 5]) -> Tensor<4> {
+        let [half, quarter, eighth, sixteenth, x] = features;
+        let skips = [sixteenth, eighth, quarter, half];
+        let x =
+            self.stages.iter().zip(skips).fold(x, |x, (stage, skip)| stage.forward(upsample_nearest(x, Some(skip))));
+        conv2d(self.last.forward(upsample_nearest(x, None)), &self.output)
+    }
+}

@@ -1,0 +1,246 @@
+use burn::module::{Module, Param};
+use burn::nn::conv::{Conv2d, Conv2dConfig};
+use burn::nn::{BatchNorm, BatchNormConfig, PaddingConfig2d};
+use burn::tensor::{Device, Tensor, TensorData};
+use lo_random::{RngExt, Stream};
+
+use crate::checkpoint::{Checkpoint, CheckpointError};
+use crate::conv::{Moments, activate, activated_conv2d, activated_mean, batch_norm, conv2d, max_pool, scaled};
+use crate::layers::drawn;
+
+/// Channels that a dense layer adds, and that it works with.
+const GROWTH: usize = 32;
+const BOTTLENECK: usize = 4 * GROWTH;
+
+/// Layers of the four dense blocks.
+const LAYERS: [usize; 4] = [6, 12, 24, 16];
+
+/// Channels of [`DenseNet::forward`]'s five outputs.
+pub const DENSENET_CHANNELS: [usize; 5] = [64, 256, 512, 1024, 1024];
+
+/// The feature extractor of DenseNet-121 (Huang et al. 2017) in the layout of torchvision, whose weights load by name.
+#[derive(Module, Debug)]
+pub struct DenseNet {
+    /// 7 × 7, to half resolution.
+    pub conv0: Conv2d,
+    /// After it.
+    pub norm0: BatchNorm,
+    /// Dense blocks.
+    pub blocks: Vec<DenseBlock>,
+    /// Between them.
+    pub transitions: Vec<Transition>,
+    /// After the last.
+    pub norm5: BatchNorm,
+}
+
+/// Layers that each see what all before them gave.
+#[derive(Module, Debug)]
+pub struct DenseBlock {
+    /// In order.
+    pub layers: Vec<DenseLayer>,
+}
+
+/// A bottleneck of one dense block.
+#[derive(Module, Debug)]
+pub struct DenseLayer {
+    /// Before `conv1`.
+    pub norm1: BatchNorm,
+    /// 1 × 1.
+    pub conv1: Conv2d,
+    /// Before `conv2`.
+    pub norm2: BatchNorm,
+    /// 3 × 3.
+    pub conv2: Conv2d,
+}
+
+/// Half the channels, half the resolution.
+#[derive(Module, Debug)]
+pub struct Transition {
+    /// Before the convolution.
+    pub norm: BatchNorm,
+    /// 1 × 1.
+    pub conv: Conv2d,
+}
+
+/// A convolution, its weights normal with variance 2 / fan-in (He et al. 2015), as torchvision has it.
+pub(super) fn conv(
+    channels: [usize; 2],
+    kernel: usize,
+    stride: usize,
+    bias: bool,
+    stream: &mut Stream,
+    device: &Device,
+) -> Conv2d {
+    let padding = (kernel - 1) / 2;
+    let mut conv = Conv2dConfig::new(channels, [kernel, kernel])
+        .with_stride([stride, stride])
+        .with_padding(PaddingConfig2d::Explicit(padding, padding, padding, padding))
+        .with_bias(bias)
+        .init(device);
+    let fan_in = channels[0] * kernel * kernel;
+    let deviation = (2.0 / fan_in as f32).sqrt();
+    let size = [channels[1], channels[0], kernel, kernel];
+    conv.weight = drawn(size, stream, device, move |stream| deviation * normal(stream));
+    conv.bias = bias.then(|| Param::from_data(TensorData::new(vec![0.0f32; channels[1]], [channels[1]]), device));
+    conv
+}
+
+/// Box & Muller (1958).
+fn normal(stream: &mut Stream) -> f32 {
+    let radius = (-2.0 * (1.0 - stream.random::<f32>()).ln()).sqrt();
+    radius * (std::f32::consts::TAU * stream.random::<f32>()).cos()
+}
+
+fn norm(channels: usize, device: &Device) -> BatchNorm {
+    BatchNormConfig::new(channels).init(device)
+}
+
+impl DenseNet {
+    /// Random weights.
+    pub fn new(stream: &mut Stream, device: &Device) -> Self {
+        let mut channels = DENSENET_CHANNELS[0];
+        let (mut blocks, mut transitions) = (Vec::new(), Vec::new());
+        let conv0 = conv([3, channels], 7, 2, false, stream, device);
+        for (i, layers) in LAYERS.into_iter().enumerate() {
+            let layer = |i| DenseLayer::new(channels + i * GROWTH, stream, device);
+            blocks.push(DenseBlock { layers: (0..layers).map(layer).collect() });
+            channels += layers * GROWTH;
+            if i + 1 < LAYERS.len() {
+                let half = conv([channels, channels / 2], 1, 1, false, stream, device);
+                transitions.push(Transition { norm: norm(channels, device), conv: half });
+                channels /= 2;
+            }
+        }
+        Self { conv0, norm0: norm(DENSENET_CHANNELS[0], device), blocks, transitions, norm5: norm(channels, device) }
+    }
+
+    /// With the weights of torchvision's `densenet121`, of which the classifier is not used.
+    ///
+    /// # Errors
+    /// Names what is missing or of another shape.
+    pub fn load_torchvision(self, weights: &Checkpoint) -> Result<Self, CheckpointError> {
+        weights.load_renamed("DenseNet-121", self, |name| {
+            let name = torchvision_name(name);
+            // What torchvision offers for download still has the names of its first release.
+            let old = ["norm1", "norm2", "conv1", "conv2"].into_iter().fold(name.clone(), |name, part| {
+                let (kind, number) = part.split_at(4);
+                name.replace(&format!(".{part}."), &format!(".{kind}.{number}."))
+            });
+            if !weights.has(&name) && weights.has(&old) { old } else { name }
+        })
+    }
+
+    /// `[3, pictures, height, width]`, multiples of 32, to the features at 1/2, 1/4, 1/8, 1/16 and 1/32 of that, of
+    /// [`DENSENET_CHANNELS`].
+    pub fn forward(&self, x: Tensor<4>) -> [Tensor<4>; 5] {
+        let x = conv2d(x, &self.conv0);
+        let affine = batch_norm(&self.norm0, Moments::in_training(&x).as_ref());
+        let half = activate(x, affine);
+        let mut x = max_pool(half.clone());
+        let mut outputs = Vec::new();
+        for (i, block) in self.blocks.iter().enumerate() {
+            let (features, moments) = block.forward(x);
+            x = match self.transitions.get(i) {
+                Some(transition) => {
+                    outputs.push(features.clone());
+                    transition.forward(features, moments.as_ref())
+                }
+                None => scaled(features, batch_norm(&self.norm5, moments.as_ref())),
+            };
+        }
+        let [quarter, eighth, sixteenth] = outputs.try_into().expect("three transitions");
+        [half, quarter, eighth, sixteenth, x]
+    }
+}
+
+impl DenseBlock {
+    /// Also gives the moments of its output's channels, in training.
+    fn forward(&self, x: Tensor<4>) -> (Tensor<4>, Option<Moments>) {
+        let Some(moments) = Moments::in_training(&x) else { return (self.forward_in_place(x), None) };
+        self.layers.iter().fold((x, Some(moments)), |(x, moments), layer| {
+            let new = layer.forward(x.clone(), moments.as_ref());
+            let moments = moments.map(|moments| moments.joined(Moments::new(new.clone())));
+            (Tensor::cat(vec![x, new], 0), moments)
+        })
+    }
+
+    /// Where nothing is recorded, the layers write into one tensor: no copy of what all before gave for each.
+    fn forward_in_place(&self, x: Tensor<4>) -> Tensor<4> {
+        let [inputs, pictures, height, width] = x.dims();
+        let channels = inputs + self.layers.len() * GROWTH;
+        let features = Tensor::zeros([channels, pictures, height, width], (&x.device(), x.dtype()));
+        let mut features = features.slice_assign([0..inputs, 0..pictures, 0..height, 0..width], x);
+        for (i, layer) in self.layers.iter().enumerate() {
+            let seen = inputs + i * GROWTH;
+            let new = layer.forward(features.clone().narrow(0, 0, seen), None);
+            features = features.slice_assign([seen..seen + GROWTH, 0..pictures, 0..height, 0..width], new);
+        }
+        features
+    }
+}
+
+impl DenseLayer {
+    fn new(inputs: usize, stream: &mut Stream, device: &Device) -> Self {
+        Self {
+            norm1: norm(inputs, device),
+            conv1: conv([inputs, BOTTLENECK], 1, 1, false, stream, device),
+            norm2: norm(BOTTLENECK, device),
+            conv2: conv([BOTTLENECK, GROWTH], 3, 1, false, stream, device),
+        }
+    }
+
+    fn forward(&self, x: Tensor<4>, moments: Option<&Moments>) -> Tensor<4> {
+        let x = activated_conv2d(x, batch_norm(&self.norm1, moments), &self.conv1);
+        let affine = batch_norm(&self.norm2, Moments::in_training(&x).as_ref());
+        activated_conv2d(x, affine, &self.conv2)
+    }
+}
+
+impl Transition {
+    fn forward(&self, x: Tensor<4>, moments: Option<&Moments>) -> Tensor<4> {
+        // torchvision pools what was convolved. Means of pixels and sums of channels commute, and this way round there is a
+        // quarter of the products.
+        conv2d(activated_mean(x, batch_norm(&self.norm, moments)), &self.conv)
+    }
+}
+
+/// torchvision's name of one of our parameters: it counts blocks and layers from 1.
+fn torchvision_name(name: &str) -> String {
+    let mut parts = name.split('.');
+    let mut out = "features".to_owned();
+    let mut counted = |kind: &str, parts: &mut std::str::Split<char>| {
+        let number: usize = parts.next().and_then(|n| n.parse().ok()).expect("a list's fields are numbered");
+        out.push_str(&format!(".{kind}{}", number + 1));
+    };
+    let mut rest = Vec::new();
+    while let Some(part) = parts.next() {
+        match part {
+            "blocks" => counted("denseblock", &mut parts),
+            "layers" => counted("denselayer", &mut parts),
+            "transitions" => counted("transition", &mut parts),
+            "gamma" => rest.push("weight"),
+            "beta" => rest.push("bias"),
+            other => rest.push(other),
+        }
+    }
+    rest.iter().for_each(|part| out.push_str(&format!(".{part}")));
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_those_of_torchvision() {
+        for (ours, theirs) in [
+            ("conv0.weight", "features.conv0.weight"),
+            ("norm0.running_mean", "features.norm0.running_mean"),
+            ("blocks.2.layers.11.norm2.gamma", "features.denseblock3.denselayer12.norm2.weight"),
+            ("transitions.0.conv.weight", "features.transition1.conv.weight"),
+            ("norm5.beta", "features.norm5.bias"),
+        ] {
+            assert_eq!(torchvision_name(ours), theirs);
+        }
+    }
+}

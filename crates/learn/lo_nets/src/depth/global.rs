@@ -1,0 +1,89 @@
+use burn::module::{Module, Param};
+use burn::nn::conv::Conv2d;
+use burn::tensor::{Device, Tensor, TensorData, activation, activation::relu, module::adaptive_avg_pool2d};
+use lo_random::Stream;
+
+use crate::conv::{conv2d, upsample_nearest};
+use crate::depth::decoder::ConvStage;
+use crate::depth::densenet::{DENSENET_CHANNELS, conv};
+use crate::layers::Linear;
+use crate::light::MAX_RADIANCE;
+
+/// Cells that the photo is divided into, so that `f_L` can tell where the light comes from.
+const CELLS: [usize; 2] = [4, 6];
+const CELL_CHANNELS: usize = 64;
+const HIDDEN: usize = 256;
+
+/// Channels of the panorama decoder, from 4 × 8 pixels to 64 × 128.
+const PANORAMA_CHANNELS: [usize; 5] = [256, 128, 64, 32, 16];
+
+/// From the encoder's last features to the global lighting feature `f_L`.
+#[derive(Module, Debug)]
+pub struct GlobalEncoder {
+    /// 1 × 1.
+    pub conv: Conv2d,
+    /// From all cells.
+    pub hidden: Linear,
+    /// To `f_L`.
+    pub output: Linear,
+}
+
+/// From `f_L` to a small HDR panorama.
+#[derive(Module, Debug)]
+pub struct PanoramaDecoder {
+    /// To 4 × 8 pixels.
+    pub input: Linear,
+    /// Twice the resolution each.
+    pub stages: Vec<ConvStage>,
+    /// To log radiance.
+    pub output: Conv2d,
+}
+
+fn with_bias(size: [usize; 2], stream: &mut Stream, device: &Device) -> Linear {
+    let bias = Param::from_data(TensorData::new(vec![0.0f32; size[1]], [1, size[1]]), device);
+    Linear { bias: Some(bias), ..Linear::new(size, stream, device) }
+}
+
+impl GlobalEncoder {
+    pub(super) fn new(features: usize, stream: &mut Stream, device: &Device) -> Self {
+        Self {
+            conv: conv([DENSENET_CHANNELS[4], CELL_CHANNELS], 1, 1, true, stream, device),
+            hidden: with_bias([CELLS[0] * CELLS[1] * CELL_CHANNELS, HIDDEN], stream, device),
+            output: with_bias([HIDDEN, features], stream, device),
+        }
+    }
+
+    /// `[1024, pictures, height, width] → f_L [pictures, features]`.
+    pub fn forward(&self, x: Tensor<4>) -> Tensor<2> {
+        let cells = adaptive_avg_pool2d(relu(conv2d(x, &self.conv)), CELLS);
+        self.output.forward(relu(self.hidden.forward(cells.swap_dims(0, 1).flatten(1, 3))))
+    }
+}
+
+impl PanoramaDecoder {
+    pub(super) fn new(features: usize, stream: &mut Stream, device: &Device) -> Self {
+        let input = with_bias([features, PANORAMA_CHANNELS[0] * 4 * 8], stream, device);
+        let stages = PANORAMA_CHANNELS.windows(2).map(|pair| ConvStage::new([pair[0], pair[1]], stream, device));
+        Self { input, stages: stages.collect(), output: conv([PANORAMA_CHANNELS[4], 3], 3, 1, true, stream, device) }
+    }
+
+    /// `f_L [pictures, features]` → linear radiance `[3, pictures, 64, 128]` of equirectangular panoramas at the cameras.
+    pub fn forward(&self, features: Tensor<2>) -> Tensor<4> {
+        let [pictures, _] = features.dims();
+        let x = relu(self.input.forward(features)).reshape([pictures, PANORAMA_CHANNELS[0], 4, 8]).swap_dims(0, 1);
+        let x = self.stages.iter().fold(x, |x, stage| {
+            let x = upsample_nearest(x, None);
+            let width = x.dims()[3];
+            stage.forward(wrapped(x)).narrow(3, 1, width)
+        });
+        let width = x.dims()[3];
+        let log = activation::softplus(conv2d(wrapped(x), &self.output).narrow(3, 1, width), 1.0);
+        log.clamp_max(f64::from(MAX_RADIANCE).ln_1p()).exp() - 1.0
+    }
+}
+
+/// One column more on either side: the panorama goes round.
+fn wrapped(x: Tensor<4>) -> Tensor<4> {
+    let width = x.dims()[3];
+    Tensor::cat(vec![x.clone().narrow(3, width - 1, 1), x.clone(), x.narrow(3, 0, 1)], 3)
+}

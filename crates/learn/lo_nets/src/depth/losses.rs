@@ -1,0 +1,119 @@
+use burn::tensor::{Tensor, TensorData};
+use lo_imaging::{DepthMap, RadianceImage};
+use serde::{Deserialize, Serialize};
+
+/// Weights of the depth network's losses (`docs/method.md` §6). Every field has a default, so that a file need name only what differs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DepthLossConfig {
+    /// Mean squared difference of log depth, or of the log of what it is in proportion to.
+    pub log_depth: f32,
+    /// Mean absolute difference of the same: less moved than the square by the few pixels that show another surface than is believed, and nearer to
+    /// what abs-rel and δ measure.
+    pub absolute: f32,
+    /// Variance of the difference of log depth: blind to scale.
+    pub scale_invariant: f32,
+    /// Mean squared difference of log(1 + radiance) of the panorama.
+    pub panorama: f32,
+    /// The discriminator's opinion of the panorama.
+    pub adversarial: f32,
+}
+
+impl Default for DepthLossConfig {
+    fn default() -> Self {
+        Self { log_depth: 1.0, absolute: 0.0, scale_invariant: 0.5, panorama: 1.0, adversarial: 0.01 }
+    }
+}
+
+/// Mean square, mean absolute value and variance of the difference of log depth over a picture's pixels with a true reading (finite, above 0), each
+/// the mean of all pictures.
+///
+/// `log_depth[1, pictures, height, width]`, of the same size as the `truths`, and in the same unit.
+///
+/// # Panics
+/// Where the sizes differ.
+pub fn depth_losses(log_depth: Tensor<4>, truths: &[&DepthMap]) -> [Tensor<1>; 3] {
+    let [_, pictures, height, width] = log_depth.dims();
+    let fits = |truth: &&DepthMap| (truth.width(), truth.height()) == (width, height);
+    assert!(truths.len() == pictures && truths.iter().all(fits), "true depth maps have the size of the predicted ones");
+    let is_known = |z: f32| z.is_finite() && z > 0.0;
+    let readings = || truths.iter().flat_map(|truth| truth.pixels());
+    let known: Vec<f32> = readings().map(|&z| f32::from(u8::from(is_known(z)))).collect();
+    let logs: Vec<f32> = readings().map(|&z| if is_known(z) { z.ln() } else { 0.0 }).collect();
+    let counts = known.chunks(height * width).map(|known| known.iter().sum::<f32>().max(1.0)).collect();
+    let device = log_depth.device();
+    let constant =
+        |values, pixels| Tensor::<2>::from_data(TensorData::new::<f32, _>(values, [pictures, pixels]), &device);
+    let (known, logs) = (constant(known, height * width), constant(logs, height * width));
+    let difference = (log_depth.reshape([pictures, height * width]) - logs) * known;
+    let counts = constant(counts, 1);
+    let mean_square = difference.clone().square().sum_dim(1) / counts.clone();
+    let absolute = difference.clone().abs().sum_dim(1) / counts.clone();
+    let square_mean = (difference.sum_dim(1) / counts).square();
+    [mean_square.clone().mean(), absolute.mean(), (mean_square - square_mean).mean()]
+}
+
+/// Mean squared difference of log(1 + radiance) over the sphere: rows count by their solid angle.
+///
+/// `panorama[3, pictures, height, width]`, of the same size as the `truths`.
+///
+/// # Panics
+/// Where the sizes differ.
+pub fn panorama_loss(panorama: Tensor<4>, truths: &[&RadianceImage]) -> Tensor<1> {
+    let size @ [_, pictures, height, width] = panorama.dims();
+    let fits = |truth: &&RadianceImage| (truth.width(), truth.height()) == (width, height);
+    assert!(truths.len() == pictures && truths.iter().all(fits), "true panoramas have the size of the predicted ones");
+    let device = panorama.device();
+    let logs = |c: usize| move |pixel: &[f32; 3]| pixel[c].ln_1p();
+    let channels = (0..3).flat_map(|c| truths.iter().flat_map(move |truth| truth.pixels().iter().map(logs(c))));
+    let expected = Tensor::<4>::from_data(TensorData::new::<f32, _>(channels.collect(), size), &device);
+    let share = width as f32 / (4.0 * std::f32::consts::PI);
+    let weights = (0..height).map(|y| share * lo_geometry::pixel_solid_angle_sr(y, width, height) * height as f32);
+    let weights = Tensor::<4>::from_data(TensorData::new::<f32, _>(weights.collect(), [1, 1, height, 1]), &device);
+    ((panorama.log1p() - expected).square() * weights).mean()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{numbers, recording_device};
+
+    #[test]
+    fn scale_costs_all_but_the_variance() {
+        let truth = DepthMap::from_fn(6, 4, |x, y| if x == 2 { 0.0 } else { 1.0 + (x * y) as f32 });
+        let of = |scale: f32| {
+            let logs: Vec<f32> = truth.pixels().iter().map(|z| if *z > 0.0 { (scale * z).ln() } else { 7.0 }).collect();
+            let logs = Tensor::<4>::from_data(TensorData::new(logs, [1, 1, 4, 6]), &recording_device());
+            depth_losses(logs, &[&truth]).map(|loss| numbers(loss.inner())[0])
+        };
+        let [square, absolute, variance] = of(0.5);
+        assert!((square - 2f64.ln().powi(2)).abs() < 1e-5 && variance.abs() < 1e-5, "{square} {variance}");
+        assert!((absolute - 2f64.ln()).abs() < 1e-5, "{absolute}");
+        assert!(of(1.0).iter().all(|loss| loss.abs() < 1e-6));
+    }
+
+    #[test]
+    fn every_picture_counts_as_much() {
+        // Few readings in one, many in the other; errors of 1 and 3.
+        let truths = [1, 4].map(|rows| DepthMap::from_fn(6, 4, |_, y| if y < rows { 1.0 } else { 0.0 }));
+        let logs: Vec<f32> = (0..48).map(|i| if i < 24 { 1.0 } else { 3.0 }).collect();
+        let logs = Tensor::<4>::from_data(TensorData::new(logs, [1, 2, 4, 6]), &recording_device());
+        let [square, absolute, variance] = depth_losses(logs, &truths.each_ref()).map(|loss| numbers(loss.inner())[0]);
+        assert!((square - 5.0).abs() < 1e-5 && variance.abs() < 1e-5, "{square} {variance}");
+        assert!((absolute - 2.0).abs() < 1e-5, "{absolute}");
+    }
+
+    #[test]
+    fn the_sphere_weighs_rows() {
+        let truth = RadianceImage::from_fn(16, 8, |_, _| [0.0; 3]);
+        let of = |bright: usize| {
+            let values = (0..3 * 8 * 16).map(|i| if i / 16 % 8 == bright { 1.0f32.exp_m1() } else { 0.0 }).collect();
+            let x = Tensor::<4>::from_data(TensorData::new::<f32, _>(values, [3, 1, 8, 16]), &recording_device());
+            numbers(panorama_loss(x, &[&truth]).inner())[0]
+        };
+        let shares: Vec<f64> = (0..8).map(of).collect();
+        assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-5, "{shares:?}");
+        // sin(π/8)'s complement: the cap above 67.5° of latitude
+        assert!((shares[0] - 0.5 * (1.0 - (std::f64::consts::PI * 0.375).sin())).abs() < 1e-5);
+    }
+}

@@ -1,0 +1,15 @@
+//! The depth network (`docs/method.md` §4): depth, the global lighting feature, a panorama made of it, and who judges that.
+
+mod decoder;
+mod densenet;
+mod global;
+mod losses;
+mod network;
+mod patch_gan;
+
+pub use decoder::{ConvStage, DepthDecoder};
+pub use densenet::{DENSENET_CHANNELS, DenseBlock, DenseLayer, DenseNet, Transition};
+pub use global::{GlobalEncoder, PanoramaDecoder};
+pub use losses::{DepthLossConfig, depth_losses, panorama_loss};
+pub use network::{DepthNet, DepthOutput, LONGER_SIDE, network_input, panorama_image, size_within};
+pub use patch_gan::PatchGan;

@@ -1,0 +1,255 @@
+use burn::module::Module;
+use burn::tensor::ops::PadMode;
+use burn::tensor::{Device, Tensor, TensorData};
+use lo_geometry::Camera;
+use lo_imaging::{DepthMap, Image, RadianceImage, linear_from_srgb8, srgb8_from_linear};
+
+use crate::depth::{DenseNet, DepthDecoder, GlobalEncoder, PanoramaDecoder};
+
+/// Mean and deviation of the pictures that torchvision's weights were trained on, sRGB values from 0 to 1.
+const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
+const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
+
+/// Extents that can be predicted, metres.
+const EXTENT_RANGE_M: [f64; 2] = [0.02, 200.0];
+
+/// Most pixels on a photo's longer side as the network is used. Sizes are what tells distance, and the network knows them at the
+/// resolutions that it learned from; light needs no finer depth: at 4 m a pixel is 2 cm wide.
+pub const LONGER_SIDE: usize = 240;
+
+/// The encoder halves the resolution five times.
+const MULTIPLE: usize = 32;
+
+/// The depth network (`docs/method.md` §4): depth of every pixel, the global lighting feature, and a panorama made of it.
+#[derive(Module, Debug)]
+pub struct DepthNet {
+    /// Features.
+    pub encoder: DenseNet,
+    /// Depth.
+    pub decoder: DepthDecoder,
+    /// `f_L`.
+    pub global: GlobalEncoder,
+    /// A panorama at the camera.
+    pub panorama: PanoramaDecoder,
+}
+
+/// What the depth network gives.
+#[derive(Debug)]
+pub struct DepthOutput {
+    /// Logarithm of how far what is seen at a pixel's depth extends, from its middle to the end of the picture's longer side, in metres:
+    /// depth along the optical axis times [`Camera::half_extent`]. It is what sizes in the picture tell, whatever the focal length: the
+    /// canonical camera of Yin et al., "Metric3D", ICCV 2023. `[1, pictures, height, width]`.
+    pub log_extent: Tensor<4>,
+    /// The global lighting features, `[pictures, features]`.
+    pub global: Tensor<2>,
+}
+
+/// Width and height of a photo of this size with at most so many pixels on its longer side, never larger than it is.
+pub fn size_within([width, height]: [usize; 2], longer_side: usize) -> [usize; 2] {
+    let longer = width.max(height);
+    if longer <= longer_side {
+        return [width, height];
+    }
+    [width, height].map(|side| (side * longer_side).div_ceil(longer))
+}
+
+/// An sRGB photo at the size at which the network is used: at most [`LONGER_SIDE`].
+///
+/// # Panics
+/// Where the photo has no pixels.
+pub fn network_input(photo: &Image<[u8; 3]>) -> Image<[u8; 3]> {
+    let size = [photo.width(), photo.height()];
+    let [width, height] = size_within(size, LONGER_SIDE);
+    if [width, height] == size {
+        return photo.clone();
+    }
+    lo_imaging::resize(&photo.map(|rgb| rgb.map(linear_from_srgb8)), width, height)
+        .map(|rgb| rgb.map(srgb8_from_linear))
+}
+
+/// The first of a decoder's panoramas, `[3, panoramas, height, width]`, as a picture.
+pub fn panorama_image(panoramas: Tensor<4>) -> RadianceImage {
+    let [_, _, height, width] = panoramas.dims();
+    let values: Vec<f32> = panoramas.inner().narrow(1, 0, 1).into_data().iter().collect();
+    RadianceImage::from_fn(width, height, |x, y| [0, 1, 2].map(|c| values[(c * height + y) * width + x]))
+}
+
+impl DepthNet {
+    /// A network with weights drawn from `seed` and an `f_L` of this length.
+    pub fn new(global_features: usize, seed: u64, device: &Device) -> Self {
+        let mut stream = lo_random::stream(seed, "depth network", 0);
+        let stream = &mut stream;
+        Self {
+            encoder: DenseNet::new(stream, device),
+            decoder: DepthDecoder::new(stream, device),
+            global: GlobalEncoder::new(global_features, stream, device),
+            panorama: PanoramaDecoder::new(global_features, stream, device),
+        }
+    }
+
+    /// From sRGB photos of any size, which all have.
+    ///
+    /// # Panics
+    /// Where there is no photo, a photo has no pixels or is of another size than the first.
+    pub fn forward(&self, photos: &[&Image<[u8; 3]>]) -> DepthOutput {
+        let (width, height) = (photos[0].width(), photos[0].height());
+        let features = self.encoder.forward(self.input(photos));
+        let global = self.global.forward(features[4].clone());
+        let [least, most] = EXTENT_RANGE_M.map(f64::ln);
+        let log_extent = self.decoder.forward(features).narrow(2, 0, height).narrow(3, 0, width);
+        DepthOutput { log_extent: log_extent.clamp(least, most), global }
+    }
+
+    /// The global lighting feature alone, `[1, features]`, where depth is known from elsewhere.
+    ///
+    /// # Panics
+    /// Where the photo has no pixels.
+    pub fn global_feature(&self, photo: &Image<[u8; 3]>) -> Tensor<2> {
+        let [.., features] = self.encoder.forward(self.input(&[photo]));
+        self.global.forward(features)
+    }
+
+    /// `[3, pictures, height, width]`, padded to multiples of 32.
+    fn input(&self, photos: &[&Image<[u8; 3]>]) -> Tensor<4> {
+        let (width, height) = (photos[0].width(), photos[0].height());
+        assert!(width > 0 && height > 0, "a photo has pixels");
+        assert!(photos.iter().all(|photo| (photo.width(), photo.height()) == (width, height)), "photos of one size");
+        let normal = |c: usize| move |pixel: &[u8; 3]| (f32::from(pixel[c]) / 255.0 - MEAN[c]) / DEVIATION[c];
+        let channels = (0..3).flat_map(|c| photos.iter().flat_map(move |photo| photo.pixels().iter().map(normal(c))));
+        let device = self.encoder.conv0.weight.val().device();
+        let size = [3, photos.len(), height, width];
+        let x = Tensor::<4>::from_data(TensorData::new::<f32, _>(channels.collect(), size), &device);
+        let missing = |size: usize| size.next_multiple_of(MULTIPLE) - size;
+        // The last rows and columns again: no edge that is not in the picture.
+        x.pad((0, missing(width), 0, missing(height)), PadMode::Edge)
+    }
+}
+
+impl DepthOutput {
+    /// The depth map of the first photo, which this camera made; metres along the optical axis.
+    pub fn depth_m(&self, camera: &Camera) -> DepthMap {
+        let [_, _, height, width] = self.log_extent.dims();
+        let values: Vec<f32> = self.log_extent.clone().inner().narrow(1, 0, 1).into_data().iter().collect();
+        let extent = camera.half_extent() as f32;
+        DepthMap::new(width, height, values.into_iter().map(|log| log.exp() / extent).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use lo_imaging::RadianceImage;
+
+    use super::*;
+    use crate::depth::{PatchGan, depth_losses, panorama_loss};
+    use crate::{
+        Adam,
+        checkpoint::{Checkpoint, Precision},
+    };
+
+    fn photo(width: usize, height: usize) -> Image<[u8; 3]> {
+        Image::from_fn(width, height, |x, y| {
+            [(3 * x) as u8, (5 * y) as u8, if (x / 8 + y / 8) % 2 == 0 { 200 } else { 30 }]
+        })
+    }
+
+    /// That of 90°, which sees two metres at a depth of one.
+    fn camera() -> Camera {
+        Camera::from_hfov_deg(90.0, 64, 32).unwrap()
+    }
+
+    #[test]
+    fn the_same_picture_by_a_longer_lens_is_farther() {
+        let output = DepthNet::new(16, 1, &Device::flex()).forward(&[&photo(64, 32)]);
+        let (wide, upright) = (camera(), Camera::from_hfov_deg(53.130_102, 32, 64).unwrap());
+        let long = Camera { fx: 3.0 * wide.fx, fy: 3.0 * wide.fy, ..wide };
+        let [near, far, other] = [wide, long, upright].map(|camera| output.depth_m(&camera).pixels()[77]);
+        assert!((far / near - 3.0).abs() < 1e-5, "{near} {far}");
+        // 32 pixels wide at 53.13°: a focal length of 32, as the wide one's; the longer side is the same too.
+        assert!((other / near - 1.0).abs() < 1e-5, "{near} {other}");
+    }
+
+    #[test]
+    fn large_photos_are_looked_at_in_240_pixels() {
+        let size = |width, height| {
+            let seen = network_input(&photo(width, height));
+            (seen.width(), seen.height())
+        };
+        assert_eq!((size(480, 320), size(301, 480), size(240, 200)), ((240, 160), (151, 240), (240, 200)));
+        assert_eq!(network_input(&photo(64, 32)), photo(64, 32));
+    }
+
+    #[test]
+    fn any_size_gives_depth_and_light() {
+        let net = DepthNet::new(16, 1, &Device::flex());
+        for (width, height) in [(50, 37), (64, 32), (1, 1)] {
+            let output = net.forward(&[&photo(width, height)]);
+            let depth = output.depth_m(&camera());
+            assert_eq!((depth.width(), depth.height()), (width, height));
+            assert!(depth.pixels().iter().all(|z| (0.019..201.0).contains(z)));
+            assert_eq!(output.global.dims(), [1, 16]);
+        }
+        let panorama = net.panorama.forward(net.forward(&[&photo(64, 32)]).global);
+        assert_eq!(panorama.dims(), [3, 1, 64, 128]);
+        assert!(panorama.into_data().iter::<f32>().all(|c| c.is_finite() && c >= 0.0));
+    }
+
+    #[test]
+    fn photos_together_give_what_each_gives_alone() {
+        let net = DepthNet::new(16, 1, &Device::flex());
+        let photos = [photo(50, 37), photo(50, 37).map(|&[r, g, b]| [b, r, g])];
+        let together = net.forward(&photos.each_ref());
+        let values = |tensor: Tensor<4>| tensor.into_data().iter::<f32>().collect::<Vec<_>>();
+        let panoramas = values(net.panorama.forward(together.global.clone()).swap_dims(0, 1));
+        for (i, photo) in photos.iter().enumerate() {
+            let alone = net.forward(&[photo]);
+            let panorama = values(net.panorama.forward(alone.global.clone()));
+            let pairs = [
+                (values(together.log_extent.clone().narrow(1, i, 1)), values(alone.log_extent)),
+                (panoramas[i * panorama.len()..][..panorama.len()].to_vec(), panorama),
+            ];
+            for (got, expected) in pairs {
+                assert!(got.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-5 * (1.0 + b.abs())), "photo {i}");
+            }
+        }
+        let different = net.forward(&[&photos[0]]).log_extent - net.forward(&[&photos[1]]).log_extent;
+        assert!(different.abs().mean().into_scalar::<f32>() > 1e-3);
+    }
+
+    #[test]
+    fn a_step_of_each_network_lowers_its_loss_and_saves_its_statistics() {
+        let device = Device::flex().autodiff();
+        let (mut net, mut judge) = (DepthNet::new(16, 1, &device), PatchGan::new(2, &device));
+        let photo = photo(64, 32);
+        let truth = DepthMap::from_fn(64, 32, |x, _| 1.0 + x as f32 * 0.1);
+        let sky = RadianceImage::from_fn(128, 64, |_, y| [if y < 20 { 8.0 } else { 0.2 }; 3]);
+        let constant = |channels: usize, value: f32| {
+            let values = vec![value; channels * 64 * 128];
+            Tensor::<4>::from_data(TensorData::new(values, [channels, 1, 64, 128]), &device)
+        };
+        let (mut adam, mut judge_adam) = (Adam::default(), Adam::default());
+        let (mut losses, mut opinions) = (Vec::new(), Vec::new());
+        for _ in 0..6 {
+            let output = net.forward(&[&photo]);
+            let [log_depth, _, variance] = depth_losses(output.log_extent, &[&truth]);
+            let made = net.panorama.forward(output.global);
+            let opinion = judge.generator_loss(made.clone(), constant(4, 0.0));
+            let loss = log_depth + variance * 0.5 + panorama_loss(made.clone(), &[&sky]) + opinion * 0.01;
+            losses.push(loss.clone().inner().into_scalar::<f32>());
+            net = adam.step(net, &loss.backward(), 1e-3);
+            let loss = judge.discriminator_loss(constant(3, 1.0), made, constant(4, 0.0));
+            opinions.push(loss.clone().inner().into_scalar::<f32>());
+            judge = judge_adam.step(judge, &loss.backward(), 1e-3);
+        }
+        assert!(losses[5] < 0.9 * losses[0], "{losses:?}");
+        assert!(opinions[5] < opinions[0], "{opinions:?}");
+        // What is saved right after a training step is what the network computes with.
+        let folder = tempfile::tempdir().unwrap();
+        let mut checkpoint = Checkpoint::default();
+        checkpoint.add_module("depth", &net);
+        checkpoint.write(folder.path().join("depth.safetensors"), Precision::Full).unwrap();
+        let read = Checkpoint::read(folder.path().join("depth.safetensors")).unwrap();
+        let other = read.load_module("depth", DepthNet::new(16, 9, &Device::flex())).unwrap();
+        assert_eq!(other.forward(&[&photo]).depth_m(&camera()), net.valid().forward(&[&photo]).depth_m(&camera()));
+    }
+}

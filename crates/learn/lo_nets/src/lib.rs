@@ -1,0 +1,22 @@
+//! The networks: dual-octree light network, differentiable rendering, depth and global light, losses.
+//!
+//! Beside the trainer the only crate that knows burn, the deep-learning stack.
+
+mod adam;
+pub mod checkpoint;
+pub mod conv;
+pub mod depth;
+pub mod graph;
+pub mod host;
+pub mod layers;
+pub mod light;
+mod names;
+mod networks;
+pub mod rendering;
+mod sums;
+#[cfg(test)]
+mod testing;
+
+pub use adam::Adam;
+pub use burn::tensor::Device;
+pub use networks::{CompletedLight, DEPTH_NET, GlobalLight, LIGHT_NET, Networks};

@@ -1,0 +1,90 @@
+use lo_geometry::{Camera, Cube, Vec3};
+use lo_octree::xyz_from_key;
+
+use crate::light::VisiblePoint;
+
+/// Pixels of the camera along a side of a cell.
+const CELL: u32 = 4;
+
+/// Space that the photo shows to be empty: what lies before what is seen.
+#[derive(Clone, Debug)]
+pub struct FreeSpace {
+    /// The camera, in cells.
+    camera: Camera,
+    /// Depth of the nearest point in each cell, metres; 0 where there is none, so that nothing is known.
+    nearest_m: Vec<f32>,
+}
+
+impl FreeSpace {
+    /// Of the points that a camera sees.
+    pub fn new(points: &[VisiblePoint], camera: &Camera) -> Self {
+        let camera = camera.resized(camera.width.div_ceil(CELL), camera.height.div_ceil(CELL));
+        let mut nearest_m = vec![0.0f32; camera.width as usize * camera.height as usize];
+        for point in points {
+            let Some((u, v, z)) = camera.project(point.position_m) else { continue };
+            if camera.contains(u, v) {
+                let cell = &mut nearest_m[v as usize * camera.width as usize + u as usize];
+                *cell = if *cell == 0.0 { z as f32 } else { cell.min(z as f32) };
+            }
+        }
+        Self { camera, nearest_m }
+    }
+
+    /// Whether all of a node is known to be empty.
+    pub fn holds(&self, cube: Cube, depth: u32, key: u32) -> bool {
+        let [x, y, z] = xyz_from_key(key).map(|i| i as f32);
+        let (mut low, mut high, mut farthest_m) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2], 0.0f64);
+        for corner in 0..8 {
+            let at =
+                Vec3::new(x, y, z) + Vec3::new((corner & 1) as f32, (corner >> 1 & 1) as f32, (corner >> 2) as f32);
+            let at = cube.world_from_unit(at / (1u32 << depth) as f32);
+            let Some((u, v, z)) = self.camera.project(at) else { return false };
+            (low, high) = ([low[0].min(u), low[1].min(v)], [high[0].max(u), high[1].max(v)]);
+            farthest_m = farthest_m.max(z);
+        }
+        let (width, height) = (self.camera.width as usize, self.camera.height as usize);
+        if low[0] < 0.0 || low[1] < 0.0 || high[0] >= width as f64 || high[1] >= height as f64 {
+            return false;
+        }
+        let before = |cell: f32| f64::from(cell) > farthest_m;
+        (low[1] as usize..=high[1] as usize)
+            .all(|v| self.nearest_m[v * width..][low[0] as usize..=high[0] as usize].iter().all(|&cell| before(cell)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use lo_octree::key_from_xyz;
+
+    use super::*;
+
+    #[test]
+    fn what_lies_before_a_wall_is_empty_and_nothing_else() {
+        // A wall 3 m away fills the view of 90° but for a hole in its left half.
+        let camera = Camera::from_hfov_deg(90.0, 64, 64).unwrap();
+        let pixels =
+            (0..64 * 64).map(|i| (i % 64, i / 64)).filter(|&(u, v)| !(12..20).contains(&u) || !(28..36).contains(&v));
+        let point = |(u, v): (i32, i32)| VisiblePoint {
+            position_m: camera.unproject(f64::from(u) + 0.5, f64::from(v) + 0.5, 3.0),
+            radiance: [0.5; 3],
+            normal: Vec3::Z,
+            certain: true,
+        };
+        let points: Vec<VisiblePoint> = pixels.map(point).collect();
+        let free = FreeSpace::new(&points, &camera);
+        let cube = Cube::centred(Vec3::ZERO, 8.0);
+        // Nodes of a quarter of a metre: by the place of their middle.
+        let holds = |x: f32, y: f32, z: f32| {
+            let unit = cube.unit_from_world(Vec3::new(x, y, z)) * 32.0;
+            free.holds(cube, 5, key_from_xyz([unit.x as u32, unit.y as u32, unit.z as u32]))
+        };
+        assert!(holds(0.9, 0.4, -2.1) && holds(0.1, 0.1, -0.6));
+        assert!(!holds(0.9, 0.4, -2.9), "it holds the wall");
+        assert!(!holds(0.9, 0.4, -3.4), "behind the wall");
+        assert!(!holds(0.9, 0.4, 1.1) && !holds(0.1, 0.1, -0.1), "behind the camera, and beside it");
+        assert!(!holds(2.1, 0.1, -2.1), "cut by the edge of the view");
+        assert!(!holds(-1.0, 0.1, -2.1), "before the hole");
+        assert!(!FreeSpace::new(&[], &camera).holds(cube, 5, 0));
+    }
+}

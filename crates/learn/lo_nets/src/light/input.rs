@@ -1,0 +1,290 @@
+use std::sync::Arc;
+
+use lo_geometry::{Camera, Cube, DVec3, Vec3};
+use lo_imaging::{DepthMap, Image};
+use lo_octree::{Coverage, LightOctree, Octree, RadiancePoint};
+use lo_random::RngExt;
+
+use crate::graph::GraphLevel;
+use crate::light::{FreeSpace, LightError, LightNetConfig, MAX_RADIANCE};
+
+/// Features of a node of the input: see [`LightInput::features`].
+pub const NODE_FEATURES: usize = 15;
+
+/// Points that carry the global lighting feature into what the photo does not see.
+const GLOBAL_POINTS: usize = 4096;
+
+/// A point of a surface that the photo shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VisiblePoint {
+    /// World position in metres.
+    pub position_m: Vec3,
+    /// Linear RGB radiance.
+    pub radiance: [f32; 3],
+    /// Unit normal; zero where it is not known.
+    pub normal: Vec3,
+    /// Whether the radiance is that of the surface: false where the photo is clipped, so that it is but a lower bound.
+    pub certain: bool,
+}
+
+/// What the light network sees: the graphs of the input octree, features of their finest nodes, and what is known already.
+#[derive(Debug)]
+pub struct LightInput {
+    /// Graphs from the full depth on.
+    pub levels: Vec<Arc<GraphLevel>>,
+    /// The octree that the graphs are of: visible points and those that carry `f_L`.
+    pub octree: Octree,
+    /// `[nodes of the finest graph, NODE_FEATURES]`: means over the node's points of log(1 + radiance) (3) and of the position in
+    /// the node, −1 to 1 (3); its centre in the cube, −1 to 1 (3); mean normal (3); shares of the points that are visible,
+    /// certain, and carriers of `f_L` (1 each). Nodes without points have a centre alone.
+    pub features: Vec<f32>,
+    /// The octree of the visible points; its `seen` are the certain shares.
+    pub visible: LightOctree,
+    /// A first guess of what is not seen, from the visible points: linear RGB, above 0; 0.2 where there are none.
+    pub ambient: [f32; 3],
+    /// Share of the colour beside the ambient light's that the network's guesses are believed to have: 1, all of it, in training.
+    pub colour_share: f32,
+    /// What the photo shows to be empty.
+    pub free: FreeSpace,
+}
+
+impl LightInput {
+    /// Builds the input from the visible points and the camera that saw them, both in the frame of `cube`.
+    ///
+    /// Points that carry `f_L` are drawn outside of the view: directions uniform over the sphere, distances from those of the
+    /// visible points. Points outside of the cube do not count.
+    ///
+    /// # Errors
+    /// Points that are not finite (the first is named), depths or a cube that no octree can have.
+    pub fn new(
+        points: &[VisiblePoint],
+        camera: &Camera,
+        cube: Cube,
+        config: &LightNetConfig,
+        seed: u64,
+    ) -> Result<Self, LightError> {
+        let finite = |p: &VisiblePoint| {
+            p.position_m.is_finite() && p.normal.is_finite() && p.radiance.iter().all(|c| c.is_finite() && *c >= 0.0)
+        };
+        if let Some(index) = points.iter().position(|point| !finite(point)) {
+            return Err(LightError::Point { index, point: points[index] });
+        }
+        let mut surface: Vec<RadiancePoint> = points.iter().map(VisiblePoint::radiance_point).collect();
+        let (visible, _) = LightOctree::from_points(&surface, cube, config.depth, config.full_depth)?;
+        let carriers = carriers(points, camera, cube, seed);
+        surface.extend(carriers.iter().map(|&position_m| RadiancePoint {
+            position_m,
+            radiance: [0.0; 3],
+            coverage: Coverage::Inferred,
+        }));
+        let (light, _) = LightOctree::from_points(&surface, cube, config.depth, config.full_depth)?;
+        let levels = GraphLevel::all(&light.octree);
+        let features = features(&light, &levels[levels.len() - 1], points, &carriers);
+        let free = FreeSpace::new(points, camera);
+        Ok(Self { levels, octree: light.octree, features, visible, ambient: ambient(points), colour_share: 1.0, free })
+    }
+
+    /// Part of the world that the octrees cover.
+    pub fn cube(&self) -> Cube {
+        self.visible.cube
+    }
+}
+
+impl VisiblePoint {
+    /// The points of a photo (linear RGB; values of at least `white` in any channel count as clipped) with its depth map (metres
+    /// along the optical axis, 0 or NaN without a reading) of the same size, and normals in the camera's axes where they are known.
+    ///
+    /// # Panics
+    /// Where the pictures differ in size.
+    pub fn from_photo(
+        photo: &Image<[f32; 3]>,
+        depth_m: &DepthMap,
+        normal: Option<&Image<[f32; 3]>>,
+        camera: &Camera,
+        white: f32,
+    ) -> Vec<Self> {
+        let size = (photo.width(), photo.height());
+        assert_eq!(size, (depth_m.width(), depth_m.height()), "photo and depth have the same size");
+        assert!(normal.is_none_or(|n| (n.width(), n.height()) == size), "photo and normals have the same size");
+        let camera = camera.resized(photo.width() as u32, photo.height() as u32);
+        let pixels = (0..size.1).flat_map(|y| (0..size.0).map(move |x| (x, y)));
+        let with_depth = pixels.filter(|&at| depth_m[at].is_finite() && depth_m[at] > 0.0);
+        with_depth
+            .map(|at| Self {
+                position_m: camera.unproject(at.0 as f64 + 0.5, at.1 as f64 + 0.5, f64::from(depth_m[at])),
+                radiance: photo[at],
+                normal: normal.map_or(Vec3::ZERO, |normal| Vec3::from(normal[at])),
+                certain: photo[at].iter().all(|&c| c < white),
+            })
+            .collect()
+    }
+
+    pub(crate) fn radiance_point(&self) -> RadiancePoint {
+        let coverage = if self.certain { Coverage::Seen } else { Coverage::Inferred };
+        RadiancePoint { position_m: self.position_m, radiance: self.radiance, coverage }
+    }
+}
+
+/// What light is like where nothing is seen of it, at a first guess: as bright as the middle half of the points by brightness, their log average (as
+/// Reinhard et al. 2002 measure the key of a scene), in the mean of all points' colours, bright or dark. Windows and lamps in the picture, or the space below
+/// a table, do not count.
+fn ambient(points: &[VisiblePoint]) -> [f32; 3] {
+    // Keeps black from counting without limit.
+    const DARK: f64 = 0.01;
+    const LEAST: f32 = 1e-3;
+    const UNKNOWN: f32 = 0.2;
+    if points.is_empty() {
+        return [UNKNOWN; 3];
+    }
+    let mut brightness: Vec<f32> = points.iter().map(|point| Vec3::from(point.radiance).element_sum() / 3.0).collect();
+    brightness.sort_unstable_by(f32::total_cmp);
+    let middle = &brightness[points.len() / 4..points.len() - points.len() / 4];
+    let log_mean = middle.iter().map(|&b| (f64::from(b) + DARK).ln()).sum::<f64>() / middle.len() as f64;
+    let colours = points.iter().map(|point| Vec3::from(point.radiance).normalize_or_zero().as_dvec3()).sum::<DVec3>();
+    let colour = if colours == DVec3::ZERO { DVec3::ONE } else { 3.0 * colours / colours.element_sum() };
+    ((log_mean.exp() - DARK) * colour).as_vec3().to_array().map(|c| c.clamp(LEAST, MAX_RADIANCE))
+}
+
+/// Places of the points that carry `f_L`.
+fn carriers(points: &[VisiblePoint], camera: &Camera, cube: Cube, seed: u64) -> Vec<Vec3> {
+    if points.is_empty() {
+        return Vec::new();
+    }
+    let mut stream = lo_random::stream(seed, "global light points", 0);
+    let in_view = |point: Vec3| camera.project(point).is_some_and(|(u, v, _)| camera.contains(u, v));
+    (0..GLOBAL_POINTS)
+        .filter_map(|_| {
+            let z: f32 = stream.random_range(-1.0..1.0);
+            let longitude: f32 = stream.random_range(0.0..std::f32::consts::TAU);
+            let distance_m = points[stream.random_range(0..points.len())].position_m.length();
+            let r = (1.0 - z * z).sqrt();
+            let point = distance_m * Vec3::new(r * longitude.cos(), r * longitude.sin(), z);
+            (cube.contains(point) && !in_view(point)).then_some(point)
+        })
+        .collect()
+}
+
+fn features(light: &LightOctree, finest: &GraphLevel, points: &[VisiblePoint], carriers: &[Vec3]) -> Vec<f32> {
+    let (octree, cube) = (&light.octree, light.cube);
+    let graph = &finest.graph;
+    let mut features = vec![0.0f32; graph.len() * NODE_FEATURES];
+    for (node, row) in graph.nodes().iter().zip(features.chunks_exact_mut(NODE_FEATURES)) {
+        let xyz = lo_octree::xyz_from_key(octree.levels()[node.depth as usize].keys[node.index as usize]);
+        for axis in 0..3 {
+            row[6 + axis] = (2.0 * xyz[axis] as f32 + 1.0) / (1u32 << node.depth) as f32 - 1.0;
+        }
+    }
+    let mut counts = vec![0u32; graph.len()];
+    let depth = octree.depth();
+    let mut add = |position_m: Vec3, values: [f32; 9]| {
+        if let Some((found, node)) = light.locate(position_m, depth)
+            && found == depth
+        {
+            let node = graph.first_finest() + node;
+            let row = &mut features[node * NODE_FEATURES..][..NODE_FEATURES];
+            let offset = cube.unit_from_world(position_m) * 2.0 - Vec3::ONE - Vec3::new(row[6], row[7], row[8]);
+            let offset = offset * (1u32 << depth) as f32;
+            counts[node] += 1;
+            let [r, g, b, nx, ny, nz, visible, certain, carrier] = values;
+            let added = [r, g, b, offset.x, offset.y, offset.z, 0.0, 0.0, 0.0, nx, ny, nz, visible, certain, carrier];
+            row.iter_mut().zip(added).for_each(|(sum, value)| *sum += value);
+        }
+    };
+    for point in points {
+        let [r, g, b] = point.radiance.map(f32::ln_1p);
+        let Vec3 { x, y, z } = point.normal;
+        add(point.position_m, [r, g, b, x, y, z, 1.0, f32::from(u8::from(point.certain)), 0.0]);
+    }
+    for &carrier in carriers {
+        add(carrier, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
+    }
+    for (row, count) in features.chunks_exact_mut(NODE_FEATURES).zip(counts).filter(|(_, count)| *count > 1) {
+        let share = 1.0 / count as f32;
+        row[..6].iter_mut().for_each(|sum| *sum *= share);
+        row[9..].iter_mut().for_each(|sum| *sum *= share);
+    }
+    features
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    fn config() -> LightNetConfig {
+        LightNetConfig { depth: 4, full_depth: 2, ..LightNetConfig::default() }
+    }
+
+    fn input(points: &[VisiblePoint]) -> Result<LightInput, LightError> {
+        let camera = Camera::from_hfov_deg(70.0, 30, 20).unwrap();
+        LightInput::new(points, &camera, Cube::centred(Vec3::ZERO, 8.0), &config(), 7)
+    }
+
+    fn point(position_m: [f32; 3]) -> VisiblePoint {
+        VisiblePoint { position_m: Vec3::from(position_m), radiance: [1.0, 0.0, 3.0], normal: Vec3::Z, certain: true }
+    }
+
+    #[test]
+    fn features_say_what_is_where() {
+        let points = [point([0.1, 0.2, -3.1]), VisiblePoint { certain: false, ..point([0.3, 0.2, -3.1]) }];
+        let input = input(&points).unwrap();
+        let graph = &input.levels.last().unwrap().graph;
+        let rows: Vec<&[f32]> = input.features.chunks_exact(NODE_FEATURES).collect();
+        assert_eq!(rows.len(), graph.len());
+        let seen: Vec<&&[f32]> = rows.iter().filter(|row| row[12] > 0.0).collect();
+        assert_eq!(seen.len(), 1, "both lie in one leaf of half a metre");
+        let row = seen[0];
+        assert!((row[0] - 2f32.ln()).abs() < 1e-6 && (row[2] - 4f32.ln()).abs() < 1e-6);
+        // leaf [0, 0.5] × [0, 0.5] × [−3.5, −3]; centre (0.25, 0.25, −3.25)
+        let close = |got: &[f32], expected: [f32; 3]| got.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-4);
+        assert!(close(&row[3..6], [-0.2, -0.2, 0.6]), "{:?}", &row[3..6]);
+        assert!(close(&row[6..9], [0.0625, 0.0625, -0.8125]), "{:?}", &row[6..9]);
+        assert!(close(&row[9..12], [0.0, 0.0, 1.0]) && close(&row[12..], [1.0, 0.5, 0.0]));
+        let carriers = rows.iter().filter(|row| row[14] > 0.0).count();
+        assert!(carriers > 100, "{carriers} leaves of carriers");
+        assert!(rows.iter().all(|row| row[12] + row[14] < 1.001));
+    }
+
+    #[test]
+    fn a_window_hardly_raises_the_ambient_light() {
+        let seen = |radiance: f32| VisiblePoint { radiance: [radiance; 3], ..point([0.0, 0.0, -3.0]) };
+        let [grey, dark, window] = [0.3, 0.02, 1.0].map(seen);
+        assert!((ambient(&[grey; 9])[1] - 0.3).abs() < 1e-5);
+        // A quarter of a dark room's photo is its window.
+        assert!((ambient(&[window, dark, dark, dark, dark, dark, dark, window])[1] - 0.02).abs() < 1e-5);
+        assert_eq!((ambient(&[seen(0.0); 4]), ambient(&[])), ([1e-3; 3], [0.2; 3]));
+    }
+
+    #[test]
+    fn bright_and_dark_colours_count_alike() {
+        let seen = |radiance| VisiblePoint { radiance, ..point([0.0, 0.0, -3.0]) };
+        let [r, g, b] = ambient(&[seen([0.4, 0.3, 0.0]), seen([0.0, 0.003, 0.004])]);
+        // unit vectors (0.8, 0.6, 0) and (0, 0.6, 0.8)
+        assert!((r / g - 0.8 / 1.2).abs() < 1e-4 && (b / g - 0.8 / 1.2).abs() < 1e-4, "{r} {g} {b}");
+    }
+
+    #[test]
+    fn carriers_lie_outside_of_the_view() {
+        let camera = Camera::from_hfov_deg(70.0, 30, 20).unwrap();
+        let points = [point([0.0, 0.0, -2.0]), point([0.0, 0.0, -3.0])];
+        let carriers = carriers(&points, &camera, Cube::centred(Vec3::ZERO, 8.0), 7);
+        let view = (35f32.to_radians().tan(), 35f32.to_radians().tan() * 2.0 / 3.0);
+        for p in &carriers {
+            assert!(p.z >= 0.0 || (p.x / p.z).abs() > view.0 - 1e-4 || (p.y / p.z).abs() > view.1 - 1e-4, "{p}");
+            assert!((p.length() - 2.0).abs() < 1e-4 || (p.length() - 3.0).abs() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn what_is_no_number_is_named() {
+        let bad = VisiblePoint { radiance: [0.0, f32::NAN, 0.0], ..point([0.0; 3]) };
+        let error = input(&[point([0.0; 3]), bad]).unwrap_err();
+        assert!(error.to_string().contains("point 1"), "{error}");
+    }
+
+    #[test]
+    fn a_photo_without_depth_is_an_input_too() {
+        let input = input(&[]).unwrap();
+        assert!(input.features.chunks_exact(NODE_FEATURES).all(|row| row[..6].iter().all(|&v| v == 0.0)));
+    }
+}

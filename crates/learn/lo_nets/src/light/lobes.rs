@@ -1,0 +1,62 @@
+//! Lobes of the light network's nodes: the variant "SG" (`docs/method.md` §5.8).
+
+use burn::tensor::{Tensor, TensorData};
+use lo_geometry::{Cube, Vec3};
+use lo_octree::{MIN_SHARPNESS, Octree, node_middle_m};
+
+use crate::light::KnownLight;
+
+/// Numbers of a lobe.
+pub(crate) const LOBE_CHANNELS: usize = 3;
+
+/// No number of a lobe is greater: eighty times as bright at the peak as on the mean.
+const MAX_SHARPNESS: f64 = 24.0;
+
+/// From `raw[nodes, 3]` to lobes. What the photo shows has none: it is known towards the camera, and shall not change there.
+pub(crate) fn lobes(raw: Tensor<2>, known: &KnownLight) -> Tensor<2> {
+    let doubt: Vec<f32> = known.trust().map(|trust| 1.0 - trust).collect();
+    let size = [doubt.len(), 1];
+    let doubt = Tensor::<2>::from_data(TensorData::new(doubt, size), (&raw.device(), raw.dtype()));
+    (raw / MAX_SHARPNESS).tanh() * MAX_SHARPNESS * doubt
+}
+
+/// Unit directions from the middles of the non-empty nodes of a depth to a viewer, three numbers each.
+pub(crate) fn towards(octree: &Octree, cube: Cube, depth: u32, viewer_m: Vec3) -> Vec<f32> {
+    let keys = octree.levels()[depth as usize].row_keys();
+    keys.flat_map(|key| (viewer_m - node_middle_m(cube, depth, key)).normalize_or_zero().to_array()).collect()
+}
+
+/// [`lo_octree::lobe_gain`] of `lobes[nodes, 3]` towards unit directions: `[nodes, 1]`.
+pub(crate) fn gains(lobes: Tensor<2>, towards: &[f32]) -> Tensor<2> {
+    let directions = TensorData::new(towards.to_vec(), lobes.dims());
+    let directions = Tensor::<2>::from_data(directions, (&lobes.device(), lobes.dtype()));
+    let sharpness = (lobes.clone().square().sum_dim(1) + f64::from(MIN_SHARPNESS).powi(2)).sqrt();
+    let norm = sharpness.clone() * 2.0 / ((sharpness.clone() * -2.0).exp().neg() + 1.0);
+    ((lobes * directions).sum_dim(1) - sharpness).exp() * norm
+}
+
+#[cfg(test)]
+mod tests {
+    use lo_octree::lobe_gain;
+
+    use super::*;
+    use crate::testing::{assert_gradients, numbers, recording_device, values};
+
+    fn directions(count: usize) -> Vec<f32> {
+        lo_geometry::fibonacci_sphere(count).into_iter().flat_map(|d| d.to_array()).collect()
+    }
+
+    #[test]
+    fn gains_are_the_octrees_and_their_gradients_right() {
+        let towards = directions(30);
+        assert_gradients(&[[30, 3]], |[lobes]| gains(lobes * 3.0, &towards));
+        let lobes: Vec<f32> = values(90, 1).iter().map(|v| 6.0 * *v as f32).collect();
+        let data = TensorData::new(lobes.clone(), [30, 3]);
+        let found = numbers(gains(Tensor::from_data(data, &recording_device()), &towards));
+        for (i, found) in found.into_iter().enumerate() {
+            let at = |from: &[f32]| Vec3::from_slice(&from[3 * i..]);
+            let expected = f64::from(lobe_gain(at(&lobes), at(&towards)));
+            assert!((found - expected).abs() < 1e-4 * expected.max(1.0), "{found} {expected}");
+        }
+    }
+}

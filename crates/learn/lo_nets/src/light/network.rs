@@ -1,0 +1,520 @@
+use std::sync::Arc;
+
+use burn::module::Module;
+use burn::tensor::{Device, Tensor, TensorData};
+use lo_dual::GraphNode;
+use lo_octree::Octree;
+use lo_random::Stream;
+
+use crate::graph::{Activation, GraphLevel, RowMap, select_rows};
+use crate::layers::{DownSample, GraphConv, Head, Linear, Norm, ResBlock, UpSample};
+use crate::light::growth::{Labels, close, most_splits};
+use crate::light::lobes::{LOBE_CHANNELS, lobes};
+use crate::light::radiance::{RAW_BIAS, RAW_CHANNELS};
+use crate::light::{
+    Growth, KnownLight, LevelOutput, LightConfigError, LightError, LightInput, LightNetConfig, LightOutput,
+    NODE_FEATURES, NodeLight,
+};
+
+/// Logit of a node's being occupied before anything is learned: most of a room is air.
+const SPLIT_BIAS: f32 = -2.0;
+
+/// The light network: a U-Net over dual octree graphs whose decoder grows the octree it works on (Wang et al. 2022).
+#[derive(Module, Debug)]
+pub struct LightNet {
+    /// From `f_L` to what joins a node's features.
+    pub global: Linear,
+    /// From a node's features to the finest stage's channels.
+    pub input: GraphConv,
+    /// After it.
+    pub input_norm: Norm,
+    /// Encoder stages, the finest first.
+    pub encoder: Vec<Stage>,
+    /// Between them.
+    pub down: Vec<DownSample>,
+    /// Between the decoder's stages, the coarsest first.
+    pub up: Vec<UpSample>,
+    /// Decoder stages below the coarsest, the coarsest first.
+    pub decoder: Vec<Stage>,
+    /// For each depth from the full one on: which nodes are occupied.
+    pub prediction: Vec<Head>,
+    /// For each depth from the full one on: radiance, opacity, error.
+    pub regression: Vec<Head>,
+    full_depth: usize,
+    max_nodes: usize,
+}
+
+/// ResBlock(n, c): n residual blocks of c channels.
+#[derive(Module, Debug)]
+pub struct Stage {
+    /// The blocks, in order.
+    pub blocks: Vec<ResBlock>,
+}
+
+impl Stage {
+    fn new(config: &LightNetConfig, depth: u32, stream: &mut Stream, device: &Device) -> Self {
+        let channels = config.stage_channels(depth);
+        let size = [channels, channels / config.bottleneck];
+        let block = |_| ResBlock::new(size, config.depths(depth), config.channels_per_group, stream, device);
+        Self { blocks: (0..config.blocks).map(block).collect() }
+    }
+
+    /// `[nodes, channels] → [nodes, channels]`.
+    pub fn forward(&self, x: Tensor<2>, level: &Arc<GraphLevel>) -> Tensor<2> {
+        self.blocks.iter().fold(x, |x, block| block.forward(x, level))
+    }
+}
+
+impl LightNet {
+    /// A network with weights drawn from `seed`.
+    ///
+    /// # Errors
+    /// A configuration out of range, with the field's name.
+    pub fn new(config: &LightNetConfig, seed: u64, device: &Device) -> Result<Self, LightConfigError> {
+        config.validate()?;
+        let mut stream = lo_random::stream(seed, "light network", 0);
+        let stream = &mut stream;
+        let groups = config.channels_per_group;
+        let width = |depth| config.stage_channels(depth);
+        let stages: Vec<u32> = config.stages().collect();
+        let inputs = NODE_FEATURES + config.global_channels;
+        let raw_bias: Vec<f32> = RAW_BIAS.into_iter().chain([0.0; LOBE_CHANNELS]).take(config.raw_channels()).collect();
+        let head = |depth, bias: &[f32], stream: &mut Stream| {
+            Head::new([width(depth), config.head_channels], bias, groups, stream, device)
+        };
+        Ok(Self {
+            global: Linear::new([config.global_features, config.global_channels], stream, device),
+            input: GraphConv::new([inputs, width(config.depth)], config.depths(config.depth), stream, device),
+            input_norm: Norm::new(width(config.depth), groups, device),
+            encoder: stages.iter().rev().map(|&depth| Stage::new(config, depth, stream, device)).collect(),
+            down: (stages.windows(2).rev())
+                .map(|pair| DownSample::new([width(pair[1]), width(pair[0])], groups, stream, device))
+                .collect(),
+            up: (stages.windows(2))
+                .map(|pair| UpSample::new([width(pair[0]), width(pair[1])], groups, stream, device))
+                .collect(),
+            decoder: stages[1..].iter().map(|&depth| Stage::new(config, depth, stream, device)).collect(),
+            prediction: stages.iter().map(|&depth| head(depth, &[SPLIT_BIAS], stream)).collect(),
+            regression: stages.iter().map(|&depth| head(depth, &raw_bias, stream)).collect(),
+            full_depth: config.full_depth as usize,
+            max_nodes: config.node_budget(),
+        })
+    }
+
+    /// From what is seen, and the global feature `f_L` `[1, features]` where there is one, to the light of the whole room.
+    ///
+    /// # Errors
+    /// An input or a truth of other depths than the network's; predictions that are not finite.
+    pub fn forward(
+        &self,
+        input: &LightInput,
+        global: Option<Tensor<2>>,
+        growth: Growth,
+    ) -> Result<LightOutput, LightError> {
+        self.check_depths("the input", &input.octree)?;
+        if let Growth::Truth(truth) = growth {
+            self.check_depths("the octree to grow along", truth)?;
+        }
+        let skips = self.encode(input, global);
+        self.decode(input, skips, growth)
+    }
+
+    /// Where the network's weights lie.
+    pub fn device(&self) -> Device {
+        self.input.weights.val().device()
+    }
+
+    fn depth(&self) -> u32 {
+        (self.full_depth + self.up.len()) as u32
+    }
+
+    fn check_depths(&self, what: &'static str, octree: &Octree) -> Result<(), LightError> {
+        let (got_full, got) = (octree.full_depth(), octree.depth());
+        let (full, depth) = (self.full_depth as u32, self.depth());
+        if (got_full, got) == (full, depth) {
+            Ok(())
+        } else {
+            Err(LightError::Depths { what, got_full, got, full, depth })
+        }
+    }
+
+    /// Features of the encoder's stages, the coarsest first.
+    fn encode(&self, input: &LightInput, global: Option<Tensor<2>>) -> Vec<Tensor<2>> {
+        let weights = self.input.weights.val();
+        let options = (&weights.device(), weights.dtype());
+        let finest = &input.levels[input.levels.len() - 1];
+        let features = TensorData::new(input.features.clone(), [finest.len(), NODE_FEATURES]);
+        let features = Tensor::<2>::from_data(features, options);
+        let carried = match global {
+            // f_L joins those nodes that have points which carry it.
+            Some(global) => {
+                let share = features.clone().slice([0..finest.len(), NODE_FEATURES - 1..NODE_FEATURES]);
+                share.matmul(self.global.forward(global))
+            }
+            None => Tensor::zeros([finest.len(), self.global.weights.dims()[1]], options),
+        };
+        let x = self.input.forward(Tensor::cat(vec![features, carried], 1), finest);
+        let mut x = self.input_norm.forward(x, Activation::Relu);
+        let mut skips = Vec::new();
+        for (i, level) in input.levels.iter().rev().enumerate() {
+            x = self.encoder[i].forward(x, level);
+            skips.push(x.clone());
+            if let Some(down) = self.down.get(i) {
+                x = down.forward(x, level);
+            }
+        }
+        skips.reverse();
+        skips
+    }
+
+    fn decode(&self, input: &LightInput, skips: Vec<Tensor<2>>, growth: Growth) -> Result<LightOutput, LightError> {
+        let mut octree = Octree::full(self.full_depth as u32)?;
+        let mut level = GraphLevel::full(&octree);
+        let (mut levels, mut warnings) = (Vec::new(), Vec::new());
+        let mut skips = skips.into_iter();
+        let mut x = skips.next().expect("the coarsest stage");
+        for (stage, depth) in (self.full_depth as u32..=self.depth()).enumerate() {
+            if stage > 0 {
+                x = self.up[stage - 1].forward(x, &level);
+                let skip = skips.next().expect("one for each stage");
+                x = x + select_rows(skip, &same_nodes(&input.octree, &input.levels[stage], &octree, &level));
+                x = self.decoder[stage - 1].forward(x, &level);
+            }
+            let finest = RowMap::new((level.graph.first_finest() as u32..level.len() as u32).map(Some), level.len());
+            let own = select_rows(x.clone(), &finest);
+            let logits = self.prediction[stage].forward(own.clone());
+            let last = depth == self.depth();
+            let labels = match growth {
+                Growth::Truth(truth) => Labels::of(truth, depth),
+                Growth::Predicted => {
+                    let logits: Vec<f32> = logits.clone().inner().into_data().iter::<f32>().collect();
+                    if !logits.iter().all(|logit| logit.is_finite()) {
+                        return Err(LightError::NotFinite { what: "split predictions", depth });
+                    }
+                    let splits = self.max_nodes.saturating_sub(level.len()) / 7;
+                    let most = || most_splits(splits, &input.visible.octree, depth, self.depth());
+                    Labels::predicted(&logits, &octree, input, if last { usize::MAX } else { most() })
+                }
+            };
+            warnings.extend(labels.warning);
+            let mut nonempty = labels.nonempty.clone();
+            if stage == 0 && matches!(growth, Growth::Predicted) {
+                close(&mut nonempty, depth, input);
+            }
+            octree.set_nonempty(&nonempty)?;
+            let known = KnownLight::of_level(&octree, depth, input);
+            let occupied = (0..nonempty.len() as u32).filter(|&node| nonempty[node as usize]);
+            let raw = select_rows(own, &RowMap::new(occupied.map(Some), finest.len()));
+            let raw = self.regression[stage].forward(raw);
+            let mut light = NodeLight(known.clone()).apply(raw.clone().narrow(1, 0, RAW_CHANNELS));
+            if raw.dims()[1] > RAW_CHANNELS {
+                light = Tensor::cat(vec![light, lobes(raw.narrow(1, RAW_CHANNELS, LOBE_CHANNELS), &known)], 1);
+            }
+            levels.push(LevelOutput { logits, light, known });
+            if !last {
+                octree.grow(&labels.nonempty)?;
+                level = level.extended(&octree);
+            }
+        }
+        Ok(LightOutput { octree, cube: input.cube(), levels, warnings })
+    }
+}
+
+/// Which nodes of one octree's graph are which of another's: for the skip connections.
+fn same_nodes(from: &Octree, from_level: &GraphLevel, to: &Octree, to_level: &GraphLevel) -> Arc<RowMap> {
+    let keys = |octree: &Octree, level: &GraphLevel| -> Vec<(u32, u32)> {
+        let key = |node: &GraphNode| (node.depth, octree.levels()[node.depth as usize].keys[node.index as usize]);
+        level.graph.nodes().iter().map(key).collect()
+    };
+    // Both are in the order of depth and key.
+    let mut sources = (0..).zip(keys(from, from_level)).peekable();
+    let sources = keys(to, to_level).into_iter().map(|wanted| {
+        while sources.next_if(|(_, key)| *key < wanted).is_some() {}
+        sources.next_if(|(_, key)| *key == wanted).map(|(row, _)| row)
+    });
+    RowMap::new(sources, from_level.len())
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use burn::module::{ModuleMapper, ModuleVisitor, Param};
+    use burn::tensor::{DType, Gradients};
+    use lo_cone::{Cone, ConeTracer, Settings};
+    use lo_events::Warning;
+    use lo_geometry::{Camera, Cube, Vec3};
+    use lo_octree::{Coverage, LightOctree, MAX_ALPHA, RadiancePoint};
+
+    use super::*;
+    use crate::layers::glorot;
+    use crate::light::{LightLossConfig, LightLosses, Rays, VisiblePoint};
+    use crate::testing::{numbers, recording_device, values};
+
+    fn config(depth: u32) -> LightNetConfig {
+        let small = LightNetConfig {
+            channels: 8,
+            max_channels: 16,
+            blocks: 1,
+            bottleneck: 2,
+            head_channels: 8,
+            ..Default::default()
+        };
+        LightNetConfig { depth, full_depth: 3, global_features: 4, global_channels: 2, ..small }
+    }
+
+    /// The inside of a box room, every wall in its own colour.
+    fn room() -> (Vec<RadiancePoint>, Cube) {
+        let point = |i: u32| {
+            let [u, v] = [0.754_877_7, 0.569_840_3f64].map(|a| (2.0 * (0.5 + a * f64::from(i)).fract() - 1.0) as f32);
+            let face = i as usize % 6;
+            let mut p = [3.1 * u, 2.9 * v, if face < 3 { -2.7 } else { 2.7 }];
+            p.rotate_right(face % 3);
+            let radiance = std::array::from_fn(|c| 0.2 + 0.3 * ((face + c) % 3) as f32);
+            RadiancePoint { position_m: Vec3::from(p), radiance, coverage: Coverage::Inferred }
+        };
+        ((0..20_000).map(point).collect(), Cube::centred(Vec3::ZERO, 8.0))
+    }
+
+    fn input(config: &LightNetConfig) -> (LightInput, LightOctree) {
+        let (points, cube) = room();
+        let camera = Camera::from_hfov_deg(80.0, 48, 32).unwrap();
+        let in_view = |p: &&RadiancePoint| {
+            camera.project(p.position_m).is_some_and(|(u, v, _)| (0.0..48.0).contains(&u) && (0.0..32.0).contains(&v))
+        };
+        let visible = |p: &RadiancePoint| VisiblePoint {
+            position_m: p.position_m,
+            radiance: p.radiance,
+            normal: Vec3::ZERO,
+            certain: true,
+        };
+        let seen: Vec<VisiblePoint> = points.iter().filter(in_view).map(visible).collect();
+        let truth = LightOctree::from_points(&points, cube, config.depth, config.full_depth).unwrap().0;
+        (LightInput::new(&seen, &camera, cube, config, 7).unwrap(), truth)
+    }
+
+    #[test]
+    fn a_room_in_which_nothing_is_predicted_is_closed() {
+        let config = config(5);
+        let (input, _) = input(&config);
+        let output =
+            LightNet::new(&config, 3, &Device::flex()).unwrap().forward(&input, None, Growth::Predicted).unwrap();
+        let (light, _) = output.into_light().unwrap();
+        let tracer = ConeTracer::new(&light, Settings::default()).unwrap();
+        for place in [Vec3::ZERO, Vec3::new(1.5, -1.0, 1.8)] {
+            let opacity = tracer.panorama(place, 64, 32).opacity;
+            let least = opacity.pixels().iter().fold(1.0f32, |least, &opacity| least.min(opacity));
+            assert!(least > 0.9, "{least} from {place}");
+        }
+    }
+
+    #[test]
+    fn visible_light_is_right_before_anything_is_learned() {
+        let config = config(5);
+        let (input, truth) = input(&config);
+        let net = LightNet::new(&config, 3, &Device::flex()).unwrap();
+        let output = net.forward(&input, None, Growth::Truth(&truth.octree)).unwrap();
+        let (light, confidence) = output.into_light().unwrap();
+        assert_eq!(light.octree, truth.octree);
+        assert!(light.rgba[5].iter().all(|rgba| rgba[3] == MAX_ALPHA), "the first guess is 0.98");
+        let finest = &light.octree.levels()[5];
+        let mut seen = 0;
+        for (node, &row) in finest.rows.iter().enumerate().filter(|(_, row)| **row >= 0) {
+            if light.seen[5][row as usize] == 255 {
+                let known = input.visible.octree.find(5, finest.keys[node]).unwrap();
+                let expected = input.visible.node_rgba(5, known).unwrap();
+                let got = light.rgba[5][row as usize];
+                assert!(got.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-4), "{got:?} {expected:?}");
+                seen += 1;
+            }
+        }
+        assert!(seen > 50, "{seen} leaves are seen");
+        assert!(confidence.iter().flatten().all(|&c| c > 0.0 && c <= 1.0));
+        assert_eq!(
+            confidence.iter().map(Vec::len).collect::<Vec<_>>(),
+            light.rgba.iter().map(Vec::len).collect::<Vec<_>>()
+        );
+    }
+
+    #[test]
+    fn it_grows_its_own_tree_within_the_budget_and_always_the_same() {
+        let config = LightNetConfig { max_nodes: Some(4000), ..config(6) };
+        let (input, _) = input(&config);
+        let net = LightNet::new(&config, 3, &Device::flex()).unwrap();
+        let mut all_split = net.clone();
+        for head in &mut all_split.prediction {
+            head.output = Linear::constant(config.head_channels, &[5.0], &Device::flex());
+        }
+        let output = all_split.forward(&input, None, Growth::Predicted).unwrap();
+        let nodes = GraphLevel::all(&output.octree).pop().unwrap().len();
+        assert!(nodes <= 4000 + 3 * 7, "{nodes}");
+        let over = |warning: &Warning| matches!(warning, Warning::NodeBudget { .. });
+        assert!(output.warnings.iter().any(over), "{:?}", output.warnings);
+        let (visible, grown) = (&input.visible.octree, &output.octree);
+        let kept = |depth: u32| {
+            let level = &visible.levels()[depth as usize];
+            let occupied = level.keys.iter().zip(&level.rows).filter(|(_, row)| **row >= 0);
+            occupied.map(|(&key, _)| grown.find(depth, key).is_some()).collect::<Vec<bool>>()
+        };
+        assert!((3..=6).flat_map(kept).all(|kept| kept), "what is seen stays");
+        let run = || net.forward(&input, None, Growth::Predicted).unwrap().into_light().unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        assert_eq!(run(), pool.install(run), "whatever the number of threads");
+    }
+
+    /// The heads' last layers start at 0, where nothing behind them has a gradient and no lobe a direction.
+    fn with_random_heads(mut net: LightNet, device: &Device) -> LightNet {
+        let mut stream = lo_random::stream(4, "test", 0);
+        for head in net.prediction.iter_mut().chain(&mut net.regression) {
+            let [inputs, outputs] = head.output.weights.dims();
+            head.output.weights = glorot([inputs, outputs], [inputs, outputs], &mut stream, device);
+        }
+        net
+    }
+
+    #[test]
+    fn rays_see_lobes_from_where_they_start() {
+        let config = LightNetConfig { lobes: true, ..config(5) };
+        let (input, truth) = input(&config);
+        let net = with_random_heads(LightNet::new(&config, 3, &Device::flex()).unwrap(), &Device::flex());
+        let output = net.forward(&input, None, Growth::Truth(&truth.octree)).unwrap();
+        let apexes = [Vec3::ZERO, Vec3::new(0.9, -0.7, 1.1)];
+        let cone = |origin: Vec3, direction: Vec3| Cone { origin, direction, tan_half_angle: 0.02 };
+        let cones: Vec<Cone> =
+            lo_geometry::fibonacci_sphere(300).into_iter().flat_map(|d| apexes.map(|apex| cone(apex, d))).collect();
+        let found = numbers(output.rendered(&cones, Settings::default()).unwrap());
+        let levels: Vec<Vec<f64>> = output.levels.iter().map(|level| numbers(level.light.clone())).collect();
+        let (mut light, _) = output.into_light().unwrap();
+        // In a finished octree what is nearly opaque is opaque.
+        for (rgba, level) in light.rgba[3..].iter_mut().zip(&levels) {
+            rgba.iter_mut().zip(level.chunks(8)).for_each(|(rgba, row)| rgba[3] = row[3] as f32);
+        }
+        let plain = LightOctree { lobes: None, ..light.clone() };
+        // Mean difference, relative, of what tracing of the finished octree sees.
+        let difference = |light: &LightOctree| {
+            let tracers = apexes.map(|apex| ConeTracer::new(&light.seen_from(apex), Settings::default()).unwrap());
+            let expected = cones.iter().enumerate().map(|(i, cone)| f64::from(tracers[i % 2].trace(cone).radiance[1]));
+            let pairs: Vec<(f64, f64)> = expected.enumerate().map(|(i, e)| (found[5 * i + 1], e)).collect();
+            pairs.iter().map(|(a, b)| (a - b).abs()).sum::<f64>() / pairs.iter().map(|(_, b)| b).sum::<f64>()
+        };
+        assert!(difference(&light) < 1e-4, "{}", difference(&light));
+        assert!(difference(&plain) > 0.02, "{}", difference(&plain));
+    }
+
+    /// Parameters in f64; one of them moved.
+    struct Wide {
+        nudged: Option<(usize, usize, f64)>,
+        visited: usize,
+    }
+
+    impl ModuleMapper for Wide {
+        fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
+            let (id, tensor, mapper) = param.consume();
+            let (device, dims) = (tensor.device(), tensor.dims());
+            let mut values = numbers(tensor.inner());
+            if let Some((_, index, step)) = self.nudged.filter(|(parameter, ..)| *parameter == self.visited) {
+                values[index] += step;
+            }
+            self.visited += 1;
+            let wide = Tensor::from_data(TensorData::new(values, dims), (&device, DType::F64));
+            let wide = if device.is_autodiff() { wide.require_grad() } else { wide };
+            Param::from_mapped_value(id, wide, mapper)
+        }
+    }
+
+    /// Gradients of all parameters.
+    struct Gather<'a>(&'a Gradients, Vec<Vec<f64>>);
+
+    impl ModuleVisitor for Gather<'_> {
+        fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+            self.1.push(param.val().grad(self.0).map(numbers).unwrap_or_default());
+        }
+    }
+
+    #[test]
+    fn gradients_of_the_whole_network_are_differences() {
+        let config = LightNetConfig { channels: 4, max_channels: 8, ..config(5) };
+        gradients_are_differences(&config);
+        gradients_are_differences(&LightNetConfig { lobes: true, ..config });
+    }
+
+    fn gradients_are_differences(config: &LightNetConfig) {
+        let (input, truth) = input(config);
+        let device = recording_device();
+        let net = with_random_heads(LightNet::new(config, 3, &device).unwrap(), &device);
+        let loss = |net: &LightNet| {
+            let weights = net.input.weights.val();
+            let (device, dtype) = (weights.device(), weights.dtype());
+            let constant = |rows: usize, columns: usize, seed| {
+                Tensor::<2>::from_data(TensorData::new(values(rows * columns, seed), [rows, columns]), (&device, dtype))
+            };
+            let output = net.forward(&input, Some(constant(1, 4, 1)), Growth::Truth(&truth.octree)).unwrap();
+            let parts = output.levels.into_iter().flat_map(|level| [level.logits, level.light]).map(|part| {
+                let [rows, columns] = part.dims();
+                (part * constant(rows, columns, 2)).sum()
+            });
+            parts.reduce(|a, b| a + b).unwrap()
+        };
+        let wide = net.clone().map(&mut Wide { nudged: None, visited: 0 });
+        let gradients = loss(&wide).backward();
+        let mut gather = Gather(&gradients, Vec::new());
+        wide.visit(&mut gather);
+        let at = |parameter: usize, index: usize, step: f64| {
+            let moved = net.valid().map(&mut Wide { nudged: Some((parameter, index, step)), visited: 0 });
+            numbers(loss(&moved).inner())[0]
+        };
+        for (parameter, got) in gather.1.iter().enumerate() {
+            let largest = got.iter().fold(0.0f64, |a, b| a.max(b.abs()));
+            let index = (0..got.len()).max_by(|&a, &b| got[a].abs().total_cmp(&got[b].abs())).unwrap();
+            let expected = (at(parameter, index, 1e-6) - at(parameter, index, -1e-6)) / 2e-6;
+            assert!((got[index] - expected).abs() <= 1e-5 * largest, "{parameter}: {} {expected}", got[index]);
+        }
+    }
+
+    #[test]
+    fn a_training_step_is_the_same_for_every_number_of_threads() {
+        let config = config(5);
+        let (input, truth) = input(&config);
+        let cone = |direction| Cone { origin: Vec3::ZERO, direction, tan_half_angle: 0.02 };
+        let rays: Rays = lo_geometry::fibonacci_sphere(3000).into_iter().map(|d| (cone(d), [0.4; 3], 2.5)).collect();
+        let run = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let net = LightNet::new(&config, 3, &recording_device()).unwrap();
+                let output = net.forward(&input, None, Growth::Truth(&truth.octree)).unwrap();
+                let none = std::iter::empty().collect();
+                let losses = LightLosses::new(&output, &truth, &rays, &none, Settings::default()).unwrap();
+                let gradients = losses.total(&LightLossConfig::default()).backward();
+                let mut gather = Gather(&gradients, Vec::new());
+                net.visit(&mut gather);
+                gather.1
+            })
+        };
+        assert_eq!(run(1), run(3));
+    }
+
+    #[test]
+    fn another_cubes_truth_is_refused() {
+        let config = config(5);
+        let (input, mut truth) = input(&config);
+        let net = LightNet::new(&config, 3, &Device::flex()).unwrap();
+        let output = net.forward(&input, None, Growth::Truth(&truth.octree)).unwrap();
+        truth.cube.edge_m += 1.0;
+        let none: Rays = std::iter::empty().collect();
+        let error = LightLosses::new(&output, &truth, &none, &none, Settings::default()).unwrap_err();
+        assert!(matches!(error, LightError::Cubes { .. }), "{error}");
+    }
+
+    #[test]
+    fn nothing_seen_is_no_failure_and_wrong_depths_are_named() {
+        let config = config(5);
+        let camera = Camera::from_hfov_deg(80.0, 48, 32).unwrap();
+        let nothing = LightInput::new(&[], &camera, Cube::centred(Vec3::ZERO, 8.0), &config, 7).unwrap();
+        let net = LightNet::new(&config, 3, &Device::flex()).unwrap();
+        let (light, _) = net.forward(&nothing, None, Growth::Predicted).unwrap().into_light().unwrap();
+        assert!(light.rgba[5].iter().all(|row| row.iter().all(|v| v.is_finite())));
+        let deeper = LightNetConfig { depth: 6, ..config };
+        let (input, _) = input(&deeper);
+        let error = net.forward(&input, None, Growth::Predicted).unwrap_err();
+        assert!(error.to_string().contains("from depth 3 to 6"), "{error}");
+    }
+}

@@ -1,0 +1,205 @@
+use std::sync::Arc;
+
+use burn::tensor::Tensor;
+use lo_octree::{MAX_ALPHA, Octree};
+
+use crate::host::{Kernel, Number, unary};
+use crate::light::LightInput;
+
+/// Greatest radiance that comes out: what a half-precision file can hold.
+pub const MAX_RADIANCE: f32 = 65_504.0;
+
+/// Outputs of the regression module for each node: radiance (3), correction of known radiance (3), opacity, error.
+pub(crate) const RAW_CHANNELS: usize = 8;
+
+/// Channels of [`NodeLight`].
+pub(crate) const LIGHT_CHANNELS: usize = 5;
+
+/// The regression module's outputs before anything is learned: the mean radiance of what is seen, opaque by `ALPHA_LOGIT`, an error of 0.3.
+pub(crate) const RAW_BIAS: [f32; RAW_CHANNELS] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0];
+
+/// Logit of the opacity of what nothing is known of: surfaces are opaque.
+const ALPHA_LOGIT: f64 = 4.0;
+
+/// Known radiance is corrected by a factor of at most e^this above the finest depth: there a node also holds what is not seen of it.
+const COARSE_LOG_GAIN: f64 = 1.0;
+
+/// What the photo says of nodes: linear RGB, logit of opacity, and how far to trust it (0 not at all, 1 wholly), one row a node.
+#[derive(Debug)]
+pub struct KnownLight {
+    rows: Vec<[f32; 5]>,
+    /// Linear RGB that everything else is measured by, above 0.
+    ambient: [f32; 3],
+    colour_share: f64,
+    max_log_gain: f64,
+}
+
+impl KnownLight {
+    /// Of the non-empty nodes of `depth` of `octree`, as far as `visible` has the same nodes; what `input` says is known.
+    pub fn of_level(octree: &Octree, depth: u32, input: &LightInput) -> Arc<Self> {
+        let visible = &input.visible;
+        let level = &octree.levels()[depth as usize];
+        let known = |key: u32| {
+            let row = visible.row(depth, key)?;
+            let [r, g, b, alpha] = visible.rgba[depth as usize][row];
+            let alpha = alpha.clamp(1.0 - MAX_ALPHA, MAX_ALPHA);
+            let trust = f32::from(visible.seen[depth as usize][row]) / 255.0;
+            Some([r.min(MAX_RADIANCE), g.min(MAX_RADIANCE), b.min(MAX_RADIANCE), (alpha / (1.0 - alpha)).ln(), trust])
+        };
+        let rows = level.row_keys().map(|key| known(key).unwrap_or([0.0; 5])).collect();
+        let max_log_gain = if depth == visible.octree.depth() { 0.0 } else { COARSE_LOG_GAIN };
+        Arc::new(Self { rows, ambient: input.ambient, colour_share: input.colour_share.into(), max_log_gain })
+    }
+
+    /// How far each node is known from the photo, 0 to 1.
+    pub fn trust(&self) -> impl Iterator<Item = f32> + '_ {
+        self.rows.iter().map(|row| row[4])
+    }
+}
+
+/// From the regression module's `raw[nodes, 8]` to `[nodes, 5]`: linear RGB in [0, [`MAX_RADIANCE`]], opacity in
+/// [0, 1], and the expected error of log(1 + radiance), at least 0.
+///
+/// What is known enters as a residual: `trust · known · e^gain + (1 − trust) · ambient · e^guess`, where the guess is the mean of the three raw
+/// values and a share of each one's difference from it ([`LightInput::colour_share`](super::LightInput::colour_share)), so that what the photo
+/// saw is right before anything is learned, and stays so at the finest depth, where the gain is 0; and what it did not see begins with the
+/// ambient light of what it saw, in whose measure it is learned.
+#[derive(Clone, Debug)]
+pub struct NodeLight(pub Arc<KnownLight>);
+
+impl NodeLight {
+    /// `raw[nodes, 8] → [nodes, 5]`.
+    pub fn apply(self, raw: Tensor<2>) -> Tensor<2> {
+        unary(raw, self)
+    }
+
+    /// The same by burn's own operations, to check the kernel.
+    #[cfg(test)]
+    fn composed(&self, raw: Tensor<2>) -> Tensor<2> {
+        use burn::tensor::{TensorData, activation};
+
+        let nodes = self.0.rows.len();
+        let flat = self.0.rows.as_flattened().to_vec();
+        let known = Tensor::<2>::from_data(TensorData::new(flat, [nodes, 5]), (&raw.device(), raw.dtype()));
+        let columns = |of: &Tensor<2>, from: usize, to: usize| of.clone().slice([0..nodes, from..to]);
+        let trust = columns(&known, 4, 5);
+        let doubt = trust.clone().neg() + 1.0;
+        let ambient =
+            Tensor::<2>::from_data(TensorData::new(self.0.ambient.to_vec(), [1, 3]), (&raw.device(), raw.dtype()));
+        let brightness = columns(&raw, 0, 3).mean_dim(1);
+        let guess = (columns(&raw, 0, 3) - brightness.clone()) * self.0.colour_share + brightness;
+        let log = (guess + ambient.log()).clamp_max(f64::from(MAX_RADIANCE).ln());
+        let gain = columns(&raw, 3, 6).tanh() * self.0.max_log_gain;
+        let radiance = trust.clone() * columns(&known, 0, 3) * gain.exp() + doubt.clone() * log.exp();
+        let logit = columns(&raw, 6, 7) + doubt * ALPHA_LOGIT + trust * columns(&known, 3, 4);
+        let alpha = activation::sigmoid(logit);
+        Tensor::cat(
+            vec![radiance.clamp_max(f64::from(MAX_RADIANCE)), alpha, activation::softplus(columns(&raw, 7, 8), 1.0)],
+            1,
+        )
+    }
+}
+
+/// log(1 + eˣ) and its derivative.
+fn softplus(x: f64) -> (f64, f64) {
+    (x.max(0.0) + (-x.abs()).exp().ln_1p(), 1.0 / (1.0 + (-x).exp()))
+}
+
+/// The five outputs of a node, and their derivatives by eight inputs: three by the radiance's own guesses, three by the gains,
+/// one by the opacity's, one by the error's.
+fn node_light(
+    raw: [f64; RAW_CHANNELS],
+    known: &[f32; 5],
+    light: &KnownLight,
+) -> ([f64; LIGHT_CHANNELS], [f64; RAW_CHANNELS]) {
+    let (mut out, mut slope) = ([0.0; LIGHT_CHANNELS], [0.0; RAW_CHANNELS]);
+    let trust = f64::from(known[4]);
+    let (most, max_log_gain) = (f64::from(MAX_RADIANCE), light.max_log_gain);
+    let brightness = (raw[0] + raw[1] + raw[2]) / 3.0;
+    for c in 0..3 {
+        let guess = brightness + light.colour_share * (raw[c] - brightness);
+        let guessed = (1.0 - trust) * (guess + f64::from(light.ambient[c]).ln()).min(most.ln()).exp();
+        let squashed = raw[3 + c].tanh();
+        let seen = trust * f64::from(known[c]) * (max_log_gain * squashed).exp();
+        out[c] = seen + guessed;
+        if out[c] >= most {
+            out[c] = most;
+        } else {
+            slope[c] = guessed;
+            slope[3 + c] = seen * max_log_gain * (1.0 - squashed * squashed);
+        }
+    }
+    let logit = raw[6] + (1.0 - trust) * ALPHA_LOGIT + trust * f64::from(known[3]);
+    let share = 1.0 / (1.0 + (-logit).exp());
+    out[3] = share;
+    slope[6] = share * (1.0 - share);
+    (out[4], slope[7]) = softplus(raw[7]);
+    (out, slope)
+}
+
+/// Which output each input moves.
+const MOVES: [usize; RAW_CHANNELS] = [0, 1, 2, 0, 1, 2, 3, 4];
+
+fn row<T: Number>(raw: &[T]) -> [f64; RAW_CHANNELS] {
+    std::array::from_fn(|c| raw[c].wide())
+}
+
+impl Kernel for NodeLight {
+    fn output_size(&self, sizes: &[[usize; 2]]) -> [usize; 2] {
+        assert_eq!(sizes[0], [self.0.rows.len(), RAW_CHANNELS], "eight values for each node");
+        [sizes[0][0], LIGHT_CHANNELS]
+    }
+
+    fn forward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]]) -> Vec<T> {
+        self.output_size(sizes);
+        let rows = inputs[0].chunks_exact(RAW_CHANNELS).zip(&self.0.rows);
+        rows.flat_map(|(raw, known)| node_light(row(raw), known, &self.0).0.map(T::of)).collect()
+    }
+
+    fn backward<T: Number>(&self, inputs: &[&[T]], _: &[[usize; 2]], gradient: &[T], _: &[bool]) -> Vec<Vec<T>> {
+        let rows = inputs[0].chunks_exact(RAW_CHANNELS).zip(&self.0.rows).zip(gradient.chunks_exact(LIGHT_CHANNELS));
+        let by_raw = rows.flat_map(|((raw, known), gradient)| {
+            let (_, slope) = node_light(row(raw), known, &self.0);
+            let own: [f64; RAW_CHANNELS] = std::array::from_fn(|c| slope[c] * gradient[MOVES[c]].wide());
+            let brightness = (own[0] + own[1] + own[2]) / 3.0;
+            (0..RAW_CHANNELS).map(move |c| match c {
+                0..3 => T::of(brightness + self.0.colour_share * (own[c] - brightness)),
+                _ => T::of(own[c]),
+            })
+        });
+        vec![by_raw.collect()]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{assert_gradients, assert_same_function};
+
+    fn known(max_log_gain: f64) -> Arc<KnownLight> {
+        let rows = (0..20).map(|i| [i as f32, 0.5, 0.0, 2.0, [0.0, 0.4, 1.0][i % 3]]).collect();
+        Arc::new(KnownLight { rows, ambient: [0.5, 0.2, 1.5], colour_share: 0.2, max_log_gain })
+    }
+
+    #[test]
+    fn kernel_is_the_composition() {
+        for light in [0.0, 0.7].map(|gain| NodeLight(known(gain))) {
+            assert_same_function(&[[20, 8]], |[raw]| light.clone().apply(raw), |[raw]| light.composed(raw));
+            assert_gradients(&[[20, 8]], |[raw]| light.clone().apply(raw));
+        }
+    }
+
+    #[test]
+    fn trusted_radiance_is_kept_and_nothing_is_infinite() {
+        let raw = |gain| [500.0, -500.0, 2.0, gain, gain, gain, 900.0, 900.0];
+        let (seen, [rigid, free]) = ([2.0, 0.25, 0.0, 9.0, 1.0], [0.0, 1.0].map(known));
+        assert_eq!(node_light(raw(0.0), &seen, &free).0[..3], [2.0, 0.25, 0.0]);
+        assert_eq!(node_light(raw(9.0), &seen, &rigid).0[..3], [2.0, 0.25, 0.0]);
+        assert!((node_light(raw(9.0), &seen, &free).0[0] / 2.0 - 1f64.exp()).abs() < 1e-6);
+        let (out, _) = node_light(raw(0.0), &[0.0; 5], &free);
+        assert!((out[0] - f64::from(MAX_RADIANCE)).abs() < 0.1 && out[1] >= 0.0 && out[3] <= 1.0);
+        // The mean of the three is 2/3, and a fifth of the difference from it is added.
+        assert!((out[2] - 1.5 * (2.0 / 3.0 + 0.2 * 4.0 / 3.0f64).exp()).abs() < 1e-6, "{}", out[2]);
+        assert!(out.iter().all(|v| v.is_finite()));
+    }
+}

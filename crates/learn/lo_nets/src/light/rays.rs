@@ -1,0 +1,62 @@
+use std::sync::Arc;
+
+use lo_cone::Cone;
+use lo_geometry::{Camera, Vec3};
+use lo_imaging::{DepthMap, Image};
+use lo_random::{RngExt, Stream};
+
+/// Cones and what they ought to see.
+#[derive(Clone, Debug)]
+pub struct Rays {
+    /// The cones.
+    pub cones: Arc<[Cone]>,
+    /// Linear RGB radiance that each sees.
+    pub radiance: Vec<[f32; 3]>,
+    /// Distance in metres that each sees; 0 where it is not known.
+    pub distance_m: Vec<f32>,
+}
+
+impl Rays {
+    /// `count` pixels of a photo (linear RGB) taken from the origin, where it is not clipped (all channels below `white`) and
+    /// its depth map (metres along the optical axis, of the same size) has a reading.
+    pub fn of_photo(
+        photo: &Image<[f32; 3]>,
+        depth_m: &DepthMap,
+        camera: &Camera,
+        white: f32,
+        count: usize,
+        stream: &mut Stream,
+    ) -> Self {
+        let camera = camera.resized(photo.width() as u32, photo.height() as u32);
+        let tan_half_angle = (0.5 * camera.pixel_angle_rad()).tan();
+        Self::from_iter((0..count).filter_map(|_| {
+            let at = (stream.random_range(0..photo.width()), stream.random_range(0..photo.height()));
+            let point = camera.unproject(at.0 as f64 + 0.5, at.1 as f64 + 0.5, f64::from(depth_m[at]));
+            let clear = photo[at].iter().all(|&c| c < white) && depth_m[at].is_finite() && depth_m[at] > 0.0;
+            let cone = Cone { origin: Vec3::ZERO, direction: point.normalize_or(Vec3::NEG_Z), tan_half_angle };
+            clear.then(|| (cone, photo[at], point.length()))
+        }))
+    }
+
+    /// Number of rays.
+    pub fn len(&self) -> usize {
+        self.cones.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.cones.is_empty()
+    }
+}
+
+impl FromIterator<(Cone, [f32; 3], f32)> for Rays {
+    fn from_iter<I: IntoIterator<Item = (Cone, [f32; 3], f32)>>(rays: I) -> Self {
+        let (mut cones, mut radiance, mut distance_m) = (Vec::new(), Vec::new(), Vec::new());
+        for (cone, rgb, distance) in rays {
+            cones.push(cone);
+            radiance.push(rgb);
+            distance_m.push(distance);
+        }
+        Self { cones: cones.into(), radiance, distance_m }
+    }
+}

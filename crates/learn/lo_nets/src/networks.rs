@@ -1,0 +1,283 @@
+//! Both networks as they are shipped and used: one file of weights that says what they are.
+
+use std::path::Path;
+
+use burn::tensor::{Device, Tensor};
+use lo_events::Warning;
+use lo_geometry::{Camera, Cube};
+use lo_imaging::{DepthMap, Image, RadianceImage};
+use lo_octree::{LightOctree, RadiancePoint};
+
+use crate::checkpoint::{Checkpoint, CheckpointError, Precision};
+use crate::depth::{DepthNet, network_input, panorama_image};
+use crate::light::{
+    Growth, LightConfigError, LightError, LightInput, LightNet, LightNetConfig, SeenDetail, VisiblePoint,
+    blend_with_map,
+};
+
+/// The depth network's name in a checkpoint.
+pub const DEPTH_NET: &str = "depth_net";
+/// The light network's name in a checkpoint, and its configuration's in the checkpoint's state.
+pub const LIGHT_NET: &str = "light_net";
+
+/// The depth and the light network, which share the global lighting feature.
+///
+/// What of it speaks of tensors, devices and checkpoints is for training, and hidden from the documentation of the facade.
+#[derive(Debug)]
+pub struct Networks {
+    /// Depth and global light from a photo.
+    #[doc(hidden)]
+    pub depth: DepthNet,
+    /// The room's light from what is seen.
+    #[doc(hidden)]
+    pub light: LightNet,
+    /// Shape of the light network; also gives the length of the global lighting feature of both.
+    pub config: LightNetConfig,
+}
+
+/// What a photo tells of the light outside of it: `f_L`.
+#[derive(Clone, Debug)]
+pub struct GlobalLight(Tensor<2>);
+
+/// The light of a whole room.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CompletedLight {
+    /// Radiance and opacity, and what the photo saw of each node.
+    pub light: LightOctree,
+    /// `confidence[d][row]` of each node, in (0, 1]: e^−(expected error of log(1 + radiance)).
+    pub confidence: Vec<Vec<f32>>,
+    /// What was not done as predicted.
+    pub warnings: Vec<Warning>,
+}
+
+impl Networks {
+    /// Untrained networks with weights drawn from `seed`.
+    ///
+    /// # Errors
+    /// A configuration out of range, with the field's name.
+    #[doc(hidden)]
+    pub fn new(config: &LightNetConfig, seed: u64, device: &Device) -> Result<Self, LightConfigError> {
+        let light = LightNet::new(config, seed, device)?;
+        Ok(Self { depth: DepthNet::new(config.global_features, seed, device), light, config: config.clone() })
+    }
+
+    /// Adds the weights of both networks, and the configuration to the checkpoint's state.
+    #[doc(hidden)]
+    pub fn add_to(&self, checkpoint: &mut Checkpoint) {
+        checkpoint.add_module(DEPTH_NET, &self.depth);
+        checkpoint.add_module(LIGHT_NET, &self.light);
+        checkpoint.state[LIGHT_NET] = serde_json::json!(self.config);
+    }
+
+    /// The networks of a checkpoint; what else it holds does not matter.
+    ///
+    /// # Errors
+    /// Says which configuration is missing or wrong, and which weights are missing, too much or of another shape.
+    #[doc(hidden)]
+    pub fn from_checkpoint(mut checkpoint: Checkpoint, device: &Device) -> Result<Self, CheckpointError> {
+        let config = &checkpoint.state[LIGHT_NET];
+        let wrong = |what: String| CheckpointError::Weights { module: LIGHT_NET.to_owned(), problems: vec![what] };
+        if config.is_null() {
+            return Err(wrong("the file's metadata holds no configuration of that name".to_owned()));
+        }
+        let config: LightNetConfig =
+            serde_json::from_value(config.clone()).map_err(|error| wrong(format!("its configuration: {error}")))?;
+        config.validate().map_err(|error| wrong(format!("its configuration: {error}")))?;
+        let (described, held) = (config.weights(), checkpoint.values_of(LIGHT_NET));
+        // A few bytes must not make us allocate gigabytes.
+        if described > 2 * held {
+            return Err(wrong(format!("its configuration describes {described} weights, but the file holds {held}")));
+        }
+        let blank = Self::new(&config, 0, device).map_err(|error| wrong(format!("its configuration: {error}")))?;
+        let light = checkpoint.take_module(LIGHT_NET, blank.light)?;
+        Ok(Self { depth: checkpoint.take_module(DEPTH_NET, blank.depth)?, light, config })
+    }
+
+    /// Reads a file of weights, of whichever precision, for use: without gradients, on the CPU.
+    ///
+    /// # Errors
+    /// Of the file, and of [`Networks::from_checkpoint`].
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, CheckpointError> {
+        Self::from_checkpoint(Checkpoint::read(path)?, &Device::flex())
+    }
+
+    /// [`Networks::read`] of a file's bytes; messages call it `name`.
+    ///
+    /// # Errors
+    /// As of a file.
+    pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Self, CheckpointError> {
+        Self::from_checkpoint(Checkpoint::from_bytes(bytes, name)?, &Device::flex())
+    }
+
+    /// Writes a file of weights, whole or not at all.
+    ///
+    /// # Errors
+    /// The file system's.
+    pub fn write(&self, path: impl AsRef<Path>, precision: Precision) -> Result<(), CheckpointError> {
+        let mut checkpoint = Checkpoint::default();
+        self.add_to(&mut checkpoint);
+        checkpoint.write(path, precision)
+    }
+
+    /// Depth in an sRGB photo that this camera made, in metres along the optical axis, and the light around it. The depth map has at most
+    /// 240 pixels on the longer side, as the photo is [looked at](network_input).
+    ///
+    /// # Panics
+    /// Where the photo has no pixels.
+    pub fn depth_and_light(&self, photo: &Image<[u8; 3]>, camera: &Camera) -> (DepthMap, GlobalLight) {
+        in_pool(|| {
+            let output = self.depth.forward(&[&network_input(photo)]);
+            (output.depth_m(camera), GlobalLight(output.global))
+        })
+    }
+
+    /// The light around an sRGB photo whose depth is known.
+    ///
+    /// # Panics
+    /// Where the photo has no pixels.
+    pub fn global_light(&self, photo: &Image<[u8; 3]>) -> GlobalLight {
+        in_pool(|| GlobalLight(self.depth.global_feature(&network_input(photo))))
+    }
+
+    /// The panorama at the camera that the global lighting decoder makes of an sRGB photo, its centre along the camera's view.
+    ///
+    /// # Panics
+    /// Where the photo has no pixels.
+    pub fn single_map(&self, photo: &Image<[u8; 3]>) -> RadianceImage {
+        let global = self.global_light(photo).0;
+        in_pool(|| panorama_image(self.depth.panorama.forward(global)))
+    }
+
+    /// The light of the whole room, the octree grown by the network's own predictions. How bright what is not seen is lies between what the light
+    /// network and what the [single map](Networks::single_map) say.
+    ///
+    /// `points` are what the camera sees, in the frame of `cube`; `seed` places the points that carry the global light. Where
+    /// `octree_depth` is greater than the network's own depth, what is seen is that fine, and what is not ends above it.
+    ///
+    /// # Errors
+    /// Points that are not finite; predictions that are not; a depth that no octree can have.
+    pub fn complete(
+        &self,
+        points: &[VisiblePoint],
+        camera: &Camera,
+        cube: Cube,
+        global: GlobalLight,
+        octree_depth: u32,
+        seed: u64,
+    ) -> Result<CompletedLight, LightError> {
+        in_pool(|| {
+            let input = LightInput::new(points, camera, cube, &self.config, seed)?;
+            let input = LightInput { colour_share: COLOUR_SHARE, ..input };
+            let map = panorama_image(self.depth.panorama.forward(global.0.clone()));
+            let mut output = self.light.forward(&input, Some(global.0), Growth::Predicted)?;
+            let warnings = std::mem::take(&mut output.warnings);
+            let (mut light, mut confidence) = output.into_light()?;
+            blend_with_map(&mut light, &input.visible, &map);
+            if octree_depth > self.config.depth {
+                let points: Vec<RadiancePoint> = points.iter().map(VisiblePoint::radiance_point).collect();
+                let (fine, _) = LightOctree::from_points(&points, cube, octree_depth, self.config.full_depth)?;
+                let detail = SeenDetail { coarse: &input.visible, fine: &fine, free: &input.free };
+                detail.refine(&mut light, &mut confidence)?;
+            }
+            Ok(CompletedLight { light, confidence, warnings })
+        })
+    }
+}
+
+/// Of the colour that the light network guesses beside ambient light, this much is believed; most of the rest is noise (`docs/design/009-colour-share.md` has the
+/// figures, and how it was chosen).
+const COLOUR_SHARE: f32 = 0.2;
+
+/// Works on one of rayon's threads: from another, each of some thousand small parallel loops waits for one of them to wake up.
+fn in_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    rayon::scope(|_| work())
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::checkpoint::FORMAT_VERSION;
+
+    fn config() -> LightNetConfig {
+        let small = LightNetConfig { depth: 5, full_depth: 3, channels: 8, max_channels: 16, ..Default::default() };
+        LightNetConfig { blocks: 1, bottleneck: 2, head_channels: 8, global_features: 6, ..small }
+    }
+
+    fn camera(photo: &Image<[u8; 3]>) -> Camera {
+        Camera::from_hfov_deg(70.0, photo.width() as u32, photo.height() as u32).unwrap()
+    }
+
+    fn checkpoint(config: &LightNetConfig, seed: u64) -> Checkpoint {
+        let mut checkpoint = Checkpoint::default();
+        Networks::new(config, seed, &Device::flex()).unwrap().add_to(&mut checkpoint);
+        checkpoint
+    }
+
+    fn refusal(checkpoint: &Checkpoint) -> String {
+        Networks::from_checkpoint(checkpoint.clone(), &Device::flex()).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_file_of_weights_comes_back_in_both_precisions() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("weights.safetensors");
+        let networks = Networks::new(&config(), 3, &Device::flex()).unwrap();
+        let photo = Image::from_fn(64, 32, |x, y| [(3 * x) as u8, (7 * y) as u8, 90]);
+        let (depth_m, _) = networks.depth_and_light(&photo, &camera(&photo));
+        networks.write(&path, Precision::Full).unwrap();
+        let read = Networks::read(&path).unwrap();
+        assert_eq!((&read.config, read.depth_and_light(&photo, &camera(&photo)).0), (&config(), depth_m.clone()));
+        networks.write(&path, Precision::Half).unwrap();
+        let half = Networks::read(&path).unwrap().depth_and_light(&photo, &camera(&photo)).0;
+        let close = |(a, b): (&f32, &f32)| (a / b).ln().abs() < 0.05;
+        assert!(half != depth_m && half.pixels().iter().zip(depth_m.pixels()).all(close));
+        let state = Checkpoint::read(&path).unwrap().state;
+        assert_eq!((FORMAT_VERSION, &state["light_net"]["depth"]), (1, &serde_json::json!(5)));
+    }
+
+    #[test]
+    fn light_alone_is_that_beside_depth() {
+        let networks = Networks::new(&config(), 3, &Device::flex()).unwrap();
+        let photo = Image::from_fn(70, 41, |x, y| [(3 * x) as u8, (7 * y) as u8, 90]);
+        let [beside, alone] = [networks.depth_and_light(&photo, &camera(&photo)).1, networks.global_light(&photo)];
+        assert_eq!(beside.0.into_data(), alone.0.into_data());
+    }
+
+    #[test]
+    fn the_configuration_knows_the_number_of_weights() {
+        for config in [config(), LightNetConfig { full_depth: 5, ..config() }, LightNetConfig::default()] {
+            let mut checkpoint = Checkpoint::default();
+            checkpoint.add_module(LIGHT_NET, &LightNet::new(&config, 1, &Device::flex()).unwrap());
+            assert_eq!(config.weights(), checkpoint.values_of(LIGHT_NET));
+        }
+    }
+
+    #[test]
+    fn weights_of_something_else_are_named() {
+        let whole = checkpoint(&config(), 1);
+        let error = refusal(&Checkpoint::default());
+        assert!(error.contains("\"light_net\"") && error.contains("no configuration"), "{error}");
+        let with = |key: &str, value: serde_json::Value| {
+            let mut other = whole.clone();
+            other.state[LIGHT_NET][key] = value;
+            refusal(&other)
+        };
+        let error = with("blocks", serde_json::json!(16));
+        assert!(error.contains("describes") && error.contains("the file holds"), "{error}");
+        let error = with("depth", serde_json::json!(12));
+        assert!(error.contains("depth is 12"), "{error}");
+        let error = with("colour", serde_json::json!("red"));
+        assert!(error.contains("colour"), "{error}");
+        let error = with("global_features", serde_json::json!(7));
+        assert!(error.contains("\"light_net.global.weights\" has the shape [6, 8], not [7, 8]"), "{error}");
+        let mut more = whole.clone();
+        more.insert("light_net.hat", &[2], vec![0.0; 2]);
+        assert!(refusal(&more).contains("\"light_net.hat\" is not part of it"));
+        let mut light_only = Checkpoint::default();
+        light_only.state = whole.state.clone();
+        light_only.add_module(LIGHT_NET, &LightNet::new(&config(), 1, &Device::flex()).unwrap());
+        let error = refusal(&light_only);
+        assert!(error.contains("\"depth_net.encoder.conv0.weight\" is missing") && error.contains("more"), "{error}");
+    }
+}

@@ -1,0 +1,5 @@
+//! The networks against the implementations of their authors.
+#![allow(clippy::unwrap_used)]
+
+mod densenet;
+mod ognn;

@@ -1,0 +1,303 @@
+use std::path::PathBuf;
+
+use lo_dataset::GeneratorConfig;
+use lo_events::{TrainedNetworks, TrainingPhase};
+use lo_nets::depth::DepthLossConfig;
+use lo_nets::light::{LightLossConfig, LightNetConfig};
+use serde::{Deserialize, Serialize};
+
+use crate::augmentation::AugmentationConfig;
+use crate::error::{ConfigError, inside};
+use crate::phases::{DepthPhase, LightPhase, Phase, Schedule, depth_phases, joint_phases, light_phases};
+
+/// All that a training run is made of, but its seed. Every field has a default, so that a file need name only what differs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TrainConfig {
+    /// Greatest norm of the gradient of a network; a longer one is shortened to it.
+    pub clip_norm: f32,
+    /// Whether the depth network's convolutions multiply in bf16 in training, where the processor has a matrix unit for that (Intel's AMX, servers since
+    /// 2023): sums, weights and all else stay f32. Elsewhere, and in use, nothing changes.
+    pub bf16: bool,
+    /// Share of the averaged weights that stays at a step; what is validated and exported are these. It rises to this value from 0.1.
+    #[serde(alias = "average_decay")]
+    pub ema_decay: f64,
+    /// Learning rate of the discriminator, as a share of the depth network's.
+    #[serde(alias = "judge_rate")]
+    pub discriminator_lr_ratio: f64,
+    /// Minutes between checkpoints.
+    pub checkpoint_minutes: f64,
+    /// Steps whose mean makes a line of the log.
+    pub log_steps: u64,
+    /// Where samples come from.
+    pub data: DataConfig,
+    /// What a sample is varied by.
+    pub augmentation: AugmentationConfig,
+    /// Shape of the light network at its finest; phases of a lesser octree depth train its coarser stages.
+    pub network: LightNetConfig,
+    /// Weights of the depth network's losses.
+    pub depth_losses: DepthLossConfig,
+    /// Weights of the light network's losses.
+    pub light_losses: LightLossConfig,
+    /// Figures on held-out scenes.
+    pub validation: ValidationConfig,
+    /// Stage 1: the depth network alone.
+    #[serde(deserialize_with = "depth_phases")]
+    pub depth: Vec<DepthPhase>,
+    /// Stage 2: the light network on known depth and the trained depth network's global features.
+    #[serde(deserialize_with = "light_phases")]
+    pub light: Vec<LightPhase>,
+    /// Stage 3: both, the light network also on predicted depth.
+    #[serde(deserialize_with = "joint_phases")]
+    pub joint: Vec<LightPhase>,
+}
+
+/// Where samples come from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DataConfig {
+    /// A folder in a layout that `lightoctree dataset` knows: shards of `lightoctree synth`, or published data. Rooms are generated on the
+    /// fly where none is named.
+    pub folder: Option<PathBuf>,
+    /// Rooms that are generated on the fly, before they come again.
+    pub generated_rooms: u32,
+    /// What these are like.
+    pub generator: GeneratorConfig,
+    /// Threads that read or generate samples, beside the one that prepares them.
+    pub threads: usize,
+    /// Most samples made ahead.
+    #[serde(alias = "ahead")]
+    pub prefetch: usize,
+}
+
+/// Figures on held-out scenes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ValidationConfig {
+    /// Steps between validations; each phase ends with one.
+    pub every_steps: u64,
+    /// Photos, each of another held-out scene.
+    pub photos: usize,
+    /// Rows of the contact sheet.
+    pub sheet_rows: usize,
+}
+
+impl Default for TrainConfig {
+    /// The recipe of `configs/recipe.toml`, with rooms generated on the fly.
+    fn default() -> Self {
+        let (depth, light) = (DepthPhase::USUAL, LightPhase::USUAL);
+        Self {
+            clip_norm: 5.0,
+            bf16: true,
+            ema_decay: 0.999,
+            discriminator_lr_ratio: 0.5,
+            checkpoint_minutes: 10.0,
+            log_steps: 50,
+            data: DataConfig::default(),
+            augmentation: AugmentationConfig::default(),
+            network: LightNetConfig::default(),
+            depth_losses: DepthLossConfig {
+                log_depth: 0.25,
+                absolute: 1.0,
+                adversarial: 0.0,
+                ..DepthLossConfig::default()
+            },
+            light_losses: LightLossConfig::default(),
+            validation: ValidationConfig::default(),
+            depth: vec![
+                DepthPhase {
+                    schedule: Schedule { steps: 3_000, final_share: 0.15, ..depth.schedule },
+                    photo_width: 128,
+                    ..depth
+                },
+                DepthPhase {
+                    schedule: Schedule { steps: 10_000, learning_rate: 4e-4, final_share: 0.01, ..depth.schedule },
+                    batch_size: 8,
+                    ..depth
+                },
+            ],
+            light: vec![
+                LightPhase {
+                    schedule: Schedule { steps: 2_000, learning_rate: 1e-3, final_share: 0.3, ..light.schedule },
+                    octree_depth: 5,
+                    ..light
+                },
+                LightPhase {
+                    schedule: Schedule { final_share: 0.02, ..light.schedule },
+                    octree_depth: 6,
+                    scheduled_sampling: [0.0, 0.6],
+                    ..light
+                },
+            ],
+            joint: Vec::new(),
+        }
+    }
+}
+
+impl Default for DataConfig {
+    fn default() -> Self {
+        Self {
+            folder: None,
+            generated_rooms: 1_000_000,
+            generator: GeneratorConfig::default(),
+            threads: 1,
+            prefetch: 4,
+        }
+    }
+}
+
+impl Default for ValidationConfig {
+    fn default() -> Self {
+        Self { every_steps: 1_000, photos: 24, sheet_rows: 6 }
+    }
+}
+
+impl TrainConfig {
+    /// The phases in the order in which they are trained.
+    pub(crate) fn phases(&self) -> Vec<(TrainingPhase, Phase)> {
+        let depth = Phase::numbered(TrainedNetworks::Depth, self.depth.iter().cloned().map(Phase::Depth));
+        let light = Phase::numbered(TrainedNetworks::Light, self.light.iter().cloned().map(Phase::Light));
+        let joint = Phase::numbered(TrainedNetworks::Joint, self.joint.iter().cloned().map(Phase::Joint));
+        depth.into_iter().chain(light).chain(joint).collect()
+    }
+
+    /// The light network of an octree depth: the coarser stages are those of the finest network.
+    pub(crate) fn network_of(&self, octree_depth: u32) -> LightNetConfig {
+        LightNetConfig {
+            depth: octree_depth,
+            channels: self.network.stage_channels(octree_depth),
+            ..self.network.clone()
+        }
+    }
+
+    /// Checks what types cannot say.
+    ///
+    /// # Errors
+    /// See [`ConfigError`].
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        self.network.validate()?;
+        self.data.generator.validate().map_err(|error| ConfigError::Generator(error.to_string()))?;
+        self.augmentation.validate()?;
+        inside("clip_norm", self.clip_norm.into(), 1e-6, 1e6)?;
+        inside("ema_decay", self.ema_decay, 0.0, 0.999_999)?;
+        inside("discriminator_lr_ratio", self.discriminator_lr_ratio, 0.0, 100.0)?;
+        inside("checkpoint_minutes", self.checkpoint_minutes, 0.0, 1e6)?;
+        inside("log_steps", self.log_steps as f64, 1.0, 1e9)?;
+        inside("data.threads", self.data.threads as f64, 1.0, 256.0)?;
+        inside("data.prefetch", self.data.prefetch as f64, 1.0, 1e4)?;
+        inside("data.generated_rooms", self.data.generated_rooms.into(), 1.0, u32::MAX.into())?;
+        inside("validation.every_steps", self.validation.every_steps as f64, 1.0, 1e12)?;
+        inside("validation.photos", self.validation.photos as f64, 0.0, 1e5)?;
+        inside("validation.sheet_rows", self.validation.sheet_rows as f64, 0.0, 64.0)?;
+        let (full, finest) = (f64::from(self.network.full_depth), f64::from(self.network.depth));
+        let mut shallowest = full;
+        for (name, phase) in self.phases() {
+            let inside = |what: &str, value, min, max| inside(&format!("{name}: {what}"), value, min, max);
+            let schedule = phase.schedule();
+            inside("steps", schedule.steps as f64, 1.0, 1e12)?;
+            inside("learning_rate", schedule.learning_rate, 0.0, 1.0)?;
+            inside("final_share", schedule.final_share, 0.0, 1.0)?;
+            match &phase {
+                Phase::Depth(p) => {
+                    inside("photo_width", p.photo_width as f64, 32.0, 4096.0)?;
+                    inside("batch_size", p.batch_size as f64, 1.0, 256.0)?;
+                }
+                Phase::Light(p) | Phase::Joint(p) => {
+                    inside("octree_depth", p.octree_depth.into(), shallowest, finest)?;
+                    shallowest = p.octree_depth.into();
+                    for share in p.scheduled_sampling {
+                        inside("scheduled_sampling", share.into(), 0.0, 1.0)?;
+                    }
+                    inside("predicted_share", p.predicted_share.into(), 0.0, 1.0)?;
+                    inside("sensor_share", p.sensor_share.into(), 0.0, 1.0)?;
+                    inside("novel_rays + visible_rays", (p.novel_rays + p.visible_rays) as f64, 1.0, 1e7)?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn coarser_networks_have_the_stages_of_the_finest() {
+        let config = TrainConfig::default();
+        for depth in 5..=7 {
+            let network = config.network_of(depth);
+            network.validate().unwrap();
+            for stage in 4..=depth {
+                assert_eq!(network.stage_channels(stage), config.network.stage_channels(stage));
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_out_of_range_is_named() {
+        assert_eq!(TrainConfig::default().validate(), Ok(()));
+        let light = |phase| TrainConfig { light: vec![LightPhase::USUAL, phase], ..TrainConfig::default() };
+        let message = |config: TrainConfig| config.validate().unwrap_err().to_string();
+        let shallower = light(LightPhase { octree_depth: 6, ..LightPhase::USUAL });
+        assert_eq!(message(shallower), "light 2/2: octree_depth is 6; it must lie in 7 to 7");
+        let share = light(LightPhase { sensor_share: 1.5, ..LightPhase::USUAL });
+        assert_eq!(message(share), "light 2/2: sensor_share is 1.5; it must lie in 0 to 1");
+        let none = TrainConfig { log_steps: 0, ..TrainConfig::default() };
+        assert_eq!(message(none), "log_steps is 0; it must lie in 1 to 1000000000");
+    }
+
+    #[test]
+    fn the_recipe_is_the_default() {
+        let recipe: TrainConfig = toml::from_str(include_str!("../../../../configs/recipe.toml")).unwrap();
+        assert_eq!(recipe, TrainConfig::default());
+        let rooms: GeneratorConfig = toml::from_str(include_str!("../../../../configs/rooms.toml")).unwrap();
+        assert!(rooms.validate().is_ok());
+    }
+
+    #[test]
+    fn every_field_survives_toml() {
+        let config = TrainConfig::default();
+        let text = toml::to_string(&config).unwrap();
+        assert_eq!(toml::from_str::<TrainConfig>(&text).unwrap(), config);
+    }
+
+    #[test]
+    fn what_a_file_does_not_name_is_as_usual_and_what_is_unknown_an_error() {
+        let read = toml::from_str::<TrainConfig>;
+        let config = read("[[depth]]\n[[light]]\nsteps = 3\n[[joint]]\nlearning_rate = 1\n").unwrap();
+        assert_eq!(config.depth, [DepthPhase::USUAL]);
+        let schedule = Schedule { steps: 3, ..LightPhase::USUAL.schedule };
+        assert_eq!(config.light, [LightPhase { schedule, ..LightPhase::USUAL }]);
+        let schedule = Schedule { learning_rate: 1.0, ..LightPhase::USUAL_JOINT.schedule };
+        assert_eq!(config.joint, [LightPhase { schedule, ..LightPhase::USUAL_JOINT }]);
+        let message = |text| read(text).unwrap_err().to_string();
+        for (text, field) in [
+            ("[[light]]\nstep = 3", "step"),
+            ("[[depth]]\noctree_depth = 6", "octree_depth"),
+            ("[[joint]]\nbatch_size = 2", "batch_size"),
+            ("[data]\nfolders = 'rooms'", "folders"),
+        ] {
+            assert!(message(text).contains(&format!("unknown field `{field}`")), "{}", message(text));
+        }
+        let twice = message("[[light]]\nrate = 0.1\nlearning_rate = 0.1");
+        assert!(twice.contains("duplicate field `learning_rate`"), "{twice}");
+        assert!(message("[[light]]\nsteps = 'many'").contains("invalid type: string \"many\", expected u64"));
+    }
+
+    /// A file of before fields had the names that they have.
+    #[test]
+    fn former_names_are_read() {
+        let former = "average_decay = 0.98\njudge_rate = 0.25\n[data]\nahead = 7\n[[depth]]\nrate = 2e-4\n\
+            [[light]]\nrate = 3e-4\nown_growth = [0.2, 0.5]\n[[joint]]\nrate = 4e-4\nown_growth = [0.1, 0.9]\n";
+        let now = "ema_decay = 0.98\ndiscriminator_lr_ratio = 0.25\n[data]\nprefetch = 7\n[[depth]]\nlearning_rate = 2e-4\n\
+            [[light]]\nlearning_rate = 3e-4\nscheduled_sampling = [0.2, 0.5]\n\
+            [[joint]]\nlearning_rate = 4e-4\nscheduled_sampling = [0.1, 0.9]\n";
+        let [former, now] = [former, now].map(|text| toml::from_str::<TrainConfig>(text).unwrap());
+        assert_eq!(former, now);
+        assert_eq!((now.ema_decay, now.discriminator_lr_ratio, now.data.prefetch), (0.98, 0.25, 7));
+        assert_eq!(now.light[0].scheduled_sampling, [0.2, 0.5]);
+        assert_eq!([now.depth[0].schedule, now.joint[0].schedule].map(|s| s.learning_rate), [2e-4, 4e-4]);
+    }
+}

@@ -1,0 +1,369 @@
+//! The networks while they learn: weights, optimisers, averages, and one step of each stage.
+
+use std::path::Path;
+
+use burn::module::Module;
+use burn::tensor::{Device, Tensor, TensorData};
+use lo_cone::Settings;
+use lo_nets::checkpoint::{Checkpoint, CheckpointError};
+use lo_nets::depth::{DepthNet, DepthOutput, PatchGan, depth_losses, panorama_loss};
+use lo_nets::light::{Growth, LightConfigError, LightLosses, LightNet, LightNetConfig};
+use lo_nets::{Adam, Networks};
+use serde::{Deserialize, Serialize};
+
+use crate::config::TrainConfig;
+use crate::deepen::deepened;
+use crate::error::{ConfigError, Fault, TrainError};
+use crate::example::{DepthExample, LightExample, PANORAMA};
+use crate::trained::Trained;
+use crate::weights::gradient_norm;
+
+/// Names in a checkpoint. The averages are under those that [`Networks`] has, so that a checkpoint also is a file of weights.
+const DEPTH: &str = "training.depth_net";
+const LIGHT: &str = "training.light_net";
+const DISCRIMINATOR: &str = "training.discriminator";
+
+/// The parts of a loss and what came of them.
+#[derive(Debug, Default)]
+pub(crate) struct Progress {
+    /// Name and value, not weighted.
+    pub losses: Vec<(&'static str, f32)>,
+    /// Norms of the gradients before they were shortened.
+    pub norms: Vec<(&'static str, f32)>,
+}
+
+/// All networks of a run.
+#[derive(Debug)]
+pub(crate) struct Learner {
+    pub depth: Trained<DepthNet>,
+    pub light: Trained<LightNet>,
+    /// Shape of the light network as it is now.
+    pub network: LightNetConfig,
+    discriminator: PatchGan,
+    discriminator_adam: Adam,
+}
+
+/// Steps of the averages since they began, and the light network's shape.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct LearnerState {
+    network: LightNetConfig,
+    averaged: [u64; 2],
+}
+
+/// Where gradients are recorded.
+fn recording() -> Device {
+    Device::flex().autodiff()
+}
+
+/// Does work on one of rayon's threads, as the networks want it.
+pub(crate) fn in_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    rayon::scope(|_| work())
+}
+
+fn scalar(loss: &Tensor<1>) -> f32 {
+    loss.clone().inner().into_scalar::<f32>()
+}
+
+impl Learner {
+    /// Untrained networks, the light network for this octree depth.
+    ///
+    /// # Errors
+    /// A configuration out of range.
+    pub fn new(config: &TrainConfig, octree_depth: u32, seed: u64) -> Result<Self, LightConfigError> {
+        let network = config.network_of(octree_depth);
+        let features = network.global_features;
+        let plain = || Device::flex();
+        let mut discriminator_adam = Adam::default();
+        // As Isola et al. 2017.
+        discriminator_adam.beta1 = 0.5;
+        Ok(Self {
+            depth: Trained {
+                net: DepthNet::new(features, seed, &recording()),
+                average: DepthNet::new(features, seed, &plain()),
+                adam: Adam::default(),
+                steps: 0,
+            },
+            light: Trained {
+                net: LightNet::new(&network, seed, &recording())?,
+                average: LightNet::new(&network, seed, &plain())?,
+                adam: Adam::default(),
+                steps: 0,
+            },
+            network,
+            discriminator: PatchGan::new(seed, &recording()),
+            discriminator_adam,
+        })
+    }
+
+    /// Starts the depth network's encoder with torchvision's weights.
+    ///
+    /// # Errors
+    /// Names what is missing or of another shape.
+    pub fn load_encoder(&mut self, weights: &Checkpoint) -> Result<(), CheckpointError> {
+        self.depth.net.encoder = self.depth.net.encoder.clone().load_torchvision(weights)?;
+        self.depth.average.encoder = self.depth.average.encoder.clone().load_torchvision(weights)?;
+        Ok(())
+    }
+
+    /// Starts with the networks of a file of weights, the light network made one for octrees of the depth at hand.
+    ///
+    /// # Errors
+    /// Of the file; networks of another shape than the configuration's.
+    pub fn load(&mut self, path: &Path, config: &TrainConfig, seed: u64) -> Result<(), TrainError> {
+        // Twice: clones share running statistics.
+        let (start, average) = (Networks::read(path)?, Networks::read(path)?);
+        let own = &start.config;
+        if *own != config.network_of(own.depth) {
+            let reason = "its networks are of another shape than [network] of the configuration says".into();
+            return Err(TrainError::NotThisRun { path: path.to_owned(), reason });
+        }
+        let light = |old: &LightNet, device: &Device| {
+            deepened(old, own, &self.network, seed, device).map_err(ConfigError::from)
+        };
+        (self.light.net, self.light.average) =
+            (light(&start.light, &recording())?, light(&average.light, &Device::flex())?);
+        (self.depth.net, self.depth.average) = (start.depth.train(), average.depth);
+        Ok(())
+    }
+
+    /// The averaged weights: what is used.
+    pub fn averages(&self) -> Networks {
+        Networks { depth: self.depth.average.clone(), light: self.light.average.clone(), config: self.network.clone() }
+    }
+
+    /// Adds everything to a checkpoint but what [`LearnerState`] holds, which it gives.
+    pub fn add_to(&self, checkpoint: &mut Checkpoint) -> LearnerState {
+        self.averages().add_to(checkpoint);
+        checkpoint.add_module(DEPTH, &self.depth.net);
+        checkpoint.add_module(LIGHT, &self.light.net);
+        checkpoint.add_module(DISCRIMINATOR, &self.discriminator);
+        for (name, adam) in
+            [(DEPTH, &self.depth.adam), (LIGHT, &self.light.adam), (DISCRIMINATOR, &self.discriminator_adam)]
+        {
+            checkpoint.add_adam(&adam_name(name), adam);
+        }
+        LearnerState { network: self.network.clone(), averaged: [self.depth.steps, self.light.steps] }
+    }
+
+    /// What [`Learner::add_to`] added.
+    ///
+    /// # Errors
+    /// Names what is missing or of another shape.
+    pub fn from_checkpoint(mut checkpoint: Checkpoint, state: &LearnerState) -> Result<Self, CheckpointError> {
+        let wrong = |problem| CheckpointError::Weights { module: LIGHT.to_owned(), problems: vec![problem] };
+        let LearnerState { network, averaged: [depth_steps, light_steps] } = state;
+        let adams = [DEPTH, LIGHT, DISCRIMINATOR].map(|name| checkpoint.load_adam(&adam_name(name)));
+        let [depth_adam, light_adam, discriminator_adam] = adams;
+        let blank = DepthNet::new(network.global_features, 0, &Device::flex());
+        let depth = checkpoint.take_module(DEPTH, blank)?.train();
+        let blank = LightNet::new(network, 0, &Device::flex()).map_err(|error| wrong(error.to_string()))?;
+        let light = checkpoint.take_module(LIGHT, blank)?.train();
+        let discriminator = checkpoint.take_module(DISCRIMINATOR, PatchGan::new(0, &Device::flex()))?.train();
+        let averages = Networks::from_checkpoint(checkpoint, &Device::flex())?;
+        Ok(Self {
+            depth: Trained { net: depth, average: averages.depth, adam: depth_adam?, steps: *depth_steps },
+            light: Trained { net: light, average: averages.light, adam: light_adam?, steps: *light_steps },
+            network: network.clone(),
+            discriminator,
+            discriminator_adam: discriminator_adam?,
+        })
+    }
+
+    /// Makes the light network one for octrees of another depth: the stages that both have keep their weights, what is new is drawn
+    /// from the seed, and the optimiser begins anew.
+    ///
+    /// # Errors
+    /// A configuration out of range.
+    pub fn deepen(&mut self, config: &TrainConfig, octree_depth: u32, seed: u64) -> Result<(), LightConfigError> {
+        let network = config.network_of(octree_depth);
+        if network == self.network {
+            return Ok(());
+        }
+        let make = |old: &LightNet, device: &Device| deepened(old, &self.network, &network, seed, device);
+        let (net, average) =
+            (make(&self.light.net.valid(), &recording())?, make(&self.light.average, &Device::flex())?);
+        self.light = Trained { net, average, adam: Adam::default(), steps: 0 };
+        self.network = network;
+        Ok(())
+    }
+
+    /// Whether the depth network's encoder normalises by its running statistics also while it learns.
+    pub fn freeze_statistics(&mut self, frozen: bool) {
+        let encoder = &mut self.depth.net.encoder;
+        let layers = encoder.blocks.iter_mut().flat_map(|block| &mut block.layers);
+        let norms = layers.flat_map(|layer| [&mut layer.norm1, &mut layer.norm2]);
+        let norms = norms.chain(encoder.transitions.iter_mut().map(|transition| &mut transition.norm));
+        for norm in norms.chain([&mut encoder.norm0, &mut encoder.norm5]) {
+            norm.training = norm.training.clone().with_value(!frozen);
+        }
+    }
+
+    /// Whether all weights are numbers.
+    pub fn check(&self) -> Result<(), Fault> {
+        self.depth.check("depth_net")?;
+        self.light.check("light_net")
+    }
+
+    /// A step of the depth network and its discriminator on photos of one size.
+    pub fn depth_step(
+        &mut self,
+        examples: &[DepthExample],
+        learning_rate: f64,
+        config: &TrainConfig,
+    ) -> Result<Progress, Fault> {
+        let examples: Vec<_> = examples.iter().collect();
+        let photos: Vec<_> = examples.iter().map(|example| &example.photo).collect();
+        let (total, judged, mut progress) = self.depth_losses(self.depth.net.forward(&photos), &examples, config);
+        let mut gradients = total.backward();
+        let norm = self.depth.descend("depth_net", &mut gradients, learning_rate, config);
+        progress.norms.push(("depth", norm.map_err(|fault| with_losses(fault, &progress))?));
+        drop(gradients);
+        self.discriminator_step(judged, learning_rate * config.discriminator_lr_ratio, &mut progress)?;
+        Ok(progress)
+    }
+
+    /// The weighted sum of the depth network's losses, what the discriminator needs for its own step, and the losses.
+    fn depth_losses(
+        &self,
+        output: DepthOutput,
+        examples: &[&DepthExample],
+        config: &TrainConfig,
+    ) -> (Tensor<1>, Option<Judged>, Progress) {
+        let weights = &config.depth_losses;
+        let extents: Vec<_> = examples.iter().map(|example| example.extent_m()).collect();
+        let [log_depth, absolute, variance] = depth_losses(output.log_extent, &extents.iter().collect::<Vec<_>>());
+        let made = self.depth.net.panorama.forward(output.global);
+        let truths: Vec<_> = examples.iter().map(|example| &example.panorama).collect();
+        let panorama = panorama_loss(made.clone(), &truths);
+        let mut losses = vec![
+            ("log_depth", scalar(&log_depth)),
+            ("absolute", scalar(&absolute)),
+            ("scale_invariant", scalar(&variance)),
+            ("panorama", scalar(&panorama)),
+        ];
+        let mut total = log_depth * weights.log_depth
+            + absolute * weights.absolute
+            + variance * weights.scale_invariant
+            + panorama * weights.panorama;
+        let mut judged = None;
+        if weights.adversarial > 0.0 {
+            let shown: Vec<_> = examples.iter().map(|example| example.shown()).collect();
+            let condition = channels::<4>(shown.iter().map(|shown| shown.pixels()));
+            let real = channels::<3>(truths.iter().map(|truth| truth.pixels()));
+            let opinion = self.discriminator.generator_loss(made.clone(), condition.clone());
+            losses.push(("adversarial", scalar(&opinion)));
+            total = total + opinion * weights.adversarial;
+            judged = Some(Judged { real, made: made.detach(), condition });
+        }
+        (total, judged, Progress { losses, norms: Vec::new() })
+    }
+
+    fn discriminator_step(
+        &mut self,
+        judged: Option<Judged>,
+        learning_rate: f64,
+        progress: &mut Progress,
+    ) -> Result<(), Fault> {
+        let Some(Judged { real, made, condition }) = judged else { return Ok(()) };
+        let loss = self.discriminator.discriminator_loss(real, made, condition);
+        progress.losses.push(("discriminator", scalar(&loss)));
+        let gradients = loss.backward();
+        gradient_norm(&self.discriminator, &gradients)
+            .map_err(|layer| Fault::Gradient { parameter: format!("discriminator.{layer}"), losses: Vec::new() })?;
+        self.discriminator = self.discriminator_adam.step(self.discriminator.clone(), &gradients, learning_rate);
+        Ok(())
+    }
+
+    /// A step of the light network with a global lighting feature that is not trained.
+    pub fn light_step(
+        &mut self,
+        example: &LightExample,
+        global: Vec<f32>,
+        own: bool,
+        learning_rate: f64,
+        config: &TrainConfig,
+    ) -> Result<Progress, Fault> {
+        let features = global.len();
+        let global = Tensor::from_data(TensorData::new(global, [1, features]), &recording());
+        let (total, mut progress) = self.light_losses(example, global, own, config)?;
+        let mut gradients = total.backward();
+        let norm = self.light.descend("light_net", &mut gradients, learning_rate, config);
+        progress.norms.push(("light", norm.map_err(|fault| with_losses(fault, &progress))?));
+        Ok(progress)
+    }
+
+    fn light_losses(
+        &self,
+        example: &LightExample,
+        global: Tensor<2>,
+        own: bool,
+        config: &TrainConfig,
+    ) -> Result<(Tensor<1>, Progress), Fault> {
+        let growth = if own { Growth::Predicted } else { Growth::Truth(&example.truth.octree) };
+        let output = self.light.net.forward(&example.input, Some(global), growth)?;
+        let settings = Settings::default();
+        let losses = LightLosses::new(&output, &example.truth, &example.novel, &example.visible, settings)?;
+        let total = losses.total(&config.light_losses);
+        let named = [
+            ("octree", &losses.octree),
+            ("novel_radiance", &losses.novel.radiance),
+            ("novel_distance", &losses.novel.distance),
+            ("visible_radiance", &losses.visible.radiance),
+            ("visible_distance", &losses.visible.distance),
+            ("node_radiance", &losses.node_radiance),
+            ("node_error", &losses.node_error),
+        ];
+        let losses = named.map(|(name, loss)| (name, scalar(loss))).to_vec();
+        Ok((total, Progress { losses, norms: Vec::new() }))
+    }
+
+    /// A step of both networks on one photo, of which `output` is the depth network's.
+    pub fn joint_step(
+        &mut self,
+        output: DepthOutput,
+        depth_example: &DepthExample,
+        light_example: &LightExample,
+        own: bool,
+        learning_rate: f64,
+        config: &TrainConfig,
+    ) -> Result<Progress, Fault> {
+        let (light, lit) = self.light_losses(light_example, output.global.clone(), own, config)?;
+        let (depth, judged, mut progress) = self.depth_losses(output, &[depth_example], config);
+        progress.losses.extend(lit.losses);
+        let mut gradients = (light + depth).backward();
+        let norm = self.light.descend("light_net", &mut gradients, learning_rate, config);
+        progress.norms.push(("light", norm.map_err(|fault| with_losses(fault, &progress))?));
+        let norm = self.depth.descend("depth_net", &mut gradients, learning_rate, config);
+        progress.norms.push(("depth", norm.map_err(|fault| with_losses(fault, &progress))?));
+        drop(gradients);
+        self.discriminator_step(judged, learning_rate * config.discriminator_lr_ratio, &mut progress)?;
+        Ok(progress)
+    }
+}
+
+/// Panoramas for the discriminator.
+struct Judged {
+    real: Tensor<4>,
+    made: Tensor<4>,
+    condition: Tensor<4>,
+}
+
+fn adam_name(name: &str) -> String {
+    format!("adam.{name}")
+}
+
+/// Panoramas as `[C, panoramas, height, width]`.
+fn channels<'a, const C: usize>(panoramas: impl ExactSizeIterator<Item = &'a [[f32; C]]> + Clone) -> Tensor<4> {
+    let size = [C, panoramas.len(), PANORAMA.1, PANORAMA.0];
+    let channel = |c: usize| panoramas.clone().flatten().map(move |pixel| pixel[c]);
+    Tensor::from_data(TensorData::new((0..C).flat_map(channel).collect::<Vec<f32>>(), size), &recording())
+}
+
+/// Names the losses that are no numbers too.
+fn with_losses(fault: Fault, progress: &Progress) -> Fault {
+    let bad = progress.losses.iter().filter(|(_, value)| !value.is_finite()).map(|(name, _)| *name);
+    match fault {
+        Fault::Gradient { parameter, .. } => Fault::Gradient { parameter, losses: bad.collect() },
+        other => other,
+    }
+}

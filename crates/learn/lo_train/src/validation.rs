@@ -1,0 +1,200 @@
+//! Figures on held-out scenes, and pictures of them.
+
+use std::collections::BTreeMap;
+
+use lightoctree::{DEFAULT_OCTREE_DEPTH, EstimateOptions, Estimator, Input, events};
+use lo_cone::Viewers;
+use lo_dataset::{Dataset, NovelView, Sample, Split};
+use lo_events::Warning;
+use lo_imaging::{Image, Photo, RadianceImage};
+use lo_metrics::{DepthErrors, panorama_psnr_db};
+use lo_nets::Networks;
+use lo_nets::depth::LONGER_SIDE;
+use lo_nets::light::{Growth, LightNetConfig};
+use lo_octree::LightOctree;
+use lo_scene::{Completion, Frame, Scene};
+
+use crate::augmentation::Variation;
+use crate::example::{DepthExample, KnownDepth, Unusable, VariedRoom};
+use crate::learner::{Learner, in_pool};
+use crate::rays::panorama_rays;
+use crate::report::ValidationReport;
+use crate::sheet::{Row, sheet};
+
+/// Seed of what is drawn for the light network, as of estimates where none is asked for.
+const SEED: u64 = 0;
+
+/// Held-out photos, with what does not change while the networks learn.
+pub(crate) struct Validation {
+    samples: Vec<Sample>,
+    sheet_rows: usize,
+    /// By octree depth: PSNR of each photo's true octree and of its shell.
+    bounds: BTreeMap<u32, Vec<[Option<f64>; 2]>>,
+}
+
+impl Validation {
+    /// The first photos of the dataset's validation part, one of each scene. They are kept in memory, about 12 MB each.
+    pub fn new(dataset: &dyn Dataset, photos: usize, sheet_rows: usize, mut passed_over: impl FnMut(Warning)) -> Self {
+        let (mut samples, mut last) = (Vec::new(), String::new());
+        for index in 0..dataset.len() {
+            if samples.len() == photos {
+                break;
+            }
+            let scene = dataset.scene_id(index);
+            if scene == last || Split::of(&scene) != Split::Validation {
+                continue;
+            }
+            last = scene.into_owned();
+            match dataset.get(index) {
+                Ok(sample) if sample.depth_m.is_some() && !sample.points.is_empty() => {
+                    samples.push(Sample { radiance: None, normal: None, albedo: None, sensor_depth_m: None, ..sample });
+                }
+                Ok(sample) => {
+                    let error = Unusable::Missing("true depth or surface points").to_string();
+                    passed_over(Warning::SamplePassedOver { sample: sample.id, error });
+                }
+                Err(error) => passed_over(Warning::SamplePassedOver { sample: last.clone(), error: error.to_string() }),
+            }
+        }
+        Self { samples, sheet_rows, bounds: BTreeMap::new() }
+    }
+
+    /// Figures of the averaged weights, and the contact sheet where it has rows. `lit`: the light network too.
+    pub fn run(&mut self, learner: &Learner, lit: bool) -> (ValidationReport, Option<Image<[u8; 3]>>) {
+        let estimator = Estimator::new(learner.averages());
+        let config = estimator.networks().expect("it was made with networks").config.clone();
+        let depth = config.depth.max(DEFAULT_OCTREE_DEPTH);
+        if lit && !self.bounds.contains_key(&depth) {
+            let bounds = self.samples.iter().map(|sample| in_pool(|| bounds(sample, &config, depth)));
+            self.bounds.insert(depth, bounds.collect());
+        }
+        let (mut means, mut rows) = (Means::default(), Vec::new());
+        for sample in &self.samples {
+            let row = in_pool(|| judge(&estimator, sample, lit, &mut means));
+            rows.extend(row.filter(|_| rows.len() < self.sheet_rows));
+        }
+        let mut report = means.report(self.samples.len());
+        if lit {
+            let of = |which: usize| mean(self.bounds[&depth].iter().filter_map(|bound| bound[which]));
+            (report.true_octree_psnr_db, report.shell_psnr_db) = (of(0).map(narrow), of(1).map(narrow));
+        }
+        (report, (!rows.is_empty()).then(|| sheet(&rows)))
+    }
+}
+
+/// Figures of the photos; of those with panoramas, each photo's own mean.
+#[derive(Default)]
+struct Means {
+    abs_rel: Vec<f64>,
+    delta1: Vec<f64>,
+    global_db: Vec<f64>,
+    db: Vec<f64>,
+    alone_db: Vec<f64>,
+    splits: Vec<f64>,
+}
+
+impl Means {
+    fn report(&self, photos: usize) -> ValidationReport {
+        let of = |values: &[f64]| mean(values.iter().copied()).map(narrow);
+        ValidationReport {
+            photos,
+            depth_abs_rel: of(&self.abs_rel),
+            depth_delta1: of(&self.delta1),
+            global_psnr_db: of(&self.global_db),
+            psnr_db: of(&self.db),
+            photo_alone_psnr_db: of(&self.alone_db),
+            split_accuracy: of(&self.splits),
+            ..ValidationReport::default()
+        }
+    }
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
+    (count > 0).then(|| sum / f64::from(count))
+}
+
+fn narrow(figure: f64) -> f32 {
+    figure as f32
+}
+
+/// Figures of one photo into `means`, and its row of the sheet. All but the split labels are of [`Estimator::estimate`] as it is used: the shares of colour and
+/// brightness that are believed, the working resolution and what is refined below the network's depth are in them.
+fn judge(estimator: &Estimator, sample: &Sample, lit: bool, means: &mut Means) -> Option<Row> {
+    let networks = estimator.networks()?;
+    let true_m = sample.depth_m.as_ref()?;
+    let photo = || Photo::Srgb8(sample.photo.clone());
+    let completion = Some(if lit { Completion::Network } else { Completion::None });
+    let options = EstimateOptions { completion, seed: SEED, ..EstimateOptions::default() };
+    let estimated = |input: Input| estimator.estimate(input, &options, &mut events::ignore).ok();
+
+    let alone = estimated(Input::Photo { photo: photo(), camera: sample.camera })?;
+    if let Some(errors) = DepthErrors::of(true_m, &alone.frame.depth_m) {
+        means.abs_rel.push(errors.abs_rel);
+        means.delta1.push(errors.delta[0]);
+    }
+    let example = DepthExample::new(sample, &Variation::NONE, LONGER_SIDE).ok()?;
+    let global_panorama = networks.single_map(&sample.photo);
+    means.global_db.extend(panorama_psnr_db(&example.panorama, &global_panorama));
+    let mut row = Row {
+        photo: sample.photo.clone(),
+        panoramas: [global_panorama, example.panorama],
+        depths_m: [alone.frame.depth_m.clone(), example.depth_m],
+        octrees: None,
+    };
+    if lit {
+        means.alone_db.extend(views_db(&alone.light, &sample.views));
+        let frame = Frame::new(photo(), true_m.clone(), sample.camera, 1.0).ok()?;
+        let Scene { light, .. } = estimated(Input::MeasuredDepth(frame))?;
+        means.db.extend(views_db(&light, &sample.views));
+        let room = VariedRoom::new(sample, &Variation::NONE, KnownDepth::True).ok()?;
+        let truth = room.truth(&networks.config).ok()?;
+        means.splits.extend(split_accuracy(networks, sample, &room, &truth));
+        if let Some(view) = sample.views.first() {
+            row.panoramas = [seen_from(&Viewers::new(&light), view), view.radiance.clone()];
+        }
+        row.octrees = Some([light, truth]);
+    }
+    Some(row)
+}
+
+/// The share of the light network's labels that are right along the true octree.
+fn split_accuracy(networks: &Networks, sample: &Sample, room: &VariedRoom, truth: &LightOctree) -> Option<f64> {
+    let input = room.input(&networks.config, SEED).ok()?;
+    let global = networks.depth.global_feature(&lo_nets::depth::network_input(&sample.photo));
+    let along = networks.light.forward(&input, Some(global), Growth::Truth(&truth.octree)).ok()?;
+    let (mut right, mut all) = (0, 0);
+    for (depth, level) in (networks.config.full_depth..).zip(&along.levels) {
+        let logits: Vec<f32> = level.logits.clone().into_data().iter().collect();
+        let rows = &truth.octree.levels()[depth as usize].rows;
+        right += logits.iter().zip(rows).filter(|(logit, row)| (**logit > 0.0) == (**row >= 0)).count();
+        all += logits.len();
+    }
+    Some(right as f64 / all.max(1) as f64)
+}
+
+/// PSNR of the panoramas of a photo's true octree, in the cube of its estimate, and of its shell.
+fn bounds(sample: &Sample, network: &LightNetConfig, octree_depth: u32) -> [Option<f64>; 2] {
+    let Ok(room) = VariedRoom::new(sample, &Variation::NONE, KnownDepth::True) else { return [None; 2] };
+    let network = LightNetConfig { depth: octree_depth, ..network.clone() };
+    let truth = room.truth(&network).ok().and_then(|truth| views_db(&truth, &sample.views));
+    let options = EstimateOptions { octree_depth: Some(octree_depth), ..EstimateOptions::default() };
+    let options = EstimateOptions { completion: Some(Completion::Shell), ..options };
+    let input = Input::MeasuredDepth(room.working);
+    let shell = Estimator::without_networks().estimate(input, &options, &mut events::ignore).ok();
+    [truth, shell.and_then(|scene| views_db(&scene.light, &sample.views))]
+}
+
+/// Mean PSNR of the panoramas at the true places, as evaluation has it.
+fn views_db(light: &LightOctree, views: &[NovelView]) -> Option<f64> {
+    let viewers = Viewers::new(light);
+    mean(views.iter().filter_map(|view| panorama_psnr_db(&view.radiance, &seen_from(&viewers, view))))
+}
+
+fn seen_from(viewers: &Viewers, view: &NovelView) -> RadianceImage {
+    let rays = panorama_rays(view);
+    let mut samples = vec![lo_cone::ConeSample::default(); rays.len()];
+    viewers.at(view.position_m).trace_batch(&rays.cones, &mut samples);
+    let pixels = samples.into_iter().map(|sample| sample.radiance).collect();
+    RadianceImage::new(view.radiance.width(), view.radiance.height(), pixels)
+}

@@ -1,0 +1,210 @@
+//! Runs as a whole: all stages on small rooms, stopped and resumed.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use lo_dataset::{Generator, GeneratorConfig, Split, write_shard};
+use lo_events::{Event, Figure, Stage};
+use lo_nets::Networks;
+use lo_nets::checkpoint::Checkpoint;
+use lo_nets::light::LightNetConfig;
+use lo_synth::SynthConfig;
+use lo_train::{
+    CHECKPOINT_FILE, DataConfig, DepthPhase, LOG_FILE, LightPhase, Request, SHEET_FILE, Schedule, TrainConfig,
+    TrainError, ValidationConfig, WEIGHTS_FILE, train,
+};
+
+/// All three stages, the light network at two depths; a few steps each, on rooms of a second or two.
+fn config() -> TrainConfig {
+    let room = SynthConfig { crop_size: [64, 48], ..SynthConfig::default() };
+    let small =
+        GeneratorConfig { room, shots: 1, panoramas: 1, panorama_height: 16, octree_depth: 5, ..Default::default() };
+    let network =
+        LightNetConfig { depth: 5, full_depth: 3, channels: 8, max_channels: 16, blocks: 1, ..Default::default() };
+    let light = |usual: LightPhase, octree_depth| LightPhase {
+        schedule: Schedule { steps: 2, ..usual.schedule },
+        octree_depth,
+        novel_rays: 300,
+        visible_rays: 100,
+        ..usual
+    };
+    let depth = |steps| DepthPhase { schedule: Schedule { steps, ..DepthPhase::USUAL.schedule }, ..DepthPhase::USUAL };
+    TrainConfig {
+        log_steps: 2,
+        network: LightNetConfig { bottleneck: 2, head_channels: 8, global_features: 8, ..network },
+        data: DataConfig { generated_rooms: 12, generator: small, ..DataConfig::default() },
+        validation: ValidationConfig { every_steps: 100, photos: 1, sheet_rows: 1 },
+        depth: vec![
+            DepthPhase { batch_size: 3, photo_width: 32, ..depth(1) },
+            DepthPhase { batch_size: 1, frozen_statistics: true, ..depth(1) },
+        ],
+        light: vec![
+            light(LightPhase::USUAL, 4),
+            LightPhase { scheduled_sampling: [0.0, 1.0], predicted_share: 1.0, ..light(LightPhase::USUAL, 5) },
+        ],
+        joint: vec![light(LightPhase::USUAL_JOINT, 5)],
+        ..TrainConfig::default()
+    }
+}
+
+/// Runs until done, or until `steps` are made; gives whether it was cancelled and what it said.
+fn run(config: &TrainConfig, folder: &Path, resume: bool, steps: u64) -> (bool, Vec<Event>) {
+    let mut made = 0;
+    let mut events = Vec::new();
+    // A resumed run keeps its own seed.
+    let seed = if resume { 6 } else { 5 };
+    let request = Request { folder, resume, seed, weights: None, encoder_weights: None };
+    let result = train(config, &request, &mut |event| {
+        made += u64::from(matches!(event, Event::Figures { stage: Stage::Training(_), .. }));
+        events.push(event);
+        if made >= steps { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    let cancelled = matches!(result, Err(TrainError::Cancelled(_)));
+    if !cancelled {
+        result.unwrap();
+    }
+    (cancelled, events)
+}
+
+/// A handler that ends a run before its first step.
+fn at_once(_: Event) -> ControlFlow<()> {
+    ControlFlow::Break(())
+}
+
+fn checkpoint(folder: &Path) -> Checkpoint {
+    let mut checkpoint = Checkpoint::read(folder.join(CHECKPOINT_FILE)).unwrap();
+    // Lines of the log hold times.
+    checkpoint.state["training"]["log_bytes"].take();
+    checkpoint
+}
+
+#[test]
+fn a_run_goes_on_as_if_it_had_not_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let [whole, parts] = ["whole", "parts"].map(|name| folder.path().join(name));
+    std::fs::create_dir(&whole).unwrap();
+    std::fs::create_dir(&parts).unwrap();
+    let config = config();
+    let (cancelled, events) = run(&config, &whole, false, u64::MAX);
+    assert!(!cancelled);
+    let warnings: Vec<&Event> = events.iter().filter(|event| matches!(event, Event::Warning(_))).collect();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    let phases = events.iter().filter_map(|event| match event {
+        Event::Begun(Stage::Training(phase)) => Some(phase.to_string()),
+        _ => None,
+    });
+    assert!(phases.eq(["depth 1/2", "depth 2/2", "light 1/2", "light 2/2", "joint"]));
+    let reports: Vec<&[Figure]> = events
+        .iter()
+        .filter_map(|event| match event {
+            Event::Figures { stage: Stage::Validation, figures } => Some(&figures[..]),
+            _ => None,
+        })
+        .collect();
+    let found = |report: usize, name: &str| {
+        reports[report].iter().find(|figure| figure.name == name).map(|figure| figure.value)
+    };
+    assert!(found(0, "depth_abs_rel").is_some() && found(0, "psnr_db").is_none());
+    assert!(found(4, "psnr_db").is_some() && found(4, "true_octree_psnr_db") > found(4, "psnr_db"), "{:?}", reports[4]);
+
+    // In the middle of a phase, between two, and on another number of threads.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
+    assert!(run(&config, &parts, false, 1).0);
+    assert!(pool.install(|| run(&config, &parts, true, 2).0));
+    assert!(run(&config, &parts, true, 4).0);
+    assert!(!run(&config, &parts, true, u64::MAX).0);
+    assert!(checkpoint(&whole) == checkpoint(&parts), "weights, moments or state differ");
+
+    // What is exported is the average, and of use.
+    let networks = Networks::read(whole.join(WEIGHTS_FILE)).unwrap();
+    assert_eq!(networks.config.depth, 5);
+    assert_eq!(Networks::read(whole.join(CHECKPOINT_FILE)).unwrap().config, networks.config);
+    assert!(whole.join(SHEET_FILE).exists());
+    for path in [&whole, &parts] {
+        let log = std::fs::read_to_string(path.join(LOG_FILE)).unwrap();
+        let lines: Vec<serde_json::Value> = log.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+        let steps = lines.iter().filter(|line| line["means"].is_object()).map(|line| line["total_steps"].as_u64());
+        assert!(steps.map(Option::unwrap).eq([1, 2, 4, 6, 8]), "{log}");
+    }
+}
+
+#[test]
+fn photos_of_two_sizes_wait_for_their_own_kind_also_over_a_stop() {
+    let folder = tempfile::tempdir().unwrap();
+    let [whole, parts, rooms] = ["whole", "parts", "rooms"].map(|name| folder.path().join(name));
+    [&whole, &parts, &rooms].into_iter().for_each(|path| std::fs::create_dir(path).unwrap());
+    let base = config();
+    for (seed, crop_size) in [(1, [64, 48]), (2, [48, 64])] {
+        let room = SynthConfig { crop_size, ..SynthConfig::default() };
+        let generator = GeneratorConfig { room, shots: 4, ..base.data.generator.clone() };
+        let generator = Generator::new(seed, generator).unwrap();
+        assert_eq!(Split::of(&generator.scene_id(0)), Split::Train);
+        write_shard(&rooms.join(format!("rooms-{seed}.tar")), [generator.record(0)].into_iter(), "tests").unwrap();
+    }
+    let config = TrainConfig {
+        data: DataConfig { folder: Some(rooms), ..DataConfig::default() },
+        validation: ValidationConfig { photos: 0, ..base.validation.clone() },
+        depth: vec![DepthPhase {
+            schedule: Schedule { steps: 5, ..DepthPhase::USUAL.schedule },
+            batch_size: 3,
+            photo_width: 64,
+            ..DepthPhase::USUAL
+        }],
+        light: Vec::new(),
+        joint: Vec::new(),
+        ..base
+    };
+    assert!(!run(&config, &whole, false, u64::MAX).0);
+    let mut waited = 0;
+    for steps in 1..=5 {
+        run(&config, &parts, steps > 1, 1);
+        waited += checkpoint(&parts).state["training"]["waiting"].as_array().unwrap().len();
+    }
+    assert!(waited > 0, "no photo had to wait");
+    assert!(checkpoint(&whole) == checkpoint(&parts), "weights, moments or state differ");
+}
+
+#[test]
+fn trained_weights_begin_a_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let weights = folder.path().join("trained.safetensors");
+    let config = TrainConfig { depth: Vec::new(), joint: Vec::new(), ..config() };
+    let trained = Networks::new(&config.network, 3, &lo_nets::Device::flex()).unwrap();
+    trained.write(&weights, lo_nets::checkpoint::Precision::Half).unwrap();
+    let request =
+        Request { folder: folder.path(), resume: false, seed: 5, weights: Some(&weights), encoder_weights: None };
+    assert!(matches!(train(&config, &request, &mut at_once), Err(TrainError::Cancelled(_))));
+    // The light network begins with octrees of depth 4, without the finest stage of the one that was trained.
+    let read = |file: &Path| {
+        let Networks { depth, light, config } = Networks::read(file).unwrap();
+        let finest = &light.encoder[config.depth as usize - 4].blocks[0].first.weights;
+        let weights = [light.global.weights.val(), finest.val()].map(|weights| weights.into_data());
+        (config.depth, depth.encoder.conv0.weight.val().into_data(), weights)
+    };
+    let (begun, trained) = (read(&folder.path().join(CHECKPOINT_FILE)), read(&weights));
+    assert_eq!([begun.0, trained.0], [4, 5]);
+    assert!(begun.1 == trained.1 && begun.2 == trained.2);
+    let other = LightNetConfig { channels: 16, ..config.network.clone() };
+    let error = train(&TrainConfig { network: other, ..config }, &request, &mut at_once).unwrap_err();
+    assert!(error.to_string().contains("of another shape than [network]"), "{error}");
+}
+
+#[test]
+fn what_cannot_be_trained_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let request = Request { folder: folder.path(), resume: false, seed: 5, weights: None, encoder_weights: None };
+    let message = |config: &TrainConfig, request: &Request| {
+        train(config, request, &mut lo_events::ignore).unwrap_err().to_string()
+    };
+    let nothing = TrainConfig { depth: Vec::new(), light: Vec::new(), joint: Vec::new(), ..config() };
+    assert_eq!(message(&nothing, &request), "there are no phases: none of depth, light and joint is given");
+    let gone = Request { resume: true, ..request };
+    assert!(message(&config(), &gone).contains(CHECKPOINT_FILE));
+    // Weights for use are no run.
+    let networks = Networks::new(&config().network, 1, &lo_nets::Device::flex()).unwrap();
+    networks.write(folder.path().join(CHECKPOINT_FILE), lo_nets::checkpoint::Precision::Full).unwrap();
+    assert!(message(&config(), &gone).contains("its state is none of a run"), "{}", message(&config(), &gone));
+    std::fs::create_dir(folder.path().join("empty")).unwrap();
+    let empty = DataConfig { folder: Some(folder.path().join("empty")), ..DataConfig::default() };
+    assert!(message(&TrainConfig { data: empty, ..config() }, &request).contains("none of the layouts"));
+}

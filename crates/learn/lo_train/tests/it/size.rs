@@ -1,0 +1,172 @@
+//! Parameters and operations of both networks, counted from the shapes of their weights: the tables of `docs/method.md` §4.3 and §5.9.
+//!
+//! `cargo test --release -p lo_train --test it size -- --ignored --nocapture` prints them.
+
+use std::collections::BTreeMap;
+
+use burn::module::Module;
+use lo_dataset::{Generator, GeneratorConfig};
+use lo_geometry::{Cube, Vec3};
+use lo_imaging::Image;
+use lo_nets::Device;
+use lo_nets::checkpoint::Checkpoint;
+use lo_nets::depth::DepthNet;
+use lo_nets::graph::GraphLevel;
+use lo_nets::light::{LightInput, LightNet, LightNetConfig, VisiblePoint};
+use lo_octree::LightOctree;
+
+/// What one part of a network costs.
+#[derive(Clone, Copy, Default)]
+struct Cost {
+    parameters: usize,
+    /// Multiplications and additions of one photo, the additions counted too.
+    operations: usize,
+}
+
+/// Costs by part: `rows` says to which part a tensor belongs and how many rows or pixels it is applied to.
+fn costs(module: &impl Module, rows: impl Fn(&[&str], &[usize]) -> (String, usize)) -> BTreeMap<String, Cost> {
+    let mut checkpoint = Checkpoint::default();
+    checkpoint.add_module("net", module);
+    let mut costs = BTreeMap::<String, Cost>::new();
+    for (name, shape) in checkpoint.shapes() {
+        let path: Vec<&str> = name.split('.').skip(1).collect();
+        if path.last().is_some_and(|last| last.starts_with("running")) {
+            continue;
+        }
+        let (part, rows) = rows(&path, shape);
+        let values: usize = shape.iter().product();
+        let cost = costs.entry(part).or_default();
+        cost.parameters += values;
+        // Matrices and kernels; what scales and shifts is not counted.
+        if matches!(path.last(), Some(&"weight" | &"weights")) {
+            cost.operations += 2 * values * rows;
+        }
+    }
+    costs
+}
+
+fn index(part: &str) -> usize {
+    part.parse().unwrap()
+}
+
+/// The depth network's, for a photo of this size.
+fn depth_costs(net: &DepthNet, [width, height]: [usize; 2]) -> BTreeMap<String, Cost> {
+    let pixels = |scale: usize| width / scale * (height / scale);
+    costs(net, |path, _| match path {
+        ["encoder", "conv0" | "norm0", ..] => ("1 encoder 1/2".into(), pixels(2)),
+        ["encoder", "blocks" | "transitions", i, ..] => {
+            let scale = 4 << index(i);
+            (format!("{} encoder 1/{scale}", 2 + index(i)), pixels(scale))
+        }
+        ["encoder", ..] => ("5 encoder 1/32".into(), pixels(32)),
+        ["decoder", "stages", i, ..] => {
+            let scale = 16 >> index(i);
+            (format!("{} decoder 1/{scale}", 6 + index(i)), pixels(scale))
+        }
+        ["decoder", ..] => ("Z decoder 1/1".into(), pixels(1)),
+        ["global", "conv", ..] => ("Z global light".into(), pixels(32)),
+        ["global", ..] => ("Z global light".into(), 1),
+        // In training alone.
+        ["panorama", "stages", i, ..] => ("Z panorama".into(), (16 << index(i)) * (8 << index(i))),
+        ["panorama", "output", ..] => ("Z panorama".into(), 64 * 128),
+        _ => ("Z panorama".into(), 1),
+    })
+}
+
+/// The light network's; `input` are the graphs of what is seen, `grown` those of the whole room with its non-empty nodes.
+fn light_costs(
+    net: &LightNet,
+    config: &LightNetConfig,
+    input: &LightInput,
+    grown: &LightOctree,
+) -> BTreeMap<String, Cost> {
+    let levels = GraphLevel::all(&grown.octree);
+    let (seen, last) = (&input.levels, levels.len() - 1);
+    let split = |levels: &[std::sync::Arc<GraphLevel>], stage: usize| {
+        levels[stage].refinement.as_ref().map_or(0, |refinement| refinement.split.len())
+    };
+    let part = |kind: &str, stage: usize| format!("{kind} {}", config.full_depth as usize + stage);
+    // The one-hot depths of a convolution's nodes are multiplied for a few different rows alone.
+    let graph_conv = |rows: usize, stage: usize, shape: &[usize]| {
+        let types = if stage > 0 { stage + 1 } else { 0 };
+        rows * shape[0].saturating_sub(7 * types) / shape[0]
+    };
+    costs(net, |path, shape| match path {
+        ["global", ..] => ("input".into(), 1),
+        ["input", ..] => ("input".into(), graph_conv(seen[last].len(), last, shape)),
+        ["input_norm", ..] => ("input".into(), 0),
+        ["encoder", i, ..] => {
+            let stage = last - index(i);
+            (part("encoder", stage), graph_conv(seen[stage].len(), stage, shape))
+        }
+        ["down", i, "weights"] => (part("encoder", last - index(i)), split(seen, last - index(i))),
+        ["down", i, ..] => (part("encoder", last - index(i)), seen[last - index(i) - 1].len()),
+        ["up", i, "weights"] => (part("decoder", index(i) + 1), split(&levels, index(i) + 1)),
+        ["up", i, ..] => (part("decoder", index(i) + 1), levels[index(i) + 1].len()),
+        ["decoder", i, ..] => {
+            let stage = index(i) + 1;
+            (part("decoder", stage), graph_conv(levels[stage].len(), stage, shape))
+        }
+        [heads @ ("prediction" | "regression"), i, ..] => {
+            let level = &grown.octree.levels()[config.full_depth as usize + index(i)];
+            (part("heads", index(i)), if *heads == "prediction" { level.len() } else { level.nonempty })
+        }
+        other => panic!("{other:?} is of no part"),
+    })
+}
+
+fn total(costs: &BTreeMap<String, Cost>) -> Cost {
+    costs.values().fold(Cost::default(), |sum, cost| Cost {
+        parameters: sum.parameters + cost.parameters,
+        operations: sum.operations + cost.operations,
+    })
+}
+
+fn print(costs: &BTreeMap<String, Cost>) {
+    for (part, cost) in costs.iter().chain([(&"total".to_owned(), &total(costs))]) {
+        println!("| {part} | {} | {:.3} |", cost.parameters, cost.operations as f64 / 1e9);
+    }
+}
+
+#[test]
+fn the_encoder_has_the_published_size() {
+    let net = DepthNet::new(64, 1, &Device::flex());
+    let costs = depth_costs(&net, [224, 224]);
+    let encoder: BTreeMap<String, Cost> = costs.into_iter().filter(|(part, _)| part.contains("encoder")).collect();
+    // torchvision's model card: 7,978,856 parameters, 2.83 G multiplications; without the classifier's 1024 · 1000 + 1000.
+    assert_eq!(total(&encoder).parameters, 7_978_856 - 1_025_000);
+    let multiplications = total(&encoder).operations as f64 / 2e9;
+    assert!((multiplications - 2.83).abs() < 0.02, "{multiplications}");
+}
+
+#[test]
+#[ignore = "prints tables; see the head of the file"]
+fn tables() {
+    println!("depth network, 480 × 320\n| part | parameters | GFLOP |\n| --- | --- | --- |");
+    print(&depth_costs(&DepthNet::new(64, 1, &Device::flex()), [480, 320]));
+    for depth in [6, 7, 8] {
+        let config = LightNetConfig { depth, ..LightNetConfig::default() };
+        let settings = GeneratorConfig { shots: 1, panoramas: 1, octree_depth: depth, ..GeneratorConfig::default() };
+        let sample = Generator::new(7, settings).unwrap().record(0).unwrap().sample(0);
+        let photo = Image::from_fn(sample.photo.width(), sample.photo.height(), |x, y| {
+            sample.photo[(x, y)].map(lo_imaging::linear_from_srgb8)
+        });
+        let depth_m = sample.depth_m.as_ref().unwrap();
+        let seen = VisiblePoint::from_photo(&photo, depth_m, sample.normal.as_ref(), &sample.camera, 0.99);
+        let positions = || sample.points.iter().map(|p| p.position_m);
+        let (low, high) = (positions().reduce(Vec3::min).unwrap(), positions().reduce(Vec3::max).unwrap());
+        let cube = Cube::centred(0.5 * (low + high), 1.02 * (high - low).max_element());
+        let input = LightInput::new(&seen, &sample.camera, cube, &config, 7).unwrap();
+        let truth = LightOctree::from_points(&sample.points, cube, depth, config.full_depth).unwrap().0;
+        let nodes = |levels: &[std::sync::Arc<GraphLevel>]| levels.iter().map(|l| l.len()).collect::<Vec<_>>();
+        let (seen, whole) = (nodes(&input.levels), nodes(&GraphLevel::all(&truth.octree)));
+        println!(
+            "\nlight network, d = {depth}: nodes of the graphs from depth 4 on, seen {seen:?}, whole room {whole:?}"
+        );
+        println!("| part | parameters | GFLOP |\n| --- | --- | --- |");
+        let net = LightNet::new(&config, 1, &Device::flex()).unwrap();
+        let costs = light_costs(&net, &config, &input, &truth);
+        assert_eq!(total(&costs).parameters as u64, config.weights());
+        print(&costs);
+    }
+}

@@ -1,0 +1,89 @@
+//! Files of weights are made one.
+
+use std::path::{Path, PathBuf};
+
+use lo_nets::checkpoint::{Checkpoint, Precision};
+use lo_nets::light::LightNetConfig;
+use lo_nets::{Device, Networks};
+use lo_train::weight_files::{average, inspect, merge};
+
+fn config() -> LightNetConfig {
+    let small =
+        LightNetConfig { depth: 4, full_depth: 3, channels: 8, max_channels: 16, blocks: 1, ..Default::default() };
+    LightNetConfig { bottleneck: 2, head_channels: 8, global_features: 8, ..small }
+}
+
+/// A file of untrained networks.
+fn networks(folder: &Path, seed: u64, config: &LightNetConfig) -> PathBuf {
+    let path = folder.join(format!("{seed}.safetensors"));
+    let networks = Networks::new(config, seed, &Device::flex()).unwrap();
+    networks.write(&path, Precision::Half).unwrap();
+    path
+}
+
+#[test]
+fn the_average_is_the_mean_to_half_precision() {
+    let folder = tempfile::tempdir().unwrap();
+    let (a, b) = (networks(folder.path(), 1, &config()), networks(folder.path(), 2, &config()));
+    let to = folder.path().join("mean.safetensors");
+    average(&[a.clone(), a.clone()], &to).unwrap();
+    assert!(std::fs::read(&to).unwrap() == std::fs::read(&a).unwrap(), "of a file with itself it is the file");
+
+    average(&[a.clone(), b.clone()], &to).unwrap();
+    let [a, b, mean] = [&a, &b, &to].map(|path| Checkpoint::read(path).unwrap());
+    let mut differ = 0;
+    for (name, _) in a.shapes() {
+        let [a, b, mean] = [&a, &b, &mean].map(|file| file.values(name).unwrap());
+        for ((a, b), mean) in a.iter().zip(b).zip(mean) {
+            let expected = (a + b) / 2.0;
+            // Eleven bits, or below 2⁻¹⁴ the smallest step.
+            assert!((mean - expected).abs() <= (expected.abs() / 2048.0).max(3e-8), "{name}: {a} {b} {mean}");
+            differ += usize::from(a != b);
+        }
+    }
+    assert!(differ > 1000, "{differ} weights differ");
+}
+
+#[test]
+fn merging_takes_the_named_parts() {
+    let folder = tempfile::tempdir().unwrap();
+    let (a, b) = (networks(folder.path(), 1, &config()), networks(folder.path(), 2, &config()));
+    let to = folder.path().join("merged.safetensors");
+    merge(&a, &b, &to).unwrap();
+    let [first, second, merged] = [&a, &b, &to].map(|path| Checkpoint::read(path).unwrap());
+    for (name, _) in merged.shapes() {
+        let from = if name.starts_with("depth_net.") { &first } else { &second };
+        assert!(merged.values(name) == from.values(name), "{name}");
+    }
+    assert!(merged.shapes().eq(first.shapes()), "all tensors are there");
+    assert_eq!(merged.state, second.state);
+}
+
+#[test]
+fn networks_that_differ_are_refused_by_the_tensors_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let a = networks(folder.path(), 1, &config());
+    let to = folder.path().join("to.safetensors");
+    let wide = networks(folder.path(), 3, &LightNetConfig { global_features: 16, ..config() });
+    let error = average(&[a.clone(), wide.clone()], &to).unwrap_err().to_string();
+    assert!(error.starts_with("tensor \"depth_net.global."), "{error}");
+    let error = merge(&a, &wide, &to).unwrap_err().to_string();
+    assert!(error.contains("depth_net") && error.contains("global"), "{error}");
+    let deep = networks(folder.path(), 4, &LightNetConfig { depth: 5, channels: 8, ..config() });
+    let error = average(&[a, deep], &to).unwrap_err().to_string();
+    assert!(error.contains("\"light_net."), "{error}");
+    assert!(!to.exists());
+}
+
+#[test]
+fn a_file_is_known_by_its_hash_and_its_networks() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = networks(folder.path(), 1, &config());
+    let found = inspect(&path).unwrap();
+    assert_eq!((found.bytes, &found.light_net), (path.metadata().unwrap().len(), &config()));
+    assert_eq!(found.light_net_values, config().weights());
+    let other = inspect(&networks(folder.path(), 2, &config())).unwrap();
+    assert!(found.sha256.len() == 64 && found.sha256 != other.sha256);
+    std::fs::write(&path, b"abc").unwrap();
+    assert!(inspect(&path).unwrap_err().to_string().contains("no .safetensors file"));
+}

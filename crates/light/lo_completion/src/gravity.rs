@@ -1,0 +1,198 @@
+//! Which way is up.
+
+use lo_geometry::{Mat3, Vec3, fibonacci_sphere};
+use lo_scene::Frame;
+
+use crate::layout::area_of;
+
+/// The camera may be pitched and rolled by this much: cos 50°, five degrees of slack over the stated ±45°.
+const MIN_COS_TILT: f32 = 0.643;
+
+/// Most normals that vote.
+const VOTES: usize = 3000;
+
+/// A normal with the area it stands for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Facet {
+    pub normal: Vec3,
+    pub area: f32,
+}
+
+/// The unit vector against gravity that explains most surfaces as horizontal or vertical, at most 50° from the camera's own
+/// up; camera up where nothing votes.
+///
+/// Coarse search over directions 3° apart, then a few steps of least squares: the smallest eigenvector of
+/// `Σ_vertical n nᵀ − Σ_horizontal n nᵀ`. Upward surfaces (floors, tables) count most, then walls, then downward ones.
+pub(crate) fn up_from_facets(facets: &[Facet]) -> Vec3 {
+    let votes = thinned(facets);
+    let score = |up: Vec3| {
+        let sum: f32 = votes.iter().map(|f| f.area * vote(f.normal.dot(up), 0.10)).sum();
+        // Photos are held roughly level: at 45° a direction must be half as well supported again to win.
+        sum * (0.3 + 0.7 * up.y)
+    };
+    let candidates = fibonacci_sphere(4000).into_iter().filter(|d| d.y >= MIN_COS_TILT).chain([Vec3::Y]);
+    let mut best = (0.0, Vec3::Y);
+    for candidate in candidates {
+        let score = score(candidate);
+        if score > best.0 {
+            best = (score, candidate);
+        }
+    }
+    let mut up = best.1;
+    for width in [0.10, 0.07, 0.05, 0.05] {
+        up = refined(&votes, up, width);
+    }
+    if up.y >= MIN_COS_TILT { up } else { best.1 }
+}
+
+/// The unit vector against gravity of a frame whose depth was predicted, and is wavy: of the ways in which cameras are held the likeliest.
+///
+/// Photos are pitched up and down, by 20° or so, but hardly rolled (3°); what normals say is believed within 30°, and
+/// the fourth power of their support is weighed against that. Pitch is told to 1.5°, up to 45°, roll to 2°, up to 6°.
+pub fn up_from_predicted_depth(frame: &Frame) -> Vec3 {
+    const WIDTH: f32 = 0.5;
+    const STRENGTH: f32 = 4.0;
+    const SPREAD_DEG: [f32; 2] = [20.0, 3.0];
+    const STEPS_DEG: [f32; 2] = [1.5, 2.0];
+    let (camera, normals) = (frame.depth_camera(), frame.normals());
+    let facets: Vec<Facet> = (0..normals.height())
+        .flat_map(|y| (0..normals.width()).map(move |x| (x, y)))
+        .filter_map(|at| {
+            let normal = normals[at]?;
+            let position_m = camera.unproject(at.0 as f64 + 0.5, at.1 as f64 + 0.5, f64::from(frame.depth_m[at]));
+            Some(Facet { normal, area: area_of(position_m, normal) })
+        })
+        .collect();
+    let votes = thinned(&facets);
+    let total: f32 = votes.iter().map(|facet| facet.area).sum();
+    let mut best = (f32::NEG_INFINITY, Vec3::Y);
+    for (pitch, roll) in (-30..=30).flat_map(|pitch| (-3..=3).map(move |roll| (pitch, roll))) {
+        let held_deg = [pitch as f32 * STEPS_DEG[0], roll as f32 * STEPS_DEG[1]];
+        let [(sin_pitch, cos_pitch), (sin_roll, cos_roll)] = held_deg.map(|angle| angle.to_radians().sin_cos());
+        let up = Vec3::new(sin_roll * cos_pitch, cos_roll * cos_pitch, sin_pitch);
+        let support: f32 = votes.iter().map(|facet| facet.area * vote(facet.normal.dot(up), WIDTH)).sum();
+        let unlikely: f32 = held_deg.iter().zip(SPREAD_DEG).map(|(angle, spread)| 0.5 * (angle / spread).powi(2)).sum();
+        let score = STRENGTH * (support / total.max(f32::MIN_POSITIVE) + 1e-3).ln() - unlikely;
+        if score > best.0 {
+            best = (score, up);
+        }
+    }
+    best.1
+}
+
+/// At most [`VOTES`] of them, evenly.
+fn thinned(facets: &[Facet]) -> Vec<Facet> {
+    facets.iter().copied().step_by(facets.len().div_ceil(VOTES).max(1)).collect()
+}
+
+/// Support of a normal at `cosine` from the candidate, for a tolerance of `width` in sine.
+fn vote(cosine: f32, width: f32) -> f32 {
+    let near = |sine: f32| (1.0 - (sine / width).powi(2)).max(0.0);
+    if cosine.abs() < width {
+        0.5 * near(cosine)
+    } else {
+        let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
+        near(sine) * if cosine > 0.0 { 1.0 } else { 0.4 }
+    }
+}
+
+/// One step of least squares: the direction most parallel to the horizontal surfaces' normals and square to the vertical ones'.
+fn refined(votes: &[Facet], up: Vec3, width: f32) -> Vec3 {
+    let mut scatter = Mat3::ZERO;
+    let mut total = 0.0;
+    for facet in votes {
+        let cosine = facet.normal.dot(up);
+        let weight = facet.area * vote(cosine, width);
+        let sign = if cosine.abs() < width { 1.0 } else { -1.0 };
+        let n = facet.normal;
+        scatter += Mat3::from_cols(n * n.x, n * n.y, n * n.z) * (sign * weight);
+        total += weight;
+    }
+    if total <= 0.0 {
+        return up;
+    }
+    // Power iteration on (shift − scatter): its greatest eigenvector is the smallest of the scatter.
+    let shifted = Mat3::IDENTITY * 1.01 - scatter * (1.0 / total);
+    let mut direction = up;
+    for _ in 0..32 {
+        direction = (shifted * direction).normalize_or(up);
+    }
+    direction
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use lo_geometry::{Camera, Plane, Ray};
+    use lo_imaging::{Image, Photo};
+
+    use super::*;
+
+    fn facets(directions: &[(Vec3, f32)]) -> Vec<Facet> {
+        let mut state = 7u32;
+        let mut noise = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 23) as f32 - 1.0
+        };
+        let mut all = Vec::new();
+        for &(direction, area) in directions {
+            for _ in 0..500 {
+                let jitter = Vec3::new(noise(), noise(), noise()) * 0.05;
+                all.push(Facet { normal: (direction + jitter).normalize(), area });
+            }
+        }
+        all
+    }
+
+    #[test]
+    fn tilted_rooms_stand_up() {
+        for (pitch, roll) in [(0.0f32, 0.0f32), (0.6, 0.1), (-0.5, -0.2), (0.75, 0.0)] {
+            let turn = Mat3::from_rotation_x(pitch) * Mat3::from_rotation_z(roll);
+            let room = [(Vec3::Y, 1.0), (Vec3::Z, 0.8), (Vec3::X, 0.6), (Vec3::new(0.5, 0.5, 0.7).normalize(), 0.5)];
+            let found = up_from_facets(&facets(&room.map(|(d, a)| (turn * d, a))));
+            let angle_deg = found.dot(turn * Vec3::Y).min(1.0).acos().to_degrees();
+            assert!(angle_deg < 0.7, "pitch {pitch} roll {roll}: {angle_deg}°");
+        }
+    }
+
+    /// A room of 4 × 3 m, 2.6 m high, seen by a camera in its middle that is pitched and rolled; depth waves by a tenth, normals by some 20°.
+    fn wavy_frame(turn: Mat3) -> Frame {
+        let camera = Camera::from_hfov_deg(65.0, 96, 72).unwrap();
+        let planes = [
+            (Vec3::Y, -1.4),
+            (Vec3::NEG_Y, -1.2),
+            (Vec3::X, -2.0),
+            (Vec3::NEG_X, -2.0),
+            (Vec3::Z, -1.5),
+            (Vec3::NEG_Z, -1.5),
+        ];
+        let depth_m = Image::from_fn(96, 72, |x, y| {
+            let direction = camera.direction(x as f64 + 0.5, y as f64 + 0.5);
+            let hit = |&(normal, offset_m): &(Vec3, f32)| {
+                Plane { normal: turn * normal, offset_m }.intersect(&Ray { origin: Vec3::ZERO, direction })
+            };
+            let distance = planes.iter().filter_map(hit).fold(f32::INFINITY, f32::min);
+            -distance * direction.z * (1.0 + 0.05 * (0.12 * x as f32).sin() * (0.1 * y as f32).cos())
+        });
+        Frame::new(Photo::Linear(Image::from_fn(96, 72, |_, _| [0.5; 3])), depth_m, camera, 1.0).unwrap()
+    }
+
+    #[test]
+    fn wavy_rooms_stand_up_too() {
+        for (pitch_deg, roll_deg) in [(0.0f32, 0.0f32), (25.0, 2.0), (-20.0, -3.0), (12.0, 4.0)] {
+            // Pitched down, the camera sees up behind it.
+            let turn = Mat3::from_rotation_x(pitch_deg.to_radians()) * Mat3::from_rotation_z(roll_deg.to_radians());
+            let found = up_from_predicted_depth(&wavy_frame(turn));
+            let angle_deg = found.dot(turn * Vec3::Y).min(1.0).acos().to_degrees();
+            assert!(angle_deg < 6.0, "pitch {pitch_deg} roll {roll_deg}: {angle_deg}°");
+        }
+    }
+
+    #[test]
+    fn walls_alone_are_enough_and_nothing_means_camera_up() {
+        let turn = Mat3::from_rotation_z(0.2);
+        let found = up_from_facets(&facets(&[(turn * Vec3::X, 1.0), (turn * Vec3::Z, 1.0)]));
+        assert!(found.dot(turn * Vec3::Y) > 0.999, "{found}");
+        assert_eq!(up_from_facets(&[]), Vec3::Y);
+    }
+}

@@ -1,0 +1,19 @@
+//! Completion without a network (`shell`, `docs/method.md` §11): the room closed by planes, unseen surfaces extrapolated, clipped highlights
+//! and lamps outside of the view given plausible light. The lamps also for rooms that networks complete.
+
+mod extrapolate;
+mod face;
+mod fill;
+mod gravity;
+mod highlights;
+mod lamps;
+mod layout;
+mod light_from_above;
+mod shell;
+mod visibility;
+
+pub use gravity::up_from_predicted_depth;
+pub use highlights::HighlightReport;
+pub use lamps::LampReport;
+pub use light_from_above::light_from_above;
+pub use shell::{Enclosure, Shell, ShellOptions, ShellReport, filled_warning, shell};

@@ -1,0 +1,233 @@
+//! Light from lamps outside of the view in an octree that a network has completed: what is seen cannot reflect more than it gets.
+
+use std::borrow::Cow;
+use std::f32::consts::PI;
+
+use lo_cone::{Cone, ConeTracer, Settings};
+use lo_geometry::{Vec3, cosine_hemisphere, orthonormal_basis};
+use lo_imaging::luminance;
+use lo_octree::LightOctree;
+use lo_scene::Surfel;
+
+use crate::lamps::{LampReport, MAX_LIGHT, OBJECT_SHARE, wanted};
+use crate::layout::area;
+
+/// Points at which irradiance is compared with what is seen.
+const RECEIVERS: usize = 256;
+
+/// Share of the seen area that must get as much as it gives. The rest may be lamps, windows and highlights.
+const EXPLAINED_SHARE: f32 = 0.75;
+
+/// Cones per receiver, and the tangent of their half-angle: together they cover the hemisphere.
+const CONES: usize = 64;
+const TAN_HALF_ANGLE: f32 = 0.15;
+
+/// Cosines of the angles from the vertical between which the lamp fades: 5 and 12 degrees.
+const FADE: (f32, f32) = (0.996, 0.978);
+
+/// Receivers lie so many leaves before the surface, outside of its own leaves.
+const OFFSET: f32 = 1.5;
+
+/// Least irradiance by a lamp of radiance 1: places that hardly see it must not ask for another sun.
+const MIN_PATCH: f32 = 1e-3;
+
+/// Adds a soft, neutral lamp above the middle of the view, where that is not seen, so that seen surfaces can be as bright as they are.
+///
+/// Whoever completes a room with the likeliest light leaves out its lamps: where they are cannot be known, but that they are can. A diffuse surface
+/// of radiance L gets E ≥ π L, since its albedo is at most 1. The lamp is the weakest that makes this so for three quarters of what is seen, by
+/// area (clipped pixels count with what is known of them), as long as what stands face up in the middle of the view does not get more than the
+/// shell's limit. Panoramas are farther from the truth with it, as with any lamp that is not where the true one is
+/// (`docs/design/013-lamp-for-objects.md`): this is for lighting objects. Where nodes have lobes, the octree becomes what is seen of it from
+/// the middle of the view.
+pub fn light_from_above(light: &mut LightOctree, seen: &[Surfel], up: Vec3) -> LampReport {
+    let Some(wanted_irradiance) = wanted(seen) else { return LampReport::default() };
+    let stride = seen.len().div_ceil(RECEIVERS).max(1);
+    let receivers: Vec<Surfel> = seen.iter().skip(stride / 2).step_by(stride).copied().collect();
+    let standing = |s: &Surfel| Surfel { position_m: OBJECT_SHARE * s.position_m, normal: up, ..*s };
+    let standing: Vec<Surfel> = receivers.iter().map(standing).collect();
+    let middle = standing.iter().map(|s| s.position_m).sum::<Vec3>() / standing.len().max(1) as f32;
+
+    if let Cow::Owned(seen) = light.seen_from(middle) {
+        *light = seen;
+    }
+    let weights = weights(light, middle, up);
+    let of_row = |(rgba, &weight): (&[f32; 4], &f32)| [weight, weight, weight, rgba[3]];
+    let rows = light.rgba.iter().zip(&weights);
+    let patch = rows.map(|(rgba, weights)| rgba.iter().zip(weights).map(of_row).collect()).collect();
+    let patch = LightOctree { rgba: patch, ..light.clone() };
+    let tracer = |light| {
+        ConeTracer::new(light, Settings::default()).expect("the usual settings are valid, and there are no lobes")
+    };
+    let (room, patch) = (tracer(light), tracer(&patch));
+    let offset_m = OFFSET * light.cube.node_edge_m(light.octree.depth());
+
+    let (other, by_patch) = (irradiances(&room, &receivers, offset_m), irradiances(&patch, &receivers, offset_m));
+    let asked = receivers
+        .iter()
+        .zip(&other)
+        .zip(&by_patch)
+        .map(|((seen, other), patch)| ((PI * luminance(seen.radiance) - other) / patch.max(MIN_PATCH), area(seen)));
+    let asked = quantile(asked.collect(), EXPLAINED_SHARE);
+    let above = mean(&irradiances(&patch, &standing, offset_m)).max(MIN_PATCH);
+    let bearable = (MAX_LIGHT * wanted_irradiance - mean(&irradiances(&room, &standing, offset_m))) / above;
+    let lamp_radiance = asked.min(bearable).max(0.0);
+    for (rgba, weight) in light.rgba.iter_mut().flatten().zip(weights.iter().flatten()) {
+        for c in &mut rgba[..3] {
+            *c += lamp_radiance * weight;
+        }
+    }
+    LampReport { wanted_irradiance, other_irradiance: mean(&other), lamp_radiance }
+}
+
+/// Share of the lamp in each row: its not seen part, by the angle from the vertical at which it is seen from `middle`.
+fn weights(light: &LightOctree, middle: Vec3, up: Vec3) -> Vec<Vec<f32>> {
+    let levels = (0..).zip(light.octree.levels()).zip(&light.seen);
+    let of_level = levels.map(|((depth, level), seen)| {
+        let weight = |(key, &seen): (u32, &u8)| {
+            let cos = (light.node_middle_m(depth, key) - middle).normalize_or_zero().dot(up);
+            let inside = ((cos - FADE.1) / (FADE.0 - FADE.1)).clamp(0.0, 1.0);
+            inside * inside * (3.0 - 2.0 * inside) * (1.0 - f32::from(seen) / 255.0)
+        };
+        level.row_keys().zip(seen).map(weight).collect()
+    });
+    of_level.collect()
+}
+
+/// Luminance that comes in at each place.
+fn irradiances(tracer: &ConeTracer, places: &[Surfel], offset_m: f32) -> Vec<f32> {
+    let directions = cosine_hemisphere(CONES);
+    let cones_of = |place: &Surfel| {
+        let (basis, origin) = (orthonormal_basis(place.normal), place.position_m + offset_m * place.normal);
+        directions.iter().map(move |&d| Cone { origin, direction: basis * d, tan_half_angle: TAN_HALF_ANGLE })
+    };
+    let cones: Vec<Cone> = places.iter().flat_map(cones_of).collect();
+    let mut samples = vec![lo_cone::ConeSample::default(); cones.len()];
+    tracer.trace_batch(&cones, &mut samples);
+    let mean =
+        |samples: &[lo_cone::ConeSample]| samples.iter().map(|s| luminance(s.radiance)).sum::<f32>() / CONES as f32;
+    samples.chunks(CONES).map(|samples| PI * mean(samples)).collect()
+}
+
+fn mean(values: &[f32]) -> f32 {
+    values.iter().sum::<f32>() / values.len().max(1) as f32
+}
+
+/// The least value such that those up to it have at least this share of all weights; 0 of none.
+fn quantile(mut weighted: Vec<(f32, f32)>, share: f32) -> f32 {
+    weighted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let least = share * weighted.iter().map(|(_, weight)| weight).sum::<f32>();
+    let mut sum = 0.0;
+    let enough = |(_, weight): &&(f32, f32)| {
+        sum += weight;
+        sum >= least
+    };
+    weighted.iter().find(enough).map_or(0.0, |(value, _)| *value)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use lo_events::Warning;
+    use lo_geometry::Cube;
+    use lo_octree::{Coverage, RadiancePoint};
+
+    use super::*;
+
+    /// Half of the room's edge.
+    const HALF_M: f32 = 2.0;
+
+    /// A cubic room around the camera whose faces have this radiance; its far wall, the only thing that is seen, has another.
+    fn room(faces: f32, far_wall: f32) -> (LightOctree, Vec<Surfel>) {
+        let (mut points, mut seen) = (Vec::new(), Vec::new());
+        for face in 0..6 {
+            let at = |i: usize| HALF_M * ((i as f32 + 0.5) / 40.0 - 1.0);
+            for (i, j) in (0..80 * 80).map(|n| (n % 80, n / 80)) {
+                let mut p = [at(i), at(j), if face < 3 { -HALF_M } else { HALF_M }];
+                p.rotate_right(2 - face % 3);
+                let far = face == 2;
+                let (radiance, coverage) =
+                    if far { ([far_wall; 3], Coverage::Seen) } else { ([faces; 3], Coverage::Inferred) };
+                points.push(RadiancePoint { position_m: Vec3::from(p), radiance, coverage });
+                if far {
+                    seen.push(Surfel { position_m: Vec3::from(p), normal: Vec3::Z, radiance, coverage });
+                }
+            }
+        }
+        let cube = Cube::centred(Vec3::ZERO, 2.2 * HALF_M);
+        (LightOctree::from_points(&points, cube, 6, 3).unwrap().0, seen)
+    }
+
+    #[test]
+    fn what_is_seen_gets_as_much_as_it_gives() {
+        let (mut light, seen) = room(0.33, 0.4);
+        let before = light.clone();
+        let report = light_from_above(&mut light, &seen, Vec3::Y);
+        // E = π √(0.4 / 0.5 · 0.4 / 0.85), by the shell's rule.
+        assert!((report.wanted_irradiance / (PI * (0.8f32 * 0.4 / 0.85).sqrt()) - 1.0).abs() < 1e-3, "{report:?}");
+        assert!((report.other_irradiance / (PI * 0.33) - 1.0).abs() < 0.05, "{report:?}");
+        assert_eq!(report.warning(), Some(Warning::AssumedLamp { radiance: report.lamp_radiance }));
+        // By rays that have nothing to do with the cones: three quarters of the wall get π · 0.4.
+        let tracer = ConeTracer::new(&light, Settings::default()).unwrap();
+        let irradiance = |origin: Vec3, normal: Vec3| {
+            let basis = orthonormal_basis(normal);
+            let cone = |&d: &Vec3| Cone { origin, direction: basis * d, tan_half_angle: 0.02 };
+            let rays = cosine_hemisphere(3000);
+            PI * rays.iter().map(|d| tracer.trace(&cone(d)).radiance[1]).sum::<f32>() / 3000.0
+        };
+        let at = |i: usize| 1.8 * ((i as f32 + 0.5) / 4.0 - 1.0);
+        let places = (0..64).map(|n| Vec3::new(at(n % 8), at(n / 8), -1.8));
+        let explained = places.filter(|&place| irradiance(place, Vec3::Z) > PI * 0.4).count();
+        assert!((40..58).contains(&explained), "{explained} of 64");
+        // Nothing but the ceiling has changed.
+        let changed = |depth: usize, row: usize| light.rgba[depth][row] != before.rgba[depth][row];
+        let finest = &light.octree.levels()[6];
+        for (&key, &row) in finest.keys.iter().zip(&finest.rows).filter(|(_, row)| **row >= 0) {
+            let y = light.node_middle_m(6, key).y;
+            assert!(!changed(6, row as usize) || (y > 1.0 && light.seen[6][row as usize] == 0), "{y}");
+        }
+    }
+
+    #[test]
+    fn what_stands_below_does_not_get_too_much() {
+        let (mut light, seen) = room(0.05, 0.4);
+        let report = light_from_above(&mut light, &seen, Vec3::Y);
+        let tracer = ConeTracer::new(&light, Settings::default()).unwrap();
+        let at = |n: usize| OBJECT_SHARE * seen[n * seen.len() / 50].position_m;
+        let up = |n: usize| Surfel { position_m: at(n), normal: Vec3::Y, ..seen[0] };
+        let standing: Vec<Surfel> = (0..50).map(up).collect();
+        let most = MAX_LIGHT * report.wanted_irradiance;
+        assert!((mean(&irradiances(&tracer, &standing, 0.1)) / most - 1.0).abs() < 0.15, "{most}");
+    }
+
+    #[test]
+    fn lobes_count_as_they_are_seen_from_the_middle_of_the_view() {
+        let (mut light, seen) = room(0.33, 0.4);
+        let mut plain = light.clone();
+        // All nodes shine down: half way down, what the far wall's middle gets from the ceiling is more than the mean.
+        light.lobes = Some(light.rgba.iter().map(|rows| vec![[0.0, -2.0, 0.0]; rows.len()]).collect());
+        let middle = OBJECT_SHARE * Vec3::new(0.0, 0.0, -HALF_M);
+        let overhead = Vec3::Y * HALF_M;
+        let ceiling = |light: &LightOctree| {
+            let (depth, node) = light.locate(overhead, 6).unwrap();
+            light.node_rgba(depth, node).unwrap()[1]
+        };
+        let before = ceiling(&light);
+        light_from_above(&mut light, &seen, Vec3::Y);
+        assert!(light.lobes.is_none());
+        let towards = (middle - overhead).normalize();
+        let gain = lo_octree::lobe_gain(Vec3::NEG_Y * 2.0, towards);
+        assert!(ceiling(&light) > 0.95 * gain * before && gain > 2.0, "{} {gain}", ceiling(&light));
+        // Brighter from above, it asks for less of a lamp.
+        light_from_above(&mut plain, &seen, Vec3::Y);
+        assert!(ceiling(&light) - gain * before < ceiling(&plain) - before);
+    }
+
+    #[test]
+    fn a_room_that_is_bright_enough_stays() {
+        let (mut light, seen) = room(0.5, 0.4);
+        let before = light.clone();
+        let report = light_from_above(&mut light, &seen, Vec3::Y);
+        assert_eq!((report.lamp_radiance, report.warning(), light), (0.0, None, before));
+        assert_eq!(light_from_above(&mut room(0.5, 0.4).0, &[], Vec3::Y), LampReport::default());
+    }
+}

@@ -1,0 +1,131 @@
+use lo_geometry::Vec3;
+use lo_imaging::{DepthMap, Image, RadianceImage};
+use serde::{Deserialize, Serialize};
+
+/// A ray with an aperture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cone {
+    /// Apex in metres, world frame.
+    pub origin: Vec3,
+    /// Unit direction of the axis.
+    pub direction: Vec3,
+    /// Tangent of the half-angle; 0 for a single ray.
+    pub tan_half_angle: f32,
+}
+
+/// What a cone sees.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ConeSample {
+    /// Linear RGB radiance, already weighted by opacity (nothing is added for what is left over).
+    pub radiance: [f32; 3],
+    /// Expected distance in metres; the exit distance from the cube counts for what is left over.
+    pub distance_m: f32,
+    /// Share of the cone that met something, in [0, 1].
+    pub opacity: f32,
+}
+
+/// A picture of what cones see, one pixel each.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rendering {
+    /// Radiance of [`ConeSample`].
+    pub radiance: RadianceImage,
+    /// Expected distance from the apex in metres; 0 where the cone misses the cube.
+    pub distance_m: DepthMap,
+    /// Share of the pixel that met something, in [0, 1].
+    pub opacity: Image<f32>,
+}
+
+/// How sample distances grow (`docs/method.md` §3.1).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum StepRule {
+    /// `δₙ = c · sₙ₋₁ · tan θ`, as the paper writes it. `c · tan θ` below 10⁻⁴ counts as that, or a ray would never end.
+    Literal,
+    /// The same, but never below this fraction of a leaf's edge.
+    Floored(f32),
+}
+
+/// Weight `wₙ` of a sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum SampleWeight {
+    /// `wₙ = 1`: stored values are radiance.
+    One,
+    /// `wₙ = δₙ / sₙ`, as the paper writes it.
+    Paper,
+}
+
+/// How the octree is read between node centres.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Sampling {
+    /// The node that contains the sample, with cracks between nodes closed: the fastest.
+    Nearest,
+    /// Opacity as [`Nearest`](Self::Nearest), which does not make surfaces thicker; radiance trilinear, half a node further
+    /// along the cone, where the surface is. In panoramas of known rooms (`tests/room.rs`, d = 6, 7, 8) 1.2, 1.5, 1.8 dB
+    /// better than the nearest node alone and 2.9 to 3.3 dB better than interpolated opacity.
+    Blended,
+    /// Trilinear within a level and linear between levels, opacity too. Leaves no holes in coarse levels either.
+    Interpolated,
+}
+
+/// All choices of the cone tracer; the default is what every command uses.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// Growth of the distances.
+    pub step: StepRule,
+    /// The paper's `c`, the growth rate.
+    pub growth: f32,
+    /// The paper's `c₀`, the first distance, in leaf edges.
+    pub first_step: f32,
+    /// Weight of a sample.
+    pub weight: SampleWeight,
+    /// Reading between node centres.
+    pub sampling: Sampling,
+    /// A ray ends when its transmittance falls below this.
+    pub min_transmittance: f32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            step: StepRule::Floored(0.5),
+            growth: 1.0,
+            first_step: 1.0,
+            weight: SampleWeight::One,
+            sampling: Sampling::Blended,
+            min_transmittance: 1e-4,
+        }
+    }
+}
+
+/// Why settings are refused.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{name} must lie in [{least}, {most}], got {got}")]
+pub struct SettingsError {
+    /// The setting.
+    pub name: &'static str,
+    /// Its value.
+    pub got: f32,
+    /// Least value that makes sense.
+    pub least: f32,
+    /// Greatest value that makes sense.
+    pub most: f32,
+}
+
+impl Settings {
+    /// Whether all values are in their ranges.
+    pub(crate) fn check(&self) -> Result<(), SettingsError> {
+        let floor = match self.step {
+            StepRule::Literal => 1.0,
+            StepRule::Floored(fraction) => fraction,
+        };
+        let ranges = [
+            ("the least step in leaf edges", floor, 1.0 / 64.0, 64.0),
+            ("the growth rate c", self.growth, 1.0 / 64.0, 64.0),
+            ("the first step c0 in leaf edges", self.first_step, 1.0 / 64.0, 64.0),
+            ("the least transmittance", self.min_transmittance, 0.0, 1.0),
+        ];
+        match ranges.into_iter().find(|(_, got, least, most)| !(*least..=*most).contains(got)) {
+            Some((name, got, least, most)) => Err(SettingsError { name, got, least, most }),
+            None => Ok(()),
+        }
+    }
+}

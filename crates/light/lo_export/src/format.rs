@@ -1,0 +1,39 @@
+use std::fmt;
+use std::str::FromStr;
+
+use crate::ExportError;
+
+/// A file format that other programs read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Point cloud, binary little-endian.
+    Ply,
+    /// glTF 2.0 binary: the visible faces of the leaves, or points; camera; lamps.
+    Glb,
+    /// USD as text: points, camera, dome light, lamps.
+    Usda,
+}
+
+impl Format {
+    /// All formats, for listings.
+    pub const ALL: [Self; 3] = [Self::Ply, Self::Glb, Self::Usda];
+}
+
+impl fmt::Display for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Ply => "ply",
+            Self::Glb => "glb",
+            Self::Usda => "usda",
+        })
+    }
+}
+
+impl FromStr for Format {
+    type Err = ExportError;
+
+    fn from_str(name: &str) -> Result<Self, ExportError> {
+        let known = Self::ALL.into_iter().find(|format| name.eq_ignore_ascii_case(&format.to_string()));
+        known.ok_or_else(|| ExportError::UnknownFormat(name.to_owned()))
+    }
+}

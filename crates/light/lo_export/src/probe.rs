@@ -1,0 +1,140 @@
+//! The light probe's file beside the scene.
+
+use std::path::{Path, PathBuf};
+
+use lo_geometry::{Orientation, Vec3};
+use lo_imaging::{EnvironmentLayout, ExrOptions, RadianceImage};
+
+use crate::header::{GENERATOR, SOFTWARE, UNITS};
+use crate::{ExportError, Format};
+
+/// The light that arrives at one point of the scene.
+#[derive(Clone, Copy, Debug)]
+pub struct LightProbe<'a> {
+    /// Equirectangular panorama in our own orientation: centre −Z, +X to its right.
+    pub radiance: &'a RadianceImage,
+    /// The point, in metres.
+    pub position_m: Vec3,
+}
+
+/// A probe on its way to a file.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct ProbeFile {
+    /// Where it is written.
+    pub path: PathBuf,
+    /// Its name without the folder, as the scene file refers to it.
+    pub name: String,
+    /// Where it was taken, in metres.
+    pub position_m: Vec3,
+    /// How the panorama lies, in words.
+    pub convention: &'static str,
+    /// The panorama, turned for the format's readers.
+    panorama: RadianceImage,
+}
+
+impl ProbeFile {
+    /// Names the file `<stem of scene>_probe.exr` and turns the panorama.
+    ///
+    /// # Errors
+    /// Where the panorama is not equirectangular, or where the scene's name cannot stand in a text file.
+    pub fn beside(scene: &Path, format: Format, probe: LightProbe) -> Result<Self, ExportError> {
+        let (width, height) = (probe.radiance.width(), probe.radiance.height());
+        if height == 0 || width != 2 * height {
+            return Err(ExportError::ProbeSize { width, height });
+        }
+        if !probe.position_m.is_finite() {
+            return Err(ExportError::ProbePosition(probe.position_m.to_array()));
+        }
+        let stem = scene.file_stem().and_then(|stem| stem.to_str()).filter(|stem| !stem.contains(char::is_control));
+        let stem = stem.ok_or_else(|| ExportError::ProbeName(scene.to_owned()))?;
+        let name = format!("{stem}_probe.exr");
+        let (orientation, convention) = match format {
+            Format::Glb => (Orientation::Threejs, "equirectangular, centre +X, +Y up (three.js)"),
+            Format::Ply | Format::Usda => (Orientation::Openexr, "equirectangular, centre +Z, +Y up (OpenEXR, USD)"),
+        };
+        Ok(Self {
+            path: scene.with_file_name(&name),
+            name,
+            position_m: probe.position_m,
+            convention,
+            panorama: lo_imaging::reorient(probe.radiance, Orientation::Lightoctree, orientation),
+        })
+    }
+
+    /// Writes the OpenEXR file.
+    pub fn write(&self) -> Result<(), ExportError> {
+        let options = ExrOptions {
+            generator: SOFTWARE.to_owned(),
+            environment: Some(EnvironmentLayout::LatitudeLongitude),
+            metadata: vec![
+                ("generator".to_owned(), GENERATOR.to_owned()),
+                ("orientation".to_owned(), self.convention.to_owned()),
+                ("units".to_owned(), UNITS.to_owned()),
+            ],
+            ..ExrOptions::default()
+        };
+        Ok(lo_imaging::write_radiance(&self.path, &self.panorama, &options)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use lo_geometry::{Vec2, direction_from_uv, pixel_direction};
+
+    use super::*;
+
+    /// A panorama whose pixels hold their own direction.
+    fn directions() -> RadianceImage {
+        RadianceImage::from_fn(64, 32, |x, y| pixel_direction(x, y, 64, 32).to_array())
+    }
+
+    fn turned(format: Format) -> ProbeFile {
+        let panorama = directions();
+        let probe = LightProbe { radiance: &panorama, position_m: Vec3::ZERO };
+        ProbeFile::beside(Path::new("folder/my room.x"), format, probe).unwrap()
+    }
+
+    #[test]
+    fn each_format_sees_every_direction_where_it_looks() {
+        // What the readers do, from their sources: u of a direction. v is ours.
+        let openexr = |d: Vec3| 0.5 - d.x.atan2(d.z) / std::f32::consts::TAU;
+        let threejs = |d: Vec3| 0.5 + d.z.atan2(d.x) / std::f32::consts::TAU;
+        type Reader = fn(Vec3) -> f32;
+        let readers: [(Format, Reader); 3] = [(Format::Ply, openexr), (Format::Usda, openexr), (Format::Glb, threejs)];
+        for (format, u_of) in readers {
+            let file = turned(format);
+            for (u, v) in [(0.51, 0.52), (0.26, 0.4), (0.77, 0.6), (0.05, 0.9), (0.9, 0.1)] {
+                let direction = direction_from_uv(Vec2::new(u, v));
+                let x = (u_of(direction).rem_euclid(1.0) * 64.0) as usize;
+                let found = Vec3::from(file.panorama[(x, (v * 32.0) as usize)]);
+                // Within a pixel of 5.6°.
+                assert!(found.angle_between(direction) < 0.1, "{format}: {direction} shows {found}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_file_lies_beside_the_scene() {
+        let file = turned(Format::Usda);
+        assert_eq!(file.path, Path::new("folder/my room_probe.exr"));
+        assert_eq!(file.name, "my room_probe.exr");
+        let panorama = directions();
+        let probe = LightProbe { radiance: &panorama, position_m: Vec3::ZERO };
+        let error = ProbeFile::beside(Path::new("a\nb.ply"), Format::Ply, probe).unwrap_err();
+        assert!(matches!(error, ExportError::ProbeName(_)));
+        let nowhere = LightProbe { position_m: Vec3::NAN, ..probe };
+        let error = ProbeFile::beside(Path::new("a.ply"), Format::Ply, nowhere).unwrap_err();
+        assert!(matches!(error, ExportError::ProbePosition(_)));
+    }
+
+    #[test]
+    fn the_written_file_reads_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let panorama = directions();
+        let probe = LightProbe { radiance: &panorama, position_m: Vec3::ZERO };
+        let file = ProbeFile::beside(&folder.path().join("room.usda"), Format::Usda, probe).unwrap();
+        file.write().unwrap();
+        assert_eq!(lo_imaging::read_radiance(&file.path).unwrap(), file.panorama);
+    }
+}

@@ -1,0 +1,140 @@
+use std::sync::LazyLock;
+
+use lo_geometry::Vec3;
+use lo_imaging::{Image, Photo, RadianceImage, linear_from_srgb8};
+use lo_scene::Frame;
+use rayon::prelude::*;
+
+use crate::visibility::TileView;
+
+/// A photo with an object in it, and the layers that it was made of; all of the photo's size.
+#[derive(Clone, Debug)]
+pub struct Composite {
+    /// The picture, of the same kind as the photo. Pixels that the object does not change are the photo's own, bit by bit.
+    pub image: Photo,
+    /// Linear RGB radiance of the object, premultiplied by `alpha`.
+    pub object: RadianceImage,
+    /// Share of each pixel that shows the object, in [0, 1].
+    pub alpha: Image<f32>,
+    /// Factor on the photo for shadow and bounced light; exactly 1 where there is none.
+    pub shadow_ratio: RadianceImage,
+    /// Share of each pixel where the object is hidden by real surfaces, in [0, 1].
+    pub occlusion: Image<f32>,
+}
+
+/// The object's layers while they are made.
+pub(crate) struct Layers {
+    object: Image<Vec3>,
+    alpha: Image<f32>,
+    occlusion: Image<f32>,
+}
+
+impl Layers {
+    pub fn new(width: usize, height: usize) -> Self {
+        let empty = Image::new(width, height, vec![0.0; width * height]);
+        Self {
+            object: Image::new(width, height, vec![Vec3::ZERO; width * height]),
+            alpha: empty.clone(),
+            occlusion: empty,
+        }
+    }
+
+    pub fn add(&mut self, view: &TileView, radiance: &[Vec3]) {
+        for (fragment, radiance) in view.fragments.iter().zip(radiance) {
+            self.object[fragment.pixel] += *radiance * fragment.weight;
+            let alpha = &mut self.alpha[fragment.pixel];
+            *alpha = (*alpha + fragment.weight).min(1.0);
+        }
+        for &(pixel, share) in &view.hidden {
+            self.occlusion[pixel] += share;
+        }
+    }
+
+    pub fn covers_anything(&self) -> bool {
+        self.alpha.pixels().iter().any(|&alpha| alpha > 0.0)
+    }
+
+    pub fn hides_anything(&self) -> bool {
+        self.occlusion.pixels().iter().any(|&share| share > 0.0)
+    }
+}
+
+/// `lo_imaging::srgb8_from_linear` without its power.
+struct SrgbTable {
+    /// Linear values half-way between code i and the next.
+    limits: [f32; 255],
+    /// For each piece of [`SrgbTable::LOWEST`] to 1, 64 to an octave, the code of its lower end.
+    codes: [u8; 13 * 64],
+}
+
+impl SrgbTable {
+    /// Below the first limit.
+    const LOWEST: f32 = 1.0 / 8192.0;
+
+    fn get() -> &'static Self {
+        static TABLE: LazyLock<SrgbTable> = LazyLock::new(|| {
+            let limits = std::array::from_fn(|i| lo_imaging::linear_from_srgb((i as f32 + 0.5) / 255.0));
+            let lower_end = |piece: usize| f32::from_bits(SrgbTable::LOWEST.to_bits() + ((piece as u32) << 17));
+            let code = |piece| limits.partition_point(|&limit| limit <= lower_end(piece)) as u8;
+            SrgbTable { limits, codes: std::array::from_fn(code) }
+        });
+        &TABLE
+    }
+
+    fn code(&self, value: f32) -> u8 {
+        if value >= self.limits[254] {
+            return 255;
+        }
+        if value.is_nan() || value < Self::LOWEST {
+            return 0;
+        }
+        let piece = (value.to_bits() - Self::LOWEST.to_bits()) >> 17;
+        let mut code = self.codes[piece as usize];
+        while value >= self.limits[usize::from(code)] {
+            code += 1;
+        }
+        code
+    }
+}
+
+impl Composite {
+    pub(crate) fn new(frame: &Frame, layers: Layers, shadow_ratio: RadianceImage) -> Self {
+        let changed = |i: usize| layers.alpha.pixels()[i] > 0.0 || shadow_ratio.pixels()[i] != [1.0; 3];
+        let mixed = |i: usize, photo: Vec3| {
+            let under = photo * Vec3::from(shadow_ratio.pixels()[i]) * (1.0 - layers.alpha.pixels()[i]);
+            under + layers.object.pixels()[i] / frame.exposure
+        };
+        let table = SrgbTable::get();
+        let mut image = frame.photo.clone();
+        match &mut image {
+            Photo::Srgb8(image) => image.pixels_mut().par_iter_mut().enumerate().for_each(|(i, pixel)| {
+                if changed(i) {
+                    let photo = Vec3::from(pixel.map(linear_from_srgb8));
+                    *pixel = mixed(i, photo).to_array().map(|value| table.code(value));
+                }
+            }),
+            Photo::Linear(image) => image.pixels_mut().par_iter_mut().enumerate().for_each(|(i, pixel)| {
+                if changed(i) {
+                    *pixel = mixed(i, Vec3::from(*pixel)).to_array();
+                }
+            }),
+        }
+        let object = layers.object.map(|radiance| radiance.to_array());
+        Self { image, object, alpha: layers.alpha, shadow_ratio, occlusion: layers.occlusion }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn table_of_codes_is_the_curve() {
+        let table = SrgbTable::get();
+        let even = (0..40_000).map(|i| -0.1 + 1.2 * i as f32 / 40_000.0);
+        let dark = (0..4000).map(|i| 1e-3 * i as f32 / 4000.0);
+        for value in even.chain(dark).chain([f32::MIN, f32::MAX, f32::INFINITY, f32::NEG_INFINITY, f32::NAN]) {
+            assert_eq!(table.code(value), lo_imaging::srgb8_from_linear(value), "{value}");
+        }
+    }
+}

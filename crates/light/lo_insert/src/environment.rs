@@ -1,0 +1,149 @@
+use lo_cone::{Cone, ConeSample, ConeTracer, Sampling, Settings};
+use lo_geometry::{Plane, Vec3};
+use lo_imaging::RadianceImage;
+use lo_scene::Scene;
+
+use crate::lights::{self, Lights};
+use crate::map::RadianceMap;
+use crate::quality::Counts;
+use crate::{InsertError, Lighting};
+
+/// Light samples that are kept; subsets of them are used.
+const LIGHT_SAMPLES: usize = 1024;
+
+/// Half-angle tangent of the rays that ask whether a light is seen.
+const SHADOW_RAY_TANGENT: f32 = 0.01;
+
+/// Real surfaces fill the octree's leaves up to an edge above themselves; light is gathered from this many leaf edges above.
+const LIFT_EDGES: f32 = 1.5;
+
+/// What shines on the object: the lighting octree or a map at infinity, with its main lights split off.
+pub(crate) struct Environment {
+    source: Source,
+    lights: Lights,
+    /// Height above a real surface from which light is gathered, in metres.
+    pub lift_m: f32,
+}
+
+enum Source {
+    Octree {
+        whole: Box<ConeTracer>,
+        /// Reads `whole` between node centres, for reflections.
+        smooth: Box<ConeTracer>,
+        /// Reads the rest between node centres: the cones start where the object is, and must not jump as it moves.
+        dimmed: Box<ConeTracer>,
+        leaf_edge_m: f32,
+    },
+    Map {
+        whole: RadianceMap,
+        dimmed: RadianceMap,
+    },
+}
+
+/// Which light is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Part {
+    /// All of it.
+    Whole,
+    /// Without what the light samples carry.
+    Dimmed,
+}
+
+impl Environment {
+    pub fn new(scene: &Scene, lighting: Lighting, counts: &Counts) -> Result<Self, InsertError> {
+        match lighting {
+            Lighting::Octree => Self::from_octree(scene, counts),
+            Lighting::EnvironmentMap(map) => Self::from_map(map),
+        }
+    }
+
+    fn from_octree(scene: &Scene, counts: &Counts) -> Result<Self, InsertError> {
+        let light = &scene.light;
+        let leaf_edge_m = light.cube.node_edge_m(light.octree.depth());
+        let tracer =
+            |light: &lo_octree::LightOctree, settings: Settings| ConeTracer::new(light, settings).map(Box::new);
+        let whole = tracer(light, Settings::default())?;
+        let interpolated = Settings { sampling: Sampling::Interpolated, ..Settings::default() };
+        let smooth = tracer(light, interpolated)?;
+        // The back of a closed room's shell looks into empty space: nothing is met there before the end of the cube.
+        let faces_room = |origin: Vec3, normal: Vec3| {
+            let cone = Cone { origin, direction: normal, tan_half_angle: SHADOW_RAY_TANGENT };
+            whole.trace(&cone).opacity > 0.5
+        };
+        let (emitters, dimmed) = lights::split_octree(light, faces_room);
+        let dimmed = tracer(&dimmed, Settings { min_transmittance: counts.min_transmittance, ..interpolated })?;
+        let lights = Lights::sample(&emitters, LIGHT_SAMPLES);
+        let source = Source::Octree { whole, smooth, dimmed, leaf_edge_m };
+        Ok(Self { source, lights, lift_m: LIFT_EDGES * leaf_edge_m })
+    }
+
+    fn from_map(map: RadianceImage) -> Result<Self, InsertError> {
+        if map.width() < 2 || map.height() < 1 {
+            return Err(InsertError::EnvironmentMap(format!("has only {} × {} pixels", map.width(), map.height())));
+        }
+        let clean = map.map(|p| p.map(|c| if c.is_finite() { c.clamp(0.0, 1e9) } else { 0.0 }));
+        let (emitters, dimmed) = RadianceMap::split(&clean);
+        let lights = Lights::sample(&emitters, LIGHT_SAMPLES);
+        let source = Source::Map { whole: RadianceMap::new(clean), dimmed: RadianceMap::new(dimmed) };
+        Ok(Self { source, lights, lift_m: 0.0 })
+    }
+
+    pub fn lights(&self) -> &Lights {
+        &self.lights
+    }
+
+    /// What each cone sees; cones of one aperture should lie next to each other. At infinity the distance is infinite.
+    pub fn gather(&self, part: Part, cones: &[Cone], samples: &mut Vec<ConeSample>) {
+        samples.clear();
+        match &self.source {
+            Source::Octree { smooth, dimmed, .. } => {
+                samples.resize(cones.len(), ConeSample::default());
+                let tracer = match part {
+                    Part::Whole => smooth,
+                    Part::Dimmed => dimmed,
+                };
+                tracer.trace_batch(cones, samples);
+            }
+            Source::Map { whole, dimmed } => {
+                let map = if part == Part::Whole { whole } else { dimmed };
+                samples.extend(cones.iter().map(|cone| ConeSample {
+                    radiance: map.cone(cone.direction, cone.tan_half_angle).to_array(),
+                    distance_m: f32::INFINITY,
+                    opacity: 1.0,
+                }));
+            }
+        }
+    }
+
+    /// Share of each ray's way that real surfaces leave free, for rays `(origin, direction, distance in metres)`.
+    pub fn free_share(&self, rays: &[(Vec3, Vec3, f32)], shares: &mut Vec<f32>) {
+        shares.clear();
+        let Source::Octree { whole, leaf_edge_m, .. } = &self.source else {
+            shares.resize(rays.len(), 1.0);
+            return;
+        };
+        let ray = |&(origin, direction, _): &(Vec3, Vec3, f32)| Cone {
+            origin,
+            direction,
+            tan_half_angle: SHADOW_RAY_TANGENT,
+        };
+        let cones: Vec<Cone> = rays.iter().map(ray).collect();
+        let mut samples = vec![ConeSample::default(); rays.len()];
+        whole.trace_batch(&cones, &mut samples);
+        shares.extend(rays.iter().zip(&samples).map(|(&(_, _, distance_m), sample)| {
+            // From outside of the octree nothing is known to be in the way. The light's own leaf is met up to about two edges before its middle.
+            if sample.opacity == 0.0 {
+                return 1.0;
+            }
+            let missing = (distance_m - sample.distance_m) / leaf_edge_m;
+            (1.0 - (missing - 2.5) / 2.0).clamp(0.0, 1.0)
+        }));
+    }
+
+    /// Where to gather light for a point of an object that rests on `support`: high enough above the leaves of that surface.
+    pub fn lifted(&self, point: Vec3, support: Option<Plane>) -> Vec3 {
+        let Some(plane) = support else { return point };
+        let height_m = plane.signed_distance_m(point);
+        point + plane.normal * (self.lift_m - height_m).clamp(0.0, 2.0 * self.lift_m)
+    }
+}

@@ -1,0 +1,262 @@
+//! Light that arrives at points of the object: cones over the hemisphere and light samples, shadowed by the object itself.
+
+use std::f32::consts::PI;
+
+use lo_bsdf::{MetallicRoughness, specular_cos};
+use lo_cone::Cone;
+use lo_geometry::{Ray, Vec3};
+use rayon::prelude::*;
+
+use crate::environment::{Environment, Part};
+use crate::lights::{LightSample, luminance};
+use crate::object::Object;
+use crate::radiosity::Radiosity;
+use crate::shadow_ratio::ShadowRatio;
+
+/// Distance from a surface at which rays against the object start, as a share of the object's radius.
+const RAY_START: f32 = 2e-4;
+
+/// Receivers that one task serves; the result does not depend on it.
+pub(crate) const RECEIVERS_PER_TASK: usize = 32;
+
+/// A point of the object that light falls on.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Receiver {
+    pub position: Vec3,
+    /// Shading normal, unit length.
+    pub normal: Vec3,
+    /// Normal of the triangle, unit length, on the same side.
+    pub geometric_normal: Vec3,
+    /// Whether it reflects diffusely; where not, no cones are spent on it.
+    pub diffuse: bool,
+    /// For highlights of the light samples: direction to the viewer and BSDF.
+    pub gloss: Option<(Vec3, MetallicRoughness)>,
+}
+
+/// Light gathered at a [`Receiver`].
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Gathered {
+    /// Linear RGB irradiance.
+    pub irradiance: Vec3,
+    /// Radiance towards the viewer from light samples by the specular layer.
+    pub highlights: Vec3,
+    /// Luminance of the cones' light over the hemisphere, and its first moment.
+    fluence: f32,
+    flux: Vec3,
+    /// The same for a uniform environment of luminance 1.
+    uniform_fluence: f32,
+    uniform_flux: Vec3,
+    /// Luminance of the light samples' irradiance, and its first moment.
+    light_fluence: f32,
+    light_flux: Vec3,
+}
+
+impl Gathered {
+    /// Irradiance for another normal near by, relative to that of `from` (first-order spherical harmonics). Nothing is known of
+    /// the light below the first normal's horizon; it counts as the mean of that above.
+    pub fn irradiance_for(&self, from: Vec3, to: Vec3) -> Vec3 {
+        let mean = self.fluence / self.uniform_fluence.max(1e-6);
+        let flux = self.flux - self.uniform_flux * mean + self.light_flux;
+        let first_order = |normal: Vec3| PI * mean + 0.25 * self.light_fluence + 0.5 * flux.dot(normal);
+        let (old, new) = (first_order(from).max(1e-6), first_order(to).max(0.0));
+        self.irradiance * (new / old).clamp(0.3, 3.0)
+    }
+}
+
+/// All that light depends on within one frame.
+pub(crate) struct Gatherer<'a> {
+    pub environment: &'a Environment,
+    pub object: &'a Object<'a>,
+    /// Light that the object gives off itself, once it is known.
+    pub radiosity: Option<&'a Radiosity>,
+    /// The object's shadow on real surfaces, once it is known.
+    pub shadow: Option<&'a ShadowRatio<'a>>,
+    /// Directions over the whole sphere.
+    pub directions: &'a [Vec3],
+    /// Of the cones along them.
+    pub tan_half_angle: f32,
+    /// Light samples for all receivers.
+    pub lights: &'a [ObjectLight],
+}
+
+/// A light sample that shines on the object.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ObjectLight {
+    sample: LightSample,
+    /// Factor that makes it stand for its part of all light.
+    scale: f32,
+    /// Share of it that real surfaces leave free, where that is the same for the whole object.
+    free: Option<f32>,
+}
+
+/// `count` light samples for an object. With `shared`, a light that every corner and the middle of the object's box see in
+/// full, or not at all, is taken as seen, or not seen, by all of the object.
+pub(crate) fn object_lights(
+    environment: &Environment,
+    object: &Object,
+    count: usize,
+    shared: bool,
+) -> Vec<ObjectLight> {
+    let (samples, scale) = environment.lights().subset(count, 0, 1);
+    let mut lights: Vec<ObjectLight> = samples.map(|&sample| ObjectLight { sample, scale, free: None }).collect();
+    if !shared {
+        return lights;
+    }
+    let places = object.corners().into_iter().chain([object.centre_m]);
+    let places: Vec<Vec3> = places.map(|place| environment.lifted(place, object.support)).collect();
+    let (mut rays, mut shares) = (Vec::new(), Vec::new());
+    for light in &mut lights {
+        rays.clear();
+        let seen = places.iter().filter_map(|&place| Some((place, light.sample.on(place)?)));
+        rays.extend(seen.map(|(place, incidence)| (place, incidence.direction, incidence.distance_m)));
+        environment.free_share(&rays, &mut shares);
+        light.free = if shares.iter().all(|&share| share > 0.99) {
+            Some(1.0)
+        } else if shares.iter().all(|&share| share < 0.01) {
+            Some(0.0)
+        } else {
+            None
+        };
+    }
+    lights.retain(|light| light.free != Some(0.0));
+    lights
+}
+
+impl Gatherer<'_> {
+    /// Start of rays against the object from a point on it.
+    pub fn ray_start(&self, position: Vec3, geometric_normal: Vec3) -> Vec3 {
+        position + geometric_normal * (RAY_START * self.object.radius_m)
+    }
+
+    /// Radiance of an environment sample, darkened where it shows a real surface in the object's shadow.
+    pub fn shadowed(&self, cone: &Cone, sample: &lo_cone::ConeSample) -> Vec3 {
+        let radiance = Vec3::from(sample.radiance);
+        let Some(shadow) = self.shadow else { return radiance };
+        let distance_m = if sample.distance_m.is_finite() {
+            sample.distance_m
+        } else {
+            // A map at infinity knows no surfaces; the one under the object is known all the same.
+            let ray = Ray { origin: cone.origin, direction: cone.direction };
+            match self.object.support.and_then(|plane| plane.intersect(&ray)) {
+                Some(distance_m) => distance_m,
+                None => return radiance,
+            }
+        };
+        if distance_m > 8.0 * self.object.radius_m {
+            return radiance;
+        }
+        radiance * shadow.at(cone.origin + cone.direction * distance_m)
+    }
+
+    /// Light at each receiver; the directions are fixed in the world, so neighbours and frames share them.
+    pub fn gather(&self, receivers: &[Receiver]) -> Vec<Gathered> {
+        let mut gathered = vec![Gathered::default(); receivers.len()];
+        self.gather_cones(receivers, &mut gathered);
+        self.gather_lights(receivers, &mut gathered);
+        gathered
+    }
+
+    /// [`Gatherer::gather`] on all threads.
+    pub fn gather_parallel(&self, receivers: &[Receiver]) -> Vec<Gathered> {
+        receivers.par_chunks(RECEIVERS_PER_TASK).flat_map_iter(|chunk| self.gather(chunk)).collect()
+    }
+
+    fn gather_cones(&self, receivers: &[Receiver], gathered: &mut [Gathered]) {
+        let (mut cones, mut owners, mut samples) = (Vec::new(), Vec::new(), Vec::new());
+        // Weights are scaled so that a uniform environment of radiance 1 gives π exactly.
+        let total = |r: &Receiver| self.directions.iter().map(|d| r.normal.dot(*d).max(0.0)).sum::<f32>();
+        let scales: Vec<f32> = receivers.iter().map(|r| if r.diffuse { PI / total(r) } else { 0.0 }).collect();
+        let apex = |r: &Receiver| self.environment.lifted(r.position, self.object.support);
+        let apexes: Vec<Vec3> = receivers.iter().map(apex).collect();
+        // One direction after the other: rays and cones of neighbours go the same way.
+        for &direction in self.directions {
+            for (index, (receiver, gathered)) in receivers.iter().zip(gathered.iter_mut()).enumerate() {
+                let cosine = receiver.normal.dot(direction);
+                if cosine <= 0.0 || !receiver.diffuse {
+                    continue;
+                }
+                // Below the triangle's own plane there is nothing to meet: the smooth surface is meant to bulge.
+                let above = receiver.geometric_normal.dot(direction) > 0.0;
+                let ray = Ray { origin: self.ray_start(receiver.position, receiver.geometric_normal), direction };
+                let hit = if above { self.object.closest(&ray, f32::INFINITY) } else { None };
+                match hit {
+                    Some(hit) => {
+                        let radiance = self.radiosity.map_or(Vec3::ZERO, |r| r.radiance(self.object, &ray, &hit));
+                        gathered.add(radiance, direction, cosine, scales[index]);
+                    }
+                    None => {
+                        cones.push(Cone { origin: apexes[index], direction, tan_half_angle: self.tan_half_angle });
+                        owners.push((index, cosine, scales[index]));
+                    }
+                }
+            }
+        }
+        self.environment.gather(Part::Dimmed, &cones, &mut samples);
+        for ((cone, sample), (index, weight, solid_angle)) in cones.iter().zip(&samples).zip(owners) {
+            gathered[index].add(self.shadowed(cone, sample), cone.direction, weight, solid_angle);
+        }
+    }
+
+    fn gather_lights(&self, receivers: &[Receiver], gathered: &mut [Gathered]) {
+        if self.lights.is_empty() {
+            return;
+        }
+        let (mut rays, mut owners, mut shares) = (Vec::new(), Vec::new(), Vec::new());
+        for light in self.lights {
+            for (index, receiver) in receivers.iter().enumerate() {
+                let Some(incidence) = light.sample.on(receiver.position) else { continue };
+                let direction = incidence.direction;
+                if receiver.normal.dot(direction) <= 0.0 {
+                    continue;
+                }
+                let above = receiver.geometric_normal.dot(direction) > 0.0;
+                let ray = Ray { origin: self.ray_start(receiver.position, receiver.geometric_normal), direction };
+                if above && self.object.blocks(&ray, incidence.distance_m) {
+                    continue;
+                }
+                let irradiance = incidence.irradiance * light.scale;
+                match light.free {
+                    Some(share) => gathered[index].add_light(receiver, direction, irradiance * share),
+                    None => {
+                        let apex = self.environment.lifted(receiver.position, self.object.support);
+                        rays.push((apex, direction, incidence.distance_m));
+                        owners.push((index, direction, irradiance));
+                    }
+                }
+            }
+        }
+        self.environment.free_share(&rays, &mut shares);
+        for ((index, direction, irradiance), share) in owners.into_iter().zip(&shares) {
+            gathered[index].add_light(&receivers[index], direction, irradiance * *share);
+        }
+    }
+}
+
+impl Receiver {
+    /// A stand-in for a point that needs no light.
+    pub fn dark() -> Self {
+        Self { position: Vec3::ZERO, normal: Vec3::ZERO, geometric_normal: Vec3::ZERO, diffuse: false, gloss: None }
+    }
+}
+
+impl Gathered {
+    fn add_light(&mut self, receiver: &Receiver, direction: Vec3, irradiance: Vec3) {
+        self.irradiance += irradiance * receiver.normal.dot(direction);
+        let bright = luminance(irradiance);
+        self.light_fluence += bright;
+        self.light_flux += direction * bright;
+        if let Some((view, bsdf)) = receiver.gloss {
+            self.highlights += specular_cos(bsdf.f0, bsdf.ggx(), receiver.normal, view, direction) * irradiance;
+        }
+    }
+
+    /// Adds what comes from `direction`, at an angle of the given cosine from the normal, for a solid angle.
+    fn add(&mut self, radiance: Vec3, direction: Vec3, cosine: f32, solid_angle: f32) {
+        self.irradiance += radiance * (cosine * solid_angle);
+        let bright = luminance(radiance) * solid_angle;
+        self.fluence += bright;
+        self.flux += direction * bright;
+        self.uniform_fluence += solid_angle;
+        self.uniform_flux += direction * solid_angle;
+    }
+}

@@ -1,0 +1,213 @@
+use std::f32::consts::PI;
+
+use lo_events::{Cancelled, OnEvent, Stage, Warning, progress, stage, stage_of_steps, warn};
+use lo_geometry::Vec3;
+use lo_imaging::RadianceImage;
+use lo_mesh::PreparedModel;
+use lo_scene::{Frame, Scene};
+use rayon::prelude::*;
+
+use crate::aperture::cone_tangent;
+use crate::backdrop::Backdrop;
+use crate::composite::{Composite, Layers};
+use crate::environment::Environment;
+use crate::gather::{Gatherer, object_lights};
+use crate::object::Object;
+use crate::patches::{self, patches};
+use crate::quality::Counts;
+use crate::receivers::PATTERNS;
+use crate::shade::Shader;
+use crate::shadow::{Caster, ShadowField};
+use crate::shadow_ratio::ShadowRatio;
+use crate::silhouette::Silhouettes;
+use crate::surface::{SurfaceMap, without_photo};
+use crate::visibility::{TILE, TileView, Viewer, coverage_pattern};
+use crate::{InsertError, Lighting, Placement, Quality};
+
+/// Long side at which the photo's depth hides the object; above it, a depth pixel serves several photo pixels.
+const OCCLUSION_SIDE: usize = 2048;
+
+/// Longer side from which on a photo is large.
+const LARGE_SIDE: usize = 1440;
+
+/// Puts objects into the photo of one scene.
+///
+/// It holds what does not depend on the object: the tracers with the main lights split off, the real surfaces, and the light on them
+/// as far as it was needed.
+pub struct Inserter {
+    frame: Frame,
+    environment: Environment,
+    occluders: SurfaceMap,
+    predicted_depth: bool,
+    /// For the light that real surfaces in the object's shadow send to it.
+    coarse: ShadowField,
+    fine: ShadowField,
+    directions: Vec<Vec3>,
+    counts: Counts,
+    /// The octree's cube, for warnings.
+    cube: lo_geometry::Cube,
+}
+
+impl Inserter {
+    /// Prepares a scene; takes some tenths of a second at draft quality, in which the light on all real surfaces is gathered at once.
+    ///
+    /// # Errors
+    /// Where the environment map is empty or black, or the octree cannot be traced: where its nodes have lobes, give it as it is seen
+    /// from the object ([`LightOctree::seen_from`](lo_octree::LightOctree::seen_from)).
+    pub fn new(scene: &Scene, lighting: Lighting, quality: Quality) -> Result<Self, InsertError> {
+        let counts = quality.counts();
+        let environment = Environment::new(scene, lighting, &counts)?;
+        // Readings between two surfaces are no receivers of light, but without them an occluder's edge would have gaps.
+        let given = without_photo(&scene.frame);
+        let clean = given.without_flying_pixels();
+        let surfaces = SurfaceMap::new(&clean);
+        let occluders = surfaces.resampled(&given, OCCLUSION_SIDE);
+        let coarse = ShadowField::new(surfaces.resampled(&clean, counts.coarse_shadow_side), &counts);
+        let fine = ShadowField::new(surfaces.resampled(&clean, counts.shadow_side), &counts);
+        if quality == Quality::Draft {
+            coarse.prepare(&environment);
+            fine.prepare(&environment);
+        }
+        Ok(Self {
+            frame: scene.frame.clone(),
+            environment,
+            occluders,
+            predicted_depth: scene.predicted_depth,
+            coarse,
+            fine,
+            directions: lo_geometry::fibonacci_sphere(counts.diffuse_cones),
+            counts,
+            cube: scene.light.cube,
+        })
+    }
+
+    /// One picture with the object at one place. An object that shows nothing gives the photo with its shadow, and a warning.
+    ///
+    /// # Errors
+    /// Where a number of the placement is not usable, or the model has no extent; [`Cancelled`](lo_events::Cancelled) where `on_event`
+    /// breaks off.
+    pub fn render(
+        &self,
+        model: &PreparedModel,
+        placement: &Placement,
+        on_event: OnEvent<'_>,
+    ) -> Result<Composite, InsertError> {
+        placement.check()?;
+        let object = Object::new(model, placement)?;
+        let lights =
+            object_lights(&self.environment, &object, self.counts.object_lights, self.counts.share_light_visibility);
+        let share_sr = 4.0 * PI / self.directions.len() as f32;
+        let tan_half_angle = cone_tangent(self.counts.diffuse_aperture * share_sr);
+        let gatherer = |shadow, radiosity| Gatherer {
+            environment: &self.environment,
+            object: &object,
+            radiosity,
+            shadow,
+            directions: &self.directions,
+            tan_half_angle,
+            lights: &lights,
+        };
+
+        let counts = &self.counts;
+        let silhouettes = Silhouettes::new(
+            self.environment.lights(),
+            counts.background_lights,
+            PATTERNS,
+            &object,
+            counts.silhouette_side,
+        );
+        let backdrop = Backdrop::new(&self.environment, object.centre_m, counts.backdrop_side);
+        let caster = |radiosity| Caster {
+            object: &object,
+            environment: &self.environment,
+            silhouettes: &silhouettes,
+            backdrop: &backdrop,
+            radiosity,
+        };
+        let coarse = self.coarse.ratio(&caster(None), Stage::CoarseShadow, on_event)?;
+        let patches = patches(&object, self.counts.patches);
+        let radiosity = stage_of_steps(on_event, Stage::Radiosity, |on_event| {
+            let direct = patches::lit(&gatherer(Some(&coarse), None), &patches);
+            progress(on_event, Stage::Radiosity, 1, 2)?;
+            let reflected = Gatherer { radiosity: Some(&direct), ..gatherer(Some(&coarse), None) };
+            Ok::<_, Cancelled>(patches::lit(&reflected, &patches))
+        })?;
+        let shadow = self.fine.ratio(&caster(Some(&radiosity)), Stage::FineShadow, on_event)?;
+
+        let mut layers = Layers::new(self.frame.photo.width(), self.frame.photo.height());
+        self.shade_object(&object, gatherer(Some(&shadow), Some(&radiosity)), &mut layers, on_event)?;
+        self.warnings(&object, &layers).try_for_each(|warning| warn(on_event, warning))?;
+        Ok(stage(on_event, Stage::Composite, || self.compose(layers, &shadow))?)
+    }
+
+    fn shade_object(
+        &self,
+        object: &Object,
+        gatherer: Gatherer,
+        layers: &mut Layers,
+        on_event: OnEvent<'_>,
+    ) -> Result<(), Cancelled> {
+        let samples = coverage_pattern(self.counts.coverage);
+        let viewer = Viewer {
+            camera: self.frame.camera,
+            object,
+            surfaces: &self.occluders,
+            predicted_depth: self.predicted_depth,
+            samples: &samples,
+            thrift: self.counts.thrift,
+        };
+        let shader = Shader { gatherer, specular_cones: self.counts.specular_cones, stride: self.shade_stride() };
+        let Some((left, top, right, bottom)) = viewer.window() else { return Ok(()) };
+        let starts = |from: usize, to: usize| (from / TILE * TILE..to).step_by(TILE);
+        let tiles: Vec<_> = starts(top, bottom)
+            .flat_map(|y| starts(left, right).map(move |x| (x, y)))
+            .map(|(x, y)| (x, y, (x + TILE).min(self.frame.photo.width()), (y + TILE).min(self.frame.photo.height())))
+            .collect();
+        let view = stage(on_event, Stage::Visibility, || {
+            let views: Vec<TileView> = tiles.into_par_iter().map(|tile| viewer.tile(tile)).collect();
+            let mut view = TileView::default();
+            for tile in views {
+                view.fragments.extend(tile.fragments);
+                view.hidden.extend(tile.hidden);
+            }
+            view
+        })?;
+        let radiance = stage_of_steps(on_event, Stage::Shading, |on_event| shader.shade(&view.fragments, on_event))?;
+        layers.add(&view, &radiance);
+        Ok(())
+    }
+
+    /// Pixels along the side of the blocks that share diffuse light: as many as cover about as much of the picture in large photos
+    /// as in small ones.
+    fn shade_stride(&self) -> usize {
+        let large = self.frame.photo.width().max(self.frame.photo.height()) >= LARGE_SIDE;
+        match self.counts.shade_stride {
+            2 if large => 4,
+            stride => stride,
+        }
+    }
+
+    fn warnings(&self, object: &Object, layers: &Layers) -> impl Iterator<Item = Warning> + use<> {
+        let nothing = if layers.hides_anything() { Warning::ObjectHidden } else { Warning::ObjectOutsidePicture };
+        let nothing = (!layers.covers_anything()).then_some(nothing);
+        let outside = (!self.cube.contains(object.centre_m)).then_some(Warning::ObjectOutsideOctree);
+        nothing.into_iter().chain(outside)
+    }
+
+    fn compose(&self, layers: Layers, shadow: &ShadowRatio) -> Composite {
+        let (width, height) = (self.frame.photo.width(), self.frame.photo.height());
+        // Beyond what the object reaches nothing is looked up.
+        let (left, top, right, bottom) = shadow.reach(width, height);
+        let mut ratio = vec![[1.0; 3]; width * height];
+        let within = ratio.par_chunks_mut(width).enumerate().skip(top).take(bottom.saturating_sub(top));
+        within.for_each(|(y, row)| {
+            let v = (y as f32 + 0.5) / height as f32;
+            for (x, ratio) in row.iter_mut().enumerate().take(right).skip(left) {
+                let u = (x as f32 + 0.5) / width as f32;
+                let seen = || Some(self.occluders.at(f64::from(u), f64::from(v))?.position_m);
+                *ratio = shadow.for_photo(u, v, seen).to_array();
+            }
+        });
+        Composite::new(&self.frame, layers, RadianceImage::new(width, height, ratio))
+    }
+}

@@ -1,0 +1,170 @@
+//! Irradiance of real surfaces without the object. It does not depend on the object and is kept once it is known.
+
+use std::f32::consts::PI;
+use std::sync::OnceLock;
+
+use lo_cone::Cone;
+use lo_events::Cancelled;
+use lo_geometry::Vec3;
+use lo_imaging::Image;
+use rayon::prelude::*;
+
+use crate::aperture::cone_tangent;
+use crate::environment::{Environment, Part};
+use crate::receivers::{PATTERNS, Receivers, pattern_at};
+use crate::steps::Steps;
+use crate::surface::Surface;
+
+/// Longer side of the grid on which irradiance is gathered; the octree holds nothing finer than a few of its pixels.
+const SIDE: usize = 160;
+
+/// Share of a full neighbourhood below which the grid tells too little about a pixel's surface.
+const MIN_SHARE: f32 = 0.2;
+
+/// Solid angle of a cone as a share of its share of the sphere. Full ones meet the surface that they start from, and the other
+/// patterns fill the gaps.
+const APERTURE: f32 = 0.25;
+
+const GOLDEN_ANGLE_RAD: f32 = 2.399_963_2;
+
+/// Irradiance of all [`Receivers`], as far as it was needed.
+pub(crate) struct RoomIrradiance {
+    /// Directions over the sphere, one set per pattern.
+    directions: Vec<Vec<Vec3>>,
+    cones: usize,
+    lights: usize,
+    /// Pixels from one place of the grid to the next.
+    stride: usize,
+    /// By one pattern.
+    single: Vec<OnceLock<Vec3>>,
+    /// Mean over the neighbourhood, by all patterns.
+    mean: Vec<OnceLock<Vec3>>,
+}
+
+impl RoomIrradiance {
+    /// With `cones` over the sphere and `lights` light samples at each place.
+    pub fn new(receivers: &Receivers, cones: usize, lights: usize) -> Self {
+        let empty = || (0..receivers.width() * receivers.height()).map(|_| OnceLock::new()).collect();
+        Self {
+            directions: (0..PATTERNS).map(|pattern| sphere_pattern(cones, pattern)).collect(),
+            cones,
+            lights,
+            stride: receivers.width().max(receivers.height()).div_ceil(SIDE),
+            single: empty(),
+            mean: empty(),
+        }
+    }
+
+    /// Fills in what is wanted and not known yet.
+    ///
+    /// # Errors
+    /// [`Cancelled`]: what was completed until then is kept.
+    pub fn complete(
+        &self,
+        receivers: &Receivers,
+        environment: &Environment,
+        wanted: &Image<bool>,
+        steps: &mut Steps<'_>,
+    ) -> Result<(), Cancelled> {
+        let width = receivers.width();
+        let missing: Vec<(usize, usize)> = (0..wanted.pixels().len())
+            .filter(|&i| wanted.pixels()[i] && self.mean[i].get().is_none())
+            .map(|i| (i % width, i / width))
+            .filter(|&pixel| receivers.surfaces[pixel].is_some())
+            .collect();
+        let mut needed = vec![false; wanted.pixels().len()];
+        for &(x, y) in &missing {
+            for (px, py, _) in receivers.neighbours(x, y, self.grid_for(receivers, x, y)) {
+                needed[py * width + px] = true;
+            }
+        }
+        let complete_row = |y: usize| {
+            let pixels: Vec<(usize, Surface)> = (0..width)
+                .filter(|&x| needed[y * width + x] && self.single[y * width + x].get().is_none())
+                .filter_map(|x| Some((x, receivers.surfaces[(x, y)]?)))
+                .collect();
+            for ((x, _), value) in pixels.iter().zip(self.gather(environment, y, &pixels)) {
+                // A value that another frame has set meanwhile is the same.
+                let _ = self.single[y * width + x].set(value);
+            }
+        };
+        steps
+            .each(receivers.height(), width * self.cones, 1, |rows| rows.into_par_iter().map(complete_row).collect())?;
+        missing.par_iter().for_each(|&(x, y)| {
+            let mut sum = (Vec3::ZERO, 0.0);
+            for (px, py, weight) in receivers.neighbours(x, y, self.grid_for(receivers, x, y)) {
+                if let Some(&irradiance) = self.single[py * width + px].get() {
+                    sum.0 += irradiance * weight;
+                    sum.1 += weight;
+                }
+            }
+            let _ = self.mean[y * width + x].set(sum.0 / f32::max(sum.1, 1e-9));
+        });
+        Ok(())
+    }
+
+    /// What was completed for a pixel.
+    pub fn at(&self, index: usize) -> Option<Vec3> {
+        self.mean[index].get().copied()
+    }
+
+    /// Pixels from one place to the next around a pixel: on slim surfaces every pixel is one.
+    fn grid_for(&self, receivers: &Receivers, x: usize, y: usize) -> usize {
+        let share: f32 = receivers.neighbours(x, y, self.stride).map(|(.., weight)| weight).sum();
+        if share < MIN_SHARE { 1 } else { self.stride }
+    }
+
+    /// Irradiance of pixels of row `y`.
+    fn gather(&self, environment: &Environment, y: usize, pixels: &[(usize, Surface)]) -> Vec<Vec3> {
+        let mut irradiance = vec![Vec3::ZERO; pixels.len()];
+        let tan_half_angle = cone_tangent(APERTURE * 4.0 * PI / self.cones as f32);
+        let (mut cones, mut cone_owners, mut samples) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut rays, mut ray_owners, mut shares) = (Vec::new(), Vec::new(), Vec::new());
+        for (i, (x, surface)) in pixels.iter().enumerate() {
+            let on_grid = x % self.stride == 0 && y.is_multiple_of(self.stride);
+            let stride = if on_grid { self.stride } else { 1 };
+            let pattern = pattern_at(x / stride, y / stride);
+            let origin = surface.position_m + surface.normal * environment.lift_m;
+            let directions = &self.directions[pattern];
+            let total: f32 = directions.iter().map(|d| surface.normal.dot(*d).max(0.0)).sum();
+            for &direction in directions.iter().filter(|d| surface.normal.dot(**d) > 0.0) {
+                cones.push(Cone { origin, direction, tan_half_angle });
+                cone_owners.push((i, surface.normal.dot(direction) * PI / total));
+            }
+            let (lights, scale) = environment.lights().subset(self.lights, pattern, PATTERNS);
+            for incidence in lights.filter_map(|light| light.on(surface.position_m)) {
+                let cosine = surface.normal.dot(incidence.direction);
+                if cosine > 0.0 {
+                    rays.push((origin, incidence.direction, incidence.distance_m));
+                    ray_owners.push((i, incidence.irradiance * (scale * cosine)));
+                }
+            }
+        }
+        environment.gather(Part::Dimmed, &cones, &mut samples);
+        for ((i, weight), sample) in cone_owners.into_iter().zip(&samples) {
+            irradiance[i] += Vec3::from(sample.radiance) * weight;
+        }
+        environment.free_share(&rays, &mut shares);
+        for ((i, light), share) in ray_owners.into_iter().zip(&shares) {
+            irradiance[i] += light * *share;
+        }
+        irradiance
+    }
+}
+
+/// Pattern `pattern` of `count` directions over the sphere.
+fn sphere_pattern(count: usize, pattern: usize) -> Vec<Vec3> {
+    (0..count)
+        .map(|i| {
+            on_circle(1.0 - 2.0 * (i as f32 + (pattern as f32 + 0.5) / PATTERNS as f32) / count as f32, i, pattern)
+        })
+        .collect()
+}
+
+/// The direction at height `z` whose longitude is that of point `i` of a pattern.
+fn on_circle(z: f32, i: usize, pattern: usize) -> Vec3 {
+    let turn = (pattern as u32).reverse_bits() as f32 / 4_294_967_296.0;
+    let (sin, cos) = (i as f32 * GOLDEN_ANGLE_RAD + turn * std::f32::consts::TAU).sin_cos();
+    let radius = (1.0 - z * z).max(0.0).sqrt();
+    Vec3::new(radius * cos, radius * sin, z)
+}

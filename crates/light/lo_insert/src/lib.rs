@@ -1,0 +1,52 @@
+//! Virtual objects in a photo: shading by cones of the lighting octree, differential rendering of their shadow, sequences.
+//!
+//! An [`Inserter`] holds everything of a scene that does not depend on the object. [`Inserter::render`] then makes one picture:
+//!
+//! 1. *Shadow, coarse*: what share of the light on real surfaces the object takes away (`shadow`).
+//! 2. *Radiosity*: light on some hundred points of the object, which sees the floor in its shadow; twice, so that light also goes
+//!    from one part of the object to another (`patches`, `radiosity`).
+//! 3. *Shadow, fine*: with the light that the object gives back.
+//! 4. *Visibility*: the camera's rays against the object and the photo's depth (`visibility`).
+//! 5. *Shading*: glTF's metallic-roughness BSDF (`lo_bsdf`) under the light at each visible point (`gather`, `shade`).
+//! 6. *Composite*: photo × ratio under the object (`composite`).
+//!
+//! All sample patterns are fixed in the world, on the object or on the pixel grid; nothing is random, so a sequence does not flicker.
+
+mod aperture;
+mod backdrop;
+mod blocks;
+mod cap;
+mod composite;
+mod environment;
+mod error;
+mod gather;
+mod inserter;
+mod irradiance;
+mod lighting;
+mod lights;
+mod look;
+mod map;
+mod object;
+mod patches;
+mod path;
+mod pattern;
+mod placement;
+mod quality;
+mod radiosity;
+mod receivers;
+mod shade;
+mod shadow;
+mod shadow_ratio;
+mod silhouette;
+mod steps;
+mod surface;
+mod visibility;
+
+pub use composite::Composite;
+pub use error::InsertError;
+pub use inserter::Inserter;
+pub use lighting::Lighting;
+pub use path::{Interpolation, Keyframe, Path};
+pub use placement::Placement;
+pub use quality::Quality;
+pub use surface::surface_at_pixel;

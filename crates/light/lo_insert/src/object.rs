@@ -1,0 +1,176 @@
+use lo_geometry::{Mat3, Plane, Quat, Ray, Vec3};
+use lo_mesh::{AlphaMode, Hit, PlacedModel, PreparedModel, SurfacePoint};
+
+use crate::pattern::hammersley;
+use crate::{InsertError, Placement};
+
+/// Smallest alpha that stops light: for the rays that carry light a surface is there or not; the camera's rays mix.
+const LIGHT_ALPHA: f32 = 0.5;
+
+/// Transparent layers that a ray passes before it is taken as free.
+const MAX_LAYERS: usize = 16;
+
+/// A model at its place in the world.
+pub(crate) struct Object<'a> {
+    placed: PlacedModel<'a>,
+    /// From world directions to the object's own axes.
+    local_from_world: Mat3,
+    /// Middle of the bounding box, world frame.
+    pub centre_m: Vec3,
+    /// Radius of the sphere around the bounding box.
+    pub radius_m: f32,
+    /// Lowest corner of the bounding box in the object's own axes, see [`Object::to_local_point`].
+    pub low_m: Vec3,
+    /// Highest corner of the bounding box in the object's own axes.
+    pub high_m: Vec3,
+    /// The surface that the object stands on.
+    pub support: Option<Plane>,
+    /// Whether some of it can be seen through.
+    pub has_blend: bool,
+}
+
+impl<'a> Object<'a> {
+    /// # Errors
+    /// Where the model has no extent.
+    pub fn new(prepared: &'a PreparedModel, placement: &Placement) -> Result<Self, InsertError> {
+        let bounds = prepared.bounds();
+        let (size, centre) = (bounds.size(), bounds.center());
+        if !(size.is_finite() && size.max_element() > 0.0) {
+            return Err(InsertError::EmptyModel(format!("its bounding box is {} to {}", bounds.min, bounds.max)));
+        }
+        let scale = placement.scale;
+        let rotation =
+            (Quat::from_rotation_arc(Vec3::Y, placement.up) * Quat::from_rotation_y(placement.yaw_rad)).normalize();
+        let base = Vec3::new(centre.x, bounds.min.y, centre.z);
+        let translation = placement.position_m - rotation * (base * scale);
+        let placed = PlacedModel { prepared, placement: lo_mesh::Placement { scale, rotation, translation } };
+        Ok(Self {
+            centre_m: placed.placement.world_from_model(centre),
+            placed,
+            local_from_world: Mat3::from_quat(rotation.conjugate()),
+            radius_m: 0.5 * size.length() * scale,
+            low_m: bounds.min * scale,
+            high_m: bounds.max * scale,
+            support: placement.support,
+            has_blend: prepared.model().materials.iter().any(|m| m.alpha_mode == AlphaMode::Blend),
+        })
+    }
+
+    /// A world direction in the object's own axes.
+    pub fn to_local(&self, direction: Vec3) -> Vec3 {
+        self.local_from_world * direction
+    }
+
+    /// A world point in the object's own axes, in metres.
+    pub fn to_local_point(&self, point: Vec3) -> Vec3 {
+        self.to_local(point - self.placed.placement.translation)
+    }
+
+    /// Corners of the bounding box, world frame.
+    pub fn corners(&self) -> [Vec3; 8] {
+        let lo_mesh::Placement { rotation, translation, .. } = self.placed.placement;
+        std::array::from_fn(|i| {
+            let pick = |axis: usize| if i >> axis & 1 == 0 { self.low_m[axis] } else { self.high_m[axis] };
+            translation + rotation * Vec3::new(pick(0), pick(1), pick(2))
+        })
+    }
+
+    /// Whether a ray passes by the object's box; cheaper than asking the triangles.
+    fn misses(&self, ray: &Ray) -> bool {
+        let offset = self.centre_m - ray.origin;
+        let along = offset.dot(ray.direction);
+        let (squared, radius) = (offset.length_squared(), self.radius_m * self.radius_m);
+        if squared - along * along > radius || (along < 0.0 && squared > radius) {
+            return true;
+        }
+        let (origin, inverse) = (self.to_local_point(ray.origin), self.to_local(ray.direction).recip());
+        let margin = Vec3::splat(1e-4 * self.radius_m);
+        let (a, b) = ((self.low_m - margin - origin) * inverse, (self.high_m + margin - origin) * inverse);
+        a.max(b).min_element() < a.min(b).max_element().max(0.0)
+    }
+
+    /// The nearest surface before `max_m` that stops light, whichever way it faces.
+    pub fn closest(&self, ray: &Ray, max_m: f32) -> Option<Hit> {
+        if self.misses(ray) {
+            return None;
+        }
+        let mut from_m = 0.0;
+        for _ in 0..MAX_LAYERS {
+            let hit = self.beyond(ray, from_m, max_m, PlacedModel::intersect_both_sides)?;
+            if !self.has_blend || self.placed.surface(&hit, ray.direction, 0.0).alpha >= LIGHT_ALPHA {
+                return Some(hit);
+            }
+            from_m = hit.distance_m;
+        }
+        None
+    }
+
+    /// Whether anything before `max_m` stops light.
+    pub fn blocks(&self, ray: &Ray, max_m: f32) -> bool {
+        !self.misses(ray) && self.placed.occluded(ray, max_m)
+    }
+
+    /// The nearest surface beyond `from_m` (0: from the start) that the camera sees at least in part.
+    pub fn seen(&self, ray: &Ray, from_m: f32) -> Option<Hit> {
+        if self.misses(ray) { None } else { self.beyond(ray, from_m, f32::INFINITY, PlacedModel::intersect) }
+    }
+
+    /// What `intersect` meets on a ray beyond `from_m`.
+    fn beyond(
+        &self,
+        ray: &Ray,
+        from_m: f32,
+        max_m: f32,
+        intersect: impl Fn(&PlacedModel<'a>, &Ray, f32) -> Option<Hit>,
+    ) -> Option<Hit> {
+        if from_m == 0.0 {
+            return intersect(&self.placed, ray, max_m);
+        }
+        let start_m = from_m + 1e-4 * self.radius_m;
+        let rest = Ray { origin: ray.at(start_m), direction: ray.direction };
+        let hit = intersect(&self.placed, &rest, max_m - start_m)?;
+        Some(Hit { distance_m: hit.distance_m + start_m, ..hit })
+    }
+
+    /// Unit normal of a triangle to its front, world frame.
+    pub fn triangle_normal(&self, triangle: u32) -> Vec3 {
+        self.placed.placement.rotation * self.local_triangle_normal(triangle)
+    }
+
+    /// The same in the object's own axes.
+    pub fn local_triangle_normal(&self, triangle: u32) -> Vec3 {
+        let model = self.placed.prepared.model();
+        let [a, b, c] = model.triangles[triangle as usize].map(|v| model.positions[v as usize]);
+        (b - a).cross(c - a).normalize_or(Vec3::Y)
+    }
+
+    /// Material and shading frame where a ray meets the object; `footprint_m` is the width that textures are averaged over.
+    pub fn surface(&self, ray: &Ray, hit: &Hit, footprint_m: f32) -> SurfacePoint {
+        self.placed.surface(hit, ray.direction, footprint_m)
+    }
+
+    /// `count` points spread over the surface by area, seen from their fronts; the same ones of a model each time.
+    pub fn spread_points(&self, count: usize) -> Vec<SurfacePoint> {
+        let model = self.placed.prepared.model();
+        let area = |triangle: &[u32; 3]| {
+            let [a, b, c] = triangle.map(|v| model.positions[v as usize].as_dvec3());
+            0.5 * (b - a).cross(c - a).length()
+        };
+        let total: f64 = model.triangles.iter().map(area).sum();
+        let footprint_m = (total / count as f64).sqrt() as f32 * self.placed.placement.scale;
+        let mut points = Vec::with_capacity(count);
+        let mut before = 0.0;
+        for (index, triangle) in model.triangles.iter().enumerate() {
+            before += area(triangle);
+            // Steps i + ½ of the running area fall into this triangle, each at a spot of its own.
+            while points.len() < count && (points.len() as f64 + 0.5) / count as f64 * total < before {
+                let spot = hammersley(points.len(), count).x;
+                let root = (points.len() as f32 * 0.754_877_7).fract().sqrt();
+                let hit =
+                    Hit { distance_m: 0.0, triangle: index as u32, barycentric: [root * (1.0 - spot), root * spot] };
+                points.push(self.placed.surface(&hit, -self.triangle_normal(hit.triangle), footprint_m));
+            }
+        }
+        points
+    }
+}

@@ -1,0 +1,144 @@
+use lo_geometry::Vec3;
+use lo_scene::Scene;
+use serde::{Deserialize, Serialize};
+
+use crate::{InsertError, Placement};
+
+/// A moving object: keyframes over time, read from JSON.
+///
+/// ```json
+/// {"interpolation": "catmull-rom",
+///  "keyframes": [{"time_s": 0, "position_m": [0, -1, -3], "yaw_deg": 0},
+///                {"time_s": 1, "pixel": [320, 400], "yaw_deg": 90}]}
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Path {
+    /// How positions and yaw run between keyframes.
+    #[serde(default)]
+    pub interpolation: Interpolation,
+    /// At least one, times ascending.
+    pub keyframes: Vec<Keyframe>,
+}
+
+/// How values run between keyframes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Interpolation {
+    /// Straight.
+    #[default]
+    Linear,
+    /// Smooth through every keyframe (cubic Hermite, tangents by differences of the neighbours).
+    CatmullRom,
+}
+
+/// Place and turn at one time.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Keyframe {
+    /// Time in seconds.
+    pub time_s: f64,
+    /// World position of the object's base in metres; or else `pixel`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position_m: Option<[f64; 3]>,
+    /// Photo position whose surface the object rests on; or else `position_m`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pixel: Option<[f64; 2]>,
+    /// Turn about the up axis in degrees; not wrapped, so 0 → 720 turns twice.
+    #[serde(default)]
+    pub yaw_deg: f64,
+}
+
+impl Path {
+    /// Most keyframes that a path may have.
+    const MAX_KEYFRAMES: usize = 100_000;
+
+    /// Reads and checks a path.
+    ///
+    /// # Errors
+    /// Where the text is no such JSON, or times, positions or yaw make no sense.
+    pub fn from_json(text: &str) -> Result<Self, InsertError> {
+        let path: Self = serde_json::from_str(text)?;
+        path.check()?;
+        Ok(path)
+    }
+
+    fn check(&self) -> Result<(), InsertError> {
+        let fail = |message: String| Err(InsertError::Path(message));
+        if self.keyframes.is_empty() || self.keyframes.len() > Self::MAX_KEYFRAMES {
+            return fail(format!("needs 1 to {} keyframes, has {}", Self::MAX_KEYFRAMES, self.keyframes.len()));
+        }
+        for (i, key) in self.keyframes.iter().enumerate() {
+            let numbers = key.position_m.iter().flatten().chain(key.pixel.iter().flatten());
+            if !numbers.chain([&key.time_s, &key.yaw_deg]).all(|x| x.is_finite()) {
+                return fail(format!("keyframe {i} holds a number that is not finite"));
+            }
+            if key.position_m.is_some() == key.pixel.is_some() {
+                return fail(format!("keyframe {i} needs either \"position_m\" or \"pixel\""));
+            }
+            if i > 0 && key.time_s <= self.keyframes[i - 1].time_s {
+                return fail(format!("keyframe {i} is not later than the one before it"));
+            }
+        }
+        Ok(())
+    }
+
+    /// `frames` placements at equal time steps from the first keyframe to the last, with the given scale.
+    ///
+    /// # Errors
+    /// Where a keyframe's pixel has no surface, or the path makes no sense.
+    pub fn placements(&self, scene: &Scene, scale: f32, frames: usize) -> Result<Vec<Placement>, InsertError> {
+        self.check()?;
+        let keys = self
+            .keyframes
+            .iter()
+            .map(|key| match (key.position_m, key.pixel) {
+                (Some(position), _) => Ok(Placement::at(scene, Vec3::from_array(position.map(|x| x as f32)))),
+                (None, Some([u, v])) => Placement::rest_on_pixel(scene, u, v),
+                (None, None) => Err(InsertError::Path("a keyframe has no position".into())),
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        let (first, last) = (self.keyframes[0].time_s, self.keyframes[keys.len() - 1].time_s);
+        let step = (last - first) / (frames.max(2) - 1) as f64;
+        Ok((0..frames).map(|frame| self.placement_at(&keys, first + step * frame as f64).scaled(scale)).collect())
+    }
+
+    fn placement_at(&self, keys: &[Placement], time_s: f64) -> Placement {
+        let after = self.keyframes.partition_point(|key| key.time_s <= time_s).clamp(1, keys.len().max(2) - 1);
+        if keys.len() == 1 {
+            return keys[0].turned(self.keyframes[0].yaw_deg.to_radians() as f32);
+        }
+        let (a, b) = (after - 1, after);
+        let t = ((time_s - self.keyframes[a].time_s) / (self.keyframes[b].time_s - self.keyframes[a].time_s))
+            .clamp(0.0, 1.0);
+        let value = |i: usize| {
+            let [x, y, z] = keys[i].position_m.to_array().map(f64::from);
+            [x, y, z, self.keyframes[i].yaw_deg]
+        };
+        let mixed: [f64; 4] = std::array::from_fn(|channel| {
+            let (p, q) = (value(a)[channel], value(b)[channel]);
+            match self.interpolation {
+                Interpolation::Linear => p + (q - p) * t,
+                Interpolation::CatmullRom => {
+                    let span = self.keyframes[b].time_s - self.keyframes[a].time_s;
+                    let tangent = |i: usize| {
+                        let (before, next) = (i.saturating_sub(1), (i + 1).min(keys.len() - 1));
+                        let seconds = self.keyframes[next].time_s - self.keyframes[before].time_s;
+                        (value(next)[channel] - value(before)[channel]) / seconds * span
+                    };
+                    hermite(p, tangent(a), q, tangent(b), t)
+                }
+            }
+        });
+        let near = if t < 0.5 { keys[a] } else { keys[b] };
+        let up = keys[a].up.lerp(keys[b].up, t as f32).normalize_or(near.up);
+        let position_m = Vec3::new(mixed[0] as f32, mixed[1] as f32, mixed[2] as f32);
+        Placement { position_m, yaw_rad: mixed[3].to_radians() as f32, up, ..near }
+    }
+}
+
+/// Cubic with values `p`, `q` and slopes `dp`, `dq` at 0 and 1.
+fn hermite(p: f64, dp: f64, q: f64, dq: f64, t: f64) -> f64 {
+    let (t2, t3) = (t * t, t * t * t);
+    p * (2.0 * t3 - 3.0 * t2 + 1.0) + dp * (t3 - 2.0 * t2 + t) + q * (3.0 * t2 - 2.0 * t3) + dq * (t3 - t2)
+}

@@ -1,0 +1,94 @@
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use lo_geometry::Vec3;
+use lo_imaging::Image;
+
+use crate::surface::{Surface, SurfaceMap};
+
+/// Patterns of the interleaving (Keller and Heidrich 2001): the pixels of a 4 × 4 block use as many disjoint sample patterns, and a
+/// filter over [`Receivers::neighbours`] takes each in equal parts on a plane, which leaves no pattern and no noise.
+pub(crate) const PATTERNS: usize = 16;
+
+/// Order in which a 4 × 4 block uses the patterns: neighbours differ much (Bayer 1973).
+const BAYER: [usize; PATTERNS] = [0, 8, 2, 10, 12, 4, 14, 6, 3, 11, 1, 9, 15, 7, 13, 5];
+
+/// Points further from a pixel's tangent plane than this share of its depth belong to another surface.
+pub(crate) const SAME_SURFACE: f32 = 0.02;
+
+/// Real surfaces that light falls on, on a pixel grid of their own.
+pub(crate) struct Receivers {
+    pub map: SurfaceMap,
+    pub surfaces: Image<Option<Surface>>,
+    /// For each pixel the places of the 5 × 5 around it that are [`Receivers::neighbours`]; 0: not asked for yet.
+    masks: Vec<AtomicU32>,
+}
+
+/// The sample pattern of the pixel in column `x` and row `y` of an interleaved grid.
+pub(crate) fn pattern_at(x: usize, y: usize) -> usize {
+    BAYER[(y % 4) * 4 + x % 4]
+}
+
+impl Receivers {
+    pub fn new(map: SurfaceMap) -> Self {
+        let surfaces = Image::from_fn(map.width(), map.height(), |x, y| map.pixel(x, y));
+        let masks = surfaces.pixels().iter().map(|_| AtomicU32::new(0)).collect();
+        Self { map, surfaces, masks }
+    }
+
+    pub fn width(&self) -> usize {
+        self.map.width()
+    }
+
+    pub fn height(&self) -> usize {
+        self.map.height()
+    }
+
+    /// The pixels on the same surface among the 5 × 5 around `(x, y)` on the grid of every `stride`-th pixel, with weights: the
+    /// outer ones count half, so each pattern weighs the same, 1 in sum.
+    pub fn neighbours(&self, x: usize, y: usize, stride: usize) -> impl Iterator<Item = (usize, usize, f32)> {
+        let centre = self.surfaces[(x, y)];
+        let tolerance_m = SAME_SURFACE * self.map.depth_m[(x, y)];
+        let on_grid = move |at: usize, step: isize, limit: usize| {
+            (at / stride).checked_add_signed(step).map(|cell| cell * stride).filter(|&at| at < limit)
+        };
+        (-2isize..=2).flat_map(|dy| (-2isize..=2).map(move |dx| (dx, dy))).filter_map(move |(dx, dy)| {
+            let (px, py) = (on_grid(x, dx, self.width())?, on_grid(y, dy, self.height())?);
+            let (centre, other) = (centre?, self.surfaces[(px, py)]?);
+            let off_plane_m = centre.normal.dot(other.position_m - centre.position_m).abs();
+            if off_plane_m > tolerance_m || centre.normal.dot(other.normal) < 0.8 {
+                return None;
+            }
+            Some((px, py, weight_at(dx, dy)))
+        })
+    }
+
+    /// Weighted sum of an image over the [`Receivers::neighbours`] of a pixel, and the sum of their weights. Who they are is kept for
+    /// the next frame.
+    pub fn filtered(&self, image: &Image<Vec3>, x: usize, y: usize) -> (Vec3, f32) {
+        let width = self.width();
+        let mask = &self.masks[y * width + x];
+        let mut places = mask.load(Ordering::Relaxed);
+        if places == 0 {
+            for (px, py, _) in self.neighbours(x, y, 1) {
+                places |= 1 << ((py + 2 - y) * 5 + px + 2 - x);
+            }
+            // Another thread sets the same.
+            mask.store(places, Ordering::Relaxed);
+        }
+        let (mut sum, mut total) = (Vec3::ZERO, 0.0);
+        while places != 0 {
+            let place = places.trailing_zeros() as usize;
+            places &= places - 1;
+            let weight = weight_at(place as isize % 5 - 2, place as isize / 5 - 2);
+            sum += image.pixels()[(y + place / 5 - 2) * width + x + place % 5 - 2] * weight;
+            total += weight;
+        }
+        (sum, total)
+    }
+}
+
+/// Weight of the neighbour at an offset of up to two pixels.
+fn weight_at(dx: isize, dy: isize) -> f32 {
+    let along = |offset: isize| if offset.abs() == 2 { 0.25 } else { 0.5 };
+    0.25 * along(dx) * along(dy)
+}

@@ -1,0 +1,245 @@
+//! From light gathered at fragments to the radiance that they send to the camera.
+
+use std::f32::consts::PI;
+
+use lo_bsdf::{GgxSample, MIN_COSINE, MetallicRoughness, fresnel, specular_albedo, transmitted};
+use lo_cone::Cone;
+use lo_events::{Cancelled, OnEvent, Stage};
+use lo_geometry::{Mat3, Ray, Vec3};
+use rayon::prelude::*;
+
+use crate::aperture::{cone_tangent, quantised};
+use crate::blocks::Blocks;
+use crate::environment::Part;
+use crate::gather::{Gatherer, RECEIVERS_PER_TASK, Receiver};
+use crate::look::Look;
+use crate::pattern::hammersley;
+use crate::steps::Steps;
+use crate::visibility::Fragment;
+
+/// Perceptual roughness below which reflections are gathered from the whole environment, and above which light samples take over
+/// the lights; in between both are mixed. Both give the same; the first needs narrow cones, the second wide reflections.
+const LIGHT_SAMPLING_ROUGHNESS: (f32, f32) = (0.3, 0.5);
+
+/// Widest cone of a glossy reflection.
+const MAX_TANGENT: f32 = 0.8;
+
+/// GGX α from which on a reflection takes all specular cones.
+const WIDE_ALPHA: f32 = 0.12;
+
+/// Largest reflectance at normal incidence of surfaces whose reflections neighbouring pixels may share: dielectrics.
+const FAINT_F0: f32 = 0.1;
+
+/// Perceptual roughness above which they may share them.
+const SHARED_ROUGHNESS: f32 = 0.2;
+
+/// Fragments whose reflections one task gathers; the result does not depend on it.
+const FRAGMENTS_PER_TASK: usize = 128;
+
+/// Index of the reflection that a cone belongs to, and its share.
+type Owner = (usize, f32);
+
+/// Shades fragments.
+pub(crate) struct Shader<'a> {
+    pub gatherer: Gatherer<'a>,
+    /// Cones per blurred reflection; 1 takes its dominant direction.
+    pub specular_cones: usize,
+    /// Pixels along the side of the blocks that share gathered diffuse light.
+    pub stride: usize,
+}
+
+/// One reflected direction of a fragment.
+struct Reflection {
+    /// Place of the fragment among those that are worked on together.
+    slot: usize,
+    /// Which sample of the fragment's microfacets it is.
+    sample: usize,
+    direction: Vec3,
+    /// Fresnel and masking.
+    weight: Vec3,
+    tan_half_angle: f32,
+}
+
+impl Shader<'_> {
+    /// Radiance of each fragment towards the camera. Fragments of one pixel lie together.
+    ///
+    /// # Errors
+    /// [`Cancelled`].
+    pub fn shade(&self, fragments: &[Fragment], on_event: OnEvent<'_>) -> Result<Vec<Vec3>, Cancelled> {
+        let looks: Vec<Look> = fragments
+            .par_iter()
+            .map(|f| {
+                let bsdf = MetallicRoughness::new(Vec3::from(f.point.base_color), f.point.metallic, f.point.roughness);
+                let faint = bsdf.f0.max_element() < FAINT_F0 && f.point.roughness > SHARED_ROUGHNESS;
+                let diffuse = bsdf.diffuse != Vec3::ZERO;
+                let gloss = sampled_share(f.point.roughness) > 0.0;
+                Look { bsdf, shares_reflection: self.stride > 1 && faint, diffuse, gloss }
+            })
+            .collect();
+        let blocks = Blocks::new(fragments, &looks, self.stride);
+        let receivers: Vec<Receiver> = blocks.sources.iter().map(|&i| receiver(&fragments[i], &looks[i])).collect();
+        // Reflections: of every fragment, or of the sources of those that share.
+        let mut is_source = vec![false; fragments.len()];
+        for &i in &blocks.sources {
+            is_source[i] = true;
+        }
+        let wanted: Vec<usize> = (0..fragments.len())
+            .filter(|&i| !fragments[i].point.unlit && (is_source[i] || !looks[i].shares_reflection))
+            .collect();
+        let mut steps = Steps::new(on_event, Stage::Shading, receivers.len() + wanted.len());
+        let cones = self.gatherer.directions.len();
+        let gathered = steps.each(receivers.len(), cones, RECEIVERS_PER_TASK, |range| {
+            self.gatherer.gather_parallel(&receivers[range])
+        })?;
+        let means = steps.each(wanted.len(), self.specular_cones, FRAGMENTS_PER_TASK, |range| {
+            let chunks = wanted[range].par_chunks(FRAGMENTS_PER_TASK);
+            chunks.flat_map_iter(|chunk| self.reflected_means(chunk, fragments, &looks)).collect()
+        })?;
+        let mut reflected = vec![Vec3::ZERO; fragments.len()];
+        for (&i, mean) in wanted.iter().zip(means) {
+            reflected[i] = mean;
+        }
+        let shaded = (0..fragments.len())
+            .into_par_iter()
+            .map(|i| {
+                let point = &fragments[i].point;
+                if point.unlit {
+                    return Vec3::from(point.base_color);
+                }
+                let light = blocks.light_of(i, fragments, &looks, &gathered, &reflected);
+                let (bsdf, n_dot_v) = (&looks[i].bsdf, n_dot_v(&fragments[i]));
+                let diffuse = bsdf.diffuse * transmitted(bsdf.f0, n_dot_v) * light.irradiance * (point.occlusion / PI);
+                let specular = light.reflected * specular_albedo(bsdf.f0, bsdf.roughness, n_dot_v);
+                diffuse + specular + light.highlights * sampled_share(point.roughness) + Vec3::from(point.emissive)
+            })
+            .collect();
+        Ok(shaded)
+    }
+
+    /// Mean radiance that the specular layer of each of the `chosen` fragments reflects, without what light samples carry.
+    fn reflected_means(&self, chosen: &[usize], fragments: &[Fragment], looks: &[Look]) -> Vec<Vec3> {
+        let mut reflections: Vec<Reflection> = Vec::with_capacity(chosen.len() * self.specular_cones);
+        for (slot, &i) in chosen.iter().enumerate() {
+            self.reflections(slot, &fragments[i], &looks[i].bsdf, &mut reflections);
+        }
+        // Cones of one aperture next to each other; the sort is stable, so the order does not depend on anything else.
+        reflections.sort_by(|a, b| a.tan_half_angle.total_cmp(&b.tan_half_angle).then(a.sample.cmp(&b.sample)));
+        let radiance = self.reflected(chosen, fragments, &reflections);
+        let mut sums = vec![(Vec3::ZERO, Vec3::ZERO); chosen.len()];
+        for (reflection, radiance) in reflections.iter().zip(radiance) {
+            let (light, weight) = &mut sums[reflection.slot];
+            *light += radiance * reflection.weight;
+            *weight += reflection.weight;
+        }
+        // The mean over the samples is multiplied by the layer's exact albedo: a uniform environment comes out right with any number of cones.
+        sums.iter()
+            .map(|&(light, weight)| {
+                Vec3::select(weight.cmpgt(Vec3::splat(1e-9)), light / weight.max(Vec3::splat(1e-9)), Vec3::ZERO)
+            })
+            .collect()
+    }
+
+    fn reflections(&self, slot: usize, fragment: &Fragment, bsdf: &MetallicRoughness, out: &mut Vec<Reflection>) {
+        let (point, n_dot_v) = (&fragment.point, n_dot_v(fragment));
+        let (ggx, alpha) = (bsdf.ggx(), bsdf.ggx().alpha());
+        let normal = point.shading_normal;
+        let mirror = (2.0 * normal.dot(fragment.view) * normal - fragment.view).normalize_or(normal);
+        if self.specular_cones == 1 || alpha < 0.002 {
+            // Reflections of rough surfaces lean towards the normal (Lagarde and de Rousiers 2014, 4.9.3).
+            let smooth = 1.0 - alpha;
+            let lean = smooth * (smooth.sqrt() + alpha);
+            let direction = above(normal.lerp(mirror, lean).normalize_or(normal), point.geometric_normal);
+            // The top-hat cone that is as dense as the reflection's peak, 1 / (4 π α²) seen along the normal.
+            let tan_half_angle = quantised(cone_tangent(4.0 * PI * alpha * alpha).min(MAX_TANGENT));
+            out.push(Reflection { slot, sample: 0, direction, weight: Vec3::ONE, tan_half_angle });
+            return;
+        }
+        let tangent =
+            (fragment.view - normal * normal.dot(fragment.view)).normalize_or(normal.any_orthonormal_vector());
+        let frame = Mat3::from_cols(tangent, normal.cross(tangent), normal);
+        let view = Vec3::new((1.0 - n_dot_v * n_dot_v).max(0.0).sqrt(), 0.0, n_dot_v);
+        // A narrow reflection is filled by few cones.
+        let count = (self.specular_cones as f32 * (alpha / WIDE_ALPHA).min(1.0)).ceil().max(3.0) as usize;
+        for i in 0..count {
+            let GgxSample { light: direction, v_dot_h, weight, pdf_per_sr } = ggx.sample(view, hammersley(i, count));
+            if weight <= 0.0 {
+                continue;
+            }
+            let solid_angle = 1.0 / (count as f32 * pdf_per_sr);
+            out.push(Reflection {
+                slot,
+                sample: i,
+                direction: above(frame * direction, point.geometric_normal),
+                weight: fresnel(bsdf.f0, v_dot_h) * weight,
+                tan_half_angle: quantised(cone_tangent(solid_angle).min(MAX_TANGENT)),
+            });
+        }
+    }
+
+    /// Radiance from each reflected direction: the object itself, or the environment.
+    fn reflected(&self, chosen: &[usize], fragments: &[Fragment], reflections: &[Reflection]) -> Vec<Vec3> {
+        let gatherer = &self.gatherer;
+        let mut radiance = vec![Vec3::ZERO; reflections.len()];
+        // What is asked of the environment: with its lights, and without.
+        let mut asked: [(Vec<Cone>, Vec<Owner>); 2] = Default::default();
+        for (i, reflection) in reflections.iter().enumerate() {
+            let point = &fragments[chosen[reflection.slot]].point;
+            let origin = gatherer.ray_start(point.position, point.geometric_normal);
+            let ray = Ray { origin, direction: reflection.direction };
+            if let Some(hit) = gatherer.object.closest(&ray, f32::INFINITY) {
+                if let Some(radiosity) = gatherer.radiosity {
+                    let footprint_m = hit.distance_m * reflection.tan_half_angle;
+                    let point = gatherer.object.surface(&ray, &hit, footprint_m);
+                    radiance[i] = radiosity.radiance_of(gatherer.object, &point);
+                }
+                continue;
+            }
+            let origin = gatherer.environment.lifted(point.position, gatherer.object.support);
+            let cone = Cone { origin, direction: reflection.direction, tan_half_angle: reflection.tan_half_angle };
+            let sampled = if gatherer.environment.lights().is_empty() { 0.0 } else { sampled_share(point.roughness) };
+            for (part, share) in [1.0 - sampled, sampled].into_iter().enumerate().filter(|(_, share)| *share > 0.0) {
+                asked[part].0.push(cone);
+                asked[part].1.push((i, share));
+            }
+        }
+        let mut samples = Vec::new();
+        for (part, (cones, owners)) in [Part::Whole, Part::Dimmed].into_iter().zip(&asked) {
+            gatherer.environment.gather(part, cones, &mut samples);
+            for ((cone, sample), &(i, share)) in cones.iter().zip(&samples).zip(owners) {
+                radiance[i] += gatherer.shadowed(cone, sample) * share;
+            }
+        }
+        radiance
+    }
+}
+
+fn n_dot_v(fragment: &Fragment) -> f32 {
+    fragment.point.shading_normal.dot(fragment.view).clamp(MIN_COSINE, 1.0)
+}
+
+fn receiver(fragment: &Fragment, look: &Look) -> Receiver {
+    let point = &fragment.point;
+    if point.unlit || !look.gathers() {
+        return Receiver::dark();
+    }
+    let gloss = look.gloss.then_some((fragment.view, look.bsdf));
+    let (position, normal, geometric_normal) = (point.position, point.shading_normal, point.geometric_normal);
+    Receiver { position, normal, geometric_normal, diffuse: look.diffuse, gloss }
+}
+
+/// Share of the lights' highlight that comes from light samples.
+fn sampled_share(roughness: f32) -> f32 {
+    let (low, high) = LIGHT_SAMPLING_ROUGHNESS;
+    let t = ((roughness - low) / (high - low)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// A direction that does not go into the triangle that it starts from.
+fn above(direction: Vec3, geometric_normal: Vec3) -> Vec3 {
+    let depth = geometric_normal.dot(direction);
+    if depth >= 0.01 {
+        direction
+    } else {
+        (direction + geometric_normal * (0.01 - depth)).normalize_or(geometric_normal)
+    }
+}

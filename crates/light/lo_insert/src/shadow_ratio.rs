@@ -1,0 +1,141 @@
+use lo_geometry::Vec3;
+use lo_imaging::Image;
+
+use crate::receivers::{Receivers, SAME_SURFACE};
+use crate::surface::bilinear;
+
+/// Holes up to twice this many pixels wide take the shadow of their surroundings.
+const HOLE_FILL: usize = 6;
+
+/// Factors that differ by less than this need no look at the surfaces that they belong to: half a level of an 8-bit picture.
+const ALIKE: f32 = 0.004;
+
+/// The factor that an object's shadow and bounced light put on each pixel of some [`Receivers`].
+pub(crate) struct ShadowRatio<'a> {
+    receivers: &'a Receivers,
+    ratio: Image<Vec3>,
+    /// How to read between each pixel, the next one, and the two below.
+    blends: Image<Blend>,
+}
+
+/// How the factors of four neighbouring pixels are mixed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Blend {
+    /// All are 1.
+    One,
+    /// They are alike: by place alone.
+    ByPlace,
+    /// By place and by the surface that is seen there.
+    BySurface,
+}
+
+impl<'a> ShadowRatio<'a> {
+    /// With the factor of each pixel; holes take that of their surroundings.
+    pub fn new(receivers: &'a Receivers, mut ratio: Image<Vec3>) -> Self {
+        fill_holes(&mut ratio, receivers);
+        let blends = Image::from_fn(ratio.width(), ratio.height(), |x, y| blend(&ratio, x, y));
+        Self { receivers, ratio, blends }
+    }
+
+    /// Pixels `(left, top, right, bottom)`, the last two exclusive, of a photo of the given size outside of which the factor is 1.
+    pub fn reach(&self, width: usize, height: usize) -> (usize, usize, usize, usize) {
+        let (columns, rows) = (self.ratio.width(), self.ratio.height());
+        let (mut left, mut top, mut right, mut bottom) = (columns, rows, 0, 0);
+        for y in 0..rows {
+            let row = &self.ratio.pixels()[y * columns..(y + 1) * columns];
+            let changed = |ratio: &Vec3| *ratio != Vec3::ONE;
+            if let (Some(first), Some(last)) = (row.iter().position(changed), row.iter().rposition(changed)) {
+                (left, right) = (left.min(first), right.max(last + 1));
+                (top, bottom) = (top.min(y), y + 1);
+            }
+        }
+        // A pixel looks at the four around it: up to one beyond on each side.
+        let low = |at: usize, from: usize, to: usize| at.saturating_sub(1) * to / from;
+        let high = |at: usize, from: usize, to: usize| ((at + 1) * to).div_ceil(from).min(to);
+        (low(left, columns, width), low(top, rows, height), high(right, columns, width), high(bottom, rows, height))
+    }
+
+    /// The factor on the real surface at a world point; 1 where the photo does not see it.
+    pub fn at(&self, point: Vec3) -> Vec3 {
+        let map = &self.receivers.map;
+        let (width, height) = (map.width(), map.height());
+        let Some((u, v, _)) = map.camera.project(point) else { return Vec3::ONE };
+        if !((0.0..width as f64).contains(&u) && (0.0..height as f64).contains(&v)) {
+            return Vec3::ONE;
+        }
+        let taps = bilinear(u as f32 - 0.5, v as f32 - 0.5, width, height);
+        let factor = |x: usize, y: usize| {
+            let Some(surface) = self.receivers.surfaces[(x, y)] else { return Vec3::ONE };
+            let off_plane_m = surface.normal.dot(point - surface.position_m).abs();
+            if off_plane_m > 0.05 * map.depth_m[(x, y)] { Vec3::ONE } else { self.ratio[(x, y)] }
+        };
+        taps.iter().map(|&(x, y, weight)| factor(x, y) * weight).sum()
+    }
+
+    /// The factor for a photo pixel at relative position `(u, v)` with the real surface `seen` there.
+    pub fn for_photo(&self, u: f32, v: f32, seen: impl FnOnce() -> Option<Vec3>) -> Vec3 {
+        let (width, height) = (self.ratio.width(), self.ratio.height());
+        let taps = bilinear(u * width as f32 - 0.5, v * height as f32 - 0.5, width, height);
+        match self.blends[(taps[0].0, taps[0].1)] {
+            Blend::One => return Vec3::ONE,
+            Blend::ByPlace => return taps.iter().map(|&(x, y, weight)| self.ratio[(x, y)] * weight).sum(),
+            Blend::BySurface => {}
+        }
+        let point = seen();
+        let mut sum = (Vec3::ZERO, 0.0);
+        for (x, y, weight) in taps {
+            let closeness = match (point, self.receivers.surfaces[(x, y)]) {
+                (Some(point), Some(surface)) => {
+                    let off_plane_m = surface.normal.dot(point - surface.position_m);
+                    let tolerance_m = SAME_SURFACE * self.receivers.map.depth_m[(x, y)];
+                    let closeness = tolerance_m * tolerance_m / (tolerance_m * tolerance_m + off_plane_m * off_plane_m);
+                    (closeness * closeness) * (closeness * closeness)
+                }
+                _ => 1.0,
+            };
+            // A little weight for every tap keeps the sum away from zero.
+            let weight = (weight + 1e-4) * closeness;
+            sum.0 += self.ratio[(x, y)] * weight;
+            sum.1 += weight;
+        }
+        sum.0 / sum.1
+    }
+}
+
+fn blend(ratio: &Image<Vec3>, x: usize, y: usize) -> Blend {
+    let (right, below) = ((x + 1).min(ratio.width() - 1), (y + 1).min(ratio.height() - 1));
+    let factors = [ratio[(x, y)], ratio[(right, y)], ratio[(x, below)], ratio[(right, below)]];
+    if factors == [Vec3::ONE; 4] {
+        return Blend::One;
+    }
+    let (low, high) = factors.iter().fold((factors[0], factors[0]), |(low, high), &f| (low.min(f), high.max(f)));
+    if (high - low).max_element() < ALIKE { Blend::ByPlace } else { Blend::BySurface }
+}
+
+/// Carries the shadow on over small holes of the depth map, ring by ring from their edges.
+fn fill_holes(ratio: &mut Image<Vec3>, receivers: &Receivers) {
+    let (width, height) = (ratio.width(), ratio.height());
+    let mut known = Image::from_fn(width, height, |x, y| receivers.surfaces[(x, y)].is_some());
+    let mut open: Vec<(usize, usize)> =
+        (0..width * height).map(|i| (i % width, i / width)).filter(|&pixel| !known[pixel]).collect();
+    for _ in 0..HOLE_FILL {
+        let mut filled = Vec::new();
+        open.retain(|&(x, y)| {
+            let mut sum = (Vec3::ZERO, 0.0);
+            for py in y.saturating_sub(1)..(y + 2).min(height) {
+                for px in (x.saturating_sub(1)..(x + 2).min(width)).filter(|&px| known[(px, py)]) {
+                    sum.0 += ratio[(px, py)];
+                    sum.1 += 1.0;
+                }
+            }
+            if sum.1 > 0.0 {
+                filled.push(((x, y), sum.0 / sum.1));
+            }
+            sum.1 == 0.0
+        });
+        for (pixel, value) in filled {
+            ratio[pixel] = value;
+            known[pixel] = true;
+        }
+    }
+}

@@ -1,0 +1,179 @@
+use lo_geometry::{Camera, Vec3};
+use lo_imaging::{DepthMap, Image, Photo};
+use lo_scene::{Frame, Scene};
+use rayon::prelude::*;
+
+use crate::InsertError;
+
+/// Long side at which normals are fitted; finer depth only adds noise to them.
+const NORMAL_SIDE: usize = 480;
+
+/// Pixels around the one that is asked for that its normal depends on, and some more.
+const NORMAL_REACH: usize = 8;
+
+/// A reading's tangent plane stands for it up to this share of its depth before or behind it.
+const PLANE_REACH: f32 = 0.03;
+
+/// The real surfaces that the photo sees: points and normals, at a resolution of its own.
+#[derive(Debug)]
+pub(crate) struct SurfaceMap {
+    pub camera: Camera,
+    pub depth_m: DepthMap,
+    /// Zero where there is no surface.
+    pub normals: Image<Vec3>,
+}
+
+/// A real surface point.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Surface {
+    pub position_m: Vec3,
+    /// Unit normal towards the camera.
+    pub normal: Vec3,
+}
+
+impl SurfaceMap {
+    /// At the resolution at which normals are fitted.
+    pub fn new(frame: &Frame) -> Self {
+        Self::fitted(limited(frame, NORMAL_SIDE))
+    }
+
+    /// [`SurfaceMap::new`] with nothing but holes beyond some pixels around a relative image position.
+    fn near(frame: &Frame, u: f64, v: f64) -> Self {
+        let mut frame = limited(frame, NORMAL_SIDE);
+        let (width, height) = (frame.depth_m.width(), frame.depth_m.height());
+        let (x, y) = ((u * width as f64) as usize, (v * height as f64) as usize);
+        let depth_m = &frame.depth_m;
+        frame.depth_m = Image::from_fn(width, height, |px, py| {
+            let near = px.abs_diff(x) <= NORMAL_REACH && py.abs_diff(y) <= NORMAL_REACH;
+            if near { depth_m[(px, py)] } else { 0.0 }
+        });
+        Self::fitted(frame)
+    }
+
+    fn fitted(frame: Frame) -> Self {
+        let normals = frame.normals().map(|normal| normal.unwrap_or(Vec3::ZERO));
+        Self { camera: frame.camera, depth_m: frame.depth_m, normals }
+    }
+
+    /// The same surfaces with depth at another resolution, its longer side at most `side` and never above the photo's.
+    pub fn resampled(&self, frame: &Frame, side: usize) -> Self {
+        let frame = limited(frame, side);
+        let depth_m = frame.depth_m;
+        let (width, height) = (depth_m.width(), depth_m.height());
+        let rows: Vec<Vec<Vec3>> = (0..height)
+            .into_par_iter()
+            .map(|y| (0..width).map(|x| self.normal_near(x, y, &depth_m)).collect())
+            .collect();
+        let normals = Image::new(width, height, rows.into_iter().flatten().collect());
+        Self { camera: frame.camera, depth_m, normals }
+    }
+
+    /// Normal for pixel `(x, y)` of another depth map of the same view: mean of the neighbours at about the same depth.
+    fn normal_near(&self, x: usize, y: usize, depth_m: &DepthMap) -> Vec3 {
+        let z = depth_m[(x, y)];
+        if z <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let u = (x as f32 + 0.5) / depth_m.width() as f32 * self.normals.width() as f32 - 0.5;
+        let v = (y as f32 + 0.5) / depth_m.height() as f32 * self.normals.height() as f32 - 0.5;
+        let mut sum = Vec3::ZERO;
+        for (px, py, weight) in bilinear(u, v, self.normals.width(), self.normals.height()) {
+            let other = self.depth_m[(px, py)];
+            let closeness = 1.0 / (1e-4 + ((other - z) / (0.02 * z)).powi(2));
+            sum += self.normals[(px, py)] * ((weight + 1e-3) * closeness);
+        }
+        sum.normalize_or(-self.camera.direction(f64::from(u) + 0.5, f64::from(v) + 0.5))
+    }
+
+    pub fn width(&self) -> usize {
+        self.depth_m.width()
+    }
+
+    pub fn height(&self) -> usize {
+        self.depth_m.height()
+    }
+
+    /// The surface at the centre of a pixel.
+    pub fn pixel(&self, x: usize, y: usize) -> Option<Surface> {
+        let (z, normal) = (self.depth_m[(x, y)], self.normals[(x, y)]);
+        if z <= 0.0 || normal == Vec3::ZERO {
+            return None;
+        }
+        let position_m = self.camera.unproject(x as f64 + 0.5, y as f64 + 0.5, f64::from(z));
+        Some(Surface { position_m, normal })
+    }
+
+    /// The surface at a relative image position in [0, 1]²: on the plane of the nearest pixel, `None` at holes.
+    pub fn at(&self, u: f64, v: f64) -> Option<Surface> {
+        let (x, y) = self.nearest(u, v)?;
+        let surface = self.pixel(x, y)?;
+        let direction = self.camera.unproject(u * self.width() as f64, v * self.height() as f64, 1.0);
+        // On the tangent plane, except where that would run away from the reading (nearly edge-on).
+        let distance = surface.normal.dot(surface.position_m) / surface.normal.dot(direction);
+        let z = self.depth_m[(x, y)];
+        let distance = if (distance - z).abs() < PLANE_REACH * z { distance } else { z };
+        Some(Surface { position_m: direction * distance, ..surface })
+    }
+
+    /// A depth in metres that lies before [`SurfaceMap::at`] at the same place; infinite at holes.
+    pub fn depth_before_m(&self, u: f64, v: f64) -> f32 {
+        let reading_m = self.nearest(u, v).map_or(0.0, |pixel| self.depth_m[pixel]);
+        if reading_m > 0.0 { (1.0 - 2.0 * PLANE_REACH) * reading_m } else { f32::INFINITY }
+    }
+
+    /// The pixel that contains a relative image position.
+    fn nearest(&self, u: f64, v: f64) -> Option<(usize, usize)> {
+        let (x, y) = (u * self.width() as f64, v * self.height() as f64);
+        let inside = x >= 0.0 && y >= 0.0 && x < self.width() as f64 && y < self.height() as f64;
+        inside.then_some((x as usize, y as usize))
+    }
+}
+
+/// The real surface seen at photo position `(u, v)`, pixel centres at +0.5: position in world metres and unit normal towards the
+/// camera.
+///
+/// The reading is that of the depth map at 480 pixels on the long side at most, which smooths noise; a flying pixel counts as none.
+///
+/// # Errors
+/// Outside of the photo, and where the depth map has no reading.
+pub fn surface_at_pixel(scene: &Scene, u: f64, v: f64) -> Result<(Vec3, Vec3), InsertError> {
+    let (width, height) = (scene.frame.photo.width(), scene.frame.photo.height());
+    let inside = (0.0..width as f64).contains(&u) && (0.0..height as f64).contains(&v);
+    if !inside {
+        return Err(InsertError::PixelOutside { u, v, width, height });
+    }
+    let (relative_u, relative_v) = (u / width as f64, v / height as f64);
+    let map = SurfaceMap::near(&without_photo(&scene.frame).without_flying_pixels(), relative_u, relative_v);
+    let surface = map.at(relative_u, relative_v).ok_or(InsertError::NoDepth { u, v })?;
+    Ok((surface.position_m, surface.normal))
+}
+
+/// Camera and depth alone, behind a photo of one pixel: surfaces do not depend on the photo, and resampling it takes longer than
+/// all that is done with the depth.
+pub(crate) fn without_photo(frame: &Frame) -> Frame {
+    let photo = Photo::Srgb8(Image::new(1, 1, vec![[0; 3]]));
+    Frame { camera: frame.camera, photo, depth_m: frame.depth_m.clone(), exposure: frame.exposure }
+}
+
+/// A frame [`without_photo`], its depth at the photo's size shrunk until the longer side is at most `side`.
+fn limited(frame: &Frame, side: usize) -> Frame {
+    let (width, height) = (f64::from(frame.camera.width), f64::from(frame.camera.height));
+    let scale = (side as f64 / width.max(height)).min(1.0);
+    let scaled = |length: f64| ((length * scale).round() as usize).max(1);
+    let (width, height) = (scaled(width), scaled(height));
+    Frame {
+        camera: frame.camera.resized(width as u32, height as u32),
+        photo: frame.photo.clone(),
+        depth_m: lo_imaging::resize_depth(&frame.depth_m, width, height),
+        exposure: frame.exposure,
+    }
+}
+
+/// The up to four pixels around `(u, v)` (pixel centres at integers) with their bilinear weights, clamped to the image.
+pub(crate) fn bilinear(u: f32, v: f32, width: usize, height: usize) -> [(usize, usize, f32); 4] {
+    let (u, v) = (u.clamp(0.0, (width - 1) as f32), v.clamp(0.0, (height - 1) as f32));
+    let (x, y) = (u as usize, v as usize);
+    let (fx, fy) = (u - x as f32, v - y as f32);
+    let (x1, y1) = ((x + 1).min(width - 1), (y + 1).min(height - 1));
+    [(x, y, (1.0 - fx) * (1.0 - fy)), (x1, y, fx * (1.0 - fy)), (x, y1, (1.0 - fx) * fy), (x1, y1, fx * fy)]
+}

@@ -1,0 +1,286 @@
+//! Which parts of the object the photo shows: sub-pixel coverage, transparent layers, and the photo's own surfaces in front.
+
+use lo_geometry::{Camera, Ray, Vec2, Vec3};
+use lo_mesh::{Hit, SurfacePoint};
+
+use crate::object::Object;
+use crate::pattern::hammersley;
+use crate::surface::SurfaceMap;
+
+/// Side of the square tiles that one task renders.
+pub(crate) const TILE: usize = 32;
+
+/// Layers of a transparent object that a ray goes through.
+const MAX_LAYERS: usize = 8;
+
+/// Shading points of one pixel.
+const MAX_FRAGMENTS: usize = 6;
+
+/// A real surface hides what lies behind its tangent plane by more than this: depth noise must not bite into an object that
+/// touches it. Metres, and metres per metre of depth.
+const OCCLUSION_BIAS: (f32, f32) = (0.004, 0.005);
+
+/// The same where depth was predicted: floors and desks are wavy then.
+const PREDICTED_OCCLUSION_BIAS: (f32, f32) = (0.01, 0.025);
+
+/// A visible piece of the object within one pixel.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Fragment {
+    /// Pixel column and row.
+    pub pixel: (usize, usize),
+    /// Share of the pixel that it covers, after everything in front of it.
+    pub weight: f32,
+    /// Unit vector towards the camera.
+    pub view: Vec3,
+    pub point: SurfacePoint,
+    depth_m: f32,
+    normal: Vec3,
+}
+
+/// What a tile shows of the object.
+#[derive(Debug, Default)]
+pub(crate) struct TileView {
+    pub fragments: Vec<Fragment>,
+    /// Pixel and share of it where the object is hidden by real surfaces.
+    pub hidden: Vec<((usize, usize), f32)>,
+}
+
+/// `count` places in a pixel, in [0, 1)²; the most central first, because the first one that meets a surface is shaded, then
+/// each as far as can be from those before it, so that the first half covers the pixel too.
+pub(crate) fn coverage_pattern(count: usize) -> Vec<Vec2> {
+    let mut places: Vec<Vec2> = (0..count).map(|i| hammersley(i, count)).collect();
+    for next in 0..count {
+        let (before, rest) = places.split_at_mut(next);
+        let nearest =
+            |place: &Vec2| before.iter().map(|other| other.distance_squared(*place)).fold(f32::INFINITY, f32::min);
+        let off_centre = |place: &Vec2| -place.distance_squared(Vec2::splat(0.5));
+        let gain = |place: &Vec2| if next == 0 { off_centre(place) } else { nearest(place) };
+        if let Some(best) = (0..rest.len()).max_by(|&a, &b| gain(&rest[a]).total_cmp(&gain(&rest[b]))) {
+            rest.swap(0, best);
+        }
+    }
+    places
+}
+
+/// Where pixels are content with fewer samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Thrift {
+    /// Nowhere.
+    None,
+    /// Where the first half of the samples show the same.
+    HalfAgree,
+    /// One sample where the neighbours show about the same; what is thinner than a pixel may be missed.
+    InsideOutline,
+}
+
+/// Casts the camera's rays.
+pub(crate) struct Viewer<'a> {
+    /// In pixels of the photo.
+    pub camera: Camera,
+    pub object: &'a Object<'a>,
+    pub surfaces: &'a SurfaceMap,
+    /// Whether the surfaces' depth was predicted from the photo.
+    pub predicted_depth: bool,
+    /// Places of the samples within a pixel, see [`coverage_pattern`].
+    pub samples: &'a [Vec2],
+    pub thrift: Thrift,
+}
+
+/// What the ray through a pixel's centre meets, for comparison with its neighbours.
+#[derive(Clone, Copy)]
+struct Probe {
+    hit: Hit,
+    ray: Ray,
+    depth_m: f32,
+    hidden: bool,
+}
+
+impl Viewer<'_> {
+    /// Photo pixels `(left, top, right, bottom)`, the last two exclusive, outside of which the object is not seen.
+    pub fn window(&self) -> Option<(usize, usize, usize, usize)> {
+        let (width, height) = (f64::from(self.camera.width), f64::from(self.camera.height));
+        let corners = self.object.corners();
+        if corners.iter().all(|corner| corner.z >= 0.0) {
+            return None;
+        }
+        let (mut low, mut high) = ((f64::INFINITY, f64::INFINITY), (f64::NEG_INFINITY, f64::NEG_INFINITY));
+        for corner in corners {
+            // Partly behind the camera: anywhere in the picture.
+            let Some((u, v, _)) = self.camera.project(corner).filter(|(_, _, z)| *z > 1e-3) else {
+                return Some((0, 0, self.camera.width as usize, self.camera.height as usize));
+            };
+            low = (low.0.min(u), low.1.min(v));
+            high = (high.0.max(u), high.1.max(v));
+        }
+        let inside = |value: f64, limit: f64| value.clamp(0.0, limit) as usize;
+        let window = (
+            inside(low.0.floor() - 1.0, width),
+            inside(low.1.floor() - 1.0, height),
+            inside(high.0.ceil() + 1.0, width),
+            inside(high.1.ceil() + 1.0, height),
+        );
+        (window.0 < window.2 && window.1 < window.3).then_some(window)
+    }
+
+    /// The tile of pixels from `(left, top)` on, ending at `(right, bottom)` at the latest.
+    pub fn tile(&self, (left, top, right, bottom): (usize, usize, usize, usize)) -> TileView {
+        let mut view = TileView::default();
+        let (columns, rows) = (right - left, bottom - top);
+        let stride = columns + 2;
+        let by_neighbours = self.thrift == Thrift::InsideOutline;
+        let probes: Vec<Option<Probe>> = if by_neighbours {
+            (0..stride * (rows + 2))
+                .map(|i| self.probe(left as f64 + (i % stride) as f64 - 0.5, top as f64 + (i / stride) as f64 - 0.5))
+                .collect()
+        } else {
+            Vec::new()
+        };
+        for y in 0..rows {
+            for x in 0..columns {
+                let pixel = (left + x, top + y);
+                if !by_neighbours {
+                    self.pixel(pixel, self.samples.len(), &mut view);
+                    continue;
+                }
+                let centre = (y + 1) * stride + x + 1;
+                let alike = |i: usize| alike(probes[centre], probes[i]);
+                let uniform = [centre - 1, centre + 1].into_iter().all(alike)
+                    && (centre - stride - 1..=centre - stride + 1)
+                        .chain(centre + stride - 1..=centre + stride + 1)
+                        .all(alike);
+                match probes[centre] {
+                    _ if !uniform => self.pixel(pixel, self.samples.len(), &mut view),
+                    Some(probe) if probe.hidden => view.hidden.push((pixel, 1.0)),
+                    Some(probe) if !self.object.has_blend => {
+                        let first = view.fragments.len();
+                        self.add_fragment(pixel, &probe.ray, &probe.hit, 1.0, first, &mut view);
+                    }
+                    Some(_) => self.pixel(pixel, 1, &mut view),
+                    None => {}
+                }
+            }
+        }
+        view
+    }
+
+    fn probe(&self, u: f64, v: f64) -> Option<Probe> {
+        let ray = Ray { origin: Vec3::ZERO, direction: self.camera.direction(u, v) };
+        let hit = self.object.seen(&ray, 0.0)?;
+        let point = ray.at(hit.distance_m);
+        let hidden = self.is_hidden(u, v, point);
+        Some(Probe { hit, ray, depth_m: -point.z, hidden })
+    }
+
+    fn pixel(&self, pixel: (usize, usize), samples: usize, view: &mut TileView) {
+        let first = view.fragments.len();
+        let mut hidden = 0.0;
+        for i in 0..samples {
+            if self.thrift == Thrift::HalfAgree
+                && 2 * i == samples
+                && self.agree(i, samples, hidden, &mut view.fragments[first..])
+            {
+                hidden *= 2.0;
+                break;
+            }
+            let offset = if samples == 1 { Vec2::splat(0.5) } else { self.samples[i] };
+            let (u, v) = (pixel.0 as f64 + f64::from(offset.x), pixel.1 as f64 + f64::from(offset.y));
+            let ray = Ray { origin: Vec3::ZERO, direction: self.camera.direction(u, v) };
+            let mut free = 1.0 / samples as f32;
+            let mut from_m = 0.0;
+            for _ in 0..MAX_LAYERS {
+                let Some(hit) = self.object.seen(&ray, from_m) else { break };
+                if self.is_hidden(u, v, ray.at(hit.distance_m)) {
+                    hidden += free;
+                    break;
+                }
+                free -= self.add_fragment(pixel, &ray, &hit, free, first, view);
+                from_m = hit.distance_m;
+                if free * samples as f32 <= 1.0 / 256.0 {
+                    break;
+                }
+            }
+        }
+        if hidden > 0.0 {
+            view.hidden.push((pixel, hidden));
+        }
+    }
+
+    /// Whether the first `done` of a pixel's samples show the same: nothing, something hidden, or one opaque surface, whose
+    /// weight then stands for all samples.
+    fn agree(&self, done: usize, samples: usize, hidden: f32, own: &mut [Fragment]) -> bool {
+        let all = done as f32 / samples as f32 - 1e-4;
+        match own {
+            [] => hidden == 0.0 || hidden > all,
+            [fragment] if fragment.point.alpha == 1.0 && fragment.weight > all => {
+                fragment.weight = 1.0;
+                true
+            }
+            _ => false,
+        }
+    }
+
+    /// Adds to a fragment of the same pixel that looks about the same, or makes a new one; returns the share of the pixel, of the
+    /// `free` one, that it covers.
+    fn add_fragment(
+        &self,
+        pixel: (usize, usize),
+        ray: &Ray,
+        hit: &Hit,
+        free: f32,
+        first: usize,
+        view: &mut TileView,
+    ) -> f32 {
+        let normal = self.object.triangle_normal(hit.triangle);
+        let depth_m = -ray.at(hit.distance_m).z;
+        let own = &mut view.fragments[first..];
+        let same = |f: &Fragment| (f.depth_m - depth_m).abs() < 0.02 * depth_m && f.normal.dot(normal) > 0.8;
+        let mut found = own.iter().position(same);
+        if found.is_none() && own.len() >= MAX_FRAGMENTS {
+            let distance = |f: &Fragment| (f.depth_m - depth_m).abs();
+            found = (0..own.len()).min_by(|&a, &b| distance(&own[a]).total_cmp(&distance(&own[b])));
+        }
+        if let Some(fragment) = found.map(|index| &mut own[index]).filter(|f| f.point.alpha == 1.0) {
+            fragment.weight += free;
+            return free;
+        }
+        let footprint_m = hit.distance_m * self.camera.pixel_angle_rad();
+        let point = self.object.surface(ray, hit, footprint_m);
+        let weight = free * point.alpha;
+        match found {
+            Some(index) => own[index].weight += weight,
+            None => view.fragments.push(Fragment { pixel, weight, view: -ray.direction, point, depth_m, normal }),
+        }
+        weight
+    }
+
+    /// Whether a real surface stands before a point of the object seen at photo position `(u, v)`. Holes hide nothing.
+    fn is_hidden(&self, u: f64, v: f64, point: Vec3) -> bool {
+        let (width, height) = (f64::from(self.camera.width), f64::from(self.camera.height));
+        if -point.z < self.surfaces.depth_before_m(u / width, v / height) {
+            return false;
+        }
+        let Some(surface) = self.surfaces.at(u / width, v / height) else { return false };
+        let depth_m = -surface.position_m.z;
+        if -point.z <= depth_m {
+            return false;
+        }
+        let (least_m, per_m) = if self.predicted_depth { PREDICTED_OCCLUSION_BIAS } else { OCCLUSION_BIAS };
+        let bias_m = least_m + per_m * depth_m;
+        if surface.normal.dot(point - surface.position_m) > -bias_m {
+            return false;
+        }
+        // The surface that carries the object cannot hide what stands on it, however noisy its depth.
+        let on_support = |plane: &lo_geometry::Plane| {
+            plane.signed_distance_m(surface.position_m).abs() < 3.0 * bias_m && plane.signed_distance_m(point) > -bias_m
+        };
+        !self.object.support.as_ref().is_some_and(on_support)
+    }
+}
+
+fn alike(a: Option<Probe>, b: Option<Probe>) -> bool {
+    match (a, b) {
+        (None, None) => true,
+        (Some(a), Some(b)) => (a.depth_m - b.depth_m).abs() < 0.02 * a.depth_m && a.hidden == b.hidden,
+        _ => false,
+    }
+}

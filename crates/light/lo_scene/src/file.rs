@@ -1,0 +1,256 @@
+//! The scene file.
+
+use std::borrow::Cow;
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{Read, Write};
+use std::path::Path;
+
+use lo_geometry::Camera;
+use lo_imaging::{Image, Photo, write_atomically};
+use lo_octree::{NamedTensor, OctreeHeader, read_tensors, write_tensors};
+use safetensors::{Dtype, SafeTensors, View};
+use serde::{Deserialize, Serialize};
+
+use crate::{Completion, Frame, Room, Scene, SceneError};
+
+/// Version of the file's layout that this crate writes and reads.
+pub const FORMAT_VERSION: u32 = 1;
+
+/// Key in the safetensors `__metadata__` map that holds the JSON block; the only one, because the map has no order.
+const METADATA_KEY: &str = "lightoctree";
+
+/// Longest safetensors header that is parsed; ours have about 10 kB.
+const MAX_HEADER_BYTES: u64 = 1 << 20;
+
+/// Longest file that is read.
+const MAX_FILE_BYTES: u64 = 1 << 33;
+
+/// The JSON block.
+#[derive(Serialize, Deserialize)]
+struct Metadata {
+    format_version: u32,
+    program: String,
+    octree: OctreeHeader,
+    camera: Camera,
+    exposure: f32,
+    completion: Completion,
+    room: Option<Room>,
+    sources: Vec<String>,
+    #[serde(default)]
+    predicted_depth: bool,
+    #[serde(default)]
+    confidence: bool,
+}
+
+impl Scene {
+    /// Writes the scene file, and in it `generator`, the name of the writing program; it appears whole or not at all.
+    ///
+    /// # Errors
+    /// Of the file system, naming the path.
+    pub fn write(&self, path: &Path, generator: &str) -> Result<(), SceneError> {
+        let bytes = self.to_bytes(generator)?;
+        write_atomically(path, |out| out.write_all(&bytes)).map_err(SceneError::Write)
+    }
+
+    /// Reads a scene file.
+    ///
+    /// # Errors
+    /// Of the file system, naming the path, and all of [`Scene::from_bytes`].
+    pub fn read(path: &Path) -> Result<Self, SceneError> {
+        let named = |source| SceneError::Read { path: path.display().to_string(), source };
+        let file = File::open(path).map_err(named)?;
+        let length = file.metadata().map_err(named)?.len();
+        if length > MAX_FILE_BYTES {
+            return Err(SceneError::TooLarge { bytes: length, most: MAX_FILE_BYTES });
+        }
+        let mut bytes = Vec::with_capacity(length as usize);
+        // A pipe or a growing file has no length that could be trusted.
+        file.take(MAX_FILE_BYTES).read_to_end(&mut bytes).map_err(named)?;
+        Self::from_bytes(&bytes)
+    }
+
+    /// The bytes of the scene file. The same scene gives the same bytes. `generator` names the writing program in them.
+    ///
+    /// # Errors
+    /// Only where the scene is larger than the format can hold.
+    pub fn to_bytes(&self, generator: &str) -> Result<Vec<u8>, SceneError> {
+        let (octree, octree_tensors) = write_tensors(&self.light);
+        let metadata = Metadata {
+            format_version: FORMAT_VERSION,
+            program: format!("{generator} {}", env!("CARGO_PKG_VERSION")),
+            octree,
+            camera: self.frame.camera,
+            exposure: self.frame.exposure,
+            completion: self.completion,
+            room: self.room.clone(),
+            sources: self.sources.iter().map(|name| file_name(name)).collect(),
+            predicted_depth: self.predicted_depth,
+            confidence: self.confidence.is_some(),
+        };
+        let json = serde_json::to_string(&metadata).map_err(|e| SceneError::Metadata(e.to_string()))?;
+        let mut tensors: Vec<(String, Tensor)> =
+            octree_tensors.into_iter().map(|tensor| (tensor.name.clone(), Tensor::Octree(tensor))).collect();
+        let depth = &self.frame.depth_m;
+        tensors.push(("depth_m".to_owned(), Tensor::floats(vec![depth.height(), depth.width()], depth.pixels())));
+        let shape = vec![self.frame.photo.height(), self.frame.photo.width(), 3];
+        let photo = match &self.frame.photo {
+            Photo::Srgb8(image) => {
+                Tensor::Plain { dtype: Dtype::U8, shape, bytes: Cow::Borrowed(image.pixels().as_flattened()) }
+            }
+            Photo::Linear(image) => Tensor::floats(shape, image.pixels().as_flattened()),
+        };
+        tensors.push(("photo".to_owned(), photo));
+        if let Some(confidence) = &self.confidence {
+            let bytes = confidence.concat();
+            let tensor = Tensor::Plain { dtype: Dtype::U8, shape: vec![bytes.len()], bytes: Cow::Owned(bytes) };
+            tensors.push(("confidence".to_owned(), tensor));
+        }
+        let map = HashMap::from([(METADATA_KEY.to_owned(), json)]);
+        safetensors::serialize(tensors, Some(map)).map_err(|e| SceneError::Container(e.to_string()))
+    }
+
+    /// Reads the bytes of a scene file.
+    ///
+    /// Everything is checked before it is used; what is allocated stays in proportion to the bytes given.
+    ///
+    /// # Errors
+    /// The first thing that is wrong, by name.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, SceneError> {
+        if let Some(length) = bytes.first_chunk().map(|&length| u64::from_le_bytes(length))
+            && length > MAX_HEADER_BYTES
+        {
+            return Err(SceneError::Container(format!(
+                "its first eight bytes announce a header of {length} bytes, at most {MAX_HEADER_BYTES} are believed"
+            )));
+        }
+        let container = |e: safetensors::SafeTensorError| SceneError::Container(e.to_string());
+        let (_, header) = SafeTensors::read_metadata(bytes).map_err(container)?;
+        let json = header.metadata().as_ref().and_then(|map| map.get(METADATA_KEY));
+        let json = json.ok_or(SceneError::NoMetadata { key: METADATA_KEY })?;
+        // The version alone first: another version may have another layout.
+        #[derive(Deserialize)]
+        struct Version {
+            format_version: u32,
+        }
+        let parse_error = |e: serde_json::Error| SceneError::Metadata(e.to_string());
+        let version: Version = serde_json::from_str(json).map_err(parse_error)?;
+        if version.format_version != FORMAT_VERSION {
+            return Err(SceneError::Version { got: version.format_version, known: FORMAT_VERSION });
+        }
+        let metadata: Metadata = serde_json::from_str(json).map_err(parse_error)?;
+        if !metadata.room.as_ref().is_none_or(Room::is_valid) {
+            return Err(SceneError::Metadata("the room's directions are not of unit length".to_owned()));
+        }
+        let tensors = SafeTensors::deserialize(bytes).map_err(container)?;
+        let frame = Frame::new(read_photo(&tensors)?, read_depth(&tensors)?, metadata.camera, metadata.exposure)?;
+        let light = read_tensors(&tensors, &metadata.octree)?;
+        let sources = metadata.sources.iter().map(|name| file_name(name)).collect();
+        let confidence = metadata.confidence.then(|| read_confidence(&tensors, &light.rgba)).transpose()?;
+        let Metadata { completion, room, predicted_depth, .. } = metadata;
+        Ok(Self { light, frame, completion, room, sources, predicted_depth, confidence })
+    }
+}
+
+fn read_photo(tensors: &SafeTensors<'_>) -> Result<Photo, SceneError> {
+    let (dtype, shape, bytes) = tensor(tensors, "photo")?;
+    match (dtype, shape.as_slice()) {
+        (Dtype::U8, &[height, width, 3]) => Ok(Photo::Srgb8(Image::new(width, height, bytes.as_chunks().0.to_vec()))),
+        (Dtype::F32, &[height, width, 3]) => {
+            let values = floats(bytes);
+            if let Some(index) = values.iter().position(|v| !v.is_finite()) {
+                return Err(SceneError::Value { tensor: "photo", index, value: values[index] });
+            }
+            Ok(Photo::Linear(Image::new(width, height, values.as_chunks().0.to_vec())))
+        }
+        _ => Err(layout("photo", "U8 or F32 [height, width, 3]", dtype, &shape)),
+    }
+}
+
+fn read_depth(tensors: &SafeTensors<'_>) -> Result<Image<f32>, SceneError> {
+    let (dtype, shape, bytes) = tensor(tensors, "depth_m")?;
+    match (dtype, shape.as_slice()) {
+        (Dtype::F32, &[height, width]) => Ok(Image::new(width, height, floats(bytes))),
+        _ => Err(layout("depth_m", "F32 [height, width]", dtype, &shape)),
+    }
+}
+
+/// One value for each of the feature rows `rgba[d]`.
+fn read_confidence(tensors: &SafeTensors<'_>, rgba: &[Vec<[f32; 4]>]) -> Result<Vec<Vec<u8>>, SceneError> {
+    let (dtype, shape, bytes) = tensor(tensors, "confidence")?;
+    let rows: usize = rgba.iter().map(Vec::len).sum();
+    if dtype != Dtype::U8 || shape != [rows] {
+        return Err(layout("confidence", "U8 [feature rows of all depths]", dtype, &shape));
+    }
+    let mut rest = bytes;
+    let depths = rgba.iter().map(|rows| {
+        let (depth, below) = rest.split_at(rows.len());
+        rest = below;
+        depth.to_vec()
+    });
+    Ok(depths.collect())
+}
+
+/// Type, shape and bytes; the bytes are as many as type and shape say, safetensors has seen to that.
+fn tensor<'data>(
+    tensors: &SafeTensors<'data>,
+    name: &'static str,
+) -> Result<(Dtype, Vec<usize>, &'data [u8]), SceneError> {
+    let view = tensors.tensor(name).map_err(|_| SceneError::MissingTensor(name))?;
+    Ok((view.dtype(), view.shape().to_vec(), view.data()))
+}
+
+fn layout(tensor: &'static str, expected: &'static str, dtype: Dtype, shape: &[usize]) -> SceneError {
+    SceneError::Layout { tensor, expected, got: format!("{dtype} {shape:?}") }
+}
+
+fn floats(bytes: &[u8]) -> Vec<f32> {
+    bytes.as_chunks().0.iter().map(|&word| f32::from_le_bytes(word)).collect()
+}
+
+/// What follows the last slash or backslash: scenes travel, folders stay.
+fn file_name(path: &str) -> String {
+    path.rsplit(['/', '\\']).next().unwrap_or_default().to_owned()
+}
+
+enum Tensor<'a> {
+    Octree(NamedTensor),
+    Plain { dtype: Dtype, shape: Vec<usize>, bytes: Cow<'a, [u8]> },
+}
+
+impl Tensor<'_> {
+    fn floats(shape: Vec<usize>, values: &[f32]) -> Self {
+        let bytes = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        Self::Plain { dtype: Dtype::F32, shape, bytes: Cow::Owned(bytes) }
+    }
+}
+
+impl View for Tensor<'_> {
+    fn dtype(&self) -> Dtype {
+        match self {
+            Self::Octree(tensor) => tensor.dtype(),
+            Self::Plain { dtype, .. } => *dtype,
+        }
+    }
+
+    fn shape(&self) -> &[usize] {
+        match self {
+            Self::Octree(tensor) => tensor.shape(),
+            Self::Plain { shape, .. } => shape,
+        }
+    }
+
+    fn data(&self) -> Cow<'_, [u8]> {
+        match self {
+            Self::Octree(tensor) => tensor.data(),
+            Self::Plain { bytes, .. } => Cow::Borrowed(bytes),
+        }
+    }
+
+    fn data_len(&self) -> usize {
+        match self {
+            Self::Octree(tensor) => tensor.data_len(),
+            Self::Plain { bytes, .. } => bytes.len(),
+        }
+    }
+}

@@ -1,0 +1,252 @@
+use lo_geometry::{Camera, Vec3};
+use lo_imaging::{DepthMap, Image, Photo, RadianceImage};
+
+use crate::FrameError;
+use crate::resample;
+
+/// Photo and depth may differ by this much in aspect ratio: 256 × 192 of 1920 × 1440 is exact, 640 × 360 of 640 × 480 is not.
+const ASPECT_TOLERANCE: f64 = 0.02;
+
+/// Fewest readings from which anything about a room can be said.
+const MIN_READINGS: usize = 16;
+
+/// Depths beyond this many metres are no readings: no room is that large, and sensors write such values for "nothing".
+const MAX_DEPTH_M: f32 = 200.0;
+
+/// Median depths below this many metres mean that the depth scale is wrong.
+const MIN_MEDIAN_DEPTH_M: f32 = 0.05;
+
+/// A photo with depth and camera.
+///
+/// Photo and depth show the same field of view; their resolutions may differ until [`Frame::at_resolution`] makes them equal.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// Pinhole camera, in pixels of the photo.
+    pub camera: Camera,
+    /// The photo.
+    pub photo: Photo,
+    /// Depth along the optical axis in metres; 0 where there is no reading.
+    pub depth_m: DepthMap,
+    /// Factor by which linear photo values are multiplied to give radiance (1 unless the user says otherwise).
+    pub exposure: f32,
+}
+
+impl Frame {
+    /// Checks the parts and puts them together.
+    ///
+    /// Zero, negative, NaN and infinite depths and those beyond 200 m become 0, "no reading".
+    ///
+    /// # Errors
+    /// Where the camera is not of the photo's size, the exposure is not positive, photo and depth cannot show the same field
+    /// of view (their aspect ratios differ by more than 2 %), or the depth holds too few or senseless readings.
+    pub fn new(photo: Photo, mut depth_m: DepthMap, camera: Camera, exposure: f32) -> Result<Self, FrameError> {
+        let photo_size = (photo.width(), photo.height());
+        let depth_size = (depth_m.width(), depth_m.height());
+        if (camera.width as usize, camera.height as usize) != photo_size {
+            return Err(FrameError::CameraSize { camera: (camera.width, camera.height), photo: photo_size });
+        }
+        Camera::new(camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)?;
+        if !(exposure.is_finite() && exposure > 0.0) {
+            return Err(FrameError::Exposure(exposure));
+        }
+        if depth_size.0 == 0 || depth_size.1 == 0 {
+            return Err(FrameError::NoReadings { depth: depth_size });
+        }
+        // One pixel of rounding in the shorter side is no mismatch: a 3 × 2 depth map of a 640 × 480 photo cannot be better.
+        let aspect = |(width, height): (usize, usize)| width as f64 / height as f64;
+        let rounding = 1.0 / depth_size.0.min(depth_size.1).min(photo_size.0).min(photo_size.1) as f64;
+        if (aspect(depth_size) / aspect(photo_size)).ln().abs() > ASPECT_TOLERANCE.max(rounding) {
+            return Err(FrameError::AspectRatio { depth: depth_size, photo: photo_size });
+        }
+        let given: Vec<f32> = depth_m.pixels().iter().copied().filter(|z| z.is_finite() && *z > 0.0).collect();
+        if given.is_empty() {
+            return Err(FrameError::NoReadings { depth: depth_size });
+        }
+        // Too few and too near are judged by what is kept: a frame that passes must pass again when it is read back.
+        let kept: Vec<f32> = given.iter().copied().filter(|z| *z <= MAX_DEPTH_M).collect();
+        let (found, median_m) = (kept.len(), median(given));
+        if median_m > MAX_DEPTH_M {
+            return Err(FrameError::DepthScale { median_m });
+        }
+        if found < MIN_READINGS {
+            return Err(FrameError::TooFewReadings { found, needed: MIN_READINGS });
+        }
+        let median_m = median(kept);
+        if median_m < MIN_MEDIAN_DEPTH_M {
+            return Err(FrameError::DepthScale { median_m });
+        }
+        for z in depth_m.pixels_mut() {
+            // NaN fails the comparison and goes with the rest.
+            if !(*z > 0.0 && *z <= MAX_DEPTH_M) {
+                *z = 0.0;
+            }
+        }
+        Ok(Self { camera, photo, depth_m, exposure })
+    }
+
+    /// World point seen at the centre of depth pixel `(x, y)`; `None` where there is no reading.
+    pub fn point(&self, x: usize, y: usize) -> Option<Vec3> {
+        let depth_m = self.depth_m[(x, y)];
+        let camera = self.depth_camera();
+        (depth_m > 0.0).then(|| camera.unproject(x as f64 + 0.5, y as f64 + 0.5, f64::from(depth_m)))
+    }
+
+    /// The camera in pixels of the depth map.
+    pub fn depth_camera(&self) -> Camera {
+        self.camera.resized(self.depth_m.width() as u32, self.depth_m.height() as u32)
+    }
+
+    /// Photo, depth and camera at `width` × `height`, the same field of view.
+    ///
+    /// The photo is averaged in linear light over each new pixel's footprint (and becomes [`Photo::Linear`]), or kept as it is
+    /// where it has that size already. The depth is resampled without mixing surfaces ([`lo_imaging::resize_depth`]).
+    ///
+    /// # Panics
+    /// Where photo or depth have no pixels, which [`Frame::new`] does not let through.
+    pub fn at_resolution(&self, width: usize, height: usize) -> Self {
+        let (width, height) = (width.max(1), height.max(1));
+        let photo = resample::photo(&self.photo, width, height);
+        let depth_m = lo_imaging::resize_depth(&self.depth_m, width, height);
+        Self { camera: self.camera.resized(width as u32, height as u32), photo, depth_m, exposure: self.exposure }
+    }
+
+    /// The frame at the resolution that estimation works at: at most 480 pixels on the long side and 153,600 in all, never
+    /// larger than the photo.
+    pub fn working(&self) -> Self {
+        let (width, height) = resample::working_size(&self.photo);
+        self.at_resolution(width, height)
+    }
+
+    /// Linear radiance of each photo pixel: the photo's linear value × exposure, clipped highlights as they are.
+    pub fn radiance(&self) -> RadianceImage {
+        let exposure = self.exposure;
+        match &self.photo {
+            Photo::Srgb8(image) => image.map(|p| p.map(|c| lo_imaging::linear_from_srgb8(c) * exposure)),
+            Photo::Linear(image) => image.map(|p| p.map(|c| if c.is_finite() { c.max(0.0) * exposure } else { 0.0 })),
+        }
+    }
+
+    /// Which photo pixels the sensor clipped: those with a channel at or above 250 of 255 (sRGB).
+    ///
+    /// A linear photo that holds values above 1 is HDR: nothing in it is clipped.
+    pub fn clipped(&self) -> Image<bool> {
+        /// 250 / 255 in linear light.
+        const CLIP_LEVEL: f32 = 0.956;
+        match &self.photo {
+            Photo::Srgb8(image) => image.map(|p| p.iter().any(|&c| c >= 250)),
+            Photo::Linear(image) => {
+                let hdr = image.pixels().iter().flatten().any(|&c| c > 1.0 + 1e-3);
+                image.map(|p| !hdr && p.iter().any(|&c| c >= CLIP_LEVEL))
+            }
+        }
+    }
+}
+
+/// The middle value; `values` must not be empty.
+fn median(mut values: Vec<f32>) -> f32 {
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f32::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    fn photo(width: usize, height: usize) -> Photo {
+        Photo::Srgb8(Image::from_fn(width, height, |x, y| [(x % 256) as u8, (y % 256) as u8, 128]))
+    }
+
+    fn camera(width: usize, height: usize) -> Camera {
+        Camera::from_hfov_deg(70.0, width as u32, height as u32).unwrap()
+    }
+
+    #[test]
+    fn lidar_size_fits_and_another_aspect_does_not() {
+        let depth = |w, h| Image::new(w, h, vec![2.0f32; w * h]);
+        assert!(Frame::new(photo(1920, 1440), depth(256, 192), camera(1920, 1440), 1.0).is_ok());
+        let error = Frame::new(photo(640, 480), depth(640, 360), camera(640, 480), 1.0).unwrap_err().to_string();
+        assert!(error.contains("640 × 360") && error.contains("640 × 480"), "{error}");
+        let error = Frame::new(photo(640, 480), depth(640, 480), camera(320, 240), 1.0).unwrap_err().to_string();
+        assert!(error.contains("320 × 240"), "{error}");
+    }
+
+    #[test]
+    fn senseless_readings_are_named_or_dropped() {
+        let make = |depth: Vec<f32>| Frame::new(photo(8, 8), Image::new(8, 8, depth), camera(8, 8), 1.0);
+        assert!(matches!(make(vec![0.0; 64]), Err(FrameError::NoReadings { .. })));
+        assert!(matches!(make(vec![f32::NAN; 64]), Err(FrameError::NoReadings { .. })));
+        assert!(matches!(make(vec![1571.0; 64]), Err(FrameError::DepthScale { .. })));
+        let mut few = vec![-1.0; 64];
+        few[3] = 2.0;
+        assert!(matches!(make(few), Err(FrameError::TooFewReadings { found: 1, .. })));
+        let mut mixed = vec![2.0; 64];
+        mixed[..4].copy_from_slice(&[f32::NAN, f32::INFINITY, -3.0, 1e30]);
+        let frame = make(mixed).unwrap();
+        assert!((0..4).all(|x| frame.point(x, 0).is_none()) && frame.point(4, 0).is_some());
+        let mut far = vec![2.0; 15];
+        far.extend([250.0; 10]);
+        far.resize(64, 0.0);
+        assert!(matches!(make(far), Err(FrameError::TooFewReadings { found: 15, .. })));
+        // 0.01 m is the median of what is kept, 1 m of all.
+        let near = [vec![0.01; 24], vec![1.0; 20], vec![1e3; 20]].concat();
+        assert!(matches!(make(near), Err(FrameError::DepthScale { median_m: 0.01 })));
+        let nothing = Frame::new(photo(8, 8), Image::new(0, 0, vec![]), camera(8, 8), 1.0);
+        assert!(matches!(nothing, Err(FrameError::NoReadings { .. })));
+        let dark = Frame::new(photo(8, 8), Image::new(8, 8, vec![1.0; 64]), camera(8, 8), 0.0);
+        assert!(matches!(dark, Err(FrameError::Exposure(_))));
+    }
+
+    #[test]
+    fn another_resolution_sees_the_same_points() {
+        // A slanted plane z = 2 / (1 + 0.3 x/z …): inverse depth is affine in the image, so resampling must stay on the plane.
+        let camera = camera(64, 48);
+        let depth = Image::from_fn(64, 48, |x, y| 1.0 / (0.4 + 0.003 * x as f32 + 0.002 * y as f32));
+        let frame = Frame::new(photo(64, 48), depth, camera, 1.0).unwrap();
+        let fit = |p: Vec3| {
+            let (u, v, z) = camera.project(p).unwrap();
+            1.0 / (0.4 + 0.003 * (u - 0.5) + 0.002 * (v - 0.5)) - z
+        };
+        for (w, h) in [(128, 96), (192, 144)] {
+            let other = frame.at_resolution(w, h);
+            for (x, y) in [(20, 30), (64, 40), (101, 77)] {
+                assert!(fit(other.point(x, y).unwrap()).abs() < 1e-3, "{w} × {h}: {x}, {y}");
+            }
+        }
+    }
+
+    #[test]
+    fn working_resolution_is_bounded() {
+        let frame = |w: usize, h: usize| Frame {
+            camera: camera(w, h),
+            photo: photo(w, h),
+            depth_m: Image::new(4, 4, vec![1.0; 16]),
+            exposure: 1.0,
+        };
+        for ((w, h), size) in
+            [((1920, 1440), (452, 339)), ((1920, 1280), (480, 320)), ((100, 10), (100, 10)), ((1, 1), (1, 1))]
+        {
+            let working = frame(w, h).working();
+            assert_eq!((working.photo.width(), working.photo.height()), size);
+            assert_eq!((working.depth_m.width(), working.depth_m.height()), size);
+            assert_eq!((working.camera.width as usize, working.camera.height as usize), size);
+        }
+    }
+
+    #[test]
+    fn clipping_is_a_matter_of_low_range_photos() {
+        let mut frame = Frame {
+            camera: camera(2, 1),
+            photo: Photo::Srgb8(Image::new(2, 1, vec![[255, 10, 10], [249, 249, 249]])),
+            depth_m: Image::new(2, 1, vec![1.0; 2]),
+            exposure: 2.0,
+        };
+        assert_eq!(frame.clipped().pixels(), &[true, false]);
+        assert!((frame.radiance().pixels()[0][0] - 2.0).abs() < 1e-6);
+        frame.photo = Photo::Linear(Image::new(2, 1, vec![[1.0, 0.0, 0.0], [0.9, 0.9, f32::NAN]]));
+        assert_eq!(frame.clipped().pixels(), &[true, false]);
+        assert_eq!(frame.radiance().pixels()[1][2], 0.0);
+        frame.photo = Photo::Linear(Image::new(2, 1, vec![[1.0, 0.0, 0.0], [40.0, 0.9, 0.9]]));
+        assert_eq!(frame.clipped().pixels(), &[false, false]);
+    }
+}

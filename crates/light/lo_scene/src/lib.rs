@@ -1,0 +1,73 @@
+//! The scene: a lighting octree together with the photo, depth and camera that object insertion needs, and its file.
+//!
+//! # The scene file
+//!
+//! One `.safetensors` file, self-contained. Tensors (little-endian):
+//!
+//! | tensor | type, shape | |
+//! | --- | --- | --- |
+//! | `photo` | U8 `[height, width, 3]` | sRGB, as the photo came, EXIF orientation applied |
+//! | | or F32 `[height, width, 3]` | linear Rec. 709, where the photo had more than 8 bits |
+//! | `depth_m` | F32 `[h, w]` | depth along the optical axis, same field of view, 0 = no reading |
+//! | `octree.d.…` | | the lighting octree, depth by depth: see [`lo_octree::write_tensors`] |
+//! | `confidence` | U8 `[rows]` | only where a network completed the scene: of each feature row of the octree, depth by depth, 255 = sure |
+//!
+//! Under the key `lightoctree` of safetensors' `__metadata__` lies one JSON block: `format_version` (1), `program`,
+//! `octree` (`format_version`, `depth`, `full_depth`, `cube` with `origin_m` and `edge_m`), `camera` (`fx fy cx cy width height`, pixels of the photo),
+//! `exposure`, `completion` (`network`, `shell`, `none`), `room` (null, or `up` and `planes`: `side`, `plane` with `normal` and
+//! `offset_m`, `measured`), `sources` (file names without folders), `predicted_depth` (whether `depth_m` was predicted from the photo) and
+//! `confidence` (whether there is a tensor of that name). In Python:
+//!
+//! ```python
+//! from safetensors import safe_open
+//! f = safe_open("room.safetensors", "numpy"); scene = __import__("json").loads(f.metadata()["lightoctree"])
+//! photo, depth_m, leaves = (f.get_tensor(name) for name in ("photo", "depth_m", f"octree.{scene['octree']['depth']}.rgba"))
+//! ```
+//!
+//! The same scene gives the same bytes. Reading checks everything and names what is wrong.
+
+mod error;
+mod file;
+mod frame;
+mod placement;
+mod resample;
+mod room;
+mod surfel;
+
+use lo_octree::LightOctree;
+
+pub use error::{FrameError, SceneError};
+pub use file::FORMAT_VERSION;
+pub use frame::Frame;
+pub use placement::place_cube;
+pub use resample::working_photo;
+pub use room::{Completion, Room, RoomPlane, Side};
+pub use surfel::Surfel;
+
+/// Everything that `estimate` knows about a room; self-contained.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    /// Radiance of the whole room.
+    pub light: LightOctree,
+    /// The photo with its depth and camera.
+    pub frame: Frame,
+    /// How the unseen part was completed.
+    pub completion: Completion,
+    /// Gravity and the closing planes, where they are known.
+    pub room: Option<Room>,
+    /// Names of the files that the scene was made from, without folders.
+    pub sources: Vec<String>,
+    /// Whether the frame's depth was predicted from the photo instead of measured.
+    pub predicted_depth: bool,
+    /// What a network says of its own work: `confidence[d][row]` of each row of [`LightOctree::rgba`], 255 · e^−ε with the expected
+    /// error ε of log(1 + radiance).
+    pub confidence: Option<Vec<Vec<u8>>>,
+}
+
+impl Scene {
+    /// Of measured depth, with no more light than `light` holds: nothing completed, no sources named.
+    pub fn as_seen(light: LightOctree, frame: Frame) -> Self {
+        let completion = Completion::None;
+        Self { light, frame, completion, room: None, sources: Vec::new(), predicted_depth: false, confidence: None }
+    }
+}

@@ -1,0 +1,174 @@
+//! The scene file: round trip, an independent reader, and damaged files.
+#![allow(clippy::unwrap_used)]
+
+use lo_geometry::{Camera, Cube, Plane, Vec3};
+use lo_imaging::{Image, Photo};
+use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_scene::{Completion, Frame, Room, RoomPlane, Scene, SceneError, Side};
+use proptest::prelude::*;
+
+fn scene(linear: bool) -> Scene {
+    let (width, height) = (12, 8);
+    let photo = if linear {
+        Photo::Linear(Image::from_fn(width, height, |x, y| [x as f32 * 0.37, y as f32, 3.25]))
+    } else {
+        Photo::Srgb8(Image::from_fn(width, height, |x, y| [x as u8, y as u8, 200]))
+    };
+    let depth_m = Image::from_fn(6, 4, |x, y| if x == 2 && y == 1 { 0.0 } else { 1.0 + 0.1 * x as f32 });
+    let camera = Camera::new(10.123_456_789_012_3, 10.2, 6.1, 3.9, width as u32, height as u32).unwrap();
+    let frame = Frame::new(photo, depth_m, camera, 1.25).unwrap();
+    let point = |i: usize| RadiancePoint {
+        position_m: Vec3::new((i * 7 % 31) as f32, (i * 3 % 29) as f32, (i * 5 % 23) as f32) * 0.1 - Vec3::splat(1.0),
+        radiance: [i as f32 * 0.1, 0.5, 2.0],
+        coverage: if i.is_multiple_of(3) { Coverage::Inferred } else { Coverage::Seen },
+    };
+    let points: Vec<RadiancePoint> = (0..40).map(point).collect();
+    let light = LightOctree::from_points(&points, Cube::centred(Vec3::ZERO, 5.3), 4, 2).unwrap().0;
+    let plane = Plane { normal: Vec3::Y, offset_m: -1.51 };
+    let room = Room { up: Vec3::Y, planes: vec![RoomPlane { side: Side::Floor, plane, measured: true }] };
+    Scene {
+        light,
+        frame,
+        completion: Completion::Shell,
+        room: Some(room),
+        sources: vec!["/home/somebody/photo.jpg".to_owned(), "C:\\pictures\\depth.png".to_owned()],
+        predicted_depth: false,
+        confidence: None,
+    }
+}
+
+#[test]
+fn a_scene_comes_back_and_gives_the_same_bytes() {
+    for linear in [false, true] {
+        let scene = scene(linear);
+        let bytes = scene.to_bytes(lo_imaging::GENERATOR).unwrap();
+        let back = Scene::from_bytes(&bytes).unwrap();
+        assert_eq!(back.sources, ["photo.jpg", "depth.png"]);
+        assert_eq!(Scene { sources: scene.sources.clone(), ..back.clone() }, scene);
+        assert_eq!(back.to_bytes(lo_imaging::GENERATOR).unwrap(), bytes);
+        assert_eq!(scene.to_bytes(lo_imaging::GENERATOR).unwrap(), bytes);
+    }
+}
+
+#[test]
+fn files_appear_whole_and_errors_name_the_path() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("room.safetensors");
+    let scene = scene(false);
+    scene.write(&path, lo_imaging::GENERATOR).unwrap();
+    assert_eq!(Scene::read(&path).unwrap().light, scene.light);
+    let missing = Scene::read(&folder.path().join("none")).unwrap_err().to_string();
+    assert!(missing.contains("none"), "{missing}");
+    assert!(scene.write(&folder.path().join("no/folder.safetensors"), lo_imaging::GENERATOR).is_err());
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+#[test]
+fn what_networks_say_of_their_work_comes_back() {
+    let mut scene = scene(false);
+    let rows = scene.light.rgba.iter().map(Vec::len);
+    let confidence = rows.map(|rows| (0..rows).map(|row| (7 * row) as u8).collect()).collect();
+    (scene.predicted_depth, scene.confidence) = (true, Some(confidence));
+    let bytes = scene.to_bytes(lo_imaging::GENERATOR).unwrap();
+    let back = Scene::from_bytes(&bytes).unwrap();
+    assert_eq!((back.predicted_depth, &back.confidence), (true, &scene.confidence));
+    // in the metadata the quotes are escaped
+    let missing = bytes.windows(12).position(|window| window == b"\"confidence\"").unwrap();
+    let mut damaged = bytes.clone();
+    damaged[missing + 3] = b'x';
+    assert!(matches!(Scene::from_bytes(&damaged), Err(SceneError::MissingTensor("confidence"))));
+    scene.confidence.as_mut().unwrap()[2].pop();
+    let error = Scene::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap_err().to_string();
+    assert!(error.contains("confidence") && error.contains("feature rows"), "{error}");
+}
+
+/// A second reader, from the safetensors format's own description: 8 bytes of length, JSON, data.
+#[test]
+fn the_layout_is_what_the_documentation_says() {
+    let scene = scene(false);
+    let bytes = scene.to_bytes(lo_imaging::GENERATOR).unwrap();
+    let length = u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
+    let header: serde_json::Value = serde_json::from_slice(&bytes[8..8 + length]).unwrap();
+    let data = |name: &str| {
+        let range = &header[name]["data_offsets"];
+        &bytes[8 + length + range[0].as_u64().unwrap() as usize..8 + length + range[1].as_u64().unwrap() as usize]
+    };
+    let metadata: serde_json::Value =
+        serde_json::from_str(header["__metadata__"]["lightoctree"].as_str().unwrap()).unwrap();
+    assert_eq!(metadata["format_version"], 1);
+    assert_eq!(metadata["camera"]["fx"], 10.123_456_789_012_3);
+    assert_eq!(metadata["octree"]["depth"], 4);
+    assert_eq!(metadata["completion"], "shell");
+    assert_eq!(metadata["room"]["planes"][0]["side"], "floor");
+    assert_eq!(metadata["sources"], serde_json::json!(["photo.jpg", "depth.png"]));
+    assert_eq!(header["photo"]["shape"], serde_json::json!([8, 12, 3]));
+    assert_eq!(header["photo"]["dtype"], "U8");
+    assert_eq!(&data("photo")[3 * 13..3 * 14], &[1, 1, 200]);
+    assert_eq!(header["depth_m"]["shape"], serde_json::json!([4, 6]));
+    assert_eq!(data("depth_m")[4 * 5..4 * 6], 1.5f32.to_le_bytes());
+    let leaves = data("octree.4.rgba");
+    assert_eq!(leaves.len(), scene.light.rgba[4].len() * 16);
+    assert_eq!(leaves[..4], scene.light.rgba[4][0][0].to_le_bytes());
+}
+
+#[test]
+fn truncated_files_are_errors_at_every_length() {
+    let bytes = scene(false).to_bytes(lo_imaging::GENERATOR).unwrap();
+    for length in (0..bytes.len()).step_by(7).chain([bytes.len() - 1]) {
+        assert!(Scene::from_bytes(&bytes[..length]).is_err(), "{length} of {} bytes", bytes.len());
+    }
+}
+
+#[test]
+fn wrong_headers_are_named() {
+    let bytes = scene(false).to_bytes(lo_imaging::GENERATOR).unwrap();
+    let error = |from: &str, to: &str| {
+        assert_eq!(from.len(), to.len());
+        let mut bytes = bytes.clone();
+        let at = bytes.windows(from.len()).position(|window| window == from.as_bytes()).expect(from);
+        bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
+        Scene::from_bytes(&bytes).unwrap_err().to_string()
+    };
+    let cases = [
+        ("{\\\"format_version\\\":1", "{\\\"format_version\\\":7", "version"),
+        ("\"lightoctree\":", "\"lightoctrex\":", "lightoctree"),
+        ("\"photo\":", "\"phot_\":", "photo"),
+        ("\"depth_m\":", "\"depth_x\":", "depth_m"),
+        ("[4,6]", "[6,4]", "aspect"),
+        ("\\\"exposure\\\":1.25", "\\\"exposure\\\":-1.2", "exposure"),
+        ("\\\"fx\\\":10", "\\\"fx\\\":-1", "focal"),
+        ("\\\"depth\\\":4", "\\\"depth\\\":9", "octree"),
+        ("octree.4.rgba", "octree.4.rgbx", "octree.4.rgba"),
+        ("\\\"up\\\":[0.0,1.0,0.0]", "\\\"up\\\":[0.0,9.0,0.0]", "unit"),
+    ];
+    for (from, to, word) in cases {
+        let error = error(from, to);
+        assert!(error.contains(word), "{from} → {to}: {error}");
+    }
+    let huge = [u64::MAX.to_le_bytes().as_slice(), b"{}"].concat();
+    assert!(matches!(Scene::from_bytes(&huge), Err(SceneError::Container(_))));
+    let empty = [2u64.to_le_bytes().as_slice(), b"{}"].concat();
+    assert!(matches!(Scene::from_bytes(&empty), Err(SceneError::NoMetadata { .. })));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(512))]
+
+    #[test]
+    fn flipped_bits_never_panic(flips in prop::collection::vec((0usize..1_000_000, 0u8..8), 1..6), header in any::<bool>()) {
+        let mut bytes = scene(header).to_bytes(lo_imaging::GENERATOR).unwrap();
+        let reach = if header { 6000.min(bytes.len()) } else { bytes.len() };
+        for (at, bit) in flips {
+            bytes[at % reach] ^= 1 << bit;
+        }
+        // Either the damage shows, or it hit a value that may have any content; then the scene must be writable again.
+        if let Ok(scene) = Scene::from_bytes(&bytes) {
+            prop_assert!(scene.to_bytes(lo_imaging::GENERATOR).is_ok());
+        }
+    }
+
+    #[test]
+    fn noise_is_an_error(noise in prop::collection::vec(any::<u8>(), 0..400)) {
+        prop_assert!(Scene::from_bytes(&noise).is_err());
+    }
+}

@@ -1,0 +1,31 @@
+//! How do I get the light at a point as an HDR panorama? `cargo run --release -p lightoctree --example envmap [SCENE [PANORAMA]]`
+//!
+//! The example `estimate` makes the scene.
+
+use std::error::Error;
+use std::path::Path;
+
+use lightoctree::cone::Viewers;
+use lightoctree::geometry::Vec3;
+use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions};
+use lightoctree::scene::Scene;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut args = std::env::args().skip(1);
+    let mut next = |default: &str| args.next().unwrap_or_else(|| default.to_owned());
+    run(next("room.scene").as_ref(), next("panorama.exr").as_ref())
+}
+
+/// Reads, renders, writes.
+pub fn run(scene: &Path, panorama: &Path) -> Result<(), Box<dyn Error>> {
+    let scene = Scene::read(scene)?;
+    // Metres: +X right, +Y up, and the camera in the origin looks along −Z. This is a metre and a half before it.
+    let point = Vec3::new(0.0, 0.0, -1.5);
+    let rendering = Viewers::new(&scene.light).at(point).panorama(point, 512, 256);
+    let options = ExrOptions {
+        generator: "example envmap".to_owned(),
+        environment: Some(EnvironmentLayout::LatitudeLongitude),
+        ..ExrOptions::default()
+    };
+    Ok(imaging::write_radiance(panorama, &rendering.radiance, &options)?)
+}

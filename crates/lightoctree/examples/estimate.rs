@@ -1,0 +1,34 @@
+//! How do I get from a photo to a scene file? `cargo run --release -p lightoctree --example estimate [PHOTO [SCENE]]`
+
+use std::error::Error;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use lightoctree::{EstimateOptions, Estimator, Event, Input, camera_of_photo, imaging};
+
+const PHOTO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../apps/lightoctree-cli/assets/library_color.jpg");
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut args = std::env::args().skip(1);
+    let mut next = |default: &str| args.next().unwrap_or_else(|| default.to_owned());
+    run(next(PHOTO).as_ref(), next("room.scene").as_ref())
+}
+
+/// Reads, estimates, writes.
+pub fn run(photo: &Path, scene: &Path) -> Result<(), Box<dyn Error>> {
+    let photo = imaging::read_photo(photo)?;
+    // From EXIF where there is any; a camera of 65 degrees across else.
+    let (camera, _source) = camera_of_photo(&photo)?;
+    let input = Input::Photo { photo: photo.photo, camera };
+    // Every step says what it does, and the answer decides whether the next one follows.
+    let mut on_event = |event| {
+        match event {
+            Event::Done { stage, took } => eprintln!("{stage:?} in {took:.1?}"),
+            Event::Warning(warning) => eprintln!("{warning:?}"),
+            _ => {}
+        }
+        ControlFlow::Continue(())
+    };
+    let estimated = Estimator::shipped()?.estimate(input, &EstimateOptions::default(), &mut on_event)?;
+    Ok(estimated.write(scene, "example estimate")?)
+}

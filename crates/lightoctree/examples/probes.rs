@@ -1,0 +1,37 @@
+//! How do I get panoramas all over the room, and stop when I have enough? `cargo run --release -p lightoctree --example probes [SCENE [FOLDER]]`
+//!
+//! The example `estimate` makes the scene.
+
+use std::error::Error;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use lightoctree::imaging::{self, ExrOptions};
+use lightoctree::scene::Scene;
+use lightoctree::{Event, probe_grid, render_probes};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut args = std::env::args().skip(1);
+    let mut next = |default: &str| args.next().unwrap_or_else(|| default.to_owned());
+    run(next("room.scene").as_ref(), next("probes").as_ref())
+}
+
+/// Reads, renders, writes.
+pub fn run(scene: &Path, folder: &Path) -> Result<(), Box<dyn Error>> {
+    let scene = Scene::read(scene)?;
+    std::fs::create_dir_all(folder)?;
+    let points = probe_grid(&scene, [2, 1, 2]);
+    let write = |index: usize, rendering: lightoctree::cone::Rendering| -> Result<(), Box<dyn Error>> {
+        let options = ExrOptions { generator: "example probes".to_owned(), ..ExrOptions::default() };
+        let file = folder.join(format!("probe_{index}.exr"));
+        Ok(imaging::write_radiance(file, &rendering.radiance, &options)?)
+    };
+    // `ControlFlow::Break` would end it between two panoramas.
+    let mut on_event = |event: Event| {
+        if let Some(fraction) = event.fraction() {
+            eprintln!("{:.0} %", 100.0 * fraction);
+        }
+        ControlFlow::Continue(())
+    };
+    render_probes(&scene, &points, 64, write, &mut on_event)
+}

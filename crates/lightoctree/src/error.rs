@@ -1,0 +1,38 @@
+use lo_events::Cancelled;
+use lo_nets::light::LightError;
+use lo_octree::OctreeError;
+use lo_scene::FrameError;
+
+/// Why there is no scene.
+#[derive(Debug, thiserror::Error)]
+pub enum EstimateError {
+    /// The octree's depths or cube are impossible.
+    #[error(transparent)]
+    Octree(#[from] OctreeError),
+    /// No pixel has a depth that can be used.
+    #[error("no depth reading is left after flying pixels at depth edges were dropped")]
+    NothingSeen,
+    /// Networks are needed for what was asked for, and none were given.
+    #[error("{0} needs the weights of the networks")]
+    NoNetworks(&'static str),
+    /// The light network makes deeper octrees.
+    #[error("the light network makes octrees of depth {own} at least, not {asked}")]
+    OctreeDepth {
+        /// What was asked for.
+        asked: u32,
+        /// The network's own depth.
+        own: u32,
+    },
+    /// The depth network's output is no number: its weights are damaged.
+    #[error("the depth network's output is not finite: its weights are damaged")]
+    PredictedDepth,
+    /// Photo and predicted depth do not make a frame.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+    /// The handler of events asked for the end.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+    /// The light network failed.
+    #[error(transparent)]
+    Light(#[from] LightError),
+}

@@ -1,0 +1,118 @@
+use std::path::Path;
+
+use lo_events::OnEvent;
+use lo_nets::Networks;
+use lo_nets::checkpoint::CheckpointError;
+use lo_octree::check_depths;
+use lo_scene::{Completion, Scene};
+
+use crate::completed::{Completed, as_seen, by_network, closed};
+use crate::view::View;
+use crate::{DEFAULT_OCTREE_DEPTH, EstimateError, EstimateOptions, Input};
+
+/// From photos, with depth or without, to scenes.
+#[derive(Debug)]
+pub struct Estimator {
+    networks: Option<Networks>,
+}
+
+impl Estimator {
+    /// With the trained networks that this library carries (feature `weights`).
+    ///
+    /// # Errors
+    /// None, unless the library itself is damaged.
+    #[cfg(feature = "weights")]
+    pub fn shipped() -> Result<Self, CheckpointError> {
+        crate::weights::shipped_networks().map(Self::new)
+    }
+
+    /// With the networks of a file of weights.
+    ///
+    /// # Errors
+    /// A file that cannot be read or holds no such networks.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, CheckpointError> {
+        Networks::read(path).map(Self::new)
+    }
+
+    /// With these networks.
+    pub fn new(networks: Networks) -> Self {
+        Self { networks: Some(networks) }
+    }
+
+    /// Without networks: rooms are closed by planes, and photos need depth.
+    pub const fn without_networks() -> Self {
+        Self { networks: None }
+    }
+
+    /// Its networks.
+    pub fn networks(&self) -> Option<&Networks> {
+        self.networks.as_ref()
+    }
+
+    /// From a photo, with depth or without, to a self-contained scene (`docs/method.md`).
+    ///
+    /// The same input, options and weights give the same scene to the bit, on any number of threads. What the photo shows unclipped is in the scene as it
+    /// was seen.
+    ///
+    /// # Errors
+    /// No usable depth, impossible octree depths, networks that are needed and not there, networks whose output is not finite;
+    /// [`Cancelled`](lo_events::Cancelled) where `on_event` breaks off, between two steps.
+    pub fn estimate(
+        &self,
+        input: Input,
+        options: &EstimateOptions,
+        on_event: OnEvent<'_>,
+    ) -> Result<Scene, EstimateError> {
+        let (completion, octree_depth) = self.plan(options)?;
+        let view = View::new(input, self.networks(), on_event)?;
+        let options = &EstimateOptions { up: options.up.or_else(|| view.up()), ..options.clone() };
+        let completed = match completion {
+            How::Network(networks) => by_network(&view, networks, octree_depth, options, on_event)?,
+            How::Shell => closed(&view.working, octree_depth, options, on_event)?,
+            How::None => as_seen(&view.working, octree_depth, options, on_event)?,
+        };
+        let Completed { light, room, confidence } = completed;
+        let View { frame, predicted_depth, .. } = view;
+        let (completion, sources) = (completion.into(), options.sources.clone());
+        Ok(Scene { light, frame, completion, room, sources, predicted_depth, confidence })
+    }
+
+    /// How, and down to which depth: the options are checked before any work, since the shell's closing points grow with 4^depth.
+    fn plan(&self, options: &EstimateOptions) -> Result<(How<'_>, u32), EstimateError> {
+        let mut octree_depth = options.octree_depth.unwrap_or(DEFAULT_OCTREE_DEPTH);
+        let usual = if self.networks.is_some() { Completion::Network } else { Completion::Shell };
+        let how = match options.completion.unwrap_or(usual) {
+            Completion::Network => {
+                let networks = self.networks().ok_or(EstimateError::NoNetworks("completion by a network"))?;
+                let own = networks.config.depth;
+                if let Some(asked) = options.octree_depth.filter(|&asked| asked < own) {
+                    return Err(EstimateError::OctreeDepth { asked, own });
+                }
+                octree_depth = octree_depth.max(own);
+                How::Network(networks)
+            }
+            Completion::Shell => How::Shell,
+            Completion::None => How::None,
+        };
+        check_depths(octree_depth, options.full_depth)?;
+        Ok((how, octree_depth))
+    }
+}
+
+/// How the room is completed, with what that needs.
+#[derive(Clone, Copy)]
+enum How<'a> {
+    Network(&'a Networks),
+    Shell,
+    None,
+}
+
+impl From<How<'_>> for Completion {
+    fn from(how: How<'_>) -> Self {
+        match how {
+            How::Network(_) => Self::Network,
+            How::Shell => Self::Shell,
+            How::None => Self::None,
+        }
+    }
+}

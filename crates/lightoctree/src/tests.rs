@@ -1,0 +1,326 @@
+//! The front door, with untrained networks and without.
+#![allow(clippy::unwrap_used)]
+
+use std::ops::ControlFlow;
+
+use lo_cone::ConeTracer;
+use lo_events::{Event, Stage, Warning};
+use lo_geometry::Camera;
+use lo_imaging::{DepthMap, Image, Photo};
+use lo_nets::checkpoint::Checkpoint;
+use lo_nets::light::LightNetConfig;
+use lo_nets::{Device, Networks};
+use lo_scene::{Completion, Frame, Scene};
+
+use crate::{Cancelled, EstimateError, EstimateOptions, Estimator, Input, add_lamp};
+
+/// A wall two metres away, grey, 96 × 64 pixels.
+fn grey_wall() -> Frame {
+    let photo = Photo::Srgb8(Image::new(96, 64, vec![[128; 3]; 96 * 64]));
+    let depth_m = DepthMap::new(96, 64, vec![2.0; 96 * 64]);
+    Frame::new(photo, depth_m, Camera::from_hfov_deg(65.0, 96, 64).unwrap(), 1.0).unwrap()
+}
+
+#[test]
+fn without_completion_only_the_seen_is_there() {
+    let options = EstimateOptions { completion: Some(Completion::None), ..EstimateOptions::default() };
+    let scene = Estimator::without_networks()
+        .estimate(Input::MeasuredDepth(grey_wall()), &options, &mut lo_events::ignore)
+        .unwrap();
+    // 128 of 255 is 0.2158605 by IEC 61966-2-1
+    for rgba in scene.light.rgba.last().unwrap() {
+        assert!((rgba[0] - 0.215_860_5).abs() < 1e-6, "{rgba:?}");
+    }
+    assert!(scene.light.seen.last().unwrap().iter().all(|&share| share == 255));
+    let edge_m = scene.light.cube.node_edge_m(7);
+    let level = &scene.light.octree.levels()[7];
+    for key in level.row_keys() {
+        let z = scene.light.cube.origin_m.z + lo_octree::xyz_from_key(key)[2] as f32 * edge_m;
+        assert!((-2.0 - edge_m..=-2.0 + edge_m).contains(&z), "a leaf at {z} m");
+    }
+}
+
+#[test]
+fn the_shell_adds_what_is_not_seen_and_says_so() {
+    let mut events = Vec::new();
+    let hear = &mut |event| {
+        events.push(event);
+        ControlFlow::Continue(())
+    };
+    let scene = Estimator::without_networks()
+        .estimate(Input::MeasuredDepth(grey_wall()), &EstimateOptions::default(), hear)
+        .unwrap();
+    assert!(scene.light.seen.last().unwrap().contains(&0));
+    assert_eq!(scene.room.as_ref().unwrap().planes.len(), 6);
+    let stages = events.iter().filter(|event| matches!(event, Event::Done { .. })).count();
+    assert_eq!(stages, 3);
+    // The wall is one of four; neither floor nor ceiling is seen.
+    let planes = Warning::AssumedPlanes { floor: true, ceiling: true, walls: 3 };
+    assert!(events.contains(&Event::Warning(planes)), "{events:?}");
+}
+
+#[test]
+fn what_cannot_be_done_is_an_error() {
+    let network = EstimateOptions { completion: Some(Completion::Network), ..EstimateOptions::default() };
+    let error = |input: Input, options: &EstimateOptions| {
+        Estimator::without_networks().estimate(input, options, &mut lo_events::ignore).unwrap_err()
+    };
+    assert!(matches!(
+        error(Input::MeasuredDepth(grey_wall()), &network),
+        EstimateError::NoNetworks("completion by a network")
+    ));
+    let Frame { photo, camera, .. } = grey_wall();
+    let alone = error(Input::Photo { photo, camera }, &EstimateOptions::default());
+    assert!(matches!(alone, EstimateError::NoNetworks("a photo without depth")));
+    let deep = EstimateOptions { octree_depth: Some(40), ..EstimateOptions::default() };
+    assert!(matches!(error(Input::MeasuredDepth(grey_wall()), &deep), EstimateError::Octree(_)));
+}
+
+const SIZE: (usize, usize) = (96, 64);
+
+fn config() -> LightNetConfig {
+    let small = LightNetConfig { depth: 6, full_depth: 3, channels: 8, max_channels: 16, ..Default::default() };
+    LightNetConfig { blocks: 1, bottleneck: 2, head_channels: 8, global_features: 6, global_channels: 2, ..small }
+}
+
+/// Untrained networks, in which some values are others.
+fn estimator(config: &LightNetConfig, others: &[(&str, &[usize], f32)]) -> Estimator {
+    let mut checkpoint = Checkpoint::default();
+    Networks::new(config, 5, &Device::flex()).unwrap().add_to(&mut checkpoint);
+    for (name, shape, value) in others {
+        checkpoint.insert(name, shape, vec![*value; shape.iter().product()]);
+    }
+    Estimator::new(Networks::from_checkpoint(checkpoint, &Device::flex()).unwrap())
+}
+
+/// A wall two metres away: dark on the left, bright on the right, with a clipped square in the middle.
+fn photo() -> Photo {
+    let clipped = |x: usize, y: usize| (40..56).contains(&x) && (24..40).contains(&y);
+    Photo::Srgb8(Image::from_fn(SIZE.0, SIZE.1, |x, y| match x {
+        _ if clipped(x, y) => [255; 3],
+        0..48 => [60, 50, 40],
+        _ => [128, 140, 150],
+    }))
+}
+
+fn camera() -> Camera {
+    Camera::from_hfov_deg(65.0, SIZE.0 as u32, SIZE.1 as u32).unwrap()
+}
+
+fn wall() -> Frame {
+    Frame::new(photo(), DepthMap::new(SIZE.0, SIZE.1, vec![2.0; SIZE.0 * SIZE.1]), camera(), 1.0).unwrap()
+}
+
+fn alone() -> Input {
+    Input::Photo { photo: photo(), camera: camera() }
+}
+
+fn options() -> EstimateOptions {
+    EstimateOptions { completion: Some(Completion::Network), ..EstimateOptions::default() }
+}
+
+fn estimated(frame: Frame, estimator: &Estimator) -> (Scene, Vec<Event>) {
+    let mut events = Vec::new();
+    let hear = &mut |event| {
+        events.push(event);
+        ControlFlow::Continue(())
+    };
+    (estimator.estimate(Input::MeasuredDepth(frame), &options(), hear).unwrap(), events)
+}
+
+/// Closed by planes.
+fn closed(input: Input, estimator: &Estimator) -> Scene {
+    let options = EstimateOptions { completion: Some(Completion::Shell), ..EstimateOptions::default() };
+    estimator.estimate(input, &options, &mut lo_events::ignore).unwrap()
+}
+
+/// From the camera, the wall is where it is and as the photo shows it at these pixels.
+fn assert_seen(scene: &Scene, pixels: &[(usize, usize)]) {
+    let view = ConeTracer::new(&scene.light, lo_cone::Settings::default()).unwrap().perspective(&camera());
+    let (wall, radiance) = (wall(), scene.frame.radiance());
+    for &(x, y) in pixels {
+        let (got, expected) = (view.radiance[(x, y)], radiance[(x, y)]);
+        assert!(got.iter().zip(expected).all(|(a, b)| (a / b - 1.0).abs() < 2e-3), "{x}, {y}: {got:?} {expected:?}");
+        assert!((view.distance_m[(x, y)] / wall.point(x, y).unwrap().length() - 1.0).abs() < 0.1);
+    }
+}
+
+#[test]
+fn what_the_photo_saw_is_in_the_scene() {
+    // Weights that want to change everything.
+    let (scene, events) =
+        estimated(wall(), &estimator(&config(), &[("light_net.regression.3.output.weights", &[8, 8], 0.5)]));
+    let frame = &scene.frame;
+    assert_eq!((&frame.photo, scene.completion, scene.light.octree.depth()), (&photo(), Completion::Network, 7));
+    // A leaf is 6 cm: four pixels.
+    assert_seen(&scene, &[(10, 10), (20, 50), (30, 20), (70, 12), (85, 55)]);
+    let (seen, confidence) = (scene.light.seen.last().unwrap(), scene.confidence.as_ref().unwrap());
+    assert!(seen.contains(&255) && seen.contains(&0), "seen, and clipped");
+    assert!(!scene.predicted_depth && confidence.iter().map(Vec::len).eq(scene.light.rgba.iter().map(Vec::len)));
+    let stages = events.iter().filter(|event| matches!(event, Event::Done { .. })).count();
+    assert_eq!(stages, 3);
+    assert!((scene.room.as_ref().unwrap().up.y - 1.0).abs() < 0.1);
+    assert_eq!(Scene::from_bytes(&scene.to_bytes("tests").unwrap()).unwrap(), scene);
+}
+
+#[test]
+fn a_window_without_depth_readings_lies_in_the_wall() {
+    let window = |x: usize, y: usize| (60..88).contains(&x) && (10..54).contains(&y);
+    let depth_m = DepthMap::from_fn(SIZE.0, SIZE.1, |x, y| if window(x, y) { 0.0 } else { 2.0 });
+    let frame = Frame::new(photo(), depth_m, camera(), 1.0).unwrap();
+    let (scene, events) = estimated(frame, &estimator(&config(), &[]));
+    assert_seen(&scene, &[(10, 10), (64, 14), (74, 32), (84, 50)]);
+    // The window's share of the picture.
+    let filled = events.iter().find_map(|event| match event {
+        Event::Warning(Warning::FilledDepth { filled, pixels }) => Some(*filled as f32 / *pixels as f32),
+        _ => None,
+    });
+    let window = (28.0 * 44.0) / (SIZE.0 * SIZE.1) as f32;
+    assert!((filled.unwrap() - window).abs() < 0.005, "{filled:?} {window}");
+}
+
+#[test]
+fn objects_get_a_lamp_where_what_is_seen_asks_for_one() {
+    // Weights that make what is not seen dark, in both guesses.
+    let others: [(&str, &[usize], f32); 2] =
+        [("light_net.regression.3.output.bias", &[1, 8], -4.0), ("depth_net.panorama.output.bias", &[3], -9.0)];
+    let dark = estimator(&config(), &others);
+    let (mut scene, _) = estimated(wall(), &dark);
+    let before = scene.clone();
+    let report = add_lamp(&mut scene);
+    assert!(report.lamp_radiance > 0.0 && scene.light != before.light, "{report:?}");
+    let darker = |(a, b): (&[f32; 4], &[f32; 4])| (0..3).any(|c| a[c] < b[c]) || a[3] != b[3];
+    assert!(!scene.light.rgba.iter().flatten().zip(before.light.rgba.iter().flatten()).any(darker));
+    let mut shell = closed(Input::MeasuredDepth(wall()), &dark);
+    let before = shell.clone();
+    assert_eq!((add_lamp(&mut shell).lamp_radiance, shell), (0.0, before));
+}
+
+#[test]
+fn the_same_photo_gives_the_same_bytes_on_any_number_of_threads() {
+    // Untrained heads give the same whatever they are given.
+    let estimator = estimator(&config(), &[("light_net.regression.3.output.weights", &[8, 8], 0.1)]);
+    let run = |threads, seed| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let options = EstimateOptions { seed, ..options() };
+        let bytes =
+            |input| estimator.estimate(input, &options, &mut lo_events::ignore).unwrap().to_bytes("tests").unwrap();
+        pool.install(|| [bytes(Input::MeasuredDepth(wall())), bytes(alone())])
+    };
+    let first = run(2, 1);
+    assert!(first == run(2, 1) && first == run(1, 1) && first == run(3, 1));
+    assert!(first[0] != run(2, 2)[0]);
+}
+
+#[test]
+fn a_photo_alone_gets_its_depth() {
+    let mut events = Vec::new();
+    let estimator = estimator(&config(), &[]);
+    let hear = &mut |event| {
+        events.push(event);
+        ControlFlow::Continue(())
+    };
+    let scene = estimator.estimate(alone(), &options(), hear).unwrap();
+    let depth_m = &scene.frame.depth_m;
+    assert_eq!((depth_m.width(), depth_m.height()), SIZE);
+    assert!(scene.predicted_depth && scene.confidence.is_some());
+    // Completion does not ask where depth comes from.
+    let shell = closed(alone(), &estimator);
+    assert_eq!((&shell.frame, shell.completion, shell.predicted_depth), (&scene.frame, Completion::Shell, true));
+    assert_eq!((shell.light.octree.depth(), shell.confidence), (7, None));
+    assert!(events.contains(&Event::Warning(Warning::PredictedDepth)));
+    // Of the ways to hold a camera.
+    let up = scene.room.as_ref().unwrap().up;
+    assert!(up.y > 0.7 && up.x.abs() < 0.12, "{up}");
+}
+
+#[test]
+fn trees_stay_within_the_budget_and_say_so() {
+    let config = LightNetConfig { max_nodes: Some(2000), ..config() };
+    let split = |stage| format!("light_net.prediction.{stage}.output.bias");
+    let names: Vec<String> = (0..4).map(split).collect();
+    let all: Vec<(&str, &[usize], f32)> = names.iter().map(|name| (&name[..], &[1, 1][..], 5.0)).collect();
+    let (scene, events) = estimated(wall(), &estimator(&config, &all));
+    assert!(scene.light.octree.levels()[6].len() < 2000 * 8);
+    let over = |event: &Event| matches!(event, Event::Warning(Warning::NodeBudget { .. }));
+    assert!(events.iter().any(over), "{events:?}");
+}
+
+#[test]
+fn networks_that_do_not_fit_are_errors() {
+    let error = |input: Input, estimator: &Estimator, options: &EstimateOptions| {
+        estimator.estimate(input, options, &mut lo_events::ignore).unwrap_err()
+    };
+    let light = estimator(&config(), &[("light_net.global.weights", &[6, 2], f32::NAN)]);
+    let light = error(Input::MeasuredDepth(wall()), &light, &options());
+    assert!(matches!(light, EstimateError::Light(_)) && light.to_string().contains("not finite"), "{light}");
+    let depth = estimator(&config(), &[("depth_net.decoder.output.bias", &[1], f32::NAN)]);
+    let depth = error(alone(), &depth, &options());
+    assert!(matches!(depth, EstimateError::PredictedDepth), "{depth}");
+    let shallow = EstimateOptions { octree_depth: Some(5), ..options() };
+    let shallow = error(Input::MeasuredDepth(wall()), &estimator(&config(), &[]), &shallow);
+    assert!(matches!(shallow, EstimateError::OctreeDepth { asked: 5, own: 6 }), "{shallow}");
+    let deep = EstimateOptions { octree_depth: Some(40), ..options() };
+    let deep = error(Input::MeasuredDepth(wall()), &estimator(&config(), &[]), &deep);
+    assert!(matches!(deep, EstimateError::Octree(_)), "{deep}");
+}
+
+#[test]
+fn depth_of_another_network_gets_what_the_own_gets() {
+    let estimator = estimator(&config(), &[]);
+    let own = estimator.estimate(alone(), &options(), &mut lo_events::ignore).unwrap();
+    let estimate = |input| {
+        let mut warned = false;
+        let hear = &mut |event| {
+            warned |= event == Event::Warning(Warning::PredictedDepth);
+            ControlFlow::Continue(())
+        };
+        (estimator.estimate(input, &options(), hear).unwrap(), warned)
+    };
+    // The own network's depth, from outside: the same scene, to the bit.
+    let (other, warned) = estimate(Input::PredictedDepth(own.frame.clone()));
+    assert!(warned && other == own);
+    // A sensor's is believed.
+    let (measured, warned) = estimate(Input::MeasuredDepth(own.frame.clone()));
+    assert!(!warned && !measured.predicted_depth);
+    // Finer depth of the same surfaces has the same say in which way is up.
+    let depth_m = lo_imaging::resize_depth(&own.frame.depth_m, 10 * SIZE.0, 10 * SIZE.1);
+    let (fine, _) = estimate(Input::PredictedDepth(Frame { depth_m, ..own.frame.clone() }));
+    let up = |scene: &Scene| scene.room.as_ref().unwrap().up;
+    assert!(up(&fine).dot(up(&own)) > 5f32.to_radians().cos(), "{} {}", up(&fine), up(&own));
+}
+
+#[test]
+fn defaults_are_the_network_where_there_is_one() {
+    let default = EstimateOptions::default();
+    let with = |estimator: &Estimator| {
+        let scene = estimator.estimate(Input::MeasuredDepth(wall()), &default, &mut lo_events::ignore).unwrap();
+        scene.completion
+    };
+    assert_eq!(with(&estimator(&config(), &[])), Completion::Network);
+    assert_eq!(with(&Estimator::without_networks()), Completion::Shell);
+}
+
+#[test]
+fn a_handler_can_end_the_job_between_all_steps() {
+    let estimator = estimator(&config(), &[]);
+    let mut all = Vec::new();
+    let hear = &mut |event| {
+        all.push(event);
+        ControlFlow::Continue(())
+    };
+    estimator.estimate(alone(), &options(), hear).unwrap();
+    let begun: Vec<&Event> = all.iter().filter(|event| matches!(event, Event::Begun(_))).collect();
+    let stages = [Stage::WorkingResolution, Stage::DepthAndGlobalLight, Stage::LightNetwork];
+    assert!(begun.into_iter().eq(stages.map(Event::Begun).iter()), "{all:?}");
+    for at in 0..all.len() {
+        let mut heard = 0;
+        let hear = &mut |_| {
+            heard += 1;
+            if heard > at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        let error = estimator.estimate(alone(), &options(), hear).unwrap_err();
+        assert!(matches!(error, EstimateError::Cancelled(Cancelled)), "{error}");
+        assert_eq!(heard, at + 1, "no more events after that");
+    }
+}

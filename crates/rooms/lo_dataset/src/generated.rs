@@ -1,0 +1,140 @@
+use std::borrow::Cow;
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::{Dataset, DatasetError, Generator, Record, Sample};
+
+/// Rooms that are kept after they were made, so that the photos of one room do not make it again.
+const KEPT: usize = 4;
+
+/// Generated rooms as a dataset: made when asked for, nothing on disk. The photos of a room are a [block](Dataset::block).
+#[derive(Debug)]
+pub struct Generated {
+    generator: Generator,
+    scenes: u32,
+    /// The last rooms, newest first.
+    kept: Mutex<VecDeque<(u64, Arc<Record>)>>,
+}
+
+impl Generated {
+    /// The first `scenes` rooms of a generator; `u32::MAX` is as good as no end.
+    pub fn new(generator: Generator, scenes: u32) -> Self {
+        Self { generator, scenes, kept: Mutex::default() }
+    }
+
+    fn room(&self, index: u64) -> Result<Arc<Record>, DatasetError> {
+        let kept = |rooms: &VecDeque<(u64, Arc<Record>)>| {
+            rooms.iter().find(|(number, _)| *number == index).map(|(_, record)| Arc::clone(record))
+        };
+        if let Some(record) = kept(&self.kept.lock().unwrap_or_else(PoisonError::into_inner)) {
+            return Ok(record);
+        }
+        // not under the lock: other threads make other rooms meanwhile
+        let record = Arc::new(self.generator.record(index)?);
+        let mut rooms = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        rooms.push_front((index, Arc::clone(&record)));
+        rooms.truncate(KEPT);
+        Ok(record)
+    }
+}
+
+impl Dataset for Generated {
+    fn len(&self) -> usize {
+        self.scenes as usize * self.block()
+    }
+
+    fn scene_id(&self, index: usize) -> Cow<'_, str> {
+        self.generator.scene_id((index / self.block()) as u64).into()
+    }
+
+    fn get(&self, index: usize) -> Result<Sample, DatasetError> {
+        if index >= self.len() {
+            return Err(DatasetError::Index { index, len: self.len() });
+        }
+        Ok(self.room((index / self.block()) as u64)?.sample(index % self.block()))
+    }
+
+    fn block(&self) -> usize {
+        self.generator.config().shots as usize
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use lo_synth::SynthConfig;
+
+    use crate::{GeneratorConfig, Shards, write_shard};
+
+    fn small() -> Generator {
+        let room = SynthConfig { crop_size: [96, 64], ..SynthConfig::default() };
+        let config = GeneratorConfig {
+            room,
+            shots: 2,
+            panoramas: 3,
+            panorama_height: 16,
+            octree_depth: 6,
+            ..Default::default()
+        };
+        Generator::new(11, config).unwrap()
+    }
+
+    #[test]
+    fn rooms_hold_what_was_asked_for_in_consistent_units_and_frames() {
+        let record = small().record(3).unwrap();
+        assert_eq!((record.key.as_str(), record.shots.len()), ("synth-11-000003", 2));
+        assert!((1..=3).contains(&record.views.len()));
+        let sample = record.sample(0);
+        let (radiance, depth) = (sample.radiance.as_ref().unwrap(), sample.depth_m.as_ref().unwrap());
+        assert!(radiance.pixels().iter().flatten().all(|v| v.is_finite() && *v >= 0.0));
+        // the surface points that lie where the photo looks have the light that it sees there: median over its pixels
+        let mut ratios = Vec::new();
+        for point in &sample.points {
+            let Some((u, v, z)) = sample.camera.project(point.position_m) else { continue };
+            if u < 0.0 || v < 0.0 || u >= 96.0 || v >= 64.0 {
+                continue;
+            }
+            let at = (u as usize, v as usize);
+            if (f64::from(depth[at]) - z).abs() < 0.03 && point.radiance[1] > 0.0 && radiance[at][1] > 0.0 {
+                ratios.push(point.radiance[1] / radiance[at][1]);
+            }
+        }
+        ratios.sort_unstable_by(f32::total_cmp);
+        let median = ratios[ratios.len() / 2];
+        assert!(ratios.len() > 500 && (0.8..1.25).contains(&median), "{} points, median {median}", ratios.len());
+        // every panorama of a photo stands in its frustum
+        for view in &sample.views {
+            let (u, v, z) = sample.camera.project(view.position_m).unwrap();
+            assert!((0.0..96.0).contains(&u) && (0.0..64.0).contains(&v) && z < 12.0);
+        }
+        assert!(sample.metadata.contains_key("room") && sample.metadata.contains_key("depth_sensor"));
+    }
+
+    #[test]
+    fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, threads: usize| {
+            let path = folder.path().join(name);
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| write_shard(&path, [small().record(1)].into_iter(), "tests")).unwrap();
+            std::fs::read(path).unwrap()
+        };
+        let one = write("a.tar", 1);
+        assert!(one == write("b.tar", 3), "bytes differ");
+        let shards = Shards::open(&folder.path().join("a.tar")).unwrap();
+        assert_eq!(shards.len(), 2);
+        assert_eq!(shards.get(1).unwrap().id, "synth-11-000001-1");
+    }
+
+    #[test]
+    fn a_dataset_makes_each_room_once_for_all_its_photos() {
+        let dataset = Generated::new(small(), 5);
+        assert_eq!((dataset.len(), dataset.block()), (10, 2));
+        assert_eq!(dataset.scene_id(9), "synth-11-000004");
+        let (a, b) = (dataset.get(2).unwrap(), dataset.get(3).unwrap());
+        assert_eq!(dataset.kept.lock().unwrap().len(), 1);
+        assert!(a.id != b.id && a.scene_id == b.scene_id);
+        assert!(matches!(dataset.get(10), Err(DatasetError::Index { index: 10, len: 10 })));
+    }
+}

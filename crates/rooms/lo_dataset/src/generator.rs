@@ -1,0 +1,303 @@
+use lo_geometry::{Quat, Vec3};
+use lo_imaging::DepthMap;
+use lo_random::Stream;
+use lo_sensor::{DepthModel, DepthView, PhotoModel};
+use lo_synth::{CameraPose, Interior, SynthConfig, SynthError};
+use lo_transport::{BakeSettings, BakedWorld, Pose, View};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use crate::sample::Metadata;
+use crate::{DatasetError, NovelView, Record, Shot};
+
+/// What is made of a seed. Every field has a default, so that a file need name only what differs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct GeneratorConfig {
+    /// Rooms, cameras and what is outside.
+    pub room: SynthConfig,
+    /// The camera that makes the photos.
+    pub photo: PhotoModel,
+    /// The depth sensor.
+    pub depth: DepthModel,
+    /// Photos of each room, at least 1.
+    pub shots: u32,
+    /// Panoramas of each room; each stands in the frustum of one of the photos, in turn.
+    pub panoramas: u32,
+    /// Rows of a panorama, which is twice as wide.
+    pub panorama_height: u32,
+    /// Depth of the octree that the surface points are made for: eight points for the face of a leaf of the cube around the room.
+    pub octree_depth: u32,
+}
+
+impl Default for GeneratorConfig {
+    fn default() -> Self {
+        Self {
+            room: SynthConfig::default(),
+            photo: PhotoModel::default(),
+            depth: DepthModel::default(),
+            shots: 6,
+            panoramas: 6,
+            panorama_height: 128,
+            octree_depth: 7,
+        }
+    }
+}
+
+/// A setting that is out of range.
+#[derive(Debug, thiserror::Error)]
+pub enum GeneratorError {
+    /// Of rooms and cameras.
+    #[error("room: {0}")]
+    Room(#[from] SynthError),
+    /// A number.
+    #[error("{field} is {value}; it must lie in {min} to {max}")]
+    Range {
+        /// Its name.
+        field: &'static str,
+        /// What it is.
+        value: u32,
+        /// The least that it may be.
+        min: u32,
+        /// The most that it may be.
+        max: u32,
+    },
+}
+
+impl GeneratorConfig {
+    /// Checks what types cannot say.
+    ///
+    /// # Errors
+    /// Names the field and its range.
+    pub fn validate(&self) -> Result<(), GeneratorError> {
+        self.room.validate()?;
+        let ranges = [
+            ("shots", self.shots, 1, 64),
+            ("panoramas", self.panoramas, 0, 256),
+            ("panorama_height", self.panorama_height, 4, 2048),
+            ("octree_depth", self.octree_depth, 1, lo_octree::MAX_DEPTH),
+        ];
+        match ranges.into_iter().find(|(_, value, min, max)| !(min..=max).contains(&value)) {
+            Some((field, value, min, max)) => Err(GeneratorError::Range { field, value, min, max }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Makes rooms with global light, their photos and panoramas; endless, the same for the same seed on any machine.
+#[derive(Clone, Debug)]
+pub struct Generator {
+    seed: u64,
+    config: GeneratorConfig,
+}
+
+impl Generator {
+    /// # Errors
+    /// Settings out of range, with the field's name.
+    pub fn new(seed: u64, config: GeneratorConfig) -> Result<Self, GeneratorError> {
+        config.validate()?;
+        Ok(Self { seed, config })
+    }
+
+    /// What was set.
+    pub fn config(&self) -> &GeneratorConfig {
+        &self.config
+    }
+
+    /// Name of room `index`; its split is [`Split::of`](crate::Split::of) it.
+    pub fn scene_id(&self, index: u64) -> String {
+        format!("synth-{}-{index:06}", self.seed)
+    }
+
+    /// Room `index` before any light, for exporting it.
+    ///
+    /// # Errors
+    /// A folder of outdoor panoramas that cannot be read.
+    pub fn interior(&self, index: u64) -> Result<Interior, DatasetError> {
+        Interior::generate(self.seed, index, &self.config.room).map_err(|error| self.failed(index, error))
+    }
+
+    /// Room `index` with everything that is known of it.
+    ///
+    /// # Errors
+    /// A folder of outdoor panoramas that cannot be read; rooms that light transport refuses.
+    pub fn record(&self, index: u64) -> Result<Record, DatasetError> {
+        let interior = self.interior(index)?;
+        let cameras = interior.camera_poses(self.config.shots as usize);
+        let probes = self.probes(&interior, &cameras);
+        let description = json!(interior.description);
+        let leaf_m = leaf_edge_m(&interior, self.config.octree_depth);
+        let settings =
+            BakeSettings { seed: self.seed ^ lo_random::hash(interior.id.as_bytes()), ..BakeSettings::default() };
+        let baked = BakedWorld::bake(interior.world, &settings).map_err(|error| self.failed(index, error))?;
+        let views = probes.iter().map(|&(_, position_m)| self.view(&baked, position_m)).collect();
+        let mut shots = Vec::with_capacity(cameras.len());
+        for (i, camera) in cameras.iter().enumerate() {
+            // each photo has streams of its own: another number of photos changes none of them
+            let number = index * 64 + i as u64;
+            let stream = |name| lo_random::stream(self.seed, name, number);
+            let mut shot = self.shot(&baked, camera, stream("photo"), stream("depth sensor"));
+            shot.views = own_first(&probes, i, |position_m| shot.shows(position_m));
+            shots.push(shot);
+        }
+        let surface = baked.radiance_points(leaf_m);
+        let mut record = Record {
+            key: interior.id.clone(),
+            scene_id: interior.id,
+            up: Some(Vec3::Y),
+            points: surface.points,
+            point_area_m2: Some(surface.area_m2),
+            views,
+            shots,
+            metadata: Metadata::from_iter([("room".to_owned(), description)]),
+        };
+        check_light(&mut record).map_err(|reason| self.failed(index, reason))?;
+        Ok(record)
+    }
+
+    /// Places of the panoramas, each with the photo in whose frustum it stands.
+    fn probes(&self, interior: &Interior, cameras: &[CameraPose]) -> Vec<(usize, Vec3)> {
+        let (total, shots) = (self.config.panoramas as usize, cameras.len().max(1));
+        let places = cameras.iter().enumerate().flat_map(|(i, camera)| {
+            let share = total / shots + usize::from(i < total % shots);
+            interior.probe_positions(camera, share).into_iter().map(move |position| (i, position))
+        });
+        places.collect()
+    }
+
+    fn view(&self, baked: &BakedWorld, position_m: Vec3) -> NovelView {
+        let pose = Pose { position: position_m, rotation: Quat::IDENTITY };
+        let rendering = baked.render(&View::Panorama { pose, height: self.config.panorama_height as usize });
+        NovelView {
+            position_m,
+            rotation: Quat::IDENTITY,
+            radiance: rendering.radiance,
+            depth_m: Some(rendering.depth_m),
+        }
+    }
+
+    fn shot(&self, baked: &BakedWorld, view: &CameraPose, mut photo: Stream, mut depth: Stream) -> Shot {
+        let CameraPose { pose, camera } = *view;
+        let seen = baked.render(&View::Pinhole { pose, camera });
+        let settings = self.config.photo.draw(&mut photo);
+        let taken = settings.photograph(&seen.radiance, &camera, &mut photo);
+        let sensor = self.config.depth.draw(&mut depth);
+        let before_sensor = DepthView {
+            camera: &camera,
+            depth_m: &seen.depth_m,
+            normal: &seen.normal,
+            albedo: &seen.albedo,
+            specular: &seen.specular,
+        };
+        let sensor_depth_m = sensor.measure(&before_sensor, &mut depth);
+        let [r, g, b] = taken.gains;
+        Shot {
+            position_m: pose.position,
+            rotation: pose.rotation,
+            gains: taken.gains,
+            camera,
+            photo: taken.photo,
+            jpeg: Some(taken.jpeg),
+            radiance: Some(seen.radiance.map(|rgb| [rgb[0] * r, rgb[1] * g, rgb[2] * b])),
+            depth_m: Some(seen.depth_m),
+            sensor_depth_m: Some(sensor_depth_m),
+            normal: Some(seen.normal),
+            albedo: Some(seen.albedo),
+            views: Vec::new(),
+            metadata: Metadata::from_iter([
+                ("gains".to_owned(), json!(taken.gains)),
+                ("photo".to_owned(), json!(settings)),
+                ("depth_sensor".to_owned(), json!(sensor)),
+            ]),
+        }
+    }
+
+    fn failed(&self, index: u64, reason: impl ToString) -> DatasetError {
+        DatasetError::Generate { scene_id: self.scene_id(index), reason: reason.to_string() }
+    }
+}
+
+/// Light that is no number must never reach a network: an error says where it is. Negative light, a filter's undershoot, counts as 0,
+/// as the octree takes it.
+fn check_light(record: &mut Record) -> Result<(), String> {
+    fn check<'a>(what: &str, light: impl Iterator<Item = &'a mut [f32; 3]>) -> Result<(), String> {
+        for (place, rgb) in light.enumerate() {
+            if rgb.iter().any(|v| !v.is_finite()) {
+                return Err(format!("{what}: the radiance at {place} is {rgb:?}"));
+            }
+            *rgb = rgb.map(|v| v.max(0.0));
+        }
+        Ok(())
+    }
+    check("surface points", record.points.iter_mut().map(|point| &mut point.radiance))?;
+    for (i, view) in record.views.iter_mut().enumerate() {
+        check(&format!("panorama {i}"), view.radiance.pixels_mut().iter_mut())?;
+    }
+    for (i, shot) in record.shots.iter_mut().enumerate() {
+        check(&format!("photo {i}"), shot.radiance.iter_mut().flat_map(|radiance| radiance.pixels_mut()))?;
+    }
+    Ok(())
+}
+
+/// Edge of a leaf of the cube around a room's triangles.
+fn leaf_edge_m(interior: &Interior, depth: u32) -> f32 {
+    let positions = &interior.world.model.positions;
+    let low = positions.iter().copied().reduce(Vec3::min).unwrap_or_default();
+    let high = positions.iter().copied().reduce(Vec3::max).unwrap_or_default();
+    (high - low).max_element().max(1.0) / (1u32 << depth) as f32
+}
+
+/// Panoramas made for photo `shot`, then the others that it shows.
+fn own_first(probes: &[(usize, Vec3)], shot: usize, shows: impl Fn(Vec3) -> bool) -> Vec<usize> {
+    let own = (0..probes.len()).filter(|&i| probes[i].0 == shot);
+    let others = (0..probes.len()).filter(|&i| probes[i].0 != shot && shows(probes[i].1));
+    own.chain(others).collect()
+}
+
+impl Shot {
+    /// Whether a place of the record's frame lies in the picture, before the surface seen there or before the sky.
+    fn shows(&self, position_m: Vec3) -> bool {
+        let inside = |depth: &DepthMap| {
+            let local = self.rotation.inverse() * (position_m - self.position_m);
+            self.camera.project(local).is_some_and(|(u, v, z)| {
+                let (u, v) = (u.floor(), v.floor());
+                let in_picture = u >= 0.0 && v >= 0.0 && u < depth.width() as f64 && v < depth.height() as f64;
+                in_picture && {
+                    let surface = f64::from(depth[(u as usize, v as usize)]);
+                    surface == 0.0 || z < surface
+                }
+            })
+        };
+        self.depth_m.as_ref().is_some_and(inside)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn light_that_is_no_number_is_an_error_and_negative_light_is_dark() {
+        let mut record = crate::fixture::record("a");
+        record.points[2].radiance = [-0.1, 0.5, 1.0];
+        assert_eq!(check_light(&mut record), Ok(()));
+        assert_eq!(record.points[2].radiance, [0.0, 0.5, 1.0]);
+        record.views[1].radiance[(3, 2)][0] = f32::NAN;
+        let message = check_light(&mut record).unwrap_err();
+        assert_eq!(message, "panorama 1: the radiance at 35 is [NaN, 16.2, 300000.0]");
+    }
+
+    #[test]
+    fn settings_out_of_range_are_named() {
+        let message = |config| Generator::new(0, config).unwrap_err().to_string();
+        assert_eq!(message(GeneratorConfig { shots: 0, ..Default::default() }), "shots is 0; it must lie in 1 to 64");
+        assert!(
+            serde_json::from_str::<GeneratorConfig>(r#"{"shot": 3}"#)
+                .unwrap_err()
+                .to_string()
+                .contains("unknown field")
+        );
+        assert_eq!(serde_json::from_str::<GeneratorConfig>("{}").unwrap(), GeneratorConfig::default());
+    }
+}

@@ -1,0 +1,39 @@
+//! Samples for training and evaluation, behind one interface: generated on the fly, in shards, or published by others.
+//!
+//! A [`Dataset`] gives samples by number; a [`Loader`] goes through one: shuffled, split by scene, made ahead by threads, resumable.
+
+mod error;
+mod fill;
+#[cfg(test)]
+mod fixture;
+mod generated;
+mod generator;
+mod loader;
+mod loading;
+mod open;
+mod order;
+mod prefetch;
+mod preview;
+mod published;
+mod record;
+mod sample;
+mod shard;
+mod source;
+mod summary;
+mod truth;
+
+pub use error::DatasetError;
+pub use fill::{FillError, ShardCount, ShardPart, convert_to_shards, generate_shards};
+pub use generated::Generated;
+pub use generator::{Generator, GeneratorConfig, GeneratorError};
+pub use loader::Loader;
+pub use loading::{LoadError, LoaderConfig, LoaderState};
+pub use open::Layout;
+pub use preview::ContactSheet;
+pub use published::{CropModel, FutureHouse, InteriorNet, LavalVarying, Panoramas};
+pub use record::{Record, Shot};
+pub use sample::{Metadata, NovelView, Sample, Split};
+pub use shard::{FORMAT_VERSION, ShardFolder, Shards, shard_name, write_shard};
+pub use source::{Dataset, evenly_spread, fingerprint, indices_of};
+pub use summary::{Distribution, Histogram, Summary, SummaryReport};
+pub use truth::{TrueLeaves, true_octree};

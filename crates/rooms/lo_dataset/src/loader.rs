@@ -1,0 +1,236 @@
+//! One way to iterate over any dataset: shuffled, split, prefetched, resumable.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use crate::loading::{LoadError, LoaderConfig, LoaderState};
+use crate::prefetch::{Made, Prefetch};
+use crate::{Dataset, Sample};
+
+/// Gives out a dataset's samples one after the other, made ahead by threads of its own.
+///
+/// The order depends on the seed alone. A sample that cannot be made comes as an error in its place; the iteration goes on after it. A panic
+/// of the dataset goes on in the thread that asks for the sample. Dropping the loader stops its threads after the block at hand.
+pub struct Loader {
+    made: Prefetch,
+    /// Samples of the block at hand.
+    current: VecDeque<Made>,
+    state: LoaderState,
+    epochs: Option<u64>,
+    /// Blocks since the last sample: a whole epoch without one ends the iteration.
+    barren: u64,
+}
+
+impl Loader {
+    /// Starts from the beginning.
+    pub fn new(dataset: Arc<dyn Dataset>, config: LoaderConfig) -> Self {
+        Self::resume(dataset, config, LoaderState::default())
+    }
+
+    /// Starts where another loader of the same dataset and configuration [stood](Self::state).
+    pub fn resume(dataset: Arc<dyn Dataset>, config: LoaderConfig, state: LoaderState) -> Self {
+        let made = Prefetch::start(dataset, config, state);
+        Self { made, current: VecDeque::new(), state, epochs: config.epochs, barren: 0 }
+    }
+
+    /// Starts at sample `index`, where nothing is shuffled.
+    pub fn from_sample(dataset: Arc<dyn Dataset>, config: LoaderConfig, index: usize) -> Self {
+        let size = dataset.block().max(1);
+        let state = LoaderState { epoch: 0, block: (index / size) as u64, sample: (index % size) as u64 };
+        Self::resume(dataset, config, state)
+    }
+
+    /// Where the next sample stands.
+    pub fn state(&self) -> LoaderState {
+        self.state
+    }
+
+    /// Waits for the next block; `None` at the end.
+    fn next_block(&mut self) -> Option<Vec<Made>> {
+        let blocks = self.made.blocks();
+        let ended = self.epochs.is_some_and(|epochs| self.state.epoch >= epochs);
+        (blocks > 0 && self.barren < blocks && !ended).then(|| self.made.next())
+    }
+
+    fn end_block(&mut self) {
+        self.state.sample = 0;
+        self.state.block += 1;
+        if self.state.block >= self.made.blocks() {
+            self.state = LoaderState { epoch: self.state.epoch + 1, ..LoaderState::default() };
+        }
+    }
+}
+
+impl Iterator for Loader {
+    type Item = Result<Sample, LoadError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            if let Some(made) = self.current.pop_front() {
+                self.barren = 0;
+                self.state.sample = made.number + 1;
+                if self.current.is_empty() {
+                    self.end_block();
+                }
+                return Some(made.result);
+            }
+            let already = self.state.sample;
+            self.current = self.next_block()?.into_iter().filter(|made| made.number >= already).collect();
+            if self.current.is_empty() {
+                self.barren += 1;
+                self.end_block();
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use std::borrow::Cow;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    use std::time::Duration;
+
+    use super::*;
+    use crate::sample::tests::sample;
+    use crate::{DatasetError, Split};
+
+    /// Samples that say their index; one of them is broken, and later ones are faster than earlier ones.
+    struct Numbers {
+        count: usize,
+        block: usize,
+        broken: Option<usize>,
+        made: AtomicUsize,
+    }
+
+    impl Numbers {
+        fn new(count: usize) -> Self {
+            Self { count, block: 1, broken: None, made: AtomicUsize::new(0) }
+        }
+    }
+
+    impl Dataset for Numbers {
+        fn len(&self) -> usize {
+            self.count
+        }
+
+        fn scene_id(&self, index: usize) -> Cow<'_, str> {
+            format!("room-{}", index / self.block).into()
+        }
+
+        fn get(&self, index: usize) -> Result<Sample, DatasetError> {
+            self.made.fetch_add(1, Ordering::SeqCst);
+            std::thread::sleep(Duration::from_micros(if index.is_multiple_of(3) { 800 } else { 20 }));
+            if self.broken == Some(index) {
+                return Err(DatasetError::Index { index, len: self.count });
+            }
+            assert!(index != 9_999, "number 9999 must not be asked for");
+            Ok(Sample { id: index.to_string(), ..sample() })
+        }
+
+        fn block(&self) -> usize {
+            self.block
+        }
+    }
+
+    fn ids(loader: impl Iterator<Item = Result<Sample, LoadError>>) -> Vec<String> {
+        loader.map(|item| item.map_or_else(|error| error.to_string(), |sample| sample.id)).collect()
+    }
+
+    #[test]
+    fn the_order_is_that_of_the_seed_whatever_the_threads() {
+        let config = LoaderConfig { seed: 4, epochs: Some(2), threads: 1, ..LoaderConfig::default() };
+        let load = |config| ids(Loader::new(Arc::new(Numbers::new(40)), config));
+        let one = load(config);
+        assert_eq!(one, load(LoaderConfig { threads: 7, prefetch: 9, ..config }));
+        assert_ne!(one, load(LoaderConfig { seed: 5, ..config }));
+        assert_ne!(one[..40], one[40..], "another order in every epoch");
+        let mut sorted: Vec<usize> = one[40..].iter().map(|id| id.parse().unwrap()).collect();
+        sorted.sort_unstable();
+        assert!(sorted.into_iter().eq(0..40));
+        let plain = load(LoaderConfig { shuffle: false, epochs: Some(1), ..config });
+        assert!(plain.into_iter().eq((0..40).map(|i| i.to_string())));
+    }
+
+    #[test]
+    fn a_saved_position_goes_on_with_the_next_sample() {
+        let dataset = || Arc::new(Numbers { block: 3, ..Numbers::new(20) });
+        let config = LoaderConfig { seed: 1, epochs: Some(3), threads: 3, ..LoaderConfig::default() };
+        let all = ids(Loader::new(dataset(), config));
+        assert_eq!(all.len(), 60);
+        for done in [0, 1, 7, 20, 21, 59, 60] {
+            let mut loader = Loader::new(dataset(), config);
+            for _ in 0..done {
+                loader.next().unwrap().unwrap();
+            }
+            let saved = serde_json::to_string(&loader.state()).unwrap();
+            let rest = Loader::resume(dataset(), config, serde_json::from_str(&saved).unwrap());
+            assert_eq!(ids(rest), all[done..], "after {done}");
+        }
+    }
+
+    #[test]
+    fn any_sample_can_be_the_first() {
+        let dataset = || Arc::new(Numbers { block: 3, ..Numbers::new(20) });
+        let config = LoaderConfig { shuffle: false, ..LoaderConfig::default() };
+        for first in [0, 2, 3, 16, 19] {
+            let rest = ids(Loader::from_sample(dataset(), config, first));
+            assert!(rest.into_iter().eq((first..20).map(|i| i.to_string())), "from {first}");
+        }
+    }
+
+    #[test]
+    fn splits_share_no_scene_and_miss_none() {
+        let dataset = || Arc::new(Numbers { block: 4, ..Numbers::new(400) });
+        let load = |split| {
+            ids(Loader::new(dataset(), LoaderConfig { split: Some(split), prefetch: 20, ..LoaderConfig::default() }))
+        };
+        let (train, validation) = (load(Split::Train), load(Split::Validation));
+        assert_eq!(train.len() + validation.len(), 400);
+        // one of ten of 100 scenes, deviation 3
+        assert!((4..80).contains(&validation.len()), "{}", validation.len());
+        let scene = |id: &String| id.parse::<usize>().unwrap() / 4;
+        assert!(validation.iter().all(|v| train.iter().all(|t| scene(t) != scene(v))));
+    }
+
+    #[test]
+    fn errors_come_in_place_and_name_the_sample() {
+        let dataset = Arc::new(Numbers { broken: Some(5), ..Numbers::new(10) });
+        let config = LoaderConfig { shuffle: false, ..LoaderConfig::default() };
+        let all = ids(Loader::new(dataset, config));
+        assert_eq!(all.len(), 10);
+        assert_eq!(all[5], "sample 5 (scene room-5): sample 5 of 10");
+        assert_eq!(all[6], "6");
+    }
+
+    #[test]
+    fn no_more_than_asked_for_is_made_ahead_and_threads_end() {
+        let dataset = Arc::new(Numbers::new(1000));
+        let config = LoaderConfig { threads: 3, prefetch: 5, ..LoaderConfig::default() };
+        let mut loader = Loader::new(dataset.clone(), config);
+        loader.next().unwrap().unwrap();
+        std::thread::sleep(Duration::from_millis(50));
+        assert!(dataset.made.load(Ordering::SeqCst) <= 6);
+        drop(loader);
+        assert_eq!(Arc::strong_count(&dataset), 1, "no thread is left");
+    }
+
+    #[test]
+    fn nothing_to_give_ends_even_without_an_end() {
+        let forever = LoaderConfig { epochs: None, ..LoaderConfig::default() };
+        assert_eq!(Loader::new(Arc::new(Numbers::new(0)), forever).count(), 0);
+        // a single scene lies in one of the splits
+        let one = |split| {
+            Loader::new(Arc::new(Numbers::new(1)), LoaderConfig { split: Some(split), ..forever }).take(5).count()
+        };
+        assert_eq!(one(Split::Train) + one(Split::Validation), 5);
+    }
+
+    #[test]
+    #[should_panic(expected = "number 9999")]
+    fn a_panic_of_the_dataset_reaches_the_caller() {
+        let config = LoaderConfig { shuffle: false, ..LoaderConfig::default() };
+        Loader::resume(Arc::new(Numbers::new(10_001)), config, LoaderState { block: 9_999, ..LoaderState::default() })
+            .for_each(drop);
+    }
+}

@@ -1,0 +1,140 @@
+use lo_geometry::{Camera, Mat3, Quat, Vec3, uv_from_direction};
+use lo_imaging::{
+    DepthMap, Image, RadianceImage, perspective_from_equirectangular, resize_equirectangular, view_rotation,
+};
+use lo_random::{RngExt, Stream};
+use lo_sensor::{Interval, PhotoModel};
+use serde::{Deserialize, Serialize};
+
+use crate::sample::Metadata;
+use crate::{NovelView, Record, Shot};
+
+/// Photos made of panoramas: which part of the sphere, and with what camera.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CropModel {
+    /// Width of a photo in pixels.
+    pub width: u32,
+    /// Height of a photo in pixels.
+    pub height: u32,
+    /// Height of the panoramas that are given out.
+    pub panorama_height: usize,
+    /// Photos of each panorama, in all directions.
+    pub crops: u32,
+    /// Horizontal field of view.
+    pub hfov_deg: Interval,
+    /// Upward pitch.
+    pub pitch_deg: Interval,
+    /// Roll.
+    pub roll_deg: Interval,
+    /// The camera.
+    pub photo: PhotoModel,
+    /// Seed of all choices.
+    pub seed: u64,
+}
+
+impl Default for CropModel {
+    fn default() -> Self {
+        Self {
+            width: 480,
+            height: 320,
+            panorama_height: 128,
+            crops: 1,
+            hfov_deg: Interval::new(50.0, 90.0),
+            pitch_deg: Interval::new(-15.0, 15.0),
+            roll_deg: Interval::new(-2.0, 2.0),
+            photo: PhotoModel::default(),
+            seed: 0,
+        }
+    }
+}
+
+/// A panorama and what is known of the same directions; all of one size.
+pub(super) struct Surroundings<'a> {
+    pub radiance: &'a RadianceImage,
+    /// Distance, metres.
+    pub depth_m: Option<&'a DepthMap>,
+    pub albedo: Option<&'a RadianceImage>,
+}
+
+impl CropModel {
+    /// Crop number `crop` of the panorama `id`: a room with that photo and the panorama as truth where the camera stands.
+    ///
+    /// The choices depend on the id, not on the panorama's place in the folder.
+    pub(super) fn take(&self, id: &str, scene_id: String, crop: usize, around: &Surroundings) -> Record {
+        let mut stream = lo_random::stream(self.seed ^ lo_random::hash(id.as_bytes()), "crop", crop as u64);
+        let camera = self.camera(&mut stream);
+        // crops lie around the circle, so that a few of them show all of the room
+        let yaw = std::f32::consts::TAU * (crop as f32 + stream.random::<f32>()) / self.crops.max(1) as f32;
+        let [pitch, roll] = [self.pitch_deg, self.roll_deg].map(|angle| angle.draw(&mut stream).to_radians());
+        let rotation = view_rotation(yaw, pitch, roll);
+        let seen = perspective_from_equirectangular(around.radiance, &camera, rotation);
+        let settings = self.photo.draw(&mut stream);
+        let taken = settings.photograph(&seen, &camera, &mut stream);
+        let [r, g, b] = taken.gains;
+        let depth_m = around
+            .depth_m
+            .map(|depth| lookup(depth, &camera, rotation, |&distance, direction| distance * -direction.z));
+        let shot = Shot {
+            position_m: Vec3::ZERO,
+            rotation: Quat::from_mat3(&rotation),
+            gains: taken.gains,
+            camera,
+            photo: taken.photo,
+            jpeg: Some(taken.jpeg),
+            radiance: Some(seen.map(|rgb| [rgb[0] * r, rgb[1] * g, rgb[2] * b])),
+            depth_m,
+            sensor_depth_m: None,
+            normal: None,
+            albedo: around.albedo.map(|albedo| lookup(albedo, &camera, rotation, |&rgb, _| rgb)),
+            views: vec![0],
+            metadata: Metadata::from_iter([
+                ("gains".to_owned(), serde_json::json!(taken.gains)),
+                ("photo".to_owned(), serde_json::json!(settings)),
+            ]),
+        };
+        let view = NovelView {
+            position_m: Vec3::ZERO,
+            rotation: Quat::IDENTITY,
+            radiance: resize_equirectangular(around.radiance, 2 * self.panorama_height, self.panorama_height),
+            depth_m: around.depth_m.map(|depth| {
+                let (width, height) = (2 * self.panorama_height, self.panorama_height);
+                // nearest: depths of two surfaces must not be mixed
+                Image::from_fn(width, height, |x, y| {
+                    depth[((2 * x + 1) * depth.width() / (2 * width), (2 * y + 1) * depth.height() / (2 * height))]
+                })
+            }),
+        };
+        Record {
+            key: if self.crops > 1 { format!("{id}-{crop}") } else { id.to_owned() },
+            scene_id,
+            up: Some(Vec3::Y),
+            points: Vec::new(),
+            point_area_m2: None,
+            views: vec![view],
+            shots: vec![shot],
+            metadata: Metadata::new(),
+        }
+    }
+
+    fn camera(&self, stream: &mut Stream) -> Camera {
+        let hfov_deg = f64::from(self.hfov_deg.draw(stream)).clamp(5.0, 150.0);
+        Camera::from_hfov_deg(hfov_deg, self.width.max(1), self.height.max(1))
+            .expect("a field of view between 5° and 150° and a picture of at least a pixel make a camera")
+    }
+}
+
+/// A pixel's value of an equirectangular map and its direction in the camera's axes → the photo's pixel; nearest, without mixing.
+fn lookup<T, U>(map: &Image<T>, camera: &Camera, rotation: Mat3, value: impl Fn(&T, Vec3) -> U) -> Image<U> {
+    Image::from_fn(camera.width as usize, camera.height as usize, |x, y| {
+        let direction = camera.direction(x as f64 + 0.5, y as f64 + 0.5);
+        value(&map[pixel_at(map, rotation * direction)], direction)
+    })
+}
+
+/// The pixel of an equirectangular map in a direction.
+pub(super) fn pixel_at<T>(map: &Image<T>, direction: Vec3) -> (usize, usize) {
+    let uv = uv_from_direction(direction);
+    let index = |t: f32, count: usize| ((t * count as f32) as usize).min(count - 1);
+    (index(uv.x, map.width()), index(uv.y, map.height()))
+}

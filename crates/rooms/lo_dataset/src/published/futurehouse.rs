@@ -1,0 +1,186 @@
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+
+use lo_geometry::{Quat, Vec3, pixel_direction};
+use lo_imaging::{DepthMap, Image, RadianceImage, read_radiance};
+use lo_random::seq::SliceRandom;
+
+use super::crop::{CropModel, Surroundings, pixel_at};
+use super::files::{entries, folders, name, read_panorama};
+use crate::{Dataset, DatasetError, NovelView, Record, Sample};
+
+/// Metres of a unit in `_depth.hdr`: the authors' reader multiplies by 10 / 2.
+const METRES: f32 = 5.0;
+/// Farthest depth that the authors' reader takes as valid.
+const FARTHEST_M: f32 = 10.0;
+/// Height of a probe in `_light.exr`, which is a grid of them.
+const PROBE_HEIGHT: usize = 16;
+/// Most probes of a sample.
+const PROBES: usize = 6;
+
+/// FutureHouse (Li et al., "PhyIR", CVPR 2022) as its authors' reader (`DataSet.py` of the dataset's repository) finds it:
+/// `<id>/ue4_result/CubemapData/<i>_{image,albedo,depth,…}.hdr`, equirectangular, and `<id>/ue4_result/LightProbeData/<i>_light.exr`, either
+/// in one folder or below `KePanoData` and `KePanoLight`.
+///
+/// Photos are cut out of the panoramas. The truth is the panorama at the camera and, where there are probes, up to six of them that lie in
+/// the photo.
+#[derive(Debug)]
+pub struct FutureHouse {
+    panoramas: Vec<Panorama>,
+    model: CropModel,
+}
+
+#[derive(Debug)]
+struct Panorama {
+    house: String,
+    number: String,
+    image: PathBuf,
+    light: Option<PathBuf>,
+}
+
+impl FutureHouse {
+    /// Whether a folder looks like the dataset.
+    pub(crate) fn is_at(folder: &Path) -> bool {
+        folder.join("KePanoData").is_dir()
+            || folders(folder).is_ok_and(|houses| houses.iter().take(50).any(|h| h.join("ue4_result").is_dir()))
+    }
+
+    /// Looks for panoramas.
+    ///
+    /// # Errors
+    /// Folders that cannot be read, no panorama at all.
+    pub fn open(folder: &Path, model: CropModel) -> Result<Self, DatasetError> {
+        let (data, light) = match folder.join("KePanoData") {
+            split if split.is_dir() => (split, folder.join("KePanoLight")),
+            _ => (folder.to_owned(), folder.to_owned()),
+        };
+        let mut panoramas = Vec::new();
+        for house in folders(&data)? {
+            let cubemaps = house.join("ue4_result").join("CubemapData");
+            if !cubemaps.is_dir() {
+                continue;
+            }
+            for image in entries(&cubemaps)? {
+                let Some(number) = name(&image).strip_suffix("_image.hdr").map(str::to_owned) else { continue };
+                let house = name(&house);
+                let probes = light.join(&house).join("ue4_result").join("LightProbeData");
+                let light = Some(probes.join(format!("{number}_light.exr"))).filter(|path| path.is_file());
+                panoramas.push(Panorama { house, number, image, light });
+            }
+        }
+        if panoramas.is_empty() {
+            return Err(DatasetError::layout(&data, "no <id>/ue4_result/CubemapData/<i>_image.hdr in it"));
+        }
+        Ok(Self { panoramas, model })
+    }
+
+    fn crops(&self) -> usize {
+        self.model.crops.max(1) as usize
+    }
+}
+
+impl Dataset for FutureHouse {
+    fn len(&self) -> usize {
+        self.panoramas.len() * self.crops()
+    }
+
+    fn scene_id(&self, index: usize) -> Cow<'_, str> {
+        self.panoramas[index / self.crops()].house.as_str().into()
+    }
+
+    fn get(&self, index: usize) -> Result<Sample, DatasetError> {
+        let len = self.len();
+        let panorama = self.panoramas.get(index / self.crops()).ok_or(DatasetError::Index { index, len })?;
+        let radiance = read_panorama(&panorama.image)?;
+        let depth_m = panorama.depth(&radiance)?;
+        let albedo_file = panorama.beside("albedo");
+        let albedo = if albedo_file.is_file() {
+            let albedo = read_panorama(&albedo_file)?;
+            check_size(&albedo_file, &albedo, &radiance)?;
+            Some(albedo)
+        } else {
+            None
+        };
+        let around = Surroundings { radiance: &radiance, depth_m: Some(&depth_m), albedo: albedo.as_ref() };
+        let id = format!("{}-{}", panorama.house, panorama.number);
+        let mut record = self.model.take(&id, panorama.house.clone(), index % self.crops(), &around);
+        if let Some(light) = &panorama.light {
+            add_probes(light, &depth_m, self.model.seed, &mut record)?;
+        }
+        Ok(record.sample(0))
+    }
+}
+
+impl Panorama {
+    fn beside(&self, what: &str) -> PathBuf {
+        self.image.with_file_name(format!("{}_{what}.hdr", self.number))
+    }
+
+    fn depth(&self, radiance: &RadianceImage) -> Result<DepthMap, DatasetError> {
+        let path = self.beside("depth");
+        let stored = read_radiance(&path)?;
+        check_size(&path, &stored, radiance)?;
+        let depth_m = stored.map(|rgb| match rgb[0] * METRES {
+            metres if metres > 0.0 && metres <= FARTHEST_M => metres,
+            _ => 0.0,
+        });
+        if depth_m.pixels().iter().all(|&z| z == 0.0) {
+            return Err(DatasetError::field(&path, "depth", "no value in (0, 2], which is 0 to 10 m"));
+        }
+        Ok(depth_m)
+    }
+}
+
+fn check_size(path: &Path, image: &RadianceImage, like: &RadianceImage) -> Result<(), DatasetError> {
+    let (size, expected) = ((image.width(), image.height()), (like.width(), like.height()));
+    if size == expected {
+        return Ok(());
+    }
+    let reason = format!("{} × {} pixels, the panorama has {} × {}", size.0, size.1, expected.0, expected.1);
+    Err(DatasetError::field(path, "size", reason))
+}
+
+/// Adds probes that the photo shows. Probe (column, row) of the grid stands at the surface that the panorama's pixel at the same place shows.
+fn add_probes(path: &Path, depth_m: &DepthMap, seed: u64, record: &mut Record) -> Result<(), DatasetError> {
+    let light = read_radiance(path)?;
+    let (width, height) = (light.width(), light.height());
+    let (columns, rows) = (width / (2 * PROBE_HEIGHT), height / PROBE_HEIGHT);
+    if columns == 0 || rows == 0 || width % (2 * PROBE_HEIGHT) != 0 || height % PROBE_HEIGHT != 0 {
+        let reason =
+            format!("{width} × {height} pixels are no grid of probes of {} × {PROBE_HEIGHT}", 2 * PROBE_HEIGHT);
+        return Err(DatasetError::field(path, "size", reason));
+    }
+    let shot = &record.shots[0];
+    let camera_from_record = shot.rotation.inverse();
+    let mut seen: Vec<(usize, usize, Vec3)> = Vec::new();
+    for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
+        let direction = pixel_direction(column, row, columns, rows);
+        let position = direction * depth_m[pixel_at(depth_m, direction)];
+        let inside = shot.camera.project(camera_from_record * position).is_some_and(|(u, v, _)| {
+            u >= 0.0 && v >= 0.0 && u < f64::from(shot.camera.width) && v < f64::from(shot.camera.height)
+        });
+        if inside {
+            seen.push((column, row, position));
+        }
+    }
+    let mut stream = lo_random::stream(seed ^ lo_random::hash(record.key.as_bytes()), "probes", 0);
+    seen.shuffle(&mut stream);
+    for (column, row, position_m) in seen {
+        if record.views.len() > PROBES {
+            break;
+        }
+        // the grid's probes are half a turn from the panorama: their centre column looks back
+        let probe = Image::from_fn(2 * PROBE_HEIGHT, PROBE_HEIGHT, |x, y| {
+            let x = (x + PROBE_HEIGHT) % (2 * PROBE_HEIGHT);
+            light[(column * 2 * PROBE_HEIGHT + x, row * PROBE_HEIGHT + y)]
+                .map(|v| if v.is_finite() { v.max(0.0) } else { 0.0 })
+        });
+        // version 1 of the probes leaves those of the top and bottom faces black
+        if probe.pixels().iter().flatten().all(|&v| v == 0.0) {
+            continue;
+        }
+        record.shots[0].views.push(record.views.len());
+        record.views.push(NovelView { position_m, rotation: Quat::IDENTITY, radiance: probe, depth_m: None });
+    }
+    Ok(())
+}

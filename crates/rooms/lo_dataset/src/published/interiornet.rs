@@ -1,0 +1,324 @@
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+
+use lo_geometry::{Camera, Quat, Vec3};
+use lo_imaging::{DepthMap, Image, Photo, RadianceImage, read_depth, read_photo, resize_equirectangular};
+use lo_random::seq::SliceRandom;
+
+use super::files::{entries, folders, name, stem};
+use crate::sample::Metadata;
+use crate::{Dataset, DatasetError, NovelView, Record, Sample, Shot};
+
+/// Where the camera files of HD1 to HD6 lie.
+const GROUND_TRUTH: &str = "GroundTruth_HD1-HD6";
+/// Height of the panoramas that are given out; they are stored with 1500 rows.
+const PANORAMA_HEIGHT: usize = 128;
+/// Most panoramas of a sample, its own one included.
+const VIEWS: usize = 6;
+
+/// InteriorNet (Li et al., BMVC 2018), HD1 to HD7.
+///
+/// A sequence is a folder with `cam0/data/*.png` and `depth0/data/*.png` (16-bit, millimetres along the ray) and maybe `cam0_pano/data/*.png`
+/// (equirectangular sRGB). Its cameras are in `cam0.ccam`, in the folder itself or, for `HDn/<scene>/<light>_<t>_<t>`, in
+/// `GroundTruth_HD1-HD6/<scene>/velocity_angular_<t>_<t>`. The panoramas are 8-bit: light beyond white is lost in them.
+#[derive(Debug)]
+pub struct InteriorNet {
+    sequences: Vec<Sequence>,
+    /// Sequence and frame of each sample.
+    samples: Vec<(u32, u32)>,
+    seed: u64,
+}
+
+#[derive(Debug)]
+struct Sequence {
+    scene: String,
+    id: String,
+    frames: Vec<Frame>,
+    /// Index of the frames that have a panorama.
+    panoramas: Vec<usize>,
+}
+
+#[derive(Debug)]
+struct Frame {
+    photo: PathBuf,
+    depth: PathBuf,
+    panorama: Option<PathBuf>,
+    pinhole: Pinhole,
+}
+
+/// A line of `cam0.ccam`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Pinhole {
+    camera: Camera,
+    position_m: Vec3,
+    /// World from camera; the camera looks along −Z, +Y is up in the picture.
+    rotation: Quat,
+}
+
+impl InteriorNet {
+    /// Whether a folder looks like the dataset or a part of it.
+    pub(crate) fn is_at(folder: &Path) -> bool {
+        folder.join(GROUND_TRUTH).is_dir() || sequence_folders(folder).is_ok_and(|found| !found.is_empty())
+    }
+
+    /// Looks for sequences: in the folder itself, its scenes, or the scenes of its `HD1` … `HD7`.
+    ///
+    /// # Errors
+    /// Folders that cannot be read, sequences without cameras or with another number of pictures, lines that are no camera.
+    pub fn open(folder: &Path, seed: u64) -> Result<Self, DatasetError> {
+        let mut sequences = Vec::new();
+        for path in sequence_folders(folder)? {
+            sequences.push(Sequence::open(folder, &path)?);
+        }
+        if sequences.is_empty() {
+            return Err(DatasetError::layout(folder, "no sequence with cam0/data and depth0/data in it"));
+        }
+        let numbered = sequences.iter().enumerate();
+        let samples =
+            numbered.flat_map(|(s, sequence)| (0..sequence.frames.len()).map(move |f| (s as u32, f as u32))).collect();
+        Ok(Self { sequences, samples, seed })
+    }
+}
+
+/// Folders that hold a sequence, at most three levels down.
+fn sequence_folders(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
+    let mut found = Vec::new();
+    let mut level = vec![folder.to_owned()];
+    for _ in 0..4 {
+        let mut next = Vec::new();
+        for path in level {
+            if path.join("cam0").join("data").is_dir() && path.join("depth0").join("data").is_dir() {
+                found.push(path);
+            } else if name(&path) != GROUND_TRUTH {
+                next.extend(folders(&path)?);
+            }
+        }
+        level = next;
+    }
+    Ok(found)
+}
+
+impl Sequence {
+    fn open(root: &Path, path: &Path) -> Result<Self, DatasetError> {
+        let cameras = cameras_file(root, path)?;
+        let text = std::fs::read_to_string(&cameras).map_err(DatasetError::io(&cameras))?;
+        let pinholes = parse_cameras(&cameras, &text)?;
+        let photos = pictures(&path.join("cam0").join("data"))?;
+        // frames that were left out of an archive keep their numbers
+        let numbers: Option<Vec<usize>> = photos.iter().map(|photo| stem(photo).parse().ok()).collect();
+        let numbers = match numbers {
+            Some(numbers) if numbers.iter().all(|&number| number < pinholes.len()) => numbers,
+            _ if photos.len() == pinholes.len() => (0..photos.len()).collect(),
+            _ => {
+                let reason = format!("{} cameras for {} pictures in {}", pinholes.len(), photos.len(), path.display());
+                return Err(DatasetError::field(&cameras, "lines", reason));
+            }
+        };
+        let frames: Vec<Frame> = photos
+            .into_iter()
+            .zip(numbers)
+            .map(|(photo, number)| {
+                let file = name(&photo);
+                let panorama = path.join("cam0_pano").join("data").join(&file);
+                Frame {
+                    depth: path.join("depth0").join("data").join(&file),
+                    panorama: Some(panorama).filter(|p| p.is_file()),
+                    pinhole: pinholes[number],
+                    photo,
+                }
+            })
+            .collect();
+        let panoramas = (0..frames.len()).filter(|&i| frames[i].panorama.is_some()).collect();
+        // `<scene>/<light>_<t>_<t>` or, in HD7, the scene itself
+        let parent = path.parent().map(name).unwrap_or_default();
+        let (scene, id) = match trajectory(&name(path)) {
+            Some(_) => (parent.clone(), format!("{parent}-{}", name(path))),
+            None => (name(path), name(path)),
+        };
+        Ok(Self { scene, id, frames, panoramas })
+    }
+}
+
+/// `<t>_<t>` of `<light>_<t>_<t>`.
+fn trajectory(folder: &str) -> Option<&str> {
+    folder.strip_prefix("original_").or_else(|| folder.strip_prefix("random_"))
+}
+
+fn cameras_file(root: &Path, path: &Path) -> Result<PathBuf, DatasetError> {
+    let own = path.join("cam0.ccam");
+    if own.is_file() {
+        return Ok(own);
+    }
+    let scene = path.parent().map(name).unwrap_or_default();
+    let shared = trajectory(&name(path)).map(|t| {
+        // the ground truth lies beside the HDn folders, or was put into one of them
+        let below =
+            |base: &Path| base.join(GROUND_TRUTH).join(&scene).join(format!("velocity_angular_{t}")).join("cam0.ccam");
+        path.ancestors()
+            .take_while(|a| a.starts_with(root) || *a == root)
+            .chain(root.parent())
+            .map(below)
+            .find(|f| f.is_file())
+    });
+    shared.flatten().ok_or_else(|| {
+        let reason = format!("no cam0.ccam, neither here nor in {GROUND_TRUTH}/{scene}/velocity_angular_…");
+        DatasetError::layout(path, reason)
+    })
+}
+
+/// The pictures of a folder in the order of their numbers, or of their names where they have none.
+fn pictures(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
+    let mut paths: Vec<PathBuf> =
+        entries(folder)?.into_iter().filter(|p| p.extension().is_some_and(|e| e == "png")).collect();
+    paths.sort_by_key(|path| stem(path).parse::<u64>().unwrap_or(u64::MAX));
+    Ok(paths)
+}
+
+/// Lines of 15 numbers: focal length, principal point, three distortion coefficients, orientation w x y z, position x y z, width, height.
+/// Comments and the line with the count are skipped.
+fn parse_cameras(path: &Path, text: &str) -> Result<Vec<Pinhole>, DatasetError> {
+    let mut pinholes = Vec::new();
+    for (number, line) in text.lines().enumerate() {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        if words.len() <= 1 || line.trim_start().starts_with('#') {
+            continue;
+        }
+        let wrong = |reason: String| DatasetError::field(path, format!("line {}", number + 1), reason);
+        let mut values = [0.0f64; 15];
+        if words.len() < values.len() {
+            return Err(wrong(format!("{} numbers, 15 are needed", words.len())));
+        }
+        for (value, word) in values.iter_mut().zip(&words) {
+            *value = word
+                .parse()
+                .ok()
+                .filter(|v: &f64| v.is_finite())
+                .ok_or_else(|| wrong(format!("`{word}` is no number")))?;
+        }
+        let [f, cx, cy, _, _, _, w, x, y, z, px, py, pz, width, height] = values;
+        let camera =
+            Camera::new(f, f, cx, cy, width as u32, height as u32).map_err(|error| wrong(error.to_string()))?;
+        let rotation = Quat::from_xyzw(x as f32, y as f32, z as f32, w as f32);
+        if (rotation.length() - 1.0).abs() > 0.01 {
+            return Err(wrong(format!("the orientation {w} {x} {y} {z} is no unit quaternion")));
+        }
+        let position_m = Vec3::new(px as f32, py as f32, pz as f32);
+        pinholes.push(Pinhole { camera, position_m, rotation: rotation.normalize() });
+    }
+    Ok(pinholes)
+}
+
+impl Dataset for InteriorNet {
+    fn len(&self) -> usize {
+        self.samples.len()
+    }
+
+    fn scene_id(&self, index: usize) -> Cow<'_, str> {
+        self.sequences[self.samples[index].0 as usize].scene.as_str().into()
+    }
+
+    fn get(&self, index: usize) -> Result<Sample, DatasetError> {
+        let len = self.samples.len();
+        let &(sequence, number) = self.samples.get(index).ok_or(DatasetError::Index { index, len })?;
+        let sequence = &self.sequences[sequence as usize];
+        let frame = &sequence.frames[number as usize];
+        let Pinhole { camera, position_m, rotation } = frame.pinhole;
+        let photo = read_srgb(&frame.photo)?;
+        check_size(&frame.photo, photo.width(), photo.height(), &camera)?;
+        let depth_m = frame.depth()?;
+        let mut chosen: Vec<usize> = sequence
+            .panoramas
+            .iter()
+            .copied()
+            .filter(|&i| i != number as usize && sees(frame, &depth_m, &sequence.frames[i]))
+            .collect();
+        chosen.shuffle(&mut lo_random::stream(
+            self.seed ^ lo_random::hash(sequence.id.as_bytes()),
+            "views",
+            u64::from(number),
+        ));
+        let own = frame.panorama.is_some().then_some(number as usize);
+        let mut views = Vec::new();
+        for i in own.into_iter().chain(chosen).take(VIEWS) {
+            views.extend(sequence.frames[i].view()?);
+        }
+        let shot = Shot {
+            position_m,
+            rotation,
+            gains: [1.0; 3],
+            camera,
+            radiance: None,
+            photo,
+            jpeg: None,
+            depth_m: Some(depth_m),
+            sensor_depth_m: None,
+            normal: None,
+            albedo: None,
+            views: (0..views.len()).collect(),
+            metadata: Metadata::from_iter([("panoramas_clipped_at_white".to_owned(), true.into())]),
+        };
+        let record = Record {
+            key: format!("{}-{}", sequence.id, stem(&frame.photo)),
+            scene_id: sequence.scene.clone(),
+            up: Some(Vec3::Z),
+            points: Vec::new(),
+            point_area_m2: None,
+            views,
+            shots: vec![shot],
+            metadata: Metadata::new(),
+        };
+        Ok(record.sample(0))
+    }
+}
+
+impl Frame {
+    /// Depth along the axis, of the stored distance along the ray.
+    fn depth(&self) -> Result<DepthMap, DatasetError> {
+        let camera = &self.pinhole.camera;
+        let distance = read_depth(&self.depth, Some(1000.0))?;
+        check_size(&self.depth, distance.width(), distance.height(), camera)?;
+        Ok(Image::from_fn(distance.width(), distance.height(), |x, y| {
+            distance[(x, y)] * -camera.direction(x as f64 + 0.5, y as f64 + 0.5).z
+        }))
+    }
+
+    /// The panorama at this frame's place, as linear light; its axes are the camera's.
+    fn view(&self) -> Result<Option<NovelView>, DatasetError> {
+        let Some(path) = &self.panorama else { return Ok(None) };
+        let map: RadianceImage = Photo::Srgb8(read_srgb(path)?).into_radiance();
+        if map.width() != 2 * map.height() || map.height() == 0 {
+            let reason = format!("{} × {} pixels; a panorama is twice as wide as high", map.width(), map.height());
+            return Err(DatasetError::field(path, "size", reason));
+        }
+        let radiance = resize_equirectangular(&map, 2 * PANORAMA_HEIGHT, PANORAMA_HEIGHT);
+        let Pinhole { position_m, rotation, .. } = self.pinhole;
+        Ok(Some(NovelView { position_m, rotation, radiance, depth_m: None }))
+    }
+}
+
+/// Whether another frame's place lies in a frame's picture and before its surfaces.
+fn sees(frame: &Frame, depth_m: &DepthMap, other: &Frame) -> bool {
+    let local = frame.pinhole.rotation.inverse() * (other.pinhole.position_m - frame.pinhole.position_m);
+    frame.pinhole.camera.project(local).is_some_and(|(u, v, z)| {
+        u >= 0.0
+            && v >= 0.0
+            && u < depth_m.width() as f64
+            && v < depth_m.height() as f64
+            && z < f64::from(depth_m[(u as usize, v as usize)])
+    })
+}
+
+fn read_srgb(path: &Path) -> Result<Image<[u8; 3]>, DatasetError> {
+    match read_photo(path)?.photo {
+        Photo::Srgb8(photo) => Ok(photo),
+        Photo::Linear(_) => Err(DatasetError::field(path, "picture", "8-bit sRGB is expected")),
+    }
+}
+
+fn check_size(path: &Path, width: usize, height: usize, camera: &Camera) -> Result<(), DatasetError> {
+    if (width as u32, height as u32) == (camera.width, camera.height) {
+        return Ok(());
+    }
+    let reason = format!("{width} × {height} pixels, cam0.ccam says {} × {}", camera.width, camera.height);
+    Err(DatasetError::field(path, "size", reason))
+}

@@ -1,0 +1,143 @@
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+
+use lo_geometry::{Camera, Quat, Vec3};
+use lo_imaging::{RadianceImage, read_radiance, resize_equirectangular};
+use lo_sensor::PhotoModel;
+use serde::Deserialize;
+
+use super::files::{folders, name, read_panorama};
+use crate::sample::Metadata;
+use crate::{Dataset, DatasetError, NovelView, Record, Sample, Shot};
+
+/// Describes a scene's files.
+const SCENE: &str = "scene.json";
+/// Height of the panoramas that are given out.
+const PANORAMA_HEIGHT: usize = 128;
+
+/// The Laval spatially varying test set (Garon et al. 2019): per scene an HDR photo and HDR light probes at places in it.
+///
+/// Each folder `<scene>/` holds a `scene.json` that names the photo and the probes, which the published archive does not have: its file names
+/// could not be verified, so they are not guessed. `{"photo": "crop.exr", "hfov_deg": 60, "probes": [{"file": "probe0.exr", "u": 210, "v": 190,
+/// "depth_m": 2.1}]}`; `u` and `v` in pixels of the photo, pixel centres at +0.5; depth along the optical axis.
+#[derive(Debug)]
+pub struct LavalVarying {
+    scenes: Vec<PathBuf>,
+    photo: PhotoModel,
+    seed: u64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Description {
+    photo: String,
+    hfov_deg: f64,
+    probes: Vec<ProbeDescription>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ProbeDescription {
+    file: String,
+    u: f64,
+    v: f64,
+    depth_m: f64,
+}
+
+impl LavalVarying {
+    /// Whether a folder looks like the dataset.
+    pub(crate) fn is_at(folder: &Path) -> bool {
+        folders(folder).is_ok_and(|scenes| scenes.iter().any(|scene| scene.join(SCENE).is_file()))
+    }
+
+    /// Looks for scenes; `photo` makes the LDR photos, from `seed`.
+    ///
+    /// # Errors
+    /// A folder that cannot be read or holds no scene.
+    pub fn open(folder: &Path, photo: PhotoModel, seed: u64) -> Result<Self, DatasetError> {
+        let scenes: Vec<PathBuf> = folders(folder)?.into_iter().filter(|scene| scene.join(SCENE).is_file()).collect();
+        if scenes.is_empty() {
+            return Err(DatasetError::layout(folder, format!("no <scene>/{SCENE} in it")));
+        }
+        Ok(Self { scenes, photo, seed })
+    }
+}
+
+impl Dataset for LavalVarying {
+    fn len(&self) -> usize {
+        self.scenes.len()
+    }
+
+    fn scene_id(&self, index: usize) -> Cow<'_, str> {
+        name(&self.scenes[index]).into()
+    }
+
+    fn get(&self, index: usize) -> Result<Sample, DatasetError> {
+        let folder = self.scenes.get(index).ok_or(DatasetError::Index { index, len: self.scenes.len() })?;
+        let path = folder.join(SCENE);
+        let text = std::fs::read(&path).map_err(DatasetError::io(&path))?;
+        let scene: Description =
+            serde_json::from_slice(&text).map_err(|error| DatasetError::field(&path, "description", error))?;
+        let seen: RadianceImage = read_radiance(folder.join(&scene.photo))?;
+        if seen.width().max(seen.height()) > usize::from(u16::MAX) {
+            let reason = format!("{} × {} pixels are more than a JPEG holds", seen.width(), seen.height());
+            return Err(DatasetError::field(&folder.join(&scene.photo), "size", reason));
+        }
+        let camera = Camera::from_hfov_deg(scene.hfov_deg, seen.width() as u32, seen.height() as u32)
+            .map_err(|error| DatasetError::field(&path, "hfov_deg", error))?;
+        let mut views = Vec::with_capacity(scene.probes.len());
+        for (i, probe) in scene.probes.iter().enumerate() {
+            let wrong =
+                |field: &str, reason: String| DatasetError::field(&path, format!("probes[{i}].{field}"), reason);
+            if !(probe.depth_m > 0.0 && probe.depth_m.is_finite()) {
+                return Err(wrong("depth_m", format!("{} is not positive", probe.depth_m)));
+            }
+            for (field, value, most) in [("u", probe.u, camera.width), ("v", probe.v, camera.height)] {
+                if !(0.0..=f64::from(most)).contains(&value) {
+                    return Err(wrong(field, format!("{value} lies outside of the photo's {most} pixels")));
+                }
+            }
+            let map = read_panorama(&folder.join(&probe.file))?;
+            views.push(NovelView {
+                position_m: camera.unproject(probe.u, probe.v, probe.depth_m),
+                rotation: Quat::IDENTITY,
+                radiance: resize_equirectangular(&map, 2 * PANORAMA_HEIGHT, PANORAMA_HEIGHT),
+                depth_m: None,
+            });
+        }
+        let id = name(folder);
+        let mut stream = lo_random::stream(self.seed ^ lo_random::hash(id.as_bytes()), "photo", 0);
+        let settings = self.photo.draw(&mut stream);
+        let taken = settings.photograph(&seen, &camera, &mut stream);
+        let [r, g, b] = taken.gains;
+        let shot =
+            Shot {
+                position_m: Vec3::ZERO,
+                rotation: Quat::IDENTITY,
+                gains: taken.gains,
+                camera,
+                photo: taken.photo,
+                jpeg: Some(taken.jpeg),
+                radiance: Some(seen.map(|rgb| {
+                    [rgb[0] * r, rgb[1] * g, rgb[2] * b].map(|v| if v.is_finite() { v.max(0.0) } else { 0.0 })
+                })),
+                depth_m: None,
+                sensor_depth_m: None,
+                normal: None,
+                albedo: None,
+                views: (0..views.len()).collect(),
+                metadata: Metadata::from_iter([("photo".to_owned(), serde_json::json!(settings))]),
+            };
+        let record = Record {
+            key: id.clone(),
+            scene_id: id,
+            up: None,
+            points: Vec::new(),
+            point_area_m2: None,
+            views,
+            shots: vec![shot],
+            metadata: Metadata::new(),
+        };
+        Ok(record.sample(0))
+    }
+}

@@ -1,0 +1,115 @@
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+
+use super::index::{RecordIndex, ShardIndex};
+use super::pack::{HEADER, Problem, header, unpack};
+use crate::{Dataset, DatasetError, Sample};
+
+/// All shards of a folder, read at random.
+///
+/// Opening reads the headers of every archive and the small JSON file of every record, nothing else.
+#[derive(Debug)]
+pub struct Shards {
+    shards: Vec<ShardIndex>,
+    samples: Vec<ShotIndex>,
+    scene_ids: Vec<String>,
+}
+
+/// Where a sample is.
+#[derive(Clone, Copy, Debug)]
+struct ShotIndex {
+    shard: u32,
+    record: u32,
+    shot: u32,
+    scene: u32,
+}
+
+impl Shards {
+    /// Opens every `.tar` of a folder, in the order of their names, or one archive.
+    ///
+    /// # Errors
+    /// A folder without archives; archives that are no tar or end early; headers of records that are missing, damaged or of another version.
+    pub fn open(path: &Path) -> Result<Self, DatasetError> {
+        let paths = if path.is_dir() { archives(path)? } else { vec![path.to_owned()] };
+        if paths.is_empty() {
+            return Err(DatasetError::layout(path, "no .tar archive in it"));
+        }
+        let mut this = Self { shards: Vec::new(), samples: Vec::new(), scene_ids: Vec::new() };
+        for path in paths {
+            this.add(ShardIndex::read(&path)?)?;
+        }
+        Ok(this)
+    }
+
+    fn add(&mut self, shard: ShardIndex) -> Result<(), DatasetError> {
+        for (number, record) in shard.records.iter().enumerate() {
+            let bytes = member(&shard, record, HEADER).map_err(|problem| located(&shard, record, problem))?;
+            let header = header(&bytes).map_err(|problem| located(&shard, record, problem))?;
+            let scene = self.scene_ids.len() as u32;
+            self.scene_ids.push(header.scene_id);
+            self.samples.extend((0..header.shots.len()).map(|shot| ShotIndex {
+                shard: self.shards.len() as u32,
+                record: number as u32,
+                shot: shot as u32,
+                scene,
+            }));
+        }
+        self.shards.push(shard);
+        Ok(())
+    }
+}
+
+impl Dataset for Shards {
+    fn len(&self) -> usize {
+        self.samples.len()
+    }
+
+    fn scene_id(&self, index: usize) -> Cow<'_, str> {
+        self.scene_ids[self.samples[index].scene as usize].as_str().into()
+    }
+
+    fn get(&self, index: usize) -> Result<Sample, DatasetError> {
+        let place = *self.samples.get(index).ok_or(DatasetError::Index { index, len: self.samples.len() })?;
+        let shard = &self.shards[place.shard as usize];
+        let record = &shard.records[place.record as usize];
+        let (shots, sample) = read_shot(shard, record, place.shot as usize).map_err(|p| located(shard, record, p))?;
+        let id = if shots == 1 { record.key.clone() } else { format!("{}-{}", record.key, place.shot) };
+        Ok(Sample { id, ..sample })
+    }
+}
+
+/// A photo's sample, and how many the record has.
+fn read_shot(shard: &ShardIndex, record: &RecordIndex, shot: usize) -> Result<(usize, Sample), Problem> {
+    let header = header(&member(shard, record, HEADER)?)?;
+    if shot >= header.shots.len() {
+        return Err(Problem::new(HEADER, "shots", "there are fewer than when the archive was opened"));
+    }
+    let read = |file: &str| member(shard, record, file);
+    Ok((header.shots.len(), unpack(&record.key, &header, shot, &read)?.sample(0)))
+}
+
+fn member(shard: &ShardIndex, record: &RecordIndex, file: &str) -> Result<Vec<u8>, Problem> {
+    let span = record.members.get(file).ok_or_else(|| Problem::new(file, "file", "it is not in the archive"))?;
+    shard.bytes(*span).map_err(|error| Problem::new(file, "file", error))
+}
+
+fn located(shard: &ShardIndex, record: &RecordIndex, problem: Problem) -> DatasetError {
+    DatasetError::Member {
+        shard: shard.path.clone(),
+        member: format!("{}.{}", record.key, problem.file),
+        field: problem.field,
+        reason: problem.reason,
+    }
+}
+
+fn archives(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
+    let mut paths = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(DatasetError::io(folder))? {
+        let path = entry.map_err(DatasetError::io(folder))?.path();
+        if path.extension().is_some_and(|extension| extension == "tar") {
+            paths.push(path);
+        }
+    }
+    paths.sort();
+    Ok(paths)
+}

@@ -1,0 +1,23 @@
+//! Camera and depth-sensor models: from radiance and true depth to what a device records.
+//!
+//! A model holds ranges, in serde structs with documented defaults. [`PhotoModel::draw`] and [`DepthModel::draw`] choose one
+//! device and its settings; what was chosen is kept with the sample, so that every photo can be explained.
+
+mod blur;
+mod curve;
+mod depth;
+mod depth_view;
+mod interval;
+mod kinect;
+mod lidar;
+mod metering;
+mod photo;
+mod photo_model;
+
+pub use curve::ResponseCurve;
+pub use depth::{DepthModel, DepthSettings, DepthShares};
+pub use depth_view::DepthView;
+pub use interval::{Interval, IntervalError};
+pub use metering::{Metering, meter};
+pub use photo::{PhotoSettings, Photograph};
+pub use photo_model::{CurveShares, PhotoModel};

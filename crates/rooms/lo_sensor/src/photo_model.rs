@@ -1,0 +1,144 @@
+use lo_random::{RngExt, Stream};
+use serde::{Deserialize, Serialize};
+
+use crate::{Interval, PhotoSettings, ResponseCurve};
+
+/// Cameras and their settings, as ranges: [`PhotoModel::draw`] makes one of them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PhotoModel {
+    /// Mean level, of white, that the automatic exposure aims at; the grey card is 0.18.
+    pub grey_level: Interval,
+    /// What the exposure is wrong by, in stops.
+    pub exposure_error_ev: Interval,
+    /// Share of the picture that may be clipped before the exposure is lowered.
+    pub highlight_share: Interval,
+    /// Share of the illuminant's colour that the white balance takes out.
+    pub white_balance: Interval,
+    /// What the gains of red and of blue are wrong by, as a natural logarithm.
+    pub white_balance_error: Interval,
+    /// Share of the lens' natural falloff (cos⁴ of the angle) that is left after the camera's own correction.
+    pub vignetting: Interval,
+    /// Standard deviation of the blur (lens, defocus, motion, resampling) in pixels of the photo.
+    pub blur_px: Interval,
+    /// Sensitivity; uniform in stops.
+    pub iso: Interval,
+    /// Sensor pixels that make one pixel of the photo, which is the noise's share of a reduced picture; uniform in stops.
+    pub binned_pixels: Interval,
+    /// JPEG quality, 1 to 100.
+    pub jpeg_quality: Interval,
+    /// How often each family of response curves occurs.
+    pub curves: CurveShares,
+}
+
+/// Relative frequencies of the families of [`ResponseCurve`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CurveShares {
+    /// [`ResponseCurve::Srgb`].
+    pub srgb: f32,
+    /// [`ResponseCurve::Filmic`].
+    pub filmic: f32,
+    /// [`ResponseCurve::Contrast`].
+    pub contrast: f32,
+    /// [`ResponseCurve::Shoulder`].
+    pub shoulder: f32,
+}
+
+impl Default for CurveShares {
+    fn default() -> Self {
+        Self { srgb: 0.25, filmic: 0.25, contrast: 0.25, shoulder: 0.25 }
+    }
+}
+
+impl Default for PhotoModel {
+    /// Phones and compact cameras in rooms.
+    fn default() -> Self {
+        Self {
+            grey_level: Interval::new(0.14, 0.24),
+            exposure_error_ev: Interval::new(-0.7, 0.7),
+            highlight_share: Interval::new(0.02, 0.25),
+            white_balance: Interval::new(0.6, 1.0),
+            white_balance_error: Interval::new(-0.08, 0.08),
+            vignetting: Interval::new(0.0, 0.5),
+            blur_px: Interval::new(0.2, 0.8),
+            iso: Interval::new(50.0, 1600.0),
+            binned_pixels: Interval::new(8.0, 80.0),
+            jpeg_quality: Interval::new(70.0, 97.0),
+            curves: CurveShares::default(),
+        }
+    }
+}
+
+impl PhotoModel {
+    /// Chooses a camera and its settings.
+    pub fn draw(&self, stream: &mut Stream) -> PhotoSettings {
+        PhotoSettings {
+            grey_level: self.grey_level.within(0.01, 0.9).draw(stream),
+            exposure_error_ev: self.exposure_error_ev.within(-10.0, 10.0).draw(stream),
+            highlight_share: self.highlight_share.within(0.0, 1.0).draw(stream),
+            white_balance: self.white_balance.within(0.0, 1.0).draw(stream),
+            white_balance_error: [(); 2].map(|()| self.white_balance_error.within(-1.0, 1.0).draw(stream)),
+            vignetting: self.vignetting.within(0.0, 1.0).draw(stream),
+            blur_px: self.blur_px.within(0.0, 16.0).draw(stream),
+            iso: self.iso.within(1.0, 1e6).draw_log(stream),
+            binned_pixels: self.binned_pixels.within(0.01, 1e4).draw_log(stream),
+            jpeg_quality: self.jpeg_quality.within(1.0, 100.0).draw(stream).round() as u8,
+            curve: self.curves.draw(stream),
+        }
+    }
+}
+
+impl CurveShares {
+    /// A family by its share, all alike where no share is positive; then the family's parameter.
+    fn draw(&self, stream: &mut Stream) -> ResponseCurve {
+        let mut shares = [self.srgb, self.filmic, self.contrast, self.shoulder].map(|s| s.max(0.0));
+        if shares.iter().sum::<f32>() <= 0.0 {
+            shares = [1.0; 4];
+        }
+        let mut rest = stream.random::<f32>() * shares.iter().sum::<f32>();
+        let family = shares.iter().position(|share| {
+            rest -= share;
+            rest < 0.0
+        });
+        match family {
+            Some(0) => ResponseCurve::Srgb,
+            Some(1) => ResponseCurve::Filmic { white: Interval::new(2.0, 8.0).draw_log(stream) },
+            Some(2) => ResponseCurve::Contrast { slope: Interval::new(1.05, 1.35).draw(stream) },
+            _ => ResponseCurve::Shoulder { strength: Interval::new(0.3, 4.0).draw_log(stream) },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn models_draw_within_their_ranges_and_always_the_same() {
+        let model = PhotoModel::default();
+        let draws: Vec<PhotoSettings> = (0..400).map(|i| model.draw(&mut lo_random::stream(9, "photo", i))).collect();
+        assert_eq!(draws[7], model.draw(&mut lo_random::stream(9, "photo", 7)));
+        assert!(draws.iter().all(|d| (70..=97).contains(&d.jpeg_quality) && (50.0..=1600.0).contains(&d.iso)));
+        for family in 0..4 {
+            let count = draws
+                .iter()
+                .filter(|d| {
+                    family
+                        == match d.curve {
+                            ResponseCurve::Srgb => 0,
+                            ResponseCurve::Filmic { .. } => 1,
+                            ResponseCurve::Contrast { .. } => 2,
+                            ResponseCurve::Shoulder { .. } => 3,
+                        }
+                })
+                .count();
+            // 100 expected, deviation 8.7
+            assert!((65..=135).contains(&count), "family {family}: {count}");
+        }
+        let text = serde_json::to_string(&draws[0]).unwrap();
+        assert_eq!(serde_json::from_str::<PhotoSettings>(&text).unwrap(), draws[0]);
+        assert_eq!(serde_json::from_str::<PhotoModel>("{}").unwrap(), model);
+    }
+}

@@ -1,0 +1,207 @@
+//! Where photos are taken from, and where light probes may be asked for.
+
+use lo_geometry::{Camera, Quat, Ray, Vec2, Vec3};
+use lo_mesh::PreparedModel;
+use lo_random::Stream;
+use lo_transport::Pose;
+
+use crate::chance::between;
+use crate::config::SynthConfig;
+use crate::object::Object;
+use crate::plan::Plan;
+use crate::stage::Support;
+
+/// A photo's camera and place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraPose {
+    /// Where it stands and looks.
+    pub pose: Pose,
+    /// Lens and size.
+    pub camera: Camera,
+}
+
+/// A box around one solid, for asking whether a point is free.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SolidBox {
+    pub center: Vec3,
+    pub rotation: Quat,
+    pub half: Vec3,
+}
+
+impl SolidBox {
+    /// Distance from a point; 0 inside.
+    pub(crate) fn distance(&self, p: Vec3) -> f32 {
+        let local = self.rotation.inverse() * (p - self.center);
+        (local.abs() - self.half).max(Vec3::ZERO).length()
+    }
+}
+
+/// What is needed to choose viewpoints.
+pub(crate) struct Space<'a> {
+    pub plan: &'a Plan,
+    pub solids: &'a [SolidBox],
+    pub model: &'a PreparedModel,
+    /// What the model consists of, in the order of its triangles; the shell comes first.
+    pub objects: &'a [Object],
+}
+
+/// Rays of a coarse picture.
+const COLUMNS: usize = 9;
+const ROWS: usize = 6;
+
+/// Views that are looked at before one is taken: at least so many, at most so many.
+const LOOKS: std::ops::Range<usize> = 8..60;
+
+/// A view of this score is taken without looking on.
+const GOOD_VIEW: f32 = 2.0;
+
+/// What a ray of the coarse picture meets.
+struct Seen {
+    distance_m: f32,
+    /// Number of the object, 0 for the shell and for nothing.
+    object: usize,
+    /// Which of the shell's walls, by the direction that it faces: eight sectors; none for floor, ceiling and things.
+    wall: Option<u8>,
+}
+
+impl Space<'_> {
+    fn look(&self, origin: Vec3, direction: Vec3) -> Seen {
+        let Some(hit) = self.model.intersect_both_sides(&Ray { origin, direction }, 100.0) else {
+            return Seen { distance_m: 100.0, object: 0, wall: None };
+        };
+        let starts = |object: &Object| object.parts.first().is_none_or(|part| part.start <= hit.triangle as usize);
+        let object = self.objects.partition_point(starts).saturating_sub(1);
+        let model = self.model.model();
+        let [a, b, c] = model.triangles[hit.triangle as usize].map(|v| model.positions[v as usize]);
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        let wall = (object == 0 && normal.y.abs() < 0.3).then(|| {
+            let turn = normal.z.atan2(normal.x) / std::f32::consts::TAU;
+            (8.0 * turn).round().rem_euclid(8.0) as u8
+        });
+        Seen { distance_m: hit.distance_m, object, wall }
+    }
+
+    /// Whether a point is inside the room and at least `margin_m` from all solids, walls, floor and ceiling.
+    pub(crate) fn is_free(&self, p: Vec3, margin_m: f32) -> bool {
+        let floor = Vec2::new(p.x, p.z);
+        self.plan.contains(floor, margin_m)
+            && p.y > margin_m
+            // Steep ceilings come near sideways.
+            && [Vec2::ZERO, Vec2::X, Vec2::NEG_X, Vec2::Y, Vec2::NEG_Y]
+                .into_iter()
+                .all(|d| p.y < self.plan.ceiling(floor + d * margin_m) - margin_m)
+            && self.solids.iter().all(|solid| solid.distance(p) >= margin_m)
+    }
+
+    /// A camera that sees a good part of the room.
+    pub(crate) fn camera(&self, random: &mut Stream, config: &SynthConfig) -> CameraPose {
+        let [low, high] = config.hfov_deg;
+        let camera = {
+            let hfov = f64::from(between(random, low, high));
+            Camera::from_hfov_deg(hfov, config.crop_size[0], config.crop_size[1]).expect("the range was checked")
+        };
+        let mut best: Option<(f32, Pose)> = None;
+        for attempt in 0..LOOKS.end {
+            let Some(position) = self.standpoint(random, config) else {
+                continue;
+            };
+            let yaw = between(random, 0.0, std::f32::consts::TAU);
+            // Nearly level most of the time: the mean of two draws.
+            let tilt = |random: &mut Stream| between(random, -config.pitch_deg, config.pitch_deg);
+            let pitch = (0.5 * (tilt(random) + tilt(random))).to_radians();
+            let roll = between(random, -config.roll_deg, config.roll_deg).to_radians();
+            let rotation = Quat::from_rotation_y(yaw) * Quat::from_rotation_x(pitch) * Quat::from_rotation_z(roll);
+            let pose = Pose { position, rotation };
+            let score = self.score(&camera, &pose);
+            if best.as_ref().is_none_or(|b| score > b.0) {
+                best = Some((score, pose));
+            }
+            if attempt + 1 >= LOOKS.start && best.as_ref().is_some_and(|b| b.0 > GOOD_VIEW) {
+                break;
+            }
+        }
+        let middle = self.plan.rectangles[0];
+        let center = (middle[0] + middle[1]) * 0.5;
+        let pose = best
+            .map_or(Pose { position: Vec3::new(center.x, 1.5, center.y), rotation: Quat::IDENTITY }, |(_, pose)| pose);
+        CameraPose { pose, camera }
+    }
+
+    fn standpoint(&self, random: &mut Stream, config: &SynthConfig) -> Option<Vec3> {
+        let (least, most) = self.plan.extent();
+        let [low, high] = config.camera_height_m;
+        for margin in [0.35, 0.25, 0.2] {
+            for _ in 0..30 {
+                // Eye height most of the time: the mean of two draws.
+                let height = 0.5 * (between(random, low, high) + between(random, low, high));
+                let (x, z) = (between(random, least.x, most.x), between(random, least.y, most.y));
+                let p = Vec3::new(x, height, z);
+                if self.is_free(p, margin) {
+                    return Some(p);
+                }
+            }
+        }
+        None
+    }
+
+    /// How well a view shows the room, as people frame rooms: far to the middle of what is seen, several things, a corner or a window,
+    /// nothing right before the lens, and no single wall that fills the picture.
+    fn score(&self, camera: &Camera, pose: &Pose) -> f32 {
+        let rays = (0..COLUMNS * ROWS).map(|k| {
+            let u = (f64::from((k % COLUMNS) as u32) + 0.5) / COLUMNS as f64 * f64::from(camera.width);
+            let v = (f64::from((k / COLUMNS) as u32) + 0.5) / ROWS as f64 * f64::from(camera.height);
+            self.look(pose.position, pose.rotation * camera.direction(u, v))
+        });
+        let mut seen: Vec<Seen> = rays.collect();
+        seen.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
+        let number = seen.len() as f32;
+        let share = |count: usize| count as f32 / number;
+        // In a small room half of its length is far.
+        let (least, most) = self.plan.extent();
+        let far = 0.5 * (most - least).length().clamp(2.0, 8.0);
+        let distance = (seen[seen.len() / 2].distance_m / far).min(1.0);
+        let (nearer, farther) = (seen[seen.len() / 10].distance_m, seen[seen.len() * 9 / 10].distance_m);
+        let variety = (farther.min(10.0) / nearer.max(0.3)).log2().clamp(0.0, 2.0) / 2.0;
+        let mut things: Vec<usize> = seen.iter().map(|ray| ray.object).filter(|&object| object > 0).collect();
+        let bulk = share(things.len()).min(0.4) / 0.4;
+        things.sort_unstable();
+        things.dedup();
+        let window = things.iter().any(|&thing| self.objects[thing].name == "pane");
+        let furniture = things.iter().filter(|&&thing| self.objects[thing].support != Support::Building).count();
+        let mut walls = [0; 8];
+        seen.iter().filter_map(|ray| ray.wall).for_each(|wall| walls[usize::from(wall)] += 1);
+        let corner = walls.iter().filter(|&&count| count >= 3).count() >= 2;
+        let bare = share(walls.into_iter().max().unwrap_or(0));
+        let near = share(seen.iter().filter(|ray| ray.distance_m < 0.7).count());
+        distance
+            + 0.4 * variety
+            + 0.3 * bulk
+            + 0.5 * (furniture.min(6) as f32 / 6.0)
+            + if corner { 0.15 } else { 0.0 }
+            + if window { 0.15 } else { 0.0 }
+            - 2.0 * near
+            - 2.0 * (bare - 0.35).max(0.0)
+    }
+
+    /// A free point that the photo sees: in its frustum, before the surface at its pixel, not nearer than `margin_m` to anything.
+    pub(crate) fn probe(&self, random: &mut Stream, view: &CameraPose) -> Option<Vec3> {
+        let (camera, pose) = (&view.camera, &view.pose);
+        for margin in [0.15, 0.15, 0.15, 0.1] {
+            for _ in 0..60 {
+                // Not at the very border, where half of the probe's surroundings are unseen anyway.
+                let u = f64::from(between(random, 0.06, 0.94)) * f64::from(camera.width);
+                let v = f64::from(between(random, 0.06, 0.94)) * f64::from(camera.height);
+                let direction = pose.rotation * camera.direction(u, v);
+                let depth = self.look(pose.position, direction).distance_m.min(8.0);
+                if depth < 0.6 {
+                    continue;
+                }
+                let p = pose.position + direction * between(random, 0.35, (depth - margin).max(0.36));
+                if self.is_free(p, margin) {
+                    return Some(p);
+                }
+            }
+        }
+        None
+    }
+}

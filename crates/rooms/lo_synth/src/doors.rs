@@ -1,0 +1,170 @@
+//! Doors: linings, architraves, leaves, handles, and the hallway behind an open one.
+
+use lo_geometry::{Quat, Vec2, Vec3};
+
+use crate::chance::{between, chance};
+use crate::layout::{Footprint, turned};
+use crate::palette::Finish;
+use crate::photometry::{self, Glow};
+use crate::plan::{Opening, OpeningKind};
+use crate::solids::{Paint, Shape};
+use crate::stage::{Stage, Support};
+use crate::windows::reveal;
+
+/// Builds all doors.
+pub(crate) fn build(stage: &mut Stage) {
+    let glazed = chance(&mut stage.random, 0.12);
+    for index in 0..stage.plan.walls.len() {
+        let openings = stage.plan.walls[index].openings.clone();
+        for opening in openings.iter().filter(|o| !o.is_window()) {
+            reveal(stage, index, opening);
+            match opening.kind {
+                OpeningKind::OpenDoor { leaf, lit } => {
+                    hallway(stage, index, opening, lit);
+                    if leaf {
+                        architrave(stage, index, opening);
+                        open_leaf(stage, index, opening, glazed);
+                    }
+                }
+                _ => {
+                    architrave(stage, index, opening);
+                    closed_leaf(stage, index, opening);
+                }
+            }
+        }
+    }
+}
+
+/// The boards around the opening.
+fn architrave(stage: &mut Stage, wall: usize, opening: &Opening) {
+    let paint = stage.palette.paint(Finish::DoorLeaf);
+    let ([a, b], top) = (opening.s, opening.h[1]);
+    let (wide, thick) = (0.07, 0.018);
+    let mut shape = Shape::default();
+    for [x0, x1] in [[a - wide, a + 0.008], [b - 0.008, b + wide]] {
+        shape.board(Vec3::new(x0, 0.0, 0.0), Vec3::new(x1, top + wide, thick), paint);
+    }
+    shape.board(Vec3::new(a, top - 0.008, 0.0), Vec3::new(b, top + wide, thick), paint);
+    stage.fix_to_wall("architrave", Support::Building, &shape, wall);
+}
+
+/// A leaf with panels and handles, its hinge at x = 0, from z = −0.04 to 0.
+fn leaf(width: f32, height: f32, panels: usize, paint: Paint, metal: Paint) -> Shape {
+    let mut shape = Shape::default();
+    shape.board(Vec3::new(0.0, 0.0, -0.04), Vec3::new(width, height, 0.0), paint);
+    for k in 0..panels {
+        let span = (height - 0.35) / panels as f32;
+        let low = 0.18 + k as f32 * span;
+        for [z0, z1] in [[-0.004, 0.007], [-0.047, -0.036]] {
+            let (least, most) = (Vec3::new(0.14, low, z0), Vec3::new(width - 0.14, low + span - 0.1, z1));
+            shape.rounded(least, most, 0.006, 1, paint);
+        }
+    }
+    for side in [1.0f32, -1.0] {
+        let z = |out: f32| if side > 0.0 { out } else { -0.04 - out };
+        let x = width - 0.06;
+        let (plate0, plate1) =
+            (Vec3::new(x - 0.02, 0.95, z(0.0).min(z(0.006))), Vec3::new(x + 0.02, 1.13, z(0.0).max(z(0.006))));
+        shape.board(plate0, plate1, metal);
+        shape.bar(Vec3::new(x, 1.05, z(0.0)), Vec3::new(x, 1.05, z(0.05)), [0.009; 2], 8, metal);
+        shape.bar(Vec3::new(x + 0.01, 1.05, z(0.05)), Vec3::new(x - 0.12, 1.05, z(0.05)), [0.009; 2], 8, metal);
+    }
+    shape
+}
+
+fn closed_leaf(stage: &mut Stage, wall: usize, opening: &Opening) {
+    let (paint, metal) = (stage.palette.paint(Finish::DoorLeaf), stage.palette.paint(Finish::Metal));
+    let panels = crate::chance::count(&mut stage.random, 0, 3);
+    // Wider than the hole by a little on each side: no light passes.
+    let door = leaf(opening.width_m() + 0.012, opening.h[1] + 0.008, panels, paint, metal);
+    let mut shape = Shape::default();
+    shape.add_at(&door, Vec3::new(opening.s[0] - 0.006, 0.0, -0.03));
+    stage.fix_to_wall("door", Support::Building, &shape, wall);
+}
+
+/// The leaf turned into the room, as far as there is room for it.
+fn open_leaf(stage: &mut Stage, wall: usize, opening: &Opening, glazed: bool) {
+    let (paint, metal) = (stage.palette.paint(Finish::DoorLeaf), stage.palette.paint(Finish::Metal));
+    let panels = if glazed { 0 } else { crate::chance::count(&mut stage.random, 0, 3) };
+    let width = opening.width_m() - 0.01;
+    let door = leaf(width, opening.h[1] - 0.012, panels, paint, metal);
+    let (origin, base) = {
+        let w = &stage.plan.walls[wall];
+        // Clear of the architrave; the pin of the hinge stands out as much.
+        (w.point(opening.s[0] + 0.004, 0.006, 0.024), w.yaw_rad())
+    };
+    for _ in 0..8 {
+        let angle = between(&mut stage.random, 60.0_f32, 100.0).to_radians();
+        let yaw = base - angle;
+        let at = Vec2::new(origin.x, origin.z);
+        let (least, most) = door.bounds();
+        let footprint = Footprint::of_box(least, most, yaw, at);
+        // It stands in the free space of its own door.
+        if stage.plan.contains(at + turned(Vec2::new(width, 0.0), yaw), 0.05)
+            && stage.layout.is_clear(&stage.plan, &footprint.grown(-0.03), [0.0, opening.h[1]])
+            && stage.layout.leaves_passages(&footprint, [0.0, opening.h[1]])
+        {
+            stage.layout.take(footprint, [0.0, opening.h[1]]);
+            stage.fix("open door", Support::Building, &door, Quat::from_rotation_y(yaw), origin);
+            return;
+        }
+    }
+}
+
+/// A plain corridor behind the door; what is seen of it is dim or has its own lamp.
+fn hallway(stage: &mut Stage, wall: usize, opening: &Opening, lit: bool) {
+    let w = &stage.plan.walls[wall];
+    let (length, t) = (w.length_m, w.thickness_m);
+    let mut left = (opening.s[0] - between(&mut stage.random, 0.15, 1.5)).max(0.0);
+    let mut right = (opening.s[1] + between(&mut stage.random, 0.15, 1.5)).min(length);
+    // It must not stand before a window or another door.
+    for other in &w.openings {
+        if other.s[1] < opening.s[0] {
+            left = left.max(other.s[1] + 0.05);
+        } else if other.s[0] > opening.s[1] {
+            right = right.min(other.s[0] - 0.05);
+        }
+    }
+    let back = -t - between(&mut stage.random, 1.1, 2.6);
+    let high = between(&mut stage.random, 2.3, 2.7).max(opening.h[1] + 0.1);
+    let (walls, floor, ceiling) = (
+        stage.palette.paint(Finish::Wall),
+        stage.palette.paint(Finish::HallFloor),
+        stage.palette.paint(Finish::Ceiling),
+    );
+    let p = Vec3::new;
+    let mut shape = Shape::default();
+    shape.polygon(&[p(left, 0.0, -t), p(right, 0.0, -t), p(right, 0.0, back), p(left, 0.0, back)], floor);
+    shape.polygon(&[p(left, high, back), p(right, high, back), p(right, high, -t), p(left, high, -t)], ceiling);
+    shape.polygon(&[p(left, 0.0, back), p(right, 0.0, back), p(right, high, back), p(left, high, back)], walls);
+    shape.polygon(&[p(left, 0.0, -t), p(left, 0.0, back), p(left, high, back), p(left, high, -t)], walls);
+    shape.polygon(&[p(right, 0.0, back), p(right, 0.0, -t), p(right, high, -t), p(right, high, back)], walls);
+    // The back of our own wall, around the opening.
+    let [a, b] = opening.s;
+    let top = opening.h[1];
+    let mut front = |x: [f32; 2], y: [f32; 2]| {
+        if x[1] - x[0] > 1e-4 {
+            shape.polygon(&[p(x[1], y[0], -t), p(x[0], y[0], -t), p(x[0], y[1], -t), p(x[1], y[1], -t)], walls);
+        }
+    };
+    front([left, a], [0.0, high]);
+    front([b, right], [0.0, high]);
+    front([a, b], [top, high]);
+    shape.close_part(0);
+    stage.fix_to_wall("hallway", Support::Building, &shape, wall);
+    if lit {
+        let flux_lm = between(&mut stage.random, 300.0, 1200.0);
+        let kelvin = between(&mut stage.random, 2700.0, 4000.0);
+        let mut lamp = Shape::default();
+        let middle = p(between(&mut stage.random, left + 0.3, right - 0.3), high - 0.045, 0.5 * (back - t));
+        let metal = stage.palette.paint(Finish::Metal);
+        let first = lamp.triangles.len();
+        lamp.lathe(middle - Vec3::Y * 0.02, &[[0.1, 0.0], [0.12, 0.01], [0.12, 0.03]], 16, metal);
+        photometry::light(&mut stage.palette, &mut lamp, first, &Glow { flux_lm, kelvin });
+        lamp.lathe(middle + Vec3::Y * 0.01, &[[0.125, 0.0], [0.125, 0.034]], 16, metal);
+        stage.fix_to_wall("hall lamp", Support::Building, &lamp, wall);
+        stage.lamps += 1;
+        stage.lamps_on += 1;
+        stage.flux_lm += flux_lm;
+    }
+}

@@ -1,0 +1,232 @@
+//! One room, from its seed.
+
+use std::ops::Range;
+use std::sync::OnceLock;
+
+use lo_geometry::Vec3;
+use lo_imaging::RadianceImage;
+use lo_mesh::{Material, Model, PreparedModel};
+use lo_random::Stream;
+use lo_transport::{Outdoors, World};
+
+use crate::camera::{CameraPose, SolidBox, Space};
+use crate::chance::{between, chance, weighted};
+use crate::config::SynthConfig;
+use crate::description::{Description, LampUse, RoomKind, Weather};
+use crate::error::SynthError;
+use crate::object::Object;
+use crate::palette::{Mood, Palette, Style};
+use crate::plan::Plan;
+use crate::stage::Stage;
+use crate::{doors, furniture, lighting, outdoors, shell, windows};
+
+/// A furnished room with its lamps and what is outside.
+#[derive(Debug)]
+pub struct Interior {
+    /// Names the room for good: `synth-SEED-INDEX`.
+    pub id: String,
+    /// What light transport needs.
+    pub world: World,
+    /// Figures for statistics.
+    pub description: Description,
+    /// What the model consists of, in the order of its triangles.
+    pub objects: Vec<Object>,
+    seed: u64,
+    index: u64,
+    config: SynthConfig,
+    plan: Plan,
+    solids: Vec<SolidBox>,
+    /// Of the bare triangles, for questions about space; made when first asked.
+    prepared: OnceLock<PreparedModel>,
+}
+
+impl Interior {
+    /// Makes room number `index` of `seed`. The same three arguments give the same bytes, whatever was made before.
+    ///
+    /// # Errors
+    /// Settings out of range; a folder or file of outdoor panoramas that cannot be read.
+    pub fn generate(seed: u64, index: u64, config: &SynthConfig) -> Result<Self, SynthError> {
+        config.validate()?;
+        let mut random = lo_random::stream(seed, "synth room", index);
+        let kinds: Vec<(RoomKind, f32)> = config.room_weights.iter().map(|(&kind, &w)| (kind, w)).collect();
+        let kind = weighted(&mut random, &kinds);
+        let weather = draw_weather(&mut random, config);
+        let mood = weighted(
+            &mut random,
+            &[
+                (Mood::Dark, config.dark_share),
+                (Mood::Light, config.light_share),
+                (Mood::Warm, 1.0 - config.dark_share - config.light_share),
+            ],
+        );
+        let clutter = draw_clutter(&mut random, config);
+        let wet = kind == RoomKind::Bathroom;
+        let sober = matches!(kind, RoomKind::Office | RoomKind::Classroom | RoomKind::Corridor);
+        let style = Style::draw(&mut random, mood, wet, sober);
+        let plan = Plan::draw(&mut lo_random::stream(seed, "synth plan", index), kind, config);
+        let palette = Palette::new(seed, index, style);
+        let mut stage = Stage::new(plan, palette, lo_random::stream(seed, "synth stage", index));
+        let windows = stage.plan.walls.iter().flat_map(|w| &w.openings).filter(|o| o.is_window()).count();
+        let lighting = draw_lighting(&mut random, config, weather, windows);
+
+        shell::build(&mut stage);
+        doors::build(&mut stage);
+        let portals = windows::build(&mut stage, weather == Weather::Night);
+        stage.random = lo_random::stream(seed, "synth furniture", index);
+        furniture::furnish(&mut stage, kind, clutter, lighting);
+        stage.random = lo_random::stream(seed, "synth lamps", index);
+        lighting::light(&mut stage, kind, lighting);
+        let outdoors = if portals.is_empty() {
+            // A world without portals lies open; a room without windows must not.
+            Outdoors { radiance: RadianceImage::new(1, 1, vec![[0.0; 3]]), sun: None }
+        } else {
+            outdoors::make(&mut lo_random::stream(seed, "synth outdoors", index), weather, &stage.plan, config)?
+        };
+
+        let description = describe(&stage, kind, weather, lighting, clutter);
+        let solids = solids(&stage);
+        let objects = objects(&stage);
+        let Stage { plan, palette, shape, .. } = stage;
+        let model = Model {
+            positions: shape.positions,
+            normals: shape.normals,
+            uvs: [shape.uvs, Vec::new()],
+            colors: shape.tints.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect(),
+            triangles: shape.triangles,
+            triangle_materials: shape.materials,
+            materials: palette.materials,
+            textures: palette.textures,
+            ..Model::default()
+        };
+        Ok(Self {
+            id: format!("synth-{seed}-{index:06}"),
+            world: World { model, outdoors, portals },
+            description,
+            seed,
+            index,
+            config: config.clone(),
+            plan,
+            objects,
+            solids,
+            prepared: OnceLock::new(),
+        })
+    }
+
+    /// The first `count` cameras of this room: in free space, seeing a good part of it. A camera does not depend on how many
+    /// are asked for.
+    pub fn camera_poses(&self, count: usize) -> Vec<CameraPose> {
+        let space = self.space();
+        (0..count as u64).map(|k| space.camera(&mut self.stream(&format!("synth camera {k}")), &self.config)).collect()
+    }
+
+    /// Up to `count` points of free space that a photo sees: inside of its frustum, before the surface seen there, 15 cm from
+    /// everything (10 cm in narrow places). Fewer where there are no more.
+    pub fn probe_positions(&self, view: &CameraPose, count: usize) -> Vec<Vec3> {
+        let space = self.space();
+        let p = view.pose.position;
+        let q = view.pose.rotation;
+        let numbers = [p.x, p.y, p.z, q.x, q.y, q.z, q.w, view.camera.fx as f32];
+        let bytes: Vec<u8> = numbers.iter().flat_map(|n| n.to_le_bytes()).collect();
+        let mut random = self.stream(&format!("synth probes {}", lo_random::hash(&bytes)));
+        (0..count).filter_map(|_| space.probe(&mut random, view)).collect()
+    }
+
+    /// Whether a point is inside the room and at least `margin_m` from all surfaces.
+    pub fn is_free(&self, point: Vec3, margin_m: f32) -> bool {
+        self.space().is_free(point, margin_m)
+    }
+
+    fn stream(&self, name: &str) -> Stream {
+        lo_random::stream(self.seed, name, self.index)
+    }
+
+    fn space(&self) -> Space<'_> {
+        let model = self.prepared.get_or_init(|| {
+            let bare = Model {
+                positions: self.world.model.positions.clone(),
+                triangles: self.world.model.triangles.clone(),
+                triangle_materials: vec![0; self.world.model.triangles.len()],
+                materials: vec![Material::default()],
+                ..Model::default()
+            };
+            PreparedModel::new(bare)
+        });
+        Space { plan: &self.plan, solids: &self.solids, model, objects: &self.objects }
+    }
+}
+
+fn draw_weather(random: &mut Stream, config: &SynthConfig) -> Weather {
+    if config.panorama_folder.is_some() && chance(random, config.panorama_share) {
+        return Weather::Panorama;
+    }
+    let known = config.weather_weights.iter().filter(|(w, _)| **w != Weather::Panorama);
+    let known: Vec<(Weather, f32)> = known.map(|(&w, &weight)| (w, weight)).collect();
+    weighted(random, &known)
+}
+
+fn draw_clutter(random: &mut Stream, config: &SynthConfig) -> f32 {
+    let normal = 1.0 - config.clean_share - config.cluttered_share;
+    match weighted(random, &[(0, config.clean_share), (1, normal), (2, config.cluttered_share)]) {
+        0 => between(random, 0.0, 0.15),
+        1 => between(random, 0.25, 0.6),
+        _ => between(random, 0.75, 1.0),
+    }
+}
+
+/// By day most rooms need no lamp; by night and without windows they do.
+fn draw_lighting(random: &mut Stream, config: &SynthConfig, weather: Weather, windows: usize) -> LampUse {
+    let single = (LampUse::SingleLamp, config.single_lamp_share);
+    let over = (LampUse::OverLit, config.over_lit_share);
+    let rest = 1.0 - single.1 - over.1;
+    let dark_outside = weather == Weather::Night || windows == 0;
+    let shares = if dark_outside { [0.0, 0.65, 0.35] } else { [0.5, 0.35, 0.15] };
+    let [daylight, normal, mixed] = shares.map(|s| s * rest);
+    weighted(random, &[(LampUse::Daylight, daylight), (LampUse::Normal, normal), (LampUse::Mixed, mixed), single, over])
+}
+
+fn describe(stage: &Stage, kind: RoomKind, weather: Weather, lighting: LampUse, clutter: f32) -> Description {
+    let openings = || stage.plan.walls.iter().flat_map(|w| &w.openings);
+    let window_area: f32 = openings().filter(|o| o.is_window()).map(|o| o.width_m() * (o.h[1] - o.h[0])).sum();
+    Description {
+        kind,
+        outline: stage.plan.outline,
+        area_m2: stage.plan.area_m2(),
+        height_m: stage.plan.height_m,
+        sloped: stage.plan.slope.is_some(),
+        weather,
+        lighting,
+        clutter,
+        dark: stage.palette.style().mood == Mood::Dark,
+        window_share: window_area.max(0.0) / stage.plan.area_m2(),
+        windows: openings().filter(|o| o.is_window()).count(),
+        doors: openings().filter(|o| !o.is_window()).count(),
+        lamps: stage.lamps,
+        lamps_on: stage.lamps_on,
+        flux_lm: stage.flux_lm,
+        objects: stage.objects.len(),
+        triangles: stage.shape.triangles.len(),
+    }
+}
+
+fn objects(stage: &Stage) -> Vec<Object> {
+    let placed = stage.objects.iter();
+    let parts = |parts: &Range<usize>| stage.shape.parts[parts.clone()].iter().map(|p| p.triangles.clone()).collect();
+    placed.map(|o| Object { name: o.name, support: o.support, parts: parts(&o.parts) }).collect()
+}
+
+/// Boxes around all solids but the shell itself.
+fn solids(stage: &Stage) -> Vec<SolidBox> {
+    let enclosing = ["shell", "hallway", "reveal", "cornice"];
+    let objects = stage.objects.iter().filter(|o| !enclosing.contains(&o.name));
+    objects.flat_map(|o| stage.shape.parts[o.parts.clone()].iter()).map(|part| solid_box(stage, part)).collect()
+}
+
+fn solid_box(stage: &Stage, part: &crate::solids::Part) -> SolidBox {
+    let back = part.rotation.inverse();
+    let corners = stage.shape.triangles[part.triangles.clone()].iter().flatten();
+    let (least, most) = corners.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(least, most), &v| {
+        let p = back * stage.shape.positions[v as usize];
+        (least.min(p), most.max(p))
+    });
+    SolidBox { center: part.rotation * ((least + most) * 0.5), rotation: part.rotation, half: (most - least) * 0.5 }
+}

@@ -1,0 +1,34 @@
+//! Procedural indoor scenes: rooms, furniture, lamps and what is outside of the windows, from a seed.
+//!
+//! [`Interior::generate`] gives a room as a [`lo_transport::World`]; [`Interior::camera_poses`] and
+//! [`Interior::probe_positions`] say where to look at it from. Radiance is absolute: one unit is [`UNIT_CD_M2`].
+
+mod camera;
+mod chance;
+mod config;
+mod description;
+mod doors;
+mod error;
+mod furniture;
+mod interior;
+mod layout;
+mod lighting;
+mod object;
+mod outdoors;
+mod palette;
+mod photometry;
+mod plan;
+mod shell;
+mod solids;
+mod stage;
+mod texture;
+mod windows;
+
+pub use camera::CameraPose;
+pub use config::SynthConfig;
+pub use description::{Description, LampUse, Outline, RoomKind, Weather};
+pub use error::SynthError;
+pub use interior::Interior;
+pub use object::Object;
+pub use photometry::UNIT_CD_M2;
+pub use stage::Support;

@@ -1,0 +1,198 @@
+//! Houses and trees as bodies that rays can meet.
+
+use lo_geometry::{Vec2, Vec3};
+use lo_random::Stream;
+
+use crate::chance::{between, chance, count, tone};
+
+/// Four walls under a flat or a pitched roof.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct House {
+    /// Foot of the walls and height of the eaves.
+    pub least: Vec3,
+    pub most: Vec3,
+    /// Ball around all of it.
+    center: Vec3,
+    radius: f32,
+    /// Outward normals and offsets: the four walls, then the flat roof or the two slopes of a pitched one.
+    planes: [(Vec3, f32); 6],
+    pub wall: [f32; 3],
+    pub roof: [f32; 3],
+    /// Distance between windows and between storeys, metres.
+    pub bay: [f32; 2],
+    pub seed: u32,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Tree {
+    /// Around all of the crown.
+    pub center: Vec3,
+    pub radius: f32,
+    /// Centres and radii of the balls that make up the crown.
+    pub crown: [(Vec3, f32); BALLS],
+    pub leaves: [f32; 3],
+}
+
+/// Balls of a crown.
+const BALLS: usize = 9;
+
+impl House {
+    /// Distance and normal where a ray from outside meets it.
+    pub(super) fn enter(&self, origin: Vec3, direction: Vec3) -> Option<(f32, Vec3)> {
+        // most rays miss even the ball around it
+        let to = self.center - origin;
+        let (along, squared) = (to.dot(direction), self.radius * self.radius);
+        let behind = along < 0.0 && to.length_squared() > squared;
+        if behind || to.length_squared() - along * along > squared {
+            return None;
+        }
+        enter_convex(origin, direction, &self.planes)
+    }
+
+    pub(super) fn draw(random: &mut Stream, at: Vec2, half: Vec2, rural: bool) -> Self {
+        let tall = if rural { between(random, 3.0, 6.5) } else { between(random, 6.0, 20.0) };
+        let least = Vec3::new(at.x - half.x, 0.0, at.y - half.y);
+        let most = Vec3::new(at.x + half.x, tall, at.y + half.y);
+        let plane = |normal: Vec3, point: Vec3| (normal, normal.dot(point));
+        let walls = [(Vec3::NEG_X, least), (Vec3::X, most), (Vec3::NEG_Z, least), (Vec3::Z, most)];
+        let pitched = chance(random, if rural { 0.9 } else { 0.55 });
+        let pitch = between(random, 28.0_f32, 48.0).to_radians();
+        // The ridge runs along the longer side; a flat roof is the same plane twice.
+        let across = if half.x > half.y { Vec3::Z } else { Vec3::X };
+        let slope = |side: f32| if pitched { across * side * pitch.sin() + Vec3::Y * pitch.cos() } else { Vec3::Y };
+        let slopes = [(slope(-1.0), Vec3::new(least.x, tall, least.z)), (slope(1.0), most)];
+        let [a, b, c, d] = walls.map(|(normal, point)| plane(normal, point));
+        let [e, f] = slopes.map(|(normal, point)| plane(normal, point));
+        let ridge = if pitched { half.min_element() * pitch.tan() } else { 0.0 };
+        let span = most + Vec3::Y * ridge - least;
+        Self {
+            least,
+            most,
+            center: least + 0.5 * span,
+            radius: 0.5 * span.length(),
+            planes: [a, b, c, d, e, f],
+            wall: tone(between(random, 10.0, 50.0), between(random, 0.0, 0.4), between(random, 0.25, 0.65)),
+            roof: if chance(random, 0.6) {
+                tone(between(random, 5.0, 20.0), 0.6, between(random, 0.08, 0.16))
+            } else {
+                tone(220.0, 0.06, between(random, 0.05, 0.12))
+            },
+            bay: [between(random, 1.8, 3.5), between(random, 2.8, 3.4)],
+            seed: count(random, 0, 1 << 20) as u32,
+        }
+    }
+}
+
+impl Tree {
+    /// A crown 3 to 9 m wide whose lower end is at 1.5 to 3 m.
+    pub(super) fn draw(random: &mut Stream, at: Vec2) -> Self {
+        let radius = between(random, 1.5, 4.5);
+        let stretch = between(random, 0.9, 1.5);
+        let center = Vec3::new(at.x, between(random, 1.5, 3.0) + radius * stretch, at.y);
+        let mut reach: f32 = 0.0;
+        let crown = std::array::from_fn(|k| {
+            // around the trunk by the golden angle, higher with each
+            let turn = 2.4 * k as f32 + between(random, -0.6, 0.6);
+            let height = (k as f32 + 0.5) / BALLS as f32 * 2.0 - 1.0;
+            let out = (1.0 - height * height).sqrt() * between(random, 0.35, 0.6);
+            let offset = Vec3::new(turn.cos() * out, height * stretch * 0.6, turn.sin() * out) * radius;
+            let ball = radius * between(random, 0.35, 0.6);
+            reach = reach.max(offset.length() + ball);
+            (center + offset, ball)
+        });
+        let leaves = tone(between(random, 70.0, 120.0), between(random, 0.4, 0.65), between(random, 0.05, 0.11));
+        Self { center, radius: reach, crown, leaves }
+    }
+}
+
+/// Distance and normal where a ray from outside enters the convex body behind some planes (outward normal, offset).
+fn enter_convex(origin: Vec3, direction: Vec3, planes: &[(Vec3, f32)]) -> Option<(f32, Vec3)> {
+    let (mut near, mut far, mut normal) = (0.0, f32::INFINITY, Vec3::ZERO);
+    for &(outward, offset) in planes {
+        let (above, towards) = (outward.dot(origin) - offset, outward.dot(direction));
+        let distance = -above / towards;
+        if towards < 0.0 {
+            if distance > near {
+                (near, normal) = (distance, outward);
+            }
+        } else if towards > 0.0 {
+            far = far.min(distance);
+        } else if above > 0.0 {
+            return None;
+        }
+    }
+    (near > 0.0 && near <= far).then_some((near, normal))
+}
+
+/// Distance and normal where a ray from outside enters a box.
+pub(super) fn enter_box(origin: Vec3, direction: Vec3, least: Vec3, most: Vec3) -> Option<(f32, Vec3)> {
+    let inverse = direction.recip();
+    let (a, b) = ((least - origin) * inverse, (most - origin) * inverse);
+    let (near, far) = (a.min(b), a.max(b));
+    let distance = near.max_element();
+    if !(distance > 0.0 && distance <= far.min_element()) {
+        return None;
+    }
+    let mut normal = Vec3::ZERO;
+    let axis = if near.x == distance {
+        0
+    } else if near.y == distance {
+        1
+    } else {
+        2
+    };
+    normal[axis] = -direction[axis].signum();
+    Some((distance, normal))
+}
+
+pub(super) fn enter_ball(origin: Vec3, direction: Vec3, center: Vec3, radius: f32) -> Option<f32> {
+    let to = center - origin;
+    let along = to.dot(direction);
+    let squared = to.length_squared() - along * along;
+    let depth = radius * radius - squared;
+    let distance = along - depth.max(0.0).sqrt();
+    (depth > 0.0 && distance > 0.0).then_some(distance)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn houses_are_their_walls_and_roofs() {
+        let mut random = lo_random::stream(3, "house", 0);
+        for _ in 0..50 {
+            let house = House::draw(&mut random, Vec2::new(20.0, 0.0), Vec2::new(4.0, 6.0), true);
+            // level, at half of the walls' height: the near wall, as of a box
+            let eye = Vec3::new(0.0, 0.5 * house.most.y, 0.3);
+            let (distance, normal) = house.enter(eye, Vec3::X).unwrap_or_default();
+            assert!((distance - 16.0).abs() < 1e-4 && normal == Vec3::NEG_X, "{distance} {normal}");
+            // from above: the roof, no lower than the eaves and no steeper than it may be
+            let above = Vec3::new(21.0, 50.0, 1.0);
+            let (distance, normal) = house.enter(above, Vec3::NEG_Y).unwrap_or_default();
+            assert!(50.0 - distance >= house.most.y - 1e-3 && normal.y > 48.1f32.to_radians().cos(), "{normal}");
+            assert!(house.enter(eye, Vec3::NEG_X).is_none(), "it lies behind");
+            assert!(house.enter(eye, Vec3::Z).is_none(), "beside it");
+            // the ball around it cuts nothing off
+            for k in 0..200 {
+                let direction = Vec3::new(1.0, 0.006 * k as f32 - 0.3, 0.31 * (0.7 * k as f32).sin()).normalize();
+                // under the ground the walls go on
+                let above = |hit: &(f32, Vec3)| eye.y + hit.0 * direction.y > 0.0;
+                let exact = enter_convex(eye, direction, &house.planes).filter(above);
+                assert_eq!(house.enter(eye, direction).filter(above), exact);
+            }
+        }
+    }
+
+    #[test]
+    fn crowns_lie_within_their_ball_and_above_the_ground() {
+        let mut random = lo_random::stream(3, "tree", 0);
+        for _ in 0..200 {
+            let tree = Tree::draw(&mut random, Vec2::new(10.0, 5.0));
+            assert!(tree.crown.iter().all(|(c, r)| c.distance(tree.center) + r <= tree.radius * 1.0001));
+            let lowest = tree.crown.iter().map(|(c, r)| c.y - r).fold(f32::INFINITY, f32::min);
+            let highest = tree.crown.iter().map(|(c, r)| c.y + r).fold(0.0, f32::max);
+            assert!(lowest > 0.5 && (3.0..20.0).contains(&highest), "{lowest} to {highest} m");
+        }
+    }
+}

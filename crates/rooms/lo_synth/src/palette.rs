@@ -1,0 +1,220 @@
+//! The materials of one room: chosen once, made when first used.
+//!
+//! Diffuse reflectances lie in measured ranges: white paint 0.75–0.88, light plaster 0.4–0.8, concrete 0.2–0.4, brick
+//! 0.1–0.35, light wood 0.3–0.45, oak 0.15–0.3, walnut and mahogany 0.06–0.15, carpets 0.05–0.4 (IES Lighting Handbook, 10th
+//! ed., tables of reflectances; CIE 97:2005); soils and plants 0.05–0.2; metals' base colours as published by
+//! physicallybased.info. EN 12464-1 recommends ceilings of 0.7–0.9, walls of 0.5–0.8 and floors of 0.2–0.6.
+
+mod finishes;
+
+use std::collections::BTreeMap;
+
+use lo_mesh::{Material, Texture, TextureRef, Wrap};
+use lo_random::{RngExt, Stream};
+
+use crate::chance::{between, chance, pick, tone, weighted};
+use crate::solids::Paint;
+use crate::texture::{self, Swatch};
+
+/// What something is made of, in the terms of an interior; each room has its own idea of each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Finish {
+    Wall,
+    /// One wall of another colour or paper.
+    AccentWall,
+    /// Tiles of bathrooms and over worktops.
+    WallTiles,
+    Ceiling,
+    Floor,
+    HallFloor,
+    Trim,
+    DoorLeaf,
+    /// Window sills and frames.
+    WindowFrame,
+    Wood,
+    SecondWood,
+    /// Painted furniture.
+    Lacquer,
+    Fronts,
+    Upholstery,
+    SecondUpholstery,
+    Linen,
+    Leather,
+    Metal,
+    SecondMetal,
+    Glass,
+    Mirror,
+    Ceramic,
+    Worktop,
+    /// White to be tinted, matt.
+    Matte,
+    /// White to be tinted, shining.
+    Gloss,
+    Leaf,
+    Soil,
+    Curtain,
+    NetCurtain,
+    Blind,
+    Cardboard,
+    Shade,
+}
+
+/// Materials and textures as the model will have them.
+#[derive(Debug)]
+pub(crate) struct Palette {
+    seed: u64,
+    index: u64,
+    style: Style,
+    known: BTreeMap<Finish, u32>,
+    pub materials: Vec<Material>,
+    pub textures: Vec<Texture>,
+}
+
+/// How light and how coloured a room is done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Mood {
+    /// White walls, light wood.
+    Light,
+    /// Colours of middling reflectance.
+    Warm,
+    /// Dark walls and furniture.
+    Dark,
+}
+
+/// Choices that several finishes share.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Style {
+    pub mood: Mood,
+    /// Tiles and washable walls instead of carpets.
+    pub wet: bool,
+    /// Offices and classrooms: hard floors, plain walls.
+    pub sober: bool,
+    hue_deg: f32,
+    accent_deg: f32,
+}
+
+impl Style {
+    pub(crate) fn draw(random: &mut Stream, mood: Mood, wet: bool, sober: bool) -> Self {
+        let hue_deg =
+            weighted(random, &[(35.0, 3.0), (20.0, 1.5), (210.0, 1.5), (120.0, 1.0), (60.0, 0.7), (0.0, 0.5)]);
+        let hue_deg = hue_deg + between(random, -15.0, 15.0);
+        Self { mood, wet, sober, hue_deg, accent_deg: between(random, 0.0, 360.0) }
+    }
+}
+
+impl Palette {
+    pub(crate) fn new(seed: u64, index: u64, style: Style) -> Self {
+        Self { seed, index, style, known: BTreeMap::new(), materials: Vec::new(), textures: Vec::new() }
+    }
+
+    pub(crate) fn style(&self) -> Style {
+        self.style
+    }
+
+    /// The material of a finish. It does not depend on which finishes were asked for before.
+    pub(crate) fn paint(&mut self, finish: Finish) -> Paint {
+        let material = match self.known.get(&finish) {
+            Some(&known) => known,
+            None => {
+                let mut random = lo_random::stream(self.seed, &format!("synth finish {finish:?}"), self.index);
+                let material = self.make(finish, &mut random);
+                self.known.insert(finish, material);
+                material
+            }
+        };
+        Paint { material, tint: [1.0; 3] }
+    }
+
+    /// A lamp's surface, of linear RGB radiance.
+    pub(crate) fn emitter(&mut self, name: &str, radiance: [f32; 3]) -> Paint {
+        let material = Material { emissive: radiance, base_color: [0.7, 0.7, 0.7, 1.0], ..matte(name) };
+        Paint { material: self.push(material), tint: [1.0; 3] }
+    }
+
+    /// A matt material of its own name and colour, for what may be found again by the name.
+    pub(crate) fn named(&mut self, name: &str, color: [f32; 3]) -> Paint {
+        let known = self.materials.iter().position(|m| m.name == name).map(|m| m as u32);
+        let material = known.unwrap_or_else(|| self.plain(name, 0.8, color));
+        Paint { material, tint: [1.0; 3] }
+    }
+
+    /// A picture over texture coordinates `[0, 1]²`, shown by reflection or, with a radiance of its white, as a screen.
+    pub(crate) fn picture(&mut self, seed: u64, screen_radiance: Option<f32>) -> Paint {
+        let material = match screen_radiance {
+            None => {
+                let mut material = matte("picture");
+                self.cover(&mut material, texture::painting(seed));
+                material
+            }
+            Some(white) => {
+                let mut material = Material { base_color: [0.02, 0.02, 0.02, 1.0], roughness: 0.25, ..matte("screen") };
+                self.cover(&mut material, texture::screen(seed));
+                material.emissive_texture = material.base_color_texture.take();
+                material.emissive = [white; 3];
+                material
+            }
+        };
+        Paint { material: self.push(material), tint: [1.0; 3] }
+    }
+
+    /// A rug of its own, its texture coordinates in metres from a corner.
+    pub(crate) fn rug(&mut self, random: &mut Stream, size_m: [f32; 2]) -> Paint {
+        let dark = self.style.mood == Mood::Dark;
+        let hue = if chance(random, 0.5) { self.style.accent_deg } else { self.style.hue_deg };
+        let base = tone(hue, between(random, 0.05, 0.5), if dark { 0.1 } else { between(random, 0.12, 0.45) });
+        let second = tone(hue + between(random, -60.0, 60.0), 0.4, between(random, 0.05, 0.4));
+        let third = tone(hue + 180.0, 0.2, between(random, 0.3, 0.55));
+        let mut material = matte("rug");
+        self.cover(&mut material, texture::rug(random.random(), size_m, [base, second, third]));
+        Paint { material: self.push(material), tint: [1.0; 3] }
+    }
+
+    /// Some colour for a small thing of a matt or shining white finish.
+    pub(crate) fn tint(&self, random: &mut Stream) -> [f32; 3] {
+        let near = [self.style.hue_deg, self.style.accent_deg, between(random, 0.0, 360.0)];
+        let hue = pick(random, &near);
+        match weighted(random, &[(0, 0.35), (1, 0.3), (2, 0.35)]) {
+            0 => tone(hue, between(random, 0.0, 0.1), between(random, 0.5, 0.85)),
+            1 => tone(hue, between(random, 0.0, 0.3), between(random, 0.03, 0.15)),
+            _ => tone(hue, between(random, 0.3, 0.85), between(random, 0.08, 0.45)),
+        }
+    }
+
+    fn push(&mut self, material: Material) -> u32 {
+        self.materials.push(material);
+        self.materials.len() as u32 - 1
+    }
+
+    /// Gives the material a swatch's picture; texture coordinates are metres.
+    fn cover(&mut self, material: &mut Material, swatch: Swatch) {
+        let [width, height] = swatch.size_m;
+        let reference = |texture| TextureRef {
+            uv_transform: [1.0 / width, 0.0, 0.0, 0.0, 1.0 / height, 0.0],
+            wrap: [Wrap::Repeat; 2],
+            ..TextureRef::new(texture)
+        };
+        let (color, roughness) = swatch.textures();
+        self.textures.push(color);
+        material.base_color_texture = Some(reference(self.textures.len() - 1));
+        if let Some(roughness) = roughness {
+            self.textures.push(roughness);
+            material.metallic_roughness_texture = Some(reference(self.textures.len() - 1));
+            material.metallic = 0.0;
+        }
+    }
+
+    fn covered(&mut self, name: &str, roughness: f32, swatch: Swatch) -> u32 {
+        let mut material = Material { roughness, ..matte(name) };
+        self.cover(&mut material, swatch);
+        self.push(material)
+    }
+
+    fn plain(&mut self, name: &str, roughness: f32, [r, g, b]: [f32; 3]) -> u32 {
+        self.push(Material { roughness, base_color: [r, g, b, 1.0], ..matte(name) })
+    }
+}
+
+/// Matt, seen from both sides, to be given a colour.
+fn matte(name: &str) -> Material {
+    Material { name: name.to_owned(), base_color: [1.0; 4], ..Material::default() }
+}

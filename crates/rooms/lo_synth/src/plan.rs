@@ -1,0 +1,276 @@
+//! The room's outline, ceiling and openings, before anything is built.
+
+mod openings;
+
+use lo_geometry::{Vec2, Vec3};
+use lo_random::Stream;
+
+use crate::chance::{between, chance, weighted};
+use crate::config::SynthConfig;
+use crate::description::{Outline, RoomKind};
+
+/// An outline of walls, seen from above (x to the right, z towards the viewer), and what lies above it.
+#[derive(Clone, Debug)]
+pub(crate) struct Plan {
+    pub outline: Outline,
+    /// Rectangles (least and greatest corner) that make up the floor; they share edges alone.
+    pub rectangles: Vec<[Vec2; 2]>,
+    pub walls: Vec<Wall>,
+    pub height_m: f32,
+    pub slope: Option<Slope>,
+}
+
+/// A ceiling that comes down towards one or both ends of an axis of the (rectangular) room.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Slope {
+    /// 0: along x, 1: along z.
+    pub axis: usize,
+    /// Height at the low end.
+    pub knee_m: f32,
+    /// Rise per metre.
+    pub rise: f32,
+    pub both_ends: bool,
+}
+
+/// One straight wall; `start + along · s` for s in [0, length], the room on the side of `inward()`.
+#[derive(Clone, Debug)]
+pub(crate) struct Wall {
+    pub start: Vec2,
+    pub along: Vec2,
+    pub length_m: f32,
+    pub thickness_m: f32,
+    /// Nothing of this room lies behind it: it may have windows and doors.
+    pub free: bool,
+    pub openings: Vec<Opening>,
+}
+
+/// A hole in a wall.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Opening {
+    pub kind: OpeningKind,
+    /// From and to along the wall.
+    pub s: [f32; 2],
+    /// From and to above the floor.
+    pub h: [f32; 2],
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum OpeningKind {
+    Window,
+    ClosedDoor,
+    /// The leaf stands open, or there is none.
+    OpenDoor {
+        leaf: bool,
+        lit: bool,
+    },
+}
+
+impl Wall {
+    pub(crate) fn inward(&self) -> Vec2 {
+        // along × up, seen from above.
+        Vec2::new(-self.along.y, self.along.x)
+    }
+
+    /// World point at `s` along the wall, `h` above the floor, `out` metres into the room.
+    pub(crate) fn point(&self, s: f32, h: f32, out: f32) -> Vec3 {
+        let p = self.start + self.along * s + self.inward() * out;
+        Vec3::new(p.x, h, p.y)
+    }
+
+    /// Turn about +Y that takes x to `along` and z to `inward`.
+    pub(crate) fn yaw_rad(&self) -> f32 {
+        (-self.along.y).atan2(self.along.x)
+    }
+}
+
+impl Opening {
+    pub(crate) fn width_m(&self) -> f32 {
+        self.s[1] - self.s[0]
+    }
+
+    pub(crate) fn is_window(&self) -> bool {
+        self.kind == OpeningKind::Window
+    }
+}
+
+impl Plan {
+    /// Draws outline, height, doors and windows for a kind of room.
+    pub(crate) fn draw(random: &mut Stream, kind: RoomKind, config: &SynthConfig) -> Self {
+        let [narrow, wide, deep] = size_range(kind);
+        let (a, b) = (between(random, narrow, wide), between(random, narrow.max(deep * 0.55), deep));
+        let (width, depth) = if chance(random, 0.5) { (a, b) } else { (b, a) };
+        let height_m = height(random, kind);
+        let outline = match kind {
+            RoomKind::OpenPlan => Outline::OpenPlan,
+            RoomKind::Corridor | RoomKind::Bathroom | RoomKind::Classroom => Outline::Rectangle,
+            _ if chance(random, config.l_shape_share) && width.min(depth) > 3.2 => Outline::LShape,
+            _ => Outline::Rectangle,
+        };
+        let cut = outline == Outline::LShape || outline == Outline::OpenPlan && chance(random, 0.5);
+        let mut plan = if cut { l_shape(random, width, depth) } else { rectangle(width, depth) };
+        plan.outline = outline;
+        plan.height_m = height_m;
+        let may_slope = outline == Outline::Rectangle
+            && matches!(kind, RoomKind::Bedroom | RoomKind::Living | RoomKind::Office | RoomKind::Studio);
+        if may_slope && chance(random, config.sloped_ceiling_share) {
+            let axis = usize::from(width < depth);
+            let across = if axis == 0 { width } else { depth };
+            let both_ends = chance(random, 0.3) && across > 4.0;
+            let knee_m = between(random, 1.0, 1.7);
+            let rise = between(random, 30.0_f32, 50.0).to_radians().tan();
+            plan.slope = Some(Slope { axis, knee_m, rise, both_ends });
+        }
+        for wall in &mut plan.walls {
+            wall.thickness_m = between(random, 0.12, 0.42);
+        }
+        plan.open_doors(random, kind);
+        plan.open_windows(random, kind, config);
+        plan
+    }
+
+    /// Height of the ceiling above a point of the floor.
+    pub(crate) fn ceiling(&self, p: Vec2) -> f32 {
+        let Some(slope) = self.slope else {
+            return self.height_m;
+        };
+        let (least, most) = self.extent();
+        let from_low = p[slope.axis] - least[slope.axis];
+        let from_high = most[slope.axis] - p[slope.axis];
+        let distance = if slope.both_ends { from_low.min(from_high) } else { from_low };
+        (slope.knee_m + slope.rise * distance.max(0.0)).min(self.height_m)
+    }
+
+    /// Places along the slope's axis where the ceiling bends.
+    pub(crate) fn bends(&self) -> Vec<f32> {
+        let Some(slope) = self.slope else {
+            return Vec::new();
+        };
+        let (least, most) = self.extent();
+        let (low, high) = (least[slope.axis], most[slope.axis]);
+        let reach = (self.height_m - slope.knee_m) / slope.rise;
+        let mut bends = Vec::new();
+        if slope.both_ends {
+            let middle = 0.5 * (low + high);
+            bends.extend(if low + reach < middle { vec![low + reach, high - reach] } else { vec![middle] });
+        } else if low + reach < high {
+            bends.push(low + reach);
+        }
+        bends
+    }
+
+    /// Least and greatest corner of the outline.
+    pub(crate) fn extent(&self) -> (Vec2, Vec2) {
+        self.rectangles
+            .iter()
+            .fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(least, most), [a, b]| (least.min(*a), most.max(*b)))
+    }
+
+    pub(crate) fn area_m2(&self) -> f32 {
+        self.rectangles.iter().map(|[a, b]| (b.x - a.x) * (b.y - a.y)).sum()
+    }
+
+    /// Whether a point lies inside, at least `margin` from every wall.
+    pub(crate) fn contains(&self, p: Vec2, margin: f32) -> bool {
+        let inside = self.rectangles.iter().any(|[a, b]| p.cmpge(*a).all() && p.cmple(*b).all());
+        inside
+            && self.walls.iter().all(|wall| {
+                let s = (p - wall.start).dot(wall.along).clamp(0.0, wall.length_m);
+                (wall.start + wall.along * s).distance(p) >= margin
+            })
+    }
+}
+
+/// Least, greatest width and greatest depth of a kind of room, metres.
+fn size_range(kind: RoomKind) -> [f32; 3] {
+    match kind {
+        RoomKind::Bedroom => [2.8, 4.2, 5.2],
+        RoomKind::Living => [3.4, 5.5, 7.0],
+        RoomKind::Kitchen => [2.5, 3.8, 5.0],
+        RoomKind::Office => [2.8, 6.0, 7.0],
+        RoomKind::Dining => [3.0, 4.2, 5.5],
+        RoomKind::Bathroom => [1.9, 2.8, 3.6],
+        RoomKind::Corridor => [1.4, 2.2, 7.5],
+        RoomKind::Studio => [4.0, 6.5, 8.5],
+        RoomKind::Classroom => [5.5, 7.5, 9.5],
+        RoomKind::OpenPlan => [5.0, 7.0, 9.5],
+    }
+}
+
+fn height(random: &mut Stream, kind: RoomKind) -> f32 {
+    let range = match kind {
+        RoomKind::Studio | RoomKind::OpenPlan => [(2.4, 2.8), (2.8, 3.4), (3.4, 4.0)],
+        RoomKind::Classroom | RoomKind::Office => [(2.5, 2.8), (2.8, 3.2), (3.2, 3.8)],
+        _ => [(2.2, 2.6), (2.6, 2.9), (2.9, 3.7)],
+    };
+    let (low, high) = weighted(random, &[(range[0], 0.55), (range[1], 0.3), (range[2], 0.15)]);
+    between(random, low, high)
+}
+
+fn rectangle(width: f32, depth: f32) -> Plan {
+    let corners = [Vec2::ZERO, Vec2::new(width, 0.0), Vec2::new(width, depth), Vec2::new(0.0, depth)];
+    from_corners(&corners, vec![[Vec2::ZERO, Vec2::new(width, depth)]], &[])
+}
+
+/// A rectangle without one of its corners.
+fn l_shape(random: &mut Stream, width: f32, depth: f32) -> Plan {
+    let (x, z) = (width * between(random, 0.4, 0.68), depth * between(random, 0.4, 0.68));
+    let corners = [
+        Vec2::ZERO,
+        Vec2::new(width, 0.0),
+        Vec2::new(width, z),
+        Vec2::new(x, z),
+        Vec2::new(x, depth),
+        Vec2::new(0.0, depth),
+    ];
+    let rectangles = vec![[Vec2::ZERO, Vec2::new(width, z)], [Vec2::new(0.0, z), Vec2::new(x, depth)]];
+    // Behind the two walls of the cut-out corner lies the other wing.
+    from_corners(&corners, rectangles, &[2, 3])
+}
+
+fn from_corners(corners: &[Vec2], rectangles: Vec<[Vec2; 2]>, inner: &[usize]) -> Plan {
+    let walls = (0..corners.len())
+        .map(|k| {
+            let (a, b) = (corners[k], corners[(k + 1) % corners.len()]);
+            Wall {
+                start: a,
+                along: (b - a).normalize(),
+                length_m: a.distance(b),
+                thickness_m: 0.2,
+                free: !inner.contains(&k),
+                openings: Vec::new(),
+            }
+        })
+        .collect();
+    Plan { outline: Outline::Rectangle, rectangles, walls, height_m: 2.5, slope: None }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn walls_run_around_with_the_room_on_their_inner_side() {
+        let mut random = lo_random::stream(1, "plan", 0);
+        for plan in [rectangle(4.0, 3.0), l_shape(&mut random, 6.0, 5.0)] {
+            // Green's theorem: the area that the walls enclose is that of the rectangles.
+            let area: f32 = plan
+                .walls
+                .iter()
+                .map(|w| {
+                    let end = w.start + w.along * w.length_m;
+                    0.5 * (w.start.x * end.y - end.x * w.start.y)
+                })
+                .sum();
+            assert!((area - plan.area_m2()).abs() < 1e-4);
+            for wall in &plan.walls {
+                let middle = wall.start + wall.along * 0.5 * wall.length_m;
+                assert!(plan.contains(middle + wall.inward() * 0.3, 0.2));
+                assert!(!plan.contains(middle - wall.inward() * 0.3, 0.0));
+                let turned = lo_geometry::Quat::from_rotation_y(wall.yaw_rad()) * Vec3::X;
+                assert!((turned - Vec3::new(wall.along.x, 0.0, wall.along.y)).length() < 1e-5);
+                let front = lo_geometry::Quat::from_rotation_y(wall.yaw_rad()) * Vec3::Z;
+                assert!((front - Vec3::new(wall.inward().x, 0.0, wall.inward().y)).length() < 1e-5);
+            }
+        }
+    }
+}

@@ -1,0 +1,121 @@
+use lo_geometry::Vec3;
+
+use super::{Paint, Shape};
+
+/// Radius of the edges of boards and doors: what sanded wood and folded metal have.
+const EDGE: f32 = 0.003;
+
+impl Shape {
+    /// A box with sharp edges.
+    pub(crate) fn cuboid(&mut self, least: Vec3, most: Vec3, paint: Paint) {
+        let first = self.triangles.len();
+        for axis in 0..3 {
+            for side in [-1.0, 1.0] {
+                let (u, v) = face_axes(axis, side);
+                let mut corner = least;
+                corner[axis] = if side > 0.0 { most[axis] } else { least[axis] };
+                let start = self.positions.len() as u32;
+                let mut normal = Vec3::ZERO;
+                normal[axis] = side;
+                for (a, b) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
+                    let mut p = corner;
+                    p[u] = least[u] + a * (most[u] - least[u]);
+                    p[v] = least[v] + b * (most[v] - least[v]);
+                    self.vertex(p, normal, box_uv(p, axis), paint);
+                }
+                self.quad([start, start + 1, start + 2, start + 3], paint);
+            }
+        }
+        self.close_part(first);
+    }
+
+    /// A box whose edges and corners are round with `radius` (less where the box is thin), in `segments` steps.
+    pub(crate) fn rounded(&mut self, least: Vec3, most: Vec3, radius: f32, segments: usize, paint: Paint) {
+        self.bulging(least, most, radius, segments, 0.0, paint);
+    }
+
+    /// A rounded box whose top rises by `bulge` in the middle: a seat cushion, a mattress.
+    pub(crate) fn bulging(&mut self, least: Vec3, most: Vec3, radius: f32, segments: usize, bulge: f32, paint: Paint) {
+        let first = self.triangles.len();
+        let size = most - least;
+        let radius = radius.min(0.49 * size.min_element());
+        let (core_least, core_most) = (least + Vec3::splat(radius), most - Vec3::splat(radius));
+        let middle = (least + most) * 0.5;
+        let crown = |mut p: Vec3| {
+            let x = ((p.x - middle.x) / (0.5 * size.x)).clamp(-1.0, 1.0);
+            let z = ((p.z - middle.z) / (0.5 * size.z)).clamp(-1.0, 1.0);
+            p.y += bulge * ((p.y - least.y) / size.y).max(0.0) * (1.0 - x * x) * (1.0 - z * z);
+            p
+        };
+        // A crown needs points between the edges.
+        let inner = if bulge > 0.0 { 4 } else { 1 };
+        let lines = |axis: usize| -> Vec<f32> {
+            let arc = |k: usize| radius * (1.0 - (k as f32 / segments as f32 * std::f32::consts::FRAC_PI_4).tan());
+            let (a, b) = (core_least[axis], core_most[axis]);
+            // Equal angles of the arc; `arc(0)` is where it begins, `arc(segments)` the box's middle plane through the edge.
+            let mut lines: Vec<f32> =
+                (0..=segments).flat_map(|k| [least[axis] + arc(k), most[axis] - arc(k)]).collect();
+            lines.extend((1..inner).map(|k| a + (b - a) * k as f32 / inner as f32));
+            lines.sort_by(f32::total_cmp);
+            lines
+        };
+        for axis in 0..3 {
+            for side in [-1.0, 1.0] {
+                let (u, v) = face_axes(axis, side);
+                let (lines_u, lines_v) = (lines(u), lines(v));
+                let start = self.positions.len() as u32;
+                for &b in &lines_v {
+                    for &a in &lines_u {
+                        let mut p = Vec3::ZERO;
+                        p[axis] = if side > 0.0 { most[axis] } else { least[axis] };
+                        p[u] = a;
+                        p[v] = b;
+                        let core = p.clamp(core_least, core_most);
+                        let normal = (p - core).normalize();
+                        let p = core + normal * radius;
+                        let bent = crown(p);
+                        let normal = if bulge > 0.0 { crown_normal(&crown, p, normal) } else { normal };
+                        self.vertex(bent, normal, box_uv(p, axis), paint);
+                    }
+                }
+                let stride = lines_u.len() as u32;
+                for row in 0..lines_v.len() as u32 - 1 {
+                    for column in 0..stride - 1 {
+                        let a = start + row * stride + column;
+                        self.quad([a, a + 1, a + 1 + stride, a + stride], paint);
+                    }
+                }
+            }
+        }
+        self.close_part(first);
+    }
+
+    /// A board, a door, a carcass: a box with barely broken edges.
+    pub(crate) fn board(&mut self, least: Vec3, most: Vec3, paint: Paint) {
+        self.rounded(least, most, EDGE, 1, paint);
+    }
+}
+
+/// The axes of a box's face, so that the first × the second points outwards.
+fn face_axes(axis: usize, side: f32) -> (usize, usize) {
+    let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+    if side > 0.0 { (u, v) } else { (v, u) }
+}
+
+/// Wood runs along the longer of x and y (v of the texture); tops are seen from above.
+fn box_uv(p: Vec3, axis: usize) -> [f32; 2] {
+    match axis {
+        0 => [p.z, -p.y],
+        1 => [p.x, p.z],
+        _ => [p.x, -p.y],
+    }
+}
+
+/// Normal of the surface that `crown` makes of a surface through `p` with normal `n`.
+fn crown_normal(crown: &impl Fn(Vec3) -> Vec3, p: Vec3, n: Vec3) -> Vec3 {
+    let basis = lo_geometry::orthonormal_basis(n);
+    let step = 1e-3;
+    let along = |t: Vec3| crown(p + t * step) - crown(p - t * step);
+    let normal = along(basis.x_axis).cross(along(basis.y_axis)).normalize_or(n);
+    if normal.dot(n) < 0.0 { -normal } else { normal }
+}

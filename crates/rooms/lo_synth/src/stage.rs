@@ -1,0 +1,278 @@
+//! The room as it is being furnished.
+
+use std::f32::consts::PI;
+use std::ops::Range;
+
+use lo_geometry::{Quat, Vec2, Vec3};
+use lo_random::Stream;
+
+use crate::chance::{between, count, weighted};
+use crate::layout::{Footprint, Layout, turned};
+use crate::palette::Palette;
+use crate::plan::Plan;
+use crate::solids::Shape;
+
+/// What an object rests on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Support {
+    /// It stands or lies on the floor.
+    Floor,
+    /// It is fixed to a wall.
+    Wall,
+    /// It hangs from the ceiling.
+    Ceiling,
+    /// It lies on the object of this number.
+    Object(usize),
+    /// It is part of the building.
+    Building,
+}
+
+/// A thing in the room while it is made.
+#[derive(Clone, Debug)]
+pub(crate) struct Placed {
+    pub name: &'static str,
+    pub support: Support,
+    /// Of the stage's shape.
+    pub parts: Range<usize>,
+}
+
+/// A level surface on which small things can stand, in the frame of its piece.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Top {
+    pub center: Vec3,
+    pub half: Vec2,
+    /// Free height above it.
+    pub headroom_m: f32,
+}
+
+/// Something that can be put into a room: x to the right, y up, its front towards z.
+#[derive(Clone, Debug)]
+pub(crate) struct Piece {
+    pub name: &'static str,
+    pub shape: Shape,
+    /// Free floor that its use needs in front of it.
+    pub front_m: f32,
+    pub tops: Vec<Top>,
+}
+
+impl Piece {
+    pub(crate) fn new(name: &'static str, shape: Shape) -> Self {
+        Self { name, shape, front_m: 0.0, tops: Vec::new() }
+    }
+
+    pub(crate) fn with_front(self, front_m: f32) -> Self {
+        Self { front_m, ..self }
+    }
+
+    pub(crate) fn with_top(mut self, center: Vec3, half: Vec2, headroom_m: f32) -> Self {
+        self.tops.push(Top { center, half, headroom_m });
+        self
+    }
+}
+
+/// Pieces that belong together: place and turn of each.
+pub(crate) type Group = Vec<(Piece, Vec2, f32)>;
+
+/// Where along the walls something is looked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Along {
+    Anywhere,
+    /// Ends of walls first.
+    Corner,
+    /// Middles of walls first.
+    Middle,
+}
+
+/// A top with its place in the room.
+#[derive(Clone, Debug)]
+pub(crate) struct PlacedTop {
+    pub object: usize,
+    pub name: &'static str,
+    pub center: Vec3,
+    pub half: Vec2,
+    pub yaw_rad: f32,
+    pub headroom_m: f32,
+    pub taken: Vec<Footprint>,
+}
+
+/// Everything that is known of the room while it is made.
+#[derive(Debug)]
+pub(crate) struct Stage {
+    pub plan: Plan,
+    pub palette: Palette,
+    pub random: Stream,
+    pub layout: Layout,
+    pub shape: Shape,
+    pub objects: Vec<Placed>,
+    pub tops: Vec<PlacedTop>,
+    /// Lamps, burning or not: number, number that burn, their light.
+    pub lamps: usize,
+    pub lamps_on: usize,
+    pub flux_lm: f32,
+}
+
+impl Stage {
+    pub(crate) fn new(plan: Plan, palette: Palette, random: Stream) -> Self {
+        let layout = Layout::new(&plan);
+        Self {
+            plan,
+            palette,
+            random,
+            layout,
+            shape: Shape::default(),
+            objects: Vec::new(),
+            tops: Vec::new(),
+            lamps: 0,
+            lamps_on: 0,
+            flux_lm: 0.0,
+        }
+    }
+
+    /// Adds a shape given in the room's frame or that of a wall, without looking whether there is room.
+    pub(crate) fn fix(&mut self, name: &'static str, support: Support, shape: &Shape, rotation: Quat, offset: Vec3) {
+        let first = self.shape.parts.len();
+        self.shape.add(shape, rotation, offset);
+        self.objects.push(Placed { name, support, parts: first..self.shape.parts.len() });
+    }
+
+    /// Adds a shape given in the frame of a wall (x along it, y up, z into the room).
+    pub(crate) fn fix_to_wall(&mut self, name: &'static str, support: Support, shape: &Shape, wall: usize) {
+        let wall = &self.plan.walls[wall];
+        let (rotation, offset) = (Quat::from_rotation_y(wall.yaw_rad()), wall.point(0.0, 0.0, 0.0));
+        self.fix(name, support, shape, rotation, offset);
+    }
+
+    /// Adds a piece and its tops.
+    pub(crate) fn put(&mut self, piece: &Piece, support: Support, yaw_rad: f32, offset: Vec3) -> usize {
+        self.fix(piece.name, support, &piece.shape, Quat::from_rotation_y(yaw_rad), offset);
+        let object = self.objects.len() - 1;
+        let rotation = Quat::from_rotation_y(yaw_rad);
+        self.tops.extend(piece.tops.iter().map(|top| PlacedTop {
+            object,
+            name: piece.name,
+            center: rotation * top.center + offset,
+            half: top.half,
+            yaw_rad,
+            headroom_m: top.headroom_m,
+            taken: Vec::new(),
+        }));
+        object
+    }
+
+    /// Puts a group with its back to a wall where it fits. Gives the numbers of its objects.
+    pub(crate) fn against_wall(&mut self, group: &Group, along: Along) -> Option<Vec<usize>> {
+        let (least, most) = bounds(group);
+        let front_m = group.iter().map(|(piece, ..)| piece.front_m).fold(0.0, f32::max);
+        // Skirting boards keep furniture a little off the wall.
+        const GAP_M: f32 = 0.022;
+        for _ in 0..28 {
+            let wall_index = count(&mut self.random, 0, self.plan.walls.len() - 1);
+            let wall = self.plan.walls[wall_index].clone();
+            let width = most.x - least.x;
+            let room = wall.length_m - width - 2.0 * GAP_M;
+            if room < 0.0 {
+                continue;
+            }
+            let from = match along {
+                Along::Anywhere => between(&mut self.random, 0.0, room),
+                Along::Corner => weighted(&mut self.random, &[(0.0, 0.4), (room, 0.4), (room * 0.15, 0.2)]),
+                Along::Middle => room * between(&mut self.random, 0.3, 0.7),
+            } + GAP_M;
+            let hides_window = wall.openings.iter().any(|o| {
+                o.is_window() && from < o.s[1] + 0.05 && from + width > o.s[0] - 0.05 && most.y > o.h[0] + 0.02
+            });
+            if hides_window {
+                continue;
+            }
+            let origin = wall.point(from - least.x, 0.0, GAP_M - least.z);
+            if let Some(placed) = self.try_at(group, wall.yaw_rad(), origin, front_m) {
+                return Some(placed);
+            }
+        }
+        None
+    }
+
+    /// Puts a group somewhere free, parallel to the walls; `near` draws it to a place.
+    pub(crate) fn freely(&mut self, group: &Group, near: Option<Vec2>, margin_m: f32) -> Option<Vec<usize>> {
+        let (least, most) = self.plan.extent();
+        for attempt in 0..28 {
+            let spread = 0.15 + 0.08 * attempt as f32;
+            let p = match near {
+                Some(near) => {
+                    near + Vec2::new(
+                        between(&mut self.random, -spread, spread),
+                        between(&mut self.random, -spread, spread),
+                    )
+                }
+                None => {
+                    Vec2::new(between(&mut self.random, least.x, most.x), between(&mut self.random, least.y, most.y))
+                }
+            };
+            let yaw = 0.5 * PI * count(&mut self.random, 0, 3) as f32;
+            let (low, high) = bounds(group);
+            let footprint = Footprint::of_box(low, high, yaw, p).grown(margin_m);
+            if !self.layout.fits(&self.plan, &footprint, [low.y.max(0.0), high.y]) {
+                continue;
+            }
+            if let Some(placed) = self.try_at(group, yaw, Vec3::new(p.x, 0.0, p.y), 0.0) {
+                return Some(placed);
+            }
+        }
+        None
+    }
+
+    /// Puts a group at a place if it fits there.
+    pub(crate) fn try_at(&mut self, group: &Group, yaw_rad: f32, origin: Vec3, front_m: f32) -> Option<Vec<usize>> {
+        let (least, most) = bounds(group);
+        let at = Vec2::new(origin.x, origin.z);
+        let footprint = Footprint::of_box(least, most, yaw_rad, at);
+        let y = [least.y.max(0.0), most.y];
+        if !self.layout.fits(&self.plan, &footprint, y) || !self.layout.leaves_passages(&footprint, y) {
+            return None;
+        }
+        if front_m > 0.0 {
+            let before = Vec3::new(least.x, 0.0, most.z);
+            let front = Footprint::of_box(before, Vec3::new(most.x, 0.0, most.z + front_m), yaw_rad, at);
+            if !self.layout.is_clear(&self.plan, &front, [0.02, 1.6]) {
+                return None;
+            }
+            self.layout.keep_free(front, [0.02, 1.6]);
+        }
+        let mut placed = Vec::with_capacity(group.len());
+        for (piece, offset, yaw) in group {
+            let moved = at + turned(*offset, yaw_rad);
+            let object = self.put(piece, Support::Floor, yaw_rad + yaw, Vec3::new(moved.x, 0.0, moved.y));
+            let (least, most) = piece.shape.bounds();
+            let own = Footprint::of_box(least, most, yaw_rad + yaw, moved);
+            self.layout.take_for(own, [least.y.max(0.0), most.y], Some(object));
+            placed.push(object);
+        }
+        // Nothing is squeezed in between them.
+        self.layout.keep_free(footprint, y);
+        Some(placed)
+    }
+
+    /// Middle of what an object covers, seen from above, and its extent in the room's axes.
+    pub(crate) fn box_of(&self, object: usize) -> (Vec3, Vec3) {
+        let mut bounds = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        for part in &self.shape.parts[self.objects[object].parts.clone()] {
+            for t in &self.shape.triangles[part.triangles.clone()] {
+                for &v in t {
+                    let p = self.shape.positions[v as usize];
+                    bounds = (bounds.0.min(p), bounds.1.max(p));
+                }
+            }
+        }
+        bounds
+    }
+}
+
+/// Box around a group in its own frame.
+pub(crate) fn bounds(group: &Group) -> (Vec3, Vec3) {
+    group.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(least, most), (piece, offset, yaw)| {
+        let (low, high) = piece.shape.bounds();
+        let corners = Footprint::of_box(low, high, *yaw, *offset).corners();
+        let flat = |p: Vec2, y: f32| Vec3::new(p.x, y, p.y);
+        corners.into_iter().fold((least, most), |(a, b), p| (a.min(flat(p, low.y)), b.max(flat(p, high.y))))
+    })
+}

@@ -1,0 +1,52 @@
+//! Surfels near a place.
+
+use lo_geometry::Vec3;
+
+/// Weights of surfels at a place.
+#[derive(Clone, Copy)]
+pub(crate) struct Neighbours {
+    entries: [(u32, f32); Self::MOST],
+    count: usize,
+    /// Found among surfels of other parts, as the place's own part has none there.
+    pub of_others: bool,
+}
+
+impl Neighbours {
+    const MOST: usize = 24;
+
+    /// None yet.
+    pub(crate) fn none() -> Self {
+        Self { entries: [(0, 0.0); Self::MOST], count: 0, of_others: false }
+    }
+
+    pub(crate) fn as_slice(&self) -> &[(u32, f32)] {
+        &self.entries[..self.count]
+    }
+
+    pub(crate) fn push(&mut self, surfel: u32, weight: f32) {
+        if self.count < Self::MOST {
+            self.entries[self.count] = (surfel, weight);
+            self.count += 1;
+        }
+    }
+
+    /// The surfel that counts most.
+    pub(crate) fn best(&self) -> Option<u32> {
+        self.as_slice().iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(surfel, _)| surfel)
+    }
+
+    /// Weighted mean of what `value` gives for each surfel.
+    pub(crate) fn mean(&self, value: impl Fn(usize) -> Vec3) -> Vec3 {
+        weighted_mean(self.as_slice(), value)
+    }
+}
+
+/// 0 where there are none.
+pub(crate) fn weighted_mean(entries: &[(u32, f32)], value: impl Fn(usize) -> Vec3) -> Vec3 {
+    let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
+    for &(surfel, weight) in entries {
+        sum += value(surfel as usize) * weight;
+        weights += weight;
+    }
+    if weights > 0.0 { sum / weights } else { Vec3::ZERO }
+}
