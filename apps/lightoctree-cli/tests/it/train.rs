@@ -93,18 +93,16 @@ fn training_validates_what_evaluation_reports() {
     let methods = ["--weights", "run/weights.safetensors", "--methods", "shell-true,network-true,network"];
     let evaluated = json(&done(at, &[&["eval", "rooms", "--json", "-o", "report"][..], &methods].concat()));
     let pairs = [
-        // the same octree
-        ("shell_psnr_db", 0, "psnr_db", 1e-3),
-        // the file holds the weights as half floats
-        ("psnr_db", 1, "psnr_db", 0.1),
-        ("photo_alone_psnr_db", 2, "psnr_db", 0.1),
-        ("depth_abs_rel", 2, "depth_abs_rel", 0.01),
-        ("depth_delta1", 2, "depth_delta1", 0.01),
+        ("shell_psnr_db", 0, "psnr_db"),
+        ("psnr_db", 1, "psnr_db"),
+        ("photo_alone_psnr_db", 2, "psnr_db"),
+        ("depth_abs_rel", 2, "depth_abs_rel"),
+        ("depth_delta1", 2, "depth_delta1"),
     ];
-    for (mine, method, other, tolerance) in pairs {
+    for (mine, method, other) in pairs {
         let validated = trained["validation"][mine].as_f64().unwrap();
         let reported = evaluated["methods"][method]["figures"][other]["mean"].as_f64().unwrap();
-        assert!((validated - reported).abs() < tolerance, "{mine}: {validated} in training, {reported} in evaluation");
+        assert!((validated - reported).abs() < 1e-3, "{mine}: {validated} in training, {reported} in evaluation");
     }
 }
 

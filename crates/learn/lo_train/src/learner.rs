@@ -131,6 +131,14 @@ impl Learner {
         Networks { depth: self.depth.average.clone(), light: self.light.average.clone(), config: self.network.clone() }
     }
 
+    /// The averaged weights as a file of them gives them back, in 16 bits: what is validated.
+    pub fn exported(&self) -> Networks {
+        let mut checkpoint = Checkpoint::default();
+        self.averages().add_to(&mut checkpoint);
+        checkpoint.round_to_half();
+        Networks::from_checkpoint(checkpoint, &Device::flex()).expect("networks are what they were made of")
+    }
+
     /// Adds everything to a checkpoint but what [`LearnerState`] holds, which it gives.
     pub fn add_to(&self, checkpoint: &mut Checkpoint) -> LearnerState {
         self.averages().add_to(checkpoint);

@@ -59,9 +59,9 @@ impl Validation {
         Self { samples, sheet_rows, bounds: BTreeMap::new() }
     }
 
-    /// Figures of the averaged weights, and the contact sheet where it has rows. `lit`: the light network too.
+    /// Figures of the averaged weights as they are exported, and the contact sheet where it has rows. `lit`: the light network too.
     pub fn run(&mut self, learner: &Learner, lit: bool) -> (ValidationReport, Option<Image<[u8; 3]>>) {
-        let estimator = Estimator::new(learner.averages());
+        let estimator = Estimator::new(learner.exported());
         let config = estimator.networks().expect("it was made with networks").config.clone();
         let depth = config.depth.max(DEFAULT_OCTREE_DEPTH);
         if lit && !self.bounds.contains_key(&depth) {

@@ -75,7 +75,8 @@ pub fn average(files: &[PathBuf], to: &Path) -> Result<(), WeightsError> {
     }
     let mut mean = Checkpoint::default();
     for (name, shape) in networks_of(first) {
-        let mut sums = vec![0.0f64; shape.iter().product()];
+        // −0 is what a sum begins with: 0 would make zeros lose their sign
+        let mut sums = vec![-0.0f64; shape.iter().product()];
         for values in checkpoints.iter().filter_map(|checkpoint| checkpoint.values(name)) {
             sums.iter_mut().zip(values).for_each(|(sum, &value)| *sum += f64::from(value));
         }

@@ -32,10 +32,16 @@ pub struct ShardCount {
 pub enum FillError {
     /// A sample cannot be read.
     #[error(transparent)]
-    Sample(#[from] LoadError),
+    Sample(Box<LoadError>),
     /// A room cannot be generated, or a file not be written.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
+}
+
+impl From<LoadError> for FillError {
+    fn from(error: LoadError) -> Self {
+        Self::Sample(Box::new(error))
+    }
 }
 
 /// Generates these rooms, `per_shard` (at least 1) in an archive, where their archive is not there yet.

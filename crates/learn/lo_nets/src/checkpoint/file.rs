@@ -43,6 +43,12 @@ impl Checkpoint {
             .map_err(|source| CheckpointError::File { path: path.display().to_string(), source })
     }
 
+    /// What a file of [`Precision::Half`] would give back.
+    pub fn round_to_half(&mut self) {
+        let values = self.tensors.values_mut().flat_map(|tensor| &mut tensor.values);
+        values.for_each(|value| *value = half::f16::from_f32(*value).to_f32());
+    }
+
     /// Reads a file that [`Checkpoint::write`] wrote, or weights that others did.
     ///
     /// # Errors
