@@ -1,22 +1,8 @@
-//! Everything that the command line understands.
+//! Options that commands share.
 
 use std::path::PathBuf;
 
-use clap::{Parser, Subcommand, ValueEnum};
-
-use crate::commands;
-
-/// Indoor lighting from one photo: a lighting octree, HDR panoramas at any point, objects in the picture.
-#[derive(Debug, Parser)]
-#[command(name = "lightoctree", version, propagate_version = true, max_term_width = 110)]
-pub struct Cli {
-    /// Options of every command.
-    #[command(flatten)]
-    pub global: Global,
-    /// What to do.
-    #[command(subcommand)]
-    pub command: Command,
-}
+use clap::ValueEnum;
 
 /// Options of every command.
 #[derive(Debug, clap::Args)]
@@ -79,61 +65,6 @@ impl LogLevel {
             Self::Info => tracing::Level::INFO,
             Self::Debug => tracing::Level::DEBUG,
             Self::Trace => tracing::Level::TRACE,
-        }
-    }
-}
-
-/// The commands.
-#[derive(Debug, Subcommand)]
-pub enum Command {
-    /// Run the whole job on a photo that the program carries
-    Demo(commands::demo::Args),
-    /// Photo, with or without depth → scene file
-    Estimate(commands::estimate::Args),
-    /// Scene → HDR panorama at a point
-    Envmap(commands::envmap::Args),
-    /// Scene → many HDR panoramas with a manifest
-    Probes(commands::probes::Args),
-    /// Put a virtual object into the photo
-    Insert(commands::insert::Args),
-    /// Say what a scene file holds
-    Inspect(commands::inspect::Args),
-    /// Scene → PLY, GLB or USD for other programs
-    Export(commands::export::Args),
-    /// Make procedural rooms with global light for training
-    Synth(commands::synth::Args),
-    /// Look at, convert or preview a dataset
-    Dataset(commands::dataset::Args),
-    /// Train the networks
-    Train(commands::train::Args),
-    /// Average, merge or inspect files of trained weights
-    Weights(commands::weights::Args),
-    /// Measure methods and baselines on a dataset
-    Eval(commands::eval::Args),
-    /// Time this program on the input of the peers' kit
-    Bench(commands::bench::Args),
-    /// Print a completion script for a shell
-    Completions(commands::completions::Args),
-}
-
-impl Command {
-    /// The word on the command line.
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::Demo(_) => "demo",
-            Self::Estimate(_) => "estimate",
-            Self::Envmap(_) => "envmap",
-            Self::Probes(_) => "probes",
-            Self::Insert(_) => "insert",
-            Self::Inspect(_) => "inspect",
-            Self::Export(_) => "export",
-            Self::Synth(_) => "synth",
-            Self::Dataset(_) => "dataset",
-            Self::Train(_) => "train",
-            Self::Weights(_) => "weights",
-            Self::Eval(_) => "eval",
-            Self::Bench(_) => "bench",
-            Self::Completions(_) => "completions",
         }
     }
 }

@@ -6,7 +6,7 @@ use anyhow::Context;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::Usage;
+use crate::usage::Usage;
 
 /// Reads a configuration; errors name the file, the line and what stands there.
 pub fn read<T: DeserializeOwned>(path: &Path) -> anyhow::Result<T> {

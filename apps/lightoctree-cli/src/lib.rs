@@ -4,6 +4,7 @@
 //! Exit codes: 0 done, 1 the job failed, 2 wrong usage.
 
 pub mod args;
+pub mod cli;
 pub mod commands;
 mod config;
 mod interrupt;
@@ -11,24 +12,14 @@ mod memory;
 mod output;
 mod progress;
 mod report;
+mod usage;
 
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 
-use args::{Cli, Command};
-
-/// A request that cannot be carried out as it was written: exit code 2 instead of 1.
-#[derive(Debug)]
-pub struct Usage(pub String);
-
-impl std::fmt::Display for Usage {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl std::error::Error for Usage {}
+use cli::{Cli, Command};
+use usage::Usage;
 
 /// The whole program, from the command line to the exit code.
 pub fn main() -> ExitCode {
@@ -77,7 +68,7 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::Weights(args) => commands::weights::run(args),
         Command::Eval(args) => commands::eval::run(global, args),
         Command::Bench(args) => commands::bench::run(global, args),
-        Command::Completions(args) => commands::completions::run(args),
+        Command::Completions(args) => commands::completions::run(args, &mut Cli::command()),
     }
 }
 

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use anyhow::Context;
 
-use crate::Usage;
+use crate::usage::Usage;
 
 /// What a program name looks like inside of the files that a command writes.
 ///

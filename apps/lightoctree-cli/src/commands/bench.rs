@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 
 use self::cases::{CASES, Case};
 use crate::args::Global;
-use crate::{Usage, interrupt, report};
+use crate::usage::Usage;
+use crate::{interrupt, report};
 
 mod cases;
 mod input;

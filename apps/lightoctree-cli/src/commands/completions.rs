@@ -1,9 +1,6 @@
 //! `lightoctree completions SHELL`.
 
-use clap::CommandFactory;
 use clap_complete::Shell;
-
-use crate::args::Cli;
 
 /// Options of `completions`.
 #[derive(Debug, clap::Args)]
@@ -15,10 +12,10 @@ pub struct Args {
     shell: Shell,
 }
 
-/// Prints the script.
-pub fn run(args: &Args) -> anyhow::Result<()> {
+/// Prints the script of the whole command line.
+pub fn run(args: &Args, command: &mut clap::Command) -> anyhow::Result<()> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut Cli::command(), "lightoctree", &mut script);
+    clap_complete::generate(args.shell, command, "lightoctree", &mut script);
     crate::report::print(String::from_utf8(script)?.trim_end());
     Ok(())
 }

@@ -14,7 +14,8 @@ use serde_json::json;
 use super::environment::signed;
 use crate::args::Global;
 use crate::progress::{StageBar, bar, seconds};
-use crate::{Usage, interrupt, output, report};
+use crate::usage::Usage;
+use crate::{interrupt, output, report};
 
 /// Options of `dataset`.
 #[derive(Debug, clap::Args)]

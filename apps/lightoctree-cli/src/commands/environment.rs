@@ -109,7 +109,7 @@ impl Renderer {
 pub fn height([width, height]: [usize; 2]) -> anyhow::Result<usize> {
     if width != 2 * height {
         let text = format!("--size {width}x{height}: an equirectangular map is twice as wide as high");
-        return Err(crate::Usage(text).into());
+        return Err(crate::usage::Usage(text).into());
     }
     Ok(height)
 }

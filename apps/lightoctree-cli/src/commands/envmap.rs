@@ -12,7 +12,8 @@ use super::environment::{self, PanoramaArgs, Renderer};
 use super::parse;
 use crate::args::{Global, OutputArgs};
 use crate::progress::Stages;
-use crate::{Usage, output, report};
+use crate::usage::Usage;
+use crate::{output, report};
 
 /// Options of `envmap`.
 #[derive(Debug, clap::Args)]

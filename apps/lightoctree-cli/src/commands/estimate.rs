@@ -12,7 +12,8 @@ use lightoctree::{EstimateError, EstimateOptions, Estimator, Input};
 use super::parse;
 use crate::args::{Global, OutputArgs};
 use crate::progress::{Stages, seconds};
-use crate::{Usage, output, report};
+use crate::usage::Usage;
+use crate::{output, report};
 
 /// Options of `estimate`.
 #[derive(Debug, clap::Args)]

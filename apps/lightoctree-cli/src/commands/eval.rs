@@ -16,7 +16,8 @@ use super::environment::write_json;
 use super::parse;
 use crate::args::Global;
 use crate::progress::{StageBar, seconds};
-use crate::{Usage, output, report};
+use crate::usage::Usage;
+use crate::{output, report};
 
 /// Options of `eval`.
 #[derive(Debug, clap::Args)]

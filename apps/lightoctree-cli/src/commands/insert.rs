@@ -16,7 +16,8 @@ use serde_json::json;
 use super::parse;
 use crate::args::Global;
 use crate::progress::{Stages, bar, seconds};
-use crate::{Usage, interrupt, output, report};
+use crate::usage::Usage;
+use crate::{interrupt, output, report};
 
 /// Options of `insert`.
 #[derive(Debug, clap::Args)]
@@ -123,7 +124,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let mut stages = Stages::new(global.quiet);
     let mut scene = stages.stage("read scene", || super::read_scene(scene))?;
     let model = stages.stage("read mesh", || load_model(mesh, args.material.as_deref()))?;
-    model.model().warnings.iter().for_each(|warning| stages.note(warning));
+    model.model().warnings.iter().for_each(|warning| stages.note(&warning.to_string()));
     let scale = scale(args, &model)?;
     let placements = placements(args, &scene, scale)?;
     let files = output_files(args, output, placements.len())?;

@@ -52,5 +52,6 @@ fn shipped_estimator() -> anyhow::Result<Estimator> {
 
 #[cfg(not(feature = "weights"))]
 fn shipped_estimator() -> anyhow::Result<Estimator> {
-    Err(crate::Usage("this program was built without weights (feature `weights`): give --weights FILE".into()).into())
+    Err(crate::usage::Usage("this program was built without weights (feature `weights`): give --weights FILE".into())
+        .into())
 }

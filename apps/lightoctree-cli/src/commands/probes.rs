@@ -15,7 +15,8 @@ use super::environment::{self, PanoramaArgs};
 use super::parse;
 use crate::args::Global;
 use crate::progress::{Stages, seconds};
-use crate::{Usage, output, report};
+use crate::usage::Usage;
+use crate::{output, report};
 
 /// Options of `probes`.
 #[derive(Debug, clap::Args)]

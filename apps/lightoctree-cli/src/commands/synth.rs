@@ -11,7 +11,8 @@ use super::dataset::{SplitName, shard_folder};
 use super::parse;
 use crate::args::Global;
 use crate::progress::{StageBar, seconds};
-use crate::{Usage, config, output, report};
+use crate::usage::Usage;
+use crate::{config, output, report};
 
 /// Options of `synth`.
 #[derive(Debug, clap::Args)]

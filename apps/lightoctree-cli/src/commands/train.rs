@@ -10,7 +10,8 @@ use lo_train::{CHECKPOINT_FILE, Request, TrainConfig, TrainError};
 
 use crate::args::Global;
 use crate::progress::{bar, seconds, stage_label, warning_text};
-use crate::{Usage, config, interrupt, output, report};
+use crate::usage::Usage;
+use crate::{config, interrupt, output, report};
 
 /// Options of `train`.
 #[derive(Debug, clap::Args)]

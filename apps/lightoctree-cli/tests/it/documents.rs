@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser};
-use lightoctree_cli::args::Cli;
+use lightoctree_cli::cli::Cli;
 
 use crate::support::done;
 

@@ -8,13 +8,6 @@ use crate::support::{done, json, refused};
 /// Every stage, two steps each, on small rooms; a checkpoint after each step.
 const SMALL: &str = "
 checkpoint_minutes = 0.0
-[data.generator]
-shots = 1
-panoramas = 1
-panorama_height = 16
-octree_depth = 5
-[data.generator.room]
-crop_size = [64, 48]
 [network]
 depth = 5
 full_depth = 3
@@ -38,6 +31,15 @@ steps = 2
 octree_depth = 5
 ";
 
+const ROOMS: &str = "
+shots = 1
+panoramas = 1
+panorama_height = 16
+octree_depth = 5
+[room]
+crop_size = [64, 48]
+";
+
 fn total_steps(folder: &Path) -> Option<u64> {
     let bytes = std::fs::read(folder.join("checkpoint.safetensors")).ok()?;
     let length = u64::from_le_bytes(bytes.get(..8)?.try_into().ok()?) as usize;
@@ -51,7 +53,9 @@ fn a_killed_run_goes_on_to_the_bit() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     std::fs::write(at.join("small.toml"), SMALL).unwrap();
-    let begin = ["train", "--config", "small.toml", "--seed", "3", "--threads", "1", "-o"];
+    std::fs::write(at.join("rooms.toml"), ROOMS).unwrap();
+    done(at, &["synth", "--scenes", "4", "--split", "train", "--config", "rooms.toml", "-o", "rooms"]);
+    let begin = ["train", "--config", "small.toml", "--data", "rooms", "--seed", "3", "--threads", "1", "-o"];
     let summary = json(&done(at, &[&begin[..], &["whole", "--json"]].concat()));
     assert_eq!((summary["done"].as_bool(), summary["steps"].as_u64()), (Some(true), Some(6)));
 
@@ -85,8 +89,7 @@ fn training_validates_what_evaluation_reports() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     // of the two rooms the second is held out
-    let rooms = "shots = 1\npanoramas = 2\npanorama_height = 16\noctree_depth = 5\n[room]\ncrop_size = [64, 48]\n";
-    std::fs::write(at.join("rooms.toml"), rooms).unwrap();
+    std::fs::write(at.join("rooms.toml"), ROOMS).unwrap();
     done(at, &["synth", "--scenes", "2", "--config", "rooms.toml", "--seed", "4", "-o", "rooms"]);
     std::fs::write(at.join("small.toml"), SMALL.replace("photos = 0", "photos = 1")).unwrap();
     let trained = json(&done(at, &["train", "--config", "small.toml", "--data", "rooms", "-o", "run", "--json"]));

@@ -22,6 +22,7 @@ mod surface;
 mod tangents;
 mod texture;
 mod triangle;
+mod warning;
 
 pub use error::MeshError;
 pub use glb::{GlbTooLarge, GlbWriter};
@@ -32,3 +33,4 @@ pub use prepared::{Hit, PreparedModel, offset_origin};
 pub use preset::{AlphaModeName, Color, MaterialSpec};
 pub use surface::SurfacePoint;
 pub use texture::Texture;
+pub use warning::MeshWarning;

@@ -1,6 +1,6 @@
 use lo_geometry::Vec3;
 
-use crate::{Material, Texture};
+use crate::{Material, MeshWarning, Texture};
 
 /// A whole model: node transforms applied, all meshes in one list of triangles.
 ///
@@ -26,7 +26,7 @@ pub struct Model {
     /// Pictures that materials refer to.
     pub textures: Vec<Texture>,
     /// What the user should know: textures that are missing, parts left out.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<MeshWarning>,
 }
 
 /// How to read a mesh.

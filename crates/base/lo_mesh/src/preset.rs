@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use crate::{AlphaMode, Material, MeshError, Model, Texture, TextureRef, tangents};
+use crate::{AlphaMode, Material, MeshError, MeshWarning, Model, Texture, TextureRef, tangents};
 
 /// Name, linear base colour, metallic, roughness. Metals: reflectance at normal incidence as published for
 /// metallic-roughness renderers (Hoffman, "Physics and Math of Shading", SIGGRAPH 2015; physicallybased.info).
@@ -219,7 +219,7 @@ impl Model {
         for (file, srgb, slot) in slots {
             let Some(file) = file else { continue };
             if self.uvs[0].is_empty() {
-                self.warnings.push(format!("texture {file} left out: the mesh has no texture coordinates"));
+                self.warnings.push(MeshWarning::texture(file, "the mesh has no texture coordinates"));
                 continue;
             }
             let bytes = std::fs::read(base_dir.join(file))

@@ -1,6 +1,6 @@
 use lo_geometry::Vec3;
 
-use crate::{MeshError, Model};
+use crate::{MeshError, MeshWarning, Model};
 
 /// Coordinates beyond this (metres) are refused like infinity: their squares must stay finite in `f32`.
 const LARGEST_COORDINATE: f32 = 1e15;
@@ -51,19 +51,19 @@ pub(crate) fn repair(model: &mut Model) -> Result<(), MeshError> {
     }
     if let (true, Some(vertex)) = (not_finite > 0, first_bad_vertex) {
         let p = model.positions[vertex];
-        model.warnings.push(format!(
-            "{not_finite} of {read} triangles dropped: a coordinate is not a usable number (first: vertex {vertex} \
-             at {}, {}, {})",
-            p.x, p.y, p.z
-        ));
+        let (dropped, triangles) = (not_finite, read);
+        model.warnings.push(MeshWarning::UnusableCoordinate { dropped, triangles, vertex, at: p.to_array() });
     }
     if flat > 0 {
-        model.warnings.push(format!("{flat} of {read} triangles dropped: they have no area"));
+        model.warnings.push(MeshWarning::NoArea { dropped: flat, triangles: read });
     }
     if model.triangles.is_empty() {
         let reason = match (read, model.warnings.is_empty()) {
             (0, true) => String::new(),
-            _ => format!(": {}", model.warnings.join("; ")),
+            _ => {
+                let warnings: Vec<String> = model.warnings.iter().map(ToString::to_string).collect();
+                format!(": {}", warnings.join("; "))
+            }
         };
         return Err(MeshError::NoTriangles { reason });
     }

@@ -25,7 +25,7 @@ fn tea_set() {
     let Some(model) = load_beside("tea_set_01/tea_set_01_1k.gltf") else { return };
     assert_eq!(model.triangles.len(), 40_296);
     assert_size(&model, [0.92, 0.17, 0.48], 0.0051);
-    assert_eq!(model.warnings, Vec::<String>::new());
+    assert_eq!(model.warnings, Vec::new());
     assert_eq!(model.textures.len(), 3);
     assert_eq!(model.textures[0].levels.len(), 11, "1024 down to 1");
     let material = &model.materials[0];

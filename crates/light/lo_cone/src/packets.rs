@@ -17,12 +17,12 @@ impl<'a> Packets<'a> {
         Self { tracer, cones, next: 0, table: None, locals: Vec::new(), indices: Vec::new() }
     }
 
-    /// Moves to the next packet of at most `MOST` cones; false at the end.
+    /// Moves to the next packet of at most `MAX_CONES` cones; false at the end.
     #[inline(always)]
-    pub fn next<const MOST: usize>(&mut self) -> bool {
+    pub fn next<const MAX_CONES: usize>(&mut self) -> bool {
         self.locals.clear();
         self.indices.clear();
-        while self.locals.len() < MOST && self.next < self.cones.len() {
+        while self.locals.len() < MAX_CONES && self.next < self.cones.len() {
             let cone = &self.cones[self.next];
             if let Some(local) = LocalCone::new(cone, &self.tracer.cube, self.tracer.grid.side()) {
                 let covers = self.table.as_ref().is_some_and(|table| {

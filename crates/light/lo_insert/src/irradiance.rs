@@ -10,9 +10,9 @@ use lo_imaging::Image;
 use rayon::prelude::*;
 
 use crate::aperture::cone_tangent;
+use crate::batches::Batches;
 use crate::environment::{Environment, Part};
 use crate::receivers::{PATTERNS, Receivers, pattern_at};
-use crate::steps::Steps;
 use crate::surface::Surface;
 
 /// Longer side of the grid on which irradiance is gathered; the octree holds nothing finer than a few of its pixels.
@@ -64,7 +64,7 @@ impl RoomIrradiance {
         receivers: &Receivers,
         environment: &Environment,
         wanted: &Image<bool>,
-        steps: &mut Steps<'_>,
+        batches: &mut Batches<'_>,
     ) -> Result<(), Cancelled> {
         let width = receivers.width();
         let missing: Vec<(usize, usize)> = (0..wanted.pixels().len())
@@ -88,7 +88,7 @@ impl RoomIrradiance {
                 let _ = self.single[y * width + x].set(value);
             }
         };
-        steps
+        batches
             .each(receivers.height(), width * self.cones, 1, |rows| rows.into_par_iter().map(complete_row).collect())?;
         missing.par_iter().for_each(|&(x, y)| {
             let mut sum = (Vec3::ZERO, 0.0);

@@ -14,6 +14,7 @@
 
 mod aperture;
 mod backdrop;
+mod batches;
 mod blocks;
 mod cap;
 mod composite;
@@ -38,7 +39,6 @@ mod shade;
 mod shadow;
 mod shadow_ratio;
 mod silhouette;
-mod steps;
 mod surface;
 mod visibility;
 

@@ -9,12 +9,12 @@ use lo_geometry::{Mat3, Ray, Vec3};
 use rayon::prelude::*;
 
 use crate::aperture::{cone_tangent, quantised};
+use crate::batches::Batches;
 use crate::blocks::Blocks;
 use crate::environment::Part;
 use crate::gather::{Gatherer, RECEIVERS_PER_TASK, Receiver};
 use crate::look::Look;
 use crate::pattern::hammersley;
-use crate::steps::Steps;
 use crate::visibility::Fragment;
 
 /// Perceptual roughness below which reflections are gathered from the whole environment, and above which light samples take over
@@ -86,12 +86,12 @@ impl Shader<'_> {
         let wanted: Vec<usize> = (0..fragments.len())
             .filter(|&i| !fragments[i].point.unlit && (is_source[i] || !looks[i].shares_reflection))
             .collect();
-        let mut steps = Steps::new(on_event, Stage::Shading, receivers.len() + wanted.len());
+        let mut batches = Batches::new(on_event, Stage::Shading, receivers.len() + wanted.len());
         let cones = self.gatherer.directions.len();
-        let gathered = steps.each(receivers.len(), cones, RECEIVERS_PER_TASK, |range| {
+        let gathered = batches.each(receivers.len(), cones, RECEIVERS_PER_TASK, |range| {
             self.gatherer.gather_parallel(&receivers[range])
         })?;
-        let means = steps.each(wanted.len(), self.specular_cones, FRAGMENTS_PER_TASK, |range| {
+        let means = batches.each(wanted.len(), self.specular_cones, FRAGMENTS_PER_TASK, |range| {
             let chunks = wanted[range].par_chunks(FRAGMENTS_PER_TASK);
             chunks.flat_map_iter(|chunk| self.reflected_means(chunk, fragments, &looks)).collect()
         })?;

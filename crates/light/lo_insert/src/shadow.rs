@@ -11,6 +11,7 @@ use lo_imaging::Image;
 use rayon::prelude::*;
 
 use crate::backdrop::Backdrop;
+use crate::batches::Batches;
 use crate::cap::Cap;
 use crate::environment::Environment;
 use crate::irradiance::RoomIrradiance;
@@ -20,7 +21,6 @@ use crate::radiosity::Radiosity;
 use crate::receivers::{PATTERNS, Receivers, pattern_at};
 use crate::shadow_ratio::ShadowRatio;
 use crate::silhouette::Silhouettes;
-use crate::steps::Steps;
 use crate::surface::{Surface, SurfaceMap};
 
 /// Real surfaces as receivers of shadow, with the light that they get without the object.
@@ -56,25 +56,25 @@ impl ShadowField {
         let (width, height) = (self.receivers.width(), self.receivers.height());
         let all = Image::new(width, height, vec![true; width * height]);
         let on_event: OnEvent<'_> = &mut ignore;
-        let mut steps = Steps::new(on_event, Stage::CoarseShadow, height);
-        self.irradiance.complete(&self.receivers, environment, &all, &mut steps).expect("nobody cancels");
+        let mut batches = Batches::new(on_event, Stage::CoarseShadow, height);
+        self.irradiance.complete(&self.receivers, environment, &all, &mut batches).expect("nobody cancels");
     }
 
     /// The ratio with the object; a stage of its own.
     pub fn ratio(&self, caster: &Caster, stage: Stage, on_event: OnEvent<'_>) -> Result<ShadowRatio<'_>, Cancelled> {
         stage_of_steps(on_event, stage.clone(), |on_event| {
-            self.ratio_in_steps(caster, &mut Steps::new(on_event, stage, 2 * self.receivers.height()))
+            self.ratio_in_batches(caster, &mut Batches::new(on_event, stage, 2 * self.receivers.height()))
         })
     }
 
-    fn ratio_in_steps(&self, caster: &Caster, steps: &mut Steps<'_>) -> Result<ShadowRatio<'_>, Cancelled> {
+    fn ratio_in_batches(&self, caster: &Caster, batches: &mut Batches<'_>) -> Result<ShadowRatio<'_>, Cancelled> {
         let (width, height) = (self.receivers.width(), self.receivers.height());
-        let rows = steps.each(height, width * self.cones, 1, |rows| {
+        let rows = batches.each(height, width * self.cones, 1, |rows| {
             rows.into_par_iter().map(|y| self.loss_row(y, caster)).collect::<Vec<_>>()
         })?;
         let loss = Image::new(width, height, rows.into_iter().flatten().collect());
         let needed = near_nonzero(&loss);
-        self.irradiance.complete(&self.receivers, caster.environment, &needed, steps)?;
+        self.irradiance.complete(&self.receivers, caster.environment, &needed, batches)?;
         let rows: Vec<Vec<Vec3>> = (0..height)
             .into_par_iter()
             .map(|y| (0..width).map(|x| if needed[(x, y)] { self.filtered(&loss, x, y) } else { Vec3::ONE }).collect())

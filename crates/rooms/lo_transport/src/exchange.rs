@@ -110,7 +110,7 @@ pub(crate) fn denoise(surfels: &Surfels, neighbourhoods: &Neighbourhoods, rows: 
 /// much, where it is far darker.
 fn despeckled(neighbourhoods: &Neighbourhoods, indirect: &[Vec3], i: usize) -> Vec3 {
     /// Real light from elsewhere changes by less from surfel to surfel.
-    const MOST: f32 = 3.0;
+    const MAX_RATIO: f32 = 3.0;
     let others = neighbourhoods.of(i).iter().filter(|(other, _)| *other as usize != i);
     let (sum, count) = others
         .fold((Vec3::ZERO, 0), |(sum, count), &(other, _)| (sum + indirect[other as usize].max(Vec3::ZERO), count + 1));
@@ -118,9 +118,9 @@ fn despeckled(neighbourhoods: &Neighbourhoods, indirect: &[Vec3], i: usize) -> V
         return indirect[i];
     }
     let around = sum / count as f32;
-    if MOST * luminance(indirect[i]) < luminance(around) {
-        around / MOST
+    if MAX_RATIO * luminance(indirect[i]) < luminance(around) {
+        around / MAX_RATIO
     } else {
-        limited(indirect[i], MOST * luminance(around))
+        limited(indirect[i], MAX_RATIO * luminance(around))
     }
 }

@@ -5,18 +5,18 @@ use lo_geometry::Vec3;
 /// Weights of surfels at a place.
 #[derive(Clone, Copy)]
 pub(crate) struct Neighbours {
-    entries: [(u32, f32); Self::MOST],
+    entries: [(u32, f32); Self::MAX_ENTRIES],
     count: usize,
     /// Found among surfels of other parts, as the place's own part has none there.
     pub of_others: bool,
 }
 
 impl Neighbours {
-    const MOST: usize = 24;
+    const MAX_ENTRIES: usize = 24;
 
     /// None yet.
     pub(crate) fn none() -> Self {
-        Self { entries: [(0, 0.0); Self::MOST], count: 0, of_others: false }
+        Self { entries: [(0, 0.0); Self::MAX_ENTRIES], count: 0, of_others: false }
     }
 
     pub(crate) fn as_slice(&self) -> &[(u32, f32)] {
@@ -24,7 +24,7 @@ impl Neighbours {
     }
 
     pub(crate) fn push(&mut self, surfel: u32, weight: f32) {
-        if self.count < Self::MOST {
+        if self.count < Self::MAX_ENTRIES {
             self.entries[self.count] = (surfel, weight);
             self.count += 1;
         }

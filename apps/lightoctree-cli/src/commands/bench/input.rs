@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
-use crate::Usage;
+use crate::usage::Usage;
 
 /// Folder of the kit's input.
 pub fn folder() -> anyhow::Result<PathBuf> {

@@ -4,7 +4,7 @@ use super::buffers::{Buffers, read_uri};
 use super::json::{Image, Root, TextureInfo, TextureTransform, get};
 use crate::model::Resolver;
 use crate::texture::TextureBudget;
-use crate::{AlphaMode, Material, MeshError, Model, Texture, TextureRef, Wrap};
+use crate::{AlphaMode, Material, MeshError, MeshWarning, Model, Texture, TextureRef, Wrap};
 
 /// Appends all materials, then the standard's default material, and the textures that they use.
 pub(super) fn read(
@@ -92,7 +92,7 @@ struct Textures<'a> {
     /// (image, sRGB) to the model's texture; none where the image could not be used.
     known: HashMap<(usize, bool), Option<usize>>,
     textures: Vec<Texture>,
-    warnings: Vec<String>,
+    warnings: Vec<MeshWarning>,
     budget: TextureBudget,
     /// Picture files that the budget knows of.
     counted: HashSet<&'a str>,
@@ -103,7 +103,7 @@ impl<'a> Textures<'a> {
     fn get(&mut self, info: &TextureInfo, srgb: bool) -> Result<Option<TextureRef>, MeshError> {
         let texture = get(&self.root.textures, info.index, "texture")?;
         let Some(image) = texture.extensions.webp.as_ref().map(|webp| webp.source).or(texture.source) else {
-            self.warnings.push(format!("texture {} has no picture that can be read; left out", info.index));
+            self.warnings.push(MeshWarning::texture(&info.index.to_string(), "it has no picture that can be read"));
             return Ok(None);
         };
         let index = match self.known.get(&(image, srgb)) {
@@ -121,7 +121,8 @@ impl<'a> Textures<'a> {
         let transform = info.extensions.transform.as_ref();
         let uv_set = transform.and_then(|t| t.tex_coord).unwrap_or(info.tex_coord);
         if uv_set > 1 {
-            self.warnings.push(format!("texture {} uses UV set {uv_set}; only 0 and 1 are read; left out", info.index));
+            let reason = format!("it uses UV set {uv_set}; only 0 and 1 are read");
+            self.warnings.push(MeshWarning::texture(&info.index.to_string(), &reason));
             return Ok(None);
         }
         Ok(Some(TextureRef {
@@ -146,8 +147,7 @@ impl<'a> Textures<'a> {
                 Ok(Some(self.textures.len() - 1))
             }
             Err(reason) => {
-                let reason = reason.strip_prefix(&format!("texture {name}: ")).unwrap_or(&reason).to_owned();
-                self.warnings.push(format!("texture {name} left out: {reason}"));
+                self.warnings.push(MeshWarning::texture(&name, &reason));
                 Ok(None)
             }
         }

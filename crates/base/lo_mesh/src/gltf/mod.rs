@@ -11,7 +11,7 @@ use self::buffers::Buffers;
 use self::json::Root;
 pub(crate) use self::write::write;
 use crate::model::Resolver;
-use crate::{MeshError, Model};
+use crate::{MeshError, MeshWarning, Model};
 
 /// Extensions that may stand in `extensionsRequired`: those that are read, and those without which the picture
 /// is still the intended one.
@@ -42,8 +42,7 @@ pub(crate) fn read(bytes: &[u8], resolve: &Resolver) -> Result<Model, MeshError>
     materials::read(&root, &buffers, resolve, file_bytes, &mut model)?;
     primitives::read(&root, &buffers, triangle_limit(file_bytes), &mut model)?;
     if !root.animations.is_empty() || !root.skins.is_empty() {
-        let what = if root.skins.is_empty() { "animations" } else { "skins and animations" };
-        model.warnings.push(format!("{what} are not played: the model is shown in its bind pose"));
+        model.warnings.push(MeshWarning::BindPose { skins: !root.skins.is_empty() });
     }
     Ok(model)
 }

@@ -3,7 +3,7 @@ use lo_geometry::{Mat3, Mat4, Vec3};
 use super::buffers::Buffers;
 use super::json::{Mesh, Primitive, Root, get};
 use super::transform::placed_meshes;
-use crate::{MeshError, Model};
+use crate::{MeshError, MeshWarning, Model};
 
 /// Appends all triangle primitives of the scene to the model, in world coordinates.
 pub(super) fn read(root: &Root, buffers: &Buffers, limit: u64, model: &mut Model) -> Result<(), MeshError> {
@@ -37,7 +37,7 @@ pub(super) fn read(root: &Root, buffers: &Buffers, limit: u64, model: &mut Model
         }
     }
     if skipped > 0 {
-        model.warnings.push(format!("{skipped} primitives of points or lines left out"));
+        model.warnings.push(MeshWarning::PointsOrLines { primitives: skipped });
     }
     warn_about_poses(root, model);
     Ok(())
@@ -46,7 +46,7 @@ pub(super) fn read(root: &Root, buffers: &Buffers, limit: u64, model: &mut Model
 fn warn_about_poses(root: &Root, model: &mut Model) {
     let morphs = |mesh: &Mesh| mesh.primitives.iter().any(|p| !p.targets.is_empty());
     if root.meshes.iter().any(morphs) {
-        model.warnings.push("morph targets are not applied".to_owned());
+        model.warnings.push(MeshWarning::MorphTargets);
     }
 }
 

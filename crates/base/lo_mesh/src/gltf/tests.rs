@@ -203,7 +203,7 @@ fn materials_and_textures() {
     assert!(material.normal_texture.is_none());
     assert_eq!(model.warnings.len(), 1);
     assert!(
-        model.warnings[0].starts_with("texture gone%20away.png left out: cannot read gone away.png: "),
+        model.warnings[0].to_string().starts_with("texture gone%20away.png left out: cannot read gone away.png: "),
         "{:?}",
         model.warnings
     );

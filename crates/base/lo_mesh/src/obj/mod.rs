@@ -9,7 +9,7 @@ use lo_geometry::Vec3;
 
 use self::lines::{logical_lines, without_comment};
 use crate::model::Resolver;
-use crate::{LoadOptions, Material, MeshError, Model, normals, polygon};
+use crate::{LoadOptions, Material, MeshError, MeshWarning, Model, normals, polygon};
 
 /// Marks a corner without texture coordinates or normal.
 const NONE: u32 = u32::MAX;
@@ -32,7 +32,7 @@ pub(crate) fn read(bytes: &[u8], resolve: &Resolver, options: &LoadOptions) -> R
         }));
     }
     if !unknown.is_empty() && !known.is_empty() {
-        model.warnings.push(format!("materials that no MTL file describes are shown white: {}", unknown.join(", ")));
+        model.warnings.push(MeshWarning::UnknownMaterials { names: unknown });
     }
     file.into_model(model, options)
 }

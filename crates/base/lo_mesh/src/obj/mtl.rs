@@ -18,7 +18,7 @@ use lo_imaging::Image;
 use super::lines::{clean, logical_lines};
 use crate::model::Resolver;
 use crate::texture::TextureBudget;
-use crate::{AlphaMode, Material, Model, Texture, TextureRef, Wrap};
+use crate::{AlphaMode, Material, MeshWarning, Model, Texture, TextureRef, Wrap};
 
 /// Reads the libraries that an OBJ names; what is missing or broken becomes a warning.
 pub(super) fn read_libraries(
@@ -45,8 +45,8 @@ pub(super) fn read_libraries(
                     match resolve(part) {
                         Ok(bytes) => read_library(&bytes, &mut pictures, &mut materials),
                         Err(_) => {
-                            let warning = format!("material file {part} cannot be read ({whole}): shown matte white");
-                            pictures.warnings.push(warning);
+                            let (file, reason) = (part.to_owned(), whole.to_string());
+                            pictures.warnings.push(MeshWarning::MaterialFile { file, reason });
                         }
                     }
                 }
@@ -237,7 +237,7 @@ struct Pictures<'a> {
     counted: HashSet<String>,
     budget: TextureBudget,
     textures: Vec<Texture>,
-    warnings: Vec<String>,
+    warnings: Vec<MeshWarning>,
 }
 
 impl Pictures<'_> {
@@ -269,9 +269,13 @@ impl Pictures<'_> {
                 }
                 Texture::decode(file, &bytes, srgb, &mut self.budget).map_err(|error| error.to_string())
             }
-            Err(error) => Err(format!("texture {file}: {error}")),
+            Err(error) => Err(error.to_string()),
         };
-        texture.map_err(|reason| self.warnings.push(format!("{reason}; left out"))).ok()
+        texture.map_err(|reason| self.left_out(file, &reason)).ok()
+    }
+
+    fn left_out(&mut self, name: &str, reason: &str) {
+        self.warnings.push(MeshWarning::texture(name, reason));
     }
 
     /// A picture put together from others, which takes its part of the budget too.
@@ -283,7 +287,7 @@ impl Pictures<'_> {
         pixel: impl FnMut(usize, usize) -> [u8; 4],
     ) -> Option<Texture> {
         if let Err(reason) = self.budget.spend(width * height) {
-            self.warnings.push(format!("texture {name}: {reason}; left out"));
+            self.left_out(name, &reason);
             return None;
         }
         Some(Texture::from_image(Image::from_fn(width, height, pixel), srgb))
@@ -296,7 +300,7 @@ impl Pictures<'_> {
         if b > 160 && b > r.saturating_add(30) && b > g.saturating_add(30) {
             return Some(reference);
         }
-        self.warnings.push(format!("bump map {arguments} holds heights, not normals; left out"));
+        self.warnings.push(MeshWarning::BumpMap { map: arguments.to_owned() });
         None
     }
 

@@ -6,7 +6,7 @@ mod header;
 use lo_geometry::Vec3;
 
 use self::header::{Element, Header, Reader};
-use crate::{LoadOptions, MeshError, Model, normals, polygon, repair};
+use crate::{LoadOptions, MeshError, MeshWarning, Model, normals, polygon, repair};
 
 /// Reads the model without checking or completing its vertices.
 pub(crate) fn read(bytes: &[u8], options: &LoadOptions) -> Result<Model, MeshError> {
@@ -23,7 +23,7 @@ pub(crate) fn read(bytes: &[u8], options: &LoadOptions) -> Result<Model, MeshErr
     }
     let mut model = file.into_model(options)?;
     if let Some(texture) = header.texture_file {
-        model.warnings.push(format!("the file names the texture {texture} in a comment; give it as a material"));
+        model.warnings.push(MeshWarning::TextureInComment { file: texture.to_string() });
     }
     Ok(model)
 }
@@ -36,7 +36,7 @@ struct PlyFile {
     uvs: Vec<[f32; 2]>,
     triangles: Vec<[u32; 3]>,
     has_faces: bool,
-    warnings: Vec<String>,
+    warnings: Vec<MeshWarning>,
 }
 
 /// Where the values of a vertex go.
@@ -110,7 +110,7 @@ impl PlyFile {
         let is_indices = |name: &str| name == "vertex_indices" || name == "vertex_index";
         let wedges = element.properties.iter().any(|p| p.name == "texcoord");
         if wedges && element.count > 0 {
-            self.warnings.push("texture coordinates per face are not read".to_owned());
+            self.warnings.push(MeshWarning::FaceTextureCoordinates);
         }
         let mut corners: Vec<i64> = Vec::new();
         for face in 0..element.count {

@@ -19,12 +19,12 @@ const STEP: usize = 4;
 /// Samples along the side of a mirror's pixel.
 const SAMPLES: usize = 2;
 
-/// Panorama that mirrors are looked up in, and those that lobes are integrated over: texels of 1.4°, 2.8° and 7.5°.
+/// Panorama that mirrors are looked up in, and those that a BSDF is integrated over: texels of 1.4°, 2.8° and 7.5°.
 const MIRRORED: [usize; 2] = [256, 128];
 const GLOSSY: [usize; 2] = [128, 64];
 const BROAD: [usize; 2] = [48, 24];
 
-/// Entries of a glossy lobe that carry less than this share of it are left out; the others carry their part.
+/// Entries of a glossy BSDF that carry less than this share of it are left out; the others carry their part.
 const MIN_SHARE: f32 = 2e-6;
 
 impl SphereView {
@@ -63,7 +63,7 @@ pub fn single_sphere(material: Material, view: SphereView) -> Transport {
             let normals: Vec<Vec3> = offsets.filter_map(|[i, j]| at(x + shift(i), y + shift(j))).collect();
             mirror_entries(material, view, &normals)
         } else {
-            at(x + 0.5, y + 0.5).map(|normal| lobe_entries(material, view, normal)).unwrap_or_default()
+            at(x + 0.5, y + 0.5).map(|normal| bsdf_entries(material, view, normal)).unwrap_or_default()
         };
         (!entries.is_empty()).then_some(Row { place, entries })
     };
@@ -94,7 +94,7 @@ fn mirror_entries(material: Material, view: SphereView, normals: &[Vec3]) -> Vec
 }
 
 /// The BRDF over all directions: the glossy part over the finer panorama, the broad one over the coarser.
-fn lobe_entries(material: Material, view: SphereView, normal: Vec3) -> Vec<(u16, f32)> {
+fn bsdf_entries(material: Material, view: SphereView, normal: Vec3) -> Vec<(u16, f32)> {
     let towards = (view.eye - normal).normalize();
     let mut entries = integrate(GLOSSY, 2, |light| material.glossy(normal, towards, light));
     let whole: f32 = entries.iter().map(|(_, weight)| weight).sum();

@@ -1,10 +1,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::graph::type_channels_of;
-use crate::light::NODE_FEATURES;
+use crate::light::channels::{LOBE_CHANNELS, NODE_FEATURES, RAW_CHANNELS};
 use crate::light::error::LightConfigError;
-use crate::light::lobes::LOBE_CHANNELS;
-use crate::light::radiance::RAW_CHANNELS;
 
 /// Shape of the light network. Every field has a default, so that a file need name only what differs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

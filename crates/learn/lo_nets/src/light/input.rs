@@ -1,31 +1,15 @@
 use std::sync::Arc;
 
 use lo_geometry::{Camera, Cube, DVec3, Vec3};
-use lo_imaging::{DepthMap, Image};
-use lo_octree::{Coverage, LightOctree, Octree, RadiancePoint};
+use lo_octree::{LightOctree, Octree, RadiancePoint};
 use lo_random::RngExt;
 
 use crate::graph::GraphLevel;
-use crate::light::{FreeSpace, LightError, LightNetConfig, MAX_RADIANCE};
-
-/// Features of a node of the input: see [`LightInput::features`].
-pub const NODE_FEATURES: usize = 15;
+use crate::light::channels::{MAX_RADIANCE, NODE_FEATURES};
+use crate::light::{FreeSpace, LightError, LightNetConfig, VisiblePoint};
 
 /// Points that carry the global lighting feature into what the photo does not see.
 const GLOBAL_POINTS: usize = 4096;
-
-/// A point of a surface that the photo shows.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct VisiblePoint {
-    /// World position in metres.
-    pub position_m: Vec3,
-    /// Linear RGB radiance.
-    pub radiance: [f32; 3],
-    /// Unit normal; zero where it is not known.
-    pub normal: Vec3,
-    /// Whether the radiance is that of the surface: false where the photo is clipped, so that it is but a lower bound.
-    pub certain: bool,
-}
 
 /// What the light network sees: the graphs of the input octree, features of their finest nodes, and what is known already.
 #[derive(Debug)]
@@ -90,48 +74,13 @@ impl LightInput {
     }
 }
 
-impl VisiblePoint {
-    /// The points of a photo (linear RGB; values of at least `white` in any channel count as clipped) with its depth map (metres
-    /// along the optical axis, 0 or NaN without a reading) of the same size, and normals in the camera's axes where they are known.
-    ///
-    /// # Panics
-    /// Where the pictures differ in size.
-    pub fn from_photo(
-        photo: &Image<[f32; 3]>,
-        depth_m: &DepthMap,
-        normal: Option<&Image<[f32; 3]>>,
-        camera: &Camera,
-        white: f32,
-    ) -> Vec<Self> {
-        let size = (photo.width(), photo.height());
-        assert_eq!(size, (depth_m.width(), depth_m.height()), "photo and depth have the same size");
-        assert!(normal.is_none_or(|n| (n.width(), n.height()) == size), "photo and normals have the same size");
-        let camera = camera.resized(photo.width() as u32, photo.height() as u32);
-        let pixels = (0..size.1).flat_map(|y| (0..size.0).map(move |x| (x, y)));
-        let with_depth = pixels.filter(|&at| depth_m[at].is_finite() && depth_m[at] > 0.0);
-        with_depth
-            .map(|at| Self {
-                position_m: camera.unproject(at.0 as f64 + 0.5, at.1 as f64 + 0.5, f64::from(depth_m[at])),
-                radiance: photo[at],
-                normal: normal.map_or(Vec3::ZERO, |normal| Vec3::from(normal[at])),
-                certain: photo[at].iter().all(|&c| c < white),
-            })
-            .collect()
-    }
-
-    pub(crate) fn radiance_point(&self) -> RadiancePoint {
-        let coverage = if self.certain { Coverage::Seen } else { Coverage::Inferred };
-        RadiancePoint { position_m: self.position_m, radiance: self.radiance, coverage }
-    }
-}
-
 /// What light is like where nothing is seen of it, at a first guess: as bright as the middle half of the points by brightness, their log average (as
 /// Reinhard et al. 2002 measure the key of a scene), in the mean of all points' colours, bright or dark. Windows and lamps in the picture, or the space below
 /// a table, do not count.
 fn ambient(points: &[VisiblePoint]) -> [f32; 3] {
     // Keeps black from counting without limit.
     const DARK: f64 = 0.01;
-    const LEAST: f32 = 1e-3;
+    const MIN_AMBIENT: f32 = 1e-3;
     const UNKNOWN: f32 = 0.2;
     if points.is_empty() {
         return [UNKNOWN; 3];
@@ -142,7 +91,7 @@ fn ambient(points: &[VisiblePoint]) -> [f32; 3] {
     let log_mean = middle.iter().map(|&b| (f64::from(b) + DARK).ln()).sum::<f64>() / middle.len() as f64;
     let colours = points.iter().map(|point| Vec3::from(point.radiance).normalize_or_zero().as_dvec3()).sum::<DVec3>();
     let colour = if colours == DVec3::ZERO { DVec3::ONE } else { 3.0 * colours / colours.element_sum() };
-    ((log_mean.exp() - DARK) * colour).as_vec3().to_array().map(|c| c.clamp(LEAST, MAX_RADIANCE))
+    ((log_mean.exp() - DARK) * colour).as_vec3().to_array().map(|c| c.clamp(MIN_AMBIENT, MAX_RADIANCE))
 }
 
 /// Places of the points that carry `f_L`.

@@ -6,9 +6,6 @@ use lo_octree::{MIN_SHARPNESS, Octree, node_middle_m};
 
 use crate::light::KnownLight;
 
-/// Numbers of a lobe.
-pub(crate) const LOBE_CHANNELS: usize = 3;
-
 /// No number of a lobe is greater: eighty times as bright at the peak as on the mean.
 const MAX_SHARPNESS: f64 = 24.0;
 

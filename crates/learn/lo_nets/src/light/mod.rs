@@ -1,5 +1,6 @@
 //! The light network (`docs/method.md` §5): what the photo sees, as an octree, to the octree of the whole room's radiance.
 
+mod channels;
 mod config;
 mod error;
 mod free_space;
@@ -13,16 +14,19 @@ mod radiance;
 mod rays;
 mod refine;
 mod second_guess;
+mod visible_point;
 
+pub use channels::{MAX_RADIANCE, NODE_FEATURES};
 pub use config::LightNetConfig;
 pub use error::{LightConfigError, LightError};
 pub use free_space::FreeSpace;
 pub use growth::Growth;
-pub use input::{LightInput, NODE_FEATURES, VisiblePoint};
+pub use input::LightInput;
 pub use losses::{LightLossConfig, LightLosses, RayLosses};
 pub use network::{LightNet, Stage};
 pub use output::{LevelOutput, LightOutput};
-pub use radiance::{KnownLight, MAX_RADIANCE, NodeLight};
+pub use radiance::{KnownLight, NodeLight};
 pub use rays::Rays;
 pub(crate) use refine::SeenDetail;
 pub(crate) use second_guess::blend as blend_with_map;
+pub use visible_point::VisiblePoint;

@@ -8,9 +8,10 @@ use lo_random::Stream;
 
 use crate::graph::{Activation, GraphLevel, RowMap, select_rows};
 use crate::layers::{DownSample, GraphConv, Head, Linear, Norm, ResBlock, UpSample};
+use crate::light::channels::{LOBE_CHANNELS, RAW_CHANNELS};
 use crate::light::growth::{Labels, close, most_splits};
-use crate::light::lobes::{LOBE_CHANNELS, lobes};
-use crate::light::radiance::{RAW_BIAS, RAW_CHANNELS};
+use crate::light::lobes::lobes;
+use crate::light::radiance::RAW_BIAS;
 use crate::light::{
     Growth, KnownLight, LevelOutput, LightConfigError, LightError, LightInput, LightNetConfig, LightOutput,
     NODE_FEATURES, NodeLight,

@@ -7,8 +7,8 @@ use lo_geometry::{Cube, Vec3};
 use lo_octree::{LightOctree, MAX_ALPHA, Octree};
 
 use crate::graph::{RowMap, select_rows};
-use crate::light::lobes::{LOBE_CHANNELS, gains, towards};
-use crate::light::radiance::LIGHT_CHANNELS;
+use crate::light::channels::{LIGHT_CHANNELS, LOBE_CHANNELS};
+use crate::light::lobes::{gains, towards};
 use crate::light::{KnownLight, LightError};
 use crate::rendering::render;
 

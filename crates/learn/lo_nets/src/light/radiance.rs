@@ -5,15 +5,7 @@ use lo_octree::{MAX_ALPHA, Octree};
 
 use crate::host::{Kernel, Number, unary};
 use crate::light::LightInput;
-
-/// Greatest radiance that comes out: what a half-precision file can hold.
-pub const MAX_RADIANCE: f32 = 65_504.0;
-
-/// Outputs of the regression module for each node: radiance (3), correction of known radiance (3), opacity, error.
-pub(crate) const RAW_CHANNELS: usize = 8;
-
-/// Channels of [`NodeLight`].
-pub(crate) const LIGHT_CHANNELS: usize = 5;
+use crate::light::channels::{LIGHT_CHANNELS, MAX_RADIANCE, RAW_CHANNELS};
 
 /// The regression module's outputs before anything is learned: the mean radiance of what is seen, opaque by `ALPHA_LOGIT`, an error of 0.3.
 pub(crate) const RAW_BIAS: [f32; RAW_CHANNELS] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0];

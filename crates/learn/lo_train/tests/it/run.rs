@@ -1,7 +1,8 @@
 //! Runs as a whole: all stages on small rooms, stopped and resumed.
 
 use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use lo_dataset::{Generator, GeneratorConfig, Split, write_shard};
 use lo_events::{Event, Figure, Stage};
@@ -14,11 +15,26 @@ use lo_train::{
     TrainError, ValidationConfig, WEIGHTS_FILE, train,
 };
 
-/// All three stages, the light network at two depths; a few steps each, on rooms of a second or two.
+fn small_rooms(crop_size: [u32; 2], shots: u32) -> GeneratorConfig {
+    let room = SynthConfig { crop_size, ..SynthConfig::default() };
+    GeneratorConfig { room, shots, panoramas: 1, panorama_height: 16, octree_depth: 5, ..Default::default() }
+}
+
+/// Twelve rooms in a shard, made once for all tests: each takes a second or two.
+fn rooms() -> PathBuf {
+    static ROOMS: OnceLock<PathBuf> = OnceLock::new();
+    let make = || {
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("rooms");
+        std::fs::create_dir_all(&folder).unwrap();
+        let generator = Generator::new(5, small_rooms([64, 48], 1)).unwrap();
+        write_shard(&folder.join("rooms.tar"), (0..12).map(|room| generator.record(room)), "tests").unwrap();
+        folder
+    };
+    ROOMS.get_or_init(make).clone()
+}
+
+/// All three stages, the light network at two depths; a few steps each.
 fn config() -> TrainConfig {
-    let room = SynthConfig { crop_size: [64, 48], ..SynthConfig::default() };
-    let small =
-        GeneratorConfig { room, shots: 1, panoramas: 1, panorama_height: 16, octree_depth: 5, ..Default::default() };
     let network =
         LightNetConfig { depth: 5, full_depth: 3, channels: 8, max_channels: 16, blocks: 1, ..Default::default() };
     let light = |usual: LightPhase, octree_depth| LightPhase {
@@ -32,7 +48,7 @@ fn config() -> TrainConfig {
     TrainConfig {
         log_steps: 2,
         network: LightNetConfig { bottleneck: 2, head_channels: 8, global_features: 8, ..network },
-        data: DataConfig { generated_rooms: 12, generator: small, ..DataConfig::default() },
+        data: DataConfig { folder: Some(rooms()), ..DataConfig::default() },
         validation: ValidationConfig { every_steps: 100, photos: 1, sheet_rows: 1 },
         depth: vec![
             DepthPhase { batch_size: 3, photo_width: 32, ..depth(1) },
@@ -135,9 +151,7 @@ fn photos_of_two_sizes_wait_for_their_own_kind_also_over_a_stop() {
     [&whole, &parts, &rooms].into_iter().for_each(|path| std::fs::create_dir(path).unwrap());
     let base = config();
     for (seed, crop_size) in [(1, [64, 48]), (2, [48, 64])] {
-        let room = SynthConfig { crop_size, ..SynthConfig::default() };
-        let generator = GeneratorConfig { room, shots: 4, ..base.data.generator.clone() };
-        let generator = Generator::new(seed, generator).unwrap();
+        let generator = Generator::new(seed, small_rooms(crop_size, 4)).unwrap();
         assert_eq!(Split::of(&generator.scene_id(0)), Split::Train);
         write_shard(&rooms.join(format!("rooms-{seed}.tar")), [generator.record(0)].into_iter(), "tests").unwrap();
     }

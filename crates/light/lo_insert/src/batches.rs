@@ -1,27 +1,27 @@
-//! Long loops in steps between which a handler of events can end them.
+//! Long loops in batches, between which a handler of events can end them.
 
 use std::ops::Range;
 
 use lo_events::{Cancelled, OnEvent, Stage, progress};
 
-/// Cones of one step: some tenths of a second of work, so that steps cost nothing.
-const CONES_PER_STEP: usize = 1 << 23;
+/// Cones of one batch: some tenths of a second of work, so that batches cost nothing.
+const CONES_PER_BATCH: usize = 1 << 23;
 
 /// How far a stage of several loops is.
-pub(crate) struct Steps<'a> {
+pub(crate) struct Batches<'a> {
     on_event: OnEvent<'a>,
     stage: Stage,
     done: usize,
     total: usize,
 }
 
-impl<'a> Steps<'a> {
+impl<'a> Batches<'a> {
     /// Of a stage with so many items in all of its loops.
     pub fn new(on_event: OnEvent<'a>, stage: Stage, total: usize) -> Self {
         Self { on_event, stage, done: 0, total }
     }
 
-    /// One loop over `count` items of so many cones each; a step is a multiple of `unit` items.
+    /// One loop over `count` items of so many cones each; a batch is a multiple of `unit` items.
     pub fn each<T>(
         &mut self,
         count: usize,
@@ -29,10 +29,10 @@ impl<'a> Steps<'a> {
         unit: usize,
         work: impl Fn(Range<usize>) -> Vec<T>,
     ) -> Result<Vec<T>, Cancelled> {
-        let step = (CONES_PER_STEP / cones.max(1)).next_multiple_of(unit).max(unit);
+        let batch = (CONES_PER_BATCH / cones.max(1)).next_multiple_of(unit).max(unit);
         let mut all = Vec::with_capacity(count);
-        for first in (0..count).step_by(step) {
-            let last = (first + step).min(count);
+        for first in (0..count).step_by(batch) {
+            let last = (first + batch).min(count);
             all.extend(work(first..last));
             self.done += last - first;
             progress(self.on_event, self.stage.clone(), self.done as u64, self.total as u64)?;
@@ -56,10 +56,10 @@ mod tests {
             heard.push(event.fraction());
             if heard.len() < 4 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         };
-        let mut steps = Steps::new(hear, Stage::Shading, 20);
-        let made = steps.each(10, CONES_PER_STEP / 3, 2, |range| range.collect());
+        let mut batches = Batches::new(hear, Stage::Shading, 20);
+        let made = batches.each(10, CONES_PER_BATCH / 3, 2, |range| range.collect());
         assert_eq!(made, Ok((0..10).collect()), "in steps of four");
-        assert_eq!(steps.each(10, CONES_PER_STEP, 10, |range| range.collect()), Err(Cancelled));
+        assert_eq!(batches.each(10, CONES_PER_BATCH, 10, |range| range.collect()), Err(Cancelled));
         assert_eq!(heard, [0.2, 0.4, 0.5, 1.0].map(Some));
     }
 }
