@@ -1,7 +1,7 @@
 //! What a long job says on its way: one stream for command line, viewer and Python alike.
 //!
 //! A job takes a handler, [`OnEvent`], and calls it between its steps. What the handler answers decides whether the job goes on:
-//! [`ControlFlow::Break`] ends it with [`Cancelled`]. Events are data; the words for a person are the front end's.
+//! [`Break`](std::ops::ControlFlow::Break) ends it with [`Cancelled`]. Events are data; the words for a person are the front end's.
 //!
 //! ```
 //! use std::ops::ControlFlow;

@@ -2,7 +2,7 @@ use std::collections::HashMap;
 
 use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
 
-use crate::Model;
+use crate::{MeshWarning, Model};
 
 /// Fills in the tangents that normal textures need and the file does not bring (Mikkelsen's tangent space, as
 /// glTF asks), splitting vertices where two tangents meet. Without normal textures all tangents are dropped.
@@ -31,7 +31,7 @@ pub(crate) fn complete(model: &mut Model) {
     let Corners { faces, tangents, .. } = corners;
     if let Err(error) = outcome {
         // The crate knows no error yet. Zero tangents mean: no normal texture.
-        model.warnings.push(format!("normal textures are not used: {error}"));
+        model.warnings.push(MeshWarning::NormalTextures { reason: error.to_string() });
         return;
     }
 

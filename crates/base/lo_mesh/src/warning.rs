@@ -16,6 +16,12 @@ pub enum MeshWarning {
         /// The material's statement.
         map: String,
     },
+    /// Normal textures are not used, since tangents cannot be made.
+    #[error("normal textures are not used: {reason}")]
+    NormalTextures {
+        /// Why.
+        reason: String,
+    },
     /// A file of materials cannot be read.
     #[error("material file {file} cannot be read ({reason}): shown matte white")]
     MaterialFile {

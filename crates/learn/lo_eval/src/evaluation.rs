@@ -53,8 +53,8 @@ impl Photos {
         let path: &Path = &self.dataset;
         let dataset: Box<dyn Dataset> = match (self.protocol, self.layout) {
             (Some(protocol), _) => Box::new(ProtocolCrops::open(path, protocol)?),
-            (None, Some(layout)) => layout.open(path, self.crops.clone())?,
-            (None, None) => Layout::detect(path)?.open(path, self.crops.clone())?,
+            (None, Some(layout)) => layout.open(path, self.crops)?,
+            (None, None) => Layout::detect(path)?.open(path, self.crops)?,
         };
         let indices = indices_of(dataset.as_ref(), self.part, self.most);
         if indices.is_empty() {

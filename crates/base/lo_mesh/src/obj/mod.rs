@@ -32,7 +32,7 @@ pub(crate) fn read(bytes: &[u8], resolve: &Resolver, options: &LoadOptions) -> R
         }));
     }
     if !unknown.is_empty() && !known.is_empty() {
-        model.warnings.push(MeshWarning::UnknownMaterials { names: unknown });
+        model.warnings.push(MeshWarning::UnknownMaterials { names: unknown.iter().map(ToString::to_string).collect() });
     }
     file.into_model(model, options)
 }

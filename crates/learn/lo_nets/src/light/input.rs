@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use lo_geometry::{Camera, Cube, DVec3, Vec3};
-use lo_octree::{LightOctree, Octree, RadiancePoint};
+use lo_octree::{Coverage, LightOctree, Octree, RadiancePoint};
 use lo_random::RngExt;
 
 use crate::graph::GraphLevel;
