@@ -5,13 +5,13 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use lo_dataset::{DatasetError, Metadata, NovelView, Record, Shot, write_shard};
 use exr::compression::Compression;
 use image::{DynamicImage, GrayImage, ImageFormat, Luma, Rgb, RgbImage, Rgba, RgbaImage};
 use lightoctree::geometry::{Camera, Cube, Plane, Quat, Vec3};
 use lightoctree::imaging::{self, DepthMap, ExrOptions, Image, Photo, RadianceImage};
 use lightoctree::octree::{Coverage, LightOctree, RadiancePoint};
 use lightoctree::scene::{Completion, Frame, Room, RoomPlane, Scene, Side};
+use lo_dataset::{DatasetError, Metadata, NovelView, Record, Shot, write_shard};
 
 type Result<T = ()> = std::result::Result<T, Box<dyn std::error::Error>>;
 
@@ -57,6 +57,7 @@ fn shards(folder: &Path) -> Result {
         scene_id: "a".into(),
         up: Some(Vec3::Y),
         points: vec![point, RadiancePoint { position_m: Vec3::Z, ..point }],
+        point_area_m2: Some(0.01),
         views: vec![view],
         shots: vec![shot],
         metadata: Metadata::new(),
@@ -82,8 +83,9 @@ fn scenes(folder: &Path) -> Result {
         let plane = Plane { normal: Vec3::Y, offset_m: -1.5 };
         let room = Room { up: Vec3::Y, planes: vec![RoomPlane { side: Side::Floor, plane, measured: true }] };
         let sources = vec!["photo.jpg".to_owned()];
-        Scene { light, frame, completion: Completion::Shell, room: Some(room), sources, prediction: None }
-            .write(&folder.join(format!("{name}.scene")))?;
+        let (predicted_depth, confidence) = (false, None);
+        Scene { light, frame, completion: Completion::Shell, room: Some(room), sources, predicted_depth, confidence }
+            .write(&folder.join(format!("{name}.scene")), "seeds")?;
     }
     Ok(())
 }

@@ -1,8 +1,8 @@
 //! Shards: whatever the bytes, an error or samples whose pictures have their camera's size.
 #![no_main]
 
-use lo_dataset::{Dataset, Shards};
 use libfuzzer_sys::fuzz_target;
+use lo_dataset::{Dataset, Shards};
 
 fuzz_target!(|bytes: &[u8]| {
     let mut bytes = bytes.to_vec();
@@ -25,7 +25,8 @@ fn mend_checksums(bytes: &mut [u8]) {
         header[148..156].fill(b' ');
         let sum: u32 = header.iter().map(|&byte| u32::from(byte)).sum();
         header[148..156].copy_from_slice(format!("{sum:06o}\0 ").as_bytes());
-        let size = std::str::from_utf8(&header[124..135]).ok().and_then(|size| u64::from_str_radix(size.trim(), 8).ok());
+        let size =
+            std::str::from_utf8(&header[124..135]).ok().and_then(|size| u64::from_str_radix(size.trim(), 8).ok());
         let blocks = size.unwrap_or(0).div_ceil(512);
         at = match usize::try_from(blocks).ok().and_then(|n| n.checked_mul(512)).and_then(|n| n.checked_add(at + 512)) {
             Some(next) => next,
