@@ -12,6 +12,7 @@ pub const MIRROR_ROUGHNESS: f32 = 0.05;
 
 /// Share of light from the direction of the given cosine that the specular layer reflects. Light that would bounce more than
 /// once between microfacets is lost, as in glTF's model.
+#[inline]
 pub fn specular_albedo(f0: Vec3, roughness: f32, cosine: f32) -> Vec3 {
     if roughness < MIRROR_ROUGHNESS {
         return fresnel(f0, cosine);
@@ -21,6 +22,7 @@ pub fn specular_albedo(f0: Vec3, roughness: f32, cosine: f32) -> Vec3 {
 }
 
 /// Mean of [`specular_albedo`] over all directions, weighted by the cosine.
+#[inline]
 pub fn mean_specular_albedo(f0: Vec3, roughness: f32) -> Vec3 {
     const STEPS: usize = 8;
     let cosine = |i: usize| ((i as f32 + 0.5) / STEPS as f32).sqrt();
@@ -29,6 +31,7 @@ pub fn mean_specular_albedo(f0: Vec3, roughness: f32) -> Vec3 {
 
 /// Share of even light that passes the specular layer into glTF's diffuse one, towards a view of the given cosine: the mean of
 /// 1 − F over the cosine-weighted hemisphere, whatever the roughness.
+#[inline]
 pub fn transmitted(f0: Vec3, cosine: f32) -> Vec3 {
     let (column, fx) = cell_of(cosine);
     let grazing = MEAN_GRAZING[column] + (MEAN_GRAZING[column + 1] - MEAN_GRAZING[column]) * fx;

@@ -27,6 +27,7 @@ impl MetallicRoughness {
     }
 
     /// Its microfacets.
+    #[inline]
     pub fn ggx(&self) -> Ggx {
         Ggx::from_roughness(self.roughness)
     }

@@ -5,12 +5,14 @@ use lo_geometry::Vec3;
 use crate::fresnel::{DIELECTRIC_F0, fresnel};
 
 /// Share that a pane reflects of light from the given cosine: the sum over all reflections between its two faces, 2F / (1 + F).
+#[inline]
 pub fn pane_reflectance(cosine: f32) -> f32 {
     let f = fresnel(Vec3::splat(DIELECTRIC_F0), cosine).x;
     2.0 * f / (1.0 + f)
 }
 
 /// Mean of [`pane_reflectance`] over all directions, weighted by the cosine.
+#[inline]
 pub fn mean_pane_reflectance() -> f32 {
     const STEPS: usize = 8;
     (0..STEPS).map(|i| pane_reflectance(((i as f32 + 0.5) / STEPS as f32).sqrt())).sum::<f32>() / STEPS as f32

@@ -86,11 +86,13 @@ impl Camera {
 
     /// Half the length of the picture's longer side over the focal length: metres from the middle of what is seen at a depth of one metre
     /// to its end.
+    #[inline]
     pub fn half_extent(&self) -> f64 {
         0.5 * f64::from(self.width.max(self.height)) / self.fx
     }
 
     /// Horizontal field of view in degrees.
+    #[inline]
     pub fn hfov_deg(&self) -> f64 {
         let left = (self.cx / self.fx).atan();
         let right = ((f64::from(self.width) - self.cx) / self.fx).atan();
@@ -105,6 +107,7 @@ impl Camera {
     }
 
     /// World point of image position `(u, v)` at depth `depth_m` (distance along the optical axis).
+    #[inline]
     pub fn unproject(&self, u: f64, v: f64, depth_m: f64) -> Vec3 {
         Vec3::new(
             ((u - self.cx) / self.fx * depth_m) as f32,
@@ -114,6 +117,7 @@ impl Camera {
     }
 
     /// Image position and depth `(u, v, depth_m)` of a world point; `None` at or behind the camera.
+    #[inline]
     pub fn project(&self, point: Vec3) -> Option<(f64, f64, f64)> {
         let depth_m = -f64::from(point.z);
         if depth_m <= 0.0 {
@@ -125,16 +129,19 @@ impl Camera {
     }
 
     /// Whether image position `(u, v)` lies in the picture.
+    #[inline]
     pub fn contains(&self, u: f64, v: f64) -> bool {
         (0.0..f64::from(self.width)).contains(&u) && (0.0..f64::from(self.height)).contains(&v)
     }
 
     /// Unit direction from the camera through image position `(u, v)`.
+    #[inline]
     pub fn direction(&self, u: f64, v: f64) -> Vec3 {
         self.unproject(u, v, 1.0).normalize()
     }
 
     /// Angle between the rays of neighbouring pixels at the principal point, in radians.
+    #[inline]
     pub fn pixel_angle_rad(&self) -> f32 {
         (1.0 / self.fx.min(self.fy)).atan() as f32
     }

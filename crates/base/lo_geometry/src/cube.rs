@@ -14,21 +14,25 @@ pub struct Cube {
 
 impl Cube {
     /// The cube around `centre` with edge `edge_m`.
+    #[inline]
     pub fn centred(centre: Vec3, edge_m: f32) -> Self {
         Self { origin_m: centre - Vec3::splat(0.5 * edge_m), edge_m }
     }
 
     /// Middle of the cube, in metres.
+    #[inline]
     pub fn centre_m(&self) -> Vec3 {
         self.origin_m + Vec3::splat(0.5 * self.edge_m)
     }
 
     /// Edge of a node at `depth`, in metres.
+    #[inline]
     pub fn node_edge_m(&self, depth: u32) -> f32 {
         self.edge_m / (1u64 << depth) as f32
     }
 
     /// Whether a point lies in the half-open cube `[origin, origin + edge)`.
+    #[inline]
     pub fn contains(&self, point: Vec3) -> bool {
         let p = point - self.origin_m;
         p.min_element() >= 0.0 && p.max_element() < self.edge_m
@@ -36,6 +40,7 @@ impl Cube {
 
     /// The point, or where its line of sight from the world's origin leaves the cube, which holds that: what is seen through a window or
     /// a door far away is painted on the cube's side, where the camera sees it in the same direction.
+    #[inline]
     pub fn pulled_inside(&self, point: Vec3) -> Vec3 {
         let (low, high) = (self.origin_m * 0.999, (self.origin_m + Vec3::splat(self.edge_m)) * 0.999);
         let mut scale = 1.0f32;
@@ -50,16 +55,19 @@ impl Cube {
     }
 
     /// Coordinates in `[0, 1)³` for points inside of the cube.
+    #[inline]
     pub fn unit_from_world(&self, point: Vec3) -> Vec3 {
         (point - self.origin_m) / self.edge_m
     }
 
     /// Inverse of [`Cube::unit_from_world`].
+    #[inline]
     pub fn world_from_unit(&self, unit: Vec3) -> Vec3 {
         self.origin_m + unit * self.edge_m
     }
 
     /// Distances at which a ray enters and leaves the cube; `None` where it misses. The entry is 0 for an origin inside.
+    #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<(f32, f32)> {
         let inverse = ray.direction.recip();
         let a = (self.origin_m - ray.origin) * inverse;

@@ -5,6 +5,7 @@ use std::f32::consts::{PI, TAU};
 use glam::{Vec2, Vec3};
 
 /// Unit direction of map coordinates `uv` in `[0, 1]²` (u to the right, v downwards).
+#[inline]
 pub fn direction_from_uv(uv: Vec2) -> Vec3 {
     let (sin_longitude, cos_longitude) = ((uv.x - 0.5) * TAU).sin_cos();
     let (sin_latitude, cos_latitude) = ((0.5 - uv.y) * PI).sin_cos();
@@ -12,6 +13,7 @@ pub fn direction_from_uv(uv: Vec2) -> Vec3 {
 }
 
 /// Map coordinates in `[0, 1]²` of a direction (of any length).
+#[inline]
 pub fn uv_from_direction(direction: Vec3) -> Vec2 {
     let longitude = direction.x.atan2(-direction.z);
     let latitude = direction.y.atan2(direction.x.hypot(direction.z));
@@ -19,11 +21,13 @@ pub fn uv_from_direction(direction: Vec3) -> Vec2 {
 }
 
 /// Unit direction of the centre of pixel `(x, y)` in a map of `width` × `height`.
+#[inline]
 pub fn pixel_direction(x: usize, y: usize, width: usize, height: usize) -> Vec3 {
     direction_from_uv(Vec2::new((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32))
 }
 
 /// Solid angle of a pixel of row `y` in a map of `width` × `height`, in steradians (exact; all pixels sum to 4π).
+#[inline]
 pub fn pixel_solid_angle_sr(y: usize, width: usize, height: usize) -> f32 {
     let edge = |row: usize| ((0.5 - row as f64 / height as f64) * std::f64::consts::PI).sin();
     (std::f64::consts::TAU / width as f64 * (edge(y) - edge(y + 1))) as f32

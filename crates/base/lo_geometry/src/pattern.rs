@@ -33,12 +33,14 @@ pub fn cosine_hemisphere(count: usize) -> Vec<Vec3> {
 }
 
 /// The van der Corput sequence: the bits of `i` mirrored at the point; in [0, 1).
+#[inline]
 pub fn van_der_corput(i: u32) -> f32 {
     // 24 bits are what f32 holds below 1.
     (i.reverse_bits() >> 8) as f32 / (1 << 24) as f32
 }
 
 /// A right-handed basis whose third column is the unit vector `normal` (Duff et al. 2017).
+#[inline]
 pub fn orthonormal_basis(normal: Vec3) -> Mat3 {
     let sign = 1.0f32.copysign(normal.z);
     let a = -1.0 / (sign + normal.z);

@@ -14,21 +14,25 @@ pub struct Plane {
 
 impl Plane {
     /// The plane through `point` with unit `normal`.
+    #[inline]
     pub fn through(point: Vec3, normal: Vec3) -> Self {
         Self { normal, offset_m: normal.dot(point) }
     }
 
     /// Height of a point above the plane, in metres; negative behind it.
+    #[inline]
     pub fn signed_distance_m(&self, point: Vec3) -> f32 {
         self.normal.dot(point) - self.offset_m
     }
 
     /// The nearest point of the plane.
+    #[inline]
     pub fn project(&self, point: Vec3) -> Vec3 {
         point - self.normal * self.signed_distance_m(point)
     }
 
     /// Distance at which a ray meets the plane, in metres; `None` where it runs along or away from it.
+    #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<f32> {
         let speed = self.normal.dot(ray.direction);
         let distance = -self.signed_distance_m(ray.origin) / speed;

@@ -11,6 +11,7 @@ pub struct Ray {
 
 impl Ray {
     /// Point at `distance_m` along the ray.
+    #[inline]
     pub fn at(&self, distance_m: f32) -> Vec3 {
         self.origin + self.direction * distance_m
     }

@@ -3,6 +3,7 @@
 use std::sync::LazyLock;
 
 /// Linear light of an sRGB value in `[0, 1]` (IEC 61966-2-1; beyond 1 the curve goes on, below 0 it is odd).
+#[inline]
 pub fn linear_from_srgb(value: f32) -> f32 {
     let magnitude = value.abs();
     let linear = if magnitude <= 0.040_45 { magnitude / 12.92 } else { ((magnitude + 0.055) / 1.055).powf(2.4) };
@@ -10,6 +11,7 @@ pub fn linear_from_srgb(value: f32) -> f32 {
 }
 
 /// Inverse of [`linear_from_srgb`].
+#[inline]
 pub fn srgb_from_linear(value: f32) -> f32 {
     let magnitude = value.abs();
     let srgb = if magnitude <= 0.003_130_8 { magnitude * 12.92 } else { 1.055 * magnitude.powf(1.0 / 2.4) - 0.055 };
@@ -17,18 +19,21 @@ pub fn srgb_from_linear(value: f32) -> f32 {
 }
 
 /// Linear light of each 8-bit sRGB value.
+#[inline]
 pub fn linear_from_srgb8(value: u8) -> f32 {
     static TABLE: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|i| linear_from_srgb(i as f32 / 255.0)));
     TABLE[usize::from(value)]
 }
 
 /// Nearest 8-bit sRGB value; what lies outside of `[0, 1]` is clipped and NaN is 0.
+#[inline]
 pub fn srgb8_from_linear(value: f32) -> u8 {
     // `as` saturates, and turns NaN into 0
     (srgb_from_linear(value) * 255.0 + 0.5) as u8
 }
 
 /// Relative luminance of linear Rec. 709 RGB: 0.2126 R + 0.7152 G + 0.0722 B.
+#[inline]
 pub fn luminance(rgb: [f32; 3]) -> f32 {
     0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
 }
