@@ -13,7 +13,6 @@ pub fn key_from_xyz([x, y, z]: [u32; 3]) -> u32 {
 
 /// Integer coordinates `(x, y, z)` of the node with shuffled key `key`: inverse of [`key_from_xyz`].
 #[inline]
-#[inline]
 pub fn xyz_from_key(key: u32) -> [u32; 3] {
     [compact(key >> 2), compact(key >> 1), compact(key)]
 }
