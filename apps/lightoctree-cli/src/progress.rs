@@ -159,6 +159,9 @@ pub fn warning_text(warning: &Warning) -> String {
             "{predicted} nodes of depth {depth} were predicted to be split, but only the likeliest {kept} fit the node budget"
         ),
         Warning::SamplePassedOver { sample, error } => format!("passed over: {sample}: {error}"),
+        Warning::UnpublishedEncoder { file, sha256 } => {
+            format!("{file} is not the published file of the encoder's weights; its SHA-256 is {sha256}")
+        }
         Warning::DatasetChanged { .. } => "the dataset is not what it was; its next epoch begins".into(),
         Warning::SetBack { phase, step, fault, back_to_step } => {
             format!("{phase}, step {step}: {fault}; back to step {back_to_step}, with other data")

@@ -8,6 +8,7 @@ use lo_events::{Event, Stage, Warning};
 use lo_geometry::Camera;
 use lo_imaging::{DepthMap, Image, Photo};
 use lo_nets::checkpoint::Checkpoint;
+use lo_nets::depth::EncoderKind;
 use lo_nets::light::LightNetConfig;
 use lo_nets::{Device, Networks};
 use lo_scene::{Completion, Frame, Scene};
@@ -86,7 +87,7 @@ fn config() -> LightNetConfig {
 /// Untrained networks, in which some values are others.
 fn estimator(config: &LightNetConfig, others: &[(&str, &[usize], f32)]) -> Estimator {
     let mut checkpoint = Checkpoint::default();
-    Networks::new(config, 5, &Device::flex()).unwrap().add_to(&mut checkpoint);
+    Networks::new(EncoderKind::default(), config, 5, &Device::flex()).unwrap().add_to(&mut checkpoint);
     for (name, shape, value) in others {
         checkpoint.insert(name, shape, vec![*value; shape.iter().product()]);
     }

@@ -36,7 +36,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["resume", "encoder_weights"])]
     weights: Option<PathBuf>,
 
-    /// Weights of torchvision's densenet121 (.safetensors) to begin with
+    /// Published weights of the encoder to begin with: .pth, or .safetensors with the same names
     #[arg(long, value_name = "FILE", conflicts_with = "resume")]
     encoder_weights: Option<PathBuf>,
 

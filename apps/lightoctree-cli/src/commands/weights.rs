@@ -85,6 +85,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
                     ("SHA-256", found.sha256.clone()),
                     ("size", report::bytes(found.bytes)),
                     ("depth network", format!("{} weights", found.depth_net_values)),
+                    ("encoder", found.encoder.to_string()),
                     ("light network", format!("{} weights", found.light_net_values)),
                 ];
                 let rows: Vec<Vec<String>> = rows.map(|(what, value)| vec![what.to_owned(), value]).to_vec();

@@ -72,6 +72,13 @@ pub enum Warning {
         /// What is wrong with it.
         error: String,
     },
+    /// The weights that an encoder begins with are not the published ones: a converted file, or others.
+    UnpublishedEncoder {
+        /// The file's name.
+        file: String,
+        /// Its SHA-256, in hexadecimal.
+        sha256: String,
+    },
     /// The dataset is not the one that a run was begun with: its next epoch begins.
     DatasetChanged {
         /// The epoch that begins.

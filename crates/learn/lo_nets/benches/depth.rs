@@ -9,7 +9,7 @@ use divan::Bencher;
 use lo_imaging::{DepthMap, Image, RadianceImage};
 use lo_nets::Adam;
 use lo_nets::conv::in_bf16;
-use lo_nets::depth::{DenseNet, DepthNet, PatchGan, depth_losses, panorama_loss};
+use lo_nets::depth::{DenseNet, DepthNet, EncoderKind, PatchGan, depth_losses, panorama_loss};
 
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
@@ -51,7 +51,7 @@ fn photo() -> Image<[u8; 3]> {
 /// Depth and the global lighting feature.
 #[divan::bench(sample_count = 10)]
 fn depth_net_fwd(bencher: Bencher) {
-    let (net, photo) = (DepthNet::new(64, 1, &Device::flex()), photo());
+    let (net, photo) = (DepthNet::new(EncoderKind::default(), 64, 1, &Device::flex()), photo());
     bencher.bench_local(|| net.forward(&[&photo]));
 }
 
@@ -59,7 +59,7 @@ fn depth_net_fwd(bencher: Bencher) {
 #[divan::bench(sample_count = 5, args = [false, true])]
 fn depth_net_train(bencher: Bencher, bf16: bool) {
     let (device, photo) = (Device::flex().autodiff(), photo());
-    let mut nets = Some((DepthNet::new(64, 1, &device), PatchGan::new(2, &device)));
+    let mut nets = Some((DepthNet::new(EncoderKind::default(), 64, 1, &device), PatchGan::new(2, &device)));
     let (mut adam, mut judge_adam) = (Adam::default(), Adam::default());
     let truth = DepthMap::from_fn(480, 320, |x, y| 1.0 + 0.01 * (x + y) as f32);
     let sky = RadianceImage::from_fn(128, 64, |_, y| [if y < 20 { 8.0 } else { 0.2 }; 3]);

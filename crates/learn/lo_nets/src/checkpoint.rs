@@ -68,9 +68,7 @@ impl Checkpoint {
     /// Adds a module's parameters and running statistics under a name.
     pub fn add_module<M: Module>(&mut self, name: &str, module: &M) {
         // Without gradients: burn's batch normalisation keeps the last update of its running statistics aside until then.
-        let mut collect = Collect { tensors: &mut self.tensors, path: Path::default() };
-        collect.path.enter(name);
-        module.valid().visit(&mut collect);
+        module.valid().visit(&mut Collect { tensors: &mut self.tensors, path: Path::of(name) });
     }
 
     /// Adds an optimiser's moments and number of steps under a name, which no module has.
@@ -233,12 +231,12 @@ struct Collect<'a> {
 }
 
 impl ModuleVisitor for Collect<'_> {
-    fn enter_module(&mut self, name: &str, _: &str) {
-        self.path.enter(name);
+    fn enter_module(&mut self, name: &str, container: &str) {
+        self.path.enter(name, container);
     }
 
-    fn exit_module(&mut self, _: &str, _: &str) {
-        self.path.leave();
+    fn exit_module(&mut self, _: &str, container: &str) {
+        self.path.leave(container);
     }
 
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
@@ -255,12 +253,12 @@ struct Fill<F> {
 }
 
 impl<F: FnMut(&str) -> (String, Option<HostTensor>)> ModuleMapper for Fill<F> {
-    fn enter_module(&mut self, name: &str, _: &str) {
-        self.path.enter(name);
+    fn enter_module(&mut self, name: &str, container: &str) {
+        self.path.enter(name, container);
     }
 
-    fn exit_module(&mut self, _: &str, _: &str) {
-        self.path.leave();
+    fn exit_module(&mut self, _: &str, container: &str) {
+        self.path.leave(container);
     }
 
     fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {

@@ -7,15 +7,16 @@ use lo_events::Warning;
 use lo_geometry::{Camera, Cube};
 use lo_imaging::{DepthMap, Image, RadianceImage};
 use lo_octree::{LightOctree, RadiancePoint};
+use serde::{Deserialize, Serialize};
 
 use crate::checkpoint::{Checkpoint, CheckpointError, Precision};
-use crate::depth::{DepthNet, network_input, panorama_image};
+use crate::depth::{DepthNet, EncoderKind, network_input, panorama_image};
 use crate::light::{
     Growth, LightConfigError, LightError, LightInput, LightNet, LightNetConfig, SeenDetail, VisiblePoint,
     blend_with_map,
 };
 
-/// The depth network's name in a checkpoint.
+/// The depth network's name in a checkpoint, and in the checkpoint's state that of what says which encoder it has.
 pub const DEPTH_NET: &str = "depth_net";
 /// The light network's name in a checkpoint, and its configuration's in the checkpoint's state.
 pub const LIGHT_NET: &str = "light_net";
@@ -33,6 +34,12 @@ pub struct Networks {
     pub light: LightNet,
     /// Shape of the light network; also gives the length of the global lighting feature of both.
     pub config: LightNetConfig,
+}
+
+/// What a file of weights says of the depth network.
+#[derive(Serialize, Deserialize)]
+struct DepthNetConfig {
+    encoder: EncoderKind,
 }
 
 /// What a photo tells of the light outside of it: `f_L`.
@@ -56,16 +63,22 @@ impl Networks {
     /// # Errors
     /// A configuration out of range, with the field's name.
     #[doc(hidden)]
-    pub fn new(config: &LightNetConfig, seed: u64, device: &Device) -> Result<Self, LightConfigError> {
+    pub fn new(
+        encoder: EncoderKind,
+        config: &LightNetConfig,
+        seed: u64,
+        device: &Device,
+    ) -> Result<Self, LightConfigError> {
         let light = LightNet::new(config, seed, device)?;
-        Ok(Self { depth: DepthNet::new(config.global_features, seed, device), light, config: config.clone() })
+        Ok(Self { depth: DepthNet::new(encoder, config.global_features, seed, device), light, config: config.clone() })
     }
 
-    /// Adds the weights of both networks, and the configuration to the checkpoint's state.
+    /// Adds the weights of both networks, and to the checkpoint's state the encoder and the light network's configuration.
     #[doc(hidden)]
     pub fn add_to(&self, checkpoint: &mut Checkpoint) {
         checkpoint.add_module(DEPTH_NET, &self.depth);
         checkpoint.add_module(LIGHT_NET, &self.light);
+        checkpoint.state[DEPTH_NET] = serde_json::json!(DepthNetConfig { encoder: self.depth.encoder_kind() });
         checkpoint.state[LIGHT_NET] = serde_json::json!(self.config);
     }
 
@@ -75,8 +88,17 @@ impl Networks {
     /// Says which configuration is missing or wrong, and which weights are missing, too much or of another shape.
     #[doc(hidden)]
     pub fn from_checkpoint(mut checkpoint: Checkpoint, device: &Device) -> Result<Self, CheckpointError> {
+        let problem = |module: &str, what| CheckpointError::Weights { module: module.to_owned(), problems: vec![what] };
+        let encoder = match &checkpoint.state[DEPTH_NET] {
+            // Files of before there were several have none.
+            serde_json::Value::Null => EncoderKind::DenseNet121,
+            config => {
+                let config = DepthNetConfig::deserialize(config);
+                config.map_err(|error| problem(DEPTH_NET, format!("its configuration: {error}")))?.encoder
+            }
+        };
         let config = &checkpoint.state[LIGHT_NET];
-        let wrong = |what: String| CheckpointError::Weights { module: LIGHT_NET.to_owned(), problems: vec![what] };
+        let wrong = |what: String| problem(LIGHT_NET, what);
         if config.is_null() {
             return Err(wrong("the file's metadata holds no configuration of that name".to_owned()));
         }
@@ -88,7 +110,8 @@ impl Networks {
         if described > 2 * held {
             return Err(wrong(format!("its configuration describes {described} weights, but the file holds {held}")));
         }
-        let blank = Self::new(&config, 0, device).map_err(|error| wrong(format!("its configuration: {error}")))?;
+        let blank =
+            Self::new(encoder, &config, 0, device).map_err(|error| wrong(format!("its configuration: {error}")))?;
         let light = checkpoint.take_module(LIGHT_NET, blank.light)?;
         Ok(Self { depth: checkpoint.take_module(DEPTH_NET, blank.depth)?, light, config })
     }
@@ -210,7 +233,7 @@ mod tests {
 
     fn checkpoint(config: &LightNetConfig, seed: u64) -> Checkpoint {
         let mut checkpoint = Checkpoint::default();
-        Networks::new(config, seed, &Device::flex()).unwrap().add_to(&mut checkpoint);
+        Networks::new(EncoderKind::default(), config, seed, &Device::flex()).unwrap().add_to(&mut checkpoint);
         checkpoint
     }
 
@@ -222,7 +245,7 @@ mod tests {
     fn a_file_of_weights_comes_back_in_both_precisions() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("weights.safetensors");
-        let networks = Networks::new(&config(), 3, &Device::flex()).unwrap();
+        let networks = Networks::new(EncoderKind::default(), &config(), 3, &Device::flex()).unwrap();
         let photo = Image::from_fn(64, 32, |x, y| [(3 * x) as u8, (7 * y) as u8, 90]);
         let (depth_m, _) = networks.depth_and_light(&photo, &camera(&photo));
         networks.write(&path, Precision::Full).unwrap();
@@ -238,7 +261,7 @@ mod tests {
 
     #[test]
     fn light_alone_is_that_beside_depth() {
-        let networks = Networks::new(&config(), 3, &Device::flex()).unwrap();
+        let networks = Networks::new(EncoderKind::default(), &config(), 3, &Device::flex()).unwrap();
         let photo = Image::from_fn(70, 41, |x, y| [(3 * x) as u8, (7 * y) as u8, 90]);
         let [beside, alone] = [networks.depth_and_light(&photo, &camera(&photo)).1, networks.global_light(&photo)];
         assert_eq!(beside.0.into_data(), alone.0.into_data());

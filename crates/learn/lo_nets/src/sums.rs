@@ -12,6 +12,12 @@ pub const LANES: usize = 16;
 const ROWS: usize = 4;
 const WINDOWS: usize = 6;
 
+/// Windows of a single row. Those of 3 × 3 weights are one tile, those of 5 × 5 three.
+const WINDOWS_OF_ROW: usize = 9;
+
+/// Vectors of a single channel that [`Sums::filter`] computes together: no sum waits for itself.
+const VECTORS: usize = 8;
+
 /// Sums of products of numbers with numbers at given places.
 pub trait Sums: Sized {
     /// `out[channel][column] = Σ_k weights[k][channel] · data[offsets[k] + column]`, with weights `[windows, GROUP]` and for at most
@@ -20,6 +26,12 @@ pub trait Sums: Sized {
     /// # Panics
     /// Where a window, made longer to whole vectors of `LANES`, leaves `data`.
     fn outer(weights: &[Self], data: &[Self], offsets: &[usize], out: &mut [&mut [Self]]);
+
+    /// `out[column] = Σ_k weights[k] · data[offsets[k] + column]`: [`Sums::outer`] of one channel.
+    ///
+    /// # Panics
+    /// Where `out` is no whole number of vectors of `LANES` long, or a window leaves `data`.
+    fn filter(weights: &[Self], data: &[Self], offsets: &[usize], out: &mut [Self]);
 
     /// `out[row][k] += Σ_p rows[row][p] · data[offsets[k] + p]`, where all rows have the same length.
     ///
@@ -39,6 +51,12 @@ impl Sums for f64 {
         }
     }
 
+    fn filter(weights: &[Self], data: &[Self], offsets: &[usize], out: &mut [Self]) {
+        for (column, out) in out.iter_mut().enumerate() {
+            *out = weights.iter().zip(offsets).map(|(weight, offset)| weight * data[offset + column]).sum();
+        }
+    }
+
     fn inner(rows: &[&[Self]], data: &[Self], offsets: &[usize], out: &mut [Self]) {
         for (row, out) in rows.iter().zip(out.chunks_exact_mut(offsets.len())) {
             for (&offset, out) in offsets.iter().zip(out) {
@@ -53,6 +71,12 @@ impl Sums for f32 {
         assert_eq!(weights.len(), offsets.len() * GROUP, "weights of a group for each window");
         assert!(out.len() <= GROUP && out.iter().all(|row| row.len() == out[0].len()), "a group of channels");
         Arch::new().dispatch(Outer { weights, data, offsets, out });
+    }
+
+    fn filter(weights: &[Self], data: &[Self], offsets: &[usize], out: &mut [Self]) {
+        assert_eq!(weights.len(), offsets.len(), "a weight for each window");
+        assert!(out.len().is_multiple_of(LANES), "whole vectors");
+        Arch::new().dispatch(Filter { weights, data, offsets, out });
     }
 
     fn inner(rows: &[&[Self]], data: &[Self], offsets: &[usize], out: &mut [Self]) {
@@ -126,6 +150,50 @@ impl Outer<'_, '_> {
     }
 }
 
+struct Filter<'a> {
+    weights: &'a [f32],
+    data: &'a [f32],
+    offsets: &'a [usize],
+    out: &'a mut [f32],
+}
+
+impl WithSimd for Filter<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        let mut start = 0;
+        while start < self.out.len() {
+            let vectors = (self.out.len() - start) / S::F32_LANES;
+            start += S::F32_LANES
+                * match vectors {
+                    VECTORS.. => self.tile::<S, VECTORS>(simd, start),
+                    4.. => self.tile::<S, 4>(simd, start),
+                    2.. => self.tile::<S, 2>(simd, start),
+                    _ => self.tile::<S, 1>(simd, start),
+                };
+        }
+    }
+}
+
+impl Filter<'_> {
+    /// Vectors of columns, from `start`. Gives their number.
+    #[inline(always)]
+    fn tile<S: Simd, const VECTORS: usize>(&mut self, simd: S, start: usize) -> usize {
+        let width = VECTORS * S::F32_LANES;
+        let mut sums = [simd.splat_f32s(0.0); VECTORS];
+        for (&offset, &weight) in self.offsets.iter().zip(self.weights) {
+            let (values, _) = S::as_simd_f32s(&self.data[offset + start..][..width]);
+            let weight = simd.splat_f32s(weight);
+            for vector in 0..VECTORS {
+                sums[vector] = simd.mul_add_e_f32s(weight, values[vector], sums[vector]);
+            }
+        }
+        S::as_mut_simd_f32s(&mut self.out[start..][..width]).0.copy_from_slice(&sums);
+        VECTORS
+    }
+}
+
 struct Inner<'a> {
     rows: &'a [&'a [f32]],
     data: &'a [f32],
@@ -138,6 +206,12 @@ impl WithSimd for Inner<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
+        if self.rows.len() == 1 {
+            for k in (0..self.offsets.len()).step_by(WINDOWS_OF_ROW) {
+                self.tile::<S, 1, WINDOWS_OF_ROW>(simd, 0, k);
+            }
+            return;
+        }
         // The windows of a tile stay in the first cache while all rows pass.
         for k in (0..self.offsets.len()).step_by(WINDOWS) {
             for row in (0..self.rows.len()).step_by(ROWS) {
@@ -220,6 +294,15 @@ mod tests {
             let got: Vec<f64> = got.into_iter().map(f64::from).collect();
             let (error, largest) = difference(&got, &expected);
             assert!(error <= 2e-6 * largest, "outer {windows} {columns}: {error} of {largest}");
+
+            let whole = columns.next_multiple_of(LANES);
+            let filtered = values(3 * windows + whole, 4);
+            let (weights, mut expected, mut got) = (values(windows, 5), vec![0.0; whole], vec![0.0; whole]);
+            f64::filter(&weights, &filtered, &offsets, &mut expected);
+            f32::filter(&narrow(&weights), &narrow(&filtered), &offsets, &mut got);
+            let got: Vec<f64> = got.into_iter().map(f64::from).collect();
+            let (error, largest) = difference(&got, &expected);
+            assert!(error <= 2e-6 * largest, "filter {windows} {columns}: {error} of {largest}");
 
             // Lengths that are no multiple of any vector's.
             let length = columns + 5;

@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use lo_dataset::GeneratorConfig;
 use lo_events::{TrainedNetworks, TrainingPhase};
-use lo_nets::depth::DepthLossConfig;
+use lo_nets::depth::{DepthLossConfig, EncoderKind};
 use lo_nets::light::{LightLossConfig, LightNetConfig};
 use serde::{Deserialize, Serialize};
 
@@ -29,6 +29,8 @@ pub struct TrainConfig {
     pub checkpoint_minutes: f64,
     /// Steps whose mean makes a line of the log.
     pub log_steps: u64,
+    /// What of the depth network looks at the photo; `train --encoder-weights` gives it published weights to begin with.
+    pub encoder: EncoderKind,
     /// Where samples come from.
     pub data: DataConfig,
     /// What a sample is varied by.
@@ -93,6 +95,7 @@ impl Default for TrainConfig {
             discriminator_lr_ratio: 0.5,
             checkpoint_minutes: 10.0,
             log_steps: 50,
+            encoder: EncoderKind::default(),
             data: DataConfig::default(),
             augmentation: AugmentationConfig::default(),
             network: LightNetConfig::default(),

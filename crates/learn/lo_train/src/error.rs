@@ -39,6 +39,14 @@ pub enum TrainError {
         /// What is wrong.
         reason: String,
     },
+    /// A file of an encoder's weights is not what it should be.
+    #[error("{}: {reason}", path.display())]
+    EncoderWeights {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
     /// No sample of the dataset can be used.
     #[error("none of {count} samples in a row can be used; the last: {last}")]
     NoSamples {

@@ -6,7 +6,7 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 use lo_cone::Settings;
 use lo_nets::checkpoint::{Checkpoint, CheckpointError};
-use lo_nets::depth::{DepthNet, DepthOutput, PatchGan, depth_losses, panorama_loss};
+use lo_nets::depth::{DepthNet, DepthOutput, EncoderKind, PatchGan, depth_losses, panorama_loss};
 use lo_nets::light::{Growth, LightConfigError, LightLosses, LightNet, LightNetConfig};
 use lo_nets::{Adam, Networks};
 use serde::{Deserialize, Serialize};
@@ -46,6 +46,8 @@ pub(crate) struct Learner {
 /// Steps of the averages since they began, and the light network's shape.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct LearnerState {
+    #[serde(default)]
+    encoder: EncoderKind,
     network: LightNetConfig,
     averaged: [u64; 2],
 }
@@ -78,8 +80,8 @@ impl Learner {
         discriminator_adam.beta1 = 0.5;
         Ok(Self {
             depth: Trained {
-                net: DepthNet::new(features, seed, &recording()),
-                average: DepthNet::new(features, seed, &plain()),
+                net: DepthNet::new(config.encoder, features, seed, &recording()),
+                average: DepthNet::new(config.encoder, features, seed, &plain()),
                 adam: Adam::default(),
                 steps: 0,
             },
@@ -95,13 +97,13 @@ impl Learner {
         })
     }
 
-    /// Starts the depth network's encoder with torchvision's weights.
+    /// Starts the depth network's encoder with published weights.
     ///
     /// # Errors
     /// Names what is missing or of another shape.
     pub fn load_encoder(&mut self, weights: &Checkpoint) -> Result<(), CheckpointError> {
-        self.depth.net.encoder = self.depth.net.encoder.clone().load_torchvision(weights)?;
-        self.depth.average.encoder = self.depth.average.encoder.clone().load_torchvision(weights)?;
+        self.depth.net.encoder = self.depth.net.encoder.clone().load_published(weights)?;
+        self.depth.average.encoder = self.depth.average.encoder.clone().load_published(weights)?;
         Ok(())
     }
 
@@ -113,9 +115,13 @@ impl Learner {
         // Twice: clones share running statistics.
         let (start, average) = (Networks::read(path)?, Networks::read(path)?);
         let own = &start.config;
+        let other = |reason: String| Err(TrainError::NotThisRun { path: path.to_owned(), reason });
         if *own != config.network_of(own.depth) {
-            let reason = "its networks are of another shape than [network] of the configuration says".into();
-            return Err(TrainError::NotThisRun { path: path.to_owned(), reason });
+            return other("its networks are of another shape than [network] of the configuration says".into());
+        }
+        let encoder = start.depth.encoder_kind();
+        if encoder != config.encoder {
+            return other(format!("its encoder is {encoder}, that of the configuration {}", config.encoder));
         }
         let light = |old: &LightNet, device: &Device| {
             deepened(old, own, &self.network, seed, device).map_err(ConfigError::from)
@@ -150,7 +156,8 @@ impl Learner {
         {
             checkpoint.add_adam(&adam_name(name), adam);
         }
-        LearnerState { network: self.network.clone(), averaged: [self.depth.steps, self.light.steps] }
+        let encoder = self.depth.net.encoder_kind();
+        LearnerState { encoder, network: self.network.clone(), averaged: [self.depth.steps, self.light.steps] }
     }
 
     /// What [`Learner::add_to`] added.
@@ -159,10 +166,10 @@ impl Learner {
     /// Names what is missing or of another shape.
     pub fn from_checkpoint(mut checkpoint: Checkpoint, state: &LearnerState) -> Result<Self, CheckpointError> {
         let wrong = |problem| CheckpointError::Weights { module: LIGHT.to_owned(), problems: vec![problem] };
-        let LearnerState { network, averaged: [depth_steps, light_steps] } = state;
+        let LearnerState { encoder, network, averaged: [depth_steps, light_steps] } = state;
         let adams = [DEPTH, LIGHT, DISCRIMINATOR].map(|name| checkpoint.load_adam(&adam_name(name)));
         let [depth_adam, light_adam, discriminator_adam] = adams;
-        let blank = DepthNet::new(network.global_features, 0, &Device::flex());
+        let blank = DepthNet::new(*encoder, network.global_features, 0, &Device::flex());
         let depth = checkpoint.take_module(DEPTH, blank)?.train();
         let blank = LightNet::new(network, 0, &Device::flex()).map_err(|error| wrong(error.to_string()))?;
         let light = checkpoint.take_module(LIGHT, blank)?.train();
@@ -197,13 +204,7 @@ impl Learner {
 
     /// Whether the depth network's encoder normalises by its running statistics also while it learns.
     pub fn freeze_statistics(&mut self, frozen: bool) {
-        let encoder = &mut self.depth.net.encoder;
-        let layers = encoder.blocks.iter_mut().flat_map(|block| &mut block.layers);
-        let norms = layers.flat_map(|layer| [&mut layer.norm1, &mut layer.norm2]);
-        let norms = norms.chain(encoder.transitions.iter_mut().map(|transition| &mut transition.norm));
-        for norm in norms.chain([&mut encoder.norm0, &mut encoder.norm5]) {
-            norm.training = norm.training.clone().with_value(!frozen);
-        }
+        self.depth.net.encoder.freeze_statistics(frozen);
     }
 
     /// Whether all weights are numbers.

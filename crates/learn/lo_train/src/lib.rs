@@ -6,6 +6,7 @@
 mod augmentation;
 mod config;
 mod deepen;
+mod encoder_weights;
 mod error;
 mod example;
 mod feed;
@@ -27,6 +28,7 @@ mod weights;
 
 pub use augmentation::AugmentationConfig;
 pub use config::{DataConfig, TrainConfig, ValidationConfig};
+pub use encoder_weights::{EncoderOrigin, published, read_encoder};
 pub use error::{ConfigError, Fault, TrainError};
 pub use phases::{DepthPhase, LightPhase, Schedule};
 pub use rays::{drawn_panorama_rays, panorama_rays};

@@ -8,13 +8,14 @@ use std::time::{Duration, Instant};
 use lo_dataset::{CropModel, Dataset, Generated, Generator, Layout, LoaderState, Sample, fingerprint};
 use lo_events::{Cancelled, Event, OnEvent, Stage, TrainingPhase, Warning};
 use lo_imaging::write_rgba8;
-use lo_nets::checkpoint::{Checkpoint, Precision};
+use lo_nets::checkpoint::Precision;
 use lo_nets::conv::in_bf16;
 use lo_random::RngExt;
 use serde_json::json;
 
 use crate::augmentation::Variation;
 use crate::config::TrainConfig;
+use crate::encoder_weights::{EncoderOrigin, read_encoder};
 use crate::error::{ConfigError, Fault, TrainError};
 use crate::example::{DepthExample, KnownDepth, LightExample, RayCounts, Unusable};
 use crate::feed::{Batches, Feed, PassedOver};
@@ -54,7 +55,7 @@ pub struct Request<'a> {
     pub seed: u64,
     /// Trained weights of all networks to begin with.
     pub weights: Option<&'a Path>,
-    /// Weights of torchvision's `densenet121` to begin with.
+    /// Published weights of the configuration's encoder to begin with, as [`read_encoder`] takes them.
     pub encoder_weights: Option<&'a Path>,
 }
 
@@ -135,10 +136,17 @@ impl<'a> Run<'a> {
                 if let Some(path) = request.weights {
                     learner.load(path, config, seed)?;
                 }
+                let mut state = RunState::new(seed, fingerprint);
                 if let Some(path) = request.encoder_weights {
-                    learner.load_encoder(&Checkpoint::read(path)?)?;
+                    let (weights, origin) = read_encoder(path, config.encoder)?;
+                    learner.load_encoder(&weights)?;
+                    if !origin.is_published(config.encoder) {
+                        let EncoderOrigin { file, sha256 } = origin.clone();
+                        cancelled = on_event(Event::Warning(Warning::UnpublishedEncoder { file, sha256 })).is_break();
+                    }
+                    state.encoder_origin = Some(origin);
                 }
-                (learner, RunState::new(seed, fingerprint))
+                (learner, state)
             }
         };
         let log_path = folder.join(LOG_FILE);

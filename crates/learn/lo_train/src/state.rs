@@ -7,6 +7,7 @@ use lo_nets::checkpoint::{Checkpoint, Precision};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
+use crate::encoder_weights::EncoderOrigin;
 use crate::error::TrainError;
 use crate::learner::{Learner, LearnerState};
 
@@ -33,6 +34,9 @@ pub(crate) struct RunState {
     pub fingerprint: u64,
     pub log_bytes: u64,
     pub learner: Option<LearnerState>,
+    /// What the encoder began with.
+    #[serde(default)]
+    pub encoder_origin: Option<EncoderOrigin>,
 }
 
 impl RunState {
@@ -49,6 +53,7 @@ impl RunState {
             fingerprint,
             log_bytes: 0,
             learner: None,
+            encoder_origin: None,
         }
     }
 

@@ -4,6 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use lo_nets::checkpoint::{Checkpoint, CheckpointError, Precision};
+use lo_nets::depth::EncoderKind;
 use lo_nets::light::LightNetConfig;
 use lo_nets::{DEPTH_NET, Device, LIGHT_NET, Networks};
 use serde::Serialize;
@@ -83,6 +84,7 @@ pub fn average(files: &[PathBuf], to: &Path) -> Result<(), WeightsError> {
         let count = checkpoints.len() as f64;
         mean.insert(name, shape, sums.into_iter().map(|sum| (sum / count) as f32).collect());
     }
+    mean.state[DEPTH_NET] = first.state[DEPTH_NET].clone();
     mean.state[LIGHT_NET] = first.state[LIGHT_NET].clone();
     write(mean, to)
 }
@@ -99,6 +101,7 @@ pub fn merge(depth: &Path, light: &Path, to: &Path) -> Result<(), WeightsError> 
             merged.insert(name, shape, from.values(name).unwrap_or_default().to_vec());
         }
     }
+    merged.state[DEPTH_NET] = from_depth.state[DEPTH_NET].clone();
     merged.state[LIGHT_NET] = from_light.state[LIGHT_NET].clone();
     write(merged, to)
 }
@@ -114,6 +117,8 @@ pub struct Inspection {
     pub depth_net_values: u64,
     /// Weights of the light network.
     pub light_net_values: u64,
+    /// What of the depth network looks at the photo.
+    pub encoder: EncoderKind,
     /// The light network's shape.
     pub light_net: LightNetConfig,
 }
@@ -126,12 +131,14 @@ pub fn inspect(path: &Path) -> Result<Inspection, WeightsError> {
     let bytes = std::fs::read(path).map_err(|source| WeightsError::Io { path: path.to_owned(), source })?;
     let checkpoint = Checkpoint::from_bytes(&bytes, &path.display().to_string())?;
     let [depth_net_values, light_net_values] = [DEPTH_NET, LIGHT_NET].map(|network| checkpoint.values_of(network));
+    let networks = Networks::from_checkpoint(checkpoint, &Device::flex())?;
     Ok(Inspection {
         sha256: Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect(),
         bytes: bytes.len() as u64,
         depth_net_values,
         light_net_values,
-        light_net: Networks::from_checkpoint(checkpoint, &Device::flex())?.config,
+        encoder: networks.depth.encoder_kind(),
+        light_net: networks.config,
     })
 }
 

@@ -5,12 +5,13 @@ use std::path::Path;
 use lightoctree::Networks;
 use lightoctree::nets::Device;
 use lightoctree::nets::checkpoint::Precision;
+use lightoctree::nets::depth::EncoderKind;
 use lightoctree::nets::light::LightNetConfig;
 
 /// Writes weights.safetensors of untrained networks of depth 6.
 pub fn write_weights(folder: &Path) {
     let small = LightNetConfig { depth: 6, channels: 8, max_channels: 16, blocks: 1, ..LightNetConfig::default() };
     let config = LightNetConfig { bottleneck: 2, head_channels: 8, ..small };
-    let networks = Networks::new(&config, 1, &Device::flex()).unwrap();
+    let networks = Networks::new(EncoderKind::default(), &config, 1, &Device::flex()).unwrap();
     networks.write(folder.join("weights.safetensors"), Precision::Half).unwrap();
 }

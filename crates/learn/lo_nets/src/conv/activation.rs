@@ -12,12 +12,30 @@ pub fn scaled(x: Tensor<4>, affine: Tensor<2>) -> Tensor<4> {
     apply(x, affine, Then::Nothing)
 }
 
-/// The positive part of [`scaled`].
-pub fn activate(x: Tensor<4>, affine: Tensor<2>) -> Tensor<4> {
-    apply(x, affine, Then::Positive)
+/// Which part of a number is kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rectifier {
+    /// The positive one.
+    Relu,
+    /// The positive one, at most 6 (Krizhevsky 2010).
+    Relu6,
 }
 
-/// The means of 2 × 2 pixels of [`activate`], `[channels, pictures, height / 2, width / 2]`.
+impl Rectifier {
+    fn ceiling(self) -> f64 {
+        match self {
+            Self::Relu => f64::INFINITY,
+            Self::Relu6 => 6.0,
+        }
+    }
+}
+
+/// [`scaled`], then rectified.
+pub fn activate(x: Tensor<4>, affine: Tensor<2>, rectifier: Rectifier) -> Tensor<4> {
+    apply(x, affine, Then::Rectified(rectifier))
+}
+
+/// The means of 2 × 2 pixels of the positive part of [`scaled`], `[channels, pictures, height / 2, width / 2]`.
 ///
 /// # Panics
 /// For an odd height or width.
@@ -47,7 +65,8 @@ pub(super) fn composed(x: Tensor<4>, affine: Tensor<2>, then: Then) -> Tensor<4>
     let y = (x - centre) * scale + shift;
     match then {
         Then::Nothing => y,
-        Then::Positive => relu(y),
+        Then::Rectified(Rectifier::Relu) => relu(y),
+        Then::Rectified(Rectifier::Relu6) => y.clamp(0.0, 6.0),
         Then::PositiveMean => avg_pool2d(relu(y), AvgPoolOptions::new([2, 2])),
     }
 }
@@ -59,6 +78,8 @@ pub(super) struct Affine<'a, T> {
     scale: &'a [T],
     centre: &'a [T],
     shift: &'a [T],
+    /// What is rectified ends here.
+    ceiling: T,
 }
 
 /// [`Affine`] of one channel.
@@ -68,25 +89,26 @@ pub(super) struct ChannelAffine<T> {
     centre: T,
     /// Of `scale · x`.
     shift: T,
+    ceiling: T,
 }
 
 impl<'a, T: Number> Affine<'a, T> {
     /// From `[3, channels]`.
-    pub fn new(rows: &'a [T]) -> Self {
+    pub fn new(rows: &'a [T], rectifier: Rectifier) -> Self {
         let (scale, rest) = rows.split_at(rows.len() / 3);
         let (centre, shift) = rest.split_at(rest.len() / 2);
-        Self { scale, centre, shift }
+        Self { scale, centre, shift, ceiling: T::of(rectifier.ceiling()) }
     }
 
     /// Of the channels in a range.
     pub fn part(&self, channels: Range<usize>) -> Self {
         let [scale, centre, shift] = [self.scale, self.centre, self.shift].map(|row| &row[channels.clone()]);
-        Self { scale, centre, shift }
+        Self { scale, centre, shift, ceiling: self.ceiling }
     }
 
     pub fn channel(&self, channel: usize) -> ChannelAffine<T> {
         let (scale, centre) = (self.scale[channel], self.centre[channel]);
-        ChannelAffine { scale, centre, shift: self.shift[channel] - scale * centre }
+        ChannelAffine { scale, centre, shift: self.shift[channel] - scale * centre, ceiling: self.ceiling }
     }
 }
 
@@ -95,21 +117,36 @@ impl<T: Number> ChannelAffine<T> {
     pub fn value(&self, x: T) -> T {
         self.scale * x + self.shift
     }
-}
 
-/// NaN stays NaN, so that it is noticed.
-#[inline(always)]
-pub(super) fn positive<T: Number>(value: T) -> T {
-    if value < T::default() { T::default() } else { value }
+    /// NaN stays NaN, so that it is noticed.
+    #[inline(always)]
+    pub fn rectified(&self, x: T) -> T {
+        let value = self.value(x);
+        let value = if value < T::default() { T::default() } else { value };
+        if value > self.ceiling { self.ceiling } else { value }
+    }
+
+    /// Whether [`ChannelAffine::rectified`] changes with x. The same operations, so that both agree.
+    #[inline(always)]
+    fn is_active(&self, x: T) -> bool {
+        let value = self.value(x);
+        value > T::default() && value < self.ceiling
+    }
 }
 
 /// What follows scale and shift.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Then {
     Nothing,
-    Positive,
-    /// And the means of 2 × 2 pixels.
+    Rectified(Rectifier),
+    /// The positive part's means of 2 × 2 pixels.
     PositiveMean,
+}
+
+impl Then {
+    fn rectifier(self) -> Rectifier {
+        if let Self::Rectified(rectifier) = self { rectifier } else { Rectifier::Relu }
+    }
 }
 
 /// [`apply`] on slices.
@@ -132,7 +169,7 @@ impl Kernel for ActivationKernel {
 
     fn forward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]]) -> Vec<T> {
         let [channels, out_area] = self.output_size(sizes);
-        let affine = Affine::new(inputs[1]);
+        let affine = Affine::new(inputs[1], self.then.rectifier());
         let mut out = zeros(channels * out_area);
         let rows = out.par_chunks_mut(out_area.max(1)).zip(inputs[0].par_chunks(sizes[0][1].max(1)));
         rows.enumerate().for_each(|(channel, (out, x))| {
@@ -146,7 +183,12 @@ impl Kernel for ActivationKernel {
             Then::PositiveMean => shared_out(gradient, self.width / 2),
             _ => gradient.to_vec(),
         };
-        let by_affine = through_activation(&mut by_x, inputs[0], Affine::new(inputs[1]), self.then != Then::Nothing);
+        let by_affine = through_activation(
+            &mut by_x,
+            inputs[0],
+            Affine::new(inputs[1], self.then.rectifier()),
+            self.then != Then::Nothing,
+        );
         vec![by_x, by_affine]
     }
 }
@@ -165,10 +207,10 @@ impl<T: Number> WithSimd for Activate<'_, T> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let Self { out, x, affine, kernel: ActivationKernel { width, then } } = self;
-        let value = |x: T| positive(affine.value(x));
+        let value = |x: T| affine.rectified(x);
         match then {
             Then::Nothing => out.iter_mut().zip(x).for_each(|(out, &x)| *out = affine.value(x)),
-            Then::Positive => out.iter_mut().zip(x).for_each(|(out, &x)| *out = value(x)),
+            Then::Rectified(_) => out.iter_mut().zip(x).for_each(|(out, &x)| *out = value(x)),
             Then::PositiveMean => {
                 let quarter = T::of(0.25);
                 for (out, rows) in out.chunks_exact_mut(width / 2).zip(x.chunks_exact(2 * width)) {
@@ -197,15 +239,15 @@ fn shared_out<T: Number>(gradient: &[T], width: usize) -> Vec<T> {
     out
 }
 
-/// From the gradient by [`Affine`], where wanted its positive part, to the one by x, in place, and the one by the affine's rows.
-pub(super) fn through_activation<T: Number>(gradient: &mut [T], x: &[T], affine: Affine<T>, positive: bool) -> Vec<T> {
+/// From the gradient by [`Affine`], where wanted rectified, to the one by x, in place, and the one by the affine's rows.
+pub(super) fn through_activation<T: Number>(gradient: &mut [T], x: &[T], affine: Affine<T>, rectified: bool) -> Vec<T> {
     let area = (x.len() / affine.scale.len()).max(1);
     let sums: Vec<[f64; 3]> = gradient
         .par_chunks_mut(area)
         .zip(x.par_chunks(area))
         .enumerate()
         .map(|(channel, (gradient, x))| {
-            Arch::new().dispatch(ThroughActivation { gradient, x, affine: affine.channel(channel), positive })
+            Arch::new().dispatch(ThroughActivation { gradient, x, affine: affine.channel(channel), rectified })
         })
         .collect();
     (0..3).flat_map(|i| sums.iter().map(move |sums| T::of(sums[i]))).collect()
@@ -216,7 +258,7 @@ struct ThroughActivation<'a, T> {
     gradient: &'a mut [T],
     x: &'a [T],
     affine: ChannelAffine<T>,
-    positive: bool,
+    rectified: bool,
 }
 
 impl<T: Number> WithSimd for ThroughActivation<'_, T> {
@@ -225,10 +267,9 @@ impl<T: Number> WithSimd for ThroughActivation<'_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> [f64; 3] {
-        let Self { gradient, x, affine, positive } = self;
+        let Self { gradient, x, affine, rectified } = self;
         let step = |gradient: &mut T, x: T, [by_scale, by_shift]: [&mut T; 2]| {
-            // The same operations as forward, so that the sign is the same.
-            let active = !positive || affine.value(x) > T::default();
+            let active = !rectified || affine.is_active(x);
             let before = if active { *gradient } else { T::default() };
             *by_scale += before * (x - affine.centre);
             *by_shift += before;
@@ -269,6 +310,14 @@ mod tests {
     /// Five channels of two pictures, by channels and by pictures.
     const SIZES: [[[usize; 2]; 2]; 2] = [[[5, 2 * 6 * 8], [3, 5]], [[5, 2 * 6 * 8], [3, 10]]];
 
+    const ALL: [Then; 4] =
+        [Then::Nothing, Then::Rectified(Rectifier::Relu), Then::Rectified(Rectifier::Relu6), Then::PositiveMean];
+
+    /// Large enough that some of it reaches 6.
+    fn large(affine: Tensor<2>) -> Tensor<2> {
+        4.0 * affine
+    }
+
     fn on_pictures(x: Tensor<2>, function: impl Fn(Tensor<4>) -> Tensor<4>) -> Tensor<2> {
         let channels = x.dims()[0];
         function(x.reshape([channels, 2, 6, 8])).flatten(0, 2)
@@ -276,12 +325,12 @@ mod tests {
 
     #[test]
     fn kernel_is_the_composition() {
-        for then in [Then::Nothing, Then::Positive, Then::PositiveMean] {
+        for then in ALL {
             for sizes in SIZES {
                 assert_same_function(
                     &sizes,
-                    |[x, a]| on_pictures(x, |x| apply(x, a.clone(), then)),
-                    |[x, a]| on_pictures(x, |x| composed(x, a.clone(), then)),
+                    |[x, a]| on_pictures(x, |x| apply(x, large(a.clone()), then)),
+                    |[x, a]| on_pictures(x, |x| composed(x, large(a.clone()), then)),
                 );
             }
         }
@@ -289,9 +338,9 @@ mod tests {
 
     #[test]
     fn gradients_are_differences() {
-        for then in [Then::Nothing, Then::Positive, Then::PositiveMean] {
+        for then in ALL {
             for sizes in SIZES {
-                assert_gradients(&sizes, |[x, a]| on_pictures(x, |x| apply(x, a.clone(), then)));
+                assert_gradients(&sizes, |[x, a]| on_pictures(x, |x| apply(x, large(a.clone()), then)));
             }
         }
     }

@@ -2,7 +2,7 @@ use std::any::TypeId;
 
 use rayon::prelude::*;
 
-use crate::conv::activation::{Affine, through_activation, total};
+use crate::conv::activation::{Affine, Rectifier, through_activation, total};
 use crate::conv::bands::{PIECES, by_bands};
 use crate::conv::half;
 use crate::conv::window::Window;
@@ -31,8 +31,8 @@ pub enum Third {
     None,
     /// `[1, outputs]`: added to the output.
     Bias,
-    /// `[3, channels]`, scale, centre and shift: what is convolved is max(0, scale · (x − centre) + shift), which is never stored.
-    Activation,
+    /// `[3, channels]`, scale, centre and shift: what is convolved is scale · (x − centre) + shift rectified, which is never stored.
+    Activation(Rectifier),
 }
 
 impl ConvKernel {
@@ -46,7 +46,8 @@ impl ConvKernel {
     }
 
     fn activation<'a, T: Number>(&self, inputs: &[&'a [T]]) -> Option<Affine<'a, T>> {
-        (self.third == Third::Activation).then(|| Affine::new(inputs[2]))
+        let Third::Activation(rectifier) = self.third else { return None };
+        Some(Affine::new(inputs[2], rectifier))
     }
 }
 
@@ -58,7 +59,9 @@ impl Kernel for ConvKernel {
         match self.third {
             Third::None => assert_eq!(sizes.len(), 2, "no third input"),
             Third::Bias => assert_eq!(sizes[2], [1, outputs], "one bias for each output"),
-            Third::Activation => assert_eq!(sizes[2], [3, channels], "a scale, a centre and a shift for each channel"),
+            Third::Activation(_) => {
+                assert_eq!(sizes[2], [3, channels], "a scale, a centre and a shift for each channel")
+            }
         }
         [outputs, self.window.pictures * self.window.area()]
     }

@@ -6,6 +6,7 @@
 mod activation;
 mod amx;
 mod bands;
+mod depthwise;
 mod half;
 mod kernel;
 mod max_pool;
@@ -17,11 +18,12 @@ use burn::nn::PaddingConfig2d;
 use burn::nn::conv::Conv2d;
 use burn::tensor::Tensor;
 
+use crate::conv::depthwise::DepthwiseKernel;
 use crate::conv::kernel::{ConvKernel, Third};
 use crate::conv::window::Window;
 use crate::host::{binary, ternary};
 
-pub use activation::{activate, activated_mean, scaled};
+pub use activation::{Rectifier, activate, activated_mean, scaled};
 pub use half::in_bf16;
 pub use max_pool::max_pool;
 pub use norm::{Moments, batch_norm, group_norm};
@@ -30,7 +32,7 @@ pub use upsample::upsample_nearest;
 /// [`Conv2d::forward`] of pictures.
 ///
 /// # Panics
-/// For dilation, groups, or another stride or padding down than across.
+/// For dilation, for groups other than one or one for each channel, and for another stride or padding down than across.
 pub fn conv2d(x: Tensor<4>, conv: &Conv2d) -> Tensor<4> {
     convolved(x, None, conv)
 }
@@ -39,34 +41,39 @@ pub fn conv2d(x: Tensor<4>, conv: &Conv2d) -> Tensor<4> {
 ///
 /// # Panics
 /// As [`conv2d`], and for a convolution with a bias.
-pub fn activated_conv2d(x: Tensor<4>, affine: Tensor<2>, conv: &Conv2d) -> Tensor<4> {
+pub fn activated_conv2d(x: Tensor<4>, affine: Tensor<2>, rectifier: Rectifier, conv: &Conv2d) -> Tensor<4> {
     assert!(conv.bias.is_none(), "a convolution without bias");
-    convolved(x, Some(affine), conv)
+    convolved(x, Some((affine, rectifier)), conv)
 }
 
-fn convolved(x: Tensor<4>, affine: Option<Tensor<2>>, conv: &Conv2d) -> Tensor<4> {
+fn convolved(x: Tensor<4>, activation: Option<(Tensor<2>, Rectifier)>, conv: &Conv2d) -> Tensor<4> {
     let ([channels, pictures, height, width], [outputs, _, kernel, _]) = (x.dims(), conv.weight.dims());
-    let PaddingConfig2d::Explicit(padding, bottom, left, right) = conv.padding else {
+    let PaddingConfig2d::Explicit(top, left, bottom, right) = conv.padding else {
         panic!("padding in numbers of pixels");
     };
     let stride = conv.stride[0];
-    assert!(
-        conv.groups == 1 && conv.dilation == [1; 2] && conv.kernel_size == [kernel; 2],
-        "no groups, no dilation, a square kernel"
-    );
-    assert!(
-        conv.stride == [stride; 2] && [bottom, left, right] == [padding; 3],
-        "the same stride and padding all round"
-    );
-    let bias = conv.bias.as_ref().map(|bias| bias.val());
-    let window = Window { pictures, ..Window::new([height, width], kernel, stride, padding) };
+    assert!(conv.dilation == [1; 2] && conv.kernel_size == [kernel; 2], "no dilation, a square kernel");
+    assert!(conv.stride == [stride; 2] && [top, bottom] == [left, right], "the same stride and padding down as across");
+    let window = Window { pictures, ..Window::new([height, width], kernel, stride, [top, bottom]) };
     let x = x.reshape([channels, pictures * height * width]);
-    let weights = conv.weight.val().reshape([outputs, channels * kernel * kernel]);
-    let kernel = |third| ConvKernel { window, third, half: half::is_wanted() };
-    let y = match (affine, bias) {
-        (Some(affine), _) => ternary(x, weights, affine, kernel(Third::Activation)),
-        (None, Some(bias)) => ternary(x, weights, bias.reshape([1, outputs]), kernel(Third::Bias)),
-        (None, None) => binary(x, weights, kernel(Third::None)),
+    let y = if conv.groups == 1 {
+        let bias = conv.bias.as_ref().map(|bias| bias.val());
+        let weights = conv.weight.val().reshape([outputs, channels * kernel * kernel]);
+        let kernel = |third| ConvKernel { window, third, half: half::is_wanted() };
+        match (activation, bias) {
+            (Some((affine, rectifier)), _) => ternary(x, weights, affine, kernel(Third::Activation(rectifier))),
+            (None, Some(bias)) => ternary(x, weights, bias.reshape([1, outputs]), kernel(Third::Bias)),
+            (None, None) => binary(x, weights, kernel(Third::None)),
+        }
+    } else {
+        assert!(conv.groups == channels && outputs == channels && conv.bias.is_none(), "one group, or depthwise");
+        let weights = conv.weight.val().reshape([channels, kernel * kernel]);
+        match activation {
+            Some((affine, rectifier)) => {
+                ternary(x, weights, affine, DepthwiseKernel { window, rectifier: Some(rectifier) })
+            }
+            None => binary(x, weights, DepthwiseKernel { window, rectifier: None }),
+        }
     };
     y.reshape([outputs, pictures, window.output[0], window.output[1]])
 }
@@ -85,7 +92,7 @@ fn composed(
     use burn::tensor::ops::ConvOptions;
 
     let x = match affine {
-        Some(affine) => activation::composed(x, affine, activation::Then::Positive),
+        Some(affine) => activation::composed(x, affine, activation::Then::Rectified(Rectifier::Relu)),
         None => x,
     };
     let options = ConvOptions::new([stride; 2], [padding; 2], [1; 2], 1);
@@ -118,6 +125,8 @@ mod tests {
         ([40, 33], [2, 30, 50], [3, 1, 1]),
     ];
 
+    const ACTIVATION: Third = Third::Activation(Rectifier::Relu);
+
     fn run(case: Case, third: Third, inputs: &[Tensor<2>], composed_of_burn: bool) -> Tensor<2> {
         let ([channels, outputs], [pictures, height, width], [kernel, stride, padding]) = case;
         let [x, weights] = [0, 1].map(|i| inputs[i].clone());
@@ -125,7 +134,7 @@ mod tests {
         if composed_of_burn {
             let x = x.reshape([channels, pictures, height, width]);
             let weights = weights.reshape([outputs, channels, kernel, kernel]);
-            let affine = third_input.clone().filter(|_| third == Third::Activation);
+            let affine = third_input.clone().filter(|_| third == ACTIVATION);
             let bias = third_input.filter(|_| third == Third::Bias).map(|bias| bias.reshape([outputs]));
             let y = composed(x, affine, weights, bias, stride, padding);
             return y.reshape([outputs as i32, -1]);
@@ -146,7 +155,7 @@ mod tests {
     #[test]
     fn kernel_is_the_composition() {
         for case in CASES {
-            for third in [Third::Activation, Third::Bias] {
+            for third in [ACTIVATION, Third::Bias] {
                 let sizes = sizes(case, third);
                 assert_same_function(&sizes, |i| run(case, third, &i, false), |i| run(case, third, &i, true));
             }
@@ -159,7 +168,7 @@ mod tests {
     #[test]
     fn gradients_are_differences() {
         for case in &CASES[..13] {
-            for third in [Third::Activation, Third::Bias] {
+            for third in [ACTIVATION, Third::Bias] {
                 assert_gradients(&sizes(*case, third), |inputs| run(*case, third, &inputs, false));
             }
         }
@@ -168,7 +177,7 @@ mod tests {
     #[test]
     fn bf16_products_of_small_integers_are_exact() {
         for case in CASES {
-            for third in [Third::None, Third::Activation, Third::Bias] {
+            for third in [Third::None, ACTIVATION, Third::Bias] {
                 let sizes = sizes(case, third);
                 let sizes = if third == Third::None { &sizes[..2] } else { &sizes };
                 let whole = |index: usize, [rows, columns]: [usize; 2]| -> Vec<f64> {
@@ -208,7 +217,7 @@ mod tests {
         third: Third,
         half: bool,
     ) -> ConvKernel {
-        let window = Window { pictures, ..Window::new([height, width], kernel, stride, padding) };
+        let window = Window { pictures, ..Window::new([height, width], kernel, stride, [padding; 2]) };
         ConvKernel { window, third, half }
     }
 
@@ -219,14 +228,14 @@ mod tests {
     #[test]
     fn threads_do_not_change_a_bit() {
         let case = CASES[13];
-        let [x, weights, affine] = sizes(case, Third::Activation);
+        let [x, weights, affine] = sizes(case, ACTIVATION);
         let values = |[rows, columns]: [usize; 2], seed| -> Vec<f32> {
             crate::testing::values(rows * columns, seed).iter().map(|&v| v as f32).collect()
         };
         let inputs = [values(x, 1), values(weights, 2), values(affine, 3)];
         let inputs: Vec<&[f32]> = inputs.iter().map(Vec::as_slice).collect();
         for half in [false, true] {
-            let kernel = kernel_of(case, Third::Activation, half);
+            let kernel = kernel_of(case, ACTIVATION, half);
             let on = |threads: usize| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
                 pool.install(|| {

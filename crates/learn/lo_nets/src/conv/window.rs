@@ -1,6 +1,6 @@
 use pulp::{Arch, Simd, WithSimd};
 
-use crate::conv::activation::{Affine, positive};
+use crate::conv::activation::Affine;
 use crate::conv::amx::{BLOCK, STEP, bf16};
 use crate::host::Number;
 use crate::sums::LANES;
@@ -39,17 +39,17 @@ pub struct Window {
 }
 
 impl Window {
-    /// The window of a convolution of one picture of height and width `input`.
+    /// The window of a convolution of one picture of height and width `input`, with zeros `before` and `after` it.
     ///
     /// # Panics
     /// Where the picture is smaller than the kernel.
-    pub fn new(input: [usize; 2], kernel: usize, stride: usize, padding: usize) -> Self {
+    pub fn new(input: [usize; 2], kernel: usize, stride: usize, [before, after]: [usize; 2]) -> Self {
         let output = input.map(|side| {
-            let padded = side + 2 * padding;
+            let padded = before + side + after;
             assert!(kernel > 0 && padded >= kernel, "a picture of side {side} for a kernel of side {kernel}");
             (padded - kernel) / stride + 1
         });
-        Self { pictures: 1, input, output, kernel, stride, padding, spread: 1 }
+        Self { pictures: 1, input, output, kernel, stride, padding: before, spread: 1 }
     }
 
     /// The window by which the gradient of the input follows from that of the output.
@@ -236,7 +236,7 @@ impl<T: Number, P: Place<T>> WithSimd for Read<'_, T, P> {
                 (Some(x), None) => read_plane(self.window, plane, self.first, x, put, |x| x),
                 (Some(x), Some(affine)) => {
                     let affine = affine.channel(channel);
-                    read_plane(self.window, plane, self.first, x, put, |x| positive(affine.value(x)));
+                    read_plane(self.window, plane, self.first, x, put, |x| affine.rectified(x));
                 }
             }
         }
@@ -281,12 +281,33 @@ fn read_plane<T: Number, P>(
             clear(left);
             middle.iter_mut().zip(x).for_each(|(out, &x)| put(out, value(x)));
             clear(right);
-        } else {
-            for (column, out) in row.iter_mut().enumerate() {
-                let place = (column * stride + phase % phases).checked_sub(padding);
-                let place = place.filter(|place| place % spread == 0 && place / spread < width);
-                put(out, place.map_or(T::default(), |place| value(x[place / spread])));
+        } else if spread > 1 {
+            clear(row);
+            let row = &mut row[padding.min(pitch)..];
+            if spread == 2 {
+                // Pairs, of which vectors can be made.
+                let (pairs, last) = row.as_chunks_mut::<2>();
+                let firsts = pairs.iter_mut().map(|pair| &mut pair[0]).chain(last);
+                firsts.zip(x).for_each(|(out, &x)| put(out, value(x)));
+            } else {
+                row.iter_mut().step_by(spread).zip(x).for_each(|(out, &x)| put(out, value(x)));
             }
+        } else {
+            // The first column of the row that is in the picture, and where it is there.
+            let column = phase % phases;
+            let first = padding.saturating_sub(column).div_ceil(stride).min(pitch);
+            let x = x.get((first * stride + column).saturating_sub(padding)..).unwrap_or_default();
+            let (left, rest) = row.split_at_mut(first);
+            let (middle, right) = rest.split_at_mut(x.len().div_ceil(stride).min(rest.len()));
+            clear(left);
+            if stride == 2 {
+                let (pairs, last) = x.as_chunks::<2>();
+                let firsts = pairs.iter().map(|pair| &pair[0]).chain(last);
+                middle.iter_mut().zip(firsts).for_each(|(out, &x)| put(out, value(x)));
+            } else {
+                middle.iter_mut().zip(x.iter().step_by(stride)).for_each(|(out, &x)| put(out, value(x)));
+            }
+            clear(right);
         }
     }
 }

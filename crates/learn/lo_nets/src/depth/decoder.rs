@@ -4,8 +4,8 @@ use burn::nn::{GroupNorm, GroupNormConfig};
 use burn::tensor::{Device, Tensor};
 use lo_random::Stream;
 
-use crate::conv::{Moments, activate, conv2d, group_norm, upsample_nearest};
-use crate::depth::densenet::{DENSENET_CHANNELS, conv};
+use crate::conv::{Moments, Rectifier, activate, conv2d, group_norm, upsample_nearest};
+use crate::depth::layers::conv;
 
 /// Channels of the decoder's stages at 1/16, 1/8, 1/4 and 1/2.
 const CHANNELS: [usize; 4] = [256, 128, 64, 32];
@@ -39,14 +39,15 @@ impl ConvStage {
     pub(super) fn forward(&self, x: Tensor<4>) -> Tensor<4> {
         let x = conv2d(x, &self.conv);
         let affine = group_norm(&self.norm, &Moments::of_pictures(x.clone()));
-        activate(x, affine)
+        activate(x, affine, Rectifier::Relu)
     }
 }
 
 impl DepthDecoder {
-    pub(super) fn new(stream: &mut Stream, device: &Device) -> Self {
-        let mut inputs = DENSENET_CHANNELS[4];
-        let skips = DENSENET_CHANNELS[..4].iter().rev();
+    /// For features of so many channels, from 1/2 to 1/32.
+    pub(super) fn new(features: [usize; 5], stream: &mut Stream, device: &Device) -> Self {
+        let mut inputs = features[4];
+        let skips = features[..4].iter().rev();
         let stages = skips.zip(CHANNELS).map(|(skip, outputs)| {
             let stage = ConvStage::new([inputs + skip, outputs], stream, device);
             inputs = outputs;

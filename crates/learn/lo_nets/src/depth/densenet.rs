@@ -1,12 +1,14 @@
-use burn::module::{Module, Param};
-use burn::nn::conv::{Conv2d, Conv2dConfig};
-use burn::nn::{BatchNorm, BatchNormConfig, PaddingConfig2d};
-use burn::tensor::{Device, Tensor, TensorData};
-use lo_random::{RngExt, Stream};
+use burn::module::Module;
+use burn::nn::BatchNorm;
+use burn::nn::conv::Conv2d;
+use burn::tensor::{Device, Tensor};
+use lo_random::Stream;
 
 use crate::checkpoint::{Checkpoint, CheckpointError};
-use crate::conv::{Moments, activate, activated_conv2d, activated_mean, batch_norm, conv2d, max_pool, scaled};
-use crate::layers::drawn;
+use crate::conv::{
+    Moments, Rectifier, activate, activated_conv2d, activated_mean, batch_norm, conv2d, max_pool, scaled,
+};
+use crate::depth::layers::{conv, norm};
 
 /// Channels that a dense layer adds, and that it works with.
 const GROWTH: usize = 32;
@@ -62,39 +64,6 @@ pub struct Transition {
     pub conv: Conv2d,
 }
 
-/// A convolution, its weights normal with variance 2 / fan-in (He et al. 2015), as torchvision has it.
-pub(super) fn conv(
-    channels: [usize; 2],
-    kernel: usize,
-    stride: usize,
-    bias: bool,
-    stream: &mut Stream,
-    device: &Device,
-) -> Conv2d {
-    let padding = (kernel - 1) / 2;
-    let mut conv = Conv2dConfig::new(channels, [kernel, kernel])
-        .with_stride([stride, stride])
-        .with_padding(PaddingConfig2d::Explicit(padding, padding, padding, padding))
-        .with_bias(bias)
-        .init(device);
-    let fan_in = channels[0] * kernel * kernel;
-    let deviation = (2.0 / fan_in as f32).sqrt();
-    let size = [channels[1], channels[0], kernel, kernel];
-    conv.weight = drawn(size, stream, device, move |stream| deviation * normal(stream));
-    conv.bias = bias.then(|| Param::from_data(TensorData::new(vec![0.0f32; channels[1]], [channels[1]]), device));
-    conv
-}
-
-/// Box & Muller (1958).
-fn normal(stream: &mut Stream) -> f32 {
-    let radius = (-2.0 * (1.0 - stream.random::<f32>()).ln()).sqrt();
-    radius * (std::f32::consts::TAU * stream.random::<f32>()).cos()
-}
-
-fn norm(channels: usize, device: &Device) -> BatchNorm {
-    BatchNormConfig::new(channels).init(device)
-}
-
 impl DenseNet {
     /// Random weights.
     pub fn new(stream: &mut Stream, device: &Device) -> Self {
@@ -130,12 +99,19 @@ impl DenseNet {
         })
     }
 
+    pub(super) fn norms_mut(&mut self) -> Vec<&mut BatchNorm> {
+        let layers = self.blocks.iter_mut().flat_map(|block| &mut block.layers);
+        let norms = layers.flat_map(|layer| [&mut layer.norm1, &mut layer.norm2]);
+        let norms = norms.chain(self.transitions.iter_mut().map(|transition| &mut transition.norm));
+        norms.chain([&mut self.norm0, &mut self.norm5]).collect()
+    }
+
     /// `[3, pictures, height, width]`, multiples of 32, to the features at 1/2, 1/4, 1/8, 1/16 and 1/32 of that, of
     /// [`DENSENET_CHANNELS`].
     pub fn forward(&self, x: Tensor<4>) -> [Tensor<4>; 5] {
         let x = conv2d(x, &self.conv0);
         let affine = batch_norm(&self.norm0, Moments::in_training(&x).as_ref());
-        let half = activate(x, affine);
+        let half = activate(x, affine, Rectifier::Relu);
         let mut x = max_pool(half.clone());
         let mut outputs = Vec::new();
         for (i, block) in self.blocks.iter().enumerate() {
@@ -190,9 +166,9 @@ impl DenseLayer {
     }
 
     fn forward(&self, x: Tensor<4>, moments: Option<&Moments>) -> Tensor<4> {
-        let x = activated_conv2d(x, batch_norm(&self.norm1, moments), &self.conv1);
+        let x = activated_conv2d(x, batch_norm(&self.norm1, moments), Rectifier::Relu, &self.conv1);
         let affine = batch_norm(&self.norm2, Moments::in_training(&x).as_ref());
-        activated_conv2d(x, affine, &self.conv2)
+        activated_conv2d(x, affine, Rectifier::Relu, &self.conv2)
     }
 }
 

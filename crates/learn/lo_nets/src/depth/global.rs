@@ -5,7 +5,7 @@ use lo_random::Stream;
 
 use crate::conv::{conv2d, upsample_nearest};
 use crate::depth::decoder::ConvStage;
-use crate::depth::densenet::{DENSENET_CHANNELS, conv};
+use crate::depth::layers::conv;
 use crate::layers::Linear;
 use crate::light::MAX_RADIANCE;
 
@@ -45,15 +45,16 @@ fn with_bias(size: [usize; 2], stream: &mut Stream, device: &Device) -> Linear {
 }
 
 impl GlobalEncoder {
-    pub(super) fn new(features: usize, stream: &mut Stream, device: &Device) -> Self {
+    /// From so many channels to `f_L`.
+    pub(super) fn new([channels, features]: [usize; 2], stream: &mut Stream, device: &Device) -> Self {
         Self {
-            conv: conv([DENSENET_CHANNELS[4], CELL_CHANNELS], 1, 1, true, stream, device),
+            conv: conv([channels, CELL_CHANNELS], 1, 1, true, stream, device),
             hidden: with_bias([CELLS[0] * CELLS[1] * CELL_CHANNELS, HIDDEN], stream, device),
             output: with_bias([HIDDEN, features], stream, device),
         }
     }
 
-    /// `[1024, pictures, height, width] → f_L [pictures, features]`.
+    /// `[channels, pictures, height, width] → f_L [pictures, features]`.
     pub fn forward(&self, x: Tensor<4>) -> Tensor<2> {
         let cells = adaptive_avg_pool2d(relu(conv2d(x, &self.conv)), CELLS);
         self.output.forward(relu(self.hidden.forward(cells.swap_dims(0, 1).flatten(1, 3))))

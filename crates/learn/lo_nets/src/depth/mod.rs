@@ -2,13 +2,18 @@
 
 mod decoder;
 mod densenet;
+mod efficientnet;
+mod encoder;
 mod global;
+mod layers;
 mod losses;
 mod network;
 mod patch_gan;
 
 pub use decoder::{ConvStage, DepthDecoder};
 pub use densenet::{DENSENET_CHANNELS, DenseBlock, DenseLayer, DenseNet, Transition};
+pub use efficientnet::{EfficientNetLite, EfficientNetScale, InvertedResidual, NormedConv, Separable};
+pub use encoder::{Encoder, EncoderKind};
 pub use global::{GlobalEncoder, PanoramaDecoder};
 pub use losses::{DepthLossConfig, depth_losses, panorama_loss};
 pub use network::{DepthNet, DepthOutput, LONGER_SIDE, network_input, panorama_image, size_within};

@@ -4,11 +4,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use lo_geometry::Camera;
 use lo_imaging::{DepthMap, Image, RadianceImage, linear_from_srgb8, srgb8_from_linear};
 
-use crate::depth::{DenseNet, DepthDecoder, GlobalEncoder, PanoramaDecoder};
-
-/// Mean and deviation of the pictures that torchvision's weights were trained on, sRGB values from 0 to 1.
-const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
-const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
+use crate::depth::{DepthDecoder, Encoder, EncoderKind, GlobalEncoder, PanoramaDecoder};
 
 /// Extents that can be predicted, metres.
 const EXTENT_RANGE_M: [f64; 2] = [0.02, 200.0];
@@ -24,13 +20,15 @@ const MULTIPLE: usize = 32;
 #[derive(Module, Debug)]
 pub struct DepthNet {
     /// Features.
-    pub encoder: DenseNet,
+    pub encoder: Encoder,
     /// Depth.
     pub decoder: DepthDecoder,
     /// `f_L`.
     pub global: GlobalEncoder,
     /// A panorama at the camera.
     pub panorama: PanoramaDecoder,
+    #[module(skip)]
+    kind: EncoderKind,
 }
 
 /// What the depth network gives.
@@ -76,15 +74,21 @@ pub fn panorama_image(panoramas: Tensor<4>) -> RadianceImage {
 
 impl DepthNet {
     /// A network with weights drawn from `seed` and an `f_L` of this length.
-    pub fn new(global_features: usize, seed: u64, device: &Device) -> Self {
+    pub fn new(encoder: EncoderKind, global_features: usize, seed: u64, device: &Device) -> Self {
         let mut stream = lo_random::stream(seed, "depth network", 0);
-        let stream = &mut stream;
+        let (stream, channels) = (&mut stream, encoder.feature_channels());
         Self {
-            encoder: DenseNet::new(stream, device),
-            decoder: DepthDecoder::new(stream, device),
-            global: GlobalEncoder::new(global_features, stream, device),
+            encoder: encoder.init(stream, device),
+            decoder: DepthDecoder::new(channels, stream, device),
+            global: GlobalEncoder::new([channels[4], global_features], stream, device),
             panorama: PanoramaDecoder::new(global_features, stream, device),
+            kind: encoder,
         }
+    }
+
+    /// Which encoder it has.
+    pub fn encoder_kind(&self) -> EncoderKind {
+        self.kind
     }
 
     /// From sRGB photos of any size, which all have.
@@ -114,9 +118,10 @@ impl DepthNet {
         let (width, height) = (photos[0].width(), photos[0].height());
         assert!(width > 0 && height > 0, "a photo has pixels");
         assert!(photos.iter().all(|photo| (photo.width(), photo.height()) == (width, height)), "photos of one size");
-        let normal = |c: usize| move |pixel: &[u8; 3]| (f32::from(pixel[c]) / 255.0 - MEAN[c]) / DEVIATION[c];
+        let [mean, deviation] = self.kind.normalisation();
+        let normal = |c: usize| move |pixel: &[u8; 3]| (f32::from(pixel[c]) / 255.0 - mean[c]) / deviation[c];
         let channels = (0..3).flat_map(|c| photos.iter().flat_map(move |photo| photo.pixels().iter().map(normal(c))));
-        let device = self.encoder.conv0.weight.val().device();
+        let device = self.decoder.output.weight.lazy_device();
         let size = [3, photos.len(), height, width];
         let x = Tensor::<4>::from_data(TensorData::new::<f32, _>(channels.collect(), size), &device);
         let missing = |size: usize| size.next_multiple_of(MULTIPLE) - size;
@@ -160,7 +165,7 @@ mod tests {
 
     #[test]
     fn the_same_picture_by_a_longer_lens_is_farther() {
-        let output = DepthNet::new(16, 1, &Device::flex()).forward(&[&photo(64, 32)]);
+        let output = DepthNet::new(EncoderKind::default(), 16, 1, &Device::flex()).forward(&[&photo(64, 32)]);
         let (wide, upright) = (camera(), Camera::from_hfov_deg(53.130_102, 32, 64).unwrap());
         let long = Camera { fx: 3.0 * wide.fx, fy: 3.0 * wide.fy, ..wide };
         let [near, far, other] = [wide, long, upright].map(|camera| output.depth_m(&camera).pixels()[77]);
@@ -181,7 +186,7 @@ mod tests {
 
     #[test]
     fn any_size_gives_depth_and_light() {
-        let net = DepthNet::new(16, 1, &Device::flex());
+        let net = DepthNet::new(EncoderKind::default(), 16, 1, &Device::flex());
         for (width, height) in [(50, 37), (64, 32), (1, 1)] {
             let output = net.forward(&[&photo(width, height)]);
             let depth = output.depth_m(&camera());
@@ -196,7 +201,7 @@ mod tests {
 
     #[test]
     fn photos_together_give_what_each_gives_alone() {
-        let net = DepthNet::new(16, 1, &Device::flex());
+        let net = DepthNet::new(EncoderKind::default(), 16, 1, &Device::flex());
         let photos = [photo(50, 37), photo(50, 37).map(|&[r, g, b]| [b, r, g])];
         let together = net.forward(&photos.each_ref());
         let values = |tensor: Tensor<4>| tensor.into_data().iter::<f32>().collect::<Vec<_>>();
@@ -219,7 +224,7 @@ mod tests {
     #[test]
     fn a_step_of_each_network_lowers_its_loss_and_saves_its_statistics() {
         let device = Device::flex().autodiff();
-        let (mut net, mut judge) = (DepthNet::new(16, 1, &device), PatchGan::new(2, &device));
+        let (mut net, mut judge) = (DepthNet::new(EncoderKind::default(), 16, 1, &device), PatchGan::new(2, &device));
         let photo = photo(64, 32);
         let truth = DepthMap::from_fn(64, 32, |x, _| 1.0 + x as f32 * 0.1);
         let sky = RadianceImage::from_fn(128, 64, |_, y| [if y < 20 { 8.0 } else { 0.2 }; 3]);
@@ -249,7 +254,7 @@ mod tests {
         checkpoint.add_module("depth", &net);
         checkpoint.write(folder.path().join("depth.safetensors"), Precision::Full).unwrap();
         let read = Checkpoint::read(folder.path().join("depth.safetensors")).unwrap();
-        let other = read.load_module("depth", DepthNet::new(16, 9, &Device::flex())).unwrap();
+        let other = read.load_module("depth", DepthNet::new(EncoderKind::default(), 16, 9, &Device::flex())).unwrap();
         assert_eq!(other.forward(&[&photo]).depth_m(&camera()), net.valid().forward(&[&photo]).depth_m(&camera()));
     }
 }

@@ -3,7 +3,7 @@ use burn::nn::conv::Conv2d;
 use burn::tensor::{Device, Tensor, activation};
 
 use crate::conv::conv2d;
-use crate::depth::densenet::conv;
+use crate::depth::layers::conv;
 
 /// Conditional PatchGAN discriminator (Isola et al. 2017): whether each patch of a panorama is real, given what the photo shows.
 #[derive(Module, Debug)]

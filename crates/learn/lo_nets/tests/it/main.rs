@@ -2,4 +2,6 @@
 #![allow(clippy::unwrap_used)]
 
 mod densenet;
+mod efficientnet;
+mod formula;
 mod ognn;

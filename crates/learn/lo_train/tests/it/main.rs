@@ -1,6 +1,7 @@
 //! The networks learn, in runs as a whole and on scenes of their own.
 #![allow(clippy::unwrap_used)]
 
+mod encoder_weights;
 mod overfit;
 mod run;
 mod size;

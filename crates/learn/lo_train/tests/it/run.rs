@@ -8,6 +8,7 @@ use lo_dataset::{Generator, GeneratorConfig, Split, write_shard};
 use lo_events::{Event, Figure, Stage};
 use lo_nets::Networks;
 use lo_nets::checkpoint::Checkpoint;
+use lo_nets::depth::EncoderKind;
 use lo_nets::light::LightNetConfig;
 use lo_synth::SynthConfig;
 use lo_train::{
@@ -34,7 +35,7 @@ fn rooms() -> PathBuf {
 }
 
 /// All three stages, the light network at two depths; a few steps each.
-fn config() -> TrainConfig {
+pub fn config() -> TrainConfig {
     let network =
         LightNetConfig { depth: 5, full_depth: 3, channels: 8, max_channels: 16, blocks: 1, ..Default::default() };
     let light = |usual: LightPhase, octree_depth| LightPhase {
@@ -183,7 +184,7 @@ fn trained_weights_begin_a_run() {
     let folder = tempfile::tempdir().unwrap();
     let weights = folder.path().join("trained.safetensors");
     let config = TrainConfig { depth: Vec::new(), joint: Vec::new(), ..config() };
-    let trained = Networks::new(&config.network, 3, &lo_nets::Device::flex()).unwrap();
+    let trained = Networks::new(EncoderKind::default(), &config.network, 3, &lo_nets::Device::flex()).unwrap();
     trained.write(&weights, lo_nets::checkpoint::Precision::Half).unwrap();
     let request =
         Request { folder: folder.path(), resume: false, seed: 5, weights: Some(&weights), encoder_weights: None };
@@ -193,7 +194,7 @@ fn trained_weights_begin_a_run() {
         let Networks { depth, light, config } = Networks::read(file).unwrap();
         let finest = &light.encoder[config.depth as usize - 4].blocks[0].first.weights;
         let weights = [light.global.weights.val(), finest.val()].map(|weights| weights.into_data());
-        (config.depth, depth.encoder.conv0.weight.val().into_data(), weights)
+        (config.depth, depth.decoder.output.weight.val().into_data(), weights)
     };
     let (begun, trained) = (read(&folder.path().join(CHECKPOINT_FILE)), read(&weights));
     assert_eq!([begun.0, trained.0], [4, 5]);
@@ -215,7 +216,7 @@ fn what_cannot_be_trained_is_said() {
     let gone = Request { resume: true, ..request };
     assert!(message(&config(), &gone).contains(CHECKPOINT_FILE));
     // Weights for use are no run.
-    let networks = Networks::new(&config().network, 1, &lo_nets::Device::flex()).unwrap();
+    let networks = Networks::new(EncoderKind::default(), &config().network, 1, &lo_nets::Device::flex()).unwrap();
     networks.write(folder.path().join(CHECKPOINT_FILE), lo_nets::checkpoint::Precision::Full).unwrap();
     assert!(message(&config(), &gone).contains("its state is none of a run"), "{}", message(&config(), &gone));
     std::fs::create_dir(folder.path().join("empty")).unwrap();

