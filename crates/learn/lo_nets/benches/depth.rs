@@ -1,4 +1,5 @@
-//! DenseNet-121 at 480 × 320, the work of `densenet121_480x320_*` in the peers' benchmark, and the whole depth network.
+//! DenseNet-121 at 480 × 320, the work of `densenet121_480x320_*` in the peers' benchmark, EfficientNet-Lite at 384 × 256, its depthwise convolutions, and the
+//! whole depth network. `depth_torch.py` beside this file does the same with PyTorch.
 //!
 //! `RAYON_NUM_THREADS` sets the threads. `MIMALLOC_PURGE_DELAY=100000` keeps memory between the steps as the peers' `--tuned` does;
 //! `MIMALLOC_SHOW_STATS=1` prints the peak.
@@ -8,8 +9,9 @@ use burn::tensor::{Device, Distribution, Tensor};
 use divan::Bencher;
 use lo_imaging::{DepthMap, Image, RadianceImage};
 use lo_nets::Adam;
-use lo_nets::conv::in_bf16;
-use lo_nets::depth::{DenseNet, DepthNet, EncoderKind, PatchGan, depth_losses, panorama_loss};
+use lo_nets::conv::{DepthwiseKernel, Window, in_bf16};
+use lo_nets::depth::{DenseNet, DepthNet, Encoder, EncoderKind, PatchGan, depth_losses, panorama_loss};
+use lo_nets::host::Kernel;
 
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
@@ -42,6 +44,90 @@ fn densenet121_480x320_train(bencher: Bencher) {
         let gradients = features.square().mean().backward();
         net = Some(adam.step(before, &gradients, 1e-4));
     });
+}
+
+fn lite_and_photo(encoder: EncoderKind, pictures: usize) -> (Encoder, Tensor<4>) {
+    let device = Device::flex().autodiff();
+    let net = encoder.init(&mut lo_random::stream(1, "bench", 0), &device);
+    (net, Tensor::random([3, pictures, 256, 384], Distribution::Default, &device))
+}
+
+const LITES: [EncoderKind; 2] = [EncoderKind::EfficientNetLite0, EncoderKind::EfficientNetLite2];
+
+#[divan::bench(sample_count = 20, args = LITES)]
+fn efficientnet_384x256_fwd(bencher: Bencher, encoder: EncoderKind) {
+    let (net, photo) = lite_and_photo(encoder, 1);
+    let (net, photo) = (net.valid(), photo.inner());
+    bencher.bench_local(|| net.forward(photo.clone()));
+}
+
+/// Eight photos.
+#[divan::bench(sample_count = 5, args = LITES)]
+fn efficientnet_384x256_train(bencher: Bencher, encoder: EncoderKind) {
+    let (net, photos) = lite_and_photo(encoder, 8);
+    let (mut net, mut adam) = (Some(net), Adam::default());
+    bencher.bench_local(|| {
+        let before = net.take().expect("a network");
+        let [.., features] = before.forward(photos.clone());
+        let gradients = features.square().mean().backward();
+        net = Some(adam.step(before, &gradients, 1e-4));
+    });
+}
+
+/// Channels, side of the weights, stride, height and width: the depthwise convolutions of EfficientNet-Lite0 at 384 × 256.
+const DEPTHWISE: [[usize; 5]; 10] = [
+    [32, 3, 1, 128, 192],
+    [96, 3, 2, 128, 192],
+    [144, 3, 1, 64, 96],
+    [144, 5, 2, 64, 96],
+    [240, 5, 1, 32, 48],
+    [240, 3, 2, 32, 48],
+    [480, 3, 1, 16, 24],
+    [480, 5, 1, 16, 24],
+    [672, 5, 2, 16, 24],
+    [1152, 5, 1, 8, 12],
+];
+
+/// A depthwise convolution of so many pictures, as PyTorch has it padded, and a gradient by its output.
+struct Depthwise {
+    kernel: DepthwiseKernel,
+    sizes: [[usize; 2]; 2],
+    inputs: [Vec<f32>; 2],
+    gradient: Vec<f32>,
+}
+
+impl Depthwise {
+    fn new([channels, side, stride, height, width]: [usize; 5], pictures: usize) -> Self {
+        let window = Window { pictures, ..Window::new([height, width], side, stride, [side / 2; 2]) };
+        let kernel = DepthwiseKernel { window, rectifier: None };
+        let sizes = [[channels, pictures * height * width], [channels, side * side]];
+        let values = |count: usize| -> Vec<f32> { (0..count).map(|i| (0.7 * i as f32).sin()).collect() };
+        let [_, area] = kernel.output_size(&sizes);
+        let inputs = sizes.map(|[rows, columns]| values(rows * columns));
+        Self { kernel, sizes, inputs, gradient: values(channels * area) }
+    }
+
+    fn backward(&self, wanted: [bool; 2]) -> Vec<Vec<f32>> {
+        self.kernel.backward(&self.inputs.each_ref().map(Vec::as_slice), &self.sizes, &self.gradient, &wanted)
+    }
+}
+
+#[divan::bench(sample_count = 20, args = DEPTHWISE, consts = [1, 8])]
+fn depthwise_fwd<const PICTURES: usize>(bencher: Bencher, case: [usize; 5]) {
+    let work = Depthwise::new(case, PICTURES);
+    bencher.bench_local(|| work.kernel.forward(&work.inputs.each_ref().map(Vec::as_slice), &work.sizes));
+}
+
+#[divan::bench(sample_count = 20, args = DEPTHWISE, consts = [1, 8])]
+fn depthwise_by_input<const PICTURES: usize>(bencher: Bencher, case: [usize; 5]) {
+    let work = Depthwise::new(case, PICTURES);
+    bencher.bench_local(|| work.backward([true, false]));
+}
+
+#[divan::bench(sample_count = 20, args = DEPTHWISE, consts = [1, 8])]
+fn depthwise_by_weights<const PICTURES: usize>(bencher: Bencher, case: [usize; 5]) {
+    let work = Depthwise::new(case, PICTURES);
+    bencher.bench_local(|| work.backward([false, true]));
 }
 
 fn photo() -> Image<[u8; 3]> {

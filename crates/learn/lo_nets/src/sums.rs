@@ -15,8 +15,15 @@ const WINDOWS: usize = 6;
 /// Windows of a single row. Those of 3 × 3 weights are one tile, those of 5 × 5 three.
 const WINDOWS_OF_ROW: usize = 9;
 
-/// Vectors of a single channel that [`Sums::filter`] computes together: no sum waits for itself.
-const VECTORS: usize = 8;
+/// Most weights of a column of [`Sums::filter`].
+pub const MAX_COLUMN: usize = 5;
+
+/// Rows of the same width, one after the other.
+#[derive(Debug)]
+pub struct Rows<'a, T> {
+    pub out: &'a mut [T],
+    pub width: usize,
+}
 
 /// Sums of products of numbers with numbers at given places.
 pub trait Sums: Sized {
@@ -27,11 +34,11 @@ pub trait Sums: Sized {
     /// Where a window, made longer to whole vectors of `LANES`, leaves `data`.
     fn outer(weights: &[Self], data: &[Self], offsets: &[usize], out: &mut [&mut [Self]]);
 
-    /// `out[column] = Σ_k weights[k] · data[offsets[k] + column]`: [`Sums::outer`] of one channel.
+    /// Rows of `width` numbers: `out[row][column] = Σ_i Σ_k weights[i · count + k] · data[offsets[i] + (row + k) · pitch + column]`.
     ///
     /// # Panics
-    /// Where `out` is no whole number of vectors of `LANES` long, or a window leaves `data`.
-    fn filter(weights: &[Self], data: &[Self], offsets: &[usize], out: &mut [Self]);
+    /// Where a row, made longer to whole vectors of `LANES`, leaves `data`, or `count` is not from 1 to [`MAX_COLUMN`].
+    fn filter(weights: &[Self], count: usize, data: &[Self], offsets: &[usize], pitch: usize, rows: Rows<Self>);
 
     /// `out[row][k] += Σ_p rows[row][p] · data[offsets[k] + p]`, where all rows have the same length.
     ///
@@ -51,9 +58,12 @@ impl Sums for f64 {
         }
     }
 
-    fn filter(weights: &[Self], data: &[Self], offsets: &[usize], out: &mut [Self]) {
-        for (column, out) in out.iter_mut().enumerate() {
-            *out = weights.iter().zip(offsets).map(|(weight, offset)| weight * data[offset + column]).sum();
+    fn filter(weights: &[Self], count: usize, data: &[Self], offsets: &[usize], pitch: usize, rows: Rows<Self>) {
+        for (row, out) in rows.out.chunks_exact_mut(rows.width).enumerate() {
+            for (column, out) in out.iter_mut().enumerate() {
+                let product = |(i, weight)| weight * data[offsets[i / count] + (row + i % count) * pitch + column];
+                *out = weights.iter().enumerate().map(product).sum();
+            }
         }
     }
 
@@ -73,10 +83,11 @@ impl Sums for f32 {
         Arch::new().dispatch(Outer { weights, data, offsets, out });
     }
 
-    fn filter(weights: &[Self], data: &[Self], offsets: &[usize], out: &mut [Self]) {
-        assert_eq!(weights.len(), offsets.len(), "a weight for each window");
-        assert!(out.len().is_multiple_of(LANES), "whole vectors");
-        Arch::new().dispatch(Filter { weights, data, offsets, out });
+    fn filter(weights: &[Self], count: usize, data: &[Self], offsets: &[usize], pitch: usize, rows: Rows<Self>) {
+        assert_eq!(weights.len(), count * offsets.len(), "weights for each column");
+        assert!((1..=MAX_COLUMN).contains(&count), "short columns");
+        let Rows { out, width } = rows;
+        Arch::new().dispatch(Filter { weights, count, data, offsets, pitch, out, width });
     }
 
     fn inner(rows: &[&[Self]], data: &[Self], offsets: &[usize], out: &mut [Self]) {
@@ -152,45 +163,74 @@ impl Outer<'_, '_> {
 
 struct Filter<'a> {
     weights: &'a [f32],
+    count: usize,
     data: &'a [f32],
     offsets: &'a [usize],
+    pitch: usize,
     out: &'a mut [f32],
+    width: usize,
 }
 
 impl WithSimd for Filter<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(mut self, simd: S) {
-        let mut start = 0;
-        while start < self.out.len() {
-            let vectors = (self.out.len() - start) / S::F32_LANES;
-            start += S::F32_LANES
-                * match vectors {
-                    VECTORS.. => self.tile::<S, VECTORS>(simd, start),
-                    4.. => self.tile::<S, 4>(simd, start),
-                    2.. => self.tile::<S, 2>(simd, start),
-                    _ => self.tile::<S, 1>(simd, start),
-                };
+    fn with_simd<S: Simd>(self, simd: S) {
+        match self.count {
+            1 => self.all::<S, 1>(simd),
+            2 => self.all::<S, 2>(simd),
+            3 => self.all::<S, 3>(simd),
+            4 => self.all::<S, 4>(simd),
+            _ => self.all::<S, MAX_COLUMN>(simd),
         }
     }
 }
 
 impl Filter<'_> {
-    /// Vectors of columns, from `start`. Gives their number.
     #[inline(always)]
-    fn tile<S: Simd, const VECTORS: usize>(&mut self, simd: S, start: usize) -> usize {
-        let width = VECTORS * S::F32_LANES;
-        let mut sums = [simd.splat_f32s(0.0); VECTORS];
-        for (&offset, &weight) in self.offsets.iter().zip(self.weights) {
-            let (values, _) = S::as_simd_f32s(&self.data[offset + start..][..width]);
-            let weight = simd.splat_f32s(weight);
-            for vector in 0..VECTORS {
-                sums[vector] = simd.mul_add_e_f32s(weight, values[vector], sums[vector]);
+    fn all<S: Simd, const COUNT: usize>(mut self, simd: S) {
+        let rows = self.out.len() / self.width;
+        let mut row = 0;
+        while row < rows {
+            row += match rows - row {
+                // With half as many registers half as many rows.
+                8.. if S::REGISTER_COUNT >= 32 => self.rows::<S, COUNT, 8>(simd, row),
+                4.. => self.rows::<S, COUNT, 4>(simd, row),
+                2.. => self.rows::<S, COUNT, 2>(simd, row),
+                _ => self.rows::<S, COUNT, 1>(simd, row),
+            };
+        }
+    }
+
+    /// Some rows, from this one. Gives their number.
+    #[inline(always)]
+    fn rows<S: Simd, const COUNT: usize, const ROWS: usize>(&mut self, simd: S, row: usize) -> usize {
+        for start in (0..self.width).step_by(S::F32_LANES) {
+            let mut sums = [simd.splat_f32s(0.0); ROWS];
+            for (&offset, weights) in self.offsets.iter().zip(self.weights.as_chunks::<COUNT>().0) {
+                let data = &self.data[offset + row * self.pitch + start..];
+                // What is read is used for all of the column's weights.
+                let values: [S::f32s; 8 + MAX_COLUMN - 1] = std::array::from_fn(|i| {
+                    let is_read = i < ROWS + COUNT - 1;
+                    if is_read { S::as_simd_f32s(&data[i * self.pitch..][..S::F32_LANES]).0[0] } else { sums[0] }
+                });
+                for k in 0..COUNT {
+                    let weight = simd.splat_f32s(weights[k]);
+                    for row in 0..ROWS {
+                        sums[row] = simd.mul_add_e_f32s(weight, values[row + k], sums[row]);
+                    }
+                }
+            }
+            let end = start + S::F32_LANES;
+            for (out, sum) in self.out[row * self.width..].chunks_exact_mut(self.width).zip(sums) {
+                if end <= self.width {
+                    S::as_mut_simd_f32s(&mut out[start..end]).0[0] = sum;
+                } else {
+                    simd.partial_store_f32s(&mut out[start..], sum);
+                }
             }
         }
-        S::as_mut_simd_f32s(&mut self.out[start..][..width]).0.copy_from_slice(&sums);
-        VECTORS
+        ROWS
     }
 }
 
@@ -295,15 +335,6 @@ mod tests {
             let (error, largest) = difference(&got, &expected);
             assert!(error <= 2e-6 * largest, "outer {windows} {columns}: {error} of {largest}");
 
-            let whole = columns.next_multiple_of(LANES);
-            let filtered = values(3 * windows + whole, 4);
-            let (weights, mut expected, mut got) = (values(windows, 5), vec![0.0; whole], vec![0.0; whole]);
-            f64::filter(&weights, &filtered, &offsets, &mut expected);
-            f32::filter(&narrow(&weights), &narrow(&filtered), &offsets, &mut got);
-            let got: Vec<f64> = got.into_iter().map(f64::from).collect();
-            let (error, largest) = difference(&got, &expected);
-            assert!(error <= 2e-6 * largest, "filter {windows} {columns}: {error} of {largest}");
-
             // Lengths that are no multiple of any vector's.
             let length = columns + 5;
             let left = values(rows * length, 3);
@@ -314,6 +345,23 @@ mod tests {
             let got: Vec<f64> = got.into_iter().map(f64::from).collect();
             let (error, largest) = difference(&got, &expected);
             assert!(error <= 2e-6 * largest, "inner {windows} {rows}: {error} of {largest}");
+        }
+    }
+
+    #[test]
+    fn f32_filters_are_the_f64_filters() {
+        for (rows, width, count, columns) in [(1, 3, 1, 1), (7, 16, 5, 2), (23, 40, 3, 4), (6, 9, 2, 3), (9, 17, 4, 1)]
+        {
+            let pitch = width + 3;
+            let data = values((rows + 8) * pitch + LANES, 1);
+            let offsets: Vec<usize> = (0..columns).map(|i| 2 * pitch + 5 * i % 4).collect();
+            let weights = values(count * columns, 2);
+            let (mut expected, mut got) = (vec![1.0; rows * width], vec![1.0; rows * width]);
+            f64::filter(&weights, count, &data, &offsets, pitch, Rows { out: &mut expected, width });
+            f32::filter(&narrow(&weights), count, &narrow(&data), &offsets, pitch, Rows { out: &mut got, width });
+            let got: Vec<f64> = got.into_iter().map(f64::from).collect();
+            let (error, largest) = difference(&got, &expected);
+            assert!(error <= 2e-6 * largest, "{rows} {width}: {error} of {largest}");
         }
     }
 }

@@ -1,14 +1,12 @@
 //! Depthwise convolution: every channel by weights of its own.
 
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use crate::conv::activation::{Affine, Rectifier, through_activation};
+use crate::conv::activation::{Affine, ChannelAffine, Rectifier, through_activation};
 use crate::conv::window::Window;
 use crate::host::{Kernel, Number, zeros};
-use crate::sums::LANES;
-
-/// Columns of a band, so that it and its output stay in the first cache.
-const BAND_COLUMNS: usize = 4096;
+use crate::sums::{LANES, MAX_COLUMN, Rows};
 
 /// A convolution of `x[channels, pictures · height · width]`, each channel with its row of `weights[channels, kernel²]`. Gives
 /// `[channels, pictures · height · width]` of the output.
@@ -46,10 +44,7 @@ impl Kernel for DepthwiseKernel {
         let activation = self.activation(inputs);
         let mut derivatives = vec![Vec::new(); inputs.len()];
         if wanted[0] || (activation.is_some() && wanted[2]) {
-            // By what was convolved: a convolution with the weights turned round.
-            let taps = self.window.kernel.pow(2);
-            let turned: Vec<T> = inputs[1].chunks_exact(taps).flat_map(|row| row.iter().rev().copied()).collect();
-            derivatives[0] = convolve(&self.window.transposed(), gradient, None, &turned);
+            derivatives[0] = input_gradient(&self.window, gradient, inputs[1]);
             if let Some(activation) = activation {
                 derivatives[2] = through_activation(&mut derivatives[0], inputs[0], activation, true);
             }
@@ -61,30 +56,228 @@ impl Kernel for DepthwiseKernel {
     }
 }
 
-/// Output rows of a band.
-fn band_rows(window: &Window) -> usize {
-    let all = window.rows().max(1);
-    let rows = (BAND_COLUMNS / window.plane(1).max(1)).clamp(1, all);
-    all.div_ceil(all.div_ceil(rows))
+/// A picture as the kernel reads it: its pixels of every `step`-th row and column are a plane of their own, so that what one weight is multiplied by, for all
+/// pixels of the output, is a run of neighbouring numbers. Planes have zeros around them. What is computed for columns past the output's width means nothing.
+struct Planes {
+    /// Height and width of the picture.
+    picture: [usize; 2],
+    step: usize,
+    /// Rows and columns of zeros before each plane.
+    margin: usize,
+    rows: usize,
+    pitch: usize,
+}
+
+/// Of a row or column of weights: which plane it is multiplied by, and how many rows or columns of it further on.
+#[derive(Clone, Copy)]
+struct Tap {
+    /// Of the weights.
+    index: usize,
+    plane: usize,
+    shift: isize,
+}
+
+/// Columns of weights and what they are multiplied by.
+struct Products {
+    /// Weights in each column.
+    count: usize,
+    /// Of the weights, column by column; `None` where a column has fewer.
+    indices: Vec<Option<usize>>,
+    /// Of the columns.
+    offsets: Vec<usize>,
+}
+
+impl Products {
+    /// Of all weights in some rows and columns of `side × side`.
+    fn new(planes: &Planes, side: usize, down: &[Tap], across: &[Tap]) -> Self {
+        // The weights of a column that belong to a plane follow on each other there.
+        let rows: Vec<Vec<Tap>> = (0..planes.step)
+            .map(|plane| {
+                let mut rows: Vec<Tap> = down.iter().copied().filter(|tap| tap.plane == plane).collect();
+                rows.sort_by_key(|tap| tap.shift);
+                rows
+            })
+            .collect();
+        let count = rows.iter().map(Vec::len).max().unwrap_or(0).clamp(1, MAX_COLUMN);
+        let columns =
+            || across.iter().flat_map(|across| rows.iter().flat_map(|r| r.chunks(count)).map(move |r| (r, across)));
+        let index = |row: Option<&Tap>, across: &Tap| row.map(|row| row.index * side + across.index);
+        Self {
+            count,
+            indices: columns().flat_map(|(r, across)| (0..count).map(move |i| index(r.get(i), across))).collect(),
+            offsets: columns().map(|(r, across)| planes.offset(r[0], *across)).collect(),
+        }
+    }
+
+    /// A channel's weights in the order of the columns.
+    fn order<T: Number>(&self, weights: &[T]) -> Vec<T> {
+        self.indices.iter().map(|index| index.map_or(T::default(), |index| weights[index])).collect()
+    }
+
+    /// Rows of the output, by weights in the order of the columns.
+    fn filter<T: Number>(&self, planes: &Planes, weights: &[T], data: &[T], rows: Rows<T>) {
+        T::filter(weights, self.count, data, &self.offsets, planes.pitch, rows);
+    }
+}
+
+impl Planes {
+    /// Planes of a picture in which every pixel of `output` (height and width) can be moved by the shift of each of the `taps`.
+    fn new(picture: [usize; 2], step: usize, output: [usize; 2], taps: &[Tap]) -> Self {
+        let shifts = || taps.iter().map(|tap| tap.shift);
+        let margin = (-shifts().min().unwrap_or(0)).max(0) as usize;
+        let after = shifts().max().unwrap_or(0).max(0) as usize;
+        let side = |i: usize| margin + picture[i].div_ceil(step).max(output[i] + after);
+        Self { picture, step, margin, rows: side(0), pitch: side(1) }
+    }
+
+    /// Numbers of all planes, and as many zeros as vectors may read beyond.
+    fn scratch<T: Number>(&self) -> Vec<T> {
+        vec![T::default(); (self.step.pow(2) * self.rows + MAX_COLUMN) * self.pitch + LANES]
+    }
+
+    /// Where the output's first pixel finds what is multiplied by the weight of a tap down and one across.
+    fn offset(&self, down: Tap, across: Tap) -> usize {
+        let plane = down.plane * self.step + across.plane;
+        let place = |tap: Tap| self.margin.wrapping_add_signed(tap.shift);
+        (plane * self.rows + place(down)) * self.pitch + place(across)
+    }
+
+    /// Fills the planes, whose margins are zeros already, with a picture, where wanted activated.
+    fn fill<T: Number>(&self, planes: &mut [T], x: &[T], activation: Option<ChannelAffine<T>>) {
+        Arch::new().dispatch(Fill { planes: self, out: planes, x, activation });
+    }
+}
+
+/// [`Planes::fill`].
+struct Fill<'a, T> {
+    planes: &'a Planes,
+    out: &'a mut [T],
+    x: &'a [T],
+    activation: Option<ChannelAffine<T>>,
+}
+
+impl<T: Number> WithSimd for Fill<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { planes, out, x, activation } = self;
+        match activation {
+            None => fill(planes, out, x, |x| x),
+            Some(affine) => fill(planes, out, x, |x| affine.rectified(x)),
+        }
+    }
+}
+
+#[inline(always)]
+fn fill<T: Number>(planes: &Planes, out: &mut [T], x: &[T], value: impl Fn(T) -> T) {
+    let Planes { picture: [_, width], step, margin, rows, pitch } = *planes;
+    for (y, x) in x.chunks_exact(width).enumerate() {
+        let (phase, row) = if step == 1 { (0, y) } else { (y % step, y / step) };
+        // Of the planes with these rows, which lie one after the other.
+        let place = |column: usize| ((phase * step + column) * rows + margin + row) * pitch + margin;
+        match step {
+            1 => out[place(0)..].iter_mut().zip(x).for_each(|(out, &x)| *out = value(x)),
+            2 => {
+                let (pairs, last) = x.as_chunks::<2>();
+                let (evens, odds) = out.split_at_mut(place(1));
+                let (evens, odds) = (&mut evens[place(0)..], &mut odds[..pairs.len()]);
+                for ((even, odd), pair) in evens.iter_mut().zip(odds).zip(pairs) {
+                    (*even, *odd) = (value(pair[0]), value(pair[1]));
+                }
+                evens[pairs.len()..].iter_mut().zip(last).for_each(|(out, &x)| *out = value(x));
+            }
+            _ => {
+                for column in 0..step.min(width) {
+                    let x = x[column..].iter().step_by(step);
+                    out[place(column)..].iter_mut().zip(x).for_each(|(out, &x)| *out = value(x));
+                }
+            }
+        }
+    }
+}
+
+/// What each weight of a row or column is multiplied by.
+fn taps(window: &Window) -> Vec<Tap> {
+    let step = window.stride as isize;
+    let place = |k: usize| k as isize - window.padding as isize;
+    (0..window.kernel)
+        .map(|k| Tap { index: k, plane: place(k).rem_euclid(step) as usize, shift: place(k).div_euclid(step) })
+        .collect()
 }
 
 fn convolve<T: Number>(window: &Window, x: &[T], activation: Option<Affine<T>>, weights: &[T]) -> Vec<T> {
-    let (rows, taps) = (band_rows(window), window.kernel.pow(2));
-    let offsets = window.offsets(1, rows);
-    let (height, width, pitch) = (window.rows(), window.output[1], window.pitch());
-    let area = window.pictures * window.area();
-    let mut out = zeros(x.len() / window.input_area() * area);
-    let channels = out.par_chunks_mut(area).zip(x.par_chunks(window.input_area())).zip(weights.par_chunks(taps));
-    let scratch = || (Vec::new(), vec![T::default(); (rows * pitch).next_multiple_of(LANES)]);
-    channels.enumerate().for_each_init(scratch, |(band, sums), (channel, ((out, x), weights))| {
-        let activation = activation.map(|affine| affine.part(channel..channel + 1));
-        let mut out = out.chunks_exact_mut(width);
-        for first in (0..height).step_by(rows) {
-            window.read(band, [first, rows], x, activation);
-            T::filter(weights, band, &offsets, sums);
-            let sums = (first..height).zip(sums.chunks_exact(pitch).take(rows));
-            for ((_, sums), out) in sums.filter(|(row, _)| window.is_row(*row)).zip(&mut out) {
-                out.copy_from_slice(&sums[..width]);
+    let taps = taps(window);
+    let planes = Planes::new(window.input, window.stride, window.output, &taps);
+    let products = Products::new(&planes, window.kernel, &taps, &taps);
+    let area = window.area();
+    let mut out = zeros(x.len() / window.input_area() * window.pictures * area);
+    let channels = out.par_chunks_mut(window.pictures * area).zip(x.par_chunks(window.input_area()));
+    let channels = channels.zip(weights.par_chunks(window.kernel.pow(2))).enumerate();
+    channels.for_each_init(
+        || planes.scratch(),
+        |scratch, (channel, ((out, x), weights))| {
+            let (activation, weights) = (activation.map(|affine| affine.channel(channel)), products.order(weights));
+            let pictures = out.chunks_exact_mut(area).zip(x.chunks_exact(window.input[0] * window.input[1]));
+            for (out, x) in pictures {
+                planes.fill(scratch, x, activation);
+                products.filter(&planes, &weights, scratch, Rows { out, width: window.output[1] });
+            }
+        },
+    );
+    out
+}
+
+/// Gradient by what was convolved: of every `stride`-th row and column a convolution of the gradient with some of the weights.
+fn input_gradient<T: Number>(window: &Window, gradient: &[T], weights: &[T]) -> Vec<T> {
+    let Window { input: [height, width], output, stride, padding, kernel, pictures, .. } = *window;
+    // For each phase of rows or columns the weights that reach it, and from where.
+    let phases: Vec<Vec<Tap>> = (0..stride)
+        .map(|phase| {
+            let reach = |k: usize| (phase + padding) as isize - k as isize;
+            let reaching = (0..kernel).filter(|&k| reach(k).rem_euclid(stride as isize) == 0);
+            reaching.map(|k| Tap { index: k, plane: 0, shift: reach(k).div_euclid(stride as isize) }).collect()
+        })
+        .collect();
+    let parts = [height, width].map(|side| side.div_ceil(stride));
+    let planes = Planes::new(output, 1, parts, &phases.concat());
+    // For each phase of rows and columns.
+    let products: Vec<Products> = (0..stride * stride)
+        .map(|index| Products::new(&planes, kernel, &phases[index / stride], &phases[index % stride]))
+        .collect();
+    let (area, part) = (window.area(), parts[0] * parts[1]);
+    let mut out = zeros(gradient.len() / (pictures * area) * window.input_area());
+    let channels = out.par_chunks_mut(window.input_area()).zip(gradient.par_chunks(pictures * area));
+    let channels = channels.zip(weights.par_chunks(kernel * kernel));
+    let scratch = || (planes.scratch(), vec![T::default(); stride * stride * part]);
+    channels.for_each_init(scratch, |(scratch, sums), ((out, gradient), weights)| {
+        let weights: Vec<Vec<T>> = products.iter().map(|products| products.order(weights)).collect();
+        for (out, gradient) in out.chunks_exact_mut(height * width).zip(gradient.chunks_exact(area)) {
+            planes.fill(scratch, gradient, None);
+            if stride == 1 {
+                products[0].filter(&planes, &weights[0], scratch, Rows { out, width });
+                continue;
+            }
+            for ((products, weights), sums) in products.iter().zip(&weights).zip(sums.chunks_exact_mut(part)) {
+                products.filter(&planes, weights, scratch, Rows { out: sums, width: parts[1] });
+            }
+            for (y, out) in out.chunks_exact_mut(width).enumerate() {
+                let place = |column: usize| (y % stride * stride + column) * part + y / stride * parts[1];
+                let sums = |column: usize| &sums[place(column)..][..parts[1]];
+                if stride == 2 {
+                    // Pairs, of which vectors can be made.
+                    let (pairs, last) = out.as_chunks_mut::<2>();
+                    let (evens, odds) = (sums(0), sums(1));
+                    last.iter_mut().for_each(|last| *last = evens[pairs.len()]);
+                    for (pair, (&even, &odd)) in pairs.iter_mut().zip(evens.iter().zip(odds)) {
+                        *pair = [even, odd];
+                    }
+                } else {
+                    for column in 0..stride.min(width) {
+                        let out = out[column..].iter_mut().step_by(stride);
+                        out.zip(sums(column)).for_each(|(out, &sum)| *out = sum);
+                    }
+                }
             }
         }
     });
@@ -93,26 +286,28 @@ fn convolve<T: Number>(window: &Window, x: &[T], activation: Option<Affine<T>>, 
 
 /// Gradient by the weights, `[channels, kernel²]`.
 fn weight_gradient<T: Number>(window: &Window, x: &[T], activation: Option<Affine<T>>, gradient: &[T]) -> Vec<T> {
-    let (rows, taps) = (band_rows(window), window.kernel.pow(2));
-    let offsets = window.offsets(1, rows);
-    let (height, width, pitch) = (window.rows(), window.output[1], window.pitch());
-    let area = window.pictures * window.area();
-    let mut out = zeros(x.len() / window.input_area() * taps);
-    let channels = out.par_chunks_mut(taps).zip(x.par_chunks(window.input_area())).zip(gradient.par_chunks(area));
-    let scratch = || (Vec::new(), vec![T::default(); rows * pitch]);
-    channels.enumerate().for_each_init(scratch, |(band, padded), (channel, ((out, x), gradient))| {
-        let activation = activation.map(|affine| affine.part(channel..channel + 1));
-        let mut gradient = gradient.chunks_exact(width);
-        for first in (0..height).step_by(rows) {
-            window.read(band, [first, rows], x, activation);
-            // Rows as wide as those of the band, with zeros where they mean nothing.
-            for (row, out) in (first..).zip(padded.chunks_exact_mut(pitch)) {
-                let gradient = if row < height && window.is_row(row) { gradient.next() } else { None };
-                let (left, right) = out.split_at_mut(gradient.map_or(0, <[T]>::len));
-                left.copy_from_slice(gradient.unwrap_or_default());
-                right.fill(T::default());
+    let taps = taps(window);
+    let planes = Planes::new(window.input, window.stride, window.output, &taps);
+    let offsets: Vec<usize> = taps
+        .iter()
+        .flat_map(|&down| taps.iter().map(move |&across| (down, across)))
+        .map(|(down, across)| planes.offset(down, across))
+        .collect();
+    let ([height, width], area) = (window.output, window.area());
+    let mut out = zeros(x.len() / window.input_area() * offsets.len());
+    let channels = out.par_chunks_mut(offsets.len()).zip(x.par_chunks(window.input_area()));
+    let channels = channels.zip(gradient.par_chunks(window.pictures * area)).enumerate();
+    // The gradient with rows as wide as those of the planes, zeros where they mean nothing.
+    let scratch = || (planes.scratch(), vec![T::default(); height * planes.pitch]);
+    channels.for_each_init(scratch, |(scratch, padded), (channel, ((out, x), gradient))| {
+        let activation = activation.map(|affine| affine.channel(channel));
+        let pictures = x.chunks_exact(window.input[0] * window.input[1]).zip(gradient.chunks_exact(area));
+        for (x, gradient) in pictures {
+            planes.fill(scratch, x, activation);
+            for (out, gradient) in padded.chunks_exact_mut(planes.pitch).zip(gradient.chunks_exact(width)) {
+                out[..width].copy_from_slice(gradient);
             }
-            T::inner(&[padded], band, &offsets, out);
+            T::inner(&[padded], scratch, &offsets, out);
         }
     });
     out

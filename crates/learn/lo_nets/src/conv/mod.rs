@@ -18,16 +18,16 @@ use burn::nn::PaddingConfig2d;
 use burn::nn::conv::Conv2d;
 use burn::tensor::Tensor;
 
-use crate::conv::depthwise::DepthwiseKernel;
 use crate::conv::kernel::{ConvKernel, Third};
-use crate::conv::window::Window;
 use crate::host::{binary, ternary};
 
 pub use activation::{Rectifier, activate, activated_mean, scaled};
+pub use depthwise::DepthwiseKernel;
 pub use half::in_bf16;
 pub use max_pool::max_pool;
 pub use norm::{Moments, batch_norm, group_norm};
 pub use upsample::upsample_nearest;
+pub use window::Window;
 
 /// [`Conv2d::forward`] of pictures.
 ///

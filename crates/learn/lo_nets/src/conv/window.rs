@@ -149,7 +149,7 @@ impl Window {
 
     /// Fills `band` with what `rows` output rows from `first` read of the channels in `x`, where wanted
     /// activated.
-    pub fn read<T: Number, P: Place<T>>(
+    pub(super) fn read<T: Number, P: Place<T>>(
         &self,
         band: &mut Vec<P>,
         [first, rows]: [usize; 2],
@@ -167,7 +167,7 @@ impl Window {
 }
 
 /// What a band of numbers `T` is made of.
-pub trait Place<T>: Copy + Default {
+pub(super) trait Place<T>: Copy + Default {
     /// Channels of a plane.
     const CHANNELS: usize;
 
