@@ -27,6 +27,10 @@ pub enum EncoderKind {
 
 /// The encoder itself.
 #[derive(Module, Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there are one or two encoders in a process, and a burn module cannot be boxed"
+)]
 pub enum Encoder {
     /// DenseNet-121.
     DenseNet(DenseNet),
