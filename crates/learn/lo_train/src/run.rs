@@ -437,6 +437,8 @@ mod tests {
     use lo_nets::light::LightNetConfig;
     use lo_synth::SynthConfig;
 
+    use lo_nets::checkpoint::Checkpoint;
+
     use super::*;
     use crate::config::{DataConfig, ValidationConfig};
     use crate::phases::Schedule;
