@@ -1,0 +1,1 @@
+//! Depth Anything V2: what of its output is what.

@@ -1,0 +1,1 @@
+//! Metric3D v2: canonical depth to metres, padding undone.

@@ -1,0 +1,1 @@
+//! MoGe-2: focal length and shift of affine points, metres.
