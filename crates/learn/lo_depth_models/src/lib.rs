@@ -9,5 +9,6 @@ pub mod affine;
 mod depth_anything;
 mod metric3d;
 mod moge;
+mod robust;
 
 pub use prediction::{FieldOfView, Geometry, Prediction};
