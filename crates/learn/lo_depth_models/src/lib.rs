@@ -3,11 +3,18 @@
 //! [`DepthModel::read`] reads a file and tells what it is; [`DepthModel::predict`] runs it on a photo. What comes back is in this project's axes
 //! (+X right, +Y up, −Z forward) and, but for relative depth, in metres.
 
+mod error;
+mod onnx;
+mod plan;
 mod prediction;
+mod resize;
+mod runtime;
+mod shapes;
 
 pub mod affine;
 mod depth_anything;
 mod metric3d;
 mod moge;
 
+pub use error::ModelError;
 pub use prediction::{FieldOfView, Geometry, Prediction};
