@@ -27,11 +27,6 @@ pub(crate) enum Given {
     Value(Vec<usize>, Known),
 }
 
-/// A graph for one size of photo.
-pub(crate) struct Plan {
-    pub graph: Graph,
-}
-
 /// Computes a node whose inputs are known and small: their names, sizes and values. `None` where the values are of other types than [`Known`] has.
 pub(crate) type Evaluate<'a> = &'a dyn Fn(&Node, &[(String, Vec<usize>, Known)]) -> Result<Option<Values>, ModelError>;
 
@@ -49,7 +44,7 @@ pub(crate) fn plan(
     wanted: &[String],
     weight_bytes: u64,
     evaluate: Evaluate<'_>,
-) -> Result<Plan, ModelError> {
+) -> Result<Graph, ModelError> {
     let mut planner = Planner {
         opset,
         evaluate,
@@ -252,7 +247,7 @@ impl Planner<'_> {
         Ok(())
     }
 
-    fn finish(mut self, inputs: Vec<crate::onnx::ValueInfo>, wanted: &[String], weight_bytes: u64) -> Result<Plan, ModelError> {
+    fn finish(mut self, inputs: Vec<crate::onnx::ValueInfo>, wanted: &[String], weight_bytes: u64) -> Result<Graph, ModelError> {
         let mut used: HashSet<&str> = wanted.iter().map(String::as_str).collect();
         used.extend(self.nodes.iter().flat_map(|node| &node.inputs).map(String::as_str));
         // What became known is a constant of the new graph.
@@ -287,7 +282,7 @@ impl Planner<'_> {
                 MAX_RUN_BYTES as f64 / 1e9
             )));
         }
-        Ok(Plan { graph: Graph { nodes: self.nodes, initializers: tensors, inputs, outputs } })
+        Ok(Graph { nodes: self.nodes, initializers: tensors, inputs, outputs })
     }
 
     /// Most bytes that values take at one time: each lives from the node that makes it to the last that takes it; what depends on no photo is made when
