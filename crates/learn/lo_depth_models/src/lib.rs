@@ -3,7 +3,13 @@
 //! [`DepthModel::read`] reads a file and tells what it is; [`DepthModel::predict`] runs it on a photo. What comes back is in this project's axes
 //! (+X right, +Y up, −Z forward) and, but for relative depth, in metres.
 
+mod error;
+mod onnx;
+mod plan;
 mod prediction;
+mod resize;
+mod runtime;
+mod shapes;
 
 pub mod affine;
 mod depth_anything;
@@ -11,4 +17,5 @@ mod metric3d;
 mod moge;
 mod robust;
 
+pub use error::ModelError;
 pub use prediction::{FieldOfView, Geometry, Prediction};
