@@ -6,7 +6,9 @@
 use std::collections::{HashMap, HashSet};
 
 use crate::ModelError;
-use crate::onnx::{AttributeValue, Data, Dim, Element, Graph, MAX_NESTING, MAX_NODES, Node, Tensor, inlined_branch, product};
+use crate::onnx::{
+    AttributeValue, Data, Dim, Element, Graph, MAX_NESTING, MAX_NODES, Node, Tensor, inlined_branch, product,
+};
 use crate::resize;
 use crate::shapes::{Fact, Inputs, Known, shape_range, shapes};
 
@@ -57,7 +59,12 @@ pub(crate) fn plan(
     let mut inputs = Vec::new();
     for input in &graph.inputs {
         let fact = match given.get(&input.name) {
-            None => return Err(ModelError::Unsupported(format!("nothing is known to give to its input \"{}\"", crate::error::short(&input.name)))),
+            None => {
+                return Err(ModelError::Unsupported(format!(
+                    "nothing is known to give to its input \"{}\"",
+                    crate::error::short(&input.name)
+                )));
+            }
             Some(Given::Sized(dims)) => {
                 let dims_info = dims.iter().map(|&dim| Dim::Fixed(dim)).collect();
                 inputs.push(crate::onnx::ValueInfo { dims: Some(dims_info), ..input.clone() });
@@ -164,7 +171,8 @@ impl Planner<'_> {
             return Err(refused("gives as many values as the photo makes it".to_owned()));
         }
         if matches!(node.op.as_str(), "Resize" | "Upsample") && node.is_standard() {
-            let products = resize::as_products(&Inputs { node, inputs: &inputs, opset: self.opset }).map_err(refused)?;
+            let products =
+                resize::as_products(&Inputs { node, inputs: &inputs, opset: self.opset }).map_err(refused)?;
             if let Some((nodes, tensors)) = products {
                 for tensor in tensors {
                     self.define(&tensor.name, resize::matrix_fact(&tensor))?;
@@ -205,9 +213,10 @@ impl Planner<'_> {
         }
         let small = sizes.iter().all(|dims| product(dims).is_some_and(|length| length <= MAX_KNOWN));
         let resized = matches!(node.op.as_str(), "Resize" | "Upsample");
-        let all = inputs.iter().zip(&node.inputs).all(|(fact, name)| {
-            name.is_empty() || fact.is_some_and(|fact| fact.known.is_some())
-        });
+        let all = inputs
+            .iter()
+            .zip(&node.inputs)
+            .all(|(fact, name)| name.is_empty() || fact.is_some_and(|fact| fact.known.is_some()));
         if !small || !all || resized {
             return Ok(None);
         }
@@ -226,10 +235,11 @@ impl Planner<'_> {
         if depth > MAX_NESTING {
             return Err(refused("lies too deep in other branches"));
         }
-        let chosen = match node.inputs.first().and_then(|name| self.facts.get(name)).and_then(|fact| fact.known.as_ref()) {
-            Some(Known::Ints(values)) if values.len() == 1 => values[0] != 0,
-            _ => return Err(refused("has a condition that is not known before the run")),
-        };
+        let chosen =
+            match node.inputs.first().and_then(|name| self.facts.get(name)).and_then(|fact| fact.known.as_ref()) {
+                Some(Known::Ints(values)) if values.len() == 1 => values[0] != 0,
+                _ => return Err(refused("has a condition that is not known before the run")),
+            };
         let name = if chosen { "then_branch" } else { "else_branch" };
         let Some(AttributeValue::Graph(branch)) = node.value(name) else { return Err(refused("lacks a branch")) };
         self.branches += 1;
@@ -247,7 +257,12 @@ impl Planner<'_> {
         Ok(())
     }
 
-    fn finish(mut self, inputs: Vec<crate::onnx::ValueInfo>, wanted: &[String], weight_bytes: u64) -> Result<Graph, ModelError> {
+    fn finish(
+        mut self,
+        inputs: Vec<crate::onnx::ValueInfo>,
+        wanted: &[String],
+        weight_bytes: u64,
+    ) -> Result<Graph, ModelError> {
         let mut used: HashSet<&str> = wanted.iter().map(String::as_str).collect();
         used.extend(self.nodes.iter().flat_map(|node| &node.inputs).map(String::as_str));
         // What became known is a constant of the new graph.
@@ -270,7 +285,9 @@ impl Planner<'_> {
         let mut outputs = Vec::new();
         for name in wanted {
             let fact = self.facts.get(name);
-            let fact = fact.ok_or_else(|| ModelError::Malformed(format!("nothing makes its output \"{}\"", crate::error::short(name))))?;
+            let fact = fact.ok_or_else(|| {
+                ModelError::Malformed(format!("nothing makes its output \"{}\"", crate::error::short(name)))
+            })?;
             let dims = fact.dims.iter().map(|&dim| Dim::Fixed(dim)).collect();
             outputs.push(crate::onnx::ValueInfo { name: name.clone(), element: Element::default(), dims: Some(dims) });
         }
@@ -288,7 +305,9 @@ impl Planner<'_> {
     /// Most bytes that values take at one time: each lives from the node that makes it to the last that takes it; what depends on no photo is made when
     /// the graph is loaded, and stays.
     fn peak_bytes(&self, wanted: &[String]) -> u64 {
-        let bytes = |name: &str| self.facts.get(name).and_then(|fact| product(&fact.dims)).map_or(0, |length| 4 * length as u64);
+        let bytes = |name: &str| {
+            self.facts.get(name).and_then(|fact| product(&fact.dims)).map_or(0, |length| 4 * length as u64)
+        };
         let constant = |name: &str| self.facts.get(name).is_some_and(|fact| fact.constant);
         let mut last: HashMap<&str, usize> = HashMap::new();
         for (index, node) in self.nodes.iter().enumerate() {
@@ -325,7 +344,8 @@ fn known(tensor: &Tensor) -> Option<Known> {
         Element::F32 => Known::Floats(words.iter().map(|&word| f32::from_le_bytes(word)).collect()),
         Element::I32 => Known::Ints(words.iter().map(|&word| i32::from_le_bytes(word)).collect()),
         Element::I64 => {
-            let saturated = |&word: &[u8; 8]| i64::from_le_bytes(word).clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32;
+            let saturated =
+                |&word: &[u8; 8]| i64::from_le_bytes(word).clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32;
             Known::Ints(bytes.as_chunks().0.iter().map(saturated).collect())
         }
         Element::BOOL => Known::Ints(bytes.iter().map(|&byte| i32::from(byte != 0)).collect()),

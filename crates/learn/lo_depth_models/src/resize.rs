@@ -50,7 +50,8 @@ pub(crate) fn as_products(x: &Inputs<'_>) -> Result<Option<(Vec<Node>, Vec<Tenso
         tensors.push(Tensor::floats(name("matrix"), dims, &values));
         let mut swap: Vec<i64> = (0..rank as i64).collect();
         swap.swap(index, rank - 1);
-        let turn = |from: &str, to: &str| Node::new("Transpose", &[from], to).with("perm", AttributeValue::Ints(swap.clone()));
+        let turn =
+            |from: &str, to: &str| Node::new("Transpose", &[from], to).with("perm", AttributeValue::Ints(swap.clone()));
         if index + 1 == rank {
             nodes.push(Node::new("MatMul", &[&at, &name("matrix")], &name("")));
         } else if !turned {
