@@ -76,24 +76,59 @@ pub(crate) fn plan(
     }
     planner.tensors(&graph.initializers)?;
     // Only what is wanted, and what that needs.
-    for node in needed(&graph.nodes, wanted) {
+    for node in needed(&graph.nodes, wanted)? {
         planner.node(node, 0)?;
     }
     planner.finish(inputs, wanted, weight_bytes)
 }
 
-/// Nodes that `wanted` depends on, in their order.
-fn needed<'a>(nodes: &'a [Node], wanted: &[String]) -> Vec<&'a Node> {
-    let mut names: HashSet<&str> = wanted.iter().map(String::as_str).collect();
-    let mut kept = Vec::new();
-    for node in nodes.iter().rev() {
-        if node.outputs.iter().any(|output| names.contains(output.as_str())) {
-            names_used(node, &mut names);
-            kept.push(node);
+/// Nodes that `wanted` depends on, each behind those whose outputs it takes. Files need not keep that order, though the standard says so.
+///
+/// # Errors
+/// Nodes that take, over others, what they make.
+fn needed<'a>(nodes: &'a [Node], wanted: &[String]) -> Result<Vec<&'a Node>, ModelError> {
+    let makers: HashMap<&str, usize> = nodes
+        .iter()
+        .enumerate()
+        .flat_map(|(index, node)| node.outputs.iter().map(move |output| (output.as_str(), index)))
+        .filter(|(name, _)| !name.is_empty())
+        .collect();
+    let takes = |index: usize| {
+        let mut names = HashSet::new();
+        names_used(&nodes[index], &mut names);
+        let mut makers: Vec<usize> = names.into_iter().filter_map(|name| makers.get(name).copied()).collect();
+        makers.sort_unstable();
+        makers.dedup();
+        makers
+    };
+    let (mut order, mut begun, mut done) = (Vec::new(), vec![false; nodes.len()], vec![false; nodes.len()]);
+    let mut first: Vec<usize> = wanted.iter().filter_map(|name| makers.get(name.as_str()).copied()).collect();
+    first.sort_unstable();
+    for root in first {
+        // Not recursive: a chain of nodes may be longer than the stack.
+        let mut open = vec![(root, if done[root] { Vec::new() } else { takes(root) })];
+        begun[root] = true;
+        while let Some((index, rest)) = open.last_mut() {
+            let index = *index;
+            match rest.pop() {
+                Some(maker) if done[maker] => {}
+                Some(maker) if begun[maker] => {
+                    return Err(ModelError::Malformed(format!("its node {} takes what it makes", nodes[maker].label())));
+                }
+                Some(maker) => {
+                    begun[maker] = true;
+                    open.push((maker, takes(maker)));
+                }
+                None => {
+                    open.pop();
+                    if !std::mem::replace(&mut done[index], true) {
+                        order.push(&nodes[index]);
+                    }
+                }
+            }
         }
     }
-    kept.reverse();
-    kept
+    Ok(order)
 }
 
 /// What a node takes, and what its branches take.
@@ -248,7 +283,7 @@ impl Planner<'_> {
             return Err(refused("has a branch with another number of outputs"));
         }
         self.tensors(&branch.initializers)?;
-        for inner in &branch.nodes {
+        for inner in needed(&branch.nodes, &outputs)? {
             self.node(inner, depth + 1)?;
         }
         for (from, to) in outputs.iter().zip(&node.outputs) {

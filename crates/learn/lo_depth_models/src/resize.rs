@@ -21,8 +21,10 @@ pub(crate) fn as_products(x: &Inputs<'_>) -> Result<Option<(Vec<Node>, Vec<Tenso
     if how.native(x, &axes) {
         return Ok(None);
     }
+    // As onnxruntime has it: where no size changes, nothing is resized, whatever the scales.
+    let unchanged = how.coordinates != "tf_crop_and_resize" && axes.iter().all(|axis| axis.old == axis.new);
     let mut matrices = Vec::new();
-    for (index, axis) in axes.iter().enumerate() {
+    for (index, axis) in axes.iter().enumerate().filter(|_| !unchanged) {
         let rows = axis.rows(&how);
         if rows.iter().enumerate().any(|(at, row)| axis.old != axis.new || row[..] != [(at, 1.0)]) {
             if product(&[axis.old, axis.new]).is_none_or(|size| size > MAX_MATRIX) {
@@ -138,7 +140,8 @@ impl How {
         })
     }
 
-    /// Whether rten 0.27 computes it as the standard says.
+    /// Whether rten 0.27 computes it as the standard says. Of nearest ones only scales of 2ⁿ: it multiplies where others divide, and what lies just
+    /// between two pixels falls to the other side.
     fn native(&self, x: &Inputs<'_>, axes: &[Axis]) -> bool {
         const COORDINATES: [&str; 4] = ["half_pixel", "asymmetric", "align_corners", "pytorch_half_pixel"];
         let node = x.node;
@@ -150,6 +153,7 @@ impl How {
             && resized_last
             && COORDINATES.contains(&self.coordinates.as_str())
             && node.int("antialias").unwrap_or(0) == 0
+            && (self.mode == Mode::Linear || axes.iter().all(|axis| axis.scale.log2().fract() == 0.0))
             && self.cubic_coeff_a == -0.75
             && node.float("extrapolation_value").unwrap_or(0.0) == 0.0
             && node.text("keep_aspect_ratio_policy").unwrap_or("stretch") == "stretch"
@@ -225,33 +229,34 @@ fn whole(size: f64) -> Result<usize, String> {
 impl Axis {
     /// Of each new place the old places with their weights.
     fn rows(&self, how: &How) -> Vec<Vec<(usize, f64)>> {
-        (0..self.new).map(|new| self.row(how, self.coordinate(&how.coordinates, new as f64), new)).collect()
+        (0..self.new).map(|new| self.row(how, self.coordinate(&how.coordinates, new), new)).collect()
     }
 
-    /// The old place of a new one.
-    fn coordinate(&self, coordinates: &str, new: f64) -> f64 {
-        let (old_length, new_length) = (self.old as f64, self.new as f64);
-        let half_pixel = (new + 0.5) / self.scale - 0.5;
-        match coordinates {
+    /// The old place of a new one. In single precision and in onnxruntime's order of operations: `floor` and `ceil` depend on the last bit.
+    fn coordinate(&self, coordinates: &str, new: usize) -> f64 {
+        let (new, scale) = (new as f32, self.scale as f32);
+        let (old_length, new_length) = (self.old as f32, self.new as f32);
+        let half_pixel = (new + 0.5) / scale - 0.5;
+        let at = match coordinates {
             "half_pixel_symmetric" => {
-                let adjustment = new_length / (self.scale * old_length);
-                0.5 * old_length * (1.0 - adjustment) + half_pixel
+                let adjustment = new_length / (scale * old_length);
+                0.5 * old_length * (1.0 - adjustment) + (new + 0.5) / scale - 0.5
             }
-            "pytorch_half_pixel" if self.new == 1 => 0.0,
-            "align_corners" if self.new == 1 => 0.0,
+            "pytorch_half_pixel" | "align_corners" if self.new == 1 => 0.0,
             "align_corners" => new * (old_length - 1.0) / (new_length - 1.0),
-            "asymmetric" => new / self.scale,
-            "tf_half_pixel_for_nn" => (new + 0.5) / self.scale,
+            "asymmetric" => new / scale,
+            "tf_half_pixel_for_nn" => (new + 0.5) / scale,
             "tf_crop_and_resize" => {
-                let (start, end) = self.crop;
+                let (start, end) = (self.crop.0 as f32, self.crop.1 as f32);
                 if self.new > 1 {
-                    (old_length - 1.0) * (start + new * (end - start) / (new_length - 1.0))
+                    start * (old_length - 1.0) + new * (end - start) * (old_length - 1.0) / (new_length - 1.0)
                 } else {
                     0.5 * (start + end) * (old_length - 1.0)
                 }
             }
             _ => half_pixel,
-        }
+        };
+        f64::from(at)
     }
 
     fn row(&self, how: &How, at: f64, new: usize) -> Vec<(usize, f64)> {
