@@ -113,7 +113,10 @@ fn needed<'a>(nodes: &'a [Node], wanted: &[String]) -> Result<Vec<&'a Node>, Mod
             match rest.pop() {
                 Some(maker) if done[maker] => {}
                 Some(maker) if begun[maker] => {
-                    return Err(ModelError::Malformed(format!("its node {} takes what it makes", nodes[maker].label())));
+                    return Err(ModelError::Malformed(format!(
+                        "its node {} takes what it makes",
+                        nodes[maker].label()
+                    )));
                 }
                 Some(maker) => {
                     begun[maker] = true;

@@ -1,7 +1,7 @@
 //! The run time against onnxruntime's outputs (`tests/fixtures/README.md`).
 #![allow(clippy::unwrap_used)]
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use lo_imaging::Image;
@@ -30,7 +30,9 @@ fn run(path: &Path, input: (&str, Array), integers: &[(&str, i32)]) -> HashMap<S
     let weights = Weights::gather(&mut model.graph, file, path.parent()).unwrap();
     let runtime = Runtime::new(weights, opsets);
     let mut given = HashMap::from([(input.0.to_owned(), Given::Sized(input.1.dims.clone()))]);
-    given.extend(integers.iter().map(|&(name, value)| (name.to_owned(), Given::Value(Vec::new(), Known::Ints(vec![value])))));
+    given.extend(
+        integers.iter().map(|&(name, value)| (name.to_owned(), Given::Value(Vec::new(), Known::Ints(vec![value])))),
+    );
     let wanted: Vec<String> = model.graph.outputs.iter().map(|info| info.name.clone()).collect();
     let evaluate = |node: &crate::onnx::Node, values: &[(String, Vec<usize>, Known)]| runtime.evaluate(node, values);
     let graph = plan(&model.graph, opset, &given, &wanted, runtime.weight_bytes(), &evaluate).unwrap();
@@ -46,25 +48,6 @@ fn error(ours: &[f32], theirs: &[f32]) -> f32 {
     ours.iter().zip(theirs).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) / largest
 }
 
-#[test]
-fn every_resize_is_the_standards() {
-    let bytes = std::fs::read(fixture("resize.safetensors")).unwrap();
-    let tensors = SafeTensors::deserialize(&bytes).unwrap();
-    let outputs = run(&fixture("resize.onnx"), ("x", floats(&tensors, "x")), &[]);
-    assert!(outputs.len() > 300);
-    let mut wrong = BTreeMap::new();
-    for (name, ours) in &outputs {
-        let theirs = floats(&tensors, &format!("y.{name}"));
-        assert_eq!(ours.dims, theirs.dims, "{name}");
-        let error = error(&ours.values, &theirs.values);
-        // Sums of at most 81 products in single precision.
-        if error.is_nan() || error > 2e-6 {
-            wrong.insert(name, error);
-        }
-    }
-    assert!(wrong.is_empty(), "{} of {}: {wrong:#?}", wrong.len(), outputs.len());
-}
-
 /// The photo of the fixtures at any size, as `make_fixtures.py` makes it.
 fn photo(height: usize, width: usize) -> Image<[u8; 3]> {
     let bytes = std::fs::read(fixture("photo.safetensors")).unwrap();
@@ -76,7 +59,8 @@ fn photo(height: usize, width: usize) -> Image<[u8; 3]> {
 
 fn nchw(height: usize, width: usize, scale: f32, mean: [f32; 3], deviation: [f32; 3]) -> Array {
     let photo = photo(height, width);
-    let values = (0..3).flat_map(|c| photo.pixels().iter().map(move |p| (f32::from(p[c]) * scale - mean[c]) / deviation[c]));
+    let values =
+        (0..3).flat_map(|c| photo.pixels().iter().map(move |p| (f32::from(p[c]) * scale - mean[c]) / deviation[c]));
     Array { dims: vec![1, 3, height, width], values: values.collect() }
 }
 
@@ -88,14 +72,17 @@ fn the_families_graphs_give_what_onnxruntime_gives() {
         let (input, integers): (_, &[(&str, i32)]) = match model.split('_').next().unwrap() {
             "depth" => (("pixel_values", nchw(height, width, 1.0 / 255.0, MEAN, DEVIATION)), &[]),
             "metric3d" => (("pixel_values", nchw(height, width, 1.0, [0.0; 3], [1.0; 3])), &[]),
-            _ if height == 240 => (("image", nchw(height, width, 1.0 / 255.0, [0.0; 3], [1.0; 3])), &[("num_tokens", 300)]),
+            _ if height == 240 => {
+                (("image", nchw(height, width, 1.0 / 255.0, [0.0; 3], [1.0; 3])), &[("num_tokens", 300)])
+            }
             _ => (("image", nchw(height, width, 1.0 / 255.0, [0.0; 3], [1.0; 3])), &[("num_tokens", 1369)]),
         };
         let outputs = run(&fixture(&format!("{model}.onnx")), input, integers);
         let bytes = std::fs::read(fixture(&format!("{reference}.{height}x{width}.safetensors"))).unwrap();
         let tensors = SafeTensors::deserialize(&bytes).unwrap();
         let (_, header) = SafeTensors::read_metadata(&bytes).unwrap();
-        let steps: HashMap<String, usize> = serde_json::from_str(&header.metadata().as_ref().unwrap()["steps"]).unwrap();
+        let steps: HashMap<String, usize> =
+            serde_json::from_str(&header.metadata().as_ref().unwrap()["steps"]).unwrap();
         for (name, ours) in outputs {
             let theirs = floats(&tensors, &name);
             let ours = strided(&ours, height, width, steps[&name]);
