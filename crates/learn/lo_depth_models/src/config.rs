@@ -170,8 +170,15 @@ impl SizeRule {
             Self::DepthAnything => return Ok(()),
         };
         let sides = 8..=4096;
-        let right = sides.contains(&width) && sides.contains(&height) && width * height <= MAX_PIXELS && (1..=512).contains(&multiple);
-        let why = || format!("a size of {width} × {height} pixels in steps of {multiple} is impossible: sides lie between 8 and 4096, the product below {MAX_PIXELS}");
+        let right = sides.contains(&width)
+            && sides.contains(&height)
+            && width * height <= MAX_PIXELS
+            && (1..=512).contains(&multiple);
+        let why = || {
+            format!(
+                "a size of {width} × {height} pixels in steps of {multiple} is impossible: sides lie between 8 and 4096, the product below {MAX_PIXELS}"
+            )
+        };
         if right { Ok(()) } else { Err(ModelError::Config(why())) }
     }
 }
@@ -207,8 +214,10 @@ impl ModelConfig {
     /// # Errors
     /// Text that is no such config, naming the line.
     pub fn parse(text: &str) -> Result<Self, ModelError> {
-        let config: Self = toml::from_str(text).map_err(|error| ModelError::Config(error.to_string().trim_end().to_owned()))?;
-        let finite = |values: Option<[f32; 3]>| values.is_none_or(|values| values.iter().all(|value| value.is_finite()));
+        let config: Self =
+            toml::from_str(text).map_err(|error| ModelError::Config(error.to_string().trim_end().to_owned()))?;
+        let finite =
+            |values: Option<[f32; 3]>| values.is_none_or(|values| values.iter().all(|value| value.is_finite()));
         let usable = finite(config.mean)
             && finite(config.deviation)
             && config.deviation.is_none_or(|values| values.iter().all(|value| *value > 0.0))
@@ -241,7 +250,11 @@ impl ModelConfig {
             .filter(|info| matches!(info.element, Element::I64 | Element::I32))
             .map(|info| format!("{} = 0", quoted(&info.name)))
             .collect();
-        let integers = if integers.is_empty() { String::new() } else { format!("\n[integers]   # other inputs\n{}\n", integers.join("\n")) };
+        let integers = if integers.is_empty() {
+            String::new()
+        } else {
+            format!("\n[integers]   # other inputs\n{}\n", integers.join("\n"))
+        };
         format!(
             "kind = \"metric\"   # or inverse-affine, log, points\n\
              input = {input}\n\
@@ -265,7 +278,9 @@ impl ModelConfig {
             .map(|info| info.name.as_str())
             .collect();
         let known = family.is_some();
-        let needed = |what: &str| ModelError::Config(format!("it does not say {what}; the model has\n{}", crate::recipe::signature(graph)));
+        let needed = |what: &str| {
+            ModelError::Config(format!("it does not say {what}; the model has\n{}", crate::recipe::signature(graph)))
+        };
         let mut recipe = family.unwrap_or_else(|| Recipe {
             family: String::new(),
             input: if let [only] = pictures[..] { only.to_owned() } else { String::new() },
@@ -289,7 +304,10 @@ impl ModelConfig {
         if !known && self.kind.is_none() {
             return Err(needed("the kind (metric, inverse-affine, log or points)"));
         }
-        recipe.family = self.name.clone().unwrap_or_else(|| if recipe.family.is_empty() { "by its config".to_owned() } else { recipe.family });
+        recipe.family = self
+            .name
+            .clone()
+            .unwrap_or_else(|| if recipe.family.is_empty() { "by its config".to_owned() } else { recipe.family });
         recipe.kind = self.kind.unwrap_or(recipe.kind);
         recipe.input = self.input.clone().unwrap_or(recipe.input);
         recipe.layout = self.layout.unwrap_or(recipe.layout);
@@ -317,7 +335,9 @@ impl ModelConfig {
             return Err(needed("which output is looked at"));
         }
         let dims = graph.inputs.iter().find(|info| info.name == recipe.input).and_then(|info| info.dims.as_ref());
-        let fixed = dims.is_some_and(|dims| dims.len() == 4 && recipe.layout.axes()[1..].iter().all(|&axis| matches!(dims[axis], Dim::Fixed(_))));
+        let fixed = dims.is_some_and(|dims| {
+            dims.len() == 4 && recipe.layout.axes()[1..].iter().all(|&axis| matches!(dims[axis], Dim::Fixed(_)))
+        });
         match self.size {
             Some(size) => recipe.size = size,
             None if !known && !fixed => return Err(needed("the size")),

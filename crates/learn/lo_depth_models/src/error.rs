@@ -38,7 +38,9 @@ pub enum ModelError {
         why: String,
     },
     /// No family that is known takes and gives what this model does.
-    #[error("what the model's inputs and outputs mean is not known:\n{signature}\nSay it in a file, and give that as the model's config:\n\n{config}")]
+    #[error(
+        "what the model's inputs and outputs mean is not known:\n{signature}\nSay it in a file, and give that as the model's config:\n\n{config}"
+    )]
     Unknown {
         /// The inputs and outputs, one a line.
         signature: String,

@@ -59,7 +59,10 @@ impl DepthModel {
         let file = File::open(path).map_err(ModelError::read).map_err(named)?;
         let metadata = file.metadata().map_err(ModelError::read).map_err(named)?;
         if metadata.len() > MAX_FILE_BYTES {
-            return Err(ModelError::TooLarge(format!("its file has {} bytes, at most {MAX_FILE_BYTES} are read", metadata.len())));
+            return Err(ModelError::TooLarge(format!(
+                "its file has {} bytes, at most {MAX_FILE_BYTES} are read",
+                metadata.len()
+            )));
         }
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let folder = path.parent().map(|folder| if folder.as_os_str().is_empty() { Path::new(".") } else { folder });
@@ -74,7 +77,12 @@ impl DepthModel {
         Self::of(Cursor::new(bytes), None, "", config)
     }
 
-    fn of<R: BufRead + Seek>(file: R, folder: Option<&Path>, name: &str, config: Option<&ModelConfig>) -> Result<Self, ModelError> {
+    fn of<R: BufRead + Seek>(
+        file: R,
+        folder: Option<&Path>,
+        name: &str,
+        config: Option<&ModelConfig>,
+    ) -> Result<Self, ModelError> {
         let (mut model, file) = read_model(file)?;
         simplify(&mut model)?;
         let opset = model.opset();
@@ -94,7 +102,11 @@ impl DepthModel {
 
     /// What people call it: its family and its file.
     pub fn name(&self) -> String {
-        if self.file_name.is_empty() { self.recipe.family.clone() } else { format!("{} ({})", self.recipe.family, self.file_name) }
+        if self.file_name.is_empty() {
+            self.recipe.family.clone()
+        } else {
+            format!("{} ({})", self.recipe.family, self.file_name)
+        }
     }
 
     /// What its output is.
@@ -129,7 +141,9 @@ impl DepthModel {
     ) -> Result<Prediction, ModelError> {
         let (width, height) = (photo.width(), photo.height());
         if width.min(height) < 16 || width.max(height) > 20 * width.min(height) {
-            return Err(ModelError::Photo(format!("{width} × {height} pixels are too few or too narrow for a depth model")));
+            return Err(ModelError::Photo(format!(
+                "{width} × {height} pixels are too few or too narrow for a depth model"
+            )));
         }
         if camera.is_none() && self.recipe.canonical_focal_px.is_some() {
             return Err(ModelError::Photo("the model needs the focal length of its camera".to_owned()));
@@ -168,11 +182,14 @@ impl DepthModel {
         for (name, value) in &self.recipe.integers {
             let shape = self.graph.inputs.iter().find(|info| info.name == *name).and_then(|info| info.dims.as_ref());
             let dims = vec![1; shape.map_or(0, Vec::len)];
-            let value = i32::try_from(*value).map_err(|_| ModelError::Config(format!("{name} = {value} is too large")))?;
+            let value =
+                i32::try_from(*value).map_err(|_| ModelError::Config(format!("{name} = {value} is too large")))?;
             given.insert(name.clone(), Given::Value(dims, Known::Ints(vec![value])));
         }
-        let evaluate = |node: &crate::onnx::Node, values: &[(String, Vec<usize>, Known)]| self.runtime.evaluate(node, values);
-        let plan = plan(&self.graph, self.opset, &given, &self.recipe.outputs(), self.runtime.weight_bytes(), &evaluate)?;
+        let evaluate =
+            |node: &crate::onnx::Node, values: &[(String, Vec<usize>, Known)]| self.runtime.evaluate(node, values);
+        let plan =
+            plan(&self.graph, self.opset, &given, &self.recipe.outputs(), self.runtime.weight_bytes(), &evaluate)?;
         let loaded = Arc::new(self.runtime.load(&plan)?);
         *last = Some((dims.to_vec(), Arc::clone(&loaded)));
         Ok(loaded)
@@ -195,9 +212,10 @@ impl DepthModel {
                 let depth = given.numbers(output)?;
                 let focal = camera.zip(recipe.canonical_focal_px);
                 let mut depth_m = match focal {
-                    Some((camera, canonical_px)) => {
-                        metric3d::metres(&depth, camera.fx * pixels_per_pixel * metric3d::CANONICAL_FOCAL_PX / canonical_px)
-                    }
+                    Some((camera, canonical_px)) => metric3d::metres(
+                        &depth,
+                        camera.fx * pixels_per_pixel * metric3d::CANONICAL_FOCAL_PX / canonical_px,
+                    ),
                     None => depth_anything::metres(&depth),
                 };
                 masked(&mut depth_m, mask.as_ref(), 0.0);
@@ -218,7 +236,8 @@ impl DepthModel {
             }
             Kind::Points => {
                 let points = given.vectors(output)?;
-                let unusable = |error: moge::PointsError| ModelError::Output { output: short(output), why: error.to_string() };
+                let unusable =
+                    |error: moge::PointsError| ModelError::Output { output: short(output), why: error.to_string() };
                 let solved = moge::focal_and_shift(&points, mask.as_ref(), photo, camera).map_err(unusable)?;
                 if camera.is_none() {
                     field_of_view = Some(solved.field_of_view(photo));
@@ -242,7 +261,12 @@ impl DepthModel {
                 None => normals,
             };
             let [half_width, half_height] = half_sizes(photo, camera, field_of_view);
-            Ok(moge::normals(&believed, mask.as_ref().filter(|mask| mask.pixels().len() == believed.pixels().len()), half_width, half_height))
+            Ok(moge::normals(
+                &believed,
+                mask.as_ref().filter(|mask| mask.pixels().len() == believed.pixels().len()),
+                half_width,
+                half_height,
+            ))
         });
         Ok(Prediction { geometry, field_of_view, normals: normals.transpose()? })
     }
@@ -251,8 +275,12 @@ impl DepthModel {
 /// Half of the picture's width and height at one metre: of the camera, of the field of view that the model tells, or of an ordinary lens.
 fn half_sizes(photo: (u32, u32), camera: Option<&Camera>, told: Option<FieldOfView>) -> [f32; 2] {
     match (camera, told) {
-        (Some(camera), _) => [0.5 * f64::from(photo.0) / camera.fx, 0.5 * f64::from(photo.1) / camera.fy].map(|half| half as f32),
-        (None, Some(angles)) => [angles.horizontal_deg, angles.vertical_deg].map(|angle| (0.5 * angle).to_radians().tan() as f32),
+        (Some(camera), _) => {
+            [0.5 * f64::from(photo.0) / camera.fx, 0.5 * f64::from(photo.1) / camera.fy].map(|half| half as f32)
+        }
+        (None, Some(angles)) => {
+            [angles.horizontal_deg, angles.vertical_deg].map(|angle| (0.5 * angle).to_radians().tan() as f32)
+        }
         (None, None) => [0.6, 0.6 * photo.1 as f32 / photo.0 as f32],
     }
 }
@@ -295,7 +323,9 @@ impl Answers {
             // A fourth channel would be the normals' concentration.
             [channels @ (3 | 4), height, width] if channels * height * width == array.values.len() => {
                 let plane = height * width;
-                Image::from_fn(width, height, |x, y| [0, 1, 2].map(|channel| array.values[channel * plane + y * width + x]))
+                Image::from_fn(width, height, |x, y| {
+                    [0, 1, 2].map(|channel| array.values[channel * plane + y * width + x])
+                })
             }
             _ => return Err(misshapen(name, array, "a picture of three channels")),
         };
@@ -311,11 +341,17 @@ impl Answers {
         }
     }
 
-    fn checked<T: Copy>(&self, name: &str, image: Image<T>, is_number: impl Fn(&T) -> bool) -> Result<Image<T>, ModelError> {
+    fn checked<T: Copy>(
+        &self,
+        name: &str,
+        image: Image<T>,
+        is_number: impl Fn(&T) -> bool,
+    ) -> Result<Image<T>, ModelError> {
         let whole = self.letterbox.map(|letterbox| letterbox.cropped(&image)).unwrap_or(image);
         let numbers = whole.pixels().iter().filter(|value| is_number(value)).count();
         if (numbers as f64) < FEWEST_NUMBERS * whole.pixels().len() as f64 || numbers == 0 {
-            let why = format!("has no numbers in {} of its {} pixels", whole.pixels().len() - numbers, whole.pixels().len());
+            let why =
+                format!("has no numbers in {} of its {} pixels", whole.pixels().len() - numbers, whole.pixels().len());
             return Err(ModelError::Output { output: short(name), why });
         }
         Ok(whole)

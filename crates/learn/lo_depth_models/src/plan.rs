@@ -6,7 +6,9 @@
 use std::collections::{HashMap, HashSet};
 
 use crate::ModelError;
-use crate::onnx::{AttributeValue, Data, Dim, Element, Graph, MAX_NESTING, MAX_NODES, Node, Tensor, inlined_branch, product};
+use crate::onnx::{
+    AttributeValue, Data, Dim, Element, Graph, MAX_NESTING, MAX_NODES, Node, Tensor, inlined_branch, product,
+};
 use crate::resize;
 use crate::shapes::{Fact, Inputs, Known, shape_range, shapes};
 
@@ -57,7 +59,12 @@ pub(crate) fn plan(
     let mut inputs = Vec::new();
     for input in &graph.inputs {
         let fact = match given.get(&input.name) {
-            None => return Err(ModelError::Unsupported(format!("nothing is known to give to its input \"{}\"", crate::error::short(&input.name)))),
+            None => {
+                return Err(ModelError::Unsupported(format!(
+                    "nothing is known to give to its input \"{}\"",
+                    crate::error::short(&input.name)
+                )));
+            }
             Some(Given::Sized(dims)) => {
                 let dims_info = dims.iter().map(|&dim| Dim::Fixed(dim)).collect();
                 inputs.push(crate::onnx::ValueInfo { dims: Some(dims_info), ..input.clone() });
@@ -106,7 +113,10 @@ fn needed<'a>(nodes: &'a [Node], wanted: &[String]) -> Result<Vec<&'a Node>, Mod
             match rest.pop() {
                 Some(maker) if done[maker] => {}
                 Some(maker) if begun[maker] => {
-                    return Err(ModelError::Malformed(format!("its node {} takes what it makes", nodes[maker].label())));
+                    return Err(ModelError::Malformed(format!(
+                        "its node {} takes what it makes",
+                        nodes[maker].label()
+                    )));
                 }
                 Some(maker) => {
                     begun[maker] = true;
@@ -199,7 +209,8 @@ impl Planner<'_> {
             return Err(refused("gives as many values as the photo makes it".to_owned()));
         }
         if matches!(node.op.as_str(), "Resize" | "Upsample") && node.is_standard() {
-            let products = resize::as_products(&Inputs { node, inputs: &inputs, opset: self.opset }).map_err(refused)?;
+            let products =
+                resize::as_products(&Inputs { node, inputs: &inputs, opset: self.opset }).map_err(refused)?;
             if let Some((nodes, tensors)) = products {
                 for tensor in tensors {
                     self.define(&tensor.name, resize::matrix_fact(&tensor))?;
@@ -207,6 +218,12 @@ impl Planner<'_> {
                 }
                 return nodes.iter().try_for_each(|node| self.node(node, depth));
             }
+        }
+        if node.op == "ConvInteger"
+            && let Some((pad, pads, conv)) = padded_first(node, &inputs)
+        {
+            self.tensors(&[pads])?;
+            return [pad, conv].iter().try_for_each(|node| self.node(node, depth));
         }
         for (name, dims) in node.outputs.iter().zip(sizes) {
             if !name.is_empty() {
@@ -240,9 +257,10 @@ impl Planner<'_> {
         }
         let small = sizes.iter().all(|dims| product(dims).is_some_and(|length| length <= MAX_KNOWN));
         let resized = matches!(node.op.as_str(), "Resize" | "Upsample");
-        let all = inputs.iter().zip(&node.inputs).all(|(fact, name)| {
-            name.is_empty() || fact.is_some_and(|fact| fact.known.is_some())
-        });
+        let all = inputs
+            .iter()
+            .zip(&node.inputs)
+            .all(|(fact, name)| name.is_empty() || fact.is_some_and(|fact| fact.known.is_some()));
         if !small || !all || resized {
             return Ok(None);
         }
@@ -261,10 +279,11 @@ impl Planner<'_> {
         if depth > MAX_NESTING {
             return Err(refused("lies too deep in other branches"));
         }
-        let chosen = match node.inputs.first().and_then(|name| self.facts.get(name)).and_then(|fact| fact.known.as_ref()) {
-            Some(Known::Ints(values)) if values.len() == 1 => values[0] != 0,
-            _ => return Err(refused("has a condition that is not known before the run")),
-        };
+        let chosen =
+            match node.inputs.first().and_then(|name| self.facts.get(name)).and_then(|fact| fact.known.as_ref()) {
+                Some(Known::Ints(values)) if values.len() == 1 => values[0] != 0,
+                _ => return Err(refused("has a condition that is not known before the run")),
+            };
         let name = if chosen { "then_branch" } else { "else_branch" };
         let Some(AttributeValue::Graph(branch)) = node.value(name) else { return Err(refused("lacks a branch")) };
         self.branches += 1;
@@ -282,7 +301,12 @@ impl Planner<'_> {
         Ok(())
     }
 
-    fn finish(mut self, inputs: Vec<crate::onnx::ValueInfo>, wanted: &[String], weight_bytes: u64) -> Result<Graph, ModelError> {
+    fn finish(
+        mut self,
+        inputs: Vec<crate::onnx::ValueInfo>,
+        wanted: &[String],
+        weight_bytes: u64,
+    ) -> Result<Graph, ModelError> {
         let mut used: HashSet<&str> = wanted.iter().map(String::as_str).collect();
         used.extend(self.nodes.iter().flat_map(|node| &node.inputs).map(String::as_str));
         // What became known is a constant of the new graph.
@@ -305,7 +329,9 @@ impl Planner<'_> {
         let mut outputs = Vec::new();
         for name in wanted {
             let fact = self.facts.get(name);
-            let fact = fact.ok_or_else(|| ModelError::Malformed(format!("nothing makes its output \"{}\"", crate::error::short(name))))?;
+            let fact = fact.ok_or_else(|| {
+                ModelError::Malformed(format!("nothing makes its output \"{}\"", crate::error::short(name)))
+            })?;
             let dims = fact.dims.iter().map(|&dim| Dim::Fixed(dim)).collect();
             outputs.push(crate::onnx::ValueInfo { name: name.clone(), element: Element::default(), dims: Some(dims) });
         }
@@ -323,7 +349,9 @@ impl Planner<'_> {
     /// Most bytes that values take at one time: each lives from the node that makes it to the last that takes it; what depends on no photo is made when
     /// the graph is loaded, and stays.
     fn peak_bytes(&self, wanted: &[String]) -> u64 {
-        let bytes = |name: &str| self.facts.get(name).and_then(|fact| product(&fact.dims)).map_or(0, |length| 4 * length as u64);
+        let bytes = |name: &str| {
+            self.facts.get(name).and_then(|fact| product(&fact.dims)).map_or(0, |length| 4 * length as u64)
+        };
         let constant = |name: &str| self.facts.get(name).is_some_and(|fact| fact.constant);
         let mut last: HashMap<&str, usize> = HashMap::new();
         for (index, node) in self.nodes.iter().enumerate() {
@@ -349,6 +377,29 @@ impl Planner<'_> {
     }
 }
 
+/// A `ConvInteger` with padding, as a `Pad` by the zero point and a `ConvInteger` without: rten 0.27 pads by 0, which is another number where the zero
+/// point is not. `None` where nothing is padded.
+fn padded_first(node: &Node, inputs: &[Option<&Fact>]) -> Option<(Node, Tensor, Node)> {
+    let pads = node.ints("pads").filter(|pads| pads.iter().any(|&pad| pad != 0))?;
+    let axes = inputs.first().copied().flatten()?.dims.len().checked_sub(2).filter(|axes| 2 * axes == pads.len())?;
+    let zero_point = node.inputs.get(2).filter(|name| !name.is_empty())?;
+    let (from, output) = (node.inputs.first()?, node.outputs.first()?);
+    let int = |pad: i64| i32::try_from(pad).ok();
+    let none = [Some(0); 2].into_iter();
+    let sides: Option<Vec<i32>> = none
+        .clone()
+        .chain(pads[..axes].iter().map(|&pad| int(pad)))
+        .chain(none)
+        .chain(pads[axes..].iter().map(|&pad| int(pad)))
+        .collect();
+    let (padded, by) = (format!("{output}#padded"), format!("{output}#pads"));
+    let tensor = Tensor::ints(by.clone(), vec![2 * axes + 4], &sides?);
+    let mut conv = node.clone();
+    conv.inputs[0].clone_from(&padded);
+    conv.attributes.retain(|attribute| attribute.name != "pads");
+    Some((Node::new("Pad", &[from, &by, zero_point], &padded), tensor, conv))
+}
+
 /// Values of a small tensor; of types that the run time keeps as integers of 32 bits or in single precision.
 fn known(tensor: &Tensor) -> Option<Known> {
     let Data::Bytes(bytes) = &tensor.data else { return None };
@@ -360,7 +411,8 @@ fn known(tensor: &Tensor) -> Option<Known> {
         Element::F32 => Known::Floats(words.iter().map(|&word| f32::from_le_bytes(word)).collect()),
         Element::I32 => Known::Ints(words.iter().map(|&word| i32::from_le_bytes(word)).collect()),
         Element::I64 => {
-            let saturated = |&word: &[u8; 8]| i64::from_le_bytes(word).clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32;
+            let saturated =
+                |&word: &[u8; 8]| i64::from_le_bytes(word).clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32;
             Known::Ints(bytes.as_chunks().0.iter().map(saturated).collect())
         }
         Element::BOOL => Known::Ints(bytes.iter().map(|&byte| i32::from(byte != 0)).collect()),

@@ -44,10 +44,14 @@ pub(crate) fn prepared(recipe: &Recipe, photo: &Image<[u8; 3]>) -> Prepared {
     let value = |pixel: &[f32; 3], channel: usize| (pixel[channel] * scale - mean[channel]) / deviation[channel];
     let channel = |index: usize| if recipe.bgr { 2 - index } else { index };
     let values = match recipe.layout {
-        Layout::Nchw => (0..3)
-            .flat_map(|index| picture.pixels().iter().map(move |pixel| value(pixel, channel(index))))
+        Layout::Nchw => {
+            (0..3).flat_map(|index| picture.pixels().iter().map(move |pixel| value(pixel, channel(index)))).collect()
+        }
+        Layout::Nhwc => picture
+            .pixels()
+            .par_iter()
+            .flat_map_iter(|pixel| (0..3).map(move |index| value(pixel, channel(index))))
             .collect(),
-        Layout::Nhwc => picture.pixels().par_iter().flat_map_iter(|pixel| (0..3).map(move |index| value(pixel, channel(index)))).collect(),
     };
     Prepared { array: Array { dims: input_dims(recipe.layout, whole), values }, photo: size, letterbox }
 }

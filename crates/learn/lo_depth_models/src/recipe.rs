@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use crate::config::ModelConfig;
-use crate::onnx::{Dim, Element, Graph, Tensor, Data, ValueInfo};
+use crate::onnx::{Data, Dim, Element, Graph, Tensor, ValueInfo};
 use crate::{Kind, Layout, ModelError, SizeRule, depth_anything, metric3d};
 
 /// Tokens that MoGe-2 is given: its exporter's choice, of 1200 to 3600.
@@ -75,7 +75,11 @@ impl Recipe {
             return wrong(format!("there is no output \"{absent}\""));
         }
         if input.element != Element::F32 {
-            return wrong(format!("its input \"{}\" takes {}, not numbers with a fraction", self.input, input.element.name()));
+            return wrong(format!(
+                "its input \"{}\" takes {}, not numbers with a fraction",
+                self.input,
+                input.element.name()
+            ));
         }
         if let Some(dims) = &input.dims {
             let axes = self.layout.axes();
@@ -87,7 +91,9 @@ impl Recipe {
             if let (Dim::Fixed(height), Dim::Fixed(width)) = (&dims[axes[1]], &dims[axes[2]]) {
                 let (width, height) = (*width, *height);
                 self.size = match self.size {
-                    SizeRule::Fixed { .. } | SizeRule::ShorterSide { .. } | SizeRule::DepthAnything => SizeRule::Fixed { width, height },
+                    SizeRule::Fixed { .. } | SizeRule::ShorterSide { .. } | SizeRule::DepthAnything => {
+                        SizeRule::Fixed { width, height }
+                    }
                     SizeRule::Letterbox { .. } | SizeRule::LongerSide { .. } => SizeRule::Letterbox { width, height },
                 };
             }
@@ -103,7 +109,9 @@ impl Recipe {
 
 /// The families that nothing needs to be said about.
 fn known(graph: &Graph, file_name: &str) -> Option<Recipe> {
-    let input = |name: &str| graph.inputs.iter().any(|info| info.name == name && info.dims.as_ref().is_none_or(|dims| dims.len() == 4));
+    let input = |name: &str| {
+        graph.inputs.iter().any(|info| info.name == name && info.dims.as_ref().is_none_or(|dims| dims.len() == 4))
+    };
     let integer = |name: &str| graph.inputs.iter().any(|info| info.name == name && info.element == Element::I64);
     let output = |name: &str| graph.outputs.iter().any(|info| info.name == name).then(|| name.to_owned());
     let plain = Recipe {
@@ -158,7 +166,9 @@ fn known(graph: &Graph, file_name: &str) -> Option<Recipe> {
             ..plain.clone()
         }
     };
-    if let (true, Some(depth), normals @ Some(_)) = (input("pixel_values"), output("predicted_depth"), output("predicted_normal")) {
+    if let (true, Some(depth), normals @ Some(_)) =
+        (input("pixel_values"), output("predicted_depth"), output("predicted_normal"))
+    {
         return Some(metric3d("pixel_values", depth, normals, output("normal_confidence")));
     }
     if let (true, Some(depth)) = (input("image") && normalises(graph, "image"), output("pred_depth")) {
@@ -169,7 +179,11 @@ fn known(graph: &Graph, file_name: &str) -> Option<Recipe> {
         let kind = depth_anything::kind(backwards(graph, &depth)).or_else(|| {
             let metric = file_name.to_ascii_lowercase().contains("metric");
             // Other networks of these names (DPT, ZoeDepth, Depth Pro) have patches of other sizes.
-            patches_of_14(graph).then_some(if metric { depth_anything::Kind::Metric } else { depth_anything::Kind::Relative })
+            patches_of_14(graph).then_some(if metric {
+                depth_anything::Kind::Metric
+            } else {
+                depth_anything::Kind::Relative
+            })
         })?;
         let (name, kind) = match kind {
             depth_anything::Kind::Metric => ("Depth Anything V2, metric", Kind::Metric),
@@ -212,7 +226,8 @@ fn normalises(graph: &Graph, input: &str) -> bool {
     let mut derived: HashSet<&str> = HashSet::from([input]);
     for node in graph.nodes.iter().take_while(|node| node.op != "Conv") {
         if node.inputs.iter().any(|name| derived.contains(name.as_str())) {
-            let constants = node.inputs.iter().filter_map(|name| graph.initializers.iter().find(|tensor| tensor.name == *name));
+            let constants =
+                node.inputs.iter().filter_map(|name| graph.initializers.iter().find(|tensor| tensor.name == *name));
             if constants.into_iter().any(is_mean) {
                 return true;
             }
@@ -226,12 +241,16 @@ fn is_mean(tensor: &Tensor) -> bool {
     let Data::Bytes(bytes) = &tensor.data else { return false };
     let values = bytes.as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes).abs());
     // Half precision has steps of 1/16 there.
-    tensor.element == Element::F32 && bytes.len() == 12 && values.zip(metric3d::MEAN).all(|(value, mean)| (value - mean).abs() < 0.1)
+    tensor.element == Element::F32
+        && bytes.len() == 12
+        && values.zip(metric3d::MEAN).all(|(value, mean)| (value - mean).abs() < 0.1)
 }
 
 /// Inputs and outputs, one a line.
 pub(crate) fn signature(graph: &Graph) -> String {
-    let line = |what: &str, info: &ValueInfo| format!("  {what:<6} {}  {} {}", crate::error::short(&info.name), info.element.name(), dims_text(info));
+    let line = |what: &str, info: &ValueInfo| {
+        format!("  {what:<6} {}  {} {}", crate::error::short(&info.name), info.element.name(), dims_text(info))
+    };
     let inputs = graph.inputs.iter().map(|info| line("input", info));
     let outputs = graph.outputs.iter().map(|info| line("output", info));
     inputs.chain(outputs).take(40).collect::<Vec<_>>().join("\n")

@@ -52,7 +52,8 @@ pub(crate) fn as_products(x: &Inputs<'_>) -> Result<Option<(Vec<Node>, Vec<Tenso
         tensors.push(Tensor::floats(name("matrix"), dims, &values));
         let mut swap: Vec<i64> = (0..rank as i64).collect();
         swap.swap(index, rank - 1);
-        let turn = |from: &str, to: &str| Node::new("Transpose", &[from], to).with("perm", AttributeValue::Ints(swap.clone()));
+        let turn =
+            |from: &str, to: &str| Node::new("Transpose", &[from], to).with("perm", AttributeValue::Ints(swap.clone()));
         if index + 1 == rank {
             nodes.push(Node::new("MatMul", &[&at, &name("matrix")], &name("")));
         } else if !turned {
@@ -239,7 +240,7 @@ impl Axis {
         let at = match coordinates {
             "half_pixel_symmetric" => {
                 let adjustment = new_length / (scale * old_length);
-                0.5 * old_length * (1.0 - adjustment) + (new + 0.5) / scale - 0.5
+                0.5 * old_length * (1.0 - adjustment) + half_pixel
             }
             "pytorch_half_pixel" | "align_corners" if self.new == 1 => 0.0,
             "align_corners" => new * (old_length - 1.0) / (new_length - 1.0),

@@ -55,7 +55,8 @@ impl Runtime {
     /// Computes one node from known values.
     pub fn evaluate(&self, node: &Node, given: &[(String, Vec<usize>, Known)]) -> Result<Option<Values>, ModelError> {
         let refused = |why: String| ModelError::Node { node: node.label(), why: one_line(&why) };
-        let info = |name: &str, element: Element, dims: Option<Vec<Dim>>| ValueInfo { name: name.to_owned(), element, dims };
+        let info =
+            |name: &str, element: Element, dims: Option<Vec<Dim>>| ValueInfo { name: name.to_owned(), element, dims };
         let mut inputs: Vec<ValueInfo> = Vec::new();
         for (name, dims, known) in given {
             let element = if matches!(known, Known::Ints(_)) { Element::I32 } else { Element::F32 };
@@ -79,8 +80,12 @@ impl Runtime {
                     continue;
                 }
                 let value = match known {
-                    Known::Ints(values) => ValueOrView::from(Tensor::try_from_data(dims.as_slice(), values.clone()).map_err(|e| e.to_string())?),
-                    Known::Floats(values) => ValueOrView::from(Tensor::try_from_data(dims.as_slice(), values.clone()).map_err(|e| e.to_string())?),
+                    Known::Ints(values) => ValueOrView::from(
+                        Tensor::try_from_data(dims.as_slice(), values.clone()).map_err(|e| e.to_string())?,
+                    ),
+                    Known::Floats(values) => ValueOrView::from(
+                        Tensor::try_from_data(dims.as_slice(), values.clone()).map_err(|e| e.to_string())?,
+                    ),
                 };
                 inputs.push((id, value));
             }
@@ -97,8 +102,12 @@ impl Runtime {
             let Some(value) = values.next() else { return Ok(None) };
             let dims = value.shape().to_vec();
             let known = match value.dtype() {
-                ValueType::Tensor(DataType::Int32) => value.into_tensor::<i32>().map(|tensor| Known::Ints(tensor.into_data())),
-                ValueType::Tensor(DataType::Float) => value.into_tensor::<f32>().map(|tensor| Known::Floats(tensor.into_data())),
+                ValueType::Tensor(DataType::Int32) => {
+                    value.into_tensor::<i32>().map(|tensor| Known::Ints(tensor.into_data()))
+                }
+                ValueType::Tensor(DataType::Float) => {
+                    value.into_tensor::<f32>().map(|tensor| Known::Floats(tensor.into_data()))
+                }
                 _ => None,
             };
             let Some(known) = known else { return Ok(None) };
@@ -117,7 +126,8 @@ impl Loaded {
         let values = caged(|| -> Result<Vec<Value>, String> {
             let id = |name: &str| self.model.node_id(name).map_err(|error| error.to_string());
             let ids = outputs.iter().map(|name| id(name)).collect::<Result<Vec<_>, _>>()?;
-            let view = TensorView::try_from_data(image.dims.as_slice(), image.values.as_slice()).map_err(|e| e.to_string())?;
+            let view =
+                TensorView::try_from_data(image.dims.as_slice(), image.values.as_slice()).map_err(|e| e.to_string())?;
             self.model.run(vec![(id(input)?, view.into())], &ids, Some(options)).map_err(|error| error.to_string())
         })?;
         values.map_err(failed)?.into_iter().zip(outputs).map(|(value, name)| floats(value, name)).collect()
@@ -131,18 +141,29 @@ fn floats(value: Value, name: &str) -> Result<Array, ModelError> {
         ValueType::Tensor(DataType::Int32) => {
             value.into_tensor::<i32>().map(|tensor| tensor.into_data().into_iter().map(|value| value as f32).collect())
         }
+        ValueType::Tensor(DataType::UInt8) => {
+            value.into_tensor::<u8>().map(|tensor| tensor.into_data().into_iter().map(f32::from).collect())
+        }
+        ValueType::Tensor(DataType::Int8) => {
+            value.into_tensor::<i8>().map(|tensor| tensor.into_data().into_iter().map(f32::from).collect())
+        }
         _ => None,
     };
     let values = values.filter(|values| product(&dims) == Some(values.len()));
-    let why = || "is neither of floats nor of integers".to_owned();
-    values.map(|values| Array { dims, values }).ok_or_else(|| ModelError::Output { output: crate::error::short(name), why: why() })
+    let why = || "is no tensor of numbers".to_owned();
+    values
+        .map(|values| Array { dims, values })
+        .ok_or_else(|| ModelError::Output { output: crate::error::short(name), why: why() })
 }
 
 /// Runs what may panic.
 fn caged<T>(work: impl FnOnce() -> T) -> Result<T, ModelError> {
     // Nothing that the closure touches is used again after a panic.
     catch_unwind(AssertUnwindSafe(work)).map_err(|panic| {
-        let text = panic.downcast_ref::<String>().cloned().or_else(|| panic.downcast_ref::<&str>().map(|text| (*text).to_owned()));
+        let text = panic
+            .downcast_ref::<String>()
+            .cloned()
+            .or_else(|| panic.downcast_ref::<&str>().map(|text| (*text).to_owned()));
         ModelError::Run(format!("rten gave up: {}", one_line(&text.unwrap_or_default())))
     })
 }

@@ -30,22 +30,76 @@ pub(crate) fn shapes(node: &Node, inputs: &[Option<&Fact>], opset: i64) -> Shape
     match (node.domain.as_str(), node.op.as_str()) {
         (
             "",
-            "Abs" | "Acos" | "Acosh" | "Asin" | "Asinh" | "Atan" | "Atanh" | "BatchNormalization" | "BitCast" | "Cast" | "CastLike" | "Ceil"
-            | "Clip" | "Cos" | "Cosh" | "CumSum" | "DequantizeLinear" | "Dropout" | "Elu" | "Erf" | "Exp" | "EyeLike" | "Floor"
-            | "Gelu" | "HardSigmoid" | "HardSwish" | "Identity" | "InstanceNormalization" | "IsInf" | "IsNaN" | "LeakyRelu"
-            | "Log" | "LogSoftmax" | "LpNormalization" | "Neg" | "Not" | "QuantizeLinear" | "RMSNormalization" | "Reciprocal" | "Relu"
-            | "RotaryEmbedding" | "Round" | "Scatter" | "ScatterElements" | "ScatterND" | "Sigmoid" | "Sign" | "Sin"
-            | "Softmax" | "Softplus" | "Softsign" | "Sqrt" | "Swish" | "Tan" | "Tanh" | "Trilu",
+            "Abs"
+            | "Acos"
+            | "Acosh"
+            | "Asin"
+            | "Asinh"
+            | "Atan"
+            | "Atanh"
+            | "BatchNormalization"
+            | "BitCast"
+            | "Cast"
+            | "CastLike"
+            | "Ceil"
+            | "Clip"
+            | "Cos"
+            | "Cosh"
+            | "CumSum"
+            | "DequantizeLinear"
+            | "Dropout"
+            | "Elu"
+            | "Erf"
+            | "Exp"
+            | "EyeLike"
+            | "Floor"
+            | "Gelu"
+            | "HardSigmoid"
+            | "HardSwish"
+            | "Identity"
+            | "InstanceNormalization"
+            | "IsInf"
+            | "IsNaN"
+            | "LeakyRelu"
+            | "Log"
+            | "LogSoftmax"
+            | "LpNormalization"
+            | "Neg"
+            | "Not"
+            | "QuantizeLinear"
+            | "RMSNormalization"
+            | "Reciprocal"
+            | "Relu"
+            | "RotaryEmbedding"
+            | "Round"
+            | "Scatter"
+            | "ScatterElements"
+            | "ScatterND"
+            | "Sigmoid"
+            | "Sign"
+            | "Sin"
+            | "Softmax"
+            | "Softplus"
+            | "Softsign"
+            | "Sqrt"
+            | "Swish"
+            | "Tan"
+            | "Tanh"
+            | "Trilu",
         )
-        | ("com.microsoft", "BiasGelu" | "FastGelu" | "Gelu" | "QuickGelu" | "RotaryEmbedding") => one(x.dims(0)?.to_vec()),
+        | ("com.microsoft", "BiasGelu" | "FastGelu" | "Gelu" | "QuickGelu" | "RotaryEmbedding") => {
+            one(x.dims(0)?.to_vec())
+        }
         ("com.microsoft", "SkipLayerNormalization" | "SkipSimplifiedLayerNormalization")
         | ("ai.onnx", "SimplifiedLayerNormalization")
-        | ("", "SimplifiedLayerNormalization" | "LayerNormalization") => Ok(vec![x.dims(0)?.to_vec(); node.outputs.len()]),
+        | ("", "SimplifiedLayerNormalization" | "LayerNormalization") => {
+            Ok(vec![x.dims(0)?.to_vec(); node.outputs.len()])
+        }
         ("", "DynamicQuantizeLinear") => Ok(vec![x.dims(0)?.to_vec(), Vec::new(), Vec::new()]),
         (
             "",
-            "Add" | "And" | "Div" | "Equal" | "Greater" | "GreaterOrEqual" | "Less" | "LessOrEqual" | "Max" | "Mean" | "Min"
-            | "Mod" | "Mul" | "Or" | "PRelu" | "Pow" | "Sub" | "Sum" | "Where" | "Xor",
+            "Add" | "And" | "Div" | "Equal" | "Greater" | "GreaterOrEqual" | "Less" | "LessOrEqual" | "Max" | "Mean"
+            | "Min" | "Mod" | "Mul" | "Or" | "PRelu" | "Pow" | "Sub" | "Sum" | "Where" | "Xor",
         ) => {
             let all: Result<Vec<&[usize]>, String> = (0..inputs.len()).map(|index| x.dims(index)).collect();
             one(all?.into_iter().try_fold(Vec::new(), |sum, dims| broadcast(&sum, dims))?)
@@ -192,8 +246,8 @@ pub(crate) fn shapes(node: &Node, inputs: &[Option<&Fact>], opset: i64) -> Shape
         ("", "ArgMax" | "ArgMin") => one(reduced(&x, Some(vec![node.int("axis").unwrap_or(0)]))?),
         (
             "",
-            "ReduceL1" | "ReduceL2" | "ReduceLogSum" | "ReduceLogSumExp" | "ReduceMax" | "ReduceMean" | "ReduceMin" | "ReduceProd"
-            | "ReduceSum" | "ReduceSumSquare",
+            "ReduceL1" | "ReduceL2" | "ReduceLogSum" | "ReduceLogSumExp" | "ReduceMax" | "ReduceMean" | "ReduceMin"
+            | "ReduceProd" | "ReduceSum" | "ReduceSumSquare",
         ) => one(reduced(&x, x.axes(1)?)?),
         ("", "Resize" | "Upsample") => crate::resize::output_dims(&x).map(|dims| vec![dims]),
         _ => Err("is an operator that no depth network needs".to_owned()),
@@ -291,7 +345,8 @@ pub(crate) fn broadcast(a: &[usize], b: &[usize]) -> Result<Vec<usize>, String> 
 
 fn matmul(a: &[usize], b: &[usize]) -> Result<Vec<usize>, String> {
     let misfit = || format!("multiplies {a:?} by {b:?}");
-    let (&inner, &before) = (a.last().ok_or_else(misfit)?, b.get(b.len().wrapping_sub(2)).or(b.last()).ok_or_else(misfit)?);
+    let (&inner, &before) =
+        (a.last().ok_or_else(misfit)?, b.get(b.len().wrapping_sub(2)).or(b.last()).ok_or_else(misfit)?);
     fits(inner == before, misfit)?;
     let batch = |dims: &[usize]| dims[..dims.len().saturating_sub(2)].to_vec();
     let mut dims = broadcast(&batch(a), &batch(b))?;
@@ -301,7 +356,8 @@ fn matmul(a: &[usize], b: &[usize]) -> Result<Vec<usize>, String> {
 }
 
 fn einsum(x: &Inputs<'_>) -> Result<Vec<usize>, String> {
-    let equation: String = x.node.text("equation").ok_or("lacks its equation")?.chars().filter(|c| !c.is_whitespace()).collect();
+    let equation: String =
+        x.node.text("equation").ok_or("lacks its equation")?.chars().filter(|c| !c.is_whitespace()).collect();
     let (left, right) = equation.split_once("->").ok_or("says no output in its equation")?;
     let mut sizes: Vec<(char, usize)> = Vec::new();
     for (index, letters) in left.split(',').enumerate() {
@@ -378,7 +434,8 @@ fn conv_transpose(x: &Inputs<'_>) -> Result<Vec<usize>, String> {
             return times(data[axis + 2], stride);
         }
         let reach = times(kernel[axis + 2].checked_sub(1).ok_or("has an empty kernel")?, windows.dilations[axis])? + 1;
-        let pads = if windows.auto_pad == "VALID" { 0 } else { windows.pads[axis].saturating_add(windows.pads[axis + axes]) };
+        let pads =
+            if windows.auto_pad == "VALID" { 0 } else { windows.pads[axis].saturating_add(windows.pads[axis + axes]) };
         let extra = x.size(Some(extra.get(axis).copied().unwrap_or(0)), "output_padding")?;
         let whole = times(data[axis + 2].saturating_sub(1), stride)?.saturating_add(reach).saturating_add(extra);
         whole.checked_sub(pads).ok_or_else(|| "pads more than it gives".to_owned())
@@ -391,9 +448,10 @@ fn pool(x: &Inputs<'_>) -> Result<Vec<usize>, String> {
     fits(data.len() == kernel.len() + 2, || format!("pools {data:?} by {kernel:?}"))?;
     let windows = Windows::of(x, kernel.len())?;
     let ceil = x.node.int("ceil_mode").unwrap_or(0) != 0;
-    let places = kernel.iter().enumerate().map(|(axis, &kernel)| {
-        windows.places(axis, data[axis + 2], x.size(Some(kernel), "kernel_shape")?, ceil)
-    });
+    let places = kernel
+        .iter()
+        .enumerate()
+        .map(|(axis, &kernel)| windows.places(axis, data[axis + 2], x.size(Some(kernel), "kernel_shape")?, ceil));
     [Ok(data[0]), Ok(data[1])].into_iter().chain(places).collect()
 }
 

@@ -62,9 +62,31 @@ impl Element {
     /// What ONNX calls it.
     pub fn name(self) -> String {
         const NAMES: [&str; 25] = [
-            "undefined", "float32", "uint8", "int8", "uint16", "int16", "int32", "int64", "string", "bool", "float16", "float64",
-            "uint32", "uint64", "complex64", "complex128", "bfloat16", "float8e4m3fn", "float8e4m3fnuz", "float8e5m2",
-            "float8e5m2fnuz", "uint4", "int4", "float4e2m1", "float8e8m0",
+            "undefined",
+            "float32",
+            "uint8",
+            "int8",
+            "uint16",
+            "int16",
+            "int32",
+            "int64",
+            "string",
+            "bool",
+            "float16",
+            "float64",
+            "uint32",
+            "uint64",
+            "complex64",
+            "complex128",
+            "bfloat16",
+            "float8e4m3fn",
+            "float8e4m3fnuz",
+            "float8e5m2",
+            "float8e5m2fnuz",
+            "uint4",
+            "int4",
+            "float4e2m1",
+            "float8e8m0",
         ];
         let name = usize::try_from(self.0).ok().and_then(|index| NAMES.get(index));
         name.map_or_else(|| format!("type {}", self.0), |name| (*name).to_owned())
@@ -83,7 +105,10 @@ pub(crate) struct Model {
 impl Model {
     /// Version of ONNX' own operators.
     pub fn opset(&self) -> i64 {
-        self.opsets.iter().find(|(domain, _)| matches!(domain.as_str(), "" | "ai.onnx")).map_or(0, |&(_, version)| version)
+        self.opsets
+            .iter()
+            .find(|(domain, _)| matches!(domain.as_str(), "" | "ai.onnx"))
+            .map_or(0, |&(_, version)| version)
     }
 }
 
@@ -225,11 +250,21 @@ impl Tensor {
 pub(crate) enum Data {
     Bytes(Vec<u8>),
     /// In the model's own file.
-    File { start: u64, bytes: u64 },
+    File {
+        start: u64,
+        bytes: u64,
+    },
     /// In a file beside it.
-    Beside { file: String, start: u64, bytes: Option<u64> },
+    Beside {
+        file: String,
+        start: u64,
+        bytes: Option<u64>,
+    },
     /// In [`Weights`].
-    Weights { start: usize, bytes: usize },
+    Weights {
+        start: usize,
+        bytes: usize,
+    },
 }
 
 impl Default for Data {

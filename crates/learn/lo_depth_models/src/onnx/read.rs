@@ -3,7 +3,10 @@
 use std::io::{BufRead, Seek, SeekFrom};
 
 use super::wire::{Field, Reader, Wire};
-use super::{Attribute, AttributeValue, Data, Dim, Element, Function, Graph, MAX_NESTING, MAX_RANK, Model, Node, Tensor, ValueInfo};
+use super::{
+    Attribute, AttributeValue, Data, Dim, Element, Function, Graph, MAX_NESTING, MAX_RANK, Model, Node, Tensor,
+    ValueInfo,
+};
 use crate::ModelError;
 
 /// Raw values from this many bytes on stay in the file until all is known to be in order.

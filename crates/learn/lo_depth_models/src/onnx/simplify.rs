@@ -153,7 +153,9 @@ fn resolved(attributes: Vec<Attribute>, call: &Node, function: &Function) -> Vec
             }
             return Some(attribute);
         }
-        let named = |of: &[Attribute]| of.iter().find(|given| given.name == attribute.reference).map(|given| given.value.clone());
+        let named = |of: &[Attribute]| {
+            of.iter().find(|given| given.name == attribute.reference).map(|given| given.value.clone())
+        };
         let value = named(&call.attributes).or_else(|| named(&function.defaults))?;
         Some(Attribute { name: attribute.name, value, reference: String::new() })
     };
@@ -185,7 +187,9 @@ fn constant(node: Node) -> Result<Tensor, ModelError> {
     let [name] = &node.outputs[..] else { return Err(unsupported) };
     let name = name.clone();
     let words = |values: &[i64]| Data::Bytes(values.iter().flat_map(|value| value.to_le_bytes()).collect());
-    let Some(Attribute { value, .. }) = node.attributes.into_iter().find(|attribute| attribute.name.starts_with("value")) else {
+    let Some(Attribute { value, .. }) =
+        node.attributes.into_iter().find(|attribute| attribute.name.starts_with("value"))
+    else {
         return Err(unsupported);
     };
     Ok(match value {

@@ -39,7 +39,11 @@ impl Weights {
         let mut tensors = Vec::new();
         tensors_of(graph, &mut tensors);
         if tensors.len() > 2 * MAX_NODES {
-            return Err(ModelError::TooLarge(format!("it holds {} tensors, at most {} are read", tensors.len(), 2 * MAX_NODES)));
+            return Err(ModelError::TooLarge(format!(
+                "it holds {} tensors, at most {} are read",
+                tensors.len(),
+                2 * MAX_NODES
+            )));
         }
         let mut total = 0usize;
         // What several tensors share is kept once.
@@ -165,7 +169,8 @@ impl<R: BufRead + Seek> Sources<'_, R> {
             }
             Data::File { start, .. } => read_converted(&mut self.file, *start, stored, element, into),
             Data::Beside { file, start, .. } => {
-                let (open, _) = self.beside.get_mut(file).ok_or_else(|| ModelError::Malformed("external data".into()))?;
+                let (open, _) =
+                    self.beside.get_mut(file).ok_or_else(|| ModelError::Malformed("external data".into()))?;
                 read_converted(open, *start, stored, element, into)
             }
             Data::Weights { .. } => Ok(()),

@@ -83,7 +83,8 @@ fn write_tensor(w: &mut Writer, tensor: &Tensor) {
     match &tensor.data {
         Data::Bytes(bytes) => w.bytes(9, bytes),
         Data::Weights { start, bytes } => {
-            let entries = [("location", WEIGHTS_FILE.to_owned()), ("offset", start.to_string()), ("length", bytes.to_string())];
+            let entries =
+                [("location", WEIGHTS_FILE.to_owned()), ("offset", start.to_string()), ("length", bytes.to_string())];
             for (key, value) in entries {
                 w.message(13, |w| {
                     w.bytes(1, key.as_bytes());
