@@ -24,6 +24,9 @@ const MAX_FILE_BYTES: u64 = 1 << 31;
 /// An output of which fewer than this share are numbers is none.
 const FEWEST_NUMBERS: f64 = 0.1;
 
+/// Logarithm of the ratio by which the aspect of an output may differ from the input's: coarse outputs are rounded to whole pixels.
+const MOST_ASPECT: f64 = 0.1;
+
 /// A depth network of others, ready to be run.
 pub struct DepthModel {
     file_name: String,
@@ -155,7 +158,7 @@ impl DepthModel {
             let prepared = prepared(&self.recipe, photo);
             loaded.run(&self.recipe.input, &prepared.array, &outputs).map(|arrays| (prepared, arrays))
         })??;
-        let given = Answers { arrays: outputs.into_iter().zip(arrays).collect(), letterbox: prepared.letterbox };
+        let given = Answers { arrays: outputs.into_iter().zip(arrays).collect(), letterbox: prepared.letterbox, size };
         self.told(&given, (width as u32, height as u32), camera, prepared.photo.0 as f64 / width as f64)
     }
 
@@ -299,6 +302,8 @@ fn masked(image: &mut Image<f32>, mask: Option<&Image<f32>>, nothing: f32) {
 struct Answers {
     arrays: HashMap<String, Array>,
     letterbox: Option<Letterbox>,
+    /// Width and height of what the model was given.
+    size: (usize, usize),
 }
 
 impl Answers {
@@ -347,6 +352,12 @@ impl Answers {
         image: Image<T>,
         is_number: impl Fn(&T) -> bool,
     ) -> Result<Image<T>, ModelError> {
+        let aspect = |(width, height): (usize, usize)| (width as f64 / height as f64).ln();
+        let made = (image.width(), image.height());
+        if made.0 == 0 || made.1 == 0 || (aspect(made) - aspect(self.size)).abs() > MOST_ASPECT {
+            let why = format!("is a picture of {} × {} of one of {} × {}", made.0, made.1, self.size.0, self.size.1);
+            return Err(ModelError::Output { output: short(name), why });
+        }
         let whole = self.letterbox.map(|letterbox| letterbox.cropped(&image)).unwrap_or(image);
         let numbers = whole.pixels().iter().filter(|value| is_number(value)).count();
         if (numbers as f64) < FEWEST_NUMBERS * whole.pixels().len() as f64 || numbers == 0 {
