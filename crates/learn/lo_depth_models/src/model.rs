@@ -27,6 +27,9 @@ const FEWEST_NUMBERS: f64 = 0.1;
 /// Logarithm of the ratio by which the aspect of an output may differ from the input's: coarse outputs are rounded to whole pixels.
 const MOST_ASPECT: f64 = 0.1;
 
+/// Name, sizes and values of an output.
+pub type RawOutput = (String, Vec<usize>, Vec<f32>);
+
 /// A depth network of others, ready to be run.
 pub struct DepthModel {
     file_name: String,
@@ -167,7 +170,7 @@ impl DepthModel {
     /// # Errors
     /// As [`DepthModel::predict`].
     #[doc(hidden)]
-    pub fn raw(&self, dims: &[usize], values: &[f32]) -> Result<Vec<(String, Vec<usize>, Vec<f32>)>, ModelError> {
+    pub fn raw(&self, dims: &[usize], values: &[f32]) -> Result<Vec<RawOutput>, ModelError> {
         let outputs = self.recipe.outputs();
         let array = Array { dims: dims.to_vec(), values: values.to_vec() };
         let arrays = self.loaded(dims)?.run(&self.recipe.input, &array, &outputs)?;
@@ -291,8 +294,7 @@ fn half_sizes(photo: (u32, u32), camera: Option<&Camera>, told: Option<FieldOfVi
 fn masked(image: &mut Image<f32>, mask: Option<&Image<f32>>, nothing: f32) {
     let Some(mask) = mask.filter(|mask| mask.pixels().len() == image.pixels().len()) else { return };
     for (value, seen) in image.pixels_mut().iter_mut().zip(mask.pixels()) {
-        // NaN is not seen.
-        if !(*seen >= moge::SEEN) {
+        if seen.is_nan() || *seen < moge::SEEN {
             *value = nothing;
         }
     }

@@ -14,8 +14,11 @@ pub(crate) fn output_dims(x: &Inputs<'_>) -> Result<Vec<usize>, String> {
     Ok(axes_of(x)?.into_iter().map(|axis| axis.new).collect())
 }
 
+/// Nodes and their constants.
+pub(crate) type Products = (Vec<Node>, Vec<Tensor>);
+
 /// Nodes and constants that do the work of a node, where the run time would do it otherwise than the standard says; `None` where it does it right.
-pub(crate) fn as_products(x: &Inputs<'_>) -> Result<Option<(Vec<Node>, Vec<Tensor>)>, String> {
+pub(crate) fn as_products(x: &Inputs<'_>) -> Result<Option<Products>, String> {
     let axes = axes_of(x)?;
     let how = How::of(x)?;
     if how.native(x, &axes) {

@@ -5,7 +5,7 @@ pub(crate) fn median(values: &mut [f64]) -> f64 {
     if values.is_empty() {
         return f64::NAN;
     }
-    let (even, half) = (values.len() % 2 == 0, values.len() / 2);
+    let (even, half) = (values.len().is_multiple_of(2), values.len() / 2);
     let (below, &mut upper, _) = values.select_nth_unstable_by(half, f64::total_cmp);
     let lower = below.iter().copied().max_by(f64::total_cmp).filter(|&lower| even && lower != upper);
     lower.map_or(upper, |lower| 0.5 * (lower + upper))
