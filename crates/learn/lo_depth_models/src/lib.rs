@@ -14,8 +14,6 @@ mod recipe;
 mod resize;
 mod runtime;
 mod shapes;
-#[cfg(test)]
-mod tests;
 
 pub mod affine;
 mod depth_anything;

@@ -24,6 +24,12 @@ const MAX_FILE_BYTES: u64 = 1 << 31;
 /// An output of which fewer than this share are numbers is none.
 const FEWEST_NUMBERS: f64 = 0.1;
 
+/// Logarithm of the ratio by which the aspect of an output may differ from the input's: coarse outputs are rounded to whole pixels.
+const MOST_ASPECT: f64 = 0.1;
+
+/// Name, sizes and values of an output.
+pub type RawOutput = (String, Vec<usize>, Vec<f32>);
+
 /// A depth network of others, ready to be run.
 pub struct DepthModel {
     file_name: String,
@@ -155,7 +161,7 @@ impl DepthModel {
             let prepared = prepared(&self.recipe, photo);
             loaded.run(&self.recipe.input, &prepared.array, &outputs).map(|arrays| (prepared, arrays))
         })??;
-        let given = Answers { arrays: outputs.into_iter().zip(arrays).collect(), letterbox: prepared.letterbox };
+        let given = Answers { arrays: outputs.into_iter().zip(arrays).collect(), letterbox: prepared.letterbox, size };
         self.told(&given, (width as u32, height as u32), camera, prepared.photo.0 as f64 / width as f64)
     }
 
@@ -164,7 +170,7 @@ impl DepthModel {
     /// # Errors
     /// As [`DepthModel::predict`].
     #[doc(hidden)]
-    pub fn raw(&self, dims: &[usize], values: &[f32]) -> Result<Vec<(String, Vec<usize>, Vec<f32>)>, ModelError> {
+    pub fn raw(&self, dims: &[usize], values: &[f32]) -> Result<Vec<RawOutput>, ModelError> {
         let outputs = self.recipe.outputs();
         let array = Array { dims: dims.to_vec(), values: values.to_vec() };
         let arrays = self.loaded(dims)?.run(&self.recipe.input, &array, &outputs)?;
@@ -288,8 +294,7 @@ fn half_sizes(photo: (u32, u32), camera: Option<&Camera>, told: Option<FieldOfVi
 fn masked(image: &mut Image<f32>, mask: Option<&Image<f32>>, nothing: f32) {
     let Some(mask) = mask.filter(|mask| mask.pixels().len() == image.pixels().len()) else { return };
     for (value, seen) in image.pixels_mut().iter_mut().zip(mask.pixels()) {
-        // NaN is not seen.
-        if !(*seen >= moge::SEEN) {
+        if seen.is_nan() || *seen < moge::SEEN {
             *value = nothing;
         }
     }
@@ -299,6 +304,8 @@ fn masked(image: &mut Image<f32>, mask: Option<&Image<f32>>, nothing: f32) {
 struct Answers {
     arrays: HashMap<String, Array>,
     letterbox: Option<Letterbox>,
+    /// Width and height of what the model was given.
+    size: (usize, usize),
 }
 
 impl Answers {
@@ -347,6 +354,15 @@ impl Answers {
         image: Image<T>,
         is_number: impl Fn(&T) -> bool,
     ) -> Result<Image<T>, ModelError> {
+<<<<<<< HEAD
+=======
+        let aspect = |(width, height): (usize, usize)| (width as f64 / height as f64).ln();
+        let made = (image.width(), image.height());
+        if made.0 == 0 || made.1 == 0 || (aspect(made) - aspect(self.size)).abs() > MOST_ASPECT {
+            let why = format!("is a picture of {} × {} of one of {} × {}", made.0, made.1, self.size.0, self.size.1);
+            return Err(ModelError::Output { output: short(name), why });
+        }
+>>>>>>> wt/models-runtime
         let whole = self.letterbox.map(|letterbox| letterbox.cropped(&image)).unwrap_or(image);
         let numbers = whole.pixels().iter().filter(|value| is_number(value)).count();
         if (numbers as f64) < FEWEST_NUMBERS * whole.pixels().len() as f64 || numbers == 0 {

@@ -219,6 +219,12 @@ impl Planner<'_> {
                 return nodes.iter().try_for_each(|node| self.node(node, depth));
             }
         }
+        if node.op == "ConvInteger"
+            && let Some((pad, pads, conv)) = padded_first(node, &inputs)
+        {
+            self.tensors(&[pads])?;
+            return [pad, conv].iter().try_for_each(|node| self.node(node, depth));
+        }
         for (name, dims) in node.outputs.iter().zip(sizes) {
             if !name.is_empty() {
                 self.define(name, Fact { dims, known: None, constant })?;
@@ -369,6 +375,29 @@ impl Planner<'_> {
         }
         most
     }
+}
+
+/// A `ConvInteger` with padding, as a `Pad` by the zero point and a `ConvInteger` without: rten 0.27 pads by 0, which is another number where the zero
+/// point is not. `None` where nothing is padded.
+fn padded_first(node: &Node, inputs: &[Option<&Fact>]) -> Option<(Node, Tensor, Node)> {
+    let pads = node.ints("pads").filter(|pads| pads.iter().any(|&pad| pad != 0))?;
+    let axes = inputs.first().copied().flatten()?.dims.len().checked_sub(2).filter(|axes| 2 * axes == pads.len())?;
+    let zero_point = node.inputs.get(2).filter(|name| !name.is_empty())?;
+    let (from, output) = (node.inputs.first()?, node.outputs.first()?);
+    let int = |pad: i64| i32::try_from(pad).ok();
+    let none = [Some(0); 2].into_iter();
+    let sides: Option<Vec<i32>> = none
+        .clone()
+        .chain(pads[..axes].iter().map(|&pad| int(pad)))
+        .chain(none)
+        .chain(pads[axes..].iter().map(|&pad| int(pad)))
+        .collect();
+    let (padded, by) = (format!("{output}#padded"), format!("{output}#pads"));
+    let tensor = Tensor::ints(by.clone(), vec![2 * axes + 4], &sides?);
+    let mut conv = node.clone();
+    conv.inputs[0].clone_from(&padded);
+    conv.attributes.retain(|attribute| attribute.name != "pads");
+    Some((Node::new("Pad", &[from, &by, zero_point], &padded), tensor, conv))
 }
 
 /// Values of a small tensor; of types that the run time keeps as integers of 32 bits or in single precision.

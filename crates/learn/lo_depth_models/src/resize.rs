@@ -14,8 +14,11 @@ pub(crate) fn output_dims(x: &Inputs<'_>) -> Result<Vec<usize>, String> {
     Ok(axes_of(x)?.into_iter().map(|axis| axis.new).collect())
 }
 
+/// Nodes and their constants.
+pub(crate) type Products = (Vec<Node>, Vec<Tensor>);
+
 /// Nodes and constants that do the work of a node, where the run time would do it otherwise than the standard says; `None` where it does it right.
-pub(crate) fn as_products(x: &Inputs<'_>) -> Result<Option<(Vec<Node>, Vec<Tensor>)>, String> {
+pub(crate) fn as_products(x: &Inputs<'_>) -> Result<Option<Products>, String> {
     let axes = axes_of(x)?;
     let how = How::of(x)?;
     if how.native(x, &axes) {
@@ -240,7 +243,7 @@ impl Axis {
         let at = match coordinates {
             "half_pixel_symmetric" => {
                 let adjustment = new_length / (scale * old_length);
-                0.5 * old_length * (1.0 - adjustment) + (new + 0.5) / scale - 0.5
+                0.5 * old_length * (1.0 - adjustment) + half_pixel
             }
             "pytorch_half_pixel" | "align_corners" if self.new == 1 => 0.0,
             "align_corners" => new * (old_length - 1.0) / (new_length - 1.0),

@@ -141,10 +141,16 @@ fn floats(value: Value, name: &str) -> Result<Array, ModelError> {
         ValueType::Tensor(DataType::Int32) => {
             value.into_tensor::<i32>().map(|tensor| tensor.into_data().into_iter().map(|value| value as f32).collect())
         }
+        ValueType::Tensor(DataType::UInt8) => {
+            value.into_tensor::<u8>().map(|tensor| tensor.into_data().into_iter().map(f32::from).collect())
+        }
+        ValueType::Tensor(DataType::Int8) => {
+            value.into_tensor::<i8>().map(|tensor| tensor.into_data().into_iter().map(f32::from).collect())
+        }
         _ => None,
     };
     let values = values.filter(|values| product(&dims) == Some(values.len()));
-    let why = || "is neither of floats nor of integers".to_owned();
+    let why = || "is no tensor of numbers".to_owned();
     values
         .map(|values| Array { dims, values })
         .ok_or_else(|| ModelError::Output { output: crate::error::short(name), why: why() })

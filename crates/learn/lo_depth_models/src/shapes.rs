@@ -555,7 +555,7 @@ fn reshape(x: &Inputs<'_>) -> Result<Vec<usize>, String> {
     }
     let others = product(&shaped).ok_or_else(misfit)?;
     if let Some(axis) = asked.iter().position(|&size| size == -1) {
-        shaped[axis] = if others == 0 { 0 } else { total / others };
+        shaped[axis] = total.checked_div(others).unwrap_or(0);
     }
     fits(product(&shaped) == Some(total), misfit)?;
     Ok(shaped)
