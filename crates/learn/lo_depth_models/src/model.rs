@@ -354,15 +354,12 @@ impl Answers {
         image: Image<T>,
         is_number: impl Fn(&T) -> bool,
     ) -> Result<Image<T>, ModelError> {
-<<<<<<< HEAD
-=======
         let aspect = |(width, height): (usize, usize)| (width as f64 / height as f64).ln();
         let made = (image.width(), image.height());
         if made.0 == 0 || made.1 == 0 || (aspect(made) - aspect(self.size)).abs() > MOST_ASPECT {
             let why = format!("is a picture of {} × {} of one of {} × {}", made.0, made.1, self.size.0, self.size.1);
             return Err(ModelError::Output { output: short(name), why });
         }
->>>>>>> wt/models-runtime
         let whole = self.letterbox.map(|letterbox| letterbox.cropped(&image)).unwrap_or(image);
         let numbers = whole.pixels().iter().filter(|value| is_number(value)).count();
         if (numbers as f64) < FEWEST_NUMBERS * whole.pixels().len() as f64 || numbers == 0 {
