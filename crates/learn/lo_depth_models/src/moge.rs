@@ -25,19 +25,19 @@ const FEWEST_AGREE: f64 = 0.5;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PointsError {
     /// Almost nothing is seen.
-    #[error("the model gives points for {0} of the pixels that were looked at, too few to place them")]
+    #[error("are there for {0} of the pixels that were looked at, too few to place them")]
     TooFew(usize),
     /// All is at one distance, as of a wall seen from straight ahead.
-    #[error("the model's points are all about as far, so that the lens cannot be told from them")]
+    #[error("are all about as far, so that the lens cannot be told from them and must be given")]
     Flat,
     /// Points and pixels do not fit together.
-    #[error("only {:.0} % of the model's points lie where the photo shows them, whatever the lens", 100.0 * .0)]
+    #[error("lie where the photo shows them for {:.0} % of the pixels, whatever the lens", 100.0 * .0)]
     Scattered(f64),
     /// No lens has such a field of view.
-    #[error("the model's points ask for a field of view of {0:.1} degrees")]
+    #[error("ask for a field of view of {0:.1} degrees")]
     FieldOfView(f64),
     /// The size of a metre is not a number above zero.
-    #[error("the model's metric scale is {0}")]
+    #[error("have a metric scale of {0}")]
     Scale(f32),
 }
 

@@ -225,6 +225,7 @@ impl Planner<'_> {
             self.tensors(&[pads])?;
             return [pad, conv].iter().try_for_each(|node| self.node(node, depth));
         }
+        let convolution = matches!(node.op.as_str(), "Conv" | "ConvInteger").then(|| with_steps(node, &inputs));
         for (name, dims) in node.outputs.iter().zip(sizes) {
             if !name.is_empty() {
                 self.define(name, Fact { dims, known: None, constant })?;
@@ -233,7 +234,7 @@ impl Planner<'_> {
         self.nodes.push(match node.op.as_str() {
             // Of use in training only.
             "Dropout" => Node::new("Identity", &[&node.inputs[0]], &node.outputs[0]),
-            _ => node.clone(),
+            _ => convolution.unwrap_or_else(|| node.clone()),
         });
         Ok(())
     }
@@ -398,6 +399,15 @@ fn padded_first(node: &Node, inputs: &[Option<&Fact>]) -> Option<(Node, Tensor, 
     conv.inputs[0].clone_from(&padded);
     conv.attributes.retain(|attribute| attribute.name != "pads");
     Some((Node::new("Pad", &[from, &by, zero_point], &padded), tensor, conv))
+}
+
+/// A convolution whose strides and dilations are said: rten 0.27 does not know the standard's for those of integers.
+fn with_steps(node: &Node, inputs: &[Option<&Fact>]) -> Node {
+    let axes = inputs.first().copied().flatten().map_or(0, |fact| fact.dims.len().saturating_sub(2));
+    ["strides", "dilations"]
+        .into_iter()
+        .filter(|name| node.ints(name).is_none())
+        .fold(node.clone(), |node, name| node.with(name, AttributeValue::Ints(vec![1; axes])))
 }
 
 /// Values of a small tensor; of types that the run time keeps as integers of 32 bits or in single precision.
