@@ -178,7 +178,9 @@ fn known(graph: &Graph, file_name: &str) -> Option<Recipe> {
     // Names of `transformers`, and those that the project's own code is exported with. Other networks of these names (DPT, ZoeDepth, Depth Pro) have patches
     // of other sizes; of quantised ones it is not seen.
     let patches = patches_of_14(graph);
-    for (picture, depth, known) in [("pixel_values", "predicted_depth", patches != Some(false)), ("image", "depth", patches == Some(true))] {
+    for (picture, depth, known) in
+        [("pixel_values", "predicted_depth", patches != Some(false)), ("image", "depth", patches == Some(true))]
+    {
         let (true, true, Some(depth)) = (alone && known, input(picture), output(depth)) else { continue };
         let kind = depth_anything::kind(backwards(graph, &depth)).or_else(|| {
             let name = file_name.to_ascii_lowercase();
