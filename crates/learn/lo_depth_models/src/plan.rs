@@ -7,13 +7,17 @@ use std::collections::{HashMap, HashSet};
 
 use crate::ModelError;
 use crate::onnx::{
-    AttributeValue, Data, Dim, Element, Graph, MAX_NESTING, MAX_NODES, Node, Tensor, inlined_branch, product,
+    AttributeValue, Data, Dim, Element, Graph, MAX_DIM, MAX_NESTING, MAX_NODES, MAX_RANK, Node, Tensor, inlined_branch,
+    product,
 };
 use crate::resize;
 use crate::shapes::{Fact, Inputs, Known, shape_range, shapes};
 
 /// Memory that weights and values of a run may take.
 const MAX_RUN_BYTES: u64 = 1_900_000_000;
+
+/// Nodes that follow one another: the run time orders them by recursion ([`crate::runtime`] gives it the stack for so many).
+const MAX_CHAIN: usize = 10_000;
 
 /// Multiplications of a run: some minutes of an ordinary computer's time.
 const MAX_PRODUCTS: f64 = 3e13;
@@ -188,7 +192,7 @@ impl Planner<'_> {
         let sizes = shapes(node, &inputs, self.opset).map_err(refused)?;
         for dims in &sizes {
             let bytes = product(dims).and_then(|length| length.checked_mul(4)).map_or(u64::MAX, |bytes| bytes as u64);
-            if bytes > MAX_RUN_BYTES {
+            if bytes > MAX_RUN_BYTES || dims.iter().any(|&dim| dim > MAX_DIM) || dims.len() > MAX_RANK {
                 return Err(ModelError::TooLarge(format!("its node {} gives {dims:?} values", node.label())));
             }
         }
@@ -336,6 +340,9 @@ impl Planner<'_> {
             let dims = fact.dims.iter().map(|&dim| Dim::Fixed(dim)).collect();
             outputs.push(crate::onnx::ValueInfo { name: name.clone(), element: Element::default(), dims: Some(dims) });
         }
+        if self.longest_chain() > MAX_CHAIN {
+            return Err(ModelError::TooLarge(format!("more than {MAX_CHAIN} of its nodes follow one another")));
+        }
         let bytes = weight_bytes.saturating_add(self.peak_bytes(wanted));
         if bytes > MAX_RUN_BYTES {
             return Err(ModelError::TooLarge(format!(
@@ -345,6 +352,18 @@ impl Planner<'_> {
             )));
         }
         Ok(Graph { nodes: self.nodes, initializers: tensors, inputs, outputs })
+    }
+
+    /// Nodes of the longest way through the graph.
+    fn longest_chain(&self) -> usize {
+        let mut depths: HashMap<&str, usize> = HashMap::new();
+        let mut longest = 0;
+        for node in &self.nodes {
+            let depth = 1 + node.inputs.iter().filter_map(|name| depths.get(name.as_str())).max().copied().unwrap_or(0);
+            longest = longest.max(depth);
+            depths.extend(node.outputs.iter().map(|name| (name.as_str(), depth)));
+        }
+        longest
     }
 
     /// Most bytes that values take at one time: each lives from the node that makes it to the last that takes it; what depends on no photo is made when

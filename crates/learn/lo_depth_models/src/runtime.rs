@@ -15,6 +15,9 @@ use crate::onnx::{Dim, Element, Graph, Node, ValueInfo, WEIGHTS_FILE, Weights, p
 use crate::plan::Values;
 use crate::shapes::Known;
 
+/// rten orders a graph's nodes by recursion along them.
+const STACK_BYTES: usize = 64 << 20;
+
 /// What is needed to load graphs that share weights.
 pub(crate) struct Runtime {
     options: ModelOptions,
@@ -48,7 +51,7 @@ impl Runtime {
 
     /// Loads a graph and makes it quick.
     pub fn load(&self, graph: &Graph) -> Result<Loaded, ModelError> {
-        let model = caged(|| self.options.load(write_model(graph, &self.opsets)))?;
+        let model = on_deep_stack(|| self.options.load(write_model(graph, &self.opsets)))?;
         Ok(Loaded { model: model.map_err(|error| ModelError::Unsupported(one_line(&error.to_string())))? })
     }
 
@@ -123,7 +126,7 @@ impl Loaded {
         let failed = |error: String| ModelError::Run(one_line(&error));
         let pool = Arc::new(ThreadPool::with_num_threads(rayon::current_num_threads()));
         let options = RunOptions::default().with_thread_pool(Some(pool));
-        let values = caged(|| -> Result<Vec<Value>, String> {
+        let values = on_deep_stack(|| -> Result<Vec<Value>, String> {
             let id = |name: &str| self.model.node_id(name).map_err(|error| error.to_string());
             let ids = outputs.iter().map(|name| id(name)).collect::<Result<Vec<_>, _>>()?;
             let view =
@@ -154,6 +157,15 @@ fn floats(value: Value, name: &str) -> Result<Array, ModelError> {
     values
         .map(|values| Array { dims, values })
         .ok_or_else(|| ModelError::Output { output: crate::error::short(name), why: why() })
+}
+
+/// Runs what may panic and what recurses, on a thread of its own.
+fn on_deep_stack<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T, ModelError> {
+    std::thread::scope(|scope| {
+        let builder = std::thread::Builder::new().name("depth model".to_owned()).stack_size(STACK_BYTES);
+        let thread = builder.spawn_scoped(scope, || caged(work)).map_err(|error| ModelError::Run(error.to_string()))?;
+        thread.join().unwrap_or_else(|_| Err(ModelError::Run("rten gave up".to_owned())))
+    })
 }
 
 /// Runs what may panic.
