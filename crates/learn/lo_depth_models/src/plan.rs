@@ -3,7 +3,7 @@
 //! Nothing of a graph that is not known to be small is computed here, so a hostile file cannot make sizes explode; and nothing runs whose memory is not
 //! known.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{HashMap, HashSet, VecDeque};
 
 use crate::ModelError;
 use crate::onnx::{
@@ -343,7 +343,8 @@ impl Planner<'_> {
         if self.longest_chain() > MAX_CHAIN {
             return Err(ModelError::TooLarge(format!("more than {MAX_CHAIN} of its nodes follow one another")));
         }
-        let bytes = weight_bytes.saturating_add(self.peak_bytes(wanted));
+        let peaks = [false, true].map(|in_place_last| self.peak_bytes(wanted, &self.order(in_place_last)));
+        let bytes = weight_bytes.saturating_add(peaks[0].max(peaks[1]));
         if bytes > MAX_RUN_BYTES {
             return Err(ModelError::TooLarge(format!(
                 "a run takes about {:.1} GB of memory, at most {:.1} are given",
@@ -366,35 +367,109 @@ impl Planner<'_> {
         longest
     }
 
-    /// Most bytes that values take at one time: each lives from the node that makes it to the last that takes it; what depends on no photo is made when
-    /// the graph is loaded, and stays.
-    fn peak_bytes(&self, wanted: &[String]) -> u64 {
+    /// The order in which rten runs the nodes: of those whose inputs are there the first, and first those that cannot write over an input.
+    fn order(&self, in_place_last: bool) -> Vec<usize> {
+        let mut takers: HashMap<&str, Vec<usize>> = HashMap::new();
+        let makers: HashSet<&str> = self.nodes.iter().flat_map(|node| &node.outputs).map(String::as_str).collect();
+        let mut missing = vec![0usize; self.nodes.len()];
+        for (index, node) in self.nodes.iter().enumerate() {
+            let inputs: HashSet<&str> =
+                node.inputs.iter().map(String::as_str).filter(|name| makers.contains(name)).collect();
+            missing[index] = inputs.len();
+            inputs.into_iter().for_each(|name| takers.entry(name).or_default().push(index));
+        }
+        let late = |index: usize| in_place_last && writes_in_place(&self.nodes[index]);
+        let (mut first, mut last): (VecDeque<usize>, VecDeque<usize>) =
+            (0..self.nodes.len()).filter(|&index| missing[index] == 0).partition(|&index| !late(index));
+        let mut order = Vec::with_capacity(self.nodes.len());
+        while let Some(index) = first.pop_front().or_else(|| last.pop_front()) {
+            order.push(index);
+            for output in self.nodes[index].outputs.iter().filter(|output| !output.is_empty()) {
+                for &taker in takers.get(output.as_str()).into_iter().flatten() {
+                    missing[taker] -= 1;
+                    if missing[taker] == 0 {
+                        if late(taker) { last.push_back(taker) } else { first.push_back(taker) }
+                    }
+                }
+            }
+        }
+        order
+    }
+
+    /// Most bytes that values take at one time in such an order: each lives from the node that makes it to the last that takes it; what depends on no
+    /// photo is made when the graph is loaded, and stays.
+    fn peak_bytes(&self, wanted: &[String], order: &[usize]) -> u64 {
         let bytes = |name: &str| {
             self.facts.get(name).and_then(|fact| product(&fact.dims)).map_or(0, |length| 4 * length as u64)
         };
         let constant = |name: &str| self.facts.get(name).is_some_and(|fact| fact.constant);
         let mut last: HashMap<&str, usize> = HashMap::new();
-        for (index, node) in self.nodes.iter().enumerate() {
+        for (at, node) in order.iter().map(|&index| &self.nodes[index]).enumerate() {
             let stays = node.outputs.iter().any(|output| !constant(output));
             for name in &node.inputs {
                 // A constant that a node of the run takes stays to the end.
-                last.insert(name, if stays && constant(name) { usize::MAX } else { index });
+                let end = if stays && constant(name) { usize::MAX } else { at };
+                let known = last.entry(name).or_default();
+                *known = end.max(*known);
             }
         }
         wanted.iter().for_each(|name| _ = last.insert(name, usize::MAX));
         let mut ends: HashMap<usize, u64> = HashMap::new();
         let (mut now, mut most) = (0u64, 0u64);
-        for (index, node) in self.nodes.iter().enumerate() {
+        for (at, node) in order.iter().map(|&index| &self.nodes[index]).enumerate() {
             for output in node.outputs.iter().filter(|output| !output.is_empty()) {
                 let size = bytes(output);
                 now = now.saturating_add(size);
-                *ends.entry(last.get(output.as_str()).copied().unwrap_or(index)).or_default() += size;
+                *ends.entry(last.get(output.as_str()).copied().unwrap_or(at)).or_default() += size;
             }
             most = most.max(now);
-            now -= ends.remove(&index).unwrap_or(0);
+            now -= ends.remove(&at).unwrap_or(0);
         }
         most
     }
+}
+
+/// Whether rten writes a node's output over its input where that is free, and so runs it late.
+fn writes_in_place(node: &Node) -> bool {
+    const KINDS: [&str; 36] = [
+        "Abs",
+        "Add",
+        "BatchNormalization",
+        "Cast",
+        "Ceil",
+        "Clip",
+        "Cos",
+        "Div",
+        "Elu",
+        "Erf",
+        "Exp",
+        "Flatten",
+        "Floor",
+        "Gelu",
+        "HardSigmoid",
+        "HardSwish",
+        "Identity",
+        "LayerNormalization",
+        "LeakyRelu",
+        "Log",
+        "Mul",
+        "Neg",
+        "Not",
+        "Pow",
+        "Reciprocal",
+        "Relu",
+        "Reshape",
+        "Round",
+        "Sigmoid",
+        "Sin",
+        "Softmax",
+        "Sqrt",
+        "Squeeze",
+        "Sub",
+        "Tanh",
+        "Unsqueeze",
+    ];
+    KINDS.contains(&node.op.as_str())
 }
 
 /// A `ConvInteger` with padding, as a `Pad` by the zero point and a `ConvInteger` without: rten 0.27 pads by 0, which is another number where the zero
