@@ -95,6 +95,9 @@ pub fn stage_label(stage: &Stage) -> Cow<'static, str> {
         Stage::ReadWeights => "read weights",
         Stage::WorkingResolution => "working resolution",
         Stage::DepthAndGlobalLight => "depth and global light",
+        Stage::ReadDepthModel => "read depth model",
+        Stage::PrepareDepthModel => "prepare depth model",
+        Stage::DepthModel => "depth model",
         Stage::GlobalLight => "global light",
         Stage::LightNetwork => "light network",
         Stage::Completion => "completion",
@@ -124,6 +127,12 @@ pub fn warning_text(warning: &Warning) -> String {
         Warning::PredictedDepth => "depth is predicted from the photo alone: distances, and with them all sizes, \
                                     may be off, and which way is up by some degrees"
             .into(),
+        Warning::FittedDepth { scale, offset, agree, median_error } => format!(
+            "the depth model's depth is relative; it was brought to the metres of the program's own network: \
+             1/z = {scale:.4} d {offset:+.4}; they agree within a quarter in {:.0} % of the pixels, {:.0} % apart in the middle",
+            100.0 * agree,
+            100.0 * median_error
+        ),
         Warning::OutsideCube { outside, points } => {
             format!("{outside} of {points} points lie outside of the cube and were left out")
         }

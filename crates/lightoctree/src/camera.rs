@@ -11,6 +11,8 @@ pub const DEFAULT_HFOV_DEG: f64 = 65.0;
 pub enum CameraSource {
     /// The photo's EXIF block states the focal length.
     Exif,
+    /// A depth model told the field of view from the photo.
+    DepthModel,
     /// Nothing is known; [`DEFAULT_HFOV_DEG`] is assumed.
     Default,
 }
@@ -19,6 +21,9 @@ impl fmt::Display for CameraSource {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Exif => f.write_str("focal length from EXIF"),
+            Self::DepthModel => {
+                f.write_str("told by the depth model; give --intrinsics or --hfov-deg if you know better")
+            }
             Self::Default => f.write_str(
                 "assumed: the photo has no EXIF focal length; give --intrinsics or --hfov-deg if you know better",
             ),

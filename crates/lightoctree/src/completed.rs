@@ -29,7 +29,7 @@ pub(crate) fn by_network(
         Some(global) => global.clone(),
         None => stage(on_event, Stage::GlobalLight, || networks.global_light(&srgb8(&view.working.photo)))?,
     };
-    let seen = SeenFrame::new(&view.working, options.up).ok_or(EstimateError::NothingSeen)?;
+    let seen = SeenFrame::new(&view.working, options.up, view.normals.as_ref()).ok_or(EstimateError::NothingSeen)?;
     let filled = seen.points.len() - seen.surfels.len();
     filled_warning(seen.surfels.len(), filled).into_iter().try_for_each(|warning| warn(on_event, warning))?;
     let completed = stage(on_event, Stage::LightNetwork, || {

@@ -26,6 +26,14 @@ pub enum EstimateError {
     /// The depth network's output is no number: its weights are damaged.
     #[error("the depth network's output is not finite: its weights are damaged")]
     PredictedDepth,
+    /// A depth model tells nothing of the photo.
+    #[cfg(feature = "depth-models")]
+    #[error(transparent)]
+    DepthModel(#[from] lo_depth_models::ModelError),
+    /// A depth model's relative depth does not become metres.
+    #[cfg(feature = "depth-models")]
+    #[error("relative depth does not become metres: {0}")]
+    RelativeDepth(#[from] lo_depth_models::affine::FitError),
     /// Photo and predicted depth do not make a frame.
     #[error(transparent)]
     Frame(#[from] FrameError),

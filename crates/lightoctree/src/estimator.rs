@@ -72,9 +72,9 @@ impl Estimator {
             How::None => as_seen(&view.working, octree_depth, options, on_event)?,
         };
         let Completed { light, room, confidence } = completed;
-        let View { frame, predicted_depth, .. } = view;
+        let View { frame, predicted_depth, model: depth_model, .. } = view;
         let (completion, sources) = (completion.into(), options.sources.clone());
-        Ok(Scene { light, frame, completion, room, sources, predicted_depth, confidence })
+        Ok(Scene { light, frame, completion, room, sources, predicted_depth, depth_model, confidence })
     }
 
     /// How, and down to which depth: the options are checked before any work, since the shell's closing points grow with 4^depth.

@@ -1,5 +1,5 @@
-use lo_geometry::Camera;
-use lo_imaging::Photo;
+use lo_geometry::{Camera, Vec3};
+use lo_imaging::{Image, Photo};
 use lo_scene::Frame;
 
 /// What an estimate starts from.
@@ -18,5 +18,24 @@ pub enum Input {
     ///
     /// As with the own network's, how cameras are held has a say in which way is up, and objects that are inserted into the scene are hidden only by
     /// what is well before them.
-    PredictedDepth(Frame),
+    PredictedDepth(PredictedDepth),
+}
+
+/// A photo with depth in metres that a network predicted from it, and what else that network told.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PredictedDepth {
+    /// The photo with its depth.
+    pub frame: Frame,
+    /// Unit normals of what the photo shows, towards the camera, of any resolution; zero where there is none. They have a say in which way is up, and
+    /// the surfaces of what is seen have them.
+    pub normals: Option<Image<Vec3>>,
+    /// What people call the network; kept in the scene.
+    pub model: Option<String>,
+}
+
+/// Of a network of which no more is known.
+impl From<Frame> for PredictedDepth {
+    fn from(frame: Frame) -> Self {
+        Self { frame, normals: None, model: None }
+    }
 }

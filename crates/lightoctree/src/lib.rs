@@ -11,7 +11,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! With depth, [`Input::MeasuredDepth`] takes a [`scene::Frame`] of photo and depth map. What the program says on its way comes as
+//! With depth, [`Input::MeasuredDepth`] takes a [`scene::Frame`] of photo and depth map. With the feature `depth-models`, `Estimator::predict_depth` takes a depth
+//! network of others as an ONNX file. What the program says on its way comes as
 //! [`Event`]s, and whoever hears them can end the job.
 //!
 //! The crates below are re-exported whole: [`geometry`], [`imaging`], [`octree`], [`cone`], [`mesh`], [`scene`],
@@ -20,6 +21,8 @@
 
 mod camera;
 mod completed;
+#[cfg(feature = "depth-models")]
+mod depth_model;
 mod error;
 mod estimator;
 mod input;
@@ -37,10 +40,12 @@ mod weights;
 pub use camera::{CameraSource, DEFAULT_HFOV_DEG, camera_of_photo};
 pub use error::EstimateError;
 pub use estimator::Estimator;
-pub use input::Input;
+pub use input::{Input, PredictedDepth};
 pub use lamp::add_lamp;
 pub use lo_completion as completion;
 pub use lo_cone as cone;
+#[cfg(feature = "depth-models")]
+pub use lo_depth_models as depth_models;
 pub use lo_events as events;
 pub use lo_events::{Cancelled, Event, OnEvent, Stage, Warning};
 pub use lo_export as export;

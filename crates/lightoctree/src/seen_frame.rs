@@ -1,5 +1,6 @@
 use lo_completion::{Enclosure, ShellOptions};
 use lo_geometry::{Camera, Cube, Vec3};
+use lo_imaging::Image;
 use lo_nets::light::VisiblePoint;
 use lo_scene::{Frame, Room, Surfel, place_cube};
 
@@ -21,11 +22,23 @@ pub struct SeenFrame {
 }
 
 impl SeenFrame {
-    /// Of a frame at the [working resolution](Frame::working), with the unit vector against gravity where it is known; `None` where no depth
-    /// reading is left.
-    pub fn new(working: &Frame, up: Option<Vec3>) -> Option<Self> {
+    /// Of a frame at the [working resolution](Frame::working), with the unit vector against gravity and the surfaces' normals where something
+    /// else than depth tells them; `None` where no depth reading is left.
+    ///
+    /// # Panics
+    /// Where `normals` are not of the depth map's size.
+    pub fn new(working: &Frame, up: Option<Vec3>, normals: Option<&Image<Option<Vec3>>>) -> Option<Self> {
         let clean = working.without_flying_pixels();
-        let (normals, radiance, clipped) = (clean.normals(), clean.radiance(), clean.clipped());
+        let (mut fitted, radiance, clipped) = (clean.normals(), clean.radiance(), clean.clipped());
+        if let Some(told) = normals {
+            assert_eq!(
+                (told.width(), told.height()),
+                (fitted.width(), fitted.height()),
+                "one normal for each depth pixel"
+            );
+            fitted.pixels_mut().iter_mut().zip(told.pixels()).for_each(|(fitted, told)| *fitted = told.or(*fitted));
+        }
+        let normals = fitted;
         let surfels = clean.surfels_with_normals(&normals, &radiance);
         if surfels.is_empty() {
             return None;

@@ -279,14 +279,14 @@ fn depth_of_another_network_gets_what_the_own_gets() {
         (estimator.estimate(input, &options(), hear).unwrap(), warned)
     };
     // The own network's depth, from outside: the same scene, to the bit.
-    let (other, warned) = estimate(Input::PredictedDepth(own.frame.clone()));
+    let (other, warned) = estimate(Input::PredictedDepth(own.frame.clone().into()));
     assert!(warned && other == own);
     // A sensor's is believed.
     let (measured, warned) = estimate(Input::MeasuredDepth(own.frame.clone()));
     assert!(!warned && !measured.predicted_depth);
     // Finer depth of the same surfaces has the same say in which way is up.
     let depth_m = lo_imaging::resize_depth(&own.frame.depth_m, 10 * SIZE.0, 10 * SIZE.1);
-    let (fine, _) = estimate(Input::PredictedDepth(Frame { depth_m, ..own.frame.clone() }));
+    let (fine, _) = estimate(Input::PredictedDepth(Frame { depth_m, ..own.frame.clone() }.into()));
     let up = |scene: &Scene| scene.room.as_ref().unwrap().up;
     assert!(up(&fine).dot(up(&own)) > 5f32.to_radians().cos(), "{} {}", up(&fine), up(&own));
 }

@@ -8,7 +8,7 @@ use lo_nets::depth::LONGER_SIDE;
 use lo_nets::{GlobalLight, Networks};
 use lo_scene::{Frame, working_photo};
 
-use crate::{EstimateError, Input};
+use crate::{EstimateError, Input, PredictedDepth};
 
 /// A photo with depth, at full and at working resolution.
 pub(crate) struct View {
@@ -18,38 +18,47 @@ pub(crate) struct View {
     pub global: Option<GlobalLight>,
     /// Whether depth is some network's.
     pub predicted_depth: bool,
+    /// What people call that network, where it is not the own one.
+    pub model: Option<String>,
+    /// Normals that it told, of any resolution and of the working one.
+    told_normals: Option<Image<Vec3>>,
+    pub normals: Option<Image<Option<Vec3>>>,
 }
 
 impl View {
     /// Of what an estimate starts from.
     pub fn new(input: Input, networks: Option<&Networks>, on_event: OnEvent<'_>) -> Result<Self, EstimateError> {
-        let (frame, predicted_depth) = match input {
+        let (PredictedDepth { frame, normals, model }, predicted_depth) = match input {
             Input::Photo { photo, camera } => {
                 let networks = networks.ok_or(EstimateError::NoNetworks("a photo without depth"))?;
                 return predicted(photo, camera, networks, on_event);
             }
-            Input::MeasuredDepth(frame) => (frame, false),
-            Input::PredictedDepth(frame) => (frame, true),
+            Input::MeasuredDepth(frame) => (frame.into(), false),
+            Input::PredictedDepth(predicted) => (predicted, true),
         };
         let working = stage(on_event, Stage::WorkingResolution, || frame.working())?;
         if predicted_depth {
             warn(on_event, Warning::PredictedDepth)?;
         }
-        Ok(Self { frame, working, global: None, predicted_depth })
+        let of_working = |normals| at_size(normals, working.depth_m.width(), working.depth_m.height());
+        let of_working = normals.as_ref().map(of_working);
+        Ok(Self { frame, working, global: None, predicted_depth, model, told_normals: normals, normals: of_working })
     }
 
     /// Unit vector against gravity where depth is predicted: floors are wavy then, and how cameras are held counts too.
     pub fn up(&self) -> Option<Vec3> {
         let voting = || {
             let depth_m = &self.frame.depth_m;
+            let told = |width, height| self.told_normals.as_ref().map(|normals| at_size(normals, width, height));
             let longer = depth_m.width().max(depth_m.height());
             if longer <= LONGER_SIDE {
-                return up_from_predicted_depth(&self.frame);
+                return up_from_predicted_depth(&self.frame, told(depth_m.width(), depth_m.height()).as_ref());
             }
             // The weights of the votes are set for normals as coarse as the own network's.
             let side = |pixels: usize| (pixels * LONGER_SIDE).div_ceil(longer).max(1);
             let depth_m = lo_imaging::resize_depth(depth_m, side(depth_m.width()), side(depth_m.height()));
-            up_from_predicted_depth(&Frame { depth_m, ..self.working.clone() })
+            let normals = told(depth_m.width(), depth_m.height());
+            up_from_predicted_depth(&Frame { depth_m, ..self.working.clone() }, normals.as_ref())
         };
         self.predicted_depth.then(voting)
     }
@@ -68,7 +77,17 @@ fn predicted(photo: Photo, camera: Camera, networks: &Networks, on_event: OnEven
     let camera = frame.camera.resized(small.width() as u32, small.height() as u32);
     let working = Frame { camera, photo: small, depth_m, exposure: 1.0 };
     warn(on_event, Warning::PredictedDepth)?;
-    Ok(View { frame, working, global: Some(global), predicted_depth: true })
+    let (global, predicted_depth) = (Some(global), true);
+    Ok(View { frame, working, global, predicted_depth, model: None, told_normals: None, normals: None })
+}
+
+/// Normals at another resolution: those of the nearest pixels.
+fn at_size(normals: &Image<Vec3>, width: usize, height: usize) -> Image<Option<Vec3>> {
+    let at = |index: usize, size: usize, of: usize| (2 * index + 1) * of / (2 * size);
+    Image::from_fn(width, height, |x, y| {
+        let normal = normals[(at(x, width, normals.width()), at(y, height, normals.height()))];
+        (normal != Vec3::ZERO).then_some(normal)
+    })
 }
 
 /// As the networks take photos.

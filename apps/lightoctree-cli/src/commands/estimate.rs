@@ -1,14 +1,20 @@
 //! `lightoctree estimate PHOTO`: photo, with or without depth → scene file.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::ValueEnum;
+#[cfg(feature = "depth-models")]
+use lightoctree::CameraSource;
+#[cfg(feature = "depth-models")]
+use lightoctree::depth_models::DepthModel;
 use lightoctree::geometry::{Camera, Vec3};
-use lightoctree::imaging;
+use lightoctree::imaging::{self, DepthMap, PhotoFile};
 use lightoctree::scene::{Completion, Frame, Scene};
 use lightoctree::{EstimateError, EstimateOptions, Estimator, Input};
 
+#[cfg(feature = "depth-models")]
+use super::depth_model;
 use super::parse;
 use crate::args::{Global, OutputArgs};
 use crate::progress::{Stages, seconds};
@@ -22,6 +28,8 @@ use crate::{output, report};
     lightoctree estimate photo.jpg --depth lidar.png -o room.scene\n  \
     lightoctree estimate kinect.png --depth kinect_depth.png --depth-scale 5000 --intrinsics 525,525,319.5,239.5 -o desk.scene\n  \
     lightoctree estimate photo.jpg --depth depth_pro.npy --depth-is predicted -o room.scene\n  \
+    lightoctree estimate photo.jpg --depth-model moge-2-vits-normal.onnx -o room.scene\n  \
+    lightoctree estimate photo.jpg --depth-model other.onnx --depth-model-config other.toml -o room.scene\n  \
     lightoctree estimate photo.jpg --completion network --weights trained.safetensors -o room.scene")]
 #[command(mut_arg("output", |output| output.help("The scene file to write").value_name("SCENE")))]
 pub struct Args {
@@ -38,6 +46,10 @@ pub struct Args {
     /// Where the depth file comes from
     #[arg(long, value_name = "SOURCE", default_value = "measured", requires = "depth")]
     depth_is: DepthArg,
+
+    #[cfg(feature = "depth-models")]
+    #[command(flatten)]
+    depth_model: depth_model::Args,
 
     /// What one metre is in an integer depth file [default: 1000, millimetres]
     #[arg(long, value_name = "UNITS_PER_METRE", requires = "depth", value_parser = parse::positive)]
@@ -109,24 +121,25 @@ const COMMAND: &str = "estimate";
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     output::check_replaceable(&args.out.output, COMMAND, args.out.force)?;
     let mut stages = Stages::new(global.quiet);
-    let estimator = estimator(args, &mut stages)?;
+    #[cfg(feature = "depth-models")]
+    let model = args.depth_model.read(&mut stages)?;
+    #[cfg(feature = "depth-models")]
+    let metric = model.as_ref().is_some_and(DepthModel::is_metric);
+    #[cfg(not(feature = "depth-models"))]
+    let metric = false;
+    let estimator = estimator(args, metric, &mut stages)?;
     let (photo, depth_m) = stages.stage("read photo and depth", || -> anyhow::Result<_> {
         let photo = imaging::read_photo(&args.photo)?;
         let depth_m = args.depth.as_ref().map(|path| imaging::read_depth(path, args.depth_scale)).transpose()?;
         Ok((photo, depth_m))
     })?;
-    let camera = camera(args, &photo, &mut stages)?;
-    let input = match depth_m.zip(args.depth.as_ref()) {
-        None => Input::Photo { photo: photo.photo, camera },
-        Some((depth_m, path)) => {
-            let frame = Frame::new(photo.photo, depth_m, camera, 1.0)
-                .with_context(|| format!("{} and {} do not fit together", args.photo.display(), path.display()))?;
-            match args.depth_is {
-                DepthArg::Measured => Input::MeasuredDepth(frame),
-                DepthArg::Predicted => Input::PredictedDepth(frame),
-            }
-        }
+    #[cfg(feature = "depth-models")]
+    let input = match model {
+        Some(model) => of_model(args, photo, &model, &estimator, &mut stages)?,
+        None => of_files(args, photo, depth_m, &mut stages)?,
     };
+    #[cfg(not(feature = "depth-models"))]
+    let input = of_files(args, photo, depth_m, &mut stages)?;
     let scene = estimator.estimate(input, &options(global, args), &mut |event| stages.hear(event)).map_err(
         |error| match error {
             EstimateError::OctreeDepth { .. } => {
@@ -139,16 +152,58 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     say(args, &scene, &stages)
 }
 
-/// With networks, where depth or completion needs them.
-fn estimator(args: &Args, stages: &mut Stages) -> anyhow::Result<Estimator> {
+/// A photo, with the depth of a file where one is given.
+fn of_files(args: &Args, photo: PhotoFile, depth_m: Option<DepthMap>, stages: &mut Stages) -> anyhow::Result<Input> {
+    let camera = camera(args, &photo, stages)?;
+    Ok(match depth_m.zip(args.depth.as_ref()) {
+        None => Input::Photo { photo: photo.photo, camera },
+        Some((depth_m, path)) => {
+            let frame = Frame::new(photo.photo, depth_m, camera, 1.0)
+                .with_context(|| format!("{} and {} do not fit together", args.photo.display(), path.display()))?;
+            match args.depth_is {
+                DepthArg::Measured => Input::MeasuredDepth(frame),
+                DepthArg::Predicted => Input::PredictedDepth(frame.into()),
+            }
+        }
+    })
+}
+
+/// A photo with the depth of a model.
+#[cfg(feature = "depth-models")]
+fn of_model(
+    args: &Args,
+    photo: PhotoFile,
+    model: &DepthModel,
+    estimator: &Estimator,
+    stages: &mut Stages,
+) -> anyhow::Result<Input> {
+    let known = match given_camera(args, &photo)? {
+        Some(given) => Some(given),
+        None => match lightoctree::camera_of_photo(&photo)? {
+            (camera, source @ CameraSource::Exif) => Some((camera, source.to_string())),
+            _ => None,
+        },
+    };
+    let camera = known.as_ref().map(|(camera, _)| *camera);
+    let (predicted, source) = estimator.predict_depth(photo.photo, camera, model, &mut |event| stages.hear(event))?;
+    let source = known.map(|(_, source)| source).or(source.map(|source| source.to_string())).unwrap_or_default();
+    note_camera(&predicted.frame.camera, &source, stages);
+    Ok(Input::PredictedDepth(predicted))
+}
+
+/// With networks, where depth or completion needs them; `metric` where a depth model gives metres.
+fn estimator(args: &Args, metric: bool, stages: &mut Stages) -> anyhow::Result<Estimator> {
     let completes = match args.completion {
         Some(how) => matches!(how, CompletionArg::Network),
         // A program without weights still has what needs none.
         None => cfg!(feature = "weights") || args.weights.is_some(),
     };
-    if !completes && args.depth.is_some() {
+    if !completes && (args.depth.is_some() || metric) {
         return match args.weights {
-            Some(_) => Err(Usage("with --depth, --weights belongs to --completion network".into()).into()),
+            Some(_) => {
+                Err(Usage("with --depth and depth models of metres, --weights belongs to --completion network".into())
+                    .into())
+            }
             None => Ok(Estimator::without_networks()),
         };
     }
@@ -156,8 +211,16 @@ fn estimator(args: &Args, stages: &mut Stages) -> anyhow::Result<Estimator> {
 }
 
 fn options(global: &Global, args: &Args) -> EstimateOptions {
-    let file_name = |path: &PathBuf| path.file_name().map(|name| name.to_string_lossy().into_owned());
-    let sources = [Some(&args.photo), args.depth.as_ref()].into_iter().flatten().filter_map(file_name).collect();
+    let file_name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
+    #[cfg(feature = "depth-models")]
+    let model = args.depth_model.path();
+    #[cfg(not(feature = "depth-models"))]
+    let model = None;
+    let sources = [Some(args.photo.as_path()), args.depth.as_deref(), model]
+        .into_iter()
+        .flatten()
+        .filter_map(file_name)
+        .collect();
     EstimateOptions {
         octree_depth: args.octree_depth,
         completion: args.completion.map(Completion::from),
@@ -169,20 +232,32 @@ fn options(global: &Global, args: &Args) -> EstimateOptions {
 }
 
 /// The camera by the best source at hand; says which.
-fn camera(args: &Args, photo: &imaging::PhotoFile, stages: &mut Stages) -> anyhow::Result<Camera> {
-    let (width, height) = (photo.photo.width() as u32, photo.photo.height() as u32);
-    let (camera, source) = if let Some([fx, fy, cx, cy]) = args.intrinsics {
-        let camera = Camera::new(fx, fy, cx, cy, width, height);
-        (camera.map_err(|error| Usage(format!("--intrinsics: {error}")))?, "--intrinsics".to_owned())
-    } else if let Some(hfov_deg) = args.hfov_deg {
-        let camera = Camera::from_hfov_deg(hfov_deg, width, height);
-        (camera.map_err(|error| Usage(format!("--hfov-deg: {error}")))?, "--hfov-deg".to_owned())
-    } else {
-        let (camera, source) = lightoctree::camera_of_photo(photo)?;
-        (camera, source.to_string())
+fn camera(args: &Args, photo: &PhotoFile, stages: &mut Stages) -> anyhow::Result<Camera> {
+    let (camera, source) = match given_camera(args, photo)? {
+        Some(given) => given,
+        None => {
+            let (camera, source) = lightoctree::camera_of_photo(photo)?;
+            (camera, source.to_string())
+        }
     };
-    stages.note(&format!("camera of {:.1} degrees across ({source})", camera.hfov_deg()));
+    note_camera(&camera, &source, stages);
     Ok(camera)
+}
+
+/// The camera that an option gives.
+fn given_camera(args: &Args, photo: &PhotoFile) -> anyhow::Result<Option<(Camera, String)>> {
+    let (width, height) = (photo.photo.width() as u32, photo.photo.height() as u32);
+    if let Some([fx, fy, cx, cy]) = args.intrinsics {
+        let camera = Camera::new(fx, fy, cx, cy, width, height);
+        return Ok(Some((camera.map_err(|error| Usage(format!("--intrinsics: {error}")))?, "--intrinsics".to_owned())));
+    }
+    let Some(hfov_deg) = args.hfov_deg else { return Ok(None) };
+    let camera = Camera::from_hfov_deg(hfov_deg, width, height);
+    Ok(Some((camera.map_err(|error| Usage(format!("--hfov-deg: {error}")))?, "--hfov-deg".to_owned())))
+}
+
+fn note_camera(camera: &Camera, source: &str, stages: &mut Stages) {
+    stages.note(&format!("camera of {:.1} degrees across ({source})", camera.hfov_deg()));
 }
 
 fn say(args: &Args, scene: &Scene, stages: &Stages) -> anyhow::Result<()> {

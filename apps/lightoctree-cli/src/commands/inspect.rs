@@ -40,6 +40,9 @@ struct Summary {
     seen_share: f64,
     inferred_share: f64,
     predicted_depth: bool,
+    /// The depth model that predicted it, where it is not the program's own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    depth_model: Option<String>,
     /// What the network says of its own work: mean over the leaves by area, from 0 to 1.
     mean_confidence: Option<f64>,
 }
@@ -150,6 +153,7 @@ fn summarise(scene: &Scene, bytes: u64) -> Summary {
         seen_share,
         inferred_share: if light.leaves().next().is_some() { 1.0 - seen_share } else { 0.0 },
         predicted_depth: scene.predicted_depth,
+        depth_model: scene.depth_model.clone(),
         mean_confidence: scene.confidence.as_ref().map(|confidence| mean_share(light, confidence)),
     }
 }
@@ -197,8 +201,9 @@ fn print_tables(summary: &Summary) {
         camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height, camera.hfov_deg
     ));
     report::print(&format!(
-        "depth    {}, {} × {}, readings in {:.1} % of the pixels",
+        "depth    {}{}, {} × {}, readings in {:.1} % of the pixels",
         if summary.predicted_depth { "predicted" } else { "measured" },
+        summary.depth_model.as_ref().map(|model| format!(" by {model}")).unwrap_or_default(),
         photo.depth_width,
         photo.depth_height,
         100.0 * photo.depth_readings_share

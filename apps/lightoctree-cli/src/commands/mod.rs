@@ -15,6 +15,8 @@ pub mod synth;
 pub mod train;
 pub mod weights;
 
+#[cfg(feature = "depth-models")]
+mod depth_model;
 mod environment;
 mod parse;
 

@@ -14,6 +14,12 @@ pub enum Stage {
     WorkingResolution,
     /// The depth network predicts depth, and with it what the photo tells of the light outside of it.
     DepthAndGlobalLight,
+    /// A depth network of others is read from its file.
+    ReadDepthModel,
+    /// A depth network of others is made ready for photos of one size.
+    PrepareDepthModel,
+    /// A depth network of others predicts depth.
+    DepthModel,
     /// The depth network tells what the photo says of the light outside of it.
     GlobalLight,
     /// The light network makes the octree of the whole room.

@@ -8,6 +8,17 @@ use crate::TrainingPhase;
 pub enum Warning {
     /// Depth is predicted from the photo alone: distances, all sizes and which way is up may be off.
     PredictedDepth,
+    /// A depth model gives relative depth: its scale is that of the own depth network's metres.
+    FittedDepth {
+        /// `a` of `1 / z = a · d + b`; 1 where the model gives the logarithm of depth.
+        scale: f64,
+        /// `b`.
+        offset: f64,
+        /// Share of the pixels whose depths agree with the own network's within a ratio of 1.25.
+        agree: f64,
+        /// Median of the ratios of the two depths, less one.
+        median_error: f64,
+    },
     /// Points lie outside of the octree's cube and were left out.
     OutsideCube {
         /// How many.

@@ -175,8 +175,8 @@ impl VariedRoom {
         let photo = Photo::Srgb8(variation.photo(&sample.photo));
         let frame = Frame::new(photo, depth_m, variation.camera(&sample.camera), 1.0).map_err(impossible)?;
         let working = frame.working();
-        let seen =
-            SeenFrame::new(&working, None).ok_or(Unusable::Missing("depth reading that is not a flying pixel's"))?;
+        let seen = SeenFrame::new(&working, None, None)
+            .ok_or(Unusable::Missing("depth reading that is not a flying pixel's"))?;
         let mut points = variation.points(&sample.points);
         points.iter_mut().for_each(|point| point.position_m *= scale);
         Ok(Self { seen, working, points, scale })

@@ -1,6 +1,7 @@
 //! Which way is up.
 
 use lo_geometry::{Mat3, Vec3, fibonacci_sphere};
+use lo_imaging::Image;
 use lo_scene::Frame;
 
 use crate::layout::area_of;
@@ -49,17 +50,28 @@ pub(crate) fn up_from_facets(facets: &[Facet]) -> Vec3 {
 ///
 /// Photos are pitched up and down, by 20° or so, but hardly rolled (3°); what normals say is believed within 30°, and
 /// the fourth power of their support is weighed against that. Pitch is told to 1.5°, up to 45°, roll to 2°, up to 6°.
-pub fn up_from_predicted_depth(frame: &Frame) -> Vec3 {
+///
+/// `normals`, of the depth map's size, where something else than the depth map tells them.
+///
+/// # Panics
+/// Where `normals` are of another size.
+pub fn up_from_predicted_depth(frame: &Frame, normals: Option<&Image<Option<Vec3>>>) -> Vec3 {
     const WIDTH: f32 = 0.5;
     const STRENGTH: f32 = 4.0;
     const SPREAD_DEG: [f32; 2] = [20.0, 3.0];
     const STEPS_DEG: [f32; 2] = [1.5, 2.0];
-    let (camera, normals) = (frame.depth_camera(), frame.normals());
+    let (camera, depth_m) = (frame.depth_camera(), &frame.depth_m);
+    let normals = normals.cloned().unwrap_or_else(|| frame.normals());
+    assert_eq!(
+        (normals.width(), normals.height()),
+        (depth_m.width(), depth_m.height()),
+        "one normal for each depth pixel"
+    );
     let facets: Vec<Facet> = (0..normals.height())
         .flat_map(|y| (0..normals.width()).map(move |x| (x, y)))
         .filter_map(|at| {
-            let normal = normals[at]?;
-            let position_m = camera.unproject(at.0 as f64 + 0.5, at.1 as f64 + 0.5, f64::from(frame.depth_m[at]));
+            let normal = normals[at].filter(|_| depth_m[at] > 0.0)?;
+            let position_m = camera.unproject(at.0 as f64 + 0.5, at.1 as f64 + 0.5, f64::from(depth_m[at]));
             Some(Facet { normal, area: area_of(position_m, normal) })
         })
         .collect();

@@ -39,6 +39,8 @@ struct Metadata {
     sources: Vec<String>,
     #[serde(default)]
     predicted_depth: bool,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    depth_model: Option<String>,
     #[serde(default)]
     confidence: bool,
 }
@@ -86,6 +88,7 @@ impl Scene {
             room: self.room.clone(),
             sources: self.sources.iter().map(|name| file_name(name)).collect(),
             predicted_depth: self.predicted_depth,
+            depth_model: self.depth_model.clone(),
             confidence: self.confidence.is_some(),
         };
         let json = serde_json::to_string(&metadata).map_err(|e| SceneError::Metadata(e.to_string()))?;
@@ -147,8 +150,8 @@ impl Scene {
         let light = read_tensors(&tensors, &metadata.octree)?;
         let sources = metadata.sources.iter().map(|name| file_name(name)).collect();
         let confidence = metadata.confidence.then(|| read_confidence(&tensors, &light.rgba)).transpose()?;
-        let Metadata { completion, room, predicted_depth, .. } = metadata;
-        Ok(Self { light, frame, completion, room, sources, predicted_depth, confidence })
+        let Metadata { completion, room, predicted_depth, depth_model, .. } = metadata;
+        Ok(Self { light, frame, completion, room, sources, predicted_depth, depth_model, confidence })
     }
 }
 

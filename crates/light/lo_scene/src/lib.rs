@@ -15,8 +15,8 @@
 //! Under the key `lightoctree` of safetensors' `__metadata__` lies one JSON block: `format_version` (1), `program`,
 //! `octree` (`format_version`, `depth`, `full_depth`, `cube` with `origin_m` and `edge_m`), `camera` (`fx fy cx cy width height`, pixels of the photo),
 //! `exposure`, `completion` (`network`, `shell`, `none`), `room` (null, or `up` and `planes`: `side`, `plane` with `normal` and
-//! `offset_m`, `measured`), `sources` (file names without folders), `predicted_depth` (whether `depth_m` was predicted from the photo) and
-//! `confidence` (whether there is a tensor of that name). In Python:
+//! `offset_m`, `measured`), `sources` (file names without folders), `predicted_depth` (whether `depth_m` was predicted from the photo),
+//! `depth_model` (name of the depth model that did, only where it is not the program's own) and `confidence` (whether there is a tensor of that name). In Python:
 //!
 //! ```python
 //! from safetensors import safe_open
@@ -59,6 +59,8 @@ pub struct Scene {
     pub sources: Vec<String>,
     /// Whether the frame's depth was predicted from the photo instead of measured.
     pub predicted_depth: bool,
+    /// Name of the depth model that predicted it, where it is not the program's own.
+    pub depth_model: Option<String>,
     /// What a network says of its own work: `confidence[d][row]` of each row of [`LightOctree::rgba`], 255 · e^−ε with the expected
     /// error ε of log(1 + radiance).
     pub confidence: Option<Vec<Vec<u8>>>,
@@ -68,6 +70,15 @@ impl Scene {
     /// Of measured depth, with no more light than `light` holds: nothing completed, no sources named.
     pub fn as_seen(light: LightOctree, frame: Frame) -> Self {
         let completion = Completion::None;
-        Self { light, frame, completion, room: None, sources: Vec::new(), predicted_depth: false, confidence: None }
+        Self {
+            light,
+            frame,
+            completion,
+            room: None,
+            sources: Vec::new(),
+            predicted_depth: false,
+            depth_model: None,
+            confidence: None,
+        }
     }
 }

@@ -33,6 +33,7 @@ fn scene(linear: bool) -> Scene {
         room: Some(room),
         sources: vec!["/home/somebody/photo.jpg".to_owned(), "C:\\pictures\\depth.png".to_owned()],
         predicted_depth: false,
+        depth_model: None,
         confidence: None,
     }
 }

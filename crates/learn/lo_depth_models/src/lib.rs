@@ -1,0 +1,27 @@
+//! Depth networks of others, as ONNX files: recognised by their inputs and outputs, checked, run on rten, and brought to metres.
+//!
+//! [`DepthModel::read`] reads a file and tells what it is; [`DepthModel::predict`] runs it on a photo. What comes back is in this project's axes
+//! (+X right, +Y up, −Z forward) and, but for relative depth, in metres.
+
+mod config;
+mod error;
+mod model;
+mod onnx;
+mod plan;
+mod prediction;
+mod preprocess;
+mod recipe;
+mod resize;
+mod runtime;
+mod shapes;
+
+pub mod affine;
+mod depth_anything;
+mod metric3d;
+mod moge;
+mod robust;
+
+pub use config::{Channels, Focal, Kind, Layout, ModelConfig, SizeRule};
+pub use error::ModelError;
+pub use model::DepthModel;
+pub use prediction::{FieldOfView, Geometry, Prediction};

@@ -1,0 +1,388 @@
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Cursor, Seek};
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+
+use lo_events::{OnEvent, Stage, stage};
+use lo_geometry::Camera;
+use lo_imaging::Image;
+
+use crate::error::short;
+use crate::metric3d::Letterbox;
+use crate::onnx::{Graph, Weights, read_model, simplify};
+use crate::plan::{Given, plan};
+use crate::preprocess::{input_dims, input_size, prepared};
+use crate::recipe::Recipe;
+use crate::runtime::{Array, Loaded, Runtime};
+use crate::shapes::Known;
+use crate::{FieldOfView, Geometry, Kind, ModelConfig, ModelError, Prediction, depth_anything, metric3d, moge};
+
+/// Largest file that is opened.
+const MAX_FILE_BYTES: u64 = 1 << 31;
+
+/// An output of which fewer than this share are numbers is none.
+const FEWEST_NUMBERS: f64 = 0.1;
+
+/// Logarithm of the ratio by which the aspect of an output may differ from the input's: coarse outputs are rounded to whole pixels.
+const MOST_ASPECT: f64 = 0.1;
+
+/// Name, sizes and values of an output.
+pub type RawOutput = (String, Vec<usize>, Vec<f32>);
+
+/// A depth network of others, ready to be run.
+pub struct DepthModel {
+    file_name: String,
+    recipe: Recipe,
+    graph: Graph,
+    opset: i64,
+    runtime: Runtime,
+    /// The graph for the size of the last photo.
+    last: Mutex<Option<(Vec<usize>, Arc<Loaded>)>>,
+}
+
+impl std::fmt::Debug for DepthModel {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("DepthModel").field("name", &self.name()).field("recipe", &self.recipe).finish_non_exhaustive()
+    }
+}
+
+impl DepthModel {
+    /// Reads an ONNX file, and weights that it keeps in files beside it. `config` says what the file does not.
+    ///
+    /// Whatever the file holds, no more is allocated than its length times two, and never more than 2 GB.
+    ///
+    /// # Errors
+    /// A file that cannot be read, is damaged, too large or cannot be run; a model that is not known without a config.
+    pub fn read(path: impl AsRef<Path>, config: Option<&ModelConfig>) -> Result<Self, ModelError> {
+        let path = path.as_ref();
+        let named = |error: ModelError| match error {
+            ModelError::Read { path: empty, source } if empty.is_empty() => {
+                ModelError::Read { path: path.display().to_string(), source }
+            }
+            error => error,
+        };
+        let file = File::open(path).map_err(ModelError::read).map_err(named)?;
+        let metadata = file.metadata().map_err(ModelError::read).map_err(named)?;
+        if metadata.len() > MAX_FILE_BYTES {
+            return Err(ModelError::TooLarge(format!(
+                "its file has {} bytes, at most {MAX_FILE_BYTES} are read",
+                metadata.len()
+            )));
+        }
+        let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        let folder = path.parent().map(|folder| if folder.as_os_str().is_empty() { Path::new(".") } else { folder });
+        Self::of(BufReader::new(file), folder, &short(&name), config).map_err(named)
+    }
+
+    /// Of the bytes of an ONNX file that keeps its weights in itself.
+    ///
+    /// # Errors
+    /// As [`DepthModel::read`].
+    pub fn from_bytes(bytes: &[u8], config: Option<&ModelConfig>) -> Result<Self, ModelError> {
+        Self::of(Cursor::new(bytes), None, "", config)
+    }
+
+    fn of<R: BufRead + Seek>(
+        file: R,
+        folder: Option<&Path>,
+        name: &str,
+        config: Option<&ModelConfig>,
+    ) -> Result<Self, ModelError> {
+        let (mut model, file) = read_model(file)?;
+        simplify(&mut model)?;
+        let opset = model.opset();
+        let opsets = std::mem::take(&mut model.opsets);
+        let mut graph = model.graph;
+        let weights = Weights::gather(&mut graph, file, folder)?;
+        let recipe = Recipe::of(&graph, config, name)?;
+        Ok(Self {
+            file_name: name.to_owned(),
+            recipe,
+            graph,
+            opset,
+            runtime: Runtime::new(weights, opsets),
+            last: Mutex::new(None),
+        })
+    }
+
+    /// What people call it: its family and its file.
+    pub fn name(&self) -> String {
+        if self.file_name.is_empty() {
+            self.recipe.family.clone()
+        } else {
+            format!("{} ({})", self.recipe.family, self.file_name)
+        }
+    }
+
+    /// What its output is.
+    pub fn kind(&self) -> Kind {
+        self.recipe.kind
+    }
+
+    /// Whether it tells the field of view where no camera is given.
+    pub fn tells_field_of_view(&self) -> bool {
+        self.recipe.kind == Kind::Points
+    }
+
+    /// Whether its depth is metres; where not, other depth of the same photo is needed to make it so ([`crate::affine`]).
+    pub fn is_metric(&self) -> bool {
+        match self.recipe.kind {
+            Kind::Metric => true,
+            Kind::Points => self.recipe.scale.is_some(),
+            Kind::InverseAffine | Kind::Log => false,
+        }
+    }
+
+    /// What the model tells of a photo. `camera`, in pixels of the photo, where the lens is known.
+    ///
+    /// # Errors
+    /// A photo that cannot be brought to the model's size, sizes in the graph that do not fit it, more memory than a run may take, outputs that are not
+    /// what the model's kind promises; [`Cancelled`](lo_events::Cancelled) before the run or after it.
+    pub fn predict(
+        &self,
+        photo: &Image<[u8; 3]>,
+        camera: Option<&Camera>,
+        on_event: OnEvent<'_>,
+    ) -> Result<Prediction, ModelError> {
+        let (width, height) = (photo.width(), photo.height());
+        if width.min(height) < 16 || width.max(height) > 20 * width.min(height) {
+            return Err(ModelError::Photo(format!(
+                "{width} × {height} pixels are too few or too narrow for a depth model"
+            )));
+        }
+        if camera.is_none() && self.recipe.canonical_focal_px.is_some() {
+            return Err(ModelError::Photo("the model needs the focal length of its camera".to_owned()));
+        }
+        let size = input_size(&self.recipe, (width, height));
+        let loaded = stage(on_event, Stage::PrepareDepthModel, || self.loaded(&input_dims(self.recipe.layout, size)))??;
+        let outputs = self.recipe.outputs();
+        let (prepared, arrays) = stage(on_event, Stage::DepthModel, || {
+            let prepared = prepared(&self.recipe, photo);
+            loaded.run(&self.recipe.input, &prepared.array, &outputs).map(|arrays| (prepared, arrays))
+        })??;
+        let given = Answers { arrays: outputs.into_iter().zip(arrays).collect(), letterbox: prepared.letterbox, size };
+        self.told(&given, (width as u32, height as u32), camera, prepared.photo.0 as f64 / width as f64)
+    }
+
+    /// All outputs for an input as it is, of names, sizes and values: what is compared with other run times.
+    ///
+    /// # Errors
+    /// As [`DepthModel::predict`].
+    #[doc(hidden)]
+    pub fn raw(&self, dims: &[usize], values: &[f32]) -> Result<Vec<RawOutput>, ModelError> {
+        let outputs = self.recipe.outputs();
+        let array = Array { dims: dims.to_vec(), values: values.to_vec() };
+        let arrays = self.loaded(dims)?.run(&self.recipe.input, &array, &outputs)?;
+        Ok(outputs.into_iter().zip(arrays).map(|(name, array)| (name, array.dims, array.values)).collect())
+    }
+
+    /// The graph for an input of these sizes.
+    fn loaded(&self, dims: &[usize]) -> Result<Arc<Loaded>, ModelError> {
+        let mut last = self.last.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if let Some((_, loaded)) = last.as_ref().filter(|(known, _)| known == dims) {
+            return Ok(Arc::clone(loaded));
+        }
+        *last = None;
+        let mut given = HashMap::from([(self.recipe.input.clone(), Given::Sized(dims.to_vec()))]);
+        for (name, value) in &self.recipe.integers {
+            let shape = self.graph.inputs.iter().find(|info| info.name == *name).and_then(|info| info.dims.as_ref());
+            let dims = vec![1; shape.map_or(0, Vec::len)];
+            let value =
+                i32::try_from(*value).map_err(|_| ModelError::Config(format!("{name} = {value} is too large")))?;
+            given.insert(name.clone(), Given::Value(dims, Known::Ints(vec![value])));
+        }
+        let evaluate =
+            |node: &crate::onnx::Node, values: &[(String, Vec<usize>, Known)]| self.runtime.evaluate(node, values);
+        let plan =
+            plan(&self.graph, self.opset, &given, &self.recipe.outputs(), self.runtime.weight_bytes(), &evaluate)?;
+        let loaded = Arc::new(self.runtime.load(&plan)?);
+        *last = Some((dims.to_vec(), Arc::clone(&loaded)));
+        Ok(loaded)
+    }
+
+    /// What the arrays mean.
+    fn told(
+        &self,
+        given: &Answers,
+        photo: (u32, u32),
+        camera: Option<&Camera>,
+        pixels_per_pixel: f64,
+    ) -> Result<Prediction, ModelError> {
+        let recipe = &self.recipe;
+        let output = &recipe.output;
+        let mask = recipe.mask.as_ref().map(|name| given.numbers(name)).transpose()?;
+        let mut field_of_view = None;
+        let geometry = match recipe.kind {
+            Kind::Metric => {
+                let depth = given.numbers(output)?;
+                let focal = camera.zip(recipe.canonical_focal_px);
+                let mut depth_m = match focal {
+                    Some((camera, canonical_px)) => metric3d::metres(
+                        &depth,
+                        camera.fx * pixels_per_pixel * metric3d::CANONICAL_FOCAL_PX / canonical_px,
+                    ),
+                    None => depth_anything::metres(&depth),
+                };
+                masked(&mut depth_m, mask.as_ref(), 0.0);
+                Geometry::Metric(depth_m)
+            }
+            Kind::InverseAffine => {
+                let mut inverse = given.numbers(output)?;
+                if recipe.family.starts_with("Depth Anything") {
+                    inverse = depth_anything::inverse(&inverse);
+                }
+                masked(&mut inverse, mask.as_ref(), f32::NAN);
+                Geometry::AffineInverse(inverse)
+            }
+            Kind::Log => {
+                let mut log = given.numbers(output)?;
+                masked(&mut log, mask.as_ref(), f32::NAN);
+                Geometry::Log(log)
+            }
+            Kind::Points => {
+                let points = given.vectors(output)?;
+                let unusable =
+                    |error: moge::PointsError| ModelError::Output { output: short(output), why: error.to_string() };
+                let solved = moge::focal_and_shift(&points, mask.as_ref(), photo, camera).map_err(unusable)?;
+                if camera.is_none() {
+                    field_of_view = Some(solved.field_of_view(photo));
+                }
+                match &recipe.scale {
+                    Some(name) => {
+                        let scale = given.number(name)?;
+                        Geometry::Metric(moge::metres(&points, mask.as_ref(), solved.shift, scale).map_err(unusable)?)
+                    }
+                    None => {
+                        let depth = moge::metres(&points, mask.as_ref(), solved.shift, 1.0).map_err(unusable)?;
+                        Geometry::Log(depth.map(|&z| if z > 0.0 { z.ln() } else { f32::NAN }))
+                    }
+                }
+            }
+        };
+        let normals = recipe.normals.as_ref().map(|name| given.vectors(name)).transpose()?;
+        let normals = normals.map(|normals| -> Result<_, ModelError> {
+            let believed = match &recipe.normals_kappa {
+                Some(name) => metric3d::believed_normals(&normals, &given.numbers(name)?),
+                None => normals,
+            };
+            let [half_width, half_height] = half_sizes(photo, camera, field_of_view);
+            Ok(moge::normals(
+                &believed,
+                mask.as_ref().filter(|mask| mask.pixels().len() == believed.pixels().len()),
+                half_width,
+                half_height,
+            ))
+        });
+        Ok(Prediction { geometry, field_of_view, normals: normals.transpose()? })
+    }
+}
+
+/// Half of the picture's width and height at one metre: of the camera, of the field of view that the model tells, or of an ordinary lens.
+fn half_sizes(photo: (u32, u32), camera: Option<&Camera>, told: Option<FieldOfView>) -> [f32; 2] {
+    match (camera, told) {
+        (Some(camera), _) => {
+            [0.5 * f64::from(photo.0) / camera.fx, 0.5 * f64::from(photo.1) / camera.fy].map(|half| half as f32)
+        }
+        (None, Some(angles)) => {
+            [angles.horizontal_deg, angles.vertical_deg].map(|angle| (0.5 * angle).to_radians().tan() as f32)
+        }
+        (None, None) => [0.6, 0.6 * photo.1 as f32 / photo.0 as f32],
+    }
+}
+
+fn masked(image: &mut Image<f32>, mask: Option<&Image<f32>>, nothing: f32) {
+    let Some(mask) = mask.filter(|mask| mask.pixels().len() == image.pixels().len()) else { return };
+    for (value, seen) in image.pixels_mut().iter_mut().zip(mask.pixels()) {
+        if seen.is_nan() || *seen < moge::SEEN {
+            *value = nothing;
+        }
+    }
+}
+
+/// A model's outputs.
+struct Answers {
+    arrays: HashMap<String, Array>,
+    letterbox: Option<Letterbox>,
+    /// Width and height of what the model was given.
+    size: (usize, usize),
+}
+
+impl Answers {
+    fn array(&self, name: &str) -> Result<&Array, ModelError> {
+        self.arrays.get(name).ok_or_else(|| ModelError::Output { output: short(name), why: "is missing".to_owned() })
+    }
+
+    /// A picture of numbers, of the photo without padding; NaN where there is none.
+    fn numbers(&self, name: &str) -> Result<Image<f32>, ModelError> {
+        let array = self.array(name)?;
+        let sides: Vec<usize> = squeezed(&array.dims);
+        let [height, width] = sides[..] else { return Err(misshapen(name, array, "a picture of one channel")) };
+        self.checked(name, Image::new(width, height, array.values.clone()), |value| value.is_finite())
+    }
+
+    /// A picture of vectors, of the photo without padding; three channels first or last.
+    fn vectors(&self, name: &str) -> Result<Image<[f32; 3]>, ModelError> {
+        let array = self.array(name)?;
+        let sides: Vec<usize> = array.dims.iter().copied().skip_while(|&size| size == 1).collect();
+        let image = match sides[..] {
+            [height, width, 3] => Image::new(width, height, array.values.as_chunks().0.to_vec()),
+            // A fourth channel would be the normals' concentration.
+            [channels @ (3 | 4), height, width] if channels * height * width == array.values.len() => {
+                let plane = height * width;
+                Image::from_fn(width, height, |x, y| {
+                    [0, 1, 2].map(|channel| array.values[channel * plane + y * width + x])
+                })
+            }
+            _ => return Err(misshapen(name, array, "a picture of three channels")),
+        };
+        self.checked(name, image, |vector| vector.iter().all(|value| value.is_finite()))
+    }
+
+    /// One number.
+    fn number(&self, name: &str) -> Result<f32, ModelError> {
+        let array = self.array(name)?;
+        match array.values[..] {
+            [number] => Ok(number),
+            _ => Err(misshapen(name, array, "one number")),
+        }
+    }
+
+    fn checked<T: Copy>(
+        &self,
+        name: &str,
+        image: Image<T>,
+        is_number: impl Fn(&T) -> bool,
+    ) -> Result<Image<T>, ModelError> {
+        let aspect = |(width, height): (usize, usize)| (width as f64 / height as f64).ln();
+        let made = (image.width(), image.height());
+        if made.0 == 0 || made.1 == 0 || (aspect(made) - aspect(self.size)).abs() > MOST_ASPECT {
+            let why = format!("is a picture of {} × {} of one of {} × {}", made.0, made.1, self.size.0, self.size.1);
+            return Err(ModelError::Output { output: short(name), why });
+        }
+        let whole = self.letterbox.map(|letterbox| letterbox.cropped(&image)).unwrap_or(image);
+        let numbers = whole.pixels().iter().filter(|value| is_number(value)).count();
+        if (numbers as f64) < FEWEST_NUMBERS * whole.pixels().len() as f64 || numbers == 0 {
+            let why =
+                format!("has no numbers in {} of its {} pixels", whole.pixels().len() - numbers, whole.pixels().len());
+            return Err(ModelError::Output { output: short(name), why });
+        }
+        Ok(whole)
+    }
+}
+
+/// Sizes of a picture of one channel, without axes of one at either end.
+fn squeezed(dims: &[usize]) -> Vec<usize> {
+    let mut sides = dims.to_vec();
+    while sides.len() > 2 && sides[0] == 1 {
+        sides.remove(0);
+    }
+    while sides.len() > 2 && sides.last() == Some(&1) {
+        sides.pop();
+    }
+    sides
+}
+
+fn misshapen(name: &str, array: &Array, wanted: &str) -> ModelError {
+    ModelError::Output { output: short(name), why: format!("has the shape {:?}, which is not {wanted}", array.dims) }
+}

@@ -1,0 +1,446 @@
+//! A graph made ready for one size of photo: every size in it known before the run, and the memory that the run will take.
+//!
+//! Nothing of a graph that is not known to be small is computed here, so a hostile file cannot make sizes explode; and nothing runs whose memory is not
+//! known.
+
+use std::collections::{HashMap, HashSet};
+
+use crate::ModelError;
+use crate::onnx::{
+    AttributeValue, Data, Dim, Element, Graph, MAX_NESTING, MAX_NODES, Node, Tensor, inlined_branch, product,
+};
+use crate::resize;
+use crate::shapes::{Fact, Inputs, Known, shape_range, shapes};
+
+/// Memory that weights and values of a run may take.
+const MAX_RUN_BYTES: u64 = 1_900_000_000;
+
+/// Multiplications of a run: some minutes of an ordinary computer's time.
+const MAX_PRODUCTS: f64 = 3e13;
+
+/// Values up to this many elements are computed before the run where they depend on no photo.
+const MAX_KNOWN: usize = 1 << 12;
+
+/// What is given to an input.
+pub(crate) enum Given {
+    /// Something of this size.
+    Sized(Vec<usize>),
+    /// This very value, part of the graph from now on.
+    Value(Vec<usize>, Known),
+}
+
+/// Computes a node whose inputs are known and small: their names, sizes and values. `None` where the values are of other types than [`Known`] has.
+pub(crate) type Evaluate<'a> = &'a dyn Fn(&Node, &[(String, Vec<usize>, Known)]) -> Result<Option<Values>, ModelError>;
+
+/// Sizes and values of a node's outputs.
+pub(crate) type Values = Vec<(Vec<usize>, Known)>;
+
+/// Makes a simplified graph ready for inputs of these sizes, with `weight_bytes` of weights.
+///
+/// # Errors
+/// Sizes that do not fit or are not known before the run, operators that no depth network has, more memory or work than a run may take.
+pub(crate) fn plan(
+    graph: &Graph,
+    opset: i64,
+    given: &HashMap<String, Given>,
+    wanted: &[String],
+    weight_bytes: u64,
+    evaluate: Evaluate<'_>,
+) -> Result<Graph, ModelError> {
+    let mut planner = Planner {
+        opset,
+        evaluate,
+        facts: HashMap::new(),
+        nodes: Vec::new(),
+        tensors: Vec::new(),
+        branches: 0,
+        products: 0.0,
+    };
+    let mut inputs = Vec::new();
+    for input in &graph.inputs {
+        let fact = match given.get(&input.name) {
+            None => {
+                return Err(ModelError::Unsupported(format!(
+                    "nothing is known to give to its input \"{}\"",
+                    crate::error::short(&input.name)
+                )));
+            }
+            Some(Given::Sized(dims)) => {
+                let dims_info = dims.iter().map(|&dim| Dim::Fixed(dim)).collect();
+                inputs.push(crate::onnx::ValueInfo { dims: Some(dims_info), ..input.clone() });
+                Fact { dims: dims.clone(), known: None, constant: false }
+            }
+            Some(Given::Value(dims, known)) => Fact { dims: dims.clone(), known: Some(known.clone()), constant: true },
+        };
+        planner.facts.insert(input.name.clone(), fact);
+    }
+    planner.tensors(&graph.initializers)?;
+    // Only what is wanted, and what that needs.
+    for node in needed(&graph.nodes, wanted)? {
+        planner.node(node, 0)?;
+    }
+    planner.finish(inputs, wanted, weight_bytes)
+}
+
+/// Nodes that `wanted` depends on, each behind those whose outputs it takes. Files need not keep that order, though the standard says so.
+///
+/// # Errors
+/// Nodes that take, over others, what they make.
+fn needed<'a>(nodes: &'a [Node], wanted: &[String]) -> Result<Vec<&'a Node>, ModelError> {
+    let makers: HashMap<&str, usize> = nodes
+        .iter()
+        .enumerate()
+        .flat_map(|(index, node)| node.outputs.iter().map(move |output| (output.as_str(), index)))
+        .filter(|(name, _)| !name.is_empty())
+        .collect();
+    let takes = |index: usize| {
+        let mut names = HashSet::new();
+        names_used(&nodes[index], &mut names);
+        let mut makers: Vec<usize> = names.into_iter().filter_map(|name| makers.get(name).copied()).collect();
+        makers.sort_unstable();
+        makers.dedup();
+        makers
+    };
+    let (mut order, mut begun, mut done) = (Vec::new(), vec![false; nodes.len()], vec![false; nodes.len()]);
+    let mut first: Vec<usize> = wanted.iter().filter_map(|name| makers.get(name.as_str()).copied()).collect();
+    first.sort_unstable();
+    for root in first {
+        // Not recursive: a chain of nodes may be longer than the stack.
+        let mut open = vec![(root, if done[root] { Vec::new() } else { takes(root) })];
+        begun[root] = true;
+        while let Some((index, rest)) = open.last_mut() {
+            let index = *index;
+            match rest.pop() {
+                Some(maker) if done[maker] => {}
+                Some(maker) if begun[maker] => {
+                    return Err(ModelError::Malformed(format!(
+                        "its node {} takes what it makes",
+                        nodes[maker].label()
+                    )));
+                }
+                Some(maker) => {
+                    begun[maker] = true;
+                    open.push((maker, takes(maker)));
+                }
+                None => {
+                    open.pop();
+                    if !std::mem::replace(&mut done[index], true) {
+                        order.push(&nodes[index]);
+                    }
+                }
+            }
+        }
+    }
+    Ok(order)
+}
+
+/// What a node takes, and what its branches take.
+fn names_used<'a>(node: &'a Node, into: &mut HashSet<&'a str>) {
+    into.extend(node.inputs.iter().map(String::as_str));
+    for attribute in &node.attributes {
+        if let AttributeValue::Graph(graph) = &attribute.value {
+            graph.nodes.iter().for_each(|node| names_used(node, into));
+            into.extend(graph.outputs.iter().map(|info| info.name.as_str()));
+        }
+    }
+}
+
+struct Planner<'a> {
+    opset: i64,
+    evaluate: Evaluate<'a>,
+    facts: HashMap<String, Fact>,
+    nodes: Vec<Node>,
+    tensors: Vec<Tensor>,
+    branches: usize,
+    products: f64,
+}
+
+impl Planner<'_> {
+    fn tensors(&mut self, tensors: &[Tensor]) -> Result<(), ModelError> {
+        for tensor in tensors {
+            let fact = Fact { dims: tensor.dims.clone(), known: known(tensor), constant: true };
+            self.define(&tensor.name, fact)?;
+            self.tensors.push(tensor.clone());
+        }
+        Ok(())
+    }
+
+    fn define(&mut self, name: &str, fact: Fact) -> Result<(), ModelError> {
+        match self.facts.insert(name.to_owned(), fact) {
+            None => Ok(()),
+            Some(_) => Err(ModelError::Malformed(format!("\"{}\" is made twice", crate::error::short(name)))),
+        }
+    }
+
+    fn node(&mut self, node: &Node, depth: usize) -> Result<(), ModelError> {
+        let refused = |why: String| ModelError::Node { node: node.label(), why };
+        if self.nodes.len() > MAX_NODES {
+            return Err(ModelError::TooLarge(format!("it has more than {MAX_NODES} nodes")));
+        }
+        let absent = node.inputs.iter().find(|name| !name.is_empty() && !self.facts.contains_key(*name));
+        if let Some(absent) = absent {
+            return Err(refused(format!("takes \"{}\", which nothing before it makes", crate::error::short(absent))));
+        }
+        if node.is_standard() && node.op == "If" {
+            return self.branch(node, depth);
+        }
+        let inputs: Vec<Option<&Fact>> = node.inputs.iter().map(|name| self.facts.get(name)).collect();
+        let sizes = shapes(node, &inputs, self.opset).map_err(refused)?;
+        for dims in &sizes {
+            let bytes = product(dims).and_then(|length| length.checked_mul(4)).map_or(u64::MAX, |bytes| bytes as u64);
+            if bytes > MAX_RUN_BYTES {
+                return Err(ModelError::TooLarge(format!("its node {} gives {dims:?} values", node.label())));
+            }
+        }
+        self.products += products(node, &inputs, &sizes);
+        if self.products > MAX_PRODUCTS {
+            return Err(ModelError::TooLarge("a run takes more than 30,000,000 million multiplications".to_owned()));
+        }
+        let constant = inputs.iter().flatten().all(|fact| fact.constant);
+        if let Some(values) = self.values(node, &inputs, &sizes)? {
+            for (name, (dims, known)) in node.outputs.iter().zip(values) {
+                if !name.is_empty() {
+                    self.define(name, Fact { dims, known: Some(known), constant: true })?;
+                }
+            }
+            return Ok(());
+        }
+        if node.op == "NonZero" {
+            return Err(refused("gives as many values as the photo makes it".to_owned()));
+        }
+        if matches!(node.op.as_str(), "Resize" | "Upsample") && node.is_standard() {
+            let products =
+                resize::as_products(&Inputs { node, inputs: &inputs, opset: self.opset }).map_err(refused)?;
+            if let Some((nodes, tensors)) = products {
+                for tensor in tensors {
+                    self.define(&tensor.name, resize::matrix_fact(&tensor))?;
+                    self.tensors.push(tensor);
+                }
+                return nodes.iter().try_for_each(|node| self.node(node, depth));
+            }
+        }
+        if node.op == "ConvInteger"
+            && let Some((pad, pads, conv)) = padded_first(node, &inputs)
+        {
+            self.tensors(&[pads])?;
+            return [pad, conv].iter().try_for_each(|node| self.node(node, depth));
+        }
+        let convolution = matches!(node.op.as_str(), "Conv" | "ConvInteger").then(|| with_steps(node, &inputs));
+        for (name, dims) in node.outputs.iter().zip(sizes) {
+            if !name.is_empty() {
+                self.define(name, Fact { dims, known: None, constant })?;
+            }
+        }
+        self.nodes.push(match node.op.as_str() {
+            // Of use in training only.
+            "Dropout" => Node::new("Identity", &[&node.inputs[0]], &node.outputs[0]),
+            _ => convolution.unwrap_or_else(|| node.clone()),
+        });
+        Ok(())
+    }
+
+    /// Values of a node that depends on nothing but what is known.
+    fn values(
+        &self,
+        node: &Node,
+        inputs: &[Option<&Fact>],
+        sizes: &[Vec<usize>],
+    ) -> Result<Option<Values>, ModelError> {
+        if node.is_standard() && matches!(node.op.as_str(), "Shape" | "Size") {
+            let Some(Some(fact)) = inputs.first() else { return Ok(None) };
+            let (start, end) = shape_range(node, fact.dims.len());
+            let int = |size: usize| i32::try_from(size).unwrap_or(i32::MAX);
+            let values: Vec<i32> = match node.op.as_str() {
+                "Size" => vec![int(product(&fact.dims).unwrap_or(usize::MAX))],
+                _ => fact.dims.get(start..end).unwrap_or_default().iter().map(|&size| int(size)).collect(),
+            };
+            return Ok(Some(vec![(sizes[0].clone(), Known::Ints(values))]));
+        }
+        let small = sizes.iter().all(|dims| product(dims).is_some_and(|length| length <= MAX_KNOWN));
+        let resized = matches!(node.op.as_str(), "Resize" | "Upsample");
+        let all = inputs
+            .iter()
+            .zip(&node.inputs)
+            .all(|(fact, name)| name.is_empty() || fact.is_some_and(|fact| fact.known.is_some()));
+        if !small || !all || resized {
+            return Ok(None);
+        }
+        let given: Vec<(String, Vec<usize>, Known)> = inputs
+            .iter()
+            .zip(&node.inputs)
+            .filter_map(|(fact, name)| fact.map(|fact| (name.clone(), fact.dims.clone(), fact.known.clone())))
+            .filter_map(|(name, dims, known)| known.map(|known| (name, dims, known)))
+            .collect();
+        (self.evaluate)(node, &given)
+    }
+
+    /// The branch of an `If` that its condition chooses.
+    fn branch(&mut self, node: &Node, depth: usize) -> Result<(), ModelError> {
+        let refused = |why: &str| ModelError::Node { node: node.label(), why: why.to_owned() };
+        if depth > MAX_NESTING {
+            return Err(refused("lies too deep in other branches"));
+        }
+        let chosen =
+            match node.inputs.first().and_then(|name| self.facts.get(name)).and_then(|fact| fact.known.as_ref()) {
+                Some(Known::Ints(values)) if values.len() == 1 => values[0] != 0,
+                _ => return Err(refused("has a condition that is not known before the run")),
+            };
+        let name = if chosen { "then_branch" } else { "else_branch" };
+        let Some(AttributeValue::Graph(branch)) = node.value(name) else { return Err(refused("lacks a branch")) };
+        self.branches += 1;
+        let (branch, outputs) = inlined_branch(branch, &format!("branch{}/", self.branches));
+        if outputs.len() != node.outputs.len() {
+            return Err(refused("has a branch with another number of outputs"));
+        }
+        self.tensors(&branch.initializers)?;
+        for inner in needed(&branch.nodes, &outputs)? {
+            self.node(inner, depth + 1)?;
+        }
+        for (from, to) in outputs.iter().zip(&node.outputs) {
+            self.node(&Node::new("Identity", &[from], to), depth + 1)?;
+        }
+        Ok(())
+    }
+
+    fn finish(
+        mut self,
+        inputs: Vec<crate::onnx::ValueInfo>,
+        wanted: &[String],
+        weight_bytes: u64,
+    ) -> Result<Graph, ModelError> {
+        let mut used: HashSet<&str> = wanted.iter().map(String::as_str).collect();
+        used.extend(self.nodes.iter().flat_map(|node| &node.inputs).map(String::as_str));
+        // What became known is a constant of the new graph.
+        let mut tensors: Vec<Tensor> = std::mem::take(&mut self.tensors);
+        tensors.retain(|tensor| used.contains(tensor.name.as_str()));
+        let have: HashSet<String> = tensors.iter().map(|tensor| tensor.name.clone()).collect();
+        let mut names: Vec<&str> = used.into_iter().filter(|name| !have.contains(*name)).collect();
+        names.sort_unstable();
+        for name in names {
+            match self.facts.get(name) {
+                Some(Fact { dims, known: Some(Known::Ints(values)), .. }) => {
+                    tensors.push(Tensor::ints(name.to_owned(), dims.clone(), values));
+                }
+                Some(Fact { dims, known: Some(Known::Floats(values)), .. }) => {
+                    tensors.push(Tensor::floats(name.to_owned(), dims.clone(), values));
+                }
+                _ => {}
+            }
+        }
+        let mut outputs = Vec::new();
+        for name in wanted {
+            let fact = self.facts.get(name);
+            let fact = fact.ok_or_else(|| {
+                ModelError::Malformed(format!("nothing makes its output \"{}\"", crate::error::short(name)))
+            })?;
+            let dims = fact.dims.iter().map(|&dim| Dim::Fixed(dim)).collect();
+            outputs.push(crate::onnx::ValueInfo { name: name.clone(), element: Element::default(), dims: Some(dims) });
+        }
+        let bytes = weight_bytes.saturating_add(self.peak_bytes(wanted));
+        if bytes > MAX_RUN_BYTES {
+            return Err(ModelError::TooLarge(format!(
+                "a run takes about {:.1} GB of memory, at most {:.1} are given",
+                bytes as f64 / 1e9,
+                MAX_RUN_BYTES as f64 / 1e9
+            )));
+        }
+        Ok(Graph { nodes: self.nodes, initializers: tensors, inputs, outputs })
+    }
+
+    /// Most bytes that values take at one time: each lives from the node that makes it to the last that takes it; what depends on no photo is made when
+    /// the graph is loaded, and stays.
+    fn peak_bytes(&self, wanted: &[String]) -> u64 {
+        let bytes = |name: &str| {
+            self.facts.get(name).and_then(|fact| product(&fact.dims)).map_or(0, |length| 4 * length as u64)
+        };
+        let constant = |name: &str| self.facts.get(name).is_some_and(|fact| fact.constant);
+        let mut last: HashMap<&str, usize> = HashMap::new();
+        for (index, node) in self.nodes.iter().enumerate() {
+            let stays = node.outputs.iter().any(|output| !constant(output));
+            for name in &node.inputs {
+                // A constant that a node of the run takes stays to the end.
+                last.insert(name, if stays && constant(name) { usize::MAX } else { index });
+            }
+        }
+        wanted.iter().for_each(|name| _ = last.insert(name, usize::MAX));
+        let mut ends: HashMap<usize, u64> = HashMap::new();
+        let (mut now, mut most) = (0u64, 0u64);
+        for (index, node) in self.nodes.iter().enumerate() {
+            for output in node.outputs.iter().filter(|output| !output.is_empty()) {
+                let size = bytes(output);
+                now = now.saturating_add(size);
+                *ends.entry(last.get(output.as_str()).copied().unwrap_or(index)).or_default() += size;
+            }
+            most = most.max(now);
+            now -= ends.remove(&index).unwrap_or(0);
+        }
+        most
+    }
+}
+
+/// A `ConvInteger` with padding, as a `Pad` by the zero point and a `ConvInteger` without: rten 0.27 pads by 0, which is another number where the zero
+/// point is not. `None` where nothing is padded.
+fn padded_first(node: &Node, inputs: &[Option<&Fact>]) -> Option<(Node, Tensor, Node)> {
+    let pads = node.ints("pads").filter(|pads| pads.iter().any(|&pad| pad != 0))?;
+    let axes = inputs.first().copied().flatten()?.dims.len().checked_sub(2).filter(|axes| 2 * axes == pads.len())?;
+    let zero_point = node.inputs.get(2).filter(|name| !name.is_empty())?;
+    let (from, output) = (node.inputs.first()?, node.outputs.first()?);
+    let int = |pad: i64| i32::try_from(pad).ok();
+    let none = [Some(0); 2].into_iter();
+    let sides: Option<Vec<i32>> = none
+        .clone()
+        .chain(pads[..axes].iter().map(|&pad| int(pad)))
+        .chain(none)
+        .chain(pads[axes..].iter().map(|&pad| int(pad)))
+        .collect();
+    let (padded, by) = (format!("{output}#padded"), format!("{output}#pads"));
+    let tensor = Tensor::ints(by.clone(), vec![2 * axes + 4], &sides?);
+    let mut conv = node.clone();
+    conv.inputs[0].clone_from(&padded);
+    conv.attributes.retain(|attribute| attribute.name != "pads");
+    Some((Node::new("Pad", &[from, &by, zero_point], &padded), tensor, conv))
+}
+
+/// A convolution whose strides and dilations are said: rten 0.27 does not know the standard's for those of integers.
+fn with_steps(node: &Node, inputs: &[Option<&Fact>]) -> Node {
+    let axes = inputs.first().copied().flatten().map_or(0, |fact| fact.dims.len().saturating_sub(2));
+    ["strides", "dilations"]
+        .into_iter()
+        .filter(|name| node.ints(name).is_none())
+        .fold(node.clone(), |node, name| node.with(name, AttributeValue::Ints(vec![1; axes])))
+}
+
+/// Values of a small tensor; of types that the run time keeps as integers of 32 bits or in single precision.
+fn known(tensor: &Tensor) -> Option<Known> {
+    let Data::Bytes(bytes) = &tensor.data else { return None };
+    if product(&tensor.dims)? > MAX_KNOWN {
+        return None;
+    }
+    let words = bytes.as_chunks::<4>().0;
+    Some(match tensor.element {
+        Element::F32 => Known::Floats(words.iter().map(|&word| f32::from_le_bytes(word)).collect()),
+        Element::I32 => Known::Ints(words.iter().map(|&word| i32::from_le_bytes(word)).collect()),
+        Element::I64 => {
+            let saturated =
+                |&word: &[u8; 8]| i64::from_le_bytes(word).clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32;
+            Known::Ints(bytes.as_chunks().0.iter().map(saturated).collect())
+        }
+        Element::BOOL => Known::Ints(bytes.iter().map(|&byte| i32::from(byte != 0)).collect()),
+        _ => return None,
+    })
+}
+
+/// Multiplications of a node, about; 0 of those that multiply little.
+fn products(node: &Node, inputs: &[Option<&Fact>], sizes: &[Vec<usize>]) -> f64 {
+    let count = |dims: &[usize]| dims.iter().map(|&dim| dim as f64).product::<f64>();
+    let out = sizes.iter().map(|dims| count(dims)).sum::<f64>();
+    let dims = |index: usize| inputs.get(index).copied().flatten().map_or(&[][..], |fact| fact.dims.as_slice());
+    match node.op.as_str() {
+        "MatMul" | "MatMulInteger" | "MatMulNBits" | "Gemm" => out * dims(0).iter().copied().max().unwrap_or(1) as f64,
+        "Conv" | "ConvInteger" => out * count(dims(1).get(1..).unwrap_or_default()),
+        "ConvTranspose" => count(dims(0)) * count(dims(1).get(1..).unwrap_or_default()),
+        "Einsum" => out * dims(0).iter().chain(dims(1)).map(|&dim| dim as f64).fold(1.0, f64::max),
+        "Attention" | "MultiHeadAttention" => 2.0 * out * dims(1).get(1).map_or(1.0, |&dim| dim as f64),
+        _ => out,
+    }
+}

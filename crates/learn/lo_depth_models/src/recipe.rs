@@ -1,0 +1,267 @@
+//! What a model wants to be given, and what it gives.
+
+use std::collections::HashSet;
+
+use crate::config::ModelConfig;
+use crate::onnx::{Data, Dim, Element, Graph, Tensor, ValueInfo};
+use crate::{Kind, Layout, ModelError, SizeRule, depth_anything, metric3d};
+
+/// Tokens that MoGe-2 is given: its exporter's choice, of 1200 to 3600.
+const MOGE_TOKENS: i64 = 1800;
+
+/// Longer side of the photo for MoGe-2, which makes it smaller inside by the tokens, and gives points of this size back. Estimation works at 480.
+const MOGE_LONGER_SIDE: usize = 720;
+
+/// How to use a model.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Recipe {
+    /// The family, for people.
+    pub family: String,
+    pub input: String,
+    pub layout: Layout,
+    /// Whether blue comes first.
+    pub bgr: bool,
+    /// Value of white before mean and deviation.
+    pub white: f32,
+    pub mean: [f32; 3],
+    pub deviation: [f32; 3],
+    /// What fills the rest of a letterbox, of 255; the mean where it is not said.
+    pub padding: Option<[f32; 3]>,
+    pub size: SizeRule,
+    /// Further inputs of one integer each.
+    pub integers: Vec<(String, i64)>,
+    pub kind: Kind,
+    /// Depth or points.
+    pub output: String,
+    pub normals: Option<String>,
+    /// Concentration κ of the normals.
+    pub normals_kappa: Option<String>,
+    pub mask: Option<String>,
+    /// What points are multiplied by to be metres.
+    pub scale: Option<String>,
+    /// Depth is that of a camera of so many pixels' focal length.
+    pub canonical_focal_px: Option<f64>,
+}
+
+impl Recipe {
+    /// Of a simplified graph: by what is known of its family, and by what a config says.
+    ///
+    /// # Errors
+    /// A model that is not known and no config, or a config that does not fit the graph.
+    pub fn of(graph: &Graph, config: Option<&ModelConfig>, file_name: &str) -> Result<Self, ModelError> {
+        let known = known(graph, file_name);
+        let recipe = match (known, config) {
+            (Some(recipe), None) => recipe,
+            (known, Some(config)) => config.applied(known, graph)?,
+            (None, None) => {
+                return Err(ModelError::Unknown { signature: signature(graph), config: ModelConfig::template(graph) });
+            }
+        };
+        recipe.checked(graph)
+    }
+
+    /// All outputs that are looked at.
+    pub fn outputs(&self) -> Vec<String> {
+        let others = [&self.normals, &self.normals_kappa, &self.mask, &self.scale];
+        std::iter::once(&self.output).chain(others.into_iter().flatten()).cloned().collect()
+    }
+
+    fn checked(mut self, graph: &Graph) -> Result<Self, ModelError> {
+        let wrong = |why: String| Err(ModelError::Config(format!("{why}; the model has\n{}", signature(graph))));
+        let Some(input) = graph.inputs.iter().find(|info| info.name == self.input) else {
+            return wrong(format!("there is no input \"{}\"", self.input));
+        };
+        if let Some(absent) = self.outputs().iter().find(|name| graph.outputs.iter().all(|info| info.name != **name)) {
+            return wrong(format!("there is no output \"{absent}\""));
+        }
+        if input.element != Element::F32 {
+            return wrong(format!(
+                "its input \"{}\" takes {}, not numbers with a fraction",
+                self.input,
+                input.element.name()
+            ));
+        }
+        if let Some(dims) = &input.dims {
+            let axes = self.layout.axes();
+            let free = |axis: usize, size: usize| matches!(&dims[axis], Dim::Free(_)) || dims[axis] == Dim::Fixed(size);
+            if dims.len() != 4 || !free(0, 1) || !free(axes[0], 3) {
+                return wrong(format!("its input \"{}\" takes no picture of three channels", self.input));
+            }
+            // What the file fixes is fixed.
+            if let (Dim::Fixed(height), Dim::Fixed(width)) = (&dims[axes[1]], &dims[axes[2]]) {
+                let (width, height) = (*width, *height);
+                self.size = match self.size {
+                    SizeRule::Fixed { .. } | SizeRule::ShorterSide { .. } | SizeRule::DepthAnything => {
+                        SizeRule::Fixed { width, height }
+                    }
+                    SizeRule::Letterbox { .. } | SizeRule::LongerSide { .. } => SizeRule::Letterbox { width, height },
+                };
+            }
+        }
+        let given = |name: &str| name == self.input || self.integers.iter().any(|(known, _)| known == name);
+        if let Some(open) = graph.inputs.iter().find(|info| !given(&info.name)) {
+            return wrong(format!("nothing is said of its input \"{}\"", crate::error::short(&open.name)));
+        }
+        self.size.check()?;
+        Ok(self)
+    }
+}
+
+/// The families that nothing needs to be said about.
+fn known(graph: &Graph, file_name: &str) -> Option<Recipe> {
+    let input = |name: &str| {
+        graph.inputs.iter().any(|info| info.name == name && info.dims.as_ref().is_none_or(|dims| dims.len() == 4))
+    };
+    let integer = |name: &str| graph.inputs.iter().any(|info| info.name == name && info.element == Element::I64);
+    let output = |name: &str| graph.outputs.iter().any(|info| info.name == name).then(|| name.to_owned());
+    let plain = Recipe {
+        family: String::new(),
+        input: String::new(),
+        layout: Layout::Nchw,
+        bgr: false,
+        white: 1.0,
+        mean: [0.0; 3],
+        deviation: [1.0; 3],
+        padding: None,
+        size: SizeRule::DepthAnything,
+        integers: Vec::new(),
+        kind: Kind::Metric,
+        output: String::new(),
+        normals: None,
+        normals_kappa: None,
+        mask: None,
+        scale: None,
+        canonical_focal_px: None,
+    };
+    if let (true, Some(points)) = (input("image"), output("points")) {
+        let scale = output("metric_scale").or_else(|| output("scale"));
+        return Some(Recipe {
+            family: if scale.is_some() { "MoGe-2" } else { "MoGe" }.to_owned(),
+            input: "image".to_owned(),
+            size: SizeRule::LongerSide { longer_side: MOGE_LONGER_SIDE, multiple: 1 },
+            integers: integer("num_tokens").then(|| ("num_tokens".to_owned(), MOGE_TOKENS)).into_iter().collect(),
+            kind: Kind::Points,
+            output: points,
+            normals: output("normal"),
+            mask: output("mask"),
+            scale,
+            ..plain
+        });
+    }
+    let metric3d = |picture: &str, depth: String, normals: Option<String>, kappa: Option<String>| {
+        // Some exporters put the normalisation into the graph.
+        let inside = normalises(graph, picture);
+        Recipe {
+            family: "Metric3D v2".to_owned(),
+            input: picture.to_owned(),
+            white: 255.0,
+            mean: if inside { [0.0; 3] } else { metric3d::MEAN },
+            deviation: if inside { [1.0; 3] } else { metric3d::DEVIATION },
+            padding: Some(metric3d::MEAN),
+            size: SizeRule::Letterbox { width: metric3d::WIDTH, height: metric3d::HEIGHT },
+            output: depth,
+            normals,
+            normals_kappa: kappa,
+            canonical_focal_px: Some(metric3d::CANONICAL_FOCAL_PX),
+            ..plain.clone()
+        }
+    };
+    if let (true, Some(depth), normals @ Some(_)) =
+        (input("pixel_values"), output("predicted_depth"), output("predicted_normal"))
+    {
+        return Some(metric3d("pixel_values", depth, normals, output("normal_confidence")));
+    }
+    if let (true, Some(depth)) = (input("image") && normalises(graph, "image"), output("pred_depth")) {
+        return Some(metric3d("image", depth, None, None));
+    }
+    let alone = graph.inputs.len() == 1 && graph.outputs.len() == 1;
+    if let (true, true, Some(depth)) = (alone, input("pixel_values"), output("predicted_depth")) {
+        let kind = depth_anything::kind(backwards(graph, &depth)).or_else(|| {
+            let metric = file_name.to_ascii_lowercase().contains("metric");
+            // Other networks of these names (DPT, ZoeDepth, Depth Pro) have patches of other sizes.
+            patches_of_14(graph).then_some(if metric {
+                depth_anything::Kind::Metric
+            } else {
+                depth_anything::Kind::Relative
+            })
+        })?;
+        let (name, kind) = match kind {
+            depth_anything::Kind::Metric => ("Depth Anything V2, metric", Kind::Metric),
+            depth_anything::Kind::Relative => ("Depth Anything V2, relative", Kind::InverseAffine),
+        };
+        return Some(Recipe {
+            family: name.to_owned(),
+            input: "pixel_values".to_owned(),
+            mean: depth_anything::MEAN,
+            deviation: depth_anything::DEVIATION,
+            kind,
+            output: depth,
+            ..plain
+        });
+    }
+    None
+}
+
+/// Operators from an output back, each time along the first input.
+fn backwards<'a>(graph: &'a Graph, output: &'a str) -> impl Iterator<Item = &'a str> {
+    let mut at = output;
+    let mut left = graph.nodes.len();
+    std::iter::from_fn(move || {
+        let node = graph.nodes.iter().find(|node| node.outputs.iter().any(|name| name == at))?;
+        left = left.checked_sub(1)?;
+        at = node.inputs.first()?;
+        Some(node.op.as_str())
+    })
+}
+
+fn patches_of_14(graph: &Graph) -> bool {
+    let first = graph.nodes.iter().find(|node| node.op == "Conv");
+    let kernel = first.and_then(|node| node.inputs.get(1));
+    let tensor = kernel.and_then(|name| graph.initializers.iter().find(|tensor| tensor.name == *name));
+    tensor.is_some_and(|tensor| tensor.dims.ends_with(&[3, 14, 14]))
+}
+
+/// Whether a graph subtracts the mean of 0–255 itself, before anything is convolved.
+fn normalises(graph: &Graph, input: &str) -> bool {
+    let mut derived: HashSet<&str> = HashSet::from([input]);
+    for node in graph.nodes.iter().take_while(|node| node.op != "Conv") {
+        if node.inputs.iter().any(|name| derived.contains(name.as_str())) {
+            let constants =
+                node.inputs.iter().filter_map(|name| graph.initializers.iter().find(|tensor| tensor.name == *name));
+            if constants.into_iter().any(is_mean) {
+                return true;
+            }
+            derived.extend(node.outputs.iter().map(String::as_str));
+        }
+    }
+    false
+}
+
+fn is_mean(tensor: &Tensor) -> bool {
+    let Data::Bytes(bytes) = &tensor.data else { return false };
+    let values = bytes.as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes).abs());
+    // Half precision has steps of 1/16 there.
+    tensor.element == Element::F32
+        && bytes.len() == 12
+        && values.zip(metric3d::MEAN).all(|(value, mean)| (value - mean).abs() < 0.1)
+}
+
+/// Inputs and outputs, one a line.
+pub(crate) fn signature(graph: &Graph) -> String {
+    let line = |what: &str, info: &ValueInfo| {
+        format!("  {what:<6} {}  {} {}", crate::error::short(&info.name), info.element.name(), dims_text(info))
+    };
+    let inputs = graph.inputs.iter().map(|info| line("input", info));
+    let outputs = graph.outputs.iter().map(|info| line("output", info));
+    inputs.chain(outputs).take(40).collect::<Vec<_>>().join("\n")
+}
+
+fn dims_text(info: &ValueInfo) -> String {
+    let Some(dims) = &info.dims else { return "of any shape".to_owned() };
+    let dim = |dim: &Dim| match dim {
+        Dim::Fixed(size) => size.to_string(),
+        Dim::Free(name) if name.is_empty() => "?".to_owned(),
+        Dim::Free(name) => crate::error::short(name),
+    };
+    format!("[{}]", dims.iter().map(dim).collect::<Vec<_>>().join(", "))
+}
