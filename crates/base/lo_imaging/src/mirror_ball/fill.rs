@@ -71,7 +71,8 @@ fn coarser(level: &Image<Weighted>) -> Image<Weighted> {
 fn smooth(coarse: &Image<[f32; 3]>, x: usize, y: usize) -> [f32; 3] {
     let (width, height) = (coarse.width() as i64, coarse.height() as i64);
     // a fine pixel lies a quarter to one side of the middle of its coarse one
-    let taps = |index: usize| if index % 2 == 0 { [0.28125, 0.6875, 0.03125] } else { [0.03125, 0.6875, 0.28125] };
+    let taps =
+        |index: usize| if index.is_multiple_of(2) { [0.28125, 0.6875, 0.03125] } else { [0.03125, 0.6875, 0.28125] };
     let (across, down) = (taps(x), taps(y));
     let mut sum = [0.0; 3];
     for (j, &wy) in down.iter().enumerate() {

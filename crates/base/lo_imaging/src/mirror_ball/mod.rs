@@ -4,9 +4,11 @@
 //! finds the ball in it, and [`unwrap_ball`] turns it into a panorama.
 
 mod alignment;
+mod circles;
 mod exposures;
 mod fill;
 mod find;
+mod slopes;
 mod unwrap;
 mod view;
 

@@ -157,38 +157,32 @@ fn the_panorama_turns_as_asked() {
     assert_eq!((half.known[(0, 64)], half.known[(60, 40)]), (0.0, 1.0));
 }
 
-/// Over a real photo, and in the room that the ball shows, with noise.
+/// Before a real photo, and in the room that the ball shows, which goes on beyond the outline without an edge; with noise.
 #[test]
 fn the_outline_is_found_within_half_a_pixel() {
     let photo = resize(&read_radiance(lo_testdata::asset("library_color.jpg")).unwrap(), 640, 480);
     let map = lebombo();
-    let over_photo = |_: DVec3, [u, v]: [f64; 2]| photo[((u as usize).min(639), (v as usize).min(479))];
-    let mut worst = 0.0f64;
-    for (index, shot) in [
-        PINHOLE,
-        ORTHOGRAPHIC,
-        OFF_AXIS,
-        Shot { middle: [200.3, 150.8], radius_px: 71.4, ..PINHOLE },
-        Shot { middle: [440.7, 300.2], radius_px: 48.6, ..ORTHOGRAPHIC },
-        Shot { middle: [330.0, 245.5], radius_px: 232.0, ..ORTHOGRAPHIC },
-    ]
-    .into_iter()
-    .enumerate()
-    {
-        let before_photo = shot.render(&of_map(&map), &over_photo, 2);
-        let in_room = shot.render(&of_map(&map), &|ray, _| of_map(&map)(ray), 2);
-        for (place, light) in [("photo", before_photo), ("room", in_room)] {
+    let before_photo = |_: DVec3, [u, v]: [f64; 2]| photo[((u as usize).min(639), (v as usize).min(479))];
+    let in_room = |ray: DVec3, _: [f64; 2]| of_map(&map)(ray);
+    let small = Shot { middle: [200.3, 150.8], radius_px: 71.4, ..PINHOLE };
+    let tight = Shot { middle: [330.0, 245.5], radius_px: 232.0, ..ORTHOGRAPHIC };
+    for (index, shot) in [PINHOLE, OFF_AXIS, small, ORTHOGRAPHIC, tight].into_iter().enumerate() {
+        let mut lights = vec![shot.render(&of_map(&map), &before_photo, 2)];
+        // seen from infinity, one direction of the room would be behind all of the ball
+        if shot.focal_px.is_some() {
+            lights.push(shot.render(&of_map(&map), &in_room, 2));
+        }
+        for light in lights {
             // 2000 quanta at white: 2.2 % noise
             let noisy = developed(&light, 0.0, 2000.0, 7 + index as u32).into_radiance();
             let found = find_ball(&noisy, lens(&shot)).unwrap().unwrap();
             let (got, truth) = (found.view.circle(), outline(&shot));
-            let off = (got.x - truth.x).abs().max((got.y - truth.y).abs()).max((got.radius_px - truth.radius_px).abs());
-            println!("{place} {shot:?}: off by {off:.2} px, confidence {:.2}", found.confidence);
-            worst = worst.max(off);
-            assert!(found.confidence >= BallFind::SURE, "{place} {shot:?}: {found:?}");
+            let off = [got.x - truth.x, got.y - truth.y, got.radius_px - truth.radius_px];
+            println!("{truth:?}: off by {off:.2?} px, confidence {:.2}", found.confidence);
+            assert!(found.confidence >= BallFind::SURE, "{shot:?}: {found:?}");
+            assert!(off.iter().all(|off| off.abs() < 0.5), "{shot:?}: {off:.2?} px");
         }
     }
-    assert!(worst < 0.5, "{worst:.2} px");
 }
 
 #[test]
@@ -247,6 +241,60 @@ fn no_circle_and_no_size_makes_a_panic() {
                     assert!(got.radiance.pixels().iter().flatten().all(|v| v.is_finite()), "{view:?} {size:?}");
                 }
             }
+        }
+    }
+}
+
+/// How sure finds are with and without a ball, and how good: what [`BallFind::SURE`] is chosen by.
+#[test]
+#[ignore = "a survey of the panoramas and photos beside the checkout: cargo test -p lo_imaging --test mirror_ball survey -- --ignored --nocapture"]
+fn survey() {
+    let Some(folder) = lo_testdata::beside("hdr", "finding the ball in other rooms") else { return };
+    let mut panoramas: Vec<_> = folder.read_dir().unwrap().map(|entry| entry.unwrap().path()).collect();
+    panoramas.retain(|path| path.extension().is_some_and(|end| end == "hdr" || end == "exr"));
+    panoramas.sort();
+    for (index, path) in panoramas.iter().enumerate() {
+        let map = read_radiance(path).unwrap();
+        let mut all: Vec<f32> = map.pixels().iter().map(|rgb| rgb[1]).collect();
+        let middle = all.len() / 2;
+        let gain = 0.2 / all.select_nth_unstable_by(middle, f32::total_cmp).1.max(1e-4);
+        let map = map.map(|rgb| rgb.map(|v| v * gain));
+        let radius_px = 60.0 + 13.0 * index as f64;
+        let shot = Shot { middle: [300.0 + 3.3 * index as f64, 250.0], radius_px, ..PINHOLE };
+        let light = shot.render(&of_map(&map), &|ray, _| of_map(&map)(ray), 2);
+        let noisy = developed(&light, 0.0, 2000.0, index as u32).into_radiance();
+        let found = find_ball(&noisy, lens(&shot)).unwrap();
+        let truth = outline(&shot);
+        let off = found.map(|found| {
+            let got = found.view.circle();
+            (got.x - truth.x).abs().max((got.y - truth.y).abs()).max((got.radius_px - truth.radius_px).abs())
+        });
+        let camera = lo_geometry::Camera::from_hfov_deg(70.0, 640, 480).unwrap();
+        let turn = lo_imaging::view_rotation(0.7 * index as f32, 0.0, 0.0);
+        let bare = lo_imaging::perspective_from_equirectangular(&map, &camera, turn);
+        let bare = developed(&bare, 0.0, 2000.0, index as u32).into_radiance();
+        let none = find_ball(&bare, BallLens::Orthographic).unwrap();
+        println!(
+            "{index:2} radius {radius_px:5.1}: off by {off:.2?} px, confidence {:.2?}; without a ball {:.2?} {:.0?}  {}",
+            found.map(|found| found.confidence),
+            none.map(|found| found.confidence),
+            none.map(|found| found.view.circle().radius_px),
+            path.file_name().unwrap().display()
+        );
+    }
+    for folder in ["photos_more", "rgbd", "rgbd_more"] {
+        let Some(folder) = lo_testdata::beside(folder, "photos without a ball") else { return };
+        let mut photos: Vec<_> = folder.read_dir().unwrap().map(|entry| entry.unwrap().path()).collect();
+        photos.retain(|path| {
+            path.extension().is_some_and(|end| end == "jpg") || path.display().to_string().ends_with("color.png")
+        });
+        photos.sort();
+        for path in photos {
+            let photo = read_radiance(&path).unwrap();
+            let width = photo.width().min(1000);
+            let photo = resize(&photo, width, photo.height() * width / photo.width());
+            let none = find_ball(&photo, BallLens::Orthographic).unwrap();
+            println!("without a ball {:.2?}  {}", none.map(|f| f.confidence), path.file_name().unwrap().display());
         }
     }
 }

@@ -30,7 +30,7 @@ impl Shot {
             let (x, y) = ((index % width) as f64, (index / width) as f64);
             // the mirror squeezes all of the room into its rim
             let offset = (x + 0.5 - self.middle[0]).hypot(y + 0.5 - self.middle[1]) / self.radius_px;
-            let samples = if (0.9..1.1).contains(&offset) { 4 * samples } else { samples };
+            let samples = if (0.9..1.1).contains(&offset) { 3 * samples } else { samples };
             let mut sum = [0.0f64; 3];
             for (i, j) in (0..samples).flat_map(|i| (0..samples).map(move |j| (i, j))) {
                 let at = [x + (i as f64 + 0.5) / samples as f64, y + (j as f64 + 0.5) / samples as f64];
