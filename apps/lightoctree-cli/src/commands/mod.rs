@@ -16,6 +16,7 @@ pub mod train;
 pub mod weights;
 
 mod environment;
+mod panorama_prior;
 mod parse;
 
 use std::path::Path;
