@@ -84,7 +84,7 @@ fn scenes(folder: &Path) -> Result {
         let room = Room { up: Vec3::Y, planes: vec![RoomPlane { side: Side::Floor, plane, measured: true }] };
         let sources = vec!["photo.jpg".to_owned()];
         let (predicted_depth, confidence) = (false, None);
-        Scene { light, frame, completion: Completion::Shell, room: Some(room), sources, predicted_depth, confidence }
+        Scene { light, frame, completion: Completion::Shell, room: Some(room), sources, predicted_depth, confidence, panorama: None }
             .write(&folder.join(format!("{name}.scene")), "seeds")?;
     }
     Ok(())

@@ -7,8 +7,9 @@ use clap::ValueEnum;
 use lightoctree::geometry::{Camera, Vec3};
 use lightoctree::imaging;
 use lightoctree::scene::{Completion, Frame, Scene};
-use lightoctree::{EstimateError, EstimateOptions, Estimator, Input};
+use lightoctree::{EstimateError, EstimateOptions, Estimator, Input, PanoramaPrior};
 
+use super::panorama_prior::{self, PanoramaArgs};
 use super::parse;
 use crate::args::{Global, OutputArgs};
 use crate::progress::{Stages, seconds};
@@ -22,6 +23,7 @@ use crate::{output, report};
     lightoctree estimate photo.jpg --depth lidar.png -o room.scene\n  \
     lightoctree estimate kinect.png --depth kinect_depth.png --depth-scale 5000 --intrinsics 525,525,319.5,239.5 -o desk.scene\n  \
     lightoctree estimate photo.jpg --depth depth_pro.npy --depth-is predicted -o room.scene\n  \
+    lightoctree estimate photo.jpg --panorama theta.hdr --panorama-at 0.4,0.1,-1.5 -o room.scene\n  \
     lightoctree estimate photo.jpg --completion network --weights trained.safetensors -o room.scene")]
 #[command(mut_arg("output", |output| output.help("The scene file to write").value_name("SCENE")))]
 pub struct Args {
@@ -70,6 +72,9 @@ pub struct Args {
     up: Option<Vec3>,
 
     #[command(flatten)]
+    panorama: PanoramaArgs,
+
+    #[command(flatten)]
     out: OutputArgs,
 }
 
@@ -116,6 +121,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         Ok((photo, depth_m))
     })?;
     let camera = camera(args, &photo, &mut stages)?;
+    let panorama = args.panorama.read(&mut stages)?;
     let input = match depth_m.zip(args.depth.as_ref()) {
         None => Input::Photo { photo: photo.photo, camera },
         Some((depth_m, path)) => {
@@ -127,14 +133,20 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             }
         }
     };
-    let scene = estimator.estimate(input, &options(global, args), &mut |event| stages.hear(event)).map_err(
+    let scene = estimator.estimate(input, &options(global, args, panorama), &mut |event| stages.hear(event)).map_err(
         |error| match error {
             EstimateError::OctreeDepth { .. } => {
                 Usage(format!("--octree-depth: {error}; leave it out, or choose another --completion")).into()
             }
+            EstimateError::PanoramaWithoutRoom => {
+                Usage(format!("--panorama: {error}; choose another --completion")).into()
+            }
             error => anyhow::Error::from(error),
         },
     )?;
+    if let Some(laid) = &scene.panorama {
+        stages.note(&panorama_prior::found(&laid.source));
+    }
     stages.stage("write", || scene.write(&args.out.output, &output::signature(COMMAND)))?;
     say(args, &scene, &stages)
 }
@@ -155,15 +167,20 @@ fn estimator(args: &Args, stages: &mut Stages) -> anyhow::Result<Estimator> {
     stages.stage("read weights", || super::estimator(args.weights.as_deref()))
 }
 
-fn options(global: &Global, args: &Args) -> EstimateOptions {
+fn options(global: &Global, args: &Args, panorama: Option<PanoramaPrior>) -> EstimateOptions {
     let file_name = |path: &PathBuf| path.file_name().map(|name| name.to_string_lossy().into_owned());
-    let sources = [Some(&args.photo), args.depth.as_ref()].into_iter().flatten().filter_map(file_name).collect();
+    let sources = [Some(&args.photo), args.depth.as_ref(), args.panorama.panorama.as_ref()]
+        .into_iter()
+        .flatten()
+        .filter_map(file_name)
+        .collect();
     EstimateOptions {
         octree_depth: args.octree_depth,
         completion: args.completion.map(Completion::from),
         up: args.up,
         seed: global.seed,
         sources,
+        panorama,
         ..EstimateOptions::default()
     }
 }

@@ -17,6 +17,7 @@ pub mod unwrap;
 pub mod weights;
 
 mod environment;
+mod panorama_prior;
 mod parse;
 
 use std::path::Path;

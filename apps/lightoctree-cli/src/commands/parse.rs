@@ -87,6 +87,21 @@ pub fn positive(text: &str) -> Result<f64, String> {
     if value.is_finite() && value > 0.0 { Ok(value) } else { Err("must be a finite number above 0".into()) }
 }
 
+/// An angle in degrees, up to ten turns.
+pub fn angle_deg(text: &str) -> Result<f64, String> {
+    within(text, 3600.0, "degrees")
+}
+
+/// Stops of exposure.
+pub fn stops(text: &str) -> Result<f64, String> {
+    within(text, 40.0, "stops")
+}
+
+fn within(text: &str, most: f64, unit: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| format!("`{text}` is not a number"))?;
+    if (-most..=most).contains(&value) { Ok(value) } else { Err(format!("must lie between -{most} and {most} {unit}")) }
+}
+
 fn numbers<const N: usize>(text: &str, form: &str) -> Result<[f64; N], String> {
     let parts: Vec<f64> = text
         .split(',')
