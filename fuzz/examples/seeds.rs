@@ -83,8 +83,8 @@ fn scenes(folder: &Path) -> Result {
         let plane = Plane { normal: Vec3::Y, offset_m: -1.5 };
         let room = Room { up: Vec3::Y, planes: vec![RoomPlane { side: Side::Floor, plane, measured: true }] };
         let sources = vec!["photo.jpg".to_owned()];
-        let (predicted_depth, depth_model, confidence) = (false, None, None);
-        Scene { light, frame, completion: Completion::Shell, room: Some(room), sources, predicted_depth, depth_model, confidence }
+        let (predicted_depth, depth_model, confidence, panorama) = (false, None, None, None);
+        Scene { light, frame, completion: Completion::Shell, room: Some(room), sources, predicted_depth, depth_model, confidence, panorama }
             .write(&folder.join(format!("{name}.scene")), "seeds")?;
     }
     Ok(())

@@ -102,6 +102,8 @@ pub fn stage_label(stage: &Stage) -> Cow<'static, str> {
         Stage::LightNetwork => "light network",
         Stage::Completion => "completion",
         Stage::Octree => "octree",
+        Stage::PanoramaMatch => "panorama's yaw and exposure",
+        Stage::PanoramaLaying => "panorama on the room",
         Stage::Probes => "panoramas",
         Stage::CoarseShadow => "shadow, coarse",
         Stage::Radiosity => "light on the object",
@@ -160,6 +162,22 @@ pub fn warning_text(warning: &Warning) -> String {
             ];
             let planes: Vec<String> = planes.into_iter().flatten().collect();
             format!("not seen, so their place is assumed: {}", planes.join(", "))
+        }
+        Warning::ClippedPanorama { clipped_share } => format!(
+            "the panorama is no HDR image: {:.1} % of it is clipped, and lamps may be brighter than it shows",
+            100.0 * clipped_share
+        ),
+        Warning::PanoramaValues { cleaned, pixels } => {
+            format!("{cleaned} of the panorama's {pixels} pixels are negative or no numbers and count as 0")
+        }
+        Warning::PanoramaMatch { confidence, least, yaw_deg } => format!(
+            "the panorama hardly shows what the photo shows (confidence {confidence:.2}, {least:.2} are usual at least): is it of this room and taken \
+             where --panorama-at says? It was laid with a yaw of {yaw_deg:.0} degrees; --panorama-yaw-deg sets another"
+        ),
+        Warning::PanoramaNotCompared => {
+            "the panorama's place sees next to nothing of what the photo shows, so its yaw is a guess: \
+                                         --panorama-yaw-deg and --panorama-exposure-ev set what is known"
+                .into()
         }
         Warning::NothingOccupied { depth } => {
             format!("no node of depth {depth} was predicted to be occupied; the likeliest one is")

@@ -1,3 +1,4 @@
+use lo_completion::{LayError, PanoramaError};
 use lo_events::Cancelled;
 use lo_nets::light::LightError;
 use lo_octree::OctreeError;
@@ -37,6 +38,15 @@ pub enum EstimateError {
     /// Photo and predicted depth do not make a frame.
     #[error(transparent)]
     Frame(#[from] FrameError),
+    /// A panorama cannot be laid where nothing is completed.
+    #[error("a panorama gives its light to the completed part of the room, and nothing is completed")]
+    PanoramaWithoutRoom,
+    /// The panorama's place, yaw or exposure are no numbers.
+    #[error("the panorama: {0}")]
+    Panorama(#[from] PanoramaError),
+    /// The panorama cannot be laid onto the room.
+    #[error(transparent)]
+    Lay(#[from] LayError),
     /// The handler of events asked for the end.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),

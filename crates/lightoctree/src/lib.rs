@@ -28,6 +28,7 @@ mod estimator;
 mod input;
 mod lamp;
 mod options;
+mod panorama;
 mod place;
 mod probes;
 mod seen_frame;
@@ -43,6 +44,7 @@ pub use estimator::Estimator;
 pub use input::{Input, PredictedDepth};
 pub use lamp::add_lamp;
 pub use lo_completion as completion;
+pub use lo_completion::{PanoramaError, PanoramaPrior};
 pub use lo_cone as cone;
 #[cfg(feature = "depth-models")]
 pub use lo_depth_models as depth_models;

@@ -11,10 +11,11 @@ use lightoctree::depth_models::DepthModel;
 use lightoctree::geometry::{Camera, Vec3};
 use lightoctree::imaging::{self, DepthMap, PhotoFile};
 use lightoctree::scene::{Completion, Frame, Scene};
-use lightoctree::{EstimateError, EstimateOptions, Estimator, Input};
+use lightoctree::{EstimateError, EstimateOptions, Estimator, Input, PanoramaPrior};
 
 #[cfg(feature = "depth-models")]
 use super::depth_model;
+use super::panorama_prior::{self, PanoramaArgs};
 use super::parse;
 use crate::args::{Global, OutputArgs};
 use crate::progress::{Stages, seconds};
@@ -30,6 +31,7 @@ use crate::{output, report};
     lightoctree estimate photo.jpg --depth depth_pro.npy --depth-is predicted -o room.scene\n  \
     lightoctree estimate photo.jpg --depth-model moge-2-vits-normal.onnx -o room.scene\n  \
     lightoctree estimate photo.jpg --depth-model other.onnx --depth-model-config other.toml -o room.scene\n  \
+    lightoctree estimate photo.jpg --panorama theta.hdr --panorama-at 0.4,0.1,-1.5 -o room.scene\n  \
     lightoctree estimate photo.jpg --completion network --weights trained.safetensors -o room.scene")]
 #[command(mut_arg("output", |output| output.help("The scene file to write").value_name("SCENE")))]
 pub struct Args {
@@ -80,6 +82,9 @@ pub struct Args {
     /// The scene's upward direction [default: from the surfaces, where depth is predicted also from how cameras are held]
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::direction, allow_hyphen_values = true)]
     up: Option<Vec3>,
+
+    #[command(flatten)]
+    panorama: PanoramaArgs,
 
     #[command(flatten)]
     out: OutputArgs,
@@ -133,6 +138,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         let depth_m = args.depth.as_ref().map(|path| imaging::read_depth(path, args.depth_scale)).transpose()?;
         Ok((photo, depth_m))
     })?;
+    let panorama = args.panorama.read(&mut stages)?;
     #[cfg(feature = "depth-models")]
     let input = match model {
         Some(model) => of_model(args, photo, &model, &estimator, &mut stages)?,
@@ -140,14 +146,20 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     };
     #[cfg(not(feature = "depth-models"))]
     let input = of_files(args, photo, depth_m, &mut stages)?;
-    let scene = estimator.estimate(input, &options(global, args), &mut |event| stages.hear(event)).map_err(
+    let scene = estimator.estimate(input, &options(global, args, panorama), &mut |event| stages.hear(event)).map_err(
         |error| match error {
             EstimateError::OctreeDepth { .. } => {
                 Usage(format!("--octree-depth: {error}; leave it out, or choose another --completion")).into()
             }
+            EstimateError::PanoramaWithoutRoom => {
+                Usage(format!("--panorama: {error}; choose another --completion")).into()
+            }
             error => anyhow::Error::from(error),
         },
     )?;
+    if let Some(laid) = &scene.panorama {
+        stages.note(&panorama_prior::found(&laid.source));
+    }
     stages.stage("write", || scene.write(&args.out.output, &output::signature(COMMAND)))?;
     say(args, &scene, &stages)
 }
@@ -210,13 +222,13 @@ fn estimator(args: &Args, metric: bool, stages: &mut Stages) -> anyhow::Result<E
     stages.stage("read weights", || super::estimator(args.weights.as_deref()))
 }
 
-fn options(global: &Global, args: &Args) -> EstimateOptions {
+fn options(global: &Global, args: &Args, panorama: Option<PanoramaPrior>) -> EstimateOptions {
     let file_name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
     #[cfg(feature = "depth-models")]
     let model = args.depth_model.path();
     #[cfg(not(feature = "depth-models"))]
     let model = None;
-    let sources = [Some(args.photo.as_path()), args.depth.as_deref(), model]
+    let sources = [Some(args.photo.as_path()), args.depth.as_deref(), model, args.panorama.panorama.as_deref()]
         .into_iter()
         .flatten()
         .filter_map(file_name)
@@ -227,6 +239,7 @@ fn options(global: &Global, args: &Args) -> EstimateOptions {
         up: args.up,
         seed: global.seed,
         sources,
+        panorama,
         ..EstimateOptions::default()
     }
 }

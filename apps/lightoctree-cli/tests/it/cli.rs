@@ -277,7 +277,7 @@ fn library_and_program_write_the_same_bytes() {
     let both = ["library_color.jpg", "library_lidar_depth.png"];
     let alone = library(Input::Photo { photo: photo.photo, camera }, &both[..1]);
     let measured = library(Input::MeasuredDepth(frame.clone()), &both);
-    let predicted = library(Input::PredictedDepth(frame), &both);
+    let predicted = library(Input::PredictedDepth(frame.into()), &both);
     assert!(program("alone.scene", &[]) == alone);
     assert!(program("measured.scene", &depth("measured")[..2]) == measured);
     assert!(program("predicted.scene", &depth("predicted")) == predicted);

@@ -28,6 +28,10 @@ pub enum Stage {
     Completion,
     /// The octree is built.
     Octree,
+    /// A panorama of the room is compared with what the photo shows.
+    PanoramaMatch,
+    /// A panorama of the room is laid onto what the photo does not show.
+    PanoramaLaying,
     /// The panoramas of many places are rendered.
     Probes,
     /// The object's shadow on real surfaces, coarsely: for the light that they send back to it.

@@ -11,12 +11,15 @@
 //! | `depth_m` | F32 `[h, w]` | depth along the optical axis, same field of view, 0 = no reading |
 //! | `octree.d.…` | | the lighting octree, depth by depth: see [`lo_octree::write_tensors`] |
 //! | `confidence` | U8 `[rows]` | only where a network completed the scene: of each feature row of the octree, depth by depth, 255 = sure |
+//! | `panorama_share` | U8 `[rows]` | only where a panorama of the room was given: how much of each row it gave, 255 = all |
 //!
 //! Under the key `lightoctree` of safetensors' `__metadata__` lies one JSON block: `format_version` (1), `program`,
 //! `octree` (`format_version`, `depth`, `full_depth`, `cube` with `origin_m` and `edge_m`), `camera` (`fx fy cx cy width height`, pixels of the photo),
 //! `exposure`, `completion` (`network`, `shell`, `none`), `room` (null, or `up` and `planes`: `side`, `plane` with `normal` and
 //! `offset_m`, `measured`), `sources` (file names without folders), `predicted_depth` (whether `depth_m` was predicted from the photo),
-//! `depth_model` (name of the depth model that did, only where it is not the program's own) and `confidence` (whether there is a tensor of that name). In Python:
+//! `depth_model` (name of the depth model that did, only where it is not the program's own) and `confidence` (whether there is a tensor of that name). Where a panorama
+//! was given there is also `panorama`: `file`, `position_m`, `yaw_deg`, `pitch_deg`, `roll_deg`, `exposure_ev`, `confidence`, `clipped`
+//! ([`PanoramaSource`]). In Python:
 //!
 //! ```python
 //! from safetensors import safe_open
@@ -29,6 +32,7 @@
 mod error;
 mod file;
 mod frame;
+mod panorama;
 mod placement;
 mod resample;
 mod room;
@@ -39,6 +43,7 @@ use lo_octree::LightOctree;
 pub use error::{FrameError, SceneError};
 pub use file::FORMAT_VERSION;
 pub use frame::Frame;
+pub use panorama::{LaidPanorama, PanoramaSource};
 pub use placement::place_cube;
 pub use resample::working_photo;
 pub use room::{Completion, Room, RoomPlane, Side};
@@ -64,21 +69,23 @@ pub struct Scene {
     /// What a network says of its own work: `confidence[d][row]` of each row of [`LightOctree::rgba`], 255 · e^−ε with the expected
     /// error ε of log(1 + radiance).
     pub confidence: Option<Vec<Vec<u8>>>,
+    /// What a panorama of the room gave, where somebody had one.
+    pub panorama: Option<LaidPanorama>,
 }
 
 impl Scene {
     /// Of measured depth, with no more light than `light` holds: nothing completed, no sources named.
     pub fn as_seen(light: LightOctree, frame: Frame) -> Self {
-        let completion = Completion::None;
         Self {
             light,
             frame,
-            completion,
+            completion: Completion::None,
             room: None,
             sources: Vec::new(),
             predicted_depth: false,
             depth_model: None,
             confidence: None,
+            panorama: None,
         }
     }
 }

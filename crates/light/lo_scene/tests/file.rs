@@ -35,6 +35,7 @@ fn scene(linear: bool) -> Scene {
         predicted_depth: false,
         depth_model: None,
         confidence: None,
+        panorama: None,
     }
 }
 
