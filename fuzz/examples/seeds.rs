@@ -17,7 +17,7 @@ type Result<T = ()> = std::result::Result<T, Box<dyn std::error::Error>>;
 
 fn main() -> Result {
     let corpus = Path::new("corpus");
-    for target in ["scene", "image", "mesh", "shard", "options"] {
+    for target in ["scene", "image", "mesh", "shard", "depth_model", "options"] {
         std::fs::create_dir_all(corpus.join(target))?;
     }
     scenes(&corpus.join("scene"))?;
@@ -25,7 +25,20 @@ fn main() -> Result {
     exr_files(&corpus.join("image"))?;
     meshes(&corpus.join("mesh"))?;
     shards(&corpus.join("shard"))?;
+    depth_models(&corpus.join("depth_model"))?;
     texts(&corpus.join("options"))
+}
+
+/// The smallest of the crate's own fixtures.
+fn depth_models(folder: &Path) -> Result {
+    for entry in std::fs::read_dir("../crates/learn/lo_depth_models/tests/fixtures")? {
+        let entry = entry?;
+        let name = entry.file_name();
+        if name.to_string_lossy().ends_with(".onnx") && entry.metadata()?.len() < 3000 {
+            std::fs::copy(entry.path(), folder.join(name))?;
+        }
+    }
+    Ok(())
 }
 
 /// A room with every kind of file.

@@ -5,6 +5,8 @@ mod support;
 
 mod cli;
 mod data;
+#[cfg(feature = "depth-models")]
+mod depth_models;
 mod documents;
 mod eval;
 mod train;

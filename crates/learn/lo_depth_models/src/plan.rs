@@ -401,13 +401,15 @@ fn padded_first(node: &Node, inputs: &[Option<&Fact>]) -> Option<(Node, Tensor, 
     Some((Node::new("Pad", &[from, &by, zero_point], &padded), tensor, conv))
 }
 
-/// A convolution whose strides and dilations are said: rten 0.27 does not know the standard's for those of integers.
+/// A convolution that says its strides, dilations and padding: rten 0.27 does not know the standard's for those of integers.
 fn with_steps(node: &Node, inputs: &[Option<&Fact>]) -> Node {
     let axes = inputs.first().copied().flatten().map_or(0, |fact| fact.dims.len().saturating_sub(2));
-    ["strides", "dilations"]
-        .into_iter()
-        .filter(|name| node.ints(name).is_none())
-        .fold(node.clone(), |node, name| node.with(name, AttributeValue::Ints(vec![1; axes])))
+    let pads = node.text("auto_pad").is_none_or(|auto_pad| auto_pad == "NOTSET").then(|| ("pads", vec![0; 2 * axes]));
+    let usual = [("strides", vec![1; axes]), ("dilations", vec![1; axes])].into_iter().chain(pads);
+    usual.fold(node.clone(), |node, (name, values)| match node.ints(name) {
+        Some(_) => node,
+        None => node.with(name, AttributeValue::Ints(values)),
+    })
 }
 
 /// Values of a small tensor; of types that the run time keeps as integers of 32 bits or in single precision.

@@ -175,15 +175,18 @@ fn known(graph: &Graph, file_name: &str) -> Option<Recipe> {
         return Some(metric3d("image", depth, None, None));
     }
     let alone = graph.inputs.len() == 1 && graph.outputs.len() == 1;
-    if let (true, true, Some(depth)) = (alone, input("pixel_values"), output("predicted_depth")) {
+    // Names of `transformers`, and those that the project's own code is exported with. Other networks of these names (DPT, ZoeDepth, Depth Pro) have patches
+    // of other sizes; of quantised ones it is not seen.
+    let patches = patches_of_14(graph);
+    for (picture, depth, known) in
+        [("pixel_values", "predicted_depth", patches != Some(false)), ("image", "depth", patches == Some(true))]
+    {
+        let (true, true, Some(depth)) = (alone && known, input(picture), output(depth)) else { continue };
         let kind = depth_anything::kind(backwards(graph, &depth)).or_else(|| {
-            let metric = file_name.to_ascii_lowercase().contains("metric");
-            // Other networks of these names (DPT, ZoeDepth, Depth Pro) have patches of other sizes.
-            patches_of_14(graph).then_some(if metric {
-                depth_anything::Kind::Metric
-            } else {
-                depth_anything::Kind::Relative
-            })
+            let name = file_name.to_ascii_lowercase();
+            let metric = ["metric", "indoor", "outdoor"].iter().any(|word| name.contains(word));
+            let by_name = if metric { depth_anything::Kind::Metric } else { depth_anything::Kind::Relative };
+            (patches == Some(true)).then_some(by_name)
         })?;
         let (name, kind) = match kind {
             depth_anything::Kind::Metric => ("Depth Anything V2, metric", Kind::Metric),
@@ -191,7 +194,7 @@ fn known(graph: &Graph, file_name: &str) -> Option<Recipe> {
         };
         return Some(Recipe {
             family: name.to_owned(),
-            input: "pixel_values".to_owned(),
+            input: picture.to_owned(),
             mean: depth_anything::MEAN,
             deviation: depth_anything::DEVIATION,
             kind,
@@ -214,11 +217,11 @@ fn backwards<'a>(graph: &'a Graph, output: &'a str) -> impl Iterator<Item = &'a 
     })
 }
 
-fn patches_of_14(graph: &Graph) -> bool {
-    let first = graph.nodes.iter().find(|node| node.op == "Conv");
-    let kernel = first.and_then(|node| node.inputs.get(1));
-    let tensor = kernel.and_then(|name| graph.initializers.iter().find(|tensor| tensor.name == *name));
-    tensor.is_some_and(|tensor| tensor.dims.ends_with(&[3, 14, 14]))
+/// Whether the first convolution takes patches of 14 × 14 pixels; `None` where there is none whose weights are seen.
+fn patches_of_14(graph: &Graph) -> Option<bool> {
+    let first = graph.nodes.iter().find(|node| node.op == "Conv")?;
+    let tensor = graph.initializers.iter().find(|tensor| Some(&tensor.name) == first.inputs.get(1))?;
+    Some(tensor.dims.ends_with(&[3, 14, 14]))
 }
 
 /// Whether a graph subtracts the mean of 0–255 itself, before anything is convolved.

@@ -5,7 +5,7 @@
 use std::collections::HashMap;
 use std::path::PathBuf;
 
-use lo_depth_models::{DepthModel, Geometry, ModelConfig, ModelError, Prediction, affine};
+use lo_depth_models::{DepthModel, Geometry, Kind, ModelConfig, ModelError, Prediction, affine};
 use lo_geometry::{Camera, Vec3};
 use lo_imaging::{DepthMap, Image};
 use safetensors::SafeTensors;
@@ -380,4 +380,34 @@ fn what_is_no_depth_model_is_named() {
     assert!(matches!(error("odd_lost_data.onnx", &format!("kind = \"metric\"{SIZE}")), ModelError::External { .. }));
     // Untrained networks give nonsense; what comes of it is depth or an error, never a panic.
     println!("moge2.onnx: {:?}", error("moge2.onnx", ""));
+}
+
+#[test]
+fn configs_of_the_documents_can_be_read() {
+    let page = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../docs/depth-models.md");
+    let page = std::fs::read_to_string(page).unwrap();
+    let configs: Vec<_> = page.split("```toml\n").skip(1).map(|rest| rest.split("```").next().unwrap()).collect();
+    assert!(configs.len() >= 5, "one for each kind, and more");
+    let kinds: Vec<_> = configs.iter().map(|config| ModelConfig::parse(config).unwrap().kind.unwrap()).collect();
+    for kind in [Kind::Metric, Kind::InverseAffine, Kind::Log, Kind::Points] {
+        assert!(kinds.contains(&kind), "{kind:?}");
+    }
+}
+
+#[test]
+#[ignore = "5 minutes, graphs of the projects' own code: python publishers.py OUT CHECKOUTS, then LIGHTOCTREE_GRAPHS=OUT cargo test -p lo_depth_models --test families publishers -- --ignored --nocapture"]
+fn publishers_graphs_are_onnxruntimes() {
+    let folder = PathBuf::from(std::env::var("LIGHTOCTREE_GRAPHS").unwrap());
+    let plain = |size: (usize, usize), scale: f32| input(size.0, size.1, scale, [0.0; 3], [1.0; 3]);
+    for (model, (width, height), values) in [
+        ("moge2_publisher", (518, 518), plain((518, 518), 1.0 / 255.0)),
+        ("moge2_publisher", (720, 480), plain((720, 480), 1.0 / 255.0)),
+        ("depth_anything_v2_publisher", (518, 518), imagenet(518, 518)),
+        ("depth_anything_v2_metric_publisher", (518, 518), imagenet(518, 518)),
+        ("metric3d_publisher", (1064, 616), plain((1064, 616), 1.0)),
+    ] {
+        let path = folder.join(model).to_string_lossy().into_owned();
+        let most = difference(&format!("{path}.onnx"), &path, "", (width, height), &values);
+        assert!(most < SHARE, "{model} {width} × {height}: {most}");
+    }
 }

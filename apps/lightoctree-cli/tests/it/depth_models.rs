@@ -1,0 +1,119 @@
+//! `estimate --depth-model` with models that know the answer, and with such as are none. `crates/learn/lo_depth_models/tests/fixtures/README.md` says what
+//! the files are.
+
+use std::path::{Path, PathBuf};
+
+use lightoctree::imaging::{self, Image};
+use lightoctree::scene::Scene;
+use tempfile::TempDir;
+
+use crate::support::{done, json, refused};
+
+fn fixture(name: &str) -> String {
+    let path =
+        PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../crates/learn/lo_depth_models/tests/fixtures").join(name);
+    path.to_string_lossy().into_owned()
+}
+
+/// A folder with photo.png, 320 × 240, and two configs.
+fn photo() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let photo = Image::from_fn(320, 240, |x, y| [(x / 2) as u8, (y / 2) as u8, 120]);
+    imaging::write_srgb8(folder.path().join("photo.png"), &photo, 95, imaging::GENERATOR).unwrap();
+    let size = "size = { rule = \"shorter-side\", pixels = 140, multiple = 14 }\n";
+    std::fs::write(folder.path().join("metric.toml"), format!("kind = \"metric\"\n{size}")).unwrap();
+    std::fs::write(folder.path().join("nhwc.toml"), format!("kind = \"metric\"\nlayout = \"nhwc\"\n{size}")).unwrap();
+    folder
+}
+
+fn estimate<'a>(model: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    [&["estimate", "photo.png", "--completion", "shell", "-o", "room.scene", "--force", "--depth-model", model], more]
+        .concat()
+}
+
+/// The scene's depth against `1 / z`; `u` and `v` run from 0 to 1 across the photo. All that is read is within a percent, and most is read.
+fn assert_plane(folder: &Path, inverse: impl Fn(f64, f64) -> f64) -> Scene {
+    let scene = Scene::read(folder.join("room.scene")).unwrap();
+    let depth_m = &scene.frame.depth_m;
+    let (width, height) = (depth_m.width(), depth_m.height());
+    let mut read = 0;
+    for (index, &z) in depth_m.pixels().iter().enumerate().filter(|(_, z)| **z > 0.0) {
+        let (u, v) = (((index % width) as f64 + 0.5) / width as f64, ((index / width) as f64 + 0.5) / height as f64);
+        let off = f64::from(z) * inverse(u, v) - 1.0;
+        assert!(off.abs() < 0.01, "{off} at {u}, {v}");
+        read += 1;
+    }
+    assert!(read as f64 > 0.95 * (width * height) as f64, "{read} of {width} × {height}");
+    scene
+}
+
+/// The plane of the fixtures.
+fn plane(u: f64, v: f64) -> f64 {
+    0.5 + 0.1 * u - 0.25 * v
+}
+
+#[test]
+fn the_plane_that_a_model_knows_is_in_the_scene() {
+    let folder = photo();
+    let folder = folder.path();
+    for (model, more) in [
+        ("plane_metric.onnx", &["--hfov-deg", "50", "--depth-model-config", "metric.toml"][..]),
+        ("odd_nhwc.onnx", &["--hfov-deg", "50", "--depth-model-config", "nhwc.toml"]),
+        ("odd_function.onnx", &["--hfov-deg", "50", "--depth-model-config", "metric.toml"]),
+        ("plane_depth_anything_metric.onnx", &["--hfov-deg", "50"]),
+    ] {
+        done(folder, &estimate(&fixture(model), more));
+        let scene = assert_plane(folder, plane);
+        assert!((scene.frame.camera.hfov_deg() - 50.0).abs() < 1e-6);
+        assert!(scene.predicted_depth, "it was no sensor");
+    }
+    // Metric3D sees the photo in the middle of a wider picture, and its depth goes by the lens: 60 degrees is what makes it the plane.
+    done(folder, &estimate(&fixture("plane_metric3d.onnx"), &["--hfov-deg", "60"]));
+    assert_plane(folder, |u, v| plane((121.0 + 821.0 * u) / 1064.0, v));
+}
+
+#[test]
+fn the_lens_that_a_model_tells_is_the_scenes_unless_one_is_given() {
+    let folder = photo();
+    let folder = folder.path();
+    let model = fixture("plane_moge2.onnx");
+    done(folder, &estimate(&model, &[]));
+    let scene = assert_plane(folder, plane);
+    // Built in as 60 degrees
+    assert!((scene.frame.camera.hfov_deg() - 60.0).abs() < 0.6, "{}", scene.frame.camera.hfov_deg());
+    let summary = done(folder, &["inspect", "room.scene"]);
+    assert!(summary.contains("MoGe-2 (plane_moge2.onnx)"), "{summary}");
+    assert!(json(&done(folder, &["inspect", "room.scene", "--json"])).to_string().contains("plane_moge2.onnx"));
+    done(folder, &estimate(&model, &["--hfov-deg", "60"]));
+    assert!((assert_plane(folder, plane).frame.camera.hfov_deg() - 60.0).abs() < 1e-6);
+}
+
+#[test]
+fn models_of_no_use_end_in_a_clear_error() {
+    let folder = photo();
+    let folder = folder.path();
+    let metric = ["--depth-model-config", "metric.toml"];
+    let unknown = refused(folder, 2, &estimate(&fixture("odd_unknown.onnx"), &[]));
+    // Inputs and outputs with shapes, and what to fill in
+    for part in ["[1, 3, 224, 224]", "logits", "kind = \"metric\"", "--depth-model-config"] {
+        assert!(unknown.contains(part), "{part} in {unknown}");
+    }
+    for (model, more, parts) in [
+        ("odd_all_nan.onnx", &metric[..], &["depth", "no numbers"][..]),
+        ("odd_lost_data.onnx", &[], &["odd_lost_data.bin"]),
+        ("odd_operator.onnx", &[], &["Imagine"]),
+        ("odd_rank_of_output.onnx", &metric, &["predicted_depth"]),
+        ("moge2.onnx", &[], &["points"]),
+        ("photo.safetensors", &[], &["photo.safetensors"]),
+        ("no_such.onnx", &[], &["no_such.onnx"]),
+    ] {
+        let output = crate::support::lightoctree(folder).args(estimate(&fixture(model), more)).output().unwrap();
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert!(!output.status.success() && !message.contains("panicked"), "{model}: {message}");
+        assert!(parts.iter().all(|part| message.contains(part)), "{model}: {message}");
+        println!("{model}: {message}");
+    }
+    std::fs::write(folder.join("typo.toml"), "kind = \"metres\"").unwrap();
+    let typo = refused(folder, 1, &estimate(&fixture("plane_metric.onnx"), &["--depth-model-config", "typo.toml"]));
+    assert!(typo.contains("typo.toml") && typo.contains("metres"), "{typo}");
+}

@@ -1,0 +1,29 @@
+//! Depth models: whatever the bytes of an ONNX file, an error or a prediction of finite numbers.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use lightoctree::depth_models::{DepthModel, Geometry, ModelConfig, ModelError};
+use lightoctree::events;
+use lightoctree::geometry::Camera;
+use lightoctree::imaging::Image;
+use lightoctree_fuzz::let_decoders_panic;
+
+const CONFIG: &str = "kind = \"metric\"\nsize = { rule = \"fixed\", width = 28, height = 14 }";
+
+fuzz_target!(init: let_decoders_panic(), |bytes: &[u8]| {
+    let config = ModelConfig::parse(CONFIG).expect("a valid config");
+    let model = match DepthModel::from_bytes(bytes, None) {
+        Err(ModelError::Unknown { .. }) => DepthModel::from_bytes(bytes, Some(&config)),
+        known => known,
+    };
+    let Ok(model) = model else { return };
+    let photo = Image::from_fn(32, 24, |x, y| [8 * x as u8, 8 * y as u8, 100]);
+    let camera = Camera::from_hfov_deg(60.0, 32, 24).expect("a valid camera");
+    let Ok(told) = model.predict(&photo, Some(&camera), &mut events::ignore) else { return };
+    if let Geometry::Metric(depth_m) = told.geometry {
+        assert!(depth_m.pixels().iter().all(|z| z.is_finite() && *z >= 0.0));
+    }
+    if let Some(normals) = told.normals {
+        assert!(normals.pixels().iter().all(|normal| normal.is_finite()));
+    }
+});
