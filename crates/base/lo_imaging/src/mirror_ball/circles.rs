@@ -19,10 +19,6 @@ const ALIGNED: f32 = 0.94;
 /// Peaks of the transform that are looked at, and circles around them that are moved to the best place near.
 const PEAKS: usize = 200;
 const MOVED: usize = 80;
-/// Steps of the grid of circles, over the radius.
-const GRID: f64 = 1.0 / 12.0;
-/// Places that are looked at there lie this far from each other, in pixels.
-const GLANCE_PX: f64 = 3.0;
 /// Rim of the ball and of what is around it, over the radius.
 const RIM: [f64; 2] = [0.6, 1.25];
 
@@ -60,7 +56,7 @@ impl Small {
         BallCircle { x: circle.x / sx, y: circle.y / sy, radius_px: circle.radius_px / (sx * sy).sqrt() }
     }
 
-    /// The likeliest circles of all: those that edges propose, and those of a grid that look most like a mirror.
+    /// Circles that edges propose, those that look most like a mirror.
     pub fn candidates(&self) -> Vec<BallCircle> {
         let [width, height] = [self.gradients.width(), self.gradients.height()];
         let shorter = width.min(height) as f64;
@@ -72,36 +68,14 @@ impl Small {
             .into_par_iter()
             .flat_map_iter(|at| best_radii(&self.edges, at, [width, height], radii))
             .collect();
-        circles.par_iter_mut().for_each(|(score, circle)| *score = self.significance(*circle, 1.0).unwrap_or(-1.0));
-        circles.extend(self.scanned(radii));
+        circles.par_iter_mut().for_each(|(score, circle)| *score = self.significance(*circle).unwrap_or(-1.0));
         circles.sort_by(|a, b| b.0.total_cmp(&a.0));
         distinct(circles, MOVED)
     }
 
-    /// Circles of a grid whose middles and radii differ by a twelfth of the radius, with what they look like at a glance.
-    fn scanned(&self, radii: [f64; 2]) -> Vec<(f64, BallCircle)> {
-        let [width, height] = [self.gradients.width() as f64, self.gradients.height() as f64];
-        let ratio = 1.0 + GRID;
-        let steps = ((radii[1] / radii[0]).ln() / ratio.ln()) as i32;
-        let grid = (0..=steps).flat_map(|step| {
-            let radius_px = radii[0] * ratio.powi(step);
-            let spacing = (GRID * radius_px).max(2.0);
-            let along = move |side: f64| (0..=(side / spacing) as usize).map(move |i| i as f64 * spacing);
-            along(height).flat_map(move |y| along(width).map(move |x| BallCircle { x, y, radius_px }))
-        });
-        let mut scanned: Vec<(f64, BallCircle)> = grid
-            .collect::<Vec<BallCircle>>()
-            .into_par_iter()
-            .filter_map(|circle| Some((self.significance(circle, GLANCE_PX)?, circle)))
-            .collect();
-        scanned.sort_by(|a, b| b.0.total_cmp(&a.0));
-        scanned.truncate(PEAKS);
-        scanned
-    }
-
     /// The circle with the greatest significance that steps of a few pixels lead to.
     pub fn best_near(&self, circle: BallCircle) -> Option<(f64, BallCircle)> {
-        let mut best = (self.significance(circle, 1.0)?, circle);
+        let mut best = (self.significance(circle)?, circle);
         for step in [3.0, 1.5, 0.75, 0.375] {
             for _ in 0..12 {
                 let BallCircle { x, y, radius_px } = best.1;
@@ -113,7 +87,7 @@ impl Small {
                     BallCircle { radius_px: radius_px + step, ..best.1 },
                     BallCircle { radius_px: radius_px - step, ..best.1 },
                 ];
-                let tried = around.into_iter().filter_map(|circle| Some((self.significance(circle, 1.0)?, circle)));
+                let tried = around.into_iter().filter_map(|circle| Some((self.significance(circle)?, circle)));
                 match tried.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|next| next.0 > best.0) {
                     Some(next) => best = next,
                     None => break,
@@ -124,25 +98,25 @@ impl Small {
     }
 
     /// Contrast by the root of the radius: of a larger ball it is the mean of more.
-    fn significance(&self, circle: BallCircle, step_px: f64) -> Option<f64> {
-        Some(mean(&self.sectors(circle, step_px)?) * circle.radius_px.sqrt())
+    fn significance(&self, circle: BallCircle) -> Option<f64> {
+        Some(mean(&self.sectors(circle)?) * circle.radius_px.sqrt())
     }
 
     /// How much more gradients point along the radius inside of the rim than outside of it, in the mean over all sectors.
     pub fn contrast(&self, circle: BallCircle) -> Option<f64> {
-        Some(mean(&self.sectors(circle, 1.0)?))
+        Some(mean(&self.sectors(circle)?))
     }
 
     /// In each sector of which enough lies in the picture: (radial² − tangential²) ÷ (radial² + tangential²) of the gradients, fitted inside of the rim by
     /// what a mirror in a room of gradients in all directions shows, less their mean outside of it where that is above 0.
-    fn sectors(&self, circle: BallCircle, step_px: f64) -> Option<Vec<f64>> {
+    fn sectors(&self, circle: BallCircle) -> Option<Vec<f64>> {
         let r = circle.radius_px;
         if r < 4.0 {
             return None;
         }
         let inner = [RIM[0] * r, r - 0.5];
         let outer = [r + 1.5, (RIM[1] * r).max(r + 4.0)];
-        let lines = ((std::f64::consts::TAU * r / (SECTORS as f64 * step_px)) as usize).clamp(2, 8);
+        let lines = ((std::f64::consts::TAU * r / SECTORS as f64) as usize).clamp(2, 8);
         let known: Vec<f64> = (0..SECTORS)
             .filter_map(|sector| {
                 let turns = || {
@@ -152,9 +126,9 @@ impl Small {
                     let ratio = (1.0 - (at / r) * (at / r)).max(0.0).powi(2);
                     (1.0 - ratio) / (1.0 + ratio)
                 };
-                let inside = self.alignment(circle, inner, step_px, turns(), squeezed)?;
+                let inside = self.alignment(circle, inner, turns(), squeezed)?;
                 // what is beside the picture says nothing
-                let outside = self.alignment(circle, outer, step_px, turns(), |_| 1.0).unwrap_or(0.0);
+                let outside = self.alignment(circle, outer, turns(), |_| 1.0).unwrap_or(0.0);
                 Some(inside - outside.max(0.0))
             })
             .collect();
@@ -166,11 +140,10 @@ impl Small {
         &self,
         circle: BallCircle,
         [from, to]: [f64; 2],
-        step_px: f64,
         turns: impl Iterator<Item = f64>,
         expected: impl Fn(f64) -> f64,
     ) -> Option<f64> {
-        let rings = (((to - from) / step_px).ceil() as usize).max(1);
+        let rings = ((to - from).ceil() as usize).max(1);
         let [mut sum, mut weights] = [0.0f64; 2];
         for turn in turns {
             let (sin, cos) = (turn * std::f64::consts::TAU).sin_cos();

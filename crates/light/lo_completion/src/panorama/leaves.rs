@@ -39,6 +39,9 @@ const OPEN: f32 = 0.5;
 /// Bounds of the factor for what neither photo nor panorama sees.
 const HIDDEN: (f32, f32) = (0.2, 5.0);
 
+/// Depth and shuffled key.
+type Node = (u32, u32);
+
 /// Leaves of all depths.
 pub(super) struct Leaves {
     pub leaves: Vec<Leaf>,
@@ -68,7 +71,7 @@ pub(super) struct Given {
     /// By leaf.
     sums: Vec<Sum>,
     /// Depths and keys of the empty nodes at the cube's side through which rays leave.
-    pub sides: Vec<(u32, u32)>,
+    pub sides: Vec<Node>,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -129,7 +132,7 @@ impl Leaves {
             }
             (gifts, sides)
         };
-        let rows: Vec<(Vec<Gift>, Vec<(u32, u32)>)> = (0..rays.rows()).into_par_iter().map(row).collect();
+        let rows: Vec<(Vec<Gift>, Vec<Node>)> = (0..rays.rows()).into_par_iter().map(row).collect();
         // Sums in the order of the rays, whatever the number of threads.
         let mut sums = vec![Sum::default(); self.leaves.len()];
         let mut sides = Vec::new();
@@ -152,7 +155,7 @@ impl Leaves {
         indices: &[Vec<u32>],
         ray: &Ray,
         mut give: impl FnMut(u32, f32),
-    ) -> Option<(u32, u32)> {
+    ) -> Option<Node> {
         let (mut left, mut closed_to_m) = (1.0f32, f32::INFINITY);
         let mut last = None;
         march(topology, ray, |crossing| {
@@ -220,7 +223,7 @@ impl Leaves {
         let gain = |(index, (leaf, sum)): (usize, (&Leaf, &Sum))| {
             let fine = leaf.depth >= finest || f64::from(sum.rays) < least;
             let variance = sum.variance();
-            (!fine && variance > DETAIL * DETAIL).then(|| (sum.weight * variance, index))
+            (!fine && variance > DETAIL * DETAIL).then_some((sum.weight * variance, index))
         };
         let mut gains: Vec<(f64, usize)> = self.leaves.iter().zip(&given.sums).enumerate().filter_map(gain).collect();
         gains.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -236,14 +239,15 @@ impl Leaves {
             let rgba = [r, g, b, 1.0 - (1.0 - alpha).sqrt()];
             let light = given.sums[index].mean().or(whole.light);
             let child = |child: u32| Leaf { depth: whole.depth + 1, key: whole.key << 3 | child, rgba, light, ..whole };
-            self.leaves[index] = child(0);
-            self.leaves.extend((1..8).map(child));
+            let mut children = (0..8).map(child);
+            self.leaves[index] = children.next().unwrap_or(whole);
+            self.leaves.extend(children);
         }
     }
 
     /// Puts opaque leaves into empty nodes.
-    pub fn add_sides(&mut self, sides: &[(u32, u32)]) {
-        let leaf = |&(depth, key): &(u32, u32)| Leaf {
+    pub fn add_sides(&mut self, sides: &[Node]) {
+        let leaf = |&(depth, key): &Node| Leaf {
             depth,
             key,
             rgba: [0.0, 0.0, 0.0, MAX_ALPHA],
