@@ -33,7 +33,7 @@ fn estimate<'a>(model: &'a str, more: &[&'a str]) -> Vec<&'a str> {
 
 /// The scene's depth against `1 / z`; `u` and `v` run from 0 to 1 across the photo. All that is read is within a percent, and most is read.
 fn assert_plane(folder: &Path, inverse: impl Fn(f64, f64) -> f64) -> Scene {
-    let scene = Scene::read(folder.join("room.scene")).unwrap();
+    let scene = Scene::read(&folder.join("room.scene")).unwrap();
     let depth_m = &scene.frame.depth_m;
     let (width, height) = (depth_m.width(), depth_m.height());
     let mut read = 0;
