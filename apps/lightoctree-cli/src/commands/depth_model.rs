@@ -10,7 +10,7 @@ use crate::usage::Usage;
 
 /// Options of a depth model.
 #[derive(Debug, clap::Args)]
-pub struct Args {
+pub struct DepthModelArgs {
     /// Depth by this network, an ONNX file: MoGe-2, Depth Anything V2 or Metric3D v2 as published, others with --depth-model-config
     ///
     /// MoGe-2 tells the field of view too, where neither EXIF nor an option does, and MoGe-2 and Metric3D v2 tell normals. Relative depth (Depth Anything
@@ -23,7 +23,7 @@ pub struct Args {
     depth_model_config: Option<PathBuf>,
 }
 
-impl Args {
+impl DepthModelArgs {
     /// The file.
     pub fn path(&self) -> Option<&Path> {
         self.depth_model.as_deref()

@@ -14,7 +14,7 @@ use lightoctree::scene::{Completion, Frame, Scene};
 use lightoctree::{EstimateError, EstimateOptions, Estimator, Input, PanoramaPrior};
 
 #[cfg(feature = "depth-models")]
-use super::depth_model;
+use super::depth_model::DepthModelArgs;
 use super::panorama_prior::{self, PanoramaArgs};
 use super::parse;
 use crate::args::{Global, OutputArgs};
@@ -51,7 +51,7 @@ pub struct Args {
 
     #[cfg(feature = "depth-models")]
     #[command(flatten)]
-    depth_model: depth_model::Args,
+    depth_model: DepthModelArgs,
 
     /// What one metre is in an integer depth file [default: 1000, millimetres]
     #[arg(long, value_name = "UNITS_PER_METRE", requires = "depth", value_parser = parse::positive)]

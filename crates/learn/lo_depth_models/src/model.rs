@@ -101,7 +101,7 @@ impl DepthModel {
             recipe,
             graph,
             opset,
-            runtime: Runtime::new(weights, opsets),
+            runtime: Runtime::new(weights, opsets)?,
             last: Mutex::new(None),
         })
     }

@@ -3,17 +3,21 @@
 //! Nothing of a graph that is not known to be small is computed here, so a hostile file cannot make sizes explode; and nothing runs whose memory is not
 //! known.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{HashMap, HashSet, VecDeque};
 
 use crate::ModelError;
 use crate::onnx::{
-    AttributeValue, Data, Dim, Element, Graph, MAX_NESTING, MAX_NODES, Node, Tensor, inlined_branch, product,
+    AttributeValue, Data, Dim, Element, Graph, MAX_DIM, MAX_NESTING, MAX_NODES, MAX_RANK, Node, Tensor, inlined_branch,
+    product,
 };
 use crate::resize;
 use crate::shapes::{Fact, Inputs, Known, shape_range, shapes};
 
 /// Memory that weights and values of a run may take.
 const MAX_RUN_BYTES: u64 = 1_900_000_000;
+
+/// Nodes that follow one another: the run time orders them by recursion ([`crate::runtime`] gives it the stack for so many).
+const MAX_CHAIN: usize = 10_000;
 
 /// Multiplications of a run: some minutes of an ordinary computer's time.
 const MAX_PRODUCTS: f64 = 3e13;
@@ -188,7 +192,7 @@ impl Planner<'_> {
         let sizes = shapes(node, &inputs, self.opset).map_err(refused)?;
         for dims in &sizes {
             let bytes = product(dims).and_then(|length| length.checked_mul(4)).map_or(u64::MAX, |bytes| bytes as u64);
-            if bytes > MAX_RUN_BYTES {
+            if bytes > MAX_RUN_BYTES || dims.iter().any(|&dim| dim > MAX_DIM) || dims.len() > MAX_RANK {
                 return Err(ModelError::TooLarge(format!("its node {} gives {dims:?} values", node.label())));
             }
         }
@@ -336,7 +340,11 @@ impl Planner<'_> {
             let dims = fact.dims.iter().map(|&dim| Dim::Fixed(dim)).collect();
             outputs.push(crate::onnx::ValueInfo { name: name.clone(), element: Element::default(), dims: Some(dims) });
         }
-        let bytes = weight_bytes.saturating_add(self.peak_bytes(wanted));
+        if self.longest_chain() > MAX_CHAIN {
+            return Err(ModelError::TooLarge(format!("more than {MAX_CHAIN} of its nodes follow one another")));
+        }
+        let peaks = [false, true].map(|in_place_last| self.peak_bytes(wanted, &self.order(in_place_last)));
+        let bytes = weight_bytes.saturating_add(peaks[0].max(peaks[1]));
         if bytes > MAX_RUN_BYTES {
             return Err(ModelError::TooLarge(format!(
                 "a run takes about {:.1} GB of memory, at most {:.1} are given",
@@ -347,35 +355,121 @@ impl Planner<'_> {
         Ok(Graph { nodes: self.nodes, initializers: tensors, inputs, outputs })
     }
 
-    /// Most bytes that values take at one time: each lives from the node that makes it to the last that takes it; what depends on no photo is made when
-    /// the graph is loaded, and stays.
-    fn peak_bytes(&self, wanted: &[String]) -> u64 {
+    /// Nodes of the longest way through the graph.
+    fn longest_chain(&self) -> usize {
+        let mut depths: HashMap<&str, usize> = HashMap::new();
+        let mut longest = 0;
+        for node in &self.nodes {
+            let depth = 1 + node.inputs.iter().filter_map(|name| depths.get(name.as_str())).max().copied().unwrap_or(0);
+            longest = longest.max(depth);
+            depths.extend(node.outputs.iter().map(|name| (name.as_str(), depth)));
+        }
+        longest
+    }
+
+    /// The order in which rten runs the nodes: of those whose inputs are there the first, and first those that cannot write over an input.
+    fn order(&self, in_place_last: bool) -> Vec<usize> {
+        let mut takers: HashMap<&str, Vec<usize>> = HashMap::new();
+        let makers: HashSet<&str> = self.nodes.iter().flat_map(|node| &node.outputs).map(String::as_str).collect();
+        let mut missing = vec![0usize; self.nodes.len()];
+        for (index, node) in self.nodes.iter().enumerate() {
+            let inputs: HashSet<&str> =
+                node.inputs.iter().map(String::as_str).filter(|name| makers.contains(name)).collect();
+            missing[index] = inputs.len();
+            inputs.into_iter().for_each(|name| takers.entry(name).or_default().push(index));
+        }
+        let late = |index: usize| in_place_last && writes_in_place(&self.nodes[index]);
+        let (mut first, mut last): (VecDeque<usize>, VecDeque<usize>) =
+            (0..self.nodes.len()).filter(|&index| missing[index] == 0).partition(|&index| !late(index));
+        let mut order = Vec::with_capacity(self.nodes.len());
+        while let Some(index) = first.pop_front().or_else(|| last.pop_front()) {
+            order.push(index);
+            for output in self.nodes[index].outputs.iter().filter(|output| !output.is_empty()) {
+                for &taker in takers.get(output.as_str()).into_iter().flatten() {
+                    missing[taker] -= 1;
+                    if missing[taker] == 0 {
+                        if late(taker) { last.push_back(taker) } else { first.push_back(taker) }
+                    }
+                }
+            }
+        }
+        order
+    }
+
+    /// Most bytes that values take at one time in such an order: each lives from the node that makes it to the last that takes it; what depends on no
+    /// photo is made when the graph is loaded, and stays.
+    fn peak_bytes(&self, wanted: &[String], order: &[usize]) -> u64 {
         let bytes = |name: &str| {
             self.facts.get(name).and_then(|fact| product(&fact.dims)).map_or(0, |length| 4 * length as u64)
         };
         let constant = |name: &str| self.facts.get(name).is_some_and(|fact| fact.constant);
         let mut last: HashMap<&str, usize> = HashMap::new();
-        for (index, node) in self.nodes.iter().enumerate() {
+        for (at, node) in order.iter().map(|&index| &self.nodes[index]).enumerate() {
             let stays = node.outputs.iter().any(|output| !constant(output));
             for name in &node.inputs {
                 // A constant that a node of the run takes stays to the end.
-                last.insert(name, if stays && constant(name) { usize::MAX } else { index });
+                let end = if stays && constant(name) { usize::MAX } else { at };
+                let known = last.entry(name).or_default();
+                *known = end.max(*known);
             }
         }
         wanted.iter().for_each(|name| _ = last.insert(name, usize::MAX));
         let mut ends: HashMap<usize, u64> = HashMap::new();
         let (mut now, mut most) = (0u64, 0u64);
-        for (index, node) in self.nodes.iter().enumerate() {
+        for (at, node) in order.iter().map(|&index| &self.nodes[index]).enumerate() {
             for output in node.outputs.iter().filter(|output| !output.is_empty()) {
                 let size = bytes(output);
                 now = now.saturating_add(size);
-                *ends.entry(last.get(output.as_str()).copied().unwrap_or(index)).or_default() += size;
+                *ends.entry(last.get(output.as_str()).copied().unwrap_or(at)).or_default() += size;
             }
             most = most.max(now);
-            now -= ends.remove(&index).unwrap_or(0);
+            now -= ends.remove(&at).unwrap_or(0);
         }
         most
     }
+}
+
+/// Whether rten writes a node's output over its input where that is free, and so runs it late.
+fn writes_in_place(node: &Node) -> bool {
+    const KINDS: [&str; 36] = [
+        "Abs",
+        "Add",
+        "BatchNormalization",
+        "Cast",
+        "Ceil",
+        "Clip",
+        "Cos",
+        "Div",
+        "Elu",
+        "Erf",
+        "Exp",
+        "Flatten",
+        "Floor",
+        "Gelu",
+        "HardSigmoid",
+        "HardSwish",
+        "Identity",
+        "LayerNormalization",
+        "LeakyRelu",
+        "Log",
+        "Mul",
+        "Neg",
+        "Not",
+        "Pow",
+        "Reciprocal",
+        "Relu",
+        "Reshape",
+        "Round",
+        "Sigmoid",
+        "Sin",
+        "Softmax",
+        "Sqrt",
+        "Squeeze",
+        "Sub",
+        "Tanh",
+        "Unsqueeze",
+    ];
+    KINDS.contains(&node.op.as_str())
 }
 
 /// A `ConvInteger` with padding, as a `Pad` by the zero point and a `ConvInteger` without: rten 0.27 pads by 0, which is another number where the zero

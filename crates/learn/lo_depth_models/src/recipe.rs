@@ -12,6 +12,9 @@ const MOGE_TOKENS: i64 = 1800;
 /// Longer side of the photo for MoGe-2, which makes it smaller inside by the tokens, and gives points of this size back. Estimation works at 480.
 const MOGE_LONGER_SIDE: usize = 720;
 
+/// Nodes at the beginning or the end of a graph that tell its family.
+const LOOKED_AT: usize = 100;
+
 /// How to use a model.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Recipe {
@@ -63,7 +66,14 @@ impl Recipe {
     /// All outputs that are looked at.
     pub fn outputs(&self) -> Vec<String> {
         let others = [&self.normals, &self.normals_kappa, &self.mask, &self.scale];
-        std::iter::once(&self.output).chain(others.into_iter().flatten()).cloned().collect()
+        let mut outputs = vec![self.output.clone()];
+        for name in others.into_iter().flatten() {
+            // The run time refuses to give one twice.
+            if !outputs.contains(name) {
+                outputs.push(name.clone());
+            }
+        }
+        outputs
     }
 
     fn checked(mut self, graph: &Graph) -> Result<Self, ModelError> {
@@ -208,7 +218,7 @@ fn known(graph: &Graph, file_name: &str) -> Option<Recipe> {
 /// Operators from an output back, each time along the first input.
 fn backwards<'a>(graph: &'a Graph, output: &'a str) -> impl Iterator<Item = &'a str> {
     let mut at = output;
-    let mut left = graph.nodes.len();
+    let mut left = LOOKED_AT;
     std::iter::from_fn(move || {
         let node = graph.nodes.iter().find(|node| node.outputs.iter().any(|name| name == at))?;
         left = left.checked_sub(1)?;
@@ -227,7 +237,7 @@ fn patches_of_14(graph: &Graph) -> Option<bool> {
 /// Whether a graph subtracts the mean of 0–255 itself, before anything is convolved.
 fn normalises(graph: &Graph, input: &str) -> bool {
     let mut derived: HashSet<&str> = HashSet::from([input]);
-    for node in graph.nodes.iter().take_while(|node| node.op != "Conv") {
+    for node in graph.nodes.iter().take(LOOKED_AT).take_while(|node| node.op != "Conv") {
         if node.inputs.iter().any(|name| derived.contains(name.as_str())) {
             let constants =
                 node.inputs.iter().filter_map(|name| graph.initializers.iter().find(|tensor| tensor.name == *name));

@@ -5,6 +5,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
+use std::sync::mpsc::{Sender, channel};
 
 use rten::{DataType, Model, ModelOptions, RunOptions, ShapeInferenceMode, ThreadPool, Value, ValueOrView, ValueType};
 use rten_tensor::prelude::*;
@@ -15,12 +16,19 @@ use crate::onnx::{Dim, Element, Graph, Node, ValueInfo, WEIGHTS_FILE, Weights, p
 use crate::plan::Values;
 use crate::shapes::Known;
 
-/// What is needed to load graphs that share weights.
+/// rten orders a graph's nodes by recursion along them; [`crate::plan`] limits how far that goes.
+const STACK_BYTES: usize = 64 << 20;
+
+/// Loads and evaluates graphs that share weights.
+///
+/// A thread of its own does it: it has the stack for rten's recursion, and rten's table of operators, which may not leave a thread.
 pub(crate) struct Runtime {
-    options: ModelOptions,
+    jobs: Sender<Job>,
     opsets: Vec<(String, i64)>,
     weight_bytes: u64,
 }
+
+type Job = Box<dyn FnOnce(&ModelOptions) + Send>;
 
 /// A graph that can be run.
 pub(crate) struct Loaded {
@@ -35,11 +43,33 @@ pub(crate) struct Array {
 }
 
 impl Runtime {
-    pub fn new(weights: Weights, opsets: Vec<(String, i64)>) -> Self {
+    /// Takes the weights.
+    ///
+    /// # Errors
+    /// Where the system gives no thread.
+    pub fn new(weights: Weights, opsets: Vec<(String, i64)>) -> Result<Self, ModelError> {
         let weight_bytes = weights.0.len() as u64;
-        let mut options = ModelOptions::with_all_ops();
-        options.external_data(WEIGHTS_FILE, weights.0);
-        Self { options, opsets, weight_bytes }
+        let (jobs, queue) = channel::<Job>();
+        let work = move || {
+            let mut options = ModelOptions::with_all_ops();
+            options.external_data(WEIGHTS_FILE, weights.0);
+            queue.into_iter().for_each(|job| job(&options));
+        };
+        let builder = std::thread::Builder::new().name("depth model".to_owned()).stack_size(STACK_BYTES);
+        builder.spawn(work).map_err(|error| ModelError::Run(error.to_string()))?;
+        Ok(Self { jobs, opsets, weight_bytes })
+    }
+
+    /// Does something on the thread of its own.
+    fn done<T: Send + 'static>(&self, work: impl FnOnce(&ModelOptions) -> T + Send + 'static) -> Result<T, ModelError> {
+        let (answer, answers) = channel();
+        let job = move |options: &ModelOptions| {
+            // Whoever asked waits for the answer, so it can be sent.
+            _ = answer.send(caged(|| work(options)));
+        };
+        let gone = || ModelError::Run("its thread has ended".to_owned());
+        self.jobs.send(Box::new(job)).map_err(|_| gone())?;
+        answers.recv().map_err(|_| gone())?
     }
 
     pub fn weight_bytes(&self) -> u64 {
@@ -48,8 +78,9 @@ impl Runtime {
 
     /// Loads a graph and makes it quick.
     pub fn load(&self, graph: &Graph) -> Result<Loaded, ModelError> {
-        let model = caged(|| self.options.load(write_model(graph, &self.opsets)))?;
-        Ok(Loaded { model: model.map_err(|error| ModelError::Unsupported(one_line(&error.to_string())))? })
+        let bytes = write_model(graph, &self.opsets);
+        let model = self.done(move |options| options.load(bytes).map_err(|error| one_line(&error.to_string())))?;
+        Ok(Loaded { model: model.map_err(ModelError::Unsupported)? })
     }
 
     /// Computes one node from known values.
@@ -67,15 +98,16 @@ impl Runtime {
         let names: Vec<&str> = node.outputs.iter().map(String::as_str).filter(|name| !name.is_empty()).collect();
         let outputs = names.iter().map(|name| info(name, Element::default(), None)).collect();
         let graph = Graph { nodes: vec![node.clone()], initializers: Vec::new(), inputs, outputs };
-        let mut options = self.options.clone();
-        options.enable_optimization(false).shape_inference(ShapeInferenceMode::Off);
         let bytes = write_model(&graph, &self.opsets);
-        let values = caged(|| -> Result<Vec<Value>, String> {
+        let (names, given): (Vec<String>, Vec<_>) = (names.into_iter().map(str::to_owned).collect(), given.to_vec());
+        let values = self.done(move |options| -> Result<Vec<Value>, String> {
+            let mut options = options.clone();
+            options.enable_optimization(false).shape_inference(ShapeInferenceMode::Off);
             let model = options.load(bytes).map_err(|error| error.to_string())?;
             let id = |name: &str| model.node_id(name).map_err(|error| error.to_string());
             let mut inputs: Vec<(_, ValueOrView)> = Vec::new();
             for (name, dims, known) in given {
-                let id = id(name)?;
+                let id = id(&name)?;
                 if inputs.iter().any(|(known, _)| *known == id) {
                     continue;
                 }
@@ -123,7 +155,7 @@ impl Loaded {
         let failed = |error: String| ModelError::Run(one_line(&error));
         let pool = Arc::new(ThreadPool::with_num_threads(rayon::current_num_threads()));
         let options = RunOptions::default().with_thread_pool(Some(pool));
-        let values = caged(|| -> Result<Vec<Value>, String> {
+        let values = on_deep_stack(|| -> Result<Vec<Value>, String> {
             let id = |name: &str| self.model.node_id(name).map_err(|error| error.to_string());
             let ids = outputs.iter().map(|name| id(name)).collect::<Result<Vec<_>, _>>()?;
             let view =
@@ -154,6 +186,15 @@ fn floats(value: Value, name: &str) -> Result<Array, ModelError> {
     values
         .map(|values| Array { dims, values })
         .ok_or_else(|| ModelError::Output { output: crate::error::short(name), why: why() })
+}
+
+/// Runs what may panic and what recurses, on a thread with the stack for it.
+fn on_deep_stack<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T, ModelError> {
+    std::thread::scope(|scope| {
+        let builder = std::thread::Builder::new().name("depth model".to_owned()).stack_size(STACK_BYTES);
+        let thread = builder.spawn_scoped(scope, || caged(work)).map_err(|error| ModelError::Run(error.to_string()))?;
+        thread.join().unwrap_or_else(|_| Err(ModelError::Run("rten gave up".to_owned())))
+    })
 }
 
 /// Runs what may panic.

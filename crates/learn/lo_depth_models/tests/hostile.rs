@@ -7,28 +7,23 @@ use lo_depth_models::{DepthModel, ModelConfig, ModelError, Prediction};
 use lo_geometry::Camera;
 use lo_imaging::Image;
 
-/// A field of Protocol Buffers that has a length.
-fn field(number: u8, content: &[u8]) -> Vec<u8> {
-    let mut bytes = vec![number << 3 | 2];
-    let mut length = content.len();
-    while length >= 0x80 {
-        bytes.push(length as u8 | 0x80);
-        length >>= 7;
-    }
-    bytes.push(length as u8);
-    bytes.extend(content);
-    bytes
-}
-
-fn int(number: u8, value: u64) -> Vec<u8> {
-    let mut bytes = vec![number << 3];
-    let mut value = value;
+fn varint(mut value: u64) -> Vec<u8> {
+    let mut bytes = Vec::new();
     while value >= 0x80 {
         bytes.push(value as u8 | 0x80);
         value >>= 7;
     }
     bytes.push(value as u8);
     bytes
+}
+
+/// A field of Protocol Buffers that has a length.
+fn field(number: u8, content: &[u8]) -> Vec<u8> {
+    [varint(u64::from(number) << 3 | 2), varint(content.len() as u64), content.to_vec()].concat()
+}
+
+fn int(number: u8, value: u64) -> Vec<u8> {
+    [varint(u64::from(number) << 3), varint(value)].concat()
 }
 
 fn text(number: u8, text: &str) -> Vec<u8> {
@@ -254,10 +249,7 @@ fn what_lies_in_each_other_or_itself_is_no_trap() {
                 [text(1, "a"), text(2, if index == 0 { "b" } else { "c" }), text(4, calls), text(7, "own")].concat();
             body.extend(field(7, &call));
         }
-        // Number 25 takes two bytes.
-        let mut bytes = vec![0xca, 0x01];
-        bytes.extend(&field(1, &body)[1..]);
-        bytes
+        field(25, &body)
     };
     let call = field(1, &[text(1, "x"), text(2, "y"), text(4, "f0"), text(7, "own")].concat());
     let forever = file(&[call.clone()], &[function("f0", "f0", 1)]);
@@ -271,10 +263,15 @@ fn what_lies_in_each_other_or_itself_is_no_trap() {
         &[],
     );
     assert!(matches!(run(&circle).unwrap_err(), ModelError::Malformed(_)));
-    let mut chain = vec![node("Relu", &["x"], &["n0"], &[])];
-    chain.extend((1..40_000).map(|index| node("Relu", &[&format!("n{}", index - 1)], &[&format!("n{index}")], &[])));
-    chain.push(node("ReduceMax", &["n39999"], &["y"], &[attribute_int("keepdims", 1)]));
-    assert!(matches!(run(&file(&chain, &[])).unwrap_err(), ModelError::Output { .. }));
+    let chain = |count: usize| {
+        let mut nodes = vec![node("Relu", &["x"], &["n0"], &[])];
+        nodes.extend((1..count).map(|at| node("Relu", &[&format!("n{}", at - 1)], &[&format!("n{at}")], &[])));
+        nodes.push(node("ReduceMax", &[&format!("n{}", count - 1)], &["y"], &[attribute_int("keepdims", 1)]));
+        run(&file(&nodes, &[])).unwrap_err()
+    };
+    // The longest that runs gives one number, which is no picture.
+    assert!(matches!(chain(9_999), ModelError::Output { .. }));
+    assert!(matches!(chain(40_000), ModelError::TooLarge(_)));
     assert!(peak_bytes() < 1 << 30, "{}", peak_bytes());
 }
 

@@ -22,6 +22,12 @@ pub(crate) const MAX_STRUCTURE_BYTES: u64 = 64 << 20;
 /// Values of all tensors, in bytes of memory.
 pub(crate) const MAX_WEIGHT_BYTES: u64 = 3 << 29;
 
+/// Tensors of a graph: a third of a billion parameters are some thousands.
+pub(crate) const MAX_TENSORS: usize = 20_000;
+
+/// Elements along one axis; the run time counts in 32 bits.
+pub(crate) const MAX_DIM: usize = i32::MAX as usize;
+
 /// Functions in functions, branches in branches.
 pub(crate) const MAX_NESTING: usize = 8;
 

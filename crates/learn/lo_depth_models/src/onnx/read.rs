@@ -4,8 +4,8 @@ use std::io::{BufRead, Seek, SeekFrom};
 
 use super::wire::{Field, Reader, Wire};
 use super::{
-    Attribute, AttributeValue, Data, Dim, Element, Function, Graph, MAX_NESTING, MAX_RANK, Model, Node, Tensor,
-    ValueInfo,
+    Attribute, AttributeValue, Data, Dim, Element, Function, Graph, MAX_DIM, MAX_NESTING, MAX_RANK, Model, Node,
+    Tensor, ValueInfo,
 };
 use crate::ModelError;
 
@@ -185,7 +185,8 @@ fn tensor<R: BufRead + Seek>(r: &mut Reader<R>, end: u64) -> Result<Tensor, Mode
         return Err(ModelError::TooLarge(format!("a tensor has {} axes, at most {MAX_RANK} are read", dims.len())));
     }
     for dim in dims {
-        tensor.dims.push(usize::try_from(dim).map_err(|_| r.malformed("a tensor has a negative size"))?);
+        let size = usize::try_from(dim).ok().filter(|&size| size <= MAX_DIM);
+        tensor.dims.push(size.ok_or_else(|| r.malformed("a tensor has an impossible size"))?);
     }
     tensor.data = match (place, raw) {
         (1, _) => located(&beside).ok_or_else(|| r.malformed("external data is not said where"))?,

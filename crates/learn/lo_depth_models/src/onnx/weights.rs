@@ -7,7 +7,7 @@ use std::path::{Component, Path};
 use half::{bf16, f16};
 
 use super::wire::read_at;
-use super::{AttributeValue, Data, Element, Graph, MAX_NODES, MAX_WEIGHT_BYTES, Tensor};
+use super::{AttributeValue, Data, Element, Graph, MAX_TENSORS, MAX_WEIGHT_BYTES, Tensor};
 use crate::ModelError;
 
 /// What a written graph calls the weights; the run time asks for such an ending.
@@ -38,11 +38,11 @@ impl Weights {
         let mut sources = Sources { file, folder, beside: HashMap::new() };
         let mut tensors = Vec::new();
         tensors_of(graph, &mut tensors);
-        if tensors.len() > 2 * MAX_NODES {
+        if tensors.len() > MAX_TENSORS {
             return Err(ModelError::TooLarge(format!(
                 "it holds {} tensors, at most {} are read",
                 tensors.len(),
-                2 * MAX_NODES
+                MAX_TENSORS
             )));
         }
         let mut total = 0usize;
