@@ -68,13 +68,13 @@ impl Estimator {
         let options = &EstimateOptions { up: options.up.or_else(|| view.up()), ..options.clone() };
         let completed = match completion {
             How::Network(networks) => by_network(&view, networks, octree_depth, options, on_event)?,
-            How::Shell => closed(&view.working, octree_depth, options, on_event)?,
-            How::None => as_seen(&view.working, octree_depth, options, on_event)?,
+            How::Shell => closed(&view, octree_depth, options, on_event)?,
+            How::None => as_seen(&view, octree_depth, options, on_event)?,
         };
         let Completed { light, room, confidence } = completed;
-        let View { frame, predicted_depth, .. } = view;
+        let (other_photos, View { frame, predicted_depth, .. }) = (view.other_photos(), view);
         let (completion, sources) = (completion.into(), options.sources.clone());
-        Ok(Scene { light, frame, completion, room, sources, predicted_depth, confidence })
+        Ok(Scene { light, frame, completion, room, sources, predicted_depth, confidence, other_photos })
     }
 
     /// How, and down to which depth: the options are checked before any work, since the shell's closing points grow with 4^depth.

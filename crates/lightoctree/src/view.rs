@@ -2,18 +2,21 @@
 
 use lo_completion::up_from_predicted_depth;
 use lo_events::{OnEvent, Stage, Warning, stage, warn};
-use lo_geometry::{Camera, Vec3};
+use lo_geometry::{Camera, RigidTransform, Vec3};
 use lo_imaging::{Image, Photo, srgb8_from_linear};
 use lo_nets::depth::LONGER_SIDE;
 use lo_nets::{GlobalLight, Networks};
-use lo_scene::{Frame, working_photo};
+use lo_scene::{Frame, OtherPhoto, PosedFrame, SeenPhoto, working_photo};
 
-use crate::{EstimateError, Input};
+use crate::photos::{Together, together};
+use crate::{EstimateError, Exposures, Input};
 
 /// A photo with depth, at full and at working resolution.
 pub(crate) struct View {
     pub frame: Frame,
     pub working: Frame,
+    /// Other photos of the room, at working resolution, and their cameras at full resolution.
+    pub others: Vec<(PosedFrame, Camera)>,
     /// What the photo tells of the light outside of it, where that is known already.
     pub global: Option<GlobalLight>,
     /// Whether depth is some network's.
@@ -30,12 +33,34 @@ impl View {
             }
             Input::MeasuredDepth(frame) => (frame, false),
             Input::PredictedDepth(frame) => (frame, true),
+            Input::Photos { photos, exposures } => return several(photos, exposures, on_event),
         };
         let working = stage(on_event, Stage::WorkingResolution, || frame.working())?;
         if predicted_depth {
             warn(on_event, Warning::PredictedDepth)?;
         }
-        Ok(Self { frame, working, global: None, predicted_depth })
+        Ok(Self { frame, working, others: Vec::new(), global: None, predicted_depth })
+    }
+
+    /// All photos at working resolution, each with its camera's place in the first one's axes.
+    pub fn photos(&self) -> Vec<(&Frame, RigidTransform)> {
+        let others = self.others.iter().map(|(other, _)| (&other.frame, other.first_from_camera));
+        std::iter::once((&self.working, RigidTransform::IDENTITY)).chain(others).collect()
+    }
+
+    /// All photos as completion looks at them.
+    pub fn seen_photos(&self) -> Vec<SeenPhoto> {
+        self.photos().into_iter().map(|(frame, pose)| SeenPhoto::new(frame, pose)).collect()
+    }
+
+    /// What a scene keeps of the photos after the first.
+    pub fn other_photos(&self) -> Vec<OtherPhoto> {
+        let kept = |(other, camera): &(PosedFrame, Camera)| OtherPhoto {
+            first_from_camera: other.first_from_camera,
+            camera: *camera,
+            exposure: other.frame.exposure,
+        };
+        self.others.iter().map(kept).collect()
     }
 
     /// Unit vector against gravity where depth is predicted: floors are wavy then, and how cameras are held counts too.
@@ -68,7 +93,19 @@ fn predicted(photo: Photo, camera: Camera, networks: &Networks, on_event: OnEven
     let camera = frame.camera.resized(small.width() as u32, small.height() as u32);
     let working = Frame { camera, photo: small, depth_m, exposure: 1.0 };
     warn(on_event, Warning::PredictedDepth)?;
-    Ok(View { frame, working, global: Some(global), predicted_depth: true })
+    Ok(View { frame, working, others: Vec::new(), global: Some(global), predicted_depth: true })
+}
+
+/// Photos with measured depth of one room.
+fn several(photos: Vec<PosedFrame>, exposures: Exposures, on_event: OnEvent<'_>) -> Result<View, EstimateError> {
+    let Together { photos, working } = together(photos, exposures, on_event)?;
+    let cameras: Vec<Camera> = photos.iter().skip(1).map(|photo| photo.frame.camera).collect();
+    let mut working = working.into_iter();
+    let (Some(first), Some(first_working)) = (photos.into_iter().next(), working.next()) else {
+        return Err(EstimateError::NoPhotos);
+    };
+    let others = working.zip(cameras).collect();
+    Ok(View { frame: first.frame, working: first_working.frame, others, global: None, predicted_depth: false })
 }
 
 /// As the networks take photos.

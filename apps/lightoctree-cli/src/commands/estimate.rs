@@ -1,6 +1,6 @@
-//! `lightoctree estimate PHOTO`: photo, with or without depth → scene file.
+//! `lightoctree estimate PHOTO`: photo, with or without depth, or several photos of a room with depth → scene file.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::ValueEnum;
@@ -10,6 +10,7 @@ use lightoctree::scene::{Completion, Frame, Scene};
 use lightoctree::{EstimateError, EstimateOptions, Estimator, Input};
 
 use super::parse;
+use super::photos::{self, PhotosArgs};
 use crate::args::{Global, OutputArgs};
 use crate::progress::{Stages, seconds};
 use crate::usage::Usage;
@@ -22,18 +23,23 @@ use crate::{output, report};
     lightoctree estimate photo.jpg --depth lidar.png -o room.scene\n  \
     lightoctree estimate kinect.png --depth kinect_depth.png --depth-scale 5000 --intrinsics 525,525,319.5,239.5 -o desk.scene\n  \
     lightoctree estimate photo.jpg --depth depth_pro.npy --depth-is predicted -o room.scene\n  \
+    lightoctree estimate a.jpg b.jpg c.jpg --depth a.png b.png c.png --poses poses.json -o room.scene\n  \
     lightoctree estimate photo.jpg --completion network --weights trained.safetensors -o room.scene")]
 #[command(mut_arg("output", |output| output.help("The scene file to write").value_name("SCENE")))]
 pub struct Args {
-    /// The photo: PNG, JPEG, WebP, TIFF, BMP, PNM (sRGB) or HDR, EXR, PFM (linear)
-    photo: PathBuf,
+    /// The photo: PNG, JPEG, WebP, TIFF, BMP, PNM (sRGB) or HDR, EXR, PFM (linear); or several of one room, with --depth and --poses
+    #[arg(required_unless_present = "depth")]
+    photo: Vec<PathBuf>,
 
     /// Depth of the same view, any resolution: 16-bit PNG, or EXR, PFM, TIFF, NPY in metres [default: predicted by the network]
     ///
     /// From a phone's LiDAR (ARKit, Record3D), an RGB-D camera (Kinect, RealSense, Azure), or, with --depth-is predicted, from another program that
-    /// estimates depth in metres (Depth Anything, Depth Pro, MoGe, UniDepth).
-    #[arg(long, value_name = "FILE")]
-    depth: Option<PathBuf>,
+    /// estimates depth in metres (Depth Anything, Depth Pro, MoGe, UniDepth). Of several photos: one file for each, in their order.
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    depth: Vec<PathBuf>,
+
+    #[command(flatten)]
+    photos: PhotosArgs,
 
     /// Where the depth file comes from
     #[arg(long, value_name = "SOURCE", default_value = "measured", requires = "depth")]
@@ -109,34 +115,49 @@ const COMMAND: &str = "estimate";
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     output::check_replaceable(&args.out.output, COMMAND, args.out.force)?;
     let mut stages = Stages::new(global.quiet);
+    let (photos, depths) = photos::files(&args.photo, &args.depth)?;
     let estimator = estimator(args, &mut stages)?;
-    let (photo, depth_m) = stages.stage("read photo and depth", || -> anyhow::Result<_> {
-        let photo = imaging::read_photo(&args.photo)?;
-        let depth_m = args.depth.as_ref().map(|path| imaging::read_depth(path, args.depth_scale)).transpose()?;
-        Ok((photo, depth_m))
-    })?;
-    let camera = camera(args, &photo, &mut stages)?;
-    let input = match depth_m.zip(args.depth.as_ref()) {
-        None => Input::Photo { photo: photo.photo, camera },
-        Some((depth_m, path)) => {
-            let frame = Frame::new(photo.photo, depth_m, camera, 1.0)
-                .with_context(|| format!("{} and {} do not fit together", args.photo.display(), path.display()))?;
-            match args.depth_is {
-                DepthArg::Measured => Input::MeasuredDepth(frame),
-                DepthArg::Predicted => Input::PredictedDepth(frame),
+    let mut options = options(global, args, [photos, depths]);
+    let input = match (photos, depths) {
+        ([path], depths @ ([] | [_])) => {
+            args.photos.unused()?;
+            one(args, path, depths.first(), &mut stages)?
+        }
+        _ => {
+            if matches!(args.depth_is, DepthArg::Predicted) {
+                return Err(Usage(photos::PREDICTED.into()).into());
             }
+            let given = |photo: &imaging::PhotoFile| given_camera(args, photo);
+            let several = args.photos.read(photos, depths, args.depth_scale, given, &mut stages)?;
+            options.up = options.up.or(several.up);
+            several.input
         }
     };
-    let scene = estimator.estimate(input, &options(global, args), &mut |event| stages.hear(event)).map_err(
-        |error| match error {
-            EstimateError::OctreeDepth { .. } => {
-                Usage(format!("--octree-depth: {error}; leave it out, or choose another --completion")).into()
-            }
-            error => anyhow::Error::from(error),
-        },
-    )?;
+    let scene = estimator.estimate(input, &options, &mut |event| stages.hear(event)).map_err(|error| match error {
+        EstimateError::OctreeDepth { .. } => {
+            Usage(format!("--octree-depth: {error}; leave it out, or choose another --completion")).into()
+        }
+        error => anyhow::Error::from(error),
+    })?;
     stages.stage("write", || scene.write(&args.out.output, &output::signature(COMMAND)))?;
     say(args, &scene, &stages)
+}
+
+/// A photo, with depth or without.
+fn one(args: &Args, path: &Path, depth: Option<&PathBuf>, stages: &mut Stages) -> anyhow::Result<Input> {
+    let (photo, depth_m) = stages.stage("read photo and depth", || -> anyhow::Result<_> {
+        let photo = imaging::read_photo(path)?;
+        let depth_m = depth.map(|path| imaging::read_depth(path, args.depth_scale)).transpose()?;
+        Ok((photo, depth_m))
+    })?;
+    let camera = camera(args, &photo, stages)?;
+    let Some((depth_m, depth)) = depth_m.zip(depth) else { return Ok(Input::Photo { photo: photo.photo, camera }) };
+    let frame = Frame::new(photo.photo, depth_m, camera, 1.0)
+        .with_context(|| format!("{} and {} do not fit together", path.display(), depth.display()))?;
+    Ok(match args.depth_is {
+        DepthArg::Measured => Input::MeasuredDepth(frame),
+        DepthArg::Predicted => Input::PredictedDepth(frame),
+    })
 }
 
 /// With networks, where depth or completion needs them.
@@ -146,7 +167,7 @@ fn estimator(args: &Args, stages: &mut Stages) -> anyhow::Result<Estimator> {
         // A program without weights still has what needs none.
         None => cfg!(feature = "weights") || args.weights.is_some(),
     };
-    if !completes && args.depth.is_some() {
+    if !completes && !args.depth.is_empty() {
         return match args.weights {
             Some(_) => Err(Usage("with --depth, --weights belongs to --completion network".into()).into()),
             None => Ok(Estimator::without_networks()),
@@ -155,9 +176,9 @@ fn estimator(args: &Args, stages: &mut Stages) -> anyhow::Result<Estimator> {
     stages.stage("read weights", || super::estimator(args.weights.as_deref()))
 }
 
-fn options(global: &Global, args: &Args) -> EstimateOptions {
+fn options(global: &Global, args: &Args, files: [&[PathBuf]; 2]) -> EstimateOptions {
     let file_name = |path: &PathBuf| path.file_name().map(|name| name.to_string_lossy().into_owned());
-    let sources = [Some(&args.photo), args.depth.as_ref()].into_iter().flatten().filter_map(file_name).collect();
+    let sources = files.into_iter().flatten().chain(&args.photos.poses).filter_map(file_name).collect();
     EstimateOptions {
         octree_depth: args.octree_depth,
         completion: args.completion.map(Completion::from),
@@ -170,19 +191,27 @@ fn options(global: &Global, args: &Args) -> EstimateOptions {
 
 /// The camera by the best source at hand; says which.
 fn camera(args: &Args, photo: &imaging::PhotoFile, stages: &mut Stages) -> anyhow::Result<Camera> {
-    let (width, height) = (photo.photo.width() as u32, photo.photo.height() as u32);
-    let (camera, source) = if let Some([fx, fy, cx, cy]) = args.intrinsics {
-        let camera = Camera::new(fx, fy, cx, cy, width, height);
-        (camera.map_err(|error| Usage(format!("--intrinsics: {error}")))?, "--intrinsics".to_owned())
-    } else if let Some(hfov_deg) = args.hfov_deg {
-        let camera = Camera::from_hfov_deg(hfov_deg, width, height);
-        (camera.map_err(|error| Usage(format!("--hfov-deg: {error}")))?, "--hfov-deg".to_owned())
-    } else {
-        let (camera, source) = lightoctree::camera_of_photo(photo)?;
-        (camera, source.to_string())
+    let (camera, source) = match given_camera(args, photo)? {
+        Some((camera, option)) => (camera, option.to_owned()),
+        None => {
+            let (camera, source) = lightoctree::camera_of_photo(photo)?;
+            (camera, source.to_string())
+        }
     };
     stages.note(&format!("camera of {:.1} degrees across ({source})", camera.hfov_deg()));
     Ok(camera)
+}
+
+/// The camera by an option, with its name.
+fn given_camera(args: &Args, photo: &imaging::PhotoFile) -> anyhow::Result<Option<(Camera, &'static str)>> {
+    let (width, height) = (photo.photo.width() as u32, photo.photo.height() as u32);
+    if let Some([fx, fy, cx, cy]) = args.intrinsics {
+        let camera = Camera::new(fx, fy, cx, cy, width, height);
+        return Ok(Some((camera.map_err(|error| Usage(format!("--intrinsics: {error}")))?, "--intrinsics")));
+    }
+    let Some(hfov_deg) = args.hfov_deg else { return Ok(None) };
+    let camera = Camera::from_hfov_deg(hfov_deg, width, height);
+    Ok(Some((camera.map_err(|error| Usage(format!("--hfov-deg: {error}")))?, "--hfov-deg")))
 }
 
 fn say(args: &Args, scene: &Scene, stages: &Stages) -> anyhow::Result<()> {

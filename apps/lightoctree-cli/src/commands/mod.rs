@@ -17,6 +17,7 @@ pub mod weights;
 
 mod environment;
 mod parse;
+mod photos;
 
 use std::path::Path;
 

@@ -7,4 +7,5 @@ mod cli;
 mod data;
 mod documents;
 mod eval;
+mod photos;
 mod train;

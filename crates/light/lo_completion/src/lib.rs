@@ -16,4 +16,4 @@ pub use gravity::up_from_predicted_depth;
 pub use highlights::HighlightReport;
 pub use lamps::LampReport;
 pub use light_from_above::light_from_above;
-pub use shell::{Enclosure, Shell, ShellOptions, ShellReport, filled_warning, shell};
+pub use shell::{Enclosure, Shell, ShellOptions, ShellReport, filled_warning, shell, shell_of_photos};

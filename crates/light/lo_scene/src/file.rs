@@ -12,7 +12,7 @@ use lo_octree::{NamedTensor, OctreeHeader, read_tensors, write_tensors};
 use safetensors::{Dtype, SafeTensors, View};
 use serde::{Deserialize, Serialize};
 
-use crate::{Completion, Frame, Room, Scene, SceneError};
+use crate::{Completion, Frame, OtherPhoto, Room, Scene, SceneError};
 
 /// Version of the file's layout that this crate writes and reads.
 pub const FORMAT_VERSION: u32 = 1;
@@ -41,6 +41,8 @@ struct Metadata {
     predicted_depth: bool,
     #[serde(default)]
     confidence: bool,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    other_photos: Vec<OtherPhoto>,
 }
 
 impl Scene {
@@ -87,6 +89,7 @@ impl Scene {
             sources: self.sources.iter().map(|name| file_name(name)).collect(),
             predicted_depth: self.predicted_depth,
             confidence: self.confidence.is_some(),
+            other_photos: self.other_photos.clone(),
         };
         let json = serde_json::to_string(&metadata).map_err(|e| SceneError::Metadata(e.to_string()))?;
         let mut tensors: Vec<(String, Tensor)> =
@@ -142,13 +145,16 @@ impl Scene {
         if !metadata.room.as_ref().is_none_or(Room::is_valid) {
             return Err(SceneError::Metadata("the room's directions are not of unit length".to_owned()));
         }
+        if !metadata.other_photos.iter().all(OtherPhoto::is_valid) {
+            return Err(SceneError::Metadata("the pose or camera of one of its other photos".to_owned()));
+        }
         let tensors = SafeTensors::deserialize(bytes).map_err(container)?;
         let frame = Frame::new(read_photo(&tensors)?, read_depth(&tensors)?, metadata.camera, metadata.exposure)?;
         let light = read_tensors(&tensors, &metadata.octree)?;
         let sources = metadata.sources.iter().map(|name| file_name(name)).collect();
         let confidence = metadata.confidence.then(|| read_confidence(&tensors, &light.rgba)).transpose()?;
-        let Metadata { completion, room, predicted_depth, .. } = metadata;
-        Ok(Self { light, frame, completion, room, sources, predicted_depth, confidence })
+        let Metadata { completion, room, predicted_depth, other_photos, .. } = metadata;
+        Ok(Self { light, frame, completion, room, sources, predicted_depth, confidence, other_photos })
     }
 }
 

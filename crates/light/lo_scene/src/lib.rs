@@ -16,7 +16,8 @@
 //! `octree` (`format_version`, `depth`, `full_depth`, `cube` with `origin_m` and `edge_m`), `camera` (`fx fy cx cy width height`, pixels of the photo),
 //! `exposure`, `completion` (`network`, `shell`, `none`), `room` (null, or `up` and `planes`: `side`, `plane` with `normal` and
 //! `offset_m`, `measured`), `sources` (file names without folders), `predicted_depth` (whether `depth_m` was predicted from the photo) and
-//! `confidence` (whether there is a tensor of that name). In Python:
+//! `confidence` (whether there is a tensor of that name). Where the scene is from several photos, `other_photos` has of each but the first
+//! `first_from_camera` (`rotation` x y z w, `translation_m`), `camera` and `exposure`. In Python:
 //!
 //! ```python
 //! from safetensors import safe_open
@@ -29,9 +30,13 @@
 mod error;
 mod file;
 mod frame;
+mod overlap;
 mod placement;
+mod posed_frame;
+pub mod poses;
 mod resample;
 mod room;
+mod seen_photo;
 mod surfel;
 
 use lo_octree::LightOctree;
@@ -39,9 +44,12 @@ use lo_octree::LightOctree;
 pub use error::{FrameError, SceneError};
 pub use file::FORMAT_VERSION;
 pub use frame::Frame;
+pub use overlap::{ExposureRatio, Overlap, overlap};
 pub use placement::place_cube;
+pub use posed_frame::{OtherPhoto, PosedFrame};
 pub use resample::working_photo;
 pub use room::{Completion, Room, RoomPlane, Side};
+pub use seen_photo::SeenPhoto;
 pub use surfel::Surfel;
 
 /// Everything that `estimate` knows about a room; self-contained.
@@ -62,12 +70,15 @@ pub struct Scene {
     /// What a network says of its own work: `confidence[d][row]` of each row of [`LightOctree::rgba`], 255 · e^−ε with the expected
     /// error ε of log(1 + radiance).
     pub confidence: Option<Vec<Vec<u8>>>,
+    /// Photos beside the frame's that the light comes from, too.
+    pub other_photos: Vec<OtherPhoto>,
 }
 
 impl Scene {
     /// Of measured depth, with no more light than `light` holds: nothing completed, no sources named.
     pub fn as_seen(light: LightOctree, frame: Frame) -> Self {
         let completion = Completion::None;
-        Self { light, frame, completion, room: None, sources: Vec::new(), predicted_depth: false, confidence: None }
+        let (sources, other_photos) = (Vec::new(), Vec::new());
+        Self { light, frame, completion, room: None, sources, predicted_depth: false, confidence: None, other_photos }
     }
 }

@@ -34,6 +34,7 @@ fn scene(linear: bool) -> Scene {
         sources: vec!["/home/somebody/photo.jpg".to_owned(), "C:\\pictures\\depth.png".to_owned()],
         predicted_depth: false,
         confidence: None,
+        other_photos: Vec::new(),
     }
 }
 
