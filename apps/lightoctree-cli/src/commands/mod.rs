@@ -13,6 +13,7 @@ pub mod inspect;
 pub mod probes;
 pub mod synth;
 pub mod train;
+pub mod unwrap;
 pub mod weights;
 
 mod environment;

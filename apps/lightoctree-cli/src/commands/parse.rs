@@ -27,6 +27,21 @@ pub fn pixel(text: &str) -> Result<[f64; 2], String> {
     numbers(text, "U,V")
 }
 
+/// `X,Y,R` in pixels: a circle's middle and radius.
+pub fn circle(text: &str) -> Result<[f64; 3], String> {
+    numbers(text, "X,Y,R")
+}
+
+/// A share above 0 and at most 1, or one for each of `R,G,B`.
+pub fn reflectance(text: &str) -> Result<[f32; 3], String> {
+    let all = if text.contains(',') { numbers(text, "R,G,B")? } else { [numbers::<1>(text, "a number")?[0]; 3] };
+    if all.iter().all(|&v| v as f32 > 0.0 && v <= 1.0) {
+        Ok(all.map(|v| v as f32))
+    } else {
+        Err("a reflectance lies above 0 and is at most 1".into())
+    }
+}
+
 /// `NX,NY,NZ`, each at least 1.
 pub fn counts(text: &str) -> Result<[usize; 3], String> {
     let numbers: [f64; 3] = numbers(text, "NX,NY,NZ")?;
@@ -117,6 +132,10 @@ mod tests {
         assert!(size("256").is_err() && size("0x4").is_err() && size("99999x4").is_err());
         assert_eq!(counts("3,2,1"), Ok([3, 2, 1]));
         assert!(counts("0,1,1").is_err() && counts("1.5,1,1").is_err());
+        assert_eq!(reflectance("0.5"), Ok([0.5; 3]));
+        assert_eq!(reflectance("0.5, 1,0.25"), Ok([0.5, 1.0, 0.25]));
+        assert!(["0", "1.1", "0.5,0.5", "-1", "nan", "1e-300"].iter().all(|text| reflectance(text).is_err()));
+        assert_eq!(circle("3,4.5,100"), Ok([3.0, 4.5, 100.0]));
         assert_eq!(part("3/16"), Ok([3, 16]));
         assert!(["0/4", "5/4", "1", "a/2", "1/0"].iter().all(|text| part(text).is_err()));
         assert_eq!(hfov_range_deg("60,80"), Ok([60.0, 80.0]));
