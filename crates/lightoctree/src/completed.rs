@@ -25,14 +25,11 @@ pub(crate) fn by_network(
     options: &EstimateOptions,
     on_event: OnEvent<'_>,
 ) -> Result<Completed, EstimateError> {
-    let photos = view.photos();
     let global = match &view.global {
-        Some(global) => vec![global.clone()],
-        None => stage(on_event, Stage::GlobalLight, || {
-            photos.iter().map(|(working, _)| networks.global_light(&srgb8(&working.photo))).collect()
-        })?,
+        Some(global) => global.clone(),
+        None => stage(on_event, Stage::GlobalLight, || networks.global_light(&srgb8(&view.working.photo)))?,
     };
-    let seen = SeenFrame::of_photos(&photos, options.up).ok_or(EstimateError::NothingSeen)?;
+    let seen = SeenFrame::of_photos(&view.photos(), options.up).ok_or(EstimateError::NothingSeen)?;
     let filled = seen.points.len() - seen.surfels.len();
     filled_warning(seen.surfels.len(), filled).into_iter().try_for_each(|warning| warn(on_event, warning))?;
     let completed = stage(on_event, Stage::LightNetwork, || {

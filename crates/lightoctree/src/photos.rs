@@ -8,10 +8,10 @@ use lo_scene::{Overlap, PosedFrame, SeenPhoto, overlap};
 use crate::{EstimateError, Exposures};
 
 /// Median difference of the depths of two photos, share of the depth, beyond which their poses are warned about (`docs/design/036-several-photos.md`).
-const SUSPECT: f32 = 0.06;
+const SUSPECT: f32 = 0.07;
 
 /// The same from which on they are refused.
-const WRONG: f32 = 0.3;
+const WRONG: f32 = 0.2;
 
 /// How much of the difference in brightness between photos that have nothing in common is taken for one of exposure
 /// (`docs/design/036-several-photos.md`).

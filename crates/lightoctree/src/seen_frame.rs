@@ -53,7 +53,6 @@ impl SeenFrame {
             camera: seen.clean.camera,
             camera_from_world: seen.first_from_camera.inverse(),
             points: points.len(),
-            exposure: seen.clean.exposure,
         };
         let views: Vec<PhotoView> = seen.iter().zip(&each).map(view).collect();
         let camera = views[0].camera;

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use lightoctree::geometry::{Camera, Vec3};
-use lightoctree::imaging::{self, PhotoFile};
+use lightoctree::imaging::mirror_ball::stops_from_exif;
+use lightoctree::imaging::{self, PhotoFile, ShotExposure};
 use lightoctree::scene::poses::PhotoPoses;
 use lightoctree::scene::{Frame, PosedFrame};
 use lightoctree::{Exposures, Input};
@@ -100,7 +101,7 @@ impl PhotosArgs {
         }
         let stops = match &self.exposures {
             Some(parse::Stops(stops)) => Some(stops.iter().map(|ev| ev - stops[0]).collect()),
-            None => poses.exposures_ev(),
+            None => poses.exposures_ev().or_else(|| exif_stops(files.iter().map(|(photo, _)| photo))),
         };
         let mut frames = Vec::with_capacity(photos.len());
         for (index, (((photo, depth_m), pose), path)) in
@@ -124,4 +125,11 @@ impl PhotosArgs {
         let exposures = if stops.is_some() { Exposures::Known } else { Exposures::Matched };
         Ok(Several { input: Input::Photos { photos: frames, exposures }, up: poses.up })
     }
+}
+
+/// Stops by which each photo shows the same light brighter than the first, where EXIF tells exposure time and sensitivity of all.
+fn exif_stops<'a>(photos: impl Iterator<Item = &'a PhotoFile>) -> Option<Vec<f64>> {
+    let shots: Vec<ShotExposure> = photos.map(|photo| photo.exposure).collect();
+    let told = shots.iter().all(|shot| shot.time_s.is_some() && shot.iso.is_some());
+    told.then(|| stops_from_exif(&shots)).flatten()
 }

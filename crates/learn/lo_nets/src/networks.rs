@@ -13,7 +13,7 @@ use crate::checkpoint::{Checkpoint, CheckpointError, Precision};
 use crate::depth::{DepthNet, EncoderKind, network_input, panorama_image};
 use crate::light::{
     Growth, LightConfigError, LightError, LightInput, LightNet, LightNetConfig, PhotoView, SeenDetail, VisiblePoint,
-    blend_with_map, common_map,
+    blend_with_map,
 };
 
 /// The depth network's name in a checkpoint, and in the checkpoint's state that of what says which encoder it has.
@@ -175,31 +175,28 @@ impl Networks {
     /// network and what the [single map](Networks::single_map) say.
     ///
     /// `points` are what the cameras of `views` see, those of one after those of another, in the frame of `cube`, which is the first camera's;
-    /// `global` is each photo's. `seed` places the points that carry the global light. Where `octree_depth` is greater than the network's own depth, what
+    /// `global` is that one's. What is guessed, is guessed from what the first camera sees. `seed` places the points that carry the global light. Where `octree_depth` is greater than the network's own depth, what
     /// is seen is that fine, and what is not ends above it.
     ///
     /// # Errors
     /// Points that are not finite; predictions that are not; a depth that no octree can have.
     ///
     /// # Panics
-    /// Without views, with another number of global lights, or where views have more points than there are.
+    /// Where the views have more points than there are.
     pub fn complete(
         &self,
         points: &[VisiblePoint],
         views: &[PhotoView],
         cube: Cube,
-        global: Vec<GlobalLight>,
+        global: GlobalLight,
         octree_depth: u32,
         seed: u64,
     ) -> Result<CompletedLight, LightError> {
-        assert_eq!(views.len(), global.len(), "one global light for each photo");
         in_pool(|| {
             let input = LightInput::of_photos(points, views, cube, &self.config, seed)?;
             let input = LightInput { colour_share: COLOUR_SHARE, ..input };
-            let maps = global.iter().map(|global| panorama_image(self.depth.panorama.forward(global.0.clone())));
-            let map = common_map(maps.collect(), views);
-            let first = global.into_iter().next().expect("there is a view").0;
-            let mut output = self.light.forward(&input, Some(first), Growth::Predicted)?;
+            let map = panorama_image(self.depth.panorama.forward(global.0.clone()));
+            let mut output = self.light.forward(&input, Some(global.0), Growth::Predicted)?;
             let warnings = std::mem::take(&mut output.warnings);
             let (mut light, mut confidence) = output.into_light()?;
             blend_with_map(&mut light, &input.visible, &map);

@@ -162,7 +162,8 @@ mod tests {
     fn wrong_poses_disagree_and_photos_that_share_nothing_say_nothing() {
         let first = photo(RigidTransform::IDENTITY, 1.0, RigidTransform::IDENTITY);
         let pose = turned(-30.0, Vec3::new(0.4, 0.1, -0.2));
-        for (wrong, least) in [(turned(30.0, pose.translation_m), 0.1), (turned(-30.0, Vec3::new(0.4, 0.1, -1.2)), 0.1)]
+        for (wrong, least) in
+            [(turned(30.0, pose.translation_m), 0.07), (turned(-30.0, Vec3::new(0.4, 0.1, -1.2)), 0.07)]
         {
             let found = overlap(&photo(pose, 1.0, wrong), &first).unwrap();
             assert!(found.disagreement > least, "{found:?}");

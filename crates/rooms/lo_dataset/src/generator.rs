@@ -128,21 +128,19 @@ impl Generator {
         self.taken(index, interior, &cameras, &probes, Devices::Each)
     }
 
-    /// Room `index` with its first photo as [`record`](Self::record) makes it, and more that the same device takes: their exposures and white balances
-    /// are their own, response curve and sensors are those of the first. `more` says from where. All panoramas stand in the first photo's frustum.
+    /// Room `index` with photos that one device takes from these cameras: exposure and white balance are each one's own, response curve and sensors are
+    /// common. All panoramas stand in the first one's frustum.
     ///
     /// # Errors
     /// As of [`record`](Self::record).
     pub fn record_by_one_device(
         &self,
         index: u64,
-        more: impl FnOnce(&Interior, &CameraPose) -> Vec<CameraPose>,
+        cameras: impl FnOnce(&Interior) -> Vec<CameraPose>,
     ) -> Result<Record, DatasetError> {
         let interior = self.interior(index)?;
-        let mut cameras = interior.camera_poses(1);
-        let probes = self.probes(&interior, &cameras);
-        let more = more(&interior, &cameras[0]);
-        cameras.extend(more);
+        let cameras = cameras(&interior);
+        let probes = self.probes(&interior, &cameras[..cameras.len().min(1)]);
         self.taken(index, interior, &cameras, &probes, Devices::One)
     }
 

@@ -50,7 +50,10 @@ impl LightInput {
         Self::of_photos(points, &[PhotoView::only(*camera, points.len())], cube, config, seed)
     }
 
-    /// [`LightInput::new`] from what several cameras saw, the points of one after those of another; `f_L` goes outside of all views.
+    /// [`LightInput::new`] from what several cameras saw, the points of one after those of another.
+    ///
+    /// The network guesses from what the first camera saw, as it has learnt to. What any of them saw is known: there its guess does not count
+    /// (`docs/design/036-several-photos.md`).
     ///
     /// # Errors
     /// As of one camera.
@@ -72,7 +75,10 @@ impl LightInput {
         }
         let mut surface: Vec<RadiancePoint> = points.iter().map(VisiblePoint::radiance_point).collect();
         let (visible, _) = LightOctree::from_points(&surface, cube, config.depth, config.full_depth)?;
-        let carriers = carriers(points, views, cube, seed);
+        let free = FreeSpace::of_photos(points, views);
+        let points = &points[..views.first().map_or(0, |view| view.points)];
+        surface.truncate(points.len());
+        let carriers = carriers(points, &views[..views.len().min(1)], cube, seed);
         surface.extend(carriers.iter().map(|&position_m| RadiancePoint {
             position_m,
             radiance: [0.0; 3],
@@ -81,7 +87,6 @@ impl LightInput {
         let (light, _) = LightOctree::from_points(&surface, cube, config.depth, config.full_depth)?;
         let levels = GraphLevel::all(&light.octree);
         let features = features(&light, &levels[levels.len() - 1], points, &carriers);
-        let free = FreeSpace::of_photos(points, views);
         Ok(Self {
             levels,
             octree: light.octree,

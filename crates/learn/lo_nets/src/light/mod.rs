@@ -30,5 +30,5 @@ pub use photo_view::PhotoView;
 pub use radiance::{KnownLight, NodeLight};
 pub use rays::Rays;
 pub(crate) use refine::SeenDetail;
-pub(crate) use second_guess::{blend as blend_with_map, common_map};
+pub(crate) use second_guess::blend as blend_with_map;
 pub use visible_point::VisiblePoint;

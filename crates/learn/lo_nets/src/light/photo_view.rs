@@ -9,14 +9,12 @@ pub struct PhotoView {
     pub camera_from_world: RigidTransform,
     /// How many of the visible points are its photo's: those of the photos lie one after another.
     pub points: usize,
-    /// The photo's linear values times this are radiance.
-    pub exposure: f32,
 }
 
 impl PhotoView {
     /// A camera at the origin that took the only photo.
     pub const fn only(camera: Camera, points: usize) -> Self {
-        Self { camera, camera_from_world: RigidTransform::IDENTITY, points, exposure: 1.0 }
+        Self { camera, camera_from_world: RigidTransform::IDENTITY, points }
     }
 
     /// Place in the picture and depth of a point of the octree's frame; `None` at or behind the camera.

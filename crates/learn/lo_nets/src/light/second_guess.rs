@@ -1,10 +1,8 @@
 //! Two guesses of light that the photo does not show are better than one: the light network's, and the single map of the global decoder.
 
-use lo_geometry::pixel_direction;
 use lo_imaging::{RadianceImage, luminance, sample_equirectangular};
 use lo_octree::LightOctree;
 
-use crate::light::PhotoView;
 use crate::light::refine::{guess, known};
 
 /// Weight of the map's brightness beside that of the light network's guess (`docs/design/010-brightness-of-two-guesses.md`).
@@ -32,28 +30,10 @@ pub(crate) fn blend(light: &mut LightOctree, visible: &LightOctree, map: &Radian
     }
 }
 
-/// One panorama in the octree's frame of those that several photos' global light gives, each turned as its camera: the mean of log(1 + luminance), in
-/// grey, as all cameras stand at about one place. A single one stays as it is.
-pub(crate) fn common_map(mut maps: Vec<RadianceImage>, views: &[PhotoView]) -> RadianceImage {
-    if maps.len() == 1 {
-        return maps.swap_remove(0);
-    }
-    let (width, height) = maps.first().map_or((2, 1), |map| (map.width(), map.height()));
-    RadianceImage::from_fn(width, height, |x, y| {
-        let direction = pixel_direction(x, y, width, height);
-        let shown = |(map, view): (&RadianceImage, &PhotoView)| {
-            let own = view.camera_from_world.direction(direction);
-            (view.exposure * luminance(sample_equirectangular(map, own))).ln_1p()
-        };
-        let sum: f32 = maps.iter().zip(views).map(shown).sum();
-        [(sum / maps.len().max(1) as f32).exp_m1(); 3]
-    })
-}
-
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
-    use lo_geometry::{Camera, Cube, Quat, RigidTransform, Vec3};
+    use lo_geometry::{Cube, Vec3, pixel_direction};
     use lo_octree::{Coverage, RadiancePoint};
 
     use super::*;
@@ -109,24 +89,6 @@ mod tests {
             assert_eq!(after[3], before[3]);
         }
         assert!(half_seen > 0 && light.rgba[2] != before.rgba[2]);
-    }
-
-    #[test]
-    fn maps_of_two_photos_meet_in_the_middle_each_turned_as_its_camera() {
-        let map =
-            |gain: f32| RadianceImage::from_fn(64, 32, |x, y| [gain * (1.5 - pixel_direction(x, y, 64, 32).z); 3]);
-        let first = PhotoView::only(Camera::from_hfov_deg(60.0, 4, 4).unwrap(), 0);
-        // The second camera looks the other way and shows light at half of its strength.
-        let back = RigidTransform { rotation: Quat::from_rotation_y(std::f32::consts::PI), translation_m: Vec3::ZERO };
-        let views = [first, PhotoView { camera_from_world: back, exposure: 2.0, ..first }];
-        let common = common_map(vec![map(1.0), map(0.5)], &views);
-        for (x, y) in [(32, 16), (3, 9), (50, 20)] {
-            let z = pixel_direction(x, y, 64, 32).z;
-            let expected = ((2.5 - z) * (2.5 + z)).sqrt() - 1.0;
-            // bilinear reading of a map of 64 columns
-            assert!((common[(x, y)][1] - expected).abs() < 0.01, "{x}, {y}: {} {expected}", common[(x, y)][1]);
-        }
-        assert_eq!(common_map(vec![map(1.0)], &views[..1]), map(1.0));
     }
 
     #[test]
