@@ -75,14 +75,25 @@ impl Estimator {
         };
         let mut completed = match completion {
             How::Network(networks) => by_network(&view, networks, octree_depth, options, on_event)?,
-            How::Shell => closed(&view.working, octree_depth, options, on_event)?,
-            How::None => as_seen(&view.working, octree_depth, options, on_event)?,
+            How::Shell => closed(&view, octree_depth, options, on_event)?,
+            How::None => as_seen(&view, octree_depth, options, on_event)?,
         };
         let panorama = prior.map(|prior| laid(&mut completed, prior, &view.working, on_event)).transpose()?;
         let Completed { light, room, confidence } = completed;
-        let View { frame, predicted_depth, model: depth_model, .. } = view;
+        let (other_photos, View { frame, predicted_depth, model: depth_model, .. }) = (view.other_photos(), view);
         let (completion, sources) = (completion.into(), options.sources.clone());
-        Ok(Scene { light, frame, completion, room, sources, predicted_depth, depth_model, confidence, panorama })
+        Ok(Scene {
+            light,
+            frame,
+            completion,
+            room,
+            sources,
+            predicted_depth,
+            depth_model,
+            confidence,
+            panorama,
+            other_photos,
+        })
     }
 
     /// How, and down to which depth: the options are checked before any work, since the shell's closing points grow with 4^depth.

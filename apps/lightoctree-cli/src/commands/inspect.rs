@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::Context;
+use lightoctree::geometry::Vec3;
 use lightoctree::imaging::luminance;
 use lightoctree::octree::LightOctree;
 use lightoctree::scene::Scene;
@@ -48,6 +49,9 @@ struct Summary {
     /// What somebody's panorama of the room gave.
     #[serde(skip_serializing_if = "Option::is_none")]
     panorama: Option<PanoramaSummary>,
+    /// Photos that the light comes from beside the first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    other_photos: Vec<lightoctree::scene::OtherPhoto>,
 }
 
 #[derive(Serialize)]
@@ -169,6 +173,7 @@ fn summarise(scene: &Scene, bytes: u64) -> Summary {
         inferred_share: if light.leaves().next().is_some() { 1.0 - known_share } else { 0.0 },
         predicted_depth: scene.predicted_depth,
         depth_model: scene.depth_model.clone(),
+        other_photos: scene.other_photos.clone(),
         mean_confidence: scene.confidence.as_ref().map(|confidence| mean_share(light, confidence)),
         panorama,
     }
@@ -224,6 +229,21 @@ fn print_tables(summary: &Summary) {
         photo.depth_height,
         100.0 * photo.depth_readings_share
     ));
+    for (index, photo) in summary.other_photos.iter().enumerate() {
+        let (place, view) = (photo.first_from_camera.translation_m, photo.first_from_camera.direction(Vec3::NEG_Z));
+        report::print(&format!(
+            "photo {}  at ({:.2}, {:.2}, {:.2}), looks along ({:+.2}, {:+.2}, {:+.2})  {:.1} degrees across  exposure {:+.2} EV",
+            index + 2,
+            place.x,
+            place.y,
+            place.z,
+            view.x,
+            view.y,
+            view.z,
+            photo.camera.hfov_deg(),
+            -photo.exposure.log2()
+        ));
+    }
     let radiance = &summary.radiance;
     report::print(&format!(
         "radiance luminance of the leaves: min {:.3}  5 % {:.3}  median {:.3}  95 % {:.3}  99 % {:.3}  max {:.3}",

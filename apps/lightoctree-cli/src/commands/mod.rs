@@ -21,6 +21,7 @@ mod depth_model;
 mod environment;
 mod panorama_prior;
 mod parse;
+mod photos;
 
 use std::path::Path;
 

@@ -34,7 +34,7 @@ pub struct PanoramaArgs {
     panorama_yaw_deg: Option<f64>,
 
     /// Stops from the panorama's values to the photo's [default: found]
-    #[arg(long, value_name = "EV", requires = "panorama", value_parser = parse::stops, allow_hyphen_values = true)]
+    #[arg(long, value_name = "EV", requires = "panorama", value_parser = parse::exposure_ev, allow_hyphen_values = true)]
     panorama_exposure_ev: Option<f64>,
 }
 

@@ -81,6 +81,20 @@ pub fn hfov_range_deg(text: &str) -> Result<[f32; 2], String> {
     Ok([least as f32, most as f32])
 }
 
+/// `EV,EV,…`: as many as there are.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stops(pub Vec<f64>);
+
+/// `EV,EV,…`, each within ± 20 stops.
+pub fn stops(text: &str) -> Result<Stops, String> {
+    let stop = |part: &str| match part.trim().parse::<f64>() {
+        Ok(ev) if ev.abs() <= 20.0 => Ok(ev),
+        Ok(ev) => Err(format!("{ev} EV; exposures differ by 20 at most")),
+        Err(_) => Err(format!("`{}` in EV,EV,… is not a number", part.trim())),
+    };
+    text.split(',').map(stop).collect::<Result<_, _>>().map(Stops)
+}
+
 /// A finite number above zero.
 pub fn positive(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| format!("`{text}` is not a number"))?;
@@ -92,8 +106,8 @@ pub fn angle_deg(text: &str) -> Result<f64, String> {
     within(text, 3600.0, "degrees")
 }
 
-/// Stops of exposure.
-pub fn stops(text: &str) -> Result<f64, String> {
+/// Stops of one exposure.
+pub fn exposure_ev(text: &str) -> Result<f64, String> {
     within(text, 40.0, "stops")
 }
 
@@ -141,6 +155,8 @@ mod tests {
         assert!(["0/4", "5/4", "1", "a/2", "1/0"].iter().all(|text| part(text).is_err()));
         assert_eq!(hfov_range_deg("60,80"), Ok([60.0, 80.0]));
         assert!(["80,60", "1,80", "60", "60,170"].iter().all(|text| hfov_range_deg(text).is_err()));
+        assert_eq!(stops("0,-0.5, 1"), Ok(Stops(vec![0.0, -0.5, 1.0])));
+        assert!(stops("0,x").is_err() && stops("nan").is_err() && stops("0,21").is_err());
         assert!(positive("0").is_err() && positive("inf").is_err() && positive("2").is_ok());
     }
 }

@@ -12,6 +12,8 @@ pub enum Stage {
     ReadWeights,
     /// The photo and its depth are brought to the working resolution.
     WorkingResolution,
+    /// Several photos of one room are compared: whether their poses fit, and how brightly each shows the same light.
+    Photos,
     /// The depth network predicts depth, and with it what the photo tells of the light outside of it.
     DepthAndGlobalLight,
     /// A depth network of others is read from its file.

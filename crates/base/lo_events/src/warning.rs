@@ -26,6 +26,18 @@ pub enum Warning {
         /// Of how many.
         points: usize,
     },
+    /// By their poses two photos show the same places, but their depths do not quite agree there.
+    PosesDisagree {
+        /// Their indices.
+        photos: [usize; 2],
+        /// Median difference of the depths, share of the depth.
+        disagreement: f32,
+    },
+    /// Photos show nothing that the first or those compared with it show: how brightly they show the same light was guessed.
+    AssumedExposures {
+        /// Their indices.
+        photos: Vec<usize>,
+    },
     /// The inserted object does not show: real surfaces stand before all of it.
     ObjectHidden,
     /// The inserted object does not show: it lies outside of the picture.

@@ -72,7 +72,7 @@ pub fn up_from_predicted_depth(frame: &Frame, normals: Option<&Image<Option<Vec3
         .filter_map(|at| {
             let normal = normals[at].filter(|_| depth_m[at] > 0.0)?;
             let position_m = camera.unproject(at.0 as f64 + 0.5, at.1 as f64 + 0.5, f64::from(depth_m[at]));
-            Some(Facet { normal, area: area_of(position_m, normal) })
+            Some(Facet { normal, area: area_of(position_m, depth_m[at], normal) })
         })
         .collect();
     let votes = thinned(&facets);

@@ -20,4 +20,4 @@ pub use light_from_above::light_from_above;
 pub use panorama::{
     LEAST_CONFIDENCE, LaidLight, LayError, PanoramaError, PanoramaMatch, PanoramaPrior, lay_panorama, match_panorama,
 };
-pub use shell::{Enclosure, Shell, ShellOptions, ShellReport, filled_warning, shell};
+pub use shell::{Enclosure, Shell, ShellOptions, ShellReport, filled_warning, shell, shell_of_photos};

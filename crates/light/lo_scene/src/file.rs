@@ -12,7 +12,7 @@ use lo_octree::{NamedTensor, OctreeHeader, read_tensors, write_tensors};
 use safetensors::{Dtype, SafeTensors, View};
 use serde::{Deserialize, Serialize};
 
-use crate::{Completion, Frame, LaidPanorama, PanoramaSource, Room, Scene, SceneError};
+use crate::{Completion, Frame, LaidPanorama, OtherPhoto, PanoramaSource, Room, Scene, SceneError};
 
 /// Version of the file's layout that this crate writes and reads.
 pub const FORMAT_VERSION: u32 = 1;
@@ -48,6 +48,8 @@ struct Metadata {
     confidence: bool,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     panorama: Option<PanoramaSource>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    other_photos: Vec<OtherPhoto>,
 }
 
 impl Scene {
@@ -96,6 +98,7 @@ impl Scene {
             depth_model: self.depth_model.clone(),
             confidence: self.confidence.is_some(),
             panorama: self.panorama.as_ref().map(|laid| laid.source.clone()),
+            other_photos: self.other_photos.clone(),
         };
         let json = serde_json::to_string(&metadata).map_err(|e| SceneError::Metadata(e.to_string()))?;
         let mut tensors: Vec<(String, Tensor)> =
@@ -157,14 +160,28 @@ impl Scene {
         if !metadata.room.as_ref().is_none_or(Room::is_valid) {
             return Err(SceneError::Metadata("the room's directions are not of unit length".to_owned()));
         }
+        if !metadata.other_photos.iter().all(OtherPhoto::is_valid) {
+            return Err(SceneError::Metadata("the pose or camera of one of its other photos".to_owned()));
+        }
         let tensors = SafeTensors::deserialize(bytes).map_err(container)?;
         let frame = Frame::new(read_photo(&tensors)?, read_depth(&tensors)?, metadata.camera, metadata.exposure)?;
         let light = read_tensors(&tensors, &metadata.octree)?;
         let sources = metadata.sources.iter().map(|name| file_name(name)).collect();
         let confidence = metadata.confidence.then(|| read_shares(&tensors, "confidence", &light.rgba)).transpose()?;
-        let Metadata { completion, room, predicted_depth, depth_model, panorama, .. } = metadata;
+        let Metadata { completion, room, predicted_depth, depth_model, panorama, other_photos, .. } = metadata;
         let panorama = panorama.map(|source| read_panorama(&tensors, source, &light.rgba)).transpose()?;
-        Ok(Self { light, frame, completion, room, sources, predicted_depth, depth_model, confidence, panorama })
+        Ok(Self {
+            light,
+            frame,
+            completion,
+            room,
+            sources,
+            predicted_depth,
+            depth_model,
+            confidence,
+            panorama,
+            other_photos,
+        })
     }
 }
 

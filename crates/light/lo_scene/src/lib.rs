@@ -19,7 +19,8 @@
 //! `offset_m`, `measured`), `sources` (file names without folders), `predicted_depth` (whether `depth_m` was predicted from the photo),
 //! `depth_model` (name of the depth model that did, only where it is not the program's own) and `confidence` (whether there is a tensor of that name). Where a panorama
 //! was given there is also `panorama`: `file`, `position_m`, `yaw_deg`, `pitch_deg`, `roll_deg`, `exposure_ev`, `confidence`, `clipped`
-//! ([`PanoramaSource`]). In Python:
+//! ([`PanoramaSource`]). Where the scene is from several photos, `other_photos` has of each but the first
+//! `first_from_camera` (`rotation` x y z w, `translation_m`), `camera` and `exposure`. In Python:
 //!
 //! ```python
 //! from safetensors import safe_open
@@ -32,10 +33,14 @@
 mod error;
 mod file;
 mod frame;
+mod overlap;
 mod panorama;
 mod placement;
+mod posed_frame;
+pub mod poses;
 mod resample;
 mod room;
+mod seen_photo;
 mod surfel;
 
 use lo_octree::LightOctree;
@@ -43,10 +48,13 @@ use lo_octree::LightOctree;
 pub use error::{FrameError, SceneError};
 pub use file::FORMAT_VERSION;
 pub use frame::Frame;
+pub use overlap::{ExposureRatio, Overlap, overlap};
 pub use panorama::{LaidPanorama, PanoramaSource};
 pub use placement::place_cube;
+pub use posed_frame::{OtherPhoto, PosedFrame};
 pub use resample::working_photo;
 pub use room::{Completion, Room, RoomPlane, Side};
+pub use seen_photo::SeenPhoto;
 pub use surfel::Surfel;
 
 /// Everything that `estimate` knows about a room; self-contained.
@@ -71,6 +79,8 @@ pub struct Scene {
     pub confidence: Option<Vec<Vec<u8>>>,
     /// What a panorama of the room gave, where somebody had one.
     pub panorama: Option<LaidPanorama>,
+    /// Photos beside the frame's that the light comes from, too.
+    pub other_photos: Vec<OtherPhoto>,
 }
 
 impl Scene {
@@ -86,6 +96,7 @@ impl Scene {
             depth_model: None,
             confidence: None,
             panorama: None,
+            other_photos: Vec::new(),
         }
     }
 }

@@ -36,6 +36,7 @@ fn scene(linear: bool) -> Scene {
         depth_model: None,
         confidence: None,
         panorama: None,
+        other_photos: Vec::new(),
     }
 }
 

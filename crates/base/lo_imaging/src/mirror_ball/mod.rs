@@ -1,4 +1,4 @@
-//! Photos of a mirror ball become an equirectangular panorama (`docs/method.md` §13).
+//! Photos of a mirror ball become an equirectangular panorama (`docs/method.md` §14).
 //!
 //! [`stops_from_exif`] or [`estimate_stops`] and [`merge_exposures`] make one picture of linear light of several photos, [`find_ball`]
 //! finds the ball in it, and [`unwrap_ball`] turns it into a panorama.

@@ -1,4 +1,4 @@
-//! Where a photo of a mirror ball shows a direction (`docs/method.md` §13).
+//! Where a photo of a mirror ball shows a direction (`docs/method.md` §14).
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
