@@ -13,10 +13,6 @@ const SUSPECT: f32 = 0.07;
 /// The same from which on they are refused.
 const WRONG: f32 = 0.2;
 
-/// How much of the difference in brightness between photos that have nothing in common is taken for one of exposure
-/// (`docs/design/036-several-photos.md`).
-pub(crate) const KEY_SHARE: f32 = 0.5;
-
 /// Photos in the frame of the first one's camera, with one measure of light.
 pub(crate) struct Together {
     /// As they were taken.
@@ -95,7 +91,7 @@ fn pairs(working: &[PosedFrame]) -> Vec<Pair> {
 /// Stops by which each photo has to be made brighter to have the first one's measure, and which of them were guessed.
 ///
 /// Photos that show the same surfaces are matched by least squares over all pairs, weighted by their pixels. A group of photos that has nothing in
-/// common with the first one's gets [`KEY_SHARE`] of what makes its light of the middle half as bright as that of the first one's group.
+/// common with the first one's gets what makes its light of the middle half as bright as that of the first one's group (`docs/design/036-several-photos.md`).
 fn matched(working: &[PosedFrame], pairs: &[Pair]) -> (Vec<f32>, Vec<usize>) {
     let count = working.len();
     let edges = pairs.iter().filter_map(|pair| {
@@ -117,7 +113,7 @@ fn matched(working: &[PosedFrame], pairs: &[Pair]) -> (Vec<f32>, Vec<usize>) {
     other.sort_unstable();
     other.dedup();
     for group in other {
-        let shift = f64::from(KEY_SHARE * (first_key / light_of(group, &brighter_ev)).log2());
+        let shift = f64::from((first_key / light_of(group, &brighter_ev)).log2());
         for photo in (0..count).filter(|&photo| groups[photo] == group) {
             brighter_ev[photo] += shift;
             guessed.push(photo);

@@ -140,38 +140,47 @@ fn mean(all: &[[Scores; 3]], way: usize, name: &str) -> f64 {
 }
 
 #[test]
-#[ignore = "half an hour: cargo test -p lo_eval --test photos three_photos -- --ignored --nocapture; PHOTOS_SEED, PHOTOS_FROM and PHOTOS_TO choose other rooms"]
+#[ignore = "half an hour: cargo test -p lo_eval --test photos three_photos -- --ignored --nocapture; PHOTOS_SEED, PHOTOS_FROM, PHOTOS_TO choose other rooms, PHOTOS_DEPTH=true true depth"]
 fn three_photos_tell_more_than_one() {
     let number = |name: &str, usual: u64| std::env::var(name).map_or(usual, |text| text.parse().unwrap());
     let (seed, from, to) = (number("PHOTOS_SEED", 777), number("PHOTOS_FROM", 0), number("PHOTOS_TO", 24));
+    let depth =
+        if std::env::var("PHOTOS_DEPTH").is_ok_and(|depth| depth == "true") { Depth::True } else { Depth::Sensor };
     let rooms = Rooms::new(seed, [452, 339], 64);
     let estimator = shipped();
-    let mut all: [Vec<[Scores; 3]>; 4] = Default::default();
+    let mut all: [Vec<[Scores; 3]>; 2] = Default::default();
     for index in from..to {
         let record = rooms.record(index);
-        let cases = [Depth::Sensor, Depth::True]
-            .into_iter()
-            .flat_map(|depth| [None, Some(Completion::Shell)].map(|how| (depth, how)));
-        for ((depth, completion), all) in cases.zip(&mut all) {
+        for (completion, all) in [None, Some(Completion::Shell)].into_iter().zip(&mut all) {
             let found = compare(&estimator, &record, depth, completion);
-            let unseen = found.each_ref().map(|scores| scores.get("unseen_psnr_db").unwrap_or(f64::NAN));
-            println!("{} {depth:?} {completion:?} unseen {unseen:.3?} dB", record.key);
+            for (way, scores) in WAYS.iter().zip(&found) {
+                let figures: Vec<String> = scores.iter().map(|(name, value)| format!("{name} {value:.4}")).collect();
+                println!("{} {depth:?} {completion:?} {way}: {}", record.key, figures.join(" "));
+            }
             all.push(found);
         }
     }
-    for (case, all) in
-        ["sensor, networks", "sensor, shell", "true depth, networks", "true depth, shell"].iter().zip(&all)
-    {
+    for (completion, all) in ["networks", "shell"].iter().zip(&all) {
         for (way, name) in WAYS.iter().enumerate() {
             let of = |figure: &str| mean(all, way, figure);
+            let (unseen, seen, whole) = (of("unseen_psnr_db"), of("seen_psnr_db"), of("psnr_db"));
+            let (log_rmse, coherence) = (of("unseen_log_rmse"), of("coherence"));
             println!(
-                "{case}, {name}: unseen {:.2} dB, seen {:.2} dB, all {:.2} dB, unseen log-RMSE {:.4}, L_SC {:.4}",
-                of("unseen_psnr_db"),
-                of("seen_psnr_db"),
-                of("psnr_db"),
-                of("unseen_log_rmse"),
-                of("coherence"),
+                "{depth:?} depth, {completion}, {name}: unseen {unseen:.2} dB, seen {seen:.2} dB, all {whole:.2} dB, unseen log-RMSE {log_rmse:.4}, L_SC {coherence:.4}"
             );
         }
+        // What was asked for, 2 dB, is not reached; what is there must not get lost.
+        assert!(mean(all, 1, "unseen_psnr_db") > mean(all, 0, "unseen_psnr_db"), "{completion}");
     }
+}
+
+/// The quick version: two rooms and small pictures, closed by planes. What the other photos show comes nearer to the truth.
+#[test]
+fn three_photos_of_two_rooms() {
+    let rooms = Rooms::new(4242, [96, 72], 24);
+    let estimator = Estimator::without_networks();
+    let all: Vec<[Scores; 3]> =
+        (1..3).map(|index| compare(&estimator, &rooms.record(index), Depth::Sensor, Some(Completion::Shell))).collect();
+    let [one, known, matched] = [0, 1, 2].map(|way| mean(&all, way, "unseen_psnr_db"));
+    assert!(known > one, "{one} {known} {matched} dB");
 }

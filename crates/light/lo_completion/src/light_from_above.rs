@@ -132,6 +132,7 @@ mod tests {
     use lo_octree::{Coverage, RadiancePoint};
 
     use super::*;
+    use crate::lamps::OBJECT_SHARE;
 
     /// Half of the room's edge.
     const HALF_M: f32 = 2.0;
@@ -194,7 +195,7 @@ mod tests {
         let (mut light, seen) = room(0.05, 0.4);
         let report = light_from_above(&mut light, &seen, Vec3::Y);
         let tracer = ConeTracer::new(&light, Settings::default()).unwrap();
-        let at = |n: usize| crate::lamps::OBJECT_SHARE * seen[n * seen.len() / 50].position_m;
+        let at = |n: usize| OBJECT_SHARE * seen[n * seen.len() / 50].position_m;
         let up = |n: usize| Surfel { position_m: at(n), normal: Vec3::Y, ..seen[0] };
         let standing: Vec<Surfel> = (0..50).map(up).collect();
         let most = MAX_LIGHT * report.wanted_irradiance;
