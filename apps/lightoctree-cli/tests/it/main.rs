@@ -8,3 +8,4 @@ mod data;
 mod documents;
 mod eval;
 mod train;
+mod unwrap;
