@@ -301,8 +301,7 @@ fn sure(args: &Args, found: Option<BallFind>) -> anyhow::Result<BallFind> {
             let BallCircle { x, y, radius_px } = view.circle();
             anyhow::bail!(
                 "{photo}: no ball was found; the best circle, at ({x:.0}, {y:.0}) with a radius of {radius_px:.0} pixels, \
-                 has an edge along {:.0} % of it only. Give --circle X,Y,R",
-                100.0 * confidence
+                 has a confidence of {confidence:.2} only. Give --circle X,Y,R"
             )
         }
         None => anyhow::bail!("{photo}: no ball was found, nor any other circle. Give --circle X,Y,R"),
@@ -312,7 +311,7 @@ fn sure(args: &Args, found: Option<BallFind>) -> anyhow::Result<BallFind> {
 fn say_ball(view: &BallView, confidence: Option<f64>, stages: &Stages) {
     let BallCircle { x, y, radius_px } = view.circle();
     let found = match confidence {
-        Some(confidence) => format!("found, with an edge along {:.0} % of its outline", 100.0 * confidence),
+        Some(confidence) => format!("found, confidence {confidence:.2}"),
         None => "--circle".to_owned(),
     };
     let seen = match view.focal_px() {

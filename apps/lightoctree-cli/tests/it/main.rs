@@ -11,3 +11,4 @@ mod documents;
 mod eval;
 mod photos;
 mod train;
+mod unwrap;

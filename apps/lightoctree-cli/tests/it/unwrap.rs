@@ -1,0 +1,79 @@
+//! `unwrap` as a user runs it.
+
+use lightoctree::imaging::{self, Image, RadianceImage};
+
+use crate::support::{done, json, refused};
+
+/// A disc on grey: as a ball it shows the columns of a panorama.
+fn photo(folder: &std::path::Path, name: &str, width: usize, gain: f32) {
+    let picture = RadianceImage::from_fn(width, 120, |x, y| {
+        let (dx, dy) = ((x as f32 - 79.5) / 50.0, (y as f32 - 59.5) / 50.0);
+        if dx.hypot(dy) < 1.0 { [0.1 * gain + 0.3 * gain * (dx + 1.0); 3] } else { [0.05 * gain; 3] }
+    });
+    let picture: Image<[u8; 3]> = imaging::ToneCurve::Clip.map(&picture, 0.0);
+    imaging::write_srgb8(folder.join(name), &picture, 95, imaging::GENERATOR).unwrap();
+}
+
+#[test]
+fn a_given_ball_becomes_a_panorama() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    photo(at, "a.png", 160, 1.0);
+    photo(at, "b.png", 160, 0.25);
+    let told = json(&done(
+        at,
+        &[
+            "unwrap",
+            "a.png",
+            "b.png",
+            "--circle",
+            "80,60,50",
+            "--size",
+            "64x32",
+            "--mask-out",
+            "m.png",
+            "--json",
+            "-o",
+            "p.exr",
+        ],
+    ));
+    // a quarter of the light is two stops less, to 2 %
+    assert!((told["exposures_ev"][1].as_f64().unwrap() + 2.0).abs() < 0.03, "{told}");
+    assert!(told["filled_share"].as_f64().unwrap() < 0.1 && told["clipped_share"] == 0.0, "{told}");
+    let map = imaging::read_radiance(at.join("p.exr")).unwrap();
+    // orthographically +X shows at √½ of the radius to the right, −X to the left
+    let expected = |side: f32| 0.1 + 0.3 * (side * 0.5f32.sqrt() + 1.0);
+    for (column, side) in [(48, 1.0), (16, -1.0)] {
+        let got = map[(column, 16)][0];
+        assert!((got / expected(side) - 1.0).abs() < 0.03, "{side}: {got} and {}", expected(side));
+    }
+    let mask = imaging::read_rgba8(at.join("m.png")).unwrap();
+    assert_eq!((mask[(0, 16)][0], mask[(32, 16)][0]), (255, 0));
+}
+
+#[test]
+fn what_cannot_be_unwrapped_is_one_clear_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    photo(at, "a.png", 160, 1.0);
+    photo(at, "wide.png", 161, 1.0);
+    let flat = Image::new(160, 120, vec![[90u8; 3]; 160 * 120]);
+    imaging::write_srgb8(at.join("flat.png"), &flat, 95, imaging::GENERATOR).unwrap();
+    let mut linear = RadianceImage::new(160, 120, vec![[0.5; 3]; 160 * 120]);
+    linear[(7, 9)][0] = f32::NAN;
+    imaging::write_radiance(at.join("nan.pfm"), &linear, &imaging::ExrOptions::default()).unwrap();
+    for (code, args, part) in [
+        (1, &["flat.png"][..], "no ball was found"),
+        (2, &["a.png", "--circle", "500,60,50"], "does not lie in the photo"),
+        (2, &["a.png", "--circle", "80,60,1"], "none that could be unwrapped"),
+        (1, &["a.png", "wide.png", "--circle", "80,60,50"], "wide.png: 161 × 120 pixels, but a.png has 160 × 120"),
+        (1, &["nan.pfm", "--circle", "80,60,50"], "nan.pfm: pixel (7, 9) is not a finite number"),
+        (2, &["a.png", "--exposures", "0,1"], "1 photos need as many exposures, got 2"),
+        (2, &["a.png", "--circle", "80,60,50", "--size", "64x64"], "twice as wide"),
+        (2, &["a.png", "--circle", "80,60,50", "--hfov-deg", "175"], "--hfov-deg"),
+    ] {
+        let message = refused(at, code, &[&["unwrap"], args, &["-o", "p.hdr"]].concat());
+        assert!(message.contains(part) && message.lines().count() == 1, "{args:?}: {message}");
+    }
+    assert!(!at.join("p.hdr").exists());
+}
