@@ -17,7 +17,7 @@ type Result<T = ()> = std::result::Result<T, Box<dyn std::error::Error>>;
 
 fn main() -> Result {
     let corpus = Path::new("corpus");
-    for target in ["scene", "image", "mesh", "shard", "depth_model", "options"] {
+    for target in ["scene", "image", "mesh", "shard", "depth_model", "poses", "options"] {
         std::fs::create_dir_all(corpus.join(target))?;
     }
     scenes(&corpus.join("scene"))?;
@@ -26,6 +26,7 @@ fn main() -> Result {
     meshes(&corpus.join("mesh"))?;
     shards(&corpus.join("shard"))?;
     depth_models(&corpus.join("depth_model"))?;
+    poses(&corpus.join("poses"))?;
     texts(&corpus.join("options"))
 }
 
@@ -96,8 +97,9 @@ fn scenes(folder: &Path) -> Result {
         let plane = Plane { normal: Vec3::Y, offset_m: -1.5 };
         let room = Room { up: Vec3::Y, planes: vec![RoomPlane { side: Side::Floor, plane, measured: true }] };
         let sources = vec!["photo.jpg".to_owned()];
-        let (predicted_depth, depth_model, confidence) = (false, None, None);
-        Scene { light, frame, completion: Completion::Shell, room: Some(room), sources, predicted_depth, depth_model, confidence }
+        let (predicted_depth, depth_model, confidence, panorama, other_photos) = (false, None, None, None, Vec::new());
+        let (completion, room) = (Completion::Shell, Some(room));
+        Scene { light, frame, completion, room, sources, predicted_depth, depth_model, confidence, panorama, other_photos }
             .write(&folder.join(format!("{name}.scene")), "seeds")?;
     }
     Ok(())
@@ -287,6 +289,25 @@ fn base64(bytes: &[u8]) -> String {
         std::array::from_fn::<char, 4, _>(digit)
     };
     bytes.chunks(3).flat_map(group).collect()
+}
+
+/// A file of poses in each format.
+fn poses(folder: &Path) -> Result {
+    let matrix = "1,0,0,0,0,1,0,1.5,0,0,1,0,0,0,0,1";
+    let rows = "[[1,0,0,0],[0,1,0,1.5],[0,0,1,0],[0,0,0,1]]";
+    let polycam: Vec<String> =
+        matrix.split(',').take(12).enumerate().map(|(i, v)| format!(r#""t_{}{}":{v}"#, i / 4, i % 4)).collect();
+    for (name, text) in [
+        ("own.json", format!(r#"{{"axes":"opencv","world_up":[0,1,0],"photos":[{{"file":"a.jpg","world_from_camera":{rows},"hfov_deg":65,"exposure_ev":0}},{{"file":"b.jpg","rotation_xyzw":[0,0.6,0,0.8],"position_m":[1,0,0],"intrinsics":{{"fx":500,"fy":500,"cx":320,"cy":240}},"exposure_ev":0.5}}]}}"#)),
+        ("record3d.json", r#"{"w":720,"h":960,"fps":60,"K":[700,0,0,0,700,0,360,480,1],"perFrameIntrinsicCoeffs":[[700,700,360,480],[701,701,360,480]],"poses":[[0,0,0,1,0,0,0],[0,0.6,0,0.8,0.1,0,0]]}"#.into()),
+        ("scanner.json", format!(r#"{{"cameraPoseARFrame":[{matrix}],"intrinsics":[1400,0,960,0,1400,720,0,0,1]}}"#)),
+        ("polycam.json", format!(r#"{{{},"fx":700,"fy":700,"cx":512,"cy":384,"width":1024,"height":768}}"#, polycam.join(","))),
+        ("transforms.json", format!(r#"{{"applied_scale":0.5,"camera_angle_x":1.1,"frames":[{{"file_path":"./a.jpg","transform_matrix":{rows}}},{{"file_path":"b","transform_matrix":{rows},"fl_x":600,"w":640,"h":480}}]}}"#)),
+        ("trajectory.txt", "# time tx ty tz qx qy qz qw\n1.0 0 0 0 0 0 0 1\n2.01 0.1 0 0 0 0.6 0 0.8\n".into()),
+    ] {
+        std::fs::write(folder.join(name), text)?;
+    }
+    Ok(())
 }
 
 fn texts(folder: &Path) -> Result {

@@ -34,6 +34,8 @@ pub enum Command {
     Inspect(commands::inspect::Args),
     /// Scene → PLY, GLB or USD for other programs
     Export(commands::export::Args),
+    /// Photos of a mirror ball → HDR panorama
+    Unwrap(commands::unwrap::Args),
     /// Make procedural rooms with global light for training
     Synth(commands::synth::Args),
     /// Look at, convert or preview a dataset
@@ -61,6 +63,7 @@ impl Command {
             Self::Insert(_) => "insert",
             Self::Inspect(_) => "inspect",
             Self::Export(_) => "export",
+            Self::Unwrap(_) => "unwrap",
             Self::Synth(_) => "synth",
             Self::Dataset(_) => "dataset",
             Self::Train(_) => "train",

@@ -62,6 +62,7 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::Insert(args) => commands::insert::run(global, args),
         Command::Inspect(args) => commands::inspect::run(args),
         Command::Export(args) => commands::export::run(global, args),
+        Command::Unwrap(args) => commands::unwrap::run(global, args),
         Command::Synth(args) => commands::synth::run(global, args),
         Command::Dataset(args) => commands::dataset::run(global, args),
         Command::Train(args) => commands::train::run(global, args),

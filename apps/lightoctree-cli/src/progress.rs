@@ -5,6 +5,7 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
+use lightoctree::events::Figure;
 use lightoctree::{Event, Stage, Warning};
 
 use crate::interrupt;
@@ -45,6 +46,7 @@ impl Stages {
                 self.done(&stage_label(&stage), took);
             }
             Event::Warning(warning) => self.warn(&warning),
+            Event::Figures { stage: Stage::Photos, figures } => self.note(&exposures_text(&figures)),
             // What begins is told when it is done.
             _ => {}
         }
@@ -94,6 +96,7 @@ pub fn stage_label(stage: &Stage) -> Cow<'static, str> {
         Stage::ReadInput => "read input",
         Stage::ReadWeights => "read weights",
         Stage::WorkingResolution => "working resolution",
+        Stage::Photos => "photos together",
         Stage::DepthAndGlobalLight => "depth and global light",
         Stage::ReadDepthModel => "read depth model",
         Stage::PrepareDepthModel => "prepare depth model",
@@ -102,6 +105,8 @@ pub fn stage_label(stage: &Stage) -> Cow<'static, str> {
         Stage::LightNetwork => "light network",
         Stage::Completion => "completion",
         Stage::Octree => "octree",
+        Stage::PanoramaMatch => "panorama's yaw and exposure",
+        Stage::PanoramaLaying => "panorama on the room",
         Stage::Probes => "panoramas",
         Stage::CoarseShadow => "shadow, coarse",
         Stage::Radiosity => "light on the object",
@@ -133,6 +138,21 @@ pub fn warning_text(warning: &Warning) -> String {
             100.0 * agree,
             100.0 * median_error
         ),
+        Warning::PosesDisagree { photos: [a, b], disagreement } => format!(
+            "by their poses, photos {} and {} look at the same places, but their depths differ there by {:.0} %: check the poses",
+            a + 1,
+            b + 1,
+            100.0 * disagreement
+        ),
+        Warning::AssumedExposures { photos } => {
+            let photos: Vec<String> = photos.iter().map(|photo| (photo + 1).to_string()).collect();
+            format!(
+                "nothing is seen both in photo {} and in those before; how brightly {} the same light is guessed from the pictures' \
+                 brightness: give --exposures if you know better",
+                photos.join(", "),
+                if photos.len() == 1 { "it shows" } else { "they show" }
+            )
+        }
         Warning::OutsideCube { outside, points } => {
             format!("{outside} of {points} points lie outside of the cube and were left out")
         }
@@ -161,6 +181,22 @@ pub fn warning_text(warning: &Warning) -> String {
             let planes: Vec<String> = planes.into_iter().flatten().collect();
             format!("not seen, so their place is assumed: {}", planes.join(", "))
         }
+        Warning::ClippedPanorama { clipped_share } => format!(
+            "the panorama is no HDR image: {:.1} % of it is clipped, and lamps may be brighter than it shows",
+            100.0 * clipped_share
+        ),
+        Warning::PanoramaValues { cleaned, pixels } => {
+            format!("{cleaned} of the panorama's {pixels} pixels are negative or no numbers and count as 0")
+        }
+        Warning::PanoramaMatch { confidence, least, yaw_deg } => format!(
+            "the panorama hardly shows what the photo shows (confidence {confidence:.2}, {least:.2} are usual at least): is it of this room and taken \
+             where --panorama-at says? It was laid with a yaw of {yaw_deg:.0} degrees; --panorama-yaw-deg sets another"
+        ),
+        Warning::PanoramaNotCompared => {
+            "the panorama's place sees next to nothing of what the photo shows, so its yaw is a guess: \
+                                         --panorama-yaw-deg and --panorama-exposure-ev set what is known"
+                .into()
+        }
         Warning::NothingOccupied { depth } => {
             format!("no node of depth {depth} was predicted to be occupied; the likeliest one is")
         }
@@ -177,6 +213,12 @@ pub fn warning_text(warning: &Warning) -> String {
         }
         other => format!("{other:?}"),
     }
+}
+
+/// How several photos were exposed, in words.
+fn exposures_text(figures: &[Figure]) -> String {
+    let stops: Vec<String> = figures.iter().map(|figure| format!("{:+.2}", figure.value)).collect();
+    format!("the photos show the same light brighter than the first by {} EV", stops.join(", "))
 }
 
 /// Shows the stage at hand as a bar, and ends the job after a Ctrl-C.

@@ -48,12 +48,12 @@ pub fn camera_of_photo(photo: &PhotoFile) -> Result<(Camera, CameraSource), Came
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use lo_imaging::{FocalLength, Image, Photo};
+    use lo_imaging::{FocalLength, Image, Photo, ShotExposure};
 
     #[test]
     fn exif_wins_over_the_default() {
         let photo = Photo::Srgb8(Image::new(600, 400, vec![[0; 3]; 240_000]));
-        let plain = PhotoFile { photo, focal: FocalLength::default() };
+        let plain = PhotoFile { photo, focal: FocalLength::default(), exposure: ShotExposure::default() };
         let (camera, source) = camera_of_photo(&plain).unwrap();
         assert_eq!(source, CameraSource::Default);
         assert!((camera.hfov_deg() - DEFAULT_HFOV_DEG).abs() < 1e-9);

@@ -1,11 +1,11 @@
 //! The light of the whole room, in each of the ways to complete it.
 
-use lo_completion::{ShellOptions, filled_warning, shell};
+use lo_completion::{ShellOptions, filled_warning, shell_of_photos};
 use lo_events::{OnEvent, Stage, Warning, stage, warn};
 use lo_geometry::{Cube, Vec3};
 use lo_nets::{CompletedLight, Networks};
 use lo_octree::{LightOctree, RadiancePoint};
-use lo_scene::{Frame, Room, place_cube};
+use lo_scene::{Room, SeenPhoto, Surfel, place_cube};
 
 use crate::view::{View, srgb8};
 use crate::{EstimateError, EstimateOptions, SeenFrame};
@@ -29,11 +29,12 @@ pub(crate) fn by_network(
         Some(global) => global.clone(),
         None => stage(on_event, Stage::GlobalLight, || networks.global_light(&srgb8(&view.working.photo)))?,
     };
-    let seen = SeenFrame::new(&view.working, options.up, view.normals.as_ref()).ok_or(EstimateError::NothingSeen)?;
+    let seen =
+        SeenFrame::of_photos(&view.photos(), options.up, view.normals.as_ref()).ok_or(EstimateError::NothingSeen)?;
     let filled = seen.points.len() - seen.surfels.len();
     filled_warning(seen.surfels.len(), filled).into_iter().try_for_each(|warning| warn(on_event, warning))?;
     let completed = stage(on_event, Stage::LightNetwork, || {
-        networks.complete(&seen.points, &seen.camera, seen.cube, global, octree_depth, options.seed)
+        networks.complete(&seen.points, &seen.views, seen.cube, global, octree_depth, options.seed)
     })??;
     let CompletedLight { light, confidence, warnings } = completed;
     warnings.into_iter().try_for_each(|warning| warn(on_event, warning))?;
@@ -43,14 +44,13 @@ pub(crate) fn by_network(
 
 /// What the photo saw, and nothing else.
 pub(crate) fn as_seen(
-    working: &Frame,
+    view: &View,
     octree_depth: u32,
     options: &EstimateOptions,
     on_event: OnEvent<'_>,
 ) -> Result<Completed, EstimateError> {
     let (points, cube) = stage(on_event, Stage::Completion, || {
-        let clean = working.without_flying_pixels();
-        let surfels = clean.surfels(&clean.radiance());
+        let surfels: Vec<Surfel> = view.seen_photos().iter().flat_map(SeenPhoto::surfels).collect();
         let positions: Vec<Vec3> = surfels.iter().map(|surfel| surfel.position_m).collect();
         let points: Vec<RadiancePoint> = surfels.into_iter().map(RadiancePoint::from).collect();
         (points, place_cube(&positions))
@@ -61,13 +61,13 @@ pub(crate) fn as_seen(
 
 /// The room closed by planes.
 pub(crate) fn closed(
-    working: &Frame,
+    view: &View,
     octree_depth: u32,
     options: &EstimateOptions,
     on_event: OnEvent<'_>,
 ) -> Result<Completed, EstimateError> {
     let shell_options = ShellOptions { up: options.up, octree_depth, ..ShellOptions::default() };
-    let shell = stage(on_event, Stage::Completion, || shell(working, &shell_options))?;
+    let shell = stage(on_event, Stage::Completion, || shell_of_photos(&view.seen_photos(), &shell_options))?;
     shell.warnings().into_iter().try_for_each(|warning| warn(on_event, warning))?;
     let light = octree_of(&shell.points(), shell.cube, octree_depth, options, on_event)?;
     Ok(Completed { light, room: Some(shell.room), confidence: None })

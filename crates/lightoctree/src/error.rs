@@ -1,3 +1,4 @@
+use lo_completion::{LayError, PanoramaError};
 use lo_events::Cancelled;
 use lo_nets::light::LightError;
 use lo_octree::OctreeError;
@@ -12,6 +13,20 @@ pub enum EstimateError {
     /// No pixel has a depth that can be used.
     #[error("no depth reading is left after flying pixels at depth edges were dropped")]
     NothingSeen,
+    /// An estimate from several photos was asked for without any.
+    #[error("no photo was given")]
+    NoPhotos,
+    /// By their poses two photos show the same places, but their depths tell of different ones.
+    #[error(
+        "by their poses, photos {} and {} look at the same places, but their depths differ there by {:.0} %: the poses do not belong to these \
+         photos, are not in metres, or have other axes", photos[0] + 1, photos[1] + 1, 100.0 * disagreement
+    )]
+    PosesDisagree {
+        /// Their indices.
+        photos: [usize; 2],
+        /// Median difference of the depths, share of the depth.
+        disagreement: f32,
+    },
     /// Networks are needed for what was asked for, and none were given.
     #[error("{0} needs the weights of the networks")]
     NoNetworks(&'static str),
@@ -37,6 +52,15 @@ pub enum EstimateError {
     /// Photo and predicted depth do not make a frame.
     #[error(transparent)]
     Frame(#[from] FrameError),
+    /// A panorama cannot be laid where nothing is completed.
+    #[error("a panorama gives its light to the completed part of the room, and nothing is completed")]
+    PanoramaWithoutRoom,
+    /// The panorama's place, yaw or exposure are no numbers.
+    #[error("the panorama: {0}")]
+    Panorama(#[from] PanoramaError),
+    /// The panorama cannot be laid onto the room.
+    #[error(transparent)]
+    Lay(#[from] LayError),
     /// The handler of events asked for the end.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),

@@ -7,6 +7,7 @@ use lo_octree::check_depths;
 use lo_scene::{Completion, Scene};
 
 use crate::completed::{Completed, as_seen, by_network, closed};
+use crate::panorama::laid;
 use crate::view::View;
 use crate::{DEFAULT_OCTREE_DEPTH, EstimateError, EstimateOptions, Input};
 
@@ -65,16 +66,34 @@ impl Estimator {
     ) -> Result<Scene, EstimateError> {
         let (completion, octree_depth) = self.plan(options)?;
         let view = View::new(input, self.networks(), on_event)?;
-        let options = &EstimateOptions { up: options.up.or_else(|| view.up()), ..options.clone() };
-        let completed = match completion {
-            How::Network(networks) => by_network(&view, networks, octree_depth, options, on_event)?,
-            How::Shell => closed(&view.working, octree_depth, options, on_event)?,
-            How::None => as_seen(&view.working, octree_depth, options, on_event)?,
+        let prior = options.panorama.as_ref();
+        let options = &EstimateOptions {
+            up: options.up.or_else(|| view.up()),
+            sources: options.sources.clone(),
+            panorama: None,
+            ..*options
         };
+        let mut completed = match completion {
+            How::Network(networks) => by_network(&view, networks, octree_depth, options, on_event)?,
+            How::Shell => closed(&view, octree_depth, options, on_event)?,
+            How::None => as_seen(&view, octree_depth, options, on_event)?,
+        };
+        let panorama = prior.map(|prior| laid(&mut completed, prior, &view.working, on_event)).transpose()?;
         let Completed { light, room, confidence } = completed;
-        let View { frame, predicted_depth, model: depth_model, .. } = view;
+        let (other_photos, View { frame, predicted_depth, model: depth_model, .. }) = (view.other_photos(), view);
         let (completion, sources) = (completion.into(), options.sources.clone());
-        Ok(Scene { light, frame, completion, room, sources, predicted_depth, depth_model, confidence })
+        Ok(Scene {
+            light,
+            frame,
+            completion,
+            room,
+            sources,
+            predicted_depth,
+            depth_model,
+            confidence,
+            panorama,
+            other_photos,
+        })
     }
 
     /// How, and down to which depth: the options are checked before any work, since the shell's closing points grow with 4^depth.
@@ -95,6 +114,12 @@ impl Estimator {
             Completion::None => How::None,
         };
         check_depths(octree_depth, options.full_depth)?;
+        if let Some(prior) = &options.panorama {
+            prior.check()?;
+            if matches!(how, How::None) {
+                return Err(EstimateError::PanoramaWithoutRoom);
+            }
+        }
         Ok((how, octree_depth))
     }
 }

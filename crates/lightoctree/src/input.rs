@@ -1,6 +1,6 @@
 use lo_geometry::{Camera, Vec3};
 use lo_imaging::{Image, Photo};
-use lo_scene::Frame;
+use lo_scene::{Frame, PosedFrame};
 
 /// What an estimate starts from.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,6 +19,15 @@ pub enum Input {
     /// As with the own network's, how cameras are held has a say in which way is up, and objects that are inserted into the scene are hidden only by
     /// what is well before them.
     PredictedDepth(PredictedDepth),
+    /// Several photos of one room with measured depth, from cameras whose places are known.
+    ///
+    /// What all of them show goes into one octree, in the frame of the first one's camera. The scene keeps the first photo: objects are put into that one.
+    Photos {
+        /// At least one.
+        photos: Vec<PosedFrame>,
+        /// How brightly they show the same light.
+        exposures: Exposures,
+    },
 }
 
 /// A photo with depth in metres that a network predicted from it, and what else that network told.
@@ -38,4 +47,13 @@ impl From<Frame> for PredictedDepth {
     fn from(frame: Frame) -> Self {
         Self { frame, normals: None, model: None }
     }
+}
+
+/// How brightly several photos show the same light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exposures {
+    /// As the frames' [`exposure`](Frame::exposure) says: a photo's linear values times that are radiance.
+    Known,
+    /// As what two photos both show tells; where photos have nothing in common, by what is likely (`docs/method.md` §13).
+    Matched,
 }

@@ -5,9 +5,13 @@ use lo_scene::{Completion, Scene};
 /// stand beside.
 ///
 /// A scene's own light is the likeliest one, which has no lamps that are not seen: nobody knows where they are. Panoramas are nearer to the truth without
-/// (`docs/design/013-lamp-for-objects.md`), objects look right with it. Scenes that no network completed stay as they are: the shell has a lamp of its own.
+/// (`docs/design/013-lamp-for-objects.md`), objects look right with it. Scenes that no network completed stay as they are: the shell has a lamp of its own. So do those onto which
+/// an HDR panorama was laid: it knows the lamps. A clipped one does not know how bright they are.
 pub fn add_lamp(scene: &mut Scene) -> LampReport {
     let (Completion::Network, Some(room)) = (scene.completion, &scene.room) else { return LampReport::default() };
+    if scene.panorama.as_ref().is_some_and(|laid| !laid.source.clipped) {
+        return LampReport::default();
+    }
     let seen = scene.frame.working().without_flying_pixels();
     light_from_above(&mut scene.light, &seen.surfels(&seen.radiance()), room.up)
 }

@@ -1,3 +1,4 @@
+use lo_completion::PanoramaPrior;
 use lo_geometry::Vec3;
 use lo_scene::Completion;
 
@@ -20,10 +21,20 @@ pub struct EstimateOptions {
     pub seed: u64,
     /// Names of the input files, kept in the scene.
     pub sources: Vec<String>,
+    /// A panorama of the room that somebody has: its light is laid onto what the photo does not show, unless nothing is completed.
+    pub panorama: Option<PanoramaPrior>,
 }
 
 impl Default for EstimateOptions {
     fn default() -> Self {
-        Self { octree_depth: None, full_depth: 4, completion: None, up: None, seed: 0, sources: Vec::new() }
+        Self {
+            octree_depth: None,
+            full_depth: 4,
+            completion: None,
+            up: None,
+            seed: 0,
+            sources: Vec::new(),
+            panorama: None,
+        }
     }
 }

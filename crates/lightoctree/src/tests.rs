@@ -1,6 +1,8 @@
 //! The front door, with untrained networks and without.
 #![allow(clippy::unwrap_used)]
 
+mod photos;
+
 use std::ops::ControlFlow;
 
 use lo_cone::ConeTracer;

@@ -2,18 +2,21 @@
 
 use lo_completion::up_from_predicted_depth;
 use lo_events::{OnEvent, Stage, Warning, stage, warn};
-use lo_geometry::{Camera, Vec3};
+use lo_geometry::{Camera, RigidTransform, Vec3};
 use lo_imaging::{Image, Photo, srgb8_from_linear};
 use lo_nets::depth::LONGER_SIDE;
 use lo_nets::{GlobalLight, Networks};
-use lo_scene::{Frame, working_photo};
+use lo_scene::{Frame, OtherPhoto, PosedFrame, SeenPhoto, working_photo};
 
-use crate::{EstimateError, Input, PredictedDepth};
+use crate::photos::{Together, together};
+use crate::{EstimateError, Exposures, Input, PredictedDepth};
 
 /// A photo with depth, at full and at working resolution.
 pub(crate) struct View {
     pub frame: Frame,
     pub working: Frame,
+    /// Other photos of the room, at working resolution, and their cameras at full resolution.
+    pub others: Vec<(PosedFrame, Camera)>,
     /// What the photo tells of the light outside of it, where that is known already.
     pub global: Option<GlobalLight>,
     /// Whether depth is some network's.
@@ -35,6 +38,7 @@ impl View {
             }
             Input::MeasuredDepth(frame) => (frame.into(), false),
             Input::PredictedDepth(predicted) => (predicted, true),
+            Input::Photos { photos, exposures } => return several(photos, exposures, on_event),
         };
         let working = stage(on_event, Stage::WorkingResolution, || frame.working())?;
         if predicted_depth {
@@ -42,7 +46,43 @@ impl View {
         }
         let of_working = |normals| at_size(normals, working.depth_m.width(), working.depth_m.height());
         let of_working = normals.as_ref().map(of_working);
-        Ok(Self { frame, working, global: None, predicted_depth, model, told_normals: normals, normals: of_working })
+        let others = Vec::new();
+        Ok(Self {
+            frame,
+            working,
+            others,
+            global: None,
+            predicted_depth,
+            model,
+            told_normals: normals,
+            normals: of_working,
+        })
+    }
+
+    /// All photos at working resolution, each with its camera's place in the first one's axes.
+    pub fn photos(&self) -> Vec<(&Frame, RigidTransform)> {
+        let others = self.others.iter().map(|(other, _)| (&other.frame, other.first_from_camera));
+        std::iter::once((&self.working, RigidTransform::IDENTITY)).chain(others).collect()
+    }
+
+    /// All photos as completion looks at them.
+    pub fn seen_photos(&self) -> Vec<SeenPhoto> {
+        let mut seen: Vec<SeenPhoto> =
+            self.photos().into_iter().map(|(frame, pose)| SeenPhoto::new(frame, pose)).collect();
+        if let Some(told) = &self.normals {
+            seen[0].believe(told);
+        }
+        seen
+    }
+
+    /// What a scene keeps of the photos after the first.
+    pub fn other_photos(&self) -> Vec<OtherPhoto> {
+        let kept = |(other, camera): &(PosedFrame, Camera)| OtherPhoto {
+            first_from_camera: other.first_from_camera,
+            camera: *camera,
+            exposure: other.frame.exposure,
+        };
+        self.others.iter().map(kept).collect()
     }
 
     /// Unit vector against gravity where depth is predicted: floors are wavy then, and how cameras are held counts too.
@@ -77,8 +117,8 @@ fn predicted(photo: Photo, camera: Camera, networks: &Networks, on_event: OnEven
     let camera = frame.camera.resized(small.width() as u32, small.height() as u32);
     let working = Frame { camera, photo: small, depth_m, exposure: 1.0 };
     warn(on_event, Warning::PredictedDepth)?;
-    let (global, predicted_depth) = (Some(global), true);
-    Ok(View { frame, working, global, predicted_depth, model: None, told_normals: None, normals: None })
+    let (others, global, predicted_depth) = (Vec::new(), Some(global), true);
+    Ok(View { frame, working, others, global, predicted_depth, model: None, told_normals: None, normals: None })
 }
 
 /// Normals at another resolution: those of the nearest pixels.
@@ -88,6 +128,20 @@ fn at_size(normals: &Image<Vec3>, width: usize, height: usize) -> Image<Option<V
         let normal = normals[(at(x, width, normals.width()), at(y, height, normals.height()))];
         (normal != Vec3::ZERO).then_some(normal)
     })
+}
+
+/// Photos with measured depth of one room.
+fn several(photos: Vec<PosedFrame>, exposures: Exposures, on_event: OnEvent<'_>) -> Result<View, EstimateError> {
+    let Together { photos, working } = together(photos, exposures, on_event)?;
+    let cameras: Vec<Camera> = photos.iter().skip(1).map(|photo| photo.frame.camera).collect();
+    let mut working = working.into_iter();
+    let (Some(first), Some(first_working)) = (photos.into_iter().next(), working.next()) else {
+        return Err(EstimateError::NoPhotos);
+    };
+    let others = working.zip(cameras).collect();
+    let (frame, working) = (first.frame, first_working.frame);
+    let (global, predicted_depth) = (None, false);
+    Ok(View { frame, working, others, global, predicted_depth, model: None, told_normals: None, normals: None })
 }
 
 /// As the networks take photos.

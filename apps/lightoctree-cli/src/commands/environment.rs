@@ -1,4 +1,4 @@
-//! What `envmap` and `probes` share: rendering a panorama and writing it.
+//! What `envmap` and `probes` share, rendering a panorama, and both with `unwrap`: writing it.
 
 use std::path::Path;
 
@@ -65,6 +65,14 @@ pub struct PanoramaArgs {
     #[arg(long, value_name = "WxH", default_value = "512x256", value_parser = super::parse::size)]
     pub size: [usize; 2],
 
+    /// The file.
+    #[command(flatten)]
+    pub file: PanoramaFileArgs,
+}
+
+/// How a panorama is written.
+#[derive(Clone, Debug, clap::Args)]
+pub struct PanoramaFileArgs {
     /// Which program's convention the map follows
     #[arg(long, value_name = "NAME", default_value = "lightoctree")]
     pub orientation: OrientationArg,
@@ -124,12 +132,12 @@ pub fn odd_place(scene: &Scene, point: Vec3) -> Option<&'static str> {
     light.octree.levels()[depth as usize].rows[node].ge(&0).then_some("inside of a surface")
 }
 
-/// Writes the panorama of a command in the wanted orientation and, on request, its preview.
+/// Writes the panorama of a command in the wanted orientation and, on request, its preview. `at` is where in the scene it was made.
 pub fn write(
     path: &Path,
     radiance: &RadianceImage,
-    at: Vec3,
-    args: &PanoramaArgs,
+    at: Option<Vec3>,
+    args: &PanoramaFileArgs,
     command: &str,
 ) -> anyhow::Result<()> {
     let turned = imaging::reorient(radiance, Orientation::Lightoctree, args.orientation.preset());
@@ -147,19 +155,18 @@ pub fn write(
 }
 
 /// Attributes of an EXR environment map.
-pub fn exr_options(args: &PanoramaArgs, at: Vec3, layout: EnvironmentLayout, command: &str) -> ExrOptions {
+pub fn exr_options(args: &PanoramaFileArgs, at: Option<Vec3>, layout: EnvironmentLayout, command: &str) -> ExrOptions {
+    let position = at.map(|at| ("lightoctree.position_m".into(), format!("{} {} {}", at.x, at.y, at.z)));
+    let orientation = args.orientation.to_possible_value().map_or_else(String::new, |v| v.get_name().into());
+    let others = [
+        ("lightoctree.orientation".into(), orientation),
+        ("lightoctree.units".into(), "linear Rec. 709; 1 is the photo's white".into()),
+    ];
     ExrOptions {
         generator: signature(command),
         half: args.half,
         environment: Some(layout),
-        metadata: vec![
-            ("lightoctree.position_m".into(), format!("{} {} {}", at.x, at.y, at.z)),
-            (
-                "lightoctree.orientation".into(),
-                args.orientation.to_possible_value().map_or_else(String::new, |v| v.get_name().into()),
-            ),
-            ("lightoctree.units".into(), "linear Rec. 709; 1 is the photo's white".into()),
-        ],
+        metadata: position.into_iter().chain(others).collect(),
         ..ExrOptions::default()
     }
 }

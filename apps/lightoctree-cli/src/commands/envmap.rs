@@ -69,7 +69,7 @@ const COMMAND: &str = "envmap";
 
 /// Renders and writes.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
-    let preview = args.panorama.preview.then(|| environment::preview_path(&args.out.output));
+    let preview = args.panorama.file.preview.then(|| environment::preview_path(&args.out.output));
     let outputs = [
         Some(&args.out.output),
         preview.as_ref(),
@@ -114,12 +114,12 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
 fn write(args: &Args, at: Vec3, panorama: &Rendering) -> anyhow::Result<()> {
     if args.cubemap {
         let turned =
-            imaging::reorient(&panorama.radiance, Orientation::Lightoctree, args.panorama.orientation.preset());
+            imaging::reorient(&panorama.radiance, Orientation::Lightoctree, args.panorama.file.orientation.preset());
         let cube = imaging::cubemap_from_equirectangular(&turned, args.panorama.size[1] / 2);
-        let options = environment::exr_options(&args.panorama, at, EnvironmentLayout::Cube, COMMAND);
+        let options = environment::exr_options(&args.panorama.file, Some(at), EnvironmentLayout::Cube, COMMAND);
         imaging::write_radiance(&args.out.output, &cube.strip(), &options)?;
     } else {
-        environment::write(&args.out.output, &panorama.radiance, at, &args.panorama, COMMAND)?;
+        environment::write(&args.out.output, &panorama.radiance, Some(at), &args.panorama.file, COMMAND)?;
     }
     if let Some(path) = &args.depth_out {
         imaging::write_depth(path, &panorama.distance_m, &output::signature(COMMAND))?;

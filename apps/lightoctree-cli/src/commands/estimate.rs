@@ -1,4 +1,4 @@
-//! `lightoctree estimate PHOTO`: photo, with or without depth → scene file.
+//! `lightoctree estimate PHOTO`: photo, with or without depth, or several photos of a room with depth → scene file.
 
 use std::path::{Path, PathBuf};
 
@@ -9,13 +9,15 @@ use lightoctree::CameraSource;
 #[cfg(feature = "depth-models")]
 use lightoctree::depth_models::DepthModel;
 use lightoctree::geometry::{Camera, Vec3};
-use lightoctree::imaging::{self, DepthMap, PhotoFile};
+use lightoctree::imaging;
 use lightoctree::scene::{Completion, Frame, Scene};
-use lightoctree::{EstimateError, EstimateOptions, Estimator, Input};
+use lightoctree::{EstimateError, EstimateOptions, Estimator, Input, PanoramaPrior};
 
 #[cfg(feature = "depth-models")]
 use super::depth_model::DepthModelArgs;
+use super::panorama_prior::{self, PanoramaArgs};
 use super::parse;
+use super::photos::{self, PhotosArgs};
 use crate::args::{Global, OutputArgs};
 use crate::progress::{Stages, seconds};
 use crate::usage::Usage;
@@ -30,18 +32,24 @@ use crate::{output, report};
     lightoctree estimate photo.jpg --depth depth_pro.npy --depth-is predicted -o room.scene\n  \
     lightoctree estimate photo.jpg --depth-model moge-2-vits-normal.onnx -o room.scene\n  \
     lightoctree estimate photo.jpg --depth-model other.onnx --depth-model-config other.toml -o room.scene\n  \
+    lightoctree estimate photo.jpg --panorama theta.hdr --panorama-at 0.4,0.1,-1.5 -o room.scene\n  \
+    lightoctree estimate a.jpg b.jpg c.jpg --depth a.png b.png c.png --poses poses.json -o room.scene\n  \
     lightoctree estimate photo.jpg --completion network --weights trained.safetensors -o room.scene")]
 #[command(mut_arg("output", |output| output.help("The scene file to write").value_name("SCENE")))]
 pub struct Args {
-    /// The photo: PNG, JPEG, WebP, TIFF, BMP, PNM (sRGB) or HDR, EXR, PFM (linear)
-    photo: PathBuf,
+    /// The photo: PNG, JPEG, WebP, TIFF, BMP, PNM (sRGB) or HDR, EXR, PFM (linear); or several of one room, with --depth and --poses
+    #[arg(required_unless_present = "depth")]
+    photo: Vec<PathBuf>,
 
     /// Depth of the same view, any resolution: 16-bit PNG, or EXR, PFM, TIFF, NPY in metres [default: predicted by the network]
     ///
     /// From a phone's LiDAR (ARKit, Record3D), an RGB-D camera (Kinect, RealSense, Azure), or, with --depth-is predicted, from another program that
-    /// estimates depth in metres (Depth Anything, Depth Pro, MoGe, UniDepth).
-    #[arg(long, value_name = "FILE")]
-    depth: Option<PathBuf>,
+    /// estimates depth in metres (Depth Anything, Depth Pro, MoGe, UniDepth). Of several photos: one file for each, in their order.
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    depth: Vec<PathBuf>,
+
+    #[command(flatten)]
+    photos: PhotosArgs,
 
     /// Where the depth file comes from
     #[arg(long, value_name = "SOURCE", default_value = "measured", requires = "depth")]
@@ -80,6 +88,9 @@ pub struct Args {
     /// The scene's upward direction [default: from the surfaces, where depth is predicted also from how cameras are held]
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::direction, allow_hyphen_values = true)]
     up: Option<Vec3>,
+
+    #[command(flatten)]
+    panorama: PanoramaArgs,
 
     #[command(flatten)]
     out: OutputArgs,
@@ -121,6 +132,7 @@ const COMMAND: &str = "estimate";
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     output::check_replaceable(&args.out.output, COMMAND, args.out.force)?;
     let mut stages = Stages::new(global.quiet);
+    let (photos, depths) = photos::files(&args.photo, &args.depth)?;
     #[cfg(feature = "depth-models")]
     let model = args.depth_model.read(&mut stages)?;
     #[cfg(feature = "depth-models")]
@@ -128,43 +140,58 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     #[cfg(not(feature = "depth-models"))]
     let metric = false;
     let estimator = estimator(args, metric, &mut stages)?;
-    let (photo, depth_m) = stages.stage("read photo and depth", || -> anyhow::Result<_> {
-        let photo = imaging::read_photo(&args.photo)?;
-        let depth_m = args.depth.as_ref().map(|path| imaging::read_depth(path, args.depth_scale)).transpose()?;
-        Ok((photo, depth_m))
-    })?;
-    #[cfg(feature = "depth-models")]
-    let input = match model {
-        Some(model) => of_model(args, photo, &model, &estimator, &mut stages)?,
-        None => of_files(args, photo, depth_m, &mut stages)?,
-    };
-    #[cfg(not(feature = "depth-models"))]
-    let input = of_files(args, photo, depth_m, &mut stages)?;
-    let scene = estimator.estimate(input, &options(global, args), &mut |event| stages.hear(event)).map_err(
-        |error| match error {
-            EstimateError::OctreeDepth { .. } => {
-                Usage(format!("--octree-depth: {error}; leave it out, or choose another --completion")).into()
+    let panorama = args.panorama.read(&mut stages)?;
+    let mut options = options(global, args, [photos, depths], panorama);
+    let input = match (photos, depths) {
+        ([path], depths @ ([] | [_])) => {
+            args.photos.unused()?;
+            #[cfg(feature = "depth-models")]
+            let input = match &model {
+                Some(model) => of_model(args, path, model, &estimator, &mut stages)?,
+                None => of_files(args, path, depths.first(), &mut stages)?,
+            };
+            #[cfg(not(feature = "depth-models"))]
+            let input = of_files(args, path, depths.first(), &mut stages)?;
+            input
+        }
+        _ => {
+            if matches!(args.depth_is, DepthArg::Predicted) {
+                return Err(Usage(photos::PREDICTED.into()).into());
             }
-            error => anyhow::Error::from(error),
-        },
-    )?;
+            let given = |photo: &imaging::PhotoFile| given_camera(args, photo);
+            let several = args.photos.read(photos, depths, args.depth_scale, given, &mut stages)?;
+            options.up = options.up.or(several.up);
+            several.input
+        }
+    };
+    let scene = estimator.estimate(input, &options, &mut |event| stages.hear(event)).map_err(|error| match error {
+        EstimateError::OctreeDepth { .. } => {
+            Usage(format!("--octree-depth: {error}; leave it out, or choose another --completion")).into()
+        }
+        EstimateError::PanoramaWithoutRoom => Usage(format!("--panorama: {error}; choose another --completion")).into(),
+        error => anyhow::Error::from(error),
+    })?;
+    if let Some(laid) = &scene.panorama {
+        stages.note(&panorama_prior::found(&laid.source));
+    }
     stages.stage("write", || scene.write(&args.out.output, &output::signature(COMMAND)))?;
     say(args, &scene, &stages)
 }
 
 /// A photo, with the depth of a file where one is given.
-fn of_files(args: &Args, photo: PhotoFile, depth_m: Option<DepthMap>, stages: &mut Stages) -> anyhow::Result<Input> {
+fn of_files(args: &Args, path: &Path, depth: Option<&PathBuf>, stages: &mut Stages) -> anyhow::Result<Input> {
+    let (photo, depth_m) = stages.stage("read photo and depth", || -> anyhow::Result<_> {
+        let photo = imaging::read_photo(path)?;
+        let depth_m = depth.map(|path| imaging::read_depth(path, args.depth_scale)).transpose()?;
+        Ok((photo, depth_m))
+    })?;
     let camera = camera(args, &photo, stages)?;
-    Ok(match depth_m.zip(args.depth.as_ref()) {
-        None => Input::Photo { photo: photo.photo, camera },
-        Some((depth_m, path)) => {
-            let frame = Frame::new(photo.photo, depth_m, camera, 1.0)
-                .with_context(|| format!("{} and {} do not fit together", args.photo.display(), path.display()))?;
-            match args.depth_is {
-                DepthArg::Measured => Input::MeasuredDepth(frame),
-                DepthArg::Predicted => Input::PredictedDepth(frame.into()),
-            }
-        }
+    let Some((depth_m, depth)) = depth_m.zip(depth) else { return Ok(Input::Photo { photo: photo.photo, camera }) };
+    let frame = Frame::new(photo.photo, depth_m, camera, 1.0)
+        .with_context(|| format!("{} and {} do not fit together", path.display(), depth.display()))?;
+    Ok(match args.depth_is {
+        DepthArg::Measured => Input::MeasuredDepth(frame),
+        DepthArg::Predicted => Input::PredictedDepth(frame.into()),
     })
 }
 
@@ -172,13 +199,14 @@ fn of_files(args: &Args, photo: PhotoFile, depth_m: Option<DepthMap>, stages: &m
 #[cfg(feature = "depth-models")]
 fn of_model(
     args: &Args,
-    photo: PhotoFile,
+    path: &Path,
     model: &DepthModel,
     estimator: &Estimator,
     stages: &mut Stages,
 ) -> anyhow::Result<Input> {
+    let photo = stages.stage("read photo", || imaging::read_photo(path))?;
     let known = match given_camera(args, &photo)? {
-        Some(given) => Some(given),
+        Some((camera, option)) => Some((camera, option.to_owned())),
         None => match lightoctree::camera_of_photo(&photo)? {
             (camera, source @ CameraSource::Exif) => Some((camera, source.to_string())),
             _ => None,
@@ -198,7 +226,7 @@ fn estimator(args: &Args, metric: bool, stages: &mut Stages) -> anyhow::Result<E
         // A program without weights still has what needs none.
         None => cfg!(feature = "weights") || args.weights.is_some(),
     };
-    if !completes && (args.depth.is_some() || metric) {
+    if !completes && (!args.depth.is_empty() || metric) {
         return match args.weights {
             Some(_) => {
                 Err(Usage("with --depth and depth models of metres, --weights belongs to --completion network".into())
@@ -210,31 +238,29 @@ fn estimator(args: &Args, metric: bool, stages: &mut Stages) -> anyhow::Result<E
     stages.stage("read weights", || super::estimator(args.weights.as_deref()))
 }
 
-fn options(global: &Global, args: &Args) -> EstimateOptions {
+fn options(global: &Global, args: &Args, files: [&[PathBuf]; 2], panorama: Option<PanoramaPrior>) -> EstimateOptions {
     let file_name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
     #[cfg(feature = "depth-models")]
     let model = args.depth_model.path();
     #[cfg(not(feature = "depth-models"))]
     let model = None;
-    let sources = [Some(args.photo.as_path()), args.depth.as_deref(), model]
-        .into_iter()
-        .flatten()
-        .filter_map(file_name)
-        .collect();
+    let given = files.into_iter().flatten().chain(&args.photos.poses).map(PathBuf::as_path);
+    let sources = given.chain(model).chain(args.panorama.panorama.as_deref()).filter_map(file_name).collect();
     EstimateOptions {
         octree_depth: args.octree_depth,
         completion: args.completion.map(Completion::from),
         up: args.up,
         seed: global.seed,
         sources,
+        panorama,
         ..EstimateOptions::default()
     }
 }
 
 /// The camera by the best source at hand; says which.
-fn camera(args: &Args, photo: &PhotoFile, stages: &mut Stages) -> anyhow::Result<Camera> {
+fn camera(args: &Args, photo: &imaging::PhotoFile, stages: &mut Stages) -> anyhow::Result<Camera> {
     let (camera, source) = match given_camera(args, photo)? {
-        Some(given) => given,
+        Some((camera, option)) => (camera, option.to_owned()),
         None => {
             let (camera, source) = lightoctree::camera_of_photo(photo)?;
             (camera, source.to_string())
@@ -244,16 +270,16 @@ fn camera(args: &Args, photo: &PhotoFile, stages: &mut Stages) -> anyhow::Result
     Ok(camera)
 }
 
-/// The camera that an option gives.
-fn given_camera(args: &Args, photo: &PhotoFile) -> anyhow::Result<Option<(Camera, String)>> {
+/// The camera by an option, with its name.
+fn given_camera(args: &Args, photo: &imaging::PhotoFile) -> anyhow::Result<Option<(Camera, &'static str)>> {
     let (width, height) = (photo.photo.width() as u32, photo.photo.height() as u32);
     if let Some([fx, fy, cx, cy]) = args.intrinsics {
         let camera = Camera::new(fx, fy, cx, cy, width, height);
-        return Ok(Some((camera.map_err(|error| Usage(format!("--intrinsics: {error}")))?, "--intrinsics".to_owned())));
+        return Ok(Some((camera.map_err(|error| Usage(format!("--intrinsics: {error}")))?, "--intrinsics")));
     }
     let Some(hfov_deg) = args.hfov_deg else { return Ok(None) };
     let camera = Camera::from_hfov_deg(hfov_deg, width, height);
-    Ok(Some((camera.map_err(|error| Usage(format!("--hfov-deg: {error}")))?, "--hfov-deg".to_owned())))
+    Ok(Some((camera.map_err(|error| Usage(format!("--hfov-deg: {error}")))?, "--hfov-deg")))
 }
 
 fn note_camera(camera: &Camera, source: &str, stages: &mut Stages) {

@@ -55,7 +55,9 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     samples: Option<u32>,
 
-    /// Methods, separated by commas [default: all that the options suffice for]
+    /// Methods, separated by commas [default: all that the options suffice for, but for panorama-…]
+    ///
+    /// With one that knows a panorama of the room, every method is scored on the panoramas 0.7 m or more from it alone.
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = method)]
     methods: Vec<Method>,
 
@@ -118,9 +120,9 @@ const COMMAND: &str = "eval";
 const MANIFEST: &str = "summary.json";
 
 fn method(name: &str) -> Result<Method, String> {
-    let all = Method::ALL;
-    let names = || all.map(Method::name).join(", ");
-    all.into_iter().find(|method| method.name() == name).ok_or_else(|| format!("no method; there are {}", names()))
+    let all = || Method::ALL.into_iter().chain(Method::WITH_PANORAMA);
+    let names = || all().map(Method::name).collect::<Vec<_>>().join(", ");
+    all().find(|method| method.name() == name).ok_or_else(|| format!("no method; there are {}", names()))
 }
 
 /// Evaluates, or makes a profile.
@@ -133,8 +135,14 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let has_networks = args.weights.is_some() || cfg!(feature = "weights");
     let estimator =
         if has_networks { super::estimator(args.weights.as_deref())? } else { Estimator::without_networks() };
-    let tools =
-        Tools { estimator: &estimator, profile: profile.as_ref(), octree_depth: args.octree_depth, seed: global.seed };
+    let tools = Tools {
+        estimator: &estimator,
+        profile: profile.as_ref(),
+        octree_depth: args.octree_depth,
+        seed: global.seed,
+        known: None,
+        foreign: None,
+    };
     check_tools(args, &tools)?;
     let evaluation = Evaluation::open(&photos(global, args, args.split)?, &args.methods, tools).map_err(usage)?;
     output::prepare_folder(folder, MANIFEST, COMMAND, args.force)?;

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::Context;
+use lightoctree::geometry::Vec3;
 use lightoctree::imaging::luminance;
 use lightoctree::octree::LightOctree;
 use lightoctree::scene::Scene;
@@ -45,6 +46,20 @@ struct Summary {
     depth_model: Option<String>,
     /// What the network says of its own work: mean over the leaves by area, from 0 to 1.
     mean_confidence: Option<f64>,
+    /// What somebody's panorama of the room gave.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    panorama: Option<PanoramaSummary>,
+    /// Photos that the light comes from beside the first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    other_photos: Vec<lightoctree::scene::OtherPhoto>,
+}
+
+#[derive(Serialize)]
+struct PanoramaSummary {
+    #[serde(flatten)]
+    source: lightoctree::scene::PanoramaSource,
+    /// Share of the leaves that it gave light to, by area.
+    share: f64,
 }
 
 #[derive(Serialize)]
@@ -116,6 +131,10 @@ fn summarise(scene: &Scene, bytes: u64) -> Summary {
         split: level.children.iter().filter(|child| **child >= 0).count(),
     });
     let seen_share = mean_share(light, &light.seen);
+    let panorama = scene.panorama.as_ref();
+    let panorama =
+        panorama.map(|laid| PanoramaSummary { source: laid.source.clone(), share: mean_share(light, &laid.share) });
+    let known_share = seen_share + panorama.as_ref().map_or(0.0, |panorama| panorama.share);
     let camera = scene.frame.camera;
     let depth_m = &scene.frame.depth_m;
     let readings = depth_m.pixels().iter().filter(|z| **z > 0.0).count();
@@ -151,10 +170,12 @@ fn summarise(scene: &Scene, bytes: u64) -> Summary {
         bytes,
         radiance: percentiles(light),
         seen_share,
-        inferred_share: if light.leaves().next().is_some() { 1.0 - seen_share } else { 0.0 },
+        inferred_share: if light.leaves().next().is_some() { 1.0 - known_share } else { 0.0 },
         predicted_depth: scene.predicted_depth,
         depth_model: scene.depth_model.clone(),
+        other_photos: scene.other_photos.clone(),
         mean_confidence: scene.confidence.as_ref().map(|confidence| mean_share(light, confidence)),
+        panorama,
     }
 }
 
@@ -208,17 +229,47 @@ fn print_tables(summary: &Summary) {
         photo.depth_height,
         100.0 * photo.depth_readings_share
     ));
+    for (index, photo) in summary.other_photos.iter().enumerate() {
+        let (place, view) = (photo.first_from_camera.translation_m, photo.first_from_camera.direction(Vec3::NEG_Z));
+        report::print(&format!(
+            "photo {}  at ({:.2}, {:.2}, {:.2}), looks along ({:+.2}, {:+.2}, {:+.2})  {:.1} degrees across  exposure {:+.2} EV",
+            index + 2,
+            place.x,
+            place.y,
+            place.z,
+            view.x,
+            view.y,
+            view.z,
+            photo.camera.hfov_deg(),
+            -photo.exposure.log2()
+        ));
+    }
     let radiance = &summary.radiance;
     report::print(&format!(
         "radiance luminance of the leaves: min {:.3}  5 % {:.3}  median {:.3}  95 % {:.3}  99 % {:.3}  max {:.3}",
         radiance.min, radiance.p05, radiance.median, radiance.p95, radiance.p99, radiance.max
     ));
     let confidence = summary.mean_confidence.map(|mean| format!(", mean confidence {mean:.2}")).unwrap_or_default();
+    let laid = summary.panorama.as_ref();
+    let laid = laid.map(|panorama| format!("{:.1} % from the panorama, ", 100.0 * panorama.share)).unwrap_or_default();
     report::print(&format!(
-        "leaves   {:.1} % seen, {:.1} % inferred, by area{confidence}",
+        "leaves   {:.1} % seen, {laid}{:.1} % inferred, by area{confidence}",
         100.0 * summary.seen_share,
         100.0 * summary.inferred_share
     ));
+    if let Some(PanoramaSummary { source, .. }) = &summary.panorama {
+        let [x, y, z] = source.position_m.to_array();
+        report::print(&format!(
+            "panorama {} at ({x:.2}, {y:.2}, {z:.2}); yaw {:.1}, pitch {:+.1}, roll {:+.1} degrees; {:+.2} EV; confidence {:.2}{}",
+            source.file,
+            source.yaw_deg,
+            source.pitch_deg,
+            source.roll_deg,
+            source.exposure_ev,
+            source.confidence,
+            if source.clipped { "; clipped" } else { "" }
+        ));
+    }
     if let Some(room) = &summary.room {
         for plane in &room.planes {
             let n = plane.plane.normal;

@@ -13,12 +13,15 @@ pub mod inspect;
 pub mod probes;
 pub mod synth;
 pub mod train;
+pub mod unwrap;
 pub mod weights;
 
 #[cfg(feature = "depth-models")]
 mod depth_model;
 mod environment;
+mod panorama_prior;
 mod parse;
+mod photos;
 
 use std::path::Path;
 

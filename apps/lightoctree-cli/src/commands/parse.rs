@@ -27,6 +27,21 @@ pub fn pixel(text: &str) -> Result<[f64; 2], String> {
     numbers(text, "U,V")
 }
 
+/// `X,Y,R` in pixels: a circle's middle and radius.
+pub fn circle(text: &str) -> Result<[f64; 3], String> {
+    numbers(text, "X,Y,R")
+}
+
+/// A share above 0 and at most 1, or one for each of `R,G,B`.
+pub fn reflectance(text: &str) -> Result<[f32; 3], String> {
+    let all = if text.contains(',') { numbers(text, "R,G,B")? } else { [numbers::<1>(text, "a number")?[0]; 3] };
+    if all.iter().all(|&v| v as f32 > 0.0 && v <= 1.0) {
+        Ok(all.map(|v| v as f32))
+    } else {
+        Err("a reflectance lies above 0 and is at most 1".into())
+    }
+}
+
 /// `NX,NY,NZ`, each at least 1.
 pub fn counts(text: &str) -> Result<[usize; 3], String> {
     let numbers: [f64; 3] = numbers(text, "NX,NY,NZ")?;
@@ -66,10 +81,39 @@ pub fn hfov_range_deg(text: &str) -> Result<[f32; 2], String> {
     Ok([least as f32, most as f32])
 }
 
+/// `EV,EV,…`: as many as there are.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stops(pub Vec<f64>);
+
+/// `EV,EV,…`, each within ± 20 stops.
+pub fn stops(text: &str) -> Result<Stops, String> {
+    let stop = |part: &str| match part.trim().parse::<f64>() {
+        Ok(ev) if ev.abs() <= 20.0 => Ok(ev),
+        Ok(ev) => Err(format!("{ev} EV; exposures differ by 20 at most")),
+        Err(_) => Err(format!("`{}` in EV,EV,… is not a number", part.trim())),
+    };
+    text.split(',').map(stop).collect::<Result<_, _>>().map(Stops)
+}
+
 /// A finite number above zero.
 pub fn positive(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| format!("`{text}` is not a number"))?;
     if value.is_finite() && value > 0.0 { Ok(value) } else { Err("must be a finite number above 0".into()) }
+}
+
+/// An angle in degrees, up to ten turns.
+pub fn angle_deg(text: &str) -> Result<f64, String> {
+    within(text, 3600.0, "degrees")
+}
+
+/// Stops of one exposure.
+pub fn exposure_ev(text: &str) -> Result<f64, String> {
+    within(text, 40.0, "stops")
+}
+
+fn within(text: &str, most: f64, unit: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| format!("`{text}` is not a number"))?;
+    if (-most..=most).contains(&value) { Ok(value) } else { Err(format!("must lie between -{most} and {most} {unit}")) }
 }
 
 fn numbers<const N: usize>(text: &str, form: &str) -> Result<[f64; N], String> {
@@ -103,10 +147,16 @@ mod tests {
         assert!(size("256").is_err() && size("0x4").is_err() && size("99999x4").is_err());
         assert_eq!(counts("3,2,1"), Ok([3, 2, 1]));
         assert!(counts("0,1,1").is_err() && counts("1.5,1,1").is_err());
+        assert_eq!(reflectance("0.5"), Ok([0.5; 3]));
+        assert_eq!(reflectance("0.5, 1,0.25"), Ok([0.5, 1.0, 0.25]));
+        assert!(["0", "1.1", "0.5,0.5", "-1", "nan", "1e-300"].iter().all(|text| reflectance(text).is_err()));
+        assert_eq!(circle("3,4.5,100"), Ok([3.0, 4.5, 100.0]));
         assert_eq!(part("3/16"), Ok([3, 16]));
         assert!(["0/4", "5/4", "1", "a/2", "1/0"].iter().all(|text| part(text).is_err()));
         assert_eq!(hfov_range_deg("60,80"), Ok([60.0, 80.0]));
         assert!(["80,60", "1,80", "60", "60,170"].iter().all(|text| hfov_range_deg(text).is_err()));
+        assert_eq!(stops("0,-0.5, 1"), Ok(Stops(vec![0.0, -0.5, 1.0])));
+        assert!(stops("0,x").is_err() && stops("nan").is_err() && stops("0,21").is_err());
         assert!(positive("0").is_err() && positive("inf").is_err() && positive("2").is_ok());
     }
 }

@@ -98,7 +98,8 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let keep = |index: usize, panorama: Rendering| -> anyhow::Result<()> {
         let probe = &probes[index];
         let file = format!("{}.{}", probe.name, args.format);
-        environment::write(&args.output.join(&file), &panorama.radiance, probe.position_m, &args.panorama, COMMAND)?;
+        let path = args.output.join(&file);
+        environment::write(&path, &panorama.radiance, Some(probe.position_m), &args.panorama.file, COMMAND)?;
         entries.push(json!({
             "name": probe.name,
             "file": file,

@@ -9,4 +9,5 @@ mod data;
 mod depth_models;
 mod documents;
 mod eval;
+mod photos;
 mod train;

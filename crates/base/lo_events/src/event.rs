@@ -116,6 +116,14 @@ pub fn warn(on_event: OnEvent<'_>, warning: Warning) -> Result<(), Cancelled> {
     say(on_event, Event::Warning(warning))
 }
 
+/// Says the numbers that a stage came to.
+///
+/// # Errors
+/// [`Cancelled`].
+pub fn figures(on_event: OnEvent<'_>, stage: Stage, figures: Vec<Figure>) -> Result<(), Cancelled> {
+    say(on_event, Event::Figures { stage, figures })
+}
+
 fn say(on_event: OnEvent<'_>, event: Event) -> Result<(), Cancelled> {
     match on_event(event) {
         ControlFlow::Continue(()) => Ok(()),

@@ -23,7 +23,7 @@ mod stage;
 mod steps;
 mod warning;
 
-pub use event::{Cancelled, Event, Figure, OnEvent, ignore, progress, stage, stage_of_steps, warn};
+pub use event::{Cancelled, Event, Figure, OnEvent, figures, ignore, progress, stage, stage_of_steps, warn};
 pub use stage::{Stage, TrainedNetworks, TrainingPhase};
 pub use steps::Steps;
 pub use warning::Warning;

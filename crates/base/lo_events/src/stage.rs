@@ -12,6 +12,8 @@ pub enum Stage {
     ReadWeights,
     /// The photo and its depth are brought to the working resolution.
     WorkingResolution,
+    /// Several photos of one room are compared: whether their poses fit, and how brightly each shows the same light.
+    Photos,
     /// The depth network predicts depth, and with it what the photo tells of the light outside of it.
     DepthAndGlobalLight,
     /// A depth network of others is read from its file.
@@ -28,6 +30,10 @@ pub enum Stage {
     Completion,
     /// The octree is built.
     Octree,
+    /// A panorama of the room is compared with what the photo shows.
+    PanoramaMatch,
+    /// A panorama of the room is laid onto what the photo does not show.
+    PanoramaLaying,
     /// The panoramas of many places are rendered.
     Probes,
     /// The object's shadow on real surfaces, coarsely: for the light that they send back to it.

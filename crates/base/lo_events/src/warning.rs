@@ -26,6 +26,18 @@ pub enum Warning {
         /// Of how many.
         points: usize,
     },
+    /// By their poses two photos show the same places, but their depths do not quite agree there.
+    PosesDisagree {
+        /// Their indices.
+        photos: [usize; 2],
+        /// Median difference of the depths, share of the depth.
+        disagreement: f32,
+    },
+    /// Photos show nothing that the first or those compared with it show: how brightly they show the same light was guessed.
+    AssumedExposures {
+        /// Their indices.
+        photos: Vec<usize>,
+    },
     /// The inserted object does not show: real surfaces stand before all of it.
     ObjectHidden,
     /// The inserted object does not show: it lies outside of the picture.
@@ -62,6 +74,29 @@ pub enum Warning {
         /// How many of the four walls are.
         walls: usize,
     },
+    /// The panorama of the room is no HDR image: where it is clipped its light is a lower bound.
+    ClippedPanorama {
+        /// Share of its pixels that are clipped, from 0 to 1.
+        clipped_share: f32,
+    },
+    /// Values of the panorama of the room were negative or no numbers, and are taken as 0.
+    PanoramaValues {
+        /// Pixels with such values.
+        cleaned: usize,
+        /// Of how many.
+        pixels: usize,
+    },
+    /// The panorama hardly shows what the photo shows: it may be of another room, of another place in it, or turned otherwise.
+    PanoramaMatch {
+        /// How well it does, from 0 to 1.
+        confidence: f32,
+        /// The confidence below which this is said.
+        least: f32,
+        /// The yaw it was laid with, degrees.
+        yaw_deg: f32,
+    },
+    /// The panorama's place sees next to nothing of what the photo shows, so nothing can be compared.
+    PanoramaNotCompared,
     /// The light network took no node of a depth to be occupied; the likeliest one was.
     NothingOccupied {
         /// Depth of the nodes.

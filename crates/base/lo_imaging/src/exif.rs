@@ -16,18 +16,43 @@ pub struct FocalLength {
 /// Diagonal of the 36 mm × 24 mm frame; CIPA DCG-001 defines the 35 mm equivalent by the diagonal angle of view.
 const FILM_DIAGONAL_MM: f64 = 43.266_615_305_567_87;
 
+/// What EXIF says about how much light a shot let in.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ShotExposure {
+    /// Exposure time (tag 0x829A, else 0x9201), in seconds.
+    pub time_s: Option<f64>,
+    /// F-number of the aperture (tag 0x829D, else 0x9202).
+    pub f_number: Option<f64>,
+    /// Sensitivity (tag 0x8827).
+    pub iso: Option<f64>,
+}
+
+/// Reads a raw EXIF block (a TIFF structure) as far as it is not damaged.
+fn parse(raw: &[u8]) -> Option<Exif> {
+    let mut reader = exif::Reader::new();
+    reader.continue_on_error(true);
+    reader.read_raw(raw.to_vec()).or_else(|error| error.distill_partial_result(|_| ())).ok()
+}
+
+impl ShotExposure {
+    /// Reads the tags of a raw EXIF block. Damaged or missing tags are `None`.
+    pub(crate) fn from_exif(raw: &[u8]) -> Self {
+        let Some(exif) = parse(raw) else { return Self::default() };
+        // APEX (EXIF 2.32, annex C): time = 2^-Tv, N = 2^(Av / 2)
+        let time = || apex(&exif, Tag::ShutterSpeedValue).map(|tv| (-tv).exp2());
+        let aperture = || apex(&exif, Tag::ApertureValue).map(|av| (0.5 * av).exp2());
+        Self {
+            time_s: number(&exif, Tag::ExposureTime).or_else(time),
+            f_number: number(&exif, Tag::FNumber).or_else(aperture),
+            iso: number(&exif, Tag::PhotographicSensitivity),
+        }
+    }
+}
+
 impl FocalLength {
     /// Reads the tags of a raw EXIF block (a TIFF structure). Damaged or missing tags are `None`.
     pub(crate) fn from_exif(raw: &[u8]) -> Self {
-        let mut reader = exif::Reader::new();
-        reader.continue_on_error(true);
-        let exif = match reader.read_raw(raw.to_vec()) {
-            Ok(exif) => exif,
-            Err(error) => match error.distill_partial_result(|_| ()) {
-                Ok(exif) => exif,
-                Err(_) => return Self::default(),
-            },
-        };
+        let Some(exif) = parse(raw) else { return Self::default() };
         let per_mm = match uint(&exif, Tag::FocalPlaneResolutionUnit).unwrap_or(2) {
             3 => 10.0,
             4 => 1.0,
@@ -75,6 +100,16 @@ fn number(exif: &Exif, tag: Tag) -> Option<f64> {
         value => f64::from(value.get_uint(0)?),
     };
     (value.is_finite() && value > 0.0).then_some(value)
+}
+
+/// A number of stops, which may be negative.
+fn apex(exif: &Exif, tag: Tag) -> Option<f64> {
+    let value = match &exif.get_field(tag, In::PRIMARY)?.value {
+        Value::SRational(values) => values.first()?.to_f64(),
+        Value::Rational(values) => values.first()?.to_f64(),
+        _ => return None,
+    };
+    (value.is_finite() && value.abs() <= 40.0).then_some(value)
 }
 
 fn uint(exif: &Exif, tag: Tag) -> Option<u32> {

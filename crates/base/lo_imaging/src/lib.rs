@@ -17,6 +17,7 @@ mod format;
 mod generator;
 mod image;
 mod main_light;
+pub mod mirror_ball;
 mod npy;
 mod perspective;
 mod pfm;
@@ -31,7 +32,7 @@ mod source;
 mod tone;
 mod write;
 
-pub use crate::exif::FocalLength;
+pub use crate::exif::{FocalLength, ShotExposure};
 pub use crate::image::{DepthMap, Image, RadianceImage};
 pub use atomic::write_atomically;
 pub use color::{linear_from_srgb, linear_from_srgb8, luminance, srgb_from_linear, srgb8_from_linear};

@@ -6,12 +6,12 @@ use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use rayon::prelude::*;
 
 use crate::color::linear_from_srgb;
-use crate::exif::FocalLength;
+use crate::exif::{FocalLength, ShotExposure};
 use crate::source::Source;
 use crate::{Format, Image, ImageError, Photo, RadianceImage};
 
-/// Decodes, turns by the EXIF (or TIFF) orientation, and reads what EXIF says of the lens.
-pub(crate) fn decode(source: Source) -> Result<(DynamicImage, FocalLength), ImageError> {
+/// Decodes, turns by the EXIF (or TIFF) orientation, and reads what EXIF says of the lens and the exposure.
+pub(crate) fn decode(source: Source) -> Result<(DynamicImage, FocalLength, ShotExposure), ImageError> {
     let format = match source.format {
         Format::Png => ImageFormat::Png,
         Format::Jpeg => ImageFormat::Jpeg,
@@ -32,13 +32,14 @@ pub(crate) fn decode(source: Source) -> Result<(DynamicImage, FocalLength), Imag
     // metadata that cannot be read must not cost the picture
     let exif = decoder.exif_metadata().ok().flatten();
     let focal = exif.as_deref().map(FocalLength::from_exif).unwrap_or_default();
+    let exposure = exif.as_deref().map(ShotExposure::from_exif).unwrap_or_default();
     let orientation = match exif.as_deref().and_then(image::metadata::Orientation::from_exif_chunk) {
         Some(orientation) => orientation,
         None => decoder.orientation().unwrap_or(image::metadata::Orientation::NoTransforms),
     };
     let mut picture = DynamicImage::from_decoder(decoder).map_err(|e| invalid(source, e))?;
     picture.apply_orientation(orientation);
-    Ok((picture, focal))
+    Ok((picture, focal, exposure))
 }
 
 fn invalid(source: Source, error: image::ImageError) -> ImageError {

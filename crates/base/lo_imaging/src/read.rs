@@ -1,6 +1,6 @@
 use std::path::Path;
 
-use crate::exif::FocalLength;
+use crate::exif::{FocalLength, ShotExposure};
 use crate::exr_read::{self, ExrChannels};
 use crate::pfm::Pfm;
 use crate::source::Source;
@@ -9,13 +9,15 @@ use crate::{DepthMap, Format, Image, ImageError, Photo, RadianceImage, depth, pf
 /// Largest file that is read: beyond what [`MAX_PIXELS`](crate::MAX_PIXELS) can need.
 const MAX_FILE_BYTES: u64 = 16 << 30;
 
-/// A photo and what its file says about the lens.
+/// A photo and what its file says about the lens and the exposure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhotoFile {
     /// The pixels, upright.
     pub photo: Photo,
     /// The lens, where EXIF tells.
     pub focal: FocalLength,
+    /// How much light the shot let in, where EXIF tells.
+    pub exposure: ShotExposure,
 }
 
 impl PhotoFile {
@@ -45,11 +47,12 @@ pub fn photo_from_bytes(bytes: &[u8], name: &str) -> Result<PhotoFile, ImageErro
     let source = open(bytes, name, "PNG, JPEG, WebP, TIFF, BMP, PNM, HDR, EXR or PFM")?;
     guarded(source, || match source.format {
         Format::Hdr | Format::Exr | Format::Pfm => {
-            Ok(PhotoFile { photo: Photo::Linear(decode_radiance(source)?), focal: FocalLength::default() })
+            let photo = Photo::Linear(decode_radiance(source)?);
+            Ok(PhotoFile { photo, focal: FocalLength::default(), exposure: ShotExposure::default() })
         }
         _ => {
-            let (picture, focal) = raster::decode(source)?;
-            Ok(PhotoFile { photo: raster::photo(picture), focal })
+            let (picture, focal, exposure) = raster::decode(source)?;
+            Ok(PhotoFile { photo: raster::photo(picture), focal, exposure })
         }
     })
 }

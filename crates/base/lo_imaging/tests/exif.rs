@@ -103,6 +103,20 @@ fn focal_lengths_give_the_angle_of_the_lens() {
 }
 
 #[test]
+fn exposures_are_read_plainly_and_by_apex() {
+    let exposure = |tags: &[(u16, u16, u32)]| read(&jpeg_with(&exif_block(1, tags), 12, 8)).exposure;
+    // 1/40 s, f/2.8, ISO 400
+    let plain = exposure(&[(0x829a, 5, 25), (0x829d, 5, 2800), (0x8827, 3, 400)]);
+    let close = |got: Option<f64>, expected: f64| (got.unwrap() / expected - 1.0).abs() < 1e-9;
+    assert!(close(plain.time_s, 0.025) && close(plain.f_number, 2.8) && close(plain.iso, 400.0), "{plain:?}");
+    // Tv 5 is 1/32 s, Av 4 is f/4 (EXIF 2.32, annex C)
+    let apex = exposure(&[(0x9201, 5, 5000), (0x9202, 5, 4000)]);
+    assert!(close(apex.time_s, 1.0 / 32.0) && close(apex.f_number, 4.0) && apex.iso.is_none(), "{apex:?}");
+    let none = exposure(&[(0x829a, 5, 0), (0x8827, 3, 0)]);
+    assert_eq!((none.time_s, none.f_number, none.iso), (None, None, None));
+}
+
+#[test]
 fn unusable_focal_lengths_are_none() {
     for tags in [
         &[][..],

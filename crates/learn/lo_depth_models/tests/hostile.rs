@@ -252,7 +252,7 @@ fn what_lies_in_each_other_or_itself_is_no_trap() {
         field(25, &body)
     };
     let call = field(1, &[text(1, "x"), text(2, "y"), text(4, "f0"), text(7, "own")].concat());
-    let forever = file(&[call.clone()], &[function("f0", "f0", 1)]);
+    let forever = file(std::slice::from_ref(&call), &[function("f0", "f0", 1)]);
     assert!(matches!(run(&forever).unwrap_err(), ModelError::TooLarge(_)));
     let laughs: Vec<Vec<u8>> =
         (0..8).map(|index| function(&format!("f{index}"), &format!("f{}", index + 1), 100)).collect();

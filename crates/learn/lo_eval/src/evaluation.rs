@@ -6,9 +6,10 @@ use std::time::Instant;
 use lo_dataset::{CropModel, Dataset, DatasetError, Layout, Sample, Split, evenly_spread, indices_of};
 use lo_events::{OnEvent, Stage, Steps};
 
+use crate::prior::TWO_APART;
 use crate::{
-    Cost, Method, Outcome, Protocol, ProtocolCrops, ProtocolRenders, Report, Scorer, Sheet, Summary, Tools, memory,
-    walk,
+    Cost, Estimate, KnownPanorama, Method, MethodError, Outcome, Protocol, ProtocolCrops, ProtocolRenders, Report,
+    Scorer, Sheet, Summary, Tools, memory, walk,
 };
 
 /// Which photos of which dataset.
@@ -112,9 +113,21 @@ impl<'a> Evaluation<'a> {
                     break;
                 }
             };
+            let (sample, known) = self.known_panorama(sample);
+            let foreign = self.foreign_panorama(position, &sample);
             let mut shown = Vec::new();
             for &method in &self.methods {
-                let (outcome, panorama) = self.outcome(&scorer, &sample, method, walks.contains(&position));
+                let tools = Tools {
+                    known: known.as_ref().and_then(|known| known.as_ref().ok()),
+                    foreign: foreign.as_ref(),
+                    ..self.tools
+                };
+                let reason = known.as_ref().and_then(|known| known.as_ref().err());
+                let estimate = |sample: &Sample| match reason {
+                    Some(reason) => Err(MethodError::Needs(reason)),
+                    None => method.estimate(sample, &tools),
+                };
+                let (outcome, panorama) = outcome(&scorer, &sample, method, estimate, walks.contains(&position));
                 summary.add(outcome);
                 shown.push(panorama);
             }
@@ -128,33 +141,58 @@ impl<'a> Evaluation<'a> {
         Report { methods: self.methods.clone(), summary, sheet, photos: done, asked: count, unreadable }
     }
 
-    /// What comes of a method on a photo, and its first panorama.
-    fn outcome(
-        &self,
-        scorer: &Scorer,
-        sample: &Sample,
-        method: Method,
-        walks: bool,
-    ) -> (Outcome, Option<lo_imaging::RadianceImage>) {
-        memory::restart_peak();
-        let begun = Instant::now();
-        let estimate = method.estimate(sample, &self.tools);
-        let mut cost = Cost { estimate_s: begun.elapsed().as_secs_f64(), ..Cost::default() };
-        let mut shown = None;
-        let scores = estimate.map(|estimate| {
-            let begun = Instant::now();
-            let panoramas = Scorer::panoramas(sample, &estimate);
-            cost.panorama_s = begun.elapsed().as_secs_f64() / panoramas.len().max(1) as f64;
-            cost.peak_mib = memory::peak_mib();
-            let mut scores = scorer.score(sample, &estimate, &panoramas);
-            if walks && let Some(found) = walk(sample, &estimate) {
-                scores.add("walk_step_ratio", found.largest_step_ratio);
-                scores.add("walk_parallax_px", found.parallax_px);
-            }
-            shown = panoramas.into_iter().next();
-            scores
-        });
-        let (id, scene) = (sample.id.clone(), sample.scene_id.clone());
-        (Outcome { sample: id, scene, method: method.name(), scores, cost }, shown)
+    /// With a method that knows a panorama of the room: that one, or what is lacking, and the sample with those that are scored. All methods are, for
+    /// their figures to be comparable.
+    fn known_panorama(&self, mut sample: Sample) -> (Sample, Option<Result<KnownPanorama, &'static str>>) {
+        if !self.methods.iter().any(|method| method.knows_panorama()) {
+            return (sample, None);
+        }
+        let known = KnownPanorama::take(&mut sample);
+        (sample, Some(known.map_err(|_| TWO_APART)))
     }
+
+    /// Of the next photo's room that is another one, where a method asks for it.
+    fn foreign_panorama(&self, position: usize, sample: &Sample) -> Option<KnownPanorama> {
+        if !self.methods.iter().any(|method| method.takes_foreign_panorama()) {
+            return None;
+        }
+        let count = self.indices.len();
+        let others = (1..count).map(|step| self.indices[(position + step) % count]);
+        others.filter_map(|index| self.dataset.get(index).ok()).find_map(|mut other| {
+            if other.scene_id == sample.scene_id {
+                return None;
+            }
+            KnownPanorama::take(&mut other).ok()
+        })
+    }
+}
+
+/// What comes of a method on a photo, and its first panorama.
+fn outcome(
+    scorer: &Scorer,
+    sample: &Sample,
+    method: Method,
+    estimate: impl Fn(&Sample) -> Result<Estimate, MethodError>,
+    walks: bool,
+) -> (Outcome, Option<lo_imaging::RadianceImage>) {
+    memory::restart_peak();
+    let begun = Instant::now();
+    let estimate = estimate(sample);
+    let mut cost = Cost { estimate_s: begun.elapsed().as_secs_f64(), ..Cost::default() };
+    let mut shown = None;
+    let scores = estimate.map(|estimate| {
+        let begun = Instant::now();
+        let panoramas = Scorer::panoramas(sample, &estimate);
+        cost.panorama_s = begun.elapsed().as_secs_f64() / panoramas.len().max(1) as f64;
+        cost.peak_mib = memory::peak_mib();
+        let mut scores = scorer.score(sample, &estimate, &panoramas);
+        if walks && let Some(found) = walk(sample, &estimate) {
+            scores.add("walk_step_ratio", found.largest_step_ratio);
+            scores.add("walk_parallax_px", found.parallax_px);
+        }
+        shown = panoramas.into_iter().next();
+        scores
+    });
+    let (id, scene) = (sample.id.clone(), sample.scene_id.clone());
+    (Outcome { sample: id, scene, method: method.name(), scores, cost }, shown)
 }

@@ -7,6 +7,7 @@ mod coherence;
 mod evaluation;
 pub mod memory;
 mod method;
+mod prior;
 mod profile;
 mod protocol;
 mod report;
@@ -22,7 +23,8 @@ mod walk;
 
 pub use coherence::coherence;
 pub use evaluation::{EvalError, Evaluation, Photos};
-pub use method::{DepthInput, Estimate, Light, Method, MethodError, Tools};
+pub use method::{DepthInput, Estimate, Light, Method, MethodError, PriorPanorama, Tools};
+pub use prior::{APART_M, KnownPanorama, LaidPrior};
 pub use profile::{Profile, ProfileBuilder, ProfileError};
 pub use protocol::{Protocol, ProtocolCrops, ProtocolRenders};
 pub use report::Report;

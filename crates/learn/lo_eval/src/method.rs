@@ -2,13 +2,14 @@
 
 use lightoctree::cone::{self, Cone, Viewers};
 use lightoctree::scene::{Completion, Frame, FrameError, Scene};
-use lightoctree::{EstimateError, EstimateOptions, Estimator, Input};
+use lightoctree::{EstimateError, EstimateOptions, Estimator, Input, PanoramaError};
 use lo_dataset::{NovelView, Sample, TrueLeaves};
 use lo_geometry::{Cube, Vec3};
 use lo_imaging::{DepthMap, Photo, RadianceImage, sample_equirectangular};
 use lo_octree::{LightOctree, OctreeError};
 
-use crate::{Profile, baseline};
+use crate::prior::{is_doubt, unchanged, yaw_error_deg};
+use crate::{KnownPanorama, LaidPrior, Profile, baseline};
 
 /// Depth that a method is given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,6 +37,21 @@ pub enum Method {
     SingleMap,
     /// The true octree: what a perfect network of this depth would reach.
     TrueOctree,
+    /// The networks, from the photo alone or with depth, and a panorama of the room from another place than those that are scored.
+    PanoramaPrior(Option<DepthInput>, PriorPanorama),
+    /// That panorama as the light around every point.
+    PanoramaEverywhere,
+}
+
+/// Which panorama a method knows, and how.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PriorPanorama {
+    /// One of the room, with its yaw; its exposure is found.
+    YawGiven,
+    /// The same, with its yaw to be found.
+    YawFound,
+    /// One of another room, as if it were of this one, with its yaw to be found.
+    OfAnotherRoom,
 }
 
 /// What methods need beside the photo.
@@ -49,6 +65,10 @@ pub struct Tools<'a> {
     pub octree_depth: u32,
     /// Of the networks' random choices.
     pub seed: u64,
+    /// A panorama of the sample's room, for `PanoramaPrior` and `PanoramaEverywhere`.
+    pub known: Option<&'a KnownPanorama>,
+    /// A panorama of another room, for `PanoramaPrior` that takes one.
+    pub foreign: Option<&'a KnownPanorama>,
 }
 
 /// Why a method gave nothing for a sample.
@@ -66,6 +86,9 @@ pub enum MethodError {
     /// The octree cannot be built.
     #[error(transparent)]
     Octree(#[from] OctreeError),
+    /// The panorama that is known is none.
+    #[error(transparent)]
+    Panorama(#[from] PanoramaError),
 }
 
 /// What a method says about a room.
@@ -76,6 +99,8 @@ pub struct Estimate {
     pub depth_m: Option<DepthMap>,
     /// Which way it takes to be up, in the photo's frame, of unit length.
     pub up: Option<Vec3>,
+    /// How the panorama that it knows was laid.
+    pub prior: Option<LaidPrior>,
 }
 
 /// Light around every point.
@@ -92,7 +117,7 @@ pub enum Light {
 }
 
 impl Method {
-    /// All of them, in the order of the tables.
+    /// All that need no panorama of the room, in the order of the tables: those that run where nothing else is said.
     pub const ALL: [Self; 10] = [
         Self::MeanColour,
         Self::Profile,
@@ -104,6 +129,16 @@ impl Method {
         Self::Network(Some(DepthInput::Sensor)),
         Self::Network(Some(DepthInput::True)),
         Self::TrueOctree,
+    ];
+
+    /// Those that know a panorama of the room. With any of them, every method is scored on the panoramas at other places alone.
+    pub const WITH_PANORAMA: [Self; 6] = [
+        Self::PanoramaEverywhere,
+        Self::PanoramaPrior(None, PriorPanorama::YawGiven),
+        Self::PanoramaPrior(None, PriorPanorama::YawFound),
+        Self::PanoramaPrior(Some(DepthInput::Sensor), PriorPanorama::YawGiven),
+        Self::PanoramaPrior(Some(DepthInput::True), PriorPanorama::YawGiven),
+        Self::PanoramaPrior(None, PriorPanorama::OfAnotherRoom),
     ];
 
     /// Its name in tables and on the command line.
@@ -119,13 +154,31 @@ impl Method {
             Self::Mirrored => "mirrored",
             Self::SingleMap => "single-map",
             Self::TrueOctree => "true-octree",
+            Self::PanoramaEverywhere => "panorama-everywhere",
+            Self::PanoramaPrior(_, PriorPanorama::OfAnotherRoom) => "panorama-of-another-room",
+            Self::PanoramaPrior(None, PriorPanorama::YawGiven) => "panorama-prior",
+            Self::PanoramaPrior(Some(DepthInput::Sensor), PriorPanorama::YawGiven) => "panorama-prior-sensor",
+            Self::PanoramaPrior(Some(DepthInput::True), PriorPanorama::YawGiven) => "panorama-prior-true",
+            Self::PanoramaPrior(None, PriorPanorama::YawFound) => "panorama-prior-found",
+            Self::PanoramaPrior(Some(DepthInput::Sensor), PriorPanorama::YawFound) => "panorama-prior-found-sensor",
+            Self::PanoramaPrior(Some(DepthInput::True), PriorPanorama::YawFound) => "panorama-prior-found-true",
         }
+    }
+
+    /// Whether it knows a panorama of the room, or of another one.
+    pub fn knows_panorama(self) -> bool {
+        matches!(self, Self::PanoramaEverywhere | Self::PanoramaPrior(..))
+    }
+
+    /// Whether it takes a panorama of another room.
+    pub fn takes_foreign_panorama(self) -> bool {
+        matches!(self, Self::PanoramaPrior(_, PriorPanorama::OfAnotherRoom))
     }
 
     /// Whether the tools at hand suffice, whatever the sample has.
     pub fn has_tools(self, tools: &Tools) -> bool {
         match self {
-            Self::Network(_) | Self::SingleMap => tools.estimator.networks().is_some(),
+            Self::Network(_) | Self::SingleMap | Self::PanoramaPrior(..) => tools.estimator.networks().is_some(),
             Self::Profile => tools.profile.is_some(),
             _ => true,
         }
@@ -134,10 +187,10 @@ impl Method {
     /// Whether a sample has what the method takes.
     pub fn takes(self, sample: &Sample) -> bool {
         match self {
-            Self::Network(Some(DepthInput::True)) | Self::Shell(DepthInput::True) => sample.depth_m.is_some(),
-            Self::Network(Some(DepthInput::Sensor)) | Self::Shell(DepthInput::Sensor) => {
-                sample.sensor_depth_m.is_some()
-            }
+            Self::Network(Some(input)) | Self::PanoramaPrior(Some(input), _) | Self::Shell(input) => match input {
+                DepthInput::True => sample.depth_m.is_some(),
+                DepthInput::Sensor => sample.sensor_depth_m.is_some(),
+            },
             Self::TrueOctree => !sample.points.is_empty(),
             _ => true,
         }
@@ -148,13 +201,15 @@ impl Method {
     /// # Errors
     /// What the sample or the tools lack; estimates that fail.
     pub fn estimate(self, sample: &Sample, tools: &Tools) -> Result<Estimate, MethodError> {
-        let networks = || tools.estimator.networks().ok_or(MethodError::Needs("weights"));
-        let map = |map: RadianceImage| Ok(Estimate { light: Light::Map(map), depth_m: None, up: None });
+        let map = |map: RadianceImage| Ok(Estimate { light: Light::Map(map), depth_m: None, up: None, prior: None });
         match self {
             Self::MeanColour => map(baseline::mean_colour_map(sample)),
             Self::Profile => map(baseline::profile_map(sample, tools.profile.ok_or(MethodError::Needs("a profile"))?)),
             Self::Mirrored => map(baseline::mirrored_map(sample)),
-            Self::SingleMap => map(networks()?.single_map(&sample.photo)),
+            Self::SingleMap => {
+                let networks = tools.estimator.networks().ok_or(MethodError::Needs("weights"))?;
+                map(networks.single_map(&sample.photo))
+            }
             Self::Shell(input) => {
                 let octree_depth = Some(tools.octree_depth);
                 let completion = Some(Completion::Shell);
@@ -164,21 +219,22 @@ impl Method {
                 Ok(Estimate::of_scene(scene))
             }
             Self::Network(input) => {
-                let networks = networks()?;
-                let octree_depth = Some(tools.octree_depth.max(networks.config.depth));
-                let options = EstimateOptions {
-                    completion: Some(Completion::Network),
-                    octree_depth,
-                    seed: tools.seed,
-                    ..EstimateOptions::default()
-                };
-                let input = match input {
-                    Some(input) => Input::MeasuredDepth(frame(sample, input)?),
-                    None => Input::Photo { photo: Photo::Srgb8(sample.photo.clone()), camera: sample.camera },
-                };
-                let scene = tools.estimator.estimate(input, &options, &mut lightoctree::events::ignore)?;
+                let options = network_options(tools)?;
+                let scene =
+                    tools.estimator.estimate(input_of(sample, input)?, &options, &mut lightoctree::events::ignore)?;
                 Ok(Estimate::of_scene(scene))
             }
+            Self::PanoramaEverywhere => {
+                let known = tools.known.filter(|known| !known.is_scored);
+                let known = known.ok_or(MethodError::Needs("another panorama than the one that is scored"))?;
+                let inverse = known.view.rotation.inverse();
+                let [width, height] = [known.view.radiance.width(), known.view.radiance.height()];
+                map(RadianceImage::from_fn(width, height, |x, y| {
+                    let direction = lo_geometry::pixel_direction(x, y, width, height);
+                    sample_equirectangular(&known.view.radiance, inverse * direction)
+                }))
+            }
+            Self::PanoramaPrior(input, which) => with_panorama(sample, input, which, tools),
             Self::TrueOctree => Ok(Estimate::of_octree(true_octree(sample, tools)?)),
         }
     }
@@ -192,7 +248,7 @@ impl Estimate {
 
     fn of_octree(octree: LightOctree) -> Self {
         let viewers = Viewers::new(&octree);
-        Self { light: Light::Octree { octree: Box::new(octree), viewers }, depth_m: None, up: None }
+        Self { light: Light::Octree { octree: Box::new(octree), viewers }, depth_m: None, up: None, prior: None }
     }
 
     /// The panorama at a view's place, in its orientation and of its size.
@@ -233,6 +289,58 @@ pub(crate) fn traced(viewers: &Viewers, eye: Vec3, cones: &[Cone]) -> Vec<cone::
     let mut samples = vec![cone::ConeSample::default(); cones.len()];
     viewers.at(eye).trace_batch(cones, &mut samples);
     samples
+}
+
+fn network_options(tools: &Tools) -> Result<EstimateOptions, MethodError> {
+    let networks = tools.estimator.networks().ok_or(MethodError::Needs("weights"))?;
+    Ok(EstimateOptions {
+        completion: Some(Completion::Network),
+        octree_depth: Some(tools.octree_depth.max(networks.config.depth)),
+        seed: tools.seed,
+        ..EstimateOptions::default()
+    })
+}
+
+fn input_of(sample: &Sample, input: Option<DepthInput>) -> Result<Input, MethodError> {
+    Ok(match input {
+        Some(input) => Input::MeasuredDepth(frame(sample, input)?),
+        None => Input::Photo { photo: Photo::Srgb8(sample.photo.clone()), camera: sample.camera },
+    })
+}
+
+/// By the networks and a panorama. With one of another room it is also looked at what became of the light that the photo saw.
+fn with_panorama(
+    sample: &Sample,
+    input: Option<DepthInput>,
+    which: PriorPanorama,
+    tools: &Tools,
+) -> Result<Estimate, MethodError> {
+    let is_foreign = which == PriorPanorama::OfAnotherRoom;
+    let known = if is_foreign { tools.foreign } else { tools.known };
+    let needed = if is_foreign { "a panorama of another room" } else { "a panorama of the room" };
+    let known = known.ok_or(MethodError::Needs(needed))?;
+    let options = network_options(tools)?;
+    let panorama = Some(known.prior(which == PriorPanorama::YawGiven)?);
+    let with = EstimateOptions { panorama, ..options.clone() };
+    let mut is_warned = false;
+    let mut hear = |event| {
+        is_warned |= is_doubt(&event);
+        std::ops::ControlFlow::Continue(())
+    };
+    let scene = tools.estimator.estimate(input_of(sample, input)?, &with, &mut hear)?;
+    let mut seen_unchanged = None;
+    if is_foreign {
+        let plain = tools.estimator.estimate(input_of(sample, input)?, &options, &mut lightoctree::events::ignore)?;
+        seen_unchanged = Some(unchanged(&plain.light, &scene.light));
+    }
+    let prior = scene.panorama.as_ref().map(|laid| LaidPrior {
+        confidence: laid.source.confidence.into(),
+        yaw_error_deg: (!is_foreign).then(|| yaw_error_deg(laid.source.yaw_deg, known.yaw_rad())),
+        exposure_ev: laid.source.exposure_ev.into(),
+        is_warned,
+        seen_unchanged,
+    });
+    Ok(Estimate { prior, ..Estimate::of_scene(scene) })
 }
 
 fn frame(sample: &Sample, input: DepthInput) -> Result<Frame, MethodError> {

@@ -143,6 +143,13 @@ fn scene(scores: &mut Scores, sample: &Sample, estimate: &Estimate) {
     }
     let up = sample.up.zip(estimate.up);
     scores.add("up_deg", up.map(|(truth, got)| f64::from(truth.angle_between(got)).to_degrees()));
+    if let Some(prior) = &estimate.prior {
+        scores.add("prior_confidence", Some(prior.confidence));
+        scores.add("prior_yaw_error_deg", prior.yaw_error_deg);
+        scores.add("prior_exposure_ev", Some(prior.exposure_ev.abs()));
+        scores.add("prior_warned", Some(f64::from(u8::from(prior.is_warned))));
+        scores.add("prior_seen_unchanged", prior.seen_unchanged);
+    }
     let Light::Octree { octree, .. } = &estimate.light else { return };
     if sample.points.is_empty() {
         return;
@@ -169,8 +176,14 @@ mod tests {
         let mut builder = ProfileBuilder::default();
         builder.add(&sample);
         let profile = builder.finish("the same room").unwrap();
-        let tools =
-            Tools { estimator: &Estimator::without_networks(), profile: Some(&profile), octree_depth: 6, seed: 0 };
+        let tools = Tools {
+            estimator: &Estimator::without_networks(),
+            profile: Some(&profile),
+            octree_depth: 6,
+            seed: 0,
+            known: None,
+            foreign: None,
+        };
         let scorer = Scorer::new(None);
         let score = |method: Method| {
             let estimate = method.estimate(&sample, &tools).unwrap();

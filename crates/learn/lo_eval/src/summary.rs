@@ -55,7 +55,7 @@ struct Line<'a> {
 /// Heading of a table, and its columns: figure, head, digits.
 type Table = (&'static str, &'static [(&'static str, &'static str, usize)]);
 
-const TABLES: [Table; 7] = [
+const TABLES: [Table; 8] = [
     (
         "Panorama",
         &[
@@ -132,6 +132,16 @@ const TABLES: [Table; 7] = [
             ("split_accuracy", "split accuracy ↑", 3),
             ("split_precision", "precision ↑", 3),
             ("split_recall", "recall ↑", 3),
+        ],
+    ),
+    (
+        "Known panorama",
+        &[
+            ("prior_confidence", "confidence", 3),
+            ("prior_yaw_error_deg", "yaw ° ↓", 1),
+            ("prior_exposure_ev", "exposure EV ↓", 2),
+            ("prior_warned", "warned", 3),
+            ("prior_seen_unchanged", "seen leaves unchanged ↑", 4),
         ],
     ),
 ];

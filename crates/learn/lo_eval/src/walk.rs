@@ -235,8 +235,14 @@ mod tests {
     use crate::{Method, Tools, testing};
     use lightoctree::Estimator;
 
-    const TOOLS: Tools<'static> =
-        Tools { estimator: &Estimator::without_networks(), profile: None, octree_depth: 7, seed: 0 };
+    const TOOLS: Tools<'static> = Tools {
+        estimator: &Estimator::without_networks(),
+        profile: None,
+        octree_depth: 7,
+        seed: 0,
+        known: None,
+        foreign: None,
+    };
 
     /// The box room with patches of colour on its walls.
     fn textured() -> Sample {
@@ -260,7 +266,7 @@ mod tests {
         // the same light as one map: its features stay where they are. Walls are 1.2 to 2.8 m away, a metre moves them by tens of pixels
         let view = &sample.views[0];
         let map = estimate.panorama_at(view.position_m, 256, 128, |direction| direction);
-        let single = Estimate { light: Light::Map(map), depth_m: None, up: None };
+        let single = Estimate { light: Light::Map(map), depth_m: None, up: None, prior: None };
         let found = walk(&sample, &single).unwrap();
         assert!(found.largest_step_ratio.is_none() && found.parallax_px.unwrap() > 10.0, "{found:?}");
     }

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::checkpoint::{Checkpoint, CheckpointError, Precision};
 use crate::depth::{DepthNet, EncoderKind, network_input, panorama_image};
 use crate::light::{
-    Growth, LightConfigError, LightError, LightInput, LightNet, LightNetConfig, SeenDetail, VisiblePoint,
+    Growth, LightConfigError, LightError, LightInput, LightNet, LightNetConfig, PhotoView, SeenDetail, VisiblePoint,
     blend_with_map,
 };
 
@@ -174,22 +174,26 @@ impl Networks {
     /// The light of the whole room, the octree grown by the network's own predictions. How bright what is not seen is lies between what the light
     /// network and what the [single map](Networks::single_map) say.
     ///
-    /// `points` are what the camera sees, in the frame of `cube`; `seed` places the points that carry the global light. Where
-    /// `octree_depth` is greater than the network's own depth, what is seen is that fine, and what is not ends above it.
+    /// `points` are what the cameras of `views` see, those of one after those of another, in the frame of `cube`, which is the first camera's;
+    /// `global` is that one's. What is guessed, is guessed from what the first camera sees. `seed` places the points that carry the global light. Where `octree_depth` is greater than the network's own depth, what
+    /// is seen is that fine, and what is not ends above it.
     ///
     /// # Errors
     /// Points that are not finite; predictions that are not; a depth that no octree can have.
+    ///
+    /// # Panics
+    /// Where the views have more points than there are.
     pub fn complete(
         &self,
         points: &[VisiblePoint],
-        camera: &Camera,
+        views: &[PhotoView],
         cube: Cube,
         global: GlobalLight,
         octree_depth: u32,
         seed: u64,
     ) -> Result<CompletedLight, LightError> {
         in_pool(|| {
-            let input = LightInput::new(points, camera, cube, &self.config, seed)?;
+            let input = LightInput::of_photos(points, views, cube, &self.config, seed)?;
             let input = LightInput { colour_share: COLOUR_SHARE, ..input };
             let map = panorama_image(self.depth.panorama.forward(global.0.clone()));
             let mut output = self.light.forward(&input, Some(global.0), Growth::Predicted)?;

@@ -72,7 +72,7 @@ pub fn up_from_predicted_depth(frame: &Frame, normals: Option<&Image<Option<Vec3
         .filter_map(|at| {
             let normal = normals[at].filter(|_| depth_m[at] > 0.0)?;
             let position_m = camera.unproject(at.0 as f64 + 0.5, at.1 as f64 + 0.5, f64::from(depth_m[at]));
-            Some(Facet { normal, area: area_of(position_m, normal) })
+            Some(Facet { normal, area: area_of(position_m, depth_m[at], normal) })
         })
         .collect();
     let votes = thinned(&facets);
@@ -194,7 +194,7 @@ mod tests {
         for (pitch_deg, roll_deg) in [(0.0f32, 0.0f32), (25.0, 2.0), (-20.0, -3.0), (12.0, 4.0)] {
             // Pitched down, the camera sees up behind it.
             let turn = Mat3::from_rotation_x(pitch_deg.to_radians()) * Mat3::from_rotation_z(roll_deg.to_radians());
-            let found = up_from_predicted_depth(&wavy_frame(turn));
+            let found = up_from_predicted_depth(&wavy_frame(turn), None);
             let angle_deg = found.dot(turn * Vec3::Y).min(1.0).acos().to_degrees();
             assert!(angle_deg < 6.0, "pitch {pitch_deg} roll {roll_deg}: {angle_deg}°");
         }

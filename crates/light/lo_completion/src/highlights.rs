@@ -17,6 +17,17 @@ pub struct HighlightReport {
     pub peak_radiance: f32,
 }
 
+impl HighlightReport {
+    /// Together with that of another of `photos` photos in all.
+    pub(crate) fn and(self, other: Self, photos: usize) -> Self {
+        Self {
+            clipped_share: self.clipped_share + other.clipped_share / photos as f32,
+            brightened_regions: self.brightened_regions + other.brightened_regions,
+            peak_radiance: self.peak_radiance.max(other.peak_radiance),
+        }
+    }
+}
+
 /// The photo's radiance with plausible values for what the sensor clipped.
 ///
 /// Connected regions of clipped pixels (a channel at 250 of 255 or more) are taken for lamps and windows as far as all three

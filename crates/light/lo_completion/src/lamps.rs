@@ -2,12 +2,12 @@
 
 use lo_events::Warning;
 use lo_geometry::{Vec3, cosine_hemisphere, orthonormal_basis};
-use lo_imaging::{RadianceImage, luminance};
+use lo_imaging::luminance;
 use lo_scene::Surfel;
 
 use crate::extrapolate::Faces;
 use crate::layout::{RoomBox, area};
-use crate::visibility::Visibility;
+use crate::visibility::Views;
 
 /// Mean albedo of what is in a furnished room.
 const MEAN_ALBEDO: f32 = 0.5;
@@ -58,25 +58,14 @@ impl LampReport {
 /// lamp in its ceiling (`tests/shell.rs`, `docs/design/029-shell-lamp.md`). As a check from outside: on 154 crops of 11 HDR panoramas of real
 /// interiors the mean radiance of the whole sphere is 2.4 × that of the clipped crop (quartiles 1.7 and 3.8), and this estimate says 2.4 × where
 /// white is 2.5 × the mean. Rays see the photo where the camera sees the same place, the extrapolated faces elsewhere.
-pub(crate) fn add(
-    faces: &mut Faces,
-    room: &RoomBox,
-    surfels: &[Surfel],
-    photo: &RadianceImage,
-    visibility: &Visibility,
-) -> LampReport {
+pub(crate) fn add(faces: &mut Faces, room: &RoomBox, surfels: &[Surfel], views: &Views) -> LampReport {
     let Some(wanted_irradiance) = wanted(surfels) else { return LampReport::default() };
     let stride = surfels.len().div_ceil(RECEIVERS).max(1);
     let receivers = || surfels.iter().skip(stride / 2).step_by(stride);
-    let balance = |places: &mut dyn Iterator<Item = Surfel>| balance(places, faces, room, photo, visibility);
-    let (Some(seen), Some(standing)) = (
-        balance(&mut receivers().copied()),
-        balance(&mut receivers().map(|seen| Surfel {
-            position_m: OBJECT_SHARE * seen.position_m,
-            normal: room.inward(2),
-            ..*seen
-        })),
-    ) else {
+    let balance = |places: &mut dyn Iterator<Item = Surfel>| balance(places, faces, room, views);
+    let (Some(seen), Some(standing)) =
+        (balance(&mut receivers().copied()), balance(&mut receivers().map(|seen| standing(seen, room.inward(2)))))
+    else {
         return LampReport::default();
     };
     // Where hardly anything of the patch is in sight of the receivers its radiance would be a wild guess.
@@ -86,7 +75,7 @@ pub(crate) fn add(
     if lamp_radiance > 0.0 {
         faces.grids[3].brighten(|at| {
             let local = Faces::local(room, 3, at);
-            let open = visibility.seen_from_camera(room.world(local)).is_none();
+            let open = views.seen(room.world(local)).is_none();
             [if open { lamp_radiance * patch_weight(room, local) } else { 0.0 }; 3]
         });
     }
@@ -105,8 +94,7 @@ fn balance(
     places: &mut dyn Iterator<Item = Surfel>,
     faces: &Faces,
     room: &RoomBox,
-    photo: &RadianceImage,
-    visibility: &Visibility,
+    views: &Views,
 ) -> Option<Irradiance> {
     let directions = cosine_hemisphere(RAYS);
     let (mut other_sum, mut patch_sum, mut weights) = (0.0f32, 0.0f32, 0.0f32);
@@ -116,11 +104,8 @@ fn balance(
         let (mut light, mut patch) = (0.0, 0.0);
         for direction in &directions {
             let (face, hit) = room.exit(origin, room.local(basis * *direction));
-            let seen = visibility.seen_from_camera(room.world(hit));
-            let radiance = match seen {
-                Some(pixel) => photo[pixel],
-                None => faces.radiance(room, face, hit),
-            };
+            let seen = views.seen(room.world(hit));
+            let radiance = seen.unwrap_or_else(|| faces.radiance(room, face, hit));
             light += luminance(radiance);
             if face == 3 && seen.is_none() {
                 patch += patch_weight(room, hit);
@@ -133,6 +118,12 @@ fn balance(
         weights += weight;
     }
     (weights > 0.0).then(|| Irradiance { other: other_sum / weights, patch: patch_sum / weights })
+}
+
+/// What would stand face up on the way from a camera to what it sees.
+pub(crate) fn standing(seen: &Surfel, up: Vec3) -> Surfel {
+    let position_m = seen.eye_m + OBJECT_SHARE * (seen.position_m - seen.eye_m);
+    Surfel { position_m, normal: up, depth_m: OBJECT_SHARE * seen.depth_m, ..*seen }
 }
 
 /// Irradiance that the brightness of the seen surfaces asks for.

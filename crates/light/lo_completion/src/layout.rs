@@ -1,6 +1,6 @@
 //! The box that closes the room: floor, ceiling and four walls along the room's own axes.
 
-use lo_geometry::{Mat3, Plane, Vec3};
+use lo_geometry::{Mat3, Plane, RigidTransform, Vec3};
 use lo_scene::{Room, RoomPlane, Side, Surfel};
 
 /// Facets within this cosine of a side's normal may belong to it (24°).
@@ -84,6 +84,31 @@ impl RoomBox {
         }
         let point = origin + direction * if best.0.is_finite() { best.0 } else { 0.0 };
         (best.1, point.clamp(self.low, self.high))
+    }
+
+    /// The same box in the axes of a camera that stands in it; to the bit where they are the world's.
+    pub fn seen_from(&self, world_from_camera: &RigidTransform) -> Self {
+        if *world_from_camera == RigidTransform::IDENTITY {
+            return *self;
+        }
+        let shift = self.local(world_from_camera.translation_m);
+        let axes = Mat3::from_quat(world_from_camera.rotation.inverse()) * self.axes;
+        Self { axes, low: self.low - shift, high: self.high - shift, measured: self.measured }
+    }
+
+    /// The box with the cameras in it that saw these surfels: rays begin at them.
+    pub fn around_eyes(mut self, surfels: &[Surfel]) -> Self {
+        const BESIDE_M: f32 = 0.05;
+        let mut last = Vec3::ZERO;
+        for surfel in surfels {
+            if surfel.eye_m != last {
+                last = surfel.eye_m;
+                let eye = self.local(last);
+                self.low = self.low.min(eye - BESIDE_M);
+                self.high = self.high.max(eye + BESIDE_M);
+            }
+        }
+        self
     }
 
     /// What the scene file keeps of it.
@@ -243,13 +268,13 @@ fn peak(offsets: &[f32], limit: f32) -> Option<(f32, f32)> {
 
 /// Area in square metres, up to a constant, that a surfel stands for: its pixel's footprint on the surface.
 pub(crate) fn area(surfel: &Surfel) -> f32 {
-    area_of(surfel.position_m, surfel.normal)
+    area_of(surfel.position_m - surfel.eye_m, surfel.depth_m, surfel.normal)
 }
 
-/// [`area`] of a seen place with this normal.
-pub(crate) fn area_of(position_m: Vec3, normal: Vec3) -> f32 {
-    let distance = position_m.length().max(1e-3);
-    let cosine = (-normal.dot(position_m) / distance).max(0.1);
-    let obliquity = (-position_m.z / distance).max(0.1);
+/// [`area`] of what a camera sees at `ray_m` from it, at this depth and with this normal.
+pub(crate) fn area_of(ray_m: Vec3, depth_m: f32, normal: Vec3) -> f32 {
+    let distance = ray_m.length().max(1e-3);
+    let cosine = (-normal.dot(ray_m) / distance).max(0.1);
+    let obliquity = (depth_m / distance).max(0.1);
     distance * distance * obliquity.powi(3) / cosine
 }

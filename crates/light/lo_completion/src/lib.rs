@@ -1,5 +1,5 @@
 //! Completion without a network (`shell`, `docs/method.md` §11): the room closed by planes, unseen surfaces extrapolated, clipped highlights
-//! and lamps outside of the view given plausible light. The lamps also for rooms that networks complete.
+//! and lamps outside of the view given plausible light. The lamps also for rooms that networks complete, and panoramas of the room for both.
 
 mod extrapolate;
 mod face;
@@ -9,6 +9,7 @@ mod highlights;
 mod lamps;
 mod layout;
 mod light_from_above;
+mod panorama;
 mod shell;
 mod visibility;
 
@@ -16,4 +17,7 @@ pub use gravity::up_from_predicted_depth;
 pub use highlights::HighlightReport;
 pub use lamps::LampReport;
 pub use light_from_above::light_from_above;
-pub use shell::{Enclosure, Shell, ShellOptions, ShellReport, filled_warning, shell};
+pub use panorama::{
+    LEAST_CONFIDENCE, LaidLight, LayError, PanoramaError, PanoramaMatch, PanoramaPrior, lay_panorama, match_panorama,
+};
+pub use shell::{Enclosure, Shell, ShellOptions, ShellReport, filled_warning, shell, shell_of_photos};

@@ -9,7 +9,7 @@ use lo_imaging::luminance;
 use lo_octree::LightOctree;
 use lo_scene::Surfel;
 
-use crate::lamps::{LampReport, MAX_LIGHT, OBJECT_SHARE, wanted};
+use crate::lamps::{LampReport, MAX_LIGHT, standing, wanted};
 use crate::layout::area;
 
 /// Points at which irradiance is compared with what is seen.
@@ -43,7 +43,7 @@ pub fn light_from_above(light: &mut LightOctree, seen: &[Surfel], up: Vec3) -> L
     let Some(wanted_irradiance) = wanted(seen) else { return LampReport::default() };
     let stride = seen.len().div_ceil(RECEIVERS).max(1);
     let receivers: Vec<Surfel> = seen.iter().skip(stride / 2).step_by(stride).copied().collect();
-    let standing = |s: &Surfel| Surfel { position_m: OBJECT_SHARE * s.position_m, normal: up, ..*s };
+    let standing = |s: &Surfel| standing(s, up);
     let standing: Vec<Surfel> = receivers.iter().map(standing).collect();
     let middle = standing.iter().map(|s| s.position_m).sum::<Vec3>() / standing.len().max(1) as f32;
 
@@ -132,6 +132,7 @@ mod tests {
     use lo_octree::{Coverage, RadiancePoint};
 
     use super::*;
+    use crate::lamps::OBJECT_SHARE;
 
     /// Half of the room's edge.
     const HALF_M: f32 = 2.0;
@@ -149,7 +150,9 @@ mod tests {
                     if far { ([far_wall; 3], Coverage::Seen) } else { ([faces; 3], Coverage::Inferred) };
                 points.push(RadiancePoint { position_m: Vec3::from(p), radiance, coverage });
                 if far {
-                    seen.push(Surfel { position_m: Vec3::from(p), normal: Vec3::Z, radiance, coverage });
+                    let position_m = Vec3::from(p);
+                    let (eye_m, depth_m) = (Vec3::ZERO, HALF_M);
+                    seen.push(Surfel { position_m, normal: Vec3::Z, radiance, coverage, eye_m, depth_m });
                 }
             }
         }

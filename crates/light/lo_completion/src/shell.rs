@@ -1,12 +1,12 @@
-//! The whole room from one frame.
+//! The whole room from one frame, or from several.
 
 use std::collections::HashSet;
 
 use lo_events::Warning;
-use lo_geometry::{Cube, Vec2, Vec3};
+use lo_geometry::{Cube, RigidTransform, Vec2, Vec3};
 use lo_imaging::{DepthMap, RadianceImage};
 use lo_octree::{Coverage, RadiancePoint};
-use lo_scene::{Frame, Room, Side, Surfel};
+use lo_scene::{Frame, Room, SeenPhoto, Side, Surfel};
 
 use crate::extrapolate::{Faces, extrapolate};
 use crate::fill::fill_holes;
@@ -14,7 +14,7 @@ use crate::gravity::{Facet, up_from_facets};
 use crate::highlights::{self, HighlightReport};
 use crate::lamps::{self, LampReport};
 use crate::layout::{Assumed, RoomBox, area, fit};
-use crate::visibility::{Closing, Visibility};
+use crate::visibility::{Closing, Views, Visibility};
 
 /// Layers of leaves behind each face.
 ///
@@ -91,29 +91,35 @@ pub struct ShellReport {
 ///
 /// Any frame gives a room: without readings it is a box of default size with the photo on its walls. Deterministic.
 pub fn shell(frame: &Frame, options: &ShellOptions) -> Shell {
-    let camera = frame.depth_camera();
-    let pixel_area = (1.0 / (camera.fx * camera.fy)) as f32;
-    let clean = frame.without_flying_pixels();
-    let normals = clean.normals();
-    let seen = clean.surfels_with_normals(&normals, &frame.radiance());
-    let room = enclose(&seen, options);
-    let up = room.axes.col(1);
-    let cube = cube_around(&room, options.octree_depth);
+    shell_of_photos(&[SeenPhoto::new(frame, RigidTransform::IDENTITY)], options)
+}
 
-    // What faces up is lit from above and does not shine: white tables and papers are clipped often enough.
-    let faces_up = |x: usize, y: usize| {
-        let pixel = (x * normals.width() / frame.photo.width(), y * normals.height() / frame.photo.height());
-        normals[pixel].is_some_and(|n| n.dot(up) > 0.6)
-    };
-    let (radiance, highlights) = highlights::recover(frame, faces_up);
-    let radiance = at_depth_resolution(radiance, &frame.depth_m);
-    let full = Frame { depth_m: fill_holes(&clean.depth_m, &camera, &room), ..clean.clone() };
-    let mut all = full.surfels_with_normals(&normals, &radiance);
-    mark_filled(&mut all, clean.depth_m.pixels(), &room);
-    let visibility =
-        Visibility { camera, depth_m: full.depth_m, tolerance_m: 1.5 * cube.node_edge_m(options.octree_depth) };
+/// [`shell`] around several photos of one room, in the axes of the first one's camera.
+///
+/// Each photo's highlights and holes are its own; gravity, planes, faces and the lamp come from all of them. A surfel closes the room where no
+/// camera sees through its place.
+///
+/// # Panics
+/// Without photos.
+pub fn shell_of_photos(photos: &[SeenPhoto], options: &ShellOptions) -> Shell {
+    let first = &photos.first().expect("a shell is of a photo at least").clean;
+    let camera = first.depth_camera();
+    let pixel_area = (1.0 / (camera.fx * camera.fy)) as f32;
+    let seen: Vec<Surfel> = photos.iter().flat_map(SeenPhoto::surfels).collect();
+    let room = enclose(&seen, options);
+    let cube = cube_around(&room, options.octree_depth);
+    let tolerance_m = 1.5 * cube.node_edge_m(options.octree_depth);
+
+    let (mut all, mut views, mut highlights) = (Vec::new(), Vec::new(), HighlightReport::default());
+    for photo in photos {
+        let (surfels, view, report) = full_view(photo, &room, tolerance_m);
+        all.extend(surfels);
+        views.push(view);
+        highlights = highlights.and(report, photos.len());
+    }
+    let views = Views(views);
     let mut faces = extrapolate(&all, &room, pixel_area);
-    let lamps = lamps::add(&mut faces, &room, &all, &radiance, &visibility);
+    let lamps = lamps::add(&mut faces, &room, &all, &views);
 
     for surfel in &mut all {
         surfel.position_m = cube.pulled_inside(surfel.position_m);
@@ -123,10 +129,34 @@ pub fn shell(frame: &Frame, options: &ShellOptions) -> Shell {
     let mut surfels = all;
     // A stable sort keeps the pixel order within both kinds.
     surfels.sort_by_key(|s| s.coverage == Coverage::Inferred);
-    let closing = closing_surfels(&room, &cube, options.octree_depth, &faces, &radiance, &visibility, &surfels);
+    let closing = closing_surfels(&room, &cube, options.octree_depth, &faces, &views, &surfels);
     let report = ShellReport { seen, filled, closing: closing.len(), highlights, lamps };
     surfels.extend(closing);
     Shell { surfels, room: room.room(), cube, report }
+}
+
+/// What a photo shows with a depth everywhere: surfels in the room's frame, and what its camera sees where.
+fn full_view(photo: &SeenPhoto, room: &RoomBox, tolerance_m: f32) -> (Vec<Surfel>, Visibility, HighlightReport) {
+    let SeenPhoto { clean, normals, first_from_camera, .. } = photo;
+    let camera = clean.depth_camera();
+    let own_room = room.seen_from(first_from_camera);
+    let up = own_room.axes.col(1);
+    // What faces up is lit from above and does not shine: white tables and papers are clipped often enough.
+    let faces_up = |x: usize, y: usize| {
+        let pixel = (x * normals.width() / clean.photo.width(), y * normals.height() / clean.photo.height());
+        normals[pixel].is_some_and(|n| n.dot(up) > 0.6)
+    };
+    let (radiance, highlights) = highlights::recover(clean, faces_up);
+    let radiance = at_depth_resolution(radiance, &clean.depth_m);
+    let full = Frame { depth_m: fill_holes(&clean.depth_m, &camera, &own_room), ..clean.clone() };
+    let mut surfels = full.surfels_with_normals(normals, &radiance);
+    mark_filled(&mut surfels, clean.depth_m.pixels(), &own_room);
+    if *first_from_camera != RigidTransform::IDENTITY {
+        surfels.iter_mut().for_each(|surfel| *surfel = surfel.moved(first_from_camera));
+    }
+    let camera_from_world = first_from_camera.inverse();
+    let view = Visibility { camera, camera_from_world, radiance, depth_m: full.depth_m, tolerance_m };
+    (surfels, view, highlights)
 }
 
 /// Gravity and the six planes around what is seen, and depth where there is no reading: steps 2 and 3 of [`shell`] alone.
@@ -144,10 +174,10 @@ impl Enclosure {
         self.0.room()
     }
 
-    /// A depth for every pixel of a frame [without flying pixels](Frame::without_flying_pixels): its own where it has one, else that
-    /// of the planes or of what is around.
-    pub fn filled_depth_m(&self, clean: &Frame) -> DepthMap {
-        fill_holes(&clean.depth_m, &clean.depth_camera(), &self.0)
+    /// A depth for every pixel of a photo: its own where it has one, else that of the planes or of what is around.
+    pub fn filled_depth_m(&self, photo: &SeenPhoto) -> DepthMap {
+        let SeenPhoto { clean, first_from_camera, .. } = photo;
+        fill_holes(&clean.depth_m, &clean.depth_camera(), &self.0.seen_from(first_from_camera))
     }
 
     /// Unit normal, into the room, of the plane that a point lies on.
@@ -162,7 +192,7 @@ fn enclose(seen: &[Surfel], options: &ShellOptions) -> RoomBox {
         up_from_facets(&facets)
     });
     let assumed = Assumed { camera_height_m: options.camera_height_m, ceiling_height_m: options.ceiling_height_m };
-    fit(seen, up, assumed)
+    fit(seen, up, assumed).around_eyes(seen)
 }
 
 impl Shell {
@@ -227,8 +257,7 @@ fn closing_surfels(
     cube: &Cube,
     octree_depth: u32,
     faces: &Faces,
-    photo: &RadianceImage,
-    visibility: &Visibility,
+    views: &Views,
     present: &[Surfel],
 ) -> Vec<Surfel> {
     let leaf_m = cube.node_edge_m(octree_depth);
@@ -242,7 +271,7 @@ fn closing_surfels(
     for (index, face) in (0..=BACKING_LAYERS).flat_map(|index| (0..6).map(move |face| (index, face))) {
         let layer = &grown(index);
         // The backing may come close behind what is seen: where it shows through a crack it has the same colour.
-        let margin_m = if index == 0 { visibility.tolerance_m } else { 0.25 * leaf_m };
+        let margin = |view: &Visibility| if index == 0 { view.tolerance_m } else { 0.25 * leaf_m };
         let plane = layer.plane(face);
         let outward = -plane.normal.abs();
         // Columns of leaves along the axis that the plane is steepest to: each is crossed in at most a few leaves.
@@ -275,16 +304,18 @@ fn closing_surfels(
                     let mut position_m = middle;
                     let base = cube.origin_m[main] + k as f32 * leaf_m;
                     position_m[main] = middle[main].clamp(base + 0.01 * leaf_m, base + 0.99 * leaf_m);
-                    let radiance = match visibility.closing(position_m, margin_m, leaf_m) {
+                    let radiance = match views.closing(position_m, margin, leaf_m) {
                         Closing::Face => faces.radiance(room, face, inside),
-                        Closing::Photo(pixel) => photo[pixel],
+                        Closing::Photo(light) => light,
                         Closing::Nothing => continue,
                     };
                     // The corners of the backing may stick out of the cube.
                     if !cube.contains(position_m) || !occupied.insert(leaf_of(position_m).to_array()) {
                         continue;
                     }
-                    surfels.push(Surfel { position_m, normal: plane.normal, radiance, coverage: Coverage::Inferred });
+                    let (normal, coverage) = (plane.normal, Coverage::Inferred);
+                    let (eye_m, depth_m) = (Vec3::ZERO, -position_m.z);
+                    surfels.push(Surfel { position_m, normal, radiance, coverage, eye_m, depth_m });
                 }
             }
         }

@@ -34,6 +34,8 @@ pub(crate) struct Leaf {
     pub rgba: [f32; 4],
     /// Share of its points that the photo saw, in [0, 1].
     pub seen: f32,
+    /// Share of its radiance that a panorama of the room gave, in [0, 1].
+    pub panorama: f32,
     /// Bit `i`: air touches the face in direction [`FACES`]`[i]`. No bit for a leaf that is itself air.
     pub exposed: u8,
 }
@@ -75,7 +77,9 @@ impl Leaf {
 }
 
 /// All leaves of the octree with radiance, coarse levels first and in node order within a level.
-pub(crate) fn leaves(light: &LightOctree) -> Vec<Leaf> {
+///
+/// `panorama_share` is that of the rows, by depth, where there is one.
+pub(crate) fn leaves(light: &LightOctree, panorama_share: Option<&[Vec<u8>]>) -> Vec<Leaf> {
     let coordinates = coordinates(&light.octree);
     let air = Air::flood(light, &coordinates);
     let mut leaves = Vec::new();
@@ -94,6 +98,7 @@ pub(crate) fn leaves(light: &LightOctree) -> Vec<Leaf> {
                 edge_m,
                 rgba: light.rgba[depth as usize][row],
                 seen: f32::from(light.seen[depth as usize][row]) / 255.0,
+                panorama: panorama_share.map_or(0.0, |share| f32::from(share[depth as usize][row]) / 255.0),
                 exposed: if air.is_air(depth, node) { 0 } else { air.exposed(depth, xyz) },
             });
         }
@@ -239,7 +244,7 @@ mod tests {
 
     #[test]
     fn a_closed_room_shows_its_inside_alone() {
-        let leaves = leaves(&box_room().light);
+        let leaves = leaves(&box_room().light, None);
         // The shell of 8³ cells, and 6 × 6 inner faces on each of its six sides.
         assert_eq!(leaves.len(), 8usize.pow(3) - 6usize.pow(3));
         assert_eq!(leaves.iter().map(|leaf| leaf.exposed.count_ones()).sum::<u32>(), 6 * 36);
@@ -258,7 +263,7 @@ mod tests {
         };
         let cells = (0..64u32.pow(3)).map(|i| [i / 4096, i / 64 % 64, i % 64]).filter(shell);
         let cells: Vec<_> = cells.map(|xyz| (xyz, [0.5, 0.5, 0.5, 1.0])).collect();
-        let leaves = leaves(&light_of(&cells, Cube::centred(Vec3::ZERO, 4.0), 6));
+        let leaves = leaves(&light_of(&cells, Cube::centred(Vec3::ZERO, 4.0), 6), None);
         let faces = |inward: bool| -> u32 {
             let is_inward = |leaf: &Leaf, face: usize| {
                 (Vec3::from(FACES[face].map(|c| c as f32)).dot(-leaf.centre_m) > 0.0) == inward
@@ -276,7 +281,7 @@ mod tests {
         let cell = |xyz| (xyz, [0.5, 0.5, 0.5, 1.0]);
         for origin in [Vec3::splat(5.0), Vec3::splat(-0.25)] {
             let light = light_of(&[cell([0, 0, 0]), cell([1, 0, 0])], Cube { origin_m: origin, edge_m: 2.0 }, 2);
-            let leaves = leaves(&light);
+            let leaves = leaves(&light, None);
             assert_eq!(leaves.iter().map(|leaf| leaf.exposed.count_ones()).sum::<u32>(), 10);
         }
     }
@@ -285,7 +290,7 @@ mod tests {
     fn faint_nodes_are_air() {
         let cube = Cube { origin_m: Vec3::splat(-1.0), edge_m: 2.0 };
         let light = light_of(&[([1, 1, 1], [0.5, 0.5, 0.5, 0.005]), ([0, 1, 1], [0.5, 0.5, 0.5, 0.9])], cube, 1);
-        let leaves = leaves(&light);
+        let leaves = leaves(&light, None);
         // Both are leaves with radiance, but one alone has faces: towards its three neighbours in the cube.
         let exposed: Vec<u32> = leaves.iter().map(|leaf| leaf.exposed.count_ones()).collect();
         assert_eq!(exposed, [3, 0]);
@@ -302,7 +307,7 @@ mod tests {
         light.octree.set_nonempty(&[true, true, true, true, false, false, false, false]).unwrap();
         light.rgba.push(vec![[0.25, 0.25, 0.25, 1.0]; 4]);
         light.seen.push(vec![255; 4]);
-        let leaves = leaves(&light);
+        let leaves = leaves(&light, None);
         assert_eq!(leaves.iter().map(|leaf| leaf.depth).collect::<Vec<_>>(), [1, 2, 2, 2, 2]);
         // Coarse: +y and +z; its +x face is covered by the fine ones, and the boundary shows nothing.
         assert_eq!(leaves[0].exposed, 0b10_10_00);

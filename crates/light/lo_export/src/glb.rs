@@ -167,7 +167,7 @@ mod tests {
 
     fn room() -> Gltf {
         let scene = box_room();
-        let leaves = free_space::leaves(&scene.light);
+        let leaves = free_space::leaves(&scene.light, None);
         let mesh = mesh::from_leaves(&leaves, &scene.light.cube, 3);
         let lamps = sources::sources(&leaves);
         // `from_slice` validates indices, accessors and required fields.

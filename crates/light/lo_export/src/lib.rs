@@ -70,7 +70,8 @@ pub struct Report {
 /// Where the scene has nothing to show or holds values that are not finite, where the result is too large for the format, or
 /// where a file cannot be written.
 pub fn write(scene: &Scene, options: &Options, path: &Path) -> Result<Report, ExportError> {
-    let leaves = free_space::leaves(&scene.light);
+    let panorama = scene.panorama.as_ref();
+    let leaves = free_space::leaves(&scene.light, panorama.map(|laid| &laid.share[..]));
     let points = match options.content {
         Content::Leaves => points::from_leaves(&leaves),
         Content::PhotoPoints => points::from_photo(&scene.frame),
@@ -86,7 +87,7 @@ pub fn write(scene: &Scene, options: &Options, path: &Path) -> Result<Report, Ex
     let probe = options.probe.map(|probe| ProbeFile::beside(path, options.format, probe)).transpose()?;
     let mut report = Report { files: vec![path.to_owned()], bytes: 0, points: points.len(), faces: 0, lamps: 0 };
     let bytes = match options.format {
-        Format::Ply => ply::encode(&points, probe.as_ref()),
+        Format::Ply => ply::encode(&points, probe.as_ref(), panorama.is_some()),
         Format::Glb => {
             let geometry = match options.content {
                 Content::Leaves => mesh::from_leaves(&leaves, &scene.light.cube, scene.light.octree.depth()),
@@ -101,7 +102,7 @@ pub fn write(scene: &Scene, options: &Options, path: &Path) -> Result<Report, Ex
         Format::Usda => {
             let lamps = sources::sources(&leaves);
             report.lamps = lamps.len();
-            usda::encode(&points, &scene.frame.camera, &lamps, probe.as_ref()).into_bytes()
+            usda::encode(&points, &scene.frame.camera, &lamps, probe.as_ref(), panorama.is_some()).into_bytes()
         }
     };
     // The probe first: a scene that names a missing texture must never be seen.

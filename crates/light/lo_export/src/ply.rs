@@ -23,22 +23,28 @@ const PROPERTIES: [(&str, &str); 15] = [
     ("float", "seen"),
 ];
 
-/// Bytes of a vertex: twelve floats and three bytes.
-const VERTEX_BYTES: usize = 12 * 4 + 3;
+/// One more, of scenes onto which a panorama was laid.
+const PANORAMA: (&str, &str) = ("float", "panorama");
 
-/// The whole file.
-pub(crate) fn encode(points: &[Point], probe: Option<&ProbeFile>) -> Vec<u8> {
+/// Bytes of a vertex: thirteen floats and three bytes at most.
+const VERTEX_BYTES: usize = 13 * 4 + 3;
+
+/// The whole file; `panorama` says whether a panorama was laid onto the scene.
+pub(crate) fn encode(points: &[Point], probe: Option<&ProbeFile>, panorama: bool) -> Vec<u8> {
     let mut header = format!("ply\nformat binary_little_endian 1.0\ncomment {GENERATOR}\n");
     header += &format!("comment frame: {FRAME}\n");
     header += &format!("comment {UNITS}\n");
     header += "comment red, green, blue: sRGB of the radiance, clipped at 1.0, for viewers\n";
     header += "comment opacity: of one crossing; edge_m: edge in metres; seen: share that the photo saw, 0 to 1\n";
+    if panorama {
+        header += "comment panorama: share of the radiance that a panorama of the room gave, 0 to 1\n";
+    }
     if let Some(probe) = probe {
         let [x, y, z] = probe.position_m.to_array();
         header += &format!("comment light probe at {x} {y} {z} m: {}, {}\n", probe.name, probe.convention);
     }
     header += &format!("element vertex {}\n", points.len());
-    for (kind, name) in PROPERTIES {
+    for (kind, name) in PROPERTIES.into_iter().chain(panorama.then_some(PANORAMA)) {
         header += &format!("property {kind} {name}\n");
     }
     header += "end_header\n";
@@ -51,6 +57,9 @@ pub(crate) fn encode(points: &[Point], probe: Option<&ProbeFile>) -> Vec<u8> {
         bytes.extend(point.radiance.map(lo_imaging::srgb8_from_linear));
         push_floats(&mut bytes, &point.radiance);
         push_floats(&mut bytes, &[point.opacity, point.edge_m, point.seen]);
+        if panorama {
+            push_floats(&mut bytes, &[point.panorama]);
+        }
     }
     bytes
 }
@@ -78,9 +87,22 @@ mod tests {
     }
 
     #[test]
+    fn what_a_panorama_gave_is_one_more_property() {
+        let mut points = points::from_leaves(&free_space::leaves(&box_room().light, None));
+        points[5].panorama = 0.25;
+        let (comments, vertices) = parse(&encode(&points, None, true));
+        assert!(comments.iter().any(|comment| comment.contains("a panorama of the room gave")));
+        let share = |vertex: &DefaultElement| match vertex["panorama"] {
+            Property::Float(value) => value,
+            ref other => panic!("panorama is {other:?}"),
+        };
+        assert_eq!((vertices.len(), share(&vertices[4]), share(&vertices[5])), (296, 0.0, 0.25));
+    }
+
+    #[test]
     fn another_reader_gets_every_value_back() {
-        let points = points::from_leaves(&free_space::leaves(&box_room().light));
-        let (comments, vertices) = parse(&encode(&points, None));
+        let points = points::from_leaves(&free_space::leaves(&box_room().light, None));
+        let (comments, vertices) = parse(&encode(&points, None, false));
         assert!(comments.iter().any(|comment| comment.contains("lightoctree export")));
         assert_eq!(vertices.len(), 296);
         for (vertex, point) in vertices.iter().zip(&points) {

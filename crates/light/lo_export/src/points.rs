@@ -21,6 +21,8 @@ pub(crate) struct Point {
     pub edge_m: f32,
     /// Share that the photo saw, in [0, 1].
     pub seen: f32,
+    /// Share of its radiance that a panorama of the room gave, in [0, 1].
+    pub panorama: f32,
 }
 
 impl Point {
@@ -52,6 +54,7 @@ pub(crate) fn from_leaves(leaves: &[Leaf]) -> Vec<Point> {
             opacity: leaf.rgba[3],
             edge_m: leaf.edge_m,
             seen: leaf.seen,
+            panorama: leaf.panorama,
         })
         .collect()
 }
@@ -70,6 +73,7 @@ pub(crate) fn from_photo(frame: &Frame) -> Vec<Point> {
             opacity: 1.0,
             edge_m: -surfel.position_m.z * pixel_pitch,
             seen: f32::from(u8::from(surfel.coverage == Coverage::Seen)),
+            panorama: 0.0,
         })
         .collect()
 }
@@ -83,10 +87,10 @@ mod tests {
     #[test]
     fn what_lies_behind_the_walls_is_left_out() {
         let mut light = box_room().light;
-        assert_eq!(from_leaves(&free_space::leaves(&light)).len(), 296);
+        assert_eq!(from_leaves(&free_space::leaves(&light, None)).len(), 296);
         // Nothing seen: the edges and corners of the shell touch no air.
         light.seen[3].fill(0);
-        assert_eq!(from_leaves(&free_space::leaves(&light)).len(), 6 * 36);
+        assert_eq!(from_leaves(&free_space::leaves(&light, None)).len(), 6 * 36);
     }
 
     #[test]

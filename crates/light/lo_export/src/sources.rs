@@ -144,7 +144,7 @@ mod tests {
 
     #[test]
     fn a_ceiling_panel_is_one_flat_lamp() {
-        let lamps = sources(&free_space::leaves(&box_room().light));
+        let lamps = sources(&free_space::leaves(&box_room().light, None));
         assert_eq!(lamps.len(), 1);
         let lamp = &lamps[0];
         assert_eq!((lamp.leaves, lamp.area_m2, lamp.flatness), (4, 1.0, 1.0));
@@ -163,7 +163,7 @@ mod tests {
             .map(|xyz| (xyz, [3.0, 3.0, 3.0, 1.0]))
             .collect();
         let cube = Cube { origin_m: Vec3::new(-2.0, -2.0, -3.5), edge_m: 4.0 };
-        let lamps = sources(&free_space::leaves(&light_of(&cells, cube, 6)));
+        let lamps = sources(&free_space::leaves(&light_of(&cells, cube, 6), None));
         assert_eq!(lamps.len(), 1);
         let lamp = &lamps[0];
         let area_m2 = 4.0 * std::f32::consts::PI * 0.64;
@@ -188,7 +188,7 @@ mod tests {
             ([5, 7, 5], grey(6.0)),
             ([3, 0, 3], grey(0.9)),
         ];
-        let lamps = sources(&free_space::leaves(&light_of(&cells, cube, 3)));
+        let lamps = sources(&free_space::leaves(&light_of(&cells, cube, 3), None));
         let levels: Vec<f32> = lamps.iter().map(|lamp| lamp.radiance[0]).collect();
         assert_eq!(levels, [20.0, 6.0, 2.0]);
         assert_eq!(lamps.iter().map(|lamp| lamp.leaves).collect::<Vec<_>>(), [1, 1, 2]);

@@ -12,8 +12,14 @@ use crate::sources::Source;
 /// Width of the film back in tenths of a scene unit, as USD counts: 36 mm of full frame where the unit is the metre.
 const FILM_WIDTH: f64 = 0.36;
 
-/// The whole file.
-pub(crate) fn encode(points: &[Point], camera: &Camera, lamps: &[Source], probe: Option<&ProbeFile>) -> String {
+/// The whole file; `panorama` says whether a panorama was laid onto the scene.
+pub(crate) fn encode(
+    points: &[Point],
+    camera: &Camera,
+    lamps: &[Source],
+    probe: Option<&ProbeFile>,
+    panorama: bool,
+) -> String {
     // The dome holds the lamps' light already: one or the other, or everything is lit twice.
     let lighting = if probe.is_some() { "probe" } else { "lamps" };
     let mut text = format!(
@@ -38,7 +44,7 @@ def Xform "Scene" (
 "#
     );
     text += &camera_prim(camera);
-    text += &points_prim(points);
+    text += &points_prim(points, panorama);
     text += "    variantSet \"lighting\" = {\n";
     if let Some(probe) = probe {
         text += &format!("        \"probe\" {{\n{}        }}\n", dome_prim(probe));
@@ -74,7 +80,7 @@ fn camera_prim(camera: &Camera) -> String {
     )
 }
 
-fn points_prim(points: &[Point]) -> String {
+fn points_prim(points: &[Point], panorama: bool) -> String {
     let mut low = points[0].position_m;
     let mut high = low;
     for point in points {
@@ -92,6 +98,9 @@ fn points_prim(points: &[Point]) -> String {
     text += &array("float3[] primvars:radiance", vertex, points.iter().map(|p| triple(p.radiance)));
     text += &array("float[] primvars:opacity", vertex, points.iter().map(|p| p.opacity));
     text += &array("float[] primvars:seen", vertex, points.iter().map(|p| p.seen));
+    if panorama {
+        text += &array("float[] primvars:panorama", vertex, points.iter().map(|p| p.panorama));
+    }
     text += "    }\n\n";
     text
 }
@@ -184,9 +193,9 @@ mod tests {
     #[test]
     fn arrays_give_the_values_back() {
         let scene = box_room();
-        let leaves = free_space::leaves(&scene.light);
+        let leaves = free_space::leaves(&scene.light, None);
         let points = points::from_leaves(&leaves);
-        let text = encode(&points, &scene.frame.camera, &sources::sources(&leaves), None);
+        let text = encode(&points, &scene.frame.camera, &sources::sources(&leaves), None, false);
         let flat = |pick: fn(&Point) -> [f32; 3]| points.iter().flat_map(pick).collect::<Vec<f32>>();
         assert_eq!(numbers(&text, "point3f[] points"), flat(|p| p.position_m.to_array()));
         assert_eq!(numbers(&text, "float3[] primvars:radiance"), flat(|p| p.radiance));

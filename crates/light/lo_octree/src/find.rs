@@ -12,8 +12,8 @@ impl Octree {
         (found == depth).then_some(node)
     }
 
-    /// Depth and index of the node with shuffled key `key` at `depth` (at most the octree's), or of its deepest ancestor.
-    fn deepest(&self, depth: u32, key: u32) -> (u32, usize) {
+    /// Depth and index of the node with shuffled key `key` at `depth` (at most the octree's; the key one of that depth), or of its deepest ancestor.
+    pub fn deepest(&self, depth: u32, key: u32) -> (u32, usize) {
         // In a full level the key is the index.
         let mut at = depth.min(self.full_depth());
         let mut node = (key >> (3 * (depth - at))) as usize;

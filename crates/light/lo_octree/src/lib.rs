@@ -15,6 +15,7 @@ mod pyramid;
 mod stats;
 mod tensors;
 mod topology;
+mod uneven;
 
 pub use error::OctreeError;
 pub use find::node_middle_m;
@@ -28,3 +29,4 @@ pub use point::{Coverage, RadiancePoint};
 pub use stats::{LevelStats, OctreeStats};
 pub use tensors::{NamedTensor, OctreeHeader, read_tensors, write_tensors};
 pub use topology::{Level, Octree, check_depths};
+pub use uneven::{Ancestor, LeafRows};

@@ -11,7 +11,7 @@
 
 use rayon::prelude::*;
 
-use crate::{Level, MAX_ALPHA, Neighbours, Octree, leaves::Leaves};
+use crate::{Ancestor, LeafRows, Level, MAX_ALPHA, Neighbours, Octree, leaves::Leaves};
 
 /// Opacity along an axis from which a node counts as part of a surface across it. A thin pole blocks a quarter of the columns
 /// of a large node and stays below; of two nodes that share a slanted wall, one has at least half of it and is above.
@@ -27,11 +27,58 @@ pub(crate) fn pyramid(octree: &Octree, leaves: Leaves) -> (Vec<Vec<[f32; 4]>>, V
             below: &octree.levels()[depth + 1],
             rgba: &rgba[rgba.len() - 1],
             seen: &seen[seen.len() - 1],
+            leaf_alpha: &[],
         };
         let nonempty: Vec<usize> = (0..table.len()).filter(|&node| family.level.rows[node] >= 0).collect();
         let rows: Vec<([f32; 4], u8)> =
             nonempty.par_iter().with_min_len(256).map(|&node| family.merged(node, &table[node])).collect();
         let (level_rgba, level_seen) = rows.into_iter().unzip();
+        rgba.push(level_rgba);
+        seen.push(level_seen);
+    }
+    rgba.reverse();
+    seen.reverse();
+    (rgba, seen)
+}
+
+/// RGBα and seen share of the rows of every level, root first, of an octree with the leaves `leaves[d]` of depth `d`; `ancestor` says what the others hold.
+pub(crate) fn uneven_pyramid(
+    octree: &Octree,
+    leaves: Vec<LeafRows>,
+    ancestor: impl Fn(u32, u32) -> Ancestor + Sync,
+) -> (Vec<Vec<[f32; 4]>>, Vec<Vec<u8>>) {
+    let tables = octree.neighbour_tables(leaves.len());
+    let (mut rgba, mut seen) = (Vec::<Vec<[f32; 4]>>::new(), Vec::<Vec<u8>>::new());
+    let none = (Level::default(), Vec::new(), Vec::new());
+    for (depth, leaves) in leaves.into_iter().enumerate().rev() {
+        let level = &octree.levels()[depth];
+        let nonempty: Vec<usize> = (0..level.len()).filter(|&node| level.rows[node] >= 0).collect();
+        // A leaf's number among the leaves of its depth, in node order.
+        let mut numbers = vec![usize::MAX; level.len()];
+        let mut leaf_alpha = vec![0.0; level.len()];
+        for (number, &node) in nonempty.iter().filter(|&&node| level.children[node] < 0).enumerate() {
+            numbers[node] = number;
+            leaf_alpha[node] = leaves.rgba[number][3];
+        }
+        let family = Family {
+            level,
+            below: octree.levels().get(depth + 1).unwrap_or(&none.0),
+            rgba: rgba.last().unwrap_or(&none.1),
+            seen: seen.last().unwrap_or(&none.2),
+            leaf_alpha: &leaf_alpha,
+        };
+        let row = |&node: &usize| match leaves.rgba.get(numbers[node]) {
+            Some(&rgba) => (rgba, leaves.seen[numbers[node]]),
+            None => match ancestor(depth as u32, level.keys[node]) {
+                Ancestor::Known(rgba, seen) => (rgba, seen),
+                Ancestor::Merged => family.merged(node, &tables[depth][node]),
+                Ancestor::Opacity(alpha) => {
+                    let ([r, g, b, _], seen) = family.merged(node, &tables[depth][node]);
+                    ([r, g, b, alpha], seen)
+                }
+            },
+        };
+        let (level_rgba, level_seen) = nonempty.par_iter().with_min_len(256).map(row).unzip();
         rgba.push(level_rgba);
         seen.push(level_seen);
     }
@@ -46,10 +93,12 @@ struct Family<'a> {
     below: &'a Level,
     rgba: &'a [[f32; 4]],
     seen: &'a [u8],
+    /// Opacity of the nodes of this level that are leaves, 0 of others; empty where all leaves are finer.
+    leaf_alpha: &'a [f32],
 }
 
 impl Family<'_> {
-    /// RGBα and seen share of a non-empty node, all of whose non-empty descendants end at the finest level.
+    /// RGBα and seen share of a non-empty node that is split.
     fn merged(&self, node: usize, neighbours: &Neighbours) -> ([f32; 4], u8) {
         let mut alpha = [0.0f32; 8];
         // premultiplied and plain sums of the colour
@@ -96,8 +145,10 @@ impl Family<'_> {
         [(4, 9), (2, 3), (1, 1)].map(along).into_iter().fold(0.0, f32::max).min(MAX_ALPHA)
     }
 
+    /// Of a leaf its own: it is crossed where its child would be.
     fn child_alpha(&self, node: i32, child: usize) -> f32 {
-        self.child_row(node, child).map_or(0.0, |row| self.rgba[row][3])
+        let of_leaf = || usize::try_from(node).ok().and_then(|node| self.leaf_alpha.get(node)).copied().unwrap_or(0.0);
+        self.child_row(node, child).map_or_else(of_leaf, |row| self.rgba[row][3])
     }
 
     /// Feature row of a child, if node (−1 for none) and child exist and the child is not empty.

@@ -67,6 +67,45 @@ impl Octree {
         Self { full_depth, levels }
     }
 
+    /// The octree whose leaves of depth `d` have the strictly increasing keys `leaf_keys[d]`, none above the full depth.
+    pub(crate) fn from_uneven_leaf_keys(leaf_keys: &[&[u32]], full_depth: u32) -> Result<Self, OctreeError> {
+        let depth = leaf_keys.len() as u32 - 1;
+        // Of each depth the nodes that are split because a node below them is non-empty, and all that are non-empty.
+        let mut split = vec![Vec::new(); leaf_keys.len()];
+        let mut nonempty: Vec<Vec<u32>> = vec![Vec::new(); leaf_keys.len()];
+        for d in (0..leaf_keys.len()).rev() {
+            let leaves = leaf_keys[d];
+            if let Some(index) = leaves.iter().position(|key| split[d].binary_search(key).is_ok()) {
+                return Err(OctreeError::LeafKey { index, key: leaves[index], depth: d as u32 });
+            }
+            nonempty[d] = [&split[d][..], leaves].concat();
+            nonempty[d].sort_unstable();
+            if d > 0 {
+                split[d - 1] = nonempty[d].iter().map(|key| key >> 3).collect();
+                split[d - 1].dedup();
+            }
+        }
+        let levels = (0..=depth).map(|d| {
+            let keys = match d.checked_sub(1) {
+                Some(above) if d > full_depth => child_keys(&split[above as usize]),
+                _ => full_keys(d),
+            };
+            let mut level = Level::new(keys, d < full_depth);
+            level.set_nonempty_keys(&nonempty[d as usize]);
+            if d >= full_depth {
+                let mut node = 0;
+                for (rank, key) in (0..).zip(&split[d as usize]) {
+                    while level.keys[node] != *key {
+                        node += 1;
+                    }
+                    level.children[node] = 8 * rank;
+                }
+            }
+            level
+        });
+        Ok(Self { full_depth, levels: levels.collect() })
+    }
+
     /// Depth of the finest level.
     pub fn depth(&self) -> u32 {
         self.levels.len() as u32 - 1

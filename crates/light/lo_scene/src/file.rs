@@ -12,13 +12,16 @@ use lo_octree::{NamedTensor, OctreeHeader, read_tensors, write_tensors};
 use safetensors::{Dtype, SafeTensors, View};
 use serde::{Deserialize, Serialize};
 
-use crate::{Completion, Frame, Room, Scene, SceneError};
+use crate::{Completion, Frame, LaidPanorama, OtherPhoto, PanoramaSource, Room, Scene, SceneError};
 
 /// Version of the file's layout that this crate writes and reads.
 pub const FORMAT_VERSION: u32 = 1;
 
 /// Key in the safetensors `__metadata__` map that holds the JSON block; the only one, because the map has no order.
 const METADATA_KEY: &str = "lightoctree";
+
+/// Tensor of what a panorama gave.
+const PANORAMA_SHARE: &str = "panorama_share";
 
 /// Longest safetensors header that is parsed; ours have about 10 kB.
 const MAX_HEADER_BYTES: u64 = 1 << 20;
@@ -43,6 +46,10 @@ struct Metadata {
     depth_model: Option<String>,
     #[serde(default)]
     confidence: bool,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    panorama: Option<PanoramaSource>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    other_photos: Vec<OtherPhoto>,
 }
 
 impl Scene {
@@ -90,6 +97,8 @@ impl Scene {
             predicted_depth: self.predicted_depth,
             depth_model: self.depth_model.clone(),
             confidence: self.confidence.is_some(),
+            panorama: self.panorama.as_ref().map(|laid| laid.source.clone()),
+            other_photos: self.other_photos.clone(),
         };
         let json = serde_json::to_string(&metadata).map_err(|e| SceneError::Metadata(e.to_string()))?;
         let mut tensors: Vec<(String, Tensor)> =
@@ -104,10 +113,16 @@ impl Scene {
             Photo::Linear(image) => Tensor::floats(shape, image.pixels().as_flattened()),
         };
         tensors.push(("photo".to_owned(), photo));
-        if let Some(confidence) = &self.confidence {
-            let bytes = confidence.concat();
-            let tensor = Tensor::Plain { dtype: Dtype::U8, shape: vec![bytes.len()], bytes: Cow::Owned(bytes) };
-            tensors.push(("confidence".to_owned(), tensor));
+        let shares = [
+            ("confidence", self.confidence.as_ref()),
+            (PANORAMA_SHARE, self.panorama.as_ref().map(|laid| &laid.share)),
+        ];
+        for (name, shares) in shares {
+            if let Some(shares) = shares {
+                let bytes = shares.concat();
+                let tensor = Tensor::Plain { dtype: Dtype::U8, shape: vec![bytes.len()], bytes: Cow::Owned(bytes) };
+                tensors.push((name.to_owned(), tensor));
+            }
         }
         let map = HashMap::from([(METADATA_KEY.to_owned(), json)]);
         safetensors::serialize(tensors, Some(map)).map_err(|e| SceneError::Container(e.to_string()))
@@ -145,13 +160,28 @@ impl Scene {
         if !metadata.room.as_ref().is_none_or(Room::is_valid) {
             return Err(SceneError::Metadata("the room's directions are not of unit length".to_owned()));
         }
+        if !metadata.other_photos.iter().all(OtherPhoto::is_valid) {
+            return Err(SceneError::Metadata("the pose or camera of one of its other photos".to_owned()));
+        }
         let tensors = SafeTensors::deserialize(bytes).map_err(container)?;
         let frame = Frame::new(read_photo(&tensors)?, read_depth(&tensors)?, metadata.camera, metadata.exposure)?;
         let light = read_tensors(&tensors, &metadata.octree)?;
         let sources = metadata.sources.iter().map(|name| file_name(name)).collect();
-        let confidence = metadata.confidence.then(|| read_confidence(&tensors, &light.rgba)).transpose()?;
-        let Metadata { completion, room, predicted_depth, depth_model, .. } = metadata;
-        Ok(Self { light, frame, completion, room, sources, predicted_depth, depth_model, confidence })
+        let confidence = metadata.confidence.then(|| read_shares(&tensors, "confidence", &light.rgba)).transpose()?;
+        let Metadata { completion, room, predicted_depth, depth_model, panorama, other_photos, .. } = metadata;
+        let panorama = panorama.map(|source| read_panorama(&tensors, source, &light.rgba)).transpose()?;
+        Ok(Self {
+            light,
+            frame,
+            completion,
+            room,
+            sources,
+            predicted_depth,
+            depth_model,
+            confidence,
+            panorama,
+            other_photos,
+        })
     }
 }
 
@@ -178,12 +208,30 @@ fn read_depth(tensors: &SafeTensors<'_>) -> Result<Image<f32>, SceneError> {
     }
 }
 
+fn read_panorama(
+    tensors: &SafeTensors<'_>,
+    mut source: PanoramaSource,
+    rgba: &[Vec<[f32; 4]>],
+) -> Result<LaidPanorama, SceneError> {
+    if !source.is_valid() {
+        return Err(SceneError::Metadata(
+            "the panorama's place, angles, exposure or confidence are no such numbers".to_owned(),
+        ));
+    }
+    source.file = file_name(&source.file);
+    Ok(LaidPanorama { source, share: read_shares(tensors, PANORAMA_SHARE, rgba)? })
+}
+
 /// One value for each of the feature rows `rgba[d]`.
-fn read_confidence(tensors: &SafeTensors<'_>, rgba: &[Vec<[f32; 4]>]) -> Result<Vec<Vec<u8>>, SceneError> {
-    let (dtype, shape, bytes) = tensor(tensors, "confidence")?;
+fn read_shares(
+    tensors: &SafeTensors<'_>,
+    name: &'static str,
+    rgba: &[Vec<[f32; 4]>],
+) -> Result<Vec<Vec<u8>>, SceneError> {
+    let (dtype, shape, bytes) = tensor(tensors, name)?;
     let rows: usize = rgba.iter().map(Vec::len).sum();
     if dtype != Dtype::U8 || shape != [rows] {
-        return Err(layout("confidence", "U8 [feature rows of all depths]", dtype, &shape));
+        return Err(layout(name, "U8 [feature rows of all depths]", dtype, &shape));
     }
     let mut rest = bytes;
     let depths = rgba.iter().map(|rows| {

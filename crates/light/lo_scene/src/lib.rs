@@ -11,12 +11,16 @@
 //! | `depth_m` | F32 `[h, w]` | depth along the optical axis, same field of view, 0 = no reading |
 //! | `octree.d.…` | | the lighting octree, depth by depth: see [`lo_octree::write_tensors`] |
 //! | `confidence` | U8 `[rows]` | only where a network completed the scene: of each feature row of the octree, depth by depth, 255 = sure |
+//! | `panorama_share` | U8 `[rows]` | only where a panorama of the room was given: how much of each row it gave, 255 = all |
 //!
 //! Under the key `lightoctree` of safetensors' `__metadata__` lies one JSON block: `format_version` (1), `program`,
 //! `octree` (`format_version`, `depth`, `full_depth`, `cube` with `origin_m` and `edge_m`), `camera` (`fx fy cx cy width height`, pixels of the photo),
 //! `exposure`, `completion` (`network`, `shell`, `none`), `room` (null, or `up` and `planes`: `side`, `plane` with `normal` and
 //! `offset_m`, `measured`), `sources` (file names without folders), `predicted_depth` (whether `depth_m` was predicted from the photo),
-//! `depth_model` (name of the depth model that did, only where it is not the program's own) and `confidence` (whether there is a tensor of that name). In Python:
+//! `depth_model` (name of the depth model that did, only where it is not the program's own) and `confidence` (whether there is a tensor of that name). Where a panorama
+//! was given there is also `panorama`: `file`, `position_m`, `yaw_deg`, `pitch_deg`, `roll_deg`, `exposure_ev`, `confidence`, `clipped`
+//! ([`PanoramaSource`]). Where the scene is from several photos, `other_photos` has of each but the first
+//! `first_from_camera` (`rotation` x y z w, `translation_m`), `camera` and `exposure`. In Python:
 //!
 //! ```python
 //! from safetensors import safe_open
@@ -29,9 +33,14 @@
 mod error;
 mod file;
 mod frame;
+mod overlap;
+mod panorama;
 mod placement;
+mod posed_frame;
+pub mod poses;
 mod resample;
 mod room;
+mod seen_photo;
 mod surfel;
 
 use lo_octree::LightOctree;
@@ -39,9 +48,13 @@ use lo_octree::LightOctree;
 pub use error::{FrameError, SceneError};
 pub use file::FORMAT_VERSION;
 pub use frame::Frame;
+pub use overlap::{ExposureRatio, Overlap, overlap};
+pub use panorama::{LaidPanorama, PanoramaSource};
 pub use placement::place_cube;
+pub use posed_frame::{OtherPhoto, PosedFrame};
 pub use resample::working_photo;
 pub use room::{Completion, Room, RoomPlane, Side};
+pub use seen_photo::SeenPhoto;
 pub use surfel::Surfel;
 
 /// Everything that `estimate` knows about a room; self-contained.
@@ -64,21 +77,26 @@ pub struct Scene {
     /// What a network says of its own work: `confidence[d][row]` of each row of [`LightOctree::rgba`], 255 · e^−ε with the expected
     /// error ε of log(1 + radiance).
     pub confidence: Option<Vec<Vec<u8>>>,
+    /// What a panorama of the room gave, where somebody had one.
+    pub panorama: Option<LaidPanorama>,
+    /// Photos beside the frame's that the light comes from, too.
+    pub other_photos: Vec<OtherPhoto>,
 }
 
 impl Scene {
     /// Of measured depth, with no more light than `light` holds: nothing completed, no sources named.
     pub fn as_seen(light: LightOctree, frame: Frame) -> Self {
-        let completion = Completion::None;
         Self {
             light,
             frame,
-            completion,
+            completion: Completion::None,
             room: None,
             sources: Vec::new(),
             predicted_depth: false,
             depth_model: None,
             confidence: None,
+            panorama: None,
+            other_photos: Vec::new(),
         }
     }
 }

@@ -1,4 +1,4 @@
-use lo_geometry::{Camera, Vec3};
+use lo_geometry::{Camera, RigidTransform, Vec3};
 use lo_imaging::{DepthMap, Image, RadianceImage};
 use lo_octree::{Coverage, RadiancePoint};
 use rayon::prelude::*;
@@ -16,6 +16,22 @@ pub struct Surfel {
     pub radiance: [f32; 3],
     /// Whether the photo saw it.
     pub coverage: Coverage,
+    /// Where the camera stands that saw it.
+    pub eye_m: Vec3,
+    /// Its depth along that camera's optical axis, metres.
+    pub depth_m: f32,
+}
+
+impl Surfel {
+    /// The same in other axes.
+    pub fn moved(self, to_from_own: &RigidTransform) -> Self {
+        Self {
+            position_m: to_from_own.point(self.position_m),
+            normal: to_from_own.direction(self.normal),
+            eye_m: to_from_own.point(self.eye_m),
+            ..self
+        }
+    }
 }
 
 impl From<Surfel> for RadiancePoint {
@@ -113,6 +129,8 @@ impl Frame {
                     normal: normals[(x, y)].unwrap_or(-position_m.normalize_or(Vec3::NEG_Z)),
                     radiance: radiance[pixel],
                     coverage: Coverage::Seen,
+                    eye_m: Vec3::ZERO,
+                    depth_m: z,
                 });
             }
         }

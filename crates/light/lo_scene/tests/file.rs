@@ -4,7 +4,7 @@
 use lo_geometry::{Camera, Cube, Plane, Vec3};
 use lo_imaging::{Image, Photo};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
-use lo_scene::{Completion, Frame, Room, RoomPlane, Scene, SceneError, Side};
+use lo_scene::{Completion, Frame, LaidPanorama, PanoramaSource, Room, RoomPlane, Scene, SceneError, Side};
 use proptest::prelude::*;
 
 fn scene(linear: bool) -> Scene {
@@ -35,6 +35,8 @@ fn scene(linear: bool) -> Scene {
         predicted_depth: false,
         depth_model: None,
         confidence: None,
+        panorama: None,
+        other_photos: Vec::new(),
     }
 }
 
@@ -81,6 +83,37 @@ fn what_networks_say_of_their_work_comes_back() {
     scene.confidence.as_mut().unwrap()[2].pop();
     let error = Scene::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap_err().to_string();
     assert!(error.contains("confidence") && error.contains("feature rows"), "{error}");
+}
+
+#[test]
+fn what_a_panorama_gave_comes_back_and_leaves_other_files_as_they_are() {
+    let plain = scene(false);
+    let without = plain.to_bytes(lo_imaging::GENERATOR).unwrap();
+    assert!(!without.windows(8).any(|window| window == b"panorama"));
+    let share = plain.light.rgba.iter().map(|rows| (0..rows.len()).map(|row| (11 * row) as u8).collect()).collect();
+    let source = PanoramaSource {
+        file: "/home/somebody/theta.hdr".to_owned(),
+        position_m: Vec3::new(0.25, -0.1, -1.3),
+        yaw_deg: -73.4,
+        pitch_deg: 1.25,
+        roll_deg: -0.4,
+        exposure_ev: -1.73,
+        confidence: 0.81,
+        clipped: true,
+    };
+    let mut scene = Scene { panorama: Some(LaidPanorama { source, share }), ..plain };
+    let bytes = scene.to_bytes(lo_imaging::GENERATOR).unwrap();
+    let back = Scene::from_bytes(&bytes).unwrap().panorama.unwrap();
+    let laid = scene.panorama.as_mut().unwrap();
+    assert_eq!((&back.share, &back.source.file[..]), (&laid.share, "theta.hdr"));
+    laid.source.file = "theta.hdr".to_owned();
+    assert_eq!(back.source, laid.source);
+    laid.share[3].pop();
+    let error = Scene::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap_err().to_string();
+    assert!(error.contains("panorama_share") && error.contains("feature rows"), "{error}");
+    scene.panorama.as_mut().unwrap().source.confidence = 1.5;
+    let error = Scene::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap_err().to_string();
+    assert!(error.contains("confidence"), "{error}");
 }
 
 /// A second reader, from the safetensors format's own description: 8 bytes of length, JSON, data.

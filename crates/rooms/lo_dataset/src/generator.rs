@@ -1,7 +1,7 @@
 use lo_geometry::{Quat, Vec3};
 use lo_imaging::DepthMap;
 use lo_random::Stream;
-use lo_sensor::{DepthModel, DepthView, PhotoModel};
+use lo_sensor::{DepthModel, DepthSettings, DepthView, PhotoModel, PhotoSettings};
 use lo_synth::{CameraPose, Interior, SynthConfig, SynthError};
 use lo_transport::{BakeSettings, BakedWorld, Pose, View};
 use serde::{Deserialize, Serialize};
@@ -125,6 +125,34 @@ impl Generator {
         let interior = self.interior(index)?;
         let cameras = interior.camera_poses(self.config.shots as usize);
         let probes = self.probes(&interior, &cameras);
+        self.taken(index, interior, &cameras, &probes, Devices::Each)
+    }
+
+    /// Room `index` with photos that one device takes from these cameras: exposure and white balance are each one's own, response curve and sensors are
+    /// common. All panoramas stand in the first one's frustum.
+    ///
+    /// # Errors
+    /// As of [`record`](Self::record).
+    pub fn record_by_one_device(
+        &self,
+        index: u64,
+        cameras: impl FnOnce(&Interior) -> Vec<CameraPose>,
+    ) -> Result<Record, DatasetError> {
+        let interior = self.interior(index)?;
+        let cameras = cameras(&interior);
+        let probes = self.probes(&interior, &cameras[..cameras.len().min(1)]);
+        self.taken(index, interior, &cameras, &probes, Devices::One)
+    }
+
+    /// Photos by these cameras, with panoramas at these places.
+    fn taken(
+        &self,
+        index: u64,
+        interior: Interior,
+        cameras: &[CameraPose],
+        probes: &[(usize, Vec3)],
+        devices: Devices,
+    ) -> Result<Record, DatasetError> {
         let description = json!(interior.description);
         let leaf_m = leaf_edge_m(&interior, self.config.octree_depth);
         let settings =
@@ -136,8 +164,19 @@ impl Generator {
             // each photo has streams of its own: another number of photos changes none of them
             let number = index * 64 + i as u64;
             let stream = |name| lo_random::stream(self.seed, name, number);
-            let mut shot = self.shot(&baked, camera, stream("photo"), stream("depth sensor"));
-            shot.views = own_first(&probes, i, |position_m| shot.shows(position_m));
+            let (mut photo, mut depth) = (stream("photo"), stream("depth sensor"));
+            let mut settings = self.config.photo.draw(&mut photo);
+            let mut sensor = self.config.depth.draw(&mut depth);
+            if devices == Devices::One {
+                let first = |name| lo_random::stream(self.seed, name, index * 64);
+                let own = settings;
+                settings = self.config.photo.draw(&mut first("photo"));
+                settings.exposure_error_ev = own.exposure_error_ev;
+                settings.white_balance_error = own.white_balance_error;
+                sensor = self.config.depth.draw(&mut first("depth sensor"));
+            }
+            let mut shot = self.shot(&baked, camera, (&settings, photo), (&sensor, depth));
+            shot.views = own_first(probes, i, |position_m| shot.shows(position_m));
             shots.push(shot);
         }
         let surface = baked.radiance_points(leaf_m);
@@ -176,12 +215,16 @@ impl Generator {
         }
     }
 
-    fn shot(&self, baked: &BakedWorld, view: &CameraPose, mut photo: Stream, mut depth: Stream) -> Shot {
+    fn shot(
+        &self,
+        baked: &BakedWorld,
+        view: &CameraPose,
+        (settings, mut photo): (&PhotoSettings, Stream),
+        (sensor, mut depth): (&DepthSettings, Stream),
+    ) -> Shot {
         let CameraPose { pose, camera } = *view;
         let seen = baked.render(&View::Pinhole { pose, camera });
-        let settings = self.config.photo.draw(&mut photo);
         let taken = settings.photograph(&seen.radiance, &camera, &mut photo);
-        let sensor = self.config.depth.draw(&mut depth);
         let before_sensor = DepthView {
             camera: &camera,
             depth_m: &seen.depth_m,
@@ -215,6 +258,15 @@ impl Generator {
     fn failed(&self, index: u64, reason: impl ToString) -> DatasetError {
         DatasetError::Generate { scene_id: self.scene_id(index), reason: reason.to_string() }
     }
+}
+
+/// Whose photos of a room are.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Devices {
+    /// Each photo is another device's.
+    Each,
+    /// All are one device's.
+    One,
 }
 
 /// Light that is no number must never reach a network: an error says where it is. Negative light, a filter's undershoot, counts as 0,

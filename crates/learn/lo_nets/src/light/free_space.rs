@@ -1,16 +1,20 @@
 use lo_geometry::{Camera, Cube, Vec3};
 use lo_octree::xyz_from_key;
 
-use crate::light::VisiblePoint;
+use crate::light::{PhotoView, VisiblePoint};
 
 /// Pixels of the camera along a side of a cell.
 const CELL: u32 = 4;
 
-/// Space that the photo shows to be empty: what lies before what is seen.
+/// Space that a photo shows to be empty: what lies before what is seen.
 #[derive(Clone, Debug)]
-pub struct FreeSpace {
+pub struct FreeSpace(Vec<Before>);
+
+/// What lies before what one camera sees.
+#[derive(Clone, Debug)]
+struct Before {
     /// The camera, in cells.
-    camera: Camera,
+    view: PhotoView,
     /// Depth of the nearest point in each cell, metres; 0 where there is none, so that nothing is known.
     nearest_m: Vec<f32>,
 }
@@ -18,31 +22,56 @@ pub struct FreeSpace {
 impl FreeSpace {
     /// Of the points that a camera sees.
     pub fn new(points: &[VisiblePoint], camera: &Camera) -> Self {
-        let camera = camera.resized(camera.width.div_ceil(CELL), camera.height.div_ceil(CELL));
+        Self::of_photos(points, &[PhotoView::only(*camera, points.len())])
+    }
+
+    /// Of the points that several cameras see, each its own.
+    ///
+    /// # Panics
+    /// Where the views have more points than there are.
+    pub fn of_photos(points: &[VisiblePoint], views: &[PhotoView]) -> Self {
+        let mut rest = points;
+        let before = |view: &PhotoView| {
+            let (own, others) = rest.split_at(view.points);
+            rest = others;
+            Before::new(own, view)
+        };
+        Self(views.iter().map(before).collect())
+    }
+
+    /// Whether all of a node is known to be empty, by one camera's word.
+    pub fn holds(&self, cube: Cube, depth: u32, key: u32) -> bool {
+        self.0.iter().any(|before| before.holds(cube, depth, key))
+    }
+}
+
+impl Before {
+    fn new(points: &[VisiblePoint], view: &PhotoView) -> Self {
+        let camera = view.camera.resized(view.camera.width.div_ceil(CELL), view.camera.height.div_ceil(CELL));
+        let view = PhotoView { camera, ..*view };
         let mut nearest_m = vec![0.0f32; camera.width as usize * camera.height as usize];
         for point in points {
-            let Some((u, v, z)) = camera.project(point.position_m) else { continue };
+            let Some((u, v, z)) = view.project(point.position_m) else { continue };
             if camera.contains(u, v) {
                 let cell = &mut nearest_m[v as usize * camera.width as usize + u as usize];
                 *cell = if *cell == 0.0 { z as f32 } else { cell.min(z as f32) };
             }
         }
-        Self { camera, nearest_m }
+        Self { view, nearest_m }
     }
 
-    /// Whether all of a node is known to be empty.
-    pub fn holds(&self, cube: Cube, depth: u32, key: u32) -> bool {
+    fn holds(&self, cube: Cube, depth: u32, key: u32) -> bool {
         let [x, y, z] = xyz_from_key(key).map(|i| i as f32);
         let (mut low, mut high, mut farthest_m) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2], 0.0f64);
         for corner in 0..8 {
             let at =
                 Vec3::new(x, y, z) + Vec3::new((corner & 1) as f32, (corner >> 1 & 1) as f32, (corner >> 2) as f32);
             let at = cube.world_from_unit(at / (1u32 << depth) as f32);
-            let Some((u, v, z)) = self.camera.project(at) else { return false };
+            let Some((u, v, z)) = self.view.project(at) else { return false };
             (low, high) = ([low[0].min(u), low[1].min(v)], [high[0].max(u), high[1].max(v)]);
             farthest_m = farthest_m.max(z);
         }
-        let (width, height) = (self.camera.width as usize, self.camera.height as usize);
+        let (width, height) = (self.view.camera.width as usize, self.view.camera.height as usize);
         if low[0] < 0.0 || low[1] < 0.0 || high[0] >= width as f64 || high[1] >= height as f64 {
             return false;
         }
@@ -55,6 +84,7 @@ impl FreeSpace {
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
+    use lo_geometry::{Quat, RigidTransform};
     use lo_octree::key_from_xyz;
 
     use super::*;
@@ -86,5 +116,37 @@ mod tests {
         assert!(!holds(2.1, 0.1, -2.1), "cut by the edge of the view");
         assert!(!holds(-1.0, 0.1, -2.1), "before the hole");
         assert!(!FreeSpace::new(&[], &camera).holds(cube, 5, 0));
+    }
+
+    #[test]
+    fn each_of_two_cameras_knows_what_lies_before_it() {
+        // One looks at a wall 3 m ahead, one from its side at a wall 2 m behind the first.
+        let camera = Camera::from_hfov_deg(90.0, 64, 64).unwrap();
+        let behind = RigidTransform {
+            rotation: Quat::from_rotation_y(std::f32::consts::PI),
+            translation_m: Vec3::new(0.5, 0.0, 0.0),
+        };
+        let wall = |world_from_camera: &RigidTransform, depth_m: f64| {
+            let pixels = (0..64 * 64).map(|i| (f64::from(i % 64) + 0.5, f64::from(i / 64) + 0.5));
+            let point = |(u, v)| VisiblePoint {
+                position_m: world_from_camera.point(camera.unproject(u, v, depth_m)),
+                radiance: [0.5; 3],
+                normal: Vec3::ZERO,
+                certain: true,
+            };
+            pixels.map(point).collect::<Vec<VisiblePoint>>()
+        };
+        let points = [wall(&RigidTransform::IDENTITY, 3.0), wall(&behind, 2.0)].concat();
+        let first = PhotoView::only(camera, 64 * 64);
+        let views = [first, PhotoView { camera_from_world: behind.inverse(), ..first }];
+        let free = FreeSpace::of_photos(&points, &views);
+        let cube = Cube::centred(Vec3::ZERO, 8.0);
+        let holds = |x: f32, y: f32, z: f32| {
+            let unit = cube.unit_from_world(Vec3::new(x, y, z)) * 32.0;
+            free.holds(cube, 5, key_from_xyz([unit.x as u32, unit.y as u32, unit.z as u32]))
+        };
+        assert!(holds(0.9, 0.4, -2.1) && holds(0.6, 0.4, 1.4));
+        assert!(!holds(0.6, 0.4, 2.1) && !holds(0.9, 0.4, -3.1), "behind the walls");
+        assert!(!holds(3.1, 0.1, 0.1) && !holds(-2.4, 0.1, 1.1), "beside both views");
     }
 }

@@ -6,7 +6,7 @@ use lo_random::RngExt;
 
 use crate::graph::GraphLevel;
 use crate::light::channels::{MAX_RADIANCE, NODE_FEATURES};
-use crate::light::{FreeSpace, LightError, LightNetConfig, VisiblePoint};
+use crate::light::{FreeSpace, LightError, LightNetConfig, PhotoView, VisiblePoint};
 
 /// Points that carry the global lighting feature into what the photo does not see.
 const GLOBAL_POINTS: usize = 4096;
@@ -28,7 +28,7 @@ pub struct LightInput {
     pub ambient: [f32; 3],
     /// Share of the colour beside the ambient light's that the network's guesses are believed to have: 1, all of it, in training.
     pub colour_share: f32,
-    /// What the photo shows to be empty.
+    /// What the photos show to be empty.
     pub free: FreeSpace,
 }
 
@@ -47,6 +47,26 @@ impl LightInput {
         config: &LightNetConfig,
         seed: u64,
     ) -> Result<Self, LightError> {
+        Self::of_photos(points, &[PhotoView::only(*camera, points.len())], cube, config, seed)
+    }
+
+    /// [`LightInput::new`] from what several cameras saw, the points of one after those of another.
+    ///
+    /// The network guesses from what the first camera saw, as it has learnt to. What any of them saw is known: there its guess does not count
+    /// (`docs/design/036-several-photos.md`).
+    ///
+    /// # Errors
+    /// As of one camera.
+    ///
+    /// # Panics
+    /// Where the views have more points than there are.
+    pub fn of_photos(
+        points: &[VisiblePoint],
+        views: &[PhotoView],
+        cube: Cube,
+        config: &LightNetConfig,
+        seed: u64,
+    ) -> Result<Self, LightError> {
         let finite = |p: &VisiblePoint| {
             p.position_m.is_finite() && p.normal.is_finite() && p.radiance.iter().all(|c| c.is_finite() && *c >= 0.0)
         };
@@ -55,7 +75,10 @@ impl LightInput {
         }
         let mut surface: Vec<RadiancePoint> = points.iter().map(VisiblePoint::radiance_point).collect();
         let (visible, _) = LightOctree::from_points(&surface, cube, config.depth, config.full_depth)?;
-        let carriers = carriers(points, camera, cube, seed);
+        let free = FreeSpace::of_photos(points, views);
+        let points = &points[..views.first().map_or(0, |view| view.points)];
+        surface.truncate(points.len());
+        let carriers = carriers(points, &views[..views.len().min(1)], cube, seed);
         surface.extend(carriers.iter().map(|&position_m| RadiancePoint {
             position_m,
             radiance: [0.0; 3],
@@ -64,8 +87,15 @@ impl LightInput {
         let (light, _) = LightOctree::from_points(&surface, cube, config.depth, config.full_depth)?;
         let levels = GraphLevel::all(&light.octree);
         let features = features(&light, &levels[levels.len() - 1], points, &carriers);
-        let free = FreeSpace::new(points, camera);
-        Ok(Self { levels, octree: light.octree, features, visible, ambient: ambient(points), colour_share: 1.0, free })
+        Ok(Self {
+            levels,
+            octree: light.octree,
+            features,
+            visible,
+            ambient: ambient_light(points),
+            colour_share: 1.0,
+            free,
+        })
     }
 
     /// Part of the world that the octrees cover.
@@ -77,7 +107,7 @@ impl LightInput {
 /// What light is like where nothing is seen of it, at a first guess: as bright as the middle half of the points by brightness, their log average (as
 /// Reinhard et al. 2002 measure the key of a scene), in the mean of all points' colours, bright or dark. Windows and lamps in the picture, or the space below
 /// a table, do not count.
-fn ambient(points: &[VisiblePoint]) -> [f32; 3] {
+pub fn ambient_light(points: &[VisiblePoint]) -> [f32; 3] {
     // Keeps black from counting without limit.
     const DARK: f64 = 0.01;
     const MIN_AMBIENT: f32 = 1e-3;
@@ -95,12 +125,12 @@ fn ambient(points: &[VisiblePoint]) -> [f32; 3] {
 }
 
 /// Places of the points that carry `f_L`.
-fn carriers(points: &[VisiblePoint], camera: &Camera, cube: Cube, seed: u64) -> Vec<Vec3> {
+fn carriers(points: &[VisiblePoint], views: &[PhotoView], cube: Cube, seed: u64) -> Vec<Vec3> {
     if points.is_empty() {
         return Vec::new();
     }
     let mut stream = lo_random::stream(seed, "global light points", 0);
-    let in_view = |point: Vec3| camera.project(point).is_some_and(|(u, v, _)| camera.contains(u, v));
+    let in_view = |point: Vec3| views.iter().any(|view| view.holds(point));
     (0..GLOBAL_POINTS)
         .filter_map(|_| {
             let z: f32 = stream.random_range(-1.0..1.0);
@@ -198,16 +228,16 @@ mod tests {
     fn a_window_hardly_raises_the_ambient_light() {
         let seen = |radiance: f32| VisiblePoint { radiance: [radiance; 3], ..point([0.0, 0.0, -3.0]) };
         let [grey, dark, window] = [0.3, 0.02, 1.0].map(seen);
-        assert!((ambient(&[grey; 9])[1] - 0.3).abs() < 1e-5);
+        assert!((ambient_light(&[grey; 9])[1] - 0.3).abs() < 1e-5);
         // A quarter of a dark room's photo is its window.
-        assert!((ambient(&[window, dark, dark, dark, dark, dark, dark, window])[1] - 0.02).abs() < 1e-5);
-        assert_eq!((ambient(&[seen(0.0); 4]), ambient(&[])), ([1e-3; 3], [0.2; 3]));
+        assert!((ambient_light(&[window, dark, dark, dark, dark, dark, dark, window])[1] - 0.02).abs() < 1e-5);
+        assert_eq!((ambient_light(&[seen(0.0); 4]), ambient_light(&[])), ([1e-3; 3], [0.2; 3]));
     }
 
     #[test]
     fn bright_and_dark_colours_count_alike() {
         let seen = |radiance| VisiblePoint { radiance, ..point([0.0, 0.0, -3.0]) };
-        let [r, g, b] = ambient(&[seen([0.4, 0.3, 0.0]), seen([0.0, 0.003, 0.004])]);
+        let [r, g, b] = ambient_light(&[seen([0.4, 0.3, 0.0]), seen([0.0, 0.003, 0.004])]);
         // unit vectors (0.8, 0.6, 0) and (0, 0.6, 0.8)
         assert!((r / g - 0.8 / 1.2).abs() < 1e-4 && (b / g - 0.8 / 1.2).abs() < 1e-4, "{r} {g} {b}");
     }
@@ -216,7 +246,7 @@ mod tests {
     fn carriers_lie_outside_of_the_view() {
         let camera = Camera::from_hfov_deg(70.0, 30, 20).unwrap();
         let points = [point([0.0, 0.0, -2.0]), point([0.0, 0.0, -3.0])];
-        let carriers = carriers(&points, &camera, Cube::centred(Vec3::ZERO, 8.0), 7);
+        let carriers = carriers(&points, &[PhotoView::only(camera, 2)], Cube::centred(Vec3::ZERO, 8.0), 7);
         let view = (35f32.to_radians().tan(), 35f32.to_radians().tan() * 2.0 / 3.0);
         for p in &carriers {
             assert!(p.z >= 0.0 || (p.x / p.z).abs() > view.0 - 1e-4 || (p.y / p.z).abs() > view.1 - 1e-4, "{p}");

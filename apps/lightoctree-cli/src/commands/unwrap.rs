@@ -1,0 +1,354 @@
+//! `lightoctree unwrap BALL.jpg`: photos of a mirror ball → HDR panorama.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use lightoctree::geometry::{Camera, Orientation, Vec3};
+use lightoctree::imaging::mirror_ball::{
+    self, BallCircle, BallError, BallFind, BallLens, BallView, UnwrapOptions, UnwrappedBall,
+};
+use lightoctree::imaging::{self, Image, Photo, PhotoFile};
+use serde_json::json;
+
+use super::environment::{self, PanoramaFileArgs};
+use super::parse;
+use crate::args::{Global, OutputArgs};
+use crate::progress::{Stages, seconds};
+use crate::usage::Usage;
+use crate::{output, report};
+
+/// Options of `unwrap`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  \
+    lightoctree unwrap ball.jpg -o room.hdr --preview\n  \
+    lightoctree unwrap ball_1.jpg ball_2.jpg ball_3.jpg --exposures 0,-3,-6 --reflectance 0.55 -o room.exr\n  \
+    lightoctree unwrap ball.tif --distance-m 1.5 --diameter-m 0.2 --circle 1204,980,612 -o room.hdr\n\n\
+    The panorama's centre is where the photographing camera looks. The ball hides what is there; it is filled from around.\n\
+    `lightoctree estimate photo.jpg --panorama room.hdr` takes it.")]
+#[command(mut_arg("output", |output| output.help("The panorama to write: .exr, .hdr or .pfm")))]
+pub struct Args {
+    /// Photos of the ball from one place, at different exposures: JPEG, PNG, TIFF, WebP, BMP, PNM (sRGB) or HDR, EXR, PFM (linear)
+    #[arg(required = true, value_name = "PHOTO")]
+    photos: Vec<PathBuf>,
+
+    /// Exposure of each photo in stops relative to each other; more light is more [default: from EXIF, else from pixels that are well exposed in two photos]
+    #[arg(long, value_name = "EV,EV,…", value_delimiter = ',', allow_hyphen_values = true)]
+    exposures: Vec<f64>,
+
+    /// The ball's outline in pixels of the photo: middle and radius [default: found]
+    #[arg(long, value_name = "X,Y,R", value_parser = parse::circle, allow_hyphen_values = true)]
+    circle: Option<[f64; 3]>,
+
+    /// Horizontal field of view of the photo in degrees [default: from EXIF, else the ball is seen as from far away]
+    #[arg(long, value_name = "A")]
+    hfov_deg: Option<f64>,
+
+    /// From the camera to the ball's centre, instead of a field of view
+    #[arg(long, value_name = "METRES", value_parser = parse::positive, requires = "diameter_m", conflicts_with = "hfov_deg")]
+    distance_m: Option<f64>,
+
+    /// Diameter of the ball
+    #[arg(long, value_name = "METRES", value_parser = parse::positive, requires = "distance_m")]
+    diameter_m: Option<f64>,
+
+    /// What the ball reflects, from 0 to 1, of all light or of red, green and blue: chrome about 0.55, a silvered glass ball 0.9
+    #[arg(long, value_name = "SHARE|R,G,B", default_value = "1", value_parser = parse::reflectance)]
+    reflectance: [f32; 3],
+
+    /// Degrees to the right of where the camera looked to which the panorama's centre looks
+    #[arg(long, value_name = "A", default_value_t = 0.0, allow_hyphen_values = true)]
+    yaw_deg: f32,
+
+    /// Degrees by which the camera looked upwards, so that the panorama is level
+    #[arg(long, value_name = "A", default_value_t = 0.0, allow_hyphen_values = true)]
+    pitch_deg: f32,
+
+    /// Leave out the camera and who stands behind it: a cone of this half-angle around the direction back to it, filled from around
+    #[arg(long, value_name = "A", default_value_t = 0.0)]
+    cut_out_camera_deg: f32,
+
+    /// Width and height of the panorama, twice as wide as high [default: as many pixels as the ball has]
+    #[arg(long, value_name = "WxH", value_parser = parse::size)]
+    size: Option<[usize; 2]>,
+
+    #[command(flatten)]
+    file: PanoramaFileArgs,
+
+    /// Also write which pixels the photo shows: white, and black where they are filled
+    #[arg(long, value_name = "FILE.png")]
+    mask_out: Option<PathBuf>,
+
+    #[command(flatten)]
+    out: OutputArgs,
+}
+
+const COMMAND: &str = "unwrap";
+/// Photos farther apart than this are said not to lie on each other.
+const MISALIGNED_PX: f64 = 3.0;
+/// Exposures nearer to each other than this are the same.
+const SAME_STOPS: f64 = 0.05;
+/// Exposures that differ by more than this from what the pixels say are told.
+const DOUBTFUL_STOPS: f64 = 0.3;
+
+/// Reads, merges, finds, unwraps, writes.
+pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
+    let preview = args.file.preview.then(|| environment::preview_path(&args.out.output));
+    let outputs = [Some(&args.out.output), preview.as_ref(), args.mask_out.as_ref()];
+    let outputs: Vec<&PathBuf> = outputs.into_iter().flatten().collect();
+    for path in &outputs {
+        output::check_replaceable(path, COMMAND, args.out.force)?;
+    }
+    if let Some(size) = args.size {
+        environment::height(size)?;
+    }
+    if !args.exposures.is_empty() && args.exposures.len() != args.photos.len() {
+        let (photos, exposures) = (args.photos.len(), args.exposures.len());
+        return Err(Usage(format!("--exposures: {photos} photos need as many exposures, got {exposures}")).into());
+    }
+    let mut stages = Stages::new(global.quiet);
+    let files = stages
+        .stage("read photos", || args.photos.iter().map(imaging::read_photo).collect::<Result<Vec<PhotoFile>, _>>())?;
+    let lens = lens(args, &files[0], &mut stages)?;
+    let shots: Vec<_> = files.iter().map(|file| file.exposure).collect();
+    let photos: Vec<Photo> = files.into_iter().map(|file| file.photo).collect();
+    let named = |error| named(args, error);
+    let (stops, source) = stops(args, &photos, &shots).map_err(named)?;
+    let merged = stages.stage("merge", || mirror_ball::merge_exposures(&photos, &stops)).map_err(named)?;
+    if photos.len() > 1 {
+        say_exposures(args, &photos, &stops, source, &mut stages).map_err(named)?;
+    }
+    let size = [photos[0].width(), photos[0].height()];
+    drop(photos);
+    let (view, confidence) = match args.circle {
+        Some([x, y, radius_px]) => {
+            let view = BallView::new(BallCircle { x, y, radius_px }, lens, size);
+            (view.map_err(|error| Usage(format!("--circle: {error}")))?, None)
+        }
+        None => {
+            let found = stages.stage("find the ball", || mirror_ball::find_ball(&merged.radiance, lens))?;
+            let found = sure(args, found)?;
+            (found.view, Some(found.confidence))
+        }
+    };
+    say_ball(&view, confidence, &stages);
+    let options = UnwrapOptions {
+        size: args.size,
+        reflectance: args.reflectance,
+        yaw_rad: args.yaw_deg.to_radians(),
+        pitch_rad: args.pitch_deg.to_radians(),
+        cut_out_camera_rad: args.cut_out_camera_deg.to_radians(),
+    };
+    let unwrapped = stages
+        .stage("unwrap", || mirror_ball::unwrap_ball(&merged, &view, &options))
+        .map_err(|error| Usage(error.to_string()))?;
+    say_gaps(&unwrapped, &stages);
+    stages.stage("write", || write(args, &unwrapped))?;
+    if args.out.json {
+        let circle = view.circle();
+        return report::print_json(&json!({
+            "files": outputs,
+            "size": [unwrapped.radiance.width(), unwrapped.radiance.height()],
+            "circle_px": [circle.x, circle.y, circle.radius_px],
+            "confidence": confidence,
+            "hidden_half_angle_deg": view.hidden_half_angle_rad().to_degrees(),
+            "exposures_ev": stops,
+            "clipped_share": unwrapped.clipped_share,
+            "filled_share": unwrapped.filled_share,
+            "coarse_share": unwrapped.coarse_share,
+            "seconds": stages.timings(),
+        }));
+    }
+    report::print(&format!(
+        "{}  {} × {}, in {}",
+        args.out.output.display(),
+        unwrapped.radiance.width(),
+        unwrapped.radiance.height(),
+        seconds(stages.total())
+    ));
+    outputs[1..].iter().for_each(|path| report::print(&path.display().to_string()));
+    Ok(())
+}
+
+/// By the best source at hand; says which.
+fn lens(args: &Args, photo: &PhotoFile, stages: &mut Stages) -> anyhow::Result<BallLens> {
+    let (width, height) = (photo.photo.width() as u32, photo.photo.height() as u32);
+    if let Some((distance_m, diameter_m)) = args.distance_m.zip(args.diameter_m) {
+        let radii = 2.0 * distance_m / diameter_m;
+        if radii <= 1.0 {
+            let text = format!("--distance-m {distance_m}: the camera would be inside of a ball of {diameter_m} m");
+            return Err(Usage(text).into());
+        }
+        return Ok(BallLens::Distance { radii });
+    }
+    if let Some(hfov_deg) = args.hfov_deg {
+        let camera = Camera::from_hfov_deg(hfov_deg, width, height);
+        let camera = camera.map_err(|error| Usage(format!("--hfov-deg: {error}")))?;
+        return Ok(BallLens::Focal { focal_px: camera.fx });
+    }
+    match photo.focal_px() {
+        Some(focal_px) => {
+            let hfov_deg = photo.hfov_deg().unwrap_or_default();
+            stages.note(&format!("camera of {hfov_deg:.1} degrees across (EXIF)"));
+            Ok(BallLens::Focal { focal_px })
+        }
+        None => {
+            stages.note(
+                "nothing says how wide the lens is, so the ball is taken to be seen from far away; \
+                 give --hfov-deg, or --distance-m and --diameter-m",
+            );
+            Ok(BallLens::Orthographic)
+        }
+    }
+}
+
+/// Stops of each photo relative to the first, and where they come from.
+fn stops(
+    args: &Args,
+    photos: &[Photo],
+    shots: &[imaging::ShotExposure],
+) -> Result<(Vec<f64>, &'static str), BallError> {
+    if photos.len() == 1 {
+        return Ok((vec![0.0], "one photo"));
+    }
+    if !args.exposures.is_empty() {
+        return Ok((args.exposures.iter().map(|stop| stop - args.exposures[0]).collect(), "--exposures"));
+    }
+    match mirror_ball::stops_from_exif(shots) {
+        Some(stops) => Ok((stops, "EXIF")),
+        None => Ok((mirror_ball::estimate_stops(photos)?, ESTIMATED)),
+    }
+}
+
+const ESTIMATED: &str = "estimated from pixels that are well exposed in two photos";
+
+/// The error with the photos' names.
+fn named(args: &Args, error: BallError) -> anyhow::Error {
+    let name = |photo: usize| args.photos.get(photo).map_or_else(String::new, |path| path.display().to_string());
+    match &error {
+        BallError::Sizes { photo, size, first } => anyhow::anyhow!(
+            "{}: {} × {} pixels, but {} has {} × {}; all photos must be of one size",
+            name(*photo),
+            size[0],
+            size[1],
+            name(0),
+            first[0],
+            first[1]
+        ),
+        BallError::NotFinite { photo, x, y } => {
+            anyhow::anyhow!("{}: pixel ({x}, {y}) is not a finite number", name(*photo))
+        }
+        BallError::NothingInCommon { photos, pixels } => anyhow::anyhow!(
+            "{} and {} have only {pixels} samples that are well exposed in both, too few to compare their exposures; \
+             give --exposures",
+            name(photos[0]),
+            name(photos[1])
+        ),
+        BallError::Exposures { .. } => Usage(format!("--exposures: {error}")).into(),
+        _ => error.into(),
+    }
+}
+
+/// Where exposures come from, and what is odd about them.
+fn say_exposures(
+    args: &Args,
+    photos: &[Photo],
+    stops: &[f64],
+    source: &str,
+    stages: &mut Stages,
+) -> Result<(), BallError> {
+    let list: Vec<String> = stops.iter().map(|stop| format!("{stop:+.2}")).collect();
+    stages.note(&format!("exposures {} EV ({source}); the photos' tone curve is taken to be sRGB", list.join(", ")));
+    let name = |photo: usize| args.photos[photo].display();
+    for (a, b) in (0..stops.len()).flat_map(|a| (a + 1..stops.len()).map(move |b| (a, b))) {
+        if (stops[a] - stops[b]).abs() < SAME_STOPS {
+            stages.note(&format!("{} and {} have the same exposure: that widens no range", name(a), name(b)));
+        }
+    }
+    if source != ESTIMATED
+        && let Ok(measured) = mirror_ball::estimate_stops(photos)
+    {
+        let worst =
+            (0..stops.len()).max_by(|&a, &b| (measured[a] - stops[a]).abs().total_cmp(&(measured[b] - stops[b]).abs()));
+        if let Some(photo) = worst.filter(|&photo| (measured[photo] - stops[photo]).abs() > DOUBTFUL_STOPS) {
+            stages.note(&format!(
+                "{}: {:+.2} EV by {source}, but its pixels say {:+.2}; another tone curve than sRGB, or something moved",
+                name(photo),
+                stops[photo],
+                measured[photo]
+            ));
+        }
+    }
+    let apart = stages.stage("compare photos", || mirror_ball::misalignment_px(photos, stops))?;
+    for (photo, pixels) in apart.into_iter().enumerate() {
+        match pixels {
+            Some(pixels) if pixels > MISALIGNED_PX => stages.note(&format!(
+                "{} lies about {pixels:.0} pixels from {}: what is merged will be blurred",
+                name(photo),
+                name(0)
+            )),
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// The find, where it is one.
+fn sure(args: &Args, found: Option<BallFind>) -> anyhow::Result<BallFind> {
+    let photo = args.photos[0].display();
+    match found {
+        Some(found) if found.confidence >= BallFind::SURE => Ok(found),
+        Some(BallFind { view, confidence }) => {
+            let BallCircle { x, y, radius_px } = view.circle();
+            anyhow::bail!(
+                "{photo}: no ball was found; the best circle, at ({x:.0}, {y:.0}) with a radius of {radius_px:.0} pixels, \
+                 has an edge along {:.0} % of it only. Give --circle X,Y,R",
+                100.0 * confidence
+            )
+        }
+        None => anyhow::bail!("{photo}: no ball was found, nor any other circle. Give --circle X,Y,R"),
+    }
+}
+
+fn say_ball(view: &BallView, confidence: Option<f64>, stages: &Stages) {
+    let BallCircle { x, y, radius_px } = view.circle();
+    let found = match confidence {
+        Some(confidence) => format!("found, with an edge along {:.0} % of its outline", 100.0 * confidence),
+        None => "--circle".to_owned(),
+    };
+    let seen = match view.focal_px() {
+        Some(_) => format!(", seen under {:.1} degrees", 2.0 * view.hidden_half_angle_rad().to_degrees()),
+        None => String::new(),
+    };
+    stages.note(&format!("ball at ({x:.1}, {y:.1}) with a radius of {radius_px:.1} pixels ({found}){seen}"));
+}
+
+fn say_gaps(unwrapped: &UnwrappedBall, stages: &Stages) {
+    let UnwrappedBall { filled_share, coarse_share, clipped_share, .. } = unwrapped;
+    stages.note(&format!(
+        "{:.1} % of the sphere is not on the ball and was filled from around; {:.1} % is near the ball's rim, where it is coarse",
+        100.0 * filled_share,
+        100.0 * coarse_share
+    ));
+    if *clipped_share > 0.0 {
+        stages.note(&format!(
+            "{:.2} % of the ball is clipped in every photo: its light there is a lower bound; a shorter exposure would tell",
+            100.0 * clipped_share
+        ));
+    }
+}
+
+fn write(args: &Args, unwrapped: &UnwrappedBall) -> anyhow::Result<()> {
+    environment::write(&args.out.output, &unwrapped.radiance, None::<Vec3>, &args.file, COMMAND)?;
+    if let Some(path) = &args.mask_out {
+        let mask = unwrapped.known.map(|&known| [known; 3]);
+        let turned = imaging::reorient(&mask, Orientation::Lightoctree, args.file.orientation.preset());
+        let grey: Image<[u8; 3]> = turned.map(|known| known.map(|v| (255.0 * v + 0.5) as u8));
+        write_mask(path, &grey)?;
+    }
+    Ok(())
+}
+
+fn write_mask(path: &Path, mask: &Image<[u8; 3]>) -> anyhow::Result<()> {
+    imaging::write_srgb8(path, mask, imaging::JPEG_QUALITY, &output::signature(COMMAND))
+        .with_context(|| "--mask-out".to_owned())
+}

@@ -1,0 +1,307 @@
+use rayon::prelude::*;
+
+use super::BallError;
+use crate::exif::ShotExposure;
+use crate::{Image, Photo, RadianceImage, linear_from_srgb8, srgb_from_linear};
+
+/// One picture of several photos of the same thing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MergedPhotos {
+    /// Linear light; 1 is the white of the first photo.
+    pub radiance: RadianceImage,
+    /// Pixels that are clipped in every photo: their radiance is a lower bound.
+    pub clipped: Image<bool>,
+}
+
+/// From this sRGB value on a channel counts as clipped (`docs/method.md` §1.2).
+const CLIPPED: f32 = 250.0 / 255.0;
+/// Up to this one it counts as black.
+const BLACK: f32 = 4.0 / 255.0;
+/// sRGB values between which exposures are compared.
+const COMPARED: std::ops::Range<f32> = 20.0 / 255.0..230.0 / 255.0;
+/// Fewer samples than this say nothing about an exposure.
+const LEAST_SAMPLES: usize = 100;
+/// Pixels that are looked at to compare two photos.
+const MOST_PIXELS: usize = 400_000;
+/// A ratio farther than this from the median one, in stops, shows that something moved.
+const MOVED_STOPS: f64 = 0.5;
+
+/// Stops of exposure of each photo relative to the first, more light is more, from what EXIF says; `None` where it does not tell. Aperture and sensitivity count as equal where
+/// not every photo tells them.
+pub fn stops_from_exif(shots: &[ShotExposure]) -> Option<Vec<f64>> {
+    let all = |of: fn(&ShotExposure) -> Option<f64>| shots.iter().map(of).collect::<Option<Vec<f64>>>();
+    let times = all(|shot| shot.time_s)?;
+    let ones = || vec![1.0; shots.len()];
+    let f_numbers = all(|shot| shot.f_number).unwrap_or_else(ones);
+    let isos = all(|shot| shot.iso).unwrap_or_else(ones);
+    let stops: Vec<f64> =
+        times.iter().zip(&f_numbers).zip(&isos).map(|((time, n), iso)| (time * iso / (n * n)).log2()).collect();
+    Some(stops.iter().map(|stop| stop - stops[0]).collect())
+}
+
+/// Stops of exposure of each photo relative to the first, from pixels that are well exposed in two photos that are neighbours in brightness:
+/// the weighted mean of the logarithms of their ratios, without those half a stop from the median one.
+///
+/// # Errors
+/// Photos of different sizes; neighbours without enough such pixels.
+pub fn estimate_stops(photos: &[Photo]) -> Result<Vec<f64>, BallError> {
+    let pixels = same_size(photos)?.iter().product();
+    let sources: Vec<Source> = photos.iter().map(Source::new).collect();
+    let step = usize::div_ceil(pixels, MOST_PIXELS).max(1);
+    let mut order: Vec<(usize, f64)> =
+        sources.iter().map(|source| source.brightness(pixels, step)).enumerate().collect();
+    order.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let mut stops = vec![0.0; photos.len()];
+    for pair in order.windows(2) {
+        let [dark, bright] = [pair[0].0, pair[1].0];
+        let ratio = compare(&sources[dark], &sources[bright], pixels, step)
+            .map_err(|pixels| BallError::NothingInCommon { photos: [dark.min(bright), dark.max(bright)], pixels })?;
+        stops[bright] = stops[dark] + ratio;
+    }
+    Ok(stops.iter().map(|stop| stop - stops[0]).collect())
+}
+
+/// Merges photos whose exposures are `stops` relative to each other: per channel the mean of value ÷ exposure, weighted by the
+/// hat of Debevec & Malik 1997 (eq. 4) over sRGB values: 0 from 250 of 255 on in any channel and up to 4 in this one.
+///
+/// A channel that has no weight anywhere is taken from the longest exposure that is not clipped, else from the shortest one. Photos with
+/// values above 1 are HDR pictures: nothing of them is clipped, and all of it counts alike. Negative values become 0.
+///
+/// # Errors
+/// No photo, photos of different sizes, a wrong number of stops, pixels that are not finite.
+pub fn merge_exposures(photos: &[Photo], stops: &[f64]) -> Result<MergedPhotos, BallError> {
+    let [width, height] = same_size(photos)?;
+    let finite = stops.iter().filter(|stop| stop.is_finite() && stop.abs() <= MOST_STOPS).count();
+    if finite != photos.len() || stops.len() != photos.len() {
+        return Err(BallError::Exposures { photos: photos.len(), exposures: finite.min(stops.len()) });
+    }
+    photos.iter().enumerate().try_for_each(|(photo, picture)| check_finite(photo, picture))?;
+    let mut order: Vec<usize> = (0..photos.len()).collect();
+    order.sort_by(|&a, &b| stops[a].total_cmp(&stops[b]));
+    let sources: Vec<(Source, f32)> =
+        order.iter().map(|&photo| (Source::new(&photos[photo]), (stops[0] - stops[photo]).exp2() as f32)).collect();
+    let merged = (0..width * height).into_par_iter().map(|pixel| merge_pixel(&sources, pixel)).unzip();
+    let (radiance, clipped): (Vec<[f32; 3]>, Vec<bool>) = merged;
+    Ok(MergedPhotos {
+        radiance: RadianceImage::new(width, height, radiance),
+        clipped: Image::new(width, height, clipped),
+    })
+}
+
+/// More is no exposure of a camera, and would leave the range of f32.
+const MOST_STOPS: f64 = 40.0;
+
+fn merge_pixel(sources: &[(Source, f32)], pixel: usize) -> ([f32; 3], bool) {
+    let [mut sum, mut weights] = [[0.0f32; 3]; 2];
+    // from the shortest exposure to the longest
+    let mut kept = None;
+    let mut shortest = [0.0; 3];
+    for (index, (source, gain)) in sources.iter().enumerate() {
+        let reading = source.reading(pixel);
+        let radiance = reading.linear.map(|v| v * gain);
+        if index == 0 {
+            shortest = radiance;
+        }
+        if !reading.clipped {
+            kept = Some(radiance);
+        }
+        for c in 0..3 {
+            sum[c] += reading.weights[c] * radiance[c];
+            weights[c] += reading.weights[c];
+        }
+    }
+    let without_weight = kept.unwrap_or(shortest);
+    let mixed = [0, 1, 2].map(|c| if weights[c] > 0.0 { sum[c] / weights[c] } else { without_weight[c] });
+    (mixed, kept.is_none())
+}
+
+/// A photo with the value from which on it is clipped.
+pub(super) struct Source<'a> {
+    photo: &'a Photo,
+    clips: bool,
+}
+
+/// A pixel.
+pub(super) struct Reading {
+    /// Linear light, not negative.
+    pub linear: [f32; 3],
+    /// sRGB values.
+    pub code: [f32; 3],
+    /// The hat at them.
+    weights: [f32; 3],
+    pub clipped: bool,
+}
+
+impl<'a> Source<'a> {
+    pub fn new(photo: &'a Photo) -> Self {
+        let clips = match photo {
+            Photo::Srgb8(_) => true,
+            Photo::Linear(image) => !image.pixels().par_iter().flatten_iter().any(|&v| v > 1.0),
+        };
+        Self { photo, clips }
+    }
+
+    pub fn reading(&self, pixel: usize) -> Reading {
+        let (linear, code) = match self.photo {
+            Photo::Srgb8(image) => {
+                let stored = image.pixels()[pixel];
+                (stored.map(linear_from_srgb8), stored.map(|v| f32::from(v) / 255.0))
+            }
+            Photo::Linear(image) => {
+                let linear = image.pixels()[pixel].map(|v| v.max(0.0));
+                (linear, if self.clips { linear.map(srgb_from_linear) } else { [0.5; 3] })
+            }
+        };
+        if !self.clips {
+            return Reading { linear, code, weights: [1.0; 3], clipped: false };
+        }
+        let greatest = code.into_iter().fold(0.0, f32::max);
+        let weights = code.map(|v| (v - BLACK).min(CLIPPED - greatest).max(0.0));
+        Reading { linear, code, weights, clipped: greatest >= CLIPPED }
+    }
+
+    /// Mean sRGB value.
+    fn brightness(&self, pixels: usize, step: usize) -> f64 {
+        let looked_at: Vec<f64> = (0..pixels)
+            .step_by(step)
+            .map(|pixel| {
+                let Reading { linear, code, .. } = self.reading(pixel);
+                let values = if self.clips { code } else { linear.map(|v| (1.0 + v).ln()) };
+                f64::from(values[0] + values[1] + values[2])
+            })
+            .collect();
+        looked_at.iter().sum::<f64>() / looked_at.len().max(1) as f64
+    }
+}
+
+/// How many stops more light `bright` got than `dark`; the number of samples where there are too few of them.
+fn compare(dark: &Source, bright: &Source, pixels: usize, step: usize) -> Result<f64, usize> {
+    let mut ratios = Vec::new();
+    for pixel in (0..pixels).step_by(step) {
+        let (a, b) = (dark.reading(pixel), bright.reading(pixel));
+        if a.clipped || b.clipped {
+            continue;
+        }
+        for c in 0..3 {
+            let good = |reading: &Reading| COMPARED.contains(&reading.code[c]) && reading.linear[c] > 0.0;
+            if good(&a) && good(&b) {
+                let ratio = (f64::from(b.linear[c]) / f64::from(a.linear[c])).log2();
+                ratios.push((ratio, f64::from(a.weights[c]) * f64::from(b.weights[c])));
+            }
+        }
+    }
+    if ratios.len() < LEAST_SAMPLES {
+        return Err(ratios.len());
+    }
+    let middle = ratios.len() / 2;
+    let median = ratios.select_nth_unstable_by(middle, |a, b| a.0.total_cmp(&b.0)).1.0;
+    let near = ratios.iter().filter(|(ratio, _)| (ratio - median).abs() <= MOVED_STOPS);
+    let (sum, weights) = near.fold((0.0, 0.0), |(sum, weights), (ratio, w)| (sum + ratio * w, weights + w));
+    Ok(if weights > 0.0 { sum / weights } else { median })
+}
+
+pub(super) fn same_size(photos: &[Photo]) -> Result<[usize; 2], BallError> {
+    let size = |photo: &Photo| [photo.width(), photo.height()];
+    let first = photos.first().map(size).filter(|[width, height]| width * height > 0).ok_or(BallError::NoPhoto)?;
+    match photos.iter().position(|photo| size(photo) != first) {
+        Some(photo) => Err(BallError::Sizes { photo, size: size(&photos[photo]), first }),
+        None => Ok(first),
+    }
+}
+
+fn check_finite(photo: usize, picture: &Photo) -> Result<(), BallError> {
+    let Photo::Linear(image) = picture else { return Ok(()) };
+    let bad = image.pixels().par_iter().position_first(|pixel| !pixel.iter().all(|v| v.is_finite()));
+    bad.map_or(Ok(()), |index| Err(BallError::NotFinite { photo, x: index % image.width(), y: index / image.width() }))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::srgb8_from_linear;
+
+    /// Radiance from 0.001 to 100 in every column, three colours.
+    fn wedge() -> RadianceImage {
+        let at = |x: usize| 0.001 * 1e5f32.powf(x as f32 / 399.0);
+        RadianceImage::from_fn(400, 40, |x, _| [at(x), 0.7 * at(x), 0.4 * at(x)])
+    }
+
+    fn shot(radiance: &RadianceImage, stops: f32) -> Photo {
+        Photo::Srgb8(radiance.map(|rgb| rgb.map(|v| srgb8_from_linear(v * stops.exp2()))))
+    }
+
+    #[test]
+    fn a_bracket_gives_back_the_light() {
+        let wedge = wedge();
+        let stops = [0.0, -3.0, -6.0, 4.0];
+        let photos: Vec<Photo> = stops.iter().map(|&stop| shot(&wedge, stop)).collect();
+        let estimated = estimate_stops(&photos).unwrap();
+        for (got, expected) in estimated.iter().zip(stops) {
+            // 2 % of an exposure
+            assert!((got - f64::from(expected)).abs() < 1.02f64.log2(), "{estimated:?}");
+        }
+        let merged = merge_exposures(&photos, &stops.map(f64::from)).unwrap();
+        for x in 0..400 {
+            let (got, truth) = (merged.radiance[(x, 3)], wedge[(x, 3)]);
+            // the shortest exposure clips at 2^6 × (250 / 255)^2.2 of the first one's white
+            assert_eq!(
+                merged.clipped[(x, 3)],
+                truth[0] * 2f32.powi(-6) >= crate::linear_from_srgb(CLIPPED - 0.5 / 255.0),
+                "{x}"
+            );
+            if !merged.clipped[(x, 3)] && truth[2] > 0.01 {
+                // half a step of 8 bits at weights that drop the darkest ones
+                assert!((0..3).all(|c| (got[c] / truth[c] - 1.0).abs() < 0.04), "{x}: {got:?} {truth:?}");
+            } else if merged.clipped[(x, 3)] {
+                assert!(got[0] <= truth[0] * 1.02 && got[0] > 60.0, "{x}: a lower bound, {got:?} {truth:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn exif_tells_relative_exposures() {
+        let shot =
+            |time_s: f64, f_number: Option<f64>, iso: Option<f64>| ShotExposure { time_s: Some(time_s), f_number, iso };
+        let stops =
+            stops_from_exif(&[shot(0.01, Some(4.0), Some(100.0)), shot(0.04, Some(5.6569), Some(400.0))]).unwrap();
+        assert!((stops[1] - 3.0).abs() < 1e-4 && stops[0] == 0.0, "{stops:?}");
+        // one does not tell its aperture
+        let stops = stops_from_exif(&[shot(0.01, Some(4.0), None), shot(0.04, None, None)]).unwrap();
+        assert!((stops[1] - 2.0).abs() < 1e-9);
+        assert_eq!(stops_from_exif(&[shot(0.01, None, None), ShotExposure::default()]), None);
+    }
+
+    #[test]
+    fn what_cannot_be_merged_is_named() {
+        let wedge = wedge();
+        let photos = [shot(&wedge, 0.0), Photo::Srgb8(Image::new(2, 2, vec![[9; 3]; 4]))];
+        assert_eq!(
+            merge_exposures(&photos, &[0.0, 1.0]),
+            Err(BallError::Sizes { photo: 1, size: [2, 2], first: [400, 40] })
+        );
+        assert_eq!(merge_exposures(&[], &[]), Err(BallError::NoPhoto));
+        let one = [shot(&wedge, 0.0)];
+        assert_eq!(merge_exposures(&one, &[f64::NAN]), Err(BallError::Exposures { photos: 1, exposures: 0 }));
+        assert_eq!(merge_exposures(&one, &[]), Err(BallError::Exposures { photos: 1, exposures: 0 }));
+        let mut bad = wedge.clone();
+        bad[(7, 5)][1] = f32::NAN;
+        assert_eq!(
+            merge_exposures(&[one[0].clone(), Photo::Linear(bad)], &[0.0, 0.0]),
+            Err(BallError::NotFinite { photo: 1, x: 7, y: 5 })
+        );
+        // 12 stops apart a tenth of the wedge's range is not well exposed in both
+        let far = [
+            Photo::Srgb8(Image::new(20, 20, vec![[0; 3]; 400])),
+            Photo::Srgb8(Image::new(20, 20, vec![[255; 3]; 400])),
+        ];
+        assert_eq!(estimate_stops(&far), Err(BallError::NothingInCommon { photos: [0, 1], pixels: 0 }));
+    }
+
+    #[test]
+    fn pictures_of_high_range_are_never_clipped() {
+        let wedge = wedge();
+        let merged = merge_exposures(&[Photo::Linear(wedge.clone())], &[0.0]).unwrap();
+        assert!(merged.radiance == wedge && merged.clipped.pixels().iter().all(|clipped| !clipped));
+    }
+}

@@ -1,0 +1,129 @@
+use crate::{Image, RadianceImage};
+
+/// Gives pixels without data (`known` is 0) what lies around them, smoothly: means of what is known over ever larger pixels, and back with
+/// interpolation, across the seam. In ln(1 + radiance), so that a lamp beside a hole does not light all of it.
+///
+/// Where nothing is known everything stays black.
+pub(super) fn fill_unknown(map: &mut RadianceImage, known: &Image<f32>) {
+    if known.pixels().iter().all(|&k| k > 0.0) {
+        return;
+    }
+    let mut levels = vec![Image::new(
+        map.width(),
+        map.height(),
+        map.pixels()
+            .iter()
+            .zip(known.pixels())
+            .map(|(rgb, &known)| if known > 0.0 { weighted(rgb.map(f32::ln_1p), 1.0) } else { [0.0; 4] })
+            .collect(),
+    )];
+    while let Some(last) = levels.last().filter(|last| last.width() > 2 || last.height() > 1) {
+        levels.push(coarser(last));
+    }
+    let mut filled = levels.pop().map(|coarsest| coarsest.map(normalised)).unwrap_or_else(|| Image::new(0, 0, vec![]));
+    while let Some(level) = levels.pop() {
+        filled = Image::from_fn(level.width(), level.height(), |x, y| {
+            let here = level[(x, y)];
+            if here[3] >= 1.0 {
+                return normalised(&here);
+            }
+            let around = smooth(&filled, x, y);
+            [0, 1, 2].map(|c| here[c] + (1.0 - here[3]) * around[c])
+        });
+    }
+    for ((rgb, filled), &known) in map.pixels_mut().iter_mut().zip(filled.pixels()).zip(known.pixels()) {
+        if known <= 0.0 {
+            *rgb = filled.map(f32::exp_m1);
+        }
+    }
+}
+
+/// Logarithms of radiance times the weight, and the weight.
+type Weighted = [f32; 4];
+
+fn weighted(rgb: [f32; 3], weight: f32) -> Weighted {
+    [rgb[0] * weight, rgb[1] * weight, rgb[2] * weight, weight]
+}
+
+fn normalised(value: &Weighted) -> [f32; 3] {
+    if value[3] > 0.0 { [0, 1, 2].map(|c| value[c] / value[3]) } else { [0.0; 3] }
+}
+
+/// Two by two pixels become one of weight 1 at most.
+fn coarser(level: &Image<Weighted>) -> Image<Weighted> {
+    let (width, height) = (level.width().div_ceil(2), level.height().div_ceil(2));
+    Image::from_fn(width, height, |x, y| {
+        let mut sum = [0.0f32; 4];
+        for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            let (x, y) = (2 * x + dx, 2 * y + dy);
+            if x < level.width() && y < level.height() {
+                let value = level[(x, y)];
+                (0..4).for_each(|c| sum[c] += value[c]);
+            }
+        }
+        // one known pixel of four fills the coarse one: what is known counts, not how much of it there is
+        let scale = if sum[3] > 1.0 { 1.0 / sum[3] } else { 1.0 };
+        sum.map(|v| v * scale)
+    })
+}
+
+/// Of the next coarser level, at a pixel of this one: quadratic B-spline over 3 × 3, around the seam, clamped at the poles.
+fn smooth(coarse: &Image<[f32; 3]>, x: usize, y: usize) -> [f32; 3] {
+    let (width, height) = (coarse.width() as i64, coarse.height() as i64);
+    // a fine pixel lies a quarter to one side of the middle of its coarse one
+    let taps =
+        |index: usize| if index.is_multiple_of(2) { [0.28125, 0.6875, 0.03125] } else { [0.03125, 0.6875, 0.28125] };
+    let (across, down) = (taps(x), taps(y));
+    let mut sum = [0.0; 3];
+    for (j, &wy) in down.iter().enumerate() {
+        let row = ((y / 2) as i64 + j as i64 - 1).clamp(0, height - 1) as usize;
+        for (i, &wx) in across.iter().enumerate() {
+            let column = ((x / 2) as i64 + i as i64 - 1).rem_euclid(width) as usize;
+            let value = coarse[(column, row)];
+            (0..3).for_each(|c| sum[c] += wx * wy * value[c]);
+        }
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hole_in_a_ramp_is_filled_between_its_sides() {
+        let truth = |y: usize| 0.2 + 0.01 * y as f32;
+        let mut map = RadianceImage::from_fn(128, 64, |_, y| [truth(y), 2.0 * truth(y), 0.1]);
+        // across the seam
+        let hole = |x: usize, y: usize| !(10..118).contains(&x) && (20..44).contains(&y);
+        let known = Image::from_fn(128, 64, |x, y| if hole(x, y) { 0.0 } else { 1.0 });
+        let before = map.clone();
+        for (x, y) in (0..64).flat_map(|y| (0..128).map(move |x| (x, y))) {
+            if hole(x, y) {
+                map[(x, y)] = [f32::NAN; 3];
+            }
+        }
+        fill_unknown(&mut map, &known);
+        for (x, y) in (0..64).flat_map(|y| (0..128).map(move |x| (x, y))) {
+            let (got, expected) = (map[(x, y)], before[(x, y)]);
+            if hole(x, y) {
+                // the ramp's range over the hole is 0.24: half of that at its deepest
+                assert!((got[0] - expected[0]).abs() < 0.12 && (got[2] - 0.1).abs() < 1e-5, "{x} {y}: {got:?}");
+                let beside = map[((x + 1) % 128, y)][0];
+                assert!((got[0] - beside).abs() < 0.05, "{x} {y}: {got:?} beside {beside}");
+            } else {
+                assert_eq!(got, expected);
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_known_stays_black_and_one_pixel_fills_all() {
+        let mut map = RadianceImage::new(6, 3, vec![[5.0; 3]; 18]);
+        fill_unknown(&mut map, &Image::new(6, 3, vec![0.0; 18]));
+        assert!(map.pixels().iter().all(|rgb| *rgb == [0.0; 3]));
+        let mut map = RadianceImage::new(7, 5, vec![[3.0; 3]; 35]);
+        fill_unknown(&mut map, &Image::from_fn(7, 5, |x, y| if (x, y) == (3, 2) { 1.0 } else { 0.0 }));
+        assert!(map.pixels().iter().all(|rgb| (rgb[0] - 3.0).abs() < 1e-4), "{map:?}");
+    }
+}

@@ -1,0 +1,323 @@
+//! How a panorama lies in the room: yaw and a small tilt, and exposure, by what the photo shows of it.
+
+use std::f32::consts::{PI, TAU};
+
+use lo_geometry::{Mat3, Vec3};
+use lo_imaging::{Image, RadianceImage, luminance, resize_equirectangular, sample_equirectangular, view_rotation};
+use lo_scene::{Frame, PanoramaSource};
+use rayon::prelude::*;
+
+use super::PanoramaPrior;
+use super::seen_map::{SeenRays, SeenTexel};
+
+/// Matches below this confidence are warned about. On rooms of seed 778 all but 6 % of other rooms' panoramas are below it, and none of the
+/// right ones where depth is measured; of those beside the camera of a photo without depth, a tenth (`docs/design/035-panorama-prior.md`).
+pub const LEAST_CONFIDENCE: f32 = 0.4;
+
+/// Columns of the maps that are compared, the coarse ones first.
+const COLUMNS: [usize; 3] = [64, 128, 256];
+
+/// Largest tilt of a panorama against the room's vertical that is looked for, radians: tripods stand straight, and up is known to some degrees.
+const MAX_TILT: f32 = 10.0 * PI / 180.0;
+
+/// What a tilt of that size must gain in correlation.
+const TILT_COST: f32 = 0.02;
+
+/// Orientations that are followed on each map, and how far apart in yaw they are, radians.
+const CANDIDATES: [usize; 3] = [8, 4, 2];
+const APART: f32 = 10.0 * PI / 180.0;
+
+/// Most texels that are compared while searching.
+const MAX_TEXELS: usize = 3000;
+
+/// Of the median luminance: what is darker is told apart no more.
+const FLOOR: f32 = 0.02;
+
+/// Natural logarithms of the luminance below and above the median beyond which a panorama counts no further: what it shows of lamps was clipped in the photo.
+const DARKEST: f32 = -4.0;
+const BRIGHTEST: f32 = 2.5;
+
+/// Weight of colour beside brightness.
+const COLOUR: f32 = 1.5;
+
+/// Variance of log luminance that nothing can be told from: white walls are alike.
+const PLAIN: f32 = 0.01;
+
+/// Fewest texels of the middle map that are compared.
+const MIN_TEXELS: usize = 40;
+
+/// How a panorama lies in the room.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PanoramaMatch {
+    /// Rotation from the panorama's axes (its centre −Z, +X to the right, +Y up) to the photo's frame.
+    pub world_from_panorama: Mat3,
+    /// Angle from the photo's heading to the panorama's centre, to the right about the room's vertical, radians.
+    pub yaw_rad: f32,
+    /// Upward tilt of the panorama's centre, radians.
+    pub pitch_rad: f32,
+    /// Clockwise tilt about it, radians.
+    pub roll_rad: f32,
+    /// Factor from the panorama's values to the photo's.
+    pub exposure: f32,
+    /// How well it shows what the photo shows, from 0 to 1; below [`LEAST_CONFIDENCE`] it hardly does.
+    pub confidence: f32,
+    /// Whether the panorama's place sees enough of what the photo shows for a comparison.
+    pub compared: bool,
+}
+
+impl PanoramaMatch {
+    /// What a scene keeps of it.
+    pub fn source(&self, prior: &PanoramaPrior) -> PanoramaSource {
+        PanoramaSource {
+            file: prior.file.clone(),
+            position_m: prior.position_m,
+            yaw_deg: self.yaw_rad.to_degrees(),
+            pitch_deg: self.pitch_rad.to_degrees(),
+            roll_deg: self.roll_rad.to_degrees(),
+            exposure_ev: self.exposure.log2(),
+            confidence: self.confidence,
+            clipped: prior.clipped().is_some(),
+        }
+    }
+}
+
+/// Finds out how a panorama lies in the room, from a frame at [working resolution](Frame::working) and the unit vector against gravity.
+///
+/// What is compared: the photo's pixels that are not clipped, in the directions in which the panorama's place sees them (at the camera those of the pixels,
+/// elsewhere those of the points that depth gives, as far as they face that place and nothing seen stands before them). How: the correlation of log luminance
+/// and of the logarithms of two ratios of colours together, which neither exposure nor white balance change, on maps of 64, 128 and 256
+/// columns. All yaws and tilts of up to 10° are tried on the coarsest, the best are refined on the others. The exposure is the median ratio of
+/// luminances. Deterministic.
+pub fn match_panorama(prior: &PanoramaPrior, frame: &Frame, up: Vec3) -> PanoramaMatch {
+    let base = levelled(up);
+    let rays = SeenRays::new(frame, prior.position_m);
+    let levels = COLUMNS.map(|columns| Level::new(&rays, prior, columns));
+    let compared = levels[1].texels.len() >= MIN_TEXELS && !rays.is_dark();
+    let pose = match prior.yaw_rad {
+        Some(yaw) => Pose { yaw, ..Pose::default() },
+        None if compared => search(&levels, base),
+        None => Pose::default(),
+    };
+    let world_from_panorama = pose.world_from_panorama(base);
+    let panorama_from_world = world_from_panorama.transpose();
+    let confidence = if compared { levels[COLUMNS.len() - 1].confidence(panorama_from_world) } else { 0.0 };
+    let finest = &levels[COLUMNS.len() - 1];
+    let exposure = prior.exposure.unwrap_or_else(|| finest.exposure(panorama_from_world));
+    PanoramaMatch {
+        world_from_panorama,
+        yaw_rad: pose.yaw,
+        pitch_rad: pose.pitch,
+        roll_rad: pose.roll,
+        exposure,
+        confidence,
+        compared,
+    }
+}
+
+/// Axes of a level panorama whose centre lies in the photo's heading, as columns.
+fn levelled(up: Vec3) -> Mat3 {
+    let up = up.normalize_or(Vec3::Y);
+    // Of a photo of the floor or the ceiling the heading is where its upper edge points.
+    let heading = |forward: Vec3| (forward - up * forward.dot(up)).try_normalize();
+    let steep = up.z.abs() > 0.98;
+    let forward = if steep { heading(Vec3::Y * up.z.signum()) } else { heading(Vec3::NEG_Z) }.unwrap_or(Vec3::NEG_Z);
+    Mat3::from_cols(forward.cross(up), up, -forward)
+}
+
+/// Yaw, pitch and roll in radians.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pose {
+    yaw: f32,
+    pitch: f32,
+    roll: f32,
+}
+
+impl Pose {
+    fn world_from_panorama(self, base: Mat3) -> Mat3 {
+        base * view_rotation(self.yaw, self.pitch, self.roll)
+    }
+
+    fn moved(self, [yaw, pitch, roll]: [f32; 3]) -> Self {
+        let tilt = |angle: f32| angle.clamp(-MAX_TILT, MAX_TILT);
+        Self { yaw: wrapped(self.yaw + yaw), pitch: tilt(self.pitch + pitch), roll: tilt(self.roll + roll) }
+    }
+
+    fn cost(self) -> f32 {
+        TILT_COST * (self.pitch.powi(2) + self.roll.powi(2)) / MAX_TILT.powi(2)
+    }
+}
+
+/// In [−π, π).
+fn wrapped(angle: f32) -> f32 {
+    (angle + PI).rem_euclid(TAU) - PI
+}
+
+/// The pose in which the panorama shows best what the photo shows.
+fn search(levels: &[Level; 3], base: Mat3) -> Pose {
+    let score = |level: &Level, pose: Pose| {
+        let stride = level.texels.len().div_ceil(MAX_TEXELS).max(1);
+        level.correlation(pose.world_from_panorama(base).transpose(), stride) - pose.cost()
+    };
+    let steps = COLUMNS[0] as i32;
+    let tilts = [-0.8, 0.0, 0.8].map(|share| share * MAX_TILT);
+    let poses = (-steps / 2..steps / 2).flat_map(|step| {
+        let yaw = step as f32 * TAU / steps as f32;
+        tilts.into_iter().flat_map(move |pitch| tilts.into_iter().map(move |roll| Pose { yaw, pitch, roll }))
+    });
+    let poses: Vec<Pose> = poses.collect();
+    let mut scored: Vec<(f32, Pose)> = poses.par_iter().map(|&pose| (score(&levels[0], pose), pose)).collect();
+    for ((level, finest_step_deg), candidates) in levels.iter().zip([1.4f32, 0.7, 0.2]).zip(CANDIDATES) {
+        scored = apart(scored, candidates);
+        scored = scored
+            .par_iter()
+            .map(|&(_, pose)| refined(pose, finest_step_deg.to_radians(), |pose| score(level, pose)))
+            .collect();
+    }
+    apart(scored, 1).first().map_or_else(Pose::default, |&(_, pose)| pose)
+}
+
+/// The best of those that lie apart in yaw, the best first.
+fn apart(mut scored: Vec<(f32, Pose)>, most: usize) -> Vec<(f32, Pose)> {
+    // A stable sort: the first of equals wins, on any number of threads.
+    scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut kept: Vec<(f32, Pose)> = Vec::new();
+    for candidate in scored {
+        let new = |kept: &(f32, Pose)| wrapped(kept.1.yaw - candidate.1.yaw).abs() > APART;
+        if kept.len() < most && kept.iter().all(new) {
+            kept.push(candidate);
+        }
+    }
+    kept
+}
+
+/// Walks along the axes as long as that gains anything, with steps that halve down to the finest one.
+fn refined(mut pose: Pose, finest_step: f32, score: impl Fn(Pose) -> f32) -> (f32, Pose) {
+    let mut best = score(pose);
+    let mut step = 4.0 * finest_step;
+    while step >= finest_step {
+        let mut gained = false;
+        for axis in 0..3 {
+            for sign in [step, -step] {
+                let mut by = [0.0; 3];
+                by[axis] = sign;
+                let moved = pose.moved(by);
+                let reached = score(moved);
+                if reached > best + 1e-6 {
+                    (best, pose, gained) = (reached, moved, true);
+                }
+            }
+        }
+        if !gained {
+            step *= 0.5;
+        }
+    }
+    (best, pose)
+}
+
+/// Photo and panorama at one resolution.
+struct Level {
+    texels: Vec<SeenTexel>,
+    /// Of the texels: log luminance, weighted logarithms of red over green and blue over green.
+    seen: Vec<[f32; 3]>,
+    /// The same of the panorama.
+    features: Image<[f32; 3]>,
+    radiance: RadianceImage,
+}
+
+impl Level {
+    fn new(rays: &SeenRays, prior: &PanoramaPrior, columns: usize) -> Self {
+        let texels = rays.texels(columns);
+        let median = |values: Vec<(f32, f32)>| weighted_median(values).unwrap_or(1.0).max(f32::MIN_POSITIVE);
+        let of_photo = median(texels.iter().map(|texel| (luminance(texel.radiance), texel.weight)).collect());
+        let seen = texels.iter().map(|texel| features(texel.radiance, of_photo)).collect();
+        let radiance = resize_equirectangular(prior.radiance(), columns, columns / 2);
+        let rows = radiance.height();
+        let weights = (0..rows).map(|y| lo_geometry::pixel_solid_angle_sr(y, columns, rows));
+        let weights = weights.flat_map(|weight| std::iter::repeat_n(weight, columns));
+        let of_panorama = median(radiance.pixels().iter().map(|&rgb| luminance(rgb)).zip(weights).collect());
+        let features = radiance.map(|&rgb| {
+            let [brightness, red, blue] = features(rgb, of_panorama);
+            [brightness.clamp(DARKEST, BRIGHTEST), red, blue]
+        });
+        Self { texels, seen, features, radiance }
+    }
+
+    /// Correlation of photo and panorama where the photo shows something, from −1 to 1; towards 0 where there is nothing to tell by.
+    /// Of every `stride`th texel.
+    fn correlation(&self, panorama_from_world: Mat3, stride: usize) -> f32 {
+        let mut sums = [Sums::default(); 3];
+        for (texel, seen) in self.texels.iter().zip(&self.seen).step_by(stride) {
+            let shown = sample_equirectangular(&self.features, panorama_from_world * texel.direction);
+            (0..3).for_each(|c| sums[c].add(seen[c], shown[c], texel.weight));
+        }
+        let [mut both, mut photo, mut panorama] = [0.0, PLAIN, PLAIN];
+        for moments in sums.map(Sums::moments) {
+            both += moments[0];
+            photo += moments[1];
+            panorama += moments[2];
+        }
+        both / (photo * panorama).sqrt()
+    }
+
+    /// The correlation, 0 where it is negative, times e^−d with the median absolute difference d of log luminance once the median is the same.
+    fn confidence(&self, panorama_from_world: Mat3) -> f32 {
+        let differences = self.texels.iter().zip(&self.seen).map(|(texel, seen)| {
+            let shown = sample_equirectangular(&self.features, panorama_from_world * texel.direction);
+            (seen[0] - shown[0], texel.weight)
+        });
+        let mut differences: Vec<(f32, f32)> = differences.collect();
+        let median = weighted_median(differences.clone()).unwrap_or(0.0);
+        differences.iter_mut().for_each(|(difference, _)| *difference = (*difference - median).abs());
+        let deviation = weighted_median(differences).unwrap_or(0.0);
+        self.correlation(panorama_from_world, 1).clamp(0.0, 1.0) * (-deviation).exp()
+    }
+
+    /// Median ratio of the photo's luminance to the panorama's.
+    fn exposure(&self, panorama_from_world: Mat3) -> f32 {
+        let ratios = self.texels.iter().filter_map(|texel| {
+            let shown = luminance(sample_equirectangular(&self.radiance, panorama_from_world * texel.direction));
+            let seen = luminance(texel.radiance);
+            (seen > 0.0 && shown > 0.0).then(|| ((seen / shown).ln(), texel.weight))
+        });
+        weighted_median(ratios.collect()).map_or(1.0, f32::exp).clamp(1e-12, 1e12)
+    }
+}
+
+fn features(rgb: [f32; 3], median: f32) -> [f32; 3] {
+    let [r, g, b] = rgb.map(|c| (c / median + FLOOR).ln());
+    [(luminance(rgb) / median + FLOOR).ln(), COLOUR * (r - g), COLOUR * (b - g)]
+}
+
+/// Weighted moments of two quantities.
+#[derive(Clone, Copy, Default)]
+struct Sums([f32; 6]);
+
+impl Sums {
+    fn add(&mut self, a: f32, b: f32, weight: f32) {
+        let terms = [1.0, a, b, a * b, a * a, b * b];
+        (0..6).for_each(|i| self.0[i] += weight * terms[i]);
+    }
+
+    /// Covariance and the two variances.
+    fn moments(self) -> [f32; 3] {
+        let [weight, a, b, ab, aa, bb] = self.0;
+        if weight <= 0.0 {
+            return [0.0; 3];
+        }
+        let (a, b) = (a / weight, b / weight);
+        [ab / weight - a * b, (aa / weight - a * a).max(0.0), (bb / weight - b * b).max(0.0)]
+    }
+}
+
+/// The value up to which there is half of the weight; `None` of none.
+pub(crate) fn weighted_median(mut values: Vec<(f32, f32)>) -> Option<f32> {
+    values.retain(|(value, weight)| value.is_finite() && *weight > 0.0);
+    values.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let half = 0.5 * values.iter().map(|(_, weight)| f64::from(*weight)).sum::<f64>();
+    let mut sum = 0.0;
+    let reached = values.iter().find(|(_, weight)| {
+        sum += f64::from(*weight);
+        sum >= half
+    });
+    reached.map(|(value, _)| *value)
+}

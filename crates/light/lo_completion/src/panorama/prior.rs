@@ -1,0 +1,193 @@
+//! The panorama as it comes.
+
+use std::io::Read;
+use std::path::Path;
+
+use lo_events::Warning;
+use lo_geometry::{Orientation, Vec3};
+use lo_imaging::{Format, Image, ImageError, Photo, RadianceImage, reorient};
+
+/// Fewest rows of a panorama that says anything about a room.
+const MIN_HEIGHT: usize = 16;
+
+/// From here on, of 255, a channel of an 8-bit panorama counts as clipped: as of photos.
+const CLIP_LEVEL: u8 = 250;
+
+/// The same in linear light.
+const CLIP_LEVEL_LINEAR: f32 = 0.956;
+
+/// A panorama of the room, to be [laid](crate::lay_panorama) onto what the photo does not show.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PanoramaPrior {
+    radiance: RadianceImage,
+    clipped: Option<Image<bool>>,
+    cleaned: usize,
+    /// Where it was taken, metres in the photo's frame (+X right, +Y up, the camera at the origin looks along −Z).
+    pub position_m: Vec3,
+    /// Angle in radians from the photo's heading to the panorama's centre, to the right, about the room's vertical. Where it is given, nothing is
+    /// searched but the exposure, and the panorama is taken to be level.
+    pub yaw_rad: Option<f32>,
+    /// Factor from the panorama's values to the photo's. Where it is not given it is found.
+    pub exposure: Option<f32>,
+    /// Name of the file, kept in the scene.
+    pub file: String,
+}
+
+/// Why an image is no panorama of a room.
+#[derive(Debug, thiserror::Error)]
+pub enum PanoramaError {
+    /// The file cannot be read.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// It is not twice as wide as high.
+    #[error("it is {width} × {height}, and an equirectangular panorama is twice as wide as high")]
+    Shape {
+        /// Its width in pixels.
+        width: usize,
+        /// Its height in pixels.
+        height: usize,
+    },
+    /// It has too few pixels.
+    #[error("it is {width} × {height}, and a panorama of a room has at least {} × {MIN_HEIGHT} pixels", 2 * MIN_HEIGHT)]
+    Small {
+        /// Its width in pixels.
+        width: usize,
+        /// Its height in pixels.
+        height: usize,
+    },
+    /// Nothing in it shines.
+    #[error("it is black, or holds no finite numbers")]
+    Black,
+    /// The place is no point.
+    #[error("its place is not finite")]
+    Place,
+    /// The exposure is no factor.
+    #[error("its exposure must be finite and greater than 0, not {0}")]
+    Exposure(f32),
+    /// The yaw is no angle.
+    #[error("its yaw is not finite")]
+    Yaw,
+}
+
+impl PanoramaPrior {
+    /// Of linear radiance as `orientation` has it, taken at the camera.
+    ///
+    /// Values that are not finite or negative become 0 and are [counted](Self::warnings).
+    ///
+    /// # Errors
+    /// An image that is not twice as wide as high, too small, or black.
+    pub fn new(radiance: RadianceImage, orientation: Orientation, file: &str) -> Result<Self, PanoramaError> {
+        Self::with_clipped(radiance, None, orientation, file)
+    }
+
+    /// As [`new`](Self::new), of a panorama whose light was clipped where `clipped` says so: what it shows there is a lower bound.
+    ///
+    /// # Errors
+    /// Those of [`new`](Self::new).
+    ///
+    /// # Panics
+    /// Where `clipped` has another size than `radiance`.
+    pub fn with_clipped(
+        mut radiance: RadianceImage,
+        clipped: Option<Image<bool>>,
+        orientation: Orientation,
+        file: &str,
+    ) -> Result<Self, PanoramaError> {
+        let (width, height) = (radiance.width(), radiance.height());
+        if let Some(clipped) = &clipped {
+            assert_eq!((clipped.width(), clipped.height()), (width, height), "clipped is a mask of the panorama");
+        }
+        if width != 2 * height {
+            return Err(PanoramaError::Shape { width, height });
+        }
+        if height < MIN_HEIGHT {
+            return Err(PanoramaError::Small { width, height });
+        }
+        let mut cleaned = 0;
+        for pixel in radiance.pixels_mut() {
+            if !pixel.iter().all(|c| c.is_finite() && *c >= 0.0) {
+                *pixel = pixel.map(|c| if c.is_finite() { c.max(0.0) } else { 0.0 });
+                cleaned += 1;
+            }
+        }
+        if radiance.pixels().iter().flatten().all(|&c| c == 0.0) {
+            return Err(PanoramaError::Black);
+        }
+        // Masks turn as radiance does: whatever is mixed with what is clipped is clipped.
+        let turn = |image: &RadianceImage| reorient(image, orientation, Orientation::Lightoctree);
+        let clipped = clipped
+            .map(|mask| turn(&mask.map(|&clipped| [f32::from(u8::from(clipped)); 3])).map(|pixel| pixel[0] > 0.0));
+        let radiance = turn(&radiance);
+        let (position_m, file) = (Vec3::ZERO, file.to_owned());
+        Ok(Self { radiance, clipped, cleaned, position_m, yaw_rad: None, exposure: None, file })
+    }
+
+    /// Of a file: HDR, EXR and PFM are linear, everything else is sRGB, clipped where a channel is at 250 of 255 or more.
+    ///
+    /// # Errors
+    /// A file that cannot be read, and those of [`new`](Self::new).
+    pub fn read(path: impl AsRef<Path>, orientation: Orientation) -> Result<Self, PanoramaError> {
+        let path = path.as_ref();
+        let photo = lo_imaging::read_photo(path)?.photo;
+        let file = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        let clipped = match &photo {
+            Photo::Srgb8(image) => Some(image.map(|pixel| pixel.iter().any(|&c| c >= CLIP_LEVEL))),
+            Photo::Linear(image) if !holds_radiance(path) => {
+                Some(image.map(|pixel| pixel.iter().any(|&c| c >= CLIP_LEVEL_LINEAR)))
+            }
+            Photo::Linear(_) => None,
+        };
+        Self::with_clipped(photo.into_radiance(), clipped, orientation, &file)
+    }
+
+    /// Taken there, metres in the photo's frame.
+    pub fn at(self, position_m: Vec3) -> Self {
+        Self { position_m, ..self }
+    }
+
+    /// Linear radiance in its own units, centre −Z, +X to the right, +Y up.
+    pub fn radiance(&self) -> &RadianceImage {
+        &self.radiance
+    }
+
+    /// Where its light is a lower bound; `None` where it was not clipped.
+    pub fn clipped(&self) -> Option<&Image<bool>> {
+        self.clipped.as_ref()
+    }
+
+    /// What a user should know about it, whatever the room.
+    pub fn warnings(&self) -> Vec<Warning> {
+        let pixels = self.radiance.pixels().len();
+        let cleaned = (self.cleaned > 0).then_some(Warning::PanoramaValues { cleaned: self.cleaned, pixels });
+        let clipped = self.clipped.as_ref().map(|mask| Warning::ClippedPanorama {
+            clipped_share: mask.pixels().iter().filter(|&&clipped| clipped).count() as f32 / pixels as f32,
+        });
+        [cleaned, clipped].into_iter().flatten().collect()
+    }
+
+    /// Whether place and overrides are numbers.
+    ///
+    /// # Errors
+    /// Those that are not.
+    pub fn check(&self) -> Result<(), PanoramaError> {
+        if !self.position_m.is_finite() {
+            return Err(PanoramaError::Place);
+        }
+        if let Some(exposure) = self.exposure.filter(|exposure| !(exposure.is_finite() && *exposure > 0.0)) {
+            return Err(PanoramaError::Exposure(exposure));
+        }
+        if self.yaw_rad.is_some_and(|yaw| !yaw.is_finite()) {
+            return Err(PanoramaError::Yaw);
+        }
+        Ok(())
+    }
+}
+
+/// Whether a file's format holds linear radiance: 16-bit pictures are decoded to that, but end at white.
+fn holds_radiance(path: &Path) -> bool {
+    let mut first = Vec::new();
+    // It was read a moment ago; where that is over, the extension says enough.
+    let read = std::fs::File::open(path).and_then(|file| file.take(16).read_to_end(&mut first));
+    let by_content = read.ok().and_then(|_| Format::from_bytes(&first));
+    matches!(by_content.or_else(|| Format::from_extension(path)), Some(Format::Hdr | Format::Exr | Format::Pfm))
+}

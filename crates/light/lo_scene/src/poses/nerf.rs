@@ -1,0 +1,63 @@
+//! `transforms.json`, which instant-ngp began and nerfstudio and many others write: `frames` of `file_path` and `transform_matrix` (camera to world,
+//! OpenGL's axes), intrinsics for all or for each. Which way its world is up is not agreed upon, nor its unit: metres are needed here.
+//! nerfstudio's `applied_scale` is undone.
+
+use lo_geometry::DVec3;
+use serde_json::Value;
+
+use super::pose::Axes;
+use super::record3d::whole_size;
+use super::{Lens, Pose, PoseError, PoseFile, PoseFormat, content, number, numbers};
+
+pub(super) fn read(value: &Value, name: &str) -> Result<PoseFile, PoseError> {
+    let frames = value["frames"].as_array().ok_or_else(|| content(name, "`frames` is no array"))?;
+    let scale = match value.get("applied_scale") {
+        None => 1.0,
+        Some(scale) => number(scale)
+            .filter(|scale| scale.is_finite() && *scale > 0.0)
+            .ok_or_else(|| content(name, "`applied_scale` is no positive number"))?,
+    };
+    let mut distorted = false;
+    let mut poses = Vec::with_capacity(frames.len());
+    for (index, frame) in frames.iter().enumerate() {
+        let file = frame.get("file_path").and_then(Value::as_str);
+        let file = file.ok_or_else(|| content(name, format!("frame {index} has no `file_path`")))?;
+        let of = |key: &str| frame.get(key).or_else(|| value.get(key));
+        if let Some(model) = of("camera_model").and_then(Value::as_str)
+            && !matches!(model, "OPENCV" | "PINHOLE" | "SIMPLE_PINHOLE" | "PERSPECTIVE")
+        {
+            return Err(PoseError::CameraModel { file: name.to_owned(), model: model.to_owned() });
+        }
+        let coefficients = ["k1", "k2", "k3", "k4", "p1", "p2"];
+        distorted |= coefficients.iter().filter_map(|key| number(of(key)?)).any(|k| k != 0.0);
+        let rows = frame.get("transform_matrix").and_then(numbers);
+        let rows = rows.ok_or_else(|| content(name, format!("{file}: `transform_matrix` is no 4 × 4 matrix")))?;
+        let mut pose = Pose::from_rows(&rows, Axes::OpenGl, name, file)?;
+        pose.position_m = super::checked_position(pose.position_m / DVec3::splat(scale), name, file)?;
+        pose.file = Some(file.to_owned());
+        pose.lens = lens(&of, name)?;
+        poses.push(pose);
+    }
+    Ok(PoseFile { name: name.to_owned(), format: PoseFormat::Nerf, poses, world_up: None, distorted })
+}
+
+fn lens<'a>(of: &impl Fn(&str) -> Option<&'a Value>, name: &str) -> Result<Option<Lens>, PoseError> {
+    let figure = |key: &str| match of(key) {
+        None => Ok(None),
+        Some(value) => number(value).map(Some).ok_or_else(|| content(name, format!("`{key}` is no number"))),
+    };
+    let size = match (figure("w")?, figure("h")?) {
+        (Some(w), Some(h)) => Some(whole_size(w, h).ok_or_else(|| content(name, format!("a size of {w} × {h}")))?),
+        _ => None,
+    };
+    let Some(fx) = figure("fl_x")? else {
+        return Ok(figure("camera_angle_x")?.map(|angle| Lens::HfovDeg(angle.to_degrees())));
+    };
+    let fy = figure("fl_y")?.unwrap_or(fx);
+    let middle = size.map(|(w, h)| [f64::from(w) / 2.0, f64::from(h) / 2.0]);
+    let centre = |key: &str, axis: usize| -> Result<f64, PoseError> {
+        let middle = middle.map(|middle| middle[axis]);
+        figure(key)?.or(middle).ok_or_else(|| content(name, format!("`fl_x` without `{key}`, `w` and `h`")))
+    };
+    Ok(Some(Lens::Pixels { intrinsics: [fx, fy, centre("cx", 0)?, centre("cy", 1)?], size }))
+}

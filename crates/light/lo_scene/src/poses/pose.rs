@@ -1,0 +1,136 @@
+use lo_geometry::{DMat3, DQuat, DVec3, RigidTransform};
+
+use super::{PoseError, checked_position};
+
+/// What may be missing to unit length and right angles: files hold four digits and more.
+const TOLERANCE: f64 = 0.01;
+
+/// Where a camera stood, and what else its file says of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pose {
+    /// The photo's file, where poses are named by it.
+    pub file: Option<String>,
+    /// When it was taken, seconds, where poses are named by it.
+    pub time_s: Option<f64>,
+    /// World direction = this · camera direction; the camera's axes are ours.
+    pub(super) rotation: DMat3,
+    /// Where the camera stands in the world.
+    pub position_m: DVec3,
+    /// Its lens.
+    pub lens: Option<Lens>,
+    /// Stops by which it shows the same light brighter than the others' common measure: +1 is twice as bright.
+    pub exposure_ev: Option<f64>,
+}
+
+/// What a file of poses says of a lens.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Lens {
+    /// Intrinsics.
+    Pixels {
+        /// `fx fy cx cy`, pixels.
+        intrinsics: [f64; 4],
+        /// Size of the picture that they are of; the photo's own where it is not said.
+        size: Option<(u32, u32)>,
+    },
+    /// Horizontal field of view in degrees, of a centred lens with square pixels.
+    HfovDeg(f64),
+}
+
+/// Axes of a camera.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Axes {
+    /// Ours: +X right, +Y up, looking along −Z.
+    OpenGl,
+    /// +X right, +Y down, looking along +Z.
+    OpenCv,
+}
+
+impl Axes {
+    fn turned(self, rotation: DMat3) -> DMat3 {
+        match self {
+            Self::OpenGl => rotation,
+            Self::OpenCv => rotation * DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0)),
+        }
+    }
+}
+
+impl Pose {
+    /// By a 4 × 4 or 3 × 4 matrix, row by row.
+    pub(super) fn from_rows(rows: &[f64], axes: Axes, file: &str, pose: &str) -> Result<Self, PoseError> {
+        let wrong = |what: String| PoseError::NotRigid { file: file.to_owned(), pose: pose.to_owned(), what };
+        if rows.len() != 16 && rows.len() != 12 {
+            return Err(wrong(format!("{} numbers instead of 4 × 4", rows.len())));
+        }
+        if let Some(&value) = rows.iter().find(|v| !v.is_finite()) {
+            return Err(PoseError::Value { file: file.to_owned(), pose: pose.to_owned(), value });
+        }
+        if rows.len() == 16 && rows[12..].iter().zip([0.0, 0.0, 0.0, 1.0]).any(|(a, b)| (a - b).abs() > 1e-6) {
+            let last = &rows[12..];
+            return Err(wrong(format!("the last row is {last:?}, not 0 0 0 1; are its columns rows?")));
+        }
+        let row = |i: usize| DVec3::new(rows[4 * i], rows[4 * i + 1], rows[4 * i + 2]);
+        let matrix = DMat3::from_cols(row(0), row(1), row(2)).transpose();
+        let position_m = checked_position(DVec3::new(rows[3], rows[7], rows[11]), file, pose)?;
+        Self::new(matrix, position_m, axes, file, pose)
+    }
+
+    /// By a quaternion, its real part last.
+    pub(super) fn from_quaternion(
+        xyzw: [f64; 4],
+        position_m: DVec3,
+        axes: Axes,
+        file: &str,
+        pose: &str,
+    ) -> Result<Self, PoseError> {
+        if let Some(value) = xyzw.into_iter().find(|v| !v.is_finite()) {
+            return Err(PoseError::Value { file: file.to_owned(), pose: pose.to_owned(), value });
+        }
+        let position_m = checked_position(position_m, file, pose)?;
+        let quaternion = DQuat::from_array(xyzw);
+        let length = quaternion.length();
+        if (length - 1.0).abs() > TOLERANCE {
+            let what = format!("the quaternion has the length {length:.4}, not 1");
+            return Err(PoseError::NotRigid { file: file.to_owned(), pose: pose.to_owned(), what });
+        }
+        Self::new(DMat3::from_quat(quaternion.normalize()), position_m, axes, file, pose)
+    }
+
+    fn new(matrix: DMat3, position_m: DVec3, axes: Axes, file: &str, pose: &str) -> Result<Self, PoseError> {
+        let (file, pose) = (file.to_owned(), pose.to_owned());
+        let columns = [matrix.x_axis, matrix.y_axis, matrix.z_axis];
+        let off = |length: &f64| (length - 1.0).abs();
+        let lengths = columns.map(|c| c.length());
+        let farthest = lengths.into_iter().max_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(1.0);
+        if !(off(&farthest) <= TOLERANCE) {
+            return Err(PoseError::Scale { file, pose, scale: farthest });
+        }
+        let cosine =
+            [(0, 1), (1, 2), (2, 0)].map(|(i, j)| columns[i].dot(columns[j]).abs()).into_iter().fold(0.0, f64::max);
+        if cosine > TOLERANCE {
+            let what = format!("two of its axes meet at {:.1} degrees", cosine.acos().to_degrees());
+            return Err(PoseError::NotRigid { file, pose, what });
+        }
+        if matrix.determinant() < 0.0 {
+            return Err(PoseError::Mirror { file, pose });
+        }
+        let rotation = DMat3::from_quat(DQuat::from_mat3(&matrix).normalize());
+        let rotation = axes.turned(rotation);
+        Ok(Self { file: None, time_s: None, rotation, position_m, lens: None, exposure_ev: None })
+    }
+
+    /// Where another camera stands in this one's axes.
+    pub fn this_from(&self, other: &Self) -> RigidTransform {
+        let back = self.rotation.transpose();
+        let rotation = DQuat::from_mat3(&(back * other.rotation)).normalize();
+        RigidTransform {
+            rotation: rotation.as_quat(),
+            translation_m: (back * (other.position_m - self.position_m)).as_vec3(),
+        }
+    }
+
+    /// A direction of the world in this camera's axes.
+    pub fn camera_from_world(&self, direction: lo_geometry::Vec3) -> lo_geometry::Vec3 {
+        (self.rotation.transpose() * direction.as_dvec3()).as_vec3()
+    }
+}
