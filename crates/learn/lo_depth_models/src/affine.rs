@@ -44,6 +44,9 @@ pub enum FitError {
     /// What the model calls near is far.
     #[error("what the model gives grows with distance, where inverse depth must fall")]
     Falls,
+    /// One depth for all pixels would be as near.
+    #[error("what the model gives tells no more of the own network's depth than that all is about as far")]
+    Unrelated,
     /// The depths have nothing to do with each other.
     #[error("the model's depth does not fit to the own network's: {:.0} % of the pixels agree within a quarter", 100.0 * .agree)]
     Poor {
@@ -189,7 +192,11 @@ fn check(agree: f64, error: f64, samples: &[(f64, f64)]) -> Result<(), FitError>
     let (_, of_one_depth) = quality(samples.iter().map(|&(_, z)| z.ln() - middle));
     // Where all is about as far, that is the answer.
     let explains = error <= MOST_ERROR_LEFT * of_one_depth || of_one_depth < 0.05;
-    if agree >= FEWEST_AGREE && explains { Ok(()) } else { Err(FitError::Poor { agree }) }
+    match (agree >= FEWEST_AGREE, explains) {
+        (true, true) => Ok(()),
+        (true, false) => Err(FitError::Unrelated),
+        (false, _) => Err(FitError::Poor { agree }),
+    }
 }
 
 #[cfg(test)]
@@ -257,8 +264,11 @@ mod tests {
             index += 1;
             dice(index, 1.0) as f32
         });
-        assert!(matches!(fit_inverse(&noise, &depth()), Err(FitError::Poor { .. } | FitError::Falls)));
-        assert!(matches!(fit_log(&noise.map(|d| 5.0 * d), &depth()), Err(FitError::Poor { .. })));
+        assert!(matches!(
+            fit_inverse(&noise, &depth()),
+            Err(FitError::Poor { .. } | FitError::Unrelated | FitError::Falls)
+        ));
+        assert!(matches!(fit_log(&noise.map(|d| 5.0 * d), &depth()), Err(FitError::Poor { .. } | FitError::Unrelated)));
         let constant = depth().map(|_| 3.0);
         assert_eq!(fit_inverse(&constant, &depth()), Err(FitError::Constant));
         let nothing = depth().map(|_| f32::NAN);
