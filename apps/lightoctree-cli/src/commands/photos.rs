@@ -36,7 +36,7 @@ pub const PREDICTED: &str =
 /// Photos and depth maps of the command line: where options stood before the photos, these are among the depth maps.
 pub fn files<'a>(photos: &'a [PathBuf], depths: &'a [PathBuf]) -> anyhow::Result<(&'a [PathBuf], &'a [PathBuf])> {
     let (photos, depths) = match photos {
-        [] if depths.len() % 2 == 0 => (&depths[depths.len() / 2..], &depths[..depths.len() / 2]),
+        [] if depths.len().is_multiple_of(2) => (&depths[depths.len() / 2..], &depths[..depths.len() / 2]),
         [] => return Err(Usage("no photo: name the photos before --depth and --poses".into()).into()),
         _ => (photos, depths),
     };

@@ -73,7 +73,7 @@ impl PhotoPoses {
         for (i, a) in matched.iter().enumerate() {
             for b in &matched[i + 1..] {
                 let distance_m = (a.pose.position_m - b.pose.position_m).length();
-                if !(distance_m <= MAX_DISTANCE_M) {
+                if distance_m > MAX_DISTANCE_M {
                     let (first, other) = (a.photo.clone(), b.photo.clone());
                     return Err(PoseError::Distance { first, other, distance_m, most_m: MAX_DISTANCE_M });
                 }

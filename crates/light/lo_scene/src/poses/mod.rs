@@ -159,7 +159,7 @@ fn numbers(value: &Value) -> Option<Vec<f64>> {
 const MAX_POSITION_M: f64 = 1e7;
 
 fn checked_position(position_m: DVec3, file: &str, pose: &str) -> Result<DVec3, PoseError> {
-    match position_m.to_array().into_iter().find(|v| !(v.abs() <= MAX_POSITION_M)) {
+    match position_m.to_array().into_iter().find(|v| !v.is_finite() || v.abs() > MAX_POSITION_M) {
         Some(value) => Err(PoseError::Value { file: file.to_owned(), pose: pose.to_owned(), value }),
         None => Ok(position_m),
     }

@@ -88,7 +88,7 @@ pub(super) fn read(value: Value, name: &str) -> Result<PoseFile, PoseError> {
             }
             (None, hfov_deg) => hfov_deg.map(Lens::HfovDeg),
         };
-        if let Some(value) = photo.exposure_ev.filter(|ev| !(ev.abs() <= MAX_EXPOSURE_EV)) {
+        if let Some(value) = photo.exposure_ev.filter(|ev| !ev.is_finite() || ev.abs() > MAX_EXPOSURE_EV) {
             return Err(content(name, format!("{label}: an exposure of {value} EV")));
         }
         poses.push(Pose { file: Some(photo.file), exposure_ev: photo.exposure_ev, ..pose });

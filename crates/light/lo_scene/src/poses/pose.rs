@@ -102,7 +102,7 @@ impl Pose {
         let off = |length: &f64| (length - 1.0).abs();
         let lengths = columns.map(|c| c.length());
         let farthest = lengths.into_iter().max_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(1.0);
-        if !(off(&farthest) <= TOLERANCE) {
+        if farthest.is_nan() || off(&farthest) > TOLERANCE {
             return Err(PoseError::Scale { file, pose, scale: farthest });
         }
         let cosine =
