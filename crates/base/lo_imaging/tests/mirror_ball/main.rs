@@ -118,7 +118,7 @@ fn a_small_lamp_keeps_its_flux() {
             // half-angle of 1.5°, radiance 5000
             let cos = 1.5f64.to_radians().cos();
             let lamp = |d: DVec3| if d.dot(centre) > cos { [5000.0, 4000.0, 3000.0] } else { [0.0; 3] };
-            let photo = shot.render(&lamp, &|_, _| [0.0; 3], 8);
+            let photo = shot.render(&lamp, &|_, _| [0.0; 3], 4);
             let got = unwrapped(&photo, &shot, [512, 256]).radiance;
             let flux: f64 = got
                 .pixels()
