@@ -142,17 +142,18 @@ fn the_room_sends_what_the_panorama_shows_and_lamps_keep_their_peaks() {
     let begun = std::time::Instant::now();
     let laid = lay_panorama(&mut light, None, &prior(image), &upright(0.25), &frame).unwrap();
     eprintln!(
-        "laid in {:?}: {} leaves, {} split, {} at the side, of {}",
+        "laid in {:?}: {} leaves, {} split, {} at the side, lamps × {}, of {}",
         begun.elapsed(),
         laid.laid,
         laid.split,
         laid.at_side,
+        laid.lamp_factor,
         before.leaves().count()
     );
     assert_eq!(laid.at_side, 0);
-    // The lamp's peak: leaves of 2 cm lie wholly on it.
+    // The lamp's peak: leaves of 2 cm lie wholly on it. The factor that keeps its flux exact is in it.
     let peak = light.rgba.iter().flatten().map(|rgba| rgba[0]).fold(0.0, f32::max);
-    assert!((peak / 10_000.0 - 1.0).abs() < 1e-3, "{peak}");
+    assert!((peak / 10_000.0 - 1.0).abs() < 0.05, "{peak}");
     // Total flux at the panorama's place within 1 %, of the lamp and of all else: the lamp as Lambert's formula for a rectangle has it.
     let truth = panorama(PLACE, Mat3::IDENTITY, 512, |p| wall(p, 1.0, 10_000.0));
     let got = seen_from(&light, PLACE, 512);

@@ -12,7 +12,11 @@ use super::{PanoramaMatch, PanoramaPrior};
 const EXTRA_DEPTH: u32 = 1;
 
 /// For each leaf that there was, at most so many may be added.
-const MAX_ADDED: usize = 2;
+const MAX_ADDED: usize = 3;
+
+/// Columns of the rays that give the light, and of those that tell where leaves are split.
+const COLUMNS: usize = 1024;
+const PLANNING_COLUMNS: usize = 512;
 
 /// What was laid.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,6 +31,8 @@ pub struct LaidLight {
     pub at_side: usize,
     /// Factor, by channel, for the leaves that neither photo nor panorama sees.
     pub hidden_factor: [f32; 3],
+    /// Factor for the lamps, so that together they send the panorama's place what it shows of them.
+    pub lamp_factor: f32,
 }
 
 /// Why nothing can be laid.
@@ -77,20 +83,21 @@ pub fn lay_panorama(
         let [x, y, z] = place.to_array();
         return Err(LayError::Outside { x, y, z, cube: light.cube });
     }
-    let rays = Rays::new(prior, found);
+    let rays = Rays::new(prior, found, PLANNING_COLUMNS);
     let mut room = Leaves::new(light, confidence.as_deref(), frame);
     let mut budget = MAX_ADDED * room.leaves.len();
     let finest = (light.octree.depth() + EXTRA_DEPTH).min(MAX_DEPTH);
     let mut topology = light.clone();
     topology.lobes = None;
     let (mut split, mut at_side) = (0, 0);
-    let given = loop {
+    loop {
         let given = room.given(&topology, &rays, place);
         let sides = if at_side == 0 { given.sides.len() } else { 0 };
         at_side += sides;
         let chosen = room.to_split(&given, &rays, finest, budget);
-        if chosen.is_empty() && sides == 0 {
-            break given;
+        let closed = room.close_lamps(&given);
+        if chosen.is_empty() && sides == 0 && !closed {
+            break;
         }
         split += chosen.len();
         budget = budget.saturating_sub(7 * chosen.len() + sides);
@@ -99,10 +106,12 @@ pub fn lay_panorama(
         }
         room.split(&chosen, &given);
         topology = room.octree(light, |_, _| Ancestor::Known([0.0; 4], 0))?;
-    };
+    }
+    let given = room.given(&topology, &Rays::new(prior, found, COLUMNS), place);
     room.take(&given);
+    let lamp_factor = room.balance_lamps(light, &given, place)?;
     let laid = room.leaves.iter().filter(|leaf| leaf.light.is_some()).count();
     let hidden_factor = room.scale_hidden(&given);
     let share = room.finish(light, confidence, found.confidence)?;
-    Ok(LaidLight { share, laid, split, at_side, hidden_factor })
+    Ok(LaidLight { share, laid, split, at_side, hidden_factor, lamp_factor })
 }

@@ -3,8 +3,10 @@
 use std::collections::HashSet;
 use std::ops::ControlFlow;
 
-use lo_geometry::{Ray, Vec3};
-use lo_octree::{Ancestor, LeafRows, LightOctree, MAX_ALPHA, OctreeError, key_from_xyz};
+use lo_cone::{ConeTracer, Settings};
+use lo_geometry::{Ray, Vec3, pixel_solid_angle_sr};
+use lo_imaging::luminance;
+use lo_octree::{Ancestor, LeafRows, LightOctree, MAX_ALPHA, MAX_DEPTH, OctreeError, key_from_xyz};
 use lo_scene::Frame;
 use rayon::prelude::*;
 
@@ -16,8 +18,12 @@ use super::rays::{RayLight, Rays};
 const DETAIL: f64 = 0.1;
 
 /// Fewest rays, and pixels of the panorama, within a leaf that is split.
-const MIN_RAYS: u32 = 8;
+const MIN_RAYS: u32 = 3;
 const MIN_PIXELS: f64 = 1.0;
+
+/// Deviation that lamps make: they are split to one depth more, and as long as so many rays meet them.
+const LAMP_DETAIL: f64 = 0.5;
+const LAMP_RAYS: u32 = 2;
 
 /// Surfaces nearer to the panorama's place than this, metres, are errors of the geometry: no camera stands there.
 const CLEARANCE_M: f32 = 0.15;
@@ -25,6 +31,9 @@ const CLEARANCE_M: f32 = 0.15;
 /// What lies no more than so many edges of the leaf that closes the view behind it has the same light, with at least this weight: cones blend between leaves.
 const BACKING: f32 = 2.0;
 const BACKING_WEIGHT: f32 = 0.02;
+
+/// The same for lamps on leaves that were half open: one leaf more, or what was guessed over a wide depth would all shine.
+const LAMP_BACKING: f32 = 1.05;
 
 /// The view is closed where less than this of a ray is left, and the ray ends where less than that is.
 const CLOSED: f32 = 0.5;
@@ -35,6 +44,14 @@ const LEAST_SHARE: f32 = 0.05;
 
 /// Where more than this of a ray leaves the cube, a leaf at the cube's side takes it up.
 const OPEN: f32 = 0.5;
+
+/// Opacity of leaves on which lamps are: parts of opaque leaves have no less.
+const CLOSING_ALPHA: f32 = 0.89;
+
+/// Columns of the panorama by which lamps are balanced, and bounds of the factor.
+const BALANCE_COLUMNS: usize = 512;
+const BALANCE: (f32, f32) = (0.5, 2.0);
+const BALANCED: f32 = 0.005;
 
 /// Bounds of the factor for what neither photo nor panorama sees.
 const HIDDEN: (f32, f32) = (0.2, 5.0);
@@ -60,10 +77,12 @@ pub(super) struct Leaf {
     lobe: [f32; 3],
     /// Whether the photo says nothing of its light.
     open: bool,
-    /// Whether it is at the cube's side, where nothing was.
-    at_side: bool,
-    /// What the panorama shows of it.
+    /// Whether it closes a place where nothing was, or was only half closed: at the cube's side, or where a lamp is.
+    closing: bool,
+    /// What the panorama shows of it, without what is a lamp's.
     pub light: Option<[f32; 3]>,
+    /// What a lamp has beyond that.
+    lamp: [f32; 3],
 }
 
 /// What the rays give.
@@ -82,6 +101,13 @@ struct Sum {
     log_squared: f64,
     clipped: f64,
     rays: u32,
+    /// Of lamps, by solid angle, and the solid angle of what comes as far as the leaf.
+    lamp: [f64; 3],
+    arriving: f64,
+    /// Of lamps that close the view.
+    shown: [f64; 3],
+    /// Brightest lamp of a ray.
+    peak: [f32; 3],
 }
 
 /// A part of a ray that ends on a leaf.
@@ -89,6 +115,11 @@ struct Gift {
     leaf: u32,
     column: u32,
     weight: f32,
+    /// Share of the ray that comes as far as the leaf.
+    arriving: f32,
+    /// Whether the view is closed here, or just before: lamps are nowhere else on the ray.
+    closes: bool,
+    behind: bool,
 }
 
 impl Leaves {
@@ -111,8 +142,9 @@ impl Leaves {
                     confidence: confidence.map_or(0, |confidence| confidence[d][row]),
                     lobe: light.lobes.as_ref().map_or([0.0; 3], |lobes| lobes[d][row]),
                     open: seen == 0 || certain.get(&(depth, row)) == Some(&false),
-                    at_side: false,
+                    closing: false,
                     light: None,
+                    lamp: [0.0; 3],
                 }
             })
         });
@@ -127,8 +159,7 @@ impl Leaves {
             let (mut gifts, mut sides) = (Vec::new(), Vec::new());
             for (column, direction) in (0..).zip(rays.directions(row)) {
                 let ray = Ray { origin: place_m, direction };
-                let give = |leaf: u32, weight: f32| gifts.push(Gift { leaf, column, weight });
-                sides.extend(self.cast(topology, &indices, &ray, give));
+                sides.extend(self.cast(topology, &indices, &ray, |gift| gifts.push(Gift { column, ..gift })));
             }
             (gifts, sides)
         };
@@ -139,7 +170,7 @@ impl Leaves {
         for (row, (gifts, open)) in rows.into_iter().enumerate() {
             let solid_angle = rays.solid_angle_sr(row);
             for gift in gifts {
-                sums[gift.leaf as usize].add(rays.light(gift.column as usize, row), gift.weight * solid_angle);
+                sums[gift.leaf as usize].add(rays.light(gift.column as usize, row), &gift, solid_angle);
             }
             sides.extend(open);
         }
@@ -154,9 +185,11 @@ impl Leaves {
         topology: &LightOctree,
         indices: &[Vec<u32>],
         ray: &Ray,
-        mut give: impl FnMut(u32, f32),
+        mut give: impl FnMut(Gift),
     ) -> Option<Node> {
         let (mut left, mut closed_to_m) = (1.0f32, f32::INFINITY);
+        // What came as far as the leaf that closes the view, its edge, and where the one behind it ends.
+        let (mut came, mut closing_m, mut lamp_to_m, mut solid) = (0.0, 0.0, 0.0, false);
         let mut last = None;
         march(topology, ray, |crossing| {
             last = Some(crossing);
@@ -169,12 +202,25 @@ impl Leaves {
             let opacity = crossing.opacity(leaf.rgba[3], edge_m);
             let ends = left * opacity;
             let backing = closed_to_m.is_finite() && crossing.enter_m <= closed_to_m;
+            // Cones blend a leaf with the one behind it, so that has the lamp's light too.
+            let behind = backing && crossing.enter_m <= lamp_to_m && (solid || edge_m <= 1.01 * closing_m);
+            let arriving = match backing {
+                true if behind => came,
+                true => 0.0,
+                false => left,
+            };
             left -= ends;
-            if left < CLOSED && closed_to_m.is_infinite() {
+            let closes = left < CLOSED && closed_to_m.is_infinite();
+            if closes {
+                (came, closing_m) = (arriving, edge_m);
                 closed_to_m = crossing.enter_m + BACKING * edge_m;
+                solid = !leaf.closing;
+                let backing = if solid { BACKING } else { LAMP_BACKING };
+                lamp_to_m = crossing.enter_m + backing * edge_m;
             }
             if leaf.open && (ends >= LEAST_SHARE * opacity || backing) {
-                give(index, ends.max(BACKING_WEIGHT * opacity));
+                let weight = ends.max(BACKING_WEIGHT * opacity);
+                give(Gift { leaf: index, column: 0, weight, arriving, closes, behind });
             }
             let over = left < LEAST_TRANSMITTANCE && crossing.leave_m > closed_to_m;
             if over { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
@@ -221,8 +267,11 @@ impl Leaves {
     pub fn to_split(&self, given: &Given, rays: &Rays, finest: u32, budget: usize) -> Vec<usize> {
         let least = f64::from(MIN_RAYS).max(MIN_PIXELS * (rays.per_pixel * rays.per_pixel) as f64);
         let gain = |(index, (leaf, sum)): (usize, (&Leaf, &Sum))| {
-            let fine = leaf.depth >= finest || f64::from(sum.rays) < least;
             let variance = sum.variance();
+            let lamp = variance > LAMP_DETAIL * LAMP_DETAIL;
+            let (deepest, least) =
+                if lamp { ((finest + 1).min(MAX_DEPTH), f64::from(LAMP_RAYS)) } else { (finest, least) };
+            let fine = leaf.depth >= deepest || f64::from(sum.rays) < least;
             (!fine && variance > DETAIL * DETAIL).then_some((sum.weight * variance, index))
         };
         let mut gains: Vec<(f64, usize)> = self.leaves.iter().zip(&given.sums).enumerate().filter_map(gain).collect();
@@ -237,12 +286,25 @@ impl Leaves {
             let whole = self.leaves[index];
             let [r, g, b, alpha] = whole.rgba;
             let rgba = [r, g, b, 1.0 - (1.0 - alpha).sqrt()];
+            // A part that no ray meets has the whole's light, but for the lamp.
             let light = given.sums[index].mean().or(whole.light);
             let child = |child: u32| Leaf { depth: whole.depth + 1, key: whole.key << 3 | child, rgba, light, ..whole };
             let mut children = (0..8).map(child);
             self.leaves[index] = children.next().unwrap_or(whole);
             self.leaves.extend(children);
         }
+    }
+
+    /// Makes leaves opaque on which lamps are: their light must not come from before and behind them. Whether there are any that were not.
+    pub fn close_lamps(&mut self, given: &Given) -> bool {
+        let mut closed = false;
+        for (leaf, sum) in self.leaves.iter_mut().zip(&given.sums) {
+            if sum.shown.iter().any(|&c| c > 0.0) && leaf.rgba[3] < CLOSING_ALPHA {
+                leaf.rgba[3] = CLOSING_ALPHA;
+                (leaf.closing, closed) = (true, true);
+            }
+        }
+        closed
     }
 
     /// Puts opaque leaves into empty nodes.
@@ -255,8 +317,9 @@ impl Leaves {
             confidence: 0,
             lobe: [0.0; 3],
             open: true,
-            at_side: true,
+            closing: true,
             light: None,
+            lamp: [0.0; 3],
         };
         self.leaves.extend(sides.iter().map(leaf));
     }
@@ -267,8 +330,34 @@ impl Leaves {
             if let Some(mean) = sum.mean() {
                 let bound = sum.clipped > 0.5 * sum.weight;
                 leaf.light = Some(std::array::from_fn(|c| if bound { mean[c].max(leaf.rgba[c]) } else { mean[c] }));
+                leaf.lamp = sum.lamp();
             }
         }
+    }
+
+    /// Makes the lamps together as bright at `place_m` as the panorama has them: cones read lamps that are smaller than their nodes less exactly than rays
+    /// meet them. The factor, luminances together.
+    pub fn balance_lamps(&mut self, light: &LightOctree, given: &Given, place_m: Vec3) -> Result<f32, OctreeError> {
+        let shown: f64 = given.sums.iter().map(|sum| f64::from(luminance(sum.shown.map(|c| c as f32)))).sum();
+        if shown <= 0.0 {
+            return Ok(1.0);
+        }
+        let of_lamps = |leaf: &Leaf| [leaf.lamp[0], leaf.lamp[1], leaf.lamp[2], leaf.rgba[3]];
+        let lamps = self.octree_with(light, of_lamps, |_, _| Ancestor::Merged)?;
+        let tracer =
+            ConeTracer::new(&lamps, Settings::default()).expect("the usual settings are valid, and there are no lobes");
+        let seen = tracer.panorama(place_m, BALANCE_COLUMNS, BALANCE_COLUMNS / 2).radiance;
+        let pixels = seen.pixels().iter().enumerate();
+        let pixels = pixels.map(|(index, &rgb)| {
+            f64::from(luminance(rgb) * pixel_solid_angle_sr(index / seen.width(), seen.width(), seen.height()))
+        });
+        let factor = (shown / pixels.sum::<f64>().max(1e-30)) as f32;
+        // Peaks that are read right stay as they are.
+        let factor = if (factor - 1.0).abs() < BALANCED { 1.0 } else { factor.clamp(BALANCE.0, BALANCE.1) };
+        for leaf in &mut self.leaves {
+            leaf.lamp = leaf.lamp.map(|c| factor * c);
+        }
+        Ok(factor)
     }
 
     /// Brings what neither photo nor panorama sees to the panorama's brightness, and gives the factors by channel.
@@ -292,12 +381,21 @@ impl Leaves {
         light: &LightOctree,
         ancestor: impl Fn(u32, u32) -> Ancestor + Sync,
     ) -> Result<LightOctree, OctreeError> {
+        self.octree_with(light, Leaf::final_rgba, ancestor)
+    }
+
+    fn octree_with(
+        &self,
+        light: &LightOctree,
+        rgba: impl Fn(&Leaf) -> [f32; 4],
+        ancestor: impl Fn(u32, u32) -> Ancestor + Sync,
+    ) -> Result<LightOctree, OctreeError> {
         let finest = self.leaves.iter().map(|leaf| leaf.depth).max().unwrap_or(0).max(light.octree.depth());
         let of_depth = |indices: Vec<u32>| {
             let leaves = || indices.iter().map(|&index| &self.leaves[index as usize]);
             LeafRows {
                 keys: leaves().map(|leaf| leaf.key).collect(),
-                rgba: leaves().map(Leaf::final_rgba).collect(),
+                rgba: leaves().map(&rgba).collect(),
                 seen: leaves().map(|leaf| if leaf.light.is_some() { 0 } else { leaf.seen }).collect(),
             }
         };
@@ -319,7 +417,7 @@ impl Leaves {
             for up in 1..=leaf.depth {
                 let node = (leaf.depth - up, leaf.key >> (3 * up));
                 let known = !touched.insert(node);
-                if leaf.at_side && grown.insert(node) {
+                if leaf.closing && grown.insert(node) {
                     continue;
                 }
                 if known {
@@ -372,24 +470,40 @@ impl Leaves {
 
 impl Leaf {
     fn final_rgba(&self) -> [f32; 4] {
-        self.light.map_or(self.rgba, |[r, g, b]| [r, g, b, self.rgba[3]])
+        let lit = |[r, g, b]: [f32; 3]| [r + self.lamp[0], g + self.lamp[1], b + self.lamp[2], self.rgba[3]];
+        self.light.map_or(self.rgba, lit)
     }
 }
 
 impl Sum {
-    fn add(&mut self, ray: &RayLight, weight: f32) {
-        let weight = f64::from(weight);
+    fn add(&mut self, ray: &RayLight, gift: &Gift, solid_angle: f32) {
+        let [weight, arriving] = [gift.weight, gift.arriving].map(|share| f64::from(share * solid_angle));
         self.weight += weight;
+        self.arriving += arriving;
         (0..3).for_each(|c| self.light[c] += weight * f64::from(ray.radiance[c]));
-        let log = f64::from(ray.log);
+        if gift.closes || gift.behind {
+            (0..3).for_each(|c| {
+                self.lamp[c] += f64::from(solid_angle * ray.lamp[c]);
+                self.shown[c] += if gift.closes { f64::from(solid_angle * ray.lamp[c]) } else { 0.0 };
+                self.peak[c] = self.peak[c].max(ray.lamp[c]);
+            });
+        }
+        let log = f64::from(if gift.closes { ray.lamp_log } else { ray.log });
         self.log += weight * log;
         self.log_squared += weight * log * log;
         self.clipped += if ray.clipped { weight } else { 0.0 };
         self.rays += 1;
     }
 
+    /// Light without lamps, by what ends on the leaf.
     fn mean(&self) -> Option<[f32; 3]> {
         (self.weight > 0.0).then(|| self.light.map(|sum| (sum / self.weight) as f32))
+    }
+
+    /// Lamps, by what comes as far as the leaf: that is what is seen of it. No brighter than they are.
+    fn lamp(&self) -> [f32; 3] {
+        let seen = |c: usize| ((self.lamp[c] / self.arriving) as f32).min(self.peak[c]);
+        if self.arriving > 0.0 { std::array::from_fn(seen) } else { [0.0; 3] }
     }
 
     fn variance(&self) -> f64 {

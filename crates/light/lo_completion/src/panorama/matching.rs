@@ -43,6 +43,9 @@ const COLOUR: f32 = 1.5;
 /// Variance of log luminance that nothing can be told from: white walls are alike.
 const PLAIN: f32 = 0.01;
 
+/// Luminance of the photo at which its tone curve is taken to be right: cameras make what is darker darker still, the more the darker it is.
+const MIDDLE: f32 = 0.2;
+
 /// Fewest texels of the middle map that are compared.
 const MIN_TEXELS: usize = 40;
 
@@ -272,12 +275,12 @@ impl Level {
         self.correlation(panorama_from_world, 1).clamp(0.0, 1.0) * (-deviation).exp()
     }
 
-    /// Median ratio of the photo's luminance to the panorama's.
+    /// Median ratio of the photo's luminance to the panorama's, in the measure of the photo's up to [`MIDDLE`].
     fn exposure(&self, panorama_from_world: Mat3) -> f32 {
         let ratios = self.texels.iter().filter_map(|texel| {
             let shown = luminance(sample_equirectangular(&self.radiance, panorama_from_world * texel.direction));
             let seen = luminance(texel.radiance);
-            (seen > 0.0 && shown > 0.0).then(|| ((seen / shown).ln(), texel.weight))
+            (seen > 0.0 && shown > 0.0).then(|| ((seen / shown).ln(), texel.weight * (seen / MIDDLE).min(1.0)))
         });
         weighted_median(ratios.collect()).map_or(1.0, f32::exp).clamp(1e-12, 1e12)
     }

@@ -6,19 +6,23 @@ use lo_imaging::{Image, RadianceImage, luminance, resize_equirectangular};
 use super::matching::weighted_median;
 use super::{PanoramaMatch, PanoramaPrior};
 
-/// Most columns of rays, and fewest but for panoramas that do not divide them.
-const COLUMNS: usize = 1024;
-
 /// Neighbouring pixels whose luminances differ by more than this factor are not blended: lamps keep their edges and peaks.
 const HARD_EDGE: f32 = 4.0;
+
+/// Of the median luminance: what a panorama shows beyond that is the light of lamps, windows and the sun, which comes from one surface alone.
+const LAMP: f32 = 8.0;
 
 /// A direction's share of the panorama.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RayLight {
-    /// Radiance in the photo's units.
+    /// Radiance in the photo's units, as far as it is no lamp's.
     pub radiance: [f32; 3],
-    /// ln(1 + luminance / median).
+    /// ln(1 + its luminance / median).
     pub log: f32,
+    /// What a lamp has beyond that.
+    pub lamp: [f32; 3],
+    /// ln(1 + luminance / median) of both together.
+    pub lamp_log: f32,
     /// Whether that is a lower bound.
     pub clipped: bool,
 }
@@ -32,16 +36,16 @@ pub(super) struct Rays {
 }
 
 impl Rays {
-    /// Of a panorama as it lies in the room. One of more than 1024 columns becomes the mean over the solid angle of each ray.
-    pub fn new(prior: &PanoramaPrior, found: &PanoramaMatch) -> Self {
-        let fine = prior.radiance().width() > COLUMNS;
-        let smaller = |image: &RadianceImage| resize_equirectangular(image, COLUMNS, COLUMNS / 2);
+    /// Of a panorama as it lies in the room, about so many columns of them. One of more columns becomes the mean over the solid angle of each ray.
+    pub fn new(prior: &PanoramaPrior, found: &PanoramaMatch, columns: usize) -> Self {
+        let fine = prior.radiance().width() > columns;
+        let smaller = |image: &RadianceImage| resize_equirectangular(image, columns, columns / 2);
         let radiance = if fine { smaller(prior.radiance()) } else { prior.radiance().clone() };
         let clipped = prior.clipped().map(|mask| {
             let mask = mask.map(|&clipped| [f32::from(u8::from(clipped)); 3]);
             if fine { smaller(&mask) } else { mask }.map(|share| share[0] > 0.25)
         });
-        let per_pixel = (COLUMNS / radiance.width()).max(1);
+        let per_pixel = (columns / radiance.width()).max(1);
         let radiance = radiance.map(|rgb| rgb.map(|c| c * found.exposure));
         let (width, height) = (radiance.width(), radiance.height());
         let weights = (0..height).flat_map(|y| std::iter::repeat_n(pixel_solid_angle_sr(y, width, height), width));
@@ -50,7 +54,15 @@ impl Rays {
         let lights = Image::from_fn(width * per_pixel, height * per_pixel, |x, y| {
             let radiance = blended(&radiance, x, y, per_pixel);
             let clipped = clipped.as_ref().is_some_and(|mask| mask[(x / per_pixel, y / per_pixel)]);
-            RayLight { radiance, log: (luminance(radiance) / median).ln_1p(), clipped }
+            let brightness = luminance(radiance) / median;
+            let base = radiance.map(|c| c * (LAMP / brightness).min(1.0));
+            RayLight {
+                radiance: base,
+                log: brightness.min(LAMP).ln_1p(),
+                lamp: std::array::from_fn(|c| radiance[c] - base[c]),
+                lamp_log: brightness.ln_1p(),
+                clipped,
+            }
         });
         Self { lights, world_from_panorama: found.world_from_panorama, per_pixel }
     }
