@@ -1,4 +1,4 @@
-//! A panorama of the room that somebody has (`docs/method.md` §13): how it lies in the room, and its light on what the photo does not show.
+//! A panorama of the room that somebody has (`docs/method.md` §15): how it lies in the room, and its light on what the photo does not show.
 
 mod lay;
 mod leaves;
