@@ -165,7 +165,7 @@ fn bad_sets_of_photos_end_in_a_clear_line() {
     refused(1, &with(&["--poses", "far.json"]), "m apart by their poses");
     write("turned.json", metadata.replace(r#""w":72,"h":96"#, r#""w":96,"h":72"#));
     refused(1, &with(&["--poses", "turned.json"]), "was the photo turned or cut");
-    // The second photo under the first one's pose: the same places at other depths.
+    // The second photo under the first one's pose, with depths that are too large: the same places at other depths.
     let rows = metadata.split_once("[[").unwrap().1;
     let rows: Vec<&str> = rows.trim_end_matches("]]}").split("],[").collect();
     let same = format!(
@@ -174,7 +174,10 @@ fn bad_sets_of_photos_end_in_a_clear_line() {
         [rows[0], rows[0], rows[0], rows[0], rows[4]].join("],[")
     );
     write("same.json", same);
-    refused(1, &with(&["--poses", "same.json"]), "look at the same places");
+    let farther = picture(&poses()[0], 1.0).1.map(|z| 1.6 * z);
+    imaging::write_depth(path.join("depth/farther.exr"), &farther, imaging::GENERATOR).unwrap();
+    let depths = ["--depth", "depth/0.exr", "depth/farther.exr", "depth/4.exr", "--poses", "same.json"];
+    refused(1, &[&PHOTOS[..], &depths].concat(), "look at the same places");
     // A photo that was cut.
     let (photo, _) = picture(&poses()[2], 1.0);
     let cut = Image::from_fn(72, 72, |x, y| photo[(x, y)]);
