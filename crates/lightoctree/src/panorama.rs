@@ -1,6 +1,6 @@
 //! A panorama of the room on what the photo does not show.
 
-use lo_completion::{LEAST_CONFIDENCE, PanoramaPrior, lay_panorama, match_panorama};
+use lo_completion::{MIN_CONFIDENCE, PanoramaPrior, lay_panorama, match_panorama};
 use lo_events::{OnEvent, Stage, Warning, stage, warn};
 use lo_geometry::Vec3;
 use lo_scene::{Frame, LaidPanorama};
@@ -21,9 +21,9 @@ pub(crate) fn laid(
     let source = found.source(prior);
     if !found.compared {
         warn(on_event, Warning::PanoramaNotCompared)?;
-    } else if found.confidence < LEAST_CONFIDENCE {
+    } else if found.confidence < MIN_CONFIDENCE {
         let (confidence, yaw_deg) = (found.confidence, source.yaw_deg);
-        warn(on_event, Warning::PanoramaMatch { confidence, least: LEAST_CONFIDENCE, yaw_deg })?;
+        warn(on_event, Warning::PanoramaMatch { confidence, least: MIN_CONFIDENCE, yaw_deg })?;
     }
     let laid = stage(on_event, Stage::PanoramaLaying, || {
         lay_panorama(&mut completed.light, completed.confidence.as_mut(), prior, &found, working)

@@ -29,7 +29,7 @@ pub struct PanoramaArgs {
     #[arg(long, value_name = "NAME", default_value = "lightoctree", requires = "panorama")]
     panorama_orientation: OrientationArg,
 
-    /// Angle from the photo's heading to the panorama's centre, to the right, for a level panorama: then only the exposure is found
+    /// Angle from the photo's heading to the panorama's centre, to the right: then only tilt and exposure are found [default: found]
     #[arg(long, value_name = "A", requires = "panorama", value_parser = parse::angle_deg, allow_hyphen_values = true)]
     panorama_yaw_deg: Option<f64>,
 

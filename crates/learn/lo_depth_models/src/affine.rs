@@ -13,11 +13,11 @@ const AGREES: f64 = 1.25;
 /// Pixels that the fit is made from, along each side.
 const SAMPLES: usize = 64;
 /// A fit to fewer pixels than these is none.
-const FEWEST: usize = 64;
+const MIN_COUNT: usize = 64;
 /// A fit that fewer of the pixels agree with is none.
-const FEWEST_AGREE: f64 = 0.4;
+const MIN_AGREE: f64 = 0.4;
 /// A fit must leave at most this share of the error of one depth for all.
-const MOST_ERROR_LEFT: f64 = 0.9;
+const MAX_ERROR_LEFT: f64 = 0.9;
 
 /// Metres from relative depth.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -121,7 +121,7 @@ fn samples(relative: &Image<f32>, metric_m: &DepthMap) -> Result<Vec<(f64, f64)>
         .map(|(column, row)| (at(relative, column, row), at(metric_m, column, row)))
         .filter(|(d, z)| d.is_finite() && z.is_finite() && *z > 0.0)
         .collect();
-    if samples.len() < FEWEST { Err(FitError::TooFew(samples.len())) } else { Ok(samples) }
+    if samples.len() < MIN_COUNT { Err(FitError::TooFew(samples.len())) } else { Ok(samples) }
 }
 
 /// Logarithm of the metric depth over the fitted one; infinite where the fit has none.
@@ -191,8 +191,8 @@ fn check(agree: f64, error: f64, samples: &[(f64, f64)]) -> Result<(), FitError>
     let middle = median(&mut samples.iter().map(|&(_, z)| z.ln()).collect::<Vec<_>>());
     let (_, of_one_depth) = quality(samples.iter().map(|&(_, z)| z.ln() - middle));
     // Where all is about as far, that is the answer.
-    let explains = error <= MOST_ERROR_LEFT * of_one_depth || of_one_depth < 0.05;
-    match (agree >= FEWEST_AGREE, explains) {
+    let explains = error <= MAX_ERROR_LEFT * of_one_depth || of_one_depth < 0.05;
+    match (agree >= MIN_AGREE, explains) {
         (true, true) => Ok(()),
         (true, false) => Err(FitError::Unrelated),
         (false, _) => Err(FitError::Poor { agree }),

@@ -22,10 +22,10 @@ use crate::{FieldOfView, Geometry, Kind, ModelConfig, ModelError, Prediction, de
 const MAX_FILE_BYTES: u64 = 1 << 31;
 
 /// An output of which fewer than this share are numbers is none.
-const FEWEST_NUMBERS: f64 = 0.1;
+const MIN_NUMBERS: f64 = 0.1;
 
 /// Logarithm of the ratio by which the aspect of an output may differ from the input's: coarse outputs are rounded to whole pixels.
-const MOST_ASPECT: f64 = 0.1;
+const MAX_ASPECT: f64 = 0.1;
 
 /// Name, sizes and values of an output.
 pub type RawOutput = (String, Vec<usize>, Vec<f32>);
@@ -356,13 +356,13 @@ impl Answers {
     ) -> Result<Image<T>, ModelError> {
         let aspect = |(width, height): (usize, usize)| (width as f64 / height as f64).ln();
         let made = (image.width(), image.height());
-        if made.0 == 0 || made.1 == 0 || (aspect(made) - aspect(self.size)).abs() > MOST_ASPECT {
+        if made.0 == 0 || made.1 == 0 || (aspect(made) - aspect(self.size)).abs() > MAX_ASPECT {
             let why = format!("is a picture of {} × {} of one of {} × {}", made.0, made.1, self.size.0, self.size.1);
             return Err(ModelError::Output { output: short(name), why });
         }
         let whole = self.letterbox.map(|letterbox| letterbox.cropped(&image)).unwrap_or(image);
         let numbers = whole.pixels().iter().filter(|value| is_number(value)).count();
-        if (numbers as f64) < FEWEST_NUMBERS * whole.pixels().len() as f64 || numbers == 0 {
+        if (numbers as f64) < MIN_NUMBERS * whole.pixels().len() as f64 || numbers == 0 {
             let why =
                 format!("has no numbers in {} of its {} pixels", whole.pixels().len() - numbers, whole.pixels().len());
             return Err(ModelError::Output { output: short(name), why });

@@ -15,11 +15,11 @@ pub(crate) const SEEN: f32 = 0.5;
 /// Points of the photo that the solution is found from, along each side.
 const SAMPLES: usize = 64;
 /// A solution from fewer points than these is none.
-const FEWEST: usize = 32;
+const MIN_COUNT: usize = 32;
 /// Spread of the points' distances over their mean below which focal length and shift cannot be told apart.
-const LEAST_RELIEF: f64 = 0.02;
+const MIN_RELIEF: f64 = 0.02;
 /// A solution that fewer of the points agree with is none.
-const FEWEST_AGREE: f64 = 0.5;
+const MIN_AGREE: f64 = 0.5;
 /// How far from where it is seen a point may lie to agree, in halves of the diagonal; where the lens is known, of which the network may think otherwise.
 const AGREES: f64 = 0.1;
 const AGREES_WITH_KNOWN_LENS: f64 = 0.3;
@@ -78,7 +78,7 @@ pub(crate) fn focal_and_shift(
     camera: Option<&Camera>,
 ) -> Result<FocalShift, PointsError> {
     let samples = samples(points, mask, photo, camera);
-    if samples.len() < FEWEST {
+    if samples.len() < MIN_COUNT {
         return Err(PointsError::TooFew(samples.len()));
     }
     let known = camera.map(|camera| {
@@ -99,7 +99,7 @@ pub(crate) fn focal_and_shift(
     let most = if known.is_some() { AGREES_WITH_KNOWN_LENS } else { AGREES };
     let near = samples.iter().filter(|sample| sample.miss(focal, shift) < most).count();
     let agree = near as f64 / samples.len() as f64;
-    if !(focal.is_finite() && shift.is_finite() && agree >= FEWEST_AGREE) {
+    if !(focal.is_finite() && shift.is_finite() && agree >= MIN_AGREE) {
         return Err(PointsError::Scattered(agree));
     }
     let solved = FocalShift { focal, shift, agree };
@@ -238,7 +238,7 @@ fn line_of_most(samples: &[Sample]) -> Result<(f64, f64), PointsError> {
     let ratios: Vec<_> = samples.iter().filter(agrees).map(|sample| sample.ratio).collect();
     let mean = ratios.iter().sum::<f64>() / ratios.len().max(1) as f64;
     let variance = ratios.iter().map(|ratio| (ratio - mean).powi(2)).sum::<f64>() / ratios.len().max(1) as f64;
-    if ratios.len() < FEWEST || variance.sqrt() < LEAST_RELIEF * mean.abs() {
+    if ratios.len() < MIN_COUNT || variance.sqrt() < MIN_RELIEF * mean.abs() {
         return Err(PointsError::Flat);
     }
     Ok((focal, shift))

@@ -18,6 +18,6 @@ pub use highlights::HighlightReport;
 pub use lamps::LampReport;
 pub use light_from_above::light_from_above;
 pub use panorama::{
-    LEAST_CONFIDENCE, LaidLight, LayError, PanoramaError, PanoramaMatch, PanoramaPrior, lay_panorama, match_panorama,
+    LaidLight, LayError, MIN_CONFIDENCE, PanoramaError, PanoramaMatch, PanoramaPrior, lay_panorama, match_panorama,
 };
 pub use shell::{Enclosure, Shell, ShellOptions, ShellReport, filled_warning, shell, shell_of_photos};

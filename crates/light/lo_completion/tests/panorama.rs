@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 use lo_completion::{
-    LEAST_CONFIDENCE, LayError, PanoramaError, PanoramaMatch, PanoramaPrior, lay_panorama, match_panorama,
+    LayError, MIN_CONFIDENCE, PanoramaError, PanoramaMatch, PanoramaPrior, lay_panorama, match_panorama,
 };
 use lo_cone::{ConeTracer, Settings};
 use lo_events::Warning;
@@ -298,16 +298,16 @@ fn yaw_tilt_and_exposure_are_found_at_the_camera_and_elsewhere() {
             // A texel of the finest map has 1.4°.
             assert!(angle.to_degrees() < 0.7, "{place} {yaw}: {angle} {found:?}");
             assert!((found.exposure * 3.0 - 1.0).abs() < 0.02, "{}", found.exposure);
-            assert!(found.confidence > LEAST_CONFIDENCE, "{}", found.confidence);
+            assert!(found.confidence > MIN_CONFIDENCE, "{}", found.confidence);
             // A yaw that is given is taken as it is, and a wrong one is noticed.
             let told = told(own, Some(1.0 + yaw.to_radians()), Some(0.5));
             let wrong = match_panorama(&told, &frame, up);
             assert_eq!((wrong.pitch_rad, wrong.exposure), (0.0, 0.5));
-            assert!(wrong.confidence < LEAST_CONFIDENCE, "{}", wrong.confidence);
+            assert!(wrong.confidence < MIN_CONFIDENCE, "{}", wrong.confidence);
             // So is another room.
             let other = panorama(place, turn, 512, |p| wall(p, room + 4.3, 10_000.0));
             let other = match_panorama(&prior(other).at(place), &frame, up);
-            assert!(other.confidence < LEAST_CONFIDENCE, "{}", other.confidence);
+            assert!(other.confidence < MIN_CONFIDENCE, "{}", other.confidence);
         }
     }
 }
@@ -333,7 +333,7 @@ fn a_tilted_cameras_panorama_is_level_in_the_room() {
     let told = told(prior(image).at(Vec3::ZERO), Some(0.7), None);
     let told = match_panorama(&told, &frame, tilt * Vec3::Y);
     assert!((told.world_from_panorama * Vec3::NEG_Z - tilt * yaw * Vec3::NEG_Z).length() < 1e-5);
-    assert!(told.confidence > LEAST_CONFIDENCE);
+    assert!(told.confidence > MIN_CONFIDENCE);
 }
 
 #[test]

@@ -7,7 +7,7 @@ const COMPARED_SIDE: usize = 1024;
 /// The coarsest picture has at least this many along its shorter one.
 const COARSEST_SIDE: usize = 24;
 /// Least share of the pixels that must be well exposed in both photos.
-const LEAST_SHARE: f64 = 0.02;
+const MIN_SHARE: f64 = 0.02;
 
 /// How far each photo lies from the first one, in pixels: the whole shift that makes what is well exposed in both most alike, found from
 /// coarse to fine. `None` where too little is. Fine to 1/1024 of the longer side.
@@ -87,7 +87,7 @@ fn difference(a: &Level, b: &Level, [dx, dy]: [i64; 2]) -> Option<f64> {
         })
     };
     let (sum, count) = pairs().fold((0.0, 0usize), |(sum, count), d| (sum + d, count + 1));
-    if (count as f64) < LEAST_SHARE * (width * height) as f64 || count < 50 {
+    if (count as f64) < MIN_SHARE * (width * height) as f64 || count < 50 {
         return None;
     }
     let mean = sum / count as f64;

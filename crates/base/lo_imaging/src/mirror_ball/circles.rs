@@ -132,7 +132,7 @@ impl Small {
                 Some(inside - outside.max(0.0))
             })
             .collect();
-        (known.len() as f64 >= LEAST_INSIDE * SECTORS as f64).then_some(known)
+        (known.len() as f64 >= MIN_INSIDE * SECTORS as f64).then_some(known)
     }
 
     /// The factor by which `expected`, of a radius, fits the alignment of gradients with the radius best; `None` where a part is not known.
@@ -190,7 +190,7 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 /// Of the outline, at least this share lies in the photo.
-const LEAST_INSIDE: f64 = 0.6;
+const MIN_INSIDE: f64 = 0.6;
 
 /// An edge of the small picture.
 struct Edge {
@@ -324,6 +324,6 @@ fn best_radii(
             let radius_px = r as f64 + 0.5;
             (score, BallCircle { x: x.into(), y: y.into(), radius_px })
         })
-        .filter(|(_, circle)| inside(circle.radius_px) >= LEAST_INSIDE)
+        .filter(|(_, circle)| inside(circle.radius_px) >= MIN_INSIDE)
         .collect()
 }

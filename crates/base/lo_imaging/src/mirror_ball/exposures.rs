@@ -20,9 +20,9 @@ const BLACK: f32 = 4.0 / 255.0;
 /// sRGB values between which exposures are compared.
 const COMPARED: std::ops::Range<f32> = 20.0 / 255.0..230.0 / 255.0;
 /// Fewer samples than this say nothing about an exposure.
-const LEAST_SAMPLES: usize = 100;
+const MIN_SAMPLES: usize = 100;
 /// Pixels that are looked at to compare two photos.
-const MOST_PIXELS: usize = 400_000;
+const MAX_PIXELS: usize = 400_000;
 /// A ratio farther than this from the median one, in stops, shows that something moved.
 const MOVED_STOPS: f64 = 0.5;
 
@@ -47,7 +47,7 @@ pub fn stops_from_exif(shots: &[ShotExposure]) -> Option<Vec<f64>> {
 pub fn estimate_stops(photos: &[Photo]) -> Result<Vec<f64>, BallError> {
     let pixels = same_size(photos)?.iter().product();
     let sources: Vec<Source> = photos.iter().map(Source::new).collect();
-    let step = usize::div_ceil(pixels, MOST_PIXELS).max(1);
+    let step = usize::div_ceil(pixels, MAX_PIXELS).max(1);
     let mut order: Vec<(usize, f64)> =
         sources.iter().map(|source| source.brightness(pixels, step)).enumerate().collect();
     order.sort_by(|a, b| a.1.total_cmp(&b.1));
@@ -71,7 +71,7 @@ pub fn estimate_stops(photos: &[Photo]) -> Result<Vec<f64>, BallError> {
 /// No photo, photos of different sizes, a wrong number of stops, pixels that are not finite.
 pub fn merge_exposures(photos: &[Photo], stops: &[f64]) -> Result<MergedPhotos, BallError> {
     let [width, height] = same_size(photos)?;
-    let finite = stops.iter().filter(|stop| stop.is_finite() && stop.abs() <= MOST_STOPS).count();
+    let finite = stops.iter().filter(|stop| stop.is_finite() && stop.abs() <= MAX_STOPS).count();
     if finite != photos.len() || stops.len() != photos.len() {
         return Err(BallError::Exposures { photos: photos.len(), exposures: finite.min(stops.len()) });
     }
@@ -89,7 +89,7 @@ pub fn merge_exposures(photos: &[Photo], stops: &[f64]) -> Result<MergedPhotos, 
 }
 
 /// More is no exposure of a camera, and would leave the range of f32.
-const MOST_STOPS: f64 = 40.0;
+const MAX_STOPS: f64 = 40.0;
 
 fn merge_pixel(sources: &[(Source, f32)], pixel: usize) -> ([f32; 3], bool) {
     let [mut sum, mut weights] = [[0.0f32; 3]; 2];
@@ -190,7 +190,7 @@ fn compare(dark: &Source, bright: &Source, pixels: usize, step: usize) -> Result
             }
         }
     }
-    if ratios.len() < LEAST_SAMPLES {
+    if ratios.len() < MIN_SAMPLES {
         return Err(ratios.len());
     }
     let middle = ratios.len() / 2;

@@ -47,7 +47,7 @@ pub struct UnwrappedBall {
 /// Pixels at the outline that show what is beside the ball too.
 const RIM_PX: f64 = 1.5;
 /// Most samples along a side of a pixel.
-const MOST_SAMPLES: f64 = 64.0;
+const MAX_SAMPLES: f64 = 64.0;
 
 impl UnwrappedBall {
     /// An orthographic view shows every solid angle on an equal area: π r² pixels for 4π sr, which is a map of π r × π r / 2.
@@ -88,7 +88,7 @@ pub fn unwrap_ball(
         let (x, y) = ((index % width) as f64, (index / width) as f64);
         let sin = ((y + 0.5) / height as f64 * PI).sin();
         let finest = seen(x + 0.5, y + 0.5).map_or(view.circle().radius_px, |seen| seen.pixels_per_rad[0]);
-        let samples = |angle: f64| (angle * finest).ceil().clamp(1.0, MOST_SAMPLES);
+        let samples = |angle: f64| (angle * finest).ceil().clamp(1.0, MAX_SAMPLES);
         let (columns, rows) = (samples(TAU / width as f64 * sin), samples(PI / height as f64));
         let (mut sum, mut count, mut coarse) = ([0.0f64; 3], 0.0, 0.0);
         for j in 0..rows as usize {

@@ -37,10 +37,10 @@ const LAMP_BACKING: f32 = 1.05;
 
 /// The view is closed where less than this of a ray is left, and the ray ends where less than that is.
 const CLOSED: f32 = 0.5;
-const LEAST_TRANSMITTANCE: f32 = 1e-3;
+const MIN_TRANSMITTANCE: f32 = 1e-3;
 
 /// A leaf farther behind gets light where at least this share of a ray ends on it.
-const LEAST_SHARE: f32 = 0.05;
+const MIN_SHARE: f32 = 0.05;
 
 /// Where more than this of a ray leaves the cube, a leaf at the cube's side takes it up.
 const OPEN: f32 = 0.5;
@@ -218,11 +218,11 @@ impl Leaves {
                 let backing = if solid { BACKING } else { LAMP_BACKING };
                 lamp_to_m = crossing.enter_m + backing * edge_m;
             }
-            if leaf.open && (ends >= LEAST_SHARE * opacity || backing) {
+            if leaf.open && (ends >= MIN_SHARE * opacity || backing) {
                 let weight = ends.max(BACKING_WEIGHT * opacity);
                 give(Gift { leaf: index, column: 0, weight, arriving, closes, behind });
             }
-            let over = left < LEAST_TRANSMITTANCE && crossing.leave_m > closed_to_m;
+            let over = left < MIN_TRANSMITTANCE && crossing.leave_m > closed_to_m;
             if over { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
         let last = last.filter(|last: &Crossing| left > OPEN && last.row.is_none())?;

@@ -1,6 +1,7 @@
 //! How a panorama lies in the room: yaw and a small tilt, and exposure, by what the photo shows of it.
 
 use std::f32::consts::{PI, TAU};
+use std::ops::Range;
 
 use lo_geometry::{Mat3, Vec3};
 use lo_imaging::{Image, RadianceImage, luminance, resize_equirectangular, sample_equirectangular, view_rotation};
@@ -12,7 +13,7 @@ use super::seen_map::{SeenRays, SeenTexel};
 
 /// Matches below this confidence are warned about. On rooms of seed 778 all but 6 % of other rooms' panoramas are below it, and none of the
 /// right ones where depth is measured; of those beside the camera of a photo without depth, a tenth (`docs/design/035-panorama-prior.md`).
-pub const LEAST_CONFIDENCE: f32 = 0.4;
+pub const MIN_CONFIDENCE: f32 = 0.4;
 
 /// Columns of the maps that are compared, the coarse ones first.
 const COLUMNS: [usize; 3] = [64, 128, 256];
@@ -62,7 +63,7 @@ pub struct PanoramaMatch {
     pub roll_rad: f32,
     /// Factor from the panorama's values to the photo's.
     pub exposure: f32,
-    /// How well it shows what the photo shows, from 0 to 1; below [`LEAST_CONFIDENCE`] it hardly does.
+    /// How well it shows what the photo shows, from 0 to 1; below [`MIN_CONFIDENCE`] it hardly does.
     pub confidence: f32,
     /// Whether the panorama's place sees enough of what the photo shows for a comparison.
     pub compared: bool,
@@ -96,14 +97,20 @@ pub fn match_panorama(prior: &PanoramaPrior, frame: &Frame, up: Vec3) -> Panoram
     let rays = SeenRays::new(frame, prior.position_m);
     let levels = COLUMNS.map(|columns| Level::new(&rays, prior, columns));
     let compared = levels[1].texels.len() >= MIN_TEXELS && !rays.is_dark();
+    let level = Pose { yaw: prior.yaw_rad.unwrap_or(0.0), ..Pose::default() };
+    let confidence_of = |pose: Pose| levels[COLUMNS.len() - 1].confidence(pose.world_from_panorama(base).transpose());
     let pose = match prior.yaw_rad {
-        Some(yaw) => Pose { yaw, ..Pose::default() },
-        None if compared => search(&levels, base),
-        None => Pose::default(),
+        _ if !compared => level,
+        None => search(&levels, base, None),
+        // A tilt is as good as the match that found it.
+        Some(yaw) => {
+            let tilted = search(&levels, base, Some(yaw));
+            if confidence_of(tilted) < MIN_CONFIDENCE { level } else { tilted }
+        }
     };
     let world_from_panorama = pose.world_from_panorama(base);
     let panorama_from_world = world_from_panorama.transpose();
-    let confidence = if compared { levels[COLUMNS.len() - 1].confidence(panorama_from_world) } else { 0.0 };
+    let confidence = if compared { confidence_of(pose) } else { 0.0 };
     let finest = &levels[COLUMNS.len() - 1];
     let exposure = prior.exposure.unwrap_or_else(|| finest.exposure(panorama_from_world));
     PanoramaMatch {
@@ -155,25 +162,26 @@ fn wrapped(angle: f32) -> f32 {
     (angle + PI).rem_euclid(TAU) - PI
 }
 
-/// The pose in which the panorama shows best what the photo shows.
-fn search(levels: &[Level; 3], base: Mat3) -> Pose {
+/// The pose in which the panorama shows best what the photo shows, of those with the yaw where it is known.
+fn search(levels: &[Level; 3], base: Mat3, known_yaw: Option<f32>) -> Pose {
     let score = |level: &Level, pose: Pose| {
         let stride = level.texels.len().div_ceil(MAX_TEXELS).max(1);
         level.correlation(pose.world_from_panorama(base).transpose(), stride) - pose.cost()
     };
     let steps = COLUMNS[0] as i32;
     let tilts = [-0.8, 0.0, 0.8].map(|share| share * MAX_TILT);
-    let poses = (-steps / 2..steps / 2).flat_map(|step| {
-        let yaw = step as f32 * TAU / steps as f32;
+    let all = || (-steps / 2..steps / 2).map(|step| step as f32 * TAU / steps as f32).collect();
+    let poses = known_yaw.map_or_else(all, |yaw| vec![yaw]).into_iter().flat_map(|yaw| {
         tilts.into_iter().flat_map(move |pitch| tilts.into_iter().map(move |roll| Pose { yaw, pitch, roll }))
     });
     let poses: Vec<Pose> = poses.collect();
     let mut scored: Vec<(f32, Pose)> = poses.par_iter().map(|&pose| (score(&levels[0], pose), pose)).collect();
+    let axes = if known_yaw.is_some() { 1..3 } else { 0..3 };
     for ((level, finest_step_deg), candidates) in levels.iter().zip([1.4f32, 0.7, 0.2]).zip(CANDIDATES) {
         scored = apart(scored, candidates);
         scored = scored
             .par_iter()
-            .map(|&(_, pose)| refined(pose, finest_step_deg.to_radians(), |pose| score(level, pose)))
+            .map(|&(_, pose)| refined(pose, axes.clone(), finest_step_deg.to_radians(), |pose| score(level, pose)))
             .collect();
     }
     apart(scored, 1).first().map_or_else(Pose::default, |&(_, pose)| pose)
@@ -193,13 +201,13 @@ fn apart(mut scored: Vec<(f32, Pose)>, most: usize) -> Vec<(f32, Pose)> {
     kept
 }
 
-/// Walks along the axes as long as that gains anything, with steps that halve down to the finest one.
-fn refined(mut pose: Pose, finest_step: f32, score: impl Fn(Pose) -> f32) -> (f32, Pose) {
+/// Walks along the axes (yaw, pitch, roll) as long as that gains anything, with steps that halve down to the finest one.
+fn refined(mut pose: Pose, axes: Range<usize>, finest_step: f32, score: impl Fn(Pose) -> f32) -> (f32, Pose) {
     let mut best = score(pose);
     let mut step = 4.0 * finest_step;
     while step >= finest_step {
         let mut gained = false;
-        for axis in 0..3 {
+        for axis in axes.clone() {
             for sign in [step, -step] {
                 let mut by = [0.0; 3];
                 by[axis] = sign;

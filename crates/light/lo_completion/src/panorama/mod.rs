@@ -9,5 +9,5 @@ mod rays;
 mod seen_map;
 
 pub use lay::{LaidLight, LayError, lay_panorama};
-pub use matching::{LEAST_CONFIDENCE, PanoramaMatch, match_panorama};
+pub use matching::{MIN_CONFIDENCE, PanoramaMatch, match_panorama};
 pub use prior::{PanoramaError, PanoramaPrior};

@@ -25,7 +25,7 @@ pub struct PanoramaPrior {
     /// Where it was taken, metres in the photo's frame (+X right, +Y up, the camera at the origin looks along −Z).
     pub position_m: Vec3,
     /// Angle in radians from the photo's heading to the panorama's centre, to the right, about the room's vertical. Where it is given, nothing is
-    /// searched but the exposure, and the panorama is taken to be level.
+    /// searched but a small tilt and the exposure.
     pub yaw_rad: Option<f32>,
     /// Factor from the panorama's values to the photo's. Where it is not given it is found.
     pub exposure: Option<f32>,
