@@ -99,8 +99,19 @@ fn scenes(folder: &Path) -> Result {
         let sources = vec!["photo.jpg".to_owned()];
         let (predicted_depth, depth_model, confidence, panorama, other_photos) = (false, None, None, None, Vec::new());
         let (completion, room) = (Completion::Shell, Some(room));
-        Scene { light, frame, completion, room, sources, predicted_depth, depth_model, confidence, panorama, other_photos }
-            .write(&folder.join(format!("{name}.scene")), "seeds")?;
+        Scene {
+            light,
+            frame,
+            completion,
+            room,
+            sources,
+            predicted_depth,
+            depth_model,
+            confidence,
+            panorama,
+            other_photos,
+        }
+        .write(&folder.join(format!("{name}.scene")), "seeds")?;
     }
     Ok(())
 }
