@@ -143,7 +143,7 @@ impl Frame {
 }
 
 /// The middle value; `values` must not be empty.
-fn median(mut values: Vec<f32>) -> f32 {
+pub(crate) fn median(mut values: Vec<f32>) -> f32 {
     let middle = values.len() / 2;
     *values.select_nth_unstable_by(middle, f32::total_cmp).1
 }

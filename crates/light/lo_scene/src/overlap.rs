@@ -1,6 +1,7 @@
 use lo_imaging::luminance;
 
 use crate::SeenPhoto;
+use crate::frame::median;
 
 /// About so many readings of a photo are looked for in another.
 const SAMPLES: usize = 20_000;
@@ -44,10 +45,10 @@ pub struct ExposureRatio {
 pub fn overlap(a: &SeenPhoto, b: &SeenPhoto) -> Option<Overlap> {
     let (mut there, back) = (Shared::of(a, b), Shared::of(b, a));
     let directions = [&there, &back].into_iter().filter(|shared| shared.differences.len() >= MIN_SHARED);
-    let disagreement = directions.filter_map(|shared| median(shared.differences.clone())).reduce(f32::min)?;
+    let disagreement = directions.filter_map(|shared| median_of_some(shared.differences.clone())).reduce(f32::min)?;
     there.log2_ratios.extend(back.log2_ratios.iter().map(|ratio| -ratio));
     let pixels = there.log2_ratios.len();
-    let ratio = if pixels >= MIN_MATCHED { median(there.log2_ratios) } else { None };
+    let ratio = if pixels >= MIN_MATCHED { median_of_some(there.log2_ratios) } else { None };
     let exposure = ratio.map(|log2| ExposureRatio { log2, pixels });
     Some(Overlap { share: there.share.max(back.share), disagreement, exposure })
 }
@@ -107,9 +108,9 @@ fn photo_pixel(photo: &SeenPhoto, (x, y): (usize, usize)) -> (usize, usize) {
     (along(x, radiance.width(), depth_m.width()), along(y, radiance.height(), depth_m.height()))
 }
 
-fn median(mut values: Vec<f32>) -> Option<f32> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f32::total_cmp).1)
+/// The middle value, where there is one.
+fn median_of_some(values: Vec<f32>) -> Option<f32> {
+    (!values.is_empty()).then(|| median(values))
 }
 
 #[cfg(test)]

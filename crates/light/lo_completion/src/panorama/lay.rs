@@ -64,7 +64,8 @@ pub enum LayError {
 ///
 /// Rays from the panorama's place, one for each of its pixels (of 1024 columns at most, several for each pixel of smaller ones), give their radiance to the leaves that
 /// they meet, in the measure in which each closes the ray; a leaf has the mean of what it is given. So the light that the place receives from the room is that of
-/// the panorama. Leaves within which it differs are split, the strongest differences first, to one more than the octree's depth. Where a
+/// the panorama. Leaves within which it differs are split, the strongest differences first, to one more than the octree's depth (lamps: two). What is a lamp's lies on the
+/// leaf that closes the ray and close behind it alone. Where a
 /// ray leaves the cube, a leaf is put at the cube's side. Leaves that neither photo nor panorama sees keep what completion gave them, times the median ratio of
 /// both where both speak. Leaves that the photo saw stay as they are, but for those in which all that it saw was clipped. `confidence`, where there is one, gets the match's where the panorama gave light and the network was less
 /// sure. Deterministic.

@@ -90,7 +90,7 @@ impl PanoramaMatch {
 /// What is compared: the photo's pixels that are not clipped, in the directions in which the panorama's place sees them (at the camera those of the pixels,
 /// elsewhere those of the points that depth gives, as far as they face that place and nothing seen stands before them). How: the correlation of log luminance
 /// and of the logarithms of two ratios of colours together, which neither exposure nor white balance change, on maps of 64, 128 and 256
-/// columns. All yaws and tilts of up to 10° are tried on the coarsest, the best are refined on the others. The exposure is the median ratio of
+/// columns. All yaws and tilts of up to 10° are tried on the coarsest, the best are refined on the others; of a known yaw the tilts alone. The exposure is the median ratio of
 /// luminances. Deterministic.
 pub fn match_panorama(prior: &PanoramaPrior, frame: &Frame, up: Vec3) -> PanoramaMatch {
     let base = levelled(up);
