@@ -6,6 +6,7 @@ use lo_scene::Scene;
 use crate::lights::{self, Lights};
 use crate::map::RadianceMap;
 use crate::quality::Counts;
+use crate::surface::Surface;
 use crate::{InsertError, Lighting};
 
 /// Light samples that are kept; subsets of them are used.
@@ -113,6 +114,24 @@ impl Environment {
                 }));
             }
         }
+    }
+
+    /// Radiance that real surfaces give off, with highlights restored, over about a leaf; nothing is known of it by a map at infinity.
+    pub fn given_off(&self, surfaces: &[Surface]) -> Vec<Vec3> {
+        let Source::Octree { smooth, leaf_edge_m, .. } = &self.source else {
+            return vec![Vec3::ZERO; surfaces.len()];
+        };
+        let down = |surface: &Surface| Cone {
+            origin: surface.position_m + surface.normal * self.lift_m,
+            direction: -surface.normal,
+            tan_half_angle: 0.5 / LIFT_EDGES,
+        };
+        let cones: Vec<Cone> = surfaces.iter().map(down).collect();
+        let mut samples = vec![ConeSample::default(); cones.len()];
+        smooth.trace_batch(&cones, &mut samples);
+        // What lies further off is another surface.
+        let near = |sample: &ConeSample| sample.distance_m < self.lift_m + 1.5 * leaf_edge_m;
+        samples.iter().map(|sample| if near(sample) { Vec3::from(sample.radiance) } else { Vec3::ZERO }).collect()
     }
 
     /// Share of each ray's way that real surfaces leave free, for rays `(origin, direction, distance in metres)`.

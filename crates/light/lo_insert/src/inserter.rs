@@ -62,8 +62,10 @@ impl Inserter {
         let clean = given.without_flying_pixels();
         let surfaces = SurfaceMap::new(&clean);
         let occluders = surfaces.resampled(&given, OCCLUSION_SIDE);
-        let coarse = ShadowField::new(surfaces.resampled(&clean, counts.coarse_shadow_side), &counts);
-        let fine = ShadowField::new(surfaces.resampled(&clean, counts.shadow_side), &counts);
+        let up = scene.room.as_ref().map_or(Vec3::Y, |room| room.up);
+        let floor = scene.room.as_ref().and_then(|room| room.floor());
+        let field = |side| ShadowField::new(surfaces.resampled(&clean, side), up, floor, &counts);
+        let (coarse, fine) = (field(counts.coarse_shadow_side), field(counts.shadow_side));
         if quality == Quality::Draft {
             coarse.prepare(&environment);
             fine.prepare(&environment);

@@ -1,6 +1,7 @@
 //! Irradiance of real surfaces without the object. It does not depend on the object and is kept once it is known.
 
 use std::f32::consts::PI;
+use std::ops::{Add, Mul};
 use std::sync::OnceLock;
 
 use lo_cone::Cone;
@@ -27,6 +28,35 @@ const APERTURE: f32 = 0.25;
 
 const GOLDEN_ANGLE_RAD: f32 = 2.399_963_2;
 
+/// Linear RGB irradiance of a real surface, in W/m² in the photo's radiance units.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Lit {
+    /// From the room without its lights.
+    pub ambient: Vec3,
+    /// From the light samples.
+    pub lights: Vec3,
+    /// The least that the surface can receive, whatever the room's octree misses: it gives off no more than it receives, π L.
+    pub least: Vec3,
+}
+
+impl Add for Lit {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        let (ambient, lights, least) =
+            (self.ambient + other.ambient, self.lights + other.lights, self.least + other.least);
+        Self { ambient, lights, least }
+    }
+}
+
+impl Mul<f32> for Lit {
+    type Output = Self;
+
+    fn mul(self, factor: f32) -> Self {
+        Self { ambient: self.ambient * factor, lights: self.lights * factor, least: self.least * factor }
+    }
+}
+
 /// Irradiance of all [`Receivers`], as far as it was needed.
 pub(crate) struct RoomIrradiance {
     /// Directions over the sphere, one set per pattern.
@@ -36,9 +66,9 @@ pub(crate) struct RoomIrradiance {
     /// Pixels from one place of the grid to the next.
     stride: usize,
     /// By one pattern.
-    single: Vec<OnceLock<Vec3>>,
+    single: Vec<OnceLock<Box<Lit>>>,
     /// Mean over the neighbourhood, by all patterns.
-    mean: Vec<OnceLock<Vec3>>,
+    mean: Vec<OnceLock<Box<Lit>>>,
 }
 
 impl RoomIrradiance {
@@ -85,27 +115,27 @@ impl RoomIrradiance {
                 .collect();
             for ((x, _), value) in pixels.iter().zip(self.gather(environment, y, &pixels)) {
                 // A value that another frame has set meanwhile is the same.
-                let _ = self.single[y * width + x].set(value);
+                let _ = self.single[y * width + x].set(Box::new(value));
             }
         };
         batches
             .each(receivers.height(), width * self.cones, 1, |rows| rows.into_par_iter().map(complete_row).collect())?;
         missing.par_iter().for_each(|&(x, y)| {
-            let mut sum = (Vec3::ZERO, 0.0);
+            let mut sum = (Lit::default(), 0.0);
             for (px, py, weight) in receivers.neighbours(x, y, self.grid_for(receivers, x, y)) {
-                if let Some(&irradiance) = self.single[py * width + px].get() {
-                    sum.0 += irradiance * weight;
+                if let Some(lit) = self.single[py * width + px].get() {
+                    sum.0 = sum.0 + **lit * weight;
                     sum.1 += weight;
                 }
             }
-            let _ = self.mean[y * width + x].set(sum.0 / f32::max(sum.1, 1e-9));
+            let _ = self.mean[y * width + x].set(Box::new(sum.0 * (1.0 / f32::max(sum.1, 1e-9))));
         });
         Ok(())
     }
 
     /// What was completed for a pixel.
-    pub fn at(&self, index: usize) -> Option<Vec3> {
-        self.mean[index].get().copied()
+    pub fn at(&self, index: usize) -> Option<Lit> {
+        self.mean[index].get().map(|lit| **lit)
     }
 
     /// Pixels from one place to the next around a pixel: on slim surfaces every pixel is one.
@@ -115,8 +145,8 @@ impl RoomIrradiance {
     }
 
     /// Irradiance of pixels of row `y`.
-    fn gather(&self, environment: &Environment, y: usize, pixels: &[(usize, Surface)]) -> Vec<Vec3> {
-        let mut irradiance = vec![Vec3::ZERO; pixels.len()];
+    fn gather(&self, environment: &Environment, y: usize, pixels: &[(usize, Surface)]) -> Vec<Lit> {
+        let mut lit = vec![Lit::default(); pixels.len()];
         let tan_half_angle = cone_tangent(APERTURE * 4.0 * PI / self.cones as f32);
         let (mut cones, mut cone_owners, mut samples) = (Vec::new(), Vec::new(), Vec::new());
         let (mut rays, mut ray_owners, mut shares) = (Vec::new(), Vec::new(), Vec::new());
@@ -142,13 +172,17 @@ impl RoomIrradiance {
         }
         environment.gather(Part::Dimmed, &cones, &mut samples);
         for ((i, weight), sample) in cone_owners.into_iter().zip(&samples) {
-            irradiance[i] += Vec3::from(sample.radiance) * weight;
+            lit[i].ambient += Vec3::from(sample.radiance) * weight;
         }
         environment.free_share(&rays, &mut shares);
         for ((i, light), share) in ray_owners.into_iter().zip(&shares) {
-            irradiance[i] += light * *share;
+            lit[i].lights += light * *share;
         }
-        irradiance
+        let surfaces: Vec<Surface> = pixels.iter().map(|(_, surface)| *surface).collect();
+        for (lit, radiance) in lit.iter_mut().zip(environment.given_off(&surfaces)) {
+            lit.least = radiance * PI;
+        }
+        lit
     }
 }
 

@@ -21,6 +21,7 @@ mod composite;
 mod environment;
 mod error;
 mod gather;
+mod holes;
 mod inserter;
 mod irradiance;
 mod lighting;

@@ -12,7 +12,7 @@ use lo_octree::LightOctree;
 use crate::pattern::hammersley;
 
 /// Radiance above this multiple of the mean counts as light.
-const CAP: f32 = 4.0;
+pub(crate) const CAP: f32 = 4.0;
 
 /// A patch of light before sampling.
 #[derive(Clone, Copy, Debug)]

@@ -1,8 +1,10 @@
+use std::ops::{Add, Mul};
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use lo_geometry::Vec3;
+use lo_geometry::{Plane, Vec3};
 use lo_imaging::Image;
 
+use crate::holes;
 use crate::surface::{Surface, SurfaceMap};
 
 /// Patterns of the interleaving (Keller and Heidrich 2001): the pixels of a 4 × 4 block use as many disjoint sample patterns, and a
@@ -19,6 +21,8 @@ pub(crate) const SAME_SURFACE: f32 = 0.02;
 pub(crate) struct Receivers {
     pub map: SurfaceMap,
     pub surfaces: Image<Option<Surface>>,
+    /// How much a surface is to be trusted: 1 at a reading, less where one goes on into a hole.
+    pub trust: Image<f32>,
     /// For each pixel the places of the 5 × 5 around it that are [`Receivers::neighbours`]; 0: not asked for yet.
     masks: Vec<AtomicU32>,
 }
@@ -29,10 +33,12 @@ pub(crate) fn pattern_at(x: usize, y: usize) -> usize {
 }
 
 impl Receivers {
-    pub fn new(map: SurfaceMap) -> Self {
+    /// With holes of the map filled, see [`holes`].
+    pub fn new(mut map: SurfaceMap, up: Vec3, floor: Option<Plane>) -> Self {
+        let trust = holes::fill(&mut map, up, floor);
         let surfaces = Image::from_fn(map.width(), map.height(), |x, y| map.pixel(x, y));
         let masks = surfaces.pixels().iter().map(|_| AtomicU32::new(0)).collect();
-        Self { map, surfaces, masks }
+        Self { map, surfaces, trust, masks }
     }
 
     pub fn width(&self) -> usize {
@@ -64,7 +70,10 @@ impl Receivers {
 
     /// Weighted sum of an image over the [`Receivers::neighbours`] of a pixel, and the sum of their weights. Who they are is kept for
     /// the next frame.
-    pub fn filtered(&self, image: &Image<Vec3>, x: usize, y: usize) -> (Vec3, f32) {
+    pub fn filtered<T>(&self, image: &Image<T>, x: usize, y: usize) -> (T, f32)
+    where
+        T: Copy + Default + Add<Output = T> + Mul<f32, Output = T>,
+    {
         let width = self.width();
         let mask = &self.masks[y * width + x];
         let mut places = mask.load(Ordering::Relaxed);
@@ -75,12 +84,12 @@ impl Receivers {
             // Another thread sets the same.
             mask.store(places, Ordering::Relaxed);
         }
-        let (mut sum, mut total) = (Vec3::ZERO, 0.0);
+        let (mut sum, mut total) = (T::default(), 0.0);
         while places != 0 {
             let place = places.trailing_zeros() as usize;
             places &= places - 1;
             let weight = weight_at(place as isize % 5 - 2, place as isize / 5 - 2);
-            sum += image.pixels()[(y + place / 5 - 2) * width + x + place % 5 - 2] * weight;
+            sum = sum + image.pixels()[(y + place / 5 - 2) * width + x + place % 5 - 2] * weight;
             total += weight;
         }
         (sum, total)

@@ -1,12 +1,15 @@
 //! Differential rendering (Debevec 1998): what the object takes from and gives to the light on real surfaces.
 //!
-//! For a real surface point with normal n, the photo's value is multiplied by
-//! `(E − Δ) / E`, with the irradiance E of the room without the object (`irradiance`) and
-//! `Δ = ∫ over the directions that meet the object of (what was seen there − what the object gives off) cos θ dω`, and the same
-//! for the light samples that the object hides. What was seen there tells the [`Backdrop`].
+//! For a real surface point the photo's value is multiplied by `(E − Δ) / E`, with the irradiance E of the room without the object
+//! (`irradiance`) and `Δ = ∫ over the directions that meet the object of (what was seen there − what the object gives off) cos θ dω`,
+//! and the same for the light samples that the object hides. What was seen there tells the [`Backdrop`]. [`Change::ratio`] keeps the
+//! two in what a real occluder can do where the octree knows less of the light than the photo shows.
+
+use std::f32::consts::PI;
+use std::ops::{Add, Mul};
 
 use lo_events::{Cancelled, OnEvent, Stage, ignore, stage_of_steps};
-use lo_geometry::{Ray, Vec3};
+use lo_geometry::{Plane, Ray, Vec3};
 use lo_imaging::Image;
 use rayon::prelude::*;
 
@@ -14,7 +17,8 @@ use crate::backdrop::Backdrop;
 use crate::batches::Batches;
 use crate::cap::Cap;
 use crate::environment::Environment;
-use crate::irradiance::RoomIrradiance;
+use crate::irradiance::{Lit, RoomIrradiance};
+use crate::lights;
 use crate::object::Object;
 use crate::quality::Counts;
 use crate::radiosity::Radiosity;
@@ -43,9 +47,66 @@ pub(crate) struct Caster<'a> {
     pub radiosity: Option<&'a Radiosity>,
 }
 
+/// What the object does to the irradiance of a real surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Change {
+    /// Hidden light of the room without its lights.
+    ambient: Vec3,
+    /// Hidden light of the light samples.
+    lights: Vec3,
+    /// What the object gives off.
+    given: Vec3,
+    /// Form factor of the object: its cosine-weighted share of the hemisphere, in [0, 1].
+    form_factor: f32,
+}
+
+impl Add for Change {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            ambient: self.ambient + other.ambient,
+            lights: self.lights + other.lights,
+            given: self.given + other.given,
+            form_factor: self.form_factor + other.form_factor,
+        }
+    }
+}
+
+impl Mul<f32> for Change {
+    type Output = Self;
+
+    fn mul(self, factor: f32) -> Self {
+        Self {
+            ambient: self.ambient * factor,
+            lights: self.lights * factor,
+            given: self.given * factor,
+            form_factor: self.form_factor * factor,
+        }
+    }
+}
+
+impl Change {
+    /// Irradiance with the object by that without it.
+    ///
+    /// Where less light is known than the object hides, or than the surface gives off, more is there than was known: light that is
+    /// hidden was there before, what no light sample carries is nowhere brighter than [`lights::CAP`] times its mean, and what is
+    /// missing comes as the rest does.
+    fn ratio(&self, lit: &Lit) -> Vec3 {
+        let form_factor = self.form_factor.clamp(0.0, 1.0);
+        let seen_past = (1.0 - form_factor) / (lights::CAP * form_factor.max(1e-6));
+        let ambient = lit.ambient.max(self.ambient * (1.0 + seen_past));
+        let lights = lit.lights.max(self.lights);
+        let all = (ambient + lights).max(lit.least).max(Vec3::splat(1e-9));
+        let kept = Vec3::ONE - self.ambient / ambient.max(Vec3::splat(1e-9));
+        ((all - lights) * kept + (lights - self.lights) + self.given) / all
+    }
+}
+
 impl ShadowField {
-    pub fn new(map: SurfaceMap, counts: &Counts) -> Self {
-        let receivers = Receivers::new(map);
+    /// Of a room with the given up and floor.
+    pub fn new(map: SurfaceMap, up: Vec3, floor: Option<Plane>, counts: &Counts) -> Self {
+        let receivers = Receivers::new(map, up, floor);
         let (cones, lights) = (counts.background_cones, counts.background_lights);
         let irradiance = RoomIrradiance::new(&receivers, cones, lights);
         Self { receivers, irradiance, cones, lights, negligible: counts.negligible }
@@ -70,24 +131,26 @@ impl ShadowField {
     fn ratio_in_batches(&self, caster: &Caster, batches: &mut Batches<'_>) -> Result<ShadowRatio<'_>, Cancelled> {
         let (width, height) = (self.receivers.width(), self.receivers.height());
         let rows = batches.each(height, width * self.cones, 1, |rows| {
-            rows.into_par_iter().map(|y| self.loss_row(y, caster)).collect::<Vec<_>>()
+            rows.into_par_iter().map(|y| self.change_row(y, caster)).collect::<Vec<_>>()
         })?;
-        let loss = Image::new(width, height, rows.into_iter().flatten().collect());
-        let needed = near_nonzero(&loss);
+        let changes = Image::new(width, height, rows.into_iter().flatten().collect());
+        let needed = near_nonzero(&changes);
         self.irradiance.complete(&self.receivers, caster.environment, &needed, batches)?;
         let rows: Vec<Vec<Vec3>> = (0..height)
             .into_par_iter()
-            .map(|y| (0..width).map(|x| if needed[(x, y)] { self.filtered(&loss, x, y) } else { Vec3::ONE }).collect())
+            .map(|y| {
+                (0..width).map(|x| if needed[(x, y)] { self.filtered(&changes, x, y) } else { Vec3::ONE }).collect()
+            })
             .collect();
         Ok(ShadowRatio::new(&self.receivers, Image::new(width, height, rows.into_iter().flatten().collect())))
     }
 
-    /// Δ of a row of pixels, each by one pattern.
-    fn loss_row(&self, y: usize, caster: &Caster) -> Vec<Vec3> {
+    /// The change of a row of pixels, each by one pattern.
+    fn change_row(&self, y: usize, caster: &Caster) -> Vec<Change> {
         let width = self.receivers.width();
-        let mut loss = vec![Vec3::ZERO; width];
+        let mut changes = vec![Change::default(); width];
         let (mut rays, mut ray_owners, mut shares) = (Vec::new(), Vec::new(), Vec::new());
-        for (x, loss) in loss.iter_mut().enumerate() {
+        for (x, change) in changes.iter_mut().enumerate() {
             let Some(surface) = self.receivers.surfaces[(x, y)] else { continue };
             let Some(cap) = Cap::towards(caster.object, &surface) else { continue };
             // Effects fade out where they are too small to be seen, and nothing is computed beyond.
@@ -98,7 +161,7 @@ impl ShadowField {
             }
             let pattern = pattern_at(x, y);
             let start = surface.position_m + surface.normal * (1e-3 * caster.object.radius_m);
-            *loss = self.hidden_room(caster, &surface, start, &cap, pattern) * strength;
+            *change = self.hidden_room(caster, &surface, start, &cap, pattern) * strength;
             let (lights, scale) = caster.environment.lights().subset(self.lights, pattern, PATTERNS);
             for (i, light) in lights.enumerate() {
                 let Some(incidence) = light.on(surface.position_m) else { continue };
@@ -119,19 +182,19 @@ impl ShadowField {
         }
         caster.environment.free_share(&rays, &mut shares);
         for ((x, irradiance), share) in ray_owners.into_iter().zip(&shares) {
-            loss[x] += irradiance * *share;
+            changes[x].lights += irradiance * *share;
         }
-        loss
+        changes
     }
 
-    /// Irradiance that the object takes away without that of the light samples, less what it gives off.
-    fn hidden_room(&self, caster: &Caster, surface: &Surface, start: Vec3, cap: &Cap, pattern: usize) -> Vec3 {
+    /// The change without that of the light samples.
+    fn hidden_room(&self, caster: &Caster, surface: &Surface, start: Vec3, cap: &Cap, pattern: usize) -> Change {
         // The error of a few directions in a small cap is small. The last one counts in part, so that nothing jumps where their
         // number changes.
         let cones = self.cones as f32;
         let count = (cones * 2.0 * cap.share(surface)).clamp(0.25 * cones, cones);
         let solid_angle = cap.solid_angle_sr() / count;
-        let mut hidden = Vec3::ZERO;
+        let mut change = Change::default();
         for (i, direction) in cap.directions(count.ceil() as usize, pattern, surface.normal).enumerate() {
             let cosine = surface.normal.dot(direction);
             if cosine <= 0.0 {
@@ -147,28 +210,89 @@ impl ShadowField {
                 None if caster.object.blocks(&ray, f32::INFINITY) => Vec3::ZERO,
                 None => continue,
             };
-            hidden += (caster.backdrop.radiance(start, direction) - given) * weight;
+            let (ambient, given) = (caster.backdrop.radiance(start, direction) * weight, given * weight);
+            change = change + Change { ambient, given, form_factor: weight / PI, lights: Vec3::ZERO };
         }
-        hidden
+        change
     }
 
-    /// `1 − Δ / E`, with Δ the mean over the neighbourhood.
-    fn filtered(&self, loss: &Image<Vec3>, x: usize, y: usize) -> Vec3 {
+    /// The ratio, by the mean change over the neighbourhood.
+    fn filtered(&self, changes: &Image<Change>, x: usize, y: usize) -> Vec3 {
         let Some(lit) = self.irradiance.at(y * self.receivers.width() + x) else { return Vec3::ONE };
-        let (lost, total) = self.receivers.filtered(loss, x, y);
-        if lost == Vec3::ZERO {
+        let (change, total) = self.receivers.filtered(changes, x, y);
+        if change == Change::default() {
             return Vec3::ONE;
         }
-        let ratio = |lost: f32, lit: f32| if lit > 1e-9 { (1.0 - lost / (total * lit)).clamp(0.0, 16.0) } else { 1.0 };
-        Vec3::new(ratio(lost.x, lit.x), ratio(lost.y, lit.y), ratio(lost.z, lit.z))
+        let ratio = (change * (1.0 / total)).ratio(&lit).min(Vec3::splat(16.0));
+        Vec3::ONE + (ratio - 1.0) * self.receivers.trust[(x, y)]
     }
 }
 
 /// Where a 5 × 5 window holds anything but zero.
-fn near_nonzero(loss: &Image<Vec3>) -> Image<bool> {
-    let (width, height) = (loss.width(), loss.height());
+fn near_nonzero(changes: &Image<Change>) -> Image<bool> {
+    let (width, height) = (changes.width(), changes.height());
     let along_x = Image::from_fn(width, height, |x, y| {
-        (x.saturating_sub(2)..(x + 3).min(width)).any(|px| loss[(px, y)] != Vec3::ZERO)
+        (x.saturating_sub(2)..(x + 3).min(width)).any(|px| changes[(px, y)] != Change::default())
     });
     Image::from_fn(width, height, |x, y| (y.saturating_sub(2)..(y + 3).min(height)).any(|py| along_x[(x, py)]))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn colour(max: f32) -> impl Strategy<Value = Vec3> {
+        prop::array::uniform3(0.0..max).prop_map(Vec3::from)
+    }
+
+    fn change() -> impl Strategy<Value = Change> {
+        (colour(5.0), colour(20.0), colour(2.0), 0.0f32..1.0).prop_map(|(ambient, lights, given, form_factor)| Change {
+            ambient,
+            lights,
+            given,
+            form_factor,
+        })
+    }
+
+    fn lit() -> impl Strategy<Value = Lit> {
+        (colour(5.0), colour(20.0), colour(10.0)).prop_map(|(ambient, lights, least)| Lit { ambient, lights, least })
+    }
+
+    proptest! {
+        /// Whatever is known of the light: between fully lit and what of the ambient light comes past the object.
+        #[test]
+        fn receivers_stay_between_lit_and_ambient(change in change(), lit in lit()) {
+            let ratio = Change { given: Vec3::ZERO, ..change }.ratio(&lit);
+            let past = (1.0 - change.form_factor) / (1.0 + (lights::CAP - 1.0) * change.form_factor);
+            for c in 0..3 {
+                let lights = lit.lights[c].max(change.lights[c]);
+                // At least what is seen past the object is there beside the lights.
+                let ambient = lit.ambient[c].max(lit.least[c] - lights).max(change.ambient[c] / (1.0 - past).max(1e-3));
+                let least = past * ambient / (ambient + lights).max(1e-9);
+                prop_assert!(ratio[c] <= 1.0 + 1e-5 && ratio[c] >= least - 1e-4, "{ratio} {least}");
+            }
+            prop_assert!(change.ratio(&lit).cmpge(ratio).all(), "bounced light only adds");
+        }
+
+        /// Where all light is known it is (E − Δ) / E.
+        #[test]
+        fn known_light_is_subtracted(lit in lit(), hidden in 0.0f32..0.99, blocked in 0.0f32..1.0, given in colour(1.0)) {
+            let lit = Lit { ambient: lit.ambient + 0.01, least: Vec3::ZERO, ..lit };
+            // As bright as the mean where it is hidden.
+            let change = Change { ambient: lit.ambient * hidden, lights: lit.lights * blocked, given, form_factor: hidden };
+            let all = lit.ambient + lit.lights;
+            let expected = (all - change.ambient - change.lights + given) / all;
+            prop_assert!((change.ratio(&lit) - expected).abs().max_element() < 1e-3);
+        }
+
+        /// White light leaves no coloured rim, however much of it is missing.
+        #[test]
+        fn white_light_gives_grey_shadows(values in prop::array::uniform6(0.0f32..10.0), form_factor in 0.0f32..1.0) {
+            let [ambient, lights, least, hidden, blocked, given] = values.map(Vec3::splat);
+            let ratio = Change { ambient: hidden, lights: blocked, given, form_factor }.ratio(&Lit { ambient, lights, least });
+            prop_assert!(ratio.max_element() - ratio.min_element() < 1e-5);
+        }
+    }
 }

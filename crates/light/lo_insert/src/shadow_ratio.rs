@@ -4,11 +4,14 @@ use lo_imaging::Image;
 use crate::receivers::{Receivers, SAME_SURFACE};
 use crate::surface::bilinear;
 
-/// Holes up to twice this many pixels wide take the shadow of their surroundings.
-const HOLE_FILL: usize = 6;
-
 /// Factors that differ by less than this need no look at the surfaces that they belong to: half a level of an 8-bit picture.
 const ALIKE: f32 = 0.004;
+
+/// Pixels around a place that are looked through for its surface.
+const WIDE: usize = 2;
+
+/// Weight below which no pixel counts as on a surface.
+const MIN_ON_SURFACE: f32 = 0.02;
 
 /// The factor that an object's shadow and bounced light put on each pixel of some [`Receivers`].
 pub(crate) struct ShadowRatio<'a> {
@@ -30,9 +33,8 @@ enum Blend {
 }
 
 impl<'a> ShadowRatio<'a> {
-    /// With the factor of each pixel; holes take that of their surroundings.
-    pub fn new(receivers: &'a Receivers, mut ratio: Image<Vec3>) -> Self {
-        fill_holes(&mut ratio, receivers);
+    /// With the factor of each pixel.
+    pub fn new(receivers: &'a Receivers, ratio: Image<Vec3>) -> Self {
         let blends = Image::from_fn(ratio.width(), ratio.height(), |x, y| blend(&ratio, x, y));
         Self { receivers, ratio, blends }
     }
@@ -81,24 +83,34 @@ impl<'a> ShadowRatio<'a> {
             Blend::ByPlace => return taps.iter().map(|&(x, y, weight)| self.ratio[(x, y)] * weight).sum(),
             Blend::BySurface => {}
         }
-        let point = seen();
+        let Some(point) = seen() else {
+            return taps.iter().map(|&(x, y, weight)| self.ratio[(x, y)] * weight).sum();
+        };
+        // Beside an edge none of the four may lie on the surface that is seen, but one further off.
+        let (x, y) = (taps[0].0, taps[0].1);
+        let near = taps.into_iter();
+        let wide = || {
+            let columns = x.saturating_sub(WIDE)..(x + WIDE + 2).min(width);
+            columns
+                .flat_map(move |px| (y.saturating_sub(WIDE)..(y + WIDE + 2).min(height)).map(move |py| (px, py, 1.0)))
+        };
+        self.on_surface(near, point).or_else(|| self.on_surface(wide(), point)).unwrap_or(Vec3::ONE)
+    }
+
+    /// Mean factor of those pixels that lie on the surface of a point; `None` where hardly one does.
+    fn on_surface(&self, taps: impl Iterator<Item = (usize, usize, f32)>, point: Vec3) -> Option<Vec3> {
         let mut sum = (Vec3::ZERO, 0.0);
         for (x, y, weight) in taps {
-            let closeness = match (point, self.receivers.surfaces[(x, y)]) {
-                (Some(point), Some(surface)) => {
-                    let off_plane_m = surface.normal.dot(point - surface.position_m);
-                    let tolerance_m = SAME_SURFACE * self.receivers.map.depth_m[(x, y)];
-                    let closeness = tolerance_m * tolerance_m / (tolerance_m * tolerance_m + off_plane_m * off_plane_m);
-                    (closeness * closeness) * (closeness * closeness)
-                }
-                _ => 1.0,
-            };
+            let Some(surface) = self.receivers.surfaces[(x, y)] else { continue };
+            let off_plane_m = surface.normal.dot(point - surface.position_m);
+            let tolerance_m = SAME_SURFACE * self.receivers.map.depth_m[(x, y)];
+            let closeness = tolerance_m * tolerance_m / (tolerance_m * tolerance_m + off_plane_m * off_plane_m);
             // A little weight for every tap keeps the sum away from zero.
-            let weight = (weight + 1e-4) * closeness;
+            let weight = (weight + 1e-4) * (closeness * closeness) * (closeness * closeness);
             sum.0 += self.ratio[(x, y)] * weight;
             sum.1 += weight;
         }
-        sum.0 / sum.1
+        (sum.1 > MIN_ON_SURFACE).then(|| sum.0 / sum.1)
     }
 }
 
@@ -110,32 +122,4 @@ fn blend(ratio: &Image<Vec3>, x: usize, y: usize) -> Blend {
     }
     let (low, high) = factors.iter().fold((factors[0], factors[0]), |(low, high), &f| (low.min(f), high.max(f)));
     if (high - low).max_element() < ALIKE { Blend::ByPlace } else { Blend::BySurface }
-}
-
-/// Carries the shadow on over small holes of the depth map, ring by ring from their edges.
-fn fill_holes(ratio: &mut Image<Vec3>, receivers: &Receivers) {
-    let (width, height) = (ratio.width(), ratio.height());
-    let mut known = Image::from_fn(width, height, |x, y| receivers.surfaces[(x, y)].is_some());
-    let mut open: Vec<(usize, usize)> =
-        (0..width * height).map(|i| (i % width, i / width)).filter(|&pixel| !known[pixel]).collect();
-    for _ in 0..HOLE_FILL {
-        let mut filled = Vec::new();
-        open.retain(|&(x, y)| {
-            let mut sum = (Vec3::ZERO, 0.0);
-            for py in y.saturating_sub(1)..(y + 2).min(height) {
-                for px in (x.saturating_sub(1)..(x + 2).min(width)).filter(|&px| known[(px, py)]) {
-                    sum.0 += ratio[(px, py)];
-                    sum.1 += 1.0;
-                }
-            }
-            if sum.1 > 0.0 {
-                filled.push(((x, y), sum.0 / sum.1));
-            }
-            sum.1 == 0.0
-        });
-        for (pixel, value) in filled {
-            ratio[pixel] = value;
-            known[pixel] = true;
-        }
-    }
 }

@@ -11,6 +11,7 @@ use lo_insert::{Composite, InsertError, Inserter, Lighting, Path, Placement, Qua
 use lo_mesh::{AlphaMode, LoadOptions, Material, Model, PreparedModel};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
 use lo_scene::{Frame, Scene};
+use proptest::prelude::*;
 
 const LOW: Vec3 = Vec3::new(-2.0, -1.0, -4.0);
 const HIGH: Vec3 = Vec3::new(2.0, 1.5, 1.0);
@@ -30,12 +31,21 @@ fn wall_radiance(p: Vec3) -> [f32; 3] {
 
 /// A box room with a lamp; the photo is made by `photo` from the radiance image.
 fn scene(photo: impl Fn(RadianceImage) -> Photo) -> Scene {
+    room(photo, wall_radiance, wall_radiance)
+}
+
+/// The room with its radiance as the octree knows it, and as the photo shows it.
+fn room(
+    photo: impl Fn(RadianceImage) -> Photo,
+    known: impl Fn(Vec3) -> [f32; 3],
+    seen: impl Fn(Vec3) -> [f32; 3],
+) -> Scene {
     let points: Vec<RadiancePoint> = lo_geometry::fibonacci_sphere(400_000)
         .into_iter()
         .map(|direction| {
             let origin = 0.5 * (LOW + HIGH);
             let position_m = origin + direction * wall_distance(origin, direction);
-            RadiancePoint { position_m, radiance: wall_radiance(position_m), coverage: Coverage::Seen }
+            RadiancePoint { position_m, radiance: known(position_m), coverage: Coverage::Seen }
         })
         .collect();
     let cube = Cube::centred(0.5 * (LOW + HIGH), 5.5);
@@ -45,7 +55,7 @@ fn scene(photo: impl Fn(RadianceImage) -> Photo) -> Scene {
         let direction = camera.direction(x as f64 + 0.5, y as f64 + 0.5);
         direction * wall_distance(Vec3::ZERO, direction)
     };
-    let radiance = Image::from_fn(WIDTH, HEIGHT, |x, y| wall_radiance(point(x, y)));
+    let radiance = Image::from_fn(WIDTH, HEIGHT, |x, y| seen(point(x, y)));
     let depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| -point(x, y).z);
     let frame = Frame::new(photo(radiance), depth_m, camera, 1.0).unwrap();
     Scene::as_seen(light, frame)
@@ -130,6 +140,71 @@ fn shadow_lies_under_the_object_away_from_the_lamp() {
     let (left, right) = (ratio_at(-0.1, -3.0), ratio_at(0.7, -3.0));
     assert!(right < left - 0.05 && right < 0.92, "{left} {right}");
     assert!(composite.shadow_ratio.pixels().iter().flatten().all(|r| (0.0..4.0).contains(r)));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+
+    /// An octree that knows too little of the light, by region and channel, leaves nothing black: a sphere hides of light from all around
+    /// no more than its form factor (r / d)² cos θ and what is four times as bright there as elsewhere.
+    #[test]
+    fn unknown_light_is_no_darkness(
+        low in prop::array::uniform3(-2.0f32..1.0),
+        size in prop::array::uniform3(0.5f32..3.0),
+        kept in prop::array::uniform3(0.0f32..1.0),
+        x in -0.8f32..0.8, z in -3.2f32..-1.6, radius in 0.15f32..0.6,
+    ) {
+        let dimmed = |p: Vec3, radiance: [f32; 3]| {
+            let inside = (p - Vec3::from(low)).cmpge(Vec3::ZERO).all() && (p - Vec3::from(low)).cmple(Vec3::from(size)).all();
+            if inside { (Vec3::from(radiance) * Vec3::from(kept)).to_array() } else { radiance }
+        };
+        let unlit = |p: Vec3| wall_radiance(p).map(|c| c.min(0.4));
+        let scene = room(Photo::Linear, |p| dimmed(p, unlit(p)), unlit);
+        let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Draft).unwrap();
+        let black = Material { base_color: [0.0, 0.0, 0.0, 1.0], ..Material::default() };
+        let centre = Vec3::new(x, LOW.y + radius, z);
+        let composite =
+            inserter.render(&sphere(black), &in_air(centre, radius), &mut lo_events::ignore).unwrap();
+        for i in (0..WIDTH * HEIGHT).filter(|&i| composite.alpha.pixels()[i] == 0.0) {
+            let direction = scene.frame.camera.direction((i % WIDTH) as f64 + 0.5, (i / WIDTH) as f64 + 0.5);
+            let point = direction * wall_distance(Vec3::ZERO, direction);
+            // Of the places that the draft's coarse grid mixes the nearest to the sphere.
+            let distance = ((point - centre).length() - 0.12).max(radius);
+            let form_factor = (radius / distance).powi(2);
+            let least = (1.0 - form_factor) / (1.0 + 3.0 * form_factor);
+            let ratio = composite.shadow_ratio.pixels()[i];
+            prop_assert!(ratio.iter().all(|&r| r >= 0.9 * least && r < 1.1), "{ratio:?} at {point}, at least {least}");
+        }
+    }
+}
+
+#[test]
+fn shadows_go_on_where_depth_ends() {
+    let whole = linear_scene();
+    let mut holed = whole.clone();
+    // The right half of the picture below the horizon has no readings.
+    let hole = |x: usize, y: usize| x >= 70 && y > HEIGHT / 2;
+    let depth_m = &whole.frame.depth_m;
+    holed.frame.depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| if hole(x, y) { 0.0 } else { depth_m[(x, y)] });
+    let ratio = |scene: &Scene| {
+        let inserter = Inserter::new(scene, Lighting::Octree, Quality::Normal).unwrap();
+        let placed = on_floor(0.15, -2.4, 0.3);
+        inserter.render(&sphere(matte()), &placed, &mut lo_events::ignore).unwrap().shadow_ratio
+    };
+    let (known, gone_on) = (ratio(&whole), ratio(&holed));
+    let (mut shadowed, mut worst) = (0, 0.0f32);
+    for y in HEIGHT / 2 + 1..HEIGHT {
+        for x in 66..82 {
+            let direction = whole.frame.camera.direction(x as f64 + 0.5, y as f64 + 0.5);
+            if LOW.y / direction.y > wall_distance(Vec3::ZERO, direction) * 1.001 {
+                continue;
+            }
+            shadowed += usize::from(hole(x, y) && known[(x, y)][1] < 0.97);
+            worst = worst.max((known[(x, y)][1] - gone_on[(x, y)][1]).abs());
+        }
+    }
+    assert!(shadowed > 40, "{shadowed}");
+    assert!(worst < 0.04, "{worst}");
 }
 
 #[test]

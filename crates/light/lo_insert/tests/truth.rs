@@ -112,7 +112,13 @@ struct Errors {
     object_pixels: usize,
     ratio: f64,
     ratio_pixels: usize,
+    /// Signed, of the ratio on the floor right beside the body.
+    contact: f64,
+    contact_pixels: usize,
 }
+
+/// Floor this near to the body is its contact, in metres.
+const CONTACT_M: f64 = 0.05;
 
 /// Compares every `stride`-th pixel of every `stride`-th row with `paths` paths a pixel.
 fn compare(
@@ -127,22 +133,30 @@ fn compare(
     let tracer = Tracer { room: solution.room, body: Some((body, finish)) };
     let camera = scene.frame.camera;
     let (width, height) = (camera.width as usize, camera.height as usize);
-    let pixels: Vec<(usize, usize)> =
-        (0..height).step_by(stride).flat_map(|y| (0..width).step_by(stride).map(move |x| (x, y))).collect();
-    let results: Vec<(Option<f64>, Option<f64>)> = pixels
+    let pixels: Vec<(usize, usize)> = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).collect();
+    let at_contact = |x: usize, y: usize| {
+        let hit = solution.room.wall([0.0; 3], pixel_direction(&camera, x, y));
+        hit.wall == Some(2) && body.distance_m(hit.position) < CONTACT_M
+    };
+    let results: Vec<(Option<f64>, Option<f64>, Option<f64>)> = pixels
         .par_iter()
         .map(|&(x, y)| {
+            let chosen = x % stride == 0 && y % stride == 0;
+            let contact = at_contact(x, y);
+            if !chosen && !contact {
+                return (None, None, None);
+            }
             let direction = pixel_direction(&camera, x, y);
             let hit = tracer.hit([0.0; 3], direction);
             let mut random = Random::new((y * width + x) as u64);
             let alpha = composite.alpha[(x, y)];
             let view = scale(direction, -1.0);
-            if hit.wall.is_none() && alpha > 0.999 {
+            if chosen && hit.wall.is_none() && alpha > 0.999 {
                 let truth = tracer.reflected(&hit, view, paths, &mut random);
                 let found = composite.object[(x, y)].map(f64::from);
                 let sum = |v: V| v[0] + v[1] + v[2];
                 let difference = (0..3).map(|c| (found[c] - truth[c]).abs()).sum::<f64>();
-                return (Some(difference / sum(truth)), None);
+                return (Some(difference / sum(truth)), None, None);
             }
             if hit.wall.is_some() && alpha == 0.0 && !solution.room.on_lamp(&hit) {
                 // Cheap first, and well only where something is to be seen
@@ -156,17 +170,19 @@ fn compare(
                     let ratio: V = std::array::from_fn(|c| truth[c] / empty[c]);
                     if ratio.iter().any(|r| (r - 1.0).abs() > 0.03) {
                         let error = (0..3).map(|c| (found[c] - ratio[c]).abs() / ratio[c]).sum::<f64>() / 3.0;
-                        return (None, Some(error));
+                        let signed = (0..3).map(|c| found[c] / ratio[c] - 1.0).sum::<f64>() / 3.0;
+                        return (None, chosen.then_some(error), contact.then_some(signed));
                     }
                 }
             }
-            (None, None)
+            (None, None, None)
         })
         .collect();
     let mean = |values: Vec<f64>| (values.iter().sum::<f64>() / values.len().max(1) as f64, values.len());
     let (object, object_pixels) = mean(results.iter().filter_map(|r| r.0).collect());
     let (ratio, ratio_pixels) = mean(results.iter().filter_map(|r| r.1).collect());
-    Errors { object, object_pixels, ratio, ratio_pixels }
+    let (contact, contact_pixels) = mean(results.iter().filter_map(|r| r.2).collect());
+    Errors { object, object_pixels, ratio, ratio_pixels, contact, contact_pixels }
 }
 
 fn bodies() -> [(&'static str, Body, Finish); 2] {
@@ -189,11 +205,13 @@ fn run(depth: u32, width: u32, height: u32, quality: Quality, stride: usize, pat
             let composite = inserter.render(&prepared, &placement(&body, room.low[1]), &mut lo_events::ignore).unwrap();
             let errors = compare(&scene, &solution, body, finish, &composite, stride, paths);
             println!(
-                "{name}, d = {depth}, {quality:?}: object {:.1} % ({} pixels), ratio {:.1} % ({} pixels)",
+                "{name}, d = {depth}, {quality:?}: object {:.1} % ({} pixels), ratio {:.1} % ({} pixels), contact {:+.1} % ({} pixels)",
                 100.0 * errors.object,
                 errors.object_pixels,
                 100.0 * errors.ratio,
-                errors.ratio_pixels
+                errors.ratio_pixels,
+                100.0 * errors.contact,
+                errors.contact_pixels
             );
             errors
         })

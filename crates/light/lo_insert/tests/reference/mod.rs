@@ -72,6 +72,17 @@ pub struct Hit {
 }
 
 impl Body {
+    /// From a point outside of it to its surface.
+    pub fn distance_m(&self, point: V) -> f64 {
+        match *self {
+            Body::Sphere { centre, radius } => dot(sub(point, centre), sub(point, centre)).sqrt() - radius,
+            Body::Cuboid { low, high } => {
+                let outside: V = std::array::from_fn(|k| (low[k] - point[k]).max(point[k] - high[k]).max(0.0));
+                dot(outside, outside).sqrt()
+            }
+        }
+    }
+
     fn hit(&self, origin: V, direction: V) -> Option<(f64, V)> {
         match *self {
             Body::Sphere { centre, radius } => {
