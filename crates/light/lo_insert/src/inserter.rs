@@ -134,7 +134,12 @@ impl Inserter {
             let reflected = Gatherer { radiosity: Some(&direct), ..gatherer(Some(&coarse), None) };
             Ok::<_, Cancelled>(patches::lit(&reflected, &patches))
         })?;
-        let shadow = self.fine.ratio(&caster(Some(&radiosity)), Stage::FineShadow, on_event)?;
+        let shadow = if self.counts.refines_shadow {
+            let smooth = self.coarse.ratio(&caster(Some(&radiosity)), Stage::CoarseShadow, on_event)?;
+            self.fine.refined(&smooth, &caster(Some(&radiosity)), Stage::FineShadow, on_event)?
+        } else {
+            self.fine.ratio(&caster(Some(&radiosity)), Stage::FineShadow, on_event)?
+        };
 
         let mut layers = Layers::new(self.frame.photo.width(), self.frame.photo.height());
         self.shade_object(&object, gatherer(Some(&shadow), Some(&radiosity)), &mut layers, on_event)?;

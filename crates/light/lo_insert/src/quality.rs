@@ -17,8 +17,8 @@ use crate::visibility::Thrift;
 /// | directions per background point (× 16 by interleaving) | 8 | 16 | 96 |
 /// | light samples per background point (× 16 by interleaving) | 3 | 8 | 16 |
 /// | texels along the side of the object's shadow map from each of those | 16 | 32 | (rays) |
-/// | longer side of the shadow map | 128 | 480 | 2048 |
-/// | longer side of the shadow map that the object sees | 64 | 80 | 240 |
+/// | longer side of the shadow map | 128 | 480 | 512, 2048 where it is not smooth |
+/// | longer side of the shadow map that the object sees | 64 | 80 | 512 |
 /// | points that carry the object's bounced light | 192 | 512 | 1536 |
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -57,6 +57,8 @@ pub(crate) struct Counts {
     pub shadow_side: usize,
     /// Longer side of the coarse shadow map.
     pub coarse_shadow_side: usize,
+    /// Whether the shadow map is computed only where the coarse one is not smooth.
+    pub refines_shadow: bool,
     /// Points that carry the object's own light.
     pub patches: usize,
     /// Share of a real surface's hemisphere below which the object's effect is neglected; it fades in up to twice this.
@@ -83,6 +85,7 @@ impl Quality {
                 silhouette_side: 16,
                 shadow_side: 128,
                 coarse_shadow_side: 64,
+                refines_shadow: false,
                 patches: 192,
                 negligible: 0.02,
                 share_light_visibility: true,
@@ -102,6 +105,7 @@ impl Quality {
                 silhouette_side: 32,
                 shadow_side: 480,
                 coarse_shadow_side: 80,
+                refines_shadow: false,
                 patches: 512,
                 negligible: 0.004,
                 share_light_visibility: true,
@@ -120,7 +124,8 @@ impl Quality {
                 backdrop_side: 96,
                 silhouette_side: 0,
                 shadow_side: 2048,
-                coarse_shadow_side: 240,
+                coarse_shadow_side: 512,
+                refines_shadow: true,
                 patches: 1536,
                 negligible: 0.003,
                 share_light_visibility: false,

@@ -123,34 +123,75 @@ impl ShadowField {
 
     /// The ratio with the object; a stage of its own.
     pub fn ratio(&self, caster: &Caster, stage: Stage, on_event: OnEvent<'_>) -> Result<ShadowRatio<'_>, Cancelled> {
+        let (width, height) = (self.receivers.width(), self.receivers.height());
         stage_of_steps(on_event, stage.clone(), |on_event| {
-            self.ratio_in_batches(caster, &mut Batches::new(on_event, stage, 2 * self.receivers.height()))
+            let all = Image::new(width, height, vec![true; width * height]);
+            let unknown = Image::new(width, height, vec![Vec3::ONE; width * height]);
+            self.ratio_where(&all, unknown, caster, &mut Batches::new(on_event, stage, 2 * height))
         })
     }
 
-    fn ratio_in_batches(&self, caster: &Caster, batches: &mut Batches<'_>) -> Result<ShadowRatio<'_>, Cancelled> {
+    /// The ratio with the object where a coarser one is not smooth; elsewhere that one, interpolated.
+    pub fn refined(
+        &self,
+        coarse: &ShadowRatio<'_>,
+        caster: &Caster,
+        stage: Stage,
+        on_event: OnEvent<'_>,
+    ) -> Result<ShadowRatio<'_>, Cancelled> {
         let (width, height) = (self.receivers.width(), self.receivers.height());
-        let rows = batches.each(height, width * self.cones, 1, |rows| {
-            rows.into_par_iter().map(|y| self.change_row(y, caster)).collect::<Vec<_>>()
-        })?;
-        let changes = Image::new(width, height, rows.into_iter().flatten().collect());
-        let needed = near_nonzero(&changes);
-        self.irradiance.complete(&self.receivers, caster.environment, &needed, batches)?;
-        let rows: Vec<Vec<Vec3>> = (0..height)
-            .into_par_iter()
-            .map(|y| {
-                (0..width).map(|x| if needed[(x, y)] { self.filtered(&changes, x, y) } else { Vec3::ONE }).collect()
-            })
-            .collect();
-        Ok(ShadowRatio::new(&self.receivers, Image::new(width, height, rows.into_iter().flatten().collect())))
+        stage_of_steps(on_event, stage.clone(), |on_event| {
+            let place = |x: usize, y: usize| ((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32);
+            let rough = coarse.rough();
+            let wanted =
+                Image::from_fn(width, height, |x, y| rough[(x * rough.width() / width, y * rough.height() / height)]);
+            let rows: Vec<Vec<Vec3>> = (0..height)
+                .into_par_iter()
+                .map(|y| {
+                    let at = |x: usize| {
+                        let (u, v) = place(x, y);
+                        let seen = || self.receivers.surfaces[(x, y)].map(|surface| surface.position_m);
+                        if wanted[(x, y)] { Vec3::ONE } else { coarse.for_photo(u, v, seen) }
+                    };
+                    (0..width).map(at).collect()
+                })
+                .collect();
+            let interpolated = Image::new(width, height, rows.into_iter().flatten().collect());
+            self.ratio_where(&wanted, interpolated, caster, &mut Batches::new(on_event, stage, 2 * height))
+        })
     }
 
-    /// The change of a row of pixels, each by one pattern.
-    fn change_row(&self, y: usize, caster: &Caster) -> Vec<Change> {
+    /// The ratio of the `wanted` pixels, in place of what `ratio` has there.
+    fn ratio_where(
+        &self,
+        wanted: &Image<bool>,
+        mut ratio: Image<Vec3>,
+        caster: &Caster,
+        batches: &mut Batches<'_>,
+    ) -> Result<ShadowRatio<'_>, Cancelled> {
+        let (width, height) = (self.receivers.width(), self.receivers.height());
+        let sampled = widened(wanted, |&wanted| wanted);
+        let rows = batches.each(height, width * self.cones, 1, |rows| {
+            rows.into_par_iter().map(|y| self.change_row(y, caster, &sampled)).collect::<Vec<_>>()
+        })?;
+        let changes = Image::new(width, height, rows.into_iter().flatten().collect());
+        let changed = widened(&changes, |change| *change != Change::default());
+        let needed = Image::from_fn(width, height, |x, y| wanted[(x, y)] && changed[(x, y)]);
+        self.irradiance.complete(&self.receivers, caster.environment, &needed, batches)?;
+        ratio.pixels_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+            for (x, ratio) in row.iter_mut().enumerate().filter(|&(x, _)| needed[(x, y)]) {
+                *ratio = self.filtered(&changes, x, y);
+            }
+        });
+        Ok(ShadowRatio::new(&self.receivers, ratio))
+    }
+
+    /// The change of those pixels of a row that are to be sampled, each by one pattern.
+    fn change_row(&self, y: usize, caster: &Caster, sampled: &Image<bool>) -> Vec<Change> {
         let width = self.receivers.width();
         let mut changes = vec![Change::default(); width];
         let (mut rays, mut ray_owners, mut shares) = (Vec::new(), Vec::new(), Vec::new());
-        for (x, change) in changes.iter_mut().enumerate() {
+        for (x, change) in changes.iter_mut().enumerate().filter(|&(x, _)| sampled[(x, y)]) {
             let Some(surface) = self.receivers.surfaces[(x, y)] else { continue };
             let Some(cap) = Cap::towards(caster.object, &surface) else { continue };
             // Effects fade out where they are too small to be seen, and nothing is computed beyond.
@@ -228,12 +269,11 @@ impl ShadowField {
     }
 }
 
-/// Where a 5 × 5 window holds anything but zero.
-fn near_nonzero(changes: &Image<Change>) -> Image<bool> {
-    let (width, height) = (changes.width(), changes.height());
-    let along_x = Image::from_fn(width, height, |x, y| {
-        (x.saturating_sub(2)..(x + 3).min(width)).any(|px| changes[(px, y)] != Change::default())
-    });
+/// Where the 5 × 5 window around a pixel holds one that is `set`.
+fn widened<T>(image: &Image<T>, set: impl Fn(&T) -> bool) -> Image<bool> {
+    let (width, height) = (image.width(), image.height());
+    let along_x =
+        Image::from_fn(width, height, |x, y| (x.saturating_sub(2)..(x + 3).min(width)).any(|px| set(&image[(px, y)])));
     Image::from_fn(width, height, |x, y| (y.saturating_sub(2)..(y + 3).min(height)).any(|py| along_x[(x, py)]))
 }
 

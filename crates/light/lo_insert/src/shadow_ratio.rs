@@ -7,6 +7,12 @@ use crate::surface::bilinear;
 /// Factors that differ by less than this need no look at the surfaces that they belong to: half a level of an 8-bit picture.
 const ALIKE: f32 = 0.004;
 
+/// Second differences up to here are smooth: what is interpolated is then wrong by less than a hundredth of the photo's value.
+const MAX_BEND: f32 = 0.006;
+
+/// Pixels of a neighbourhood without an edge in it, see [`Receivers::neighbours`].
+const FULL_NEIGHBOURHOOD: usize = 25;
+
 /// Pixels around a place that are looked through for its surface.
 const WIDE: usize = 2;
 
@@ -37,6 +43,31 @@ impl<'a> ShadowRatio<'a> {
     pub fn new(receivers: &'a Receivers, ratio: Image<Vec3>) -> Self {
         let blends = Image::from_fn(ratio.width(), ratio.height(), |x, y| blend(&ratio, x, y));
         Self { receivers, ratio, blends }
+    }
+
+    /// Where a bilinear look-up is not good enough for a finer grid: where the factor bends, or changes across an edge.
+    pub fn rough(&self) -> Image<bool> {
+        let (width, height) = (self.ratio.width(), self.ratio.height());
+        let rough = Image::from_fn(width, height, |x, y| {
+            let (left, right) = (x.saturating_sub(1), (x + 1).min(width - 1));
+            let (above, below) = (y.saturating_sub(1), (y + 1).min(height - 1));
+            let at = |x: usize, y: usize| self.ratio[(x, y)];
+            let bend = [
+                at(left, y) + at(right, y) - 2.0 * at(x, y),
+                at(x, above) + at(x, below) - 2.0 * at(x, y),
+                0.5 * (at(left, above) + at(right, below) - at(right, above) - at(left, below)),
+            ];
+            let changes = [(left, y), (right, y), (x, above), (x, below)]
+                .iter()
+                .any(|&(px, py)| (at(px, py) - at(x, y)).abs().max_element() > ALIKE);
+            bend.iter().any(|bend| bend.abs().max_element() > MAX_BEND)
+                || changes && self.receivers.neighbours(x, y, 1).count() < FULL_NEIGHBOURHOOD.min(width * height)
+        });
+        // A look-up between pixels takes the next one too.
+        Image::from_fn(width, height, |x, y| {
+            (y.saturating_sub(1)..(y + 2).min(height))
+                .any(|py| (x.saturating_sub(1)..(x + 2).min(width)).any(|px| rough[(px, py)]))
+        })
     }
 
     /// Pixels `(left, top, right, bottom)`, the last two exclusive, of a photo of the given size outside of which the factor is 1.
