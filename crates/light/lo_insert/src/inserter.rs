@@ -188,10 +188,7 @@ impl Inserter {
     /// as in small ones.
     fn shade_stride(&self) -> usize {
         let large = self.frame.photo.width().max(self.frame.photo.height()) >= LARGE_SIDE;
-        match self.counts.shade_stride {
-            2 if large => 4,
-            stride => stride,
-        }
+        self.counts.shade_stride[usize::from(large)]
     }
 
     fn warnings(&self, object: &Object, layers: &Layers) -> impl Iterator<Item = Warning> + use<> {

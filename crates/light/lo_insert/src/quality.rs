@@ -9,7 +9,7 @@ use crate::visibility::Thrift;
 /// | coverage samples per pixel | 4 on edges, else 1 | 8, or 4 that agree | 16 |
 /// | diffuse cones over the sphere per shaded point | 24 | 64 | 192 |
 /// | solid angle of a diffuse cone, of its share of the sphere | 1 | 1/2 | 1/4 |
-/// | diffuse light shared by neighbouring pixels, from 1,440 pixels of the longer side on | 4 × 4, 4 × 4 | 2 × 2, 4 × 4 | no |
+/// | diffuse light shared by neighbouring pixels, from 1,440 pixels of the longer side on | 4 × 4, 4 × 4 | 2 × 2, 4 × 4 | no, 2 × 2 |
 /// | transmittance at which cones of diffuse light end | 1 % | 0.3 % | 0.01 % |
 /// | texels along the side of the room's picture behind the object | 32 | 48 | 96 |
 /// | cones of a blurred reflection | 1 | 6 | 24 |
@@ -41,7 +41,8 @@ pub(crate) struct Counts {
     /// against a path tracer, a box is then wrong by 10.1 instead of 6.9 % at high quality (`tests/truth.rs`). Few cones must not
     /// leave gaps.
     pub diffuse_aperture: f32,
-    pub shade_stride: usize,
+    /// Pixels along the side of the blocks that share diffuse light, in small and in large photos.
+    pub shade_stride: [usize; 2],
     /// Where pixels are content with fewer coverage samples.
     pub thrift: Thrift,
     /// Transmittance at which cones of diffuse light end.
@@ -74,7 +75,7 @@ impl Quality {
                 coverage: 4,
                 diffuse_cones: 24,
                 diffuse_aperture: 1.0,
-                shade_stride: 4,
+                shade_stride: [4, 4],
                 thrift: Thrift::InsideOutline,
                 min_transmittance: 0.01,
                 specular_cones: 1,
@@ -94,7 +95,7 @@ impl Quality {
                 coverage: 8,
                 diffuse_cones: 64,
                 diffuse_aperture: 0.5,
-                shade_stride: 2,
+                shade_stride: [2, 4],
                 thrift: Thrift::HalfAgree,
                 min_transmittance: 0.003,
                 specular_cones: 6,
@@ -114,7 +115,7 @@ impl Quality {
                 coverage: 16,
                 diffuse_cones: 192,
                 diffuse_aperture: 0.25,
-                shade_stride: 1,
+                shade_stride: [1, 2],
                 thrift: Thrift::None,
                 min_transmittance: 1e-4,
                 specular_cones: 24,
