@@ -56,7 +56,8 @@ impl Stages {
         interrupt::go_on()
     }
 
-    fn clear_bar(&mut self) {
+    /// Takes the bar of a stage away that is not finished.
+    pub fn clear_bar(&mut self) {
         self.bar.take().iter().for_each(ProgressBar::finish_and_clear);
     }
 

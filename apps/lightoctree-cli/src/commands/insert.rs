@@ -1,6 +1,7 @@
 //! `lightoctree insert SCENE`: a virtual object in the photo.
 
 use std::borrow::Cow;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
@@ -85,6 +86,10 @@ pub struct Args {
     #[arg(long, value_name = "QUALITY", default_value = "normal")]
     quality: QualityArg,
 
+    /// Seconds after which a picture of high quality is given up and one of normal quality written, as after a Ctrl-C
+    #[arg(long, value_name = "S", value_parser = parse::positive, conflicts_with = "path")]
+    time_limit: Option<f64>,
+
     /// Also write object, alpha, shadow ratio and occlusion as layers of an EXR (with %04d for a sequence)
     #[arg(long, value_name = "FILE.exr")]
     layers: Option<PathBuf>,
@@ -129,6 +134,11 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let placements = placements(args, &scene, scale)?;
     let files = output_files(args, output, placements.len())?;
     let lighting = lighting(&args.lighting)?;
+    if args.time_limit.is_some() && !matches!(args.quality, QualityArg::High) {
+        return Err(
+            Usage("--time-limit: only a picture of --quality high can be given up for a lesser one".into()).into()
+        );
+    }
     let quality = match args.quality {
         QualityArg::Draft => Quality::Draft,
         QualityArg::Normal => Quality::Normal,
@@ -141,19 +151,44 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     if matches!(lighting, Lighting::Octree) && !args.no_lamp {
         super::add_lamp(&mut scene, &mut stages);
     }
+    // What a high picture is replaced by when it is not waited for.
+    let mut lesser = None;
+    if quality == Quality::High && files.len() == 1 {
+        lesser = stages.stage("picture of normal quality", || {
+            let inserter = Inserter::new(&scene, lighting.clone(), Quality::Normal)?;
+            let mut warnings = Vec::new();
+            let hear = &mut |event| {
+                if let Event::Warning(warning) = event {
+                    warnings.push(warning);
+                }
+                interrupt::go_on()
+            };
+            match inserter.render(&model, &placements[0], hear) {
+                Err(InsertError::Cancelled(_)) => Ok(None),
+                composite => composite.map(|composite| Some((composite, warnings))),
+            }
+        })?;
+    }
     let inserter = stages.stage("prepare light", || Inserter::new(&scene, lighting, quality))?;
     let progress = bar(global.quiet || files.len() == 1, files.len(), "frames");
     let mut written = Vec::new();
     for (placement, (file, layers)) in placements.iter().zip(&files) {
         let first = written.is_empty();
         let hear = &mut |event| match event {
+            _ if args.time_limit.is_some_and(|limit| stages.total().as_secs_f64() > limit) => ControlFlow::Break(()),
             _ if files.len() == 1 => stages.hear(event),
             // Frames are all alike.
             Event::Warning(warning) if first => stages.hear(Event::Warning(warning)),
             _ => interrupt::go_on(),
         };
         let composite = match inserter.render(&model, placement, hear) {
-            Err(InsertError::Cancelled(_)) => break,
+            Err(InsertError::Cancelled(_)) => {
+                let Some((lesser, warnings)) = lesser.take() else { break };
+                stages.clear_bar();
+                warnings.iter().for_each(|warning| stages.warn(warning));
+                stages.note("not waited for: this picture is of normal quality");
+                lesser
+            }
             composite => composite?,
         };
         imaging::write_photo(file, &composite.image, &output::signature(COMMAND))?;

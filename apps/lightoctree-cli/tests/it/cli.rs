@@ -188,6 +188,29 @@ fn insert_changes_the_photo_only_where_the_object_acts() {
 }
 
 #[test]
+fn a_picture_that_is_not_waited_for_is_of_normal_quality() {
+    let folder = room_with_scene();
+    let at = folder.path();
+    write_mesh(at);
+    let insert = |more: &[&str]| {
+        let args = ["insert", "room.scene", "--mesh", "object.obj", "--height", "0.4", "--pixel", "72,80"];
+        done(at, &[&args[..], more].concat())
+    };
+    insert(&["-o", "normal.png"]);
+    insert(&["--quality", "high", "--time-limit", "0.001", "-o", "cut.png"]);
+    insert(&["--quality", "high", "--time-limit", "600", "-o", "high.png"]);
+    let pixels = |file: &str| imaging::read_rgba8(at.join(file)).unwrap();
+    assert_eq!(pixels("cut.png"), pixels("normal.png"));
+    assert_ne!(pixels("high.png"), pixels("normal.png"));
+    let message = refused(
+        at,
+        2,
+        &["insert", "room.scene", "--mesh", "object.obj", "--pixel", "72,80", "--time-limit", "3", "-o", "a.png"],
+    );
+    assert!(message.contains("--quality high"), "{message}");
+}
+
+#[test]
 fn export_writes_all_three_formats() {
     let folder = room_with_scene();
     for format in ["ply", "glb", "usda"] {
