@@ -1,6 +1,7 @@
 use lo_cone::{Cone, ConeSample, ConeTracer, Sampling, Settings};
 use lo_geometry::{Plane, Vec3};
 use lo_imaging::RadianceImage;
+use lo_lookup::PhotoLookup;
 use lo_scene::Scene;
 
 use crate::lights::{self, Lights};
@@ -32,6 +33,8 @@ enum Source {
         smooth: Box<ConeTracer>,
         /// Reads the rest between node centres: the cones start where the object is, and must not jump as it moves.
         dimmed: Box<ConeTracer>,
+        /// Where the photo shows what reflections meet.
+        photo: Option<Box<PhotoLookup>>,
         leaf_edge_m: f32,
     },
     Map {
@@ -63,6 +66,7 @@ impl Environment {
         let tracer =
             |light: &lo_octree::LightOctree, settings: Settings| ConeTracer::new(light, settings).map(Box::new);
         let whole = tracer(light, Settings::default())?;
+        let photo = counts.photo_lookup.then(|| Box::new(PhotoLookup::new(scene, &whole)));
         let interpolated = Settings { sampling: Sampling::Interpolated, ..Settings::default() };
         let smooth = tracer(light, interpolated)?;
         // The back of a closed room's shell looks into empty space: nothing is met there before the end of the cube.
@@ -73,7 +77,7 @@ impl Environment {
         let (emitters, dimmed) = lights::split_octree(light, faces_room);
         let dimmed = tracer(&dimmed, Settings { min_transmittance: counts.min_transmittance, ..interpolated })?;
         let lights = Lights::sample(&emitters, LIGHT_SAMPLES);
-        let source = Source::Octree { whole, smooth, dimmed, leaf_edge_m };
+        let source = Source::Octree { whole, smooth, dimmed, photo, leaf_edge_m };
         Ok(Self { source, lights, lift_m: LIFT_EDGES * leaf_edge_m })
     }
 
@@ -112,6 +116,16 @@ impl Environment {
                     opacity: 1.0,
                 }));
             }
+        }
+    }
+
+    /// What each cone of a reflection sees with all lights ([`Environment::gather`]), and where the photo shows what is met, that. Cones begin at
+    /// [lifted](Environment::lifted) places, and are lowered to the `apexes` that they were lifted from where the photo is looked up: it knows surfaces
+    /// finer than the octree's leaves. Distances are from where the cones begin then.
+    pub fn gather_reflected(&self, apexes: &[Vec3], cones: &mut [Cone], samples: &mut Vec<ConeSample>) {
+        self.gather(Part::Whole, cones, samples);
+        if let Source::Octree { photo: Some(photo), .. } = &self.source {
+            photo.sharpen_from(apexes, cones, samples);
         }
     }
 

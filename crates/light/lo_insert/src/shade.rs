@@ -182,6 +182,7 @@ impl Shader<'_> {
         let mut radiance = vec![Vec3::ZERO; reflections.len()];
         // What is asked of the environment: with its lights, and without.
         let mut asked: [(Vec<Cone>, Vec<Owner>); 2] = Default::default();
+        let mut apexes = Vec::new();
         for (i, reflection) in reflections.iter().enumerate() {
             let point = &fragments[chosen[reflection.slot]].point;
             let origin = gatherer.ray_start(point.position, point.geometric_normal);
@@ -194,18 +195,25 @@ impl Shader<'_> {
                 }
                 continue;
             }
-            let origin = gatherer.environment.lifted(point.position, gatherer.object.support);
-            let cone = Cone { origin, direction: reflection.direction, tan_half_angle: reflection.tan_half_angle };
+            let lifted = gatherer.environment.lifted(point.position, gatherer.object.support);
+            let cone =
+                Cone { origin: lifted, direction: reflection.direction, tan_half_angle: reflection.tan_half_angle };
             let sampled = if gatherer.environment.lights().is_empty() { 0.0 } else { sampled_share(point.roughness) };
             for (part, share) in [1.0 - sampled, sampled].into_iter().enumerate().filter(|(_, share)| *share > 0.0) {
                 asked[part].0.push(cone);
                 asked[part].1.push((i, share));
+                if part == 0 {
+                    apexes.push(origin);
+                }
             }
         }
         let mut samples = Vec::new();
-        for (part, (cones, owners)) in [Part::Whole, Part::Dimmed].into_iter().zip(&asked) {
-            gatherer.environment.gather(part, cones, &mut samples);
-            for ((cone, sample), &(i, share)) in cones.iter().zip(&samples).zip(owners) {
+        for (part, (cones, owners)) in [Part::Whole, Part::Dimmed].into_iter().zip(&mut asked) {
+            match part {
+                Part::Whole => gatherer.environment.gather_reflected(&apexes, cones, &mut samples),
+                Part::Dimmed => gatherer.environment.gather(part, cones, &mut samples),
+            }
+            for ((cone, sample), &mut (i, share)) in cones.iter().zip(&samples).zip(owners) {
                 radiance[i] += gatherer.shadowed(cone, sample) * share;
             }
         }

@@ -52,7 +52,7 @@ pub use overlap::{ExposureRatio, Overlap, overlap};
 pub use panorama::{LaidPanorama, PanoramaSource};
 pub use placement::place_cube;
 pub use posed_frame::{OtherPhoto, PosedFrame};
-pub use resample::working_photo;
+pub use resample::{resized_photo, working_photo};
 pub use room::{Completion, Room, RoomPlane, Side};
 pub use seen_photo::SeenPhoto;
 pub use surfel::Surfel;
