@@ -99,7 +99,6 @@ impl PhotoLookup {
         let Cone { origin, direction, tan_half_angle } = *cone;
         let expected_m = sample.distance_m;
         let width_edges = |distance_m: f32| 2.0 * distance_m * tan_half_angle / edge_m;
-        // What is met nearer is narrower, so that no width tells before.
         let near = origin + direction * expected_m;
         let depth_m = -near.z;
         if depth_m <= -reach_m || !(expected_m > 0.0) {
@@ -110,7 +109,7 @@ impl PhotoLookup {
             return None;
         }
         let from_m = (expected_m - reach_m).max(0.0);
-        if width_edges(from_m) >= WIDE_EDGES.1 {
+        if width_edges(expected_m) >= WIDE_EDGES.1 {
             return None;
         }
         let slack_m = SLACK_EDGES * edge_m;
@@ -131,7 +130,7 @@ impl PhotoLookup {
         let off = fade(met.off_m / edge_m, (0.5 * SLACK_EDGES, SLACK_EDGES));
         let apart = if met.free { 1.0 } else { fade((met.distance_m - expected_m).abs() / edge_m, APART_EDGES) };
         let moved = fade(self.moved_m(origin, direction, &met) / edge_m, MOVED_EDGES);
-        let narrow = fade(width_edges(met.distance_m), WIDE_EDGES);
+        let narrow = fade(width_edges(met.distance_m.max(expected_m)), WIDE_EDGES);
         let weight = off * apart * moved * narrow;
         if weight <= 0.0 {
             return None;

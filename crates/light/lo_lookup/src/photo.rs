@@ -12,6 +12,9 @@ const MAX_SIDE: usize = 2048;
 /// Most look-ups along the longer axis of a footprint.
 const MAX_TAPS: f32 = 6.0;
 
+/// Pixels of the level that is read, over the width of the footprint: between a box, whose root mean square it is at 0.7, and none.
+const WIDTH_SHARE: f32 = 0.7;
+
 /// Cells of a leaf's width, on which clipped pixels are compared with the octree.
 const CELLS_PER_LEAF: f32 = 2.0;
 
@@ -57,7 +60,8 @@ impl PhotoPyramid {
         };
         let length = long.length();
         let taps = (length / short.max(0.5)).ceil().clamp(1.0, MAX_TAPS);
-        let level = (2.0 * short.max(length / taps)).max(1.0).log2();
+        // Bilinear look-ups are twice as wide as a pixel at their foot: this is as wide at half height as the ellipse is on average.
+        let level = (WIDTH_SHARE * 2.0 * short.max(length / taps)).max(1.0).log2();
         let tap = |i: usize| self.look_up(at + long * ((2.0 * i as f32 + 1.0) / taps - 1.0), level);
         (0..taps as usize).map(tap).sum::<Vec3>() / taps
     }
@@ -181,7 +185,7 @@ fn halved(image: &RadianceImage) -> RadianceImage {
     Image::new(width, height, rows.into_iter().flatten().collect())
 }
 
-/// As [`crate::surface::bilinear`], of radiance.
+/// Blend of the four pixels around a position; pixel centres lie at +0.5, and the border goes on outside.
 fn bilinear(image: &RadianceImage, at: Vec2) -> Vec3 {
     let last = Vec2::new((image.width() - 1) as f32, (image.height() - 1) as f32);
     let at = (at - 0.5).min(last).max(Vec2::ZERO);

@@ -8,8 +8,11 @@ use lo_scene::Frame;
 /// Longer side of the depth map; a finer one adds noise and time.
 const MAX_SIDE: usize = 960;
 
+/// Inverse depths of neighbouring pixels that differ by more than this share, and not as on a plane, lie on both sides of a depth edge.
+const EDGE: f32 = 0.04;
+
 /// Pixels of the depth map from one sample of a ray to the next, and the most samples of one stretch.
-const STRIDE_PX: f32 = 1.5;
+const STRIDE_PX: f32 = 1.0;
 const MAX_SAMPLES: usize = 64;
 
 /// Nearest depth at which anything is looked up, in metres.
@@ -28,6 +31,8 @@ pub(crate) struct Surface {
     cy: f32,
     /// 1 / m.
     inverse: Image<f32>,
+    /// Whether a depth edge runs between a pixel and those right of it, below it, and right below: there nothing is blended.
+    edge: Image<bool>,
     /// How far inverse depth is from continuing its neighbours' plane, the largest of 3 × 3 pixels: large at depth edges.
     jump: Image<f32>,
     least_inverse: f32,
@@ -78,11 +83,11 @@ impl Surface {
         let depth_m = lo_imaging::resize_depth(&clean.depth_m, side(width), side(height));
         let camera = frame.camera.resized(depth_m.width() as u32, depth_m.height() as u32);
         let inverse = filled(&depth_m, &camera, tracer);
-        let jump = jumps(&inverse);
+        let (edge, jump) = edges(&inverse);
         let least_inverse = inverse.pixels().iter().copied().fold(f32::INFINITY, f32::min).max(1e-3);
         let (width, height) = (camera.width as f32, camera.height as f32);
         let [fx, fy, cx, cy] = [camera.fx, camera.fy, camera.cx, camera.cy].map(|v| v as f32);
-        Self { width, height, fx, fy, cx, cy, inverse, jump, least_inverse }
+        Self { width, height, fx, fy, cx, cy, inverse, edge, jump, least_inverse }
     }
 
     /// Position in the picture and inverse depth of a point; at or behind the camera they mean nothing.
@@ -123,7 +128,13 @@ impl Surface {
 
     /// By how much inverse depth differs on both sides of a depth edge at a position.
     pub fn jump(&self, at: Vec2) -> f32 {
-        bilinear(&self.jump, at)
+        Blend::new(&self.jump, at).bilinear(&self.jump)
+    }
+
+    /// Inverse depth at a position: blended between pixels, but for those between which a depth edge runs.
+    fn inverse_at(&self, at: Vec2) -> f32 {
+        let blend = Blend::new(&self.inverse, at);
+        if self.edge[blend.first] { self.inverse[blend.nearest()] } else { blend.bilinear(&self.inverse) }
     }
 
     /// Follows a ray through the picture, front to back.
@@ -136,7 +147,7 @@ impl Surface {
         let at = |share: f32| (start.0.lerp(end.0, share), start.1 + (end.1 - start.1) * share);
         let behind = |share: f32| {
             let (at, inverse) = at(share);
-            bilinear(&self.inverse, at) - inverse
+            self.inverse_at(at) - inverse
         };
         let meeting = |share: f32, off: f32, free: bool| {
             let (at, inverse) = at(share);
@@ -173,10 +184,13 @@ impl Surface {
     /// How position in the picture changes where the ray's direction turns by each of two small vectors: on the plane through
     /// the surface around the meeting.
     pub fn footprint(&self, origin: Vec3, met: &Meeting, direction: Vec3, turns: [Vec3; 2]) -> [Vec2; 2] {
-        const REACH_PX: f32 = 1.5;
+        const REACH_PX: f32 = 2.0;
+        let here = self.inverse_at(met.at);
+        // On the side without a depth edge, where there is one.
         let slope = |axis: Vec2| {
-            let across = axis * REACH_PX;
-            (bilinear(&self.inverse, met.at + across) - bilinear(&self.inverse, met.at - across)) / (2.0 * REACH_PX)
+            let [after, before] =
+                [1.0, -1.0].map(|side| side * (self.inverse_at(met.at + axis * (side * REACH_PX)) - here));
+            if after.abs() < before.abs() { after / REACH_PX } else { before / REACH_PX }
         };
         let (along_u, along_v) = (slope(Vec2::X), slope(Vec2::Y));
         // 1/z = i + gᵤ (u − u₀) + gᵥ (v − v₀) is the plane N · p = 1.
@@ -265,7 +279,8 @@ fn filled(depth_m: &Image<f32>, camera: &Camera, tracer: &ConeTracer) -> Image<f
     inverse
 }
 
-fn jumps(inverse: &Image<f32>) -> Image<f32> {
+/// Where depth edges run (see [`Surface::edge`] and [`Surface::jump`]).
+fn edges(inverse: &Image<f32>) -> (Image<bool>, Image<f32>) {
     let (width, height) = (inverse.width(), inverse.height());
     let bent = Image::from_fn(width, height, |x, y| {
         let bend = |a: f32, b: f32| (a + b - 2.0 * inverse[(x, y)]).abs();
@@ -273,22 +288,48 @@ fn jumps(inverse: &Image<f32>) -> Image<f32> {
         let down = if y > 0 && y + 1 < height { bend(inverse[(x, y - 1)], inverse[(x, y + 1)]) } else { 0.0 };
         along.max(down)
     });
-    Image::from_fn(width, height, |x, y| {
+    let edge = Image::from_fn(width, height, |x, y| {
+        let around = [x, (x + 1).min(width - 1)].map(|x| [y, (y + 1).min(height - 1)].map(|y| (x, y)));
+        let around = around.as_flattened().iter();
+        let (low, high, bend) = around.fold((f32::INFINITY, 0.0f32, 0.0f32), |(low, high, bend), &at| {
+            (low.min(inverse[at]), high.max(inverse[at]), bend.max(bent[at]))
+        });
+        // On a plane that is seen from its edge inverse depth falls off as steeply, but does not bend.
+        high - low > EDGE * high && bend > 0.5 * (high - low)
+    });
+    let jump = Image::from_fn(width, height, |x, y| {
         let rows = y.saturating_sub(1)..height.min(y + 2);
         let around = rows.flat_map(|y| (x.saturating_sub(1)..width.min(x + 2)).map(move |x| (x, y)));
         around.map(|at| bent[at]).fold(0.0, f32::max)
-    })
+    });
+    (edge, jump)
 }
 
-/// Blend of the four pixels around a position; pixel centres lie at +0.5, and the border goes on outside.
-pub(crate) fn bilinear(image: &Image<f32>, at: Vec2) -> f32 {
-    let last = Vec2::new((image.width() - 1) as f32, (image.height() - 1) as f32);
-    // NaN becomes 0.
-    let at = (at - 0.5).min(last).max(Vec2::ZERO);
-    let (x, y) = (at.x as usize, at.y as usize);
-    let (fx, fy) = (at.x - x as f32, at.y - y as f32);
-    let (x1, y1) = ((x + 1).min(image.width() - 1), (y + 1).min(image.height() - 1));
-    let top = image[(x, y)] * (1.0 - fx) + image[(x1, y)] * fx;
-    let bottom = image[(x, y1)] * (1.0 - fx) + image[(x1, y1)] * fx;
-    top * (1.0 - fy) + bottom * fy
+/// The four pixels around a position; pixel centres lie at +0.5, and the border goes on outside.
+struct Blend {
+    first: (usize, usize),
+    last: (usize, usize),
+    share: Vec2,
+}
+
+impl Blend {
+    fn new<T>(image: &Image<T>, at: Vec2) -> Self {
+        let size = Vec2::new((image.width() - 1) as f32, (image.height() - 1) as f32);
+        let at = (at - 0.5).min(size).max(Vec2::ZERO);
+        let first = (at.x as usize, at.y as usize);
+        let last = ((first.0 + 1).min(image.width() - 1), (first.1 + 1).min(image.height() - 1));
+        Self { first, last, share: at - Vec2::new(first.0 as f32, first.1 as f32) }
+    }
+
+    fn nearest(&self) -> (usize, usize) {
+        let of = |first: usize, last: usize, share: f32| if share < 0.5 { first } else { last };
+        (of(self.first.0, self.last.0, self.share.x), of(self.first.1, self.last.1, self.share.y))
+    }
+
+    fn bilinear(&self, image: &Image<f32>) -> f32 {
+        let ((x, y), (x1, y1)) = (self.first, self.last);
+        let row = |y: usize| image[(x, y)] + self.share.x * (image[(x1, y)] - image[(x, y)]);
+        let (top, bottom) = (row(y), row(y1));
+        top + self.share.y * (bottom - top)
+    }
 }
