@@ -5,6 +5,8 @@
 //! shortly before the distance at which the octree was met, and takes the photo's radiance there, averaged over what the cone covers.
 //! [`SharpViewers`] makes panoramas of a scene with it.
 
+mod edges;
+mod guided;
 mod lookup;
 mod photo;
 mod surface;

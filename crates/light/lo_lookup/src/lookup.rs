@@ -100,18 +100,10 @@ impl PhotoLookup {
         let expected_m = sample.distance_m;
         let width_edges = |distance_m: f32| 2.0 * distance_m * tan_half_angle / edge_m;
         let near = origin + direction * expected_m;
-        let depth_m = -near.z;
-        if depth_m <= -reach_m || !(expected_m > 0.0) {
-            return None;
-        }
-        let margin_px = self.surface.focal_px() * reach_m / depth_m.max(reach_m);
-        if depth_m > reach_m && !self.surface.shows(near, margin_px) {
+        if expected_m <= 0.0 || width_edges(expected_m) >= WIDE_EDGES.1 || !self.may_show(near, reach_m) {
             return None;
         }
         let from_m = (expected_m - reach_m).max(0.0);
-        if width_edges(expected_m) >= WIDE_EDGES.1 {
-            return None;
-        }
         let slack_m = SLACK_EDGES * edge_m;
         let stretch = Stretch { origin, direction, from_m, to_m: expected_m + reach_m, slack_m };
         let met = match self.surface.follow(&stretch) {
@@ -148,6 +140,13 @@ impl PhotoLookup {
         }
         let radiance = self.photo.mean(at, axes);
         Some(Found { radiance, distance_m: met.distance_m, weight: weight * within })
+    }
+
+    /// Whether any place up to `reach_m` around a point may be in the picture; of nearly all that are not it is known at once.
+    fn may_show(&self, point: Vec3, reach_m: f32) -> bool {
+        let depth_m = -point.z;
+        let margin_px = self.surface.focal_px() * reach_m / depth_m.max(reach_m);
+        depth_m > -reach_m && (depth_m <= reach_m || self.surface.shows(point, margin_px))
     }
 
     /// How far apart the places are, on the surface in metres, that are looked up with the depths of both sides of a depth edge.

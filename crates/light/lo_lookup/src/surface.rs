@@ -5,11 +5,11 @@ use lo_geometry::{Camera, Vec2, Vec3};
 use lo_imaging::Image;
 use lo_scene::Frame;
 
+use crate::edges::edges;
+use crate::guided::guided_inverse;
+
 /// Longer side of the depth map; a finer one adds noise and time.
 const MAX_SIDE: usize = 960;
-
-/// Inverse depths of neighbouring pixels that differ by more than this share, and not as on a plane, lie on both sides of a depth edge.
-const EDGE: f32 = 0.04;
 
 /// Pixels of the depth map from one sample of a ray to the next, and the most samples of one stretch.
 const STRIDE_PX: f32 = 1.0;
@@ -73,16 +73,15 @@ pub(crate) enum Followed {
 }
 
 impl Surface {
-    /// Of the frame's depth. Pixels without a reading, and those that hang in the air between two surfaces, get the place at which the octree holds
-    /// what they show.
+    /// Of the frame's depth. Pixels without a reading near by get the place at which the octree holds what they show.
     pub fn new(frame: &Frame, tracer: &ConeTracer) -> Self {
-        let clean = frame.without_flying_pixels();
-        let (width, height) = (clean.depth_m.width(), clean.depth_m.height());
-        let scale = (MAX_SIDE as f32 / width.max(height) as f32).min(1.0);
-        let side = |pixels: usize| ((pixels as f32 * scale) as usize).max(1);
-        let depth_m = lo_imaging::resize_depth(&clean.depth_m, side(width), side(height));
-        let camera = frame.camera.resized(depth_m.width() as u32, depth_m.height() as u32);
-        let inverse = filled(&depth_m, &camera, tracer);
+        let depth_m = frame.without_flying_pixels().depth_m;
+        let (width, height) = (frame.photo.width(), frame.photo.height());
+        let longer = width.max(height).min(MAX_SIDE);
+        let side = |pixels: usize| (pixels * longer).div_ceil(width.max(height)).max(1);
+        let mut inverse = guided_inverse(&depth_m, &frame.photo, side(width), side(height));
+        let camera = frame.camera.resized(inverse.width() as u32, inverse.height() as u32);
+        fill(&mut inverse, &camera, tracer);
         let (edge, jump) = edges(&inverse);
         let least_inverse = inverse.pixels().iter().copied().fold(f32::INFINITY, f32::min).max(1e-3);
         let (width, height) = (camera.width as f32, camera.height as f32);
@@ -260,9 +259,10 @@ fn crossing(behind: &impl Fn(f32) -> f32, mut before: (f32, f32), mut after: (f3
     best
 }
 
-fn filled(depth_m: &Image<f32>, camera: &Camera, tracer: &ConeTracer) -> Image<f32> {
-    let width = depth_m.width();
-    let holes: Vec<usize> = (0..depth_m.pixels().len()).filter(|&i| depth_m.pixels()[i] <= 0.0).collect();
+/// Gives pixels without a reading the place at which the octree holds what they show.
+fn fill(inverse: &mut Image<f32>, camera: &Camera, tracer: &ConeTracer) {
+    let width = inverse.width();
+    let holes: Vec<usize> = (0..inverse.pixels().len()).filter(|&i| inverse.pixels()[i] <= 0.0).collect();
     let tan_half_angle = (0.5 * camera.pixel_angle_rad()).tan();
     let cone = |&i: &usize| Cone {
         origin: Vec3::ZERO,
@@ -272,37 +272,9 @@ fn filled(depth_m: &Image<f32>, camera: &Camera, tracer: &ConeTracer) -> Image<f
     let cones: Vec<Cone> = holes.iter().map(cone).collect();
     let mut samples = vec![ConeSample::default(); cones.len()];
     tracer.trace_batch(&cones, &mut samples);
-    let mut inverse = depth_m.map(|&z| if z > 0.0 { 1.0 / z } else { 0.0 });
     for ((i, cone), sample) in holes.into_iter().zip(&cones).zip(&samples) {
         inverse.pixels_mut()[i] = 1.0 / (-cone.direction.z * sample.distance_m).max(MIN_DEPTH_M);
     }
-    inverse
-}
-
-/// Where depth edges run (see [`Surface::edge`] and [`Surface::jump`]).
-fn edges(inverse: &Image<f32>) -> (Image<bool>, Image<f32>) {
-    let (width, height) = (inverse.width(), inverse.height());
-    let bent = Image::from_fn(width, height, |x, y| {
-        let bend = |a: f32, b: f32| (a + b - 2.0 * inverse[(x, y)]).abs();
-        let along = if x > 0 && x + 1 < width { bend(inverse[(x - 1, y)], inverse[(x + 1, y)]) } else { 0.0 };
-        let down = if y > 0 && y + 1 < height { bend(inverse[(x, y - 1)], inverse[(x, y + 1)]) } else { 0.0 };
-        along.max(down)
-    });
-    let edge = Image::from_fn(width, height, |x, y| {
-        let around = [x, (x + 1).min(width - 1)].map(|x| [y, (y + 1).min(height - 1)].map(|y| (x, y)));
-        let around = around.as_flattened().iter();
-        let (low, high, bend) = around.fold((f32::INFINITY, 0.0f32, 0.0f32), |(low, high, bend), &at| {
-            (low.min(inverse[at]), high.max(inverse[at]), bend.max(bent[at]))
-        });
-        // On a plane that is seen from its edge inverse depth falls off as steeply, but does not bend.
-        high - low > EDGE * high && bend > 0.5 * (high - low)
-    });
-    let jump = Image::from_fn(width, height, |x, y| {
-        let rows = y.saturating_sub(1)..height.min(y + 2);
-        let around = rows.flat_map(|y| (x.saturating_sub(1)..width.min(x + 2)).map(move |x| (x, y)));
-        around.map(|at| bent[at]).fold(0.0, f32::max)
-    });
-    (edge, jump)
 }
 
 /// The four pixels around a position; pixel centres lie at +0.5, and the border goes on outside.
