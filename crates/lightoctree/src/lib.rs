@@ -1,13 +1,13 @@
 //! Indoor lighting from one photo: the public Rust API.
 //!
 //! ```no_run
-//! use lightoctree::{EstimateOptions, Estimator, Input, camera_of_photo, cone, events, geometry::Vec3, imaging};
+//! use lightoctree::{EstimateOptions, Estimator, Input, SharpViewers, camera_of_photo, events, geometry::Vec3, imaging};
 //!
 //! let photo = imaging::read_photo("room.jpg")?;
 //! let (camera, _source) = camera_of_photo(&photo)?;
 //! let input = Input::Photo { photo: photo.photo, camera };
 //! let scene = Estimator::shipped()?.estimate(input, &EstimateOptions::default(), &mut events::ignore)?;
-//! let panorama = cone::Viewers::new(&scene.light).at(Vec3::NEG_Z).panorama(Vec3::NEG_Z, 256, 128);
+//! let panorama = SharpViewers::new(&scene).panorama(Vec3::NEG_Z, 256, 128);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
@@ -55,6 +55,7 @@ pub use lo_export as export;
 pub use lo_geometry as geometry;
 pub use lo_imaging as imaging;
 pub use lo_insert as insert;
+pub use lo_lookup::{PhotoLookup, SharpViewers};
 pub use lo_mesh as mesh;
 #[doc(hidden)]
 pub use lo_nets as nets;

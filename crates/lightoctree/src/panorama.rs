@@ -2,8 +2,8 @@
 
 use lo_completion::{MIN_CONFIDENCE, PanoramaPrior, lay_panorama, match_panorama};
 use lo_events::{OnEvent, Stage, Warning, stage, warn};
-use lo_geometry::Vec3;
-use lo_scene::{Frame, LaidPanorama};
+use lo_geometry::{Quat, Vec3};
+use lo_scene::{Frame, LaidPanorama, PanoramaPicture};
 
 use crate::EstimateError;
 use crate::completed::Completed;
@@ -28,5 +28,7 @@ pub(crate) fn laid(
     let laid = stage(on_event, Stage::PanoramaLaying, || {
         lay_panorama(&mut completed.light, completed.confidence.as_mut(), prior, &found, working)
     })??;
-    Ok(LaidPanorama { source, share: laid.share })
+    let radiance = prior.radiance().map(|rgb| rgb.map(|c| c * found.exposure));
+    let picture = PanoramaPicture::new(&radiance, Quat::from_mat3(&found.world_from_panorama));
+    Ok(LaidPanorama { source, share: laid.share, picture: Some(picture) })
 }

@@ -1,6 +1,7 @@
-use lo_cone::{Rendering, Viewers};
+use lo_cone::Rendering;
 use lo_events::{Cancelled, OnEvent, Stage, progress, stage_of_steps};
 use lo_geometry::Vec3;
+use lo_lookup::SharpViewers;
 use lo_scene::Scene;
 
 /// Renders the panorama at each point, `2 × height` pixels wide and in our own orientation, and hands it to `keep` with the point's index.
@@ -17,10 +18,10 @@ pub fn render_probes<E: From<Cancelled>>(
     mut keep: impl FnMut(usize, Rendering) -> Result<(), E>,
     on_event: OnEvent<'_>,
 ) -> Result<(), E> {
-    let viewers = Viewers::new(&scene.light);
+    let viewers = SharpViewers::new(scene);
     stage_of_steps(on_event, Stage::Probes, |on_event| {
         for (index, &point) in points.iter().enumerate() {
-            keep(index, viewers.at(point).panorama(point, 2 * height, height))?;
+            keep(index, viewers.panorama(point, 2 * height, height))?;
             progress(on_event, Stage::Probes, index as u64 + 1, points.len() as u64)?;
         }
         Ok(())

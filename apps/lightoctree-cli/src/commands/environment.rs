@@ -4,7 +4,8 @@ use std::path::Path;
 
 use anyhow::Context;
 use clap::ValueEnum;
-use lightoctree::cone::{Rendering, Viewers};
+use lightoctree::SharpViewers;
+use lightoctree::cone::Rendering;
 use lightoctree::geometry::{Orientation, Vec3};
 use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, RadianceImage};
 use lightoctree::scene::Scene;
@@ -96,7 +97,7 @@ pub struct PanoramaFileArgs {
 
 /// The scene, made ready for panoramas.
 pub struct Renderer {
-    viewers: Viewers,
+    viewers: SharpViewers,
     height: usize,
 }
 
@@ -104,12 +105,12 @@ impl Renderer {
     /// # Errors
     /// A size that is no equirectangular map's.
     pub fn new(scene: &Scene, size: [usize; 2]) -> anyhow::Result<Self> {
-        Ok(Self { viewers: Viewers::new(&scene.light), height: height(size)? })
+        Ok(Self { viewers: SharpViewers::new(scene), height: height(size)? })
     }
 
     /// The panorama at `point`, in our own orientation.
     pub fn at(&self, point: Vec3) -> Rendering {
-        self.viewers.at(point).panorama(point, 2 * self.height, self.height)
+        self.viewers.panorama(point, 2 * self.height, self.height)
     }
 }
 

@@ -23,7 +23,7 @@ mod walk;
 
 pub use coherence::coherence;
 pub use evaluation::{EvalError, Evaluation, Photos};
-pub use method::{DepthInput, Estimate, Light, Method, MethodError, PriorPanorama, Tools};
+pub use method::{DepthInput, Estimate, Light, Method, MethodError, PriorPanorama, Sight, Tools};
 pub use prior::{APART_M, KnownPanorama, LaidPrior};
 pub use profile::{Profile, ProfileBuilder, ProfileError};
 pub use protocol::{Protocol, ProtocolCrops, ProtocolRenders};

@@ -2,7 +2,7 @@
 
 use lightoctree::cone::{self, Cone, Viewers};
 use lightoctree::scene::{Completion, Frame, FrameError, Scene};
-use lightoctree::{EstimateError, EstimateOptions, Estimator, Input, PanoramaError};
+use lightoctree::{EstimateError, EstimateOptions, Estimator, Input, PanoramaError, SharpViewers};
 use lo_dataset::{NovelView, Sample, TrueLeaves};
 use lo_geometry::{Cube, Vec3};
 use lo_imaging::{DepthMap, Photo, RadianceImage, sample_equirectangular};
@@ -110,10 +110,18 @@ pub enum Light {
         /// The octree.
         octree: Box<LightOctree>,
         /// Ready to be traced.
-        viewers: Viewers,
+        sight: Sight,
     },
     /// The same panorama, in the photo's frame, wherever the probe is.
     Map(RadianceImage),
+}
+
+/// What is traced.
+pub enum Sight {
+    /// An octree alone.
+    Octree(Viewers),
+    /// A scene: where its photo shows what is met, the photo.
+    Scene(SharpViewers),
 }
 
 impl Method {
@@ -242,13 +250,15 @@ impl Method {
 
 impl Estimate {
     fn of_scene(scene: Scene) -> Self {
+        let sight = Sight::Scene(SharpViewers::new(&scene));
+        let light = Light::Octree { octree: Box::new(scene.light), sight };
         let up = scene.room.map(|room| room.up);
-        Self { depth_m: Some(scene.frame.depth_m), up, ..Self::of_octree(scene.light) }
+        Self { light, depth_m: Some(scene.frame.depth_m), up, prior: None }
     }
 
     fn of_octree(octree: LightOctree) -> Self {
-        let viewers = Viewers::new(&octree);
-        Self { light: Light::Octree { octree: Box::new(octree), viewers }, depth_m: None, up: None, prior: None }
+        let sight = Sight::Octree(Viewers::new(&octree));
+        Self { light: Light::Octree { octree: Box::new(octree), sight }, depth_m: None, up: None, prior: None }
     }
 
     /// The panorama at a view's place, in its orientation and of its size.
@@ -270,14 +280,14 @@ impl Estimate {
             Light::Map(map) => {
                 RadianceImage::from_fn(width, height, |x, y| sample_equirectangular(map, direction(x, y)))
             }
-            Light::Octree { viewers, .. } => {
+            Light::Octree { sight, .. } => {
                 // half of the pixel's pitch, as of `ConeTracer::panorama`
                 let tan_half_angle = (std::f32::consts::PI / width as f32).tan();
                 let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
                 let cones: Vec<Cone> = places
                     .map(|(x, y)| Cone { origin: position_m, direction: direction(x, y), tan_half_angle })
                     .collect();
-                let samples = traced(viewers, position_m, &cones);
+                let samples = traced(sight, position_m, &cones);
                 RadianceImage::new(width, height, samples.iter().map(|sample| sample.radiance).collect())
             }
         }
@@ -285,9 +295,12 @@ impl Estimate {
 }
 
 /// What cones from `eye` see.
-pub(crate) fn traced(viewers: &Viewers, eye: Vec3, cones: &[Cone]) -> Vec<cone::ConeSample> {
+pub(crate) fn traced(sight: &Sight, eye: Vec3, cones: &[Cone]) -> Vec<cone::ConeSample> {
     let mut samples = vec![cone::ConeSample::default(); cones.len()];
-    viewers.at(eye).trace_batch(cones, &mut samples);
+    match sight {
+        Sight::Octree(viewers) => viewers.at(eye).trace_batch(cones, &mut samples),
+        Sight::Scene(viewers) => viewers.trace_batch(eye, cones, &mut samples),
+    }
     samples
 }
 

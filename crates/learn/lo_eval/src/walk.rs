@@ -210,8 +210,8 @@ fn grid(estimate: &Estimate, eye: Vec3, feature: &Feature, side: usize) -> Vec<f
         Light::Map(map) => {
             cones.iter().map(|cone| luminance(sample_equirectangular(map, cone.direction)).max(0.0).ln_1p()).collect()
         }
-        Light::Octree { viewers, .. } => {
-            let samples = traced(viewers, eye, &cones);
+        Light::Octree { sight, .. } => {
+            let samples = traced(sight, eye, &cones);
             samples.iter().map(|sample| luminance(sample.radiance).max(0.0).ln_1p()).collect()
         }
     }

@@ -1,10 +1,11 @@
 use lo_cone::{Cone, ConeSample, ConeTracer, Sampling, Settings};
 use lo_geometry::{Plane, Vec3};
 use lo_imaging::RadianceImage;
+use lo_lookup::{PanoramaLookup, PhotoLookup, RadianceMap};
 use lo_scene::Scene;
 
 use crate::lights::{self, Lights};
-use crate::map::RadianceMap;
+use crate::map;
 use crate::quality::Counts;
 use crate::surface::Surface;
 use crate::{InsertError, Lighting};
@@ -33,6 +34,8 @@ enum Source {
         smooth: Box<ConeTracer>,
         /// Reads the rest between node centres: the cones start where the object is, and must not jump as it moves.
         dimmed: Box<ConeTracer>,
+        /// Where the photo, or a panorama of the room, shows what reflections meet.
+        pictures: Option<Box<(PhotoLookup, Option<PanoramaLookup>)>>,
         leaf_edge_m: f32,
     },
     Map {
@@ -64,6 +67,9 @@ impl Environment {
         let tracer =
             |light: &lo_octree::LightOctree, settings: Settings| ConeTracer::new(light, settings).map(Box::new);
         let whole = tracer(light, Settings::default())?;
+        let pictures = counts
+            .photo_lookup
+            .then(|| Box::new((PhotoLookup::new(scene, &whole), PanoramaLookup::new(scene, &whole))));
         let interpolated = Settings { sampling: Sampling::Interpolated, ..Settings::default() };
         let smooth = tracer(light, interpolated)?;
         // The back of a closed room's shell looks into empty space: nothing is met there before the end of the cube.
@@ -74,7 +80,7 @@ impl Environment {
         let (emitters, dimmed) = lights::split_octree(light, faces_room);
         let dimmed = tracer(&dimmed, Settings { min_transmittance: counts.min_transmittance, ..interpolated })?;
         let lights = Lights::sample(&emitters, LIGHT_SAMPLES);
-        let source = Source::Octree { whole, smooth, dimmed, leaf_edge_m };
+        let source = Source::Octree { whole, smooth, dimmed, pictures, leaf_edge_m };
         Ok(Self { source, lights, lift_m: LIFT_EDGES * leaf_edge_m })
     }
 
@@ -83,7 +89,7 @@ impl Environment {
             return Err(InsertError::EnvironmentMap(format!("has only {} × {} pixels", map.width(), map.height())));
         }
         let clean = map.map(|p| p.map(|c| if c.is_finite() { c.clamp(0.0, 1e9) } else { 0.0 }));
-        let (emitters, dimmed) = RadianceMap::split(&clean);
+        let (emitters, dimmed) = map::split(&clean);
         let lights = Lights::sample(&emitters, LIGHT_SAMPLES);
         let source = Source::Map { whole: RadianceMap::new(clean), dimmed: RadianceMap::new(dimmed) };
         Ok(Self { source, lights, lift_m: 0.0 })
@@ -132,6 +138,20 @@ impl Environment {
         // What lies further off is another surface.
         let near = |sample: &ConeSample| sample.distance_m < self.lift_m + 1.5 * leaf_edge_m;
         samples.iter().map(|sample| if near(sample) { Vec3::from(sample.radiance) } else { Vec3::ZERO }).collect()
+    }
+
+    /// What each cone of a reflection sees with all lights ([`Environment::gather`]), and where the photo shows what is met, that. Cones begin at
+    /// [lifted](Environment::lifted) places, and are lowered to the `apexes` that they were lifted from where the photo is looked up: it knows surfaces
+    /// finer than the octree's leaves. Distances are from where the cones begin then.
+    pub fn gather_reflected(&self, apexes: &[Vec3], cones: &mut [Cone], samples: &mut Vec<ConeSample>) {
+        self.gather(Part::Whole, cones, samples);
+        if let Source::Octree { pictures: Some(pictures), .. } = &self.source {
+            let (photo, panorama) = pictures.as_ref();
+            if let Some(panorama) = panorama {
+                panorama.sharpen(cones, samples);
+            }
+            photo.sharpen_from(apexes, cones, samples);
+        }
     }
 
     /// Share of each ray's way that real surfaces leave free, for rays `(origin, direction, distance in metres)`.

@@ -66,6 +66,8 @@ pub(crate) struct Counts {
     pub negligible: f32,
     /// Whether a light that all corners of the object's box see (or do not see) counts as seen (or not) everywhere on it.
     pub share_light_visibility: bool,
+    /// Whether reflections show the photo itself where it shows what they meet.
+    pub photo_lookup: bool,
 }
 
 impl Quality {
@@ -90,6 +92,7 @@ impl Quality {
                 patches: 192,
                 negligible: 0.02,
                 share_light_visibility: true,
+                photo_lookup: false,
             },
             Self::Normal => Counts {
                 coverage: 8,
@@ -110,6 +113,7 @@ impl Quality {
                 patches: 512,
                 negligible: 0.004,
                 share_light_visibility: true,
+                photo_lookup: true,
             },
             Self::High => Counts {
                 coverage: 16,
@@ -130,6 +134,7 @@ impl Quality {
                 patches: 1536,
                 negligible: 0.003,
                 share_light_visibility: false,
+                photo_lookup: true,
             },
         }
     }

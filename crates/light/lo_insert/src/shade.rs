@@ -1,5 +1,6 @@
 //! From light gathered at fragments to the radiance that they send to the camera.
 
+use std::collections::HashMap;
 use std::f32::consts::PI;
 
 use lo_bsdf::{GgxSample, MIN_COSINE, MetallicRoughness, fresnel, specular_albedo, transmitted};
@@ -35,6 +36,9 @@ const SHARED_ROUGHNESS: f32 = 0.2;
 
 /// Fragments whose reflections one task gathers; the result does not depend on it.
 const FRAGMENTS_PER_TASK: usize = 128;
+
+/// Fragments whose places differ by more than this many times the distance of neighbouring pixels' lie on different surfaces.
+const NEIGHBOURING: f32 = 4.0;
 
 /// Index of the reflection that a cone belongs to, and its share.
 type Owner = (usize, f32);
@@ -91,9 +95,11 @@ impl Shader<'_> {
         let gathered = batches.each(receivers.len(), cones, RECEIVERS_PER_TASK, |range| {
             self.gatherer.gather_parallel(&receivers[range])
         })?;
+        let spreads = spreads(fragments, &wanted);
         let means = batches.each(wanted.len(), self.specular_cones, FRAGMENTS_PER_TASK, |range| {
-            let chunks = wanted[range].par_chunks(FRAGMENTS_PER_TASK);
-            chunks.flat_map_iter(|chunk| self.reflected_means(chunk, fragments, &looks)).collect()
+            let spreads = spreads[range.clone()].par_chunks(FRAGMENTS_PER_TASK);
+            let chunks = wanted[range].par_chunks(FRAGMENTS_PER_TASK).zip(spreads);
+            chunks.flat_map_iter(|(chunk, spreads)| self.reflected_means(chunk, spreads, fragments, &looks)).collect()
         })?;
         let mut reflected = vec![Vec3::ZERO; fragments.len()];
         for (&i, mean) in wanted.iter().zip(means) {
@@ -117,10 +123,10 @@ impl Shader<'_> {
     }
 
     /// Mean radiance that the specular layer of each of the `chosen` fragments reflects, without what light samples carry.
-    fn reflected_means(&self, chosen: &[usize], fragments: &[Fragment], looks: &[Look]) -> Vec<Vec3> {
+    fn reflected_means(&self, chosen: &[usize], spreads: &[f32], fragments: &[Fragment], looks: &[Look]) -> Vec<Vec3> {
         let mut reflections: Vec<Reflection> = Vec::with_capacity(chosen.len() * self.specular_cones);
         for (slot, &i) in chosen.iter().enumerate() {
-            self.reflections(slot, &fragments[i], &looks[i].bsdf, &mut reflections);
+            self.reflections(slot, &fragments[i], &looks[i].bsdf, spreads[slot], &mut reflections);
         }
         // Cones of one aperture next to each other; the sort is stable, so the order does not depend on anything else.
         reflections.sort_by(|a, b| a.tan_half_angle.total_cmp(&b.tan_half_angle).then(a.sample.cmp(&b.sample)));
@@ -139,7 +145,15 @@ impl Shader<'_> {
             .collect()
     }
 
-    fn reflections(&self, slot: usize, fragment: &Fragment, bsdf: &MetallicRoughness, out: &mut Vec<Reflection>) {
+    /// `spread`: tangent of the half-angle of what a pixel reflects because the surface is curved.
+    fn reflections(
+        &self,
+        slot: usize,
+        fragment: &Fragment,
+        bsdf: &MetallicRoughness,
+        spread: f32,
+        out: &mut Vec<Reflection>,
+    ) {
         let (point, n_dot_v) = (&fragment.point, n_dot_v(fragment));
         let (ggx, alpha) = (bsdf.ggx(), bsdf.ggx().alpha());
         let normal = point.shading_normal;
@@ -150,7 +164,7 @@ impl Shader<'_> {
             let lean = smooth * (smooth.sqrt() + alpha);
             let direction = above(normal.lerp(mirror, lean).normalize_or(normal), point.geometric_normal);
             // The top-hat cone that is as dense as the reflection's peak, 1 / (4 π α²) seen along the normal.
-            let tan_half_angle = quantised(cone_tangent(4.0 * PI * alpha * alpha).min(MAX_TANGENT));
+            let tan_half_angle = quantised(cone_tangent(4.0 * PI * alpha * alpha).max(spread).min(MAX_TANGENT));
             out.push(Reflection { slot, sample: 0, direction, weight: Vec3::ONE, tan_half_angle });
             return;
         }
@@ -182,6 +196,7 @@ impl Shader<'_> {
         let mut radiance = vec![Vec3::ZERO; reflections.len()];
         // What is asked of the environment: with its lights, and without.
         let mut asked: [(Vec<Cone>, Vec<Owner>); 2] = Default::default();
+        let mut apexes = Vec::new();
         for (i, reflection) in reflections.iter().enumerate() {
             let point = &fragments[chosen[reflection.slot]].point;
             let origin = gatherer.ray_start(point.position, point.geometric_normal);
@@ -194,23 +209,57 @@ impl Shader<'_> {
                 }
                 continue;
             }
-            let origin = gatherer.environment.lifted(point.position, gatherer.object.support);
-            let cone = Cone { origin, direction: reflection.direction, tan_half_angle: reflection.tan_half_angle };
+            let lifted = gatherer.environment.lifted(point.position, gatherer.object.support);
+            let cone =
+                Cone { origin: lifted, direction: reflection.direction, tan_half_angle: reflection.tan_half_angle };
             let sampled = if gatherer.environment.lights().is_empty() { 0.0 } else { sampled_share(point.roughness) };
             for (part, share) in [1.0 - sampled, sampled].into_iter().enumerate().filter(|(_, share)| *share > 0.0) {
                 asked[part].0.push(cone);
                 asked[part].1.push((i, share));
+                if part == 0 {
+                    apexes.push(origin);
+                }
             }
         }
         let mut samples = Vec::new();
-        for (part, (cones, owners)) in [Part::Whole, Part::Dimmed].into_iter().zip(&asked) {
-            gatherer.environment.gather(part, cones, &mut samples);
-            for ((cone, sample), &(i, share)) in cones.iter().zip(&samples).zip(owners) {
+        for (part, (cones, owners)) in [Part::Whole, Part::Dimmed].into_iter().zip(&mut asked) {
+            match part {
+                Part::Whole => gatherer.environment.gather_reflected(&apexes, cones, &mut samples),
+                Part::Dimmed => gatherer.environment.gather(part, cones, &mut samples),
+            }
+            for ((cone, sample), &mut (i, share)) in cones.iter().zip(&samples).zip(owners) {
                 radiance[i] += gatherer.shadowed(cone, sample) * share;
             }
         }
         radiance
     }
+}
+
+/// Of each of the `wanted` fragments, the tangent of half the angle between the directions that it and the fragments of the neighbouring pixels reflect
+/// (ray differentials, Igehy 1999): what one pixel of a curved mirror shows.
+fn spreads(fragments: &[Fragment], wanted: &[usize]) -> Vec<f32> {
+    let first: HashMap<(usize, usize), usize> =
+        fragments.iter().enumerate().rev().map(|(i, fragment)| (fragment.pixel, i)).collect();
+    let spread = |&i: &usize| {
+        let own = &fragments[i];
+        let (x, y) = own.pixel;
+        // A mirror that turns by an angle turns what it reflects by twice that; half of it is the cone's.
+        let turned = |pixel: Option<(usize, usize)>| {
+            let other = &fragments[*first.get(&pixel?)?];
+            let apart_m = (other.point.position - own.point.position).length();
+            let pixel_m = own.point.position.length() * own.view.angle_between(other.view);
+            let is_near = apart_m * n_dot_v(own) < NEIGHBOURING * pixel_m;
+            is_near.then(|| other.point.shading_normal.angle_between(own.point.shading_normal))
+        };
+        let along = |a: Option<(usize, usize)>, b: Option<(usize, usize)>| match (turned(a), turned(b)) {
+            (Some(a), Some(b)) => a.min(b),
+            (a, b) => a.or(b).unwrap_or(0.0),
+        };
+        let columns = along(x.checked_sub(1).map(|x| (x, y)), Some((x + 1, y)));
+        let rows = along(y.checked_sub(1).map(|y| (x, y)), Some((x, y + 1)));
+        columns.max(rows).min(1.0).tan()
+    };
+    wanted.par_iter().map(spread).collect()
 }
 
 fn n_dot_v(fragment: &Fragment) -> f32 {

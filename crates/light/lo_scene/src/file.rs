@@ -6,13 +6,14 @@ use std::fs::File;
 use std::io::{Read, Write};
 use std::path::Path;
 
-use lo_geometry::Camera;
+use half::f16;
+use lo_geometry::{Camera, Quat};
 use lo_imaging::{Image, Photo, write_atomically};
 use lo_octree::{NamedTensor, OctreeHeader, read_tensors, write_tensors};
 use safetensors::{Dtype, SafeTensors, View};
 use serde::{Deserialize, Serialize};
 
-use crate::{Completion, Frame, LaidPanorama, OtherPhoto, PanoramaSource, Room, Scene, SceneError};
+use crate::{Completion, Frame, LaidPanorama, OtherPhoto, PanoramaPicture, PanoramaSource, Room, Scene, SceneError};
 
 /// Version of the file's layout that this crate writes and reads.
 pub const FORMAT_VERSION: u32 = 1;
@@ -22,6 +23,9 @@ const METADATA_KEY: &str = "lightoctree";
 
 /// Tensor of what a panorama gave.
 const PANORAMA_SHARE: &str = "panorama_share";
+
+/// Tensor of the panorama itself.
+const PANORAMA: &str = "panorama";
 
 /// Longest safetensors header that is parsed; ours have about 10 kB.
 const MAX_HEADER_BYTES: u64 = 1 << 20;
@@ -48,8 +52,24 @@ struct Metadata {
     confidence: bool,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     panorama: Option<PanoramaSource>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    panorama_picture: Option<PictureHeader>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     other_photos: Vec<OtherPhoto>,
+}
+
+/// What is to be known of a panorama's tensor.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+struct PictureHeader {
+    scale: f32,
+    world_from_panorama: Quat,
+}
+
+impl PictureHeader {
+    fn is_valid(&self) -> bool {
+        let unit = (self.world_from_panorama.length_squared() - 1.0).abs() < 1e-3;
+        self.scale.is_finite() && self.scale >= 1.0 && unit
+    }
 }
 
 impl Scene {
@@ -85,6 +105,9 @@ impl Scene {
     /// Only where the scene is larger than the format can hold.
     pub fn to_bytes(&self, generator: &str) -> Result<Vec<u8>, SceneError> {
         let (octree, octree_tensors) = write_tensors(&self.light);
+        let picture = self.panorama.as_ref().and_then(|laid| laid.picture.as_ref());
+        let picture_header = picture
+            .map(|picture| PictureHeader { scale: picture.scale(), world_from_panorama: picture.world_from_panorama });
         let metadata = Metadata {
             format_version: FORMAT_VERSION,
             program: format!("{generator} {}", env!("CARGO_PKG_VERSION")),
@@ -98,6 +121,7 @@ impl Scene {
             depth_model: self.depth_model.clone(),
             confidence: self.confidence.is_some(),
             panorama: self.panorama.as_ref().map(|laid| laid.source.clone()),
+            panorama_picture: picture_header,
             other_photos: self.other_photos.clone(),
         };
         let json = serde_json::to_string(&metadata).map_err(|e| SceneError::Metadata(e.to_string()))?;
@@ -123,6 +147,12 @@ impl Scene {
                 let tensor = Tensor::Plain { dtype: Dtype::U8, shape: vec![bytes.len()], bytes: Cow::Owned(bytes) };
                 tensors.push((name.to_owned(), tensor));
             }
+        }
+        if let (Some(picture), Some(header)) = (picture, picture_header) {
+            let values = picture.radiance.pixels().as_flattened();
+            let bytes = values.iter().flat_map(|value| f16::from_f32(value / header.scale).to_le_bytes()).collect();
+            let shape = vec![picture.radiance.height(), picture.radiance.width(), 3];
+            tensors.push((PANORAMA.to_owned(), Tensor::Plain { dtype: Dtype::F16, shape, bytes: Cow::Owned(bytes) }));
         }
         let map = HashMap::from([(METADATA_KEY.to_owned(), json)]);
         safetensors::serialize(tensors, Some(map)).map_err(|e| SceneError::Container(e.to_string()))
@@ -168,8 +198,11 @@ impl Scene {
         let light = read_tensors(&tensors, &metadata.octree)?;
         let sources = metadata.sources.iter().map(|name| file_name(name)).collect();
         let confidence = metadata.confidence.then(|| read_shares(&tensors, "confidence", &light.rgba)).transpose()?;
-        let Metadata { completion, room, predicted_depth, depth_model, panorama, other_photos, .. } = metadata;
-        let panorama = panorama.map(|source| read_panorama(&tensors, source, &light.rgba)).transpose()?;
+        let Metadata {
+            completion, room, predicted_depth, depth_model, panorama, panorama_picture, other_photos, ..
+        } = metadata;
+        let panorama =
+            panorama.map(|source| read_panorama(&tensors, source, panorama_picture, &light.rgba)).transpose()?;
         Ok(Self {
             light,
             frame,
@@ -211,6 +244,7 @@ fn read_depth(tensors: &SafeTensors<'_>) -> Result<Image<f32>, SceneError> {
 fn read_panorama(
     tensors: &SafeTensors<'_>,
     mut source: PanoramaSource,
+    picture: Option<PictureHeader>,
     rgba: &[Vec<[f32; 4]>],
 ) -> Result<LaidPanorama, SceneError> {
     if !source.is_valid() {
@@ -219,7 +253,28 @@ fn read_panorama(
         ));
     }
     source.file = file_name(&source.file);
-    Ok(LaidPanorama { source, share: read_shares(tensors, PANORAMA_SHARE, rgba)? })
+    let picture = picture.map(|header| read_picture(tensors, header)).transpose()?;
+    Ok(LaidPanorama { source, share: read_shares(tensors, PANORAMA_SHARE, rgba)?, picture })
+}
+
+fn read_picture(tensors: &SafeTensors<'_>, header: PictureHeader) -> Result<PanoramaPicture, SceneError> {
+    if !header.is_valid() {
+        return Err(SceneError::Metadata("the panorama's scale or rotation are no such numbers".to_owned()));
+    }
+    let (dtype, shape, bytes) = tensor(tensors, PANORAMA)?;
+    let &[height, width, 3] = shape.as_slice() else {
+        return Err(layout(PANORAMA, "F16 [h, 2 h, 3]", dtype, &shape));
+    };
+    if dtype != Dtype::F16 || width != 2 * height || height == 0 {
+        return Err(layout(PANORAMA, "F16 [h, 2 h, 3]", dtype, &shape));
+    }
+    let value = |&word: &[u8; 2]| f16::from_le_bytes(word).to_f32() * header.scale;
+    let values: Vec<f32> = bytes.as_chunks().0.iter().map(value).collect();
+    if let Some(index) = values.iter().position(|value| !(value.is_finite() && *value >= 0.0)) {
+        return Err(SceneError::Value { tensor: PANORAMA, index, value: values[index] });
+    }
+    let radiance = Image::new(width, height, values.as_chunks().0.to_vec());
+    Ok(PanoramaPicture { radiance, world_from_panorama: header.world_from_panorama })
 }
 
 /// One value for each of the feature rows `rgba[d]`.

@@ -105,7 +105,7 @@ impl Frame {
     /// Where photo or depth have no pixels, which [`Frame::new`] does not let through.
     pub fn at_resolution(&self, width: usize, height: usize) -> Self {
         let (width, height) = (width.max(1), height.max(1));
-        let photo = resample::photo(&self.photo, width, height);
+        let photo = resample::resized_photo(&self.photo, width, height);
         let depth_m = lo_imaging::resize_depth(&self.depth_m, width, height);
         Self { camera: self.camera.resized(width as u32, height as u32), photo, depth_m, exposure: self.exposure }
     }

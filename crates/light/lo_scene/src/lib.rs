@@ -11,6 +11,7 @@
 //! | `depth_m` | F32 `[h, w]` | depth along the optical axis, same field of view, 0 = no reading |
 //! | `octree.d.…` | | the lighting octree, depth by depth: see [`lo_octree::write_tensors`] |
 //! | `confidence` | U8 `[rows]` | only where a network completed the scene: of each feature row of the octree, depth by depth, 255 = sure |
+//! | `panorama` | F16 `[h, 2 h, 3]` | only where a panorama of the room was given: its linear radiance divided by the `scale` of `panorama_picture` |
 //! | `panorama_share` | U8 `[rows]` | only where a panorama of the room was given: how much of each row it gave, 255 = all |
 //!
 //! Under the key `lightoctree` of safetensors' `__metadata__` lies one JSON block: `format_version` (1), `program`,
@@ -19,7 +20,7 @@
 //! `offset_m`, `measured`), `sources` (file names without folders), `predicted_depth` (whether `depth_m` was predicted from the photo),
 //! `depth_model` (name of the depth model that did, only where it is not the program's own) and `confidence` (whether there is a tensor of that name). Where a panorama
 //! was given there is also `panorama`: `file`, `position_m`, `yaw_deg`, `pitch_deg`, `roll_deg`, `exposure_ev`, `confidence`, `clipped`
-//! ([`PanoramaSource`]). Where the scene is from several photos, `other_photos` has of each but the first
+//! ([`PanoramaSource`]), and `panorama_picture` with `scale` (values of the tensor times it are radiance) and `world_from_panorama` (rotation `x y z w`). Where the scene is from several photos, `other_photos` has of each but the first
 //! `first_from_camera` (`rotation` x y z w, `translation_m`), `camera` and `exposure`. In Python:
 //!
 //! ```python
@@ -49,10 +50,10 @@ pub use error::{FrameError, SceneError};
 pub use file::FORMAT_VERSION;
 pub use frame::Frame;
 pub use overlap::{ExposureRatio, Overlap, overlap};
-pub use panorama::{LaidPanorama, PanoramaSource};
+pub use panorama::{LaidPanorama, PanoramaPicture, PanoramaSource};
 pub use placement::place_cube;
 pub use posed_frame::{OtherPhoto, PosedFrame};
-pub use resample::working_photo;
+pub use resample::{resized_photo, working_photo};
 pub use room::{Completion, Room, RoomPlane, Side};
 pub use seen_photo::SeenPhoto;
 pub use surfel::Surfel;

@@ -16,7 +16,7 @@ const WORKING_POINTS: f64 = 153_600.0;
 /// Where the photo has no pixels.
 pub fn working_photo(photo: &Photo) -> Photo {
     let (width, height) = working_size(photo);
-    self::photo(photo, width, height)
+    resized_photo(photo, width, height)
 }
 
 /// Width and height of the working resolution.
@@ -26,10 +26,11 @@ pub(crate) fn working_size(photo: &Photo) -> (usize, usize) {
     (((width * scale) as usize).max(1), ((height * scale) as usize).max(1))
 }
 
-/// Mean linear value over each new pixel's footprint (box filter with exact edge weights); a photo of that size stays as it is.
+/// A photo at another resolution: mean linear value over each new pixel's footprint (box filter with exact edge weights); a photo of that
+/// size stays as it is.
 ///
 /// 8-bit photos are converted row by row, so that a 50-megapixel photo never exists as 600 MB of floats.
-pub(crate) fn photo(photo: &Photo, width: usize, height: usize) -> Photo {
+pub fn resized_photo(photo: &Photo, width: usize, height: usize) -> Photo {
     match photo {
         photo if (photo.width(), photo.height()) == (width, height) => photo.clone(),
         Photo::Srgb8(image) => Photo::Linear(boxed(image, width, height, |p| p.map(linear_from_srgb8))),
@@ -105,7 +106,7 @@ mod tests {
     #[test]
     fn means_are_kept() {
         let photo_in = Photo::Linear(Image::from_fn(7, 5, |x, y| [x as f32, y as f32, 1.0]));
-        let small = photo(&photo_in, 3, 2).into_radiance();
+        let small = resized_photo(&photo_in, 3, 2).into_radiance();
         let mean = |image: &RadianceImage, c: usize| {
             image.pixels().iter().map(|p| p[c]).sum::<f32>() / image.pixels().len() as f32
         };

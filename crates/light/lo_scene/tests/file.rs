@@ -1,10 +1,12 @@
 //! The scene file: round trip, an independent reader, and damaged files.
 #![allow(clippy::unwrap_used)]
 
-use lo_geometry::{Camera, Cube, Plane, Vec3};
-use lo_imaging::{Image, Photo};
+use lo_geometry::{Camera, Cube, Plane, Quat, Vec3};
+use lo_imaging::{Image, Photo, RadianceImage};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
-use lo_scene::{Completion, Frame, LaidPanorama, PanoramaSource, Room, RoomPlane, Scene, SceneError, Side};
+use lo_scene::{
+    Completion, Frame, LaidPanorama, PanoramaPicture, PanoramaSource, Room, RoomPlane, Scene, SceneError, Side,
+};
 use proptest::prelude::*;
 
 fn scene(linear: bool) -> Scene {
@@ -101,13 +103,20 @@ fn what_a_panorama_gave_comes_back_and_leaves_other_files_as_they_are() {
         confidence: 0.81,
         clipped: true,
     };
-    let mut scene = Scene { panorama: Some(LaidPanorama { source, share }), ..plain };
+    // Brighter than half precision goes, and dim.
+    let radiance = RadianceImage::from_fn(32, 16, |x, y| [1e6 / (1 + x * x + y * y) as f32, 0.1, 0.0]);
+    let picture = Some(PanoramaPicture::new(&radiance, Quat::from_rotation_y(0.3)));
+    let mut scene = Scene { panorama: Some(LaidPanorama { source, share, picture }), ..plain };
     let bytes = scene.to_bytes(lo_imaging::GENERATOR).unwrap();
     let back = Scene::from_bytes(&bytes).unwrap().panorama.unwrap();
     let laid = scene.panorama.as_mut().unwrap();
     assert_eq!((&back.share, &back.source.file[..]), (&laid.share, "theta.hdr"));
     laid.source.file = "theta.hdr".to_owned();
     assert_eq!(back.source, laid.source);
+    assert_eq!(back.picture, laid.picture);
+    let kept = &laid.picture.as_ref().unwrap().radiance;
+    let same = |a: &f32, b: &f32| (a - b).abs() <= 1e-3 * b.abs();
+    assert!(kept.pixels().as_flattened().iter().zip(radiance.pixels().as_flattened()).all(|(a, b)| same(a, b)));
     laid.share[3].pop();
     let error = Scene::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap_err().to_string();
     assert!(error.contains("panorama_share") && error.contains("feature rows"), "{error}");

@@ -1,0 +1,81 @@
+//! Depth as fine as the photo, with its edges where the photo has them.
+
+use lo_geometry::Vec3;
+use lo_imaging::{DepthMap, Image, Photo};
+use lo_scene::resized_photo;
+use rayon::prelude::*;
+
+use crate::edges::edges;
+
+/// Readings around a pixel from which its depth is chosen, in pixels of the depth map.
+const REACH: usize = 2;
+
+/// How unlike a reading is that is off by this much of colour (of the square root of radiance), or by this many pixels.
+const COLOUR: f32 = 0.05;
+const PIXELS: f32 = 1.0;
+
+/// Readings whose inverse depths differ by at most this share lie on one surface.
+const ON_SURFACE: f32 = 0.05;
+
+/// Growth from which on a depth map is coarse: its edges lie where its pixels end, and not where the photo's do.
+const COARSE: f32 = 1.5;
+
+/// Inverse depth at `width` × `height`; 0 where there is no reading near by.
+///
+/// Beside depth edges a coarse map's pixels belong to one side or the other as a whole. Each pixel there, and each without a reading, gets the
+/// depth of the readings of one side, chosen by colour and by nearness: joint bilateral upsampling (Kopf et al. 2007) that does not
+/// blend across an edge. All else is resampled ([`lo_imaging::resize_depth`]).
+pub(crate) fn guided_inverse(depth_m: &DepthMap, photo: &Photo, width: usize, height: usize) -> Image<f32> {
+    let inverse_of = |depth_m: &DepthMap| depth_m.map(|&z| if z > 0.0 { 1.0 / z } else { 0.0 });
+    let coarse = inverse_of(depth_m);
+    let (columns, rows) = (coarse.width(), coarse.height());
+    let fine = inverse_of(&lo_imaging::resize_depth(depth_m, width, height));
+    let is_coarse = width as f32 >= COARSE * columns as f32;
+    let near_edge = beside_edges(&coarse);
+    let colour = |width, height| {
+        let linear = resized_photo(photo, width, height).into_radiance();
+        linear.map(|&rgb| Vec3::from(rgb).max(Vec3::ZERO).map(f32::sqrt))
+    };
+    let (own, of_reading) = (colour(width, height), colour(columns, rows));
+    let chosen = |x: usize, y: usize| {
+        let at = |index: usize, of: usize, size: usize| (index as f32 + 0.5) * size as f32 / of as f32;
+        let (u, v) = (at(x, width, columns), at(y, height, rows));
+        let (column, row) = ((u as usize).min(columns - 1), (v as usize).min(rows - 1));
+        let known = fine[(x, y)];
+        if known > 0.0 && !(is_coarse && near_edge[(column, row)]) {
+            return known;
+        }
+        let around = (row.saturating_sub(REACH)..rows.min(row + REACH + 1))
+            .flat_map(|y| (column.saturating_sub(REACH)..columns.min(column + REACH + 1)).map(move |x| (x, y)));
+        let unlike = |at: (usize, usize)| {
+            let colour = (own[(x, y)] - of_reading[at]).length_squared() / (COLOUR * COLOUR);
+            let (du, dv) = (at.0 as f32 + 0.5 - u, at.1 as f32 + 0.5 - v);
+            colour + (du * du + dv * dv) / (PIXELS * PIXELS)
+        };
+        let readings: Vec<(f32, f32)> =
+            around.filter(|&at| coarse[at] > 0.0).map(|at| (coarse[at], unlike(at))).collect();
+        let Some(&(best, least)) = readings.iter().min_by(|a, b| a.1.total_cmp(&b.1)) else { return 0.0 };
+        let (mut sum, mut total) = (0.0, 0.0);
+        for (inverse, unlike) in readings {
+            if (inverse - best).abs() < ON_SURFACE * best {
+                let weight = (least - unlike).exp();
+                sum += weight * inverse;
+                total += weight;
+            }
+        }
+        sum / total
+    };
+    let rows: Vec<Vec<f32>> = (0..height).into_par_iter().map(|y| (0..width).map(|x| chosen(x, y)).collect()).collect();
+    Image::new(width, height, rows.into_iter().flatten().collect())
+}
+
+/// Pixels at a depth edge or a hole, and their neighbours.
+fn beside_edges(inverse: &Image<f32>) -> Image<bool> {
+    let (edge, _) = edges(inverse);
+    let (width, height) = (inverse.width(), inverse.height());
+    Image::from_fn(width, height, |x, y| {
+        let rows = y.saturating_sub(2)..height.min(y + 2);
+        let mut around = rows.flat_map(|y| (x.saturating_sub(2)..width.min(x + 2)).map(move |x| (x, y)));
+        around.any(|at| edge[at])
+    })
+}
