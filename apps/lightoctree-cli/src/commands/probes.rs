@@ -7,7 +7,7 @@ use anyhow::Context;
 use lightoctree::Cancelled;
 use lightoctree::cone::Rendering;
 use lightoctree::geometry::Vec3;
-use lightoctree::insert;
+use lightoctree::insert::{self, Stance};
 use lightoctree::scene::Scene;
 use serde_json::json;
 
@@ -153,7 +153,7 @@ fn probes(args: &Args, scene: &Scene) -> anyhow::Result<Vec<Probe>> {
     } else if let (Some(path), Some(frames)) = (&args.path, args.frames) {
         let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
         let path = insert::Path::from_json(&text).with_context(|| format!("{}", path.display()))?;
-        let placements = path.placements(scene, 1.0, frames as usize)?;
+        let placements = path.placements(scene, &Stance::default(), frames as usize)?;
         numbered(placements.into_iter().map(|placement| placement.position_m).collect())
     } else if let Some(path) = &args.points {
         read_points(path)?

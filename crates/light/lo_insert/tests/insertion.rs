@@ -7,7 +7,7 @@ use lo_cone::{Cone, ConeTracer, Settings};
 use lo_events::{Event, Stage, Warning};
 use lo_geometry::{Camera, Cube, Plane, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
-use lo_insert::{Composite, InsertError, Inserter, Lighting, Path, Placement, Quality};
+use lo_insert::{Align, Composite, InsertError, Inserter, Lighting, Path, Placement, Quality, Stance};
 use lo_mesh::{AlphaMode, LoadOptions, Material, Model, PreparedModel};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
 use lo_scene::{Frame, Scene};
@@ -91,6 +91,10 @@ fn in_air(centre: Vec3, radius: f32) -> Placement {
     Placement { position_m: centre - Vec3::Y * radius, scale: radius, yaw_rad: 0.0, up: Vec3::Y, support: None }
 }
 
+fn stance(scale: f32) -> Stance<'static> {
+    Stance { scale, ..Stance::default() }
+}
+
 fn changed(composite: &Composite) -> impl Fn(usize) -> bool {
     |i| composite.alpha.pixels()[i] > 0.0 || composite.shadow_ratio.pixels()[i] != [1.0; 3]
 }
@@ -137,7 +141,7 @@ fn a_moving_object_does_not_flicker() {
     let scene = linear_scene();
     let model = sphere(matte());
     let path = r#"{"keyframes": [{"time_s": 0, "position_m": [0.0, -1.0, -3.0]}, {"time_s": 1, "position_m": [0.08, -1.0, -3.0]}]}"#;
-    let mut placements = Path::from_json(path).unwrap().placements(&scene, 0.25, 17).unwrap();
+    let mut placements = Path::from_json(path).unwrap().placements(&scene, &stance(0.25), 17).unwrap();
     for placement in &mut placements {
         placement.support = Some(Plane { normal: Vec3::Y, offset_m: LOW.y });
     }
@@ -446,8 +450,8 @@ fn odd_places_give_a_result_or_a_clear_error() {
     let far = warnings(&inserter, &model, &in_air(Vec3::new(0.0, 0.0, -30.0), 0.1));
     assert!(far.contains(&Warning::ObjectOutsideOctree), "{far:?}");
 
-    assert!(matches!(Placement::rest_on_pixel(&scene, -1.0, 5.0), Err(InsertError::PixelOutside { .. })));
-    assert!(matches!(Placement::rest_on_pixel(&scene, f64::NAN, 5.0), Err(InsertError::PixelOutside { .. })));
+    assert!(matches!(Placement::rest_on_pixel(&scene, -1.0, 5.0, Align::Gravity), Err(InsertError::PixelOutside { .. })));
+    assert!(matches!(Placement::rest_on_pixel(&scene, f64::NAN, 5.0, Align::Gravity), Err(InsertError::PixelOutside { .. })));
     let tiny = RadianceImage::new(1, 1, vec![[1.0; 3]]);
     let refused = Inserter::new(&scene, Lighting::EnvironmentMap(tiny), Quality::Draft);
     assert!(matches!(refused, Err(InsertError::EnvironmentMap(_))));
@@ -489,11 +493,11 @@ fn light_that_differs_by_direction_is_refused_and_then_taken_as_seen_from_the_ob
 fn resting_on_a_pixel_meets_the_surface() {
     let mut scene = linear_scene();
     let (u, v) = (70.5, 70.5);
-    let placement = Placement::rest_on_pixel(&scene, u, v).unwrap();
+    let placement = Placement::rest_on_pixel(&scene, u, v, Align::Gravity).unwrap();
     assert!((placement.position_m.y - LOW.y).abs() < 0.01, "{placement:?}");
     assert!(placement.up.dot(Vec3::Y) > 0.999);
     scene.frame.depth_m[(70, 70)] = 0.0;
-    let error = Placement::rest_on_pixel(&scene, u, v).unwrap_err();
+    let error = Placement::rest_on_pixel(&scene, u, v, Align::Gravity).unwrap_err();
     assert!(error.to_string().contains("70.5"), "{error}");
 }
 
@@ -508,7 +512,7 @@ fn paths_pass_their_keyframes() {
         )
     };
     for interpolation in ["linear", "catmull-rom"] {
-        let placements = Path::from_json(&text(interpolation)).unwrap().placements(&scene, 2.0, 7).unwrap();
+        let placements = Path::from_json(&text(interpolation)).unwrap().placements(&scene, &stance(2.0), 7).unwrap();
         for (frame, position) in [(0, [0.0, -1.0, -2.0]), (2, [1.0, -1.0, -2.0]), (6, [1.0, -1.0, -3.0])] {
             assert!((placements[frame].position_m - Vec3::from(position)).length() < 1e-5, "{interpolation} {frame}");
         }
@@ -517,7 +521,7 @@ fn paths_pass_their_keyframes() {
     // On a straight line at constant speed both are the same
     let straight = r#"{"interpolation": "catmull-rom", "keyframes": [{"time_s": 0, "position_m": [0, 0, -1]},
         {"time_s": 1, "position_m": [0, 0, -2]}, {"time_s": 2, "position_m": [0, 0, -3]}]}"#;
-    for (i, placement) in Path::from_json(straight).unwrap().placements(&scene, 1.0, 9).unwrap().iter().enumerate() {
+    for (i, placement) in Path::from_json(straight).unwrap().placements(&scene, &Stance::default(), 9).unwrap().iter().enumerate() {
         assert!((placement.position_m.z + 1.0 + 0.25 * i as f32).abs() < 1e-5);
     }
     for (bad, word) in [
@@ -530,5 +534,5 @@ fn paths_pass_their_keyframes() {
         let error = Path::from_json(bad).unwrap_err().to_string();
         assert!(error.contains(word), "{bad}: {error}");
     }
-    assert!(Path::from_json(straight).unwrap().placements(&scene, 1.0, 0).unwrap().is_empty());
+    assert!(Path::from_json(straight).unwrap().placements(&scene, &Stance::default(), 0).unwrap().is_empty());
 }
