@@ -20,6 +20,7 @@ pub(crate) struct DepthSteps {
     inverse_m: Image<f32>,
     /// Inverse depths of the near and the far surface.
     sides: Image<Option<(f32, f32)>>,
+    has_holes: bool,
 }
 
 impl DepthSteps {
@@ -28,7 +29,7 @@ impl DepthSteps {
         let inverse_m = depth_m.map(|&z| if z > 0.0 { 1.0 / z } else { 0.0 });
         let pitch = (1.0 / camera.fx).max(1.0 / camera.fy) as f32;
         let sides = Image::from_fn(depth_m.width(), depth_m.height(), |x, y| sides(&inverse_m, (x, y), STEEP * pitch));
-        Self { inverse_m, sides }
+        Self { has_holes: inverse_m.pixels().contains(&0.0), inverse_m, sides }
     }
 
     /// Width and height.
@@ -36,9 +37,22 @@ impl DepthSteps {
         (self.sides.width(), self.sides.height())
     }
 
-    /// Whether a pixel belongs to a step, or to a hole.
-    pub fn is_open(&self, x: usize, y: usize) -> bool {
-        self.inverse_m[(x, y)] == 0.0 || self.sides[(x, y)].is_some()
+    /// Whether there is any pixel without a reading.
+    pub fn has_holes(&self) -> bool {
+        self.has_holes
+    }
+
+    /// Whether at a pixel something ends that is nearer than a depth: it belongs to the step there, or is the rim of a hole.
+    pub fn ends_before(&self, x: usize, y: usize, depth_m: f32) -> bool {
+        let nearer = |inverse: f32| inverse * depth_m > 1.0;
+        if self.inverse_m[(x, y)] > 0.0 {
+            return self.sides[(x, y)].is_some_and(|(near, _)| nearer(near));
+        }
+        let (columns, rows) = (x.saturating_sub(1)..(x + 2), y.saturating_sub(1)..(y + 2));
+        let (width, height) = self.size();
+        rows.filter(|&y| y < height)
+            .flat_map(|y| columns.clone().map(move |x| (x, y)))
+            .any(|(x, y)| x < width && nearer(self.inverse_m[(x, y)]))
     }
 
     /// The same depths at `depth_m`'s resolution, which is that of the same map resized, with steps where they are.

@@ -158,7 +158,7 @@ impl Inserter {
             .map(|(x, y)| (x, y, (x + TILE).min(self.frame.photo.width()), (y + TILE).min(self.frame.photo.height())))
             .collect();
         let view = stage(on_event, Stage::Visibility, || {
-            let matte = Matte::new(&camera, object, &self.occluders, |x, y| self.colour(x, y), window);
+            let matte = Matte::new(&camera, object, &self.occluders, |pixel| self.colour(pixel), window);
             let (occluders, thrift) = (&self.occluders, self.counts.thrift);
             let viewer = Viewer { camera, object, occluders, matte: &matte, samples: &samples, thrift };
             let views: Vec<TileView> = tiles.into_par_iter().map(|tile| viewer.tile(tile)).collect();
@@ -175,10 +175,10 @@ impl Inserter {
     }
 
     /// Colour of a photo pixel as the eye tells colours apart: in sRGB's range.
-    fn colour(&self, x: usize, y: usize) -> Vec3 {
+    fn colour(&self, pixel: (usize, usize)) -> Vec3 {
         match &self.frame.photo {
-            Photo::Srgb8(image) => Vec3::from(image[(x, y)].map(f32::from)) / 255.0,
-            Photo::Linear(image) => Vec3::from(image[(x, y)].map(|value| lo_imaging::srgb_from_linear(value.clamp(0.0, 1.0)))),
+            Photo::Srgb8(image) => Vec3::from(image[pixel].map(f32::from)) / 255.0,
+            Photo::Linear(image) => Vec3::from(image[pixel].map(|value| lo_imaging::srgb_from_linear(value.clamp(0.0, 1.0)))),
         }
     }
 

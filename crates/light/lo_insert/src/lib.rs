@@ -48,6 +48,7 @@ mod shadow_ratio;
 mod silhouette;
 mod surface;
 mod visibility;
+mod walk;
 
 pub use base::Base;
 pub use composite::Composite;
