@@ -128,3 +128,35 @@ fn discriminant(cells: &[[Moments; 2]], columns: usize, rows: usize, i: usize) -
     }
     Discriminant { direction, offset: 0.5 * direction.dot(first + second) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noisy_colours_are_told_apart_where_both_sides_are_known() {
+        // Left the first side is red and right it is green, before grey; beyond 80 pixels there is no first side.
+        let mut state = 3u32;
+        let mut noise = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            ((state >> 8) as f32 / (1 << 24) as f32 - 0.5) * 0.1
+        };
+        let colour = |x: usize| if x < 40 { Vec3::new(0.6, 0.2, 0.2) } else { Vec3::new(0.2, 0.6, 0.2) };
+        let grey = Vec3::splat(0.4);
+        let mut pixels = Vec::new();
+        for y in 0..40 {
+            for x in 0..160 {
+                let first = y < 20 && x < 80;
+                let seen = (if first { colour(x) } else { grey }) + Vec3::new(noise(), noise(), noise());
+                pixels.push((x, y, seen, if first { [1.0, 0.0] } else { [0.0, 0.5] }));
+            }
+        }
+        let sides = ColourSides::new((160, 40), 8, pixels.into_iter());
+        for (x, y) in [(5, 19), (20, 22), (60, 20), (70, 15)] {
+            assert!(sides.log_ratio(x, y, colour(x)) > 5.0 && sides.log_ratio(x, y, grey) < -5.0, "{x} {y}");
+            let between = sides.log_ratio(x, y, 0.5 * (colour(x) + grey));
+            assert!(between.abs() < 3.0, "half of each is neither: {between}");
+        }
+        assert_eq!(sides.log_ratio(140, 20, colour(10)), 0.0, "nothing is known of the first side here");
+    }
+}

@@ -117,3 +117,51 @@ fn sides(inverse_m: &Image<f32>, (x, y): (usize, usize), steep: f32) -> Option<(
     let gap = |sides: &Option<(f32, f32)>| sides.map_or(0.0, |(near, far)| near - far);
     [step((1, 0)), step((0, 1))].into_iter().max_by(|a, b| gap(a).total_cmp(&gap(b))).flatten()
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use lo_geometry::{Plane, Ray, Vec3};
+
+    use super::*;
+
+    /// A step from 1.5 to 3 m at column `edge` of the photo, which a coarse sensor smears over some of its pixels.
+    fn smeared(edge: f32, spread: f32) -> DepthMap {
+        Image::from_fn(64, 48, |x, _| {
+            let along = (x as f32 + 0.5) * 8.0 - edge;
+            let near = 1.0 / (1.0 + (along / spread).exp());
+            1.0 / (near / 1.5 + (1.0 - near) / 3.0)
+        })
+    }
+
+    #[test]
+    fn a_smeared_step_becomes_sharp_between_the_sensors_pixels() {
+        let camera = Camera::from_hfov_deg(65.0, 64, 48).unwrap();
+        for (edge, spread) in [(260.0, 4.0), (263.0, 5.0), (257.5, 3.0)] {
+            let coarse = smeared(edge, spread);
+            let steps = DepthSteps::new(&coarse, &camera);
+            let sharp = steps.sharpened(&lo_imaging::resize_depth(&coarse, 512, 384));
+            let first_far = (0..512).find(|&x| sharp[(x, 200)] > 2.5).unwrap();
+            // Half a photo pixel and what bilinear interpolation makes of the smear.
+            assert!((first_far as f32 - edge).abs() < 1.5, "{edge}: {first_far}");
+            assert!((200..320).all(|x| sharp[(x, 200)] < 1.6 || sharp[(x, 200)] > 2.8), "nothing hangs in the air");
+            assert!(steps.ends_before(32, 20, 2.0) && !steps.ends_before(32, 20, 1.4) && !steps.ends_before(10, 20, 2.0));
+        }
+    }
+
+    #[test]
+    fn floors_are_no_steps_and_holes_have_rims() {
+        let camera = Camera::from_hfov_deg(65.0, 256, 192).unwrap();
+        let floor = Plane { normal: Vec3::Y, offset_m: -1.4 };
+        let mut depth_m = DepthMap::from_fn(256, 192, |x, y| {
+            let direction = camera.direction(x as f64 + 0.5, y as f64 + 0.5);
+            let distance = floor.intersect(&Ray { origin: Vec3::ZERO, direction }).unwrap_or(f32::INFINITY);
+            (-distance * direction.z).min(6.0)
+        });
+        depth_m[(30, 170)] = 0.0;
+        let steps = DepthSteps::new(&depth_m, &camera);
+        assert!((100..192).all(|y| (0..256).all(|x| steps.sides[(x, y)].is_none())));
+        assert!(steps.has_holes() && steps.ends_before(30, 170, 10.0) && !steps.ends_before(30, 170, 1.0));
+        assert_eq!(steps.sharpened(&depth_m), depth_m);
+    }
+}
