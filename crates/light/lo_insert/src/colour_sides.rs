@@ -99,7 +99,8 @@ fn discriminant(cells: &[[Moments; 2]], columns: usize, rows: usize, i: usize) -
     let mut sides = [Moments::default(); 2];
     for dy in -REACH..=REACH {
         for dx in -REACH..=REACH {
-            let (Some(x), Some(y)) = ((i % columns).checked_add_signed(dx), (i / columns).checked_add_signed(dy)) else {
+            let (Some(x), Some(y)) = ((i % columns).checked_add_signed(dx), (i / columns).checked_add_signed(dy))
+            else {
                 continue;
             };
             if x >= columns || y >= rows {

@@ -145,7 +145,9 @@ mod tests {
             // Half a photo pixel and what bilinear interpolation makes of the smear.
             assert!((first_far as f32 - edge).abs() < 1.5, "{edge}: {first_far}");
             assert!((200..320).all(|x| sharp[(x, 200)] < 1.6 || sharp[(x, 200)] > 2.8), "nothing hangs in the air");
-            assert!(steps.ends_before(32, 20, 2.0) && !steps.ends_before(32, 20, 1.4) && !steps.ends_before(10, 20, 2.0));
+            assert!(
+                steps.ends_before(32, 20, 2.0) && !steps.ends_before(32, 20, 1.4) && !steps.ends_before(10, 20, 2.0)
+            );
         }
     }
 

@@ -164,7 +164,13 @@ impl Viewer<'_> {
             for layer in 0..MAX_LAYERS {
                 let Some(hit) = self.object.seen(&ray, from_m) else { break };
                 let share = match edge {
-                    Some(share) => if layer == 0 { share } else { 0.0 },
+                    Some(share) => {
+                        if layer == 0 {
+                            share
+                        } else {
+                            0.0
+                        }
+                    }
                     None => self.hidden(pixel, u, v, ray.at(hit.distance_m)),
                 };
                 hidden += free * share;
