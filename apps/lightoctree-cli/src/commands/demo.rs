@@ -168,9 +168,8 @@ fn insert_objects(
     let inserter = stages.stage("prepare light", || Inserter::new(scene, Lighting::Octree, Quality::Normal))?;
     for material in ["gold", "chrome", "matte-white"] {
         let object = model(material)?;
-        let composite = stages.stage(&format!("insert, {material}"), || {
-            inserter.render(&object, &place, &mut |_| interrupt::go_on())
-        })?;
+        let composite = stages
+            .stage(&format!("insert, {material}"), || inserter.render(&object, &place, &mut |_| interrupt::go_on()))?;
         let file = out.join(format!("object_{}.png", material.replace('-', "_")));
         imaging::write_photo(&file, &composite.image, &output::signature(COMMAND))?;
         files.push(file);

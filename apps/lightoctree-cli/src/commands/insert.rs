@@ -8,9 +8,7 @@ use clap::ValueEnum;
 use lightoctree::Event;
 use lightoctree::geometry::Vec3;
 use lightoctree::imaging::{self, ChannelGroup, ExrOptions};
-use lightoctree::insert::{
-    self, Align, Base, Composite, InsertError, Inserter, Lighting, Placement, Quality, Stance,
-};
+use lightoctree::insert::{self, Align, Base, Composite, InsertError, Inserter, Lighting, Placement, Quality, Stance};
 use lightoctree::mesh::{LoadOptions, Material, MaterialSpec, Model, PreparedModel};
 use lightoctree::scene::Scene;
 use serde_json::json;
@@ -252,10 +250,9 @@ fn placements(args: &Args, scene: &Scene, model: &PreparedModel, scale: f32) -> 
     }
     let placement = match (args.at, args.pixel) {
         (Some(at), _) => Placement::at(scene, at, align).scaled(scale).turned(yaw_rad),
-        (None, Some([u, v])) => Placement::rest_on_pixel(scene, u, v, align)?
-            .scaled(scale)
-            .turned(yaw_rad)
-            .settled(scene, &base),
+        (None, Some([u, v])) => {
+            Placement::rest_on_pixel(scene, u, v, align)?.scaled(scale).turned(yaw_rad).settled(scene, &base)
+        }
         (None, None) => {
             return Err(Usage("say where: --at X,Y,Z, --pixel U,V, or --path FILE.json with --frames N".into()).into());
         }
