@@ -160,6 +160,10 @@ pub fn warning_text(warning: &Warning) -> String {
         Warning::ObjectHidden => "the object does not show: real surfaces stand before all of it".into(),
         Warning::ObjectOutsidePicture => "the object does not show: it lies outside of the picture".into(),
         Warning::ObjectOutsideOctree => "the object lies outside of the lighting octree, its light is a guess".into(),
+        Warning::ObjectOverhangs { supported } => format!(
+            "only {:.0} % of the object's base stands on what carries it, the rest hangs over an edge: move it, or make it smaller",
+            100.0 * supported
+        ),
         Warning::FilledDepth { filled, pixels } => format!(
             "{:.0} % of the pixels have no depth reading; theirs was taken from the room's planes or from around them",
             100.0 * *filled as f32 / *pixels as f32

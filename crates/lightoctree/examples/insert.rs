@@ -5,7 +5,7 @@
 use std::error::Error;
 use std::path::Path;
 
-use lightoctree::insert::{Inserter, Lighting, Placement, Quality};
+use lightoctree::insert::{Align, Base, Inserter, Lighting, Placement, Quality};
 use lightoctree::mesh::{LoadOptions, Model, PreparedModel};
 use lightoctree::scene::Scene;
 use lightoctree::{add_lamp, events, imaging};
@@ -26,7 +26,9 @@ pub fn run(scene: &Path, mesh: &Path, picture: &Path) -> Result<(), Box<dyn Erro
     let model = PreparedModel::new(Model::load(mesh, &LoadOptions::default())?);
     // Half a metre high, on what is seen in the lower middle of the photo.
     let (width, height) = (scene.frame.photo.width() as f64, scene.frame.photo.height() as f64);
-    let place = Placement::rest_on_pixel(&scene, 0.53 * width, 0.79 * height)?.scaled(0.5 / model.bounds().size().y);
+    let place = Placement::rest_on_pixel(&scene, 0.53 * width, 0.79 * height, Align::Gravity)?
+        .scaled(0.5 / model.bounds().size().y)
+        .settled(&scene, &Base::new(&model));
     let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Draft)?;
     let composite = inserter.render(&model, &place, &mut events::ignore)?;
     Ok(imaging::write_photo(picture, &composite.image, "example insert")?)

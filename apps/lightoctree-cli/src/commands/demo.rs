@@ -6,7 +6,7 @@ use std::time::Instant;
 use lightoctree::cone::{ConeTracer, Settings};
 use lightoctree::geometry::Camera;
 use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, Photo, ToneCurve};
-use lightoctree::insert::{self, Inserter, Lighting, Placement, Quality};
+use lightoctree::insert::{self, Align, Base, Inserter, Lighting, Placement, Quality, Stance};
 use lightoctree::mesh::{MaterialSpec, Model, PreparedModel};
 use lightoctree::scene::{Frame, Scene};
 use lightoctree::{EstimateOptions, Estimator, Input};
@@ -96,7 +96,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
 /// Where the object stands.
 fn placement(scene: &Scene) -> anyhow::Result<Placement> {
     let [u, v] = PIXEL;
-    Ok(Placement::rest_on_pixel(scene, u, v)?)
+    Ok(Placement::rest_on_pixel(scene, u, v, Align::Gravity)?)
 }
 
 /// Metres per unit of the object.
@@ -163,17 +163,19 @@ fn insert_objects(
     let mut files = Vec::new();
     let gold = stages.stage("read mesh", || model("gold"))?;
     let scale = scale(&gold);
+    let object_base = Base::new(&gold);
+    let place = base.scaled(scale).settled(scene, &object_base);
     let inserter = stages.stage("prepare light", || Inserter::new(scene, Lighting::Octree, Quality::Normal))?;
     for material in ["gold", "chrome", "matte-white"] {
         let object = model(material)?;
-        let composite = stages.stage(&format!("insert, {material}"), || {
-            inserter.render(&object, &base.scaled(scale), &mut |_| interrupt::go_on())
-        })?;
+        let composite = stages
+            .stage(&format!("insert, {material}"), || inserter.render(&object, &place, &mut |_| interrupt::go_on()))?;
         let file = out.join(format!("object_{}.png", material.replace('-', "_")));
         imaging::write_photo(&file, &composite.image, &output::signature(COMMAND))?;
         files.push(file);
     }
-    let placements = insert::Path::from_json(PATH)?.placements(scene, scale, FRAMES)?;
+    let stance = Stance { scale, base: Some(&object_base), ..Stance::default() };
+    let placements = insert::Path::from_json(PATH)?.placements(scene, &stance, FRAMES)?;
     let draft = stages.stage("prepare light for drafts", || Inserter::new(scene, Lighting::Octree, Quality::Draft))?;
     let begun = Instant::now();
     let folder = out.join("moving");

@@ -10,6 +10,7 @@ use lightoctree::geometry::{Orientation, Vec3};
 use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, RadianceImage};
 use lightoctree::scene::Scene;
 
+use super::level::{Level, LevelArgs};
 use crate::output::signature;
 
 /// How the panorama is held.
@@ -65,6 +66,10 @@ pub struct PanoramaArgs {
     /// Width and height; equirectangular maps are twice as wide as high
     #[arg(long, value_name = "WxH", default_value = "512x256", value_parser = super::parse::size)]
     pub size: [usize; 2],
+
+    /// The frame.
+    #[command(flatten)]
+    pub level: LevelArgs,
 
     /// The file.
     #[command(flatten)]
@@ -133,11 +138,12 @@ pub fn odd_place(scene: &Scene, point: Vec3) -> Option<&'static str> {
     light.octree.levels()[depth as usize].rows[node].ge(&0).then_some("inside of a surface")
 }
 
-/// Writes the panorama of a command in the wanted orientation and, on request, its preview. `at` is where in the scene it was made.
+/// Writes the panorama of a command in the wanted orientation and, on request, its preview. `at` is where in the scene it was made, and
+/// in which frame.
 pub fn write(
     path: &Path,
     radiance: &RadianceImage,
-    at: Option<Vec3>,
+    at: Option<(Vec3, &Level)>,
     args: &PanoramaFileArgs,
     command: &str,
 ) -> anyhow::Result<()> {
@@ -156,8 +162,17 @@ pub fn write(
 }
 
 /// Attributes of an EXR environment map.
-pub fn exr_options(args: &PanoramaFileArgs, at: Option<Vec3>, layout: EnvironmentLayout, command: &str) -> ExrOptions {
-    let position = at.map(|at| ("lightoctree.position_m".into(), format!("{} {} {}", at.x, at.y, at.z)));
+pub fn exr_options(
+    args: &PanoramaFileArgs,
+    at: Option<(Vec3, &Level)>,
+    layout: EnvironmentLayout,
+    command: &str,
+) -> ExrOptions {
+    let place = at.into_iter().flat_map(|(at, level)| {
+        let at = level.point(at);
+        let position = ("lightoctree.position_m".into(), format!("{} {} {}", at.x, at.y, at.z));
+        level.metadata().into_iter().chain([position])
+    });
     let orientation = args.orientation.to_possible_value().map_or_else(String::new, |v| v.get_name().into());
     let others = [
         ("lightoctree.orientation".into(), orientation),
@@ -167,7 +182,7 @@ pub fn exr_options(args: &PanoramaFileArgs, at: Option<Vec3>, layout: Environmen
         generator: signature(command),
         half: args.half,
         environment: Some(layout),
-        metadata: position.into_iter().chain(others).collect(),
+        metadata: place.chain(others).collect(),
         ..ExrOptions::default()
     }
 }

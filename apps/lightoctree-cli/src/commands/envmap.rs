@@ -9,6 +9,7 @@ use lightoctree::insert;
 use serde_json::json;
 
 use super::environment::{self, PanoramaArgs, Renderer};
+use super::level::Level;
 use super::parse;
 use crate::args::{Global, OutputArgs};
 use crate::progress::Stages;
@@ -19,7 +20,8 @@ use crate::{output, report};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
     lightoctree envmap room.scene --at 0,-0.5,-2 -o room.exr --preview\n  \
-    lightoctree envmap room.scene --pixel 960,1100 --lift 0.2 --orientation blender --sh9 sh.json --main-light sun.json -o light.hdr")]
+    lightoctree envmap room.scene --pixel 960,1100 --lift 0.2 --orientation blender --sh9 sh.json --main-light sun.json -o light.hdr\n  \
+    lightoctree envmap room.scene --pixel 960,1100 --level -o light.exr")]
 #[command(group(clap::ArgGroup::new("place").required(true).args(["at", "pixel"])))]
 #[command(mut_arg("output", |output| output.help("The panorama to write: .exr, .hdr or .pfm")))]
 pub struct Args {
@@ -53,11 +55,11 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     depth_out: Option<PathBuf>,
 
-    /// Also write nine spherical-harmonics coefficients per channel, in our frame
+    /// Also write nine spherical-harmonics coefficients per channel, in our frame or the level one
     #[arg(long, value_name = "FILE.json")]
     sh9: Option<PathBuf>,
 
-    /// Also write direction, solid angle, colour and power of the main light, in our frame
+    /// Also write direction, solid angle, colour and power of the main light, in our frame or the level one
     #[arg(long, value_name = "FILE.json")]
     main_light: Option<PathBuf>,
 
@@ -97,12 +99,16 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     if let Some(odd) = environment::odd_place(&scene, at) {
         stages.note(&format!("({}, {}, {}) lies {odd}", at.x, at.y, at.z));
     }
-    let renderer = Renderer::new(&scene, args.panorama.size)?;
-    let panorama = stages.stage("panorama", || renderer.at(at));
-    stages.stage("write", || write(args, at, &panorama))?;
+    let level = Level::new(&scene, args.panorama.level)?;
+    let height = environment::height(args.panorama.size)?;
+    let rendered = level.height(height);
+    let renderer = Renderer::new(&scene, [2 * rendered, rendered])?;
+    let panorama = stages.stage("panorama", || level.panorama(renderer.at(at), height));
+    stages.stage("write", || write(args, at, &level, &panorama))?;
     if args.out.json {
         return report::print_json(&json!({
-            "position_m": at.to_array(),
+            "position_m": level.point(at).to_array(),
+            "camera": level.camera(),
             "files": outputs,
             "seconds": stages.timings(),
         }));
@@ -111,26 +117,29 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn write(args: &Args, at: Vec3, panorama: &Rendering) -> anyhow::Result<()> {
+fn write(args: &Args, at: Vec3, level: &Level, panorama: &Rendering) -> anyhow::Result<()> {
     if args.cubemap {
         let turned =
             imaging::reorient(&panorama.radiance, Orientation::Lightoctree, args.panorama.file.orientation.preset());
         let cube = imaging::cubemap_from_equirectangular(&turned, args.panorama.size[1] / 2);
-        let options = environment::exr_options(&args.panorama.file, Some(at), EnvironmentLayout::Cube, COMMAND);
+        let options =
+            environment::exr_options(&args.panorama.file, Some((at, level)), EnvironmentLayout::Cube, COMMAND);
         imaging::write_radiance(&args.out.output, &cube.strip(), &options)?;
     } else {
-        environment::write(&args.out.output, &panorama.radiance, Some(at), &args.panorama.file, COMMAND)?;
+        environment::write(&args.out.output, &panorama.radiance, Some((at, level)), &args.panorama.file, COMMAND)?;
     }
     if let Some(path) = &args.depth_out {
         imaging::write_depth(path, &panorama.distance_m, &output::signature(COMMAND))?;
     }
+    let place = level.point(at).to_array();
     if let Some(path) = &args.sh9 {
         let sh = imaging::Sh9::project(&panorama.radiance);
-        environment::write_json(path, COMMAND, json!({ "position_m": at.to_array(), "sh9": sh }))?;
+        environment::write_json(path, COMMAND, json!({ "position_m": place, "camera": level.camera(), "sh9": sh }))?;
     }
     if let Some(path) = &args.main_light {
         let light = imaging::main_light(&panorama.radiance);
-        environment::write_json(path, COMMAND, json!({ "position_m": at.to_array(), "main_light": light }))?;
+        let value = json!({ "position_m": place, "camera": level.camera(), "main_light": light });
+        environment::write_json(path, COMMAND, value)?;
     }
     Ok(())
 }

@@ -9,7 +9,7 @@ use clap::ValueEnum;
 use lightoctree::Event;
 use lightoctree::geometry::Vec3;
 use lightoctree::imaging::{self, ChannelGroup, ExrOptions};
-use lightoctree::insert::{self, Composite, InsertError, Inserter, Lighting, Placement, Quality};
+use lightoctree::insert::{self, Align, Base, Composite, InsertError, Inserter, Lighting, Placement, Quality, Stance};
 use lightoctree::mesh::{LoadOptions, Material, MaterialSpec, Model, PreparedModel};
 use lightoctree::scene::Scene;
 use serde_json::json;
@@ -57,6 +57,10 @@ pub struct Args {
     /// Turn about the vertical, counter-clockwise seen from above
     #[arg(long, value_name = "A", default_value_t = 0.0, allow_hyphen_values = true)]
     yaw_deg: f32,
+
+    /// Which way is up for it. With `gravity` and `surface`, what --pixel or a keyframe's pixel shows carries it
+    #[arg(long, value_name = "UP", default_value = "gravity")]
+    align: AlignArg,
 
     /// A material for the whole object: a name or a JSON object
     #[arg(long, value_name = "NAME|JSON")]
@@ -115,6 +119,27 @@ enum QualityArg {
     High,
 }
 
+/// Which way an object stands.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum AlignArg {
+    /// Upright in the room, as far as it is known which way is up
+    Gravity,
+    /// Along the normal of the surface at the pixel, where that is tilted by 10 to 40°
+    Surface,
+    /// Up in the picture
+    None,
+}
+
+impl AlignArg {
+    fn align(self) -> Align {
+        match self {
+            Self::Gravity => Align::Gravity,
+            Self::Surface => Align::Surface,
+            Self::None => Align::None,
+        }
+    }
+}
+
 const COMMAND: &str = "insert";
 
 /// Loads, renders, writes.
@@ -131,7 +156,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let model = stages.stage("read mesh", || load_model(mesh, args.material.as_deref()))?;
     model.model().warnings.iter().for_each(|warning| stages.note(&warning.to_string()));
     let scale = scale(args, &model)?;
-    let placements = placements(args, &scene, scale)?;
+    let placements = placements(args, &scene, &model, scale)?;
     let files = output_files(args, output, placements.len())?;
     let lighting = lighting(&args.lighting)?;
     if args.time_limit.is_some() && !matches!(args.quality, QualityArg::High) {
@@ -250,20 +275,24 @@ fn scale(args: &Args, model: &PreparedModel) -> anyhow::Result<f32> {
     }
 }
 
-fn placements(args: &Args, scene: &Scene, scale: f32) -> anyhow::Result<Vec<Placement>> {
+fn placements(args: &Args, scene: &Scene, model: &PreparedModel, scale: f32) -> anyhow::Result<Vec<Placement>> {
+    let (base, align, yaw_rad) = (Base::new(model), args.align.align(), args.yaw_deg.to_radians());
     if let (Some(path), Some(frames)) = (&args.path, args.frames) {
         let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
         let path_of_object = insert::Path::from_json(&text).with_context(|| format!("{}", path.display()))?;
-        return Ok(path_of_object.placements(scene, scale, frames as usize)?);
+        let stance = Stance { scale, align, base: Some(&base) };
+        return Ok(path_of_object.placements(scene, &stance, frames as usize)?);
     }
     let placement = match (args.at, args.pixel) {
-        (Some(at), _) => Placement::at(scene, at),
-        (None, Some([u, v])) => Placement::rest_on_pixel(scene, u, v)?,
+        (Some(at), _) => Placement::at(scene, at, align).scaled(scale).turned(yaw_rad),
+        (None, Some([u, v])) => {
+            Placement::rest_on_pixel(scene, u, v, align)?.scaled(scale).turned(yaw_rad).settled(scene, &base)
+        }
         (None, None) => {
             return Err(Usage("say where: --at X,Y,Z, --pixel U,V, or --path FILE.json with --frames N".into()).into());
         }
     };
-    Ok(vec![placement.scaled(scale).turned(args.yaw_deg.to_radians())])
+    Ok(vec![placement])
 }
 
 /// Names of the composite and of the layers of each frame, checked before any work is done.

@@ -19,6 +19,7 @@ pub mod weights;
 #[cfg(feature = "depth-models")]
 mod depth_model;
 mod environment;
+mod level;
 mod panorama_prior;
 mod parse;
 mod photos;

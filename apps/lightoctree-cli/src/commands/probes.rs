@@ -7,11 +7,12 @@ use anyhow::Context;
 use lightoctree::Cancelled;
 use lightoctree::cone::Rendering;
 use lightoctree::geometry::Vec3;
-use lightoctree::insert;
+use lightoctree::insert::{self, Stance};
 use lightoctree::scene::Scene;
 use serde_json::json;
 
 use super::environment::{self, PanoramaArgs};
+use super::level::Level;
 use super::parse;
 use crate::args::Global;
 use crate::progress::{Stages, seconds};
@@ -91,6 +92,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         super::add_lamp(&mut scene, &mut stages);
     }
     let probes = probes(args, &scene)?;
+    let level = Level::new(&scene, args.panorama.level)?;
     let height = environment::height(args.panorama.size)?;
     output::prepare_folder(&args.output, MANIFEST, COMMAND, args.force)?;
     let mut entries = Vec::with_capacity(probes.len());
@@ -99,21 +101,25 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         let probe = &probes[index];
         let file = format!("{}.{}", probe.name, args.format);
         let path = args.output.join(&file);
-        environment::write(&path, &panorama.radiance, Some(probe.position_m), &args.panorama.file, COMMAND)?;
+        let panorama = level.panorama(panorama, height);
+        let place = Some((probe.position_m, &level));
+        environment::write(&path, &panorama.radiance, place, &args.panorama.file, COMMAND)?;
         entries.push(json!({
             "name": probe.name,
             "file": file,
-            "position_m": probe.position_m.to_array(),
+            "position_m": level.point(probe.position_m).to_array(),
             "place": environment::odd_place(&scene, probe.position_m).unwrap_or("free"),
         }));
         Ok(())
     };
-    let rendered = lightoctree::render_probes(&scene, &points, height, keep, &mut |event| stages.hear(event));
+    let rendered =
+        lightoctree::render_probes(&scene, &points, level.height(height), keep, &mut |event| stages.hear(event));
     rendered.or_else(|error| if error.is::<Cancelled>() { Ok(()) } else { Err(error) })?;
     let manifest = json!({
         "size": args.panorama.size,
         "units": "linear Rec. 709; 1 is the photo's white",
-        "frame": "metres; +X right, +Y up, the camera at the origin looks along -Z",
+        "frame": level.description(),
+        "camera": level.camera(),
         "probes": entries,
     });
     environment::write_json(&args.output.join(MANIFEST), COMMAND, manifest.clone())?;
@@ -153,7 +159,7 @@ fn probes(args: &Args, scene: &Scene) -> anyhow::Result<Vec<Probe>> {
     } else if let (Some(path), Some(frames)) = (&args.path, args.frames) {
         let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
         let path = insert::Path::from_json(&text).with_context(|| format!("{}", path.display()))?;
-        let placements = path.placements(scene, 1.0, frames as usize)?;
+        let placements = path.placements(scene, &Stance::default(), frames as usize)?;
         numbered(placements.into_iter().map(|placement| placement.position_m).collect())
     } else if let Some(path) = &args.points {
         read_points(path)?

@@ -337,7 +337,7 @@ fn say_gaps(unwrapped: &UnwrappedBall, stages: &Stages) {
 }
 
 fn write(args: &Args, unwrapped: &UnwrappedBall) -> anyhow::Result<()> {
-    environment::write(&args.out.output, &unwrapped.radiance, None::<Vec3>, &args.file, COMMAND)?;
+    environment::write(&args.out.output, &unwrapped.radiance, None, &args.file, COMMAND)?;
     if let Some(path) = &args.mask_out {
         let mask = unwrapped.known.map(|&known| [known; 3]);
         let turned = imaging::reorient(&mask, Orientation::Lightoctree, args.file.orientation.preset());

@@ -44,6 +44,11 @@ pub enum Warning {
     ObjectOutsidePicture,
     /// The inserted object lies outside of the lighting octree: its light is a guess.
     ObjectOutsideOctree,
+    /// The inserted object stands on a surface that ends below it: most of its base hangs in the air.
+    ObjectOverhangs {
+        /// Share of the base that is carried, from 0 to 1, of what can be judged.
+        supported: f32,
+    },
     /// Pixels have no depth reading; theirs was taken from the room's planes or from around them.
     FilledDepth {
         /// How many.

@@ -38,7 +38,10 @@ pub use atomic::write_atomically;
 pub use color::{linear_from_srgb, linear_from_srgb8, luminance, srgb_from_linear, srgb8_from_linear};
 pub use contact_sheet::{CONTACT_SHEET_GROUND, contact_sheet, photo_tile};
 pub use cubemap::{Cubemap, cubemap_from_equirectangular, equirectangular_from_cubemap};
-pub use equirectangular::{reorient, reorient_depth, resize_equirectangular, sample_equirectangular};
+pub use equirectangular::{
+    reorient, reorient_depth, resize_equirectangular, rotate_equirectangular, rotate_equirectangular_nearest,
+    sample_equirectangular,
+};
 pub use error::ImageError;
 pub use exr_read::ExrChannels;
 pub use exr_write::{ChannelGroup, EnvironmentLayout, ExrOptions};

@@ -2,7 +2,7 @@ use std::f32::consts::PI;
 
 use lo_events::{Cancelled, OnEvent, Stage, Warning, progress, stage, stage_of_steps, warn};
 use lo_geometry::Vec3;
-use lo_imaging::RadianceImage;
+use lo_imaging::{Photo, RadianceImage};
 use lo_mesh::PreparedModel;
 use lo_scene::{Frame, Scene};
 use rayon::prelude::*;
@@ -12,7 +12,9 @@ use crate::backdrop::Backdrop;
 use crate::composite::{Composite, Layers};
 use crate::environment::Environment;
 use crate::gather::{Gatherer, object_lights};
+use crate::matte::Matte;
 use crate::object::Object;
+use crate::occluders::Occluders;
 use crate::patches::{self, patches};
 use crate::quality::Counts;
 use crate::receivers::PATTERNS;
@@ -21,11 +23,11 @@ use crate::shadow::{Caster, ShadowField};
 use crate::shadow_ratio::ShadowRatio;
 use crate::silhouette::Silhouettes;
 use crate::surface::{SurfaceMap, without_photo};
-use crate::visibility::{TILE, TileView, Viewer, coverage_pattern};
-use crate::{InsertError, Lighting, Placement, Quality};
+use crate::visibility::{TILE, TileView, Viewer, coverage_pattern, seen_window};
+use crate::{Base, InsertError, Lighting, Placement, Quality};
 
-/// Long side at which the photo's depth hides the object; above it, a depth pixel serves several photo pixels.
-const OCCLUSION_SIDE: usize = 2048;
+/// Share of the base that must be carried, or the object falls.
+const LEAST_SUPPORT: f32 = 0.5;
 
 /// Longer side from which on a photo is large.
 const LARGE_SIDE: usize = 1440;
@@ -37,8 +39,7 @@ const LARGE_SIDE: usize = 1440;
 pub struct Inserter {
     frame: Frame,
     environment: Environment,
-    occluders: SurfaceMap,
-    predicted_depth: bool,
+    occluders: Occluders,
     /// For the light that real surfaces in the object's shadow send to it.
     coarse: ShadowField,
     fine: ShadowField,
@@ -61,7 +62,7 @@ impl Inserter {
         let given = without_photo(&scene.frame);
         let clean = given.without_flying_pixels();
         let surfaces = SurfaceMap::new(&clean);
-        let occluders = surfaces.resampled(&given, OCCLUSION_SIDE);
+        let occluders = Occluders::new(&surfaces, &given, scene.predicted_depth);
         let up = scene.room.as_ref().map_or(Vec3::Y, |room| room.up);
         let floor = scene.room.as_ref().and_then(|room| room.floor());
         let field = |side| ShadowField::new(surfaces.resampled(&clean, side), up, floor, &counts);
@@ -74,7 +75,6 @@ impl Inserter {
             frame: scene.frame.clone(),
             environment,
             occluders,
-            predicted_depth: scene.predicted_depth,
             coarse,
             fine,
             directions: lo_geometry::fibonacci_sphere(counts.diffuse_cones),
@@ -143,7 +143,7 @@ impl Inserter {
 
         let mut layers = Layers::new(self.frame.photo.width(), self.frame.photo.height());
         self.shade_object(&object, gatherer(Some(&shadow), Some(&radiosity)), &mut layers, on_event)?;
-        self.warnings(&object, &layers).try_for_each(|warning| warn(on_event, warning))?;
+        self.warnings(model, placement, &object, &layers).try_for_each(|warning| warn(on_event, warning))?;
         Ok(stage(on_event, Stage::Composite, || self.compose(layers, &shadow))?)
     }
 
@@ -155,22 +155,19 @@ impl Inserter {
         on_event: OnEvent<'_>,
     ) -> Result<(), Cancelled> {
         let samples = coverage_pattern(self.counts.coverage);
-        let viewer = Viewer {
-            camera: self.frame.camera,
-            object,
-            surfaces: &self.occluders,
-            predicted_depth: self.predicted_depth,
-            samples: &samples,
-            thrift: self.counts.thrift,
-        };
+        let camera = self.frame.camera;
         let shader = Shader { gatherer, specular_cones: self.counts.specular_cones, stride: self.shade_stride() };
-        let Some((left, top, right, bottom)) = viewer.window() else { return Ok(()) };
+        let Some(window) = seen_window(&camera, object) else { return Ok(()) };
+        let (left, top, right, bottom) = window;
         let starts = |from: usize, to: usize| (from / TILE * TILE..to).step_by(TILE);
         let tiles: Vec<_> = starts(top, bottom)
             .flat_map(|y| starts(left, right).map(move |x| (x, y)))
             .map(|(x, y)| (x, y, (x + TILE).min(self.frame.photo.width()), (y + TILE).min(self.frame.photo.height())))
             .collect();
         let view = stage(on_event, Stage::Visibility, || {
+            let matte = Matte::new(&camera, object, &self.occluders, |pixel| self.colour(pixel), window);
+            let (occluders, thrift) = (&self.occluders, self.counts.thrift);
+            let viewer = Viewer { camera, object, occluders, matte: &matte, samples: &samples, thrift };
             let views: Vec<TileView> = tiles.into_par_iter().map(|tile| viewer.tile(tile)).collect();
             let mut view = TileView::default();
             for tile in views {
@@ -184,6 +181,16 @@ impl Inserter {
         Ok(())
     }
 
+    /// Colour of a photo pixel as the eye tells colours apart: in sRGB's range.
+    fn colour(&self, pixel: (usize, usize)) -> Vec3 {
+        match &self.frame.photo {
+            Photo::Srgb8(image) => Vec3::from(image[pixel].map(f32::from)) / 255.0,
+            Photo::Linear(image) => {
+                Vec3::from(image[pixel].map(|value| lo_imaging::srgb_from_linear(value.clamp(0.0, 1.0))))
+            }
+        }
+    }
+
     /// Pixels along the side of the blocks that share diffuse light: as many as cover about as much of the picture in large photos
     /// as in small ones.
     fn shade_stride(&self) -> usize {
@@ -191,11 +198,34 @@ impl Inserter {
         self.counts.shade_stride[usize::from(large)]
     }
 
-    fn warnings(&self, object: &Object, layers: &Layers) -> impl Iterator<Item = Warning> + use<> {
+    fn warnings(
+        &self,
+        model: &PreparedModel,
+        placement: &Placement,
+        object: &Object,
+        layers: &Layers,
+    ) -> impl Iterator<Item = Warning> + use<> {
         let nothing = if layers.hides_anything() { Warning::ObjectHidden } else { Warning::ObjectOutsidePicture };
         let nothing = (!layers.covers_anything()).then_some(nothing);
         let outside = (!self.cube.contains(object.centre_m)).then_some(Warning::ObjectOutsideOctree);
-        nothing.into_iter().chain(outside)
+        let overhang = self
+            .supported_share(model, placement)
+            .filter(|supported| *supported < LEAST_SUPPORT)
+            .map(|supported| Warning::ObjectOverhangs { supported });
+        nothing.into_iter().chain(outside).chain(overhang)
+    }
+
+    /// Share of the base of a resting object that real surfaces carry, where half of it and more can be judged.
+    fn supported_share(&self, model: &PreparedModel, placement: &Placement) -> Option<f32> {
+        placement.support?;
+        let base = Base::new(model);
+        let known: Vec<Option<bool>> = base
+            .spots(placement.scale, placement.rotation())
+            .map(|spot| self.occluders.carries(&self.frame.camera, placement.position_m + spot, placement.up))
+            .collect();
+        let count = |state: bool| known.iter().filter(|known| **known == Some(state)).count();
+        let (carried, free) = (count(true), count(false));
+        (2 * (carried + free) >= known.len() && carried + free > 0).then(|| carried as f32 / (carried + free) as f32)
     }
 
     fn compose(&self, layers: Layers, shadow: &ShadowRatio) -> Composite {

@@ -6,7 +6,8 @@
 //! 2. *Radiosity*: light on some hundred points of the object, which sees the floor in its shadow; twice, so that light also goes
 //!    from one part of the object to another (`patches`, `radiosity`).
 //! 3. *Shadow, fine*: with the light that the object gives back.
-//! 4. *Visibility*: the camera's rays against the object and the photo's depth (`visibility`).
+//! 4. *Visibility*: the camera's rays against the object and the photo's depth (`visibility`), and where that ends the photo's
+//!    colours (`matte`).
 //! 5. *Shading*: glTF's metallic-roughness BSDF (`lo_bsdf`) under the light at each visible point (`gather`, `shade`).
 //! 6. *Composite*: photo × ratio under the object (`composite`).
 //!
@@ -14,10 +15,13 @@
 
 mod aperture;
 mod backdrop;
+mod base;
 mod batches;
 mod blocks;
 mod cap;
+mod colour_sides;
 mod composite;
+mod depth_steps;
 mod environment;
 mod error;
 mod gather;
@@ -28,7 +32,10 @@ mod lighting;
 mod lights;
 mod look;
 mod map;
+mod matte;
+mod nearest;
 mod object;
+mod occluders;
 mod patches;
 mod path;
 mod pattern;
@@ -42,12 +49,14 @@ mod shadow_ratio;
 mod silhouette;
 mod surface;
 mod visibility;
+mod walk;
 
+pub use base::Base;
 pub use composite::Composite;
 pub use error::InsertError;
 pub use inserter::Inserter;
 pub use lighting::Lighting;
-pub use path::{Interpolation, Keyframe, Path};
-pub use placement::Placement;
+pub use path::{Interpolation, Keyframe, Path, Stance};
+pub use placement::{Align, Placement};
 pub use quality::Quality;
 pub use surface::surface_at_pixel;

@@ -1,4 +1,4 @@
-use lo_geometry::{Mat3, Plane, Quat, Ray, Vec3};
+use lo_geometry::{Mat3, Plane, Ray, Vec3};
 use lo_mesh::{AlphaMode, Hit, PlacedModel, PreparedModel, SurfacePoint};
 
 use crate::pattern::hammersley;
@@ -39,8 +39,7 @@ impl<'a> Object<'a> {
             return Err(InsertError::EmptyModel(format!("its bounding box is {} to {}", bounds.min, bounds.max)));
         }
         let scale = placement.scale;
-        let rotation =
-            (Quat::from_rotation_arc(Vec3::Y, placement.up) * Quat::from_rotation_y(placement.yaw_rad)).normalize();
+        let rotation = placement.rotation();
         let base = Vec3::new(centre.x, bounds.min.y, centre.z);
         let translation = placement.position_m - rotation * (base * scale);
         let placed = PlacedModel { prepared, placement: lo_mesh::Placement { scale, rotation, translation } };

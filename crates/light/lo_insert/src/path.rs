@@ -2,7 +2,7 @@ use lo_geometry::Vec3;
 use lo_scene::Scene;
 use serde::{Deserialize, Serialize};
 
-use crate::{InsertError, Placement};
+use crate::{Align, Base, InsertError, Placement};
 
 /// A moving object: keyframes over time, read from JSON.
 ///
@@ -49,6 +49,42 @@ pub struct Keyframe {
     pub yaw_deg: f64,
 }
 
+/// How an object stands at every keyframe.
+#[derive(Clone, Copy, Debug)]
+pub struct Stance<'a> {
+    /// Metres per unit of the model.
+    pub scale: f32,
+    /// Which way is up for it.
+    pub align: Align,
+    /// What it touches a surface with; without it the surface's height is that of the pixel alone.
+    pub base: Option<&'a Base>,
+}
+
+impl Default for Stance<'_> {
+    /// As large as it was made, against gravity.
+    fn default() -> Self {
+        Self { scale: 1.0, align: Align::Gravity, base: None }
+    }
+}
+
+impl Stance<'_> {
+    fn at_key(&self, scene: &Scene, key: &Keyframe) -> Result<Placement, InsertError> {
+        match (key.position_m, key.pixel) {
+            (Some(position), _) => {
+                let position_m = Vec3::from_array(position.map(|x| x as f32));
+                Ok(Placement::at(scene, position_m, self.align).scaled(self.scale))
+            }
+            (None, Some([u, v])) => {
+                let resting = Placement::rest_on_pixel(scene, u, v, self.align)?
+                    .scaled(self.scale)
+                    .turned(key.yaw_deg.to_radians() as f32);
+                Ok(self.base.map_or(resting, |base| resting.settled(scene, base)))
+            }
+            (None, None) => Err(InsertError::Path("a keyframe has no position".into())),
+        }
+    }
+}
+
 impl Path {
     /// Most keyframes that a path may have.
     const MAX_KEYFRAMES: usize = 100_000;
@@ -83,24 +119,16 @@ impl Path {
         Ok(())
     }
 
-    /// `frames` placements at equal time steps from the first keyframe to the last, with the given scale.
+    /// `frames` placements at equal time steps from the first keyframe to the last.
     ///
     /// # Errors
     /// Where a keyframe's pixel has no surface, or the path makes no sense.
-    pub fn placements(&self, scene: &Scene, scale: f32, frames: usize) -> Result<Vec<Placement>, InsertError> {
+    pub fn placements(&self, scene: &Scene, stance: &Stance, frames: usize) -> Result<Vec<Placement>, InsertError> {
         self.check()?;
-        let keys = self
-            .keyframes
-            .iter()
-            .map(|key| match (key.position_m, key.pixel) {
-                (Some(position), _) => Ok(Placement::at(scene, Vec3::from_array(position.map(|x| x as f32)))),
-                (None, Some([u, v])) => Placement::rest_on_pixel(scene, u, v),
-                (None, None) => Err(InsertError::Path("a keyframe has no position".into())),
-            })
-            .collect::<Result<Vec<_>, _>>()?;
+        let keys = self.keyframes.iter().map(|key| stance.at_key(scene, key)).collect::<Result<Vec<_>, _>>()?;
         let (first, last) = (self.keyframes[0].time_s, self.keyframes[keys.len() - 1].time_s);
         let step = (last - first) / (frames.max(2) - 1) as f64;
-        Ok((0..frames).map(|frame| self.placement_at(&keys, first + step * frame as f64).scaled(scale)).collect())
+        Ok((0..frames).map(|frame| self.placement_at(&keys, first + step * frame as f64)).collect())
     }
 
     fn placement_at(&self, keys: &[Placement], time_s: f64) -> Placement {

@@ -1,13 +1,39 @@
-use lo_geometry::{Plane, Vec3};
+use lo_geometry::{Plane, Quat, Vec2, Vec3};
 use lo_scene::Scene;
+use serde::{Deserialize, Serialize};
 
-use crate::{InsertError, surface_at_pixel};
+use crate::surface::SurfaceMap;
+use crate::{Base, InsertError, surface_at_pixel};
 
 /// Surfaces tilted less than this against the room's up are taken as level: depth noise tilts fitted normals by a few degrees.
 const LEVEL_DEG: f32 = 10.0;
 
-/// An object stands square on surfaces tilted up to here; it leans on nothing steeper and stays upright there.
+/// An object stands on surfaces tilted up to here; beside anything steeper it stands without support.
 const STANDING_DEG: f32 = 40.0;
+
+/// The same where depth was predicted, and normals with it.
+const PREDICTED_STANDING_DEG: f32 = 55.0;
+
+/// Readings this far above or below the base at first may belong to the surface that carries it: metres, and metres per metre of
+/// depth, for measured and for predicted depth.
+const PATCH_REACH: [(f32, f32); 2] = [(0.02, 0.01), (0.04, 0.04)];
+
+/// Fewest readings that tell the height of a surface better than one pixel.
+const MIN_PATCH: usize = 5;
+
+/// Which way an object's +Y is turned.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Align {
+    /// Against gravity, as far as the scene knows it.
+    #[default]
+    Gravity,
+    /// Along the normal of the surface that it stands on, up to a tilt of 40°; against gravity on surfaces within 10° of level, and
+    /// beside steeper ones.
+    Surface,
+    /// Up in the picture, the camera's +Y.
+    None,
+}
 
 /// Where an object stands and how it is turned.
 ///
@@ -27,29 +53,37 @@ pub struct Placement {
 }
 
 impl Placement {
-    /// Upright at a world position, in the scene's gravity where it is known; the floor supports it if it is near.
-    pub fn at(scene: &Scene, position_m: Vec3) -> Self {
-        let up = scene.room.as_ref().map_or(Vec3::Y, |room| room.up);
+    /// At a world position; the floor supports it if it is near. No surface is looked for, so that [`Align::Surface`] is as
+    /// [`Align::Gravity`].
+    pub fn at(scene: &Scene, position_m: Vec3, align: Align) -> Self {
+        let up = match align {
+            Align::Gravity | Align::Surface => gravity_up(scene),
+            Align::None => Vec3::Y,
+        };
         let near = 2.0 * scene.light.cube.node_edge_m(scene.light.octree.depth());
         let floor = scene.room.as_ref().and_then(|room| room.floor());
         let support = floor.filter(|floor| floor.signed_distance_m(position_m).abs() < near);
         Self { position_m, scale: 1.0, yaw_rad: 0.0, up, support }
     }
 
-    /// Resting on the surface seen at photo position `(u, v)`, pixel centres at +0.5.
+    /// Resting on the surface seen at photo position `(u, v)`, pixel centres at +0.5. [`Placement::settled`] makes it sit there.
     ///
-    /// On a level surface the object stands along gravity (+Y where the room's up is unknown), on a slope up to 40° along the surface's normal, beside anything
-    /// steeper upright.
+    /// What is steeper than 40° (55° where depth was predicted) supports nothing.
     ///
     /// # Errors
     /// Outside of the photo, and where the depth map has no reading.
-    pub fn rest_on_pixel(scene: &Scene, u: f64, v: f64) -> Result<Self, InsertError> {
+    pub fn rest_on_pixel(scene: &Scene, u: f64, v: f64, align: Align) -> Result<Self, InsertError> {
         let (position_m, normal) = surface_at_pixel(scene, u, v)?;
-        let gravity = scene.room.as_ref().map_or(Vec3::Y, |room| room.up);
+        let gravity = gravity_up(scene);
         let tilt_deg = normal.dot(gravity).clamp(-1.0, 1.0).acos().to_degrees();
         let level_deg = if scene.room.is_some() { LEVEL_DEG } else { 0.0 };
-        let up = if tilt_deg > level_deg && tilt_deg < STANDING_DEG { normal } else { gravity };
-        let support = (tilt_deg < STANDING_DEG).then(|| Plane::through(position_m, up));
+        let up = match align {
+            Align::Surface if tilt_deg > level_deg && tilt_deg < STANDING_DEG => normal,
+            Align::Gravity | Align::Surface => gravity,
+            Align::None => Vec3::Y,
+        };
+        let standing_deg = if scene.predicted_depth { PREDICTED_STANDING_DEG } else { STANDING_DEG };
+        let support = (tilt_deg < standing_deg).then(|| Plane::through(position_m, up));
         Ok(Self { position_m, scale: 1.0, yaw_rad: 0.0, up, support })
     }
 
@@ -61,6 +95,59 @@ impl Placement {
     /// The same place, turned to another yaw in radians.
     pub fn turned(self, yaw_rad: f32) -> Self {
         Self { yaw_rad, ..self }
+    }
+
+    /// The same place in the picture with the base at the height of the surface that carries it: the median of the readings below
+    /// the base. Without support, or with too few readings, it stays.
+    ///
+    /// Call it once scale and yaw are what they shall be: both decide what lies below the base.
+    pub fn settled(self, scene: &Scene, base: &Base) -> Self {
+        if self.support.is_none() {
+            return self;
+        }
+        let heights_m = self.heights_below(scene, base);
+        if heights_m.len() < MIN_PATCH {
+            return self;
+        }
+        // Once more among those near the middle: less of what stands or lies about.
+        let middle_m = median(heights_m.clone());
+        let reach_m = 0.5 * self.patch_reach_m(scene);
+        let height_m = median(heights_m.into_iter().filter(|h| (h - middle_m).abs() <= reach_m).collect());
+        // Along the line of sight, so that the base stays where it is seen.
+        let sight = self.position_m.normalize_or(Vec3::NEG_Z);
+        let rise = sight.dot(self.up);
+        let step = if rise.abs() > 0.05 { sight * (height_m / rise) } else { self.up * height_m };
+        let position_m = self.position_m + step;
+        Self { position_m, support: Some(Plane::through(position_m, self.up)), ..self }
+    }
+
+    /// What turns the model's axes to the world's.
+    pub(crate) fn rotation(&self) -> Quat {
+        (Quat::from_rotation_arc(Vec3::Y, self.up) * Quat::from_rotation_y(self.yaw_rad)).normalize()
+    }
+
+    fn patch_reach_m(&self, scene: &Scene) -> f32 {
+        let (least_m, per_m) = PATCH_REACH[usize::from(scene.predicted_depth)];
+        least_m + per_m * -self.position_m.z
+    }
+
+    /// Heights over the base of the readings below it that may be the surface which carries it.
+    fn heights_below(&self, scene: &Scene, base: &Base) -> Vec<f32> {
+        let rotation = self.rotation();
+        let spots: Vec<Vec3> = base.spots(self.scale, rotation).map(|spot| self.position_m + spot).collect();
+        let map = SurfaceMap::around(&scene.frame, spots.iter().copied().chain([self.position_m]));
+        let local_from_world = rotation.conjugate();
+        let reach_m = self.patch_reach_m(scene);
+        let least_cosine = PREDICTED_STANDING_DEG.to_radians().cos();
+        let below = |i: usize| {
+            let surface = map.pixel(i % map.width(), i / map.width())?;
+            let offset = local_from_world * (surface.position_m - self.position_m);
+            let pitch_m = -surface.position_m.z / map.camera.fx as f32;
+            let carries = surface.normal.dot(self.up) > least_cosine && offset.y.abs() <= reach_m;
+            let inside = || base.contains(Vec2::new(offset.x, offset.z) / self.scale, pitch_m / self.scale);
+            (carries && inside()).then_some(offset.y)
+        };
+        (0..map.width() * map.height()).filter_map(below).collect()
     }
 
     /// # Errors
@@ -81,4 +168,14 @@ impl Placement {
         }
         Ok(())
     }
+}
+
+fn gravity_up(scene: &Scene) -> Vec3 {
+    scene.room.as_ref().map_or(Vec3::Y, |room| room.up)
+}
+
+/// The middle one; 0 of none.
+fn median(mut values: Vec<f32>) -> f32 {
+    let middle = values.len() / 2;
+    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f32::total_cmp).1 }
 }

@@ -37,15 +37,32 @@ impl SurfaceMap {
         Self::fitted(limited(frame, NORMAL_SIDE))
     }
 
-    /// [`SurfaceMap::new`] with nothing but holes beyond some pixels around a relative image position.
-    fn near(frame: &Frame, u: f64, v: f64) -> Self {
-        let mut frame = limited(frame, NORMAL_SIDE);
+    /// [`SurfaceMap::new`], less flying pixels, with nothing but holes beyond some pixels around where world points are seen.
+    pub fn around(frame: &Frame, points: impl Iterator<Item = Vec3>) -> Self {
+        let places = points.filter_map(|point| {
+            let (u, v, _) = frame.camera.project(point)?;
+            Some((u / f64::from(frame.camera.width), v / f64::from(frame.camera.height)))
+        });
+        Self::near(frame, places)
+    }
+
+    /// The same around relative image positions.
+    fn near(frame: &Frame, places: impl Iterator<Item = (f64, f64)>) -> Self {
+        let mut frame = limited(&without_photo(frame).without_flying_pixels(), NORMAL_SIDE);
         let (width, height) = (frame.depth_m.width(), frame.depth_m.height());
-        let (x, y) = ((u * width as f64) as usize, (v * height as f64) as usize);
+        let (mut low, mut high) = ((usize::MAX, usize::MAX), (0, 0));
+        for (u, v) in places {
+            let (x, y) = ((u * width as f64) as usize, (v * height as f64) as usize);
+            low = (low.0.min(x), low.1.min(y));
+            high = (high.0.max(x), high.1.max(y));
+        }
         let depth_m = &frame.depth_m;
-        frame.depth_m = Image::from_fn(width, height, |px, py| {
-            let near = px.abs_diff(x) <= NORMAL_REACH && py.abs_diff(y) <= NORMAL_REACH;
-            if near { depth_m[(px, py)] } else { 0.0 }
+        frame.depth_m = Image::from_fn(width, height, |x, y| {
+            let near = x + NORMAL_REACH >= low.0
+                && y + NORMAL_REACH >= low.1
+                && x <= high.0.saturating_add(NORMAL_REACH)
+                && y <= high.1.saturating_add(NORMAL_REACH);
+            if near { depth_m[(x, y)] } else { 0.0 }
         });
         Self::fitted(frame)
     }
@@ -57,8 +74,13 @@ impl SurfaceMap {
 
     /// The same surfaces with depth at another resolution, its longer side at most `side` and never above the photo's.
     pub fn resampled(&self, frame: &Frame, side: usize) -> Self {
+        self.resampled_with(frame, side, DepthMap::clone)
+    }
+
+    /// The same with what `improve` makes of the resampled depth.
+    pub fn resampled_with(&self, frame: &Frame, side: usize, improve: impl FnOnce(&DepthMap) -> DepthMap) -> Self {
         let frame = limited(frame, side);
-        let depth_m = frame.depth_m;
+        let depth_m = improve(&frame.depth_m);
         let (width, height) = (depth_m.width(), depth_m.height());
         let rows: Vec<Vec<Vec3>> = (0..height)
             .into_par_iter()
@@ -115,10 +137,14 @@ impl SurfaceMap {
         Some(Surface { position_m: direction * distance, ..surface })
     }
 
+    /// Depth of the pixel that contains a relative image position; `None` at holes.
+    pub fn reading_m(&self, u: f64, v: f64) -> Option<f32> {
+        self.nearest(u, v).map(|pixel| self.depth_m[pixel]).filter(|&z| z > 0.0)
+    }
+
     /// A depth in metres that lies before [`SurfaceMap::at`] at the same place; infinite at holes.
     pub fn depth_before_m(&self, u: f64, v: f64) -> f32 {
-        let reading_m = self.nearest(u, v).map_or(0.0, |pixel| self.depth_m[pixel]);
-        if reading_m > 0.0 { (1.0 - 2.0 * PLANE_REACH) * reading_m } else { f32::INFINITY }
+        self.reading_m(u, v).map_or(f32::INFINITY, |reading_m| (1.0 - 2.0 * PLANE_REACH) * reading_m)
     }
 
     /// The pixel that contains a relative image position.
@@ -143,7 +169,7 @@ pub fn surface_at_pixel(scene: &Scene, u: f64, v: f64) -> Result<(Vec3, Vec3), I
         return Err(InsertError::PixelOutside { u, v, width, height });
     }
     let (relative_u, relative_v) = (u / width as f64, v / height as f64);
-    let map = SurfaceMap::near(&without_photo(&scene.frame).without_flying_pixels(), relative_u, relative_v);
+    let map = SurfaceMap::near(&scene.frame, [(relative_u, relative_v)].into_iter());
     let surface = map.at(relative_u, relative_v).ok_or(InsertError::NoDepth { u, v })?;
     Ok((surface.position_m, surface.normal))
 }

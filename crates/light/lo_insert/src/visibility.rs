@@ -3,9 +3,10 @@
 use lo_geometry::{Camera, Ray, Vec2, Vec3};
 use lo_mesh::{Hit, SurfacePoint};
 
+use crate::matte::Matte;
 use crate::object::Object;
+use crate::occluders::Occluders;
 use crate::pattern::hammersley;
-use crate::surface::SurfaceMap;
 
 /// Side of the square tiles that one task renders.
 pub(crate) const TILE: usize = 32;
@@ -15,13 +16,6 @@ const MAX_LAYERS: usize = 8;
 
 /// Shading points of one pixel.
 const MAX_FRAGMENTS: usize = 6;
-
-/// A real surface hides what lies behind its tangent plane by more than this: depth noise must not bite into an object that
-/// touches it. Metres, and metres per metre of depth.
-const OCCLUSION_BIAS: (f32, f32) = (0.004, 0.005);
-
-/// The same where depth was predicted: floors and desks are wavy then.
-const PREDICTED_OCCLUSION_BIAS: (f32, f32) = (0.01, 0.025);
 
 /// A visible piece of the object within one pixel.
 #[derive(Clone, Copy, Debug)]
@@ -78,9 +72,9 @@ pub(crate) struct Viewer<'a> {
     /// In pixels of the photo.
     pub camera: Camera,
     pub object: &'a Object<'a>,
-    pub surfaces: &'a SurfaceMap,
-    /// Whether the surfaces' depth was predicted from the photo.
-    pub predicted_depth: bool,
+    pub occluders: &'a Occluders,
+    /// Shares that are hidden along the edges of those.
+    pub matte: &'a Matte,
     /// Places of the samples within a pixel, see [`coverage_pattern`].
     pub samples: &'a [Vec2],
     pub thrift: Thrift,
@@ -92,36 +86,11 @@ struct Probe {
     hit: Hit,
     ray: Ray,
     depth_m: f32,
-    hidden: bool,
+    /// Share that real surfaces hide.
+    hidden: f32,
 }
 
 impl Viewer<'_> {
-    /// Photo pixels `(left, top, right, bottom)`, the last two exclusive, outside of which the object is not seen.
-    pub fn window(&self) -> Option<(usize, usize, usize, usize)> {
-        let (width, height) = (f64::from(self.camera.width), f64::from(self.camera.height));
-        let corners = self.object.corners();
-        if corners.iter().all(|corner| corner.z >= 0.0) {
-            return None;
-        }
-        let (mut low, mut high) = ((f64::INFINITY, f64::INFINITY), (f64::NEG_INFINITY, f64::NEG_INFINITY));
-        for corner in corners {
-            // Partly behind the camera: anywhere in the picture.
-            let Some((u, v, _)) = self.camera.project(corner).filter(|(_, _, z)| *z > 1e-3) else {
-                return Some((0, 0, self.camera.width as usize, self.camera.height as usize));
-            };
-            low = (low.0.min(u), low.1.min(v));
-            high = (high.0.max(u), high.1.max(v));
-        }
-        let inside = |value: f64, limit: f64| value.clamp(0.0, limit) as usize;
-        let window = (
-            inside(low.0.floor() - 1.0, width),
-            inside(low.1.floor() - 1.0, height),
-            inside(high.0.ceil() + 1.0, width),
-            inside(high.1.ceil() + 1.0, height),
-        );
-        (window.0 < window.2 && window.1 < window.3).then_some(window)
-    }
-
     /// The tile of pixels from `(left, top)` on, ending at `(right, bottom)` at the latest.
     pub fn tile(&self, (left, top, right, bottom): (usize, usize, usize, usize)) -> TileView {
         let mut view = TileView::default();
@@ -150,10 +119,13 @@ impl Viewer<'_> {
                         .all(alike);
                 match probes[centre] {
                     _ if !uniform => self.pixel(pixel, self.samples.len(), &mut view),
-                    Some(probe) if probe.hidden => view.hidden.push((pixel, 1.0)),
+                    Some(probe) if probe.hidden == 1.0 => view.hidden.push((pixel, 1.0)),
                     Some(probe) if !self.object.has_blend => {
                         let first = view.fragments.len();
-                        self.add_fragment(pixel, &probe.ray, &probe.hit, 1.0, first, &mut view);
+                        self.add_fragment(pixel, &probe.ray, &probe.hit, 1.0 - probe.hidden, first, &mut view);
+                        if probe.hidden > 0.0 {
+                            view.hidden.push((pixel, probe.hidden));
+                        }
                     }
                     Some(_) => self.pixel(pixel, 1, &mut view),
                     None => {}
@@ -167,7 +139,7 @@ impl Viewer<'_> {
         let ray = Ray { origin: Vec3::ZERO, direction: self.camera.direction(u, v) };
         let hit = self.object.seen(&ray, 0.0)?;
         let point = ray.at(hit.distance_m);
-        let hidden = self.is_hidden(u, v, point);
+        let hidden = self.hidden((u as usize, v as usize), u, v, point);
         Some(Probe { hit, ray, depth_m: -point.z, hidden })
     }
 
@@ -187,10 +159,23 @@ impl Viewer<'_> {
             let ray = Ray { origin: Vec3::ZERO, direction: self.camera.direction(u, v) };
             let mut free = 1.0 / samples as f32;
             let mut from_m = 0.0;
-            for _ in 0..MAX_LAYERS {
+            // An edge lies before all layers of the object.
+            let edge = self.matte.hidden(pixel);
+            for layer in 0..MAX_LAYERS {
                 let Some(hit) = self.object.seen(&ray, from_m) else { break };
-                if self.is_hidden(u, v, ray.at(hit.distance_m)) {
-                    hidden += free;
+                let share = match edge {
+                    Some(share) => {
+                        if layer == 0 {
+                            share
+                        } else {
+                            0.0
+                        }
+                    }
+                    None => self.hidden(pixel, u, v, ray.at(hit.distance_m)),
+                };
+                hidden += free * share;
+                free *= 1.0 - share;
+                if free == 0.0 {
                     break;
                 }
                 free -= self.add_fragment(pixel, &ray, &hit, free, first, view);
@@ -203,6 +188,15 @@ impl Viewer<'_> {
         if hidden > 0.0 {
             view.hidden.push((pixel, hidden));
         }
+    }
+
+    /// Share of the object's point at photo position `(u, v)` within a pixel that real surfaces hide.
+    fn hidden(&self, pixel: (usize, usize), u: f64, v: f64, point: Vec3) -> f32 {
+        self.matte.hidden(pixel).unwrap_or_else(|| {
+            let (width, height) = (f64::from(self.camera.width), f64::from(self.camera.height));
+            let hides = self.occluders.hides(u / width, v / height, point, self.object.support.as_ref());
+            if hides { 1.0 } else { 0.0 }
+        })
     }
 
     /// Whether the first `done` of a pixel's samples show the same: nothing, something hidden, or one opaque surface, whose
@@ -252,35 +246,38 @@ impl Viewer<'_> {
         }
         weight
     }
+}
 
-    /// Whether a real surface stands before a point of the object seen at photo position `(u, v)`. Holes hide nothing.
-    fn is_hidden(&self, u: f64, v: f64, point: Vec3) -> bool {
-        let (width, height) = (f64::from(self.camera.width), f64::from(self.camera.height));
-        if -point.z < self.surfaces.depth_before_m(u / width, v / height) {
-            return false;
-        }
-        let Some(surface) = self.surfaces.at(u / width, v / height) else { return false };
-        let depth_m = -surface.position_m.z;
-        if -point.z <= depth_m {
-            return false;
-        }
-        let (least_m, per_m) = if self.predicted_depth { PREDICTED_OCCLUSION_BIAS } else { OCCLUSION_BIAS };
-        let bias_m = least_m + per_m * depth_m;
-        if surface.normal.dot(point - surface.position_m) > -bias_m {
-            return false;
-        }
-        // The surface that carries the object cannot hide what stands on it, however noisy its depth.
-        let on_support = |plane: &lo_geometry::Plane| {
-            plane.signed_distance_m(surface.position_m).abs() < 3.0 * bias_m && plane.signed_distance_m(point) > -bias_m
-        };
-        !self.object.support.as_ref().is_some_and(on_support)
+/// Photo pixels `(left, top, right, bottom)`, the last two exclusive, outside of which the object is not seen.
+pub(crate) fn seen_window(camera: &Camera, object: &Object) -> Option<(usize, usize, usize, usize)> {
+    let (width, height) = (f64::from(camera.width), f64::from(camera.height));
+    let corners = object.corners();
+    if corners.iter().all(|corner| corner.z >= 0.0) {
+        return None;
     }
+    let (mut low, mut high) = ((f64::INFINITY, f64::INFINITY), (f64::NEG_INFINITY, f64::NEG_INFINITY));
+    for corner in corners {
+        // Partly behind the camera: anywhere in the picture.
+        let Some((u, v, _)) = camera.project(corner).filter(|(_, _, z)| *z > 1e-3) else {
+            return Some((0, 0, camera.width as usize, camera.height as usize));
+        };
+        low = (low.0.min(u), low.1.min(v));
+        high = (high.0.max(u), high.1.max(v));
+    }
+    let inside = |value: f64, limit: f64| value.clamp(0.0, limit) as usize;
+    let window = (
+        inside(low.0.floor() - 1.0, width),
+        inside(low.1.floor() - 1.0, height),
+        inside(high.0.ceil() + 1.0, width),
+        inside(high.1.ceil() + 1.0, height),
+    );
+    (window.0 < window.2 && window.1 < window.3).then_some(window)
 }
 
 fn alike(a: Option<Probe>, b: Option<Probe>) -> bool {
     match (a, b) {
         (None, None) => true,
-        (Some(a), Some(b)) => (a.depth_m - b.depth_m).abs() < 0.02 * a.depth_m && a.hidden == b.hidden,
+        (Some(a), Some(b)) => (a.depth_m - b.depth_m).abs() < 0.02 * a.depth_m && (a.hidden - b.hidden).abs() < 1.0,
         _ => false,
     }
 }

@@ -1,4 +1,4 @@
-use lo_geometry::{Plane, Vec3};
+use lo_geometry::{Mat3, Plane, Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// How the unseen part of a scene was completed.
@@ -52,9 +52,38 @@ impl Room {
         self.planes.iter().find(|p| p.side == Side::Floor).map(|p| p.plane)
     }
 
+    /// What turns directions of the camera's frame into those of a level one: up is +Y, and the camera's heading −Z. A camera that looks
+    /// straight up or down heads for where the bottom or the top of its picture points.
+    pub fn level_from_camera(&self) -> Quat {
+        let up = self.up.normalize();
+        let steep = if up.z > 0.0 { Vec3::Y } else { Vec3::NEG_Y };
+        let ahead = [Vec3::NEG_Z, steep].map(|ahead| ahead.reject_from_normalized(up));
+        let back = -(if ahead[0].length() > 1e-3 { ahead[0] } else { ahead[1] }).normalize();
+        Quat::from_mat3(&Mat3::from_cols(up.cross(back), up, back).transpose()).normalize()
+    }
+
     /// Whether all numbers are finite and all directions of unit length.
     pub(crate) fn is_valid(&self) -> bool {
         let unit = |v: Vec3| (v.length_squared() - 1.0).abs() < 1e-3;
         unit(self.up) && self.planes.iter().all(|p| unit(p.plane.normal) && p.plane.offset_m.is_finite())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn level_frames_have_gravity_straight_down_and_the_cameras_heading_ahead() {
+        for (x, y, z) in [(0.1, 0.9, 0.4), (-0.2, 0.8, -0.5), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)] {
+            let up = Vec3::new(x, y, z).normalize();
+            let level = Room { up, planes: Vec::new() }.level_from_camera();
+            assert!((level * up - Vec3::Y).length() < 1e-5, "{up}");
+            let ahead = level * Vec3::NEG_Z;
+            assert!(ahead.x.abs() < 1e-5 && ahead.z < 1e-5, "{up}: {ahead}");
+            // Looking down, the top of the picture is ahead; looking up, the bottom.
+            let top = level * Vec3::Y;
+            assert!(z.abs() < 1.0 || top.z * z < -0.99, "{up}: {top}");
+        }
     }
 }

@@ -7,7 +7,7 @@ use anyhow::Context;
 use lightoctree::cone::{Cone, ConeSample, ConeTracer, SampleGradient, Sampling, Settings};
 use lightoctree::geometry::{Camera, Cube, Vec3, pixel_direction};
 use lightoctree::imaging::{Image, Photo};
-use lightoctree::insert::{Inserter, Lighting, Placement, Quality};
+use lightoctree::insert::{Align, Inserter, Lighting, Placement, Quality};
 use lightoctree::octree::{self, Coverage, LightOctree, RadiancePoint};
 use lightoctree::scene::Frame;
 use lightoctree::{Estimator, Input, events};
@@ -203,7 +203,7 @@ fn insert_draft() -> anyhow::Result<Prepared> {
     let model = demo::model("gold")?;
     let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Draft)?;
     let mut turn = 0.0;
-    let base = Placement::rest_on_pixel(&scene, 240.0, 250.0)?.scaled(INSERT_SCALE);
+    let base = Placement::rest_on_pixel(&scene, 240.0, 250.0, Align::Gravity)?.scaled(INSERT_SCALE);
     let run = move || {
         turn += 0.1;
         let composite =

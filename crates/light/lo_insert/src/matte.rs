@@ -1,0 +1,372 @@
+//! Soft edges where real surfaces hide the object.
+//!
+//! A depth map tells which surfaces stand before the object, but not to a pixel where they end: it is coarser than the photo, smeared
+//! over some of its pixels, shifted, or has holes there. So along its edges the photo decides. In a band around the steps of depth at
+//! which what hides the object ends, the share of each pixel that is hidden minimises
+//! `Σ λᵢ (αᵢ − qᵢ)² + Σ wᵢⱼ (αᵢ − αⱼ)²`: random walks with priors (Grady 2005), which like to end at the photo's edges
+//! (weights as of Rother et al. 2004), towards what depth and the colours of both sides say. Everywhere else depth decides alone.
+
+use lo_geometry::{Camera, Ray, Vec3};
+use rayon::prelude::*;
+
+use crate::colour_sides::ColourSides;
+use crate::nearest::nearest_seeds;
+use crate::object::Object;
+use crate::occluders::Occluders;
+use crate::walk::{Open, walked};
+
+/// Half width of the band in depth pixels, and at least, in photo pixels.
+const BAND: (f32, f32) = (3.0, 4.0);
+
+/// Holes are part of the band up to this multiple of its half width.
+const HOLE_BAND: f32 = 8.0;
+
+/// Weight of what depth says far from the step; it grows with the square of the distance.
+const DEPTH_WEIGHT: f32 = 4.0;
+
+/// Weight of this in holes beside what does not hide the object: what a near surface keeps a sensor from seeing lies behind it.
+const HOLE_WEIGHT: f32 = 0.05;
+
+/// Weight of what colours say where they are sure.
+const COLOUR_WEIGHT: f32 = 0.1;
+
+/// Weight between neighbours of very different colours; that of equal ones is 1 more.
+const LEAST_LINK: f32 = 0.003;
+
+/// Slope with which shares are taken apart about a half, so that edges are as wide as a pixel.
+const CONTRAST: f32 = 2.0;
+
+/// Surfaces further apart than this share of their depth, and this multiple of its error, are two.
+const GAP: (f32, f32) = (0.02, 3.0);
+
+/// What depth alone says of a pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Label {
+    /// Nothing of the object is near, or no step.
+    Off,
+    /// No reading.
+    Hole,
+    Free,
+    Hidden,
+}
+
+/// Hidden shares in a window of the photo.
+pub(crate) struct Matte {
+    left: usize,
+    top: usize,
+    width: usize,
+    /// Row by row; NaN where depth alone decides. Empty where it does so everywhere.
+    hidden: Vec<f32>,
+}
+
+impl Matte {
+    /// For an object that is seen in the photo pixels `window` (left, top, right, bottom, the last two exclusive). `colour`: of a pixel,
+    /// in sRGB's range.
+    pub fn new(
+        camera: &Camera,
+        object: &Object,
+        occluders: &Occluders,
+        colour: impl Fn((usize, usize)) -> Vec3 + Sync,
+        window: (usize, usize, usize, usize),
+    ) -> Self {
+        let band = (BAND.0 * occluders.depth_pixel).max(BAND.1);
+        let view = View::new(camera, band, window);
+        let none = Self { left: view.left, top: view.top, width: view.width, hidden: Vec::new() };
+        let Some(labels) = view.labels(object, occluders) else { return none };
+        let Some(band) = Band::new(&view, labels, occluders) else { return none };
+        let colours: Vec<Vec3> = (0..view.len())
+            .into_par_iter()
+            .map(|i| if band.labels[i].0 == Label::Off { Vec3::ZERO } else { colour(view.photo_pixel(i)) })
+            .collect();
+        let (open, links) = (band.open(&view, &colours), band.links(&view, &colours));
+        let known = band.labels.iter().map(|(label, _)| if *label == Label::Hidden { 1.0 } else { 0.0 }).collect();
+        let share = walked(known, view.width, &open, &links);
+        let mut hidden = vec![f32::NAN; view.len()];
+        for Open { pixel, .. } in open {
+            hidden[pixel] = (0.5 + CONTRAST * (share[pixel] - 0.5)).clamp(0.0, 1.0);
+        }
+        Self { hidden, ..none }
+    }
+
+    /// Share of a photo pixel that real surfaces hide of the object there; `None` where depth alone tells.
+    pub fn hidden(&self, (x, y): (usize, usize)) -> Option<f32> {
+        let (x, y) = (x.checked_sub(self.left)?, y.checked_sub(self.top)?);
+        let share = *self.hidden.get(y * self.width + x).filter(|_| x < self.width)?;
+        (!share.is_nan()).then_some(share)
+    }
+}
+
+/// The window, grown by what its edges' colours are learned from. Pixels are counted row by row.
+struct View<'a> {
+    camera: &'a Camera,
+    left: usize,
+    top: usize,
+    width: usize,
+    height: usize,
+    /// Half width of the band in pixels.
+    band: f32,
+    /// Pixels by which the window was grown.
+    margin: usize,
+}
+
+impl<'a> View<'a> {
+    fn new(camera: &'a Camera, band: f32, window: (usize, usize, usize, usize)) -> Self {
+        let margin = 2 * band.ceil() as usize;
+        let (left, top) = (window.0.saturating_sub(margin), window.1.saturating_sub(margin));
+        let right = (window.2 + margin).min(camera.width as usize);
+        let bottom = (window.3 + margin).min(camera.height as usize);
+        Self { camera, left, top, width: right - left, height: bottom - top, band, margin }
+    }
+
+    fn len(&self) -> usize {
+        self.width * self.height
+    }
+
+    /// Pitch of the cells in which colours are learned.
+    fn cell(&self) -> usize {
+        self.margin / 2
+    }
+
+    fn photo_pixel(&self, i: usize) -> (usize, usize) {
+        (self.left + i % self.width, self.top + i / self.width)
+    }
+
+    /// Place of a pixel's centre in the photo, in [0, 1]².
+    fn place(&self, i: usize) -> (f64, f64) {
+        let (x, y) = self.photo_pixel(i);
+        ((x as f64 + 0.5) / f64::from(self.camera.width), (y as f64 + 0.5) / f64::from(self.camera.height))
+    }
+
+    fn neighbours(&self, i: usize) -> impl Iterator<Item = usize> + use<> {
+        let (x, y, width, height) = (i % self.width, i / self.width, self.width, self.height);
+        let beside = [(x > 0).then(|| i - 1), (x + 1 < width).then(|| i + 1)];
+        let above = [(y > 0).then(|| i - width), (y + 1 < height).then(|| i + width)];
+        beside.into_iter().chain(above).flatten()
+    }
+
+    /// What depth says of each pixel near a step, and the depth; `None` where there is no step that matters.
+    fn labels(&self, object: &Object, occluders: &Occluders) -> Option<Vec<(Label, f32)>> {
+        let farthest_m = object.corners().iter().map(|corner| -corner.z).fold(0.0, f32::max);
+        let near = self.near_steps(occluders, farthest_m)?;
+        let direction = |i: usize| {
+            let (x, y) = self.photo_pixel(i);
+            self.camera.direction(x as f64 + 0.5, y as f64 + 0.5)
+        };
+        let seen_m = |i: usize| {
+            let ray = Ray { origin: Vec3::ZERO, direction: direction(i) };
+            object.seen(&ray, 0.0).map(|hit| -ray.at(hit.distance_m).z)
+        };
+        let own_m: Vec<Option<f32>> =
+            (0..self.len()).into_par_iter().map(|i| near[i].then(|| seen_m(i)).flatten()).collect();
+        // The object's depth goes on beyond its outline.
+        let continued = nearest_seeds(self.width, self.height, |i| own_m[i].is_some());
+        let label = |i: usize| {
+            let seed = continued[i].filter(|(_, distance)| near[i] && *distance <= self.margin as f32);
+            let Some(object_m) = seed.and_then(|(seed, _)| own_m[seed]) else { return (Label::Off, 0.0) };
+            let (u, v) = self.place(i);
+            let Some(reading_m) = occluders.depth_m(u, v) else { return (Label::Hole, 0.0) };
+            let direction = direction(i);
+            let hidden = occluders.hides(u, v, direction * (object_m / -direction.z), object.support.as_ref());
+            (if hidden { Label::Hidden } else { Label::Free }, reading_m)
+        };
+        Some((0..self.len()).into_par_iter().map(label).collect())
+    }
+
+    /// Which pixels are so near to where a surface ends, nearer than `farthest_m`, that the matte may depend on it.
+    fn near_steps(&self, occluders: &Occluders, farthest_m: f32) -> Option<Vec<bool>> {
+        let steps = occluders.steps();
+        let (columns, rows) = steps.size();
+        let scale = [columns as f32 / self.camera.width as f32, rows as f32 / self.camera.height as f32];
+        // The band, and what its colours are learned from.
+        let reach = if steps.has_holes() { HOLE_BAND + 1.0 } else { 3.0 };
+        let reach = scale.map(|scale| (reach * self.band * scale).ceil() as usize + 1);
+        let depth_pixel = |x: usize, y: usize| {
+            let at = |at: usize, scale: f32, count: usize| (((at as f32 + 0.5) * scale) as usize).min(count - 1);
+            (at(x, scale[0], columns), at(y, scale[1], rows))
+        };
+        // Of the depth map, what the window can reach: set, then grown along rows, then along columns.
+        let (first, last) =
+            (depth_pixel(self.left, self.top), depth_pixel(self.left + self.width - 1, self.top + self.height - 1));
+        let (left, top) = (first.0.saturating_sub(reach[0]), first.1.saturating_sub(reach[1]));
+        let (width, height) = ((last.0 + reach[0] + 1).min(columns) - left, (last.1 + reach[1] + 1).min(rows) - top);
+        let ends = |i: usize| steps.ends_before(left + i % width, top + i / width, farthest_m);
+        let set: Vec<bool> = (0..width * height).map(ends).collect();
+        if !set.contains(&true) {
+            return None;
+        }
+        let set = grown(&set, (width, 1), (height, width), reach[0]);
+        let set = grown(&set, (height, width), (width, 1), reach[1]);
+        let near = |i: usize| {
+            let (x, y) = self.photo_pixel(i);
+            let (x, y) = depth_pixel(x, y);
+            set[(y - top) * width + x - left]
+        };
+        Some((0..self.len()).map(near).collect())
+    }
+}
+
+/// Sets what is no further than `reach` from what is set along lines of `count` items with `step` between them, of which there are
+/// `lines` with `line_step` between them.
+fn grown(set: &[bool], (count, step): (usize, usize), (lines, line_step): (usize, usize), reach: usize) -> Vec<bool> {
+    let mut grown = vec![false; set.len()];
+    for line in 0..lines {
+        let mut within = 0usize;
+        for k in 0..count + reach {
+            let is_set = |k: usize| k < count && set[line * line_step + k * step];
+            within += usize::from(is_set(k));
+            within -= usize::from(k.checked_sub(2 * reach + 1).is_some_and(is_set));
+            if let Some(middle) = k.checked_sub(reach) {
+                grown[line * line_step + middle * step] = within > 0;
+            }
+        }
+    }
+    grown
+}
+
+/// Pixels around the steps at which what hides the object ends.
+struct Band {
+    labels: Vec<(Label, f32)>,
+    /// From the nearest step, in pixels.
+    distances: Vec<f32>,
+    /// Whether what does not hide the object is near.
+    beside_free: Vec<bool>,
+}
+
+impl Band {
+    /// `None` where there is none.
+    fn new(view: &View, labels: Vec<(Label, f32)>, occluders: &Occluders) -> Option<Self> {
+        let ends = |i: usize, j: usize| match (labels[i], labels[j]) {
+            ((Label::Hidden, near_m), (Label::Free, far_m)) => {
+                far_m - near_m > (GAP.0 * near_m).max(GAP.1 * occluders.bias_m(near_m))
+            }
+            ((Label::Hidden, _), (Label::Hole, _)) => true,
+            _ => false,
+        };
+        let is_end: Vec<bool> = (0..view.len())
+            .into_par_iter()
+            .map(|i| labels[i].0 != Label::Off && view.neighbours(i).any(|j| ends(i, j) || ends(j, i)))
+            .collect();
+        if !is_end.contains(&true) {
+            return None;
+        }
+        let distances = nearest_seeds(view.width, view.height, |i| is_end[i]);
+        let distances = distances.into_iter().map(|nearest| nearest.map_or(f32::INFINITY, |(_, d)| d)).collect();
+        let free = nearest_seeds(view.width, view.height, |i| labels[i].0 == Label::Free);
+        let beside_free = free.into_iter().map(|nearest| nearest.is_some_and(|(_, d)| d <= HOLE_BAND * view.band));
+        Some(Self { beside_free: beside_free.collect(), labels, distances })
+    }
+
+    /// The pixels that the photo decides, with what depth and their colours say.
+    fn open(&self, view: &View, colours: &[Vec3]) -> Vec<Open> {
+        let depths = Depths::new(view, &self.labels, &self.distances);
+        // How far a pixel is from the step, in [0, 1], by what is far on its side near by: the middle of a thin pole is sure of itself.
+        let sure = |i: usize| {
+            let deepest = depths.around(i % view.width, i / view.width, self.labels[i].0).clamp(1.0, view.band);
+            ((self.distances[i] + 0.5) / (deepest + 0.5)).min(1.0).powi(2)
+        };
+        let samples = (0..view.len()).filter_map(|i| {
+            let weights = match self.labels[i].0 {
+                Label::Hidden => [sure(i), 0.0],
+                Label::Free => [0.0, sure(i)],
+                Label::Hole | Label::Off => return None,
+            };
+            Some((i % view.width, i / view.width, colours[i], weights))
+        });
+        let sides = ColourSides::new((view.width, view.height), view.cell(), samples);
+        let open = |i: usize| {
+            let (reach, weight, by_depth) = match self.labels[i].0 {
+                Label::Off => return None,
+                Label::Hole => (HOLE_BAND, if self.beside_free[i] { HOLE_WEIGHT } else { 0.0 }, 0.0),
+                Label::Free => (1.0, DEPTH_WEIGHT * sure(i), 0.0),
+                Label::Hidden => (1.0, DEPTH_WEIGHT * sure(i), 1.0),
+            };
+            if self.distances[i] > reach * view.band {
+                return None;
+            }
+            let by_colour = 1.0 / (1.0 + (-sides.log_ratio(i % view.width, i / view.width, colours[i])).exp());
+            let colour_weight = COLOUR_WEIGHT * (2.0 * by_colour - 1.0).powi(2);
+            // A little weight keeps what nothing is known of between both.
+            let sum = weight + colour_weight + 1e-6;
+            Some(Open { pixel: i, weight: sum, prior: (weight * by_depth + colour_weight * by_colour + 0.5e-6) / sum })
+        };
+        (0..view.len()).into_par_iter().filter_map(open).collect()
+    }
+
+    /// How much each pixel is like the next of its row and of its column.
+    fn links(&self, view: &View, colours: &[Vec3]) -> Vec<[f32; 2]> {
+        let is_off = |i: usize| self.labels[i].0 == Label::Off;
+        let difference = |i: usize, j: usize| colours[i].distance_squared(colours[j]);
+        let (mut sum, mut count) = (0.0, 0u32);
+        for i in (0..view.len()).filter(|&i| self.distances[i] <= view.band && !is_off(i)) {
+            for j in view.neighbours(i).filter(|&j| j > i && !is_off(j)) {
+                sum += f64::from(difference(i, j));
+                count += 1;
+            }
+        }
+        let steepness = 0.5 / ((sum / f64::from(count.max(1))) as f32).max(1e-6);
+        let link = |i: usize, j: usize| {
+            let together = !is_off(i) && !is_off(j);
+            if together { LEAST_LINK + (-steepness * difference(i, j)).exp() } else { 0.0 }
+        };
+        let links = |i: usize| {
+            let right = if i % view.width + 1 < view.width { link(i, i + 1) } else { 0.0 };
+            let below = if i + view.width < view.len() { link(i, i + view.width) } else { 0.0 };
+            [right, below]
+        };
+        (0..view.len()).into_par_iter().map(links).collect()
+    }
+}
+
+/// Farthest distances from the step of free and hidden pixels, by cells of a grid.
+struct Depths {
+    cell: usize,
+    columns: usize,
+    rows: usize,
+    /// Of free and of hidden pixels.
+    farthest: Vec<[f32; 2]>,
+}
+
+impl Depths {
+    fn new(view: &View, labels: &[(Label, f32)], distances: &[f32]) -> Self {
+        let cell = view.cell().div_ceil(2);
+        let (columns, rows) = (view.width.div_ceil(cell), view.height.div_ceil(cell));
+        let mut farthest = vec![[0.0f32; 2]; columns * rows];
+        for (i, ((label, _), &distance)) in labels.iter().zip(distances).enumerate() {
+            let farthest = &mut farthest[i / view.width / cell * columns + i % view.width / cell];
+            match label {
+                Label::Free => farthest[0] = farthest[0].max(distance),
+                Label::Hidden => farthest[1] = farthest[1].max(distance),
+                Label::Off | Label::Hole => {}
+            }
+        }
+        Self { cell, columns, rows, farthest }
+    }
+
+    /// The farthest of a label in the cells around a pixel.
+    fn around(&self, x: usize, y: usize, label: Label) -> f32 {
+        let near = |at: usize, count: usize| at.saturating_sub(1)..(at + 2).min(count);
+        near(y / self.cell, self.rows)
+            .flat_map(|y| near(x / self.cell, self.columns).map(move |x| (x, y)))
+            .map(|(x, y)| self.farthest[y * self.columns + x][usize::from(label == Label::Hidden)])
+            .fold(0.0, f32::max)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_set_grows_by_its_reach() {
+        let (width, height) = (9, 5);
+        let mut set = vec![false; width * height];
+        set[2 * width + 4] = true;
+        set[4 * width] = true;
+        let rows = grown(&set, (width, 1), (height, width), 2);
+        let both = grown(&rows, (height, width), (width, 1), 1);
+        for (i, found) in both.into_iter().enumerate() {
+            let near = |(x, y): (usize, usize)| (i % width).abs_diff(x) <= 2 && (i / width).abs_diff(y) <= 1;
+            assert_eq!(found, near((4, 2)) || near((0, 4)), "{i}");
+        }
+    }
+}
