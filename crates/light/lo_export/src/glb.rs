@@ -101,7 +101,7 @@ pub(crate) fn encode(
 
 /// The quads, one primitive and one material for each strength, with one texture.
 fn room(mesh: &RoomMesh, document: &mut Value, binary: &mut GlbWriter) -> Vec<&'static str> {
-    let strengths: Vec<i32> = mesh.radiance.iter().map(|corners| strength_step(corners)).collect();
+    let strengths: Vec<i32> = mesh.radiance.iter().map(strength_step).collect();
     let mut quads_of: BTreeMap<i32, Vec<usize>> = BTreeMap::new();
     for (quad, &step) in strengths.iter().enumerate() {
         quads_of.entry(step).or_default().push(quad);

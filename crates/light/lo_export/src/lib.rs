@@ -23,6 +23,7 @@ mod photo_mesh;
 mod ply;
 mod points;
 mod probe;
+mod restored;
 mod room_mesh;
 mod sources;
 #[cfg(test)]
@@ -108,10 +109,9 @@ pub fn write(scene: &Scene, options: &Options, path: &Path) -> Result<Report, Ex
     if format == Format::Glb {
         lamps.retain(glb::has_lamp);
     }
-    let room = (content == Content::Leaves && format != Format::Ply).then(|| {
-        let kept = sources::kept(&leaves, &lamps);
-        room_mesh::from_leaves(&leaves, &kept, &scene.light.cube, scene.light.octree.depth())
-    });
+    let kept = sources::kept(&leaves, &lamps);
+    let room = (content == Content::Leaves && format != Format::Ply)
+        .then(|| room_mesh::from_leaves(&leaves, &kept, &scene.light.cube, scene.light.octree.depth()));
     let mut report =
         Report { files: vec![path.to_owned()], bytes: 0, points: points.len(), faces: 0, lamps: lamps.len() };
     if let Some(room) = &room {
@@ -134,7 +134,11 @@ pub fn write(scene: &Scene, options: &Options, path: &Path) -> Result<Report, Ex
             glb::encode(&shown, camera, level, &lamps, &probes)?
         }
         Format::Usda => match room {
-            Some(room) => usda_room(scene, room, path, level, &lamps, &probes, &mut report)?,
+            Some(room) => {
+                let restored = restored::radiance(&scene.frame, &scene.light, &leaves, &kept);
+                let encode = |shown: &usda::Shown| usda::encode(shown, camera, level, &lamps, &probes);
+                usda_room(scene, room, restored, path, encode, &mut report)?
+            }
             None => usda::encode(&usda::Shown::Points(&points, panorama.is_some()), camera, level, &lamps, &probes),
         }
         .into_bytes(),
@@ -148,14 +152,14 @@ pub fn write(scene: &Scene, options: &Options, path: &Path) -> Result<Report, Ex
     Ok(report)
 }
 
-/// The stage of the room; its textures are written here.
+/// The stage of the room, by `encode`; its textures are written here. `restored` is the photo's radiance where it is more than
+/// the photo says.
 fn usda_room(
     scene: &Scene,
     mut room: room_mesh::RoomMesh,
+    restored: Option<RadianceImage>,
     path: &Path,
-    level: Level,
-    lamps: &[sources::Source],
-    probes: &[ProbeFile],
+    encode: impl Fn(&usda::Shown) -> String,
     report: &mut Report,
 ) -> Result<String, ExportError> {
     let frame = &scene.frame;
@@ -164,28 +168,33 @@ fn usda_room(
     let photo = photo_mesh::from_frame(frame, floor);
 
     let options = ExrOptions { generator: header::SOFTWARE.to_owned(), half: true, ..ExrOptions::default() };
-    let room_file = Beside::new(path, "room.exr")?;
+    let mut texture = |ending: &str, radiance: &RadianceImage| -> Result<usda::Texture, ExportError> {
+        let file = Beside::new(path, ending)?;
+        lo_imaging::write_radiance(&file.path, radiance, &options)?;
+        report.files.push(file.path);
+        Ok(usda::Texture { file: file.name, space: "raw" })
+    };
     let atlas = atlas::Atlas::new(room.quads.len());
-    let texture: RadianceImage = atlas.image(room.quads.len(), [0.0; 3], |quad, corner| room.radiance[quad][corner]);
-    lo_imaging::write_radiance(&room_file.path, &texture, &options)?;
-
-    let plain = matches!(frame.photo, Photo::Srgb8(_)) && frame.exposure == 1.0;
-    let photo_file = Beside::new(path, if plain { "photo.png" } else { "photo.exr" })?;
-    if plain {
-        lo_imaging::write_photo(&photo_file.path, &frame.photo, header::SOFTWARE)?;
+    let of_room: RadianceImage = atlas.image(room.quads.len(), [0.0; 3], |quad, corner| room.radiance[quad][corner]);
+    let room_texture = texture("room.exr", &of_room)?;
+    let seen = restored.map(|radiance| texture("seen.exr", &radiance)).transpose()?;
+    let photo_texture = if matches!(frame.photo, Photo::Srgb8(_)) && frame.exposure == 1.0 {
+        let file = Beside::new(path, "photo.png")?;
+        lo_imaging::write_photo(&file.path, &frame.photo, header::SOFTWARE)?;
+        report.files.push(file.path);
+        usda::Texture { file: file.name, space: "sRGB" }
     } else {
-        lo_imaging::write_radiance(&photo_file.path, &frame.radiance(), &options)?;
-    }
+        texture("photo.exr", &frame.radiance())?
+    };
     let meshes = usda::Meshes {
         room: &room,
-        room_texture: &room_file.name,
+        room_texture: &room_texture,
         photo: &photo,
-        photo_texture: (&photo_file.name, if plain { "sRGB" } else { "raw" }),
+        photo_texture: &photo_texture,
+        seen_texture: seen.as_ref().unwrap_or(&photo_texture),
         beyond_m: 2.0 * scene.light.cube.edge_m,
     };
-    let text = usda::encode(&usda::Shown::Room(meshes), &frame.camera, level, lamps, probes);
-    report.files.extend([room_file.path, photo_file.path]);
-    Ok(text)
+    Ok(encode(&usda::Shown::Room(meshes)))
 }
 
 #[cfg(test)]

@@ -24,16 +24,26 @@ const MATERIALS: &str = "/Scene/World/Materials";
 /// The shadow catcher is nearer to the camera than the photo's mesh by this share: 4 mm in 2 m.
 const CATCHER_SCALE: f32 = 0.998;
 
+/// A file of radiance beside the stage.
+pub(crate) struct Texture {
+    /// Its name.
+    pub file: String,
+    /// Its `sourceColorSpace`.
+    pub space: &'static str,
+}
+
 /// The room, and what belongs to it.
 pub(crate) struct Meshes<'a> {
     /// The leaves' faces.
     pub room: &'a RoomMesh,
-    /// File with the texture of their radiance.
-    pub room_texture: &'a str,
+    /// The texture of their radiance.
+    pub room_texture: &'a Texture,
     /// What the photo sees.
     pub photo: &'a PhotoMesh,
-    /// File of the photo, and its `sourceColorSpace`.
-    pub photo_texture: (&'a str, &'a str),
+    /// The photo.
+    pub photo_texture: &'a Texture,
+    /// The photo with its highlights.
+    pub seen_texture: &'a Texture,
     /// How far from the camera nothing of the room is, in metres.
     pub beyond_m: f32,
 }
@@ -107,12 +117,14 @@ def Xform "Scene" (
 fn room(meshes: &Meshes, camera: &Camera) -> String {
     let material = |name: &str| format!("{MATERIALS}/{name}");
     let mut text = mesh::room(meshes.room, &material("Radiance"));
-    text += &mesh::photo(meshes.photo, &material("Photo"));
+    text += &mesh::photo(meshes.photo, &material("Seen"));
     text += &mesh::shadow_catcher(&format!("{WORLD}/Photo"), CATCHER_SCALE, &material("Grey"));
     text += &camera::backdrop(camera, meshes.beyond_m, &material("Photo"));
-    let (photo, space) = meshes.photo_texture;
-    let mut materials = mesh::emitting(MATERIALS, "Radiance", meshes.room_texture, "raw");
-    materials += &mesh::emitting(MATERIALS, "Photo", photo, space);
+    let mut materials = String::new();
+    let emitting = [("Radiance", meshes.room_texture), ("Seen", meshes.seen_texture), ("Photo", meshes.photo_texture)];
+    for (name, texture) in emitting {
+        materials += &mesh::emitting(MATERIALS, name, &texture.file, texture.space);
+    }
     materials += &mesh::grey(MATERIALS, "Grey");
     text + "def Scope \"Materials\"\n{\n" + indented(&materials).trim_end() + "\n}\n"
 }
@@ -155,11 +167,13 @@ mod tests {
         let lamps = sources::sources(&leaves);
         let room = room_mesh::from_leaves(&leaves, &sources::kept(&leaves, &lamps), &scene.light.cube, 3);
         let photo = photo_mesh::from_frame(&scene.frame, None);
+        let texture = Texture { file: "room.exr".to_owned(), space: "raw" };
         let meshes = Meshes {
             room: &room,
-            room_texture: "room.exr",
+            room_texture: &texture,
             photo: &photo,
-            photo_texture: ("photo.png", "sRGB"),
+            photo_texture: &texture,
+            seen_texture: &texture,
             beyond_m: 8.0,
         };
         let text = encode(&Shown::Room(meshes), &scene.frame.camera, Level::CAMERA, &lamps, &[]);
