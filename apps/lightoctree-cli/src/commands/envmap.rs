@@ -59,7 +59,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE.json")]
     sh9: Option<PathBuf>,
 
-    /// Also write direction, solid angle, colour and power of the main light, in our frame or the level one
+    /// Also write direction, solid angle, colour and power of the main light, in the axes of --orientation's program
     #[arg(long, value_name = "FILE.json")]
     main_light: Option<PathBuf>,
 
@@ -137,8 +137,14 @@ fn write(args: &Args, at: Vec3, level: &Level, panorama: &Rendering) -> anyhow::
         environment::write_json(path, COMMAND, json!({ "position_m": place, "camera": level.camera(), "sh9": sh }))?;
     }
     if let Some(path) = &args.main_light {
-        let light = imaging::main_light(&panorama.radiance);
-        let value = json!({ "position_m": place, "camera": level.camera(), "main_light": light });
+        let orientation = args.panorama.file.orientation.preset();
+        let mut light = imaging::main_light(&panorama.radiance);
+        if let Some(light) = &mut light {
+            light.direction = (orientation.program_from_world() * Vec3::from(light.direction)).to_array();
+        }
+        let value = json!({
+            "position_m": place, "camera": level.camera(), "axes": orientation.axes(), "main_light": light,
+        });
         environment::write_json(path, COMMAND, value)?;
     }
     Ok(())

@@ -17,7 +17,9 @@ use crate::{output, report};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
     lightoctree export room.scene --to glb -o room.glb\n  \
-    lightoctree export room.scene --to usda --probe-at 0,-0.5,-2 -o room.usda")]
+    lightoctree export room.scene --to usda --level -o room.usda\n  \
+    lightoctree export room.scene --to usda --probe-at 0,-0.5,-2 -o room.usda\n\n\
+    docs/blender.md goes from a photo to a picture rendered in Blender.")]
 pub struct Args {
     /// A scene file
     scene: PathBuf,
@@ -30,9 +32,18 @@ pub struct Args {
     #[arg(long, value_name = "WHAT", default_value = "leaves")]
     content: ContentArg,
 
-    /// Also write the light at this point as a panorama beside it, NAME_probe.exr (usda: as the dome light)
+    /// Also write the light at this point as a panorama beside it, NAME_probe.exr (usda: as the dome light). Repeat it for more points
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::point, allow_hyphen_values = true)]
-    probe_at: Option<Vec3>,
+    probe_at: Vec<Vec3>,
+
+    /// Stand the scene upright: gravity straight down, the floor at height 0, the photo's camera above the origin. Points of --probe-at stay in
+    /// the camera's frame
+    #[arg(long)]
+    level: bool,
+
+    /// Light from the scene as it is, without the lamp above that `insert` adds where seen surfaces give more light than they get
+    #[arg(long)]
+    no_lamp: bool,
 
     #[command(flatten)]
     out: OutputArgs,
@@ -52,7 +63,7 @@ enum FormatArg {
 /// Parts of a scene.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum ContentArg {
-    /// The octree's leaves: the whole room
+    /// The octree's leaves: the whole room. glb: a mesh that emits, lamps, camera; usda: also what the photo sees, textured, and the photo
     Leaves,
     /// The photo's pixels with depth
     Photo,
@@ -66,17 +77,20 @@ const COMMAND: &str = "export";
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     output::check_replaceable(&args.out.output, COMMAND, args.out.force)?;
     let mut stages = Stages::new(global.quiet);
-    let scene = stages.stage("read scene", || super::read_scene(&args.scene))?;
-    let probe = match args.probe_at {
-        Some(at) => {
-            if let Some(odd) = environment::odd_place(&scene, at) {
-                stages.note(&format!("--probe-at lies {odd}"));
-            }
-            let renderer = Renderer::new(&scene, [PROBE_WIDTH, PROBE_WIDTH / 2])?;
-            Some((stages.stage("probe", || renderer.at(at)), at))
+    let mut scene = stages.stage("read scene", || super::read_scene(&args.scene))?;
+    if !args.no_lamp {
+        super::add_lamp(&mut scene, &mut stages);
+    }
+    let renderer = Renderer::new(&scene, [PROBE_WIDTH, PROBE_WIDTH / 2])?;
+    let mut panoramas = Vec::new();
+    for &at in &args.probe_at {
+        if let Some(odd) = environment::odd_place(&scene, at) {
+            stages.note(&format!("--probe-at {},{},{} lies {odd}", at.x, at.y, at.z));
         }
-        None => None,
-    };
+        panoramas.push((stages.stage("probe", || renderer.at(at)), at));
+    }
+    let probes: Vec<LightProbe> =
+        panoramas.iter().map(|(seen, at)| LightProbe { radiance: &seen.radiance, position_m: *at }).collect();
     let options = Options {
         format: match args.to {
             FormatArg::Ply => Format::Ply,
@@ -87,7 +101,8 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             ContentArg::Leaves => Content::Leaves,
             ContentArg::Photo => Content::PhotoPoints,
         },
-        probe: probe.as_ref().map(|(panorama, at)| LightProbe { radiance: &panorama.radiance, position_m: *at }),
+        level: args.level,
+        probes: &probes,
     };
     let written = stages.stage("write", || export::write(&scene, &options, &args.out.output))?;
     if args.out.json {

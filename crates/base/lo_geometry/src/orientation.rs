@@ -47,6 +47,23 @@ impl Orientation {
             _ => Mat3::from_cols(Vec3::NEG_X, Vec3::Y, Vec3::NEG_Z),
         }
     }
+
+    /// The rotation that takes a direction in our frame to the same in the program's own: Blender's importers take (x, y, z)
+    /// to (x, −z, y), the others share our axes.
+    pub fn program_from_world(self) -> Mat3 {
+        match self {
+            Self::Blender => Mat3::from_cols(Vec3::X, Vec3::Z, Vec3::NEG_Y),
+            Self::Lightoctree | Self::Openexr | Self::Threejs => Mat3::IDENTITY,
+        }
+    }
+
+    /// Which way the program's own axes point, seen from the photo's camera.
+    pub fn axes(self) -> &'static str {
+        match self {
+            Self::Blender => "+X right, +Y ahead, +Z up",
+            Self::Lightoctree | Self::Openexr | Self::Threejs => "+X right, +Y up, -Z ahead",
+        }
+    }
 }
 
 #[cfg(test)]
@@ -94,6 +111,30 @@ mod tests {
             }
             assert_eq!(uv_from_direction(preset.map_from_world() * Vec3::Y).y, 0.0);
         }
+    }
+
+    #[test]
+    fn a_light_in_the_programs_axes_is_where_its_map_shows_it() {
+        for preset in Orientation::ALL {
+            let program = preset.program_from_world();
+            let ahead = program * Vec3::NEG_Z;
+            let up = program * Vec3::Y;
+            let words = |axis: Vec3| match axis.to_array() {
+                [0.0, 1.0, 0.0] => "+Y",
+                [0.0, 0.0, 1.0] => "+Z",
+                [0.0, 0.0, -1.0] => "-Z",
+                other => panic!("{other:?}"),
+            };
+            let axes = format!("{} ahead", words(ahead));
+            assert!(preset.axes().contains(&axes) && preset.axes().contains(&format!("{} up", words(up))), "{axes}");
+            assert_eq!(program * Vec3::X, Vec3::X);
+            assert_eq!(program.determinant(), 1.0);
+        }
+        // Blender's own formula in Blender's own axes gives the column that the preset has.
+        let direction = Vec3::new(0.3, 0.2, -0.9).normalize();
+        let b = Orientation::Blender.program_from_world() * direction;
+        let u = (b.y.atan2(b.x) - PI) / -TAU;
+        assert!((uv_from_direction(Orientation::Blender.map_from_world() * direction).x - u).abs() < 1e-6);
     }
 
     #[test]

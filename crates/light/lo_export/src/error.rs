@@ -41,9 +41,14 @@ pub enum ExportError {
         /// Height in pixels.
         height: usize,
     },
-    /// The output's name has no file name to derive the probe's from.
-    #[error("{0} does not name a file in Unicode, which other programs' references to the probe need")]
-    ProbeName(PathBuf),
+    /// The output's name has no file name to derive those of the files beside it from.
+    #[error("{0} does not name a file in Unicode, which other programs' references to the files beside it need")]
+    BesideName(PathBuf),
+    /// Nothing says which way is up.
+    #[error(
+        "the scene does not know which way is up, so it cannot be levelled; estimate it with depth, or export it without --level"
+    )]
+    NoGravity,
     /// The probe's position is not a point.
     #[error("the light probe's position {0:?} m is not finite")]
     ProbePosition([f32; 3]),

@@ -1,122 +1,212 @@
-//! glTF 2.0 binary: camera, unlit mesh or points with vertex colours, lamps (`KHR_lights_punctual`).
+//! glTF 2.0 binary: camera, a room that emits (`KHR_materials_emissive_strength`) or points with vertex colours, lamps
+//! (`KHR_lights_punctual`).
+//!
+//! Units are those of Blender's importer, the only one that puts both on one scale: an emissive texel of 1 is a radiance of 1
+//! W/(m² sr), and 683 cd are 1 W/sr.
 
-use lo_geometry::Camera;
+use std::collections::BTreeMap;
+
+use lo_geometry::{Camera, Vec3};
+use lo_imaging::{Image, srgb8_from_linear};
 use lo_mesh::{GlbTooLarge, GlbWriter};
 use serde_json::{Map, Value, json};
 
 use crate::ExportError;
-use crate::header::{FRAME, GENERATOR, UNITS};
-use crate::mesh::Mesh;
+use crate::atlas::Atlas;
+use crate::header::{FRAME, GENERATOR, LEVEL_FRAME, UNITS};
+use crate::level::Level;
+use crate::points::Point;
 use crate::probe::ProbeFile;
-use crate::sources::Source;
+use crate::room_mesh::RoomMesh;
+use crate::sources::{Shape, Source};
 
 /// Modes of primitives.
 const POINTS: u32 = 0;
 const TRIANGLES: u32 = 4;
 
+/// Candela of 1 W/sr, as Blender's importer has it (`PBR_WATTS_TO_LUMENS`).
+const CANDELA: f32 = 683.0;
+
+/// A point cannot stand for a larger surface: what is nearer than its size would be lit wrongly.
+const MAX_LAMP_AREA_M2: f32 = 1.0;
+
+/// Emissive strengths are powers of this: eight bits of sRGB have steps of 1 % of the quad's brightest channel or less.
+const STRENGTH_STEP: f32 = 4.0;
+
+/// Least strength.
+const MIN_STRENGTH: f32 = 1.0 / 64.0;
+
+/// What the file shows.
+pub(crate) enum Shown<'a> {
+    /// The room, emitting.
+    Room(&'a RoomMesh),
+    /// Points with colours.
+    Points(&'a [Point]),
+}
+
+/// Whether a lamp of glTF, which shines from a point, can stand for it. Others are left to the mesh.
+pub(crate) fn has_lamp(source: &Source) -> bool {
+    source.area_m2 <= MAX_LAMP_AREA_M2
+}
+
 /// The whole file.
 pub(crate) fn encode(
-    mesh: &Mesh,
+    shown: &Shown,
     camera: &Camera,
+    level: Level,
     lamps: &[Source],
-    probe: Option<&ProbeFile>,
+    probes: &[ProbeFile],
 ) -> Result<Vec<u8>, ExportError> {
     let mut binary = GlbWriter::default();
-    let primitive = primitive(mesh, &mut binary);
-    let mut nodes = vec![json!({ "name": "Camera", "camera": 0 }), json!({ "name": "Room", "mesh": 0 })];
-    for (index, lamp) in lamps.iter().enumerate() {
-        nodes.push(json!({
-            "name": format!("Lamp {}", index + 1),
-            "translation": lamp.position_m.to_array(),
-            "extensions": { "KHR_lights_punctual": { "light": index } },
-        }));
-    }
+    let levelled = level != Level::CAMERA;
     let mut scene_extras = json!({
-        "frame": FRAME,
+        "frame": if levelled { LEVEL_FRAME } else { FRAME },
         "units": UNITS,
-        "lamps": "point lights of the brightest leaf clusters; intensity = pi * radiance * area / solid angle, in cd for \
-                  radiance in cd/m2; multiply all by the luminance of the photo's white in cd/m2",
+        "lamps": "radiant intensity in W/sr of radiance in W/(m2 sr), times 683: what Blender takes back; the faces of a lamp keep \
+                  what the photo's white allows, so that lamps and mesh together are the light",
     });
-    if let Some(probe) = probe {
-        scene_extras["lightProbe"] = json!({
-            "file": probe.name, "position_m": probe.position_m.to_array(), "orientation": probe.convention,
-        });
+    if !probes.is_empty() {
+        let probe_json = |probe: &ProbeFile| {
+            json!({
+                "file": probe.file.name, "position_m": probe.position_m.to_array(), "orientation": probe.convention,
+            })
+        };
+        scene_extras["lightProbes"] = probes.iter().map(probe_json).collect();
     }
+    let mut world = json!({ "name": "World", "children": (1..3 + lamps.len()).collect::<Vec<_>>() });
+    if levelled {
+        world["matrix"] = json!(level.columns().as_flattened());
+    }
+    let mut nodes = vec![world, json!({ "name": "Camera", "camera": 0 }), json!({ "name": "Room", "mesh": 0 })];
+    nodes.extend(lamps.iter().enumerate().map(|(index, lamp)| lamp_node(index, lamp)));
     let mut document = json!({
         "asset": { "version": "2.0", "generator": GENERATOR },
-        "extensionsUsed": ["KHR_materials_unlit"],
         "scene": 0,
-        "scenes": [{ "name": "Scene", "nodes": (0..nodes.len()).collect::<Vec<_>>(), "extras": scene_extras }],
+        "scenes": [{ "name": "Scene", "nodes": [0], "extras": scene_extras }],
         "nodes": nodes,
         "cameras": [camera_json(camera)],
-        "materials": [{
-            "name": "Radiance",
-            "pbrMetallicRoughness": { "metallicFactor": 0.0, "roughnessFactor": 1.0 },
-            "extensions": { "KHR_materials_unlit": {} },
-        }],
-        "meshes": [{
-            "name": "Room",
-            "primitives": [primitive],
-            "extras": { "_RADIANCE": "linear RGB radiance, never clipped; COLOR_0 is the same clipped at 1.0" },
-        }],
     });
+    let mut extensions = match shown {
+        Shown::Room(mesh) => room(mesh, &mut document, &mut binary),
+        Shown::Points(points) => cloud(points, &mut document, &mut binary),
+    };
     if !lamps.is_empty() {
-        document["extensionsUsed"] = json!(["KHR_lights_punctual", "KHR_materials_unlit"]);
+        extensions.insert(0, "KHR_lights_punctual");
         let lights: Vec<Value> = lamps.iter().enumerate().map(|(index, lamp)| lamp_json(index, lamp)).collect();
         document["extensions"] = json!({ "KHR_lights_punctual": { "lights": lights } });
     }
+    document["extensionsUsed"] = json!(extensions);
     binary.finish(document).map_err(|GlbTooLarge { bytes }| ExportError::TooLarge { bytes })
 }
 
-/// The mesh's only primitive; its data goes to `binary`.
-fn primitive(mesh: &Mesh, binary: &mut GlbWriter) -> Value {
-    let mut attributes = Map::new();
-    let bounds = |pick: fn(f32, f32) -> f32, start: f32| {
-        mesh.positions_m.iter().fold([start; 3], |a, p| [pick(a[0], p[0]), pick(a[1], p[1]), pick(a[2], p[2])])
+/// The quads, one primitive and one material for each strength, with one texture.
+fn room(mesh: &RoomMesh, document: &mut Value, binary: &mut GlbWriter) -> Vec<&'static str> {
+    let strengths: Vec<i32> = mesh.radiance.iter().map(strength_step).collect();
+    let mut quads_of: BTreeMap<i32, Vec<usize>> = BTreeMap::new();
+    for (quad, &step) in strengths.iter().enumerate() {
+        quads_of.entry(step).or_default().push(quad);
+    }
+    let atlas = Atlas::new(mesh.quads.len());
+    let (mut primitives, mut materials) = (Vec::new(), Vec::new());
+    for (&step, quads) in &quads_of {
+        let corners: Vec<Vec3> =
+            quads.iter().flat_map(|&quad| mesh.quads[quad].map(|i| mesh.positions_m[i as usize])).collect();
+        let uvs: Vec<[f32; 2]> = quads.iter().flat_map(|&quad| atlas.uvs(quad)).collect();
+        let indices: Vec<u32> =
+            (0..quads.len() as u32).flat_map(|quad| [0, 1, 2, 0, 2, 3].map(|corner| 4 * quad + corner)).collect();
+        let position = vertices(&corners, binary);
+        let uv = bytemuck::cast_slice(&uvs);
+        let uv = binary.accessor(uv, uvs.len(), GlbWriter::FLOAT, "VEC2", GlbWriter::ARRAY_BUFFER, json!({}));
+        let index = bytemuck::cast_slice(&indices);
+        let (kind, target) = (GlbWriter::UNSIGNED_INT, GlbWriter::ELEMENT_ARRAY_BUFFER);
+        let index = binary.accessor(index, indices.len(), kind, "SCALAR", target, json!({}));
+        primitives.push(json!({
+            "attributes": { "POSITION": position, "TEXCOORD_0": uv },
+            "indices": index, "material": materials.len(), "mode": TRIANGLES,
+        }));
+        let strength = STRENGTH_STEP.powi(step);
+        materials.push(json!({
+            "name": format!("Radiance to {strength}"),
+            "pbrMetallicRoughness": {
+                "baseColorFactor": [0.0, 0.0, 0.0, 1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0,
+            },
+            "emissiveFactor": [1.0, 1.0, 1.0],
+            "emissiveTexture": { "index": 0 },
+            "extensions": {
+                "KHR_materials_emissive_strength": { "emissiveStrength": strength },
+                // It gives off all of its light itself and reflects nothing.
+                "KHR_materials_specular": { "specularFactor": 0.0 },
+            },
+        }));
+    }
+    let texel = |quad: usize, corner: usize| {
+        let strength = STRENGTH_STEP.powi(strengths[quad]);
+        mesh.radiance[quad][corner].map(|c| srgb8_from_linear((c / strength).clamp(0.0, 1.0)))
     };
-    let limits = json!({ "min": bounds(f32::min, f32::INFINITY), "max": bounds(f32::max, f32::NEG_INFINITY) });
-    let count = mesh.positions_m.len();
-    let positions = bytemuck::cast_slice(&mesh.positions_m);
-    let position = binary.accessor(positions, count, GlbWriter::FLOAT, "VEC3", GlbWriter::ARRAY_BUFFER, limits);
-    attributes.insert("POSITION".to_owned(), position.into());
+    let texture: Image<[u8; 3]> = atlas.image(mesh.quads.len(), [0; 3], texel);
+    let view = binary.view(&lo_imaging::encode_png(&texture));
+    document["images"] = json!([{ "name": "Radiance", "mimeType": "image/png", "bufferView": view }]);
+    document["samplers"] = json!([{ "magFilter": 9729, "minFilter": 9729, "wrapS": 33071, "wrapT": 33071 }]);
+    document["textures"] = json!([{ "source": 0, "sampler": 0 }]);
+    document["materials"] = materials.into();
+    document["meshes"] = json!([{ "name": "Room", "primitives": primitives }]);
+    vec!["KHR_materials_emissive_strength", "KHR_materials_specular"]
+}
+
+/// The power of [`STRENGTH_STEP`] that a quad's brightest value needs.
+fn strength_step(corners: &[[f32; 3]; 4]) -> i32 {
+    let brightest = corners.as_flattened().iter().copied().fold(MIN_STRENGTH, f32::max);
+    brightest.log(STRENGTH_STEP).ceil() as i32
+}
+
+/// Loose points: unlit, because points have no shading.
+fn cloud(points: &[Point], document: &mut Value, binary: &mut GlbWriter) -> Vec<&'static str> {
+    let mut attributes = Map::new();
+    let positions: Vec<Vec3> = points.iter().map(|point| point.position_m).collect();
+    attributes.insert("POSITION".to_owned(), vertices(&positions, binary).into());
     // Linear, as the specification demands; 16 bits, because eight linear ones show bands in the dark. Alpha fills the alignment.
-    let colors: Vec<[u16; 4]> = mesh
-        .radiance
+    let colors: Vec<[u16; 4]> = points
         .iter()
-        .map(|rgb| {
-            let [r, g, b] = rgb.map(|c| (c.clamp(0.0, 1.0) * f32::from(u16::MAX)).round() as u16);
+        .map(|point| {
+            let [r, g, b] = point.radiance.map(|c| (c.clamp(0.0, 1.0) * f32::from(u16::MAX)).round() as u16);
             [r, g, b, u16::MAX]
         })
         .collect();
-    let normalized = json!({ "normalized": true });
     let color = binary.accessor(
         bytemuck::cast_slice(&colors),
-        count,
+        points.len(),
         GlbWriter::UNSIGNED_SHORT,
         "VEC4",
         GlbWriter::ARRAY_BUFFER,
-        normalized,
+        json!({ "normalized": true }),
     );
     attributes.insert("COLOR_0".to_owned(), color.into());
-    let radiance = bytemuck::cast_slice(&mesh.radiance);
-    let radiance = binary.accessor(radiance, count, GlbWriter::FLOAT, "VEC3", GlbWriter::ARRAY_BUFFER, json!({}));
+    let radiance: Vec<[f32; 3]> = points.iter().map(|point| point.radiance).collect();
+    let radiance = bytemuck::cast_slice(&radiance);
+    let radiance =
+        binary.accessor(radiance, points.len(), GlbWriter::FLOAT, "VEC3", GlbWriter::ARRAY_BUFFER, json!({}));
     attributes.insert("_RADIANCE".to_owned(), radiance.into());
-    let mut primitive = json!({ "attributes": attributes, "material": 0, "mode": POINTS });
-    if !mesh.indices.is_empty() {
-        let indices = bytemuck::cast_slice(&mesh.indices);
-        let none = json!({});
-        let indices = binary.accessor(
-            indices,
-            mesh.indices.len(),
-            GlbWriter::UNSIGNED_INT,
-            "SCALAR",
-            GlbWriter::ELEMENT_ARRAY_BUFFER,
-            none,
-        );
-        primitive["indices"] = indices.into();
-        primitive["mode"] = TRIANGLES.into();
-    }
-    primitive
+    document["materials"] = json!([{
+        "name": "Radiance",
+        "pbrMetallicRoughness": { "metallicFactor": 0.0, "roughnessFactor": 1.0 },
+        "extensions": { "KHR_materials_unlit": {} },
+    }]);
+    document["meshes"] = json!([{
+        "name": "Photo points",
+        "primitives": [{ "attributes": attributes, "material": 0, "mode": POINTS }],
+        "extras": { "_RADIANCE": "linear RGB radiance, never clipped; COLOR_0 is the same clipped at 1.0" },
+    }]);
+    vec!["KHR_materials_unlit"]
+}
+
+/// The accessor of positions, with their bounds.
+fn vertices(positions_m: &[Vec3], binary: &mut GlbWriter) -> usize {
+    let least = positions_m.iter().copied().fold(Vec3::INFINITY, Vec3::min);
+    let most = positions_m.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
+    let limits = json!({ "min": least.to_array(), "max": most.to_array() });
+    let positions: Vec<[f32; 3]> = positions_m.iter().map(|p| p.to_array()).collect();
+    let data = bytemuck::cast_slice(&positions);
+    binary.accessor(data, positions.len(), GlbWriter::FLOAT, "VEC3", GlbWriter::ARRAY_BUFFER, limits)
 }
 
 /// The photo's camera. glTF knows no principal point: one off the centre stands in the extras alone.
@@ -139,75 +229,105 @@ fn camera_json(camera: &Camera) -> Value {
     })
 }
 
-/// A point light with the cluster's radiant intensity towards the room.
+/// Where a lamp is, and for a panel, which shines along its node's −Z, how it is turned.
+fn lamp_node(index: usize, lamp: &Source) -> Value {
+    let mut node = json!({
+        "name": format!("Lamp {}", index + 1),
+        "extensions": { "KHR_lights_punctual": { "light": index } },
+    });
+    match lamp.shape {
+        Shape::Panel { direction, across, .. } => {
+            let axes = [across, across.cross(direction), -direction].map(|axis| axis.extend(0.0).to_array());
+            let [x, y, z] = axes;
+            node["matrix"] = json!([x, y, z, lamp.position_m.extend(1.0).to_array()].as_flattened());
+        }
+        Shape::Ball { .. } => node["translation"] = json!(lamp.position_m.to_array()),
+    }
+    node
+}
+
+/// A panel as a spot of 180° that fades towards its sides, close to a cosine and of the same power, any other as a point.
 fn lamp_json(index: usize, lamp: &Source) -> Value {
     let intensity = lamp.intensity();
     let strongest = intensity.into_iter().fold(0.0, f32::max);
-    json!({
+    let (kind, radius_m) = match lamp.shape {
+        Shape::Panel { .. } => ("spot", (lamp.area_m2 / std::f32::consts::PI).sqrt()),
+        Shape::Ball { radius_m } => ("point", radius_m),
+    };
+    let mut light = json!({
         "name": format!("Lamp {}", index + 1),
-        "type": "point",
+        "type": kind,
         "color": intensity.map(|c| c / strongest),
-        "intensity": strongest,
+        "intensity": CANDELA * strongest,
         "extras": {
-            "area_m2": lamp.area_m2, "radiance": lamp.radiance, "power": lamp.power(),
-            "direction": lamp.direction.to_array(), "flatness": lamp.flatness, "leaves": lamp.leaves,
+            "area_m2": lamp.area_m2, "radius_m": radius_m, "radiance": lamp.radiance, "power_w": lamp.power(),
         },
-    })
+    });
+    if kind == "spot" {
+        light["spot"] = json!({ "innerConeAngle": 0.0, "outerConeAngle": std::f64::consts::FRAC_PI_2 });
+    }
+    light
 }
 
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
-    use gltf::{Gltf, Semantic};
-    use lo_geometry::Vec3;
+    use gltf::Gltf;
+    use gltf::khr_lights_punctual::Kind;
 
     use super::*;
     use crate::test_scene::box_room;
-    use crate::{free_space, mesh, sources};
+    use crate::{free_space, room_mesh, sources};
 
     fn room() -> Gltf {
         let scene = box_room();
         let leaves = free_space::leaves(&scene.light, None);
-        let mesh = mesh::from_leaves(&leaves, &scene.light.cube, 3);
         let lamps = sources::sources(&leaves);
+        let mesh = room_mesh::from_leaves(&leaves, &sources::kept(&leaves, &[]), &scene.light.cube, 3);
         // `from_slice` validates indices, accessors and required fields.
-        Gltf::from_slice(&encode(&mesh, &scene.frame.camera, &lamps, None).unwrap()).unwrap()
+        let bytes = encode(&Shown::Room(&mesh), &scene.frame.camera, Level::CAMERA, &lamps, &[]).unwrap();
+        Gltf::from_slice(&bytes).unwrap()
+    }
+
+    /// Linear emission that a renderer finds at each corner of each primitive.
+    fn emission(gltf: &Gltf) -> Vec<(Vec3, [f32; 3])> {
+        let blob = gltf.blob.as_deref().unwrap();
+        let gltf::image::Source::View { view, .. } = gltf.images().next().unwrap().source() else { panic!("no view") };
+        let png = lo_imaging::rgba8_from_bytes(&blob[view.offset()..view.offset() + view.length()], "png").unwrap();
+        let mut found = Vec::new();
+        for primitive in gltf.meshes().next().unwrap().primitives() {
+            let strength = primitive.material().emissive_strength().unwrap();
+            let reader = primitive.reader(|_| Some(blob));
+            let uvs = reader.read_tex_coords(0).unwrap().into_f32();
+            for (position, [u, v]) in reader.read_positions().unwrap().zip(uvs) {
+                let at = ((u * png.width() as f32) as usize, (v * png.height() as f32) as usize);
+                let [r, g, b, _] = png[at];
+                found.push((position.into(), [r, g, b].map(|c| lo_imaging::linear_from_srgb8(c) * strength)));
+            }
+        }
+        found
     }
 
     #[test]
-    fn the_mesh_is_the_inside_of_the_room() {
+    fn the_room_emits_its_radiance() {
         let gltf = room();
-        let primitive = gltf.meshes().next().unwrap().primitives().next().unwrap();
-        assert!(primitive.material().unlit());
-        let reader = primitive.reader(|_| gltf.blob.as_deref());
-        let positions: Vec<Vec3> = reader.read_positions().unwrap().map(Vec3::from).collect();
-        // The lattice points on the surface of a box of 6³ cells.
-        assert_eq!(positions.len(), 7usize.pow(3) - 5usize.pow(3));
-        assert_eq!(primitive.bounding_box().min, [-1.5; 3]);
-        assert_eq!(primitive.bounding_box().max, [1.5; 3]);
-        let indices: Vec<u32> = reader.read_indices().unwrap().into_u32().collect();
-        assert_eq!(indices.len(), 216 * 6);
-        for triangle in indices.chunks(3) {
-            let [a, b, c] = [0, 1, 2].map(|i| positions[triangle[i] as usize]);
-            let normal = (b - a).cross(c - a);
-            assert!(normal.dot(-(a + b + c)) > 0.0, "{triangle:?} is seen from inside");
+        let emission = emission(&gltf);
+        assert_eq!(emission.len(), 4 * 216);
+        let at = |p: Vec3| emission.iter().find(|(q, _)| *q == p).unwrap().1;
+        let close = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).all(|(a, b)| (a / b - 1.0).abs() < 0.015);
+        // The middle of the lamp, beyond what eight bits alone could say, and a corner of the room.
+        assert!(close(at(Vec3::new(0.0, 1.5, 0.0)), [10.0, 8.0, 6.0]), "{:?}", at(Vec3::new(0.0, 1.5, 0.0)));
+        assert!(close(at(Vec3::splat(-1.5)), [0.5; 3]));
+    }
+
+    #[test]
+    fn every_radiance_finds_a_strength() {
+        for (radiance, strength) in
+            [(0.0, MIN_STRENGTH), (0.01, MIN_STRENGTH), (0.25, 0.25), (0.3, 1.0), (900.0, 1024.0)]
+        {
+            let step = strength_step(&[[0.0; 3], [radiance, 0.0, 0.0], [0.0; 3], [0.0; 3]]);
+            assert_eq!(STRENGTH_STEP.powi(step), strength, "{radiance}");
         }
-        // Corner-shared radiance: the middle of the lamp has the lamp's own, a corner of the room the wall's.
-        let (_, accessor) = primitive.attributes().find(|(s, _)| *s == Semantic::Extras("RADIANCE".into())).unwrap();
-        let start = accessor.view().unwrap().offset();
-        let floats: &[u8] = &gltf.blob.as_ref().unwrap()[start..start + 12 * accessor.count()];
-        let radiance: Vec<[f32; 3]> = floats
-            .chunks(12)
-            .map(|rgb| [0, 4, 8].map(|i| f32::from_le_bytes(rgb[i..i + 4].try_into().unwrap())))
-            .collect();
-        let at = |p: Vec3| positions.iter().position(|q| *q == p).unwrap();
-        assert_eq!(radiance[at(Vec3::new(0.0, 1.5, 0.0))], [10.0, 8.0, 6.0]);
-        assert_eq!(radiance[at(Vec3::splat(-1.5))], [0.5; 3]);
-        // One of the four faces at a corner of the lamp is the lamp's.
-        assert_eq!(radiance[at(Vec3::new(0.5, 1.5, 0.5))], [(10.0 + 1.5) / 4.0, (8.0 + 1.5) / 4.0, (6.0 + 1.5) / 4.0]);
-        let colors: Vec<[f32; 4]> = reader.read_colors(0).unwrap().into_rgba_f32().collect();
-        assert_eq!(colors[at(Vec3::new(0.0, 1.5, 0.0))], [1.0; 4]);
-        assert!((colors[at(Vec3::splat(-1.5))][0] - 0.5).abs() < 1.0 / 65535.0);
     }
 
     #[test]
@@ -222,10 +342,16 @@ mod tests {
         assert_eq!(extras["principalPointOffset"], json!([0.5, -0.25]));
         let lights: Vec<_> = gltf.lights().unwrap().collect();
         assert_eq!(lights.len(), 1);
-        // 1 m² of (10, 8, 6), flat: π L A / 2π.
-        assert_eq!(lights[0].intensity(), 5.0);
-        assert_eq!(lights[0].color(), [1.0, 0.8, 0.6]);
+        // 1 m² of (9, 7.2, 5.4) straight ahead.
+        assert!((lights[0].intensity() / (683.0 * 9.0) - 1.0).abs() < 1e-5);
+        assert!(lights[0].color().iter().zip([1.0, 0.8, 0.6]).all(|(a, b)| (a - b).abs() < 1e-5));
+        assert!(matches!(lights[0].kind(), Kind::Spot { .. }));
         let node = gltf.nodes().find(|node| node.light().is_some()).unwrap();
-        assert_eq!(node.transform().decomposed().0, [0.0, 1.25, 0.0]);
+        let matrix = node.transform().matrix();
+        assert_eq!(matrix[3], [0.0, 1.25, 0.0, 1.0]);
+        // A spot shines along its −Z: down.
+        assert_eq!(matrix[2], [0.0, 1.0, 0.0, 0.0]);
+        let [x, y, z] = [0, 1, 2].map(|i| Vec3::from_slice(&matrix[i][..3]));
+        assert!((x.cross(y) - z).length() < 1e-6);
     }
 }

@@ -1,24 +1,30 @@
 //! Scenes for other programs: PLY point clouds, glTF binaries and USD stages.
 //!
-//! All three hold the octree's leaves (or the photo's pixels) with their HDR radiance, in our world frame: right-handed, +Y up,
-//! the photo's camera at the origin looks along −Z, metres. glTF and USD hold the camera and the room's lamps, too. A light
-//! probe is written as an OpenEXR file beside the scene, turned as the format's readers expect it.
+//! All three hold the octree's leaves (or the photo's pixels) with their HDR radiance, in our world frame (right-handed, +Y up,
+//! the photo's camera at the origin looks along −Z, metres) or a level one. glTF and USD hold the leaves as a mesh that emits,
+//! the camera and the room's lamps, too; USD also what the photo sees, textured with it. Light probes are written as OpenEXR
+//! files beside the scene, turned as the format's readers expect them.
 //!
-//! Radiance is relative: 1.0 is the photo's white. Lamps take it as 1 cd/m², so the other program's exposure (or a factor on all
-//! lamps: the luminance of the photo's white in cd/m²) sets the absolute scale.
+//! Radiance is relative: 1.0 is the photo's white. Mesh, lamps and probes are on one scale.
 //!
 //! The same scene gives the same bytes.
 
+mod atlas;
+mod beside;
 mod content;
 mod error;
 mod format;
 mod free_space;
 mod glb;
 mod header;
-mod mesh;
+mod level;
+mod lit_side;
+mod photo_mesh;
 mod ply;
 mod points;
 mod probe;
+mod restored;
+mod room_mesh;
 mod sources;
 #[cfg(test)]
 mod test_scene;
@@ -27,6 +33,7 @@ mod usda;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use lo_imaging::{ExrOptions, Photo, RadianceImage};
 use lo_scene::Scene;
 
 pub use content::Content;
@@ -34,6 +41,8 @@ pub use error::ExportError;
 pub use format::Format;
 pub use probe::LightProbe;
 
+use beside::Beside;
+use level::Level;
 use probe::ProbeFile;
 
 /// How to write a scene.
@@ -43,76 +52,149 @@ pub struct Options<'a> {
     pub format: Format,
     /// Which part of the scene.
     pub content: Content,
-    /// A panorama of the light at one point; written as `<name>_probe.exr` beside the scene.
-    pub probe: Option<LightProbe<'a>>,
+    /// Whether the world is level, with gravity along −Y and the floor at height 0, instead of the camera's frame.
+    pub level: bool,
+    /// Panoramas of the light at some points; written as `<name>_probe.exr`, `<name>_probe2.exr`, … beside the scene.
+    pub probes: &'a [LightProbe<'a>],
 }
 
 /// What was written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Report {
-    /// The scene file, then the probe's file where there is one.
+    /// The scene file, then what lies beside it: probes, and of USD the textures.
     pub files: Vec<PathBuf>,
     /// Size of the scene file in bytes.
     pub bytes: u64,
-    /// Points (PLY, USD, photo points) or vertices (glTF of the leaves).
+    /// Points (PLY, photo points) or corners of the leaves' faces.
     pub points: usize,
-    /// Quads of the leaves' visible faces (glTF of the leaves; 0 otherwise).
+    /// Quads of the leaves' visible faces (0 of points).
     pub faces: usize,
     /// Lamps made from the brightest leaves (0 for PLY).
     pub lamps: usize,
 }
 
-/// Writes `scene` to `path`, and the probe beside it.
+/// Writes `scene` to `path`, and beside it what belongs to it.
 ///
 /// Each file appears whole or not at all; an existing one is replaced.
 ///
 /// # Errors
-/// Where the scene has nothing to show or holds values that are not finite, where the result is too large for the format, or
-/// where a file cannot be written.
+/// Where the scene has nothing to show or holds values that are not finite, where the result is too large for the format,
+/// where it shall be level and gravity is unknown, or where a file cannot be written.
 pub fn write(scene: &Scene, options: &Options, path: &Path) -> Result<Report, ExportError> {
+    let Options { format, content, .. } = *options;
     let panorama = scene.panorama.as_ref();
     let leaves = free_space::leaves(&scene.light, panorama.map(|laid| &laid.share[..]));
-    let points = match options.content {
+    let mut points = match content {
         Content::Leaves => points::from_leaves(&leaves),
         Content::PhotoPoints => points::from_photo(&scene.frame),
     };
     if points.is_empty() {
-        return Err(ExportError::Nothing(options.content));
+        return Err(ExportError::Nothing(content));
     }
     for (index, point) in points.iter().enumerate() {
         if let Some(value) = point.non_finite() {
-            return Err(ExportError::NotFinite { content: options.content, index, value });
+            return Err(ExportError::NotFinite { content, index, value });
         }
     }
-    let probe = options.probe.map(|probe| ProbeFile::beside(path, options.format, probe)).transpose()?;
-    let mut report = Report { files: vec![path.to_owned()], bytes: 0, points: points.len(), faces: 0, lamps: 0 };
-    let bytes = match options.format {
-        Format::Ply => ply::encode(&points, probe.as_ref(), panorama.is_some()),
-        Format::Glb => {
-            let geometry = match options.content {
-                Content::Leaves => mesh::from_leaves(&leaves, &scene.light.cube, scene.light.octree.depth()),
-                Content::PhotoPoints => mesh::from_points(&points),
-            };
-            let lamps = sources::sources(&leaves);
-            report.points = geometry.positions_m.len();
-            report.faces = geometry.indices.len() / 6;
-            report.lamps = lamps.len();
-            glb::encode(&geometry, &scene.frame.camera, &lamps, probe.as_ref())?
-        }
-        Format::Usda => {
-            let lamps = sources::sources(&leaves);
-            report.lamps = lamps.len();
-            usda::encode(&points, &scene.frame.camera, &lamps, probe.as_ref(), panorama.is_some()).into_bytes()
+    let level = if options.level { Level::of(scene.room.as_ref())? } else { Level::CAMERA };
+    let probe = |(index, probe): (usize, &LightProbe)| ProbeFile::beside(path, index, format, *probe, level);
+    let probes: Vec<ProbeFile> = options.probes.iter().enumerate().map(probe).collect::<Result<_, _>>()?;
+    let mut lamps = match format {
+        Format::Ply => Vec::new(),
+        Format::Glb | Format::Usda => {
+            let places = lit_side::places(&scene.frame);
+            sources::sources(&lit_side::lit_sides(&scene.light, &leaves, sources::WHITE, &places))
         }
     };
-    // The probe first: a scene that names a missing texture must never be seen.
-    if let Some(probe) = &probe {
+    if format == Format::Glb {
+        lamps.retain(glb::has_lamp);
+    }
+    let kept = sources::kept(&leaves, &lamps);
+    let room = (content == Content::Leaves && format != Format::Ply)
+        .then(|| room_mesh::from_leaves(&leaves, &kept, &scene.light.cube, scene.light.octree.depth()));
+    let mut report =
+        Report { files: vec![path.to_owned()], bytes: 0, points: points.len(), faces: 0, lamps: lamps.len() };
+    if let Some(room) = &room {
+        report.points = room.positions_m.len();
+        report.faces = room.quads.len();
+    }
+    let camera = &scene.frame.camera;
+    // What lies beside comes first: a scene that names a missing texture must never be seen.
+    let bytes = match format {
+        Format::Ply => {
+            for point in &mut points {
+                point.position_m = level.rotation * point.position_m + level.camera_m;
+                point.normal = level.rotation * point.normal;
+            }
+            let frame = if options.level { header::LEVEL_FRAME } else { header::FRAME };
+            ply::encode(&points, frame, &probes, panorama.is_some())
+        }
+        Format::Glb => {
+            let shown = room.as_ref().map_or(glb::Shown::Points(&points), glb::Shown::Room);
+            glb::encode(&shown, camera, level, &lamps, &probes)?
+        }
+        Format::Usda => match room {
+            Some(room) => {
+                let restored = restored::radiance(&scene.frame, &scene.light, &leaves, &kept);
+                let encode = |shown: &usda::Shown| usda::encode(shown, camera, level, &lamps, &probes);
+                usda_room(scene, room, restored, path, encode, &mut report)?
+            }
+            None => usda::encode(&usda::Shown::Points(&points, panorama.is_some()), camera, level, &lamps, &probes),
+        }
+        .into_bytes(),
+    };
+    for probe in &probes {
         probe.write()?;
-        report.files.push(probe.path.clone());
+        report.files.push(probe.file.path.clone());
     }
     report.bytes = bytes.len() as u64;
     lo_imaging::write_atomically(path, |file| file.write_all(&bytes))?;
     Ok(report)
+}
+
+/// The stage of the room, by `encode`; its textures are written here. `restored` is the photo's radiance where it is more than
+/// the photo says.
+fn usda_room(
+    scene: &Scene,
+    mut room: room_mesh::RoomMesh,
+    restored: Option<RadianceImage>,
+    path: &Path,
+    encode: impl Fn(&usda::Shown) -> String,
+    report: &mut Report,
+) -> Result<String, ExportError> {
+    let frame = &scene.frame;
+    room.put_behind(&frame.working().without_flying_pixels());
+    let floor = scene.room.as_ref().and_then(lo_scene::Room::floor);
+    let photo = photo_mesh::from_frame(frame, floor);
+
+    let options = ExrOptions { generator: header::SOFTWARE.to_owned(), half: true, ..ExrOptions::default() };
+    let mut texture = |ending: &str, radiance: &RadianceImage| -> Result<usda::Texture, ExportError> {
+        let file = Beside::new(path, ending)?;
+        lo_imaging::write_radiance(&file.path, radiance, &options)?;
+        report.files.push(file.path);
+        Ok(usda::Texture { file: file.name, space: "raw" })
+    };
+    let atlas = atlas::Atlas::new(room.quads.len());
+    let of_room: RadianceImage = atlas.image(room.quads.len(), [0.0; 3], |quad, corner| room.radiance[quad][corner]);
+    let room_texture = texture("room.exr", &of_room)?;
+    let seen = restored.map(|radiance| texture("seen.exr", &radiance)).transpose()?;
+    let photo_texture = if matches!(frame.photo, Photo::Srgb8(_)) && frame.exposure == 1.0 {
+        let file = Beside::new(path, "photo.png")?;
+        lo_imaging::write_photo(&file.path, &frame.photo, header::SOFTWARE)?;
+        report.files.push(file.path);
+        usda::Texture { file: file.name, space: "sRGB" }
+    } else {
+        texture("photo.exr", &frame.radiance())?
+    };
+    let meshes = usda::Meshes {
+        room: &room,
+        room_texture: &room_texture,
+        photo: &photo,
+        photo_texture: &photo_texture,
+        seen_texture: seen.as_ref().unwrap_or(&photo_texture),
+        beyond_m: 2.0 * scene.light.cube.edge_m,
+    };
+    Ok(encode(&usda::Shown::Room(meshes)))
 }
 
 #[cfg(test)]
@@ -142,15 +224,18 @@ mod tests {
         let panorama = RadianceImage::new(8, 4, vec![[1.0; 3]; 32]);
         for format in Format::ALL {
             for (content, points) in [(Content::Leaves, 296), (Content::PhotoPoints, 47)] {
-                for probe in [None, Some(LightProbe { radiance: &panorama, position_m: Vec3::ONE })] {
+                for probes in [0, 2] {
+                    let probes = &[LightProbe { radiance: &panorama, position_m: Vec3::ONE }; 2][..probes];
                     let path = folder.path().join(format!("room.{format}"));
-                    let options = Options { format, content, probe };
+                    let options = Options { format, content, level: false, probes };
                     let report = write(&scene, &options, &path).unwrap();
                     let bytes = fs::read(&path).unwrap();
                     assert_eq!(report.bytes, bytes.len() as u64);
-                    assert_eq!(report.files.len(), 1 + usize::from(probe.is_some()));
+                    let meshes = content == Content::Leaves && format != Format::Ply;
+                    let textures = if meshes && format == Format::Usda { 2 } else { 0 };
+                    assert_eq!(report.files.len(), 1 + textures + probes.len());
                     assert!(report.files.iter().all(|file| file.is_file()));
-                    let faces = if (format, content) == (Format::Glb, Content::Leaves) { 216 } else { 0 };
+                    let faces = if meshes { 216 } else { 0 };
                     assert_eq!(report.faces, faces);
                     assert_eq!(report.points, if faces > 0 { 218 } else { points });
                     assert_eq!(report.lamps, usize::from(format != Format::Ply));
@@ -167,7 +252,7 @@ mod tests {
     fn what_cannot_be_written_is_named() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("room.ply");
-        let options = Options { format: Format::Ply, content: Content::Leaves, probe: None };
+        let options = Options { format: Format::Ply, content: Content::Leaves, level: false, probes: &[] };
         let mut scene = box_room();
         let finest = scene.light.rgba.len() - 1;
         scene.light.rgba[finest][7][1] = f32::NAN;
@@ -179,8 +264,11 @@ mod tests {
         let error = write(&box_room(), &options, &missing).unwrap_err().to_string();
         assert!(error.contains("missing"), "{error}");
         let square = RadianceImage::new(2, 2, vec![[1.0; 3]; 4]);
-        let options = Options { probe: Some(LightProbe { radiance: &square, position_m: Vec3::ZERO }), ..options };
+        let probes = [LightProbe { radiance: &square, position_m: Vec3::ZERO }];
+        let options = Options { probes: &probes, ..options };
         assert!(matches!(write(&box_room(), &options, &path), Err(ExportError::ProbeSize { width: 2, height: 2 })));
+        let options = Options { level: true, probes: &[], ..options };
+        assert!(matches!(write(&box_room(), &options, &path), Err(ExportError::NoGravity)));
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 }

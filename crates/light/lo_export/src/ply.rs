@@ -1,6 +1,6 @@
 //! PLY, binary little-endian: one vertex a point, for MeshLab, CloudCompare, Open3D and Blender.
 
-use crate::header::{FRAME, GENERATOR, UNITS};
+use crate::header::{GENERATOR, UNITS};
 use crate::points::Point;
 use crate::probe::ProbeFile;
 
@@ -29,19 +29,19 @@ const PANORAMA: (&str, &str) = ("float", "panorama");
 /// Bytes of a vertex: thirteen floats and three bytes at most.
 const VERTEX_BYTES: usize = 13 * 4 + 3;
 
-/// The whole file; `panorama` says whether a panorama was laid onto the scene.
-pub(crate) fn encode(points: &[Point], probe: Option<&ProbeFile>, panorama: bool) -> Vec<u8> {
+/// The whole file, with what it says of its axes; `panorama` says whether a panorama was laid onto the scene.
+pub(crate) fn encode(points: &[Point], frame: &str, probes: &[ProbeFile], panorama: bool) -> Vec<u8> {
     let mut header = format!("ply\nformat binary_little_endian 1.0\ncomment {GENERATOR}\n");
-    header += &format!("comment frame: {FRAME}\n");
+    header += &format!("comment frame: {frame}\n");
     header += &format!("comment {UNITS}\n");
     header += "comment red, green, blue: sRGB of the radiance, clipped at 1.0, for viewers\n";
     header += "comment opacity: of one crossing; edge_m: edge in metres; seen: share that the photo saw, 0 to 1\n";
     if panorama {
         header += "comment panorama: share of the radiance that a panorama of the room gave, 0 to 1\n";
     }
-    if let Some(probe) = probe {
+    for probe in probes {
         let [x, y, z] = probe.position_m.to_array();
-        header += &format!("comment light probe at {x} {y} {z} m: {}, {}\n", probe.name, probe.convention);
+        header += &format!("comment light probe at {x} {y} {z} m: {}, {}\n", probe.file.name, probe.convention);
     }
     header += &format!("element vertex {}\n", points.len());
     for (kind, name) in PROPERTIES.into_iter().chain(panorama.then_some(PANORAMA)) {
@@ -90,7 +90,7 @@ mod tests {
     fn what_a_panorama_gave_is_one_more_property() {
         let mut points = points::from_leaves(&free_space::leaves(&box_room().light, None));
         points[5].panorama = 0.25;
-        let (comments, vertices) = parse(&encode(&points, None, true));
+        let (comments, vertices) = parse(&encode(&points, "axes", &[], true));
         assert!(comments.iter().any(|comment| comment.contains("a panorama of the room gave")));
         let share = |vertex: &DefaultElement| match vertex["panorama"] {
             Property::Float(value) => value,
@@ -102,7 +102,7 @@ mod tests {
     #[test]
     fn another_reader_gets_every_value_back() {
         let points = points::from_leaves(&free_space::leaves(&box_room().light, None));
-        let (comments, vertices) = parse(&encode(&points, None, false));
+        let (comments, vertices) = parse(&encode(&points, "axes", &[], false));
         assert!(comments.iter().any(|comment| comment.contains("lightoctree export")));
         assert_eq!(vertices.len(), 296);
         for (vertex, point) in vertices.iter().zip(&points) {

@@ -1,11 +1,13 @@
 //! The light probe's file beside the scene.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use lo_geometry::{Orientation, Vec3};
 use lo_imaging::{EnvironmentLayout, ExrOptions, RadianceImage};
 
+use crate::beside::Beside;
 use crate::header::{GENERATOR, SOFTWARE, UNITS};
+use crate::level::Level;
 use crate::{ExportError, Format};
 
 /// The light that arrives at one point of the scene.
@@ -21,10 +23,8 @@ pub struct LightProbe<'a> {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ProbeFile {
     /// Where it is written.
-    pub path: PathBuf,
-    /// Its name without the folder, as the scene file refers to it.
-    pub name: String,
-    /// Where it was taken, in metres.
+    pub file: Beside,
+    /// Where it was taken, in metres of the camera's frame.
     pub position_m: Vec3,
     /// How the panorama lies, in words.
     pub convention: &'static str,
@@ -33,11 +33,18 @@ pub(crate) struct ProbeFile {
 }
 
 impl ProbeFile {
-    /// Names the file `<stem of scene>_probe.exr` and turns the panorama.
+    /// Names the file `<stem of scene>_probe.exr`, `…_probe2.exr` for the second one, and turns the panorama from the camera's
+    /// frame to the world's and as the format's readers expect it.
     ///
     /// # Errors
     /// Where the panorama is not equirectangular, or where the scene's name cannot stand in a text file.
-    pub fn beside(scene: &Path, format: Format, probe: LightProbe) -> Result<Self, ExportError> {
+    pub fn beside(
+        scene: &Path,
+        index: usize,
+        format: Format,
+        probe: LightProbe,
+        level: Level,
+    ) -> Result<Self, ExportError> {
         let (width, height) = (probe.radiance.width(), probe.radiance.height());
         if height == 0 || width != 2 * height {
             return Err(ExportError::ProbeSize { width, height });
@@ -45,20 +52,21 @@ impl ProbeFile {
         if !probe.position_m.is_finite() {
             return Err(ExportError::ProbePosition(probe.position_m.to_array()));
         }
-        let stem = scene.file_stem().and_then(|stem| stem.to_str()).filter(|stem| !stem.contains(char::is_control));
-        let stem = stem.ok_or_else(|| ExportError::ProbeName(scene.to_owned()))?;
-        let name = format!("{stem}_probe.exr");
         let (orientation, convention) = match format {
             Format::Glb => (Orientation::Threejs, "equirectangular, centre +X, +Y up (three.js)"),
             Format::Ply | Format::Usda => (Orientation::Openexr, "equirectangular, centre +Z, +Y up (OpenEXR, USD)"),
         };
-        Ok(Self {
-            path: scene.with_file_name(&name),
-            name,
-            position_m: probe.position_m,
-            convention,
-            panorama: lo_imaging::reorient(probe.radiance, Orientation::Lightoctree, orientation),
-        })
+        let panorama = if level == Level::CAMERA {
+            lo_imaging::reorient(probe.radiance, Orientation::Lightoctree, orientation)
+        } else {
+            let camera_from_map = (orientation.map_from_world() * level.rotation).transpose();
+            RadianceImage::from_fn(width, height, |x, y| {
+                let direction = camera_from_map * lo_geometry::pixel_direction(x, y, width, height);
+                lo_imaging::sample_equirectangular(probe.radiance, direction)
+            })
+        };
+        let ending = if index == 0 { "probe.exr".to_owned() } else { format!("probe{}.exr", index + 1) };
+        Ok(Self { file: Beside::new(scene, &ending)?, position_m: probe.position_m, convention, panorama })
     }
 
     /// Writes the OpenEXR file.
@@ -73,7 +81,7 @@ impl ProbeFile {
             ],
             ..ExrOptions::default()
         };
-        Ok(lo_imaging::write_radiance(&self.path, &self.panorama, &options)?)
+        Ok(lo_imaging::write_radiance(&self.file.path, &self.panorama, &options)?)
     }
 }
 
@@ -92,7 +100,7 @@ mod tests {
     fn turned(format: Format) -> ProbeFile {
         let panorama = directions();
         let probe = LightProbe { radiance: &panorama, position_m: Vec3::ZERO };
-        ProbeFile::beside(Path::new("folder/my room.x"), format, probe).unwrap()
+        ProbeFile::beside(Path::new("folder/my room.x"), 0, format, probe, Level::CAMERA).unwrap()
     }
 
     #[test]
@@ -115,16 +123,25 @@ mod tests {
     }
 
     #[test]
-    fn the_file_lies_beside_the_scene() {
-        let file = turned(Format::Usda);
-        assert_eq!(file.path, Path::new("folder/my room_probe.exr"));
-        assert_eq!(file.name, "my room_probe.exr");
+    fn a_levelled_probe_shows_the_room_where_the_world_has_it() {
+        let up = Vec3::new(0.1, 0.9, 0.4).normalize();
+        let level = Level::of(Some(&lo_scene::Room { up, planes: Vec::new() })).unwrap();
         let panorama = directions();
         let probe = LightProbe { radiance: &panorama, position_m: Vec3::ZERO };
-        let error = ProbeFile::beside(Path::new("a\nb.ply"), Format::Ply, probe).unwrap_err();
-        assert!(matches!(error, ExportError::ProbeName(_)));
-        let nowhere = LightProbe { position_m: Vec3::NAN, ..probe };
-        let error = ProbeFile::beside(Path::new("a.ply"), Format::Ply, nowhere).unwrap_err();
+        let file = ProbeFile::beside(Path::new("room.usda"), 1, Format::Usda, probe, level).unwrap();
+        assert_eq!(file.file.name, "room_probe2.exr");
+        // The topmost row is the world's up, which the camera's frame has at `up`.
+        assert!(Vec3::from(file.panorama[(9, 0)]).angle_between(up) < 0.1);
+        // The middle is +Z of the world.
+        let back = level.rotation.transpose() * Vec3::Z;
+        assert!(Vec3::from(file.panorama[(32, 16)]).angle_between(back) < 0.1);
+    }
+
+    #[test]
+    fn probes_nowhere_are_refused() {
+        let panorama = directions();
+        let nowhere = LightProbe { radiance: &panorama, position_m: Vec3::NAN };
+        let error = ProbeFile::beside(Path::new("a.ply"), 0, Format::Ply, nowhere, Level::CAMERA).unwrap_err();
         assert!(matches!(error, ExportError::ProbePosition(_)));
     }
 
@@ -133,8 +150,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let panorama = directions();
         let probe = LightProbe { radiance: &panorama, position_m: Vec3::ZERO };
-        let file = ProbeFile::beside(&folder.path().join("room.usda"), Format::Usda, probe).unwrap();
+        let file = ProbeFile::beside(&folder.path().join("room.usda"), 0, Format::Usda, probe, Level::CAMERA).unwrap();
         file.write().unwrap();
-        assert_eq!(lo_imaging::read_radiance(&file.path).unwrap(), file.panorama);
+        assert_eq!(lo_imaging::read_radiance(&file.file.path).unwrap(), file.panorama);
     }
 }

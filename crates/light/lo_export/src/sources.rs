@@ -1,4 +1,8 @@
 //! The room's light sources, as lamps for programs that light by lamps: clusters of the brightest leaves.
+//!
+//! A lamp and the mesh share an emitter's radiance, so that nothing is lit twice: a panel's faces keep what the photo's white
+//! allows, and its lamp has the rest. An emitter that shines all around is a lamp alone, because a lamp inside of its own
+//! faces would be dark.
 
 use std::cmp::Reverse;
 use std::collections::HashMap;
@@ -10,24 +14,70 @@ use crate::free_space::Leaf;
 /// At most so many lamps: viewers on the web stop at about this number.
 const MAX_SOURCES: usize = 8;
 
+/// An emitter begins at this luminance, the photo's white.
+pub(crate) const WHITE: f32 = 1.0;
+
 /// A leaf belongs to the cluster of a brighter one while its luminance is at least this share of the brightest's.
 const CLUSTER_SHARE: f32 = 0.25;
+
+/// Least |Σ nA| / ΣA of a panel. Staircases of slanted walls have at least 0.9.
+const MIN_FLATNESS: f32 = 0.8;
+
+/// What the faces of a leaf keep of its radiance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kept {
+    /// Everything.
+    All,
+    /// What the photo's white allows; a lamp has the rest.
+    UpToWhite,
+    /// Nothing: there are no faces, a lamp has everything.
+    Nothing,
+}
+
+impl Kept {
+    /// The kept part of linear RGB radiance, of the same colour.
+    pub fn of(self, radiance: [f32; 3]) -> [f32; 3] {
+        let share = match self {
+            Self::All => 1.0,
+            Self::UpToWhite => 1.0 / radiance.into_iter().fold(1.0, f32::max),
+            Self::Nothing => 0.0,
+        };
+        radiance.map(|c| c * share)
+    }
+}
+
+/// The surface that a cluster's light comes from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Shape {
+    /// A rectangle that shines to one side.
+    Panel {
+        /// Unit direction into the room.
+        direction: Vec3,
+        /// Unit direction of the width, perpendicular to it.
+        across: Vec3,
+        /// Width and height in metres; their product is the area.
+        size_m: [f32; 2],
+    },
+    /// A sphere that shines all around.
+    Ball {
+        /// Radius in metres.
+        radius_m: f32,
+    },
+}
 
 /// A cluster of bright leaves, taken as one emitter.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Source {
-    /// Centre of the emitting surface, half a leaf in front of it, in metres.
+    /// Centre: of a panel half a leaf in front of the emitting surface, in metres.
     pub position_m: Vec3,
-    /// Unit direction of the surface's mean normal; zero for an emitter that is bright all around.
-    pub direction: Vec3,
-    /// Area of the emitting surface in m².
+    /// The emitting surface.
+    pub shape: Shape,
+    /// Its area in m².
     pub area_m2: f32,
-    /// Mean linear RGB radiance over the area.
+    /// Mean linear RGB radiance of the lamp over the area: what the faces do not keep.
     pub radiance: [f32; 3],
-    /// |Σ nA| / ΣA, in [0, 1]: 1 for a flat panel, 0 for a closed lamp shade.
-    pub flatness: f32,
-    /// Leaves in the cluster.
-    pub leaves: usize,
+    /// Indices of its leaves.
+    pub leaves: Vec<usize>,
 }
 
 impl Source {
@@ -36,32 +86,41 @@ impl Source {
         self.radiance.map(|c| c * self.area_m2 * std::f32::consts::PI)
     }
 
-    /// Mean radiant intensity for each channel over the directions into the room, in radiance units · m².
-    ///
-    /// A closed emitter sends its power into 4π, a flat panel into 2π; what lies between is interpolated.
+    /// Greatest radiant intensity for each channel, in radiance units · m²: straight ahead of a panel, all around of a ball.
     pub fn intensity(&self) -> [f32; 3] {
-        let solid_angle_sr = 4.0 * std::f32::consts::PI * (1.0 - 0.5 * self.flatness);
-        self.power().map(|c| c / solid_angle_sr)
+        let seen_area_m2 = match self.shape {
+            Shape::Panel { .. } => self.area_m2,
+            Shape::Ball { .. } => 0.25 * self.area_m2,
+        };
+        self.radiance.map(|c| c * seen_area_m2)
     }
 
-    /// Whether it is rather a panel, lit on one side, than a lamp lit all around.
-    pub fn is_panel(&self) -> bool {
-        self.flatness > 0.5
+    /// What the faces of its leaves keep.
+    pub fn kept(&self) -> Kept {
+        match self.shape {
+            Shape::Panel { .. } => Kept::UpToWhite,
+            Shape::Ball { .. } => Kept::Nothing,
+        }
     }
 }
 
-/// The room's strongest emitters, by falling power.
-///
-/// An emitter begins at a leaf above the photo's white (1.0), or above half of the brightest leaf where that is dimmer, and
-/// takes in its neighbours down to a quarter of its luminance.
-pub(crate) fn sources(leaves: &[Leaf]) -> Vec<Source> {
-    let visible: Vec<usize> = (0..leaves.len()).filter(|&i| leaves[i].exposed != 0).collect();
-    let brightest = visible.iter().map(|&i| leaves[i].luminance()).fold(0.0, f32::max);
-    let threshold = (0.5 * brightest).min(1.0);
-    if brightest <= 0.0 {
-        return Vec::new();
+/// What the faces of each leaf keep where these lamps shine.
+pub(crate) fn kept(leaves: &[Leaf], lamps: &[Source]) -> Vec<Kept> {
+    let mut kept = vec![Kept::All; leaves.len()];
+    for lamp in lamps {
+        lamp.leaves.iter().for_each(|&leaf| kept[leaf] = lamp.kept());
     }
-    let mut seeds: Vec<usize> = visible.iter().copied().filter(|&i| leaves[i].luminance() >= threshold).collect();
+    kept
+}
+
+/// The room's strongest emitters that are flat or shine all around, by falling power. Others, such as bright corners of a
+/// room, are left to the mesh.
+///
+/// An emitter begins at a leaf above the photo's white, and takes in its neighbours above white down to a quarter of its
+/// luminance.
+pub(crate) fn sources(leaves: &[Leaf]) -> Vec<Source> {
+    let bright = |&i: &usize| leaves[i].exposed != 0 && leaves[i].luminance() > WHITE;
+    let mut seeds: Vec<usize> = (0..leaves.len()).filter(bright).collect();
     let mut open: HashMap<(u32, [u32; 3]), usize> =
         seeds.iter().map(|&i| ((leaves[i].depth, leaves[i].xyz), i)).collect();
     seeds.sort_by(|&a, &b| leaves[b].luminance().total_cmp(&leaves[a].luminance()).then(a.cmp(&b)));
@@ -82,40 +141,62 @@ pub(crate) fn sources(leaves: &[Leaf]) -> Vec<Source> {
                 }
             }
         }
-        sources.push(source(leaves, &cluster));
+        sources.extend(source(leaves, cluster));
     }
     sources.sort_by_key(|source: &Source| Reverse(ordered(source.power().iter().sum())));
     sources.truncate(MAX_SOURCES);
     sources
 }
 
-/// The sums over one cluster.
-fn source(leaves: &[Leaf], cluster: &[usize]) -> Source {
-    let mut area_m2 = 0.0;
-    let mut vector_area_m2 = Vec3::ZERO;
-    let mut moment = Vec3::ZERO;
-    let mut radiance = Vec3::ZERO;
-    let mut weight = 0.0;
-    for leaf in cluster.iter().map(|&i| &leaves[i]) {
-        let leaf_area_m2 = leaf.surface_area_m2();
-        area_m2 += leaf_area_m2;
-        vector_area_m2 += leaf.vector_area_m2();
-        radiance += Vec3::from(leaf.radiance()) * leaf_area_m2;
-        moment += leaf.centre_m * (leaf.luminance() * leaf_area_m2);
-        weight += leaf.luminance() * leaf_area_m2;
-    }
-    let direction = vector_area_m2.normalize_or_zero();
-    let flatness = (vector_area_m2.length() / area_m2).min(1.0);
-    // The surface lies half an edge before the leaf's centre; another half keeps the lamp out of its own wall.
+/// The sums over one cluster; `None` for one that is neither flat nor convex.
+fn source(leaves: &[Leaf], cluster: Vec<usize>) -> Option<Source> {
+    let members = || cluster.iter().map(|&i| &leaves[i]);
+    let area_m2: f32 = members().map(Leaf::surface_area_m2).sum();
+    let vector_area_m2: Vec3 = members().map(Leaf::vector_area_m2).sum();
+    let weight = |leaf: &Leaf| leaf.luminance() * leaf.surface_area_m2();
+    let moment: Vec3 = members().map(|leaf| leaf.centre_m * weight(leaf)).sum();
+    let centre_m = moment / members().map(weight).sum::<f32>();
+    let flatness = vector_area_m2.length() / area_m2;
+    let outward: f32 = members().map(|leaf| leaf.vector_area_m2().dot(leaf.centre_m - centre_m)).sum();
     let edge_m = leaves[cluster[0]].edge_m;
-    Source {
-        position_m: moment / weight + direction * (flatness * edge_m),
-        direction,
-        area_m2,
-        radiance: (radiance / area_m2).to_array(),
-        flatness,
-        leaves: cluster.len(),
+    let (shape, position_m) = if flatness > MIN_FLATNESS {
+        let direction = vector_area_m2.normalize();
+        let panel = panel(members(), centre_m, direction, area_m2);
+        // The surface lies half an edge before the leaf's centre; another half keeps the lamp out of its own wall.
+        (panel, centre_m + direction * edge_m)
+    } else if cluster.len() == 1 || outward > 0.0 {
+        (Shape::Ball { radius_m: 0.5 * (area_m2 / std::f32::consts::PI).sqrt() }, centre_m)
+    } else {
+        return None;
+    };
+    let mut source = Source { position_m, shape, area_m2, radiance: [0.0; 3], leaves: Vec::new() };
+    let kept = source.kept();
+    let radiance: Vec3 = members()
+        .map(|leaf| (Vec3::from(leaf.radiance()) - Vec3::from(kept.of(leaf.radiance()))) * leaf.surface_area_m2())
+        .sum();
+    source.radiance = (radiance / area_m2).to_array();
+    source.leaves = cluster;
+    Some(source)
+}
+
+/// The rectangle of this area whose second moments have the ratio and the axes of the leaves'.
+fn panel<'a>(leaves: impl Iterator<Item = &'a Leaf>, centre_m: Vec3, direction: Vec3, area_m2: f32) -> Shape {
+    let basis = lo_geometry::orthonormal_basis(direction);
+    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+    for leaf in leaves {
+        let offset_m = leaf.centre_m - centre_m;
+        let (x, y) = (offset_m.dot(basis.x_axis), offset_m.dot(basis.y_axis));
+        let own = leaf.edge_m * leaf.edge_m / 12.0;
+        let area_m2 = leaf.surface_area_m2();
+        xx += area_m2 * (x * x + own);
+        xy += area_m2 * x * y;
+        yy += area_m2 * (y * y + own);
     }
+    let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
+    let across = basis.x_axis * angle.cos() + basis.y_axis * angle.sin();
+    let (mean, half_difference) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
+    let ratio = ((mean + half_difference) / (mean - half_difference).max(1e-3 * mean)).sqrt();
+    Shape::Panel { direction, across, size_m: [(area_m2 * ratio).sqrt(), (area_m2 / ratio).sqrt()] }
 }
 
 /// The 26 cells around one; those below zero wrap to coordinates that no leaf has.
@@ -147,11 +228,52 @@ mod tests {
         let lamps = sources(&free_space::leaves(&box_room().light, None));
         assert_eq!(lamps.len(), 1);
         let lamp = &lamps[0];
-        assert_eq!((lamp.leaves, lamp.area_m2, lamp.flatness), (4, 1.0, 1.0));
-        assert_eq!((lamp.radiance, lamp.direction), ([10.0, 8.0, 6.0], Vec3::NEG_Y));
+        assert_eq!((lamp.leaves.len(), lamp.area_m2), (4, 1.0));
+        let Shape::Panel { direction, across, size_m } = lamp.shape else { panic!("{:?} is no panel", lamp.shape) };
+        assert!(direction == Vec3::NEG_Y && across.dot(direction).abs() < 1e-6);
+        assert!(size_m.iter().all(|m| (m - 1.0).abs() < 1e-3), "{size_m:?}");
+        // (10, 8, 6) less what the photo's white allows of that colour.
+        assert!(lamp.radiance.iter().zip([9.0, 7.2, 5.4]).all(|(a, b)| (a - b).abs() < 1e-5), "{:?}", lamp.radiance);
         // Half a cell below the ceiling at y = 1.5.
         assert_eq!(lamp.position_m, Vec3::new(0.0, 1.25, 0.0));
-        assert!(lamp.is_panel());
+    }
+
+    #[test]
+    fn a_lamp_and_its_faces_give_the_emitter() {
+        let leaves = free_space::leaves(&box_room().light, None);
+        let lamps = sources(&leaves);
+        let kept = kept(&leaves, &lamps);
+        let lamp = Vec3::from(lamps[0].radiance);
+        for (leaf, kept) in leaves.iter().zip(&kept) {
+            let faces = Vec3::from(kept.of(leaf.radiance()));
+            let whole = if *kept == Kept::All { faces } else { faces + lamp };
+            assert!((whole - Vec3::from(leaf.radiance())).length() < 1e-5);
+        }
+        assert_eq!(kept.iter().filter(|kept| **kept == Kept::UpToWhite).count(), 4);
+    }
+
+    #[test]
+    fn a_window_is_as_wide_as_it_is() {
+        // 2 × 6 cells of a wall in the plane x = 0.
+        let cube = Cube { origin_m: Vec3::splat(-2.0), edge_m: 4.0 };
+        let cells: Vec<_> = (0..12).map(|i| ([0, 3 + i % 2, 1 + i / 2], [5.0, 5.0, 5.0, 1.0])).collect();
+        let mut leaves = free_space::leaves(&light_of(&cells, cube, 3), None);
+        leaves.iter_mut().for_each(|leaf| leaf.exposed = 0b10);
+        let Shape::Panel { direction, across, size_m } = sources(&leaves)[0].shape else { panic!("no panel") };
+        assert_eq!(direction, Vec3::X);
+        assert!(across.z.abs() > 0.999, "{across}");
+        assert!((size_m[0] - 3.0).abs() < 1e-3 && (size_m[1] - 1.0).abs() < 1e-3, "{size_m:?}");
+    }
+
+    #[test]
+    fn the_bright_inside_of_a_room_is_no_lamp() {
+        let cells: Vec<_> = (0..512)
+            .map(|i| [i / 64, i / 8 % 8, i % 8])
+            .filter(|xyz| xyz.iter().any(|c| *c == 0 || *c == 7))
+            .map(|xyz| (xyz, [3.0, 3.0, 3.0, 1.0]))
+            .collect();
+        let light = light_of(&cells, Cube::centred(Vec3::ZERO, 4.0), 3);
+        assert!(sources(&free_space::leaves(&light, None)).is_empty());
     }
 
     #[test]
@@ -169,7 +291,8 @@ mod tests {
         let area_m2 = 4.0 * std::f32::consts::PI * 0.64;
         // The faces alone sum to 1.5 times that.
         assert!((lamp.area_m2 / area_m2 - 1.0).abs() < 0.15, "{} of {area_m2}", lamp.area_m2);
-        assert!(lamp.flatness < 1e-3 && !lamp.is_panel());
+        let Shape::Ball { radius_m } = lamp.shape else { panic!("{:?} is no ball", lamp.shape) };
+        assert!((radius_m / 0.8 - 1.0).abs() < 0.08, "{radius_m}");
         assert!((lamp.position_m - Vec3::new(0.0, 0.0, -1.5)).length() < 1e-3);
         // A sphere of radiance L and radius r has the intensity L π r² in every direction.
         let expected = 3.0 * std::f32::consts::PI * 0.64;
@@ -190,8 +313,9 @@ mod tests {
         ];
         let lamps = sources(&free_space::leaves(&light_of(&cells, cube, 3), None));
         let levels: Vec<f32> = lamps.iter().map(|lamp| lamp.radiance[0]).collect();
-        assert_eq!(levels, [20.0, 6.0, 2.0]);
-        assert_eq!(lamps.iter().map(|lamp| lamp.leaves).collect::<Vec<_>>(), [1, 1, 2]);
+        // The panels' faces keep 1; the leaf of 6 shines all around and keeps nothing.
+        assert_eq!(levels, [19.0, 6.0, 1.0]);
+        assert_eq!(lamps.iter().map(|lamp| lamp.leaves.len()).collect::<Vec<_>>(), [1, 1, 2]);
         assert!(sources(&[]).is_empty());
     }
 }

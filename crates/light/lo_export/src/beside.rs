@@ -1,0 +1,40 @@
+//! Names of the files beside the scene's.
+
+use std::path::{Path, PathBuf};
+
+use crate::ExportError;
+
+/// A file beside the scene's.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Beside {
+    /// Where it is written.
+    pub path: PathBuf,
+    /// Its name without the folder, as the scene file refers to it.
+    pub name: String,
+}
+
+impl Beside {
+    /// `<stem of scene>_<ending>`.
+    ///
+    /// # Errors
+    /// Where the scene's name cannot stand in a text file.
+    pub fn new(scene: &Path, ending: &str) -> Result<Self, ExportError> {
+        let stem = scene.file_stem().and_then(|stem| stem.to_str()).filter(|stem| !stem.contains(char::is_control));
+        let name = format!("{}_{ending}", stem.ok_or_else(|| ExportError::BesideName(scene.to_owned()))?);
+        Ok(Self { path: scene.with_file_name(&name), name })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn the_file_lies_beside_the_scene() {
+        let file = Beside::new(Path::new("folder/my room.x"), "probe.exr").unwrap();
+        assert_eq!(file.path, Path::new("folder/my room_probe.exr"));
+        assert_eq!(file.name, "my room_probe.exr");
+        assert!(matches!(Beside::new(Path::new("a\nb.ply"), "x"), Err(ExportError::BesideName(_))));
+    }
+}

@@ -1,0 +1,69 @@
+//! A level world: gravity straight down, the floor at height 0.
+
+use lo_geometry::{Mat3, Vec3};
+use lo_scene::Room;
+
+use crate::ExportError;
+
+/// World from camera: a rotation, then a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Level {
+    /// Rotation.
+    pub rotation: Mat3,
+    /// Place of the camera in metres.
+    pub camera_m: Vec3,
+}
+
+impl Level {
+    /// The frame of the photo's camera, as scenes have it.
+    pub const CAMERA: Self = Self { rotation: Mat3::IDENTITY, camera_m: Vec3::ZERO };
+
+    /// Up is +Y, the camera looks towards −Z, above the origin by its height over the floor (0 where there is none).
+    ///
+    /// # Errors
+    /// Where the room, and with it gravity, is unknown.
+    pub fn of(room: Option<&Room>) -> Result<Self, ExportError> {
+        let room = room.ok_or(ExportError::NoGravity)?;
+        let up = room.up.normalize();
+        // A camera that looks straight down or up has its own top or bottom ahead.
+        let ahead = [Vec3::NEG_Z, Vec3::Y].map(|ahead| ahead.reject_from_normalized(up));
+        let ahead = if ahead[0].length() > 1e-3 { ahead[0] } else { ahead[1] * up.z.signum() };
+        let back = -ahead.normalize();
+        let right = up.cross(back);
+        let rotation = Mat3::from_cols(right, up, back).transpose();
+        let height_m = room.floor().map_or(0.0, |floor| -floor.offset_m / floor.normal.dot(up));
+        Ok(Self { rotation, camera_m: Vec3::Y * height_m })
+    }
+
+    /// The columns of the matrix that takes the camera's frame to the world's.
+    pub fn columns(self) -> [[f32; 4]; 4] {
+        let [x, y, z] = [self.rotation.x_axis, self.rotation.y_axis, self.rotation.z_axis].map(|c| c.extend(0.0));
+        [x, y, z, self.camera_m.extend(1.0)].map(|c| c.to_array())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use lo_geometry::Plane;
+    use lo_scene::{RoomPlane, Side};
+
+    use super::*;
+
+    #[test]
+    fn up_is_y_and_the_floor_is_at_zero() {
+        for (x, y, z) in [(0.1, 0.9, 0.4), (-0.2, 0.8, -0.5), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)] {
+            let up = Vec3::new(x, y, z).normalize();
+            let plane = Plane { normal: up, offset_m: -1.4 };
+            let room = Room { up, planes: vec![RoomPlane { side: Side::Floor, plane, measured: true }] };
+            let level = Level::of(Some(&room)).unwrap();
+            let world = |p: Vec3| level.rotation * p + level.camera_m;
+            assert!((level.rotation * up - Vec3::Y).length() < 1e-6);
+            assert!((level.rotation.determinant() - 1.0).abs() < 1e-5);
+            assert!(world(up * -1.4 + up.any_orthogonal_vector()).y.abs() < 1e-5);
+            let ahead = level.rotation * Vec3::NEG_Z;
+            assert!(ahead.x.abs() < 1e-6 && ahead.z < 1e-6, "{ahead}");
+        }
+        assert!(matches!(Level::of(None), Err(ExportError::NoGravity)));
+    }
+}

@@ -1,0 +1,169 @@
+//! The visible faces of the leaves as a mesh of quads that share their corners.
+
+use std::collections::HashMap;
+
+use lo_geometry::{Cube, Vec3};
+use lo_scene::Frame;
+
+use crate::free_space::{FACES, Leaf};
+use crate::sources::Kept;
+
+/// Quads with radiance.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct RoomMesh {
+    /// Positions in metres.
+    pub positions_m: Vec<Vec3>,
+    /// Edge of the largest leaf at each position, in metres.
+    pub edges_m: Vec<f32>,
+    /// Corners of each quad, counter-clockwise seen from the room's air.
+    pub quads: Vec<[u32; 4]>,
+    /// Linear RGB radiance at the corners of each quad.
+    pub radiance: Vec<[[f32; 3]; 4]>,
+}
+
+/// All exposed faces of the leaves of an octree of `depth`, with what `kept` says of each leaf's radiance.
+///
+/// Faces share corners, and a corner has the mean radiance of its faces: smooth shading between the leaves that keeps the
+/// power of a flat wall.
+pub(crate) fn from_leaves(leaves: &[Leaf], kept: &[Kept], cube: &Cube, depth: u32) -> RoomMesh {
+    let finest_edge_m = cube.node_edge_m(depth);
+    let mut mesh = RoomMesh::default();
+    let mut sums: Vec<(Vec3, f32)> = Vec::new();
+    let mut vertices: HashMap<[u32; 3], u32> = HashMap::new();
+    for (leaf, kept) in leaves.iter().zip(kept).filter(|(_, kept)| **kept != Kept::Nothing) {
+        let radiance = Vec3::from(kept.of(leaf.radiance()));
+        for face in leaf.exposed_faces() {
+            let quad = corners(leaf.xyz, face).map(|corner| {
+                let finest = corner.map(|c| c << (depth - leaf.depth));
+                let vertex = *vertices.entry(finest).or_insert_with(|| {
+                    let offset_m = Vec3::from(finest.map(|c| c as f32)) * finest_edge_m;
+                    mesh.positions_m.push(cube.origin_m + offset_m);
+                    mesh.edges_m.push(0.0);
+                    sums.push((Vec3::ZERO, 0.0));
+                    mesh.positions_m.len() as u32 - 1
+                });
+                let edge_m = &mut mesh.edges_m[vertex as usize];
+                *edge_m = edge_m.max(leaf.edge_m);
+                let (sum, faces) = &mut sums[vertex as usize];
+                *sum += radiance;
+                *faces += 1.0;
+                vertex
+            });
+            mesh.quads.push(quad);
+        }
+    }
+    let mean = |&vertex: &u32| {
+        let (sum, faces) = sums[vertex as usize];
+        (sum / faces).to_array()
+    };
+    mesh.radiance = mesh.quads.iter().map(|quad| quad.each_ref().map(mean)).collect();
+    mesh
+}
+
+impl RoomMesh {
+    /// Draws what the photo sees back to where the photo sees it, and half a leaf behind it, along the photo's rays: the steps of
+    /// the leaves become a sheet that closes the gaps of a finer mesh before it.
+    ///
+    /// A vertex moves where it lies up to two leaves before that place.
+    pub fn put_behind(&mut self, frame: &Frame) {
+        let camera = frame.depth_camera();
+        let depth_m = &frame.depth_m;
+        for (position_m, &edge_m) in self.positions_m.iter_mut().zip(&self.edges_m) {
+            let Some((u, v, z)) = camera.project(*position_m).filter(|&(u, v, _)| camera.contains(u, v)) else {
+                continue;
+            };
+            let (x, y) = (u as usize, v as usize);
+            let columns = x.saturating_sub(1)..(x + 2).min(depth_m.width());
+            let near = columns.flat_map(|x| (y.saturating_sub(1)..(y + 2).min(depth_m.height())).map(move |y| (x, y)));
+            let z = z as f32;
+            // The farthest reading that belongs to the vertex, not to another surface behind it.
+            let belongs = |seen: &f32| *seen > 0.0 && (seen - z).abs() < 2.0 * edge_m;
+            let Some(seen) = near.map(|at| depth_m[at]).filter(belongs).reduce(f32::max) else { continue };
+            let behind = seen + 0.5 * edge_m;
+            if z < behind {
+                *position_m *= behind / z;
+            }
+        }
+    }
+}
+
+/// Corners of a face of the node at `xyz`, counter-clockwise seen from outside.
+fn corners(xyz: [u32; 3], face: usize) -> [[u32; 3]; 4] {
+    let axis = face / 2;
+    let positive = FACES[face][axis] > 0;
+    let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+    // Counter-clockwise about +axis, because u × v = +axis; the other way round for the opposite face.
+    let turn = if positive { [(0, 0), (1, 0), (1, 1), (0, 1)] } else { [(0, 0), (0, 1), (1, 1), (1, 0)] };
+    turn.map(|(du, dv)| {
+        let mut corner = xyz;
+        corner[axis] += u32::from(positive);
+        corner[u] += du;
+        corner[v] += dv;
+        corner
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_scene::box_room;
+    use crate::{free_space, sources};
+
+    fn mesh() -> RoomMesh {
+        let scene = box_room();
+        let leaves = free_space::leaves(&scene.light, None);
+        let kept = sources::kept(&leaves, &[]);
+        from_leaves(&leaves, &kept, &scene.light.cube, 3)
+    }
+
+    #[test]
+    fn the_mesh_is_the_inside_of_the_room() {
+        let mesh = mesh();
+        // The lattice points on the surface of a box of 6³ cells.
+        assert_eq!(mesh.positions_m.len(), 7usize.pow(3) - 5usize.pow(3));
+        assert_eq!(mesh.quads.len(), 216);
+        assert!(mesh.positions_m.iter().all(|p| p.abs().max_element() == 1.5));
+        for quad in &mesh.quads {
+            let [a, b, c, d] = quad.map(|i| mesh.positions_m[i as usize]);
+            for (a, b, c) in [(a, b, c), (a, c, d)] {
+                assert!((b - a).cross(c - a).dot(-(a + b + c)) > 0.0, "{quad:?} is seen from inside");
+            }
+        }
+        // Corner-shared radiance: the middle of the lamp has the lamp's own, a corner of the room the wall's.
+        let at = |p: Vec3| {
+            let of_quad = |(quad, radiance): (&[u32; 4], &[[f32; 3]; 4])| {
+                quad.iter().position(|&i| mesh.positions_m[i as usize] == p).map(|corner| radiance[corner])
+            };
+            mesh.quads.iter().zip(&mesh.radiance).find_map(of_quad)
+        };
+        assert_eq!(at(Vec3::new(0.0, 1.5, 0.0)), Some([10.0, 8.0, 6.0]));
+        assert_eq!(at(Vec3::splat(-1.5)), Some([0.5; 3]));
+        // One of the four faces at a corner of the lamp is the lamp's.
+        let corner = [(10.0 + 1.5) / 4.0, (8.0 + 1.5) / 4.0, (6.0 + 1.5) / 4.0];
+        assert_eq!(at(Vec3::new(0.5, 1.5, 0.5)), Some(corner));
+    }
+
+    #[test]
+    fn what_the_photo_sees_is_drawn_behind_it() {
+        let frame = box_room().frame;
+        let before = mesh();
+        let mut mesh = before.clone();
+        mesh.put_behind(&frame);
+        // The photo sees a wall at 1.5 m, of 8 × 6 pixels with f = 5: every vertex within two cells of it goes to 1.75 m.
+        let mut moved = 0;
+        for (old, new) in before.positions_m.iter().zip(&mesh.positions_m) {
+            let seen = frame.camera.project(*old).filter(|&(u, v, _)| frame.camera.contains(u, v));
+            let (x, y, z) = seen.unwrap_or_default();
+            if seen.is_some() && z > 0.5 {
+                assert!((new.z + 1.75).abs() < 1e-5, "{old} {new}");
+                let (u, v, _) = frame.camera.project(*new).expect("in front of the camera");
+                assert!((u - x).abs() < 1e-4 && (v - y).abs() < 1e-4);
+                moved += 1;
+            } else {
+                assert_eq!(old, new);
+            }
+        }
+        // The rows and columns of the grid at 1 and 1.5 m that the photo contains.
+        assert!(moved >= 15, "{moved}");
+    }
+}
