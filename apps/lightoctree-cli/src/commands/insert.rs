@@ -15,6 +15,7 @@ use lightoctree::scene::Scene;
 use serde_json::json;
 
 use super::parse;
+use super::video::{self, Video};
 use crate::args::Global;
 use crate::progress::{Stages, bar, seconds};
 use crate::usage::Usage;
@@ -25,7 +26,9 @@ use crate::{interrupt, output, report};
 #[command(after_help = "Examples:\n  \
     lightoctree insert room.scene --mesh tea_set.gltf --pixel 1100,1150 -o composite.png\n  \
     lightoctree insert room.scene --mesh bunny.ply --height 0.3 --material gold --pixel 900,1200 --quality high -o gold.png\n  \
-    lightoctree insert room.scene --mesh car.glb --path path.json --frames 48 -o frames/car_%04d.png\n\n\
+    lightoctree insert room.scene --mesh car.glb --path path.json --frames 48 -o frames/car_%04d.png\n  \
+    lightoctree insert room.scene --mesh car.glb --path path.json --frames 48 -o - | ffmpeg -i - \
+    -colorspace bt709 -color_trc iec61966-2-1 -color_primaries bt709 -pix_fmt yuv420p car.mp4\n\n\
     --material NAME|JSON: a name of --list-materials, or an object such as\n  \
     '{\"base_color_texture\":\"cow.png\",\"roughness\":0.4}'")]
 #[command(group(clap::ArgGroup::new("place").args(["at", "pixel", "path"])))]
@@ -70,13 +73,17 @@ pub struct Args {
     #[arg(long)]
     list_materials: bool,
 
-    /// Move the object along keyframes; needs --frames and a %04d in the output's name
+    /// Move the object along keyframes; needs --frames, and a %04d in the output's name or a video
     #[arg(long, value_name = "FILE.json", requires = "frames")]
     path: Option<PathBuf>,
 
     /// Number of frames along the path
     #[arg(long, value_name = "N", requires = "path", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     frames: Option<u32>,
+
+    /// Frames per second of a video
+    #[arg(long, value_name = "N", requires = "path", default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    fps: u32,
 
     /// What lights the object: `octree`, or `envmap:FILE` (an equirectangular .exr, .hdr or .pfm in our orientation)
     #[arg(long, value_name = "octree|envmap:FILE", default_value = "octree")]
@@ -98,7 +105,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE.exr")]
     layers: Option<PathBuf>,
 
-    /// The composite to write: .png, .jpg, or .exr, .hdr, .pfm for linear photos
+    /// The composite to write: .png, .jpg, or .exr, .hdr, .pfm for linear photos; of a sequence also .y4m, or `-` for such a
+    /// video (YUV4MPEG2, 4:4:4, BT.709) on standard output
     #[arg(long, short, value_name = "FILE", required_unless_present = "list_materials")]
     output: Option<PathBuf>,
 
@@ -196,9 +204,11 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     }
     let inserter = stages.stage("prepare light", || Inserter::new(&scene, lighting, quality))?;
     let progress = bar(global.quiet || files.len() == 1, files.len(), "frames");
-    let mut written = Vec::new();
+    let size = (scene.frame.photo.width(), scene.frame.photo.height());
+    let mut video = Video::is_asked(output).then(|| Video::create(output, size, args.fps)).transpose()?;
+    let (mut written, mut frames) = (Vec::new(), 0);
     for (placement, (file, layers)) in placements.iter().zip(&files) {
-        let first = written.is_empty();
+        let first = frames == 0;
         let hear = &mut |event| match event {
             _ if args.time_limit.is_some_and(|limit| stages.total().as_secs_f64() > limit) => ControlFlow::Break(()),
             _ if files.len() == 1 => stages.hear(event),
@@ -216,17 +226,28 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             }
             composite => composite?,
         };
-        imaging::write_photo(file, &composite.image, &output::signature(COMMAND))?;
-        written.push(file.clone());
+        match &mut video {
+            Some(video) => video.add(&composite.image)?,
+            None => {
+                imaging::write_photo(file, &composite.image, &output::signature(COMMAND))?;
+                written.push(file.clone());
+            }
+        }
         if let Some(layers) = layers {
             write_layers(layers, &composite)?;
             written.push(layers.clone());
         }
+        frames += 1;
         progress.inc(1);
     }
     progress.finish_and_clear();
-    say(args, &written, &placements, &stages)?;
-    let frames = if args.layers.is_some() { written.len() / 2 } else { written.len() };
+    if let Some(video) = video {
+        video.finish()?;
+        written.push(output.clone());
+    }
+    if !video::is_stdout(output) {
+        say(args, &written, &placements, &stages)?;
+    }
     if frames < files.len() {
         anyhow::bail!("stopped after {frames} of {} frames; the written ones are whole", files.len());
     }
@@ -298,12 +319,21 @@ fn placements(args: &Args, scene: &Scene, model: &PreparedModel, scale: f32) -> 
 /// Names of the composite and of the layers of each frame, checked before any work is done.
 fn output_files(args: &Args, output: &Path, frames: usize) -> anyhow::Result<Vec<(PathBuf, Option<PathBuf>)>> {
     let sequence = args.path.is_some();
+    let video = Video::is_asked(output);
+    if video && !sequence {
+        return Err(Usage(format!("--output {}: a video needs --path and --frames", output.display())).into());
+    }
+    if video::is_stdout(output) && args.json {
+        return Err(Usage("--json and a video cannot both go to standard output".into()).into());
+    }
     (0..frames)
         .map(|frame| {
-            let file = frame_name(output, "--output", sequence, frame)?;
+            let file = frame_name(output, "--output", sequence && !video, frame)?;
             let layers =
                 args.layers.as_deref().map(|layers| frame_name(layers, "--layers", sequence, frame)).transpose()?;
-            output::check_replaceable(&file, COMMAND, args.force)?;
+            if !video::is_stdout(&file) {
+                output::check_replaceable(&file, COMMAND, args.force)?;
+            }
             if let Some(layers) = &layers {
                 output::check_replaceable(layers, COMMAND, args.force)?;
             }

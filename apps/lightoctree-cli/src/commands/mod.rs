@@ -14,6 +14,7 @@ pub mod probes;
 pub mod synth;
 pub mod train;
 pub mod unwrap;
+mod video;
 pub mod weights;
 
 #[cfg(feature = "depth-models")]

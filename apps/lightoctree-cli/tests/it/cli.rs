@@ -185,6 +185,24 @@ fn insert_changes_the_photo_only_where_the_object_acts() {
         &[&sequence[..], &["--path", "path.json", "--frames", "3", "-o", "frame.png"]].concat(),
     );
     assert!(message.contains("%04d"), "{message}");
+    // The same frames as video: a header, then for each a line and three planes.
+    done(
+        folder.path(),
+        &[&sequence[..], &["--path", "path.json", "--frames", "3", "--fps", "12", "-o", "clip.y4m"]].concat(),
+    );
+    let video = std::fs::read(folder.path().join("clip.y4m")).unwrap();
+    let frame = imaging::read_rgba8(folder.path().join("frame_01.png")).unwrap();
+    let header_end = video.iter().position(|&byte| byte == b'\n').unwrap() + 1;
+    let header = String::from_utf8(video[..header_end].to_vec()).unwrap();
+    assert!(header.starts_with(&format!("YUV4MPEG2 W{} H{} F12:1", SIZE.0, SIZE.1)), "{header}");
+    let pixels = SIZE.0 * SIZE.1;
+    assert_eq!(video.len(), header_end + 3 * (6 + 3 * pixels));
+    let second = &video[header_end + 6 + 3 * pixels + 6..];
+    let luma =
+        |[r, g, b, _]: [u8; 4]| 16.0 + (46.559 * f32::from(r) + 156.629 * f32::from(g) + 15.812 * f32::from(b)) / 255.0;
+    assert!(frame.pixels().iter().zip(second).all(|(&pixel, &y)| (luma(pixel) - f32::from(y)).abs() < 0.51));
+    let message = refused(folder.path(), 2, &[&sequence[..], &["--pixel", "72,80", "-o", "clip2.y4m"]].concat());
+    assert!(message.contains("--path"), "{message}");
 }
 
 #[test]
