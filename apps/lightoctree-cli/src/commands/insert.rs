@@ -93,6 +93,10 @@ pub struct Args {
     #[arg(long)]
     no_lamp: bool,
 
+    /// How polished the floor or table under the object is: above 0 it mirrors the object as a clear coat of roughness 1 - G does
+    #[arg(long, value_name = "G", value_parser = parse::share, default_value_t = 0.0)]
+    floor_gloss: f64,
+
     /// Samples: draft for moving about, high for the final picture
     #[arg(long, value_name = "QUALITY", default_value = "normal")]
     quality: QualityArg,
@@ -184,11 +188,12 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     if matches!(lighting, Lighting::Octree) && !args.no_lamp {
         super::add_lamp(&mut scene, &mut stages);
     }
+    let floor_gloss = args.floor_gloss as f32;
     // What a high picture is replaced by when it is not waited for.
     let mut lesser = None;
     if quality == Quality::High && files.len() == 1 {
         lesser = stages.stage("picture of normal quality", || {
-            let inserter = Inserter::new(&scene, lighting.clone(), Quality::Normal)?;
+            let inserter = Inserter::new(&scene, lighting.clone(), Quality::Normal)?.with_floor_gloss(floor_gloss);
             let mut warnings = Vec::new();
             let hear = &mut |event| {
                 if let Event::Warning(warning) = event {
@@ -202,7 +207,8 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             }
         })?;
     }
-    let inserter = stages.stage("prepare light", || Inserter::new(&scene, lighting, quality))?;
+    let inserter =
+        stages.stage("prepare light", || Inserter::new(&scene, lighting, quality))?.with_floor_gloss(floor_gloss);
     let progress = bar(global.quiet || files.len() == 1, files.len(), "frames");
     let size = (scene.frame.photo.width(), scene.frame.photo.height());
     let mut video = Video::is_asked(output).then(|| Video::create(output, size, args.fps)).transpose()?;
@@ -384,6 +390,8 @@ fn write_layers(path: &Path, composite: &Composite) -> anyhow::Result<()> {
         ChannelGroup::rgb("shadow_ratio", &composite.shadow_ratio),
         ChannelGroup::single("occlusion", "A", &composite.occlusion),
     ];
+    let reflection = composite.reflection.as_ref().map(|reflection| ChannelGroup::rgb("reflection", reflection));
+    let groups: Vec<_> = groups.into_iter().chain(reflection).collect();
     let size = (composite.alpha.width(), composite.alpha.height());
     let options = ExrOptions { generator: output::signature(COMMAND), ..ExrOptions::default() };
     Ok(imaging::write_exr(path, size, &groups, &options)?)

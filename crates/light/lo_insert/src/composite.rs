@@ -18,6 +18,9 @@ pub struct Composite {
     pub alpha: Image<f32>,
     /// Factor on the photo for shadow and bounced light; exactly 1 where there is none.
     pub shadow_ratio: RadianceImage,
+    /// Linear RGB radiance that the object's mirror image on a glossy support adds to the photo, negative where it hides what was mirrored there; none
+    /// where no gloss was asked for.
+    pub reflection: Option<RadianceImage>,
     /// Share of each pixel where the object is hidden by real surfaces, in [0, 1].
     pub occlusion: Image<f32>,
 }
@@ -98,10 +101,19 @@ impl SrgbTable {
 }
 
 impl Composite {
-    pub(crate) fn new(frame: &Frame, layers: Layers, shadow_ratio: RadianceImage) -> Self {
-        let changed = |i: usize| layers.alpha.pixels()[i] > 0.0 || shadow_ratio.pixels()[i] != [1.0; 3];
+    pub(crate) fn new(
+        frame: &Frame,
+        layers: Layers,
+        shadow_ratio: RadianceImage,
+        reflection: Option<RadianceImage>,
+    ) -> Self {
+        let reflected = |i: usize| reflection.as_ref().map_or(Vec3::ZERO, |image| Vec3::from(image.pixels()[i]));
+        let changed = |i: usize| {
+            layers.alpha.pixels()[i] > 0.0 || shadow_ratio.pixels()[i] != [1.0; 3] || reflected(i) != Vec3::ZERO
+        };
         let mixed = |i: usize, photo: Vec3| {
-            let under = photo * Vec3::from(shadow_ratio.pixels()[i]) * (1.0 - layers.alpha.pixels()[i]);
+            let floor = photo * Vec3::from(shadow_ratio.pixels()[i]) + reflected(i) / frame.exposure;
+            let under = floor.max(Vec3::ZERO) * (1.0 - layers.alpha.pixels()[i]);
             under + layers.object.pixels()[i] / frame.exposure
         };
         let table = SrgbTable::get();
@@ -120,7 +132,7 @@ impl Composite {
             }),
         }
         let object = layers.object.map(|radiance| radiance.to_array());
-        Self { image, object, alpha: layers.alpha, shadow_ratio, occlusion: layers.occlusion }
+        Self { image, object, alpha: layers.alpha, shadow_ratio, reflection, occlusion: layers.occlusion }
     }
 }
 

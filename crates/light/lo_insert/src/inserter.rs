@@ -2,7 +2,7 @@ use std::f32::consts::PI;
 
 use lo_events::{Cancelled, OnEvent, Stage, Warning, progress, stage, stage_of_steps, warn};
 use lo_geometry::Vec3;
-use lo_imaging::{Photo, RadianceImage};
+use lo_imaging::{Image, Photo, RadianceImage};
 use lo_mesh::PreparedModel;
 use lo_scene::{Frame, Scene};
 use rayon::prelude::*;
@@ -12,6 +12,7 @@ use crate::backdrop::Backdrop;
 use crate::composite::{Composite, Layers};
 use crate::environment::Environment;
 use crate::gather::{Gatherer, object_lights};
+use crate::gloss::Gloss;
 use crate::matte::Matte;
 use crate::object::Object;
 use crate::occluders::Occluders;
@@ -47,6 +48,8 @@ pub struct Inserter {
     counts: Counts,
     /// The octree's cube, for warnings.
     cube: lo_geometry::Cube,
+    /// Of what carries the object: 0 for no mirror image.
+    floor_gloss: f32,
 }
 
 impl Inserter {
@@ -80,7 +83,15 @@ impl Inserter {
             directions: lo_geometry::fibonacci_sphere(counts.diffuse_cones),
             counts,
             cube: scene.light.cube,
+            floor_gloss: 0.0,
         })
+    }
+
+    /// The same with a glossy support: a clear coat of perceptual roughness 1 − `floor_gloss` that mirrors the object. With 0, as without this, it
+    /// mirrors nothing.
+    #[must_use]
+    pub fn with_floor_gloss(self, floor_gloss: f32) -> Self {
+        Self { floor_gloss: floor_gloss.clamp(0.0, 1.0), ..self }
     }
 
     /// One picture with the object at one place. An object that shows nothing gives the photo with its shadow, and a warning.
@@ -144,7 +155,29 @@ impl Inserter {
         let mut layers = Layers::new(self.frame.photo.width(), self.frame.photo.height());
         self.shade_object(&object, gatherer(Some(&shadow), Some(&radiosity)), &mut layers, on_event)?;
         self.warnings(model, placement, &object, &layers).try_for_each(|warning| warn(on_event, warning))?;
-        Ok(stage(on_event, Stage::Composite, || self.compose(layers, &shadow))?)
+        let gloss = placement.support.filter(|_| self.floor_gloss > 0.0).map(|plane| Gloss {
+            object: &object,
+            environment: &self.environment,
+            radiosity: &radiosity,
+            occluders: &self.occluders,
+            camera: self.frame.camera,
+            plane,
+            roughness: 1.0 - self.floor_gloss,
+            samples: self.counts.gloss_samples,
+        });
+        Ok(stage(on_event, Stage::Composite, || {
+            let reflection = gloss.map(|gloss| gloss.reflection(|pixel| self.radiance(pixel)));
+            self.compose(layers, &shadow, reflection)
+        })?)
+    }
+
+    /// Linear radiance of a photo pixel.
+    fn radiance(&self, pixel: (usize, usize)) -> Vec3 {
+        let linear = match &self.frame.photo {
+            Photo::Srgb8(image) => Vec3::from(image[pixel].map(lo_imaging::linear_from_srgb8)),
+            Photo::Linear(image) => Vec3::from(image[pixel]),
+        };
+        linear * self.frame.exposure
     }
 
     fn shade_object(
@@ -228,7 +261,7 @@ impl Inserter {
         (2 * (carried + free) >= known.len() && carried + free > 0).then(|| carried as f32 / (carried + free) as f32)
     }
 
-    fn compose(&self, layers: Layers, shadow: &ShadowRatio) -> Composite {
+    fn compose(&self, layers: Layers, shadow: &ShadowRatio, reflection: Option<Image<Vec3>>) -> Composite {
         let (width, height) = (self.frame.photo.width(), self.frame.photo.height());
         // Beyond what the object reaches nothing is looked up.
         let (left, top, right, bottom) = shadow.reach(width, height);
@@ -242,6 +275,7 @@ impl Inserter {
                 *ratio = shadow.for_photo(u, v, seen).to_array();
             }
         });
-        Composite::new(&self.frame, layers, RadianceImage::new(width, height, ratio))
+        let reflection = reflection.map(|image| image.map(|radiance| radiance.to_array()));
+        Composite::new(&self.frame, layers, RadianceImage::new(width, height, ratio), reflection)
     }
 }

@@ -9,7 +9,7 @@
 //! 4. *Visibility*: the camera's rays against the object and the photo's depth (`visibility`), and where that ends the photo's
 //!    colours (`matte`).
 //! 5. *Shading*: glTF's metallic-roughness BSDF (`lo_bsdf`) under the light at each visible point (`gather`, `shade`).
-//! 6. *Composite*: photo × ratio under the object (`composite`).
+//! 6. *Composite*: photo × ratio, with the object's mirror image where its support is glossy (`gloss`), under the object (`composite`).
 //!
 //! All sample patterns are fixed in the world, on the object or on the pixel grid; nothing is random, so a sequence does not flicker.
 
@@ -25,6 +25,7 @@ mod depth_steps;
 mod environment;
 mod error;
 mod gather;
+mod gloss;
 mod holes;
 mod inserter;
 mod irradiance;

@@ -13,6 +13,7 @@ use crate::visibility::Thrift;
 /// | transmittance at which cones of diffuse light end | 1 % | 0.3 % | 0.01 % |
 /// | texels along the side of the room's picture behind the object | 32 | 48 | 96 |
 /// | cones of a blurred reflection | 1 | 6 | 24 |
+/// | directions of a reflection in a glossy floor | 4 | 16 | 64 |
 /// | light samples on the object | 6 | 32 | 128 |
 /// | directions per background point (× 16 by interleaving) | 8 | 16 | 96 |
 /// | light samples per background point (× 16 by interleaving) | 3 | 8 | 16 |
@@ -48,6 +49,8 @@ pub(crate) struct Counts {
     /// Transmittance at which cones of diffuse light end.
     pub min_transmittance: f32,
     pub specular_cones: usize,
+    /// Directions of a pixel's reflection in a glossy support.
+    pub gloss_samples: usize,
     pub object_lights: usize,
     pub background_cones: usize,
     pub background_lights: usize,
@@ -81,6 +84,7 @@ impl Quality {
                 thrift: Thrift::InsideOutline,
                 min_transmittance: 0.01,
                 specular_cones: 1,
+                gloss_samples: 4,
                 object_lights: 6,
                 background_cones: 8,
                 background_lights: 3,
@@ -102,6 +106,7 @@ impl Quality {
                 thrift: Thrift::HalfAgree,
                 min_transmittance: 0.003,
                 specular_cones: 6,
+                gloss_samples: 16,
                 object_lights: 32,
                 background_cones: 16,
                 background_lights: 8,
@@ -123,6 +128,7 @@ impl Quality {
                 thrift: Thrift::None,
                 min_transmittance: 1e-4,
                 specular_cones: 24,
+                gloss_samples: 64,
                 object_lights: 128,
                 background_cones: 96,
                 background_lights: 16,

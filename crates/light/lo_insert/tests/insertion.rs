@@ -183,6 +183,47 @@ proptest! {
 }
 
 #[test]
+fn a_glossy_floor_mirrors_the_object() {
+    // A sphere that shines by itself, so that what the floor mirrors is known: F (L − what was mirrored there before).
+    let scene = linear_scene();
+    let shining = Material { base_color: [5.0, 5.0, 5.0, 1.0], unlit: true, ..Material::default() };
+    let (centre, radius) = (Vec3::new(0.2, LOW.y + 0.3, -3.5), 0.25);
+    let placed = Placement { support: Some(Plane { normal: Vec3::Y, offset_m: LOW.y }), ..in_air(centre, radius) };
+    let render = |gloss: f32| {
+        let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Normal).unwrap().with_floor_gloss(gloss);
+        inserter.render(&sphere(shining.clone()), &placed, &mut lo_events::ignore).unwrap()
+    };
+    assert!(render(0.0).reflection.is_none());
+    let composite = render(1.0);
+    let reflection = composite.reflection.as_ref().unwrap();
+    let (mut mirrored, mut error) = (0, 0.0);
+    for i in 0..WIDTH * HEIGHT {
+        let direction = scene.frame.camera.direction((i % WIDTH) as f64 + 0.5, (i / WIDTH) as f64 + 0.5);
+        let distance = wall_distance(Vec3::ZERO, direction);
+        let point = direction * distance;
+        let found = Vec3::from(reflection.pixels()[i]);
+        let up = Vec3::new(direction.x, -direction.y, direction.z);
+        let beside = (centre - point - up * (centre - point).dot(up)).length();
+        if point.y > LOW.y + 1e-3 || beside > 1.1 * radius {
+            assert_eq!(found, Vec3::ZERO, "{point}");
+        } else if beside < 0.85 * radius {
+            let fresnel = 0.04 + 0.96 * (1.0 - up.y).powi(5);
+            let before = Vec3::from(wall_radiance(point + up * wall_distance(point, up)));
+            error += (found - fresnel * (Vec3::splat(5.0) - before)).length() / (fresnel * 5.0);
+            mirrored += 1;
+        }
+    }
+    assert!(mirrored > 100, "{mirrored}");
+    assert!(error / (mirrored as f32) < 0.08, "{}", error / mirrored as f32);
+    // A rough floor spreads the same light.
+    let sum = |composite: &Composite| -> f32 {
+        composite.reflection.as_ref().unwrap().pixels().iter().map(|radiance| radiance[1]).sum()
+    };
+    let (polished, rough) = (sum(&composite), sum(&render(0.6)));
+    assert!(rough > 0.5 * polished && rough < 1.5 * polished, "{rough} {polished}");
+}
+
+#[test]
 fn shadows_go_on_where_depth_ends() {
     let whole = linear_scene();
     let mut holed = whole.clone();
