@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use lightoctree::geometry::{Camera, Orientation, Vec3};
+use lightoctree::geometry::{Camera, Orientation};
 use lightoctree::imaging::mirror_ball::{
     self, BallCircle, BallError, BallFind, BallLens, BallView, UnwrapOptions, UnwrappedBall,
 };
