@@ -213,7 +213,10 @@ fn objects_stand_upright_and_panoramas_are_level_where_the_camera_is_tilted() {
     let (ahead, lower) = (own[(32, 16)], level[(32, 19)]);
     let near = |a: f32, b: f32| (a - b).abs() < 0.1 * a.max(b);
     assert!((0..3).all(|c| near(ahead[c], lower[c])), "{ahead:?} {lower:?}");
-    let manifest = done(at, &["probes", "tilted.scene", "--grid", "1,1,1", "--size", "32x16", "--level", "-o", "probes", "--json"]);
+    let manifest = done(
+        at,
+        &["probes", "tilted.scene", "--grid", "1,1,1", "--size", "32x16", "--level", "-o", "probes", "--json"],
+    );
     assert_eq!(json(&manifest)["camera"]["frame"], "level");
     for align in ["gravity", "surface", "none"] {
         let insert = ["insert", "tilted.scene", "--mesh", "object.obj", "--height", "0.4", "--pixel", "72,80"];
