@@ -45,7 +45,7 @@ pub struct Args {
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::point, allow_hyphen_values = true)]
     at: Option<Vec3>,
 
-    /// Rest it on the surface seen at this pixel of the photo
+    /// Rest it on the surface seen at this pixel of the photo, upright (see --align)
     #[arg(long, value_name = "U,V", value_parser = parse::pixel)]
     pixel: Option<[f64; 2]>,
 
@@ -61,7 +61,7 @@ pub struct Args {
     #[arg(long, value_name = "A", default_value_t = 0.0, allow_hyphen_values = true)]
     yaw_deg: f32,
 
-    /// Which way is up for it. With `gravity` and `surface`, what --pixel or a keyframe's pixel shows carries it
+    /// Which way is up for the object
     #[arg(long, value_name = "UP", default_value = "gravity")]
     align: AlignArg,
 

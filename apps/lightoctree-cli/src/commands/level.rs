@@ -98,7 +98,7 @@ impl Level {
 /// Pitch (upwards) and roll (clockwise as the photographer sees it) of a camera in degrees.
 fn held_deg(output_from_camera: Quat) -> [f32; 2] {
     let (ahead, right) = (output_from_camera * Vec3::NEG_Z, output_from_camera * Vec3::X);
-    [ahead.y.clamp(-1.0, 1.0).asin().to_degrees(), -right.y.clamp(-1.0, 1.0).asin().to_degrees()]
+    [ahead.y, 0.0 - right.y].map(|sine| sine.clamp(-1.0, 1.0).asin().to_degrees())
 }
 
 #[cfg(test)]

@@ -229,6 +229,50 @@ fn a_picture_that_is_not_waited_for_is_of_normal_quality() {
 }
 
 #[test]
+fn objects_stand_upright_and_panoramas_are_level_where_the_camera_is_tilted() {
+    let folder = room();
+    let at = folder.path();
+    write_mesh(at);
+    // Said to be pitched down by 20°: up leans towards the viewer.
+    let (sin, cos) = 20f32.to_radians().sin_cos();
+    let up = format!("0,{cos},{sin}");
+    let estimate = ["estimate", "photo.png", "--depth", "depth.png", "--hfov-deg", "65", "--completion", "shell"];
+    done(at, &[&estimate[..], &["--up", &up, "-o", "tilted.scene"]].concat());
+    let envmap = ["envmap", "tilted.scene", "--at", "0,-0.4,-1", "--size", "64x32", "--json"];
+    let own = json(&done(at, &[&envmap[..], &["-o", "own.exr"]].concat()));
+    let files = ["--level", "--main-light", "light.json", "-o", "level.exr"];
+    let level = json(&done(at, &[&envmap[..], &files].concat()));
+    assert_eq!((own["camera"]["frame"].as_str(), own["camera"]["pitch_deg"].as_f64()), (Some("camera"), Some(0.0)));
+    assert_eq!(level["camera"]["frame"], "level");
+    assert!((level["camera"]["pitch_deg"].as_f64().unwrap() + 20.0).abs() < 0.1, "{level}");
+    let height = level["position_m"][1].as_f64().unwrap();
+    assert!((height - f64::from(-0.4 * cos - sin)).abs() < 1e-4, "{level}");
+    let light = json(&std::fs::read_to_string(at.join("light.json")).unwrap());
+    assert_eq!(light["camera"], level["camera"]);
+    // What was straight ahead lies 20° lower: 20 / 180 of the rows.
+    let [own, level] = ["own.exr", "level.exr"].map(|file| imaging::read_radiance(at.join(file)).unwrap());
+    let (ahead, lower) = (own[(32, 16)], level[(32, 19)]);
+    let near = |a: f32, b: f32| (a - b).abs() < 0.1 * a.max(b);
+    assert!((0..3).all(|c| near(ahead[c], lower[c])), "{ahead:?} {lower:?}");
+    let manifest = done(
+        at,
+        &["probes", "tilted.scene", "--grid", "1,1,1", "--size", "32x16", "--level", "-o", "probes", "--json"],
+    );
+    assert_eq!(json(&manifest)["camera"]["frame"], "level");
+    for align in ["gravity", "surface", "none"] {
+        let insert = ["insert", "tilted.scene", "--mesh", "object.obj", "--height", "0.4", "--pixel", "72,80"];
+        let file = format!("{align}.png");
+        done(at, &[&insert[..], &["--quality", "draft", "--align", align, "-o", &file]].concat());
+    }
+    let [gravity, none] = ["gravity.png", "none.png"].map(|file| std::fs::read(at.join(file)).unwrap());
+    assert_ne!(gravity, none);
+    // Without a known up nothing can be levelled.
+    done(at, &[&estimate[..6], &["--completion", "none", "-o", "seen.scene"]].concat());
+    let message = refused(at, 2, &["envmap", "seen.scene", "--at", "0,0,-1", "--level", "-o", "none.exr"]);
+    assert!(message.contains("which way is up"), "{message}");
+}
+
+#[test]
 fn export_writes_all_three_formats() {
     let folder = room_with_scene();
     for format in ["ply", "glb", "usda"] {

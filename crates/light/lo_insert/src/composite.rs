@@ -12,7 +12,8 @@ use crate::visibility::TileView;
 pub struct Composite {
     /// The picture, of the same kind as the photo. Pixels that the object does not change are the photo's own, bit by bit.
     pub image: Photo,
-    /// Linear RGB radiance of the object, premultiplied by `alpha`.
+    /// Linear RGB radiance of the object, premultiplied by `alpha`. Along the soft edges of what hides it, less what the photo's pixels
+    /// show of the old background; it can be negative there. The picture is `photo · shadow_ratio · (1 − alpha) + object`.
     pub object: RadianceImage,
     /// Share of each pixel that shows the object, in [0, 1].
     pub alpha: Image<f32>,
@@ -50,6 +51,14 @@ impl Layers {
         }
         for &(pixel, share) in &view.hidden {
             self.occlusion[pixel] += share;
+        }
+    }
+
+    /// Takes the old background out of what hides the object at a pixel of a soft edge: `change` is the radiance of what hides it less
+    /// the photo's.
+    pub fn clear_edge(&mut self, pixel: (usize, usize), change: Vec3) {
+        if self.alpha[pixel] > 0.0 {
+            self.object[pixel] += change * self.occlusion[pixel];
         }
     }
 
@@ -114,7 +123,7 @@ impl Composite {
         let mixed = |i: usize, photo: Vec3| {
             let floor = photo * Vec3::from(shadow_ratio.pixels()[i]) + reflected(i) / frame.exposure;
             let under = floor.max(Vec3::ZERO) * (1.0 - layers.alpha.pixels()[i]);
-            under + layers.object.pixels()[i] / frame.exposure
+            (under + layers.object.pixels()[i] / frame.exposure).max(Vec3::ZERO)
         };
         let table = SrgbTable::get();
         let mut image = frame.photo.clone();

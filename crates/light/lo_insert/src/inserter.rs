@@ -197,7 +197,7 @@ impl Inserter {
             .flat_map(|y| starts(left, right).map(move |x| (x, y)))
             .map(|(x, y)| (x, y, (x + TILE).min(self.frame.photo.width()), (y + TILE).min(self.frame.photo.height())))
             .collect();
-        let view = stage(on_event, Stage::Visibility, || {
+        let (view, fronts) = stage(on_event, Stage::Visibility, || {
             let matte = Matte::new(&camera, object, &self.occluders, |pixel| self.colour(pixel), window);
             let (occluders, thrift) = (&self.occluders, self.counts.thrift);
             let viewer = Viewer { camera, object, occluders, matte: &matte, samples: &samples, thrift };
@@ -207,10 +207,14 @@ impl Inserter {
                 view.fragments.extend(tile.fragments);
                 view.hidden.extend(tile.hidden);
             }
-            view
+            (view, matte.fronts)
         })?;
         let radiance = stage_of_steps(on_event, Stage::Shading, |on_event| shader.shade(&view.fragments, on_event))?;
         layers.add(&view, &radiance);
+        for (pixel, front) in fronts {
+            let linear = |colour: Vec3| Vec3::from(colour.to_array().map(lo_imaging::linear_from_srgb));
+            layers.clear_edge(pixel, (linear(front) - linear(self.colour(pixel))) * self.frame.exposure);
+        }
         Ok(())
     }
 

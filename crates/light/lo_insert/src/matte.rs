@@ -36,6 +36,9 @@ const LEAST_LINK: f32 = 0.003;
 /// Slope with which shares are taken apart about a half, so that edges are as wide as a pixel.
 const CONTRAST: f32 = 2.0;
 
+/// Pixels on each side of a soft edge's pixel that tell the colours before and behind it.
+const AROUND: isize = 3;
+
 /// Surfaces further apart than this share of their depth, and this multiple of its error, are two.
 const GAP: (f32, f32) = (0.02, 3.0);
 
@@ -57,6 +60,8 @@ pub(crate) struct Matte {
     width: usize,
     /// Row by row; NaN where depth alone decides. Empty where it does so everywhere.
     hidden: Vec<f32>,
+    /// Photo pixels of soft edges with the colour of what hides the object there, without what was seen behind it.
+    pub fronts: Vec<((usize, usize), Vec3)>,
 }
 
 impl Matte {
@@ -71,7 +76,7 @@ impl Matte {
     ) -> Self {
         let band = (BAND.0 * occluders.depth_pixel).max(BAND.1);
         let view = View::new(camera, band, window);
-        let none = Self { left: view.left, top: view.top, width: view.width, hidden: Vec::new() };
+        let none = Self { left: view.left, top: view.top, width: view.width, hidden: Vec::new(), fronts: Vec::new() };
         let Some(labels) = view.labels(object, occluders) else { return none };
         let Some(band) = Band::new(&view, labels, occluders) else { return none };
         let colours: Vec<Vec3> = (0..view.len())
@@ -81,11 +86,15 @@ impl Matte {
         let (open, links) = (band.open(&view, &colours), band.links(&view, &colours));
         let known = band.labels.iter().map(|(label, _)| if *label == Label::Hidden { 1.0 } else { 0.0 }).collect();
         let share = walked(known, view.width, &open, &links);
+        let shares: Vec<f32> = share.iter().map(|share| (0.5 + CONTRAST * (share - 0.5)).clamp(0.0, 1.0)).collect();
+        let front =
+            |open: &Open| Some((view.photo_pixel(open.pixel), band.front(&view, &shares, &colours, open.pixel)?));
+        let fronts = open.par_iter().filter_map(front).collect();
         let mut hidden = vec![f32::NAN; view.len()];
         for Open { pixel, .. } in open {
-            hidden[pixel] = (0.5 + CONTRAST * (share[pixel] - 0.5)).clamp(0.0, 1.0);
+            hidden[pixel] = shares[pixel];
         }
-        Self { hidden, ..none }
+        Self { hidden, fronts, ..none }
     }
 
     /// Share of a photo pixel that real surfaces hide of the object there; `None` where depth alone tells.
@@ -156,9 +165,14 @@ impl<'a> View<'a> {
             let ray = Ray { origin: Vec3::ZERO, direction: direction(i) };
             object.seen(&ray, 0.0).map(|hit| -ray.at(hit.distance_m).z)
         };
+        // Every second pixel of every second row will do.
+        let asked = |i: usize| {
+            let (x, y) = self.photo_pixel(i);
+            near[i] && x % 2 == 0 && y % 2 == 0
+        };
         let own_m: Vec<Option<f32>> =
-            (0..self.len()).into_par_iter().map(|i| near[i].then(|| seen_m(i)).flatten()).collect();
-        // The object's depth goes on beyond its outline.
+            (0..self.len()).into_par_iter().map(|i| asked(i).then(|| seen_m(i)).flatten()).collect();
+        // The object's depth goes on between them and beyond its outline.
         let continued = nearest_seeds(self.width, self.height, |i| own_m[i].is_some());
         let label = |i: usize| {
             let seed = continued[i].filter(|(_, distance)| near[i] && *distance <= self.margin as f32);
@@ -290,6 +304,34 @@ impl Band {
             Some(Open { pixel: i, weight: sum, prior: (weight * by_depth + colour_weight * by_colour + 0.5e-6) / sum })
         };
         (0..view.len()).into_par_iter().filter_map(open).collect()
+    }
+
+    /// The colour of what hides the object at a pixel of a soft edge: what is left of the pixel's own without that of the background
+    /// around, no further from that of the pixels around which hide all than those are from each other. `None` where the pixel shows one
+    /// of both alone, or none of either is around.
+    fn front(&self, view: &View, shares: &[f32], colours: &[Vec3], i: usize) -> Option<Vec3> {
+        let share = shares[i];
+        if share <= 0.0 || share >= 1.0 {
+            return None;
+        }
+        let (x, y) = ((i % view.width) as isize, (i / view.width) as isize);
+        let (mut behind, mut count) = (Vec3::ZERO, 0.0);
+        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        for py in (y - AROUND).max(0)..(y + AROUND + 1).min(view.height as isize) {
+            for px in (x - AROUND).max(0)..(x + AROUND + 1).min(view.width as isize) {
+                let j = py as usize * view.width + px as usize;
+                if self.labels[j].0 == Label::Off {
+                    continue;
+                }
+                if shares[j] <= 0.0 {
+                    (behind, count) = (behind + colours[j], count + 1.0);
+                } else if shares[j] >= 1.0 {
+                    (low, high) = (low.min(colours[j]), high.max(colours[j]));
+                }
+            }
+        }
+        let rest = (colours[i] - (1.0 - share) * behind / count) / share;
+        (count > 0.0 && low.is_finite()).then(|| rest.max(low).min(high))
     }
 
     /// How much each pixel is like the next of its row and of its column.
