@@ -15,6 +15,9 @@ const MAX_SIDE: usize = 960;
 const STRIDE_PX: f32 = 1.0;
 const MAX_SAMPLES: usize = 64;
 
+/// Readings that are compared with the octree, where some are missing.
+const COMPARED: usize = 2000;
+
 /// Nearest depth at which anything is looked up, in metres.
 const MIN_DEPTH_M: f32 = 1e-3;
 
@@ -260,20 +263,34 @@ fn crossing(behind: &impl Fn(f32) -> f32, mut before: (f32, f32), mut after: (f3
 }
 
 /// Gives pixels without a reading the place at which the octree holds what they show.
+///
+/// Cones meet leaves on their near side: by how much too near the octree is in the median, readings tell.
 fn fill(inverse: &mut Image<f32>, camera: &Camera, tracer: &ConeTracer) {
     let width = inverse.width();
-    let holes: Vec<usize> = (0..inverse.pixels().len()).filter(|&i| inverse.pixels()[i] <= 0.0).collect();
+    let (known, holes): (Vec<usize>, Vec<usize>) =
+        (0..inverse.pixels().len()).partition(|&i| inverse.pixels()[i] > 0.0);
+    if holes.is_empty() {
+        return;
+    }
     let tan_half_angle = (0.5 * camera.pixel_angle_rad()).tan();
-    let cone = |&i: &usize| Cone {
-        origin: Vec3::ZERO,
-        direction: camera.direction((i % width) as f64 + 0.5, (i / width) as f64 + 0.5),
-        tan_half_angle,
+    let depths_m = |pixels: &[usize]| -> Vec<f32> {
+        let cone = |&i: &usize| Cone {
+            origin: Vec3::ZERO,
+            direction: camera.direction((i % width) as f64 + 0.5, (i / width) as f64 + 0.5),
+            tan_half_angle,
+        };
+        let cones: Vec<Cone> = pixels.iter().map(cone).collect();
+        let mut samples = vec![ConeSample::default(); cones.len()];
+        tracer.trace_batch(&cones, &mut samples);
+        cones.iter().zip(&samples).map(|(cone, sample)| -cone.direction.z * sample.distance_m).collect()
     };
-    let cones: Vec<Cone> = holes.iter().map(cone).collect();
-    let mut samples = vec![ConeSample::default(); cones.len()];
-    tracer.trace_batch(&cones, &mut samples);
-    for ((i, cone), sample) in holes.into_iter().zip(&cones).zip(&samples) {
-        inverse.pixels_mut()[i] = 1.0 / (-cone.direction.z * sample.distance_m).max(MIN_DEPTH_M);
+    let compared: Vec<usize> = known.iter().copied().step_by((known.len() / COMPARED).max(1)).collect();
+    let own_m = compared.iter().map(|&i| 1.0 / inverse.pixels()[i]);
+    let mut behind_m: Vec<f32> = own_m.zip(depths_m(&compared)).map(|(own_m, octree_m)| own_m - octree_m).collect();
+    let middle = behind_m.len() / 2;
+    let lag_m = if behind_m.is_empty() { 0.0 } else { *behind_m.select_nth_unstable_by(middle, f32::total_cmp).1 };
+    for (&i, depth_m) in holes.iter().zip(depths_m(&holes)) {
+        inverse.pixels_mut()[i] = 1.0 / (depth_m + lag_m).max(MIN_DEPTH_M);
     }
 }
 
