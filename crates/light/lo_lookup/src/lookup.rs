@@ -17,7 +17,7 @@ const SLACK_EDGES: f32 = 0.75;
 const WIDE_EDGES: (f32, f32) = (3.0, 6.0);
 
 /// Leaf edges by which the depths of both sides of a depth edge move what is looked up, from which on and up to which the octree takes over.
-const MOVED_EDGES: (f32, f32) = (0.5, 1.0);
+const MOVED_EDGES: (f32, f32) = (0.6, 1.2);
 
 /// Leaf edges between the octree's distance and the photo's, from which on and up to which the octree takes over, where the photo does not
 /// see all of the way.
