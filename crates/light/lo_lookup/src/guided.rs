@@ -10,8 +10,8 @@ use crate::edges::edges;
 /// Readings around a pixel from which its depth is chosen, in pixels of the depth map.
 const REACH: usize = 2;
 
-/// How unlike a reading is that is off by this much of colour (of the square root of radiance), or by this many pixels.
-const COLOUR: f32 = 0.05;
+/// Standard deviations of the readings' weights: of colour (of the square root of radiance), and in pixels.
+const COLOUR: f32 = 0.06;
 const PIXELS: f32 = 1.0;
 
 /// Readings whose inverse depths differ by at most this share lie on one surface.
@@ -23,8 +23,8 @@ const COARSE: f32 = 1.5;
 /// Inverse depth at `width` × `height`; 0 where there is no reading near by.
 ///
 /// Beside depth edges a coarse map's pixels belong to one side or the other as a whole. Each pixel there, and each without a reading, gets the
-/// depth of the readings of one side, chosen by colour and by nearness: joint bilateral upsampling (Kopf et al. 2007) that does not
-/// blend across an edge. All else is resampled ([`lo_imaging::resize_depth`]).
+/// depth of the readings of one side, that which has most of the weights: joint bilateral upsampling (Kopf et al. 2007) that does not
+/// blend across an edge, a weighted mode (Min et al. 2012). All else is resampled ([`lo_imaging::resize_depth`]).
 pub(crate) fn guided_inverse(depth_m: &DepthMap, photo: &Photo, width: usize, height: usize) -> Image<f32> {
     let inverse_of = |depth_m: &DepthMap| depth_m.map(|&z| if z > 0.0 { 1.0 / z } else { 0.0 });
     let coarse = inverse_of(depth_m);
@@ -47,23 +47,20 @@ pub(crate) fn guided_inverse(depth_m: &DepthMap, photo: &Photo, width: usize, he
         }
         let around = (row.saturating_sub(REACH)..rows.min(row + REACH + 1))
             .flat_map(|y| (column.saturating_sub(REACH)..columns.min(column + REACH + 1)).map(move |x| (x, y)));
-        let unlike = |at: (usize, usize)| {
+        let weight = |at: (usize, usize)| {
             let colour = (own[(x, y)] - of_reading[at]).length_squared() / (COLOUR * COLOUR);
             let (du, dv) = (at.0 as f32 + 0.5 - u, at.1 as f32 + 0.5 - v);
-            colour + (du * du + dv * dv) / (PIXELS * PIXELS)
+            (-0.5 * (colour + (du * du + dv * dv) / (PIXELS * PIXELS))).exp().max(1e-30)
         };
         let readings: Vec<(f32, f32)> =
-            around.filter(|&at| coarse[at] > 0.0).map(|at| (coarse[at], unlike(at))).collect();
-        let Some(&(best, least)) = readings.iter().min_by(|a, b| a.1.total_cmp(&b.1)) else { return 0.0 };
-        let (mut sum, mut total) = (0.0, 0.0);
-        for (inverse, unlike) in readings {
-            if (inverse - best).abs() < ON_SURFACE * best {
-                let weight = (least - unlike).exp();
-                sum += weight * inverse;
-                total += weight;
-            }
-        }
-        sum / total
+            around.filter(|&at| coarse[at] > 0.0).map(|at| (coarse[at], weight(at))).collect();
+        // The sums of the weights of one surface's readings, and of weight and inverse depth: the surface that has most.
+        let surface = |&(of, _): &(f32, f32)| {
+            let on = readings.iter().filter(|(inverse, _)| (inverse - of).abs() < ON_SURFACE * of);
+            on.fold((0.0, 0.0), |(total, sum), (inverse, weight)| (total + weight, sum + weight * inverse))
+        };
+        let best = readings.iter().map(surface).max_by(|a, b| a.0.total_cmp(&b.0));
+        best.map_or(0.0, |(total, sum)| sum / total)
     };
     let rows: Vec<Vec<f32>> = (0..height).into_par_iter().map(|y| (0..width).map(|x| chosen(x, y)).collect()).collect();
     Image::new(width, height, rows.into_iter().flatten().collect())

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::fade::fade;
 use crate::photo::PhotoPyramid;
-use crate::surface::{Followed, Meeting, Stretch, Surface};
+use crate::surface::{Followed, Meeting, Stretch, Surface, fade};
 
 /// Leaf edges before the octree's distance at which a ray is followed from, and behind it up to which it is expected to meet something.
 const REACH_EDGES: f32 = 3.0;
@@ -18,7 +18,7 @@ const SLACK_EDGES: f32 = 0.75;
 const WIDE_EDGES: (f32, f32) = (3.0, 6.0);
 
 /// Leaf edges by which the depths of both sides of a depth edge move what is looked up, from which on and up to which the octree takes over.
-const MOVED_EDGES: (f32, f32) = (0.5, 1.0);
+const MOVED_EDGES: (f32, f32) = (0.6, 1.2);
 
 /// Leaf edges between the octree's distance and the photo's, from which on and up to which the octree takes over, where the photo does not
 /// see all of the way.
@@ -110,18 +110,18 @@ impl PhotoLookup {
         let met = match self.surface.follow(&stretch) {
             Followed::Met(met) => met,
             // The octree stops the cone where the photo sees through: leaves are thicker than what fills them.
-            Followed::Free => {
+            Followed::Free(before) => {
                 let to_m = origin.length() + 2.0 * self.surface.farthest_m();
                 let beyond = Stretch { from_m: stretch.to_m, to_m: to_m.max(stretch.to_m), ..stretch };
                 match self.surface.follow(&beyond) {
-                    Followed::Met(met) if met.free => met,
+                    Followed::Met(met) if met.free > 0.0 => Meeting { free: before.min(met.free), ..met },
                     _ => return None,
                 }
             }
             Followed::Lost => return None,
         };
         let off = fade(met.off_m / edge_m, (0.5 * SLACK_EDGES, SLACK_EDGES));
-        let apart = if met.free { 1.0 } else { fade((met.distance_m - expected_m).abs() / edge_m, APART_EDGES) };
+        let apart = fade((met.distance_m - expected_m).abs() / edge_m, APART_EDGES).max(met.free);
         let moved = fade(self.moved_m(origin, direction, &met) / edge_m, MOVED_EDGES);
         let narrow = fade(width_edges(met.distance_m.max(expected_m)), WIDE_EDGES);
         let weight = off * apart * moved * narrow;

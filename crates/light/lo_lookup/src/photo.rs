@@ -18,8 +18,11 @@ const WIDTH_SHARE: f32 = 0.7;
 /// Cells of a leaf's width, on which clipped pixels are compared with the octree.
 const CELLS_PER_LEAF: f32 = 2.0;
 
-/// Share of its surroundings that a clipped region must have to get what they lack; of a smaller one the octree knows less than its own error.
-const LEAST_SHARE: f32 = 0.04;
+/// Share of its surroundings that a clipped region must have to get all that they lack.
+const LEAST_SHARE: f32 = 0.05;
+
+/// How far octree and photo differ in what is not clipped, because they are averaged differently.
+const ERROR: f32 = 0.3;
 
 /// A mip pyramid (Williams 1983) of linear radiance.
 pub(crate) struct PhotoPyramid {
@@ -126,8 +129,10 @@ fn restored(frame: &Frame, tracer: &ConeTracer, cell: usize) -> RadianceImage {
     let mut lacking = Image::new(columns, rows, vec![[0.0; 3]; columns * rows]);
     for (i, sample) in asked.into_iter().zip(&samples) {
         let Cell { light, clipped, pixels } = around.pixels()[i];
-        let missing = (Vec3::from(sample.radiance) - light / pixels).max(Vec3::ZERO);
-        lacking.pixels_mut()[i] = (missing / (clipped / pixels).max(LEAST_SHARE)).to_array();
+        let (light, clipped) = (light / pixels, clipped / pixels);
+        // All that both differ by falls to the clipped pixels: where these are few, only what is more than the rest's error.
+        let missing = Vec3::from(sample.radiance) - light * (1.0 + ERROR * (1.0 - clipped));
+        lacking.pixels_mut()[i] = (missing.max(Vec3::ZERO) / clipped.max(LEAST_SHARE)).to_array();
     }
     for y in 0..height {
         for x in 0..width {

@@ -15,6 +15,9 @@ const MAX_SIDE: usize = 960;
 const STRIDE_PX: f32 = 1.0;
 const MAX_SAMPLES: usize = 64;
 
+/// Readings that are compared with the octree, where some are missing.
+const COMPARED: usize = 2000;
+
 /// Nearest depth at which anything is looked up, in metres.
 const MIN_DEPTH_M: f32 = 1e-3;
 
@@ -59,15 +62,16 @@ pub(crate) struct Meeting {
     pub depth_m: f32,
     /// How far the ray is from the surface there: of a depth edge that it passes behind, the height of the edge.
     pub off_m: f32,
-    /// Whether all of the ray before it, from where it was followed, lies before what the photo shows.
-    pub free: bool,
+    /// 1 where all of the ray before it, from where it was followed, lies before what the photo shows; 0 where not; between where it begins just
+    /// behind that.
+    pub free: f32,
 }
 
 /// What a stretch of a ray showed.
 pub(crate) enum Followed {
     Met(Meeting),
-    /// It ends in free space within the picture.
-    Free,
+    /// It ends in free space within the picture; as [`Meeting::free`], and above 0.
+    Free(f32),
     /// It leaves the picture, or ends behind what the photo shows.
     Lost,
 }
@@ -148,22 +152,23 @@ impl Surface {
             let (at, inverse) = at(share);
             self.inverse_at(at) - inverse
         };
-        let meeting = |share: f32, off: f32, free: bool| {
+        let meeting = |share: f32, off: f32, free: f32| {
             let (at, inverse) = at(share);
             // t such that the point's inverse depth is this: distances times inverse depth are linear, too.
             let distance_m = (from_m * start.1 * (1.0 - share) + to_m * end.1 * share) / inverse;
             Meeting { distance_m, at, depth_m: 1.0 / inverse, off_m: off / (inverse * inverse), free }
         };
         // Before the picture's edge something may stand that the photo does not show.
-        let mut free = from_m - stretch.from_m < stretch.slack_m;
+        let mut free = if from_m - stretch.from_m < stretch.slack_m { 1.0 } else { 0.0 };
         let (mut last, mut off) = (0.0, behind(0.0));
         if off >= 0.0 {
-            let depth_m = 1.0 / start.1;
-            if off * depth_m * depth_m <= stretch.slack_m && behind(1.0 / samples) > off {
+            let off_m = off / (start.1 * start.1);
+            if off_m <= stretch.slack_m && behind(1.0 / samples) > off {
                 return Followed::Met(meeting(0.0, off, free));
             }
-            free = false;
+            free *= fade(off_m / stretch.slack_m, (0.5, 1.0));
         }
+        let mut before = off < 0.0;
         for sample in 1..=samples as usize {
             let share = sample as f32 / samples;
             let next = behind(share);
@@ -174,10 +179,13 @@ impl Surface {
                     return Followed::Met(met);
                 }
             }
-            free &= next < 0.0;
+            if before && next >= 0.0 {
+                free = 0.0;
+            }
+            before |= next < 0.0;
             (last, off) = (share, next);
         }
-        if free && to_m == stretch.to_m { Followed::Free } else { Followed::Lost }
+        if free > 0.0 && before && to_m == stretch.to_m { Followed::Free(free) } else { Followed::Lost }
     }
 
     /// How position in the picture changes where the ray's direction turns by each of two small vectors: on the plane through
@@ -231,6 +239,12 @@ impl Surface {
     }
 }
 
+/// 1 up to the first bound, 0 from the second on.
+pub(crate) fn fade(value: f32, (all, none): (f32, f32)) -> f32 {
+    let t = ((none - value) / (none - all)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
 /// Between two shares, before the surface and behind it: where the ray meets it, and what is left there.
 fn crossing(behind: &impl Fn(f32) -> f32, mut before: (f32, f32), mut after: (f32, f32)) -> (f32, f32) {
     let mut best = if after.1 < -before.1 { after } else { before };
@@ -260,20 +274,34 @@ fn crossing(behind: &impl Fn(f32) -> f32, mut before: (f32, f32), mut after: (f3
 }
 
 /// Gives pixels without a reading the place at which the octree holds what they show.
+///
+/// Cones meet leaves on their near side: by how much too near the octree is in the median, readings tell.
 fn fill(inverse: &mut Image<f32>, camera: &Camera, tracer: &ConeTracer) {
     let width = inverse.width();
-    let holes: Vec<usize> = (0..inverse.pixels().len()).filter(|&i| inverse.pixels()[i] <= 0.0).collect();
+    let (known, holes): (Vec<usize>, Vec<usize>) =
+        (0..inverse.pixels().len()).partition(|&i| inverse.pixels()[i] > 0.0);
+    if holes.is_empty() {
+        return;
+    }
     let tan_half_angle = (0.5 * camera.pixel_angle_rad()).tan();
-    let cone = |&i: &usize| Cone {
-        origin: Vec3::ZERO,
-        direction: camera.direction((i % width) as f64 + 0.5, (i / width) as f64 + 0.5),
-        tan_half_angle,
+    let depths_m = |pixels: &[usize]| -> Vec<f32> {
+        let cone = |&i: &usize| Cone {
+            origin: Vec3::ZERO,
+            direction: camera.direction((i % width) as f64 + 0.5, (i / width) as f64 + 0.5),
+            tan_half_angle,
+        };
+        let cones: Vec<Cone> = pixels.iter().map(cone).collect();
+        let mut samples = vec![ConeSample::default(); cones.len()];
+        tracer.trace_batch(&cones, &mut samples);
+        cones.iter().zip(&samples).map(|(cone, sample)| -cone.direction.z * sample.distance_m).collect()
     };
-    let cones: Vec<Cone> = holes.iter().map(cone).collect();
-    let mut samples = vec![ConeSample::default(); cones.len()];
-    tracer.trace_batch(&cones, &mut samples);
-    for ((i, cone), sample) in holes.into_iter().zip(&cones).zip(&samples) {
-        inverse.pixels_mut()[i] = 1.0 / (-cone.direction.z * sample.distance_m).max(MIN_DEPTH_M);
+    let compared: Vec<usize> = known.iter().copied().step_by((known.len() / COMPARED).max(1)).collect();
+    let own_m = compared.iter().map(|&i| 1.0 / inverse.pixels()[i]);
+    let mut behind_m: Vec<f32> = own_m.zip(depths_m(&compared)).map(|(own_m, octree_m)| own_m - octree_m).collect();
+    let middle = behind_m.len() / 2;
+    let lag_m = if behind_m.is_empty() { 0.0 } else { *behind_m.select_nth_unstable_by(middle, f32::total_cmp).1 };
+    for (&i, depth_m) in holes.iter().zip(depths_m(&holes)) {
+        inverse.pixels_mut()[i] = 1.0 / (depth_m + lag_m).max(MIN_DEPTH_M);
     }
 }
 
