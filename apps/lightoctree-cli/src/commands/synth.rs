@@ -53,7 +53,8 @@ pub struct Args {
     #[arg(long)]
     print_config: bool,
 
-    /// Write only the geometry and materials of this room, counted from 0, as glTF: --output then names a .glb file
+    /// Write this room alone, counted from 0, as glTF: a mesh per object, materials, lamps, sky, sun and the photos' cameras. --output then
+    /// names a .glb file
     #[arg(long, value_name = "ROOM", conflicts_with_all = ["scenes", "shard"])]
     glb: Option<u32>,
 
@@ -122,7 +123,8 @@ fn write_glb(global: &Global, args: &Args, config: GeneratorConfig, room: u32, p
     output::check_replaceable(path, COMMAND, args.force)?;
     let generator = Generator::new(global.seed, config).map_err(|error| Usage(error.to_string()))?;
     let interior = generator.interior(room.into())?;
-    let bytes = interior.world.model.to_glb(&output::signature(COMMAND))?;
+    let cameras = interior.camera_poses(generator.config().shots as usize);
+    let bytes = interior.to_glb(&output::signature(COMMAND), &cameras)?;
     lightoctree::imaging::write_atomically(path, |out| out.write_all(&bytes))?;
     if args.json {
         let description = serde_json::to_value(&interior.description)?;

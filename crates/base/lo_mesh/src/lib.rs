@@ -26,6 +26,7 @@ mod warning;
 
 pub use error::MeshError;
 pub use glb::{GlbTooLarge, GlbWriter};
+pub use gltf::{GlbScene, GlbSun};
 pub use material::{AlphaMode, Material, TextureRef, Wrap};
 pub use model::{Bounds, LoadOptions, Model, Resolver};
 pub use placed::{PlacedModel, Placement};

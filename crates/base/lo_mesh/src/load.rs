@@ -3,7 +3,9 @@ use std::path::{Path, PathBuf};
 use lo_geometry::Vec3;
 
 use crate::model::Resolver;
-use crate::{GlbTooLarge, LoadOptions, Material, MeshError, Model, gltf, normals, obj, ply, repair, stl, tangents};
+use crate::{
+    GlbScene, GlbTooLarge, LoadOptions, Material, MeshError, Model, gltf, normals, obj, ply, repair, stl, tangents,
+};
 
 impl Model {
     /// Reads glTF 2.0 (`.gltf`, `.glb`), Wavefront OBJ (with its MTL), PLY or STL. The extension chooses the
@@ -95,7 +97,18 @@ impl Model {
     /// # Errors
     /// A file of more than 4 GiB.
     pub fn to_glb(&self, generator: &str) -> Result<Vec<u8>, GlbTooLarge> {
-        gltf::write(self, generator)
+        self.to_glb_scene(generator, &GlbScene::default())
+    }
+
+    /// As [`to_glb`](Self::to_glb), with a mesh for each object, and with cameras and the sun.
+    ///
+    /// # Errors
+    /// A file of more than 4 GiB.
+    ///
+    /// # Panics
+    /// Where an object has a triangle that the model lacks.
+    pub fn to_glb_scene(&self, generator: &str, scene: &GlbScene) -> Result<Vec<u8>, GlbTooLarge> {
+        gltf::write(self, generator, scene)
     }
 
     /// Brings a freshly read model into the state that the fields promise.

@@ -11,8 +11,8 @@ const TEAR_M: f32 = 0.03;
 const TEAR_SHARE: f32 = 0.05;
 
 /// What lies within this many metres of the floor, and this share of the depth, is the floor.
-const FLOOR_M: f32 = 0.03;
-const FLOOR_SHARE: f32 = 0.01;
+const FLOOR_M: f32 = 0.04;
+const FLOOR_SHARE: f32 = 0.015;
 
 /// Triangles with texture coordinates of the photo.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -29,9 +29,13 @@ pub(crate) struct PhotoMesh {
 ///
 /// Vertices move along the photo's rays alone, so that the photo fits them as it fits the readings.
 pub(crate) fn from_frame(frame: &Frame, floor: Option<Plane>) -> PhotoMesh {
-    let columns = frame.photo.width().min(MAX_COLUMNS);
-    let rows = (columns * frame.photo.height()).div_ceil(frame.photo.width());
-    let frame = frame.at_resolution(columns, rows).without_flying_pixels();
+    let (columns, rows) = (frame.depth_m.width(), frame.depth_m.height());
+    let smaller = (columns > MAX_COLUMNS).then(|| {
+        let columns = MAX_COLUMNS.min(frame.photo.width());
+        frame.at_resolution(columns, (columns * rows).div_ceil(frame.depth_m.width()))
+    });
+    let frame = smaller.as_ref().unwrap_or(frame).without_flying_pixels();
+    let (columns, rows) = (frame.depth_m.width(), frame.depth_m.height());
     let mut mesh = PhotoMesh::default();
     let mut vertices = vec![None; columns * rows];
     for (y, x) in (0..rows).flat_map(|y| (0..columns).map(move |x| (y, x))) {
@@ -62,7 +66,7 @@ fn flattened(point: Vec3, floor: Plane) -> Vec3 {
     }
     let scale = floor.offset_m / floor.normal.dot(point);
     // Near the horizon a small height is a long way.
-    if (scale - 1.0).abs() < TEAR_SHARE { point * scale } else { point }
+    if (scale - 1.0).abs() < 2.0 * TEAR_SHARE { point * scale } else { point }
 }
 
 #[cfg(test)]

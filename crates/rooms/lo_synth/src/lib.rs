@@ -10,6 +10,7 @@ mod description;
 mod doors;
 mod error;
 mod furniture;
+mod glb;
 mod interior;
 mod layout;
 mod lighting;

@@ -10,6 +10,7 @@ mod write;
 use self::buffers::Buffers;
 use self::json::Root;
 pub(crate) use self::write::write;
+pub use self::write::{GlbScene, GlbSun};
 use crate::model::Resolver;
 use crate::{MeshError, MeshWarning, Model};
 

@@ -1,32 +1,91 @@
-//! A model as glTF 2.0 binary: one mesh primitive per material, textures as PNG inside of the file.
+//! A model as glTF 2.0 binary: one mesh per object with one primitive per material, textures as PNG inside of the file, cameras, a sun.
 
 use std::collections::BTreeMap;
 
+use lo_geometry::{Camera, Quat, RigidTransform, Vec3};
 use serde_json::{Map, Value, json};
 
 use crate::{AlphaMode, GlbTooLarge, GlbWriter, Material, Model, Texture, TextureRef, Wrap};
 
+/// Lumens of a watt, as Blender's importer has it: it takes the illuminance of a sun back by this factor, to the scale of emissive
+/// surfaces.
+const LUMENS: f32 = 683.0;
+
+/// What a glTF file shows beside a model.
+#[derive(Clone, Debug, Default)]
+pub struct GlbScene {
+    /// Names of objects and the triangles of each. Every object becomes a mesh with a node of its own; without any, the whole model
+    /// is one.
+    pub objects: Vec<(String, Vec<usize>)>,
+    /// Names, lenses and places of cameras: world from camera.
+    pub cameras: Vec<(String, Camera, RigidTransform)>,
+    /// The sun, where it shines.
+    pub sun: Option<GlbSun>,
+    /// What the scene's `extras` say.
+    pub extras: Value,
+}
+
+/// Light from far away.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GlbSun {
+    /// Unit direction towards it.
+    pub direction: Vec3,
+    /// Linear RGB irradiance on what faces it, in the units of emissive radiance times sr.
+    pub irradiance: [f32; 3],
+    /// Angular radius; glTF has no place for it but `extras`.
+    pub angular_radius_rad: f32,
+}
+
 /// The whole file.
-pub(crate) fn write(model: &Model, generator: &str) -> Result<Vec<u8>, GlbTooLarge> {
+pub(crate) fn write(model: &Model, generator: &str, scene: &GlbScene) -> Result<Vec<u8>, GlbTooLarge> {
     let mut binary = GlbWriter::default();
-    let primitives: Vec<Value> = by_material(model)
-        .into_iter()
-        .map(|(material, triangles)| primitive(model, material, &triangles, &mut binary))
-        .collect();
+    let whole = [("Scene".to_owned(), (0..model.triangles.len()).collect())];
+    let objects = if scene.objects.is_empty() { &whole[..] } else { &scene.objects };
+    let (mut meshes, mut nodes) = (Vec::new(), Vec::new());
+    for (name, triangles) in objects.iter().filter(|(_, triangles)| !triangles.is_empty()) {
+        let primitives: Vec<Value> = by_material(model, triangles)
+            .into_iter()
+            .map(|(material, triangles)| primitive(model, material, &triangles, &mut binary))
+            .collect();
+        nodes.push(json!({ "name": name, "mesh": meshes.len() }));
+        meshes.push(json!({ "name": name, "primitives": primitives }));
+    }
     let images: Vec<Value> = model.textures.iter().map(|texture| image(texture, &mut binary)).collect();
     let mut samplers = Lists::default();
     let mut extensions = BTreeMap::new();
     let materials: Vec<Value> =
         model.materials.iter().map(|m| material_json(m, &mut samplers, &mut extensions)).collect();
-    let mut document = json!({
-        "asset": { "version": "2.0", "generator": generator },
-        "scene": 0,
-        "scenes": [{ "nodes": [0] }],
-        "nodes": [{ "name": "Scene", "mesh": 0 }],
-        "meshes": [{ "name": "Scene", "primitives": primitives }],
-        "materials": materials,
-    });
-    let lists = [("images", images), ("samplers", samplers.samplers), ("textures", samplers.textures)];
+    let mut cameras = Vec::new();
+    for (name, camera, world_from_camera) in &scene.cameras {
+        nodes.push(json!({
+            "name": name, "camera": cameras.len(),
+            "rotation": world_from_camera.rotation.to_array(), "translation": world_from_camera.translation_m.to_array(),
+        }));
+        cameras.push(camera_json(name, camera));
+    }
+    let mut document =
+        json!({ "asset": { "version": "2.0", "generator": generator }, "scene": 0, "materials": materials });
+    if let Some(sun) = &scene.sun {
+        extensions.insert("KHR_lights_punctual", ());
+        nodes.push(json!({
+            "name": "Sun",
+            "rotation": Quat::from_rotation_arc(Vec3::Z, sun.direction).to_array(),
+            "extensions": { "KHR_lights_punctual": { "light": 0 } },
+        }));
+        document["extensions"] = json!({ "KHR_lights_punctual": { "lights": [sun_json(sun)] } });
+    }
+    document["scenes"] = json!([{ "nodes": (0..nodes.len()).collect::<Vec<_>>() }]);
+    if !scene.extras.is_null() {
+        document["scenes"][0]["extras"] = scene.extras.clone();
+    }
+    let lists = [
+        ("nodes", nodes),
+        ("meshes", meshes),
+        ("cameras", cameras),
+        ("images", images),
+        ("samplers", samplers.samplers),
+        ("textures", samplers.textures),
+    ];
     for (name, list) in lists.into_iter().filter(|(_, list)| !list.is_empty()) {
         document[name] = list.into();
     }
@@ -36,11 +95,36 @@ pub(crate) fn write(model: &Model, generator: &str) -> Result<Vec<u8>, GlbTooLar
     binary.finish(document)
 }
 
-/// Triangles of each material that has some.
-fn by_material(model: &Model) -> BTreeMap<u32, Vec<[u32; 3]>> {
+/// A camera whose principal point is in the middle.
+fn camera_json(name: &str, camera: &Camera) -> Value {
+    let (width, height) = (f64::from(camera.width), f64::from(camera.height));
+    json!({
+        "name": name,
+        "type": "perspective",
+        "perspective": {
+            "yfov": 2.0 * (0.5 * height / camera.fy).atan(),
+            "aspectRatio": (width / camera.fx) / (height / camera.fy),
+            "znear": 0.01,
+        },
+    })
+}
+
+fn sun_json(sun: &GlbSun) -> Value {
+    let strongest = sun.irradiance.into_iter().fold(f32::MIN_POSITIVE, f32::max);
+    json!({
+        "name": "Sun",
+        "type": "directional",
+        "color": sun.irradiance.map(|c| c / strongest),
+        "intensity": LUMENS * strongest,
+        "extras": { "angular_radius_rad": sun.angular_radius_rad },
+    })
+}
+
+/// Triangles of each material that has some, of these.
+fn by_material(model: &Model, triangles: &[usize]) -> BTreeMap<u32, Vec<[u32; 3]>> {
     let mut groups: BTreeMap<u32, Vec<[u32; 3]>> = BTreeMap::new();
-    for (triangle, &material) in model.triangles.iter().zip(&model.triangle_materials) {
-        groups.entry(material).or_default().push(*triangle);
+    for &triangle in triangles {
+        groups.entry(model.triangle_materials[triangle]).or_default().push(model.triangles[triangle]);
     }
     groups
 }
@@ -219,7 +303,6 @@ fn material_json(m: &Material, lists: &mut Lists, used: &mut BTreeMap<&'static s
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
-    use lo_geometry::Vec3;
     use lo_imaging::Image;
 
     use super::*;
@@ -299,6 +382,39 @@ mod tests {
                 assert_eq!(read.colors[v], written.colors[o]);
             }
         }
+    }
+
+    #[test]
+    fn objects_cameras_and_the_sun_are_there() {
+        let camera = Camera::new(500.0, 500.0, 400.0, 300.0, 800, 600).unwrap();
+        let rotation = Quat::from_rotation_y(0.3);
+        let pose = RigidTransform { rotation, translation_m: Vec3::new(1.0, 2.0, 3.0) };
+        let direction = Vec3::new(0.3, 0.8, -0.2).normalize();
+        let scene = GlbScene {
+            objects: vec![("cloth".to_owned(), vec![1]), ("nothing".to_owned(), vec![]), ("lamp".to_owned(), vec![0])],
+            cameras: vec![("Photo 1".to_owned(), camera, pose)],
+            sun: Some(GlbSun { direction, irradiance: [8.0, 4.0, 2.0], angular_radius_rad: 0.005 }),
+            extras: Value::Null,
+        };
+        let gltf = gltf::Gltf::from_slice(&model().to_glb_scene("tests", &scene).unwrap()).unwrap();
+        let names: Vec<_> = gltf.meshes().map(|mesh| mesh.name().unwrap().to_owned()).collect();
+        assert_eq!(names, ["cloth", "lamp"]);
+        assert!(gltf.meshes().all(|mesh| mesh.primitives().len() == 1));
+        let node = |name: &str| gltf.nodes().find(|node| node.name() == Some(name)).unwrap();
+        let (translation, quaternion, _) = node("Photo 1").transform().decomposed();
+        assert_eq!((translation, quaternion), ([1.0, 2.0, 3.0], rotation.to_array()));
+        let camera = gltf.cameras().next().unwrap();
+        let gltf::camera::Projection::Perspective(lens) = camera.projection() else { panic!("no perspective") };
+        assert!((lens.yfov() - 2.0 * 0.6f32.atan()).abs() < 1e-6);
+        // Light goes along the node's −Z, away from the sun.
+        let matrix = node("Sun").transform().matrix();
+        assert!((Vec3::from_slice(&matrix[2][..3]) - direction).length() < 1e-6);
+        // The crate is built without lights: the JSON says what the sun is.
+        let glb = model().to_glb_scene("tests", &scene).unwrap();
+        let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
+        let root: Value = serde_json::from_slice(&glb[20..20 + length]).unwrap();
+        let light = &root["extensions"]["KHR_lights_punctual"]["lights"][0];
+        assert_eq!((&light["intensity"], &light["color"]), (&json!(683.0 * 8.0), &json!([1.0, 0.5, 0.25])));
     }
 
     #[test]
