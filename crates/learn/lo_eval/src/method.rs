@@ -121,7 +121,7 @@ pub enum Sight {
     /// An octree alone.
     Octree(Viewers),
     /// A scene: where its photo shows what is met, the photo.
-    Scene(SharpViewers),
+    Scene(Box<SharpViewers>),
 }
 
 impl Method {
@@ -250,7 +250,7 @@ impl Method {
 
 impl Estimate {
     fn of_scene(scene: Scene) -> Self {
-        let sight = Sight::Scene(SharpViewers::new(&scene));
+        let sight = Sight::Scene(Box::new(SharpViewers::new(&scene)));
         let light = Light::Octree { octree: Box::new(scene.light), sight };
         let up = scene.room.map(|room| room.up);
         Self { light, depth_m: Some(scene.frame.depth_m), up, prior: None }

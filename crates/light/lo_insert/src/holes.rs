@@ -85,7 +85,7 @@ fn goes_on(map: &SurfaceMap, up: Vec3, floor: Option<Plane>, from: usize, x: usi
     let from_reading_m = position_m.distance(reading.position_m);
     // Full for the first half.
     let t = (2.0 - 2.0 * from_reading_m / reach_m).min(1.0);
-    (t > 0.0).then(|| Extended { depth_m, normal: plane.normal, trust: t * t * (3.0 - 2.0 * t), from_reading_m })
+    (t > 0.0).then_some(Extended { depth_m, normal: plane.normal, trust: t * t * (3.0 - 2.0 * t), from_reading_m })
 }
 
 fn holes_beside(trust: &Image<f32>) -> Vec<(usize, usize)> {
@@ -105,6 +105,7 @@ fn around(x: usize, y: usize, width: usize, height: usize) -> impl Iterator<Item
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
     use lo_geometry::Camera;
 
     use super::*;

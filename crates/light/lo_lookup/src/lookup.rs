@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::fade::fade;
 use crate::photo::PhotoPyramid;
-use crate::surface::{Followed, Meeting, Stretch, Surface, fade};
+use crate::surface::{Followed, Meeting, Stretch, Surface};
 
 /// Leaf edges before the octree's distance at which a ray is followed from, and behind it up to which it is expected to meet something.
 const REACH_EDGES: f32 = 3.0;

@@ -6,6 +6,7 @@ use lo_imaging::Image;
 use lo_scene::Frame;
 
 use crate::edges::edges;
+use crate::fade::fade;
 use crate::guided::guided_inverse;
 
 /// Longer side of the depth map; a finer one adds noise and time.
@@ -237,12 +238,6 @@ impl Surface {
         }
         (from_m < to_m).then_some((from_m, to_m))
     }
-}
-
-/// 1 up to the first bound, 0 from the second on.
-pub(crate) fn fade(value: f32, (all, none): (f32, f32)) -> f32 {
-    let t = ((none - value) / (none - all)).clamp(0.0, 1.0);
-    t * t * (3.0 - 2.0 * t)
 }
 
 /// Between two shares, before the surface and behind it: where the ray meets it, and what is left there.
