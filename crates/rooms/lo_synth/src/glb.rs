@@ -1,8 +1,8 @@
 //! A room as glTF for other programs: one mesh per object, sky, sun and cameras.
 
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::PI;
 
-use lo_geometry::{RigidTransform, Vec3, direction_from_uv};
+use lo_geometry::{RigidTransform, direction_from_uv};
 use lo_imaging::{RadianceImage, srgb8_from_linear};
 use lo_mesh::{AlphaMode, GlbScene, GlbSun, GlbTooLarge, Material, Model, Texture, TextureRef};
 use lo_transport::Sun;
@@ -127,7 +127,9 @@ fn add_sky(model: &mut Model, outdoors: &RadianceImage) {
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
-    use lo_geometry::Ray;
+    use std::f32::consts::TAU;
+
+    use lo_geometry::{Ray, Vec3};
     use lo_mesh::PreparedModel;
     use lo_transport::Portal;
 
