@@ -122,9 +122,11 @@ fn add_sky(model: &mut Model, outdoors: &Outdoors) {
             [corner(row, column), corner(row + 1, column), corner(row + 1, column + 1), corner(row, column + 1)];
         // Columns go to the right as seen from inside. At the poles one of the two has no area.
         let triangles = [(row + 1 < SKY_ROWS, [a, b, c]), (row > 0, [a, c, d])];
-        for (_, triangle) in triangles.into_iter().filter(|&(area, t)| area && !covers_sun(model, t)) {
-            model.triangles.push(triangle);
-            model.triangle_materials.push(material);
+        for (has_area, triangle) in triangles {
+            if has_area && !covers_sun(model, triangle) {
+                model.triangles.push(triangle);
+                model.triangle_materials.push(material);
+            }
         }
     }
 }
