@@ -5,7 +5,7 @@
 Run it by a Python that has `bpy`, numpy and OpenEXR (checks/README.md). The scene is exported as GLB and USD, levelled. Each is
 opened in Blender, by itself, and a matte and a mirror ball are lit by its mesh and lamps alone, seen by the photo's camera; no
 dome, no world. A third time the dome of a probe at the ball lights it alone. `insert` draws the same balls. Asked: the
-matte ball's mean radiance within 15 % in each channel, and the mirror's brightest spot where `insert` has it.
+matte ball's mean radiance within 15 % in each channel (25 % by the dome), and the mirror's brightest spot where `insert` has it.
 """
 
 import argparse
@@ -28,7 +28,8 @@ WIDTH = 960
 SAMPLES = 64
 # Of insert: more is less noise, not another mean.
 QUALITY = "normal"
-MATTE_TOLERANCE = 0.15
+# A dome knows no distances: near furniture it is farther off than the room.
+MATTE_TOLERANCE = {"glb": 0.15, "usda": 0.15, "dome": 0.25}
 # Of the ball's radius: a quarter of it is 29 degrees of the mirrored room at the middle.
 MIRROR_TOLERANCE = 0.25
 # Brightest part of a mirror's picture that is its lamps and windows.
@@ -52,7 +53,7 @@ def main():
                 expected, alpha = run.insert(place, material)
                 with quiet():
                     found = render(file, kind, centre, material, expected.shape[:2], work)
-                error, verdict = compare(material, expected, alpha, found)
+                error, verdict = compare(kind, material, expected, alpha, found)
                 passed &= verdict
                 what = f"{material:11} {bpy.app.version_string:7} {kind:4} at {place}"
                 print(f"{'pass' if verdict else 'FAIL'}  {what}  {error}", flush=True)
@@ -193,7 +194,7 @@ def frame_ball(scene, ball):
     scene.render.border_min_y, scene.render.border_max_y = min(c.y for c in corners), max(c.y for c in corners)
 
 
-def compare(material, expected, alpha, found):
+def compare(kind, material, expected, alpha, found):
     """How far the ball is off, in words, and whether that is within bounds."""
     factor = expected.shape[1] // found.shape[1]
     shrink = lambda image: image[: found.shape[0] * factor, : found.shape[1] * factor].reshape(
@@ -206,7 +207,7 @@ def compare(material, expected, alpha, found):
     if material != "mirror":
         ratio = b.mean(axis=0) / a.mean(axis=0)
         rms = np.sqrt(((a - b) ** 2).mean()) / a.mean()
-        return f"Blender / insert {np.round(ratio, 3)}, RMS {rms:.3f} of the mean", bool(np.all(np.abs(ratio - 1) < MATTE_TOLERANCE))
+        return f"Blender / insert {np.round(ratio, 3)}, RMS {rms:.3f} of the mean", bool(np.all(np.abs(ratio - 1) < MATTE_TOLERANCE[kind]))
     rows, columns = np.nonzero(inside)
     radius = 0.5 * (columns.max() - columns.min() + 1)
     spot = lambda light: brightest_spot(light.mean(axis=1), rows, columns)

@@ -1,31 +1,37 @@
 """An object in the photo, rendered by Blender in an exported room: the steps of docs/blender.md as a script.
 
-    python checks/composite.py room.usda object.glb X,Y,Z picture.png [SAMPLES]
+    python checks/composite.py room.usda object.glb X,Y,Z picture.png [--height M] [--samples N] [--percent P]
 
 X,Y,Z is where the middle of the object's base stands, in Blender's axes (Z up) of a room exported with --level: the floor is
 at Z = 0, the camera above the origin looks along +Y. Beside the picture, picture.exr is the object and its shadow alone, with alpha.
 Run it by a Python that has `bpy`, numpy and OpenEXR (checks/README.md).
 """
 
+import argparse
 import os
-import sys
 
 import bpy
 import numpy as np
 import OpenEXR
-from mathutils import Vector
+from mathutils import Matrix, Vector
 
 
 def main():
-    room, model, place, picture = sys.argv[1:5]
-    samples = int(sys.argv[5]) if len(sys.argv) > 5 else 64
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    for name in ["room", "model", "place", "picture"]:
+        parser.add_argument(name)
+    parser.add_argument("--height", type=float, help="of the object in metres, instead of its own")
+    parser.add_argument("--samples", type=int, default=64)
+    parser.add_argument("--percent", type=int, default=100, help="of the photo's resolution")
+    arguments = parser.parse_args()
+    room, picture = arguments.room, arguments.picture
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.wm.usd_import(filepath=room)
     prepare_room()
-    stand(model, Vector(float(c) for c in place.split(",")))
+    stand(arguments.model, Vector(float(c) for c in arguments.place.split(",")), arguments.height)
     layer = os.path.splitext(os.path.abspath(picture))[0] + ".exr"
     photo = bpy.data.images.load(os.path.splitext(os.path.abspath(room))[0] + "_photo.png")
-    render(layer, photo.size, samples)
+    render(layer, photo.size, arguments)
     put_over(layer, photo, picture)
 
 
@@ -49,7 +55,7 @@ def prepare_room():
         bpy.data.materials[name].cycles.emission_sampling = "NONE"
 
 
-def stand(model, place):
+def stand(model, place, height):
     """Imports the object and stands it there."""
     known = set(bpy.data.objects)
     if model.endswith((".glb", ".gltf")):
@@ -57,23 +63,29 @@ def stand(model, place):
     else:
         bpy.ops.wm.obj_import(filepath=model)
     new = [thing for thing in bpy.data.objects if thing not in known]
-    bpy.context.view_layer.update()
-    corners = [thing.matrix_world @ Vector(c) for thing in new if thing.type == "MESH" for c in thing.bound_box]
-    least, most = (Vector(f(c[i] for c in corners) for i in range(3)) for f in (min, max))
+    least, most = bounds(new)
+    scale = height / (most.z - least.z) if height else 1.0
     base = Vector(((least.x + most.x) / 2, (least.y + most.y) / 2, least.z))
-    for thing in new:
-        if thing.parent is None:
-            thing.location += place - base
+    for thing in (thing for thing in new if thing.parent is None):
+        move = Matrix.Translation(place) @ Matrix.Scale(scale, 4) @ Matrix.Translation(-base)
+        thing.matrix_world = move @ thing.matrix_world
 
 
-def render(layer, size, samples):
+def bounds(things):
+    """The lowest and the highest corner of all meshes."""
+    bpy.context.view_layer.update()
+    corners = [thing.matrix_world @ Vector(c) for thing in things if thing.type == "MESH" for c in thing.bound_box]
+    return [Vector(pick(c[i] for c in corners) for i in range(3)) for pick in (min, max)]
+
+
+def render(layer, size, arguments):
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
-    scene.cycles.samples = samples
+    scene.cycles.samples = arguments.samples
     scene.cycles.use_denoising = True
     scene.render.film_transparent = True
     scene.render.resolution_x, scene.render.resolution_y = size
-    scene.render.resolution_percentage = int(os.environ.get("PERCENT", "100"))
+    scene.render.resolution_percentage = arguments.percent
     scene.render.image_settings.file_format = "OPEN_EXR"
     scene.render.image_settings.color_mode = "RGBA"
     scene.render.filepath = layer

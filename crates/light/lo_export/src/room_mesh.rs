@@ -64,7 +64,8 @@ impl RoomMesh {
     /// Draws what the photo sees back to where the photo sees it, and half a leaf behind it, along the photo's rays: the steps of
     /// the leaves become a sheet that closes the gaps of a finer mesh before it.
     ///
-    /// A vertex moves where it lies up to two leaves before that place.
+    /// A vertex moves where it lies up to four leaves before that place: the photo saw through there. Steps of a floor that is
+    /// seen from low are so far before it.
     pub fn put_behind(&mut self, frame: &Frame) {
         let camera = frame.depth_camera();
         let depth_m = &frame.depth_m;
@@ -72,14 +73,16 @@ impl RoomMesh {
             let Some((u, v, z)) = camera.project(*position_m).filter(|&(u, v, _)| camera.contains(u, v)) else {
                 continue;
             };
-            let (x, y) = (u as usize, v as usize);
+            let (x, y) = ((u as usize).min(depth_m.width() - 1), (v as usize).min(depth_m.height() - 1));
+            let (seen, z) = (depth_m[(x, y)], z as f32);
+            if seen <= 0.0 || seen - z > 4.0 * edge_m {
+                continue;
+            }
             let columns = x.saturating_sub(1)..(x + 2).min(depth_m.width());
             let near = columns.flat_map(|x| (y.saturating_sub(1)..(y + 2).min(depth_m.height())).map(move |y| (x, y)));
-            let z = z as f32;
-            // The farthest reading that belongs to the vertex, not to another surface behind it.
-            let belongs = |seen: &f32| *seen > 0.0 && (seen - z).abs() < 2.0 * edge_m;
-            let Some(seen) = near.map(|at| depth_m[at]).filter(belongs).reduce(f32::max) else { continue };
-            let behind = seen + 0.5 * edge_m;
+            // The farthest reading nearby of the same surface.
+            let farthest = near.map(|at| depth_m[at]).filter(|near| (near - seen).abs() < edge_m).fold(seen, f32::max);
+            let behind = farthest + 0.5 * edge_m;
             if z < behind {
                 *position_m *= behind / z;
             }
@@ -149,12 +152,12 @@ mod tests {
         let before = mesh();
         let mut mesh = before.clone();
         mesh.put_behind(&frame);
-        // The photo sees a wall at 1.5 m, of 8 × 6 pixels with f = 5: every vertex within two cells of it goes to 1.75 m.
+        // The photo sees a wall at 1.5 m, of 8 × 6 pixels with f = 5: every vertex up to four cells before it goes to 1.75 m.
         let mut moved = 0;
         for (old, new) in before.positions_m.iter().zip(&mesh.positions_m) {
             let seen = frame.camera.project(*old).filter(|&(u, v, _)| frame.camera.contains(u, v));
-            let (x, y, z) = seen.unwrap_or_default();
-            if seen.is_some() && z > 0.5 {
+            let (x, y, _) = seen.unwrap_or_default();
+            if seen.is_some() {
                 assert!((new.z + 1.75).abs() < 1e-5, "{old} {new}");
                 let (u, v, _) = frame.camera.project(*new).expect("in front of the camera");
                 assert!((u - x).abs() < 1e-4 && (v - y).abs() < 1e-4);
@@ -163,7 +166,7 @@ mod tests {
                 assert_eq!(old, new);
             }
         }
-        // The rows and columns of the grid at 1 and 1.5 m that the photo contains.
+        // The rows and columns of the grid that the photo contains.
         assert!(moved >= 15, "{moved}");
     }
 }

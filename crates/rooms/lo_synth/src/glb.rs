@@ -1,19 +1,22 @@
 //! A room as glTF for other programs: one mesh per object, sky, sun and cameras.
 
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::PI;
 
 use lo_geometry::{RigidTransform, Vec3, direction_from_uv};
-use lo_imaging::{RadianceImage, srgb8_from_linear};
+use lo_imaging::srgb8_from_linear;
 use lo_mesh::{AlphaMode, GlbScene, GlbSun, GlbTooLarge, Material, Model, Texture, TextureRef};
-use lo_transport::Sun;
+use lo_transport::{Outdoors, Sun};
 use serde_json::json;
 
 use crate::camera::CameraPose;
 use crate::interior::Interior;
 use crate::photometry::UNIT_CD_M2;
 
-/// The sky is this far away, in metres: beyond the room, near enough for the depth buffers of viewers.
-const SKY_RADIUS_M: f32 = 60.0;
+/// The sky is this far away, in metres: seen from the whole room, the sun stays in its gap.
+const SKY_RADIUS_M: f32 = 1000.0;
+
+/// Cosine of the angle from the sun up to which the sky is open, 4°: the sun is farther away.
+const SUN_GAP: f32 = 0.997_56;
 
 /// Faces of the sky around and from top to bottom.
 const SKY_COLUMNS: usize = 96;
@@ -39,7 +42,7 @@ impl Interior {
             .collect();
         if !self.world.portals.is_empty() {
             let begin = model.triangles.len();
-            add_sky(&mut model, &self.world.outdoors.radiance);
+            add_sky(&mut model, &self.world.outdoors);
             objects.push(("sky".to_owned(), (begin..model.triangles.len()).collect()));
         }
         let named = |(n, view): (usize, &CameraPose)| {
@@ -81,8 +84,9 @@ fn sun(sun: &Sun) -> GlbSun {
     }
 }
 
-/// A sphere around the room, seen from inside, that emits the outdoors.
-fn add_sky(model: &mut Model, outdoors: &RadianceImage) {
+/// A sphere around the room, seen from inside, that emits the outdoors; open where the sun shines through.
+fn add_sky(model: &mut Model, outdoors: &Outdoors) {
+    let (sun, outdoors) = (outdoors.sun, &outdoors.radiance);
     let brightest = outdoors.pixels().iter().flatten().copied().fold(f32::MIN_POSITIVE, f32::max);
     let picture = outdoors.map(|rgb| {
         let [r, g, b] = rgb.map(|c| srgb8_from_linear(c / brightest));
@@ -109,17 +113,20 @@ fn add_sky(model: &mut Model, outdoors: &RadianceImage) {
         model.colors.push([1.0; 4]);
     }
     let corner = |row: usize, column: usize| first + (row * (SKY_COLUMNS + 1) + column) as u32;
+    let covers_sun = |model: &Model, triangle: [u32; 3]| {
+        let middle: Vec3 = triangle.iter().map(|&v| model.positions[v as usize]).sum();
+        sun.is_some_and(|sun| sun.direction.dot(middle.normalize()) > SUN_GAP)
+    };
     for (row, column) in (0..SKY_ROWS).flat_map(|row| (0..SKY_COLUMNS).map(move |column| (row, column))) {
         let [a, b, c, d] =
             [corner(row, column), corner(row + 1, column), corner(row + 1, column + 1), corner(row, column + 1)];
         // Columns go to the right as seen from inside. At the poles one of the two has no area.
-        if row + 1 < SKY_ROWS {
-            model.triangles.push([a, b, c]);
-            model.triangle_materials.push(material);
-        }
-        if row > 0 {
-            model.triangles.push([a, c, d]);
-            model.triangle_materials.push(material);
+        let triangles = [(row + 1 < SKY_ROWS, [a, b, c]), (row > 0, [a, c, d])];
+        for (has_area, triangle) in triangles {
+            if has_area && !covers_sun(model, triangle) {
+                model.triangles.push(triangle);
+                model.triangle_materials.push(material);
+            }
         }
     }
 }
@@ -127,7 +134,10 @@ fn add_sky(model: &mut Model, outdoors: &RadianceImage) {
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
+    use std::f32::consts::TAU;
+
     use lo_geometry::Ray;
+    use lo_imaging::RadianceImage;
     use lo_mesh::PreparedModel;
     use lo_transport::Portal;
 
@@ -142,7 +152,8 @@ mod tests {
     fn the_sky_is_seen_where_it_is() {
         let outdoors = RadianceImage::from_fn(64, 32, |x, y| [x as f32, y as f32, 63.0]);
         let mut model = Model { materials: Vec::new(), ..Model::default() };
-        add_sky(&mut model, &outdoors);
+        add_sky(&mut model, &Outdoors { radiance: outdoors, sun: None });
+        assert_eq!(model.triangles.len(), 2 * SKY_COLUMNS * (SKY_ROWS - 1));
         for triangle in &model.triangles {
             let [a, b, c] = triangle.map(|v| model.positions[v as usize]);
             assert!((b - a).cross(c - a).dot(a + b + c) < 0.0, "seen from inside");
@@ -156,6 +167,24 @@ mod tests {
             }
         }
         assert_eq!(model.materials[0].emissive, [63.0; 3]);
+    }
+
+    #[test]
+    fn the_sun_shines_through_the_sky() {
+        let direction = Vec3::new(0.5, 0.6, -0.4).normalize();
+        let sun = Sun { direction, angular_radius_rad: 0.004_65, radiance: [1e4; 3] };
+        let outdoors = RadianceImage::new(2, 1, vec![[1.0; 3]; 2]);
+        let mut model = Model { materials: Vec::new(), ..Model::default() };
+        add_sky(&mut model, &Outdoors { radiance: outdoors, sun: Some(sun) });
+        model.textures.clear();
+        model.materials[0].emissive_texture = None;
+        let sky = PreparedModel::new(model);
+        let open = |direction: Vec3, origin: Vec3| sky.intersect_both_sides(&Ray { origin, direction }, 2e3).is_none();
+        for origin in [Vec3::ZERO, Vec3::new(9.0, 2.0, -9.0), Vec3::new(-9.0, 0.0, 5.0)] {
+            assert!(open(direction, origin));
+            // Ten degrees beside it there is sky.
+            assert!(!open((direction + 0.18 * direction.any_orthonormal_vector()).normalize(), origin));
+        }
     }
 
     #[test]
@@ -173,8 +202,10 @@ mod tests {
             Err(std::io::Error::other("no files"))
         })
         .unwrap();
-        let sky = if room.world.portals.is_empty() { 0 } else { 2 * SKY_COLUMNS * (SKY_ROWS - 1) };
-        assert_eq!(model.triangles.len(), room.world.model.triangles.len() + sky);
+        // The sky lacks a few triangles where the sun is.
+        let sky = model.triangles.len() - room.world.model.triangles.len();
+        let whole = if room.world.portals.is_empty() { 0 } else { 2 * SKY_COLUMNS * (SKY_ROWS - 1) };
+        assert!(sky <= whole && sky + 20 >= whole, "{sky} of {whole}");
         assert!(model.materials.iter().all(|m| m.transmission == 0.0));
     }
 
