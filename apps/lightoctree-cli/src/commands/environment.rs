@@ -4,11 +4,11 @@ use std::path::Path;
 
 use anyhow::Context;
 use clap::ValueEnum;
+use lightoctree::SharpViewers;
 use lightoctree::cone::Rendering;
 use lightoctree::geometry::{Orientation, Vec3};
 use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, RadianceImage};
 use lightoctree::scene::Scene;
-use lightoctree::SharpViewers;
 
 use crate::output::signature;
 
