@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use lightoctree::{DEFAULT_OCTREE_DEPTH, EstimateOptions, Estimator, Input, events};
-use lo_cone::Viewers;
+use lightoctree::{DEFAULT_OCTREE_DEPTH, EstimateOptions, Estimator, Input, SharpViewers, events};
+use lo_cone::{Cone, ConeSample, Viewers};
 use lo_dataset::{Dataset, NovelView, Sample, Split};
 use lo_events::Warning;
+use lo_geometry::Vec3;
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_metrics::{DepthErrors, panorama_psnr_db};
 use lo_nets::Networks;
@@ -143,17 +144,19 @@ fn judge(estimator: &Estimator, sample: &Sample, lit: bool, means: &mut Means) -
         octrees: None,
     };
     if lit {
-        means.alone_db.extend(views_db(&alone.light, &sample.views));
+        means.alone_db.extend(scene_db(&alone, &sample.views));
         let frame = Frame::new(photo(), true_m.clone(), sample.camera, 1.0).ok()?;
-        let Scene { light, .. } = estimated(Input::MeasuredDepth(frame))?;
-        means.db.extend(views_db(&light, &sample.views));
+        let scene = estimated(Input::MeasuredDepth(frame))?;
+        means.db.extend(scene_db(&scene, &sample.views));
         let room = VariedRoom::new(sample, &Variation::NONE, KnownDepth::True).ok()?;
         let truth = room.truth(&networks.config).ok()?;
         means.splits.extend(split_accuracy(networks, sample, &room, &truth));
         if let Some(view) = sample.views.first() {
-            row.panoramas = [seen_from(&Viewers::new(&light), view), view.radiance.clone()];
+            let viewers = SharpViewers::new(&scene);
+            let panorama = seen_from(&|eye, cones, samples| viewers.trace_batch(eye, cones, samples), view);
+            row.panoramas = [panorama, view.radiance.clone()];
         }
-        row.octrees = Some([light, truth]);
+        row.octrees = Some([scene.light, truth]);
     }
     Some(row)
 }
@@ -177,24 +180,37 @@ fn split_accuracy(networks: &Networks, sample: &Sample, room: &VariedRoom, truth
 fn bounds(sample: &Sample, network: &LightNetConfig, octree_depth: u32) -> [Option<f64>; 2] {
     let Ok(room) = VariedRoom::new(sample, &Variation::NONE, KnownDepth::True) else { return [None; 2] };
     let network = LightNetConfig { depth: octree_depth, ..network.clone() };
-    let truth = room.truth(&network).ok().and_then(|truth| views_db(&truth, &sample.views));
+    let truth = room.truth(&network).ok().and_then(|truth| octree_db(&truth, &sample.views));
     let options = EstimateOptions { octree_depth: Some(octree_depth), ..EstimateOptions::default() };
     let options = EstimateOptions { completion: Some(Completion::Shell), ..options };
     let input = Input::MeasuredDepth(room.working);
     let shell = Estimator::without_networks().estimate(input, &options, &mut events::ignore).ok();
-    [truth, shell.and_then(|scene| views_db(&scene.light, &sample.views))]
+    [truth, shell.and_then(|scene| scene_db(&scene, &sample.views))]
 }
 
-/// Mean PSNR of the panoramas at the true places, as evaluation has it.
-fn views_db(light: &LightOctree, views: &[NovelView]) -> Option<f64> {
+/// What cones from a place see.
+type Trace<'a> = &'a dyn Fn(Vec3, &[Cone], &mut [ConeSample]);
+
+/// Mean PSNR of the panoramas of a scene at the true places, as evaluation has it.
+fn scene_db(scene: &Scene, views: &[NovelView]) -> Option<f64> {
+    let viewers = SharpViewers::new(scene);
+    views_db(&|eye, cones, samples| viewers.trace_batch(eye, cones, samples), views)
+}
+
+/// The same of an octree alone.
+fn octree_db(light: &LightOctree, views: &[NovelView]) -> Option<f64> {
     let viewers = Viewers::new(light);
-    mean(views.iter().filter_map(|view| panorama_psnr_db(&view.radiance, &seen_from(&viewers, view))))
+    views_db(&|eye, cones, samples| viewers.at(eye).trace_batch(cones, samples), views)
 }
 
-fn seen_from(viewers: &Viewers, view: &NovelView) -> RadianceImage {
+fn views_db(trace: Trace<'_>, views: &[NovelView]) -> Option<f64> {
+    mean(views.iter().filter_map(|view| panorama_psnr_db(&view.radiance, &seen_from(trace, view))))
+}
+
+fn seen_from(trace: Trace<'_>, view: &NovelView) -> RadianceImage {
     let rays = panorama_rays(view);
-    let mut samples = vec![lo_cone::ConeSample::default(); rays.len()];
-    viewers.at(view.position_m).trace_batch(&rays.cones, &mut samples);
+    let mut samples = vec![ConeSample::default(); rays.len()];
+    trace(view.position_m, &rays.cones, &mut samples);
     let pixels = samples.into_iter().map(|sample| sample.radiance).collect();
     RadianceImage::new(view.radiance.width(), view.radiance.height(), pixels)
 }
