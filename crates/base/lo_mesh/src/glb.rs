@@ -68,7 +68,10 @@ impl GlbWriter {
         document["accessors"] = self.accessors.into();
         document["bufferViews"] = self.views.into();
         document["buffers"] = json!([{ "byteLength": self.bytes.len() }]);
-        let mut text = document.to_string().into_bytes();
+        // The asset comes first: whoever looks for the maker's name need not read thousands of accessors.
+        let asset = document.as_object_mut().and_then(|fields| fields.remove("asset")).unwrap_or_default();
+        let rest = document.to_string();
+        let mut text = format!("{{\"asset\":{asset},{}", rest.trim_start_matches('{')).into_bytes();
         text.resize(text.len().next_multiple_of(4), b' ');
         // 12 bytes of header and 8 of each chunk's
         let bytes = 12 + 8 + text.len() + 8 + self.bytes.len();
@@ -99,6 +102,7 @@ mod tests {
         let extra = json!({ "min": [-2.0], "max": [1.5] });
         assert_eq!(glb.accessor(&data, 2, GlbWriter::FLOAT, "SCALAR", GlbWriter::ARRAY_BUFFER, extra), 0);
         let file = glb.finish(json!({ "asset": { "version": "2.0" } })).unwrap();
+        assert!(file[20..].starts_with(b"{\"asset\":{\"version\":\"2.0\"},"), "the maker stands first");
         let gltf = ::gltf::Gltf::from_slice(&file).unwrap();
         let accessor = gltf.accessors().next().unwrap();
         let start = accessor.view().unwrap().offset();
