@@ -8,7 +8,7 @@ use anyhow::Context;
 use clap::ValueEnum;
 use lightoctree::Event;
 use lightoctree::geometry::Vec3;
-use lightoctree::imaging::{self, ChannelGroup, ExrOptions};
+use lightoctree::imaging::{self, ChannelGroup, ExrOptions, Image, RadianceImage};
 use lightoctree::insert::{self, Align, Base, Composite, InsertError, Inserter, Lighting, Placement, Quality, Stance};
 use lightoctree::mesh::{LoadOptions, Material, MaterialSpec, Model, PreparedModel};
 use lightoctree::scene::Scene;
@@ -203,7 +203,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             };
             match inserter.render(&model, &placements[0], hear) {
                 Err(InsertError::Cancelled(_)) => Ok(None),
-                composite => composite.map(|composite| Some((composite, warnings))),
+                composite => composite.map(|composite| Some((kept(composite, args.layers.is_some()), warnings))),
             }
         })?;
     }
@@ -277,6 +277,22 @@ fn say(args: &Args, written: &[PathBuf], placements: &[Placement], stages: &Stag
         )),
     }
     Ok(())
+}
+
+/// A picture that waits, in large photos for minutes: without its layers, where nobody asked for them.
+fn kept(composite: Composite, with_layers: bool) -> Composite {
+    if with_layers {
+        return composite;
+    }
+    let (nothing, none) = (RadianceImage::new(1, 1, vec![[0.0; 3]]), Image::new(1, 1, vec![0.0]));
+    Composite {
+        object: nothing.clone(),
+        alpha: none.clone(),
+        shadow_ratio: nothing,
+        reflection: None,
+        occlusion: none,
+        image: composite.image,
+    }
 }
 
 /// Reads a mesh and gives it the material, if one is wanted.

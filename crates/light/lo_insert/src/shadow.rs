@@ -174,7 +174,13 @@ impl ShadowField {
         let rows = batches.each(height, width * self.cones, 1, |rows| {
             rows.into_par_iter().map(|y| self.change_row(y, caster, &sampled)).collect::<Vec<_>>()
         })?;
-        let changes = Image::new(width, height, rows.into_iter().flatten().collect());
+        // Rows in which nothing is sampled are empty; these images are the largest that a picture takes.
+        let mut changes = Vec::with_capacity(width * height);
+        for (y, row) in rows.into_iter().enumerate() {
+            changes.extend(row);
+            changes.resize((y + 1) * width, Change::default());
+        }
+        let changes = Image::new(width, height, changes);
         let changed = widened(&changes, |change| *change != Change::default());
         let needed = Image::from_fn(width, height, |x, y| wanted[(x, y)] && changed[(x, y)]);
         self.irradiance.complete(&self.receivers, caster.environment, &needed, batches)?;
@@ -186,9 +192,12 @@ impl ShadowField {
         Ok(ShadowRatio::new(&self.receivers, ratio))
     }
 
-    /// The change of those pixels of a row that are to be sampled, each by one pattern.
+    /// The change of those pixels of a row that are to be sampled, each by one pattern; empty where there is none.
     fn change_row(&self, y: usize, caster: &Caster, sampled: &Image<bool>) -> Vec<Change> {
         let width = self.receivers.width();
+        if !(0..width).any(|x| sampled[(x, y)]) {
+            return Vec::new();
+        }
         let mut changes = vec![Change::default(); width];
         let (mut rays, mut ray_owners, mut shares) = (Vec::new(), Vec::new(), Vec::new());
         for (x, change) in changes.iter_mut().enumerate().filter(|&(x, _)| sampled[(x, y)]) {
