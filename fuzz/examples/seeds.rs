@@ -97,21 +97,8 @@ fn scenes(folder: &Path) -> Result {
         let plane = Plane { normal: Vec3::Y, offset_m: -1.5 };
         let room = Room { up: Vec3::Y, planes: vec![RoomPlane { side: Side::Floor, plane, measured: true }] };
         let sources = vec!["photo.jpg".to_owned()];
-        let (predicted_depth, depth_model, confidence, panorama, other_photos) = (false, None, None, None, Vec::new());
-        let (completion, room) = (Completion::Shell, Some(room));
-        Scene {
-            light,
-            frame,
-            completion,
-            room,
-            sources,
-            predicted_depth,
-            depth_model,
-            confidence,
-            panorama,
-            other_photos,
-        }
-        .write(&folder.join(format!("{name}.scene")), "seeds")?;
+        Scene { completion: Completion::Shell, room: Some(room), sources, ..Scene::as_seen(light, frame) }
+            .write(&folder.join(format!("{name}.scene")), "seeds")?;
     }
     Ok(())
 }

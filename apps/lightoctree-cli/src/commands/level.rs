@@ -34,7 +34,7 @@ impl Level {
         let room = scene.room.as_ref().ok_or_else(|| {
             Usage("--level: the scene does not know which way is up; estimate it anew, or with --up".into())
         })?;
-        Ok(Self { output_from_camera: Some(room.level_from_camera()) })
+        Ok(Self { output_from_camera: Some(Quat::from_mat3(&room.level_from_camera()).normalize()) })
     }
 
     /// Rows to render for a panorama of `height` rows: turned ones are made of twice as fine ones.

@@ -24,15 +24,8 @@ impl Level {
     /// Where the room, and with it gravity, is unknown.
     pub fn of(room: Option<&Room>) -> Result<Self, ExportError> {
         let room = room.ok_or(ExportError::NoGravity)?;
-        let up = room.up.normalize();
-        // A camera that looks straight down or up has its own top or bottom ahead.
-        let ahead = [Vec3::NEG_Z, Vec3::Y].map(|ahead| ahead.reject_from_normalized(up));
-        let ahead = if ahead[0].length() > 1e-3 { ahead[0] } else { ahead[1] * up.z.signum() };
-        let back = -ahead.normalize();
-        let right = up.cross(back);
-        let rotation = Mat3::from_cols(right, up, back).transpose();
-        let height_m = room.floor().map_or(0.0, |floor| -floor.offset_m / floor.normal.dot(up));
-        Ok(Self { rotation, camera_m: Vec3::Y * height_m })
+        let height_m = room.floor().map_or(0.0, |floor| -floor.offset_m / floor.normal.dot(room.up.normalize()));
+        Ok(Self { rotation: room.level_from_camera(), camera_m: Vec3::Y * height_m })
     }
 
     /// The columns of the matrix that takes the camera's frame to the world's.

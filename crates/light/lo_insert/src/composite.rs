@@ -13,7 +13,7 @@ pub struct Composite {
     /// The picture, of the same kind as the photo. Pixels that the object does not change are the photo's own, bit by bit.
     pub image: Photo,
     /// Linear RGB radiance of the object, premultiplied by `alpha`. Along the soft edges of what hides it, less what the photo's pixels
-    /// show of the old background; it can be negative there. The picture is `photo · shadow_ratio · (1 − alpha) + object`.
+    /// show of the old background; it can be negative there. The picture is `(photo · shadow_ratio + reflection) · (1 − alpha) + object`.
     pub object: RadianceImage,
     /// Share of each pixel that shows the object, in [0, 1].
     pub alpha: Image<f32>,

@@ -28,7 +28,7 @@ use crate::visibility::{TILE, TileView, Viewer, coverage_pattern, seen_window};
 use crate::{Base, InsertError, Lighting, Placement, Quality};
 
 /// Share of the base that must be carried, or the object falls.
-const LEAST_SUPPORT: f32 = 0.5;
+const MIN_SUPPORT: f32 = 0.5;
 
 /// Longer side from which on a photo is large.
 const LARGE_SIDE: usize = 1440;
@@ -247,7 +247,7 @@ impl Inserter {
         let outside = (!self.cube.contains(object.centre_m)).then_some(Warning::ObjectOutsideOctree);
         let overhang = self
             .supported_share(model, placement)
-            .filter(|supported| *supported < LEAST_SUPPORT)
+            .filter(|supported| *supported < MIN_SUPPORT)
             .map(|supported| Warning::ObjectOverhangs { supported });
         nothing.into_iter().chain(outside).chain(overhang)
     }

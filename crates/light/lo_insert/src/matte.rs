@@ -31,7 +31,7 @@ const HOLE_WEIGHT: f32 = 0.05;
 const COLOUR_WEIGHT: f32 = 0.1;
 
 /// Weight between neighbours of very different colours; that of equal ones is 1 more.
-const LEAST_LINK: f32 = 0.003;
+const MIN_LINK: f32 = 0.003;
 
 /// Slope with which shares are taken apart about a half, so that edges are as wide as a pixel.
 const CONTRAST: f32 = 2.0;
@@ -348,7 +348,7 @@ impl Band {
         let steepness = 0.5 / ((sum / f64::from(count.max(1))) as f32).max(1e-6);
         let link = |i: usize, j: usize| {
             let together = !is_off(i) && !is_off(j);
-            if together { LEAST_LINK + (-steepness * difference(i, j)).exp() } else { 0.0 }
+            if together { MIN_LINK + (-steepness * difference(i, j)).exp() } else { 0.0 }
         };
         let links = |i: usize| {
             let right = if i % view.width + 1 < view.width { link(i, i + 1) } else { 0.0 };

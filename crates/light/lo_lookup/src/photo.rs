@@ -19,7 +19,7 @@ const WIDTH_SHARE: f32 = 0.7;
 const CELLS_PER_LEAF: f32 = 2.0;
 
 /// Share of its surroundings that a clipped region must have to get all that they lack.
-const LEAST_SHARE: f32 = 0.05;
+const MIN_SHARE: f32 = 0.05;
 
 /// How far octree and photo differ in what is not clipped, because they are averaged differently.
 const ERROR: f32 = 0.3;
@@ -132,7 +132,7 @@ fn restored(frame: &Frame, tracer: &ConeTracer, cell: usize) -> RadianceImage {
         let (light, clipped) = (light / pixels, clipped / pixels);
         // All that both differ by falls to the clipped pixels: where these are few, only what is more than the rest's error.
         let missing = Vec3::from(sample.radiance) - light * (1.0 + ERROR * (1.0 - clipped));
-        lacking.pixels_mut()[i] = (missing.max(Vec3::ZERO) / clipped.max(LEAST_SHARE)).to_array();
+        lacking.pixels_mut()[i] = (missing.max(Vec3::ZERO) / clipped.max(MIN_SHARE)).to_array();
     }
     for y in 0..height {
         for x in 0..width {

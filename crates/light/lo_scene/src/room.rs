@@ -1,4 +1,4 @@
-use lo_geometry::{Mat3, Plane, Quat, Vec3};
+use lo_geometry::{Mat3, Plane, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// How the unseen part of a scene was completed.
@@ -54,12 +54,12 @@ impl Room {
 
     /// What turns directions of the camera's frame into those of a level one: up is +Y, and the camera's heading −Z. A camera that looks
     /// straight up or down heads for where the bottom or the top of its picture points.
-    pub fn level_from_camera(&self) -> Quat {
+    pub fn level_from_camera(&self) -> Mat3 {
         let up = self.up.normalize();
         let steep = if up.z > 0.0 { Vec3::Y } else { Vec3::NEG_Y };
         let ahead = [Vec3::NEG_Z, steep].map(|ahead| ahead.reject_from_normalized(up));
         let back = -(if ahead[0].length() > 1e-3 { ahead[0] } else { ahead[1] }).normalize();
-        Quat::from_mat3(&Mat3::from_cols(up.cross(back), up, back).transpose()).normalize()
+        Mat3::from_cols(up.cross(back), up, back).transpose()
     }
 
     /// Whether all numbers are finite and all directions of unit length.
