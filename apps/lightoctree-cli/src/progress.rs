@@ -177,6 +177,20 @@ pub fn warning_text(warning: &Warning) -> String {
                 "what is seen does not explain the light: an unseen ceiling lamp of radiance {radiance:.1} was assumed"
             )
         }
+        Warning::FittedLamps { brighter, assumed, share } => {
+            let lamps = |count: usize| {
+                if count == 1 { "1 lamp or window".to_owned() } else { format!("{count} lamps or windows") }
+            };
+            let parts = [
+                (*brighter > 0).then(|| format!("{} brighter than guessed", lamps(*brighter))),
+                (*assumed > 0).then(|| format!("{} where nothing is seen", lamps(*assumed))),
+            ];
+            format!(
+                "how the room is shaded was explained by {}: {:.0} % of the light",
+                parts.into_iter().flatten().collect::<Vec<_>>().join(" and "),
+                100.0 * share
+            )
+        }
         Warning::AssumedPlanes { floor, ceiling, walls } => {
             let planes = [
                 floor.then(|| "the floor".to_owned()),

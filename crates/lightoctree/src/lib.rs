@@ -43,7 +43,7 @@ pub use camera::{CameraSource, DEFAULT_HFOV_DEG, camera_of_photo};
 pub use error::EstimateError;
 pub use estimator::Estimator;
 pub use input::{Exposures, Input, PredictedDepth};
-pub use lamp::add_lamp;
+pub use lamp::{add_fitted_lamps, add_lamp};
 pub use lo_completion as completion;
 pub use lo_completion::{PanoramaError, PanoramaPrior};
 pub use lo_cone as cone;

@@ -6,9 +6,13 @@ use std::time::Instant;
 
 use anyhow::Context;
 use clap::ValueEnum;
+use lightoctree::insert::Quality;
 use lightoctree::{Estimator, imaging};
-use lo_dataset::CropModel;
-use lo_eval::{EvalError, Evaluation, Method, Photos, Profile, ProfileError, Protocol, Report, Tools};
+use lo_dataset::{CropModel, Generator, GeneratorConfig};
+use lo_eval::{
+    EvalError, Evaluation, InsertionEvaluation, InsertionMethod, Method, Photos, Profile, ProfileError, Protocol,
+    Report, Tools,
+};
 use serde_json::json;
 
 use super::dataset::{LayoutName, SplitName};
@@ -17,7 +21,7 @@ use super::parse;
 use crate::args::Global;
 use crate::progress::{StageBar, seconds};
 use crate::usage::Usage;
-use crate::{output, report};
+use crate::{config, output, report};
 
 /// Options of `eval`.
 #[derive(Debug, clap::Args)]
@@ -25,17 +29,18 @@ use crate::{output, report};
     lightoctree eval rooms --make-profile profile.json\n  \
     lightoctree eval rooms --profile profile.json --weights trained.safetensors -o report\n  \
     lightoctree eval panoramas --split all --profile profile.json -o report\n  \
-    lightoctree eval panoramas --split all --protocol three-spheres -o report\n\n\
+    lightoctree eval panoramas --split all --protocol three-spheres -o report\n  \
+    lightoctree eval configs/insertion.toml --protocol insertion --seed 11 --samples 66 -o report\n\n\
     docs/evaluation.md says what each figure means. DIR gets scenes.csv, summary.md, summary.json, costs.csv and sheet.png.")]
 pub struct Args {
-    /// A folder in one of the layouts, or a shard
+    /// A folder in one of the layouts, or a shard; for the protocol insertion the configuration of rooms, as of `synth --config`
     dataset: PathBuf,
 
     /// How its files are laid out [default: found out]
     #[arg(long, value_name = "NAME")]
     layout: Option<LayoutName>,
 
-    /// A published protocol, with its own crops of a folder of panoramas and its own spheres
+    /// A published protocol, with its own crops of a folder of panoramas and its own spheres; or objects in generated rooms
     #[arg(long, value_name = "NAME", conflicts_with_all = ["layout", "crops", "hfov_deg", "make_profile"])]
     protocol: Option<ProtocolName>,
 
@@ -55,11 +60,11 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     samples: Option<u32>,
 
-    /// Methods, separated by commas [default: all that the options suffice for, but for panorama-…]
+    /// Methods, separated by commas [default: all that the options suffice for, but for panorama-…; the protocol insertion has its own]
     ///
     /// With one that knows a panorama of the room, every method is scored on the panoramas 0.7 m or more from it alone.
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = method)]
-    methods: Vec<Method>,
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    methods: Vec<String>,
 
     /// Trained weights, for network, network-sensor, network-true and single-map [default: those of the program]
     #[arg(long, value_name = "FILE")]
@@ -85,6 +90,10 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u32).range(0..=100))]
     rows: u32,
 
+    /// Of the protocol insertion: keep path-traced truths here, and take those that are there already
+    #[arg(long, value_name = "DIR")]
+    truths: Option<PathBuf>,
+
     /// The folder to write into
     #[arg(long, short, value_name = "DIR", required_unless_present = "make_profile")]
     output: Option<PathBuf>,
@@ -105,13 +114,17 @@ enum ProtocolName {
     ThreeSpheres,
     /// Editable indoor lighting (Weber et al. 2022): ten crops of 50 degrees, nine diffuse spheres on a plane
     SphereArray,
+    /// Spheres and a pole in generated rooms, their light and shadows against path tracing; half a minute a room
+    Insertion,
 }
 
-impl From<ProtocolName> for Protocol {
-    fn from(name: ProtocolName) -> Self {
-        match name {
-            ProtocolName::ThreeSpheres => Self::ThreeSpheres,
-            ProtocolName::SphereArray => Self::SphereArray,
+impl ProtocolName {
+    /// The protocols of panoramas.
+    fn of_panoramas(self) -> Option<Protocol> {
+        match self {
+            Self::ThreeSpheres => Some(Protocol::ThreeSpheres),
+            Self::SphereArray => Some(Protocol::SphereArray),
+            Self::Insertion => None,
         }
     }
 }
@@ -119,10 +132,23 @@ impl From<ProtocolName> for Protocol {
 const COMMAND: &str = "eval";
 const MANIFEST: &str = "summary.json";
 
-fn method(name: &str) -> Result<Method, String> {
-    let all = || Method::ALL.into_iter().chain(Method::WITH_PANORAMA);
-    let names = || all().map(Method::name).collect::<Vec<_>>().join(", ");
-    all().find(|method| method.name() == name).ok_or_else(|| format!("no method; there are {}", names()))
+/// Rooms of the protocol insertion where no number is given.
+const INSERTION_ROOMS: usize = 60;
+
+/// The methods of these names.
+fn named<T: Copy>(names: &[String], all: &[T], name: impl Fn(T) -> &'static str) -> Result<Vec<T>, Usage> {
+    let of_name = |wanted: &String| {
+        all.iter().copied().find(|&method| name(method) == wanted).ok_or_else(|| {
+            let known: Vec<&str> = all.iter().map(|&method| name(method)).collect();
+            Usage(format!("--methods: no method {wanted}; there are {}", known.join(", ")))
+        })
+    };
+    names.iter().map(of_name).collect()
+}
+
+fn methods(args: &Args) -> Result<Vec<Method>, Usage> {
+    let all: Vec<Method> = Method::ALL.into_iter().chain(Method::WITH_PANORAMA).collect();
+    named(&args.methods, &all, Method::name)
 }
 
 /// Evaluates, or makes a profile.
@@ -143,14 +169,21 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         known: None,
         foreign: None,
     };
-    check_tools(args, &tools)?;
-    let evaluation = Evaluation::open(&photos(global, args, args.split)?, &args.methods, tools).map_err(usage)?;
-    output::prepare_folder(folder, MANIFEST, COMMAND, args.force)?;
-
     let begun = Instant::now();
-    let mut bar = StageBar::new(global.quiet);
-    let report = evaluation.run(args.rows as usize, args.walks as usize, &mut |event| bar.hear(event));
-    drop(bar);
+    let rows = args.rows as usize;
+    let report = if matches!(args.protocol, Some(ProtocolName::Insertion)) {
+        let evaluation = insertion(global, args, tools)?;
+        output::prepare_folder(folder, MANIFEST, COMMAND, args.force)?;
+        let mut bar = StageBar::new(global.quiet);
+        evaluation.run(rows, &mut |event| bar.hear(event))
+    } else {
+        let methods = methods(args)?;
+        check_tools(&methods, &tools)?;
+        let evaluation = Evaluation::open(&photos(global, args, args.split)?, &methods, tools).map_err(usage)?;
+        output::prepare_folder(folder, MANIFEST, COMMAND, args.force)?;
+        let mut bar = StageBar::new(global.quiet);
+        evaluation.run(rows, args.walks as usize, &mut |event| bar.hear(event))
+    };
     write(args, folder, &report)?;
     let Report { photos: done, asked, .. } = report;
     if args.json {
@@ -175,11 +208,26 @@ fn photos(global: &Global, args: &Args, part: SplitName) -> anyhow::Result<Photo
     Ok(Photos {
         dataset: args.dataset.clone(),
         layout: args.layout.map(Into::into),
-        protocol: args.protocol.map(Into::into),
+        protocol: args.protocol.and_then(ProtocolName::of_panoramas),
         crops,
         part: part.part(),
         most: args.samples.map(|most| most as usize),
     })
+}
+
+/// Objects in the rooms of a configuration.
+fn insertion<'a>(global: &Global, args: &Args, tools: Tools<'a>) -> anyhow::Result<InsertionEvaluation<'a>> {
+    let methods = named(&args.methods, &InsertionMethod::ALL, InsertionMethod::name)?;
+    if tools.estimator.networks().is_none() {
+        return Err(Usage("the protocol insertion needs --weights FILE".into()).into());
+    }
+    let config: GeneratorConfig = config::read(&args.dataset)?;
+    let generator = Generator::new(global.seed, config).map_err(|error| Usage(error.to_string()))?;
+    let rooms = args.samples.map_or(INSERTION_ROOMS, |rooms| rooms as usize);
+    let evaluation = InsertionEvaluation::new(generator, global.seed, rooms, &methods, tools, Quality::Normal);
+    let Some(folder) = &args.truths else { return Ok(evaluation) };
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    Ok(evaluation.keeping_truths(folder.clone()))
 }
 
 /// What the user can help by other options.
@@ -191,8 +239,8 @@ fn usage(error: EvalError) -> anyhow::Error {
 }
 
 /// Whether all methods that were asked for have what they need.
-fn check_tools(args: &Args, tools: &Tools) -> Result<(), Usage> {
-    let lacking = args.methods.iter().find(|method| !method.has_tools(tools));
+fn check_tools(methods: &[Method], tools: &Tools) -> Result<(), Usage> {
+    let lacking = methods.iter().find(|method| !method.has_tools(tools));
     lacking.map_or(Ok(()), |method| {
         let needed = if *method == Method::Profile { "--profile FILE.json" } else { "--weights FILE" };
         Err(Usage(format!("the method {} needs {needed}", method.name())))

@@ -70,6 +70,15 @@ pub enum Warning {
         /// Radiance in its middle; the photo's white is 1.
         radiance: f32,
     },
+    /// The light on what is seen was not explained: lamps and windows were made brighter, or assumed where nothing is seen.
+    FittedLamps {
+        /// How many were made brighter.
+        brighter: usize,
+        /// How many were assumed.
+        assumed: usize,
+        /// What they give more than was known, as a share of the light on what is seen.
+        share: f32,
+    },
     /// Planes of the room are not seen, so their place is assumed.
     AssumedPlanes {
         /// Whether the floor is one of them.

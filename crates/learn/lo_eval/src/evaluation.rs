@@ -138,7 +138,8 @@ impl<'a> Evaluation<'a> {
             steps.step();
         }
         steps.end();
-        Report { methods: self.methods.clone(), summary, sheet, photos: done, asked: count, unreadable }
+        let methods = self.methods.iter().map(|method| method.name()).collect();
+        Report { methods, summary, sheet, photos: done, asked: count, unreadable }
     }
 
     /// With a method that knows a panorama of the room: that one, or what is lacking, and the sample with those that are scored. All methods are, for
@@ -194,5 +195,5 @@ fn outcome(
         scores
     });
     let (id, scene) = (sample.id.clone(), sample.scene_id.clone());
-    (Outcome { sample: id, scene, method: method.name(), scores, cost }, shown)
+    (Outcome { sample: id, scene, method: method.name(), condition: None, scores, cost }, shown)
 }

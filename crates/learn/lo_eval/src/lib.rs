@@ -5,6 +5,7 @@
 mod baseline;
 mod coherence;
 mod evaluation;
+mod insertion;
 pub mod memory;
 mod method;
 mod prior;
@@ -23,6 +24,7 @@ mod walk;
 
 pub use coherence::coherence;
 pub use evaluation::{EvalError, Evaluation, Photos};
+pub use insertion::{InsertionEvaluation, InsertionMethod, Lamps};
 pub use method::{DepthInput, Estimate, Light, Method, MethodError, PriorPanorama, Sight, Tools};
 pub use prior::{APART_M, KnownPanorama, LaidPrior};
 pub use profile::{Profile, ProfileBuilder, ProfileError};

@@ -89,6 +89,9 @@ pub enum MethodError {
     /// The panorama that is known is none.
     #[error(transparent)]
     Panorama(#[from] PanoramaError),
+    /// An object cannot be put into the photo.
+    #[error("{0}")]
+    Insertion(String),
 }
 
 /// What a method says about a room.
@@ -226,12 +229,7 @@ impl Method {
                 let scene = tools.estimator.estimate(input, &options, &mut lightoctree::events::ignore)?;
                 Ok(Estimate::of_scene(scene))
             }
-            Self::Network(input) => {
-                let options = network_options(tools)?;
-                let scene =
-                    tools.estimator.estimate(input_of(sample, input)?, &options, &mut lightoctree::events::ignore)?;
-                Ok(Estimate::of_scene(scene))
-            }
+            Self::Network(input) => Ok(Estimate::of_scene(estimate_scene(sample, input, tools)?)),
             Self::PanoramaEverywhere => {
                 let known = tools.known.filter(|known| !known.is_scored);
                 let known = known.ok_or(MethodError::Needs("another panorama than the one that is scored"))?;
@@ -304,6 +302,12 @@ pub(crate) fn traced(sight: &Sight, eye: Vec3, cones: &[Cone]) -> Vec<cone::Cone
     samples
 }
 
+/// What the networks make of a sample.
+pub(crate) fn estimate_scene(sample: &Sample, input: Option<DepthInput>, tools: &Tools) -> Result<Scene, MethodError> {
+    let options = network_options(tools)?;
+    Ok(tools.estimator.estimate(input_of(sample, input)?, &options, &mut lightoctree::events::ignore)?)
+}
+
 fn network_options(tools: &Tools) -> Result<EstimateOptions, MethodError> {
     let networks = tools.estimator.networks().ok_or(MethodError::Needs("weights"))?;
     Ok(EstimateOptions {
@@ -366,7 +370,7 @@ fn frame(sample: &Sample, input: DepthInput) -> Result<Frame, MethodError> {
 }
 
 /// Of all surface points, in the smallest cube that holds them.
-fn true_octree(sample: &Sample, tools: &Tools) -> Result<LightOctree, MethodError> {
+pub(crate) fn true_octree(sample: &Sample, tools: &Tools) -> Result<LightOctree, MethodError> {
     let bounds = sample.points.iter().map(|point| (point.position_m, point.position_m));
     let (low, high) =
         bounds.reduce(|(low, high), (a, b)| (low.min(a), high.max(b))).ok_or(MethodError::Needs("surface points"))?;

@@ -2,13 +2,13 @@
 
 use lo_dataset::DatasetError;
 
-use crate::{Cost, Method, Sheet, Summary};
+use crate::{Cost, Sheet, Summary};
 
 /// The figures of an evaluation.
 #[derive(Debug)]
 pub struct Report {
-    /// In the order of the sheet's columns.
-    pub methods: Vec<Method>,
+    /// Their names, in the order of the sheet's columns.
+    pub methods: Vec<&'static str>,
     /// Every outcome.
     pub summary: Summary,
     /// Pictures of some photos.
@@ -24,8 +24,7 @@ pub struct Report {
 impl Report {
     /// The order of the sheet and all tables, in Markdown.
     pub fn markdown(&self) -> String {
-        let names: Vec<&str> = self.methods.iter().map(|method| method.name()).collect();
-        let order = format!("sheet.png, from left to right: photo, true panorama, {}\n\n", names.join(", "));
+        let order = format!("sheet.png, from left to right: photo, truth, {}\n\n", self.methods.join(", "));
         order + &self.summary.markdown() + &self.summary.cost_markdown()
     }
 
@@ -70,19 +69,25 @@ fn line(cells: impl IntoIterator<Item = String>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{MethodError, Outcome, Scores};
+    use crate::{Method, MethodError, Outcome, Scores};
 
     #[test]
     fn tables_hold_every_outcome() {
         let scores = Scores::from_iter([("psnr_db".to_owned(), 12.5)]);
         let cost = Cost { estimate_s: 1.5, panorama_s: 0.25, peak_mib: Some(99.04) };
-        let outcome =
-            |method, scores| Outcome { sample: "a \"small\" room, 1".into(), scene: "a".into(), method, scores, cost };
+        let outcome = |method, scores| Outcome {
+            sample: "a \"small\" room, 1".into(),
+            scene: "a".into(),
+            method,
+            condition: None,
+            scores,
+            cost,
+        };
         let mut summary = Summary::default();
         summary.add(outcome("network", Ok(scores)));
         summary.add(outcome("shell-true", Err(MethodError::Needs("true depth"))));
         let sheet = Sheet::default();
-        let methods = vec![Method::Network(None)];
+        let methods = vec![Method::Network(None).name()];
         let report = Report { methods, summary, sheet, photos: 1, asked: 2, unreadable: None };
         let name = "\"a \"\"small\"\" room, 1\"";
         assert_eq!(
@@ -93,6 +98,6 @@ mod tests {
         );
         let costs = format!("photo,method,estimate_s,panorama_s,peak_mib\n{name},network,1.500000,0.250000,99.0\n");
         assert_eq!(report.costs_csv(), costs);
-        assert!(report.markdown().starts_with("sheet.png, from left to right: photo, true panorama, network\n\n###"));
+        assert!(report.markdown().starts_with("sheet.png, from left to right: photo, truth, network\n\n###"));
     }
 }

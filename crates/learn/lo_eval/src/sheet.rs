@@ -32,6 +32,11 @@ impl Sheet {
         self.rows.push(row);
     }
 
+    /// Adds pictures as they are.
+    pub fn add_row(&mut self, pictures: Vec<Image<[u8; 3]>>) {
+        self.rows.push(pictures);
+    }
+
     /// Rows so far.
     pub fn len(&self) -> usize {
         self.rows.len()

@@ -1,6 +1,6 @@
 //! Tables of many samples and methods.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
 use serde::Serialize;
@@ -17,6 +17,8 @@ pub struct Outcome {
     pub scene: String,
     /// Name of the method.
     pub method: &'static str,
+    /// What kind of light it is, for tables of their own.
+    pub condition: Option<&'static str>,
     /// Figures, or why there are none.
     pub scores: Result<Scores, MethodError>,
     /// What it took; measured, so never the same twice.
@@ -55,7 +57,7 @@ struct Line<'a> {
 /// Heading of a table, and its columns: figure, head, digits.
 type Table = (&'static str, &'static [(&'static str, &'static str, usize)]);
 
-const TABLES: [Table; 8] = [
+const TABLES: [Table; 10] = [
     (
         "Panorama",
         &[
@@ -135,6 +137,30 @@ const TABLES: [Table; 8] = [
         ],
     ),
     (
+        "Objects",
+        &[
+            ("object_diffuse_rmse", "diffuse RMSE ↓", 3),
+            ("object_diffuse_si_rmse", "diffuse si-RMSE ↓", 3),
+            ("object_rough_rmse", "rough RMSE ↓", 3),
+            ("object_rough_si_rmse", "rough si-RMSE ↓", 3),
+            ("object_mirror_rmse", "mirror RMSE ↓", 3),
+            ("object_mirror_si_rmse", "mirror si-RMSE ↓", 3),
+            ("object_pole_rmse", "pole RMSE ↓", 3),
+            ("object_pole_si_rmse", "pole si-RMSE ↓", 3),
+        ],
+    ),
+    (
+        "Shadows and dominant light",
+        &[
+            ("shadow_rms", "shadow RMS ↓", 4),
+            ("shadow_diffuse_rms", "of the sphere ↓", 4),
+            ("shadow_pole_rms", "of the pole ↓", 4),
+            ("shadow_gradient_correlation", "correlation of its gradient ↑", 3),
+            ("dominant_deg", "direction ° (median) ↓", 1),
+            ("dominant_log2_intensity", "|log₂ intensity| (median) ↓", 2),
+        ],
+    ),
+    (
         "Known panorama",
         &[
             ("prior_confidence", "confidence", 3),
@@ -146,9 +172,19 @@ const TABLES: [Table; 8] = [
     ),
 ];
 
+/// Figures whose medians over scenes stand in the tables: their means are those of few scenes.
+const MEDIANS: [&str; 2] = ["dominant_deg", "dominant_log2_intensity"];
+
 /// Figures for which scenes won are counted.
-const CONTESTS: [&str; 5] =
-    ["psnr_db", "unseen_si_rmse", "unseen_relative_si_rmse", "unseen_angular_deg", "array_si_rmse"];
+const CONTESTS: [&str; 7] = [
+    "psnr_db",
+    "unseen_si_rmse",
+    "unseen_relative_si_rmse",
+    "unseen_angular_deg",
+    "array_si_rmse",
+    "object_diffuse_rmse",
+    "shadow_rms",
+];
 
 impl Summary {
     /// Takes in an outcome.
@@ -175,10 +211,24 @@ impl Summary {
         found
     }
 
-    /// The tables in Markdown: means over scenes of the means over each scene's samples, and who wins how many scenes.
+    /// The tables in Markdown: means over scenes of the means over each scene's samples, and who wins how many scenes. Where outcomes have
+    /// conditions, the tables of each follow.
     pub fn markdown(&self) -> String {
-        let lines = self.lines();
+        let lines = self.lines(None);
         let mut text = String::new();
+        self.tables(&mut text, &lines, "");
+        for figure in CONTESTS {
+            contest(&mut text, figure, &lines);
+        }
+        failures(&mut text, &lines);
+        let conditions: BTreeSet<&str> = self.outcomes.iter().filter_map(|outcome| outcome.condition).collect();
+        for condition in conditions {
+            self.tables(&mut text, &self.lines(Some(condition)), &format!(", {condition}"));
+        }
+        text
+    }
+
+    fn tables(&self, text: &mut String, lines: &[Line], condition: &str) {
         for (title, columns) in TABLES {
             let shown: Vec<_> = columns
                 .iter()
@@ -191,23 +241,22 @@ impl Summary {
             head.extend(shown.iter().map(|(_, name, _)| (*name).to_owned()));
             let rows = lines.iter().filter(|line| shown.iter().any(|(figure, ..)| line.mean.get(figure).is_some()));
             let rows = rows.map(|line| {
-                let figures = shown.iter().map(|(figure, _, digits)| number(line.mean.get(figure), *digits));
+                let figures = shown.iter().map(|(figure, _, digits)| {
+                    let of_scenes = || line.scenes.iter().filter_map(|(_, scores)| scores.get(figure)).collect();
+                    let is_median = MEDIANS.contains(figure);
+                    number(if is_median { median(of_scenes()) } else { line.mean.get(figure) }, *digits)
+                });
                 [line.method.to_owned(), line.samples.to_string()].into_iter().chain(figures).collect()
             });
-            table(&mut text, title, &head, rows);
+            table(text, &format!("{title}{condition}"), &head, rows);
         }
-        for figure in CONTESTS {
-            contest(&mut text, figure, &lines);
-        }
-        failures(&mut text, &lines);
-        text
     }
 
     /// The table of time and memory in Markdown.
     pub fn cost_markdown(&self) -> String {
         let mut text = String::new();
         let head = ["method", "photo → light, s", "panorama, ms", "peak memory, MiB"].map(str::to_owned);
-        let rows = self.lines().into_iter().filter(|line| line.samples > 0).map(|line| {
+        let rows = self.lines(None).into_iter().filter(|line| line.samples > 0).map(|line| {
             let Cost { estimate_s, panorama_s, peak_mib } = line.cost;
             vec![
                 line.method.to_owned(),
@@ -223,7 +272,7 @@ impl Summary {
     /// The same as JSON: for every method its counts, means and medians over scenes, and cost.
     pub fn json(&self) -> serde_json::Value {
         let methods: Vec<_> = self
-            .lines()
+            .lines(None)
             .into_iter()
             .map(|line| {
                 let figures: serde_json::Map<_, _> = line
@@ -247,18 +296,20 @@ impl Summary {
         json!({ "methods": methods })
     }
 
-    fn lines(&self) -> Vec<Line<'_>> {
+    /// Of all methods, of outcomes under one condition or of all.
+    fn lines(&self, condition: Option<&str>) -> Vec<Line<'_>> {
         let mut methods: Vec<&'static str> = Vec::new();
         for outcome in &self.outcomes {
             if !methods.contains(&outcome.method) {
                 methods.push(outcome.method);
             }
         }
-        methods.into_iter().map(|method| self.line(method)).collect()
+        methods.into_iter().map(|method| self.line(method, condition)).collect()
     }
 
-    fn line(&self, method: &'static str) -> Line<'_> {
-        let own = || self.outcomes.iter().filter(|outcome| outcome.method == method);
+    fn line(&self, method: &'static str, condition: Option<&str>) -> Line<'_> {
+        let asked = |outcome: &&Outcome| condition.is_none_or(|condition| outcome.condition == Some(condition));
+        let own = || self.outcomes.iter().filter(|outcome| outcome.method == method).filter(asked);
         let mut failures = BTreeMap::new();
         let mut by_scene: Vec<(&str, Vec<&Scores>)> = Vec::new();
         for outcome in own() {
@@ -345,7 +396,7 @@ mod tests {
     fn outcome(scene: &str, number: usize, method: &'static str, psnr_db: f64) -> Outcome {
         let scores = Scores::from_iter([("psnr_db".to_owned(), psnr_db)]);
         let sample = format!("{scene}-{number}");
-        Outcome { sample, scene: scene.to_owned(), method, scores: Ok(scores), cost: Cost::default() }
+        Outcome { sample, scene: scene.to_owned(), method, condition: None, scores: Ok(scores), cost: Cost::default() }
     }
 
     #[test]

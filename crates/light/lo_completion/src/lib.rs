@@ -4,6 +4,7 @@
 mod extrapolate;
 mod face;
 mod fill;
+mod fit;
 mod gravity;
 mod highlights;
 mod lamps;
@@ -13,6 +14,7 @@ mod panorama;
 mod shell;
 mod visibility;
 
+pub use fit::{FittedLamp, LampFit, fit_lamps};
 pub use gravity::up_from_predicted_depth;
 pub use highlights::HighlightReport;
 pub use lamps::LampReport;

@@ -1,5 +1,6 @@
 //! Sparse voxel octree: shuffled keys, construction from points, neighbours, the RGBα pyramid and its tensors.
 
+mod change;
 mod corners;
 mod error;
 mod find;

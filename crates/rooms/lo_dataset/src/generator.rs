@@ -194,6 +194,22 @@ impl Generator {
         Ok(record)
     }
 
+    /// Room `index` with one photo, and with panoramas at places that are chosen for it, in the room's frame.
+    ///
+    /// # Errors
+    /// As of [`record`](Self::record).
+    pub fn record_with_panoramas(
+        &self,
+        index: u64,
+        places: impl FnOnce(&Interior, &CameraPose) -> Vec<Vec3>,
+    ) -> Result<Record, DatasetError> {
+        let interior = self.interior(index)?;
+        let cameras = interior.camera_poses(1);
+        let places = places(&interior, &cameras[0]);
+        let probes: Vec<(usize, Vec3)> = places.into_iter().map(|place| (0, place)).collect();
+        self.taken(index, interior, &cameras, &probes, Devices::Each)
+    }
+
     /// Places of the panoramas, each with the photo in whose frustum it stands.
     fn probes(&self, interior: &Interior, cameras: &[CameraPose]) -> Vec<(usize, Vec3)> {
         let (total, shots) = (self.config.panoramas as usize, cameras.len().max(1));

@@ -106,6 +106,17 @@ impl PathTracer {
         (sum / samples as f32).to_array()
     }
 
+    /// Irradiance as of [`irradiance`](Self::irradiance) by the one path of random stream `index`: in two worlds the same path, as far as it meets the
+    /// same.
+    pub fn irradiance_by_path(&self, point: Vec3, normal: Vec3, index: u64) -> [f32; 3] {
+        self.irradiance(point, normal, 1, index)
+    }
+
+    /// Radiance that arrives at the origin of a ray by the one path of random stream `index`.
+    pub fn radiance_by_path(&self, ray: Ray, index: u64) -> [f32; 3] {
+        self.radiance(ray, &mut lo_random::stream(self.seed, "reference ray", index)).to_array()
+    }
+
     /// Radiance that arrives along a ray, from one path.
     fn radiance(&self, ray: Ray, stream: &mut Stream) -> Vec3 {
         self.path(ray, Scattering { from: ray.origin, density: None }, 0, stream)

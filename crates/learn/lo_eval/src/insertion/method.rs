@@ -1,0 +1,162 @@
+//! What lights the objects.
+
+use lightoctree::insert::Lighting;
+use lightoctree::scene::Scene;
+use lightoctree::{SharpViewers, add_fitted_lamps, add_lamp};
+use lo_dataset::{NovelView, Sample};
+use lo_geometry::{Vec3, pixel_direction};
+use lo_imaging::{RadianceImage, sample_equirectangular};
+
+use crate::method::{estimate_scene, true_octree};
+use crate::{DepthInput, MethodError, Tools};
+
+/// A way to light an object in a photo.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InsertionMethod {
+    /// The networks, from the photo alone or with depth.
+    Network(Option<DepthInput>, Lamps),
+    /// The one panorama that the global decoder makes of the photo, and true depth.
+    SingleMap,
+    /// The true octree and true depth: what a perfect network of this depth would reach.
+    TrueOctree,
+    /// The true panorama at the object's middle, as light from infinitely far away, and true depth.
+    TruePanorama,
+}
+
+/// Lamps that a network's octree gets for lighting objects.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lamps {
+    /// None but what the network sees and guesses.
+    None,
+    /// One above the middle of the view, as bright as what is seen asks for.
+    Overhead,
+    /// Those that explain how what is seen is shaded.
+    Fitted,
+}
+
+impl InsertionMethod {
+    /// All of them, in the order of the tables.
+    pub const ALL: [Self; 12] = [
+        Self::Network(None, Lamps::None),
+        Self::Network(None, Lamps::Overhead),
+        Self::Network(None, Lamps::Fitted),
+        Self::Network(Some(DepthInput::Sensor), Lamps::None),
+        Self::Network(Some(DepthInput::Sensor), Lamps::Overhead),
+        Self::Network(Some(DepthInput::Sensor), Lamps::Fitted),
+        Self::Network(Some(DepthInput::True), Lamps::None),
+        Self::Network(Some(DepthInput::True), Lamps::Overhead),
+        Self::Network(Some(DepthInput::True), Lamps::Fitted),
+        Self::SingleMap,
+        Self::TrueOctree,
+        Self::TruePanorama,
+    ];
+
+    /// Its name in tables and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Network(None, Lamps::None) => "no-lamp",
+            Self::Network(None, Lamps::Overhead) => "overhead",
+            Self::Network(None, Lamps::Fitted) => "fitted",
+            Self::Network(Some(DepthInput::Sensor), Lamps::None) => "no-lamp-sensor",
+            Self::Network(Some(DepthInput::Sensor), Lamps::Overhead) => "overhead-sensor",
+            Self::Network(Some(DepthInput::Sensor), Lamps::Fitted) => "fitted-sensor",
+            Self::Network(Some(DepthInput::True), Lamps::None) => "no-lamp-true",
+            Self::Network(Some(DepthInput::True), Lamps::Overhead) => "overhead-true",
+            Self::Network(Some(DepthInput::True), Lamps::Fitted) => "fitted-true",
+            Self::SingleMap => "single-map",
+            Self::TrueOctree => "true-octree",
+            Self::TruePanorama => "true-panorama",
+        }
+    }
+
+    /// The depth that it works with.
+    pub(crate) fn input(self) -> Option<DepthInput> {
+        match self {
+            Self::Network(input, _) => input,
+            _ => Some(DepthInput::True),
+        }
+    }
+}
+
+/// Light on objects, and the scene that they stand in.
+pub(crate) struct Lit {
+    pub scene: Scene,
+    light: Light,
+}
+
+enum Light {
+    Octree(Box<SharpViewers>),
+    /// The same panorama at all places.
+    Map(RadianceImage),
+    /// The true panorama of each place.
+    Panoramas,
+}
+
+impl Lit {
+    /// `scene` is what the networks make of the photo and the method's depth.
+    ///
+    /// # Errors
+    /// What the sample or the tools lack.
+    pub fn new(method: InsertionMethod, sample: &Sample, scene: &Scene, tools: &Tools) -> Result<Self, MethodError> {
+        let mut scene = scene.clone();
+        let light = match method {
+            InsertionMethod::Network(_, lamps) => {
+                match lamps {
+                    Lamps::None => {}
+                    Lamps::Overhead => drop(add_lamp(&mut scene)),
+                    Lamps::Fitted => drop(add_fitted_lamps(&mut scene)),
+                }
+                Light::Octree(Box::new(SharpViewers::new(&scene)))
+            }
+            InsertionMethod::TrueOctree => {
+                scene.light = true_octree(sample, tools)?;
+                scene.confidence = None;
+                Light::Octree(Box::new(SharpViewers::new(&scene)))
+            }
+            InsertionMethod::SingleMap => {
+                let networks = tools.estimator.networks().ok_or(MethodError::Needs("weights"))?;
+                Light::Map(networks.single_map(&sample.photo))
+            }
+            InsertionMethod::TruePanorama => Light::Panoramas,
+        };
+        Ok(Self { scene, light })
+    }
+
+    /// What `insert` is to take for an object where `view` is the true panorama.
+    pub fn lighting(&self, view: &NovelView) -> Lighting {
+        match &self.light {
+            Light::Octree(_) => Lighting::Octree,
+            Light::Map(map) => Lighting::EnvironmentMap(map.clone()),
+            Light::Panoramas => Lighting::EnvironmentMap(in_photo_frame(view)),
+        }
+    }
+
+    /// Panorama in the photo's frame at a place, which is `view`'s as the scene has it.
+    pub fn panorama(&self, place_m: Vec3, view: &NovelView) -> RadianceImage {
+        let (width, height) = (view.radiance.width(), view.radiance.height());
+        match &self.light {
+            Light::Octree(viewers) => viewers.panorama(place_m, width, height).radiance,
+            Light::Map(map) => RadianceImage::from_fn(width, height, |x, y| {
+                sample_equirectangular(map, pixel_direction(x, y, width, height))
+            }),
+            Light::Panoramas => in_photo_frame(view),
+        }
+    }
+}
+
+/// A view's panorama with the photo's directions.
+pub(crate) fn in_photo_frame(view: &NovelView) -> RadianceImage {
+    let (width, height) = (view.radiance.width(), view.radiance.height());
+    let inverse = view.rotation.inverse();
+    RadianceImage::from_fn(width, height, |x, y| {
+        sample_equirectangular(&view.radiance, inverse * pixel_direction(x, y, width, height))
+    })
+}
+
+/// The scene that a method's networks make of a sample.
+///
+/// # Errors
+/// What the sample or the tools lack; estimates that fail.
+pub(crate) fn scene_of(input: Option<DepthInput>, sample: &Sample, tools: &Tools) -> Result<Scene, MethodError> {
+    estimate_scene(sample, input, tools)
+}

@@ -1,0 +1,120 @@
+//! What is put into the rooms: spheres of radius 1 and a pole beside which they would be as high, on a base in the origin.
+
+use std::f32::consts::TAU;
+
+use lightoctree::mesh::{LoadOptions, Material, MeshError, Model};
+use lo_geometry::Vec3;
+
+/// Sides of the pole.
+const SIDES: u32 = 32;
+
+/// Radius and height of the pole, in radii of the spheres.
+const POLE: (f32, f32) = (0.15, 5.0);
+
+/// Times that the triangles of a sphere are split: 20,480 triangles.
+const SUBDIVISIONS: u32 = 5;
+
+/// Objects whose light is compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// A sphere of white plaster.
+    Diffuse,
+    /// A sphere of brushed metal.
+    Rough,
+    /// A mirror.
+    Mirror,
+    /// A thin pole of white plaster.
+    Pole,
+}
+
+impl Kind {
+    pub const ALL: [Self; 4] = [Self::Diffuse, Self::Rough, Self::Mirror, Self::Pole];
+
+    /// For names of figures.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Diffuse => "diffuse",
+            Self::Rough => "rough",
+            Self::Mirror => "mirror",
+            Self::Pole => "pole",
+        }
+    }
+
+    /// Whether its shadow is compared; those of the spheres differ but by the light that they throw back.
+    pub fn casts(self) -> bool {
+        matches!(self, Self::Diffuse | Self::Pole)
+    }
+
+    /// Height in radii of the spheres.
+    pub fn height(self) -> f32 {
+        if self == Self::Pole { POLE.1 } else { 2.0 }
+    }
+
+    /// The object, +Y up, on the origin.
+    ///
+    /// # Errors
+    /// None that could happen: the numbers are fixed.
+    pub fn model(self) -> Result<Model, MeshError> {
+        let plaster =
+            Material { base_color: [0.8, 0.8, 0.8, 1.0], metallic: 0.0, roughness: 1.0, ..Material::default() };
+        let metal = |roughness| Material { metallic: 1.0, roughness, ..plaster.clone() };
+        let mut model = match self {
+            Self::Diffuse => Model::sphere(1.0, SUBDIVISIONS, plaster),
+            Self::Rough => Model::sphere(1.0, SUBDIVISIONS, metal(0.4)),
+            Self::Mirror => Model::sphere(1.0, SUBDIVISIONS, metal(0.0)),
+            Self::Pole => pole(plaster),
+        }?;
+        if self != Self::Pole {
+            model.positions.iter_mut().for_each(|position| position.y += 1.0);
+        }
+        Ok(model)
+    }
+}
+
+fn pole(material: Material) -> Result<Model, MeshError> {
+    let (radius, height) = POLE;
+    let ring = |y: f32| {
+        (0..SIDES).map(move |i| {
+            let (sin, cos) = (TAU * i as f32 / SIDES as f32).sin_cos();
+            Vec3::new(radius * cos, y, radius * sin)
+        })
+    };
+    let mut positions: Vec<Vec3> = ring(0.0).chain(ring(height)).collect();
+    positions.extend([Vec3::ZERO, Vec3::new(0.0, height, 0.0)]);
+    let (bottom, top) = (2 * SIDES, 2 * SIDES + 1);
+    let side = |i: u32| {
+        let (a, b) = (i, (i + 1) % SIDES);
+        let (c, d) = (a + SIDES, b + SIDES);
+        [[a, c, b], [b, c, d], [bottom, a, b], [top, d, c]]
+    };
+    Model::from_triangles(positions, (0..SIDES).flat_map(side).collect(), material, &LoadOptions::default())
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn objects_stand_on_the_origin_and_face_outwards() {
+        for kind in Kind::ALL {
+            let model = kind.model().unwrap();
+            let low = model.positions.iter().copied().reduce(Vec3::min).unwrap();
+            let high = model.positions.iter().copied().reduce(Vec3::max).unwrap();
+            assert!(low.y.abs() < 1e-3 && (high.y - kind.height()).abs() < 1e-3, "{kind:?}: {low} {high}");
+            let half_width = if kind == Kind::Pole { POLE.0 } else { 1.0 };
+            assert!((high.x - half_width).abs() < 0.01, "{kind:?}: {high}");
+            // Divergence theorem: the volume is positive where triangles face outwards.
+            let of = |[a, b, c]: [u32; 3]| {
+                let [a, b, c] = [a, b, c].map(|i| model.positions[i as usize]);
+                a.dot(b.cross(c)) / 6.0
+            };
+            let volume: f32 = model.triangles.iter().map(|&triangle| of(triangle)).sum();
+            let exact = match kind {
+                Kind::Pole => std::f32::consts::PI * POLE.0 * POLE.0 * POLE.1,
+                _ => 4.0 / 3.0 * std::f32::consts::PI,
+            };
+            assert!((volume / exact - 1.0).abs() < 0.01, "{kind:?}: {volume} {exact}");
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! Where objects stand: places of the photo on level surfaces, with room for all of them.
+
+use lightoctree::mesh::{Model, PreparedModel};
+use lo_geometry::{Ray, Vec3};
+use lo_random::RngExt;
+use lo_synth::{CameraPose, Interior};
+
+use super::objects::Kind;
+
+/// Places of a photo.
+pub(crate) const MAX_PLACES: usize = 3;
+
+/// Pixels of the photo that are tried.
+const TRIES: usize = 600;
+
+/// Metres along the optical axis.
+const DEPTH_M: (f32, f32) = (0.9, 4.5);
+
+/// Radius of the spheres, as a share of the photo's width on which it appears.
+const RADIUS_SHARE: f32 = 0.042;
+
+/// Places lie so many radii apart.
+const APART: f32 = 8.0;
+
+/// Farthest that light is followed, metres.
+const FAR_M: f32 = 100.0;
+
+/// Where an object stands, in the room's frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Place {
+    /// The pixel where its base is seen.
+    pub pixel: [f64; 2],
+    /// Middle of the base.
+    pub base_m: Vec3,
+    /// Radius of the spheres.
+    pub radius_m: f32,
+}
+
+/// Up to three places of a photo; none where it shows no free level surface.
+pub(crate) fn places(interior: &Interior, view: &CameraPose, seed: u64) -> Vec<Place> {
+    let bare = Model { tangents: Vec::new(), ..interior.world.model.clone() };
+    let model = PreparedModel::new(bare);
+    let mut random = lo_random::stream(seed, "places of objects", lo_random::hash(interior.id.as_bytes()));
+    let (width, height) = (f64::from(view.camera.width), f64::from(view.camera.height));
+    let mut found: Vec<Place> = Vec::new();
+    for _ in 0..TRIES {
+        let pixel = [random.random_range(0.1..0.9) * width, random.random_range(0.2..0.92) * height];
+        let Some(place) = place(interior, &model, view, pixel) else { continue };
+        let apart = |other: &Place| (other.base_m - place.base_m).length() > APART * other.radius_m.max(place.radius_m);
+        if found.iter().all(apart) {
+            found.push(place);
+            if found.len() == MAX_PLACES {
+                break;
+            }
+        }
+    }
+    found
+}
+
+/// A pixel, where it shows a level surface on which all objects stand freely and are seen whole.
+fn place(interior: &Interior, model: &PreparedModel, view: &CameraPose, pixel: [f64; 2]) -> Option<Place> {
+    let (camera, pose) = (&view.camera, &view.pose);
+    let direction = (pose.rotation * camera.direction(pixel[0], pixel[1])).normalize();
+    let hit = model.intersect_both_sides(&Ray { origin: pose.position, direction }, FAR_M)?;
+    let axis_m = hit.distance_m * direction.dot(pose.rotation * Vec3::NEG_Z);
+    if !(DEPTH_M.0..DEPTH_M.1).contains(&axis_m) || !is_level(model, hit.triangle) {
+        return None;
+    }
+    let base_m = pose.position + direction * hit.distance_m;
+    let radius_m = RADIUS_SHARE * camera.width as f32 / camera.fx as f32 * axis_m;
+    let is_carried = |i: u32| {
+        let (sin, cos) = (std::f32::consts::TAU * i as f32 / 8.0).sin_cos();
+        let origin = base_m + radius_m * Vec3::new(cos, 0.5, sin);
+        let hit = model.intersect_both_sides(&Ray { origin, direction: Vec3::NEG_Y }, FAR_M);
+        hit.is_some_and(|hit| (hit.distance_m - 0.5 * radius_m).abs() < 0.005)
+    };
+    let is_free =
+        |height: f32, margin: f32| interior.is_free(base_m + Vec3::Y * (height * radius_m), margin * radius_m);
+    let has_room = is_free(1.0, 0.95) && [1.0, 2.0, 3.0, 4.0, Kind::Pole.height()].iter().all(|&h| is_free(h, 0.4));
+    // Seen whole: the sphere's outline, and the pole.
+    let shows = |point: Vec3| {
+        let local = pose.rotation.inverse() * (point - pose.position);
+        let inside = camera.project(local).is_some_and(|(u, v, _)| {
+            let margin = 0.02 * f64::from(camera.width);
+            u > margin && v > margin && u < camera.width as f64 - margin && v < camera.height as f64 - margin
+        });
+        let to = point - pose.position;
+        let ray = Ray { origin: pose.position, direction: to.normalize() };
+        let is_open = || model.intersect_both_sides(&ray, to.length() - 0.01 * radius_m).is_none();
+        inside && is_open()
+    };
+    let right = pose.rotation * Vec3::X;
+    let outline = [Vec3::Y, Vec3::new(0.0, 2.0, 0.0), Vec3::Y + right, Vec3::Y - right, Vec3::Y * Kind::Pole.height()];
+    let shown = || outline.into_iter().all(|offset| shows(base_m + offset * radius_m));
+    ((0..8).all(is_carried) && has_room && shown()).then_some(Place { pixel, base_m, radius_m })
+}
+
+fn is_level(model: &PreparedModel, triangle: u32) -> bool {
+    let model = model.model();
+    let [a, b, c] = model.triangles[triangle as usize].map(|v| model.positions[v as usize]);
+    (b - a).cross(c - a).normalize_or_zero().y.abs() > 0.999
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use lo_synth::SynthConfig;
+
+    use super::*;
+
+    #[test]
+    fn objects_stand_freely_where_the_photo_shows_it() {
+        let mut found = 0;
+        for index in 0..4 {
+            let interior = Interior::generate(5, index, &SynthConfig::default()).unwrap();
+            let view = interior.camera_poses(1)[0];
+            let all = places(&interior, &view, 1);
+            assert_eq!(all, places(&interior, &view, 1));
+            for place in &all {
+                let local = view.pose.rotation.inverse() * (place.base_m - view.pose.position);
+                let (u, v, axis_m) = view.camera.project(local).unwrap();
+                assert!((u - place.pixel[0]).abs() < 0.1 && (v - place.pixel[1]).abs() < 0.1, "{place:?}");
+                assert!((0.9..4.5).contains(&axis_m));
+                assert!(interior.is_free(place.base_m + Vec3::Y * place.radius_m, 0.9 * place.radius_m));
+            }
+            for (i, a) in all.iter().enumerate() {
+                let apart = |b: &Place| (a.base_m - b.base_m).length() > 4.0 * a.radius_m;
+                assert!(all[..i].iter().all(apart));
+            }
+            found += all.len();
+        }
+        assert!(found >= 4, "{found}");
+    }
+}

@@ -1,0 +1,240 @@
+//! What objects look like in the true room, and what their shadows do: path traced.
+
+use lightoctree::mesh::{Hit, Model, PreparedModel};
+use lo_geometry::{Ray, Vec3};
+use lo_synth::CameraPose;
+use lo_transport::{PathTracer, TransportError, World};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::objects::Kind;
+use super::places::Place;
+
+/// One pixel of so many in each direction is compared.
+pub(crate) const STRIDE: usize = 3;
+
+/// Paths of each pixel of an object, and of each place of the floor with and without the object.
+const OBJECT_PATHS: u64 = 192;
+const FLOOR_PATHS: u64 = 128;
+
+/// The paths of an object's pixel are taken in so many parts, and the middle one of their means counts: some paths meet lamps behind shades by chance.
+const PARTS: u64 = 8;
+
+/// The shadow is compared this many radii around the base, and as far again along the picture's rows.
+const REACH: f32 = 6.0;
+
+/// The surface that carries the object: metres above and below the base.
+const SUPPORT_M: f32 = 0.02;
+
+/// Farther than any way in a room.
+const FAR_M: f32 = 1e3;
+
+/// What is true at one place for one object.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct Truth {
+    /// Pixels that show nothing but the object, and its radiance there in units of the photo's white.
+    pub object: Vec<([usize; 2], [f32; 3])>,
+    /// Pixels that show the surface on which it stands, and irradiance there with the object over that without it; black is 1.
+    pub shadow: Vec<([usize; 2], [f32; 3])>,
+}
+
+/// The true room of one photo.
+pub(crate) struct TrueRoom {
+    world: World,
+    bare: PreparedModel,
+    empty: PathTracer,
+    view: CameraPose,
+    gains: [f32; 3],
+    seed: u64,
+}
+
+impl TrueRoom {
+    /// The room that the photo of this camera shows; its radiance times `gains` is in units of the photo's white.
+    ///
+    /// # Errors
+    /// Rooms that light transport refuses.
+    pub fn new(world: World, view: CameraPose, gains: [f32; 3], seed: u64) -> Result<Self, TransportError> {
+        let bare = PreparedModel::new(world.model.clone());
+        let empty = PathTracer::new(world.clone(), seed)?;
+        Ok(Self { world, bare, empty, view, gains, seed })
+    }
+
+    /// Light on an object and in its shadow.
+    ///
+    /// # Errors
+    /// Rooms that light transport refuses.
+    pub fn with(&self, kind: Kind, object: &Model, place: &Place) -> Result<Truth, TransportError> {
+        let first = self.world.model.triangles.len() as u32;
+        let mut world = self.world.clone();
+        append(&mut world.model, object, place);
+        let full = PreparedModel::new(world.model.clone());
+        let tracer = PathTracer::new(world, self.seed)?;
+        let shows_object =
+            |x: f32, y: f32| full.intersect_both_sides(&self.ray(x, y), FAR_M).is_some_and(|hit| hit.triangle >= first);
+        let [from, to] = self.window(place, kind);
+        let (mut object, mut floor) = (Vec::new(), Vec::new());
+        let rows = (from[1]..to[1]).step_by(STRIDE);
+        for [x, y] in rows.flat_map(|y| (from[0]..to[0]).step_by(STRIDE).map(move |x| [x, y])) {
+            let at = |(dx, dy): (f32, f32)| shows_object(x as f32 + dx, y as f32 + dy);
+            let shown = [(0.5, 0.5), (0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)].map(at);
+            if shown == [true; 5] {
+                object.push([x, y]);
+            } else if shown == [false; 5] && kind.casts() {
+                floor.extend(self.support(x as f32 + 0.5, y as f32 + 0.5, place).map(|point| ([x, y], point)));
+            }
+        }
+        let start = |i: usize, paths: u64| i as u64 * paths;
+        let radiance = |(i, &[x, y]): (usize, &[usize; 2])| {
+            let ray = self.ray(x as f32 + 0.5, y as f32 + 0.5);
+            let part = |number: u64| -> Vec3 {
+                let paths =
+                    (0..OBJECT_PATHS / PARTS).map(|k| start(i, OBJECT_PATHS) + number * (OBJECT_PATHS / PARTS) + k);
+                paths.map(|index| Vec3::from(tracer.radiance_by_path(ray, index))).sum::<Vec3>()
+            };
+            let mut parts: Vec<Vec3> = (0..PARTS).map(part).collect();
+            parts.sort_by(|a, b| a.element_sum().total_cmp(&b.element_sum()));
+            // The middle half.
+            let quarter = parts.len() / 4;
+            let middle = &parts[quarter..parts.len() - quarter];
+            let mean = middle.iter().sum::<Vec3>() / (middle.len() as u64 * (OBJECT_PATHS / PARTS)) as f32;
+            ([x, y], (mean * Vec3::from(self.gains)).to_array())
+        };
+        let object = object.par_iter().enumerate().map(radiance).collect();
+        // The same paths with and without the object: chance is the same where it is not in the way.
+        let ratio = |(i, &(pixel, point)): (usize, &([usize; 2], Vec3))| {
+            let of = |tracer: &PathTracer| -> Vec3 {
+                let paths = (0..FLOOR_PATHS).map(|k| start(i, FLOOR_PATHS) + k);
+                paths.map(|index| Vec3::from(tracer.irradiance_by_path(point, Vec3::Y, index))).sum()
+            };
+            let (with, without) = (of(&tracer).to_array(), of(&self.empty).to_array());
+            let ratio = |c: usize| if without[c] > 0.0 { with[c] / without[c] } else { 1.0 };
+            (pixel, [ratio(0), ratio(1), ratio(2)])
+        };
+        let shadow = floor.par_iter().enumerate().map(ratio).collect();
+        Ok(Truth { object, shadow })
+    }
+
+    /// Pixels in which the object and its shadow are compared: from, to.
+    fn window(&self, place: &Place, kind: Kind) -> [[usize; 2]; 2] {
+        let camera = &self.view.camera;
+        let axis_m = (place.base_m - self.view.pose.position).dot(self.view.pose.rotation * Vec3::NEG_Z);
+        let radius_px = camera.fx * f64::from(place.radius_m / axis_m);
+        let [u, v] = place.pixel;
+        let reach = f64::from(REACH) * radius_px;
+        let above = f64::from(kind.height().max(REACH)) * radius_px;
+        let clamp = |value: f64, most: u32| value.clamp(0.0, f64::from(most)) as usize;
+        [
+            [clamp(u - reach, camera.width), clamp(v - above, camera.height)],
+            [clamp(u + reach, camera.width), clamp(v + reach, camera.height)],
+        ]
+    }
+
+    fn ray(&self, u: f32, v: f32) -> Ray {
+        let direction = self.view.camera.direction(f64::from(u), f64::from(v));
+        Ray { origin: self.view.pose.position, direction: (self.view.pose.rotation * direction).normalize() }
+    }
+
+    /// The place of the carrying surface that a pixel shows.
+    fn support(&self, u: f32, v: f32, place: &Place) -> Option<Vec3> {
+        let ray = self.ray(u, v);
+        let hit = self.bare.intersect_both_sides(&ray, FAR_M)?;
+        let point = ray.origin + ray.direction * hit.distance_m;
+        let near = (point.y - place.base_m.y).abs() < SUPPORT_M
+            && (point - place.base_m).length() < REACH * place.radius_m
+            && normal(self.bare.model(), &hit).y.abs() > 0.99;
+        near.then_some(point + Vec3::Y * 1e-3)
+    }
+}
+
+fn normal(model: &Model, hit: &Hit) -> Vec3 {
+    let [a, b, c] = model.triangles[hit.triangle as usize].map(|v| model.positions[v as usize]);
+    (b - a).cross(c - a).normalize_or_zero()
+}
+
+/// Puts an object on a place of a room.
+fn append(room: &mut Model, object: &Model, place: &Place) {
+    let (vertices, materials) = (room.positions.len() as u32, room.materials.len() as u32);
+    room.positions.extend(object.positions.iter().map(|&p| place.base_m + p * place.radius_m));
+    room.normals.extend(&object.normals);
+    if !room.tangents.is_empty() {
+        room.tangents.resize(room.positions.len(), [1.0, 0.0, 0.0, 1.0]);
+    }
+    for uvs in room.uvs.iter_mut().filter(|uvs| !uvs.is_empty()) {
+        uvs.resize(room.positions.len(), [0.0; 2]);
+    }
+    if !room.colors.is_empty() {
+        room.colors.resize(room.positions.len(), [1.0; 4]);
+    }
+    room.triangles.extend(object.triangles.iter().map(|triangle| triangle.map(|v| v + vertices)));
+    room.triangle_materials.extend(object.triangle_materials.iter().map(|&m| m + materials));
+    room.materials.extend(object.materials.iter().cloned());
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use lightoctree::mesh::{LoadOptions, Material};
+    use lo_geometry::{Camera, Quat};
+    use lo_imaging::RadianceImage;
+    use lo_transport::{Outdoors, Pose};
+
+    use super::*;
+
+    /// A grey floor under a sky of radiance 1 all around, seen from above.
+    fn open_floor() -> TrueRoom {
+        let corners = [(-20.0, -20.0), (-20.0, 20.0), (20.0, 20.0), (20.0, -20.0)];
+        let positions = corners.map(|(x, z)| Vec3::new(x, 0.0, z)).to_vec();
+        let grey = Material { base_color: [0.5, 0.5, 0.5, 1.0], roughness: 1.0, ..Material::default() };
+        let triangles = vec![[0, 1, 2], [0, 2, 3]];
+        let model = Model::from_triangles(positions, triangles, grey, &LoadOptions::default()).unwrap();
+        let sky = RadianceImage::new(2, 1, vec![[1.0; 3]; 2]);
+        let world = World { model, outdoors: Outdoors { radiance: sky, sun: None }, portals: Vec::new() };
+        let rotation = Quat::from_rotation_x(-0.6);
+        let pose = Pose { position: Vec3::new(0.0, 1.4, 2.0), rotation };
+        let camera = Camera::from_hfov_deg(60.0, 240, 160).unwrap();
+        TrueRoom::new(world, CameraPose { pose, camera }, [1.0, 2.0, 0.5], 3).unwrap()
+    }
+
+    fn place() -> Place {
+        let room = open_floor();
+        let base_m = Vec3::new(0.05, 0.0, -0.1);
+        let local = room.view.pose.rotation.inverse() * (base_m - room.view.pose.position);
+        let (u, v, _) = room.view.camera.project(local).unwrap();
+        Place { pixel: [u, v], base_m, radius_m: 0.2 }
+    }
+
+    #[test]
+    fn a_black_sphere_takes_from_the_floor_what_it_hides_of_the_sky() {
+        let (room, place) = (open_floor(), place());
+        let mut black = Kind::Diffuse.model().unwrap();
+        black.materials[0].base_color = [0.0, 0.0, 0.0, 1.0];
+        let truth = room.with(Kind::Diffuse, &black, &place).unwrap();
+        assert!(truth.shadow.len() > 100 && truth.object.len() > 20, "{} {}", truth.shadow.len(), truth.object.len());
+        let mut sum = 0.0;
+        for ([x, y], ratio) in &truth.shadow {
+            let point = room.support(*x as f32 + 0.5, *y as f32 + 0.5, &place).unwrap();
+            // Form factor of a sphere above the horizon: cos θ (R / d)². Its gloss gives back a little.
+            let centre_m = place.base_m + Vec3::Y * place.radius_m;
+            let distance_m = (centre_m - point).length();
+            let expected = 1.0 - place.radius_m / distance_m * (place.radius_m / distance_m).powi(2);
+            assert!((ratio[1] - expected).abs() < 0.2, "{ratio:?} {expected}");
+            sum += ratio[1] - expected;
+        }
+        let mean = sum / truth.shadow.len() as f32;
+        assert!((-0.01..0.03).contains(&mean), "{mean}");
+    }
+
+    #[test]
+    fn a_mirror_shows_the_sky_in_units_of_the_photo() {
+        let (room, place) = (open_floor(), place());
+        let truth = room.with(Kind::Mirror, &Kind::Mirror.model().unwrap(), &place).unwrap();
+        assert!(truth.shadow.is_empty());
+        // 0.8 at normal incidence, more towards the edge; what mirrors the floor has half of it.
+        let of_sky = truth.object.iter().filter(|(_, rgb)| rgb[0] > 0.7).count();
+        assert!(of_sky * 4 > truth.object.len(), "{of_sky} of {}", truth.object.len());
+        for (_, rgb) in &truth.object {
+            assert!(rgb[0] < 1.01 && rgb[0] > 0.25, "{rgb:?}");
+            assert!((rgb[1] / rgb[0] - 2.0).abs() < 1e-3 && (rgb[2] / rgb[0] - 0.5).abs() < 1e-3, "{rgb:?}");
+        }
+    }
+}

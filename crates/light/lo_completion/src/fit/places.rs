@@ -1,0 +1,211 @@
+//! Places of what is seen whose shading can be compared: parts of segments in which albedo is taken to be constant.
+
+use lo_geometry::Vec3;
+use lo_imaging::luminance;
+use lo_scene::Frame;
+
+/// Cells along the longer side of the picture.
+const CELLS: usize = 96;
+
+/// Share of a cell's pixels that must have depth.
+const MIN_FILLED: f32 = 0.6;
+
+/// Neighbouring cells whose logarithms of luminance, or of a channel's share in it, differ by more have two albedos.
+const MAX_STEP: f32 = 0.14;
+const MAX_COLOUR_STEP: f32 = 0.05;
+
+/// Neighbouring cells whose inverse depths differ by more than this share lie on different surfaces.
+const MAX_DEPTH_STEP: f32 = 0.08;
+
+/// Cells of the smallest segment that is looked at.
+const MIN_CELLS: usize = 6;
+
+/// Places that are kept.
+const MAX_PLACES: usize = 900;
+
+/// Luminance below which noise hides shading.
+const MIN_LUMINANCE: f32 = 2e-3;
+
+/// Deviation of the logarithm of luminance within a cell at which it counts half: textures, edges.
+const TEXTURE: f32 = 0.25;
+
+/// A piece of a seen surface, as large as a cell of the picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Place {
+    pub position_m: Vec3,
+    /// Towards the camera.
+    pub normal: Vec3,
+    /// Mean of the logarithm of luminance.
+    pub log_radiance: f32,
+    /// Whether most of its pixels are clipped.
+    pub clipped: bool,
+    /// How much it counts.
+    pub weight: f32,
+    /// Cells of one segment have one albedo.
+    pub segment: usize,
+}
+
+struct Cell {
+    position_m: Vec3,
+    normal: Vec3,
+    log_radiance: f32,
+    /// Logarithms of red and blue over green.
+    colour: [f32; 2],
+    clipped: bool,
+    deviation: f32,
+    inverse_depth: f32,
+}
+
+/// Places of a frame whose photo and depth have one resolution ([`Frame::working`]), at most [`MAX_PLACES`].
+pub(crate) fn places(frame: &Frame) -> Vec<Place> {
+    let (width, height) = (frame.depth_m.width(), frame.depth_m.height());
+    let (radiance, clipped, normals) = (frame.radiance(), frame.clipped(), frame.normals());
+    if (radiance.width(), radiance.height()) != (width, height) {
+        return Vec::new();
+    }
+    let edge = (width.max(height) / CELLS).max(1);
+    let (columns, rows) = (width / edge, height / edge);
+    let cell = |column: usize, row: usize| -> Option<Cell> {
+        let pixels =
+            (row * edge..(row + 1) * edge).flat_map(|y| (column * edge..(column + 1) * edge).map(move |x| (x, y)));
+        let (mut count, mut sums, mut squares) = (0.0f32, [0.0f32; 4], 0.0f32);
+        let (mut normal, mut position_m, mut cut) = (Vec3::ZERO, Vec3::ZERO, 0.0f32);
+        for (x, y) in pixels {
+            let (Some(point), Some(own)) = (frame.point(x, y), normals[(x, y)]) else { continue };
+            let rgb = radiance[(x, y)].map(|v| v.max(1e-4));
+            let log = luminance(rgb).max(MIN_LUMINANCE).ln();
+            count += 1.0;
+            squares += log * log;
+            let values = [log, (rgb[0] / rgb[1]).ln(), (rgb[2] / rgb[1]).ln(), 1.0 / -point.z];
+            sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+            normal += own;
+            position_m += point;
+            cut += f32::from(u8::from(clipped[(x, y)]));
+        }
+        if count < MIN_FILLED * (edge * edge) as f32 {
+            return None;
+        }
+        let [log_radiance, red, blue, inverse_depth] = sums.map(|sum| sum / count);
+        Some(Cell {
+            position_m: position_m / count,
+            normal: normal.try_normalize()?,
+            log_radiance,
+            colour: [red, blue],
+            clipped: cut > 0.5 * count,
+            deviation: (squares / count - log_radiance * log_radiance).max(0.0).sqrt(),
+            inverse_depth,
+        })
+    };
+    let cells: Vec<Option<Cell>> = (0..columns * rows).map(|i| cell(i % columns, i / columns)).collect();
+
+    let mut parents: Vec<usize> = (0..cells.len()).collect();
+    for i in 0..cells.len() {
+        let right = (i % columns + 1 < columns).then_some(i + 1);
+        let below = (i + columns < cells.len()).then_some(i + columns);
+        for other in [right, below].into_iter().flatten() {
+            if let (Some(a), Some(b)) = (&cells[i], &cells[other])
+                && are_alike(a, b)
+            {
+                let (a, b) = (root(&mut parents, i), root(&mut parents, other));
+                parents[a.max(b)] = a.min(b);
+            }
+        }
+    }
+    let roots: Vec<usize> = (0..cells.len()).map(|i| root(&mut parents, i)).collect();
+    let mut sizes = vec![0usize; cells.len()];
+    roots.iter().zip(&cells).filter(|(_, cell)| cell.is_some()).for_each(|(&root, _)| sizes[root] += 1);
+    let mut numbers = vec![usize::MAX; cells.len()];
+    let mut segments = 0;
+    let mut places = Vec::new();
+    for (cell, &root) in cells.iter().zip(&roots) {
+        let Some(cell) = cell.as_ref().filter(|_| sizes[root] >= MIN_CELLS) else { continue };
+        if numbers[root] == usize::MAX {
+            numbers[root] = segments;
+            segments += 1;
+        }
+        places.push(Place {
+            position_m: cell.position_m,
+            normal: cell.normal,
+            log_radiance: cell.log_radiance,
+            clipped: cell.clipped,
+            weight: 1.0 / (1.0 + (cell.deviation / TEXTURE).powi(2)),
+            segment: numbers[root],
+        });
+    }
+    let stride = places.len().div_ceil(MAX_PLACES).max(1);
+    let weight = stride as f32;
+    places
+        .into_iter()
+        .skip(stride / 2)
+        .step_by(stride)
+        .map(|place| Place { weight: place.weight * weight, ..place })
+        .collect()
+}
+
+fn are_alike(a: &Cell, b: &Cell) -> bool {
+    let near = (a.inverse_depth - b.inverse_depth).abs() < MAX_DEPTH_STEP * a.inverse_depth.min(b.inverse_depth);
+    // Where both are cut off, what they have in common is that nothing is known of them.
+    let bright = (a.log_radiance - b.log_radiance).abs() < MAX_STEP;
+    let colour = a.colour.iter().zip(b.colour).all(|(a, b)| (a - b).abs() < MAX_COLOUR_STEP);
+    near && bright && (colour || (a.clipped && b.clipped)) && a.clipped == b.clipped
+}
+
+fn root(parents: &mut [usize], mut i: usize) -> usize {
+    while parents[i] != i {
+        parents[i] = parents[parents[i]];
+        i = parents[i];
+    }
+    i
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use lo_geometry::Camera;
+    use lo_imaging::{DepthMap, Photo, RadianceImage};
+
+    use super::*;
+
+    #[test]
+    fn albedo_edges_and_depth_edges_part_segments_and_shading_does_not() {
+        let camera = Camera::from_hfov_deg(60.0, 480, 320).unwrap();
+        // A wall whose light falls off to the right; its lower half is darker paint, and a board stands before its right third.
+        let photo = RadianceImage::from_fn(480, 320, |x, y| {
+            let light = 0.8 - 0.6 * x as f32 / 480.0;
+            [if y < 160 { light } else { 0.4 * light }; 3]
+        });
+        let depth_m = DepthMap::from_fn(480, 320, |x, _| if x < 320 { 3.0 } else { 2.0 });
+        let frame = Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap();
+        let places = places(&frame);
+        assert!((400..=MAX_PLACES).contains(&places.len()), "{}", places.len());
+        let mut segments: Vec<usize> = places.iter().map(|place| place.segment).collect();
+        segments.sort_unstable();
+        segments.dedup();
+        assert_eq!(segments.len(), 4);
+        for place in &places {
+            let alike = places.iter().filter(|other| other.segment == place.segment);
+            let up = |p: &Place| p.position_m.y > 0.0;
+            assert!(
+                alike
+                    .clone()
+                    .all(|other| up(other) == up(place) && (other.position_m.z - place.position_m.z).abs() < 0.1)
+            );
+            assert!(place.normal.z > 0.99 && !place.clipped);
+        }
+        let total: f32 = places.iter().map(|place| place.weight).sum();
+        assert!((total / (96.0 * 64.0) - 1.0).abs() < 0.1, "{total}");
+    }
+
+    #[test]
+    fn without_depth_there_are_no_places() {
+        let camera = Camera::from_hfov_deg(60.0, 48, 32).unwrap();
+        let photo = RadianceImage::from_fn(48, 32, |_, _| [0.5; 3]);
+        let frame = Frame {
+            camera,
+            photo: Photo::Linear(photo),
+            depth_m: DepthMap::from_fn(48, 32, |_, _| 0.0),
+            exposure: 1.0,
+        };
+        assert_eq!(places(&frame), Vec::new());
+    }
+}
