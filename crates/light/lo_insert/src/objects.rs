@@ -1,7 +1,7 @@
 use std::ops::Index;
 
-use lo_geometry::{Ray, Vec3};
-use lo_mesh::Hit;
+use lo_geometry::Ray;
+use lo_mesh::{Hit, SurfacePoint};
 
 use crate::object::Object;
 use crate::{InsertError, Instance};
@@ -11,6 +11,9 @@ const INSIDE_POINTS: usize = 256;
 
 /// How far below its surface a point has to lie in another object, as a share of the smaller radius: objects that touch do not count.
 const INSIDE_DEPTH: f32 = 0.02;
+
+/// Distance from a surface at which rays into its own object start, as a share of its radius.
+const START: f32 = 1e-5;
 
 /// Share of the points of one object in the other from which on the two reach into one another.
 const MIN_INSIDE: f32 = 0.01;
@@ -110,7 +113,13 @@ impl<'a> Index<usize> for Objects<'a> {
 fn reaches_into(object: &Object, other: &Object) -> bool {
     let depth_m = INSIDE_DEPTH * object.radius_m.min(other.radius_m);
     let points = object.spread_points(INSIDE_POINTS);
-    let inside = |point: Vec3| other.contains(point);
-    let count = points.iter().filter(|point| inside(point.position - depth_m * point.geometric_normal)).count();
+    let inside = |point: &SurfacePoint| {
+        // Of what is thin the middle.
+        let start = point.position - START * object.radius_m * point.geometric_normal;
+        let inwards = Ray { origin: start, direction: -point.geometric_normal };
+        let through_m = object.closest(&inwards, 2.0 * depth_m).map_or(2.0 * depth_m, |hit| hit.distance_m);
+        other.contains(inwards.at(0.5 * through_m))
+    };
+    let count = points.iter().filter(|point| inside(point)).count();
     count as f32 > MIN_INSIDE * points.len() as f32
 }

@@ -339,6 +339,17 @@ fn warnings_and_errors_say_which_object() {
     assert_eq!(told(at(0.6, 0.0, -2.0, 0.3)), [Warning::ObjectsIntersect { objects: [0, 1] }]);
     let inside = [Warning::ObjectHidden { object: 1 }, Warning::ObjectsIntersect { objects: [0, 1] }];
     assert_eq!(told(at(0.1, 0.0, -2.0, 0.3)), inside);
+    // On another one: in the middle it is carried, over its edge it is not, and thin things that lie there do not reach into it.
+    let (board, plate) = (slab(0.6, 0.4), slab(0.2, 0.2));
+    let table = Instance::new(&board, Placement { scale: 1.0, ..in_air(Vec3::new(0.0, -0.5, -2.0), 0.0) });
+    let lying = |x: f32| {
+        let place = Placement { position_m: Vec3::new(x, -0.4, -2.0), scale: 1.0, ..table.placement };
+        warnings(&inserter, &[table, Instance::new(&plate, place)])
+    };
+    assert_eq!((lying(0.0), lying(0.9)), (vec![], vec![]));
+    let over = lying(0.36);
+    let [Warning::ObjectOverhangs { object: 1, supported }] = over[..] else { panic!("{over:?}") };
+    assert!((supported - 0.2).abs() < 0.12, "{supported}");
     let bad = Instance::new(&model, Placement { scale: f32::NAN, ..large.placement });
     let error = inserter.render(&[large, bad], &mut lo_events::ignore).unwrap_err();
     assert!(matches!(error, InsertError::Object { object: 1, .. }), "{error}");
