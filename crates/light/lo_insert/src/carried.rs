@@ -21,8 +21,8 @@ pub enum Spot {
 }
 
 impl Placement {
-    /// Standing on another object: dropped along the carrier's up until its base touches. The octree knows nothing of what carries it, so it has no
-    /// support.
+    /// Standing on another object: dropped along the carrier's up until its base touches. What supports the carrier supports it too: the octree does
+    /// not know the carrier, and what is low on a real surface is near that.
     ///
     /// # Errors
     /// Where the carrier's model has no extent, or nothing of it is there.
@@ -48,7 +48,7 @@ impl Placement {
                 if faces_up { point + up * (DROP * object.radius_m) } else { above_all(point) }
             }
         };
-        let placed = Self { up, support: None, ..self };
+        let placed = Self { up, support: carrier.placement.support, ..self };
         let fall_m = |spot: Vec3| {
             let ray = Ray { origin: from_m + spot, direction: -up };
             object.closest(&ray, f32::INFINITY).map(|hit| hit.distance_m)
@@ -66,6 +66,7 @@ impl Placement {
     pub fn carried(self, from: &Self, to: &Self) -> Self {
         let turned = to.rotation() * from.rotation().conjugate();
         let position_m = to.position_m + turned * (self.position_m - from.position_m) * (to.scale / from.scale);
-        Self { position_m, up: to.up, yaw_rad: self.yaw_rad + to.yaw_rad - from.yaw_rad, ..self }
+        let yaw_rad = self.yaw_rad + to.yaw_rad - from.yaw_rad;
+        Self { position_m, up: to.up, yaw_rad, support: to.support, ..self }
     }
 }

@@ -291,32 +291,28 @@ impl Inserter {
         warnings.into_iter().chain(pairs)
     }
 
-    /// Share of the base of a resting object that real surfaces or other objects carry, where half of it and more can be judged. What
-    /// has no support may rest on other objects alone.
+    /// Share of the base of a resting object that real surfaces or other objects carry, where half of it and more can be judged.
     fn supported_share(&self, index: usize, instance: &Instance, objects: &Objects) -> Option<f32> {
         let &Instance { model, placement } = instance;
+        placement.support?;
         let on_other = |point: Vec3| {
             let down = Ray { origin: point + placement.up * CARRIES_M, direction: -placement.up };
             let mut others = objects.iter().enumerate().filter(|&(i, _)| i != index);
             others.any(|(_, other)| other.blocks(&down, 2.0 * CARRIES_M))
         };
-        if placement.support.is_none() && objects.len() == 1 {
-            return None;
-        }
-        let spots = Base::new(model).spots(placement.scale, placement.rotation()).collect::<Vec<_>>();
-        let points = spots.into_iter().map(|spot| placement.position_m + spot);
-        let known: Vec<Option<bool>> = points
-            .map(|point| match (on_other(point), placement.support) {
-                (true, _) => Some(true),
-                (false, None) => Some(false),
-                (false, Some(_)) => self.occluders.carries(&self.frame.camera, point, placement.up),
+        let known: Vec<Option<bool>> = Base::new(model)
+            .spots(placement.scale, placement.rotation())
+            .map(|spot| placement.position_m + spot)
+            .map(|point| {
+                if on_other(point) {
+                    return Some(true);
+                }
+                self.occluders.carries(&self.frame.camera, point, placement.up)
             })
             .collect();
         let count = |state: bool| known.iter().filter(|known| **known == Some(state)).count();
         let (carried, free) = (count(true), count(false));
-        let flies = placement.support.is_none() && carried == 0;
-        let judged = 2 * (carried + free) >= known.len() && carried + free > 0;
-        (judged && !flies).then(|| carried as f32 / (carried + free) as f32)
+        (2 * (carried + free) >= known.len() && carried + free > 0).then(|| carried as f32 / (carried + free) as f32)
     }
 
     fn compose(&self, layers: Layers, shadow: &ShadowRatio, reflection: Option<Image<Vec3>>) -> Composite {

@@ -10,7 +10,7 @@ use crate::{InsertError, Instance};
 const INSIDE_POINTS: usize = 256;
 
 /// How far below its surface a point has to lie in another object, as a share of the smaller radius: objects that touch do not count.
-const INSIDE_DEPTH: f32 = 0.02;
+const INSIDE_DEPTH: f32 = 0.01;
 
 /// Distance from a surface at which rays into its own object start, as a share of its radius.
 const START: f32 = 1e-5;

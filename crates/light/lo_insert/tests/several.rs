@@ -342,11 +342,12 @@ fn warnings_and_errors_say_which_object() {
     // On another one: in the middle it is carried, over its edge it is not, and thin things that lie there do not reach into it.
     let (board, plate) = (slab(0.6, 0.4), slab(0.2, 0.2));
     let table = Instance::new(&board, Placement { scale: 1.0, ..in_air(Vec3::new(0.0, -0.5, -2.0), 0.0) });
+    let support = Some(Plane { normal: Vec3::Y, offset_m: LOW.y });
     let lying = |x: f32| {
-        let place = Placement { position_m: Vec3::new(x, -0.4, -2.0), scale: 1.0, ..table.placement };
+        let place = Placement { position_m: Vec3::new(x, -0.4, -2.0), support, ..table.placement };
         warnings(&inserter, &[table, Instance::new(&plate, place)])
     };
-    assert_eq!((lying(0.0), lying(0.9)), (vec![], vec![]));
+    assert_eq!(lying(0.0), []);
     let over = lying(0.36);
     let [Warning::ObjectOverhangs { object: 1, supported }] = over[..] else { panic!("{over:?}") };
     assert!((supported - 0.2).abs() < 0.12, "{supported}");
@@ -411,7 +412,7 @@ fn a_layout_says_what_stands_where() {
     let top = at(0).position_m + Vec3::Y * 0.05;
     assert!((at(1).position_m - top).length() < 2e-3, "{} {top}", at(1).position_m);
     assert!((at(2).position_m - Vec3::new(0.25, top.y, -2.6)).length() < 2e-3, "{}", at(2).position_m);
-    assert_eq!((at(1).support, at(3).position_m), (None, Vec3::new(0.5, 0.1, -2.0)));
+    assert_eq!((at(1).support, at(3).position_m), (at(0).support, Vec3::new(0.5, 0.1, -2.0)));
     // Nothing of the table is below.
     let beside = text.replace("[0.25, 0, -2.6]", "[1.35, 0, -2.5]");
     let error = Layout::from_json(&beside).unwrap().placements(&scene, &[&table, &vase, &vase, &vase], 1).unwrap_err();
