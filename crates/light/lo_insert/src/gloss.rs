@@ -7,7 +7,7 @@ use lo_imaging::Image;
 use rayon::prelude::*;
 
 use crate::environment::{Environment, Part};
-use crate::objects::{ObjectHit, Objects};
+use crate::objects::Objects;
 use crate::occluders::Occluders;
 use crate::pattern::hammersley;
 use crate::radiosity::Radiosity;
@@ -112,6 +112,7 @@ impl Gloss<'_> {
         let frame = Mat3::from_cols(tangent, normal.cross(tangent), normal);
         let local_view = Vec3::new((1.0 - n_dot_v * n_dot_v).max(0.0).sqrt(), 0.0, n_dot_v);
         let ggx = Ggx::from_roughness(self.roughness);
+        let mirrored: Vec<usize> = (0..self.objects.len()).filter(|&object| mirrors(object)).collect();
         let least_radius_m = self.objects.iter().map(|object| object.radius_m).fold(f32::INFINITY, f32::min);
         let origin = point + normal * (1e-3 * least_radius_m);
         for i in 0..self.samples {
@@ -120,8 +121,9 @@ impl Gloss<'_> {
                 continue;
             }
             let ray = Ray { origin, direction: frame * sample.light };
-            let met = self.objects.closest(&ray, f32::INFINITY);
-            let Some(ObjectHit { object, hit }) = met.filter(|met| mirrors(met.object)) else { continue };
+            // The others only stand before these.
+            let met = |&object: &usize| Some((object, self.objects.closest_of(object, &ray)?));
+            let Some((object, hit)) = mirrored.iter().find_map(met) else { continue };
             let weight = fresnel(Vec3::splat(DIELECTRIC_F0), sample.v_dot_h) * sample.weight / self.samples as f32;
             let footprint_m = (distance_m + hit.distance_m) * self.camera.pixel_angle_rad();
             let placed = &self.objects[object];
