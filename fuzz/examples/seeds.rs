@@ -327,6 +327,14 @@ fn texts(folder: &Path) -> Result {
             "path",
             r#"{"interpolation":"catmull-rom","keyframes":[{"time_s":0,"position_m":[0,-1,-3],"yaw_deg":0},{"time_s":1.5,"pixel":[320,400],"yaw_deg":90}]}"#,
         ),
+        (
+            "layout",
+            r#"{"objects":[{"mesh":"table.glb","name":"table","pixel":[320,400],"height_m":0.4,"yaw_deg":20,"material":"gold"},{"mesh":"cup.obj","on":"table","scale":0.1,"material":{"roughness":0.2}},{"mesh":"car.ply","path":{"keyframes":[{"time_s":0,"position_m":[0,-1,-3]},{"time_s":1,"pixel":[320,400]}]},"align":"none"},{"mesh":"box.stl","path":"way.json"},{"mesh":"box.stl","position_m":[0,0,-2]}]}"#,
+        ),
+        (
+            "insert_several",
+            "insert\nroom.scene\n--mesh\na.glb\n--pixel\n320,240\n--mesh\nb.obj\n--at\n0,-1,-2\n--height\n0.3\n-o\nout.png",
+        ),
         ("points.csv", "x,y,z,name\n# a comment\n0,-0.5,-2,desk\n1,0,-1\n\"1\",2,3,\"a, b\"\n"),
     ] {
         std::fs::write(folder.join(name), text)?;

@@ -1,9 +1,9 @@
-//! Text that a user types or writes: the command line, materials, paths of keyframes, tables of points.
+//! Text that a user types or writes: the command line, materials, paths of keyframes, layouts of objects, tables of points.
 #![no_main]
 
 use clap::Parser;
 use libfuzzer_sys::fuzz_target;
-use lightoctree::insert::Path;
+use lightoctree::insert::{Layout, Path, PathSource};
 use lightoctree::mesh::MaterialSpec;
 
 fuzz_target!(|text: &str| {
@@ -12,6 +12,17 @@ fuzz_target!(|text: &str| {
     let _ = MaterialSpec::parse(text);
     if let Ok(path) = Path::from_json(text) {
         assert!(!path.keyframes.is_empty());
+    }
+    if let Ok(layout) = Layout::from_json(text) {
+        assert!((1..=Layout::MAX_OBJECTS).contains(&layout.objects().len()));
+        let names: std::collections::HashSet<&str> = layout.objects().iter().map(|object| object.name()).collect();
+        assert_eq!(names.len(), layout.objects().len());
+        // The files of paths hold the layout itself, or keyframes.
+        let is_file = |object: &lightoctree::insert::LayoutObject| matches!(object.path, Some(PathSource::File(_)));
+        let files = layout.objects().iter().any(is_file);
+        assert!(layout.clone().with_paths(|_| Ok(text.to_owned())).is_err() == files);
+        let way = r#"{"keyframes":[{"time_s":0,"pixel":[1,2]}]}"#;
+        assert!(layout.with_paths(|_| Ok(way.to_owned())).is_ok());
     }
     let _ = lightoctree_cli::commands::probes::points_from_csv(text);
 });

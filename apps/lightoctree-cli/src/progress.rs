@@ -17,12 +17,19 @@ pub struct Stages {
     done: Vec<(String, Duration)>,
     /// Of the stage at hand, once it says how far it is.
     bar: Option<ProgressBar>,
+    /// What warnings call the objects that are inserted.
+    objects: Vec<String>,
 }
 
 impl Stages {
     /// Starts the clock; says nothing when `quiet`.
     pub fn new(quiet: bool) -> Self {
-        Self { quiet, begun: Instant::now(), done: Vec::new(), bar: None }
+        Self { quiet, begun: Instant::now(), done: Vec::new(), bar: None, objects: Vec::new() }
+    }
+
+    /// From now on warnings call objects so, if there are several.
+    pub fn name_objects(&mut self, names: &[String]) {
+        self.objects = names.to_vec();
     }
 
     /// Does one stage and says how long it took.
@@ -63,7 +70,7 @@ impl Stages {
 
     /// Says what the library thinks the user should know.
     pub fn warn(&self, warning: &Warning) {
-        self.note(&warning_text(warning));
+        self.note(&warning_text(warning, &self.objects));
     }
 
     /// Says something that the user should know.
@@ -127,8 +134,12 @@ pub fn stage_label(stage: &Stage) -> Cow<'static, str> {
     label.into()
 }
 
-/// A warning in words.
-pub fn warning_text(warning: &Warning) -> String {
+/// A warning in words; `objects`: names of what is inserted.
+pub fn warning_text(warning: &Warning, objects: &[String]) -> String {
+    let called = |object: usize| match objects {
+        [_, _, ..] => objects.get(object).cloned().unwrap_or_default(),
+        _ => "the object".into(),
+    };
     match warning {
         Warning::PredictedDepth => "depth is predicted from the photo alone: distances, and with them all sizes, \
                                     may be off, and which way is up by some degrees"
@@ -157,13 +168,24 @@ pub fn warning_text(warning: &Warning) -> String {
         Warning::OutsideCube { outside, points } => {
             format!("{outside} of {points} points lie outside of the cube and were left out")
         }
-        Warning::ObjectHidden => "the object does not show: real surfaces stand before all of it".into(),
-        Warning::ObjectOutsidePicture => "the object does not show: it lies outside of the picture".into(),
-        Warning::ObjectOutsideOctree => "the object lies outside of the lighting octree, its light is a guess".into(),
-        Warning::ObjectOverhangs { supported } => format!(
-            "only {:.0} % of the object's base stands on what carries it, the rest hangs over an edge: move it, or make it smaller",
-            100.0 * supported
+        &Warning::ObjectHidden { object } if objects.len() > 1 => {
+            format!("{} does not show: real surfaces or other objects stand before all of it", called(object))
+        }
+        Warning::ObjectHidden { .. } => "the object does not show: real surfaces stand before all of it".into(),
+        &Warning::ObjectOutsidePicture { object } => {
+            format!("{} does not show: it lies outside of the picture", called(object))
+        }
+        &Warning::ObjectOutsideOctree { object } => {
+            format!("{} lies outside of the lighting octree, its light is a guess", called(object))
+        }
+        &Warning::ObjectOverhangs { object, supported } => format!(
+            "only {:.0} % of the base of {} stands on what carries it, the rest hangs over an edge: move it, or make it smaller",
+            100.0 * supported,
+            called(object)
         ),
+        &Warning::ObjectsIntersect { objects: [a, b] } => {
+            format!("{} and {} reach into one another: move one of them", called(a), called(b))
+        }
         Warning::FilledDepth { filled, pixels } => format!(
             "{:.0} % of the pixels have no depth reading; theirs was taken from the room's planes or from around them",
             100.0 * *filled as f32 / *pixels as f32
@@ -261,7 +283,7 @@ impl StageBar {
             }
             Event::Progress { done, .. } => self.bar.set_position(done),
             Event::Warning(warning) if !self.quiet => {
-                self.bar.suspend(|| eprintln!("  note: {}", warning_text(&warning)));
+                self.bar.suspend(|| eprintln!("  note: {}", warning_text(&warning, &[])));
             }
             _ => {}
         }
@@ -297,13 +319,19 @@ mod tests {
 
     #[test]
     fn warnings_have_words_with_their_numbers() {
-        let text = |warning| warning_text(&warning);
+        let text = |warning| warning_text(&warning, &[]);
         let filled = text(Warning::FilledDepth { filled: 1, pixels: 5 });
         assert!(filled.starts_with("20 % of the pixels have no depth reading"), "{filled}");
         let clipped = text(Warning::Highlights { clipped_share: 0.012, regions: 3, peak_radiance: 4.56 });
         assert_eq!(clipped, "1.2 % of the photo is clipped; 3 bright regions were given up to 4.6 times white");
         let planes = text(Warning::AssumedPlanes { floor: false, ceiling: true, walls: 2 });
         assert_eq!(planes, "not seen, so their place is assumed: the ceiling, 2 of 4 walls");
+        let names = ["table", "vase"].map(str::to_owned);
+        let meet = warning_text(&Warning::ObjectsIntersect { objects: [0, 1] }, &names);
+        assert_eq!(meet, "table and vase reach into one another: move one of them");
+        let hidden = Warning::ObjectHidden { object: 1 };
+        assert!(warning_text(&hidden, &names).starts_with("vase does not show"), "{hidden:?}");
+        assert!(text(hidden).starts_with("the object does not show: real surfaces"));
     }
 
     #[test]

@@ -5,7 +5,7 @@
 use std::error::Error;
 use std::path::Path;
 
-use lightoctree::insert::{Align, Base, Inserter, Lighting, Placement, Quality};
+use lightoctree::insert::{Align, Base, Inserter, Instance, Lighting, Placement, Quality};
 use lightoctree::mesh::{LoadOptions, Model, PreparedModel};
 use lightoctree::scene::Scene;
 use lightoctree::{add_lamp, events, imaging};
@@ -30,6 +30,6 @@ pub fn run(scene: &Path, mesh: &Path, picture: &Path) -> Result<(), Box<dyn Erro
         .scaled(0.5 / model.bounds().size().y)
         .settled(&scene, &Base::new(&model));
     let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Draft)?;
-    let composite = inserter.render(&model, &place, &mut events::ignore)?;
+    let composite = inserter.render(&[Instance::new(&model, place)], &mut events::ignore)?;
     Ok(imaging::write_photo(picture, &composite.image, "example insert")?)
 }

@@ -6,7 +6,7 @@ use std::time::Instant;
 use lightoctree::cone::{ConeTracer, Settings};
 use lightoctree::geometry::Camera;
 use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, Photo, ToneCurve};
-use lightoctree::insert::{self, Align, Base, Inserter, Lighting, Placement, Quality, Stance};
+use lightoctree::insert::{self, Align, Base, Inserter, Instance, Lighting, Placement, Quality, Stance};
 use lightoctree::mesh::{MaterialSpec, Model, PreparedModel};
 use lightoctree::scene::{Frame, Scene};
 use lightoctree::{EstimateOptions, Estimator, Input};
@@ -76,7 +76,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         super::add_lamp(&mut scene, &mut stages);
         let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Draft)?;
         let composite = stages.stage("insert, gold", || {
-            inserter.render(&gold, &base.scaled(scale(&gold)), &mut |_| interrupt::go_on())
+            inserter.render(&[Instance::new(&gold, base.scaled(scale(&gold)))], &mut |_| interrupt::go_on())
         })?;
         imaging::write_photo(file("alone_object.png"), &composite.image, &output::signature(COMMAND))?;
         files.push(file("alone_object.png"));
@@ -168,8 +168,9 @@ fn insert_objects(
     let inserter = stages.stage("prepare light", || Inserter::new(scene, Lighting::Octree, Quality::Normal))?;
     for material in ["gold", "chrome", "matte-white"] {
         let object = model(material)?;
-        let composite = stages
-            .stage(&format!("insert, {material}"), || inserter.render(&object, &place, &mut |_| interrupt::go_on()))?;
+        let composite = stages.stage(&format!("insert, {material}"), || {
+            inserter.render(&[Instance::new(&object, place)], &mut |_| interrupt::go_on())
+        })?;
         let file = out.join(format!("object_{}.png", material.replace('-', "_")));
         imaging::write_photo(&file, &composite.image, &output::signature(COMMAND))?;
         files.push(file);
@@ -185,7 +186,7 @@ fn insert_objects(
         if interrupt::asked() {
             anyhow::bail!("stopped after {i} of {FRAMES} frames; what is written in {} is whole", out.display());
         }
-        let composite = draft.render(&gold, placement, &mut |_| interrupt::go_on())?;
+        let composite = draft.render(&[Instance::new(&gold, *placement)], &mut |_| interrupt::go_on())?;
         let file = folder.join(format!("frame_{i:02}.jpg"));
         imaging::write_photo(&file, &composite.image, &output::signature(COMMAND))?;
         files.push(file);

@@ -1,4 +1,6 @@
-//! `lightoctree insert SCENE`: a virtual object in the photo.
+//! `lightoctree insert SCENE`: virtual objects in the photo.
+
+mod objects;
 
 use std::borrow::Cow;
 use std::ops::ControlFlow;
@@ -6,14 +8,17 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::ValueEnum;
-use lightoctree::Event;
-use lightoctree::geometry::Vec3;
+use lightoctree::geometry::{Orientation, Vec3};
 use lightoctree::imaging::{self, ChannelGroup, ExrOptions, Image, RadianceImage};
-use lightoctree::insert::{self, Align, Base, Composite, InsertError, Inserter, Lighting, Placement, Quality, Stance};
-use lightoctree::mesh::{LoadOptions, Material, MaterialSpec, Model, PreparedModel};
-use lightoctree::scene::Scene;
+use lightoctree::insert::{
+    Composite, InsertError, Inserter, Instance, Layout, LayoutObject, Lighting, Placement, Quality,
+};
+use lightoctree::mesh::{LoadOptions, Material, Model, PreparedModel};
+use lightoctree::{Event, Warning};
 use serde_json::json;
 
+use self::objects::ObjectArgs;
+use super::environment::OrientationArg;
 use super::parse;
 use super::video::{self, Video};
 use crate::args::Global;
@@ -26,74 +31,47 @@ use crate::{interrupt, output, report};
 #[command(after_help = "Examples:\n  \
     lightoctree insert room.scene --mesh tea_set.gltf --pixel 1100,1150 -o composite.png\n  \
     lightoctree insert room.scene --mesh bunny.ply --height 0.3 --material gold --pixel 900,1200 --quality high -o gold.png\n  \
+    lightoctree insert room.scene --mesh bunny.ply --pixel 900,1200 --height 0.3 --mesh tea_set.gltf --pixel 1100,1150 -o two.png\n  \
+    lightoctree insert room.scene --layout objects.json -o several.png\n  \
     lightoctree insert room.scene --mesh car.glb --path path.json --frames 48 -o frames/car_%04d.png\n  \
     lightoctree insert room.scene --mesh car.glb --path path.json --frames 48 -o - | ffmpeg -i - \
     -colorspace bt709 -color_trc iec61966-2-1 -color_primaries bt709 -pix_fmt yuv420p car.mp4\n\n\
     --material NAME|JSON: a name of --list-materials, or an object such as\n  \
     '{\"base_color_texture\":\"cow.png\",\"roughness\":0.4}'")]
-#[command(group(clap::ArgGroup::new("place").args(["at", "pixel", "path"])))]
 pub struct Args {
     /// A scene file
     #[arg(required_unless_present = "list_materials")]
     scene: Option<PathBuf>,
 
-    /// The object: glTF, GLB, OBJ, PLY or STL
-    #[arg(long, value_name = "FILE", required_unless_present = "list_materials")]
-    mesh: Option<PathBuf>,
-
-    /// Where the middle of its base stands, in metres
-    #[arg(long, value_name = "X,Y,Z", value_parser = parse::point, allow_hyphen_values = true)]
-    at: Option<Vec3>,
-
-    /// Rest it on the surface seen at this pixel of the photo, upright (see --align)
-    #[arg(long, value_name = "U,V", value_parser = parse::pixel)]
-    pixel: Option<[f64; 2]>,
-
-    /// Metres per unit of the mesh
-    #[arg(long, value_name = "S", value_parser = parse::positive, conflicts_with = "height", default_value_t = 1.0)]
-    scale: f64,
-
-    /// Height of the object in metres, instead of a scale
-    #[arg(long, value_name = "METRES", value_parser = parse::positive)]
-    height: Option<f64>,
-
-    /// Turn about the vertical, counter-clockwise seen from above
-    #[arg(long, value_name = "A", default_value_t = 0.0, allow_hyphen_values = true)]
-    yaw_deg: f32,
-
-    /// Which way is up for the object
-    #[arg(long, value_name = "UP", default_value = "gravity")]
-    align: AlignArg,
-
-    /// A material for the whole object: a name or a JSON object
-    #[arg(long, value_name = "NAME|JSON")]
-    material: Option<String>,
+    /// The objects.
+    #[command(flatten)]
+    objects: ObjectArgs,
 
     /// Print the names of the materials and stop
     #[arg(long)]
     list_materials: bool,
 
-    /// Move the object along keyframes; needs --frames, and a %04d in the output's name or a video
-    #[arg(long, value_name = "FILE.json", requires = "frames")]
-    path: Option<PathBuf>,
-
-    /// Number of frames along the path
-    #[arg(long, value_name = "N", requires = "path", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    /// Number of frames along the paths
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     frames: Option<u32>,
 
     /// Frames per second of a video
-    #[arg(long, value_name = "N", requires = "path", default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", requires = "frames", default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..=1000))]
     fps: u32,
 
-    /// What lights the object: `octree`, or `envmap:FILE` (an equirectangular .exr, .hdr or .pfm in our orientation)
+    /// What lights the objects: `octree`, or `envmap:FILE` (an equirectangular .exr, .hdr or .pfm)
     #[arg(long, value_name = "octree|envmap:FILE", default_value = "octree")]
     lighting: String,
+
+    /// Which program's convention the map of --lighting envmap:FILE follows [default: lightoctree]
+    #[arg(long, value_name = "NAME")]
+    orientation: Option<OrientationArg>,
 
     /// Light from the scene as it is, without the lamp above that is added where seen surfaces give more light than they get
     #[arg(long)]
     no_lamp: bool,
 
-    /// How polished the floor or table under the object is: above 0 it mirrors the object as a clear coat of roughness 1 - G does
+    /// How polished the floor or table under an object is: above 0 it mirrors the objects as a clear coat of roughness 1 - G does
     #[arg(long, value_name = "G", value_parser = parse::share, default_value_t = 0.0)]
     floor_gloss: f64,
 
@@ -102,10 +80,10 @@ pub struct Args {
     quality: QualityArg,
 
     /// Seconds after which a picture of high quality is given up and one of normal quality written, as after a Ctrl-C
-    #[arg(long, value_name = "S", value_parser = parse::positive, conflicts_with = "path")]
+    #[arg(long, value_name = "S", value_parser = parse::positive, conflicts_with = "frames")]
     time_limit: Option<f64>,
 
-    /// Also write object, alpha, shadow ratio and occlusion as layers of an EXR (with %04d for a sequence)
+    /// Also write objects, alpha, shadow ratio and occlusion as layers of an EXR (with %04d for a sequence)
     #[arg(long, value_name = "FILE.exr")]
     layers: Option<PathBuf>,
 
@@ -131,27 +109,6 @@ enum QualityArg {
     High,
 }
 
-/// Which way an object stands.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum AlignArg {
-    /// Upright in the room, as far as it is known which way is up
-    Gravity,
-    /// Along the normal of the surface at the pixel, where that is tilted by 10 to 40°
-    Surface,
-    /// Up in the picture
-    None,
-}
-
-impl AlignArg {
-    fn align(self) -> Align {
-        match self {
-            Self::Gravity => Align::Gravity,
-            Self::Surface => Align::Surface,
-            Self::None => Align::None,
-        }
-    }
-}
-
 const COMMAND: &str = "insert";
 
 /// Loads, renders, writes.
@@ -160,17 +117,25 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         Material::preset_names().for_each(report::print);
         return Ok(());
     }
-    let (Some(scene), Some(mesh), Some(output)) = (&args.scene, &args.mesh, &args.output) else {
-        return Err(Usage("a scene, --mesh and --output are needed".into()).into());
+    let (Some(scene), Some(output)) = (&args.scene, &args.output) else {
+        return Err(Usage("a scene and --output are needed".into()).into());
     };
+    let (layout, folder) = args.objects.layout()?;
+    let frames = frames(args, &layout)?;
+    let files = output_files(args, output, frames)?;
+    let lighting = lighting(&args.lighting, args.orientation)?;
+    let names: Vec<String> = layout.objects().iter().map(|object| object.name().to_owned()).collect();
     let mut stages = Stages::new(global.quiet);
+    stages.name_objects(&names);
     let mut scene = stages.stage("read scene", || super::read_scene(scene))?;
-    let model = stages.stage("read mesh", || load_model(mesh, args.material.as_deref()))?;
-    model.model().warnings.iter().for_each(|warning| stages.note(&warning.to_string()));
-    let scale = scale(args, &model)?;
-    let placements = placements(args, &scene, &model, scale)?;
-    let files = output_files(args, output, placements.len())?;
-    let lighting = lighting(&args.lighting)?;
+    let meshes = if names.len() > 1 { "read meshes" } else { "read mesh" };
+    let models = stages.stage(meshes, || Models::load(&layout, &folder))?;
+    models.warnings().iter().for_each(|warning| stages.note(warning));
+    let models = models.of_objects();
+    let placements = layout.placements(&scene, &models, files.len()).map_err(|error| of_object(error, &names))?;
+    let instances = |frame: usize| -> Vec<Instance> {
+        models.iter().zip(&placements).map(|(model, places)| Instance::new(model, places[frame])).collect()
+    };
     if args.time_limit.is_some() && !matches!(args.quality, QualityArg::High) {
         return Err(
             Usage("--time-limit: only a picture of --quality high can be given up for a lesser one".into()).into()
@@ -181,8 +146,9 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         QualityArg::Normal => Quality::Normal,
         QualityArg::High => Quality::High,
     };
-    // Where light differs by direction, that which comes to the object counts.
-    if let (Cow::Owned(seen), Lighting::Octree) = (scene.light.seen_from(placements[0].position_m), &lighting) {
+    // Where light differs by direction, that which comes to the objects' middle counts.
+    let middle = placements.iter().map(|places| places[0].position_m).sum::<Vec3>() / placements.len() as f32;
+    if let (Cow::Owned(seen), Lighting::Octree) = (scene.light.seen_from(middle), &lighting) {
         scene.light = seen;
     }
     if matches!(lighting, Lighting::Octree) && !args.no_lamp {
@@ -192,20 +158,22 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     // What a high picture is replaced by when it is not waited for.
     let mut lesser = None;
     if quality == Quality::High && files.len() == 1 {
-        lesser = stages.stage("picture of normal quality", || {
-            let inserter = Inserter::new(&scene, lighting.clone(), Quality::Normal)?.with_floor_gloss(floor_gloss);
-            let mut warnings = Vec::new();
-            let hear = &mut |event| {
-                if let Event::Warning(warning) = event {
-                    warnings.push(warning);
+        lesser = stages
+            .stage("picture of normal quality", || {
+                let inserter = Inserter::new(&scene, lighting.clone(), Quality::Normal)?.with_floor_gloss(floor_gloss);
+                let mut warnings = Vec::new();
+                let hear = &mut |event| {
+                    if let Event::Warning(warning) = event {
+                        warnings.push(warning);
+                    }
+                    interrupt::go_on()
+                };
+                match inserter.render(&instances(0), hear) {
+                    Err(InsertError::Cancelled(_)) => Ok(None),
+                    composite => composite.map(|composite| Some((kept(composite, args.layers.is_some()), warnings))),
                 }
-                interrupt::go_on()
-            };
-            match inserter.render(&model, &placements[0], hear) {
-                Err(InsertError::Cancelled(_)) => Ok(None),
-                composite => composite.map(|composite| Some((kept(composite, args.layers.is_some()), warnings))),
-            }
-        })?;
+            })
+            .map_err(|error: InsertError| of_object(error, &names))?;
     }
     let inserter =
         stages.stage("prepare light", || Inserter::new(&scene, lighting, quality))?.with_floor_gloss(floor_gloss);
@@ -213,16 +181,21 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let size = (scene.frame.photo.width(), scene.frame.photo.height());
     let mut video = Video::is_asked(output).then(|| Video::create(output, size, args.fps)).transpose()?;
     let (mut written, mut frames) = (Vec::new(), 0);
-    for (placement, (file, layers)) in placements.iter().zip(&files) {
+    // What is the same in all frames is said once.
+    let mut met = Vec::new();
+    for (file, layers) in &files {
         let first = frames == 0;
         let hear = &mut |event| match event {
             _ if args.time_limit.is_some_and(|limit| stages.total().as_secs_f64() > limit) => ControlFlow::Break(()),
             _ if files.len() == 1 => stages.hear(event),
-            // Frames are all alike.
+            Event::Warning(warning @ Warning::ObjectsIntersect { objects }) if !met.contains(&objects) => {
+                met.push(objects);
+                stages.hear(Event::Warning(warning))
+            }
             Event::Warning(warning) if first => stages.hear(Event::Warning(warning)),
             _ => interrupt::go_on(),
         };
-        let composite = match inserter.render(&model, placement, hear) {
+        let composite = match inserter.render(&instances(frames), hear) {
             Err(InsertError::Cancelled(_)) => {
                 let Some((lesser, warnings)) = lesser.take() else { break };
                 stages.clear_bar();
@@ -230,7 +203,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
                 stages.note("not waited for: this picture is of normal quality");
                 lesser
             }
-            composite => composite?,
+            composite => composite.map_err(|error| of_object(error, &names))?,
         };
         match &mut video {
             Some(video) => video.add(&composite.image)?,
@@ -252,7 +225,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         written.push(output.clone());
     }
     if !video::is_stdout(output) {
-        say(args, &written, &placements, &stages)?;
+        say(args, &written, &layout, &placements, &stages)?;
     }
     if frames < files.len() {
         anyhow::bail!("stopped after {frames} of {} frames; the written ones are whole", files.len());
@@ -260,10 +233,31 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn say(args: &Args, written: &[PathBuf], placements: &[Placement], stages: &Stages) -> anyhow::Result<()> {
+fn say(
+    args: &Args,
+    written: &[PathBuf],
+    layout: &Layout,
+    placements: &[Vec<Placement>],
+    stages: &Stages,
+) -> anyhow::Result<()> {
     if args.json {
-        let positions: Vec<[f32; 3]> = placements.iter().map(|placement| placement.position_m.to_array()).collect();
-        return report::print_json(&json!({ "files": written, "positions_m": positions, "seconds": stages.timings() }));
+        let objects: Vec<_> = layout
+            .objects()
+            .iter()
+            .zip(placements)
+            .map(|(object, places)| {
+                let positions: Vec<[f32; 3]> = places.iter().map(|place| place.position_m.to_array()).collect();
+                let yaws: Vec<f32> = places.iter().map(|place| place.yaw_rad.to_degrees()).collect();
+                json!({
+                    "name": object.name(),
+                    "mesh": object.mesh,
+                    "scale": places.first().map(|place| place.scale),
+                    "positions_m": positions,
+                    "yaws_deg": yaws,
+                })
+            })
+            .collect();
+        return report::print_json(&json!({ "files": written, "objects": objects, "seconds": stages.timings() }));
     }
     match written {
         [] => {}
@@ -295,52 +289,71 @@ fn kept(composite: Composite, with_layers: bool) -> Composite {
     }
 }
 
-/// Reads a mesh and gives it the material, if one is wanted.
-fn load_model(path: &Path, material: Option<&str>) -> anyhow::Result<PreparedModel> {
-    let material =
-        material.map(MaterialSpec::parse).transpose().map_err(|error| Usage(format!("--material: {error}")))?;
-    let mut model = Model::load(path, &LoadOptions::default())?;
-    if let Some(material) = material {
-        model.override_material(&material, Path::new(".")).context("--material")?;
-    }
-    Ok(PreparedModel::new(model))
+/// The models of all objects; one that stands there several times is held once.
+struct Models {
+    models: Vec<PreparedModel>,
+    /// Of each object the index of its model.
+    of_objects: Vec<usize>,
 }
 
-fn scale(args: &Args, model: &PreparedModel) -> anyhow::Result<f32> {
-    let Some(height_m) = args.height else {
-        return Ok(args.scale as f32);
-    };
-    let height = model.bounds().size().y;
-    if height > 0.0 {
-        Ok(height_m as f32 / height)
-    } else {
-        Err(Usage("--height: the mesh is flat and has no height; give --scale".into()).into())
+impl Models {
+    /// Reads the meshes and gives them their materials.
+    fn load(layout: &Layout, folder: &Path) -> anyhow::Result<Self> {
+        let objects = layout.objects();
+        let (mut models, mut of_objects): (Vec<PreparedModel>, Vec<usize>) = (Vec::new(), Vec::new());
+        for (i, object) in objects.iter().enumerate() {
+            let is_same = |other: &LayoutObject| other.mesh == object.mesh && other.material == object.material;
+            let known = objects[..i].iter().position(is_same).map(|other| of_objects[other]);
+            of_objects.push(match known {
+                Some(known) => known,
+                None => {
+                    let mut model = Model::load(folder.join(&object.mesh), &LoadOptions::default())?;
+                    if let Some(material) = &object.material {
+                        model
+                            .override_material(material, folder)
+                            .with_context(|| format!("material of {}", object.name()))?;
+                    }
+                    models.push(PreparedModel::new(model));
+                    models.len() - 1
+                }
+            });
+        }
+        Ok(Self { models, of_objects })
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        self.models.iter().flat_map(|model| &model.model().warnings).map(ToString::to_string).collect()
+    }
+
+    fn of_objects(&self) -> Vec<&PreparedModel> {
+        self.of_objects.iter().map(|&model| &self.models[model]).collect()
     }
 }
 
-fn placements(args: &Args, scene: &Scene, model: &PreparedModel, scale: f32) -> anyhow::Result<Vec<Placement>> {
-    let (base, align, yaw_rad) = (Base::new(model), args.align.align(), args.yaw_deg.to_radians());
-    if let (Some(path), Some(frames)) = (&args.path, args.frames) {
-        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-        let path_of_object = insert::Path::from_json(&text).with_context(|| format!("{}", path.display()))?;
-        let stance = Stance { scale, align, base: Some(&base) };
-        return Ok(path_of_object.placements(scene, &stance, frames as usize)?);
+/// Number of pictures.
+fn frames(args: &Args, layout: &Layout) -> anyhow::Result<usize> {
+    match (args.frames, layout.objects().iter().find(|object| object.path.is_some())) {
+        (Some(frames), Some(_)) => Ok(frames as usize),
+        (None, None) => Ok(1),
+        (None, Some(moving)) => {
+            Err(Usage(format!("{} moves along a path: --frames N says in how many pictures", moving.name())).into())
+        }
+        (Some(_), None) => Err(Usage("--frames: nothing moves; give --path FILE.json".into()).into()),
     }
-    let placement = match (args.at, args.pixel) {
-        (Some(at), _) => Placement::at(scene, at, align).scaled(scale).turned(yaw_rad),
-        (None, Some([u, v])) => {
-            Placement::rest_on_pixel(scene, u, v, align)?.scaled(scale).turned(yaw_rad).settled(scene, &base)
-        }
-        (None, None) => {
-            return Err(Usage("say where: --at X,Y,Z, --pixel U,V, or --path FILE.json with --frames N".into()).into());
-        }
-    };
-    Ok(vec![placement])
+}
+
+/// An error with the name of the object, where there are several.
+fn of_object(error: InsertError, names: &[String]) -> anyhow::Error {
+    match error {
+        InsertError::Object { source, .. } if names.len() == 1 => (*source).into(),
+        InsertError::Object { object, source } => anyhow::Error::from(*source).context(names[object].clone()),
+        error => error.into(),
+    }
 }
 
 /// Names of the composite and of the layers of each frame, checked before any work is done.
 fn output_files(args: &Args, output: &Path, frames: usize) -> anyhow::Result<Vec<(PathBuf, Option<PathBuf>)>> {
-    let sequence = args.path.is_some();
+    let sequence = args.frames.is_some();
     let video = Video::is_asked(output);
     if video && !sequence {
         return Err(Usage(format!("--output {}: a video needs --path and --frames", output.display())).into());
@@ -380,9 +393,14 @@ fn frame_name(pattern: &Path, option: &str, sequence: bool, frame: usize) -> any
     Ok(PathBuf::from(format!("{before}{frame:0width$}{after}")))
 }
 
-fn lighting(text: &str) -> anyhow::Result<Lighting> {
+fn lighting(text: &str, orientation: Option<OrientationArg>) -> anyhow::Result<Lighting> {
     if text == "octree" {
-        return Ok(Lighting::Octree);
+        return match orientation {
+            None => Ok(Lighting::Octree),
+            Some(_) => {
+                Err(Usage("--orientation: it tells how the map of --lighting envmap:FILE is held".into()).into())
+            }
+        };
     }
     let Some(path) = text.strip_prefix("envmap:") else {
         return Err(Usage(format!("--lighting {text}: must be `octree` or `envmap:FILE`")).into());
@@ -396,7 +414,8 @@ fn lighting(text: &str) -> anyhow::Result<Lighting> {
         ))
         .into());
     }
-    Ok(Lighting::EnvironmentMap(map))
+    let from = orientation.map_or(Orientation::Lightoctree, OrientationArg::preset);
+    Ok(Lighting::EnvironmentMap(imaging::reorient(&map, from, Orientation::Lightoctree)))
 }
 
 fn write_layers(path: &Path, composite: &Composite) -> anyhow::Result<()> {
@@ -433,8 +452,31 @@ mod tests {
 
     #[test]
     fn lighting_is_octree_or_a_map() {
-        assert!(matches!(lighting("octree"), Ok(Lighting::Octree)));
-        assert!(lighting("sun").err().unwrap().is::<Usage>());
-        assert!(lighting("envmap:no/such.exr").is_err());
+        assert!(matches!(lighting("octree", None), Ok(Lighting::Octree)));
+        assert!(lighting("octree", Some(OrientationArg::Blender)).err().unwrap().is::<Usage>());
+        assert!(lighting("sun", None).err().unwrap().is::<Usage>());
+        assert!(lighting("envmap:no/such.exr", None).is_err());
+    }
+
+    #[test]
+    fn maps_of_other_programs_are_turned() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("map.hdr");
+        // One bright column where the other program has what lies to our right (+X).
+        for (orientation, column) in [
+            (OrientationArg::Lightoctree, 12),
+            (OrientationArg::Openexr, 4),
+            (OrientationArg::Threejs, 8),
+            (OrientationArg::Blender, 8),
+        ] {
+            let map = RadianceImage::from_fn(16, 8, |x, _| [if x == column { 8.0 } else { 0.25 }; 3]);
+            imaging::write_radiance(&file, &map, &ExrOptions::default()).unwrap();
+            let Ok(Lighting::EnvironmentMap(read)) = lighting(&format!("envmap:{}", file.display()), Some(orientation))
+            else {
+                panic!("{orientation:?}")
+            };
+            let right = lightoctree::geometry::uv_from_direction(Vec3::new(1.0, 0.0, 0.01).normalize()).x * 16.0;
+            assert_eq!(read[(right as usize, 4)], [8.0; 3], "{orientation:?}");
+        }
     }
 }

@@ -175,7 +175,7 @@ impl Teller {
             Event::Done { stage: stage @ Stage::Checkpoint, took } => {
                 tracing::debug!("{} written in {}", stage_label(&stage), seconds(took));
             }
-            Event::Warning(warning) => self.say(&format!("note: {}", warning_text(&warning))),
+            Event::Warning(warning) => self.say(&format!("note: {}", warning_text(&warning, &[]))),
             _ => {}
         }
     }

@@ -206,6 +206,116 @@ fn insert_changes_the_photo_only_where_the_object_acts() {
 }
 
 #[test]
+fn several_objects_come_from_the_command_line_or_a_layout() {
+    let folder = room_with_scene();
+    let at = folder.path();
+    write_mesh(at);
+    let quick = ["--quality", "draft", "--json"];
+    let first = ["--mesh", "object.obj", "--pixel", "50,80", "--height", "0.3", "--material", "gold"];
+    let second = ["--mesh", "object.obj", "--pixel", "90,80", "--height", "0.2", "--yaw-deg", "30"];
+    let insert = |objects: &[&str], file: &str| {
+        json(&done(at, &[&["insert", "room.scene"], objects, &quick, &["-o", file]].concat()))
+    };
+    let flags = insert(&[&first[..], &second].concat(), "flags.png");
+    let names: Vec<&str> = flags["objects"].as_array().unwrap().iter().map(|o| o["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["object", "object 2"]);
+    assert!((flags["objects"][1]["yaws_deg"][0].as_f64().unwrap() - 30.0).abs() < 1e-3, "{flags}");
+    // A layout in a folder of its own names its files from there.
+    std::fs::create_dir(at.join("layouts")).unwrap();
+    let layout = r#"{"objects": [
+        {"mesh": "../object.obj", "pixel": [50, 80], "height_m": 0.3, "material": "gold"},
+        {"mesh": "../object.obj", "name": "small", "pixel": [90, 80], "height_m": 0.2, "yaw_deg": 30}]}"#;
+    std::fs::write(at.join("layouts/two.json"), layout).unwrap();
+    let file = insert(&["--layout", "layouts/two.json"], "file.png");
+    assert_eq!(file["objects"][1]["name"], "small");
+    let pixels = |file: &str| imaging::read_rgba8(at.join(file)).unwrap();
+    assert_eq!(pixels("flags.png"), pixels("file.png"));
+    // Where only one of both is, it is as it is alone.
+    insert(&first, "first.png");
+    insert(&second, "second.png");
+    let [photo, both, first_alone, second_alone] = ["photo.png", "flags.png", "first.png", "second.png"].map(pixels);
+    let alike = |a: [u8; 4], b: [u8; 4]| (0..3).all(|c| a[c].abs_diff(b[c]) <= 3);
+    let (mut of_first, mut of_second) = (0, 0);
+    for ((photo, both), (a, b)) in
+        photo.pixels().iter().zip(both.pixels()).zip(first_alone.pixels().iter().zip(second_alone.pixels()))
+    {
+        match (a == photo, b == photo) {
+            (true, true) => assert!(alike(*both, *photo), "{both:?} {photo:?}"),
+            (false, true) if !alike(*a, *photo) => of_first += usize::from(alike(*both, *a)),
+            (true, false) if !alike(*b, *photo) => of_second += usize::from(alike(*both, *b)),
+            _ => {}
+        }
+    }
+    assert!(of_first > 50 && of_second > 20, "{of_first} {of_second}");
+    // One moves and carries the other.
+    let way = r#"{"keyframes": [{"time_s": 0, "pixel": [50, 80]}, {"time_s": 1, "pixel": [90, 80]}]}"#;
+    std::fs::write(at.join("layouts/way.json"), way).unwrap();
+    let moving = r#"[{"mesh": "../object.obj", "name": "car", "path": "way.json", "height_m": 0.3},
+        {"mesh": "../object.obj", "on": "car", "height_m": 0.1}]"#;
+    std::fs::write(at.join("layouts/moving.json"), moving).unwrap();
+    let moved = insert(&["--layout", "layouts/moving.json", "--frames", "3"], "frame_%02d.png");
+    let x = |object: usize, frame: usize| moved["objects"][object]["positions_m"][frame][0].as_f64().unwrap();
+    assert!(x(0, 2) > x(0, 0) + 0.2 && ((x(1, 2) - x(1, 0)) - (x(0, 2) - x(0, 0))).abs() < 1e-4, "{moved}");
+    assert!((0..3).all(|i| at.join(format!("frame_0{i}.png")).is_file()));
+    for (objects, code, words) in [
+        (&["--layout", "layouts/moving.json"][..], 2, "car moves along a path"),
+        (&["--layout", "layouts/two.json", "--frames", "3"], 2, "nothing moves"),
+        (&["--layout", "layouts/none.json"], 1, "none.json"),
+        (&["--layout", "photo.png"], 1, "photo.png"),
+        (&["--layout", "layouts/two.json", "--mesh", "object.obj"], 2, "--layout"),
+        (&["--mesh", "object.obj", "--pixel", "50,80", "--mesh", "object.obj"], 2, "say where object.obj stands"),
+        (&["--mesh", "object.obj", "--pixel", "50,80", "--mesh", "object.obj", "--pixel", "500,80"], 1, "object 2"),
+        (&["--mesh", "object.obj", "--pixel", "50,80", "--orientation", "blender"], 2, "--lighting envmap"),
+    ] {
+        let message = refused(at, code, &[&["insert", "room.scene"], objects, &["-o", "none.png"]].concat());
+        assert!(message.contains(words), "{objects:?}: {message}");
+    }
+}
+
+#[test]
+fn a_panorama_in_another_programs_axes_lights_as_in_ours() {
+    let folder = room_with_scene();
+    let at = folder.path();
+    write_mesh(at);
+    for orientation in ["lightoctree", "blender", "openexr"] {
+        let file = format!("{orientation}.exr");
+        done(
+            at,
+            &[
+                "envmap",
+                "room.scene",
+                "--at",
+                "0,-0.4,-1",
+                "--size",
+                "64x32",
+                "--orientation",
+                orientation,
+                "-o",
+                &file,
+            ],
+        );
+        let lighting = format!("envmap:{file}");
+        let insert = [
+            "insert",
+            "room.scene",
+            "--mesh",
+            "object.obj",
+            "--height",
+            "0.4",
+            "--pixel",
+            "72,80",
+            "--quality",
+            "draft",
+        ];
+        let picture = format!("{orientation}.png");
+        done(at, &[&insert[..], &["--lighting", &lighting, "--orientation", orientation, "-o", &picture]].concat());
+    }
+    let [ours, blender, openexr] =
+        ["lightoctree.png", "blender.png", "openexr.png"].map(|file| std::fs::read(at.join(file)).unwrap());
+    assert!(ours == blender && ours == openexr);
+}
+
+#[test]
 fn a_picture_that_is_not_waited_for_is_of_normal_quality() {
     let folder = room_with_scene();
     let at = folder.path();

@@ -38,16 +38,32 @@ pub enum Warning {
         /// Their indices.
         photos: Vec<usize>,
     },
-    /// The inserted object does not show: real surfaces stand before all of it.
-    ObjectHidden,
-    /// The inserted object does not show: it lies outside of the picture.
-    ObjectOutsidePicture,
-    /// The inserted object lies outside of the lighting octree: its light is a guess.
-    ObjectOutsideOctree,
-    /// The inserted object stands on a surface that ends below it: most of its base hangs in the air.
+    /// An inserted object does not show: real surfaces, or other objects, stand before all of it.
+    ObjectHidden {
+        /// Which of those that are inserted together, from 0.
+        object: usize,
+    },
+    /// An inserted object does not show: it lies outside of the picture.
+    ObjectOutsidePicture {
+        /// Which of those that are inserted together, from 0.
+        object: usize,
+    },
+    /// An inserted object lies outside of the lighting octree: its light is a guess.
+    ObjectOutsideOctree {
+        /// Which of those that are inserted together, from 0.
+        object: usize,
+    },
+    /// An inserted object stands on a surface that ends below it: most of its base hangs in the air.
     ObjectOverhangs {
+        /// Which of those that are inserted together, from 0.
+        object: usize,
         /// Share of the base that is carried, from 0 to 1, of what can be judged.
         supported: f32,
+    },
+    /// Two inserted objects reach into one another.
+    ObjectsIntersect {
+        /// Which of those that are inserted together, from 0.
+        objects: [usize; 2],
     },
     /// Pixels have no depth reading; theirs was taken from the room's planes or from around them.
     FilledDepth {

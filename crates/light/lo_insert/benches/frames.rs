@@ -5,7 +5,7 @@
 use divan::{Bencher, black_box};
 use lo_geometry::{Camera, Cube, Plane, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
-use lo_insert::{Inserter, Lighting, Placement, Quality};
+use lo_insert::{Inserter, Instance, Lighting, Placement, Quality};
 use lo_mesh::{LoadOptions, Material, Model, PreparedModel};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
 use lo_scene::{Frame, Scene};
@@ -87,7 +87,11 @@ fn inserter(scene: &Scene, quality: Quality) -> Inserter {
 fn first(bencher: Bencher, quality: Quality) {
     let (scene, model) = (scene(), sphere(0.0));
     bencher.with_inputs(|| inserter(&scene, quality)).bench_values(|inserter| {
-        black_box(inserter.render(&model, &placement(), &mut lo_events::ignore).expect("the sphere can be inserted"));
+        black_box(
+            inserter
+                .render(&[Instance::new(&model, placement())], &mut lo_events::ignore)
+                .expect("the sphere can be inserted"),
+        );
         inserter
     });
 }
@@ -96,7 +100,11 @@ fn first(bencher: Bencher, quality: Quality) {
 fn later(bencher: Bencher, (quality, metallic): (Quality, f32)) {
     let model = sphere(metallic);
     let inserter = inserter(&scene(), quality);
-    let render = || inserter.render(&model, &placement(), &mut lo_events::ignore).expect("the sphere can be inserted");
+    let render = || {
+        inserter
+            .render(&[Instance::new(&model, placement())], &mut lo_events::ignore)
+            .expect("the sphere can be inserted")
+    };
     render();
     bencher.bench_local(render);
 }

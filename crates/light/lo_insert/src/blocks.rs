@@ -133,7 +133,8 @@ impl Blocks {
     fn on_same_surface(&self, a: &Fragment, b: &Fragment) -> bool {
         let (near, far) = (a.point.position.z.abs(), b.point.position.z.abs());
         let least_cosine = if self.stride > 2 { 0.7 } else { 0.85 };
-        a.point.unlit == b.point.unlit
+        a.object == b.object
+            && a.point.unlit == b.point.unlit
             && a.point.geometric_normal.dot(b.point.geometric_normal) > least_cosine
             && (near - far).abs() < 0.02 * far
     }

@@ -5,28 +5,28 @@ use lo_imaging::{Image, Photo, RadianceImage, linear_from_srgb8};
 use lo_scene::Frame;
 use rayon::prelude::*;
 
-use crate::visibility::TileView;
+use crate::visibility::{Hidden, TileView};
 
-/// A photo with an object in it, and the layers that it was made of; all of the photo's size.
+/// A photo with objects in it, and the layers that it was made of; all of the photo's size.
 #[derive(Clone, Debug)]
 pub struct Composite {
-    /// The picture, of the same kind as the photo. Pixels that the object does not change are the photo's own, bit by bit.
+    /// The picture, of the same kind as the photo. Pixels that the objects do not change are the photo's own, bit by bit.
     pub image: Photo,
-    /// Linear RGB radiance of the object, premultiplied by `alpha`. Along the soft edges of what hides it, less what the photo's pixels
+    /// Linear RGB radiance of the objects, premultiplied by `alpha`. Along the soft edges of what hides them, less what the photo's pixels
     /// show of the old background; it can be negative there. The picture is `(photo · shadow_ratio + reflection) · (1 − alpha) + object`.
     pub object: RadianceImage,
-    /// Share of each pixel that shows the object, in [0, 1].
+    /// Share of each pixel that shows an object, in [0, 1].
     pub alpha: Image<f32>,
     /// Factor on the photo for shadow and bounced light; exactly 1 where there is none.
     pub shadow_ratio: RadianceImage,
-    /// Linear RGB radiance that the object's mirror image on a glossy support adds to the photo, negative where it hides what was mirrored there; none
+    /// Linear RGB radiance that the objects' mirror image on a glossy support adds to the photo, negative where it hides what was mirrored there; none
     /// where no gloss was asked for.
     pub reflection: Option<RadianceImage>,
-    /// Share of each pixel where the object is hidden by real surfaces, in [0, 1].
+    /// Share of each pixel where an object is hidden by real surfaces, in [0, 1].
     pub occlusion: Image<f32>,
 }
 
-/// The object's layers while they are made.
+/// The objects' layers while they are made.
 pub(crate) struct Layers {
     object: Image<Vec3>,
     alpha: Image<f32>,
@@ -49,7 +49,7 @@ impl Layers {
             let alpha = &mut self.alpha[fragment.pixel];
             *alpha = (*alpha + fragment.weight).min(1.0);
         }
-        for &(pixel, share) in &view.hidden {
+        for &Hidden { pixel, share, .. } in &view.hidden {
             self.occlusion[pixel] += share;
         }
     }
@@ -60,14 +60,6 @@ impl Layers {
         if self.alpha[pixel] > 0.0 {
             self.object[pixel] += change * self.occlusion[pixel];
         }
-    }
-
-    pub fn covers_anything(&self) -> bool {
-        self.alpha.pixels().iter().any(|&alpha| alpha > 0.0)
-    }
-
-    pub fn hides_anything(&self) -> bool {
-        self.occlusion.pixels().iter().any(|&share| share > 0.0)
     }
 }
 

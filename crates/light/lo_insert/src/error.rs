@@ -34,6 +34,20 @@ pub enum InsertError {
     /// The model has no extent to scale.
     #[error("the model has no extent: {0}")]
     EmptyModel(String),
+    /// One of several objects cannot be inserted.
+    #[error("object {}: {source}", .object + 1)]
+    Object {
+        /// Which one, from 0.
+        object: usize,
+        /// Why.
+        source: Box<InsertError>,
+    },
+    /// An object that others carry is not above them.
+    #[error("{0}")]
+    NotCarried(&'static str),
+    /// A height was asked for of a model that has none.
+    #[error("the mesh is flat and has no height; give a scale")]
+    Flat,
     /// The environment map cannot light anything.
     #[error("the environment map {0}")]
     EnvironmentMap(String),
@@ -49,4 +63,14 @@ pub enum InsertError {
     /// The path's keyframes make no sense.
     #[error("path: {0}")]
     Path(String),
+    /// The layout's text cannot be read, or makes no sense.
+    #[error("layout: {0}")]
+    Layout(String),
+}
+
+impl InsertError {
+    /// The error as that of object number `object`.
+    pub(crate) fn of(self, object: usize) -> Self {
+        Self::Object { object, source: Box::new(self) }
+    }
 }

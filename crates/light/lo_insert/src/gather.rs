@@ -1,4 +1,4 @@
-//! Light that arrives at points of the object: cones over the hemisphere and light samples, shadowed by the object itself.
+//! Light that arrives at points of the objects: cones over the hemisphere and light samples, shadowed by the objects themselves.
 
 use std::f32::consts::PI;
 
@@ -10,18 +10,24 @@ use rayon::prelude::*;
 use crate::environment::{Environment, Part};
 use crate::lights::{LightSample, luminance};
 use crate::object::Object;
+use crate::objects::{ObjectHit, Objects};
 use crate::radiosity::Radiosity;
 use crate::shadow_ratio::ShadowRatio;
 
 /// Distance from a surface at which rays against the object start, as a share of the object's radius.
 const RAY_START: f32 = 2e-4;
 
+/// Real surfaces farther from an object than this multiple of its radius are not in its shadow.
+const SHADOW_REACH: f32 = 8.0;
+
 /// Receivers that one task serves; the result does not depend on it.
 pub(crate) const RECEIVERS_PER_TASK: usize = 32;
 
-/// A point of the object that light falls on.
+/// A point of an object that light falls on.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Receiver {
+    /// Which object.
+    pub object: usize,
     pub position: Vec3,
     /// Shading normal, unit length.
     pub normal: Vec3,
@@ -66,10 +72,10 @@ impl Gathered {
 /// All that light depends on within one frame.
 pub(crate) struct Gatherer<'a> {
     pub environment: &'a Environment,
-    pub object: &'a Object<'a>,
-    /// Light that the object gives off itself, once it is known.
-    pub radiosity: Option<&'a Radiosity>,
-    /// The object's shadow on real surfaces, once it is known.
+    pub objects: &'a Objects<'a>,
+    /// Light that each object gives off itself, once it is known.
+    pub radiosity: Option<&'a [Radiosity]>,
+    /// The objects' shadow on real surfaces, once it is known.
     pub shadow: Option<&'a ShadowRatio<'a>>,
     /// Directions over the whole sphere.
     pub directions: &'a [Vec3],
@@ -79,73 +85,83 @@ pub(crate) struct Gatherer<'a> {
     pub lights: &'a [ObjectLight],
 }
 
-/// A light sample that shines on the object.
-#[derive(Clone, Copy, Debug)]
+/// A light sample that shines on the objects.
+#[derive(Clone, Debug)]
 pub(crate) struct ObjectLight {
     sample: LightSample,
     /// Factor that makes it stand for its part of all light.
     scale: f32,
-    /// Share of it that real surfaces leave free, where that is the same for the whole object.
-    free: Option<f32>,
+    /// For each object the share of it that real surfaces leave free, where that is the same for the whole object.
+    free: Vec<Option<f32>>,
 }
 
-/// `count` light samples for an object. With `shared`, a light that every corner and the middle of the object's box see in
-/// full, or not at all, is taken as seen, or not seen, by all of the object.
+/// `count` light samples for the objects. With `shared`, a light that every corner and the middle of an object's box see in
+/// full, or not at all, is taken as seen, or not seen, by all of that object.
 pub(crate) fn object_lights(
     environment: &Environment,
-    object: &Object,
+    objects: &Objects,
     count: usize,
     shared: bool,
 ) -> Vec<ObjectLight> {
     let (samples, scale) = environment.lights().subset(count, 0, 1);
-    let mut lights: Vec<ObjectLight> = samples.map(|&sample| ObjectLight { sample, scale, free: None }).collect();
+    let mut lights: Vec<ObjectLight> =
+        samples.map(|&sample| ObjectLight { sample, scale, free: vec![None; objects.len()] }).collect();
     if !shared {
         return lights;
     }
-    let places = object.corners().into_iter().chain([object.centre_m]);
-    let places: Vec<Vec3> = places.map(|place| environment.lifted(place, object.support)).collect();
     let (mut rays, mut shares) = (Vec::new(), Vec::new());
-    for light in &mut lights {
-        rays.clear();
-        let seen = places.iter().filter_map(|&place| Some((place, light.sample.on(place)?)));
-        rays.extend(seen.map(|(place, incidence)| (place, incidence.direction, incidence.distance_m)));
-        environment.free_share(&rays, &mut shares);
-        light.free = if shares.iter().all(|&share| share > 0.99) {
-            Some(1.0)
-        } else if shares.iter().all(|&share| share < 0.01) {
-            Some(0.0)
-        } else {
-            None
-        };
+    for (index, object) in objects.iter().enumerate() {
+        let places = object.corners().into_iter().chain([object.centre_m]);
+        let places: Vec<Vec3> = places.map(|place| environment.lifted(place, object.support)).collect();
+        for light in &mut lights {
+            rays.clear();
+            let seen = places.iter().filter_map(|&place| Some((place, light.sample.on(place)?)));
+            rays.extend(seen.map(|(place, incidence)| (place, incidence.direction, incidence.distance_m)));
+            environment.free_share(&rays, &mut shares);
+            light.free[index] = if shares.iter().all(|&share| share > 0.99) {
+                Some(1.0)
+            } else if shares.iter().all(|&share| share < 0.01) {
+                Some(0.0)
+            } else {
+                None
+            };
+        }
     }
-    lights.retain(|light| light.free != Some(0.0));
+    lights.retain(|light| light.free.iter().any(|&free| free != Some(0.0)));
     lights
 }
 
 impl Gatherer<'_> {
-    /// Start of rays against the object from a point on it.
-    pub fn ray_start(&self, position: Vec3, geometric_normal: Vec3) -> Vec3 {
-        position + geometric_normal * (RAY_START * self.object.radius_m)
+    /// Start of rays against the objects from a point on one of them.
+    pub fn ray_start(&self, object: usize, position: Vec3, geometric_normal: Vec3) -> Vec3 {
+        position + geometric_normal * (RAY_START * self.objects[object].radius_m)
     }
 
-    /// Radiance of an environment sample, darkened where it shows a real surface in the object's shadow.
-    pub fn shadowed(&self, cone: &Cone, sample: &lo_cone::ConeSample) -> Vec3 {
+    /// Where to gather light for a point of an object: see [`Environment::lifted`].
+    pub fn lifted(&self, object: usize, position: Vec3) -> Vec3 {
+        self.environment.lifted(position, self.objects[object].support)
+    }
+
+    /// Radiance of an environment sample at an object, darkened where it shows a real surface in the objects' shadow.
+    pub fn shadowed(&self, object: usize, cone: &Cone, sample: &lo_cone::ConeSample) -> Vec3 {
         let radiance = Vec3::from(sample.radiance);
         let Some(shadow) = self.shadow else { return radiance };
+        let own = &self.objects[object];
         let distance_m = if sample.distance_m.is_finite() {
             sample.distance_m
         } else {
             // A map at infinity knows no surfaces; the one under the object is known all the same.
             let ray = Ray { origin: cone.origin, direction: cone.direction };
-            match self.object.support.and_then(|plane| plane.intersect(&ray)) {
+            match own.support.and_then(|plane| plane.intersect(&ray)) {
                 Some(distance_m) => distance_m,
                 None => return radiance,
             }
         };
-        if distance_m > 8.0 * self.object.radius_m {
-            return radiance;
-        }
-        radiance * shadow.at(cone.origin + cone.direction * distance_m)
+        let point = cone.origin + cone.direction * distance_m;
+        let is_near = |other: &Object| (point - other.centre_m).length() <= SHADOW_REACH * other.radius_m;
+        let others = || self.objects.iter().enumerate().filter(|&(i, _)| i != object);
+        let in_reach = distance_m <= SHADOW_REACH * own.radius_m || others().any(|(_, other)| is_near(other));
+        if in_reach { radiance * shadow.at(point) } else { radiance }
     }
 
     /// Light at each receiver; the directions are fixed in the world, so neighbours and frames share them.
@@ -166,7 +182,7 @@ impl Gatherer<'_> {
         // Weights are scaled so that a uniform environment of radiance 1 gives π exactly.
         let total = |r: &Receiver| self.directions.iter().map(|d| r.normal.dot(*d).max(0.0)).sum::<f32>();
         let scales: Vec<f32> = receivers.iter().map(|r| if r.diffuse { PI / total(r) } else { 0.0 }).collect();
-        let apex = |r: &Receiver| self.environment.lifted(r.position, self.object.support);
+        let apex = |r: &Receiver| self.lifted(r.object, r.position);
         let apexes: Vec<Vec3> = receivers.iter().map(apex).collect();
         // One direction after the other: rays and cones of neighbours go the same way.
         for &direction in self.directions {
@@ -177,11 +193,12 @@ impl Gatherer<'_> {
                 }
                 // Below the triangle's own plane there is nothing to meet: the smooth surface is meant to bulge.
                 let above = receiver.geometric_normal.dot(direction) > 0.0;
-                let ray = Ray { origin: self.ray_start(receiver.position, receiver.geometric_normal), direction };
-                let hit = if above { self.object.closest(&ray, f32::INFINITY) } else { None };
-                match hit {
-                    Some(hit) => {
-                        let radiance = self.radiosity.map_or(Vec3::ZERO, |r| r.radiance(self.object, &ray, &hit));
+                let ray = Ray { origin: receiver.ray_start(self), direction };
+                let met = if above { self.objects.closest(&ray, f32::INFINITY) } else { None };
+                match met {
+                    Some(ObjectHit { object, hit }) => {
+                        let given_off = |r: &[Radiosity]| r[object].radiance(&self.objects[object], &ray, &hit);
+                        let radiance = self.radiosity.map_or(Vec3::ZERO, given_off);
                         gathered.add(radiance, direction, cosine, scales[index]);
                     }
                     None => {
@@ -193,7 +210,8 @@ impl Gatherer<'_> {
         }
         self.environment.gather(Part::Dimmed, &cones, &mut samples);
         for ((cone, sample), (index, weight, solid_angle)) in cones.iter().zip(&samples).zip(owners) {
-            gathered[index].add(self.shadowed(cone, sample), cone.direction, weight, solid_angle);
+            let radiance = self.shadowed(receivers[index].object, cone, sample);
+            gathered[index].add(radiance, cone.direction, weight, solid_angle);
         }
     }
 
@@ -204,21 +222,25 @@ impl Gatherer<'_> {
         let (mut rays, mut owners, mut shares) = (Vec::new(), Vec::new(), Vec::new());
         for light in self.lights {
             for (index, receiver) in receivers.iter().enumerate() {
+                let free = light.free[receiver.object];
+                if free == Some(0.0) {
+                    continue;
+                }
                 let Some(incidence) = light.sample.on(receiver.position) else { continue };
                 let direction = incidence.direction;
                 if receiver.normal.dot(direction) <= 0.0 {
                     continue;
                 }
                 let above = receiver.geometric_normal.dot(direction) > 0.0;
-                let ray = Ray { origin: self.ray_start(receiver.position, receiver.geometric_normal), direction };
-                if above && self.object.blocks(&ray, incidence.distance_m) {
+                let ray = Ray { origin: receiver.ray_start(self), direction };
+                if above && self.objects.blocks(&ray, incidence.distance_m) {
                     continue;
                 }
                 let irradiance = incidence.irradiance * light.scale;
-                match light.free {
+                match free {
                     Some(share) => gathered[index].add_light(receiver, direction, irradiance * share),
                     None => {
-                        let apex = self.environment.lifted(receiver.position, self.object.support);
+                        let apex = self.lifted(receiver.object, receiver.position);
                         rays.push((apex, direction, incidence.distance_m));
                         owners.push((index, direction, irradiance));
                     }
@@ -235,7 +257,12 @@ impl Gatherer<'_> {
 impl Receiver {
     /// A stand-in for a point that needs no light.
     pub fn dark() -> Self {
-        Self { position: Vec3::ZERO, normal: Vec3::ZERO, geometric_normal: Vec3::ZERO, diffuse: false, gloss: None }
+        let nowhere = Vec3::ZERO;
+        Self { object: 0, position: nowhere, normal: nowhere, geometric_normal: nowhere, diffuse: false, gloss: None }
+    }
+
+    fn ray_start(&self, gatherer: &Gatherer) -> Vec3 {
+        gatherer.ray_start(self.object, self.position, self.geometric_normal)
     }
 }
 

@@ -1,4 +1,4 @@
-//! The object's mirror image on the surface that carries it, where that is glossy.
+//! The objects' mirror image on the surfaces that carry them, where those are glossy.
 
 use lo_bsdf::{DIELECTRIC_F0, Ggx, fresnel};
 use lo_cone::Cone;
@@ -7,7 +7,7 @@ use lo_imaging::Image;
 use rayon::prelude::*;
 
 use crate::environment::{Environment, Part};
-use crate::object::Object;
+use crate::objects::Objects;
 use crate::occluders::Occluders;
 use crate::pattern::hammersley;
 use crate::radiosity::Radiosity;
@@ -18,15 +18,18 @@ const MAX_REFLECTED: f32 = 0.8;
 /// A reading this many times its depth's error from the plane belongs to something else.
 const ON_PLANE: f32 = 3.0;
 
-/// A polished, clear coat on a plane: a dielectric of index 1.5.
+/// A polished, clear coat on each plane that carries an object: a dielectric of index 1.5.
+///
+/// What carries several objects is known as often, each time a little differently. An object is mirrored in its own plane wherever a pixel
+/// lies on that, so that it meets its image, and else in the plane that is nearest to the pixel's reading.
 pub(crate) struct Gloss<'a> {
-    pub object: &'a Object<'a>,
+    pub objects: &'a Objects<'a>,
     pub environment: &'a Environment,
-    pub radiosity: &'a Radiosity,
+    /// Of each object.
+    pub radiosity: &'a [Radiosity],
     pub occluders: &'a Occluders,
     /// In pixels of the photo.
     pub camera: Camera,
-    pub plane: Plane,
     /// Perceptual roughness.
     pub roughness: f32,
     /// Directions for each pixel.
@@ -34,8 +37,8 @@ pub(crate) struct Gloss<'a> {
 }
 
 impl Gloss<'_> {
-    /// Radiance that the reflection adds to each pixel of the photo, which sees `seen` there: the object's less what was mirrored in its place.
-    /// Zero where the plane is not seen or does not mirror the object.
+    /// Radiance that the reflection adds to each pixel of the photo, which sees `seen` there: the objects' less what was mirrored in their place.
+    /// Zero where no plane is seen or none mirrors an object.
     pub fn reflection(&self, seen: impl Fn((usize, usize)) -> Vec3 + Sync) -> Image<Vec3> {
         let (width, height) = (self.camera.width as usize, self.camera.height as usize);
         let rows: Vec<Vec<Vec3>> = (0..height)
@@ -61,51 +64,85 @@ impl Gloss<'_> {
         Image::new(width, height, rows.into_iter().flatten().collect())
     }
 
-    /// Adds the object's part to a pixel, and asks for what it hides.
+    /// Adds the objects' part to a pixel, and asks for what they hide.
     fn pixel(&self, (x, y): (usize, usize), sum: &mut Vec3, cones: &mut Vec<Cone>, owners: &mut Vec<(usize, Vec3)>) {
         let (u, v) = (x as f64 + 0.5, y as f64 + 0.5);
         let eye = Ray { origin: Vec3::ZERO, direction: self.camera.direction(u, v) };
-        let Some(distance_m) = self.plane.intersect(&eye) else { return };
-        let (point, normal, view) = (eye.at(distance_m), self.plane.normal, -eye.direction);
-        let n_dot_v = normal.dot(view);
-        if n_dot_v <= 0.0 || !self.may_mirror(point, eye.direction) {
-            return;
-        }
         let (width, height) = (f64::from(self.camera.width), f64::from(self.camera.height));
-        let on_plane = self.occluders.at(u / width, v / height).is_some_and(|surface| {
-            self.plane.signed_distance_m(surface.position_m).abs()
-                < ON_PLANE * self.occluders.bias_m(-surface.position_m.z)
-        });
-        if !on_plane {
+        // For each object its plane, if the pixel lies on it, and how far off the reading lies.
+        let on_plane = |(index, plane): (usize, Plane)| {
+            let point = eye.at(plane.intersect(&eye)?);
+            if plane.normal.dot(eye.direction) >= 0.0 || !self.may_mirror(&plane, point, eye.direction, &|_| true) {
+                return None;
+            }
+            let surface = self.occluders.at(u / width, v / height)?;
+            let off_m = plane.signed_distance_m(surface.position_m).abs();
+            (off_m < ON_PLANE * self.occluders.bias_m(-surface.position_m.z)).then_some((index, plane, off_m))
+        };
+        let supports = self.objects.iter().enumerate().filter_map(|(i, object)| Some((i, object.support?)));
+        let planes: Vec<(usize, Plane, f32)> = supports.filter_map(on_plane).collect();
+        let Some(&(nearest, ..)) = planes.iter().min_by(|a, b| a.2.total_cmp(&b.2)) else { return };
+        for &(own, plane, _) in &planes {
+            let is_here = |object: usize| planes.iter().any(|&(index, ..)| index == object);
+            let mirrors = |object: usize| if is_here(object) { object == own } else { own == nearest };
+            self.mirrored(&eye, &plane, &mirrors, |cone, weight, radiance| {
+                *sum += radiance * weight;
+                cones.push(cone);
+                owners.push((x, weight));
+            });
+        }
+    }
+
+    /// What a plane shows of the objects that it `mirrors`: for each direction a cone to what they hide, the share that is mirrored, and their
+    /// radiance.
+    fn mirrored(
+        &self,
+        eye: &Ray,
+        plane: &Plane,
+        mirrors: &impl Fn(usize) -> bool,
+        mut add: impl FnMut(Cone, Vec3, Vec3),
+    ) {
+        let Some(distance_m) = plane.intersect(eye) else { return };
+        let (point, normal, view) = (eye.at(distance_m), plane.normal, -eye.direction);
+        if !self.may_mirror(plane, point, eye.direction, mirrors) {
             return;
         }
+        let n_dot_v = normal.dot(view);
         let tangent = (view - normal * n_dot_v).normalize_or(normal.any_orthonormal_vector());
         let frame = Mat3::from_cols(tangent, normal.cross(tangent), normal);
         let local_view = Vec3::new((1.0 - n_dot_v * n_dot_v).max(0.0).sqrt(), 0.0, n_dot_v);
         let ggx = Ggx::from_roughness(self.roughness);
-        let origin = point + normal * (1e-3 * self.object.radius_m);
+        let mirrored: Vec<usize> = (0..self.objects.len()).filter(|&object| mirrors(object)).collect();
+        let least_radius_m = self.objects.iter().map(|object| object.radius_m).fold(f32::INFINITY, f32::min);
+        let origin = point + normal * (1e-3 * least_radius_m);
         for i in 0..self.samples {
             let sample = ggx.sample(local_view, hammersley(i, self.samples));
+            if sample.weight <= 0.0 {
+                continue;
+            }
             let ray = Ray { origin, direction: frame * sample.light };
-            let Some(hit) = self.object.closest(&ray, f32::INFINITY).filter(|_| sample.weight > 0.0) else { continue };
+            // The others only stand before these.
+            let met = |&object: &usize| Some((object, self.objects.closest_of(object, &ray)?));
+            let Some((object, hit)) = mirrored.iter().find_map(met) else { continue };
             let weight = fresnel(Vec3::splat(DIELECTRIC_F0), sample.v_dot_h) * sample.weight / self.samples as f32;
             let footprint_m = (distance_m + hit.distance_m) * self.camera.pixel_angle_rad();
-            *sum += self.radiosity.radiance_of(self.object, &self.object.surface(&ray, &hit, footprint_m)) * weight;
+            let placed = &self.objects[object];
+            let radiance = self.radiosity[object].radiance_of(placed, &placed.surface(&ray, &hit, footprint_m));
             let solid_angle = 1.0 / (self.samples as f32 * sample.pdf_per_sr);
             let tan_half_angle = (solid_angle / std::f32::consts::PI).sqrt().clamp(1e-3, 0.5);
-            let origin = self.environment.lifted(point, Some(self.plane));
-            cones.push(Cone { origin, direction: ray.direction, tan_half_angle });
-            owners.push((x, weight));
+            let origin = self.environment.lifted(point, Some(*plane));
+            add(Cone { origin, direction: ray.direction, tan_half_angle }, weight, radiance);
         }
     }
 
-    /// Whether the mirrored ray, spread by the roughness, comes near the object.
-    fn may_mirror(&self, point: Vec3, direction: Vec3) -> bool {
-        let normal = self.plane.normal;
-        let mirrored = direction - 2.0 * direction.dot(normal) * normal;
-        let offset = self.object.centre_m - point;
-        let along_m = offset.dot(mirrored).max(0.0);
+    /// Whether the mirrored ray, spread by the roughness, comes near one of the objects that are `asked` for.
+    fn may_mirror(&self, plane: &Plane, point: Vec3, direction: Vec3, asked: &impl Fn(usize) -> bool) -> bool {
+        let mirrored = direction - 2.0 * direction.dot(plane.normal) * plane.normal;
         let spread = 2.0 * self.roughness * self.roughness;
-        (offset - mirrored * along_m).length() < self.object.radius_m + spread * offset.length()
+        self.objects.iter().enumerate().filter(|&(i, _)| asked(i)).any(|(_, object)| {
+            let offset = object.centre_m - point;
+            let along_m = offset.dot(mirrored).max(0.0);
+            (offset - mirrored * along_m).length() < object.radius_m + spread * offset.length()
+        })
     }
 }

@@ -1,17 +1,18 @@
 //! Virtual objects in a photo: shading by cones of the lighting octree, differential rendering of their shadow, sequences.
 //!
-//! An [`Inserter`] holds everything of a scene that does not depend on the object. [`Inserter::render`] then makes one picture:
+//! An [`Inserter`] holds everything of a scene that does not depend on the objects. [`Inserter::render`] then makes one picture of any number of
+//! [`Instance`]s, which all rays of light meet alike (`objects`):
 //!
-//! 1. *Shadow, coarse*: what share of the light on real surfaces the object takes away (`shadow`).
-//! 2. *Radiosity*: light on some hundred points of the object, which sees the floor in its shadow; twice, so that light also goes
-//!    from one part of the object to another (`patches`, `radiosity`).
-//! 3. *Shadow, fine*: with the light that the object gives back.
-//! 4. *Visibility*: the camera's rays against the object and the photo's depth (`visibility`), and where that ends the photo's
+//! 1. *Shadow, coarse*: what share of the light on real surfaces the objects take away (`shadow`).
+//! 2. *Radiosity*: light on some hundred points of each object, which sees the floor in its shadow; twice, so that light also goes
+//!    from one part of an object to another, and from one object to the next (`patches`, `radiosity`).
+//! 3. *Shadow, fine*: with the light that the objects give back.
+//! 4. *Visibility*: the camera's rays against the objects and the photo's depth (`visibility`), and where that ends the photo's
 //!    colours (`matte`).
 //! 5. *Shading*: glTF's metallic-roughness BSDF (`lo_bsdf`) under the light at each visible point (`gather`, `shade`).
-//! 6. *Composite*: photo × ratio, with the object's mirror image where its support is glossy (`gloss`), under the object (`composite`).
+//! 6. *Composite*: photo × ratio, with the objects' mirror image where their support is glossy (`gloss`), under the objects (`composite`).
 //!
-//! All sample patterns are fixed in the world, on the object or on the pixel grid; nothing is random, so a sequence does not flicker.
+//! All sample patterns are fixed in the world, on an object or on the pixel grid; nothing is random, so a sequence does not flicker.
 
 mod aperture;
 mod backdrop;
@@ -19,6 +20,7 @@ mod base;
 mod batches;
 mod blocks;
 mod cap;
+mod carried;
 mod colour_sides;
 mod composite;
 mod depth_steps;
@@ -28,7 +30,9 @@ mod gather;
 mod gloss;
 mod holes;
 mod inserter;
+mod instance;
 mod irradiance;
+mod layout;
 mod lighting;
 mod lights;
 mod look;
@@ -36,6 +40,7 @@ mod map;
 mod matte;
 mod nearest;
 mod object;
+mod objects;
 mod occluders;
 mod patches;
 mod path;
@@ -53,9 +58,12 @@ mod visibility;
 mod walk;
 
 pub use base::Base;
+pub use carried::Spot;
 pub use composite::Composite;
 pub use error::InsertError;
 pub use inserter::Inserter;
+pub use instance::Instance;
+pub use layout::{Layout, LayoutObject, PathSource};
 pub use lighting::Lighting;
 pub use path::{Interpolation, Keyframe, Path, Stance};
 pub use placement::{Align, Placement};

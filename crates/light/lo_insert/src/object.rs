@@ -1,14 +1,17 @@
 use lo_geometry::{Mat3, Plane, Ray, Vec3};
-use lo_mesh::{AlphaMode, Hit, PlacedModel, PreparedModel, SurfacePoint};
+use lo_mesh::{AlphaMode, Hit, PlacedModel, SurfacePoint};
 
 use crate::pattern::hammersley;
-use crate::{InsertError, Placement};
+use crate::{InsertError, Instance};
 
 /// Smallest alpha that stops light: for the rays that carry light a surface is there or not; the camera's rays mix.
 const LIGHT_ALPHA: f32 = 0.5;
 
 /// Transparent layers that a ray passes before it is taken as free.
 const MAX_LAYERS: usize = 16;
+
+/// Surfaces that are counted on the way out of an object.
+const MAX_CROSSINGS: usize = 1000;
 
 /// A model at its place in the world.
 pub(crate) struct Object<'a> {
@@ -31,8 +34,9 @@ pub(crate) struct Object<'a> {
 
 impl<'a> Object<'a> {
     /// # Errors
-    /// Where the model has no extent.
-    pub fn new(prepared: &'a PreparedModel, placement: &Placement) -> Result<Self, InsertError> {
+    /// Where the model has no extent, or a number of the placement is not usable.
+    pub fn new(&Instance { model: prepared, placement }: &Instance<'a>) -> Result<Self, InsertError> {
+        placement.check()?;
         let bounds = prepared.bounds();
         let (size, centre) = (bounds.size(), bounds.center());
         if !(size.is_finite() && size.max_element() > 0.0) {
@@ -112,6 +116,25 @@ impl<'a> Object<'a> {
     /// The nearest surface beyond `from_m` (0: from the start) that the camera sees at least in part.
     pub fn seen(&self, ray: &Ray, from_m: f32) -> Option<Hit> {
         if self.misses(ray) { None } else { self.beyond(ray, from_m, f32::INFINITY, PlacedModel::intersect) }
+    }
+
+    /// Whether a world point lies inside: along two of three directions an odd number of surfaces is met (Jordan).
+    pub fn contains(&self, point: Vec3) -> bool {
+        let is_odd = |direction: Vec3| {
+            let ray = Ray { origin: point, direction };
+            let (mut from_m, mut met) = (0.0, 0usize);
+            while let Some(hit) = self.beyond(&ray, from_m, f32::INFINITY, PlacedModel::intersect_both_sides) {
+                (from_m, met) = (hit.distance_m, met + 1);
+                if met == MAX_CROSSINGS {
+                    break;
+                }
+            }
+            met % 2 == 1
+        };
+        let in_box = |local: Vec3| local.cmpge(self.low_m).all() && local.cmple(self.high_m).all();
+        // No two along one of the model's faces, as far as can be told.
+        let directions = [Vec3::new(0.36, 0.48, 0.8), Vec3::new(-0.64, 0.6, 0.48), Vec3::new(0.28, -0.96, 0.0)];
+        in_box(self.to_local_point(point)) && directions.into_iter().filter(|&direction| is_odd(direction)).count() >= 2
     }
 
     /// What `intersect` meets on a ray beyond `from_m`.

@@ -1,25 +1,25 @@
-//! The object's surface as some hundred points that take part in the exchange of diffuse light.
+//! The objects' surfaces as some hundred points each that take part in the exchange of diffuse light.
 
 use lo_geometry::Vec3;
 
 use crate::gather::{Gatherer, Receiver};
 use crate::object::Object;
+use crate::objects::Objects;
 use crate::radiosity::{Radiosity, diffuse_look};
 
-/// A point of the object's surface with what it reflects.
+/// A point of an object's surface with what it reflects.
 pub(crate) struct Patch {
     receiver: Receiver,
     albedo: Vec3,
     emissive: Vec3,
 }
 
-/// `count` points spread evenly over the object's surface by area; the same ones of a model each time.
-pub(crate) fn patches(object: &Object, count: usize) -> Vec<Patch> {
-    object
-        .spread_points(count)
-        .into_iter()
-        .map(|point| {
+/// `count` points spread evenly over each object's surface by area; the same ones of a model each time.
+pub(crate) fn patches(objects: &Objects, count: usize) -> Vec<Patch> {
+    let of_object = |(object, placed): (usize, &Object)| {
+        placed.spread_points(count).into_iter().map(move |point| {
             let receiver = Receiver {
+                object,
                 position: point.position,
                 normal: point.shading_normal,
                 geometric_normal: point.geometric_normal,
@@ -29,18 +29,19 @@ pub(crate) fn patches(object: &Object, count: usize) -> Vec<Patch> {
             let (albedo, emissive) = diffuse_look(&point);
             Patch { receiver, albedo, emissive }
         })
-        .collect()
+    };
+    objects.iter().enumerate().flat_map(of_object).collect()
 }
 
-/// Lights the patches. With a gatherer that knows an earlier radiosity, light goes one bounce further.
-pub(crate) fn lit(gatherer: &Gatherer, patches: &[Patch]) -> Radiosity {
+/// Lights the patches, and tells what each object gives off. With a gatherer that knows an earlier radiosity, light goes one bounce further.
+pub(crate) fn lit(gatherer: &Gatherer, patches: &[Patch]) -> Vec<Radiosity> {
     let receivers: Vec<Receiver> = patches.iter().map(|patch| patch.receiver).collect();
     let gathered = gatherer.gather_parallel(&receivers);
-    let mut radiosity = Radiosity::dark(gatherer.object);
+    let mut radiosity: Vec<Radiosity> = gatherer.objects.iter().map(Radiosity::dark).collect();
     for (patch, light) in patches.iter().zip(gathered) {
         let exitance = patch.albedo * light.irradiance / std::f32::consts::PI + patch.emissive;
-        let Receiver { position, normal, .. } = patch.receiver;
-        radiosity.add(gatherer.object, position, normal, light.irradiance, exitance);
+        let Receiver { object, position, normal, .. } = patch.receiver;
+        radiosity[object].add(&gatherer.objects[object], position, normal, light.irradiance, exitance);
     }
     radiosity
 }

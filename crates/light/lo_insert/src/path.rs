@@ -119,16 +119,36 @@ impl Path {
         Ok(())
     }
 
+    /// Times of the first keyframe and of the last, in seconds.
+    ///
+    /// # Errors
+    /// Where the path makes no sense.
+    pub fn span_s(&self) -> Result<[f64; 2], InsertError> {
+        self.check()?;
+        Ok([self.keyframes[0].time_s, self.keyframes[self.keyframes.len() - 1].time_s])
+    }
+
     /// `frames` placements at equal time steps from the first keyframe to the last.
     ///
     /// # Errors
     /// Where a keyframe's pixel has no surface, or the path makes no sense.
     pub fn placements(&self, scene: &Scene, stance: &Stance, frames: usize) -> Result<Vec<Placement>, InsertError> {
+        self.placements_at(scene, stance, &frame_times_s(self.span_s()?, frames))
+    }
+
+    /// A placement at each of some times in seconds: before the first keyframe that one's, after the last that one's.
+    ///
+    /// # Errors
+    /// Where a keyframe's pixel has no surface, or the path makes no sense.
+    pub fn placements_at(
+        &self,
+        scene: &Scene,
+        stance: &Stance,
+        times_s: &[f64],
+    ) -> Result<Vec<Placement>, InsertError> {
         self.check()?;
         let keys = self.keyframes.iter().map(|key| stance.at_key(scene, key)).collect::<Result<Vec<_>, _>>()?;
-        let (first, last) = (self.keyframes[0].time_s, self.keyframes[keys.len() - 1].time_s);
-        let step = (last - first) / (frames.max(2) - 1) as f64;
-        Ok((0..frames).map(|frame| self.placement_at(&keys, first + step * frame as f64)).collect())
+        Ok(times_s.iter().map(|&time_s| self.placement_at(&keys, time_s)).collect())
     }
 
     fn placement_at(&self, keys: &[Placement], time_s: f64) -> Placement {
@@ -163,6 +183,12 @@ impl Path {
         let position_m = Vec3::new(mixed[0] as f32, mixed[1] as f32, mixed[2] as f32);
         Placement { position_m, yaw_rad: mixed[3].to_radians() as f32, up, ..near }
     }
+}
+
+/// Times of `frames` frames at equal steps from the first time to the last.
+pub(crate) fn frame_times_s([first, last]: [f64; 2], frames: usize) -> Vec<f64> {
+    let step = (last - first) / (frames.max(2) - 1) as f64;
+    (0..frames).map(|frame| first + step * frame as f64).collect()
 }
 
 /// Cubic with values `p`, `q` and slopes `dp`, `dq` at 0 and 1.

@@ -190,7 +190,7 @@ impl Shader<'_> {
         }
     }
 
-    /// Radiance from each reflected direction: the object itself, or the environment.
+    /// Radiance from each reflected direction: an object, or the environment.
     fn reflected(&self, chosen: &[usize], fragments: &[Fragment], reflections: &[Reflection]) -> Vec<Vec3> {
         let gatherer = &self.gatherer;
         let mut radiance = vec![Vec3::ZERO; reflections.len()];
@@ -199,17 +199,19 @@ impl Shader<'_> {
         let mut apexes = Vec::new();
         for (i, reflection) in reflections.iter().enumerate() {
             let point = &fragments[chosen[reflection.slot]].point;
-            let origin = gatherer.ray_start(point.position, point.geometric_normal);
+            let object = fragments[chosen[reflection.slot]].object;
+            let origin = gatherer.ray_start(object, point.position, point.geometric_normal);
             let ray = Ray { origin, direction: reflection.direction };
-            if let Some(hit) = gatherer.object.closest(&ray, f32::INFINITY) {
+            if let Some(met) = gatherer.objects.closest(&ray, f32::INFINITY) {
                 if let Some(radiosity) = gatherer.radiosity {
-                    let footprint_m = hit.distance_m * reflection.tan_half_angle;
-                    let point = gatherer.object.surface(&ray, &hit, footprint_m);
-                    radiance[i] = radiosity.radiance_of(gatherer.object, &point);
+                    let footprint_m = met.hit.distance_m * reflection.tan_half_angle;
+                    let met_object = &gatherer.objects[met.object];
+                    let point = met_object.surface(&ray, &met.hit, footprint_m);
+                    radiance[i] = radiosity[met.object].radiance_of(met_object, &point);
                 }
                 continue;
             }
-            let lifted = gatherer.environment.lifted(point.position, gatherer.object.support);
+            let lifted = gatherer.lifted(object, point.position);
             let cone =
                 Cone { origin: lifted, direction: reflection.direction, tan_half_angle: reflection.tan_half_angle };
             let sampled = if gatherer.environment.lights().is_empty() { 0.0 } else { sampled_share(point.roughness) };
@@ -228,7 +230,8 @@ impl Shader<'_> {
                 Part::Dimmed => gatherer.environment.gather(part, cones, &mut samples),
             }
             for ((cone, sample), &mut (i, share)) in cones.iter().zip(&samples).zip(owners) {
-                radiance[i] += gatherer.shadowed(cone, sample) * share;
+                let object = fragments[chosen[reflections[i].slot]].object;
+                radiance[i] += gatherer.shadowed(object, cone, sample) * share;
             }
         }
         radiance
@@ -248,7 +251,7 @@ fn spreads(fragments: &[Fragment], wanted: &[usize]) -> Vec<f32> {
             let other = &fragments[*first.get(&pixel?)?];
             let apart_m = (other.point.position - own.point.position).length();
             let pixel_m = own.point.position.length() * own.view.angle_between(other.view);
-            let is_near = apart_m * n_dot_v(own) < NEIGHBOURING * pixel_m;
+            let is_near = other.object == own.object && apart_m * n_dot_v(own) < NEIGHBOURING * pixel_m;
             is_near.then(|| other.point.shading_normal.angle_between(own.point.shading_normal))
         };
         let along = |a: Option<(usize, usize)>, b: Option<(usize, usize)>| match (turned(a), turned(b)) {
@@ -273,7 +276,7 @@ fn receiver(fragment: &Fragment, look: &Look) -> Receiver {
     }
     let gloss = look.gloss.then_some((fragment.view, look.bsdf));
     let (position, normal, geometric_normal) = (point.position, point.shading_normal, point.geometric_normal);
-    Receiver { position, normal, geometric_normal, diffuse: look.diffuse, gloss }
+    Receiver { object: fragment.object, position, normal, geometric_normal, diffuse: look.diffuse, gloss }
 }
 
 /// Share of the lights' highlight that comes from light samples.

@@ -1,8 +1,8 @@
-//! Differential rendering (Debevec 1998): what the object takes from and gives to the light on real surfaces.
+//! Differential rendering (Debevec 1998): what the objects take from and give to the light on real surfaces.
 //!
 //! For a real surface point the photo's value is multiplied by `(E − Δ) / E`, with the irradiance E of the room without the object
-//! (`irradiance`) and `Δ = ∫ over the directions that meet the object of (what was seen there − what the object gives off) cos θ dω`,
-//! and the same for the light samples that the object hides. What was seen there tells the [`Backdrop`]. [`Change::ratio`] keeps the
+//! (`irradiance`) and `Δ = ∫ over the directions that meet an object of (what was seen there − what the object gives off) cos θ dω`,
+//! and the same for the light samples that it hides. Of several objects each counts where a direction meets it first. What was seen there tells the [`Backdrop`]. [`Change::ratio`] keeps the
 //! two in what a real occluder can do where the octree knows less of the light than the photo shows.
 
 use std::f32::consts::PI;
@@ -19,7 +19,7 @@ use crate::cap::Cap;
 use crate::environment::Environment;
 use crate::irradiance::{Lit, RoomIrradiance};
 use crate::lights;
-use crate::object::Object;
+use crate::objects::Objects;
 use crate::quality::Counts;
 use crate::radiosity::Radiosity;
 use crate::receivers::{PATTERNS, Receivers, pattern_at};
@@ -37,26 +37,37 @@ pub(crate) struct ShadowField {
     negligible: f32,
 }
 
-/// The object as real surfaces see it.
+/// The objects as real surfaces see them.
 pub(crate) struct Caster<'a> {
-    pub object: &'a Object<'a>,
+    pub objects: &'a Objects<'a>,
     pub environment: &'a Environment,
-    pub silhouettes: &'a Silhouettes,
-    pub backdrop: &'a Backdrop,
-    /// What the object gives off; nothing where it is not known.
-    pub radiosity: Option<&'a Radiosity>,
+    /// Of each object.
+    pub silhouettes: &'a [Silhouettes],
+    /// Of each object.
+    pub backdrops: &'a [Backdrop],
+    /// What each object gives off; nothing where it is not known.
+    pub radiosity: Option<&'a [Radiosity]>,
 }
 
-/// What the object does to the irradiance of a real surface.
+/// An object that is near enough to a real surface to change its light.
+struct Near {
+    object: usize,
+    /// Where rays from the surface against the object start.
+    start: Vec3,
+    /// Below 1 where its effect fades out.
+    strength: f32,
+}
+
+/// What objects do to the irradiance of a real surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Change {
     /// Hidden light of the room without its lights.
     ambient: Vec3,
     /// Hidden light of the light samples.
     lights: Vec3,
-    /// What the object gives off.
+    /// What the objects give off.
     given: Vec3,
-    /// Form factor of the object: its cosine-weighted share of the hemisphere, in [0, 1].
+    /// Form factor of the objects: their cosine-weighted share of the hemisphere, in [0, 1].
     form_factor: f32,
 }
 
@@ -87,9 +98,9 @@ impl Mul<f32> for Change {
 }
 
 impl Change {
-    /// Irradiance with the object by that without it.
+    /// Irradiance with the objects by that without them.
     ///
-    /// Where less light is known than the object hides, or than the surface gives off, more is there than was known: light that is
+    /// Where less light is known than they hide, or than the surface gives off, more is there than was known: light that is
     /// hidden was there before, what no light sample carries is nowhere brighter than [`lights::CAP`] times its mean, and what is
     /// missing comes as the rest does.
     fn ratio(&self, lit: &Lit) -> Vec3 {
@@ -112,7 +123,7 @@ impl ShadowField {
         Self { receivers, irradiance, cones, lights, negligible: counts.negligible }
     }
 
-    /// Computes the irradiance without the object of all pixels now, so that no frame has to.
+    /// Computes the irradiance without objects of all pixels now, so that no frame has to.
     pub fn prepare(&self, environment: &Environment) {
         let (width, height) = (self.receivers.width(), self.receivers.height());
         let all = Image::new(width, height, vec![true; width * height]);
@@ -121,7 +132,7 @@ impl ShadowField {
         self.irradiance.complete(&self.receivers, environment, &all, &mut batches).expect("nobody cancels");
     }
 
-    /// The ratio with the object; a stage of its own.
+    /// The ratio with the objects; a stage of its own.
     pub fn ratio(&self, caster: &Caster, stage: Stage, on_event: OnEvent<'_>) -> Result<ShadowRatio<'_>, Cancelled> {
         let (width, height) = (self.receivers.width(), self.receivers.height());
         stage_of_steps(on_event, stage.clone(), |on_event| {
@@ -131,7 +142,7 @@ impl ShadowField {
         })
     }
 
-    /// The ratio with the object where a coarser one is not smooth; elsewhere that one, interpolated.
+    /// The ratio with the objects where a coarser one is not smooth; elsewhere that one, interpolated.
     pub fn refined(
         &self,
         coarse: &ShadowRatio<'_>,
@@ -200,18 +211,27 @@ impl ShadowField {
         }
         let mut changes = vec![Change::default(); width];
         let (mut rays, mut ray_owners, mut shares) = (Vec::new(), Vec::new(), Vec::new());
+        let mut near = Vec::new();
         for (x, change) in changes.iter_mut().enumerate().filter(|&(x, _)| sampled[(x, y)]) {
             let Some(surface) = self.receivers.surfaces[(x, y)] else { continue };
-            let Some(cap) = Cap::towards(caster.object, &surface) else { continue };
-            // Effects fade out where they are too small to be seen, and nothing is computed beyond.
-            let share = cap.share(&surface);
-            let strength = (share / self.negligible - 1.0).clamp(0.0, 1.0);
-            if strength <= 0.0 {
+            let pattern = pattern_at(x, y);
+            near.clear();
+            for (index, object) in caster.objects.iter().enumerate() {
+                let Some(cap) = Cap::towards(object, &surface) else { continue };
+                // Effects fade out where they are too small to be seen, and nothing is computed beyond.
+                let share = cap.share(&surface);
+                let strength = (share / self.negligible - 1.0).clamp(0.0, 1.0);
+                if strength <= 0.0 {
+                    continue;
+                }
+                let start = surface.position_m + surface.normal * (1e-3 * object.radius_m);
+                let of_object = Near { object: index, start, strength };
+                *change = *change + self.hidden_room(caster, &surface, &of_object, &cap, pattern) * strength;
+                near.push(of_object);
+            }
+            if near.is_empty() {
                 continue;
             }
-            let pattern = pattern_at(x, y);
-            let start = surface.position_m + surface.normal * (1e-3 * caster.object.radius_m);
-            *change = self.hidden_room(caster, &surface, start, &cap, pattern) * strength;
             let (lights, scale) = caster.environment.lights().subset(self.lights, pattern, PATTERNS);
             for (i, light) in lights.enumerate() {
                 let Some(incidence) = light.on(surface.position_m) else { continue };
@@ -219,14 +239,21 @@ impl ShadowField {
                 if cosine <= 0.0 {
                     continue;
                 }
-                let blocked = caster.silhouettes.blocked(pattern, i, surface.position_m).unwrap_or_else(|| {
-                    let ray = Ray { origin: start, direction: incidence.direction };
-                    if caster.object.blocks(&ray, incidence.distance_m) { 1.0 } else { 0.0 }
-                });
-                if blocked > 0.0 {
+                // Each object takes its share of what the others leave.
+                let (mut weight, mut left) = (0.0, 1.0);
+                for &Near { object, start, strength } in &near {
+                    let silhouettes = &caster.silhouettes[object];
+                    let blocked = silhouettes.blocked(pattern, i, surface.position_m).unwrap_or_else(|| {
+                        let ray = Ray { origin: start, direction: incidence.direction };
+                        if caster.objects[object].blocks(&ray, incidence.distance_m) { 1.0 } else { 0.0 }
+                    });
+                    weight += scale * cosine * strength * blocked * left;
+                    left *= 1.0 - strength * blocked;
+                }
+                if weight > 0.0 {
                     let apex = surface.position_m + surface.normal * caster.environment.lift_m;
                     rays.push((apex, incidence.direction, incidence.distance_m));
-                    ray_owners.push((x, incidence.irradiance * (scale * cosine * strength * blocked)));
+                    ray_owners.push((x, incidence.irradiance * weight));
                 }
             }
         }
@@ -237,8 +264,9 @@ impl ShadowField {
         changes
     }
 
-    /// The change without that of the light samples.
-    fn hidden_room(&self, caster: &Caster, surface: &Surface, start: Vec3, cap: &Cap, pattern: usize) -> Change {
+    /// The change by one object without that of the light samples.
+    fn hidden_room(&self, caster: &Caster, surface: &Surface, near: &Near, cap: &Cap, pattern: usize) -> Change {
+        let &Near { object, start, .. } = near;
         // The error of a few directions in a small cap is small. The last one counts in part, so that nothing jumps where their
         // number changes.
         let cones = self.cones as f32;
@@ -254,13 +282,13 @@ impl ShadowField {
             let weight = cosine * solid_angle * (count - i as f32).min(1.0);
             let given = match caster.radiosity {
                 Some(radiosity) => {
-                    let Some(hit) = caster.object.closest(&ray, f32::INFINITY) else { continue };
-                    radiosity.radiance(caster.object, &ray, &hit)
+                    let Some(hit) = caster.objects.closest_of(object, &ray) else { continue };
+                    radiosity[object].radiance(&caster.objects[object], &ray, &hit)
                 }
-                None if caster.object.blocks(&ray, f32::INFINITY) => Vec3::ZERO,
+                None if caster.objects.blocked_by(object, &ray) => Vec3::ZERO,
                 None => continue,
             };
-            let (ambient, given) = (caster.backdrop.radiance(start, direction) * weight, given * weight);
+            let (ambient, given) = (caster.backdrops[object].radiance(start, direction) * weight, given * weight);
             change = change + Change { ambient, given, form_factor: weight / PI, lights: Vec3::ZERO };
         }
         change

@@ -1,25 +1,28 @@
-//! Which parts of the object the photo shows: sub-pixel coverage, transparent layers, and the photo's own surfaces in front.
+//! Which parts of the objects the photo shows: sub-pixel coverage, transparent layers, and the photo's own surfaces in front.
 
 use lo_geometry::{Camera, Ray, Vec2, Vec3};
-use lo_mesh::{Hit, SurfacePoint};
+use lo_mesh::SurfacePoint;
 
 use crate::matte::Matte;
 use crate::object::Object;
+use crate::objects::{ObjectHit, Objects};
 use crate::occluders::Occluders;
 use crate::pattern::hammersley;
 
 /// Side of the square tiles that one task renders.
 pub(crate) const TILE: usize = 32;
 
-/// Layers of a transparent object that a ray goes through.
+/// Layers of transparent objects that a ray goes through.
 const MAX_LAYERS: usize = 8;
 
 /// Shading points of one pixel.
 const MAX_FRAGMENTS: usize = 6;
 
-/// A visible piece of the object within one pixel.
+/// A visible piece of an object within one pixel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Fragment {
+    /// Which object.
+    pub object: usize,
     /// Pixel column and row.
     pub pixel: (usize, usize),
     /// Share of the pixel that it covers, after everything in front of it.
@@ -31,12 +34,21 @@ pub(crate) struct Fragment {
     normal: Vec3,
 }
 
-/// What a tile shows of the object.
+/// What a tile shows of the objects.
 #[derive(Debug, Default)]
 pub(crate) struct TileView {
     pub fragments: Vec<Fragment>,
-    /// Pixel and share of it where the object is hidden by real surfaces.
-    pub hidden: Vec<((usize, usize), f32)>,
+    pub hidden: Vec<Hidden>,
+}
+
+/// Where real surfaces hide an object.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Hidden {
+    pub pixel: (usize, usize),
+    /// Share of the pixel.
+    pub share: f32,
+    /// The object, or the farthest of several.
+    pub object: usize,
 }
 
 /// `count` places in a pixel, in [0, 1)²; the most central first, because the first one that meets a surface is shaded, then
@@ -71,10 +83,10 @@ pub(crate) enum Thrift {
 pub(crate) struct Viewer<'a> {
     /// In pixels of the photo.
     pub camera: Camera,
-    pub object: &'a Object<'a>,
+    pub objects: &'a Objects<'a>,
     pub occluders: &'a Occluders,
-    /// Shares that are hidden along the edges of those.
-    pub matte: &'a Matte,
+    /// For each object that can be seen the shares of it that are hidden along the edges of those.
+    pub mattes: &'a [Option<Matte>],
     /// Places of the samples within a pixel, see [`coverage_pattern`].
     pub samples: &'a [Vec2],
     pub thrift: Thrift,
@@ -83,7 +95,7 @@ pub(crate) struct Viewer<'a> {
 /// What the ray through a pixel's centre meets, for comparison with its neighbours.
 #[derive(Clone, Copy)]
 struct Probe {
-    hit: Hit,
+    met: ObjectHit,
     ray: Ray,
     depth_m: f32,
     /// Share that real surfaces hide.
@@ -119,12 +131,14 @@ impl Viewer<'_> {
                         .all(alike);
                 match probes[centre] {
                     _ if !uniform => self.pixel(pixel, self.samples.len(), &mut view),
-                    Some(probe) if probe.hidden == 1.0 => view.hidden.push((pixel, 1.0)),
-                    Some(probe) if !self.object.has_blend => {
+                    Some(Probe { met, hidden: 1.0, .. }) => {
+                        view.hidden.push(Hidden { pixel, share: 1.0, object: met.object });
+                    }
+                    Some(Probe { met, ray, hidden, .. }) if !self.objects[met.object].has_blend => {
                         let first = view.fragments.len();
-                        self.add_fragment(pixel, &probe.ray, &probe.hit, 1.0 - probe.hidden, first, &mut view);
-                        if probe.hidden > 0.0 {
-                            view.hidden.push((pixel, probe.hidden));
+                        self.add_fragment(pixel, &ray, &met, 1.0 - hidden, first, &mut view);
+                        if hidden > 0.0 {
+                            view.hidden.push(Hidden { pixel, share: hidden, object: met.object });
                         }
                     }
                     Some(_) => self.pixel(pixel, 1, &mut view),
@@ -137,15 +151,16 @@ impl Viewer<'_> {
 
     fn probe(&self, u: f64, v: f64) -> Option<Probe> {
         let ray = Ray { origin: Vec3::ZERO, direction: self.camera.direction(u, v) };
-        let hit = self.object.seen(&ray, 0.0)?;
-        let point = ray.at(hit.distance_m);
-        let hidden = self.hidden((u as usize, v as usize), u, v, point);
-        Some(Probe { hit, ray, depth_m: -point.z, hidden })
+        let met = self.objects.seen(&ray, 0.0)?;
+        let point = ray.at(met.hit.distance_m);
+        let edge = self.edge(met.object, (u as usize, v as usize));
+        let hidden = edge.unwrap_or_else(|| self.hidden(met.object, u, v, point));
+        Some(Probe { met, ray, depth_m: -point.z, hidden })
     }
 
     fn pixel(&self, pixel: (usize, usize), samples: usize, view: &mut TileView) {
         let first = view.fragments.len();
-        let mut hidden = 0.0;
+        let (mut hidden, mut hidden_object) = (0.0, 0);
         for i in 0..samples {
             if self.thrift == Thrift::HalfAgree
                 && 2 * i == samples
@@ -159,44 +174,50 @@ impl Viewer<'_> {
             let ray = Ray { origin: Vec3::ZERO, direction: self.camera.direction(u, v) };
             let mut free = 1.0 / samples as f32;
             let mut from_m = 0.0;
-            // An edge lies before all layers of the object.
-            let edge = self.matte.hidden(pixel);
-            for layer in 0..MAX_LAYERS {
-                let Some(hit) = self.object.seen(&ray, from_m) else { break };
-                let share = match edge {
-                    Some(share) => {
-                        if layer == 0 {
-                            share
-                        } else {
-                            0.0
-                        }
+            // Share that soft edges have hidden so far. An edge lies before all layers of an object, and of those behind it.
+            let mut behind_edge = 0.0f32;
+            for _ in 0..MAX_LAYERS {
+                let Some(met) = self.objects.seen(&ray, from_m) else { break };
+                let share = match self.edge(met.object, pixel) {
+                    Some(edge) if edge > behind_edge => {
+                        let rest = (edge - behind_edge) / (1.0 - behind_edge);
+                        behind_edge = edge;
+                        rest
                     }
-                    None => self.hidden(pixel, u, v, ray.at(hit.distance_m)),
+                    Some(_) => 0.0,
+                    None => self.hidden(met.object, u, v, ray.at(met.hit.distance_m)),
                 };
-                hidden += free * share;
+                if share > 0.0 {
+                    hidden += free * share;
+                    hidden_object = met.object;
+                }
                 free *= 1.0 - share;
                 if free == 0.0 {
                     break;
                 }
-                free -= self.add_fragment(pixel, &ray, &hit, free, first, view);
-                from_m = hit.distance_m;
+                free -= self.add_fragment(pixel, &ray, &met, free, first, view);
+                from_m = met.hit.distance_m;
                 if free * samples as f32 <= 1.0 / 256.0 {
                     break;
                 }
             }
         }
         if hidden > 0.0 {
-            view.hidden.push((pixel, hidden));
+            view.hidden.push(Hidden { pixel, share: hidden, object: hidden_object });
         }
     }
 
-    /// Share of the object's point at photo position `(u, v)` within a pixel that real surfaces hide.
-    fn hidden(&self, pixel: (usize, usize), u: f64, v: f64, point: Vec3) -> f32 {
-        self.matte.hidden(pixel).unwrap_or_else(|| {
-            let (width, height) = (f64::from(self.camera.width), f64::from(self.camera.height));
-            let hides = self.occluders.hides(u / width, v / height, point, self.object.support.as_ref());
-            if hides { 1.0 } else { 0.0 }
-        })
+    /// Share of a pixel that real surfaces hide of an object along a soft edge; `None` where depth alone tells.
+    fn edge(&self, object: usize, pixel: (usize, usize)) -> Option<f32> {
+        self.mattes[object].as_ref()?.hidden(pixel)
+    }
+
+    /// 1 where by depth real surfaces hide an object's point, seen at photo position `(u, v)`; else 0.
+    fn hidden(&self, object: usize, u: f64, v: f64, point: Vec3) -> f32 {
+        let (width, height) = (f64::from(self.camera.width), f64::from(self.camera.height));
+        let support = self.objects[object].support.as_ref();
+        let hides = self.occluders.hides(u / width, v / height, point, support);
+        if hides { 1.0 } else { 0.0 }
     }
 
     /// Whether the first `done` of a pixel's samples show the same: nothing, something hidden, or one opaque surface, whose
@@ -219,15 +240,18 @@ impl Viewer<'_> {
         &self,
         pixel: (usize, usize),
         ray: &Ray,
-        hit: &Hit,
+        &ObjectHit { object, ref hit }: &ObjectHit,
         free: f32,
         first: usize,
         view: &mut TileView,
     ) -> f32 {
-        let normal = self.object.triangle_normal(hit.triangle);
+        let placed = &self.objects[object];
+        let normal = placed.triangle_normal(hit.triangle);
         let depth_m = -ray.at(hit.distance_m).z;
         let own = &mut view.fragments[first..];
-        let same = |f: &Fragment| (f.depth_m - depth_m).abs() < 0.02 * depth_m && f.normal.dot(normal) > 0.8;
+        let same = |f: &Fragment| {
+            f.object == object && (f.depth_m - depth_m).abs() < 0.02 * depth_m && f.normal.dot(normal) > 0.8
+        };
         let mut found = own.iter().position(same);
         if found.is_none() && own.len() >= MAX_FRAGMENTS {
             let distance = |f: &Fragment| (f.depth_m - depth_m).abs();
@@ -238,14 +262,26 @@ impl Viewer<'_> {
             return free;
         }
         let footprint_m = hit.distance_m * self.camera.pixel_angle_rad();
-        let point = self.object.surface(ray, hit, footprint_m);
+        let point = placed.surface(ray, hit, footprint_m);
         let weight = free * point.alpha;
         match found {
             Some(index) => own[index].weight += weight,
-            None => view.fragments.push(Fragment { pixel, weight, view: -ray.direction, point, depth_m, normal }),
+            None => {
+                view.fragments.push(Fragment { object, pixel, weight, view: -ray.direction, point, depth_m, normal })
+            }
         }
         weight
     }
+}
+
+/// Whether any pixel's ray meets an object, whatever stands before it.
+pub(crate) fn is_in_view(camera: &Camera, object: &Object, window: (usize, usize, usize, usize)) -> bool {
+    let (left, top, right, bottom) = window;
+    let meets = |x: usize, y: usize| {
+        let direction = camera.direction(x as f64 + 0.5, y as f64 + 0.5);
+        object.seen(&Ray { origin: Vec3::ZERO, direction }, 0.0).is_some()
+    };
+    (top..bottom).any(|y| (left..right).any(|x| meets(x, y)))
 }
 
 /// Photo pixels `(left, top, right, bottom)`, the last two exclusive, outside of which the object is not seen.
@@ -277,7 +313,11 @@ pub(crate) fn seen_window(camera: &Camera, object: &Object) -> Option<(usize, us
 fn alike(a: Option<Probe>, b: Option<Probe>) -> bool {
     match (a, b) {
         (None, None) => true,
-        (Some(a), Some(b)) => (a.depth_m - b.depth_m).abs() < 0.02 * a.depth_m && (a.hidden - b.hidden).abs() < 1.0,
+        (Some(a), Some(b)) => {
+            a.met.object == b.met.object
+                && (a.depth_m - b.depth_m).abs() < 0.02 * a.depth_m
+                && (a.hidden - b.hidden).abs() < 1.0
+        }
         _ => false,
     }
 }

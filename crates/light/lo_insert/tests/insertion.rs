@@ -1,112 +1,22 @@
 //! Insertion as a user sees it: untouched pixels, sequences, occlusion, furnaces, mirrors, bad input.
 #![allow(clippy::unwrap_used)]
 
+mod box_room;
+
 use std::ops::ControlFlow;
 
+use box_room::*;
 use lo_cone::{Cone, ConeTracer, Settings};
 use lo_events::{Event, Stage, Warning};
-use lo_geometry::{Camera, Cube, Plane, Vec3};
+use lo_geometry::{Plane, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
-use lo_insert::{Align, Base, Composite, InsertError, Inserter, Lighting, Path, Placement, Quality, Stance};
-use lo_mesh::{AlphaMode, LoadOptions, Material, Model, PreparedModel};
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
-use lo_scene::{Frame, Room, RoomPlane, Scene, Side};
+use lo_insert::{Align, Base, Composite, InsertError, Inserter, Instance, Lighting, Path, Placement, Quality, Stance};
+use lo_mesh::{AlphaMode, Material, PreparedModel};
+use lo_scene::{Room, RoomPlane, Scene, Side};
 use proptest::prelude::*;
-
-const LOW: Vec3 = Vec3::new(-2.0, -1.0, -4.0);
-const HIGH: Vec3 = Vec3::new(2.0, 1.5, 1.0);
-const WIDTH: usize = 120;
-const HEIGHT: usize = 80;
-
-/// Distance from inside of the room to its walls along a direction.
-fn wall_distance(origin: Vec3, direction: Vec3) -> f32 {
-    let (a, b) = ((LOW - origin) / direction, (HIGH - origin) / direction);
-    a.max(b).min_element()
-}
-
-fn wall_radiance(p: Vec3) -> [f32; 3] {
-    let lamp = p.y > HIGH.y - 0.01 && (p.x + 0.5).abs() < 0.4 && (p.z + 2.0).abs() < 0.4;
-    if lamp { [12.0, 11.0, 10.0] } else { [0.3 + 0.1 * (3.0 * p.x).sin(), 0.4, 0.3 + 0.1 * (2.0 * p.z).cos()] }
-}
-
-/// A box room with a lamp; the photo is made by `photo` from the radiance image.
-fn scene(photo: impl Fn(RadianceImage) -> Photo) -> Scene {
-    room(photo, wall_radiance, wall_radiance)
-}
-
-/// The room with its radiance as the octree knows it, and as the photo shows it.
-fn room(
-    photo: impl Fn(RadianceImage) -> Photo,
-    known: impl Fn(Vec3) -> [f32; 3],
-    seen: impl Fn(Vec3) -> [f32; 3],
-) -> Scene {
-    let points: Vec<RadiancePoint> = lo_geometry::fibonacci_sphere(400_000)
-        .into_iter()
-        .map(|direction| {
-            let origin = 0.5 * (LOW + HIGH);
-            let position_m = origin + direction * wall_distance(origin, direction);
-            RadiancePoint { position_m, radiance: known(position_m), coverage: Coverage::Seen }
-        })
-        .collect();
-    let cube = Cube::centred(0.5 * (LOW + HIGH), 5.5);
-    let light = LightOctree::from_points(&points, cube, 6, 4).unwrap().0;
-    let camera = Camera::from_hfov_deg(65.0, WIDTH as u32, HEIGHT as u32).unwrap();
-    let point = |x: usize, y: usize| {
-        let direction = camera.direction(x as f64 + 0.5, y as f64 + 0.5);
-        direction * wall_distance(Vec3::ZERO, direction)
-    };
-    let radiance = Image::from_fn(WIDTH, HEIGHT, |x, y| seen(point(x, y)));
-    let depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| -point(x, y).z);
-    let frame = Frame::new(photo(radiance), depth_m, camera, 1.0).unwrap();
-    Scene::as_seen(light, frame)
-}
-
-fn linear_scene() -> Scene {
-    scene(Photo::Linear)
-}
-
-/// A latitude-longitude sphere of radius 1 about the origin.
-fn sphere(material: Material) -> PreparedModel {
-    let (rows, columns) = (32, 64);
-    let mut positions = Vec::new();
-    for row in 0..=rows {
-        let (sin, cos) = (row as f32 / rows as f32 * std::f32::consts::PI).sin_cos();
-        for column in 0..columns {
-            let (s, c) = (column as f32 / columns as f32 * std::f32::consts::TAU).sin_cos();
-            positions.push(Vec3::new(sin * c, cos, sin * s));
-        }
-    }
-    let mut triangles = Vec::new();
-    for row in 0..rows as u32 {
-        for column in 0..columns as u32 {
-            let next = (column + 1) % columns as u32;
-            let at = |r: u32, c: u32| r * columns as u32 + c;
-            triangles.push([at(row, column), at(row, next), at(row + 1, column)]);
-            triangles.push([at(row, next), at(row + 1, next), at(row + 1, column)]);
-        }
-    }
-    PreparedModel::new(Model::from_triangles(positions, triangles, material, &LoadOptions::default()).unwrap())
-}
-
-fn matte() -> Material {
-    Material { base_color: [0.7, 0.7, 0.7, 1.0], ..Material::default() }
-}
-
-fn on_floor(x: f32, z: f32, scale: f32) -> Placement {
-    let support = Some(Plane { normal: Vec3::Y, offset_m: LOW.y });
-    Placement { position_m: Vec3::new(x, LOW.y, z), scale, yaw_rad: 0.0, up: Vec3::Y, support }
-}
-
-fn in_air(centre: Vec3, radius: f32) -> Placement {
-    Placement { position_m: centre - Vec3::Y * radius, scale: radius, yaw_rad: 0.0, up: Vec3::Y, support: None }
-}
 
 fn stance(scale: f32) -> Stance<'static> {
     Stance { scale, ..Stance::default() }
-}
-
-fn changed(composite: &Composite) -> impl Fn(usize) -> bool {
-    |i| composite.alpha.pixels()[i] > 0.0 || composite.shadow_ratio.pixels()[i] != [1.0; 3]
 }
 
 #[test]
@@ -114,7 +24,7 @@ fn pixels_without_object_and_shadow_are_the_photos_own() {
     let to_8_bit = |image: RadianceImage| Photo::Srgb8(image.map(|p| p.map(lo_imaging::srgb8_from_linear)));
     for scene in [scene(Photo::Linear), scene(to_8_bit)] {
         let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Draft).unwrap();
-        let composite = inserter.render(&sphere(matte()), &on_floor(0.4, -2.5, 0.2), &mut lo_events::ignore).unwrap();
+        let composite = alone(&inserter, &sphere(matte()), on_floor(0.4, -2.5, 0.2));
         let changed = changed(&composite);
         let untouched = (0..WIDTH * HEIGHT).filter(|&i| !changed(i)).count();
         assert!(untouched > WIDTH * HEIGHT / 4 && untouched < WIDTH * HEIGHT * 95 / 100, "{untouched}");
@@ -135,7 +45,7 @@ fn pixels_without_object_and_shadow_are_the_photos_own() {
 fn shadow_lies_under_the_object_away_from_the_lamp() {
     let scene = linear_scene();
     let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Normal).unwrap();
-    let composite = inserter.render(&sphere(matte()), &on_floor(0.3, -3.0, 0.25), &mut lo_events::ignore).unwrap();
+    let composite = alone(&inserter, &sphere(matte()), on_floor(0.3, -3.0, 0.25));
     let ratio_at = |x: f32, z: f32| {
         let (u, v, _) = scene.frame.camera.project(Vec3::new(x, LOW.y, z)).unwrap();
         composite.shadow_ratio[(u as usize, v as usize)][1]
@@ -168,7 +78,7 @@ proptest! {
         let black = Material { base_color: [0.0, 0.0, 0.0, 1.0], ..Material::default() };
         let centre = Vec3::new(x, LOW.y + radius, z);
         let composite =
-            inserter.render(&sphere(black), &in_air(centre, radius), &mut lo_events::ignore).unwrap();
+            alone(&inserter, &sphere(black), in_air(centre, radius));
         for i in (0..WIDTH * HEIGHT).filter(|&i| composite.alpha.pixels()[i] == 0.0) {
             let direction = scene.frame.camera.direction((i % WIDTH) as f64 + 0.5, (i / WIDTH) as f64 + 0.5);
             let point = direction * wall_distance(Vec3::ZERO, direction);
@@ -191,7 +101,7 @@ fn a_glossy_floor_mirrors_the_object() {
     let placed = Placement { support: Some(Plane { normal: Vec3::Y, offset_m: LOW.y }), ..in_air(centre, radius) };
     let render = |gloss: f32| {
         let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Normal).unwrap().with_floor_gloss(gloss);
-        inserter.render(&sphere(shining.clone()), &placed, &mut lo_events::ignore).unwrap()
+        alone(&inserter, &sphere(shining.clone()), placed)
     };
     assert!(render(0.0).reflection.is_none());
     let composite = render(1.0);
@@ -234,7 +144,7 @@ fn shadows_go_on_where_depth_ends() {
     let ratio = |scene: &Scene| {
         let inserter = Inserter::new(scene, Lighting::Octree, Quality::Normal).unwrap();
         let placed = on_floor(0.15, -2.4, 0.3);
-        inserter.render(&sphere(matte()), &placed, &mut lo_events::ignore).unwrap().shadow_ratio
+        alone(&inserter, &sphere(matte()), placed).shadow_ratio
     };
     let (known, gone_on) = (ratio(&whole), ratio(&holed));
     let (mut shadowed, mut worst) = (0, 0.0f32);
@@ -263,17 +173,13 @@ fn a_moving_object_does_not_flicker() {
     }
     for quality in [Quality::Draft, Quality::Normal] {
         let inserter = Inserter::new(&scene, Lighting::Octree, quality).unwrap();
-        let frames: Vec<Composite> =
-            placements.iter().map(|p| inserter.render(&model, p, &mut lo_events::ignore).unwrap()).collect();
+        let frames: Vec<Composite> = placements.iter().map(|p| alone(&inserter, &model, *p)).collect();
         // Where no frame has object or shadow nothing at all changes, and the same placement gives the same picture.
         let pixels = |c: &Composite| match &c.image {
             Photo::Linear(image) => image.pixels().to_vec(),
             Photo::Srgb8(_) => panic!("the photo is linear"),
         };
-        assert_eq!(
-            pixels(&inserter.render(&model, &placements[4], &mut lo_events::ignore).unwrap()),
-            pixels(&frames[4])
-        );
+        assert_eq!(pixels(&alone(&inserter, &model, placements[4])), pixels(&frames[4]));
         let still: Vec<usize> = (0..WIDTH * HEIGHT).filter(|&i| frames.iter().all(|f| !changed(f)(i))).collect();
         let (first, last) = (pixels(&frames[0]), pixels(&frames[16]));
         assert!(still.iter().all(|&i| first[i] == last[i]));
@@ -306,7 +212,7 @@ fn results_do_not_depend_on_threads() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Draft).unwrap();
-            inserter.render(&model, &on_floor(0.0, -2.5, 0.25), &mut lo_events::ignore).unwrap()
+            alone(&inserter, &model, on_floor(0.0, -2.5, 0.25))
         })
     };
     let (one, three) = (render(1), render(3));
@@ -326,8 +232,7 @@ fn real_surfaces_in_front_hide_the_object_and_holes_follow_the_photo() {
         _ => scene.frame.depth_m[(x, y)],
     });
     let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Normal).unwrap();
-    let composite =
-        inserter.render(&sphere(matte()), &in_air(Vec3::new(-0.4, 0.0, -2.5), 0.9), &mut lo_events::ignore).unwrap();
+    let composite = alone(&inserter, &sphere(matte()), in_air(Vec3::new(-0.4, 0.0, -2.5), 0.9));
     for y in 36..46 {
         for x in 19..90 {
             let (alpha, hidden) = (composite.alpha[(x, y)], composite.occlusion[(x, y)]);
@@ -340,7 +245,7 @@ fn real_surfaces_in_front_hide_the_object_and_holes_follow_the_photo() {
     }
     // All of it behind the board: a result, and a warning that says so
     let behind = in_air(Vec3::new(-0.6, 0.5, -2.5), 0.05);
-    assert_eq!(warnings(&inserter, &sphere(matte()), &behind), [Warning::ObjectHidden]);
+    assert_eq!(warnings(&inserter, &sphere(matte()), &behind), [Warning::ObjectHidden { object: 0 }]);
 }
 
 #[test]
@@ -362,7 +267,7 @@ fn where_depth_and_photo_differ_by_pixels_the_photo_tells_the_edge() {
         for quality in [Quality::Draft, Quality::Normal] {
             let inserter = Inserter::new(&scene, Lighting::Octree, quality).unwrap();
             let place = in_air(Vec3::new(0.0, 0.0, -2.5), 0.9);
-            let composite = inserter.render(&sphere(matte()), &place, &mut lo_events::ignore).unwrap();
+            let composite = alone(&inserter, &sphere(matte()), place);
             for y in 30..50 {
                 for x in 45..80 {
                     let (alpha, hidden) = (composite.alpha[(x, y)], composite.occlusion[(x, y)]);
@@ -391,7 +296,7 @@ fn warnings(inserter: &Inserter, model: &PreparedModel, placement: &Placement) -
         }
         ControlFlow::Continue(())
     };
-    inserter.render(model, placement, hear).unwrap();
+    inserter.render(&[Instance::new(model, *placement)], hear).unwrap();
     warnings
 }
 
@@ -404,7 +309,7 @@ fn a_handler_can_end_a_picture_between_its_steps() {
         events.push(event);
         ControlFlow::Continue(())
     };
-    let whole = whole.render(&model, &place, hear).unwrap();
+    let whole = whole.render(&[Instance::new(&model, place)], hear).unwrap();
     let done = events.iter().filter_map(|event| if let Event::Done { stage, .. } = event { Some(stage) } else { None });
     let order =
         [Stage::CoarseShadow, Stage::Radiosity, Stage::FineShadow, Stage::Visibility, Stage::Shading, Stage::Composite];
@@ -420,9 +325,12 @@ fn a_handler_can_end_a_picture_between_its_steps() {
             }
             None => ControlFlow::Break(()),
         };
-        assert!(matches!(inserter.render(&model, &place, hear), Err(InsertError::Cancelled(_))), "{at}");
+        assert!(
+            matches!(inserter.render(&[Instance::new(&model, place)], hear), Err(InsertError::Cancelled(_))),
+            "{at}"
+        );
     }
-    let after = inserter.render(&model, &place, &mut lo_events::ignore).unwrap();
+    let after = alone(&inserter, &model, place);
     assert!(after.image == whole.image && after.shadow_ratio == whole.shadow_ratio);
 }
 
@@ -437,7 +345,7 @@ fn predicted_depth_hides_only_what_is_well_behind_it() {
     let mut hidden = |predicted_depth: bool, x: f32| {
         scene.predicted_depth = predicted_depth;
         let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Draft).unwrap();
-        let composite = inserter.render(&sphere(matte()), &on_floor(x, -2.5, 0.1), &mut lo_events::ignore).unwrap();
+        let composite = alone(&inserter, &sphere(matte()), on_floor(x, -2.5, 0.1));
         let [hidden, shown] = [&composite.occlusion, &composite.alpha].map(|image| image.pixels().iter().sum::<f32>());
         hidden / (hidden + shown)
     };
@@ -480,8 +388,7 @@ fn white_furnace() {
         let inserter = Inserter::new(&scene, Lighting::EnvironmentMap(white.clone()), quality).unwrap();
         for (metallic, roughness) in [(1.0f32, 0.0f32), (0.0, 1.0), (0.0, 0.5)] {
             let material = Material { base_color: [1.0; 4], metallic, roughness, ..Material::default() };
-            let composite =
-                inserter.render(&sphere(material), &in_air(centre, radius), &mut lo_events::ignore).unwrap();
+            let composite = alone(&inserter, &sphere(material), in_air(centre, radius));
             let mut checked = 0;
             for i in (0..WIDTH * HEIGHT).filter(|&i| composite.alpha.pixels()[i] > 0.999) {
                 let (x, y) = (i % WIDTH, i / WIDTH);
@@ -517,7 +424,7 @@ fn a_mirror_shows_what_the_octree_holds() {
     let inserter = Inserter::new(&scene, Lighting::Octree, Quality::High).unwrap();
     let material = Material { base_color: [1.0; 4], metallic: 1.0, roughness: 0.0, ..Material::default() };
     let (centre, radius) = (Vec3::new(0.1, 0.1, -2.0), 0.4);
-    let composite = inserter.render(&sphere(material), &in_air(centre, radius), &mut lo_events::ignore).unwrap();
+    let composite = alone(&inserter, &sphere(material), in_air(centre, radius));
     let tracer = ConeTracer::new(&scene.light, Settings::default()).unwrap();
     let mut errors = Vec::new();
     for i in (0..WIDTH * HEIGHT).filter(|&i| composite.alpha.pixels()[i] > 0.999) {
@@ -547,10 +454,10 @@ fn unlit_emissive_and_blended_materials() {
     let place = in_air(Vec3::new(0.0, 0.0, -2.0), 0.4);
     let middle = (WIDTH / 2, HEIGHT / 2);
     let unlit = Material { base_color: [0.2, 0.5, 0.9, 1.0], unlit: true, ..Material::default() };
-    let composite = inserter.render(&sphere(unlit), &place, &mut lo_events::ignore).unwrap();
+    let composite = alone(&inserter, &sphere(unlit), place);
     assert_eq!(composite.object[middle], [0.2, 0.5, 0.9]);
     let glowing = Material { base_color: [0.0, 0.0, 0.0, 1.0], emissive: [3.0, 0.0, 0.0], ..Material::default() };
-    let composite = inserter.render(&sphere(glowing), &place, &mut lo_events::ignore).unwrap();
+    let composite = alone(&inserter, &sphere(glowing), place);
     assert!(composite.object[middle][0] > 3.0 && composite.object[middle][1] < 0.2);
     let glass = Material {
         base_color: [0.2, 0.5, 0.9, 0.25],
@@ -559,7 +466,7 @@ fn unlit_emissive_and_blended_materials() {
         double_sided: true,
         ..Material::default()
     };
-    let composite = inserter.render(&sphere(glass), &place, &mut lo_events::ignore).unwrap();
+    let composite = alone(&inserter, &sphere(glass), place);
     // Front and back one after the other: 1 − 0.75²
     let alpha = composite.alpha[middle];
     assert!((alpha - 0.4375).abs() < 1e-3, "{alpha}");
@@ -583,7 +490,10 @@ fn odd_places_give_a_result_or_a_clear_error() {
     ];
     for placement in bad {
         assert!(
-            matches!(inserter.render(&model, &placement, &mut lo_events::ignore), Err(InsertError::Placement { .. })),
+            matches!(
+                inserter.render(&[Instance::new(&model, placement)], &mut lo_events::ignore),
+                Err(InsertError::Object { object: 0, source }) if matches!(*source, InsertError::Placement { .. })
+            ),
             "{placement:?}"
         );
     }
@@ -596,14 +506,14 @@ fn odd_places_give_a_result_or_a_clear_error() {
         ([0.0, 0.0, -2.0], 900.0),
     ] {
         let placement = Placement { position_m: Vec3::from(position_m), scale, up: Vec3::NEG_Y, ..good };
-        let composite = inserter.render(&model, &placement, &mut lo_events::ignore).unwrap();
+        let composite = alone(&inserter, &model, placement);
         assert!(composite.object.pixels().iter().flatten().all(|c| c.is_finite()), "{position_m:?}");
         assert!(composite.shadow_ratio.pixels().iter().flatten().all(|c| c.is_finite()));
     }
     let behind = warnings(&inserter, &model, &in_air(Vec3::new(0.0, 0.0, 0.6), 0.1));
-    assert!(behind.contains(&Warning::ObjectOutsidePicture), "{behind:?}");
+    assert!(behind.contains(&Warning::ObjectOutsidePicture { object: 0 }), "{behind:?}");
     let far = warnings(&inserter, &model, &in_air(Vec3::new(0.0, 0.0, -30.0), 0.1));
-    assert!(far.contains(&Warning::ObjectOutsideOctree), "{far:?}");
+    assert!(far.contains(&Warning::ObjectOutsideOctree { object: 0 }), "{far:?}");
 
     assert!(matches!(
         Placement::rest_on_pixel(&scene, -1.0, 5.0, Align::Gravity),
@@ -635,7 +545,7 @@ fn light_that_differs_by_direction_is_refused_and_then_taken_as_seen_from_the_ob
     scene.light = scene.light.seen_from(position_m).into_owned();
     let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Draft).unwrap();
     let white = Material { roughness: 1.0, ..Material::default() };
-    let composite = inserter.render(&sphere(white), &in_air(position_m, 0.2), &mut lo_events::ignore).unwrap();
+    let composite = alone(&inserter, &sphere(white), in_air(position_m, 0.2));
     let (mut sides, mut counts) = ([0.0; 2], [0.0; 2]);
     for y in 0..HEIGHT {
         for x in (0..WIDTH).filter(|&x| composite.alpha[(x, y)] == 1.0) {
@@ -666,19 +576,6 @@ fn resting_on_a_pixel_meets_the_surface() {
 fn noise(x: usize, y: usize) -> f32 {
     let hash = (x as u32).wrapping_mul(0x9E37_79B1) ^ (y as u32).wrapping_mul(0x85EB_CA77);
     (hash.wrapping_mul(0xC2B2_AE3D) >> 8) as f32 / (1 << 23) as f32 - 1.0
-}
-
-/// The model of a slab that is `width` × `depth` and 0.1 high.
-fn slab(width: f32, depth: f32) -> PreparedModel {
-    let (low, high) = (Vec3::new(-0.5 * width, 0.0, -0.5 * depth), Vec3::new(0.5 * width, 0.1, 0.5 * depth));
-    let corner = |i: usize| {
-        let pick = |axis: usize| if i >> axis & 1 == 0 { low[axis] } else { high[axis] };
-        Vec3::new(pick(0), pick(1), pick(2))
-    };
-    let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    let triangles = faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
-    let positions = (0..8).map(corner).collect();
-    PreparedModel::new(Model::from_triangles(positions, triangles, matte(), &LoadOptions::default()).unwrap())
 }
 
 /// The box room with a table of 1 × 0.6 m, 0.4 m over the floor; gravity is known.
@@ -748,7 +645,7 @@ fn an_object_over_an_edge_is_told() {
     assert_eq!(warnings(&inserter, &model, &at(0.0)), []);
     assert_eq!(warnings(&inserter, &model, &at(0.45)), []);
     let over = warnings(&inserter, &model, &at(0.62));
-    let [Warning::ObjectOverhangs { supported }] = over[..] else { panic!("{over:?}") };
+    let [Warning::ObjectOverhangs { object: 0, supported }] = over[..] else { panic!("{over:?}") };
     assert!((supported - 0.2).abs() < 0.12, "{supported}");
     // In the air nothing has to carry it.
     assert_eq!(warnings(&inserter, &model, &Placement { support: None, ..at(0.62) }), []);

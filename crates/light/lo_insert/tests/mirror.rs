@@ -3,7 +3,7 @@
 
 use lo_geometry::{Camera, Cube, Plane, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
-use lo_insert::{Inserter, Lighting, Placement, Quality};
+use lo_insert::{Inserter, Instance, Lighting, Placement, Quality};
 use lo_mesh::{Material, Model, PreparedModel};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
 use lo_scene::{Frame, Scene};
@@ -66,7 +66,7 @@ fn error(scene: &Scene, quality: Quality) -> (f32, usize) {
         support: Some(Plane::through(Vec3::new(0.0, LOW.y, 0.0), Vec3::Y)),
     };
     let inserter = Inserter::new(scene, Lighting::Octree, quality).unwrap();
-    let composite = inserter.render(&model, &placement, &mut lo_events::ignore).unwrap();
+    let composite = inserter.render(&[Instance::new(&model, placement)], &mut lo_events::ignore).unwrap();
     let (mut sum, mut count) = (0.0, 0);
     for y in 0..480 {
         for x in 0..640 {

@@ -5,12 +5,12 @@ mod reference;
 
 use lo_geometry::{Camera, Cube, Plane, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
-use lo_insert::{Composite, Inserter, Lighting, Placement, Quality};
-use lo_mesh::{LoadOptions, Material, Model};
+use lo_insert::{Composite, Inserter, Instance, Lighting, Placement, Quality};
+use lo_mesh::{LoadOptions, Material, Model, PreparedModel};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
 use lo_scene::{Frame, Scene};
 use rayon::prelude::*;
-use reference::{Body, Finish, Random, Room, Solution, Tracer, V, add, scale, unit};
+use reference::{Body, Finish, Random, Room, Solution, Surface, Tracer, V, add, scale, unit};
 
 fn room() -> Room {
     Room {
@@ -124,19 +124,18 @@ const CONTACT_M: f64 = 0.06;
 fn compare(
     scene: &Scene,
     solution: &Solution,
-    body: Body,
-    finish: Finish,
+    bodies: &[(Body, Finish)],
     composite: &Composite,
     stride: usize,
     paths: usize,
 ) -> Errors {
-    let tracer = Tracer { room: solution.room, body: Some((body, finish)) };
+    let tracer = Tracer { room: solution.room, bodies };
     let camera = scene.frame.camera;
     let (width, height) = (camera.width as usize, camera.height as usize);
     let pixels: Vec<(usize, usize)> = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).collect();
     let at_contact = |x: usize, y: usize| {
         let hit = solution.room.wall([0.0; 3], pixel_direction(&camera, x, y));
-        hit.wall == Some(2) && body.distance_m(hit.position) < CONTACT_M
+        hit.surface == Surface::Wall(2) && bodies.iter().any(|(body, _)| body.distance_m(hit.position) < CONTACT_M)
     };
     let results: Vec<(Option<f64>, Option<f64>, Option<f64>)> = pixels
         .par_iter()
@@ -151,14 +150,15 @@ fn compare(
             let mut random = Random::new((y * width + x) as u64);
             let alpha = composite.alpha[(x, y)];
             let view = scale(direction, -1.0);
-            if chosen && hit.wall.is_none() && alpha > 0.999 {
+            let on_wall = matches!(hit.surface, Surface::Wall(_));
+            if chosen && !on_wall && alpha > 0.999 {
                 let truth = tracer.reflected(&hit, view, paths, &mut random);
                 let found = composite.object[(x, y)].map(f64::from);
                 let sum = |v: V| v[0] + v[1] + v[2];
                 let difference = (0..3).map(|c| (found[c] - truth[c]).abs()).sum::<f64>();
                 return (Some(difference / sum(truth)), None, None);
             }
-            if hit.wall.is_some() && alpha == 0.0 && !solution.room.on_lamp(&hit) {
+            if on_wall && alpha == 0.0 && !solution.room.on_lamp(&hit) {
                 // Cheap first, and well only where something is to be seen
                 let empty = solution.radiance(&hit);
                 let rough = tracer.reflected(&hit, view, 64, &mut random);
@@ -185,23 +185,38 @@ fn compare(
     Errors { object, object_pixels, ratio, ratio_pixels, contact, contact_pixels }
 }
 
-fn bodies() -> [(&'static str, Body, Finish); 2] {
+type Case = (&'static str, Vec<(Body, Finish)>);
+
+fn ball() -> Body {
+    Body::Sphere { centre: [0.35, room().low[1] + 0.45, -2.6], radius: 0.45 }
+}
+
+fn cases() -> [Case; 2] {
     let floor = room().low[1];
-    let sphere = Body::Sphere { centre: [0.35, floor + 0.45, -2.6], radius: 0.45 };
     let cuboid = Body::Cuboid { low: [-0.9, floor, -3.1], high: [-0.3, floor + 0.7, -2.5] };
     let finish = Finish { base: [0.7, 0.6, 0.5], roughness: 0.9 };
-    [("sphere", sphere, finish), ("box", cuboid, finish)]
+    [("sphere", vec![(ball(), finish)]), ("box", vec![(cuboid, finish)])]
+}
+
+/// A white ball, a red block 5 cm beside it towards the lamp, and a green one on the floor behind both.
+fn several() -> Case {
+    let floor = room().low[1];
+    let finish = |base| Finish { base, roughness: 0.9 };
+    let red = Body::Cuboid { low: [-0.6, floor, -2.9], high: [-0.15, floor + 0.8, -2.4] };
+    let green = Body::Cuboid { low: [-0.3, floor, -3.7], high: [0.9, floor + 0.5, -3.2] };
+    let bodies = [(ball(), [0.8, 0.8, 0.8]), (red, [0.8, 0.1, 0.1]), (green, [0.1, 0.6, 0.2])];
+    ("several", bodies.map(|(body, base)| (body, finish(base))).to_vec())
 }
 
 /// A table's leg: thinner than a leaf.
-fn leg() -> (&'static str, Body, Finish) {
+fn leg() -> Case {
     let floor = room().low[1];
     let body = Body::Cuboid { low: [0.1, floor, -3.35], high: [0.15, floor + 0.7, -3.3] };
-    ("leg", body, Finish { base: [0.3, 0.3, 0.3], roughness: 0.9 })
+    ("leg", vec![(body, Finish { base: [0.3, 0.3, 0.3], roughness: 0.9 })])
 }
 
 fn run(
-    bodies: impl IntoIterator<Item = (&'static str, Body, Finish)>,
+    cases: impl IntoIterator<Item = Case>,
     depth: u32,
     (width, height): (u32, u32),
     quality: Quality,
@@ -212,12 +227,16 @@ fn run(
     let solution = Solution::new(&room);
     let scene = scene_of(&solution, depth, width, height);
     let inserter = Inserter::new(&scene, Lighting::Octree, quality).unwrap();
-    bodies
+    cases
         .into_iter()
-        .map(|(name, body, finish)| {
-            let prepared = lo_mesh::PreparedModel::new(model(&body, finish));
-            let composite = inserter.render(&prepared, &placement(&body, room.low[1]), &mut lo_events::ignore).unwrap();
-            let errors = compare(&scene, &solution, body, finish, &composite, stride, paths);
+        .map(|(name, bodies)| {
+            let models: Vec<PreparedModel> =
+                bodies.iter().map(|(body, finish)| PreparedModel::new(model(body, *finish))).collect();
+            let instance =
+                |(model, (body, _)): (_, &(Body, Finish))| Instance::new(model, placement(body, room.low[1]));
+            let instances: Vec<Instance> = models.iter().zip(&bodies).map(instance).collect();
+            let composite = inserter.render(&instances, &mut lo_events::ignore).unwrap();
+            let errors = compare(&scene, &solution, &bodies, &composite, stride, paths);
             println!(
                 "{name}, d = {depth}, {quality:?}: object {:.1} % ({} pixels), ratio {:.1} % ({} pixels), contact {:+.1} % ({} pixels)",
                 100.0 * errors.object,
@@ -237,7 +256,7 @@ fn reference_solutions_agree() {
     // Path tracing of the empty room against its solution by final gathering: two programs for one truth.
     let room = room();
     let solution = Solution::new(&room);
-    let tracer = Tracer { room: &room, body: None };
+    let tracer = Tracer { room: &room, bodies: &[] };
     for (i, target) in
         [[0.3, -1.2, -2.0], [-2.0, 0.2, -1.5], [1.0, 0.5, -4.4], [2.1, -0.8, -3.0]].into_iter().enumerate()
     {
@@ -250,9 +269,52 @@ fn reference_solutions_agree() {
     }
 }
 
+/// The meshes of instances as one, at the place that it returns.
+fn merged(instances: &[Instance], finish: Finish) -> (PreparedModel, Placement) {
+    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+    for Instance { model, placement } in instances {
+        let (bounds, first) = (model.bounds(), positions.len() as u32);
+        let base = Vec3::new(bounds.center().x, bounds.min.y, bounds.center().z);
+        positions.extend(model.model().positions.iter().map(|p| *p - base + placement.position_m));
+        triangles.extend(model.model().triangles.iter().map(|triangle| triangle.map(|vertex| first + vertex)));
+    }
+    let [r, g, b] = finish.base.map(|x| x as f32);
+    let material = Material { base_color: [r, g, b, 1.0], roughness: finish.roughness as f32, ..Material::default() };
+    let model = Model::from_triangles(positions, triangles, material, &LoadOptions::default()).unwrap();
+    let prepared = PreparedModel::new(model);
+    let (middle, low) = (prepared.bounds().center(), prepared.bounds().min.y);
+    let position_m = Vec3::new(middle.x, low, middle.z);
+    (prepared, Placement { position_m, ..instances[0].placement })
+}
+
+#[test]
+fn several_objects_are_as_the_parts_of_one() {
+    let finish = Finish { base: [0.5, 0.5, 0.5], roughness: 0.9 };
+    let (_, bodies) = several();
+    let (room, floor) = (room(), room().low[1]);
+    let solution = Solution::new(&room);
+    let scene = scene_of(&solution, 7, 120, 80);
+    let models: Vec<PreparedModel> = bodies.iter().map(|(body, _)| PreparedModel::new(model(body, finish))).collect();
+    let instance = |(model, (body, _)): (_, &(Body, Finish))| Instance::new(model, placement(body, floor));
+    let instances: Vec<Instance> = models.iter().zip(&bodies).map(instance).collect();
+    let (one, place) = merged(&instances, finish);
+    let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Normal).unwrap();
+    let render = |instances: &[Instance]| inserter.render(instances, &mut lo_events::ignore).unwrap();
+    let (parts, whole) = (render(&instances), render(&[Instance::new(&one, place)]));
+    let mean = |a: &RadianceImage, b: &RadianceImage| {
+        let pairs = || a.pixels().iter().flatten().zip(b.pixels().iter().flatten());
+        let changed = pairs().filter(|(a, b)| **a != 1.0 && **a > 0.0 || **b != 1.0 && **b > 0.0).count();
+        pairs().map(|(a, b)| f64::from((a - b).abs())).sum::<f64>() / changed as f64
+    };
+    let (object, ratio) = (mean(&parts.object, &whole.object), mean(&parts.shadow_ratio, &whole.shadow_ratio));
+    println!("mean difference: object {object:.4}, ratio {ratio:.4}");
+    assert_eq!(parts.alpha, whole.alpha);
+    assert!(object < 0.01 && ratio < 0.01, "{object} {ratio}");
+}
+
 #[test]
 fn insertion_agrees_with_path_tracing() {
-    for errors in run(bodies(), 7, (120, 80), Quality::Normal, 4, 256) {
+    for errors in run(cases().into_iter().chain([several()]), 7, (120, 80), Quality::Normal, 4, 256) {
         assert!(errors.object_pixels > 20 && errors.ratio_pixels > 20);
         assert!(errors.object < 0.12 && errors.ratio < 0.12);
     }
@@ -263,10 +325,15 @@ fn insertion_agrees_with_path_tracing() {
 #[ignore = "minutes; run with --release -- --ignored --nocapture"]
 fn insertion_agrees_with_path_tracing_at_high_quality() {
     for (quality, contact) in [(Quality::Normal, 0.06), (Quality::High, 0.04)] {
-        let bodies = bodies().into_iter().chain([leg()]);
-        for errors in run(bodies, 7, (480, 320), quality, 6, 1024) {
+        let cases = cases().into_iter().chain([leg()]);
+        for errors in run(cases, 7, (480, 320), quality, 6, 1024) {
             assert!(errors.object < 0.10 && errors.ratio < 0.10);
             assert!(errors.contact_pixels == 0 || errors.contact.abs() < contact, "{}", errors.contact);
+        }
+        // Floor in the gap between two bodies is too dark, relative to the little light that is left there: one model of the same shape
+        // gives that too.
+        for errors in run([several()], 7, (480, 320), quality, 6, 1024) {
+            assert!(errors.object < 0.12 && errors.ratio < 0.10 && errors.contact.abs() < 0.2);
         }
     }
 }

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use lo_dataset::{Generator, GeneratorConfig, Sample};
 use lo_geometry::{Cube, Vec3};
 use lo_imaging::{DepthMap, Image, Photo};
-use lo_insert::{Inserter, Lighting, Placement, Quality};
+use lo_insert::{Inserter, Instance, Lighting, Placement, Quality};
 use lo_mesh::{LoadOptions, Material, Model, PreparedModel};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
 use lo_scene::{Frame, Scene};
@@ -53,7 +53,7 @@ fn occlusion(sample: &Sample, depth_m: DepthMap, z_m: f32) -> Image<f32> {
     let light = LightOctree::from_points(&points, Cube::centred(Vec3::ZERO, 20.0), 3, 2).unwrap().0;
     let inserter = Inserter::new(&Scene::as_seen(light, frame), Lighting::Octree, Quality::Draft).unwrap();
     let (model, placement) = card(sample, z_m);
-    inserter.render(&model, &placement, &mut lo_events::ignore).unwrap().occlusion
+    inserter.render(&[Instance::new(&model, placement)], &mut lo_events::ignore).unwrap().occlusion
 }
 
 /// Where two images of hidden shares differ in their edges.

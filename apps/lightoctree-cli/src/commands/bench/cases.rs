@@ -7,7 +7,7 @@ use anyhow::Context;
 use lightoctree::cone::{Cone, ConeSample, ConeTracer, SampleGradient, Sampling, Settings};
 use lightoctree::geometry::{Camera, Cube, Vec3, pixel_direction};
 use lightoctree::imaging::{Image, Photo};
-use lightoctree::insert::{Align, Inserter, Lighting, Placement, Quality};
+use lightoctree::insert::{Align, Inserter, Instance, Lighting, Placement, Quality};
 use lightoctree::octree::{self, Coverage, LightOctree, RadiancePoint};
 use lightoctree::scene::Frame;
 use lightoctree::{Estimator, Input, events};
@@ -206,8 +206,9 @@ fn insert_draft() -> anyhow::Result<Prepared> {
     let base = Placement::rest_on_pixel(&scene, 240.0, 250.0, Align::Gravity)?.scaled(INSERT_SCALE);
     let run = move || {
         turn += 0.1;
-        let composite =
-            inserter.render(&model, &base.turned(turn), &mut events::ignore).expect("the carried mesh can be inserted");
+        let composite = inserter
+            .render(&[Instance::new(&model, base.turned(turn))], &mut events::ignore)
+            .expect("the carried mesh can be inserted");
         Some(composite.alpha.pixels().iter().filter(|alpha| **alpha > 0.0).count())
     };
     Ok(Prepared { run: Box::new(run) })

@@ -1,4 +1,4 @@
-//! A box room with a lamp in its ceiling and one body in it, solved plainly in f64: what insertion is measured against.
+//! A box room with a lamp in its ceiling and bodies in it, solved plainly in f64: what insertion is measured against.
 
 use std::f64::consts::PI;
 
@@ -67,8 +67,14 @@ pub struct Hit {
     pub distance: f64,
     pub position: V,
     pub normal: V,
-    /// A wall, or the body.
-    pub wall: Option<usize>,
+    pub surface: Surface,
+}
+
+/// What a ray meets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Surface {
+    Wall(usize),
+    Body(usize),
 }
 
 impl Body {
@@ -127,12 +133,21 @@ impl Room {
         }
         let mut normal = [0.0; 3];
         normal[best.1 / 2] = if best.1 % 2 == 0 { 1.0 } else { -1.0 };
-        Hit { distance: best.0, position: add(origin, scale(direction, best.0)), normal, wall: Some(best.1) }
+        Hit {
+            distance: best.0,
+            position: add(origin, scale(direction, best.0)),
+            normal,
+            surface: Surface::Wall(best.1),
+        }
     }
 
     pub fn on_lamp(&self, hit: &Hit) -> bool {
         let p = hit.position;
-        hit.wall == Some(3) && p[0] > self.lamp[0] && p[0] < self.lamp[1] && p[2] > self.lamp[2] && p[2] < self.lamp[3]
+        hit.surface == Surface::Wall(3)
+            && p[0] > self.lamp[0]
+            && p[0] < self.lamp[1]
+            && p[2] > self.lamp[2]
+            && p[2] < self.lamp[3]
     }
 
     fn lamp_area(&self) -> f64 {
@@ -212,7 +227,7 @@ impl<'a> Solution<'a> {
     }
 
     fn reflected(&self, hit: &Hit, n: usize) -> V {
-        let wall = hit.wall.expect("only walls are asked");
+        let Surface::Wall(wall) = hit.surface else { panic!("only walls are asked") };
         let axis = wall / 2;
         let at = |k: usize| {
             let x = (hit.position[k] - self.room.low[k]) / (self.room.high[k] - self.room.low[k]);
@@ -234,27 +249,29 @@ impl<'a> Solution<'a> {
     }
 }
 
-/// Path tracing of the room with the body.
+/// Path tracing of the room with the bodies.
 pub struct Tracer<'a> {
     pub room: &'a Room,
-    pub body: Option<(Body, Finish)>,
+    pub bodies: &'a [(Body, Finish)],
 }
 
 impl Tracer<'_> {
     pub fn hit(&self, origin: V, direction: V) -> Hit {
-        let wall = self.room.wall(origin, direction);
-        let met = self.body.as_ref().and_then(|(body, _)| body.hit(origin, direction));
-        if let Some((distance, normal)) = met.filter(|(t, _)| *t < wall.distance) {
-            return Hit { distance, position: add(origin, scale(direction, distance)), normal, wall: None };
+        let mut nearest = self.room.wall(origin, direction);
+        for (i, (body, _)) in self.bodies.iter().enumerate() {
+            if let Some((distance, normal)) = body.hit(origin, direction).filter(|(t, _)| *t < nearest.distance) {
+                let position = add(origin, scale(direction, distance));
+                nearest = Hit { distance, position, normal, surface: Surface::Body(i) };
+            }
         }
-        wall
+        nearest
     }
 
     fn brdf(&self, hit: &Hit, view: V, light: V) -> V {
-        if let Some(wall) = hit.wall {
-            return scale(self.room.albedo[wall], 1.0 / PI);
-        }
-        let finish = self.body.as_ref().expect("no wall: the body").1;
+        let finish = match hit.surface {
+            Surface::Wall(wall) => return scale(self.room.albedo[wall], 1.0 / PI),
+            Surface::Body(body) => self.bodies[body].1,
+        };
         // glTF 2.0, appendix B.3, for metalness 0
         let half = unit(add(view, light));
         let (nl, nv) = (dot(hit.normal, light).max(1e-6), dot(hit.normal, view).max(1e-6));

@@ -1,0 +1,297 @@
+//! The objects on the command line: each `--mesh` with the options that belong to it, or `--layout`.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use clap::{ArgMatches, Args, Command, FromArgMatches, ValueEnum};
+use lightoctree::geometry::Vec3;
+use lightoctree::insert::{Align, Layout, LayoutObject, PathSource};
+use lightoctree::mesh::MaterialSpec;
+
+use crate::commands::parse;
+use crate::usage::Usage;
+
+/// The options as they are given, without their order.
+#[derive(Debug, Args)]
+struct Flags {
+    /// The object: glTF, GLB, OBJ, PLY or STL. Of several objects each has a --mesh, and behind it its own --at, --pixel or --path, --scale or
+    /// --height, --yaw-deg, --align and --material
+    #[arg(long, value_name = "FILE", required_unless_present_any = ["list_materials", "layout"])]
+    mesh: Vec<PathBuf>,
+
+    /// Objects and their places from a file, instead of --mesh: {"objects": [{"mesh": …, "pixel": …}, …]}; docs/layout.md tells its fields
+    #[arg(
+        long,
+        value_name = "FILE.json",
+        conflicts_with_all = ["mesh", "at", "pixel", "path", "scale", "height", "yaw_deg", "align", "material"]
+    )]
+    layout: Option<PathBuf>,
+
+    /// Where the middle of its base stands, in metres
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse::point, allow_hyphen_values = true)]
+    at: Vec<Vec3>,
+
+    /// Rest it on the surface seen at this pixel of the photo, upright (see --align)
+    #[arg(long, value_name = "U,V", value_parser = parse::pixel)]
+    pixel: Vec<[f64; 2]>,
+
+    /// Move it along keyframes; needs --frames, and a %04d in the output's name or a video
+    #[arg(long, value_name = "FILE.json")]
+    path: Vec<PathBuf>,
+
+    /// Metres per unit of the mesh [default: 1]
+    #[arg(long, value_name = "S", value_parser = parse::positive)]
+    scale: Vec<f64>,
+
+    /// Height of the object in metres, instead of a scale
+    #[arg(long, value_name = "METRES", value_parser = parse::positive)]
+    height: Vec<f64>,
+
+    /// Turn about the vertical, counter-clockwise seen from above [default: 0]
+    #[arg(long, value_name = "A", allow_hyphen_values = true)]
+    yaw_deg: Vec<f32>,
+
+    /// Which way is up for the object [default: gravity]
+    #[arg(long, value_name = "UP")]
+    align: Vec<AlignArg>,
+
+    /// A material for the whole object: a name or a JSON object
+    #[arg(long, value_name = "NAME|JSON")]
+    material: Vec<String>,
+}
+
+/// Which way an object stands.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum AlignArg {
+    /// Upright in the room, as far as it is known which way is up
+    Gravity,
+    /// Along the normal of the surface at the pixel, where that is tilted by 10 to 40°
+    Surface,
+    /// Up in the picture
+    None,
+}
+
+impl AlignArg {
+    fn align(self) -> Align {
+        match self {
+            Self::Gravity => Align::Gravity,
+            Self::Surface => Align::Surface,
+            Self::None => Align::None,
+        }
+    }
+}
+
+/// Values of an option with their places on the command line.
+type Given<T> = Vec<(usize, T)>;
+
+/// The options with their order.
+#[derive(Debug)]
+pub struct ObjectArgs {
+    layout: Option<PathBuf>,
+    mesh: Given<PathBuf>,
+    at: Given<Vec3>,
+    pixel: Given<[f64; 2]>,
+    path: Given<PathBuf>,
+    scale: Given<f64>,
+    height: Given<f64>,
+    yaw_deg: Given<f32>,
+    align: Given<AlignArg>,
+    material: Given<String>,
+}
+
+impl Args for ObjectArgs {
+    fn augment_args(command: Command) -> Command {
+        Flags::augment_args(command)
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Flags::augment_args_for_update(command)
+    }
+}
+
+impl FromArgMatches for ObjectArgs {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        fn given<T>(matches: &ArgMatches, option: &str, values: Vec<T>) -> Given<T> {
+            matches.indices_of(option).into_iter().flatten().zip(values).collect()
+        }
+        let flags = Flags::from_arg_matches(matches)?;
+        Ok(Self {
+            layout: flags.layout,
+            mesh: given(matches, "mesh", flags.mesh),
+            at: given(matches, "at", flags.at),
+            pixel: given(matches, "pixel", flags.pixel),
+            path: given(matches, "path", flags.path),
+            scale: given(matches, "scale", flags.scale),
+            height: given(matches, "height", flags.height),
+            yaw_deg: given(matches, "yaw_deg", flags.yaw_deg),
+            align: given(matches, "align", flags.align),
+            material: given(matches, "material", flags.material),
+        })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl ObjectArgs {
+    /// What stands where, with the keyframes of all paths, and the folder that its files' names start from.
+    pub fn layout(&self) -> anyhow::Result<(Layout, PathBuf)> {
+        let (layout, folder) = match &self.layout {
+            Some(file) => {
+                let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
+                let layout = Layout::from_json(&text).with_context(|| format!("{}", file.display()))?;
+                (layout, file.parent().map(Path::to_owned).unwrap_or_default())
+            }
+            None => (Layout::new(self.objects()?)?, PathBuf::new()),
+        };
+        let layout = layout.with_paths(|path| std::fs::read_to_string(folder.join(path)))?;
+        Ok((layout, folder))
+    }
+
+    /// Of each `--mesh` what is said of it: of one anywhere, of several behind it.
+    fn objects(&self) -> Result<Vec<LayoutObject>, Usage> {
+        if let [_, _, ..] = self.mesh[..]
+            && let Some(option) = self.first_option(0..self.mesh[0].0)
+        {
+            return Err(Usage(format!(
+                "{option} comes before the first --mesh: of several objects each has its options behind its --mesh"
+            )));
+        }
+        let next = self.mesh.iter().skip(1).map(|&(index, _)| index).chain([usize::MAX]);
+        let alone = self.mesh.len() == 1;
+        let ranges = self.mesh.iter().zip(next).map(|(&(own, _), next)| if alone { 0..next } else { own..next });
+        self.mesh.iter().zip(ranges).map(|((_, mesh), range)| self.object(mesh, &range)).collect()
+    }
+
+    fn object(&self, mesh: &Path, range: &Range<usize>) -> Result<LayoutObject, Usage> {
+        let called = mesh.display();
+        let (at, pixel) = (only("--at", &self.at, mesh, range)?, only("--pixel", &self.pixel, mesh, range)?);
+        let path = only("--path", &self.path, mesh, range)?;
+        match [at.is_some(), pixel.is_some(), path.is_some()].into_iter().filter(|&given| given).count() {
+            0 => {
+                return Err(Usage(format!(
+                    "say where {called} stands: --at X,Y,Z, --pixel U,V, or --path FILE.json with --frames N"
+                )));
+            }
+            1 => {}
+            _ => return Err(Usage(format!("{called} has one place only: --at, --pixel or --path"))),
+        }
+        let (scale, height_m) =
+            (only("--scale", &self.scale, mesh, range)?, only("--height", &self.height, mesh, range)?);
+        if scale.is_some() && height_m.is_some() {
+            return Err(Usage(format!("--scale and --height cannot both be given for {called}")));
+        }
+        let yaw_deg = only("--yaw-deg", &self.yaw_deg, mesh, range)?;
+        if path.is_some() && yaw_deg.is_some() {
+            return Err(Usage(format!("--yaw-deg: the keyframes of --path say how {called} is turned")));
+        }
+        let material = only("--material", &self.material, mesh, range)?;
+        let material = material.map(|text| MaterialSpec::parse(&text)).transpose();
+        Ok(LayoutObject {
+            mesh: mesh.to_owned(),
+            name: None,
+            pixel,
+            position_m: at.map(|at| at.to_array().map(f64::from)),
+            path: path.map(PathSource::File),
+            on: None,
+            scale,
+            height_m,
+            yaw_deg: yaw_deg.map(f64::from),
+            align: only("--align", &self.align, mesh, range)?.map(AlignArg::align),
+            material: material.map_err(|error| Usage(format!("--material: {error}")))?,
+        })
+    }
+
+    /// The first option of any object within a range of the command line.
+    fn first_option(&self, range: Range<usize>) -> Option<&'static str> {
+        fn first<T>(given: &Given<T>) -> Option<usize> {
+            given.first().map(|&(index, _)| index)
+        }
+        let options = [
+            ("--at", first(&self.at)),
+            ("--pixel", first(&self.pixel)),
+            ("--path", first(&self.path)),
+            ("--scale", first(&self.scale)),
+            ("--height", first(&self.height)),
+            ("--yaw-deg", first(&self.yaw_deg)),
+            ("--align", first(&self.align)),
+            ("--material", first(&self.material)),
+        ];
+        let within = options.into_iter().filter(|(_, index)| index.is_some_and(|index| range.contains(&index)));
+        within.min_by_key(|&(_, index)| index).map(|(option, _)| option)
+    }
+}
+
+/// The value of an option within an object's range of the command line.
+fn only<T: Clone>(option: &str, given: &Given<T>, mesh: &Path, range: &Range<usize>) -> Result<Option<T>, Usage> {
+    let mut within = given.iter().filter(|(index, _)| range.contains(index)).map(|(_, value)| value);
+    let value = within.next().cloned();
+    match within.next() {
+        None => Ok(value),
+        Some(_) => Err(Usage(format!("{option} is given twice for {}", mesh.display()))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Debug, Parser)]
+    struct Line {
+        #[command(flatten)]
+        objects: ObjectArgs,
+        #[arg(long)]
+        list_materials: bool,
+    }
+
+    fn objects(line: &str) -> Result<Vec<LayoutObject>, Usage> {
+        Line::try_parse_from(std::iter::once("insert").chain(line.split(' '))).unwrap().objects.objects()
+    }
+
+    #[test]
+    fn each_mesh_has_the_options_behind_it() {
+        let line = "--mesh a.glb --pixel 1,2 --height 0.5 --mesh b.glb --at 0,-1,-2 --scale 2 --yaw-deg -30 --material gold --mesh c.glb --align none --pixel 3,4";
+        let [a, b, c] = &objects(line).unwrap()[..] else { panic!() };
+        assert_eq!(
+            (a.mesh.as_path(), a.pixel, a.height_m, a.scale),
+            (Path::new("a.glb"), Some([1.0, 2.0]), Some(0.5), None)
+        );
+        assert_eq!(
+            (b.position_m, b.pixel, b.scale, b.yaw_deg),
+            (Some([0.0, -1.0, -2.0]), None, Some(2.0), Some(-30.0))
+        );
+        assert_eq!(b.material.as_ref().unwrap().preset.as_deref(), Some("gold"));
+        assert_eq!((c.pixel, c.align, a.align), (Some([3.0, 4.0]), Some(Align::None), None));
+        assert!(a.material.is_none() && c.material.is_none());
+        // Of one object they may stand anywhere.
+        let one = objects("--pixel 1,2 --height 0.5 --mesh a.glb --material gold").unwrap();
+        assert_eq!((one[0].pixel, one[0].height_m), (Some([1.0, 2.0]), Some(0.5)));
+    }
+
+    #[test]
+    fn what_belongs_to_no_object_or_twice_to_one_is_refused() {
+        for (line, words) in [
+            ("--pixel 1,2 --mesh a.glb --mesh b.glb --pixel 1,2", "--pixel comes before the first --mesh"),
+            ("--mesh a.glb --pixel 1,2 --mesh b.glb", "say where b.glb stands"),
+            ("--mesh a.glb", "say where a.glb stands"),
+            ("--mesh a.glb --pixel 1,2 --pixel 3,4", "--pixel is given twice for a.glb"),
+            ("--mesh a.glb --pixel 1,2 --at 0,0,-1", "a.glb has one place only"),
+            ("--mesh a.glb --pixel 1,2 --scale 1 --height 1", "--scale and --height"),
+            ("--mesh a.glb --path p.json --yaw-deg 3", "--yaw-deg"),
+            ("--mesh a.glb --pixel 1,2 --material golf", "golf"),
+        ] {
+            let Usage(message) = objects(line).unwrap_err();
+            assert!(message.contains(words), "{line}: {message}");
+        }
+        for line in ["--layout a.json --mesh b.glb", "--layout a.json --pixel 1,2", "--pixel 1,2"] {
+            let parsed = Line::try_parse_from(std::iter::once("insert").chain(line.split(' ')));
+            assert!(parsed.is_err(), "{line}");
+        }
+    }
+}

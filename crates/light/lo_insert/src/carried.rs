@@ -1,0 +1,72 @@
+use lo_geometry::{Camera, Plane, Ray, Vec3};
+
+use crate::object::Object;
+use crate::{Base, InsertError, Instance, Placement};
+
+/// A surface of the carrier that faces up by less than this (cosine) is a side: what is put there stands on top of it.
+const SIDE: f32 = 0.7;
+
+/// How far above the place that is seen an object is dropped, as a share of its carrier's radius.
+const DROP: f32 = 0.02;
+
+/// Where on another object one is put.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Spot {
+    /// In the middle of its top.
+    Middle,
+    /// Straight below a world point in metres, along the carrier's up.
+    Below(Vec3),
+    /// Where the ray through photo position (u, v), pixel centres at +0.5, meets it.
+    Pixel(f64, f64),
+}
+
+impl Placement {
+    /// Standing on another object: dropped along the carrier's up until its base touches. What supports the carrier supports it too: the octree does
+    /// not know the carrier, and what is low on a real surface is near that.
+    ///
+    /// # Errors
+    /// Where the carrier's model has no extent, or nothing of it is there.
+    pub fn on_object(self, carrier: &Instance, spot: Spot, base: &Base, camera: &Camera) -> Result<Self, InsertError> {
+        let object = Object::new(carrier)?;
+        let up = carrier.placement.up;
+        let above_all = |point: Vec3| {
+            let top = Plane::through(object.centre_m + up * (1.01 * object.radius_m), up);
+            point - up * top.signed_distance_m(point)
+        };
+        let from_m = match spot {
+            Spot::Middle => above_all(object.centre_m),
+            Spot::Below(point) => point,
+            Spot::Pixel(u, v) => {
+                let ray = Ray { origin: Vec3::ZERO, direction: camera.direction(u, v) };
+                let hit = object
+                    .seen(&ray, 0.0)
+                    .ok_or(InsertError::NotCarried("the pixel does not show the object that shall carry this one"))?;
+                let point = ray.at(hit.distance_m);
+                let normal = object.triangle_normal(hit.triangle);
+                // Triangles may be wound either way; seen from the camera the normal faces it.
+                let faces_up = normal.dot(up) * -normal.dot(ray.direction).signum() > SIDE;
+                if faces_up { point + up * (DROP * object.radius_m) } else { above_all(point) }
+            }
+        };
+        let placed = Self { up, support: carrier.placement.support, ..self };
+        let fall_m = |spot: Vec3| {
+            let ray = Ray { origin: from_m + spot, direction: -up };
+            object.closest(&ray, f32::INFINITY).map(|hit| hit.distance_m)
+        };
+        let spots = base.spots(placed.scale, placed.rotation()).chain([Vec3::ZERO]);
+        let fall_m = spots
+            .filter_map(fall_m)
+            .reduce(f32::min)
+            .ok_or(InsertError::NotCarried("nothing of the object that shall carry this one lies below its place"))?;
+        Ok(Self { position_m: from_m - up * fall_m, ..placed })
+    }
+
+    /// The same on a carrier that has moved from one place to another: moved and turned with it.
+    #[must_use]
+    pub fn carried(self, from: &Self, to: &Self) -> Self {
+        let turned = to.rotation() * from.rotation().conjugate();
+        let position_m = to.position_m + turned * (self.position_m - from.position_m) * (to.scale / from.scale);
+        let yaw_rad = self.yaw_rad + to.yaw_rad - from.yaw_rad;
+        Self { position_m, up: to.up, yaw_rad, support: to.support, ..self }
+    }
+}

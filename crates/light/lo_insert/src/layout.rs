@@ -1,0 +1,324 @@
+use std::collections::HashSet;
+use std::io;
+use std::path::{Path as FilePath, PathBuf};
+
+use lo_geometry::Vec3;
+use lo_mesh::{MaterialSpec, PreparedModel};
+use lo_scene::Scene;
+use serde::{Deserialize, Deserializer, de};
+use serde_json::Value;
+
+use crate::path::frame_times_s;
+use crate::{Align, Base, InsertError, Instance, Path, Placement, Spot, Stance};
+
+/// Objects that are inserted together, read from JSON.
+///
+/// ```json
+/// {"objects": [
+///     {"mesh": "table.glb", "pixel": [960, 1150], "height_m": 0.45, "material": "matte-white"},
+///     {"mesh": "vase.obj", "name": "vase", "on": "table", "material": {"preset": "gold", "roughness": 0.3}},
+///     {"mesh": "car.glb", "path": {"keyframes": [{"time_s": 0, "pixel": [500, 1200]}, {"time_s": 2, "pixel": [800, 1250]}]}}
+/// ]}
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layout {
+    /// Each with a name of its own.
+    objects: Vec<LayoutObject>,
+}
+
+/// One object of a [`Layout`].
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LayoutObject {
+    /// File of the model: glTF, GLB, OBJ, PLY or STL.
+    pub mesh: PathBuf,
+    /// What messages and other objects call it; else its file's name without the extension.
+    pub name: Option<String>,
+    /// Photo position whose surface it rests on, pixel centres at +0.5.
+    pub pixel: Option<[f64; 2]>,
+    /// World position of the middle of its base, in metres.
+    pub position_m: Option<[f64; 3]>,
+    /// Keyframes of its way.
+    pub path: Option<PathSource>,
+    /// Name of the object, one before it, that it stands on: at `pixel`, below `position_m`, or in the middle of its top.
+    pub on: Option<String>,
+    /// Metres per unit of the model; 1.
+    pub scale: Option<f64>,
+    /// Height in metres, instead of a scale.
+    pub height_m: Option<f64>,
+    /// Turn about its up, counter-clockwise seen from above, in degrees; 0.
+    pub yaw_deg: Option<f64>,
+    /// Which way is up for it; against gravity.
+    pub align: Option<Align>,
+    /// A material for the whole object: a name, or an object of [`MaterialSpec`]'s fields.
+    #[serde(deserialize_with = "material")]
+    pub material: Option<MaterialSpec>,
+}
+
+/// Keyframes, or the file that holds them.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PathSource {
+    /// The file's name.
+    File(PathBuf),
+    /// The keyframes.
+    Keyframes(Path),
+}
+
+impl Layout {
+    /// Most objects of a layout.
+    pub const MAX_OBJECTS: usize = 100;
+
+    /// Checks what is said of each object, and names those that have no name.
+    ///
+    /// # Errors
+    /// Where an object has no place or two, two sizes, a size that is none, a name that another one has, or stands on one that does not come before it.
+    pub fn new(mut objects: Vec<LayoutObject>) -> Result<Self, InsertError> {
+        if objects.is_empty() || objects.len() > Self::MAX_OBJECTS {
+            let found = objects.len();
+            return Err(InsertError::Layout(format!("needs 1 to {} objects, has {found}", Self::MAX_OBJECTS)));
+        }
+        let mut names: HashSet<String> = HashSet::new();
+        for name in objects.iter().filter_map(|object| object.name.as_ref()) {
+            if !names.insert(name.clone()) {
+                return Err(InsertError::Layout(format!("two objects are called `{name}`")));
+            }
+        }
+        for i in 0..objects.len() {
+            let (before, rest) = objects.split_at_mut(i);
+            let object = &mut rest[0];
+            let name = object.name.take().unwrap_or_else(|| free_name(&object.mesh, &names));
+            names.insert(name.clone());
+            object.name = Some(name);
+            let carriers: Vec<&str> = before.iter().map(LayoutObject::name).collect();
+            object
+                .check(&carriers)
+                .map_err(|wrong| InsertError::Layout(format!("object {} ({}): {wrong}", i + 1, object.name())))?;
+        }
+        Ok(Self { objects })
+    }
+
+    /// Reads and checks a layout: a list of objects, or an object with such a list as `objects`.
+    ///
+    /// # Errors
+    /// Where the text is no such JSON, and those of [`Layout::new`].
+    pub fn from_json(text: &str) -> Result<Self, InsertError> {
+        let wrong = |error: serde_json::Error| InsertError::Layout(error.to_string());
+        let list = match serde_json::from_str(text).map_err(wrong)? {
+            Value::Array(list) => list,
+            Value::Object(mut fields) if fields.len() == 1 && fields.contains_key("objects") => {
+                let Some(Value::Array(list)) = fields.remove("objects") else {
+                    return Err(InsertError::Layout("`objects` is no list".into()));
+                };
+                list
+            }
+            Value::Object(fields) => {
+                let unknown = fields.keys().find(|key| *key != "objects");
+                let found = unknown.map_or_else(|| "has none".into(), |key| format!("has `{key}`"));
+                return Err(InsertError::Layout(format!(
+                    "needs a list of objects as `objects` and nothing else, {found}"
+                )));
+            }
+            _ => return Err(InsertError::Layout("is no list of objects".into())),
+        };
+        let object = |(i, value): (usize, Value)| {
+            let name = value.get("name").or_else(|| value.get("mesh")).and_then(Value::as_str);
+            let called = name.map_or_else(|| format!("object {}", i + 1), |name| format!("object {} ({name})", i + 1));
+            serde_json::from_value(value).map_err(|error| InsertError::Layout(format!("{called}: {error}")))
+        };
+        Self::new(list.into_iter().enumerate().map(object).collect::<Result<_, _>>()?)
+    }
+
+    /// The same with the keyframes that `read` finds in the files of paths.
+    ///
+    /// # Errors
+    /// Where a file cannot be read, or holds no keyframes.
+    pub fn with_paths(mut self, mut read: impl FnMut(&FilePath) -> io::Result<String>) -> Result<Self, InsertError> {
+        for object in &mut self.objects {
+            let Some(PathSource::File(file)) = &object.path else { continue };
+            let wrong =
+                |error: String| InsertError::Layout(format!("path of {}, {}: {error}", object.name(), file.display()));
+            let text = read(file).map_err(|error| wrong(error.to_string()))?;
+            let path = Path::from_json(&text).map_err(|error| wrong(error.to_string()))?;
+            object.path = Some(PathSource::Keyframes(path));
+        }
+        Ok(self)
+    }
+
+    /// The objects.
+    pub fn objects(&self) -> &[LayoutObject] {
+        &self.objects
+    }
+
+    /// Whether any object moves.
+    pub fn moves(&self) -> bool {
+        self.objects.iter().any(|object| object.path.is_some())
+    }
+
+    /// For each object its placements in `frames` frames, at equal time steps from the first keyframe of all paths to the last.
+    ///
+    /// `models`: that of each object.
+    ///
+    /// # Errors
+    /// [`InsertError::Object`] where there is no surface at a pixel, or the carrier is not below; where the keyframes of a file were not read
+    /// ([`Layout::with_paths`]).
+    pub fn placements(
+        &self,
+        scene: &Scene,
+        models: &[&PreparedModel],
+        frames: usize,
+    ) -> Result<Vec<Vec<Placement>>, InsertError> {
+        let mut span_s = [f64::INFINITY, f64::NEG_INFINITY];
+        for (i, object) in self.objects.iter().enumerate() {
+            if let Some(path) = object.keyframes().map_err(|error| error.of(i))? {
+                let [first, last] = path.span_s().map_err(|error| error.of(i))?;
+                span_s = [span_s[0].min(first), span_s[1].max(last)];
+            }
+        }
+        let times_s = if self.moves() { frame_times_s(span_s, frames) } else { vec![0.0; frames] };
+        let mut placements: Vec<Vec<Placement>> = Vec::with_capacity(self.objects.len());
+        for (i, (object, model)) in self.objects.iter().zip(models).enumerate() {
+            let carrier = object.on.as_deref().and_then(|on| self.objects[..i].iter().position(|o| o.name() == on));
+            let placed = match carrier {
+                Some(carrier) => object.carried(scene, model, models[carrier], &placements[carrier]),
+                None => object.placements(scene, model, &times_s),
+            };
+            placements.push(placed.map_err(|error| error.of(i))?);
+        }
+        Ok(placements)
+    }
+}
+
+impl LayoutObject {
+    /// Its name in a [`Layout`].
+    pub fn name(&self) -> &str {
+        self.name.as_deref().unwrap_or_default()
+    }
+
+    fn check(&self, carriers: &[&str]) -> Result<(), String> {
+        if self.mesh.as_os_str().is_empty() {
+            return Err("needs a \"mesh\"".into());
+        }
+        let places = [self.pixel.is_some(), self.position_m.is_some(), self.path.is_some()];
+        let places = places.into_iter().filter(|&given| given).count();
+        match &self.on {
+            None if places != 1 => {
+                return Err("needs one place: \"pixel\", \"position_m\", \"path\" or \"on\"".into());
+            }
+            Some(_) if places > 1 || self.path.is_some() => {
+                return Err("with \"on\" it can have a \"pixel\" or a \"position_m\" beside, and no \"path\"".into());
+            }
+            Some(on) if !carriers.contains(&on.as_str()) => {
+                return Err(format!("it stands on `{on}`, but no object before it is called so"));
+            }
+            Some(_) if self.align.is_some() => {
+                return Err("\"align\": it stands as the object does that it is \"on\"".into());
+            }
+            _ => {}
+        }
+        if self.path.is_some() && self.yaw_deg.is_some() {
+            return Err("\"yaw_deg\": the keyframes of its \"path\" say it".into());
+        }
+        if self.scale.is_some() && self.height_m.is_some() {
+            return Err("\"scale\" and \"height_m\" cannot both be given".into());
+        }
+        for (name, size) in [("scale", self.scale), ("height_m", self.height_m)] {
+            if size.is_some_and(|size| !(size.is_finite() && size > 0.0)) {
+                return Err(format!("\"{name}\" must be a finite number above 0"));
+            }
+        }
+        Ok(())
+    }
+
+    fn keyframes(&self) -> Result<Option<&Path>, InsertError> {
+        match &self.path {
+            None => Ok(None),
+            Some(PathSource::Keyframes(path)) => Ok(Some(path)),
+            Some(PathSource::File(file)) => Err(InsertError::Path(format!("{} was not read", file.display()))),
+        }
+    }
+
+    /// Metres per unit of the model.
+    fn scale_of(&self, model: &PreparedModel) -> Result<f32, InsertError> {
+        let Some(height_m) = self.height_m else { return Ok(self.scale.unwrap_or(1.0) as f32) };
+        let height = model.bounds().size().y;
+        if height > 0.0 { Ok(height_m as f32 / height) } else { Err(InsertError::Flat) }
+    }
+
+    fn yaw_rad(&self) -> f32 {
+        (self.yaw_deg.unwrap_or(0.0) as f32).to_radians()
+    }
+
+    /// On real surfaces or in the air.
+    fn placements(&self, scene: &Scene, model: &PreparedModel, times_s: &[f64]) -> Result<Vec<Placement>, InsertError> {
+        let (scale, align, base) = (self.scale_of(model)?, self.align.unwrap_or_default(), Base::new(model));
+        if let Some(path) = self.keyframes()? {
+            return path.placements_at(scene, &Stance { scale, align, base: Some(&base) }, times_s);
+        }
+        let placed = |placement: Placement| placement.scaled(scale).turned(self.yaw_rad());
+        let placement = match (self.position_m, self.pixel) {
+            (Some(position_m), _) => placed(Placement::at(scene, point(position_m), align)),
+            (None, Some([u, v])) => placed(Placement::rest_on_pixel(scene, u, v, align)?).settled(scene, &base),
+            (None, None) => return Err(InsertError::Layout("it has no place".into())),
+        };
+        Ok(vec![placement; times_s.len()])
+    }
+
+    /// On another object, with which it moves.
+    fn carried(
+        &self,
+        scene: &Scene,
+        model: &PreparedModel,
+        carrier: &PreparedModel,
+        places: &[Placement],
+    ) -> Result<Vec<Placement>, InsertError> {
+        let Some(&first) = places.first() else { return Ok(Vec::new()) };
+        let spot = match (self.position_m, self.pixel) {
+            (Some(position_m), _) => Spot::Below(point(position_m)),
+            (None, Some([u, v])) => Spot::Pixel(u, v),
+            (None, None) => Spot::Middle,
+        };
+        let placed = first.scaled(self.scale_of(model)?).turned(self.yaw_rad()).on_object(
+            &Instance::new(carrier, first),
+            spot,
+            &Base::new(model),
+            &scene.frame.camera,
+        )?;
+        Ok(places.iter().map(|place| placed.carried(&first, place)).collect())
+    }
+}
+
+impl<'de> Deserialize<'de> for PathSource {
+    /// A file's name, or the keyframes themselves.
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        match Value::deserialize(deserializer)? {
+            Value::String(file) => Ok(Self::File(file.into())),
+            value => {
+                let path: Path =
+                    serde_json::from_value(value).map_err(|error| de::Error::custom(format!("path: {error}")))?;
+                path.span_s().map_err(de::Error::custom)?;
+                Ok(Self::Keyframes(path))
+            }
+        }
+    }
+}
+
+/// A material's name, or its fields.
+fn material<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<MaterialSpec>, D::Error> {
+    let text = match Value::deserialize(deserializer)? {
+        Value::Null => return Ok(None),
+        Value::String(name) => name,
+        fields => fields.to_string(),
+    };
+    MaterialSpec::parse(&text).map(Some).map_err(|error| de::Error::custom(format!("material: {error}")))
+}
+
+fn point(position_m: [f64; 3]) -> Vec3 {
+    Vec3::from_array(position_m.map(|x| x as f32))
+}
+
+/// `vase` for `meshes/vase.obj`, or `vase 2` where that is taken.
+fn free_name(mesh: &FilePath, taken: &HashSet<String>) -> String {
+    let stem = mesh.file_stem().map_or_else(|| "object".into(), |stem| stem.to_string_lossy().into_owned());
+    let numbered = (2..).map(|number| format!("{stem} {number}"));
+    std::iter::once(stem.clone()).chain(numbered).find(|name| !taken.contains(name)).unwrap_or(stem)
+}

@@ -1,0 +1,125 @@
+use std::ops::Index;
+
+use lo_geometry::Ray;
+use lo_mesh::{Hit, SurfacePoint};
+
+use crate::object::Object;
+use crate::{InsertError, Instance};
+
+/// Surface points of an object that are asked whether they lie in another.
+const INSIDE_POINTS: usize = 256;
+
+/// How far below its surface a point has to lie in another object, as a share of the smaller radius: objects that touch do not count.
+const INSIDE_DEPTH: f32 = 0.01;
+
+/// Distance from a surface at which rays into its own object start, as a share of its radius.
+const START: f32 = 1e-5;
+
+/// Share of the points of one object in the other from which on the two reach into one another.
+const MIN_INSIDE: f32 = 0.01;
+
+/// Objects that are inserted together: what light meets, whichever of them it is.
+pub(crate) struct Objects<'a> {
+    all: Vec<Object<'a>>,
+}
+
+/// Where a ray meets one of several objects.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ObjectHit {
+    /// Which of them.
+    pub object: usize,
+    pub hit: Hit,
+}
+
+impl<'a> Objects<'a> {
+    /// # Errors
+    /// Where a model has no extent, or a number of its placement is not usable.
+    pub fn new(instances: &[Instance<'a>]) -> Result<Self, InsertError> {
+        let object = |(i, instance)| Object::new(instance).map_err(|error| error.of(i));
+        Ok(Self { all: instances.iter().enumerate().map(object).collect::<Result<_, _>>()? })
+    }
+
+    pub fn len(&self) -> usize {
+        self.all.len()
+    }
+
+    pub fn iter(&self) -> std::slice::Iter<'_, Object<'a>> {
+        self.all.iter()
+    }
+
+    /// The nearest surface before `max_m` that stops light, whichever way it faces.
+    pub fn closest(&self, ray: &Ray, max_m: f32) -> Option<ObjectHit> {
+        let mut nearest: Option<ObjectHit> = None;
+        for (object, candidate) in self.all.iter().enumerate() {
+            let before_m = nearest.map_or(max_m, |nearest| nearest.hit.distance_m);
+            nearest = candidate.closest(ray, before_m).map(|hit| ObjectHit { object, hit }).or(nearest);
+        }
+        nearest
+    }
+
+    /// Whether anything before `max_m` stops light.
+    pub fn blocks(&self, ray: &Ray, max_m: f32) -> bool {
+        self.all.iter().any(|object| object.blocks(ray, max_m))
+    }
+
+    /// Where a ray meets object `index`, if no other one stops its light before.
+    pub fn closest_of(&self, index: usize, ray: &Ray) -> Option<Hit> {
+        self.all[index].closest(ray, f32::INFINITY).filter(|hit| self.is_first(index, ray, hit))
+    }
+
+    /// Whether object `index` stops a ray's light, and no other one does so before.
+    pub fn blocked_by(&self, index: usize, ray: &Ray) -> bool {
+        // Where there is no other one, what is met does not matter.
+        let alone = self.len() == 1;
+        if alone { self.all[index].blocks(ray, f32::INFINITY) } else { self.closest_of(index, ray).is_some() }
+    }
+
+    fn is_first(&self, index: usize, ray: &Ray, hit: &Hit) -> bool {
+        self.all.iter().enumerate().all(|(i, other)| i == index || !other.blocks(ray, hit.distance_m))
+    }
+
+    /// The nearest surface beyond `from_m` (0: from the start) that the camera sees at least in part.
+    pub fn seen(&self, ray: &Ray, from_m: f32) -> Option<ObjectHit> {
+        let mut nearest: Option<ObjectHit> = None;
+        for (object, candidate) in self.all.iter().enumerate() {
+            let Some(hit) = candidate.seen(ray, from_m) else { continue };
+            if nearest.is_none_or(|nearest| hit.distance_m < nearest.hit.distance_m) {
+                nearest = Some(ObjectHit { object, hit });
+            }
+        }
+        nearest
+    }
+
+    /// Pairs of objects that reach into one another: some of the surface of one lies well inside of the other. A model with holes has
+    /// no inside that could be told.
+    pub fn intersecting(&self) -> impl Iterator<Item = [usize; 2]> {
+        let pairs = (0..self.len()).flat_map(|b| (0..b).map(move |a| [a, b]));
+        pairs.filter(|&[a, b]| {
+            let (a, b) = (&self.all[a], &self.all[b]);
+            let apart_m = (a.centre_m - b.centre_m).length();
+            apart_m < a.radius_m + b.radius_m && (reaches_into(a, b) || reaches_into(b, a))
+        })
+    }
+}
+
+impl<'a> Index<usize> for Objects<'a> {
+    type Output = Object<'a>;
+
+    fn index(&self, object: usize) -> &Object<'a> {
+        &self.all[object]
+    }
+}
+
+fn reaches_into(object: &Object, other: &Object) -> bool {
+    let depth_m = INSIDE_DEPTH * object.radius_m.min(other.radius_m);
+    let points = object.spread_points(INSIDE_POINTS);
+    let inside = |point: &SurfacePoint| {
+        // Of what is thin the middle.
+        let start = point.position - START * object.radius_m * point.geometric_normal;
+        let inwards = Ray { origin: start, direction: -point.geometric_normal };
+        let through_m = object.closest(&inwards, 2.0 * depth_m).map_or(2.0 * depth_m, |hit| hit.distance_m);
+        other.contains(inwards.at(0.5 * through_m))
+    };
+    let count = points.iter().filter(|point| inside(point)).count();
+    count as f32 > MIN_INSIDE * points.len() as f32
+}
