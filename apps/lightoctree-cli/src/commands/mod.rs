@@ -10,6 +10,7 @@ pub mod eval;
 pub mod export;
 pub mod insert;
 pub mod inspect;
+pub mod lights;
 pub mod probes;
 pub mod synth;
 pub mod train;
@@ -42,6 +43,19 @@ fn read_scene(path: &Path) -> anyhow::Result<Scene> {
 fn add_lamp(scene: &mut Scene, stages: &mut Stages) {
     let report = stages.stage("lamp", || lightoctree::add_lamp(scene));
     report.warning().iter().for_each(|warning| stages.warn(warning));
+}
+
+/// Lights a scene as its edits say, with the lamp that objects need where `lamp` is set, and says so.
+fn light_up(scene: &mut Scene, lamp: bool, stages: &mut Stages) -> anyhow::Result<()> {
+    if scene.light_edits.is_empty() {
+        if lamp {
+            add_lamp(scene, stages);
+        }
+        return Ok(());
+    }
+    let report = stages.stage("lights", || lightoctree::light_up(scene, lamp))?;
+    report.warning().iter().for_each(|warning| stages.warn(warning));
+    Ok(())
 }
 
 /// With the networks of a file of weights, or those that the program carries.

@@ -130,8 +130,8 @@ fn what_shines_is_listed_with_place_size_and_kind() {
     assert!((0.95..1.15).contains(&width) && (0.75..0.95).contains(&height), "{width} {height}");
     let lamp = found(Vec3::new(0.6, 0.3, LOW.z));
     assert_eq!((lamp.kind, lamp.origin), (Kind::Lamp, Origin::Seen));
-    // (16, 11, 6) is 3,600 K by McCamy.
-    assert!((lamp.color_temperature_k.unwrap() / 3600.0 - 1.0).abs() < 0.05, "{:?}", lamp.color_temperature_k);
+    // (16, 11, 6) has x = 0.3791 and y = 0.3819, which is 4,079 K by McCamy.
+    assert!((lamp.color_temperature_k.unwrap() / 4079.0 - 1.0).abs() < 0.02, "{:?}", lamp.color_temperature_k);
     let panel = found(Vec3::new(0.0, HIGH.y, 0.3));
     assert_eq!((panel.kind, panel.origin), (Kind::Lamp, Origin::Guessed));
     assert!(panel.direction.unwrap().dot(Vec3::NEG_Y) > 0.99);

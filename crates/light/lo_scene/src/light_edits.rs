@@ -140,6 +140,46 @@ impl LightEdits {
         self.emitters.is_empty() && self.added.is_empty()
     }
 
+    /// What is changed of a light; [`LightChange::NONE`] where nothing is.
+    pub fn change_of(&self, id: &str) -> LightChange {
+        let emitter = self.emitters.iter().find(|edit| edit.id == id).map(|edit| edit.change);
+        let added = || self.added.iter().find(|light| light.id == id).map(|light| light.change);
+        emitter.or_else(added).unwrap_or_default()
+    }
+
+    /// Changes a light that was added, or the emitter of that name, which lies at `found_at_m`, in the place of what was changed before. `false` where
+    /// there are [`MAX_LIGHT_EDITS`] already.
+    #[must_use]
+    pub fn change(&mut self, id: &str, found_at_m: Vec3, change: LightChange) -> bool {
+        if let Some(light) = self.added.iter_mut().find(|light| light.id == id) {
+            light.change = change;
+            return true;
+        }
+        self.emitters.retain(|edit| edit.id != id);
+        if change != LightChange::NONE {
+            self.emitters.push(EmitterEdit { id: id.to_owned(), found_at_m, change });
+        }
+        self.emitters.len() <= MAX_LIGHT_EDITS
+    }
+
+    /// Adds a light and names it; `None` where there are [`MAX_LIGHT_EDITS`] already.
+    pub fn add(&mut self, light: AnalyticLight) -> Option<String> {
+        let number = |light: &AddedLight| light.id.trim_start_matches('A').parse::<u32>().unwrap_or(0);
+        let last = self.added.iter().map(number).max().unwrap_or(0);
+        let id = format!("A{}", last.checked_add(1)?);
+        (self.added.len() < MAX_LIGHT_EDITS).then(|| {
+            self.added.push(AddedLight { id: id.clone(), light, change: LightChange::NONE });
+            id
+        })
+    }
+
+    /// Takes an added light away; `false` where there is none of that name.
+    pub fn remove(&mut self, id: &str) -> bool {
+        let before = self.added.len();
+        self.added.retain(|light| light.id != id);
+        self.added.len() < before
+    }
+
     /// The first thing that is wrong.
     pub(crate) fn check(&self) -> Result<(), String> {
         let count = self.emitters.len().max(self.added.len());
