@@ -69,7 +69,7 @@ pub struct Report {
     pub points: usize,
     /// Quads of the leaves' visible faces (0 of points).
     pub faces: usize,
-    /// Lamps made from the brightest leaves (0 for PLY).
+    /// Lamps made from the brightest leaves, and added ones (0 for PLY).
     pub lamps: usize,
 }
 
@@ -110,6 +110,10 @@ pub fn write(scene: &Scene, options: &Options, path: &Path) -> Result<Report, Ex
         lamps.retain(glb::has_lamp);
     }
     let kept = sources::kept(&leaves, &lamps);
+    // What somebody added has no leaves: the lamp is all of it.
+    if let Some(edited) = scene.edited.as_ref().filter(|_| format != Format::Ply) {
+        lamps.extend(sources::beside(&edited.lights));
+    }
     let room = (content == Content::Leaves && format != Format::Ply)
         .then(|| room_mesh::from_leaves(&leaves, &kept, &scene.light.cube, scene.light.octree.depth()));
     let mut report =
@@ -135,7 +139,7 @@ pub fn write(scene: &Scene, options: &Options, path: &Path) -> Result<Report, Ex
         }
         Format::Usda => match room {
             Some(room) => {
-                let restored = restored::radiance(&scene.frame, &scene.light, &leaves, &kept);
+                let restored = restored::of_scene(scene, &leaves, &kept);
                 let encode = |shown: &usda::Shown| usda::encode(shown, camera, level, &lamps, &probes);
                 usda_room(scene, room, restored, path, encode, &mut report)?
             }
