@@ -23,7 +23,12 @@ pub(crate) struct LightSample {
 
 #[derive(Clone, Copy, Debug)]
 enum SampleOrigin {
-    Point { position: Vec3, normal: Vec3 },
+    Point {
+        position: Vec3,
+        normal: Vec3,
+    },
+    /// Shines to all sides.
+    Ball(Vec3),
     Direction(Vec3),
 }
 
@@ -49,7 +54,7 @@ pub(crate) enum Origin {
 impl LightSample {
     pub fn origin(&self) -> Origin {
         match self.place {
-            SampleOrigin::Point { position, .. } => Origin::Point(position),
+            SampleOrigin::Point { position, .. } | SampleOrigin::Ball(position) => Origin::Point(position),
             SampleOrigin::Direction(direction) => Origin::Infinity(direction),
         }
     }
@@ -59,6 +64,14 @@ impl LightSample {
         match self.place {
             SampleOrigin::Direction(direction) => {
                 Some(Incidence { direction, distance_m: f32::INFINITY, irradiance: self.power })
+            }
+            SampleOrigin::Ball(position) => {
+                let offset = position - point;
+                let squared = offset.length_squared();
+                let distance_m = squared.sqrt();
+                // A sphere is seen as a disc of a quarter of its area.
+                let seen = 0.25 / (squared + 0.25 * self.extent / PI);
+                Some(Incidence { direction: offset / distance_m.max(1e-6), distance_m, irradiance: self.power * seen })
             }
             SampleOrigin::Point { position, normal } => {
                 let offset = position - point;
@@ -111,13 +124,22 @@ impl Lights {
                     SampleOrigin::Point { position, normal }
                 }
                 PatchShape::Rectangle { centre, normal, edges_m } => {
-                    SampleOrigin::Point { position: centre + edges_m[0] * jitter[0] + edges_m[1] * jitter[1], normal }
+                    let [u, v, _] = spread(i);
+                    SampleOrigin::Point { position: centre + edges_m[0] * (u - 0.5) + edges_m[1] * (v - 0.5), normal }
                 }
                 PatchShape::Sphere { centre, radius_m } => {
-                    let (z, turn) = (2.0 * jitter[0], TAU * jitter[1]);
+                    // From every side points of the density 1/√(R² − r²) lie evenly on the disc that the sphere is seen as.
+                    let [u, v, w] = spread(i);
+                    let (z, turn) = (2.0 * u - 1.0, TAU * v);
                     let across = (1.0 - z * z).max(0.0).sqrt();
-                    let normal = Vec3::new(across * turn.cos(), across * turn.sin(), z);
-                    SampleOrigin::Point { position: centre + normal * radius_m, normal }
+                    let direction = Vec3::new(across * turn.cos(), across * turn.sin(), z);
+                    SampleOrigin::Ball(centre + direction * (radius_m * disc_radius(w)))
+                }
+                PatchShape::Disc { direction, radii } => {
+                    let [u, v, _] = spread(i);
+                    let (sin, cos) = (TAU * v).sin_cos();
+                    let offset = (radii[0] * cos + radii[1] * sin) * u.sqrt();
+                    SampleOrigin::Direction((direction + offset).normalize())
                 }
                 PatchShape::Infinity { direction, tangents } => {
                     SampleOrigin::Direction((direction + tangents[0] * jitter[0] + tangents[1] * jitter[1]).normalize())
@@ -141,5 +163,55 @@ impl Lights {
 
     pub fn is_empty(&self) -> bool {
         self.samples.is_empty()
+    }
+}
+
+/// The `i`-th point of a sequence that fills the unit cube, and of which equally spaced ones do, too: for patches that are large by themselves.
+/// R3 (Roberts 2018): multiples of the powers of 1/g with g⁴ = g + 1.
+fn spread(i: usize) -> [f32; 3] {
+    [0.819_172_513_396_164_4, 0.671_043_606_703_789_2, 0.549_700_477_901_970_3]
+        .map(|step: f64| (i as f64 * step).fract() as f32)
+}
+
+/// sin θ with θ − sin θ cos θ = π/2 · `share`: the radius, of 1, within which this share of the density r²/√(1 − r²) lies.
+fn disc_radius(share: f32) -> f32 {
+    let (mut low, mut high) = (0.0f32, PI / 2.0);
+    for _ in 0..20 {
+        let middle = 0.5 * (low + high);
+        if middle - middle.sin() * middle.cos() < PI / 2.0 * share { low = middle } else { high = middle }
+    }
+    low.sin()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every subset of the samples of a large light has its middle, its size and its light.
+    #[test]
+    fn subsets_of_large_lights_are_spread_over_them() {
+        let sphere = LightPatch {
+            shape: PatchShape::Sphere { centre: Vec3::Y, radius_m: 0.5 },
+            radiance: Vec3::ONE,
+            extent: PI,
+        };
+        let lights = Lights::sample(&[sphere], 1024);
+        let far = Vec3::new(0.0, 1.0, 50.0);
+        for (count, pattern, patterns) in [(1024, 0, 1), (64, 0, 1), (32, 0, 1), (16, 3, 16), (8, 5, 16)] {
+            let (samples, scale) = lights.subset(count, pattern, patterns);
+            let (mut irradiance, mut mean, mut squares, mut number) = (0.0, Vec3::ZERO, 0.0, 0.0);
+            for sample in samples {
+                let incidence = sample.on(far).expect("it shines everywhere");
+                irradiance += incidence.irradiance.x * scale;
+                let offset = far + incidence.direction * incidence.distance_m - Vec3::Y;
+                mean += offset;
+                squares += offset.x * offset.x + offset.y * offset.y;
+                number += 1.0;
+            }
+            // π L (r/d)²; the disc's mean square of the radius is r²/2.
+            assert!((irradiance / (PI * 1e-4) - 1.0).abs() < 0.02, "{irradiance}");
+            assert!((mean / number).length() < 0.12, "{count} of {patterns}: {}", mean / number);
+            assert!((squares / number / 0.125 - 1.0).abs() < 0.3, "{count} of {patterns}: {}", squares / number);
+        }
     }
 }

@@ -85,7 +85,7 @@ fn render(scene: &Scene) -> Composite {
     let support = Some(Plane { normal: Vec3::Y, offset_m: LOW.y });
     let position_m = CENTRE - Vec3::Y * RADIUS;
     let placement = Placement { position_m, scale: RADIUS, yaw_rad: 0.0, up: Vec3::Y, support };
-    let inserter = Inserter::new(scene, Lighting::Octree, Quality::Normal).unwrap();
+    let inserter = Inserter::new(scene, Lighting::Octree, Quality::High).unwrap();
     inserter.render(&sphere(), &placement, &mut lo_events::ignore).unwrap()
 }
 
@@ -103,13 +103,14 @@ fn an_added_sun_lights_the_object_and_casts_its_shadow() {
     let (plain, scene) = (scene(), with(shape, strength / extent));
     let [none, one, two] = [&plain, &scene, &with(shape, 2.0 * strength / extent)].map(render);
 
-    // Where the sphere faces the sun, half way to the camera, it gives albedo / π · E · cos more, and what the floor gives back.
+    // Where the sphere faces the sun, half way to the camera, it gives albedo / π · E · cos more, of which Fresnel's term takes a twentieth.
     let normal = (direction + (-CENTRE).normalize()).normalize();
     let at = pixel(&scene, CENTRE + normal * RADIUS);
     let [dark, lit, bright] = [&none, &one, &two].map(|composite| luminance(composite.object[at]));
     let expected = ALBEDO / PI * strength * normal.dot(direction);
-    assert!((lit - dark) / expected > 0.95 && (lit - dark) / expected < 1.2, "{lit} − {dark}, {expected}");
-    assert!(((bright - dark) / (lit - dark) - 2.0).abs() < 0.01, "{dark} {lit} {bright}");
+    assert!((lit - dark) / expected > 0.92 && (lit - dark) / expected < 1.02, "{lit} − {dark}, {expected}");
+    // The other lamp's samples are others, too.
+    assert!(((bright - dark) / (lit - dark) - 2.0).abs() < 0.03, "{dark} {lit} {bright}");
 
     // In the middle of its shadow only the other light is left: E₀ r / (E₀ + S).
     let shadow = CENTRE - direction * ((CENTRE.y - LOW.y) / direction.y);
@@ -139,15 +140,16 @@ fn added_lamps_light_the_object_by_the_square_of_their_distance() {
     for distance_m in [0.8, 1.6] {
         let centre_m = CENTRE + normal * (RADIUS + distance_m);
         let (radius_m, radiance) = (0.05, 400.0);
-        let expected = ALBEDO * radiance * (radius_m / distance_m).powi(2);
+        // Less Fresnel's term, a twentieth.
+        let expected = 0.95 * ALBEDO * radiance * (radius_m / distance_m).powi(2);
         let ball = given(LightShape::Sphere { centre_m, radius_m }, radiance, normal);
-        assert!((ball / expected - 1.0).abs() < 0.12, "{ball} for {expected} at {distance_m} m");
+        assert!((ball / expected - 1.0).abs() < 0.06, "{ball} for {expected} at {distance_m} m");
         let across = normal.any_orthonormal_vector();
         let rectangle =
             LightShape::Rectangle { centre_m, direction: -normal, across, size_m: [0.1, 0.08], two_sided: false };
-        let expected = ALBEDO / PI * radiance * 0.008 / (distance_m * distance_m);
+        let expected = 0.95 * ALBEDO / PI * radiance * 0.008 / (distance_m * distance_m);
         let flat = given(rectangle, radiance, normal);
-        assert!((flat / expected - 1.0).abs() < 0.1, "{flat} for {expected} at {distance_m} m");
+        assert!((flat / expected - 1.0).abs() < 0.06, "{flat} for {expected} at {distance_m} m");
         let away = LightShape::Rectangle { centre_m, direction: normal, across, size_m: [0.1, 0.08], two_sided: false };
         assert!(given(away, radiance, normal).abs() < 0.05 * expected, "it shines away");
     }

@@ -6,11 +6,8 @@ use lo_scene::{AnalyticLight, LightShape, Scene};
 use rayon::prelude::*;
 
 use crate::emitters::tracer;
+use crate::free::free_share;
 use crate::{LightPatch, PatchShape};
-
-/// Leaf edges that something must end before a light to be in its way, from which on and up to which the light is less seen: a surface's leaves are met
-/// up to about two edges before its middle.
-const BEFORE_EDGES: (f32, f32) = (2.5, 4.5);
 
 /// Opacity from which on nothing of a sun comes through.
 const MAX_HIDDEN: f32 = 0.999;
@@ -25,17 +22,6 @@ const RAYS: usize = 32;
 const FINE_RAYS: usize = 16;
 const COARSE_RAYS: usize = 4;
 const COARSE_PIXELS: f32 = 24.0;
-
-/// Share of the way to a light that what a cone met leaves free: 1 where `sample` met something behind the light, or nothing. Between, what is met
-/// may be the light's own leaf.
-pub fn free_share(distance_m: f32, sample: &ConeSample, leaf_edge_m: f32) -> f32 {
-    // From outside of the octree nothing is known to be in the way.
-    if sample.opacity == 0.0 {
-        return 1.0;
-    }
-    let missing = (distance_m - sample.distance_m) / leaf_edge_m;
-    (1.0 - (missing - BEFORE_EDGES.0) / (BEFORE_EDGES.1 - BEFORE_EDGES.0)).clamp(0.0, 1.0)
-}
 
 /// A scene's lights that no octree holds: added ones, and emitters that were moved.
 ///
@@ -153,11 +139,10 @@ fn patches(light: &AnalyticLight) -> Vec<LightPatch> {
         LightShape::Sphere { centre_m: centre, radius_m } => {
             vec![LightPatch { shape: PatchShape::Sphere { centre, radius_m }, radiance, extent: light.extent() }]
         }
-        LightShape::Sun { direction, .. } => {
+        LightShape::Sun { direction, angular_radius_deg } => {
             let basis = orthonormal_basis(direction);
-            let width = light.extent().sqrt();
-            let tangents = [basis.x_axis * width, basis.y_axis * width];
-            vec![LightPatch { shape: PatchShape::Infinity { direction, tangents }, radiance, extent: light.extent() }]
+            let radii = [basis.x_axis, basis.y_axis].map(|axis| axis * angular_radius_deg.to_radians().tan());
+            vec![LightPatch { shape: PatchShape::Disc { direction, radii }, radiance, extent: light.extent() }]
         }
     }
 }

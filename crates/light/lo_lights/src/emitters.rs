@@ -3,13 +3,14 @@
 use std::collections::VecDeque;
 use std::f32::consts::PI;
 
-use lo_cone::{ConeTracer, Settings};
+use lo_cone::{Cone, ConeTracer, Settings};
 use lo_geometry::Vec3;
 use lo_octree::LightOctree;
 use lo_scene::{Scene, Side};
 
 use crate::cap::{cap_of, luminance};
 use crate::colour::color_temperature_k;
+use crate::free::free_share;
 use crate::kind::{Kind, Origin};
 use crate::leaves::{Leaf, Leaves};
 use crate::shape::{ClusterShape, ClusterSurface, LeafSurface};
@@ -76,14 +77,19 @@ pub(crate) struct Part {
 /// further off. The same octree gives the same emitters and names.
 pub fn emitters(scene: &Scene, estimate: &LightOctree) -> Vec<Emitter> {
     let light = without_lobes(estimate);
-    let leaves = Leaves::of(&light, &tracer(&light));
+    let tracer = tracer(&light);
+    let leaves = Leaves::of(&light, &tracer);
     let cap = cap_of(&light);
     let groups = groups(&light, &leaves, |leaf| leaf.luminance() > cap);
     let halo = Halo::around(&light, &leaves, &groups);
     let dull = median(&leaves);
     let found = groups.iter().enumerate().filter_map(|(number, core)| {
         let parts = halo.parts(&leaves, number, dull);
-        emitter(scene, &leaves, core, parts)
+        let mut found = emitter(scene, &leaves, core, parts)?;
+        if shown_share(scene, &leaves, core, &tracer) >= 0.5 {
+            found.origin = Origin::Seen;
+        }
+        Some(found)
     });
     ranked(found.collect(), 'L')
 }
@@ -237,7 +243,6 @@ fn emitter(scene: &Scene, leaves: &Leaves, core: &[usize], parts: Vec<Part>) -> 
     let excess = parts.iter().map(|part| part.excess * part.area_m2).sum::<Vec3>() / surface.area_m2;
     let flux_share = PI * luminance(excess) * surface.area_m2 / light_given(leaves).max(1e-9);
     let share = |shares: &[Vec<u8>], leaf: &Leaf| f32::from(shares[leaf.depth as usize][leaf.row]) / 255.0;
-    let seen = mean(&|leaf| Vec3::splat(share(&scene.light.seen, leaf))).x;
     let panorama = scene.panorama.as_ref().map_or(0.0, |laid| mean(&|leaf| Vec3::splat(share(&laid.share, leaf))).x);
     let certain = |confidence: &Vec<Vec<u8>>| {
         let of_leaf = |leaf: &Leaf| {
@@ -248,15 +253,28 @@ fn emitter(scene: &Scene, leaves: &Leaves, core: &[usize], parts: Vec<Part>) -> 
         mean(&of_leaf).x.clamp(0.0, 1.0)
     };
     let certainty = scene.confidence.as_ref().map(certain);
-    let origin = if seen >= 0.5 {
-        Origin::Seen
-    } else if panorama >= 0.5 {
-        Origin::Panorama
-    } else {
-        Origin::Guessed
-    };
+    let origin = if panorama >= 0.5 { Origin::Panorama } else { Origin::Guessed };
     let kind = kind(scene, &surface, radiance);
     Some(Emitter { id: String::new(), origin, kind, surface, radiance, excess, flux_share, certainty, parts })
+}
+
+/// Share of the leaves' surface that the photo shows, with a depth reading or without: what lies in the picture and nothing before it.
+fn shown_share(scene: &Scene, leaves: &Leaves, core: &[usize], tracer: &ConeTracer) -> f32 {
+    let camera = &scene.frame.camera;
+    let mut shares = (0.0, 0.0);
+    for leaf in core.iter().map(|&i| &leaves.all[i]) {
+        let LeafSurface { centre_m, edge_m, area_m2, .. } = leaf.surface;
+        let distance_m = centre_m.length();
+        let inside = camera.project(centre_m).is_some_and(|(u, v, _)| camera.contains(u, v)) && distance_m > edge_m;
+        let free = inside.then(|| {
+            let direction = centre_m / distance_m;
+            let sample = tracer.trace(&Cone { origin: Vec3::ZERO, direction, tan_half_angle: 0.0 });
+            free_share(distance_m, &sample, edge_m)
+        });
+        shares.0 += area_m2 * free.unwrap_or(0.0);
+        shares.1 += area_m2;
+    }
+    shares.0 / f32::max(shares.1, 1e-9)
 }
 
 /// A window is large, upright and day-like; a lamp is small, or shines down. Everything else is a bright surface.

@@ -39,6 +39,13 @@ pub enum PatchShape {
         /// Radius in metres.
         radius_m: f32,
     },
+    /// A disc at infinity.
+    Disc {
+        /// Unit direction towards its middle.
+        direction: Vec3,
+        /// Perpendicular tangents, as long as the tangent of its angular radius.
+        radii: [Vec3; 2],
+    },
     /// A direction at infinity with two tangents that span the patch.
     Infinity {
         /// Unit direction towards it.
