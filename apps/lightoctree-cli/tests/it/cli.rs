@@ -196,7 +196,7 @@ fn lights_are_listed_changed_and_reset() {
     assert!(message.contains("--scale"), "{message}");
     let message = refused(at, 2, &["lights", "set", "room.scene", "A1", "--color", "warm"]);
     assert!(message.contains("3000K"), "{message}");
-    let message = refused(at, 2, &[&add[..6], &["0,0,0", "--size", "1,1", "--radiance", "1"]].concat());
+    let message = refused(at, 2, &[&add[..5], &["0,0,0", "--size", "1,1", "--radiance", "1"]].concat());
     assert!(message.contains("--direction"), "{message}");
     write_mesh(at);
     let message = refused(at, 2, &["lights", "reset", "room.scene", "-o", "object.obj"]);
