@@ -10,7 +10,10 @@ use image::{DynamicImage, GrayImage, ImageFormat, Luma, Rgb, RgbImage, Rgba, Rgb
 use lightoctree::geometry::{Camera, Cube, Plane, Quat, Vec3};
 use lightoctree::imaging::{self, DepthMap, ExrOptions, Image, Photo, RadianceImage};
 use lightoctree::octree::{Coverage, LightOctree, RadiancePoint};
-use lightoctree::scene::{Completion, Frame, Room, RoomPlane, Scene, Side};
+use lightoctree::scene::{
+    AnalyticLight, Completion, EmitterEdit, Frame, LightChange, LightColor, LightEdits, LightShape, Room, RoomPlane,
+    Scene, Side,
+};
 use lo_dataset::{DatasetError, Metadata, NovelView, Record, Shot, write_shard};
 
 type Result<T = ()> = std::result::Result<T, Box<dyn std::error::Error>>;
@@ -97,10 +100,38 @@ fn scenes(folder: &Path) -> Result {
         let plane = Plane { normal: Vec3::Y, offset_m: -1.5 };
         let room = Room { up: Vec3::Y, planes: vec![RoomPlane { side: Side::Floor, plane, measured: true }] };
         let sources = vec!["photo.jpg".to_owned()];
-        Scene { completion: Completion::Shell, room: Some(room), sources, ..Scene::as_seen(light, frame) }
-            .write(&folder.join(format!("{name}.scene")), "seeds")?;
+        let plain = Scene { completion: Completion::Shell, room: Some(room), sources, ..Scene::as_seen(light, frame) };
+        plain.write(&folder.join(format!("{name}.scene")), "seeds")?;
+        let edited = Scene { light_edits: light_edits(name == "srgb8")?, ..plain };
+        edited.write(&folder.join(format!("{name}_edited.scene")), "seeds")?;
     }
     Ok(())
+}
+
+/// One light of each shape, and on request an emitter, which these scenes do not have.
+fn light_edits(emitter: bool) -> Result<LightEdits> {
+    let change = LightChange {
+        on: false,
+        scale: 2.0,
+        color: Some(LightColor::Kelvin(3000.0)),
+        at_m: Some(Vec3::new(0.1, 0.2, -0.3)),
+    };
+    let edit = EmitterEdit { id: "L1".to_owned(), found_at_m: Vec3::new(1.6, 0.0, -0.4), change };
+    let emitters = emitter.then_some(edit).into_iter().collect();
+    let mut edits = LightEdits { emitters, added: Vec::new() };
+    let rectangle = LightShape::Rectangle {
+        centre_m: Vec3::Y,
+        direction: Vec3::NEG_Y,
+        across: Vec3::X,
+        size_m: [0.5, 0.25],
+        two_sided: true,
+    };
+    let sphere = LightShape::Sphere { centre_m: Vec3::NEG_Z, radius_m: 0.1 };
+    let sun = LightShape::Sun { direction: Vec3::Y, angular_radius_deg: 0.27 };
+    for shape in [rectangle, sphere, sun] {
+        edits.add(AnalyticLight { shape, radiance: [3.0, 2.0, 1.0] }).ok_or("few lights")?;
+    }
+    Ok(edits)
 }
 
 fn pictures(folder: &Path) -> Result {

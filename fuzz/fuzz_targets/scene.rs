@@ -1,9 +1,11 @@
-//! Scene files: whatever the bytes, an error or a scene that can be traced.
+//! Scene files: whatever the bytes, an error or a scene that can be traced, with its lights as they were edited.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
 use lightoctree::cone::Viewers;
 use lightoctree::geometry::Vec3;
+use lightoctree::imaging::RadianceImage;
+use lightoctree::lo_lights::AnalyticLights;
 use lightoctree::scene::Scene;
 
 fuzz_target!(|bytes: &[u8]| {
@@ -11,7 +13,17 @@ fuzz_target!(|bytes: &[u8]| {
     let again =
         Scene::from_bytes(&scene.to_bytes("fuzz").expect("a valid scene can be written")).expect("and read back");
     assert_eq!(scene, again);
+    let finite = |radiance: &RadianceImage| radiance.pixels().iter().flatten().all(|value| value.is_finite());
     let viewers = Viewers::new(&scene.light);
-    let panorama = viewers.at(Vec3::ZERO).panorama(Vec3::ZERO, 8, 4);
-    assert!(panorama.radiance.pixels().iter().flatten().all(|value| value.is_finite()));
+    assert!(finite(&viewers.at(Vec3::ZERO).panorama(Vec3::ZERO, 8, 4).radiance));
+    // Edits are carried out, or it is said why not.
+    let mut edited = scene;
+    if !edited.light_edits.is_empty() && lightoctree::light_up(&mut edited, false).is_ok() {
+        assert!(edited.light.rgba.iter().flatten().flatten().all(|value| value.is_finite() && *value >= 0.0));
+        if let Some(lights) = AnalyticLights::of(&edited) {
+            let mut panorama = viewers.at(Vec3::ZERO).panorama(Vec3::ZERO, 8, 4);
+            lights.add_to_panorama(Vec3::ZERO, &mut panorama);
+            assert!(finite(&panorama.radiance));
+        }
+    }
 });

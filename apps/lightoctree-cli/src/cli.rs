@@ -32,6 +32,8 @@ pub enum Command {
     Insert(commands::insert::Args),
     /// Say what a scene file holds
     Inspect(commands::inspect::Args),
+    /// List what gives light in a scene, and change it
+    Lights(commands::lights::Args),
     /// Scene → PLY, GLB or USD for other programs
     Export(commands::export::Args),
     /// Photos of a mirror ball → HDR panorama
@@ -62,6 +64,7 @@ impl Command {
             Self::Probes(_) => "probes",
             Self::Insert(_) => "insert",
             Self::Inspect(_) => "inspect",
+            Self::Lights(_) => "lights",
             Self::Export(_) => "export",
             Self::Unwrap(_) => "unwrap",
             Self::Synth(_) => "synth",

@@ -61,6 +61,7 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::Probes(args) => commands::probes::run(global, args),
         Command::Insert(args) => commands::insert::run(global, args),
         Command::Inspect(args) => commands::inspect::run(args),
+        Command::Lights(args) => commands::lights::run(global, args),
         Command::Export(args) => commands::export::run(global, args),
         Command::Unwrap(args) => commands::unwrap::run(global, args),
         Command::Synth(args) => commands::synth::run(global, args),

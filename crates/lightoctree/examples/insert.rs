@@ -8,7 +8,7 @@ use std::path::Path;
 use lightoctree::insert::{Align, Base, Inserter, Instance, Lighting, Placement, Quality};
 use lightoctree::mesh::{LoadOptions, Model, PreparedModel};
 use lightoctree::scene::Scene;
-use lightoctree::{add_lamp, events, imaging};
+use lightoctree::{events, fit_lamps, imaging};
 
 const MESH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../apps/lightoctree-cli/assets/suzanne.glb");
 
@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 pub fn run(scene: &Path, mesh: &Path, picture: &Path) -> Result<(), Box<dyn Error>> {
     let mut scene = Scene::read(scene)?;
     // Lamps that the photo does not show, but that what it shows asks for.
-    add_lamp(&mut scene);
+    fit_lamps(&mut scene);
     let model = PreparedModel::new(Model::load(mesh, &LoadOptions::default())?);
     // Half a metre high, on what is seen in the lower middle of the photo.
     let (width, height) = (scene.frame.photo.width() as f64, scene.frame.photo.height() as f64);

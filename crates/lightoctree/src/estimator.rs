@@ -82,9 +82,8 @@ impl Estimator {
         let Completed { light, room, confidence } = completed;
         let (other_photos, View { frame, predicted_depth, model: depth_model, .. }) = (view.other_photos(), view);
         let (completion, sources) = (completion.into(), options.sources.clone());
+        let estimated = Scene::as_seen(light, frame);
         Ok(Scene {
-            light,
-            frame,
             completion,
             room,
             sources,
@@ -93,6 +92,7 @@ impl Estimator {
             confidence,
             panorama,
             other_photos,
+            ..estimated
         })
     }
 

@@ -15,7 +15,9 @@ use lo_nets::light::LightNetConfig;
 use lo_nets::{Device, Networks};
 use lo_scene::{Completion, Frame, Scene};
 
-use crate::{Cancelled, EstimateError, EstimateOptions, Estimator, Input, add_lamp};
+use lo_completion::LampFit;
+
+use crate::{Cancelled, EstimateError, EstimateOptions, Estimator, Input, fit_lamps};
 
 /// A wall two metres away, grey, 96 × 64 pixels.
 fn grey_wall() -> Frame {
@@ -190,13 +192,13 @@ fn objects_get_a_lamp_where_what_is_seen_asks_for_one() {
     let dark = estimator(&config(), &others);
     let (mut scene, _) = estimated(wall(), &dark);
     let before = scene.clone();
-    let report = add_lamp(&mut scene);
-    assert!(report.lamp_radiance > 0.0 && scene.light != before.light, "{report:?}");
+    let report = fit_lamps(&mut scene);
+    assert!(!report.lamps.is_empty() && scene.light != before.light, "{report:?}");
     let darker = |(a, b): (&[f32; 4], &[f32; 4])| (0..3).any(|c| a[c] < b[c]) || a[3] != b[3];
     assert!(!scene.light.rgba.iter().flatten().zip(before.light.rgba.iter().flatten()).any(darker));
     let mut shell = closed(Input::MeasuredDepth(wall()), &dark);
     let before = shell.clone();
-    assert_eq!((add_lamp(&mut shell).lamp_radiance, shell), (0.0, before));
+    assert_eq!((fit_lamps(&mut shell), shell), (LampFit::default(), before));
 }
 
 #[test]

@@ -36,6 +36,10 @@ pub struct Args {
     #[arg(long)]
     lamp: bool,
 
+    /// Light that surfaces reflect alone, without lamps, windows and added lights: for who relights the scene by lights
+    #[arg(long, conflicts_with = "lamp")]
+    without_emitters: bool,
+
     /// Above the surface seen at this pixel of the photo
     #[arg(long, value_name = "U,V", value_parser = parse::pixel)]
     pixel: Option<[f64; 2]>,
@@ -85,8 +89,10 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     }
     let mut stages = Stages::new(global.quiet);
     let mut scene = stages.stage("read scene", || super::read_scene(&args.scene))?;
-    if args.lamp {
-        super::add_lamp(&mut scene, &mut stages);
+    if args.without_emitters {
+        stages.stage("lights", || lightoctree::without_emitters(&mut scene));
+    } else {
+        super::light_up(&mut scene, args.lamp, &mut stages)?;
     }
     let at = match (args.at, args.pixel) {
         (Some(at), _) => at,

@@ -78,9 +78,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     output::check_replaceable(&args.out.output, COMMAND, args.out.force)?;
     let mut stages = Stages::new(global.quiet);
     let mut scene = stages.stage("read scene", || super::read_scene(&args.scene))?;
-    if !args.no_lamp {
-        super::add_lamp(&mut scene, &mut stages);
-    }
+    super::light_up(&mut scene, !args.no_lamp, &mut stages)?;
     let renderer = Renderer::new(&scene, [PROBE_WIDTH, PROBE_WIDTH / 2])?;
     let mut panoramas = Vec::new();
     for &at in &args.probe_at {

@@ -151,8 +151,8 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     if let (Cow::Owned(seen), Lighting::Octree) = (scene.light.seen_from(middle), &lighting) {
         scene.light = seen;
     }
-    if matches!(lighting, Lighting::Octree) && !args.no_lamp {
-        super::add_lamp(&mut scene, &mut stages);
+    if matches!(lighting, Lighting::Octree) {
+        super::light_up(&mut scene, !args.no_lamp, &mut stages)?;
     }
     let floor_gloss = args.floor_gloss as f32;
     // What a high picture is replaced by when it is not waited for.

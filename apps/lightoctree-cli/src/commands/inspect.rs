@@ -6,7 +6,7 @@ use anyhow::Context;
 use lightoctree::geometry::Vec3;
 use lightoctree::imaging::luminance;
 use lightoctree::octree::LightOctree;
-use lightoctree::scene::Scene;
+use lightoctree::scene::{LightEdits, Scene};
 use serde::Serialize;
 
 use crate::report;
@@ -52,6 +52,9 @@ struct Summary {
     /// Photos that the light comes from beside the first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     other_photos: Vec<lightoctree::scene::OtherPhoto>,
+    /// What somebody changed of the light, beside the estimate.
+    #[serde(skip_serializing_if = "LightEdits::is_empty")]
+    light_edits: LightEdits,
 }
 
 #[derive(Serialize)]
@@ -174,6 +177,7 @@ fn summarise(scene: &Scene, bytes: u64) -> Summary {
         predicted_depth: scene.predicted_depth,
         depth_model: scene.depth_model.clone(),
         other_photos: scene.other_photos.clone(),
+        light_edits: scene.light_edits.clone(),
         mean_confidence: scene.confidence.as_ref().map(|confidence| mean_share(light, confidence)),
         panorama,
     }
@@ -257,6 +261,15 @@ fn print_tables(summary: &Summary) {
         100.0 * summary.seen_share,
         100.0 * summary.inferred_share
     ));
+    let LightEdits { emitters, added } = &summary.light_edits;
+    if !summary.light_edits.is_empty() {
+        let names = |ids: Vec<&str>| if ids.is_empty() { "none".to_owned() } else { ids.join(", ") };
+        report::print(&format!(
+            "lights   edited: {}; added: {} (`lightoctree lights` tells more; all above is the estimate)",
+            names(emitters.iter().map(|edit| &edit.id[..]).collect()),
+            names(added.iter().map(|light| &light.id[..]).collect())
+        ));
+    }
     if let Some(PanoramaSummary { source, .. }) = &summary.panorama {
         let [x, y, z] = source.position_m.to_array();
         report::print(&format!(

@@ -1,6 +1,7 @@
 //! Values such as `X,Y,Z` and `WxH` on the command line.
 
 use lightoctree::geometry::Vec3;
+use lightoctree::scene::{LightColor, MAX_KELVIN, MIN_KELVIN};
 
 /// `X,Y,Z` in metres.
 pub fn point(text: &str) -> Result<Vec3, String> {
@@ -39,6 +40,39 @@ pub fn reflectance(text: &str) -> Result<[f32; 3], String> {
         Ok(all.map(|v| v as f32))
     } else {
         Err("a reflectance lies above 0 and is at most 1".into())
+    }
+}
+
+/// A temperature such as `3000K`, or linear `R,G,B`.
+pub fn light_color(text: &str) -> Result<LightColor, String> {
+    if let Some(kelvin) = text.strip_suffix(['K', 'k']) {
+        let [kelvin]: [f64; 1] = numbers(kelvin, "a temperature")?;
+        let kelvin = kelvin as f32;
+        let range = MIN_KELVIN..=MAX_KELVIN;
+        return if range.contains(&kelvin) {
+            Ok(LightColor::Kelvin(kelvin))
+        } else {
+            Err(format!("temperatures lie between {MIN_KELVIN} K and {MAX_KELVIN} K"))
+        };
+    }
+    if !text.contains(',') {
+        return Err(format!("`{text}` is neither a temperature such as 3000K nor R,G,B"));
+    }
+    let rgb = numbers(text, "R,G,B")?.map(|channel| channel as f32);
+    if rgb.iter().all(|c| (0.0..=1e6).contains(c)) && rgb.iter().any(|c| *c > 1e-3) {
+        Ok(LightColor::Rgb(rgb))
+    } else {
+        Err("each of R,G,B lies between 0 and a million, and one of them above 0.001".into())
+    }
+}
+
+/// `W,H` in metres, each above 0.
+pub fn extent(text: &str) -> Result<[f32; 2], String> {
+    let sides: [f64; 2] = numbers(text, "W,H")?;
+    if sides.iter().all(|side| *side > 0.0) {
+        Ok(sides.map(|side| side as f32))
+    } else {
+        Err("W and H lie above 0".into())
     }
 }
 
@@ -165,6 +199,11 @@ mod tests {
         assert!(["80,60", "1,80", "60", "60,170"].iter().all(|text| hfov_range_deg(text).is_err()));
         assert_eq!(stops("0,-0.5, 1"), Ok(Stops(vec![0.0, -0.5, 1.0])));
         assert!(stops("0,x").is_err() && stops("nan").is_err() && stops("0,21").is_err());
+        assert_eq!(light_color("3000K"), Ok(LightColor::Kelvin(3000.0)));
+        assert_eq!(light_color("1, 0.5,0"), Ok(LightColor::Rgb([1.0, 0.5, 0.0])));
+        assert!(["900K", "warm", "0,0,0", "1,2", "-1,1,1", "nanK"].iter().all(|text| light_color(text).is_err()));
+        assert_eq!(extent("1.2,0.3"), Ok([1.2, 0.3]));
+        assert!(extent("1,0").is_err() && extent("1").is_err());
         assert!(positive("0").is_err() && positive("inf").is_err() && positive("2").is_ok());
     }
 }

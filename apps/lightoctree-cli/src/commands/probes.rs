@@ -35,6 +35,10 @@ pub struct Args {
     #[arg(long)]
     lamp: bool,
 
+    /// Light that surfaces reflect alone, without lamps, windows and added lights: for who relights the scene by lights
+    #[arg(long, conflicts_with = "lamp")]
+    without_emitters: bool,
+
     /// A regular grid inside of the room
     #[arg(long, value_name = "NX,NY,NZ", value_parser = parse::counts)]
     grid: Option<[usize; 3]>,
@@ -88,8 +92,10 @@ pub struct Probe {
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let mut stages = Stages::new(global.quiet);
     let mut scene = stages.stage("read scene", || super::read_scene(&args.scene))?;
-    if args.lamp {
-        super::add_lamp(&mut scene, &mut stages);
+    if args.without_emitters {
+        stages.stage("lights", || lightoctree::without_emitters(&mut scene));
+    } else {
+        super::light_up(&mut scene, args.lamp, &mut stages)?;
     }
     let probes = probes(args, &scene)?;
     let level = Level::new(&scene, args.panorama.level)?;

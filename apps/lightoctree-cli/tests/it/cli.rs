@@ -155,6 +155,55 @@ fn probes_come_with_a_manifest() {
 }
 
 #[test]
+fn lights_are_listed_changed_and_reset() {
+    let folder = room_with_scene();
+    let at = folder.path();
+    let read = |name: &str| std::fs::read(at.join(name)).unwrap();
+    let panorama = |scene: &str, file: &str, more: &[&str]| {
+        let envmap = ["envmap", scene, "--at", "0,-0.4,-1", "--size", "64x32", "--force", "-o", file];
+        done(at, &[&envmap[..], more].concat());
+        read(file)
+    };
+    let (before, plain) = (read("room.scene"), panorama("room.scene", "plain.pfm", &[]));
+
+    // The whole way of an added light.
+    let add = ["lights", "add", "area", "room.scene", "--at", "0.3,0.4,-1.5", "--radius", "0.1", "--radiance", "50"];
+    let listed = json(&done(at, &[&add[..], &["--color", "3000K", "-o", "lit.scene", "--json"]].concat()));
+    let light = listed["lights"].as_array().unwrap().last().unwrap();
+    assert_eq!((&light["id"], &light["kind"], &light["origin"]), (&"A1".into(), &"area".into(), &"added".into()));
+    assert!((light["color_temperature_k"].as_f64().unwrap() / 3000.0 - 1.0).abs() < 0.02);
+    assert!(read("room.scene") == before, "--output leaves the scene as it is");
+    let lit = panorama("lit.scene", "lit.pfm", &[]);
+    assert!(lit != plain && panorama("lit.scene", "none.pfm", &["--without-emitters"]) != lit);
+    assert!(done(at, &["inspect", "lit.scene"]).contains("lights   edited: none; added: A1"));
+    done(at, &["lights", "set", "lit.scene", "A1", "--off"]);
+    assert!(panorama("lit.scene", "off.pfm", &[]) == plain);
+    done(at, &["lights", "set", "lit.scene", "A1", "--on", "--scale", "0.5"]);
+    assert!(done(at, &["lights", "lit.scene"]).contains("x 0.5"));
+    done(at, &["lights", "reset", "lit.scene", "A1"]);
+    assert!(panorama("lit.scene", "again.pfm", &[]) == lit);
+    let sun = ["lights", "add", "sun", "lit.scene", "--azimuth", "-30", "--elevation", "50", "--strength", "4"];
+    let text = done(at, &sun);
+    assert!(text.contains("strength 4.00"), "{text}");
+    done(at, &["lights", "remove", "lit.scene", "A1"]);
+    done(at, &["lights", "reset", "lit.scene"]);
+    assert!(read("lit.scene") == before, "without edits the bytes are the estimate's");
+
+    // What cannot be done is said.
+    let message = refused(at, 1, &["lights", "set", "room.scene", "L99", "--off"]);
+    assert!(message.contains("the scene has no light L99; it has"), "{message}");
+    let message = refused(at, 2, &["lights", "set", "room.scene", "A1"]);
+    assert!(message.contains("--scale"), "{message}");
+    let message = refused(at, 2, &["lights", "set", "room.scene", "A1", "--color", "warm"]);
+    assert!(message.contains("3000K"), "{message}");
+    let message = refused(at, 2, &[&add[..5], &["0,0,0", "--size", "1,1", "--radiance", "1"]].concat());
+    assert!(message.contains("--direction"), "{message}");
+    write_mesh(at);
+    let message = refused(at, 2, &["lights", "reset", "room.scene", "-o", "object.obj"]);
+    assert!(message.contains("was not written by"), "{message}");
+}
+
+#[test]
 fn insert_changes_the_photo_only_where_the_object_acts() {
     let folder = room_with_scene();
     write_mesh(folder.path());

@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 use lo_geometry::{Camera, Vec3};
 use lo_imaging::{Image, srgb8_from_linear};
 use lo_mesh::{GlbTooLarge, GlbWriter};
+use lo_scene::LightShape;
 use serde_json::{Map, Value, json};
 
 use crate::ExportError;
@@ -18,7 +19,7 @@ use crate::level::Level;
 use crate::points::Point;
 use crate::probe::ProbeFile;
 use crate::room_mesh::RoomMesh;
-use crate::sources::{Shape, Source};
+use crate::sources::Source;
 
 /// Modes of primitives.
 const POINTS: u32 = 0;
@@ -46,7 +47,7 @@ pub(crate) enum Shown<'a> {
 
 /// Whether a lamp of glTF, which shines from a point, can stand for it. Others are left to the mesh.
 pub(crate) fn has_lamp(source: &Source) -> bool {
-    source.area_m2 <= MAX_LAMP_AREA_M2
+    source.light.extent() <= MAX_LAMP_AREA_M2
 }
 
 /// The whole file.
@@ -229,40 +230,52 @@ fn camera_json(camera: &Camera) -> Value {
     })
 }
 
-/// Where a lamp is, and for a panel, which shines along its node's −Z, how it is turned.
+/// Where a lamp is, and how one that shines along its node's −Z is turned.
 fn lamp_node(index: usize, lamp: &Source) -> Value {
     let mut node = json!({
         "name": format!("Lamp {}", index + 1),
         "extensions": { "KHR_lights_punctual": { "light": index } },
     });
-    match lamp.shape {
-        Shape::Panel { direction, across, .. } => {
-            let axes = [across, across.cross(direction), -direction].map(|axis| axis.extend(0.0).to_array());
-            let [x, y, z] = axes;
-            node["matrix"] = json!([x, y, z, lamp.position_m.extend(1.0).to_array()].as_flattened());
+    let matrix = |across: Vec3, direction: Vec3, at: Vec3| {
+        let [x, y, z] = [across, across.cross(direction), -direction].map(|axis| axis.extend(0.0).to_array());
+        json!([x, y, z, at.extend(1.0).to_array()].as_flattened())
+    };
+    match lamp.light.shape {
+        LightShape::Rectangle { centre_m, direction, across, .. } => {
+            node["matrix"] = matrix(across, direction, centre_m);
         }
-        Shape::Ball { .. } => node["translation"] = json!(lamp.position_m.to_array()),
+        LightShape::Sphere { centre_m, .. } => node["translation"] = json!(centre_m.to_array()),
+        LightShape::Sun { direction, .. } => {
+            node["matrix"] = matrix(lo_geometry::orthonormal_basis(direction).x_axis, -direction, Vec3::ZERO);
+        }
     }
     node
 }
 
-/// A panel as a spot of 180° that fades towards its sides, close to a cosine and of the same power, any other as a point.
+/// A rectangle as a spot of 180° that fades towards its sides, close to a cosine and of the same power, a sphere as a point, a sun as a directional light,
+/// whose intensity is 683 times its irradiance.
 fn lamp_json(index: usize, lamp: &Source) -> Value {
     let intensity = lamp.intensity();
     let strongest = intensity.into_iter().fold(0.0, f32::max);
-    let (kind, radius_m) = match lamp.shape {
-        Shape::Panel { .. } => ("spot", (lamp.area_m2 / std::f32::consts::PI).sqrt()),
-        Shape::Ball { radius_m } => ("point", radius_m),
+    let area_m2 = lamp.light.extent();
+    let (kind, size) = match lamp.light.shape {
+        LightShape::Rectangle { .. } => {
+            ("spot", json!({ "area_m2": area_m2, "radius_m": (area_m2 / std::f32::consts::PI).sqrt() }))
+        }
+        LightShape::Sphere { radius_m, .. } => ("point", json!({ "area_m2": area_m2, "radius_m": radius_m })),
+        LightShape::Sun { angular_radius_deg, .. } => ("directional", json!({ "angle_deg": 2.0 * angular_radius_deg })),
     };
     let mut light = json!({
         "name": format!("Lamp {}", index + 1),
         "type": kind,
         "color": intensity.map(|c| c / strongest),
         "intensity": CANDELA * strongest,
-        "extras": {
-            "area_m2": lamp.area_m2, "radius_m": radius_m, "radiance": lamp.radiance, "power_w": lamp.power(),
-        },
+        "extras": size,
     });
+    light["extras"]["radiance"] = json!(lamp.light.radiance);
+    if kind != "directional" {
+        light["extras"]["power_w"] = json!(lamp.power());
+    }
     if kind == "spot" {
         light["spot"] = json!({ "innerConeAngle": 0.0, "outerConeAngle": std::f64::consts::FRAC_PI_2 });
     }

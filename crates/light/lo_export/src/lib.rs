@@ -69,7 +69,7 @@ pub struct Report {
     pub points: usize,
     /// Quads of the leaves' visible faces (0 of points).
     pub faces: usize,
-    /// Lamps made from the brightest leaves (0 for PLY).
+    /// Lamps made from the brightest leaves, and added ones (0 for PLY).
     pub lamps: usize,
 }
 
@@ -110,6 +110,10 @@ pub fn write(scene: &Scene, options: &Options, path: &Path) -> Result<Report, Ex
         lamps.retain(glb::has_lamp);
     }
     let kept = sources::kept(&leaves, &lamps);
+    // What somebody added has no leaves: the lamp is all of it.
+    if let Some(edited) = scene.edited.as_ref().filter(|_| format != Format::Ply) {
+        lamps.extend(sources::beside(&edited.lights));
+    }
     let room = (content == Content::Leaves && format != Format::Ply)
         .then(|| room_mesh::from_leaves(&leaves, &kept, &scene.light.cube, scene.light.octree.depth()));
     let mut report =
@@ -135,7 +139,7 @@ pub fn write(scene: &Scene, options: &Options, path: &Path) -> Result<Report, Ex
         }
         Format::Usda => match room {
             Some(room) => {
-                let restored = restored::radiance(&scene.frame, &scene.light, &leaves, &kept);
+                let restored = restored::of_scene(scene, &leaves, &kept);
                 let encode = |shown: &usda::Shown| usda::encode(shown, camera, level, &lamps, &probes);
                 usda_room(scene, room, restored, path, encode, &mut report)?
             }
@@ -204,6 +208,7 @@ mod tests {
 
     use lo_geometry::Vec3;
     use lo_imaging::RadianceImage;
+    use lo_scene::{AnalyticLight, EmitterEdit, LightChange, LightEdits, LightShape};
 
     use super::*;
     use crate::test_scene::box_room;
@@ -246,6 +251,71 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn edited_and_added_lights_are_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let text = |scene: &Scene, format: Format| {
+            let path = folder.path().join(format!("room.{format}"));
+            let options = Options { format, content: Content::Leaves, level: false, probes: &[] };
+            let report = write(scene, &options, &path).unwrap();
+            (report.lamps, fs::read(&path).unwrap())
+        };
+        let edited = |light_edits: LightEdits| {
+            let mut scene = Scene { light_edits, ..box_room() };
+            let estimate = scene.light.clone();
+            lo_lights::apply_edits(&mut scene, &estimate).unwrap();
+            scene
+        };
+        let of_lamp = |change: LightChange| {
+            let edit = EmitterEdit { id: "L1".to_owned(), found_at_m: Vec3::new(0.0, 1.75, 0.0), change };
+            edited(LightEdits { emitters: vec![edit], added: Vec::new() })
+        };
+        let off = of_lamp(LightChange { on: false, ..LightChange::NONE });
+        assert_eq!(text(&off, Format::Usda).0, 0);
+        // (10, 8, 6) on walls of 0.5 becomes (19.5, 15.5, 11.5), of which the faces keep what white allows: 1 of 19.5.
+        let two = text(&of_lamp(LightChange { scale: 2.0, ..LightChange::NONE }), Format::Usda);
+        let usda = String::from_utf8(two.1).unwrap();
+        let number = |after: &str, what: &str| -> f32 {
+            let (_, rest) = usda.split_once(after).unwrap();
+            let (_, rest) = rest.split_once(&format!("{what} = ")).unwrap();
+            rest.lines().next().unwrap().parse().unwrap()
+        };
+        assert!((number("def RectLight", "inputs:intensity") / 18.5 - 1.0).abs() < 1e-3);
+
+        let mut edits = LightEdits::default();
+        let rectangle = LightShape::Rectangle {
+            centre_m: Vec3::ZERO,
+            direction: Vec3::NEG_Y,
+            across: Vec3::X,
+            size_m: [0.5, 0.25],
+            two_sided: true,
+        };
+        let sun = LightShape::Sun { direction: Vec3::new(0.6, 0.8, 0.0), angular_radius_deg: 0.25 };
+        let extent = AnalyticLight { shape: sun, radiance: [0.0; 3] }.extent();
+        for (shape, radiance) in [(rectangle, 8.0), (sun, 3.0 / extent)] {
+            edits.add(AnalyticLight { shape, radiance: [radiance; 3] }).unwrap();
+        }
+        let scene = edited(edits);
+        let (lamps, usda) = text(&scene, Format::Usda);
+        let usda = String::from_utf8(usda).unwrap();
+        // The lamp in the ceiling, each side of the rectangle, the sun.
+        assert_eq!((lamps, usda.matches("def RectLight").count(), usda.matches("def DistantLight").count()), (4, 3, 1));
+        let (_, sun) = usda.split_once("def DistantLight").unwrap();
+        assert!(sun.contains("float inputs:angle = 0.5\n"), "{sun}");
+        let (_, intensity) = sun.split_once("inputs:intensity = ").unwrap();
+        let intensity: f32 = intensity.lines().next().unwrap().parse().unwrap();
+        assert!((intensity / 3.0 - 1.0).abs() < 1e-4, "{intensity}");
+        let (lamps, glb) = text(&scene, Format::Glb);
+        let gltf = gltf::Gltf::from_slice(&glb).unwrap();
+        let sun = gltf.lights().unwrap().last().unwrap();
+        assert!(lamps == 4 && matches!(sun.kind(), gltf::khr_lights_punctual::Kind::Directional));
+        assert!((sun.intensity() / (683.0 * 3.0) - 1.0).abs() < 1e-4);
+        // It shines along its node's −Z, away from where it stands.
+        let node = gltf.nodes().filter(|node| node.light().is_some()).last().unwrap();
+        let axis = Vec3::from_slice(&node.transform().matrix()[2][..3]);
+        assert!((axis - Vec3::new(0.6, 0.8, 0.0)).length() < 1e-6, "{axis}");
     }
 
     #[test]

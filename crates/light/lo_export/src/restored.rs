@@ -3,27 +3,71 @@
 use std::collections::HashMap;
 
 use lo_imaging::RadianceImage;
+use lo_lights::PictureChange;
 use lo_octree::{LightOctree, xyz_from_key};
-use lo_scene::Frame;
+use lo_scene::{Frame, Scene};
 
-use crate::free_space::Leaf;
+use crate::free_space::{self, Leaf};
 use crate::sources::Kept;
+
+/// [`radiance`] of a scene, with its emitters as they were edited.
+pub(crate) fn of_scene(scene: &Scene, leaves: &[Leaf], kept: &[Kept]) -> Option<RadianceImage> {
+    let Some(change) = scene.edited.as_ref().and_then(|edited| edited.octree.as_ref()) else {
+        return radiance(&scene.frame, &scene.light, leaves, kept);
+    };
+    // The photo shows the light of before.
+    let before = LightOctree { rgba: change.before.clone(), ..scene.light.clone() };
+    let leaves_before = free_space::leaves(&before, None);
+    let all = vec![Kept::All; leaves_before.len()];
+    let mut edited = radiance(&scene.frame, &before, &leaves_before, &all).unwrap_or_else(|| scene.frame.radiance());
+    PictureChange::new(&scene.light, change).photo(&mut edited, &scene.frame.camera);
+    let of_node = of_node(leaves, kept);
+    for_clipped(&scene.frame, &scene.light, &of_node, |at, (_, kept)| {
+        if *kept != Kept::All {
+            edited[at] = Kept::UpToWhite.of(edited[at]);
+        }
+    });
+    Some(edited)
+}
 
 /// The photo's radiance; pixels that the sensor clipped have that of their leaf where it is brighter, as much as its faces keep.
 ///
 /// `None` where there is no such pixel: then the photo itself will do.
 pub(crate) fn radiance(frame: &Frame, light: &LightOctree, leaves: &[Leaf], kept: &[Kept]) -> Option<RadianceImage> {
-    let of_node: HashMap<_, _> =
-        leaves.iter().zip(kept).map(|(leaf, kept)| ((leaf.depth, leaf.xyz), (leaf, kept))).collect();
+    let of_node = of_node(leaves, kept);
+    let mut radiance = frame.radiance();
+    let mut changed = false;
+    for_clipped(frame, light, &of_node, |at, (leaf, kept)| {
+        let restored = kept.of(leaf.radiance());
+        let pixel = &mut radiance[at];
+        if lo_imaging::luminance(restored) > lo_imaging::luminance(*pixel) {
+            *pixel = restored;
+            changed = true;
+        }
+    });
+    changed.then_some(radiance)
+}
+
+type OfNode<'a> = HashMap<(u32, [u32; 3]), (&'a Leaf, &'a Kept)>;
+
+fn of_node<'a>(leaves: &'a [Leaf], kept: &'a [Kept]) -> OfNode<'a> {
+    leaves.iter().zip(kept).map(|(leaf, kept)| ((leaf.depth, leaf.xyz), (leaf, kept))).collect()
+}
+
+/// Each clipped pixel whose leaf is known.
+fn for_clipped(
+    frame: &Frame,
+    light: &LightOctree,
+    of_node: &OfNode,
+    mut with: impl FnMut((usize, usize), (&Leaf, &Kept)),
+) {
     let depth = light.octree.depth();
     let edge_m = light.cube.node_edge_m(depth);
     let clipped = frame.clipped();
-    let mut radiance = frame.radiance();
     let (columns, rows) = (frame.depth_m.width(), frame.depth_m.height());
-    let mut changed = false;
-    for y in 0..radiance.height() {
-        for x in (0..radiance.width()).filter(|&x| clipped[(x, y)]) {
-            let Some(point) = frame.point(x * columns / radiance.width(), y * rows / radiance.height()) else {
+    for y in 0..clipped.height() {
+        for x in (0..clipped.width()).filter(|&x| clipped[(x, y)]) {
+            let Some(point) = frame.point(x * columns / clipped.width(), y * rows / clipped.height()) else {
                 continue;
             };
             // A surface may lie a leaf before or behind its reading.
@@ -31,16 +75,11 @@ pub(crate) fn radiance(frame: &Frame, light: &LightOctree, leaves: &[Leaf], kept
                 let (depth, node) = light.locate(point + point.normalize_or_zero() * (leaves * edge_m), depth)?;
                 of_node.get(&(depth, xyz_from_key(light.octree.levels()[depth as usize].keys[node])))
             });
-            let Some((leaf, kept)) = leaf else { continue };
-            let restored = kept.of(leaf.radiance());
-            let pixel = &mut radiance[(x, y)];
-            if lo_imaging::luminance(restored) > lo_imaging::luminance(*pixel) {
-                *pixel = restored;
-                changed = true;
+            if let Some(&leaf) = leaf {
+                with((x, y), leaf);
             }
         }
     }
-    changed.then_some(radiance)
 }
 
 #[cfg(test)]
@@ -50,7 +89,6 @@ mod tests {
     use lo_imaging::{Image, Photo};
 
     use super::*;
-    use crate::free_space;
     use crate::test_scene::light_of;
 
     #[test]

@@ -8,6 +8,8 @@ use std::cmp::Reverse;
 use std::collections::HashMap;
 
 use lo_geometry::Vec3;
+use lo_lights::{ClusterShape, ClusterSurface, LeafSurface};
+use lo_scene::{AnalyticLight, LightShape};
 
 use crate::free_space::Leaf;
 
@@ -19,9 +21,6 @@ pub(crate) const WHITE: f32 = 1.0;
 
 /// A leaf belongs to the cluster of a brighter one while its luminance is at least this share of the brightest's.
 const CLUSTER_SHARE: f32 = 0.25;
-
-/// Least |Σ nA| / ΣA of a panel. Staircases of slanted walls have at least 0.9.
-const MIN_FLATNESS: f32 = 0.8;
 
 /// What the faces of a leaf keep of its radiance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,36 +45,11 @@ impl Kept {
     }
 }
 
-/// The surface that a cluster's light comes from.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Shape {
-    /// A rectangle that shines to one side.
-    Panel {
-        /// Unit direction into the room.
-        direction: Vec3,
-        /// Unit direction of the width, perpendicular to it.
-        across: Vec3,
-        /// Width and height in metres; their product is the area.
-        size_m: [f32; 2],
-    },
-    /// A sphere that shines all around.
-    Ball {
-        /// Radius in metres.
-        radius_m: f32,
-    },
-}
-
-/// A cluster of bright leaves, taken as one emitter.
+/// A lamp: a cluster of bright leaves, taken as one emitter, or a light that somebody added.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Source {
-    /// Centre: of a panel half a leaf in front of the emitting surface, in metres.
-    pub position_m: Vec3,
-    /// The emitting surface.
-    pub shape: Shape,
-    /// Its area in m².
-    pub area_m2: f32,
-    /// Mean linear RGB radiance of the lamp over the area: what the faces do not keep.
-    pub radiance: [f32; 3],
+    /// Its surface: of a cluster's rectangle half a leaf in front of the leaves'. Its radiance: what the faces do not keep.
+    pub light: AnalyticLight,
     /// Indices of its leaves.
     pub leaves: Vec<usize>,
 }
@@ -83,25 +57,40 @@ pub(crate) struct Source {
 impl Source {
     /// Power of the Lambertian emitter, `π · L · A` for each channel, in radiance units · m² · sr.
     pub fn power(&self) -> [f32; 3] {
-        self.radiance.map(|c| c * self.area_m2 * std::f32::consts::PI)
+        self.light.radiance.map(|c| c * self.light.extent() * std::f32::consts::PI)
     }
 
-    /// Greatest radiant intensity for each channel, in radiance units · m²: straight ahead of a panel, all around of a ball.
+    /// Greatest radiant intensity for each channel, in radiance units · m²: straight ahead of a rectangle, all around of a sphere. Of a sun its irradiance.
     pub fn intensity(&self) -> [f32; 3] {
-        let seen_area_m2 = match self.shape {
-            Shape::Panel { .. } => self.area_m2,
-            Shape::Ball { .. } => 0.25 * self.area_m2,
+        let seen = match self.light.shape {
+            LightShape::Rectangle { .. } | LightShape::Sun { .. } => self.light.extent(),
+            LightShape::Sphere { .. } => 0.25 * self.light.extent(),
         };
-        self.radiance.map(|c| c * seen_area_m2)
+        self.light.radiance.map(|c| c * seen)
     }
 
     /// What the faces of its leaves keep.
     pub fn kept(&self) -> Kept {
-        match self.shape {
-            Shape::Panel { .. } => Kept::UpToWhite,
-            Shape::Ball { .. } => Kept::Nothing,
+        match self.light.shape {
+            LightShape::Sphere { .. } => Kept::Nothing,
+            LightShape::Rectangle { .. } | LightShape::Sun { .. } => Kept::UpToWhite,
         }
     }
+}
+
+/// Lights that no leaves hold, each side of a rectangle by itself.
+pub(crate) fn beside(lights: &[AnalyticLight]) -> Vec<Source> {
+    let sides = lights.iter().flat_map(|light| match light.shape {
+        LightShape::Rectangle { centre_m, direction, across, size_m, two_sided: true } => {
+            let side = |direction| AnalyticLight {
+                shape: LightShape::Rectangle { centre_m, direction, across, size_m, two_sided: false },
+                ..*light
+            };
+            vec![side(direction), side(-direction)]
+        }
+        _ => vec![*light],
+    });
+    sides.map(|light| Source { light, leaves: Vec::new() }).collect()
 }
 
 /// What the faces of each leaf keep where these lamps shine.
@@ -148,55 +137,34 @@ pub(crate) fn sources(leaves: &[Leaf]) -> Vec<Source> {
     sources
 }
 
-/// The sums over one cluster; `None` for one that is neither flat nor convex.
+/// One cluster as a lamp; `None` for one that is neither flat nor convex.
 fn source(leaves: &[Leaf], cluster: Vec<usize>) -> Option<Source> {
-    let members = || cluster.iter().map(|&i| &leaves[i]);
-    let area_m2: f32 = members().map(Leaf::surface_area_m2).sum();
-    let vector_area_m2: Vec3 = members().map(Leaf::vector_area_m2).sum();
-    let weight = |leaf: &Leaf| leaf.luminance() * leaf.surface_area_m2();
-    let moment: Vec3 = members().map(|leaf| leaf.centre_m * weight(leaf)).sum();
-    let centre_m = moment / members().map(weight).sum::<f32>();
-    let flatness = vector_area_m2.length() / area_m2;
-    let outward: f32 = members().map(|leaf| leaf.vector_area_m2().dot(leaf.centre_m - centre_m)).sum();
-    let edge_m = leaves[cluster[0]].edge_m;
-    let (shape, position_m) = if flatness > MIN_FLATNESS {
-        let direction = vector_area_m2.normalize();
-        let panel = panel(members(), centre_m, direction, area_m2);
-        // The surface lies half an edge before the leaf's centre; another half keeps the lamp out of its own wall.
-        (panel, centre_m + direction * edge_m)
-    } else if cluster.len() == 1 || outward > 0.0 {
-        (Shape::Ball { radius_m: 0.5 * (area_m2 / std::f32::consts::PI).sqrt() }, centre_m)
-    } else {
-        return None;
+    let surface = |leaf: &Leaf| LeafSurface {
+        centre_m: leaf.centre_m,
+        edge_m: leaf.edge_m,
+        area_m2: leaf.surface_area_m2(),
+        vector_area_m2: leaf.vector_area_m2(),
+        luminance: leaf.luminance(),
     };
-    let mut source = Source { position_m, shape, area_m2, radiance: [0.0; 3], leaves: Vec::new() };
+    let surfaces: Vec<LeafSurface> = cluster.iter().map(|&i| surface(&leaves[i])).collect();
+    let ClusterSurface { centre_m, area_m2, shape } = ClusterSurface::of(&surfaces)?;
+    let shape = match shape {
+        ClusterShape::Panel { direction, across, size_m } => {
+            // The surface lies half an edge before the leaf's centre; another half keeps the lamp out of its own wall.
+            let centre_m = centre_m + direction * leaves[cluster[0]].edge_m;
+            LightShape::Rectangle { centre_m, direction, across, size_m, two_sided: false }
+        }
+        ClusterShape::Ball { radius_m } => LightShape::Sphere { centre_m, radius_m },
+        ClusterShape::Concave => return None,
+    };
+    let mut source = Source { light: AnalyticLight { shape, radiance: [0.0; 3] }, leaves: Vec::new() };
     let kept = source.kept();
-    let radiance: Vec3 = members()
-        .map(|leaf| (Vec3::from(leaf.radiance()) - Vec3::from(kept.of(leaf.radiance()))) * leaf.surface_area_m2())
-        .sum();
-    source.radiance = (radiance / area_m2).to_array();
+    let given =
+        |leaf: &Leaf| (Vec3::from(leaf.radiance()) - Vec3::from(kept.of(leaf.radiance()))) * leaf.surface_area_m2();
+    let radiance: Vec3 = cluster.iter().map(|&i| given(&leaves[i])).sum();
+    source.light.radiance = (radiance / area_m2).to_array();
     source.leaves = cluster;
     Some(source)
-}
-
-/// The rectangle of this area whose second moments have the ratio and the axes of the leaves'.
-fn panel<'a>(leaves: impl Iterator<Item = &'a Leaf>, centre_m: Vec3, direction: Vec3, area_m2: f32) -> Shape {
-    let basis = lo_geometry::orthonormal_basis(direction);
-    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
-    for leaf in leaves {
-        let offset_m = leaf.centre_m - centre_m;
-        let (x, y) = (offset_m.dot(basis.x_axis), offset_m.dot(basis.y_axis));
-        let own = leaf.edge_m * leaf.edge_m / 12.0;
-        let area_m2 = leaf.surface_area_m2();
-        xx += area_m2 * (x * x + own);
-        xy += area_m2 * x * y;
-        yy += area_m2 * (y * y + own);
-    }
-    let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
-    let across = basis.x_axis * angle.cos() + basis.y_axis * angle.sin();
-    let (mean, half_difference) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
-    let ratio = ((mean + half_difference) / (mean - half_difference).max(1e-3 * mean)).sqrt();
-    Shape::Panel { direction, across, size_m: [(area_m2 * ratio).sqrt(), (area_m2 / ratio).sqrt()] }
 }
 
 /// The 26 cells around one; those below zero wrap to coordinates that no leaf has.
@@ -228,14 +196,17 @@ mod tests {
         let lamps = sources(&free_space::leaves(&box_room().light, None));
         assert_eq!(lamps.len(), 1);
         let lamp = &lamps[0];
-        assert_eq!((lamp.leaves.len(), lamp.area_m2), (4, 1.0));
-        let Shape::Panel { direction, across, size_m } = lamp.shape else { panic!("{:?} is no panel", lamp.shape) };
+        assert_eq!(lamp.leaves.len(), 4);
+        assert!((lamp.light.extent() - 1.0).abs() < 1e-6);
+        let LightShape::Rectangle { centre_m, direction, across, size_m, .. } = lamp.light.shape else {
+            panic!("{:?} is no panel", lamp.light)
+        };
         assert!(direction == Vec3::NEG_Y && across.dot(direction).abs() < 1e-6);
         assert!(size_m.iter().all(|m| (m - 1.0).abs() < 1e-3), "{size_m:?}");
         // (10, 8, 6) less what the photo's white allows of that colour.
-        assert!(lamp.radiance.iter().zip([9.0, 7.2, 5.4]).all(|(a, b)| (a - b).abs() < 1e-5), "{:?}", lamp.radiance);
+        assert!(lamp.light.radiance.iter().zip([9.0, 7.2, 5.4]).all(|(a, b)| (a - b).abs() < 1e-5), "{:?}", lamp.light);
         // Half a cell below the ceiling at y = 1.5.
-        assert_eq!(lamp.position_m, Vec3::new(0.0, 1.25, 0.0));
+        assert_eq!(centre_m, Vec3::new(0.0, 1.25, 0.0));
     }
 
     #[test]
@@ -243,7 +214,7 @@ mod tests {
         let leaves = free_space::leaves(&box_room().light, None);
         let lamps = sources(&leaves);
         let kept = kept(&leaves, &lamps);
-        let lamp = Vec3::from(lamps[0].radiance);
+        let lamp = Vec3::from(lamps[0].light.radiance);
         for (leaf, kept) in leaves.iter().zip(&kept) {
             let faces = Vec3::from(kept.of(leaf.radiance()));
             let whole = if *kept == Kept::All { faces } else { faces + lamp };
@@ -259,7 +230,9 @@ mod tests {
         let cells: Vec<_> = (0..12).map(|i| ([0, 3 + i % 2, 1 + i / 2], [5.0, 5.0, 5.0, 1.0])).collect();
         let mut leaves = free_space::leaves(&light_of(&cells, cube, 3), None);
         leaves.iter_mut().for_each(|leaf| leaf.exposed = 0b10);
-        let Shape::Panel { direction, across, size_m } = sources(&leaves)[0].shape else { panic!("no panel") };
+        let LightShape::Rectangle { direction, across, size_m, .. } = sources(&leaves)[0].light.shape else {
+            panic!("no panel")
+        };
         assert_eq!(direction, Vec3::X);
         assert!(across.z.abs() > 0.999, "{across}");
         assert!((size_m[0] - 3.0).abs() < 1e-3 && (size_m[1] - 1.0).abs() < 1e-3, "{size_m:?}");
@@ -290,10 +263,10 @@ mod tests {
         let lamp = &lamps[0];
         let area_m2 = 4.0 * std::f32::consts::PI * 0.64;
         // The faces alone sum to 1.5 times that.
-        assert!((lamp.area_m2 / area_m2 - 1.0).abs() < 0.15, "{} of {area_m2}", lamp.area_m2);
-        let Shape::Ball { radius_m } = lamp.shape else { panic!("{:?} is no ball", lamp.shape) };
+        assert!((lamp.light.extent() / area_m2 - 1.0).abs() < 0.15, "{} of {area_m2}", lamp.light.extent());
+        let LightShape::Sphere { centre_m, radius_m } = lamp.light.shape else { panic!("{:?} is no ball", lamp.light) };
         assert!((radius_m / 0.8 - 1.0).abs() < 0.08, "{radius_m}");
-        assert!((lamp.position_m - Vec3::new(0.0, 0.0, -1.5)).length() < 1e-3);
+        assert!((centre_m - Vec3::new(0.0, 0.0, -1.5)).length() < 1e-3);
         // A sphere of radiance L and radius r has the intensity L π r² in every direction.
         let expected = 3.0 * std::f32::consts::PI * 0.64;
         assert!((lamp.intensity()[0] / expected - 1.0).abs() < 0.15);
@@ -312,7 +285,7 @@ mod tests {
             ([3, 0, 3], grey(0.9)),
         ];
         let lamps = sources(&free_space::leaves(&light_of(&cells, cube, 3), None));
-        let levels: Vec<f32> = lamps.iter().map(|lamp| lamp.radiance[0]).collect();
+        let levels: Vec<f32> = lamps.iter().map(|lamp| lamp.light.radiance[0]).collect();
         // The panels' faces keep 1; the leaf of 6 shines all around and keeps nothing.
         assert_eq!(levels, [19.0, 6.0, 1.0]);
         assert_eq!(lamps.iter().map(|lamp| lamp.leaves.len()).collect::<Vec<_>>(), [1, 1, 2]);

@@ -1,10 +1,11 @@
 use lo_cone::{Cone, ConeSample, ConeTracer, Sampling, Settings};
 use lo_geometry::{Plane, Vec3};
 use lo_imaging::RadianceImage;
+use lo_lights::AnalyticLights;
 use lo_lookup::{PanoramaLookup, PhotoLookup, RadianceMap};
 use lo_scene::Scene;
 
-use crate::lights::{self, Lights};
+use crate::lights::Lights;
 use crate::map;
 use crate::quality::Counts;
 use crate::surface::Surface;
@@ -36,6 +37,8 @@ enum Source {
         dimmed: Box<ConeTracer>,
         /// Where the photo, or a panorama of the room, shows what reflections meet.
         pictures: Option<Box<(PhotoLookup, Option<PanoramaLookup>)>>,
+        /// Lights that no octree holds: added ones.
+        beside: Option<Box<AnalyticLights>>,
         leaf_edge_m: f32,
     },
     Map {
@@ -77,10 +80,12 @@ impl Environment {
             let cone = Cone { origin, direction: normal, tan_half_angle: SHADOW_RAY_TANGENT };
             whole.trace(&cone).opacity > 0.5
         };
-        let (emitters, dimmed) = lights::split_octree(light, faces_room);
+        let (mut patches, dimmed) = lo_lights::split_octree(light, faces_room);
+        let beside = AnalyticLights::of(scene).map(Box::new);
+        patches.extend(beside.iter().flat_map(|lights| lights.patches()));
         let dimmed = tracer(&dimmed, Settings { min_transmittance: counts.min_transmittance, ..interpolated })?;
-        let lights = Lights::sample(&emitters, LIGHT_SAMPLES);
-        let source = Source::Octree { whole, smooth, dimmed, pictures, leaf_edge_m };
+        let lights = Lights::sample(&patches, LIGHT_SAMPLES);
+        let source = Source::Octree { whole, smooth, dimmed, pictures, beside, leaf_edge_m };
         Ok(Self { source, lights, lift_m: LIFT_EDGES * leaf_edge_m })
     }
 
@@ -89,8 +94,8 @@ impl Environment {
             return Err(InsertError::EnvironmentMap(format!("has only {} × {} pixels", map.width(), map.height())));
         }
         let clean = map.map(|p| p.map(|c| if c.is_finite() { c.clamp(0.0, 1e9) } else { 0.0 }));
-        let (emitters, dimmed) = map::split(&clean);
-        let lights = Lights::sample(&emitters, LIGHT_SAMPLES);
+        let (patches, dimmed) = map::split(&clean);
+        let lights = Lights::sample(&patches, LIGHT_SAMPLES);
         let source = Source::Map { whole: RadianceMap::new(clean), dimmed: RadianceMap::new(dimmed) };
         Ok(Self { source, lights, lift_m: 0.0 })
     }
@@ -101,6 +106,20 @@ impl Environment {
 
     /// What each cone sees; cones of one aperture should lie next to each other. At infinity the distance is infinite.
     pub fn gather(&self, part: Part, cones: &[Cone], samples: &mut Vec<ConeSample>) {
+        self.gather_room(part, cones, samples);
+        if part == Part::Whole {
+            self.add_beside(cones, samples);
+        }
+    }
+
+    fn add_beside(&self, cones: &[Cone], samples: &mut [ConeSample]) {
+        if let Source::Octree { beside: Some(beside), .. } = &self.source {
+            beside.add(cones, samples);
+        }
+    }
+
+    /// [`Environment::gather`] without the lights beside the octree.
+    fn gather_room(&self, part: Part, cones: &[Cone], samples: &mut Vec<ConeSample>) {
         samples.clear();
         match &self.source {
             Source::Octree { smooth, dimmed, .. } => {
@@ -144,7 +163,7 @@ impl Environment {
     /// [lifted](Environment::lifted) places, and are lowered to the `apexes` that they were lifted from where the photo is looked up: it knows surfaces
     /// finer than the octree's leaves. Distances are from where the cones begin then.
     pub fn gather_reflected(&self, apexes: &[Vec3], cones: &mut [Cone], samples: &mut Vec<ConeSample>) {
-        self.gather(Part::Whole, cones, samples);
+        self.gather_room(Part::Whole, cones, samples);
         if let Source::Octree { pictures: Some(pictures), .. } = &self.source {
             let (photo, panorama) = pictures.as_ref();
             if let Some(panorama) = panorama {
@@ -152,12 +171,13 @@ impl Environment {
             }
             photo.sharpen_from(apexes, cones, samples);
         }
+        self.add_beside(cones, samples);
     }
 
     /// Share of each ray's way that real surfaces leave free, for rays `(origin, direction, distance in metres)`.
     pub fn free_share(&self, rays: &[(Vec3, Vec3, f32)], shares: &mut Vec<f32>) {
         shares.clear();
-        let Source::Octree { whole, leaf_edge_m, .. } = &self.source else {
+        let Source::Octree { whole, beside, leaf_edge_m, .. } = &self.source else {
             shares.resize(rays.len(), 1.0);
             return;
         };
@@ -169,14 +189,19 @@ impl Environment {
         let cones: Vec<Cone> = rays.iter().map(ray).collect();
         let mut samples = vec![ConeSample::default(); rays.len()];
         whole.trace_batch(&cones, &mut samples);
-        shares.extend(rays.iter().zip(&samples).map(|(&(_, _, distance_m), sample)| {
-            // From outside of the octree nothing is known to be in the way. The light's own leaf is met up to about two edges before its middle.
-            if sample.opacity == 0.0 {
-                return 1.0;
-            }
-            let missing = (distance_m - sample.distance_m) / leaf_edge_m;
-            (1.0 - (missing - 2.5) / 2.0).clamp(0.0, 1.0)
-        }));
+        let free = |(&(_, _, distance_m), sample): (&(Vec3, Vec3, f32), &ConeSample)| {
+            lo_lights::free_share(distance_m, sample, *leaf_edge_m)
+        };
+        shares.extend(rays.iter().zip(&samples).map(free));
+        // Suns are beyond the room, and other things hide them.
+        let to_sun = |&(_, _, distance_m): &(Vec3, Vec3, f32)| distance_m.is_infinite();
+        if let Some(beside) = beside.as_ref().filter(|_| rays.iter().any(to_sun)) {
+            let sunny: Vec<usize> = (0..rays.len()).filter(|&i| to_sun(&rays[i])).collect();
+            let cones: Vec<Cone> = sunny.iter().map(|&i| cones[i]).collect();
+            let mut free = Vec::new();
+            beside.free_to_suns(&cones, &mut free);
+            sunny.iter().zip(free).for_each(|(&i, free)| shares[i] = free);
+        }
     }
 
     /// Where to gather light for a point of an object that rests on `support`: high enough above the leaves of that surface.

@@ -5,10 +5,11 @@ use std::f32::consts::PI;
 use lo_bsdf::{MetallicRoughness, specular_cos};
 use lo_cone::Cone;
 use lo_geometry::{Ray, Vec3};
+use lo_lights::luminance;
 use rayon::prelude::*;
 
 use crate::environment::{Environment, Part};
-use crate::lights::{LightSample, luminance};
+use crate::lights::LightSample;
 use crate::object::Object;
 use crate::objects::{ObjectHit, Objects};
 use crate::radiosity::Radiosity;

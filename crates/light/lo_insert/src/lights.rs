@@ -1,37 +1,15 @@
 //! Main lights: what is much brighter than the rest, as a fixed list of samples.
 //!
-//! Radiance is split at a cap, a few times the mean: what lies above it is carried by the light samples and cast with shadow
-//! rays, what lies below stays in the environment and is gathered by cones. The two add up to the whole, so nothing counts
+//! Radiance is split at a cap, a few times the mean ([`lo_lights::split_octree`]): what lies above it is carried by the light samples and cast
+//! with shadow rays, what lies below stays in the environment and is gathered by cones. The two add up to the whole, so nothing counts
 //! twice and nothing is lost.
 
-use std::f32::consts::PI;
+use std::f32::consts::{PI, TAU};
 
 use lo_geometry::Vec3;
-use lo_octree::LightOctree;
+use lo_lights::{LightPatch, PatchShape, luminance};
 
 use crate::pattern::hammersley;
-
-/// Radiance above this multiple of the mean counts as light.
-pub(crate) const CAP: f32 = 4.0;
-
-/// A patch of light before sampling.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Emitter {
-    pub shape: EmitterShape,
-    /// Linear RGB radiance above the cap.
-    pub radiance: Vec3,
-    /// Area in m² or, at infinity, solid angle in steradians.
-    pub extent: f32,
-}
-
-/// Where light comes from.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum EmitterShape {
-    /// A square of the octree's grid that radiates to the side of `normal`.
-    Square { centre: Vec3, normal: Vec3, edge_m: f32 },
-    /// A direction at infinity with two tangents that span the texel.
-    Infinity { direction: Vec3, tangents: [Vec3; 2] },
-}
 
 /// One sample of the lights.
 #[derive(Clone, Copy, Debug)]
@@ -45,7 +23,12 @@ pub(crate) struct LightSample {
 
 #[derive(Clone, Copy, Debug)]
 enum SampleOrigin {
-    Point { position: Vec3, normal: Vec3 },
+    Point {
+        position: Vec3,
+        normal: Vec3,
+    },
+    /// Shines to all sides.
+    Ball(Vec3),
     Direction(Vec3),
 }
 
@@ -71,7 +54,7 @@ pub(crate) enum Origin {
 impl LightSample {
     pub fn origin(&self) -> Origin {
         match self.place {
-            SampleOrigin::Point { position, .. } => Origin::Point(position),
+            SampleOrigin::Point { position, .. } | SampleOrigin::Ball(position) => Origin::Point(position),
             SampleOrigin::Direction(direction) => Origin::Infinity(direction),
         }
     }
@@ -81,6 +64,14 @@ impl LightSample {
         match self.place {
             SampleOrigin::Direction(direction) => {
                 Some(Incidence { direction, distance_m: f32::INFINITY, irradiance: self.power })
+            }
+            SampleOrigin::Ball(position) => {
+                let offset = position - point;
+                let squared = offset.length_squared();
+                let distance_m = squared.sqrt();
+                // A sphere is seen as a disc of a quarter of its area.
+                let seen = 0.25 / (squared + 0.25 * self.extent / PI);
+                Some(Incidence { direction: offset / distance_m.max(1e-6), distance_m, irradiance: self.power * seen })
             }
             SampleOrigin::Point { position, normal } => {
                 let offset = position - point;
@@ -106,10 +97,10 @@ pub(crate) struct Lights {
 }
 
 impl Lights {
-    /// `count` samples of equal power, stratified along the order of the emitters.
-    pub fn sample(emitters: &[Emitter], count: usize) -> Self {
-        let power = |e: &Emitter| f64::from(luminance(e.radiance) * e.extent);
-        let total: f64 = emitters.iter().map(power).sum();
+    /// `count` samples of equal power, stratified along the order of the patches.
+    pub fn sample(patches: &[LightPatch], count: usize) -> Self {
+        let power = |e: &LightPatch| f64::from(luminance(e.radiance) * e.extent);
+        let total: f64 = patches.iter().map(power).sum();
         if total <= 0.0 || !total.is_finite() {
             return Self::default();
         }
@@ -117,26 +108,44 @@ impl Lights {
         let (mut index, mut before) = (0, 0.0);
         for i in 0..count {
             let target = (i as f64 + 0.5) / count as f64 * total;
-            while index + 1 < emitters.len() && before + power(&emitters[index]) <= target {
-                before += power(&emitters[index]);
+            while index + 1 < patches.len() && before + power(&patches[index]) <= target {
+                before += power(&patches[index]);
                 index += 1;
             }
-            let emitter = emitters[index];
-            let share = (total / count as f64) as f32 / luminance(emitter.radiance);
+            let patch = patches[index];
+            let share = (total / count as f64) as f32 / luminance(patch.radiance);
             let jitter = hammersley(i, count) - 0.5;
             // The second coordinate of the set runs along with i; turned by the golden ratio it fills the square.
             let jitter = [jitter.x, (i as f32 * 0.618_034).fract() - 0.5];
-            let place = match emitter.shape {
-                EmitterShape::Square { centre, normal, edge_m } => {
+            let place = match patch.shape {
+                PatchShape::Square { centre, normal, edge_m } => {
                     let basis = lo_geometry::orthonormal_basis(normal);
                     let position = centre + (basis.x_axis * jitter[0] + basis.y_axis * jitter[1]) * edge_m;
                     SampleOrigin::Point { position, normal }
                 }
-                EmitterShape::Infinity { direction, tangents } => {
+                PatchShape::Rectangle { centre, normal, edges_m } => {
+                    let [u, v, _] = spread(i);
+                    SampleOrigin::Point { position: centre + edges_m[0] * (u - 0.5) + edges_m[1] * (v - 0.5), normal }
+                }
+                PatchShape::Sphere { centre, radius_m } => {
+                    // From every side points of the density 1/√(R² − r²) lie evenly on the disc that the sphere is seen as.
+                    let [u, v, w] = spread(i);
+                    let (z, turn) = (2.0 * u - 1.0, TAU * v);
+                    let across = (1.0 - z * z).max(0.0).sqrt();
+                    let direction = Vec3::new(across * turn.cos(), across * turn.sin(), z);
+                    SampleOrigin::Ball(centre + direction * (radius_m * disc_radius(w)))
+                }
+                PatchShape::Disc { direction, radii } => {
+                    let [u, v, _] = spread(i);
+                    let (sin, cos) = (TAU * v).sin_cos();
+                    let offset = (radii[0] * cos + radii[1] * sin) * u.sqrt();
+                    SampleOrigin::Direction((direction + offset).normalize())
+                }
+                PatchShape::Infinity { direction, tangents } => {
                     SampleOrigin::Direction((direction + tangents[0] * jitter[0] + tangents[1] * jitter[1]).normalize())
                 }
             };
-            samples.push(LightSample { place, power: emitter.radiance * share, extent: share });
+            samples.push(LightSample { place, power: patch.radiance * share, extent: share });
         }
         Self { samples }
     }
@@ -157,95 +166,52 @@ impl Lights {
     }
 }
 
-/// Rec. 709 luminance.
-pub(crate) fn luminance(rgb: Vec3) -> f32 {
-    lo_imaging::luminance(rgb.to_array())
+/// The `i`-th point of a sequence that fills the unit cube, and of which equally spaced ones do, too: for patches that are large by themselves.
+/// R3 (Roberts 2018): multiples of the powers of 1/g with g⁴ = g + 1.
+fn spread(i: usize) -> [f32; 3] {
+    [0.819_172_513_396_164_4, 0.671_043_606_703_789_2, 0.549_700_477_901_970_3]
+        .map(|step: f64| (i as f64 * step).fract() as f32)
 }
 
-/// Radiance at which light is cut off, given the mean luminance of the surroundings.
-pub(crate) fn cap_luminance(mean: f32) -> f32 {
-    CAP * mean
-}
-
-/// The part of `radiance` that lies above the cap, of the same colour.
-pub(crate) fn excess(radiance: Vec3, cap: f32) -> Vec3 {
-    let bright = luminance(radiance);
-    if bright > cap { radiance * (1.0 - cap / bright) } else { Vec3::ZERO }
-}
-
-/// Splits a lighting octree at the cap: emitters, and the octree without their excess.
-///
-/// The emitters are the faces of bright leaves that border on empty space. On flat and slanted lamps alike their projections to
-/// any direction add up to the lamp's own. `faces_room(position, normal)` tells faces that look into the room from those at the
-/// back of the shell.
-pub(crate) fn split_octree(
-    light: &LightOctree,
-    faces_room: impl Fn(Vec3, Vec3) -> bool,
-) -> (Vec<Emitter>, LightOctree) {
-    let levels = light.octree.levels();
-    let is_leaf = |d: usize, node: usize| levels[d].children[node] < 0 && levels[d].rows[node] >= 0;
-    let mut mean = (0.0f64, 0.0f64);
-    for (d, level) in levels.iter().enumerate() {
-        let area = f64::from(light.cube.node_edge_m(d as u32)).powi(2);
-        for node in (0..level.len()).filter(|&node| is_leaf(d, node)) {
-            let [r, g, b, a] = light.rgba[d][level.rows[node] as usize];
-            mean.0 += f64::from(luminance(Vec3::new(r, g, b)) * a) * area;
-            mean.1 += f64::from(a) * area;
-        }
+/// sin θ with θ − sin θ cos θ = π/2 · `share`: the radius, of 1, within which this share of the density r²/√(1 − r²) lies.
+fn disc_radius(share: f32) -> f32 {
+    let (mut low, mut high) = (0.0f32, PI / 2.0);
+    for _ in 0..20 {
+        let middle = 0.5 * (low + high);
+        if middle - middle.sin() * middle.cos() < PI / 2.0 * share { low = middle } else { high = middle }
     }
-    let cap = cap_luminance((mean.0 / mean.1.max(1e-30)) as f32);
-    let mut dimmed = light.clone();
-    let mut emitters = Vec::new();
-    // From the leaves up: a parent's excess is its children's, weighted by opacity as its colour is.
-    let mut below: Vec<Vec3> = Vec::new();
-    for (d, level) in levels.iter().enumerate().rev() {
-        let mut own = vec![Vec3::ZERO; level.len()];
-        for (node, own) in own.iter_mut().enumerate() {
-            let Ok(row) = usize::try_from(level.rows[node]) else { continue };
-            let [r, g, b, _] = light.rgba[d][row];
-            let radiance = Vec3::new(r, g, b);
-            if is_leaf(d, node) {
-                *own = excess(radiance, cap);
-                if *own != Vec3::ZERO {
-                    emitters.extend(exposed_faces(light, d as u32, level.keys[node], *own));
-                }
-            } else if level.children[node] >= 0 {
-                let first = level.children[node] as usize;
-                let opacity = |child: usize| light.node_rgba(d as u32 + 1, child).map_or(0.0, |rgba| rgba[3]);
-                let weight: f32 = (first..first + 8).map(opacity).sum();
-                let sum: Vec3 = (first..first + 8).map(|child| below[child] * opacity(child)).sum();
-                *own = if weight > 0.0 { sum / weight } else { Vec3::ZERO };
+    low.sin()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every subset of the samples of a large light has its middle, its size and its light.
+    #[test]
+    fn subsets_of_large_lights_are_spread_over_them() {
+        let sphere = LightPatch {
+            shape: PatchShape::Sphere { centre: Vec3::Y, radius_m: 0.5 },
+            radiance: Vec3::ONE,
+            extent: PI,
+        };
+        let lights = Lights::sample(&[sphere], 1024);
+        let far = Vec3::new(0.0, 1.0, 50.0);
+        for (count, pattern, patterns) in [(1024, 0, 1), (64, 0, 1), (32, 0, 1), (16, 3, 16), (8, 5, 16)] {
+            let (samples, scale) = lights.subset(count, pattern, patterns);
+            let (mut irradiance, mut mean, mut squares, mut number) = (0.0, Vec3::ZERO, 0.0, 0.0);
+            for sample in samples {
+                let incidence = sample.on(far).expect("it shines everywhere");
+                irradiance += incidence.irradiance.x * scale;
+                let offset = far + incidence.direction * incidence.distance_m - Vec3::Y;
+                mean += offset;
+                squares += offset.x * offset.x + offset.y * offset.y;
+                number += 1.0;
             }
-            let rest = (radiance - *own).max(Vec3::ZERO);
-            dimmed.rgba[d][row][..3].copy_from_slice(&rest.to_array());
+            // π L (r/d)²; the disc's mean square of the radius is r²/2.
+            assert!((irradiance / (PI * 1e-4) - 1.0).abs() < 0.02, "{irradiance}");
+            assert!((mean / number).length() < 0.12, "{count} of {patterns}: {}", mean / number);
+            assert!((squares / number / 0.125 - 1.0).abs() < 0.3, "{count} of {patterns}: {}", squares / number);
         }
-        below = own;
     }
-    let inside: Vec<Emitter> = emitters
-        .iter()
-        .filter(|e| matches!(e.shape, EmitterShape::Square { centre, normal, edge_m } if faces_room(centre + normal * 1.5 * edge_m, normal)))
-        .copied()
-        .collect();
-    // An octree that is not closed has no inside; then every face may count.
-    (if inside.is_empty() { emitters } else { inside }, dimmed)
-}
-
-/// The faces of a leaf that border on empty nodes, as emitters at the middle of the leaf: where in a leaf the surface lies
-/// is not known.
-fn exposed_faces(light: &LightOctree, depth: u32, key: u32, radiance: Vec3) -> Vec<Emitter> {
-    let edge_m = light.cube.node_edge_m(depth);
-    let [x, y, z] = lo_octree::xyz_from_key(key).map(|c| c as f32 + 0.5);
-    let centre = light.cube.origin_m + Vec3::new(x, y, z) * edge_m;
-    let axes = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z];
-    let empty = |normal: &Vec3| {
-        light.locate(centre + *normal * edge_m, depth).is_none_or(|(d, node)| light.node_rgba(d, node).is_none())
-    };
-    axes.into_iter()
-        .filter(empty)
-        .map(|normal| Emitter {
-            shape: EmitterShape::Square { centre, normal, edge_m },
-            radiance,
-            extent: edge_m * edge_m,
-        })
-        .collect()
 }

@@ -4,11 +4,10 @@ use std::f32::consts::{PI, TAU};
 
 use lo_geometry::Vec3;
 use lo_imaging::{Image, RadianceImage};
+use lo_lights::{LightPatch, PatchShape, cap_luminance, excess, luminance};
 
-use crate::lights::{Emitter, EmitterShape, cap_luminance, excess, luminance};
-
-/// Splits a map at the cap (see [`crate::lights`]): emitters, and the map without their excess.
-pub(crate) fn split(map: &RadianceImage) -> (Vec<Emitter>, RadianceImage) {
+/// Splits a map at the cap (see [`crate::lights`]): patches of light, and the map without their excess.
+pub(crate) fn split(map: &RadianceImage) -> (Vec<LightPatch>, RadianceImage) {
     let (width, height) = (map.width(), map.height());
     let solid_angle = |y: usize| lo_geometry::pixel_solid_angle_sr(y, width, height);
     let mean: f64 = (0..height)
@@ -28,8 +27,8 @@ pub(crate) fn split(map: &RadianceImage) -> (Vec<Emitter>, RadianceImage) {
             let east = Vec3::new(-direction.z, 0.0, direction.x);
             let north = direction.cross(east.normalize_or(Vec3::X));
             let tangents = [east * (TAU / width as f32), north * (PI / height as f32)];
-            emitters.push(Emitter {
-                shape: EmitterShape::Infinity { direction, tangents },
+            emitters.push(LightPatch {
+                shape: PatchShape::Infinity { direction, tangents },
                 radiance: light,
                 extent: solid_angle(y),
             });

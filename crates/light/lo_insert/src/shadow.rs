@@ -18,7 +18,6 @@ use crate::batches::Batches;
 use crate::cap::Cap;
 use crate::environment::Environment;
 use crate::irradiance::{Lit, RoomIrradiance};
-use crate::lights;
 use crate::objects::Objects;
 use crate::quality::Counts;
 use crate::radiosity::Radiosity;
@@ -101,11 +100,11 @@ impl Change {
     /// Irradiance with the objects by that without them.
     ///
     /// Where less light is known than they hide, or than the surface gives off, more is there than was known: light that is
-    /// hidden was there before, what no light sample carries is nowhere brighter than [`lights::CAP`] times its mean, and what is
+    /// hidden was there before, what no light sample carries is nowhere brighter than [`lo_lights::CAP`] times its mean, and what is
     /// missing comes as the rest does.
     fn ratio(&self, lit: &Lit) -> Vec3 {
         let form_factor = self.form_factor.clamp(0.0, 1.0);
-        let seen_past = (1.0 - form_factor) / (lights::CAP * form_factor.max(1e-6));
+        let seen_past = (1.0 - form_factor) / (lo_lights::CAP * form_factor.max(1e-6));
         let ambient = lit.ambient.max(self.ambient * (1.0 + seen_past));
         let lights = lit.lights.max(self.lights);
         let all = (ambient + lights).max(lit.least).max(Vec3::splat(1e-9));
@@ -342,7 +341,7 @@ mod tests {
         #[test]
         fn receivers_stay_between_lit_and_ambient(change in change(), lit in lit()) {
             let ratio = Change { given: Vec3::ZERO, ..change }.ratio(&lit);
-            let past = (1.0 - change.form_factor) / (1.0 + (lights::CAP - 1.0) * change.form_factor);
+            let past = (1.0 - change.form_factor) / (1.0 + (lo_lights::CAP - 1.0) * change.form_factor);
             for c in 0..3 {
                 let lights = lit.lights[c].max(change.lights[c]);
                 // At least what is seen past the object is there beside the lights.

@@ -5,6 +5,7 @@
 //! shortly before the distance at which the octree was met, and takes the photo's radiance there, averaged over what the cone covers.
 //! [`PanoramaLookup`] does the same with a panorama of the room that somebody gave. [`SharpViewers`] makes panoramas of a scene with it.
 
+mod before;
 mod edges;
 mod fade;
 mod guided;

@@ -1,8 +1,10 @@
 use lo_cone::{Cone, ConeSample, ConeTracer};
 use lo_geometry::{Vec3, orthonormal_basis};
+use lo_lights::PictureChange;
 use lo_scene::Scene;
 use rayon::prelude::*;
 
+use crate::before::light_before;
 use crate::fade::fade;
 use crate::photo::PhotoPyramid;
 use crate::surface::{Followed, Meeting, Stretch, Surface};
@@ -31,7 +33,8 @@ const CONES_PER_TASK: usize = 1024;
 ///
 /// The photo answers with a weight that goes smoothly to 0, and the octree with the rest, where the cone is wide compared with a leaf, where it reaches
 /// beyond the picture, at depth edges as far as it matters there how deep the surface is (seen from the camera itself it does not matter), and
-/// where octree and depth map disagree about what is met. What is clipped in the photo is as bright as the octree has it.
+/// where octree and depth map disagree about what is met. What is clipped in the photo is as bright as the octree has it. Emitters that were edited are
+/// so in the photo, too.
 pub struct PhotoLookup {
     surface: Surface,
     photo: PhotoPyramid,
@@ -52,7 +55,16 @@ impl PhotoLookup {
     pub fn new(scene: &Scene, tracer: &ConeTracer) -> Self {
         let leaf_edge_m = scene.light.cube.node_edge_m(scene.light.octree.depth());
         let surface = Surface::new(&scene.frame, tracer);
-        let photo = PhotoPyramid::new(&scene.frame, tracer, leaf_edge_m, surface.usual_depth_m());
+        let change = scene.edited.as_ref().and_then(|edited| edited.octree.as_ref());
+        let before = change.map(|change| light_before(scene, change, Vec3::ZERO));
+        let change = change.map(|change| PictureChange::new(&scene.light, change));
+        let photo = PhotoPyramid::new(
+            &scene.frame,
+            before.as_ref().unwrap_or(tracer),
+            leaf_edge_m,
+            surface.usual_depth_m(),
+            change.as_ref(),
+        );
         Self { surface, photo, leaf_edge_m }
     }
 

@@ -1,6 +1,7 @@
 use lo_cone::{Cone, ConeSample, ConeTracer, Settings};
 use lo_geometry::{Quat, Vec2, Vec3};
 use lo_imaging::Image;
+use lo_lights::PictureChange;
 use lo_octree::LightOctree;
 use lo_scene::{LaidPanorama, Scene};
 use rayon::prelude::*;
@@ -54,8 +55,12 @@ impl PanoramaLookup {
         let picture = laid.picture.as_ref()?;
         let place_m = laid.source.position_m;
         let share = ConeTracer::new(&shares(&scene.light, laid), Settings::default()).ok()?;
+        let mut radiance = picture.radiance.clone();
+        if let Some(change) = scene.edited.as_ref().and_then(|edited| edited.octree.as_ref()) {
+            PictureChange::new(&scene.light, change).panorama(&mut radiance, place_m, picture.world_from_panorama);
+        }
         Some(Self {
-            map: RadianceMap::new(picture.radiance.clone()),
+            map: RadianceMap::new(radiance),
             panorama_from_world: picture.world_from_panorama.inverse(),
             place_m,
             distance_m: tracer.panorama(place_m, COLUMNS, COLUMNS / 2).distance_m,

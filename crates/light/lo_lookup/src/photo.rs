@@ -3,6 +3,7 @@
 use lo_cone::{Cone, ConeSample, ConeTracer};
 use lo_geometry::{Vec2, Vec3};
 use lo_imaging::{Image, RadianceImage};
+use lo_lights::PictureChange;
 use lo_scene::Frame;
 use rayon::prelude::*;
 
@@ -31,8 +32,15 @@ pub(crate) struct PhotoPyramid {
 }
 
 impl PhotoPyramid {
-    /// Of the frame's photo, at most 2048 pixels wide and high. `leaf_edge_m` is that of the finest leaves, `depth_m` a depth that is usual.
-    pub fn new(frame: &Frame, tracer: &ConeTracer, leaf_edge_m: f32, depth_m: f32) -> Self {
+    /// Of the frame's photo, at most 2048 pixels wide and high. `tracer` is of the light that the photo shows, `leaf_edge_m` that of the finest leaves,
+    /// `depth_m` a depth that is usual; what was changed of the light is then changed in the photo.
+    pub fn new(
+        frame: &Frame,
+        tracer: &ConeTracer,
+        leaf_edge_m: f32,
+        depth_m: f32,
+        change: Option<&PictureChange>,
+    ) -> Self {
         let (width, height) = (frame.photo.width(), frame.photo.height());
         let scale = (MAX_SIDE as f32 / width.max(height) as f32).min(1.0);
         let side = |pixels: usize| ((pixels as f32 * scale) as usize).max(1);
@@ -41,7 +49,11 @@ impl PhotoPyramid {
         // Depth has no part in this.
         let frame = Frame { camera, photo, depth_m: Image::new(1, 1, vec![depth_m]), exposure: frame.exposure };
         let leaf_px = leaf_edge_m * camera.fx as f32 / depth_m;
-        let mut levels = vec![restored(&frame, tracer, (leaf_px / CELLS_PER_LEAF).max(1.0) as usize)];
+        let mut finest = restored(&frame, tracer, (leaf_px / CELLS_PER_LEAF).max(1.0) as usize);
+        if let Some(change) = change {
+            change.photo(&mut finest, &frame.camera);
+        }
+        let mut levels = vec![finest];
         while let Some(coarser) = levels.last().filter(|level| level.width().min(level.height()) >= 2).map(halved) {
             levels.push(coarser);
         }

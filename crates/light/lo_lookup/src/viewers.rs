@@ -1,15 +1,18 @@
 use lo_cone::{Cone, ConeSample, Rendering, Viewers};
 use lo_geometry::Vec3;
 use lo_imaging::Image;
+use lo_lights::AnalyticLights;
 use lo_scene::Scene;
 
 use crate::{PanoramaLookup, PhotoLookup};
 
-/// What there is to see in a scene from any place: its octree, and its photo or a panorama of the room where those show it.
+/// What there is to see in a scene from any place: its octree, its photo or a panorama of the room where those show it, and lights that were added.
 pub struct SharpViewers {
     viewers: Viewers,
     photo: PhotoLookup,
     panorama: Option<PanoramaLookup>,
+    /// Lights that no octree holds.
+    lights: Option<AnalyticLights>,
 }
 
 impl SharpViewers {
@@ -19,7 +22,7 @@ impl SharpViewers {
         let photo = PhotoLookup::new(scene, &viewers.at(Vec3::ZERO));
         let eye_m = scene.panorama.as_ref().map_or(Vec3::ZERO, |laid| laid.source.position_m);
         let panorama = PanoramaLookup::new(scene, &viewers.at(eye_m));
-        Self { viewers, photo, panorama }
+        Self { viewers, photo, panorama, lights: AnalyticLights::of(scene) }
     }
 
     /// Puts what the panorama of the room shows, and before it what the photo does, into samples.
@@ -44,11 +47,15 @@ impl SharpViewers {
         let sample = |((&radiance, &distance_m), &opacity)| ConeSample { radiance, distance_m, opacity };
         let mut samples: Vec<ConeSample> = parts.map(sample).collect();
         self.sharpen(&cones, &mut samples);
-        Rendering {
+        let mut rendering = Rendering {
             radiance: Image::new(width, height, samples.iter().map(|sample| sample.radiance).collect()),
             distance_m: Image::new(width, height, samples.iter().map(|sample| sample.distance_m).collect()),
             opacity: Image::new(width, height, samples.iter().map(|sample| sample.opacity).collect()),
+        };
+        if let Some(lights) = &self.lights {
+            lights.add_to_panorama(eye_m, &mut rendering);
         }
+        rendering
     }
 
     /// What cones from one place see, on all threads of the pool.
@@ -58,5 +65,8 @@ impl SharpViewers {
     pub fn trace_batch(&self, eye_m: Vec3, cones: &[Cone], samples: &mut [ConeSample]) {
         self.viewers.at(eye_m).trace_batch(cones, samples);
         self.sharpen(cones, samples);
+        if let Some(lights) = &self.lights {
+            lights.add(cones, samples);
+        }
     }
 }

@@ -121,6 +121,9 @@ pub enum SceneError {
     /// Photo, depth and camera do not belong together.
     #[error(transparent)]
     Frame(#[from] FrameError),
+    /// The light is no longer the estimate.
+    #[error("the scene's light was edited in memory, and its file holds the estimate with the edits beside it")]
+    Edited,
     /// The octree is damaged.
     #[error("the lighting octree: {0}")]
     Octree(#[from] lo_octree::OctreeError),

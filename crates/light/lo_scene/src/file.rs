@@ -13,7 +13,9 @@ use lo_octree::{NamedTensor, OctreeHeader, read_tensors, write_tensors};
 use safetensors::{Dtype, SafeTensors, View};
 use serde::{Deserialize, Serialize};
 
-use crate::{Completion, Frame, LaidPanorama, OtherPhoto, PanoramaPicture, PanoramaSource, Room, Scene, SceneError};
+use crate::{
+    Completion, Frame, LaidPanorama, LightEdits, OtherPhoto, PanoramaPicture, PanoramaSource, Room, Scene, SceneError,
+};
 
 /// Version of the file's layout that this crate writes and reads.
 pub const FORMAT_VERSION: u32 = 1;
@@ -56,6 +58,8 @@ struct Metadata {
     panorama_picture: Option<PictureHeader>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     other_photos: Vec<OtherPhoto>,
+    #[serde(default, skip_serializing_if = "LightEdits::is_empty")]
+    light_edits: LightEdits,
 }
 
 /// What is to be known of a panorama's tensor.
@@ -102,8 +106,11 @@ impl Scene {
     /// The bytes of the scene file. The same scene gives the same bytes. `generator` names the writing program in them.
     ///
     /// # Errors
-    /// Only where the scene is larger than the format can hold.
+    /// Where the scene is larger than the format can hold, or holds edited light in the place of the estimate.
     pub fn to_bytes(&self, generator: &str) -> Result<Vec<u8>, SceneError> {
+        if self.edited.is_some() {
+            return Err(SceneError::Edited);
+        }
         let (octree, octree_tensors) = write_tensors(&self.light);
         let picture = self.panorama.as_ref().and_then(|laid| laid.picture.as_ref());
         let picture_header = picture
@@ -123,6 +130,7 @@ impl Scene {
             panorama: self.panorama.as_ref().map(|laid| laid.source.clone()),
             panorama_picture: picture_header,
             other_photos: self.other_photos.clone(),
+            light_edits: self.light_edits.clone(),
         };
         let json = serde_json::to_string(&metadata).map_err(|e| SceneError::Metadata(e.to_string()))?;
         let mut tensors: Vec<(String, Tensor)> =
@@ -193,13 +201,22 @@ impl Scene {
         if !metadata.other_photos.iter().all(OtherPhoto::is_valid) {
             return Err(SceneError::Metadata("the pose or camera of one of its other photos".to_owned()));
         }
+        metadata.light_edits.check().map_err(SceneError::Metadata)?;
         let tensors = SafeTensors::deserialize(bytes).map_err(container)?;
         let frame = Frame::new(read_photo(&tensors)?, read_depth(&tensors)?, metadata.camera, metadata.exposure)?;
         let light = read_tensors(&tensors, &metadata.octree)?;
         let sources = metadata.sources.iter().map(|name| file_name(name)).collect();
         let confidence = metadata.confidence.then(|| read_shares(&tensors, "confidence", &light.rgba)).transpose()?;
         let Metadata {
-            completion, room, predicted_depth, depth_model, panorama, panorama_picture, other_photos, ..
+            completion,
+            room,
+            predicted_depth,
+            depth_model,
+            panorama,
+            panorama_picture,
+            other_photos,
+            light_edits,
+            ..
         } = metadata;
         let panorama =
             panorama.map(|source| read_panorama(&tensors, source, panorama_picture, &light.rgba)).transpose()?;
@@ -214,6 +231,8 @@ impl Scene {
             confidence,
             panorama,
             other_photos,
+            light_edits,
+            edited: None,
         })
     }
 }

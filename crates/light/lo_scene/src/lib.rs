@@ -21,7 +21,8 @@
 //! `depth_model` (name of the depth model that did, only where it is not the program's own) and `confidence` (whether there is a tensor of that name). Where a panorama
 //! was given there is also `panorama`: `file`, `position_m`, `yaw_deg`, `pitch_deg`, `roll_deg`, `exposure_ev`, `confidence`, `clipped`
 //! ([`PanoramaSource`]), and `panorama_picture` with `scale` (values of the tensor times it are radiance) and `world_from_panorama` (rotation `x y z w`). Where the scene is from several photos, `other_photos` has of each but the first
-//! `first_from_camera` (`rotation` x y z w, `translation_m`), `camera` and `exposure`. In Python:
+//! `first_from_camera` (`rotation` x y z w, `translation_m`), `camera` and `exposure`. Where somebody edited the light, `light_edits` has `emitters` and
+//! `added` ([`LightEdits`]); the octree's tensors are the estimate all the same. In Python:
 //!
 //! ```python
 //! from safetensors import safe_open
@@ -31,9 +32,11 @@
 //!
 //! The same scene gives the same bytes. Reading checks everything and names what is wrong.
 
+mod edited_light;
 mod error;
 mod file;
 mod frame;
+mod light_edits;
 mod overlap;
 mod panorama;
 mod placement;
@@ -46,9 +49,15 @@ mod surfel;
 
 use lo_octree::LightOctree;
 
+pub use edited_light::{EditedLight, OctreeChange};
 pub use error::{FrameError, SceneError};
 pub use file::FORMAT_VERSION;
 pub use frame::Frame;
+pub use light_edits::{
+    AddedLight, AnalyticLight, EmitterEdit, LightChange, LightColor, LightEdits, LightShape, MAX_KELVIN,
+    MAX_LIGHT_EDITS, MAX_LIGHT_PLACE_M, MAX_LIGHT_RADIANCE, MAX_LIGHT_SCALE, MAX_LIGHT_SIZE_M, MAX_SUN_RADIUS_DEG,
+    MIN_KELVIN, MIN_LIGHT_SIZE_M, MIN_SUN_RADIUS_DEG,
+};
 pub use overlap::{ExposureRatio, Overlap, overlap};
 pub use panorama::{LaidPanorama, PanoramaPicture, PanoramaSource};
 pub use placement::place_cube;
@@ -82,6 +91,10 @@ pub struct Scene {
     pub panorama: Option<LaidPanorama>,
     /// Photos beside the frame's that the light comes from, too.
     pub other_photos: Vec<OtherPhoto>,
+    /// What somebody wants changed of the light. [`Scene::light`] of a scene that was read is the estimate, without.
+    pub light_edits: LightEdits,
+    /// What that made of it, where it was done.
+    pub edited: Option<Box<EditedLight>>,
 }
 
 impl Scene {
@@ -98,6 +111,8 @@ impl Scene {
             confidence: None,
             panorama: None,
             other_photos: Vec::new(),
+            light_edits: LightEdits::default(),
+            edited: None,
         }
     }
 }

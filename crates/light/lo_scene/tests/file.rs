@@ -5,7 +5,8 @@ use lo_geometry::{Camera, Cube, Plane, Quat, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
 use lo_scene::{
-    Completion, Frame, LaidPanorama, PanoramaPicture, PanoramaSource, Room, RoomPlane, Scene, SceneError, Side,
+    AddedLight, AnalyticLight, Completion, EditedLight, EmitterEdit, Frame, LaidPanorama, LightChange, LightColor,
+    LightEdits, LightShape, MAX_LIGHT_EDITS, PanoramaPicture, PanoramaSource, Room, RoomPlane, Scene, SceneError, Side,
 };
 use proptest::prelude::*;
 
@@ -29,16 +30,10 @@ fn scene(linear: bool) -> Scene {
     let plane = Plane { normal: Vec3::Y, offset_m: -1.51 };
     let room = Room { up: Vec3::Y, planes: vec![RoomPlane { side: Side::Floor, plane, measured: true }] };
     Scene {
-        light,
-        frame,
         completion: Completion::Shell,
         room: Some(room),
         sources: vec!["/home/somebody/photo.jpg".to_owned(), "C:\\pictures\\depth.png".to_owned()],
-        predicted_depth: false,
-        depth_model: None,
-        confidence: None,
-        panorama: None,
-        other_photos: Vec::new(),
+        ..Scene::as_seen(light, frame)
     }
 }
 
@@ -123,6 +118,76 @@ fn what_a_panorama_gave_comes_back_and_leaves_other_files_as_they_are() {
     scene.panorama.as_mut().unwrap().source.confidence = 1.5;
     let error = Scene::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap_err().to_string();
     assert!(error.contains("confidence"), "{error}");
+}
+
+fn edits() -> LightEdits {
+    let rectangle = LightShape::Rectangle {
+        centre_m: Vec3::new(0.1, 1.2, -2.3),
+        direction: Vec3::NEG_Y,
+        across: Vec3::X,
+        size_m: [1.2, 0.3],
+        two_sided: false,
+    };
+    let sun = LightShape::Sun { direction: Vec3::new(0.6, 0.8, 0.0), angular_radius_deg: 0.27 };
+    let added = |id: &str, shape, radiance| AddedLight {
+        id: id.to_owned(),
+        light: AnalyticLight { shape, radiance },
+        change: LightChange::NONE,
+    };
+    let change = LightChange {
+        on: false,
+        scale: 2.5,
+        color: Some(LightColor::Kelvin(3000.0)),
+        at_m: Some(Vec3::new(0.0, 1.0, 0.1)),
+    };
+    LightEdits {
+        emitters: vec![EmitterEdit { id: "L1".to_owned(), found_at_m: Vec3::new(0.3, 0.2, 0.1), change }],
+        added: vec![added("A1", rectangle, [3.0, 2.0, 1.0]), added("A2", sun, [1e5, 1e5, 9e4])],
+    }
+}
+
+#[test]
+fn edits_of_light_lie_beside_the_estimate() {
+    let plain = scene(false);
+    let without = plain.to_bytes(lo_imaging::GENERATOR).unwrap();
+    let scene = Scene { light_edits: edits(), ..plain.clone() };
+    let bytes = scene.to_bytes(lo_imaging::GENERATOR).unwrap();
+    let mut back = Scene::from_bytes(&bytes).unwrap();
+    assert_eq!((&back.light_edits, &back.light), (&scene.light_edits, &plain.light));
+    assert_eq!(back.to_bytes(lo_imaging::GENERATOR).unwrap(), bytes);
+    back.light_edits = LightEdits::default();
+    assert!(back.to_bytes(lo_imaging::GENERATOR).unwrap() == without, "without edits the file is as it was");
+    back.edited = Some(Box::new(EditedLight { octree: None, lights: Vec::new(), hides_suns: None }));
+    assert!(matches!(back.to_bytes(lo_imaging::GENERATOR), Err(SceneError::Edited)));
+}
+
+#[test]
+fn edits_out_of_range_are_named() {
+    let message = |change: &dyn Fn(&mut LightEdits)| {
+        let mut light_edits = edits();
+        change(&mut light_edits);
+        let scene = Scene { light_edits, ..scene(false) };
+        Scene::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap_err().to_string()
+    };
+    let wrong = |change: &dyn Fn(&mut LightEdits), what: &str| {
+        let message = message(change);
+        assert!(message.contains(what), "{message}");
+    };
+    wrong(&|edits| edits.emitters[0].change.scale = -1.0, "edited light L1: the scale");
+    wrong(&|edits| edits.emitters[0].change.color = Some(LightColor::Kelvin(1.0)), "edited light L1: the colour");
+    wrong(&|edits| edits.emitters[0].change.color = Some(LightColor::Rgb([0.0; 3])), "edited light L1: the colour");
+    wrong(&|edits| edits.emitters[0].change.at_m = Some(Vec3::splat(1e9)), "edited light L1: the place");
+    wrong(&|edits| edits.emitters[0].id = "a/b".to_owned(), "an edited light is called \"a/b\"");
+    wrong(&|edits| edits.emitters[0].id = "A2".to_owned(), "light A2 is edited twice");
+    wrong(&|edits| edits.added[0].light.radiance[1] = -1.0, "edited light A1: the radiance");
+    wrong(&|edits| edits.added = vec![edits.added[0].clone(); MAX_LIGHT_EDITS + 1], "257 edited lights");
+    let shape = |edits: &mut LightEdits, shape| edits.added[0].light.shape = shape;
+    let sphere = |centre_m, radius_m| LightShape::Sphere { centre_m, radius_m };
+    wrong(&|edits| shape(edits, sphere(Vec3::ZERO, 0.0)), "the size");
+    wrong(&|edits| shape(edits, sphere(Vec3::splat(1e6), 0.1)), "the place");
+    let sun = |direction, angular_radius_deg| LightShape::Sun { direction, angular_radius_deg };
+    wrong(&|edits| shape(edits, sun(Vec3::Y, 90.0)), "the size");
+    wrong(&|edits| shape(edits, sun(Vec3::splat(1.0), 0.3)), "the direction");
 }
 
 /// A second reader, from the safetensors format's own description: 8 bytes of length, JSON, data.

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use lightoctree::insert::{Align, Base, Composite, Inserter, Placement, Quality};
+use lightoctree::insert::{Align, Base, Composite, Inserter, Instance, Placement, Quality};
 use lightoctree::mesh::PreparedModel;
 use lightoctree::scene::Scene;
 use lo_dataset::{DatasetError, Generator, Sample, evenly_spread};
@@ -206,7 +206,7 @@ impl<'a> InsertionEvaluation<'a> {
         for (kind, truth) in Kind::ALL.into_iter().zip(&room.truths[number]) {
             let model = PreparedModel::new(kind.model()?);
             let placement = resting.scaled(scale).settled(&lit.scene, &Base::new(&model));
-            let composite = inserter.render(&model, &placement, &mut lo_events::ignore)?;
+            let composite = inserter.render(&[Instance { model: &model, placement }], &mut lo_events::ignore)?;
             if let Some([rmse, si_rmse]) = compare::object(truth, &composite) {
                 scores.add(format!("object_{}_rmse", kind.name()), Some(rmse));
                 scores.add(format!("object_{}_si_rmse", kind.name()), Some(si_rmse));

@@ -1,8 +1,9 @@
 //! What lights the objects.
 
+use lightoctree::completion::light_from_above;
 use lightoctree::insert::Lighting;
 use lightoctree::scene::Scene;
-use lightoctree::{SharpViewers, add_fitted_lamps, add_lamp};
+use lightoctree::{SharpViewers, fit_lamps};
 use lo_dataset::{NovelView, Sample};
 use lo_geometry::{Vec3, pixel_direction};
 use lo_imaging::{RadianceImage, sample_equirectangular};
@@ -103,8 +104,8 @@ impl Lit {
             InsertionMethod::Network(_, lamps) => {
                 match lamps {
                     Lamps::None => {}
-                    Lamps::Overhead => drop(add_lamp(&mut scene)),
-                    Lamps::Fitted => drop(add_fitted_lamps(&mut scene)),
+                    Lamps::Overhead => lamp_above(&mut scene),
+                    Lamps::Fitted => drop(fit_lamps(&mut scene)),
                 }
                 Light::Octree(Box::new(SharpViewers::new(&scene)))
             }
@@ -141,6 +142,14 @@ impl Lit {
             }),
             Light::Panoramas => in_photo_frame(view),
         }
+    }
+}
+
+/// The baseline of one lamp above the middle of the view.
+fn lamp_above(scene: &mut Scene) {
+    if let Some(room) = &scene.room {
+        let seen = scene.frame.working().without_flying_pixels();
+        light_from_above(&mut scene.light, &seen.surfels(&seen.radiance()), room.up);
     }
 }
 

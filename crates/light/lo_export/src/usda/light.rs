@@ -1,26 +1,37 @@
 //! Lamps, and the dome of a probe.
 
+use lo_geometry::Vec3;
+use lo_scene::{AnalyticLight, LightShape};
+
 use super::text::{asset, matrix, triple};
 use crate::probe::ProbeFile;
-use crate::sources::{Shape, Source};
+use crate::sources::Source;
 
-/// A panel as a rectangle that shines into the room, any other cluster as a sphere; both have the lamp's size and power.
+/// A lamp of its size and power, or a sun.
 ///
 /// Normalised, so that a lamp keeps its power when it is made larger: `intensity` is radiance times area, from which Blender
-/// makes watts.
+/// makes watts, and of a sun its irradiance.
 pub fn lamp(index: usize, lamp: &Source) -> String {
-    let strongest = lamp.radiance.into_iter().fold(0.0, f32::max);
-    let row = lamp.position_m.extend(1.0).to_array();
-    let (kind, size, place) = match lamp.shape {
-        Shape::Panel { direction, across, size_m: [width_m, height_m] } => {
-            // A rectangle shines along its -Z.
-            let [x, y, z] = [across, across.cross(direction), -direction].map(|axis| axis.extend(0.0).to_array());
+    let AnalyticLight { shape, radiance } = lamp.light;
+    let strongest = radiance.into_iter().fold(0.0, f32::max);
+    // Rectangles and suns shine along their −Z.
+    let place = |across: Vec3, direction: Vec3, at: Vec3| {
+        let [x, y, z] = [across, across.cross(direction), -direction].map(|axis| axis.extend(0.0).to_array());
+        matrix([x, y, z, at.extend(1.0).to_array()])
+    };
+    let (kind, size, place) = match shape {
+        LightShape::Rectangle { centre_m, direction, across, size_m: [width_m, height_m], .. } => {
             let size = format!("float inputs:height = {height_m}\n    float inputs:width = {width_m}");
-            ("RectLight", size, matrix([x, y, z, row]))
+            ("RectLight", size, place(across, direction, centre_m))
         }
-        Shape::Ball { radius_m } => {
-            let axes = lo_geometry::Mat4::from_translation(lamp.position_m).to_cols_array_2d();
+        LightShape::Sphere { centre_m, radius_m } => {
+            let axes = lo_geometry::Mat4::from_translation(centre_m).to_cols_array_2d();
             ("SphereLight", format!("float inputs:radius = {radius_m}"), matrix(axes))
+        }
+        LightShape::Sun { direction, angular_radius_deg } => {
+            let across = lo_geometry::orthonormal_basis(direction).x_axis;
+            let size = format!("float inputs:angle = {}", 2.0 * angular_radius_deg);
+            ("DistantLight", size, place(across, -direction, Vec3::ZERO))
         }
     };
     format!(
@@ -36,8 +47,8 @@ pub fn lamp(index: usize, lamp: &Source) -> String {
 
 "#,
         index + 1,
-        triple(lamp.radiance.map(|c| c / strongest)),
-        strongest * lamp.area_m2,
+        triple(radiance.map(|c| c / strongest)),
+        strongest * lamp.light.extent(),
     )
 }
 

@@ -1,0 +1,38 @@
+//! The bound between light sources and what they light: a few times the mean radiance.
+
+use lo_geometry::Vec3;
+use lo_octree::LightOctree;
+
+/// Radiance above this multiple of the mean counts as light.
+pub const CAP: f32 = 4.0;
+
+/// Radiance at which light is cut off, given the mean luminance of the surroundings.
+pub fn cap_luminance(mean: f32) -> f32 {
+    CAP * mean
+}
+
+/// [`cap_luminance`] of an octree: the mean is over its leaves, by area and opacity.
+pub fn cap_of(light: &LightOctree) -> f32 {
+    let mut mean = (0.0f64, 0.0f64);
+    for (depth, rows) in light.rgba.iter().enumerate() {
+        let area = f64::from(light.cube.node_edge_m(depth as u32)).powi(2);
+        let level = &light.octree.levels()[depth];
+        for node in (0..level.len()).filter(|&node| level.children[node] < 0 && level.rows[node] >= 0) {
+            let [r, g, b, a] = rows[level.rows[node] as usize];
+            mean.0 += f64::from(luminance(Vec3::new(r, g, b)) * a) * area;
+            mean.1 += f64::from(a) * area;
+        }
+    }
+    cap_luminance((mean.0 / mean.1.max(1e-30)) as f32)
+}
+
+/// The part of `radiance` that lies above the cap, of the same colour.
+pub fn excess(radiance: Vec3, cap: f32) -> Vec3 {
+    let bright = luminance(radiance);
+    if bright > cap { radiance * (1.0 - cap / bright) } else { Vec3::ZERO }
+}
+
+/// Rec. 709 luminance.
+pub fn luminance(rgb: Vec3) -> f32 {
+    lo_imaging::luminance(rgb.to_array())
+}

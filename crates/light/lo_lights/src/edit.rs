@@ -1,0 +1,213 @@
+//! From edits to light: changed rows of the octree, and lights beside it.
+
+use lo_geometry::Vec3;
+use lo_octree::{Ancestor, LeafRows, LightOctree};
+use lo_scene::{
+    AnalyticLight, EditedLight, LightChange, LightShape, MAX_LIGHT_RADIANCE, MAX_LIGHT_SIZE_M, MIN_LIGHT_SIZE_M,
+    OctreeChange, Scene,
+};
+
+use crate::colour::gain_to_color;
+use crate::emitters::{Emitter, assumed_lamps, emitters};
+use crate::shape::ClusterShape;
+use crate::split::mean_of_children;
+
+/// An emitter that is farther than this from where it was edited, in metres and beside half its size, is another one.
+const SAME_M: f32 = 0.5;
+
+/// Why edits cannot be carried out.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum LightsError {
+    /// There is no such light.
+    #[error("the scene has no light {id}; it has {}", if known.is_empty() { "none".to_owned() } else { known.join(", ") })]
+    Unknown {
+        /// What was asked for.
+        id: String,
+        /// What there is.
+        known: Vec<String>,
+    },
+    /// The emitter of that name is another one than was edited.
+    #[error(
+        "light {id} lies {distance_m:.1} m from where it was when it was edited: the edit is of another version of the program or of the scene; reset it"
+    )]
+    Elsewhere {
+        /// Its name.
+        id: String,
+        /// How far.
+        distance_m: f32,
+    },
+}
+
+/// Carries out a scene's edits: [`Scene::light`] becomes the edited light, and [`Scene::edited`] says how it differs. `estimate` is the light before lamps
+/// were assumed in [`Scene::light`], with the same nodes. A scene without edits stays as it is, to the bit.
+///
+/// An edit changes what an emitter gives directly. Light that the room reflects is that of the estimate.
+///
+/// # Errors
+/// Where an edit is of an emitter that there is not.
+pub fn apply_edits(scene: &mut Scene, estimate: &LightOctree) -> Result<(), LightsError> {
+    if scene.light_edits.is_empty() {
+        return Ok(());
+    }
+    let found = emitters(scene, estimate);
+    let assumed = assumed_lamps(scene, estimate, &scene.light);
+    let mut edited = Vec::new();
+    for edit in &scene.light_edits.emitters {
+        // What is not assumed this time is not changed.
+        if assumed.is_empty() && edit.id.starts_with('F') {
+            continue;
+        }
+        let all = || found.iter().chain(&assumed);
+        let emitter = all().find(|emitter| emitter.id == edit.id).ok_or_else(|| LightsError::Unknown {
+            id: edit.id.clone(),
+            known: all().map(|emitter| emitter.id.clone()).collect(),
+        })?;
+        let distance_m = (emitter.surface.centre_m - edit.found_at_m).length();
+        if distance_m > SAME_M + 0.5 * emitter.surface.area_m2.sqrt() {
+            return Err(LightsError::Elsewhere { id: edit.id.clone(), distance_m });
+        }
+        edited.push((emitter, edit.change));
+    }
+    let octree = change_octree(scene, &edited);
+    let moved = edited.iter().filter_map(|(emitter, change)| moved(emitter, change));
+    let added = scene.light_edits.added.iter().filter_map(|added| changed(&added.light, &added.change));
+    let lights: Vec<AnalyticLight> = moved.chain(added).collect();
+    let sun = lights.iter().any(|light| matches!(light.shape, LightShape::Sun { .. }));
+    let hides_suns = sun.then(|| what_hides_suns(estimate, &found)).flatten();
+    scene.edited = Some(Box::new(EditedLight { octree, lights, hides_suns }));
+    Ok(())
+}
+
+/// Turns off all emitters of a scene: what is left is light that surfaces reflect. `estimate` is as in [`apply_edits`]; the scene's own edits do not count.
+pub fn remove_emitters(scene: &mut Scene, estimate: &LightOctree) {
+    let mut found = emitters(scene, estimate);
+    found.extend(assumed_lamps(scene, estimate, &scene.light));
+    let off = LightChange { on: false, ..LightChange::NONE };
+    let edited: Vec<(&Emitter, LightChange)> = found.iter().map(|emitter| (emitter, off)).collect();
+    let octree = change_octree(scene, &edited);
+    scene.edited =
+        octree.map(|octree| Box::new(EditedLight { octree: Some(octree), lights: Vec::new(), hides_suns: None }));
+}
+
+/// The factor of an emitter's light, by channel.
+fn gain(emitter: &Emitter, change: &LightChange) -> Vec3 {
+    if !change.on {
+        return Vec3::ZERO;
+    }
+    let colour = change.color.map_or(Vec3::ONE, |color| gain_to_color(emitter.excess, color));
+    colour * change.scale
+}
+
+/// Changes the rows of the scene's light; `None` where there is nothing to change.
+fn change_octree(scene: &mut Scene, edited: &[(&Emitter, LightChange)]) -> Option<OctreeChange> {
+    let in_place: Vec<(&Emitter, Vec3)> = edited
+        .iter()
+        .filter(|(_, change)| *change != LightChange::NONE)
+        .map(|(emitter, change)| (*emitter, if change.at_m.is_some() { Vec3::ZERO } else { gain(emitter, change) }))
+        .collect();
+    if in_place.is_empty() {
+        return None;
+    }
+    let light = &scene.light;
+    // Of leaves first: what edited emitters give, what is to be added, and the factor for pictures.
+    let rows = |value: Vec3| -> Vec<Vec<Vec3>> { light.rgba.iter().map(|rows| vec![value; rows.len()]).collect() };
+    let (mut given, mut added, mut gains) = (rows(Vec3::ZERO), rows(Vec3::ZERO), rows(Vec3::ONE));
+    for (emitter, gain) in in_place {
+        for part in &emitter.parts {
+            given[part.depth][part.row] += part.excess;
+            added[part.depth][part.row] += part.excess * (gain - 1.0);
+            gains[part.depth][part.row] = gain;
+        }
+    }
+    for values in [&mut given, &mut added, &mut gains] {
+        merge_upwards(light, values);
+    }
+    let with = |change: &dyn Fn(Vec3, usize, usize) -> Vec3| -> Vec<Vec<[f32; 4]>> {
+        let of_depth = |(depth, rows): (usize, &Vec<[f32; 4]>)| {
+            let of_row = |(row, &[r, g, b, alpha]): (usize, &[f32; 4])| {
+                let [r, g, b] = change(Vec3::new(r, g, b), depth, row).max(Vec3::ZERO).to_array();
+                [r, g, b, alpha]
+            };
+            rows.iter().enumerate().map(of_row).collect()
+        };
+        light.rgba.iter().enumerate().map(of_depth).collect()
+    };
+    let after = with(&|radiance, depth, row| radiance + added[depth][row]);
+    let base = with(&|radiance, depth, row| radiance - given[depth][row]);
+    let gain = with(&|_, depth, row| gains[depth][row]);
+    let before = std::mem::replace(&mut scene.light.rgba, after);
+    Some(OctreeChange { before, base, gain })
+}
+
+/// Gives nodes above the leaves the mean of their children, weighted by opacity as their colour is.
+fn merge_upwards(light: &LightOctree, rows: &mut [Vec<Vec3>]) {
+    let mut below: Vec<Vec3> = Vec::new();
+    for (depth, level) in light.octree.levels().iter().enumerate().rev() {
+        let mut own = vec![Vec3::ZERO; level.len()];
+        for (node, own) in own.iter_mut().enumerate() {
+            let Ok(row) = usize::try_from(level.rows[node]) else { continue };
+            if level.children[node] >= 0 {
+                rows[depth][row] = mean_of_children(light, depth, node, &below);
+            }
+            *own = rows[depth][row];
+        }
+        below = own;
+    }
+}
+
+/// An emitter that was moved, as a light of its shape and flux; `None` where it was not, or is off.
+fn moved(emitter: &Emitter, change: &LightChange) -> Option<AnalyticLight> {
+    let centre_m = change.at_m?;
+    let size = |m: f32| m.clamp(MIN_LIGHT_SIZE_M, MAX_LIGHT_SIZE_M);
+    let shape = match emitter.surface.shape {
+        ClusterShape::Panel { direction, across, size_m } => {
+            LightShape::Rectangle { centre_m, direction, across, size_m: size_m.map(size), two_sided: false }
+        }
+        ClusterShape::Ball { radius_m } => LightShape::Sphere { centre_m, radius_m: size(radius_m) },
+        ClusterShape::Concave => LightShape::Sphere {
+            centre_m,
+            radius_m: size(0.5 * (emitter.surface.area_m2 / std::f32::consts::PI).sqrt()),
+        },
+    };
+    let light = AnalyticLight { shape, radiance: emitter.excess.to_array() };
+    changed(&light, &LightChange { at_m: None, ..*change })
+}
+
+/// A light after a change; `None` where it is off.
+fn changed(light: &AnalyticLight, change: &LightChange) -> Option<AnalyticLight> {
+    let own = Vec3::from(light.radiance);
+    let colour = change.color.map_or(Vec3::ONE, |color| gain_to_color(own, color));
+    let radiance = (own * colour * change.scale).min(Vec3::splat(MAX_LIGHT_RADIANCE)).to_array();
+    let mut shape = light.shape;
+    if let (Some(at_m), LightShape::Rectangle { centre_m, .. } | LightShape::Sphere { centre_m, .. }) =
+        (change.at_m, &mut shape)
+    {
+        *centre_m = at_m;
+    }
+    (change.on && radiance != [0.0; 3]).then_some(AnalyticLight { shape, radiance })
+}
+
+/// What the photo saw, without the leaves of emitters: suns shine through windows, and through walls that nobody saw. `None` where that is nothing.
+fn what_hides_suns(light: &LightOctree, emitters: &[Emitter]) -> Option<LightOctree> {
+    let mut shines: Vec<Vec<bool>> = light.rgba.iter().map(|rows| vec![false; rows.len()]).collect();
+    for part in emitters.iter().flat_map(|emitter| &emitter.parts) {
+        shines[part.depth][part.row] = true;
+    }
+    let leaves = light.octree.levels().iter().enumerate().map(|(depth, level)| {
+        let mut seen = LeafRows::default();
+        for node in (0..level.len()).filter(|&node| level.children[node] < 0) {
+            let Ok(row) = usize::try_from(level.rows[node]) else { continue };
+            if light.seen[depth][row] > 0 && !shines[depth][row] {
+                seen.keys.push(level.keys[node]);
+                seen.rgba.push([0.0, 0.0, 0.0, light.rgba[depth][row][3]]);
+                seen.seen.push(255);
+            }
+        }
+        seen
+    });
+    let leaves: Vec<LeafRows> = leaves.collect();
+    if leaves.iter().all(|leaves| leaves.keys.is_empty()) {
+        return None;
+    }
+    LightOctree::from_uneven_leaves(leaves, light.cube, light.octree.full_depth(), |_, _| Ancestor::Merged).ok()
+}

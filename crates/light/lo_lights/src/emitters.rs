@@ -1,0 +1,310 @@
+//! What gives light in an octree: groups of leaves above the cap, and lamps that were assumed.
+
+use std::collections::VecDeque;
+use std::f32::consts::PI;
+
+use lo_cone::{Cone, ConeTracer, Settings};
+use lo_geometry::Vec3;
+use lo_octree::LightOctree;
+use lo_scene::{Scene, Side};
+
+use crate::cap::{cap_of, luminance};
+use crate::colour::color_temperature_k;
+use crate::free::free_share;
+use crate::kind::{Kind, Origin};
+use crate::leaves::{Leaf, Leaves};
+use crate::shape::{ClusterShape, ClusterSurface, LeafSurface};
+
+/// Layers of leaves around those above the cap that an emitter still shines in: what fills a leaf in part, and what blending spreads.
+const HALO_LAYERS: u8 = 2;
+
+/// Most emitters of a room; the weaker ones are surfaces.
+const MAX_EMITTERS: usize = 64;
+
+/// Least share of all light that an emitter gives.
+const MIN_FLUX_SHARE: f32 = 1e-3;
+
+/// Share of its brightest leaf's light from which on a leaf counts for the shape of an assumed lamp, which fades to its sides.
+const ASSUMED_CORE: f32 = 0.5;
+
+/// Least area of a window, in m², and its least colour temperature in kelvin: the photo's white is daylight, lamps are warmer.
+const MIN_WINDOW_M2: f32 = 0.25;
+const MIN_WINDOW_K: f32 = 4000.0;
+
+/// Sine of the steepest angle from the horizontal that a window looks along.
+const MAX_WINDOW_TILT: f32 = 0.5;
+
+/// Largest area of a lamp that does not hang from the ceiling, in m².
+const MAX_LAMP_M2: f32 = 0.5;
+
+/// What gives light, found in an octree.
+#[derive(Clone, Debug)]
+pub struct Emitter {
+    /// Its name: a letter and its rank by flux, `L1` for what the estimate has, `F1` for an assumed lamp.
+    pub id: String,
+    /// Who says that it is there.
+    pub origin: Origin,
+    /// What it is, where that is clear.
+    pub kind: Kind,
+    /// Where it is, and its shape.
+    pub surface: ClusterSurface,
+    /// Mean linear RGB radiance of the surface.
+    pub radiance: Vec3,
+    /// Mean linear RGB radiance beyond that of what surrounds it: what edits change.
+    pub excess: Vec3,
+    /// Share that the latter has of all light that surfaces give off.
+    pub flux_share: f32,
+    /// How far it is to be believed, from 0 to 1: what the photo saw or a panorama gave is sure, of the rest a network tells. `None` where nobody does.
+    pub certainty: Option<f32>,
+    /// Its leaves.
+    pub(crate) parts: Vec<Part>,
+}
+
+/// What a leaf has of an emitter.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Part {
+    pub depth: usize,
+    pub row: usize,
+    /// Area of its surface in the room, m².
+    pub area_m2: f32,
+    /// Linear RGB radiance beyond that of what surrounds the emitter.
+    pub excess: Vec3,
+}
+
+/// The emitters of a scene's estimate, by falling flux; none where lamps and windows are no brighter than [`CAP`](crate::CAP) times the mean.
+///
+/// An emitter is a group of touching leaves above the cap. It gives what these, and the two layers of leaves around them, have beyond what is two leaves
+/// further off. The same octree gives the same emitters and names.
+pub fn emitters(scene: &Scene, estimate: &LightOctree) -> Vec<Emitter> {
+    let light = without_lobes(estimate);
+    let tracer = tracer(&light);
+    let leaves = Leaves::of(&light, &tracer);
+    let cap = cap_of(&light);
+    let groups = groups(&light, &leaves, |leaf| leaf.luminance() > cap);
+    let halo = Halo::around(&light, &leaves, &groups);
+    let dull = median(&leaves);
+    let found = groups.iter().enumerate().filter_map(|(number, core)| {
+        let parts = halo.parts(&leaves, number, dull);
+        let mut found = emitter(scene, &leaves, core, parts)?;
+        if shown_share(scene, &leaves, core, &tracer) >= 0.5 {
+            found.origin = Origin::Seen;
+        }
+        Some(found)
+    });
+    ranked(found.collect(), 'L')
+}
+
+/// The lamps that somebody assumed in a scene, by falling flux: what `light` has beyond the `estimate`, an octree with the same nodes.
+pub fn assumed_lamps(scene: &Scene, estimate: &LightOctree, light: &LightOctree) -> Vec<Emitter> {
+    if estimate.rgba == light.rgba || estimate.octree != light.octree {
+        return Vec::new();
+    }
+    let light = without_lobes(light);
+    let mut leaves = Leaves::of(&light, &tracer(&light));
+    // The lamp alone.
+    for leaf in &mut leaves.all {
+        let [r, g, b, _] = estimate.rgba[leaf.depth as usize][leaf.row];
+        leaf.radiance = (leaf.radiance - Vec3::new(r, g, b)).max(Vec3::ZERO);
+        leaf.surface.luminance = luminance(leaf.radiance);
+    }
+    let whole: f32 = light_given(&Leaves::of(&light, &tracer(&light)));
+    let brightest = leaves.all.iter().map(Leaf::luminance).fold(0.0, f32::max);
+    let groups = groups(&light, &leaves, |leaf| leaf.luminance() > 1e-6 * brightest);
+    let found = groups.iter().filter_map(|group| {
+        let most = group.iter().map(|&i| leaves.all[i].luminance()).fold(0.0, f32::max);
+        let core: Vec<usize> =
+            group.iter().copied().filter(|&i| leaves.all[i].luminance() >= ASSUMED_CORE * most).collect();
+        let part = |&i: &usize| part(&leaves.all[i], leaves.all[i].radiance);
+        let mut found = emitter(scene, &leaves, &core, group.iter().map(part).collect())?;
+        (found.origin, found.certainty) = (Origin::Assumed, None);
+        found.kind = Kind::Lamp;
+        found.flux_share = found.flux_share * light_given(&leaves) / whole.max(1e-9);
+        Some(found)
+    });
+    ranked(found.collect(), 'F')
+}
+
+/// All light that surfaces give off, of luminance 1 by 1 m² and 1 sr: π L A.
+fn light_given(leaves: &Leaves) -> f32 {
+    PI * leaves.all.iter().map(|leaf| leaf.luminance() * leaf.surface.area_m2).sum::<f32>()
+}
+
+fn without_lobes(light: &LightOctree) -> LightOctree {
+    LightOctree { lobes: None, ..light.clone() }
+}
+
+pub(crate) fn tracer(light: &LightOctree) -> ConeTracer {
+    ConeTracer::new(light, Settings::default()).expect("the usual settings are valid, and there are no lobes")
+}
+
+/// Touching leaves that are `lit`, group by group, each in the order of the leaves.
+fn groups(light: &LightOctree, leaves: &Leaves, lit: impl Fn(&Leaf) -> bool) -> Vec<Vec<usize>> {
+    let mut open: Vec<bool> = leaves.all.iter().map(lit).collect();
+    let mut groups = Vec::new();
+    let mut touching = Vec::new();
+    for first in 0..leaves.all.len() {
+        if !std::mem::take(&mut open[first]) {
+            continue;
+        }
+        let mut group = vec![first];
+        let mut next = 0;
+        while let Some(&leaf) = group.get(next) {
+            next += 1;
+            touching.clear();
+            leaves.touching(light, leaf, &mut touching);
+            group.extend(touching.iter().copied().filter(|&i| std::mem::take(&mut open[i])));
+        }
+        group.sort_unstable();
+        groups.push(group);
+    }
+    groups
+}
+
+/// The layers of leaves around groups; each leaf belongs to the nearest group.
+struct Halo {
+    /// By group: its leaves and those of its halo, and those around it that tell what it would look like without its light.
+    groups: Vec<(Vec<usize>, Vec<usize>)>,
+}
+
+impl Halo {
+    fn around(light: &LightOctree, leaves: &Leaves, groups: &[Vec<usize>]) -> Self {
+        let mut found: Vec<(Vec<usize>, Vec<usize>)> = groups.iter().map(|group| (group.clone(), Vec::new())).collect();
+        let mut reached = vec![false; leaves.all.len()];
+        let mut queue = VecDeque::new();
+        for (number, group) in groups.iter().enumerate() {
+            for &leaf in group {
+                reached[leaf] = true;
+                queue.push_back((leaf, number, 0u8));
+            }
+        }
+        let mut touching = Vec::new();
+        while let Some((leaf, number, layer)) = queue.pop_front() {
+            touching.clear();
+            leaves.touching(light, leaf, &mut touching);
+            for &next in &touching {
+                if std::mem::replace(&mut reached[next], true) {
+                    continue;
+                }
+                if layer < HALO_LAYERS {
+                    found[number].0.push(next);
+                    queue.push_back((next, number, layer + 1));
+                } else {
+                    found[number].1.push(next);
+                }
+            }
+        }
+        Self { groups: found }
+    }
+
+    /// What each leaf of a group has beyond what surrounds the group, blended by the inverse fourth power of the distance; `dull` where nothing does.
+    fn parts(&self, leaves: &Leaves, number: usize, dull: Vec3) -> Vec<Part> {
+        let (own, around) = &self.groups[number];
+        let base = |leaf: &Leaf| {
+            let mut sum = (Vec3::ZERO, 0.0);
+            for ring in around.iter().map(|&i| &leaves.all[i]) {
+                let squared = (ring.surface.centre_m - leaf.surface.centre_m).length_squared();
+                let weight = ring.surface.edge_m.powi(2) / squared.powi(2).max(1e-12);
+                sum.0 += ring.radiance * weight;
+                sum.1 += weight;
+            }
+            if sum.1 > 0.0 { sum.0 / sum.1 } else { dull }
+        };
+        let of_leaf = |&i: &usize| {
+            let leaf = &leaves.all[i];
+            let base = base(leaf);
+            let brighter = leaf.luminance() > luminance(base);
+            part(leaf, if brighter { (leaf.radiance - base).max(Vec3::ZERO) } else { Vec3::ZERO })
+        };
+        own.iter().map(of_leaf).collect()
+    }
+}
+
+fn part(leaf: &Leaf, excess: Vec3) -> Part {
+    Part { depth: leaf.depth as usize, row: leaf.row, area_m2: leaf.surface.area_m2, excess }
+}
+
+/// Radiance of the leaf of middle luminance.
+fn median(leaves: &Leaves) -> Vec3 {
+    let mut order: Vec<usize> = (0..leaves.all.len()).collect();
+    order.sort_by(|&a, &b| leaves.all[a].luminance().total_cmp(&leaves.all[b].luminance()));
+    order.get(order.len() / 2).map_or(Vec3::ZERO, |&i| leaves.all[i].radiance)
+}
+
+/// Of the leaves that make its shape and all that it shines in; `None` where it has no surface in the room.
+fn emitter(scene: &Scene, leaves: &Leaves, core: &[usize], parts: Vec<Part>) -> Option<Emitter> {
+    let members = || core.iter().map(|&i| &leaves.all[i]);
+    let surfaces: Vec<LeafSurface> = members().map(|leaf| leaf.surface).collect();
+    let surface = ClusterSurface::of(&surfaces)?;
+    let mean = |value: &dyn Fn(&Leaf) -> Vec3| {
+        members().map(|leaf| value(leaf) * leaf.surface.area_m2).sum::<Vec3>() / surface.area_m2
+    };
+    let radiance = mean(&|leaf| leaf.radiance);
+    // The whole light of its leaves and their halo, over the surface of the former.
+    let excess = parts.iter().map(|part| part.excess * part.area_m2).sum::<Vec3>() / surface.area_m2;
+    let flux_share = PI * luminance(excess) * surface.area_m2 / light_given(leaves).max(1e-9);
+    let share = |shares: &[Vec<u8>], leaf: &Leaf| f32::from(shares[leaf.depth as usize][leaf.row]) / 255.0;
+    let panorama = scene.panorama.as_ref().map_or(0.0, |laid| mean(&|leaf| Vec3::splat(share(&laid.share, leaf))).x);
+    let certain = |confidence: &Vec<Vec<u8>>| {
+        let of_leaf = |leaf: &Leaf| {
+            let known =
+                share(&scene.light.seen, leaf) + scene.panorama.as_ref().map_or(0.0, |laid| share(&laid.share, leaf));
+            Vec3::splat(known + (1.0 - known).max(0.0) * share(confidence, leaf))
+        };
+        mean(&of_leaf).x.clamp(0.0, 1.0)
+    };
+    let certainty = scene.confidence.as_ref().map(certain);
+    let origin = if panorama >= 0.5 { Origin::Panorama } else { Origin::Guessed };
+    let kind = kind(scene, &surface, radiance);
+    Some(Emitter { id: String::new(), origin, kind, surface, radiance, excess, flux_share, certainty, parts })
+}
+
+/// Share of the leaves' surface that the photo shows, with a depth reading or without: what lies in the picture and nothing before it.
+fn shown_share(scene: &Scene, leaves: &Leaves, core: &[usize], tracer: &ConeTracer) -> f32 {
+    let camera = &scene.frame.camera;
+    let mut shares = (0.0, 0.0);
+    for leaf in core.iter().map(|&i| &leaves.all[i]) {
+        let LeafSurface { centre_m, edge_m, area_m2, .. } = leaf.surface;
+        let distance_m = centre_m.length();
+        let inside = camera.project(centre_m).is_some_and(|(u, v, _)| camera.contains(u, v)) && distance_m > edge_m;
+        let free = inside.then(|| {
+            let direction = centre_m / distance_m;
+            let sample = tracer.trace(&Cone { origin: Vec3::ZERO, direction, tan_half_angle: 0.0 });
+            free_share(distance_m, &sample, edge_m)
+        });
+        shares.0 += area_m2 * free.unwrap_or(0.0);
+        shares.1 += area_m2;
+    }
+    shares.0 / f32::max(shares.1, 1e-9)
+}
+
+/// A window is large, upright and day-like; a lamp is small, or shines down. Everything else is a bright surface.
+fn kind(scene: &Scene, surface: &ClusterSurface, radiance: Vec3) -> Kind {
+    let up = scene.room.as_ref().map_or(Vec3::Y, |room| room.up);
+    let ClusterShape::Panel { direction, .. } = surface.shape else {
+        return if surface.area_m2 <= MAX_LAMP_M2 { Kind::Lamp } else { Kind::BrightSurface };
+    };
+    let rise = direction.dot(up);
+    let day = color_temperature_k(radiance.to_array()).is_some_and(|kelvin| kelvin >= MIN_WINDOW_K);
+    let ceiling = scene.room.as_ref().and_then(|room| room.planes.iter().find(|plane| plane.side == Side::Ceiling));
+    let high = ceiling.is_none_or(|ceiling| ceiling.plane.signed_distance_m(surface.centre_m) < 0.5);
+    if rise > MAX_WINDOW_TILT {
+        Kind::BrightSurface
+    } else if rise.abs() <= MAX_WINDOW_TILT && surface.area_m2 >= MIN_WINDOW_M2 && day {
+        Kind::Window
+    } else if surface.area_m2 <= MAX_LAMP_M2 || (rise < -MAX_WINDOW_TILT && high) {
+        Kind::Lamp
+    } else {
+        Kind::BrightSurface
+    }
+}
+
+/// By falling flux, named by rank, without the negligible ones.
+fn ranked(mut found: Vec<Emitter>, letter: char) -> Vec<Emitter> {
+    found.retain(|emitter| emitter.flux_share >= MIN_FLUX_SHARE);
+    found.sort_by(|a, b| b.flux_share.total_cmp(&a.flux_share));
+    found.truncate(MAX_EMITTERS);
+    for (rank, emitter) in found.iter_mut().enumerate() {
+        emitter.id = format!("{letter}{}", rank + 1);
+    }
+    found
+}

@@ -1,0 +1,127 @@
+//! The leaves of an octree with the surface that they show to the room, and who touches whom.
+
+use lo_cone::{Cone, ConeSample, ConeTracer};
+use lo_geometry::Vec3;
+use lo_octree::LightOctree;
+
+use crate::cap::luminance;
+use crate::shape::LeafSurface;
+use crate::split::exposed_normals;
+
+/// Half-angle tangent of the rays that ask whether a face looks into the room.
+const RAY_TANGENT: f32 = 0.01;
+
+/// Opacity of what such a ray meets, from which on it does. The back of a closed room's shell looks into empty space.
+const MET: f32 = 0.5;
+
+/// A non-empty node that is not split.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Leaf {
+    pub depth: u32,
+    pub key: u32,
+    pub row: usize,
+    pub radiance: Vec3,
+    pub surface: LeafSurface,
+}
+
+impl Leaf {
+    pub fn luminance(&self) -> f32 {
+        luminance(self.radiance)
+    }
+}
+
+/// All leaves, the coarse ones first and in node order within a depth.
+pub(crate) struct Leaves {
+    pub all: Vec<Leaf>,
+    /// `index[depth][node]`: number of the leaf, `u32::MAX` of other nodes.
+    index: Vec<Vec<u32>>,
+}
+
+impl Leaves {
+    pub fn of(light: &LightOctree, tracer: &ConeTracer) -> Self {
+        let mut all = Vec::new();
+        let mut index = Vec::new();
+        for (depth, level) in light.octree.levels().iter().enumerate() {
+            let edge_m = light.cube.node_edge_m(depth as u32);
+            let mut numbers = vec![u32::MAX; level.len()];
+            for node in (0..level.len()).filter(|&node| level.children[node] < 0 && level.rows[node] >= 0) {
+                let (key, row) = (level.keys[node], level.rows[node] as usize);
+                let [r, g, b, _] = light.rgba[depth][row];
+                let radiance = Vec3::new(r, g, b);
+                numbers[node] = all.len() as u32;
+                let surface = LeafSurface {
+                    centre_m: light.node_middle_m(depth as u32, key),
+                    edge_m,
+                    area_m2: 0.0,
+                    vector_area_m2: Vec3::ZERO,
+                    luminance: luminance(radiance),
+                };
+                all.push(Leaf { depth: depth as u32, key, row, radiance, surface });
+            }
+            index.push(numbers);
+        }
+        let mut leaves = Self { all, index };
+        leaves.find_surfaces(light, tracer);
+        leaves
+    }
+
+    /// Faces that border on empty nodes and look into the room; all of the former where none does.
+    fn find_surfaces(&mut self, light: &LightOctree, tracer: &ConeTracer) {
+        let mut faces: Vec<(usize, Vec3)> = Vec::new();
+        for (i, leaf) in self.all.iter().enumerate() {
+            faces.extend(exposed_normals(light, leaf.depth, leaf.surface.centre_m).map(|normal| (i, normal)));
+        }
+        let cone = |&(i, normal): &(usize, Vec3)| {
+            let LeafSurface { centre_m, edge_m, .. } = self.all[i].surface;
+            Cone { origin: centre_m + normal * 1.5 * edge_m, direction: normal, tan_half_angle: RAY_TANGENT }
+        };
+        let cones: Vec<Cone> = faces.iter().map(cone).collect();
+        let mut samples = vec![ConeSample::default(); cones.len()];
+        tracer.trace_batch(&cones, &mut samples);
+        let closed = samples.iter().any(|sample| sample.opacity > MET);
+        let mut axes = vec![Vec3::ZERO; self.all.len()];
+        for ((i, normal), sample) in faces.into_iter().zip(&samples) {
+            if !closed || sample.opacity > MET {
+                axes[i] += normal.abs();
+                let surface = &mut self.all[i].surface;
+                surface.vector_area_m2 += normal * surface.edge_m * surface.edge_m;
+            }
+        }
+        // A slanted wall's faces are a staircase whose area exceeds the wall's by up to √3; the norm over the axes is exact for diagonal ones, too.
+        for (leaf, axes) in self.all.iter_mut().zip(axes) {
+            leaf.surface.area_m2 = axes.length() * leaf.surface.edge_m * leaf.surface.edge_m;
+        }
+    }
+
+    /// Appends the numbers of the leaves that touch one, at a corner at least.
+    pub fn touching(&self, light: &LightOctree, leaf: usize, found: &mut Vec<usize>) {
+        let Leaf { depth, key, .. } = self.all[leaf];
+        let xyz = lo_octree::xyz_from_key(key);
+        let side = 1i64 << depth;
+        for offset in (0..27i64).filter(|offset| *offset != 13) {
+            let moved =
+                [xyz[0] as i64 + offset / 9 - 1, xyz[1] as i64 + offset / 3 % 3 - 1, xyz[2] as i64 + offset % 3 - 1];
+            if moved.iter().all(|c| (0..side).contains(c)) {
+                let key = lo_octree::key_from_xyz(moved.map(|c| c as u32));
+                let (depth, node) = light.octree.deepest(depth, key);
+                self.collect(light, (depth as usize, node), leaf, found);
+            }
+        }
+    }
+
+    fn collect(&self, light: &LightOctree, (depth, node): (usize, usize), of: usize, found: &mut Vec<usize>) {
+        let first = light.octree.levels()[depth].children[node];
+        if first >= 0 {
+            (0..8).for_each(|child| self.collect(light, (depth + 1, first as usize + child), of, found));
+            return;
+        }
+        let number = self.index[depth][node];
+        if number != u32::MAX && number as usize != of && !found.contains(&(number as usize)) {
+            let (a, b) = (&self.all[of].surface, &self.all[number as usize].surface);
+            // Of the fine leaves within a neighbour those on its near side.
+            if (a.centre_m - b.centre_m).abs().max_element() < 0.51 * (a.edge_m + b.edge_m) {
+                found.push(number as usize);
+            }
+        }
+    }
+}

@@ -1,0 +1,128 @@
+use lo_geometry::Vec3;
+use lo_octree::LightOctree;
+use lo_scene::{AddedLight, EmitterEdit, LightChange, LightShape, Scene};
+use serde::Serialize;
+
+use crate::cap::luminance;
+use crate::colour::color_temperature_k;
+use crate::emitters::{Emitter, assumed_lamps, emitters};
+use crate::kind::{Kind, Origin};
+use crate::shape::ClusterShape;
+
+/// One line of the list of lights. Its light is that before changes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ListedLight {
+    /// Its name.
+    pub id: String,
+    /// What it is.
+    pub kind: Kind,
+    /// Who says so.
+    pub origin: Origin,
+    /// Middle, in metres of the photo's frame; none of a sun.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub position_m: Option<Vec3>,
+    /// Unit direction that it shines to; of a sun towards it. None of what shines all around.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub direction: Option<Vec3>,
+    /// Width and height of a rectangle, metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub size_m: Option<[f32; 2]>,
+    /// Radius of a sphere, metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub radius_m: Option<f32>,
+    /// Half of the angle that a sun is seen under, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub angular_radius_deg: Option<f32>,
+    /// Emitting area, m²; none of a sun.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub area_m2: Option<f32>,
+    /// Mean linear RGB radiance.
+    pub radiance: [f32; 3],
+    /// Irradiance on a surface that faces a sun, luminance; none of others.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub irradiance: Option<f32>,
+    /// Correlated colour temperature, where its colour is near that of a black body.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub color_temperature_k: Option<f32>,
+    /// Share of all light that surfaces of the estimate give off; none of what was added.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub flux_share: Option<f32>,
+    /// How far it is to be believed, from 0 to 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub certainty: Option<f32>,
+    /// What is changed of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub change: Option<LightChange>,
+}
+
+/// The lights of a scene whose edits were not applied: those of its `estimate`, what was assumed beside it in [`Scene::light`], and what was added.
+pub fn list(scene: &Scene, estimate: &LightOctree) -> Vec<ListedLight> {
+    let change = |id: &str| {
+        let edit = scene.light_edits.emitters.iter().find(|edit| edit.id == id);
+        edit.map(|EmitterEdit { change, .. }| *change)
+    };
+    let mut found = emitters(scene, estimate);
+    found.extend(assumed_lamps(scene, estimate, &scene.light));
+    let found = found.iter().map(|emitter| of_emitter(emitter, change(&emitter.id)));
+    found.chain(scene.light_edits.added.iter().map(of_added)).collect()
+}
+
+fn of_emitter(emitter: &Emitter, change: Option<LightChange>) -> ListedLight {
+    let Emitter { id, origin, kind, surface, radiance, flux_share, certainty, .. } = emitter;
+    let (direction, size_m, radius_m) = match surface.shape {
+        ClusterShape::Panel { direction, size_m, .. } => (Some(direction), Some(size_m), None),
+        ClusterShape::Ball { radius_m } => (None, None, Some(radius_m)),
+        ClusterShape::Concave => (None, None, None),
+    };
+    ListedLight {
+        id: id.clone(),
+        kind: *kind,
+        origin: *origin,
+        position_m: Some(surface.centre_m),
+        direction,
+        size_m,
+        radius_m,
+        angular_radius_deg: None,
+        area_m2: Some(surface.area_m2),
+        radiance: radiance.to_array(),
+        irradiance: None,
+        color_temperature_k: color_temperature_k(radiance.to_array()),
+        flux_share: Some(*flux_share),
+        certainty: *certainty,
+        change,
+    }
+}
+
+fn of_added(AddedLight { id, light, change }: &AddedLight) -> ListedLight {
+    let radiance = light.radiance;
+    let mut listed = ListedLight {
+        id: id.clone(),
+        kind: Kind::Area,
+        origin: Origin::Added,
+        position_m: light.centre_m(),
+        direction: None,
+        size_m: None,
+        radius_m: None,
+        angular_radius_deg: None,
+        area_m2: Some(light.extent()),
+        radiance,
+        irradiance: None,
+        color_temperature_k: color_temperature_k(radiance),
+        flux_share: None,
+        certainty: None,
+        change: (*change != LightChange::NONE).then_some(*change),
+    };
+    match light.shape {
+        LightShape::Rectangle { direction, size_m, .. } => {
+            (listed.direction, listed.size_m) = (Some(direction), Some(size_m));
+        }
+        LightShape::Sphere { radius_m, .. } => listed.radius_m = Some(radius_m),
+        LightShape::Sun { direction, angular_radius_deg } => {
+            listed.kind = Kind::Sun;
+            (listed.direction, listed.angular_radius_deg) = (Some(direction), Some(angular_radius_deg));
+            listed.irradiance = Some(luminance(Vec3::from(radiance)) * light.extent());
+            listed.area_m2 = None;
+        }
+    }
+    listed
+}

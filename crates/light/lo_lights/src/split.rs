@@ -1,0 +1,77 @@
+use lo_geometry::Vec3;
+use lo_octree::LightOctree;
+
+use crate::cap::{cap_of, excess};
+use crate::{LightPatch, PatchShape};
+
+/// Splits a lighting octree at the cap: patches of light, and the octree without their excess. The two add up to the whole.
+///
+/// The patches are the faces of bright leaves that border on empty space. On flat and slanted lamps alike their projections to
+/// any direction add up to the lamp's own. `faces_room(position, normal)` tells faces that look into the room from those at the
+/// back of the shell.
+pub fn split_octree(light: &LightOctree, faces_room: impl Fn(Vec3, Vec3) -> bool) -> (Vec<LightPatch>, LightOctree) {
+    let levels = light.octree.levels();
+    let is_leaf = |d: usize, node: usize| levels[d].children[node] < 0 && levels[d].rows[node] >= 0;
+    let cap = cap_of(light);
+    let mut dimmed = light.clone();
+    let mut emitters = Vec::new();
+    // From the leaves up: a parent's excess is its children's, weighted by opacity as its colour is.
+    let mut below: Vec<Vec3> = Vec::new();
+    for (d, level) in levels.iter().enumerate().rev() {
+        let mut own = vec![Vec3::ZERO; level.len()];
+        for (node, own) in own.iter_mut().enumerate() {
+            let Ok(row) = usize::try_from(level.rows[node]) else { continue };
+            let [r, g, b, _] = light.rgba[d][row];
+            let radiance = Vec3::new(r, g, b);
+            if is_leaf(d, node) {
+                *own = excess(radiance, cap);
+                if *own != Vec3::ZERO {
+                    emitters.extend(exposed_faces(light, d as u32, level.keys[node], *own));
+                }
+            } else if level.children[node] >= 0 {
+                *own = mean_of_children(light, d, node, &below);
+            }
+            let rest = (radiance - *own).max(Vec3::ZERO);
+            dimmed.rgba[d][row][..3].copy_from_slice(&rest.to_array());
+        }
+        below = own;
+    }
+    let inside: Vec<LightPatch> = emitters
+        .iter()
+        .filter(|e| matches!(e.shape, PatchShape::Square { centre, normal, edge_m } if faces_room(centre + normal * 1.5 * edge_m, normal)))
+        .copied()
+        .collect();
+    // An octree that is not closed has no inside; then every face may count.
+    (if inside.is_empty() { emitters } else { inside }, dimmed)
+}
+
+/// Of values of the nodes one level below, the mean over the children of a node that is split, weighted by opacity.
+pub(crate) fn mean_of_children(light: &LightOctree, depth: usize, node: usize, below: &[Vec3]) -> Vec3 {
+    let first = light.octree.levels()[depth].children[node] as usize;
+    let opacity = |child: usize| light.node_rgba(depth as u32 + 1, child).map_or(0.0, |rgba| rgba[3]);
+    let weight: f32 = (first..first + 8).map(opacity).sum();
+    let sum: Vec3 = (first..first + 8).map(|child| below[child] * opacity(child)).sum();
+    if weight > 0.0 { sum / weight } else { Vec3::ZERO }
+}
+
+/// The faces of a leaf that border on empty nodes, as patches at the middle of the leaf: where in a leaf the surface lies
+/// is not known.
+fn exposed_faces(light: &LightOctree, depth: u32, key: u32, radiance: Vec3) -> impl Iterator<Item = LightPatch> {
+    let edge_m = light.cube.node_edge_m(depth);
+    let [x, y, z] = lo_octree::xyz_from_key(key).map(|c| c as f32 + 0.5);
+    let centre = light.cube.origin_m + Vec3::new(x, y, z) * edge_m;
+    exposed_normals(light, depth, centre).map(move |normal| LightPatch {
+        shape: PatchShape::Square { centre, normal, edge_m },
+        radiance,
+        extent: edge_m * edge_m,
+    })
+}
+
+/// Normals of the faces of the node of this depth and middle that border on empty nodes.
+pub(crate) fn exposed_normals(light: &LightOctree, depth: u32, centre: Vec3) -> impl Iterator<Item = Vec3> {
+    let edge_m = light.cube.node_edge_m(depth);
+    let axes = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z];
+    axes.into_iter().filter(move |normal| {
+        light.locate(centre + *normal * edge_m, depth).is_none_or(|(d, node)| light.node_rgba(d, node).is_none())
+    })
+}
