@@ -1,4 +1,4 @@
-use lo_completion::LampFit;
+use lo_completion::{LampFit, scale_guessed};
 use lo_lights::{LightsError, ListedLight};
 use lo_octree::LightOctree;
 use lo_scene::Scene;
@@ -33,10 +33,13 @@ pub fn list_lights(scene: &Scene) -> Vec<ListedLight> {
     lo_lights::list(&lit, &estimate)
 }
 
-/// The scene's light before the lamp is added.
+/// The scene's light before lamps are added, with guessed light as bright on the whole as they were fitted for.
 fn with_lamp(scene: &mut Scene, lamp: bool) -> (LightOctree, LampFit) {
-    let before = scene.light.clone();
+    let mut before = scene.light.clone();
     let report = if lamp { fit_lamps(scene) } else { LampFit::default() };
+    if report.scale != 1.0 {
+        scale_guessed(&mut before, report.scale);
+    }
     // What differs by direction was fixed to a place with the lamp, and the two cannot be told apart.
     let estimate = if before.lobes == scene.light.lobes { before } else { scene.light.clone() };
     (estimate, report)

@@ -36,9 +36,8 @@ const MIN_PATCH: f32 = 1e-3;
 /// Whoever completes a room with the likeliest light leaves out its lamps: where they are cannot be known, but that they are can. A diffuse surface
 /// of radiance L gets E ≥ π L, since its albedo is at most 1. The lamp is the weakest that makes this so for three quarters of what is seen, by
 /// area (clipped pixels count with what is known of them), as long as what stands face up in the middle of the view does not get more than the
-/// shell's limit. Panoramas are farther from the truth with it, as with any lamp that is not where the true one is
-/// (`docs/design/013-lamp-for-objects.md`): this is for lighting objects. Where nodes have lobes, the octree becomes what is seen of it from
-/// the middle of the view.
+/// shell's limit. A baseline for [`fit_lamps`](crate::fit_lamps). Where nodes have lobes, the octree becomes what is seen of it from the middle
+/// of the view.
 pub fn light_from_above(light: &mut LightOctree, seen: &[Surfel], up: Vec3) -> LampReport {
     let Some(wanted_irradiance) = wanted(seen) else { return LampReport::default() };
     let stride = seen.len().div_ceil(RECEIVERS).max(1);

@@ -6,7 +6,7 @@ use std::f32::consts::PI;
 use lo_cone::Viewers;
 use lo_geometry::{Camera, Cube, Plane, Vec3};
 use lo_imaging::{Image, Photo, luminance};
-use lo_insert::{Composite, Inserter, Lighting, Placement, Quality};
+use lo_insert::{Composite, Inserter, Instance, Lighting, Placement, Quality};
 use lo_lights::{apply_edits, list};
 use lo_mesh::{LoadOptions, Material, Model, PreparedModel};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
@@ -86,7 +86,7 @@ fn render(scene: &Scene) -> Composite {
     let position_m = CENTRE - Vec3::Y * RADIUS;
     let placement = Placement { position_m, scale: RADIUS, yaw_rad: 0.0, up: Vec3::Y, support };
     let inserter = Inserter::new(scene, Lighting::Octree, Quality::High).unwrap();
-    inserter.render(&sphere(), &placement, &mut lo_events::ignore).unwrap()
+    inserter.render(&[Instance::new(&sphere(), placement)], &mut lo_events::ignore).unwrap()
 }
 
 fn pixel(scene: &Scene, point: Vec3) -> (usize, usize) {

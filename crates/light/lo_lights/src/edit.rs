@@ -58,14 +58,22 @@ pub fn apply_edits(scene: &mut Scene, estimate: &LightOctree) -> Result<(), Ligh
             continue;
         }
         let all = || found.iter().chain(&assumed);
-        let emitter = all().find(|emitter| emitter.id == edit.id).ok_or_else(|| LightsError::Unknown {
-            id: edit.id.clone(),
-            known: all().map(|emitter| emitter.id.clone()).collect(),
-        })?;
-        let distance_m = (emitter.surface.centre_m - edit.found_at_m).length();
-        if distance_m > SAME_M + 0.5 * emitter.surface.area_m2.sqrt() {
-            return Err(LightsError::Elsewhere { id: edit.id.clone(), distance_m });
-        }
+        let away_m = |emitter: &Emitter| (emitter.surface.centre_m - edit.found_at_m).length();
+        let is_there = |emitter: &&Emitter| {
+            emitter.id.get(..1) == edit.id.get(..1) && away_m(emitter) <= SAME_M + 0.5 * emitter.surface.area_m2.sqrt()
+        };
+        // Names go by flux, which fitted lamps change: of those at the place the one of that name, or the nearest.
+        let named = all().find(|emitter| emitter.id == edit.id);
+        let near = || all().filter(is_there).min_by(|a, b| away_m(a).total_cmp(&away_m(b)));
+        let Some(emitter) = named.filter(is_there).or_else(near) else {
+            return Err(match named {
+                Some(emitter) => LightsError::Elsewhere { id: edit.id.clone(), distance_m: away_m(emitter) },
+                None => LightsError::Unknown {
+                    id: edit.id.clone(),
+                    known: all().map(|emitter| emitter.id.clone()).collect(),
+                },
+            });
+        };
         edited.push((emitter, edit.change));
     }
     let octree = change_octree(scene, &edited);

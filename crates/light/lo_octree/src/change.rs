@@ -13,11 +13,10 @@ impl LightOctree {
                 let [r, g, b, _] = self.rgba[depth][row];
                 if let Ok(first) = usize::try_from(level.children[node]) {
                     let (mut sum, mut weight) = ([0.0; 3], 0.0);
-                    for child in first..first + 8 {
-                        let opacity = usize::try_from(levels[depth + 1].rows[child])
-                            .map_or(0.0, |row| self.rgba[depth + 1][row][3]);
+                    for (row, change) in levels[depth + 1].rows[first..first + 8].iter().zip(&below[first..first + 8]) {
+                        let opacity = usize::try_from(*row).map_or(0.0, |row| self.rgba[depth + 1][row][3]);
                         weight += opacity;
-                        sum.iter_mut().zip(below[child]).for_each(|(sum, change)| *sum += opacity * change);
+                        sum.iter_mut().zip(change).for_each(|(sum, change)| *sum += opacity * change);
                     }
                     if weight > 0.0 {
                         *own = sum.map(|sum| sum / weight);

@@ -146,8 +146,8 @@ impl Candidates {
         Some((*self.owners.get(&key)?, excess)).filter(|_| excess > 0.0)
     }
 
-    /// Gives candidates their radiance, bright regions so many times more than they have.
-    pub fn shine(&self, light: &mut LightOctree, solution: &[f32]) {
+    /// Gives candidates their radiance, bright regions so many times more than they have, and scales what is guessed.
+    pub fn shine(&self, light: &mut LightOctree, solution: &[f32], scale: f32) {
         let before = light.clone();
         let discs: Vec<(Vec3, f32, f32)> = self
             .all
@@ -171,9 +171,20 @@ impl Candidates {
             let own = luminance(radiance).max(1e-6);
             let brighter =
                 self.excess_of(&before, depth, node).map_or(0.0, |(owner, excess)| solution[owner] * excess / own);
-            radiance.map(|value| value * (1.0 + brighter) + added)
+            radiance.map(|value| value * (1.0 + open * (scale - 1.0) + brighter) + added)
         });
     }
+}
+
+/// Scales what is not seen, as [`fit_lamps`](crate::fit_lamps) does.
+pub fn scale_guessed(light: &mut LightOctree, scale: f32) {
+    let before = light.clone();
+    light.change_leaves(|depth, node, radiance| {
+        let level = &before.octree.levels()[depth as usize];
+        let Ok(row) = usize::try_from(level.rows[node]) else { return radiance };
+        let open = 1.0 - f32::from(before.seen[depth as usize][row]) / 255.0;
+        radiance.map(|value| value * (1.0 + open * (scale - 1.0)))
+    });
 }
 
 /// A leaf that holds a surface.

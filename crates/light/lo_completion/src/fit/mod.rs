@@ -20,6 +20,7 @@ use lo_octree::LightOctree;
 use lo_scene::{Frame, Room};
 
 use crate::lamps::OBJECT_SHARE;
+pub use candidates::scale_guessed;
 use candidates::{Candidate, Candidates, Shape};
 use places::{Place, places};
 use solve::{Problem, solve};
@@ -35,7 +36,7 @@ const OFFSET: f32 = 1.5;
 const SPARSITY: f32 = 5.0;
 
 /// What a known lamp's being brighter costs, as a share of what a new one costs.
-const KNOWN: f32 = 0.03;
+const KNOWN: f32 = 0.1;
 
 /// Lamps that give less than this share of the light on what is seen are none.
 const MIN_SHARE: f32 = 0.02;
@@ -58,7 +59,7 @@ pub struct FittedLamp {
 pub struct LampFit {
     /// The brightest first.
     pub lamps: Vec<FittedLamp>,
-    /// By how much what is guessed would have to be brighter on the whole; it was not changed.
+    /// Factor on the radiance of what is not seen.
     pub scale: f32,
 }
 
@@ -79,9 +80,7 @@ impl LampFit {
     }
 }
 
-/// Makes lamps and windows brighter, and adds lamps where nothing is seen, so that seen surfaces are shaded as they are.
-///
-/// What else is guessed stays, though the fit lets it be brighter or darker on the whole.
+/// Makes lamps and windows brighter, and adds lamps where nothing is seen, so that seen surfaces are shaded as they are; scales what is guessed.
 ///
 /// `seen` is the frame at the working resolution ([`Frame::working`]) without flying pixels. Where nodes have lobes, the octree becomes what is
 /// seen of it from the middle of the view.
@@ -114,7 +113,7 @@ pub fn fit_lamps(light: &mut LightOctree, seen: &Frame, room: &Room) -> LampFit 
         }
     }
     lamps.sort_by(|a, b| b.share.total_cmp(&a.share));
-    candidates.shine(light, &solution.radiance);
+    candidates.shine(light, &solution.radiance, solution.scale);
     LampFit { lamps, scale: solution.scale }
 }
 
@@ -363,7 +362,9 @@ mod tests {
         let fit = fit_lamps(&mut light, &frame, &room);
         assert!(fit.lamps.is_empty() && (0.9..1.15).contains(&fit.scale), "{fit:?}");
         assert_eq!(fit.warning(), None);
-        assert_eq!(light, before);
+        let mut scaled = before.clone();
+        scale_guessed(&mut scaled, fit.scale);
+        assert_eq!(light, scaled);
     }
 
     #[test]
