@@ -149,7 +149,11 @@ fn problem(light: &LightOctree, places: &[Place], candidates: &Candidates, offse
             Shape::Bright { nodes } => by_bright(&excess, nodes, places, offset_m),
         })
         .collect();
-    let mean: Vec<f32> = seen.iter().zip(&guessed).map(|(a, b)| (a + b).max(1e-6)).collect();
+    // What a place gets is at least what it gives.
+    let least = |((seen, guessed), place): ((&f32, &f32), &Place)| {
+        (seen + guessed).max(std::f32::consts::PI * place.log_radiance.exp())
+    };
+    let mean: Vec<f32> = seen.iter().zip(&guessed).zip(places).map(least).collect();
     let total: f32 = places.iter().map(|place| place.weight).sum();
     let cost = |(lamp, candidate): (&Vec<f32>, &Candidate)| {
         let share = lamp.iter().zip(&mean).map(|(lamp, all)| lamp / all).sum::<f32>() / places.len() as f32;
