@@ -6,7 +6,7 @@ use lo_scene::Scene;
 use crate::fit_lamps;
 
 /// Lights a scene as its edits say: with the lamps that objects need where `lamp` is set ([`fit_lamps`]), then with what somebody changed and added
-/// ([`Scene::light_edits`]). A scene without edits stays as it is but for the lamp.
+/// ([`Scene::light_edits`]). A scene without edits stays as it is but for the lamps.
 ///
 /// # Errors
 /// Where an edit is of an emitter that there is not.
@@ -40,7 +40,7 @@ fn with_lamp(scene: &mut Scene, lamp: bool) -> (LightOctree, LampFit) {
     if report.scale != 1.0 {
         scale_guessed(&mut before, report.scale);
     }
-    // What differs by direction was fixed to a place with the lamp, and the two cannot be told apart.
+    // What differs by direction was fixed to a place with the lamps, and the two cannot be told apart.
     let estimate = if before.lobes == scene.light.lobes { before } else { scene.light.clone() };
     (estimate, report)
 }

@@ -32,7 +32,7 @@ pub struct Args {
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::point, allow_hyphen_values = true)]
     at: Option<Vec3>,
 
-    /// With the lamp above that `insert` adds where seen surfaces give more light than they get: to light objects elsewhere
+    /// With the lamps that `insert` fits to how the photo is shaded: to light objects elsewhere
     #[arg(long)]
     lamp: bool,
 

@@ -224,7 +224,7 @@ fn insertion<'a>(global: &Global, args: &Args, tools: Tools<'a>) -> anyhow::Resu
     let config: GeneratorConfig = config::read(&args.dataset)?;
     let generator = Generator::new(global.seed, config).map_err(|error| Usage(error.to_string()))?;
     let rooms = args.samples.map_or(INSERTION_ROOMS, |rooms| rooms as usize);
-    let evaluation = InsertionEvaluation::new(generator, global.seed, rooms, &methods, tools, Quality::Normal);
+    let evaluation = InsertionEvaluation::new(generator, global.seed, rooms, &methods, tools, Quality::Normal)?;
     let Some(folder) = &args.truths else { return Ok(evaluation) };
     std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
     Ok(evaluation.keeping_truths(folder.clone()))

@@ -41,7 +41,7 @@ pub struct Args {
     #[arg(long)]
     level: bool,
 
-    /// Light from the scene as it is, without the lamp above that `insert` adds where seen surfaces give more light than they get
+    /// Light from the scene as it is, without the lamps that `insert` fits to how the photo is shaded
     #[arg(long)]
     no_lamp: bool,
 

@@ -67,7 +67,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME")]
     orientation: Option<OrientationArg>,
 
-    /// Light from the scene as it is, without the lamp above that is added where seen surfaces give more light than they get
+    /// Light from the scene as it is, without lamps and windows made as bright as the photo's shading asks for
     #[arg(long)]
     no_lamp: bool,
 

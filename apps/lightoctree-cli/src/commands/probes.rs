@@ -31,7 +31,7 @@ pub struct Args {
     /// A scene file
     scene: PathBuf,
 
-    /// With the lamp above that `insert` adds where seen surfaces give more light than they get: to light objects elsewhere
+    /// With the lamps that `insert` fits to how the photo is shaded: to light objects elsewhere
     #[arg(long)]
     lamp: bool,
 

@@ -11,6 +11,7 @@ mod pattern;
 mod plane;
 mod ray;
 mod rigid;
+mod smoothstep;
 
 pub use camera::{Camera, CameraError};
 pub use cube::Cube;
@@ -21,3 +22,4 @@ pub use pattern::{cosine_hemisphere, fibonacci_sphere, orthonormal_basis, van_de
 pub use plane::Plane;
 pub use ray::Ray;
 pub use rigid::RigidTransform;
+pub use smoothstep::smoothstep;

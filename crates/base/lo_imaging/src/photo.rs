@@ -29,6 +29,17 @@ impl Photo {
         }
     }
 
+    /// Linear radiance of the pixel in this column and row.
+    ///
+    /// # Panics
+    /// Outside of the photo.
+    pub fn linear_at(&self, pixel: (usize, usize)) -> [f32; 3] {
+        match self {
+            Self::Srgb8(image) => image[pixel].map(linear_from_srgb8),
+            Self::Linear(image) => image[pixel],
+        }
+    }
+
     /// Linear radiance; 1.0 is sRGB 255.
     pub fn radiance(&self) -> RadianceImage {
         match self {

@@ -233,12 +233,7 @@ impl Method {
             Self::PanoramaEverywhere => {
                 let known = tools.known.filter(|known| !known.is_scored);
                 let known = known.ok_or(MethodError::Needs("another panorama than the one that is scored"))?;
-                let inverse = known.view.rotation.inverse();
-                let [width, height] = [known.view.radiance.width(), known.view.radiance.height()];
-                map(RadianceImage::from_fn(width, height, |x, y| {
-                    let direction = lo_geometry::pixel_direction(x, y, width, height);
-                    sample_equirectangular(&known.view.radiance, inverse * direction)
-                }))
+                map(in_photo_frame(&known.view))
             }
             Self::PanoramaPrior(input, which) => with_panorama(sample, input, which, tools),
             Self::TrueOctree => Ok(Estimate::of_octree(true_octree(sample, tools)?)),
@@ -302,7 +297,20 @@ pub(crate) fn traced(sight: &Sight, eye: Vec3, cones: &[Cone]) -> Vec<cone::Cone
     samples
 }
 
-/// What the networks make of a sample.
+/// A view's panorama with the photo's directions.
+pub(crate) fn in_photo_frame(view: &NovelView) -> RadianceImage {
+    let (width, height) = (view.radiance.width(), view.radiance.height());
+    let inverse = view.rotation.inverse();
+    RadianceImage::from_fn(width, height, |x, y| {
+        let direction = lo_geometry::pixel_direction(x, y, width, height);
+        sample_equirectangular(&view.radiance, inverse * direction)
+    })
+}
+
+/// The scene that the networks make of a sample.
+///
+/// # Errors
+/// What the sample or the tools lack; estimates that fail.
 pub(crate) fn estimate_scene(sample: &Sample, input: Option<DepthInput>, tools: &Tools) -> Result<Scene, MethodError> {
     let options = network_options(tools)?;
     Ok(tools.estimator.estimate(input_of(sample, input)?, &options, &mut lightoctree::events::ignore)?)

@@ -7,7 +7,7 @@ use lo_imaging::{Image, RadianceImage, ToneCurve, contact_sheet, photo_tile, res
 const TILE: [usize; 2] = [256, 128];
 const GAP: usize = 4;
 /// Where a method gave nothing.
-const NOTHING: [u8; 3] = [60, 28, 28];
+pub(crate) const NOTHING: [u8; 3] = [60, 28, 28];
 
 /// One row a sample.
 #[derive(Clone, Debug, Default)]

@@ -7,6 +7,7 @@ mod fill;
 mod fit;
 mod gravity;
 mod highlights;
+mod irradiance;
 mod lamps;
 mod layout;
 mod light_from_above;

@@ -3,12 +3,13 @@
 use std::borrow::Cow;
 use std::f32::consts::PI;
 
-use lo_cone::{Cone, ConeTracer, Settings};
-use lo_geometry::{Vec3, cosine_hemisphere, orthonormal_basis};
+use lo_cone::ConeTracer;
+use lo_geometry::{Vec3, smoothstep};
 use lo_imaging::luminance;
 use lo_octree::LightOctree;
 use lo_scene::Surfel;
 
+use crate::irradiance::{self, offset_m, tracer};
 use crate::lamps::{LampReport, MAX_LIGHT, standing, wanted};
 use crate::layout::area;
 
@@ -18,15 +19,8 @@ const RECEIVERS: usize = 256;
 /// Share of the seen area that must get as much as it gives. The rest may be lamps, windows and highlights.
 const EXPLAINED_SHARE: f32 = 0.75;
 
-/// Cones per receiver, and the tangent of their half-angle: together they cover the hemisphere.
-const CONES: usize = 64;
-const TAN_HALF_ANGLE: f32 = 0.15;
-
 /// Cosines of the angles from the vertical between which the lamp fades: 5 and 12 degrees.
 const FADE: (f32, f32) = (0.996, 0.978);
-
-/// Receivers lie so many leaves before the surface, outside of its own leaves.
-const OFFSET: f32 = 1.5;
 
 /// Least irradiance by a lamp of radiance 1: places that hardly see it must not ask for another sun.
 const MIN_PATCH: f32 = 1e-3;
@@ -54,11 +48,8 @@ pub fn light_from_above(light: &mut LightOctree, seen: &[Surfel], up: Vec3) -> L
     let rows = light.rgba.iter().zip(&weights);
     let patch = rows.map(|(rgba, weights)| rgba.iter().zip(weights).map(of_row).collect()).collect();
     let patch = LightOctree { rgba: patch, ..light.clone() };
-    let tracer = |light| {
-        ConeTracer::new(light, Settings::default()).expect("the usual settings are valid, and there are no lobes")
-    };
     let (room, patch) = (tracer(light), tracer(&patch));
-    let offset_m = OFFSET * light.cube.node_edge_m(light.octree.depth());
+    let offset_m = offset_m(light);
 
     let (other, by_patch) = (irradiances(&room, &receivers, offset_m), irradiances(&patch, &receivers, offset_m));
     let asked = receivers
@@ -84,8 +75,7 @@ fn weights(light: &LightOctree, middle: Vec3, up: Vec3) -> Vec<Vec<f32>> {
     let of_level = levels.map(|((depth, level), seen)| {
         let weight = |(key, &seen): (u32, &u8)| {
             let cos = (light.node_middle_m(depth, key) - middle).normalize_or_zero().dot(up);
-            let inside = ((cos - FADE.1) / (FADE.0 - FADE.1)).clamp(0.0, 1.0);
-            inside * inside * (3.0 - 2.0 * inside) * (1.0 - f32::from(seen) / 255.0)
+            smoothstep(FADE.1, FADE.0, cos) * (1.0 - f32::from(seen) / 255.0)
         };
         level.row_keys().zip(seen).map(weight).collect()
     });
@@ -94,17 +84,7 @@ fn weights(light: &LightOctree, middle: Vec3, up: Vec3) -> Vec<Vec<f32>> {
 
 /// Luminance that comes in at each place.
 fn irradiances(tracer: &ConeTracer, places: &[Surfel], offset_m: f32) -> Vec<f32> {
-    let directions = cosine_hemisphere(CONES);
-    let cones_of = |place: &Surfel| {
-        let (basis, origin) = (orthonormal_basis(place.normal), place.position_m + offset_m * place.normal);
-        directions.iter().map(move |&d| Cone { origin, direction: basis * d, tan_half_angle: TAN_HALF_ANGLE })
-    };
-    let cones: Vec<Cone> = places.iter().flat_map(cones_of).collect();
-    let mut samples = vec![lo_cone::ConeSample::default(); cones.len()];
-    tracer.trace_batch(&cones, &mut samples);
-    let mean =
-        |samples: &[lo_cone::ConeSample]| samples.iter().map(|s| luminance(s.radiance)).sum::<f32>() / CONES as f32;
-    samples.chunks(CONES).map(|samples| PI * mean(samples)).collect()
+    irradiance::irradiances(tracer, places.iter().map(|place| (place.position_m, place.normal)), offset_m)
 }
 
 fn mean(values: &[f32]) -> f32 {
@@ -126,8 +106,9 @@ fn quantile(mut weighted: Vec<(f32, f32)>, share: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
+    use lo_cone::{Cone, Settings};
     use lo_events::Warning;
-    use lo_geometry::Cube;
+    use lo_geometry::{Cube, cosine_hemisphere, orthonormal_basis};
     use lo_octree::{Coverage, RadiancePoint};
 
     use super::*;

@@ -181,11 +181,7 @@ impl Inserter {
 
     /// Linear radiance of a photo pixel.
     fn radiance(&self, pixel: (usize, usize)) -> Vec3 {
-        let linear = match &self.frame.photo {
-            Photo::Srgb8(image) => Vec3::from(image[pixel].map(lo_imaging::linear_from_srgb8)),
-            Photo::Linear(image) => Vec3::from(image[pixel]),
-        };
-        linear * self.frame.exposure
+        Vec3::from(self.frame.photo.linear_at(pixel)) * self.frame.exposure
     }
 
     /// Shades what is seen of the objects; tells for each how much of it that is.

@@ -6,7 +6,7 @@ use std::f32::consts::PI;
 use lo_bsdf::{GgxSample, MIN_COSINE, MetallicRoughness, fresnel, specular_albedo, transmitted};
 use lo_cone::Cone;
 use lo_events::{Cancelled, OnEvent, Stage};
-use lo_geometry::{Mat3, Ray, Vec3};
+use lo_geometry::{Mat3, Ray, Vec3, smoothstep};
 use rayon::prelude::*;
 
 use crate::aperture::{cone_tangent, quantised};
@@ -282,8 +282,7 @@ fn receiver(fragment: &Fragment, look: &Look) -> Receiver {
 /// Share of the lights' highlight that comes from light samples.
 fn sampled_share(roughness: f32) -> f32 {
     let (low, high) = LIGHT_SAMPLING_ROUGHNESS;
-    let t = ((roughness - low) / (high - low)).clamp(0.0, 1.0);
-    t * t * (3.0 - 2.0 * t)
+    smoothstep(low, high, roughness)
 }
 
 /// A direction that does not go into the triangle that it starts from.

@@ -8,7 +8,7 @@ use lo_geometry::{Camera, Cube, Plane, Vec3};
 use lo_imaging::{Image, Photo, luminance};
 use lo_insert::{Composite, Inserter, Instance, Lighting, Placement, Quality};
 use lo_lights::{apply_edits, list};
-use lo_mesh::{LoadOptions, Material, Model, PreparedModel};
+use lo_mesh::{Material, Model, PreparedModel};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
 use lo_scene::{AddedLight, AnalyticLight, EmitterEdit, Frame, LightChange, LightShape, Scene};
 
@@ -59,26 +59,8 @@ fn with(shape: LightShape, radiance: f32) -> Scene {
 
 /// A matte sphere of radius 1 about the origin.
 fn sphere() -> PreparedModel {
-    let (rows, columns) = (48, 96);
-    let mut positions = Vec::new();
-    for row in 0..=rows {
-        let (sin, cos) = (row as f32 / rows as f32 * PI).sin_cos();
-        for column in 0..columns {
-            let (s, c) = (column as f32 / columns as f32 * 2.0 * PI).sin_cos();
-            positions.push(Vec3::new(sin * c, cos, sin * s));
-        }
-    }
-    let mut triangles = Vec::new();
-    for row in 0..rows as u32 {
-        for column in 0..columns as u32 {
-            let next = (column + 1) % columns as u32;
-            let at = |r: u32, c: u32| r * columns as u32 + c;
-            triangles.push([at(row, column), at(row, next), at(row + 1, column)]);
-            triangles.push([at(row, next), at(row + 1, next), at(row + 1, column)]);
-        }
-    }
     let material = Material { base_color: [ALBEDO, ALBEDO, ALBEDO, 1.0], roughness: 1.0, ..Material::default() };
-    PreparedModel::new(Model::from_triangles(positions, triangles, material, &LoadOptions::default()).unwrap())
+    PreparedModel::new(Model::sphere(1.0, 5, material).unwrap())
 }
 
 fn render(scene: &Scene) -> Composite {

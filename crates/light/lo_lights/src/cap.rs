@@ -14,14 +14,11 @@ pub fn cap_luminance(mean: f32) -> f32 {
 /// [`cap_luminance`] of an octree: the mean is over its leaves, by area and opacity.
 pub fn cap_of(light: &LightOctree) -> f32 {
     let mut mean = (0.0f64, 0.0f64);
-    for (depth, rows) in light.rgba.iter().enumerate() {
-        let area = f64::from(light.cube.node_edge_m(depth as u32)).powi(2);
-        let level = &light.octree.levels()[depth];
-        for node in (0..level.len()).filter(|&node| level.children[node] < 0 && level.rows[node] >= 0) {
-            let [r, g, b, a] = rows[level.rows[node] as usize];
-            mean.0 += f64::from(luminance(Vec3::new(r, g, b)) * a) * area;
-            mean.1 += f64::from(a) * area;
-        }
+    for leaf in light.octree.leaf_nodes() {
+        let area = f64::from(light.cube.node_edge_m(leaf.depth)).powi(2);
+        let alpha = light.rgba[leaf.depth as usize][leaf.row][3];
+        mean.0 += f64::from(luminance(light.radiance(leaf)) * alpha) * area;
+        mean.1 += f64::from(alpha) * area;
     }
     cap_luminance((mean.0 / mean.1.max(1e-30)) as f32)
 }

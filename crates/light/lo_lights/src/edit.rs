@@ -10,7 +10,6 @@ use lo_scene::{
 use crate::colour::gain_to_color;
 use crate::emitters::{Emitter, assumed_lamps, emitters};
 use crate::shape::ClusterShape;
-use crate::split::mean_of_children;
 
 /// An emitter that is farther than this from where it was edited, in metres and beside half its size, is another one.
 const SAME_M: f32 = 0.5;
@@ -117,7 +116,7 @@ fn change_octree(scene: &mut Scene, edited: &[(&Emitter, LightChange)]) -> Optio
         return None;
     }
     let light = &scene.light;
-    // Of leaves first: what edited emitters give, what is to be added, and the factor for pictures.
+    // Of leaves: what edited emitters give, what is to be added, and the factor for pictures.
     let rows = |value: Vec3| -> Vec<Vec<Vec3>> { light.rgba.iter().map(|rows| vec![value; rows.len()]).collect() };
     let (mut given, mut added, mut gains) = (rows(Vec3::ZERO), rows(Vec3::ZERO), rows(Vec3::ONE));
     for (emitter, gain) in in_place {
@@ -127,40 +126,13 @@ fn change_octree(scene: &mut Scene, edited: &[(&Emitter, LightChange)]) -> Optio
             gains[part.depth][part.row] = gain;
         }
     }
-    for values in [&mut given, &mut added, &mut gains] {
-        merge_upwards(light, values);
-    }
-    let with = |change: &dyn Fn(Vec3, usize, usize) -> Vec3| -> Vec<Vec<[f32; 4]>> {
-        let of_depth = |(depth, rows): (usize, &Vec<[f32; 4]>)| {
-            let of_row = |(row, &[r, g, b, alpha]): (usize, &[f32; 4])| {
-                let [r, g, b] = change(Vec3::new(r, g, b), depth, row).max(Vec3::ZERO).to_array();
-                [r, g, b, alpha]
-            };
-            rows.iter().enumerate().map(of_row).collect()
-        };
-        light.rgba.iter().enumerate().map(of_depth).collect()
-    };
-    let after = with(&|radiance, depth, row| radiance + added[depth][row]);
-    let base = with(&|radiance, depth, row| radiance - given[depth][row]);
-    let gain = with(&|_, depth, row| gains[depth][row]);
+    let [given, added, gains] =
+        [given, added, gains].map(|values| light.merged(|leaf| values[leaf.depth as usize][leaf.row]));
+    let after = light.rows_with(|depth, row, radiance| radiance + added[depth][row]);
+    let base = light.rows_with(|depth, row, radiance| radiance - given[depth][row]);
+    let gain = light.rows_with(|depth, row, _| gains[depth][row]);
     let before = std::mem::replace(&mut scene.light.rgba, after);
     Some(OctreeChange { before, base, gain })
-}
-
-/// Gives nodes above the leaves the mean of their children, weighted by opacity as their colour is.
-fn merge_upwards(light: &LightOctree, rows: &mut [Vec<Vec3>]) {
-    let mut below: Vec<Vec3> = Vec::new();
-    for (depth, level) in light.octree.levels().iter().enumerate().rev() {
-        let mut own = vec![Vec3::ZERO; level.len()];
-        for (node, own) in own.iter_mut().enumerate() {
-            let Ok(row) = usize::try_from(level.rows[node]) else { continue };
-            if level.children[node] >= 0 {
-                rows[depth][row] = mean_of_children(light, depth, node, &below);
-            }
-            *own = rows[depth][row];
-        }
-        below = own;
-    }
 }
 
 /// An emitter that was moved, as a light of its shape and flux; `None` where it was not, or is off.
@@ -201,19 +173,15 @@ fn what_hides_suns(light: &LightOctree, emitters: &[Emitter]) -> Option<LightOct
     for part in emitters.iter().flat_map(|emitter| &emitter.parts) {
         shines[part.depth][part.row] = true;
     }
-    let leaves = light.octree.levels().iter().enumerate().map(|(depth, level)| {
-        let mut seen = LeafRows::default();
-        for node in (0..level.len()).filter(|&node| level.children[node] < 0) {
-            let Ok(row) = usize::try_from(level.rows[node]) else { continue };
-            if light.seen[depth][row] > 0 && !shines[depth][row] {
-                seen.keys.push(level.keys[node]);
-                seen.rgba.push([0.0, 0.0, 0.0, light.rgba[depth][row][3]]);
-                seen.seen.push(255);
-            }
+    let mut leaves: Vec<LeafRows> = light.octree.levels().iter().map(|_| LeafRows::default()).collect();
+    for leaf in light.octree.leaf_nodes() {
+        let depth = leaf.depth as usize;
+        if light.seen[depth][leaf.row] > 0 && !shines[depth][leaf.row] {
+            leaves[depth].keys.push(light.octree.key(leaf));
+            leaves[depth].rgba.push([0.0, 0.0, 0.0, light.rgba[depth][leaf.row][3]]);
+            leaves[depth].seen.push(255);
         }
-        seen
-    });
-    let leaves: Vec<LeafRows> = leaves.collect();
+    }
     if leaves.iter().all(|leaves| leaves.keys.is_empty()) {
         return None;
     }

@@ -40,25 +40,18 @@ pub(crate) struct Leaves {
 impl Leaves {
     pub fn of(light: &LightOctree, tracer: &ConeTracer) -> Self {
         let mut all = Vec::new();
-        let mut index = Vec::new();
-        for (depth, level) in light.octree.levels().iter().enumerate() {
-            let edge_m = light.cube.node_edge_m(depth as u32);
-            let mut numbers = vec![u32::MAX; level.len()];
-            for node in (0..level.len()).filter(|&node| level.children[node] < 0 && level.rows[node] >= 0) {
-                let (key, row) = (level.keys[node], level.rows[node] as usize);
-                let [r, g, b, _] = light.rgba[depth][row];
-                let radiance = Vec3::new(r, g, b);
-                numbers[node] = all.len() as u32;
-                let surface = LeafSurface {
-                    centre_m: light.node_middle_m(depth as u32, key),
-                    edge_m,
-                    area_m2: 0.0,
-                    vector_area_m2: Vec3::ZERO,
-                    luminance: luminance(radiance),
-                };
-                all.push(Leaf { depth: depth as u32, key, row, radiance, surface });
-            }
-            index.push(numbers);
+        let mut index: Vec<Vec<u32>> = light.octree.levels().iter().map(|level| vec![u32::MAX; level.len()]).collect();
+        for leaf in light.octree.leaf_nodes() {
+            let (depth, key, radiance) = (leaf.depth, light.octree.key(leaf), light.radiance(leaf));
+            index[depth as usize][leaf.node] = all.len() as u32;
+            let surface = LeafSurface {
+                centre_m: light.node_middle_m(depth, key),
+                edge_m: light.cube.node_edge_m(depth),
+                area_m2: 0.0,
+                vector_area_m2: Vec3::ZERO,
+                luminance: luminance(radiance),
+            };
+            all.push(Leaf { depth, key, row: leaf.row, radiance, surface });
         }
         let mut leaves = Self { all, index };
         leaves.find_surfaces(light, tracer);

@@ -10,32 +10,17 @@ use crate::{LightPatch, PatchShape};
 /// any direction add up to the lamp's own. `faces_room(position, normal)` tells faces that look into the room from those at the
 /// back of the shell.
 pub fn split_octree(light: &LightOctree, faces_room: impl Fn(Vec3, Vec3) -> bool) -> (Vec<LightPatch>, LightOctree) {
-    let levels = light.octree.levels();
-    let is_leaf = |d: usize, node: usize| levels[d].children[node] < 0 && levels[d].rows[node] >= 0;
     let cap = cap_of(light);
-    let mut dimmed = light.clone();
     let mut emitters = Vec::new();
-    // From the leaves up: a parent's excess is its children's, weighted by opacity as its colour is.
-    let mut below: Vec<Vec3> = Vec::new();
-    for (d, level) in levels.iter().enumerate().rev() {
-        let mut own = vec![Vec3::ZERO; level.len()];
-        for (node, own) in own.iter_mut().enumerate() {
-            let Ok(row) = usize::try_from(level.rows[node]) else { continue };
-            let [r, g, b, _] = light.rgba[d][row];
-            let radiance = Vec3::new(r, g, b);
-            if is_leaf(d, node) {
-                *own = excess(radiance, cap);
-                if *own != Vec3::ZERO {
-                    emitters.extend(exposed_faces(light, d as u32, level.keys[node], *own));
-                }
-            } else if level.children[node] >= 0 {
-                *own = mean_of_children(light, d, node, &below);
-            }
-            let rest = (radiance - *own).max(Vec3::ZERO);
-            dimmed.rgba[d][row][..3].copy_from_slice(&rest.to_array());
+    let excess = light.merged(|leaf| {
+        let excess = excess(light.radiance(leaf), cap);
+        if excess != Vec3::ZERO {
+            emitters.extend(exposed_faces(light, leaf.depth, light.octree.key(leaf), excess));
         }
-        below = own;
-    }
+        excess
+    });
+    let rgba = light.rows_with(|depth, row, radiance| radiance - excess[depth][row]);
+    let dimmed = LightOctree { rgba, ..light.clone() };
     let inside: Vec<LightPatch> = emitters
         .iter()
         .filter(|e| matches!(e.shape, PatchShape::Square { centre, normal, edge_m } if faces_room(centre + normal * 1.5 * edge_m, normal)))
@@ -43,15 +28,6 @@ pub fn split_octree(light: &LightOctree, faces_room: impl Fn(Vec3, Vec3) -> bool
         .collect();
     // An octree that is not closed has no inside; then every face may count.
     (if inside.is_empty() { emitters } else { inside }, dimmed)
-}
-
-/// Of values of the nodes one level below, the mean over the children of a node that is split, weighted by opacity.
-pub(crate) fn mean_of_children(light: &LightOctree, depth: usize, node: usize, below: &[Vec3]) -> Vec3 {
-    let first = light.octree.levels()[depth].children[node] as usize;
-    let opacity = |child: usize| light.node_rgba(depth as u32 + 1, child).map_or(0.0, |rgba| rgba[3]);
-    let weight: f32 = (first..first + 8).map(opacity).sum();
-    let sum: Vec3 = (first..first + 8).map(|child| below[child] * opacity(child)).sum();
-    if weight > 0.0 { sum / weight } else { Vec3::ZERO }
 }
 
 /// The faces of a leaf that border on empty nodes, as patches at the middle of the leaf: where in a leaf the surface lies

@@ -1,36 +1,64 @@
-use crate::LightOctree;
+use lo_geometry::Vec3;
+
+use crate::{LeafNode, LightOctree};
 
 impl LightOctree {
-    /// Gives leaves another radiance: `change(depth, node, radiance)`, whose result must be finite and not negative. Above, nodes change by the mean
-    /// of their children's changes, weighted by opacity, as their colour is the mean of their children's.
-    pub fn change_leaves(&mut self, change: impl Fn(u32, usize, [f32; 3]) -> [f32; 3]) {
+    /// Linear RGB radiance of a leaf.
+    pub fn radiance(&self, leaf: LeafNode) -> Vec3 {
+        let [r, g, b, _] = self.rgba[leaf.depth as usize][leaf.row];
+        Vec3::new(r, g, b)
+    }
+
+    /// Share of a leaf that the photo did not see, 0 to 1.
+    pub fn unseen(&self, leaf: LeafNode) -> f32 {
+        1.0 - f32::from(self.seen[leaf.depth as usize][leaf.row]) / 255.0
+    }
+
+    /// `values[depth][row]` of all rows from those of the leaves: a node that is split has its children's mean, weighted by opacity as its colour
+    /// is. Leaves are asked for from the finest depth to the coarsest, in node order.
+    pub fn merged(&self, mut of_leaf: impl FnMut(LeafNode) -> Vec3) -> Vec<Vec<Vec3>> {
         let levels = self.octree.levels();
-        let mut below: Vec<[f32; 3]> = Vec::new();
+        let mut values: Vec<Vec<Vec3>> = self.rgba.iter().map(|rows| vec![Vec3::ZERO; rows.len()]).collect();
         for (depth, level) in levels.iter().enumerate().rev() {
-            let mut own = vec![[0.0f32; 3]; level.len()];
-            for (node, own) in own.iter_mut().enumerate() {
+            for node in 0..level.len() {
                 let Ok(row) = usize::try_from(level.rows[node]) else { continue };
-                let [r, g, b, _] = self.rgba[depth][row];
-                if let Ok(first) = usize::try_from(level.children[node]) {
-                    let (mut sum, mut weight) = ([0.0; 3], 0.0);
-                    for (row, change) in levels[depth + 1].rows[first..first + 8].iter().zip(&below[first..first + 8]) {
-                        let opacity = usize::try_from(*row).map_or(0.0, |row| self.rgba[depth + 1][row][3]);
-                        weight += opacity;
-                        sum.iter_mut().zip(change).for_each(|(sum, change)| *sum += opacity * change);
-                    }
-                    if weight > 0.0 {
-                        *own = sum.map(|sum| sum / weight);
-                    }
-                } else {
-                    let changed = change(depth as u32, node, [r, g, b]);
-                    *own = [changed[0] - r, changed[1] - g, changed[2] - b];
-                }
-                for (value, change) in self.rgba[depth][row].iter_mut().zip(*own) {
-                    *value = (*value + change).max(0.0);
-                }
+                values[depth][row] = match usize::try_from(level.children[node]) {
+                    Ok(first) => self.mean_of(depth + 1, &levels[depth + 1].rows[first..first + 8], &values),
+                    Err(_) => of_leaf(LeafNode { depth: depth as u32, node, row }),
+                };
             }
-            below = own;
         }
+        values
+    }
+
+    /// Mean of the values of rows of one depth, −1 for empty nodes, by opacity.
+    fn mean_of(&self, depth: usize, rows: &[i32], values: &[Vec<Vec3>]) -> Vec3 {
+        let (mut sum, mut weight) = (Vec3::ZERO, 0.0);
+        for row in rows.iter().filter_map(|&row| usize::try_from(row).ok()) {
+            let opacity = self.rgba[depth][row][3];
+            weight += opacity;
+            sum += values[depth][row] * opacity;
+        }
+        if weight > 0.0 { sum / weight } else { Vec3::ZERO }
+    }
+
+    /// The same nodes and opacities with another radiance in each row: `of_row(depth, row, radiance)`, below 0 becoming 0.
+    pub fn rows_with(&self, of_row: impl Fn(usize, usize, Vec3) -> Vec3) -> Vec<Vec<[f32; 4]>> {
+        let of_depth = |(depth, rows): (usize, &Vec<[f32; 4]>)| {
+            let new = |(row, &[r, g, b, alpha]): (usize, &[f32; 4])| {
+                let [r, g, b] = of_row(depth, row, Vec3::new(r, g, b)).max(Vec3::ZERO).to_array();
+                [r, g, b, alpha]
+            };
+            rows.iter().enumerate().map(new).collect()
+        };
+        self.rgba.iter().enumerate().map(of_depth).collect()
+    }
+
+    /// Gives leaves another radiance, which must be finite and not negative. Above, nodes change by the mean of their children's changes
+    /// ([`merged`](Self::merged)).
+    pub fn change_leaves(&mut self, change: impl Fn(&Self, LeafNode) -> Vec3) {
+        let changes = self.merged(|leaf| change(self, leaf) - self.radiance(leaf));
+        self.rgba = self.rows_with(|depth, row, radiance| radiance + changes[depth][row]);
     }
 }
 
@@ -56,12 +84,9 @@ mod tests {
     #[test]
     fn a_changed_octree_is_that_of_changed_points() {
         let (mut light, expected) = (octree(0.3, 0.3), octree(0.3, 0.9));
-        let cube = light.cube;
-        let octree = light.octree.clone();
-        light.change_leaves(|depth, node, radiance| {
-            let levels = octree.levels();
-            let x = crate::node_middle_m(cube, depth, levels[depth as usize].keys[node]).x;
-            if x > 0.5 { [0.9, 1.8, 0.5] } else { radiance }
+        light.change_leaves(|light, leaf| {
+            let x = light.node_middle_m(leaf.depth, light.octree.key(leaf)).x;
+            if x > 0.5 { Vec3::new(0.9, 1.8, 0.5) } else { light.radiance(leaf) }
         });
         for (a, b) in light.rgba.iter().flatten().zip(expected.rgba.iter().flatten()) {
             assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-4), "{a:?} {b:?}");

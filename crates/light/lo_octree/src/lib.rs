@@ -29,5 +29,5 @@ pub use neighbours::Neighbours;
 pub use point::{Coverage, RadiancePoint};
 pub use stats::{LevelStats, OctreeStats};
 pub use tensors::{NamedTensor, OctreeHeader, read_tensors, write_tensors};
-pub use topology::{Level, Octree, check_depths};
+pub use topology::{LeafNode, Level, Octree, check_depths};
 pub use uneven::{Ancestor, LeafRows};

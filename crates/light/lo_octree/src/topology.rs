@@ -30,6 +30,17 @@ pub struct Level {
     pub nonempty: usize,
 }
 
+/// A node that is not empty and not split.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LeafNode {
+    /// Its depth.
+    pub depth: u32,
+    /// Its index in its level.
+    pub node: usize,
+    /// Row of its features in its level.
+    pub row: usize,
+}
+
 impl Octree {
     /// The octree of depth `full_depth` (at most [`MAX_FULL_DEPTH`]) in which every node exists and is empty: what growth
     /// starts from.
@@ -119,6 +130,22 @@ impl Octree {
     /// The levels, coarsest (the root alone) first.
     pub fn levels(&self) -> &[Level] {
         &self.levels
+    }
+
+    /// All leaves that are not empty: the coarse ones first, in node order within a depth.
+    pub fn leaf_nodes(&self) -> impl Iterator<Item = LeafNode> + '_ {
+        self.levels.iter().zip(0..).flat_map(|(level, depth)| {
+            let leaf = move |node: usize| {
+                let row = usize::try_from(level.rows[node]).ok().filter(|_| level.children[node] < 0)?;
+                Some(LeafNode { depth, node, row })
+            };
+            (0..level.len()).filter_map(leaf)
+        })
+    }
+
+    /// Shuffled key of a leaf.
+    pub fn key(&self, leaf: LeafNode) -> u32 {
+        self.levels[leaf.depth as usize].keys[leaf.node]
     }
 
     /// Wraps levels that hold what [`Octree`] promises.

@@ -194,20 +194,19 @@ impl Generator {
         Ok(record)
     }
 
-    /// Room `index` with one photo, and with panoramas at places that are chosen for it, in the room's frame.
+    /// Room `index`, which is `interior`, with one photo and with panoramas at these places of the room's frame.
     ///
     /// # Errors
-    /// As of [`record`](Self::record).
+    /// Rooms that light transport refuses.
     pub fn record_with_panoramas(
         &self,
         index: u64,
-        places: impl FnOnce(&Interior, &CameraPose) -> Vec<Vec3>,
+        interior: Interior,
+        camera: &CameraPose,
+        places: impl IntoIterator<Item = Vec3>,
     ) -> Result<Record, DatasetError> {
-        let interior = self.interior(index)?;
-        let cameras = interior.camera_poses(1);
-        let places = places(&interior, &cameras[0]);
         let probes: Vec<(usize, Vec3)> = places.into_iter().map(|place| (0, place)).collect();
-        self.taken(index, interior, &cameras, &probes, Devices::Each)
+        self.taken(index, interior, std::slice::from_ref(camera), &probes, Devices::Each)
     }
 
     /// Places of the panoramas, each with the photo in whose frustum it stands.

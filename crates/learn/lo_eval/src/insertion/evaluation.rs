@@ -3,21 +3,23 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use lightoctree::insert::{Align, Base, Composite, Inserter, Instance, Placement, Quality};
-use lightoctree::mesh::PreparedModel;
+use lightoctree::insert::{Align, Base, Composite, InsertError, Inserter, Instance, Lighting, Placement, Quality};
+use lightoctree::mesh::{MeshError, PreparedModel};
 use lightoctree::scene::Scene;
 use lo_dataset::{DatasetError, Generator, Sample, evenly_spread};
 use lo_events::{OnEvent, Stage, Steps};
 use lo_geometry::Vec3;
 use lo_imaging::{Image, Photo, linear_from_srgb8, srgb8_from_linear};
-use lo_synth::{CameraPose, Interior, Weather};
+use lo_synth::{CameraPose, Weather};
 
 use super::compare;
-use super::method::{InsertionMethod, Lit, in_photo_frame, scene_of};
+use super::method::{InsertionMethod, Lit};
 use super::objects::Kind;
 use super::places::{Place, places};
 use super::truth::{STRIDE, TrueRoom, Truth};
-use crate::{Cost, MethodError, Outcome, Report, Scores, Sheet, Summary, Tools, memory};
+use crate::method::{estimate_scene, in_photo_frame};
+use crate::sheet::NOTHING;
+use crate::{Cost, DepthInput, MethodError, Outcome, Report, Scores, Sheet, Summary, Tools, memory};
 
 /// Rooms without a place for an object are passed over, at most so many for each that is wanted.
 const MAX_PASSED: u64 = 4;
@@ -34,6 +36,14 @@ pub struct InsertionEvaluation<'a> {
     tools: Tools<'a>,
     quality: Quality,
     truths: Option<PathBuf>,
+    objects: Vec<Object>,
+}
+
+/// What is put into the rooms.
+struct Object {
+    kind: Kind,
+    model: PreparedModel,
+    base: Base,
 }
 
 /// One room with what is true of it.
@@ -42,12 +52,22 @@ struct Room {
     condition: &'static str,
     places: Vec<Place>,
     camera: CameraPose,
-    /// Of each place, of each kind.
+    /// Of each place, of each object.
     truths: Vec<Vec<Truth>>,
+}
+
+/// What the networks make of a room's photo and of one kind of depth.
+struct Estimated {
+    input: Option<DepthInput>,
+    scene: Result<Scene, String>,
+    seconds: f64,
 }
 
 impl<'a> InsertionEvaluation<'a> {
     /// Objects in the first `rooms` rooms of a generator that have a place for them. Without `methods`: all of them.
+    ///
+    /// # Errors
+    /// Of meshes that are too large, as the objects are not.
     pub fn new(
         generator: Generator,
         seed: u64,
@@ -55,9 +75,14 @@ impl<'a> InsertionEvaluation<'a> {
         methods: &[InsertionMethod],
         tools: Tools<'a>,
         quality: Quality,
-    ) -> Self {
+    ) -> Result<Self, MeshError> {
         let methods = if methods.is_empty() { InsertionMethod::ALL.to_vec() } else { methods.to_vec() };
-        Self { generator, seed, rooms, methods, tools, quality, truths: None }
+        let objects = Kind::ALL.into_iter().map(|kind| {
+            let model = PreparedModel::new(kind.model()?);
+            Ok(Object { kind, base: Base::new(&model), model })
+        });
+        let objects = objects.collect::<Result<_, _>>()?;
+        Ok(Self { generator, seed, rooms, methods, tools, quality, truths: None, objects })
     }
 
     /// Keeps what is path traced in a folder, and takes it from there where it is: the same seed and configuration give the same.
@@ -85,25 +110,21 @@ impl<'a> InsertionEvaluation<'a> {
             index += 1;
             let Some(room) = room else { continue };
             let mut pictures = vec![room.tile(|pixel| Some(room.true_picture(pixel)))];
-            let mut scenes: Vec<(Option<crate::DepthInput>, Result<Scene, String>, f64)> = Vec::new();
+            let mut estimates: Vec<Estimated> = Vec::new();
             for &method in &self.methods {
                 let input = method.input();
-                if !scenes.iter().any(|(own, ..)| *own == input) {
-                    let begun = Instant::now();
-                    let scene = scene_of(input, &room.sample, &self.tools).map_err(|error| error.to_string());
-                    scenes.push((input, scene, begun.elapsed().as_secs_f64()));
-                }
-                let found = scenes.iter().find(|(own, ..)| *own == input);
-                let (scene, estimate_s) = match found {
-                    Some((_, scene, seconds)) => (scene.as_ref().map_err(Clone::clone), *seconds),
-                    None => continue,
-                };
-                let (outcomes, shown) = self.outcomes(&room, method, scene, estimate_s);
+                let known = estimates.iter().position(|estimated| estimated.input == input);
+                let known = known.unwrap_or_else(|| {
+                    estimates.push(self.estimated(&room, input));
+                    estimates.len() - 1
+                });
+                let (outcomes, shown) = self.outcomes(&room, method, &estimates[known]);
                 outcomes.into_iter().for_each(|outcome| summary.add(outcome));
-                pictures.push(room.tile(|pixel| shown.as_ref().map(|composite| linear(&composite.image, pixel))));
+                pictures.push(room.tile(|pixel| shown.as_ref().map(|composite| composite.image.linear_at(pixel))));
             }
             if rows.contains(&done) {
-                let photo = room.tile(|pixel| Some(linear(&Photo::Srgb8(room.sample.photo.clone()), pixel)));
+                let photo = Photo::Srgb8(room.sample.photo.clone());
+                let photo = room.tile(|pixel| Some(photo.linear_at(pixel)));
                 sheet.add_row(std::iter::once(photo).chain(pictures).collect());
             }
             done += 1;
@@ -116,30 +137,29 @@ impl<'a> InsertionEvaluation<'a> {
 
     /// Room `index` of the generator, where it has a place for an object.
     fn room(&self, index: u64) -> Result<Option<Room>, DatasetError> {
-        let mut found = None;
-        let mut choose = |interior: &Interior, camera: &CameraPose| {
-            let places = places(interior, camera, self.seed);
-            let centres = places.iter().map(|place| place.base_m + Vec3::Y * place.radius_m).collect();
-            found = Some((places, *camera, condition(interior.description.weather)));
-            centres
-        };
         let interior = self.generator.interior(index)?;
-        // Asked before the room's light is made, which is most of the work.
-        if places(&interior, &interior.camera_poses(1)[0], self.seed).is_empty() {
+        let camera = interior.camera_poses(1)[0];
+        let bare = PreparedModel::new(interior.world.model.clone());
+        let places = places(&interior, &bare, &camera, self.seed);
+        if places.is_empty() {
             return Ok(None);
         }
-        let record = self.generator.record_with_panoramas(index, &mut choose)?;
-        let Some((places, camera, condition)) = found else { return Ok(None) };
+        let (world, condition) = (interior.world.clone(), condition(interior.description.weather));
+        let middles = places.iter().map(|place| place.base_m + Vec3::Y * place.radius_m);
+        let record = self.generator.record_with_panoramas(index, interior, &camera, middles)?;
         let failed = |reason: String| DatasetError::Generate { scene_id: record.scene_id.clone(), reason };
         let kept = self.truths.as_ref().map(|folder| folder.join(format!("{}.json", record.key)));
         let truths = match kept.as_ref().and_then(|path| std::fs::read(path).ok()) {
             Some(bytes) => serde_json::from_slice(&bytes).map_err(|error| failed(error.to_string()))?,
             None => {
-                let room = TrueRoom::new(interior.world, camera, record.shots[0].gains, self.seed);
-                let truths = room
-                    .map_err(|error| error.to_string())
-                    .and_then(|room| true_objects(&room, &places))
-                    .map_err(failed)?;
+                let room = TrueRoom::new(world, bare, camera, record.shots[0].gains, self.seed)
+                    .map_err(|error| failed(error.to_string()))?;
+                let of_place = |place: &Place| {
+                    let of_object = |object: &Object| room.with(object.kind, object.model.model(), place);
+                    self.objects.iter().map(of_object).collect::<Result<Vec<Truth>, _>>()
+                };
+                let truths: Vec<Vec<Truth>> =
+                    places.iter().map(of_place).collect::<Result<_, _>>().map_err(|error| failed(error.to_string()))?;
                 if let Some(path) = &kept {
                     let text = serde_json::to_vec(&truths).map_err(|error| failed(error.to_string()))?;
                     std::fs::write(path, text).map_err(|error| failed(error.to_string()))?;
@@ -150,13 +170,18 @@ impl<'a> InsertionEvaluation<'a> {
         Ok(Some(Room { sample: record.sample(0), condition, places, camera, truths }))
     }
 
+    fn estimated(&self, room: &Room, input: Option<DepthInput>) -> Estimated {
+        let begun = Instant::now();
+        let scene = estimate_scene(&room.sample, input, &self.tools).map_err(|error| error.to_string());
+        Estimated { input, scene, seconds: begun.elapsed().as_secs_f64() }
+    }
+
     /// One outcome for each place, and a picture of the first object at the first place.
     fn outcomes(
         &self,
         room: &Room,
         method: InsertionMethod,
-        scene: Result<&Scene, String>,
-        estimate_s: f64,
+        estimated: &Estimated,
     ) -> (Vec<Outcome>, Option<Composite>) {
         let mut shown = None;
         let outcome = |number: usize, scores, cost| Outcome {
@@ -167,11 +192,13 @@ impl<'a> InsertionEvaluation<'a> {
             scores,
             cost,
         };
-        let lit = match scene {
-            Ok(scene) => Lit::new(method, &room.sample, scene, &self.tools),
-            Err(reason) => Err(MethodError::Insertion(reason)),
-        };
-        let lit = match lit {
+        let insertion = |error: &dyn std::error::Error| MethodError::Insertion(error.to_string());
+        let scene = estimated.scene.as_ref().map_err(|reason| MethodError::Insertion(reason.clone()));
+        let lit = scene.and_then(|scene| Lit::new(method, &room.sample, scene, &self.tools)).and_then(|lit| {
+            let inserter = lit.lighting().map(|lighting| Inserter::new(&lit.scene, lighting, self.quality));
+            Ok((inserter.transpose().map_err(|error| insertion(&error))?, lit))
+        });
+        let (inserter, lit) = match lit {
             Ok(lit) => lit,
             Err(error) => return (vec![outcome(0, Err(error), Cost::default())], None),
         };
@@ -179,23 +206,33 @@ impl<'a> InsertionEvaluation<'a> {
         for number in 0..room.places.len() {
             memory::restart_peak();
             let begun = Instant::now();
-            let figures = self.figures(room, number, &lit, &mut shown);
+            let figures = self.figures(room, number, &lit, inserter.as_ref(), &mut shown);
             let panorama_s = begun.elapsed().as_secs_f64();
-            let cost = Cost { estimate_s, panorama_s, peak_mib: memory::peak_mib() };
-            outcomes.push(outcome(number, figures.map_err(|error| MethodError::Insertion(error.to_string())), cost));
+            let cost = Cost { estimate_s: estimated.seconds, panorama_s, peak_mib: memory::peak_mib() };
+            outcomes.push(outcome(number, figures.map_err(|error| insertion(&error)), cost));
         }
         (outcomes, shown)
     }
 
+    /// At one place, with the inserter of all places where there is one.
     fn figures(
         &self,
         room: &Room,
         number: usize,
         lit: &Lit,
+        inserter: Option<&Inserter>,
         shown: &mut Option<Composite>,
-    ) -> Result<Scores, Box<dyn std::error::Error>> {
+    ) -> Result<Scores, InsertError> {
         let (place, view) = (&room.places[number], &room.sample.views[number]);
-        let inserter = Inserter::new(&lit.scene, lit.lighting(view), self.quality)?;
+        let own;
+        let inserter = match inserter {
+            Some(inserter) => inserter,
+            None => {
+                let lighting = Lighting::EnvironmentMap(in_photo_frame(view));
+                own = Inserter::new(&lit.scene, lighting, self.quality)?;
+                &own
+            }
+        };
         let mut scores = Scores::default();
         let [u, v] = place.pixel;
         let resting = Placement::rest_on_pixel(&lit.scene, u, v, Align::Gravity)?;
@@ -203,10 +240,9 @@ impl<'a> InsertionEvaluation<'a> {
         let true_m = room.camera.pose.rotation.inverse() * (place.base_m - room.camera.pose.position);
         let scale = place.radius_m * resting.position_m.length() / true_m.length();
         let (mut shadow_rms, mut correlations) = (Vec::new(), Vec::new());
-        for (kind, truth) in Kind::ALL.into_iter().zip(&room.truths[number]) {
-            let model = PreparedModel::new(kind.model()?);
-            let placement = resting.scaled(scale).settled(&lit.scene, &Base::new(&model));
-            let composite = inserter.render(&[Instance { model: &model, placement }], &mut lo_events::ignore)?;
+        for (Object { kind, model, base }, truth) in self.objects.iter().zip(&room.truths[number]) {
+            let placement = resting.scaled(scale).settled(&lit.scene, base);
+            let composite = inserter.render(&[Instance::new(model, placement)], &mut lo_events::ignore)?;
             if let Some([rmse, si_rmse]) = compare::object(truth, &composite) {
                 scores.add(format!("object_{}_rmse", kind.name()), Some(rmse));
                 scores.add(format!("object_{}_si_rmse", kind.name()), Some(si_rmse));
@@ -218,7 +254,7 @@ impl<'a> InsertionEvaluation<'a> {
                 shadow_rms.push(figures.rms);
                 correlations.extend(figures.gradient_correlation);
             }
-            if number == 0 && kind == Kind::Diffuse {
+            if number == 0 && *kind == Kind::Diffuse {
                 *shown = Some(composite);
             }
         }
@@ -245,13 +281,6 @@ fn condition(weather: Weather) -> &'static str {
     }
 }
 
-fn linear(photo: &Photo, pixel: (usize, usize)) -> [f32; 3] {
-    match photo {
-        Photo::Srgb8(image) => image[pixel].map(linear_from_srgb8),
-        Photo::Linear(image) => image[pixel],
-    }
-}
-
 impl Room {
     /// A square of the photo around the first place.
     fn tile(&self, colour: impl Fn((usize, usize)) -> Option<[f32; 3]>) -> Image<[u8; 3]> {
@@ -260,9 +289,7 @@ impl Room {
         let start = |middle: f64, size: usize| (middle as usize).saturating_sub(edge / 2).min(size - edge);
         let [u, v] = self.places[0].pixel;
         let (left, top) = (start(u, width), start(v, height));
-        Image::from_fn(edge, edge, |x, y| {
-            colour((left + x, top + y)).map_or([60, 28, 28], |rgb| rgb.map(srgb8_from_linear))
-        })
+        Image::from_fn(edge, edge, |x, y| colour((left + x, top + y)).map_or(NOTHING, |rgb| rgb.map(srgb8_from_linear)))
     }
 
     /// The photo with the first object's truth in it, where it is known.
@@ -280,16 +307,4 @@ impl Room {
             (None, None) => photo,
         }
     }
-}
-
-/// What is true of all objects at all places.
-fn true_objects(room: &TrueRoom, places: &[Place]) -> Result<Vec<Vec<Truth>>, String> {
-    let of_place = |place: &Place| {
-        let of_kind = |kind: Kind| {
-            let model = kind.model().map_err(|error| error.to_string())?;
-            room.with(kind, &model, place).map_err(|error| error.to_string())
-        };
-        Kind::ALL.into_iter().map(of_kind).collect()
-    };
-    places.iter().map(of_place).collect()
 }

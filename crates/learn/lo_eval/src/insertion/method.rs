@@ -8,7 +8,7 @@ use lo_dataset::{NovelView, Sample};
 use lo_geometry::{Vec3, pixel_direction};
 use lo_imaging::{RadianceImage, sample_equirectangular};
 
-use crate::method::{estimate_scene, true_octree};
+use crate::method::{in_photo_frame, true_octree};
 use crate::{DepthInput, MethodError, Tools};
 
 /// A way to light an object in a photo.
@@ -123,12 +123,12 @@ impl Lit {
         Ok(Self { scene, light })
     }
 
-    /// What `insert` is to take for an object where `view` is the true panorama.
-    pub fn lighting(&self, view: &NovelView) -> Lighting {
+    /// What `insert` is to take for all objects; `None` where each place has a light of its own, [`in_photo_frame`].
+    pub fn lighting(&self) -> Option<Lighting> {
         match &self.light {
-            Light::Octree(_) => Lighting::Octree,
-            Light::Map(map) => Lighting::EnvironmentMap(map.clone()),
-            Light::Panoramas => Lighting::EnvironmentMap(in_photo_frame(view)),
+            Light::Octree(_) => Some(Lighting::Octree),
+            Light::Map(map) => Some(Lighting::EnvironmentMap(map.clone())),
+            Light::Panoramas => None,
         }
     }
 
@@ -151,21 +151,4 @@ fn lamp_above(scene: &mut Scene) {
         let seen = scene.frame.working().without_flying_pixels();
         light_from_above(&mut scene.light, &seen.surfels(&seen.radiance()), room.up);
     }
-}
-
-/// A view's panorama with the photo's directions.
-pub(crate) fn in_photo_frame(view: &NovelView) -> RadianceImage {
-    let (width, height) = (view.radiance.width(), view.radiance.height());
-    let inverse = view.rotation.inverse();
-    RadianceImage::from_fn(width, height, |x, y| {
-        sample_equirectangular(&view.radiance, inverse * pixel_direction(x, y, width, height))
-    })
-}
-
-/// The scene that a method's networks make of a sample.
-///
-/// # Errors
-/// What the sample or the tools lack; estimates that fail.
-pub(crate) fn scene_of(input: Option<DepthInput>, sample: &Sample, tools: &Tools) -> Result<Scene, MethodError> {
-    estimate_scene(sample, input, tools)
 }

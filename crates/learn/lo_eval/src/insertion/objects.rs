@@ -1,4 +1,4 @@
-//! What is put into the rooms: spheres of radius 1 and a pole beside which they would be as high, on a base in the origin.
+//! What is put into the rooms: spheres of radius 1, and a pole five times as high as that, standing on the origin.
 
 use std::f32::consts::TAU;
 
@@ -53,7 +53,7 @@ impl Kind {
     /// The object, +Y up, on the origin.
     ///
     /// # Errors
-    /// None that could happen: the numbers are fixed.
+    /// Of meshes that are too large, as these are not.
     pub fn model(self) -> Result<Model, MeshError> {
         let plaster =
             Material { base_color: [0.8, 0.8, 0.8, 1.0], metallic: 0.0, roughness: 1.0, ..Material::default() };

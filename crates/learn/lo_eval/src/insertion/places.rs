@@ -1,6 +1,6 @@
 //! Where objects stand: places of the photo on level surfaces, with room for all of them.
 
-use lightoctree::mesh::{Model, PreparedModel};
+use lightoctree::mesh::PreparedModel;
 use lo_geometry::{Ray, Vec3};
 use lo_random::RngExt;
 use lo_synth::{CameraPose, Interior};
@@ -37,15 +37,15 @@ pub(crate) struct Place {
 }
 
 /// Up to three places of a photo; none where it shows no free level surface.
-pub(crate) fn places(interior: &Interior, view: &CameraPose, seed: u64) -> Vec<Place> {
-    let bare = Model { tangents: Vec::new(), ..interior.world.model.clone() };
-    let model = PreparedModel::new(bare);
+///
+/// `model` is the interior's.
+pub(crate) fn places(interior: &Interior, model: &PreparedModel, view: &CameraPose, seed: u64) -> Vec<Place> {
     let mut random = lo_random::stream(seed, "places of objects", lo_random::hash(interior.id.as_bytes()));
     let (width, height) = (f64::from(view.camera.width), f64::from(view.camera.height));
     let mut found: Vec<Place> = Vec::new();
     for _ in 0..TRIES {
         let pixel = [random.random_range(0.1..0.9) * width, random.random_range(0.2..0.92) * height];
-        let Some(place) = place(interior, &model, view, pixel) else { continue };
+        let Some(place) = place(interior, model, view, pixel) else { continue };
         let apart = |other: &Place| (other.base_m - place.base_m).length() > APART * other.radius_m.max(place.radius_m);
         if found.iter().all(apart) {
             found.push(place);
@@ -96,9 +96,14 @@ fn place(interior: &Interior, model: &PreparedModel, view: &CameraPose, pixel: [
 }
 
 fn is_level(model: &PreparedModel, triangle: u32) -> bool {
+    normal(model, triangle).y.abs() > 0.999
+}
+
+/// Unit normal of a triangle; 0 of one without area.
+pub(crate) fn normal(model: &PreparedModel, triangle: u32) -> Vec3 {
     let model = model.model();
     let [a, b, c] = model.triangles[triangle as usize].map(|v| model.positions[v as usize]);
-    (b - a).cross(c - a).normalize_or_zero().y.abs() > 0.999
+    (b - a).cross(c - a).normalize_or_zero()
 }
 
 #[cfg(test)]
@@ -114,8 +119,9 @@ mod tests {
         for index in 0..4 {
             let interior = Interior::generate(5, index, &SynthConfig::default()).unwrap();
             let view = interior.camera_poses(1)[0];
-            let all = places(&interior, &view, 1);
-            assert_eq!(all, places(&interior, &view, 1));
+            let model = PreparedModel::new(interior.world.model.clone());
+            let all = places(&interior, &model, &view, 1);
+            assert_eq!(all, places(&interior, &model, &view, 1));
             for place in &all {
                 let local = view.pose.rotation.inverse() * (place.base_m - view.pose.position);
                 let (u, v, axis_m) = view.camera.project(local).unwrap();

@@ -1,6 +1,6 @@
 //! What objects look like in the true room, and what their shadows do: path traced.
 
-use lightoctree::mesh::{Hit, Model, PreparedModel};
+use lightoctree::mesh::{Model, PreparedModel};
 use lo_geometry::{Ray, Vec3};
 use lo_synth::CameraPose;
 use lo_transport::{PathTracer, TransportError, World};
@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::objects::Kind;
-use super::places::Place;
+use super::places::{Place, normal};
 
 /// One pixel of so many in each direction is compared.
 pub(crate) const STRIDE: usize = 3;
@@ -17,10 +17,10 @@ pub(crate) const STRIDE: usize = 3;
 const OBJECT_PATHS: u64 = 192;
 const FLOOR_PATHS: u64 = 128;
 
-/// The paths of an object's pixel are taken in so many parts, and the middle one of their means counts: some paths meet lamps behind shades by chance.
+/// The paths of an object's pixel are taken in so many parts, of which the middle half counts: some paths meet lamps behind shades by chance.
 const PARTS: u64 = 8;
 
-/// The shadow is compared this many radii around the base, and as far again along the picture's rows.
+/// The shadow is compared within so many radii of the base.
 const REACH: f32 = 6.0;
 
 /// The surface that carries the object: metres above and below the base.
@@ -49,12 +49,17 @@ pub(crate) struct TrueRoom {
 }
 
 impl TrueRoom {
-    /// The room that the photo of this camera shows; its radiance times `gains` is in units of the photo's white.
+    /// The room that the photo of this camera shows, `bare` being its model; its radiance times `gains` is in units of the photo's white.
     ///
     /// # Errors
     /// Rooms that light transport refuses.
-    pub fn new(world: World, view: CameraPose, gains: [f32; 3], seed: u64) -> Result<Self, TransportError> {
-        let bare = PreparedModel::new(world.model.clone());
+    pub fn new(
+        world: World,
+        bare: PreparedModel,
+        view: CameraPose,
+        gains: [f32; 3],
+        seed: u64,
+    ) -> Result<Self, TransportError> {
         let empty = PathTracer::new(world.clone(), seed)?;
         Ok(Self { world, bare, empty, view, gains, seed })
     }
@@ -141,14 +146,9 @@ impl TrueRoom {
         let point = ray.origin + ray.direction * hit.distance_m;
         let near = (point.y - place.base_m.y).abs() < SUPPORT_M
             && (point - place.base_m).length() < REACH * place.radius_m
-            && normal(self.bare.model(), &hit).y.abs() > 0.99;
+            && normal(&self.bare, hit.triangle).y.abs() > 0.99;
         near.then_some(point + Vec3::Y * 1e-3)
     }
-}
-
-fn normal(model: &Model, hit: &Hit) -> Vec3 {
-    let [a, b, c] = model.triangles[hit.triangle as usize].map(|v| model.positions[v as usize]);
-    (b - a).cross(c - a).normalize_or_zero()
 }
 
 /// Puts an object on a place of a room.
@@ -192,7 +192,8 @@ mod tests {
         let rotation = Quat::from_rotation_x(-0.6);
         let pose = Pose { position: Vec3::new(0.0, 1.4, 2.0), rotation };
         let camera = Camera::from_hfov_deg(60.0, 240, 160).unwrap();
-        TrueRoom::new(world, CameraPose { pose, camera }, [1.0, 2.0, 0.5], 3).unwrap()
+        let bare = PreparedModel::new(world.model.clone());
+        TrueRoom::new(world, bare, CameraPose { pose, camera }, [1.0, 2.0, 0.5], 3).unwrap()
     }
 
     fn place() -> Place {

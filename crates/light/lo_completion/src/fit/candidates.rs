@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use lo_geometry::Vec3;
+use lo_geometry::{Vec3, smoothstep};
 use lo_imaging::luminance;
-use lo_octree::{LightOctree, key_from_xyz, xyz_from_key};
+use lo_octree::{LeafNode, LightOctree, key_from_xyz, xyz_from_key};
 use lo_scene::{Room, RoomPlane, Side};
 
 /// Leaves brighter than this multiple of the mean are lamps, windows or what they shine on.
@@ -36,16 +36,19 @@ pub(crate) struct Candidate {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Shape {
     /// A soft disc on what is not seen.
-    Disc {
-        /// Into the room, where it lies on one of its planes.
-        normal: Option<Vec3>,
-        radius_m: f32,
-        /// ∫ of the share of its radiance over its disc.
-        area_m2: f32,
-    },
+    Disc(Disc),
     /// What is brighter than surfaces are: lamps and windows, seen or guessed, which may be brighter still. Of each coarse node the middle of
     /// what shines in it, and the radius of a disc as large, metres.
     Bright { nodes: Vec<(Vec3, f32)> },
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Disc {
+    /// Into the room, where it lies on one of its planes.
+    pub normal: Option<Vec3>,
+    pub radius_m: f32,
+    /// ∫ of the share of its radiance over its disc.
+    pub area_m2: f32,
 }
 
 /// All candidates, and what of the leaves' luminance is a lamp's.
@@ -81,23 +84,30 @@ impl Candidates {
         let depth = (0..=light.octree.depth()).rev().find(|&d| cube.node_edge_m(d) >= MIN_EDGE_M).unwrap_or(0);
         let edge_m = cube.node_edge_m(depth);
         let floor = room.floor();
-        let leaves = || leaves(light).filter(move |leaf| leaf.depth >= depth);
-        let (sum, area) =
-            leaves().fold((0.0, 0.0), |(sum, area), leaf| (sum + leaf.luminance * leaf.area_m2, area + leaf.area_m2));
+        let leaves = || {
+            let fine = light.octree.leaf_nodes().filter(move |leaf| leaf.depth >= depth);
+            // Its surface in m², and its luminance.
+            let weighed = |leaf: LeafNode| (leaf, cube.node_edge_m(leaf.depth).powi(2), lightness(light, leaf));
+            fine.filter(|leaf| light.rgba[leaf.depth as usize][leaf.row][3] > 0.0).map(weighed)
+        };
+        let (sum, area) = leaves()
+            .fold((0.0, 0.0), |(sum, total), (_, area_m2, luminance)| (sum + luminance * area_m2, total + area_m2));
         let cap = CAP * sum / area.max(1e-12);
         let mut nodes: BTreeMap<u32, Sums> = BTreeMap::new();
-        for leaf in leaves() {
-            let sums = nodes.entry(leaf.key >> (3 * (leaf.depth - depth))).or_default();
-            let excess = (leaf.luminance - cap).max(0.0) * leaf.area_m2;
+        for (leaf, area_m2, luminance) in leaves() {
+            let key = light.octree.key(leaf);
+            let middle_m = light.node_middle_m(leaf.depth, key);
+            let sums = nodes.entry(key >> (3 * (leaf.depth - depth))).or_default();
+            let excess = (luminance - cap).max(0.0) * area_m2;
             if excess > 0.0 {
                 sums.excess += excess;
-                sums.bright_area += leaf.area_m2;
-                sums.excess_place += leaf.middle_m * excess;
+                sums.bright_area += area_m2;
+                sums.excess_place += middle_m * excess;
             }
-            let is_high = floor.is_none_or(|floor| floor.signed_distance_m(leaf.middle_m) > MIN_HEIGHT_M);
-            if leaf.seen < 128 && is_high {
-                sums.place += leaf.middle_m * leaf.area_m2;
-                sums.area += leaf.area_m2;
+            let is_high = floor.is_none_or(|floor| floor.signed_distance_m(middle_m) > MIN_HEIGHT_M);
+            if light.unseen(leaf) > 0.5 && is_high {
+                sums.place += middle_m * area_m2;
+                sums.area += area_m2;
             }
         }
         let (groups, owners) = bright_groups(&nodes);
@@ -122,7 +132,7 @@ impl Candidates {
             let near = |plane: &RoomPlane| plane.plane.signed_distance_m(position_m).abs();
             let planes = room.planes.iter().filter(|plane| plane.side != Side::Floor && near(plane) < ON_PLANE_M);
             let normal = planes.min_by(|a, b| near(a).total_cmp(&near(b))).map(|plane| plane.plane.normal);
-            let shape = Shape::Disc { normal, radius_m, area_m2: effective_area_m2(radius_m) };
+            let shape = Shape::Disc(Disc { normal, radius_m, area_m2: effective_area_m2(radius_m) });
             all.push(Candidate { shape, position_m });
         }
         Self { all, depth, cap, owners }
@@ -130,89 +140,48 @@ impl Candidates {
 
     /// Of bright regions alone what exceeds surfaces, as luminance.
     pub fn excess(&self, light: &LightOctree) -> LightOctree {
-        let mut dark = light.clone();
-        dark.rgba.iter_mut().flatten().for_each(|rgba| rgba[..3].fill(0.0));
-        dark.change_leaves(|depth, node, _| [self.excess_of(light, depth, node).map_or(0.0, |(_, excess)| excess); 3]);
-        dark
+        let excess = light.merged(|leaf| Vec3::splat(self.excess_of(light, leaf).map_or(0.0, |(_, excess)| excess)));
+        LightOctree { rgba: light.rows_with(|depth, row, _| excess[depth][row]), ..light.clone() }
     }
 
     /// The bright region of a leaf, and by how much the leaf's luminance exceeds a surface's.
-    fn excess_of(&self, light: &LightOctree, depth: u32, node: usize) -> Option<(usize, f32)> {
-        let level = &light.octree.levels()[depth as usize];
-        let row = usize::try_from(level.rows[node]).ok()?;
-        let key = level.keys[node].checked_shr(3 * depth.checked_sub(self.depth)?)?;
-        let [r, g, b, _] = light.rgba[depth as usize][row];
-        let excess = luminance([r, g, b]) - self.cap;
+    fn excess_of(&self, light: &LightOctree, leaf: LeafNode) -> Option<(usize, f32)> {
+        let key = light.octree.key(leaf) >> (3 * leaf.depth.checked_sub(self.depth)?);
+        let excess = lightness(light, leaf) - self.cap;
         Some((*self.owners.get(&key)?, excess)).filter(|_| excess > 0.0)
     }
 
     /// Gives candidates their radiance, bright regions so many times more than they have, and scales what is guessed.
     pub fn shine(&self, light: &mut LightOctree, solution: &[f32], scale: f32) {
-        let before = light.clone();
-        let discs: Vec<(Vec3, f32, f32)> = self
-            .all
-            .iter()
-            .zip(solution)
-            .filter(|(_, value)| **value > 0.0)
-            .filter_map(|(candidate, &value)| match candidate.shape {
-                Shape::Disc { radius_m, .. } => Some((candidate.position_m, radius_m, value)),
+        let shining = self.all.iter().zip(solution).filter(|(_, value)| **value > 0.0);
+        let discs: Vec<(Vec3, f32, f32)> = shining
+            .filter_map(|(candidate, &value)| match &candidate.shape {
+                Shape::Disc(disc) => Some((candidate.position_m, disc.radius_m, value)),
                 Shape::Bright { .. } => None,
             })
             .collect();
-        light.change_leaves(|depth, node, radiance| {
-            let level = &before.octree.levels()[depth as usize];
-            let Ok(row) = usize::try_from(level.rows[node]) else { return radiance };
-            let open = 1.0 - f32::from(before.seen[depth as usize][row]) / 255.0;
-            let middle_m = before.node_middle_m(depth, level.keys[node]);
+        light.change_leaves(|light, leaf| {
+            let (radiance, open) = (light.radiance(leaf), light.unseen(leaf));
+            let middle_m = light.node_middle_m(leaf.depth, light.octree.key(leaf));
             let of_disc = |&(position_m, radius_m, value): &(Vec3, f32, f32)| {
                 value * share((middle_m - position_m).length() / radius_m)
             };
             let added = open * discs.iter().map(of_disc).sum::<f32>();
-            let own = luminance(radiance).max(1e-6);
-            let brighter =
-                self.excess_of(&before, depth, node).map_or(0.0, |(owner, excess)| solution[owner] * excess / own);
-            radiance.map(|value| value * (1.0 + open * (scale - 1.0) + brighter) + added)
+            let own = lightness(light, leaf).max(1e-6);
+            let brighter = self.excess_of(light, leaf).map_or(0.0, |(owner, excess)| solution[owner] * excess / own);
+            radiance * (1.0 + open * (scale - 1.0) + brighter) + added
         });
     }
 }
 
 /// Scales what is not seen, as [`fit_lamps`](crate::fit_lamps) does.
 pub fn scale_guessed(light: &mut LightOctree, scale: f32) {
-    let before = light.clone();
-    light.change_leaves(|depth, node, radiance| {
-        let level = &before.octree.levels()[depth as usize];
-        let Ok(row) = usize::try_from(level.rows[node]) else { return radiance };
-        let open = 1.0 - f32::from(before.seen[depth as usize][row]) / 255.0;
-        radiance.map(|value| value * (1.0 + open * (scale - 1.0)))
-    });
+    light.change_leaves(|light, leaf| light.radiance(leaf) * (1.0 + light.unseen(leaf) * (scale - 1.0)));
 }
 
-/// A leaf that holds a surface.
-struct Leaf {
-    depth: u32,
-    key: u32,
-    middle_m: Vec3,
-    area_m2: f32,
-    luminance: f32,
-    seen: u8,
-}
-
-fn leaves(light: &LightOctree) -> impl Iterator<Item = Leaf> + '_ {
-    (0u32..).zip(light.octree.levels()).flat_map(move |(depth, level)| {
-        (0..level.len()).filter_map(move |node| {
-            let row = usize::try_from(level.rows[node]).ok().filter(|_| level.children[node] < 0)?;
-            let [r, g, b, a] = light.rgba[depth as usize][row];
-            let key = level.keys[node];
-            (a > 0.0).then(|| Leaf {
-                depth,
-                key,
-                middle_m: light.node_middle_m(depth, key),
-                area_m2: light.cube.node_edge_m(depth).powi(2),
-                luminance: luminance([r, g, b]),
-                seen: light.seen[depth as usize][row],
-            })
-        })
-    })
+/// Luminance of a leaf.
+fn lightness(light: &LightOctree, leaf: LeafNode) -> f32 {
+    luminance(light.radiance(leaf).to_array())
 }
 
 /// Coarse nodes with bright leaves, those that touch together, and the group of each.
@@ -257,6 +226,5 @@ fn effective_area_m2(radius_m: f32) -> f32 {
 
 /// Share of a lamp's radiance at a distance from its middle, in radii.
 fn share(distance: f32) -> f32 {
-    let inside = ((1.0 - distance) / (1.0 - FULL)).clamp(0.0, 1.0);
-    inside * inside * (3.0 - 2.0 * inside)
+    smoothstep(1.0, FULL, distance)
 }

@@ -1,9 +1,9 @@
-//! Lamps outside of the view that explain how the seen surfaces are shaded.
+//! Lamps and windows as bright as the seen surfaces are shaded.
 //!
 //! A diffuse surface of constant albedo is as bright as the light that it gets: where a wall is brighter on its left there is more light on its
-//! left. Candidates are soft discs on what is not seen of ceiling and upper walls; the sparsest non-negative radiances are sought that
-//! explain the shading of segments of constant albedo (`solve`), with visibility through the octree. The same is done by hand or with
-//! trained matching in Karsch et al. 2011 and 2014 ("Rendering synthetic objects into legacy photographs", "Automatic scene inference for 3D
+//! left. Candidates are bright regions, which may be brighter still, and soft discs on what is not seen (`candidates`); the sparsest non-negative
+//! radiances are sought that explain the shading of segments of constant albedo (`solve`), with visibility through the octree. The same is done
+//! by hand or with trained matching in Karsch et al. 2011 and 2014 ("Rendering synthetic objects into legacy photographs", "Automatic scene inference for 3D
 //! object compositing"); there the room's box is all that casts shadows, here it is the octree.
 
 mod candidates;
@@ -12,36 +12,33 @@ mod solve;
 
 use std::borrow::Cow;
 
-use lo_cone::{Cone, ConeSample, ConeTracer, Settings};
+use lo_cone::{Cone, ConeSample, ConeTracer};
 use lo_events::Warning;
-use lo_geometry::{Vec3, cosine_hemisphere, orthonormal_basis};
+use lo_geometry::Vec3;
 use lo_imaging::luminance;
 use lo_octree::LightOctree;
 use lo_scene::{Frame, Room};
 
+use crate::irradiance::{irradiances, offset_m, tracer};
 use crate::lamps::OBJECT_SHARE;
 pub use candidates::scale_guessed;
-use candidates::{Candidate, Candidates, Shape};
+use candidates::{Candidate, Candidates, Disc, Shape};
 use places::{Place, places};
 use solve::{Problem, solve};
 
-/// Cones per place, and the tangent of their half-angle: together they cover the hemisphere.
-const CONES: usize = 64;
-const TAN_HALF_ANGLE: f32 = 0.15;
-
-/// Places lie so many leaves before the surface, outside of its own leaves.
-const OFFSET: f32 = 1.5;
-
-/// What a lamp costs that gives a place as much light as everything else, in half squared deviations of the whole picture.
+/// What a new lamp costs that gives a place as much light as everything else, in half squared deviations of the place.
 const SPARSITY: f32 = 5.0;
 
 /// What a known lamp's being brighter costs, as a share of what a new one costs.
 const KNOWN: f32 = 0.1;
 
+/// Cosine, at a place or at a lamp, below which a lamp is not looked for.
+const MIN_COSINE: f32 = 0.01;
+
 /// Lamps that give less than this share of the light on what is seen are none.
 const MIN_SHARE: f32 = 0.02;
 
-/// A lamp that was not seen.
+/// A lamp or window that gives more light than was known.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FittedLamp {
     /// Its middle, metres.
@@ -94,19 +91,15 @@ pub fn fit_lamps(light: &mut LightOctree, seen: &Frame, room: &Room) -> LampFit 
         *light = seen;
     }
     let candidates = Candidates::new(light, room);
-    let offset_m = OFFSET * light.cube.node_edge_m(light.octree.depth());
-    let problem = problem(light, &places, &candidates, offset_m);
+    let problem = problem(light, &places, &candidates, offset_m(light));
     let mut solution = solve(&problem);
-    let mut all: Vec<f32> = problem.seen.iter().zip(&problem.guessed).map(|(a, b)| a + solution.scale * b).collect();
-    for (lamp, radiance) in problem.lamps.iter().zip(&solution.radiance) {
-        all.iter_mut().zip(lamp).for_each(|(all, lamp)| *all += radiance * lamp);
-    }
+    let all = problem.irradiance(&solution);
     let mut lamps = Vec::new();
     for (j, candidate) in candidates.all.iter().enumerate() {
-        let of_place = |(lamp, all): (&f32, &f32)| solution.radiance[j] * lamp / all.max(1e-6);
+        let of_place = |(lamp, all): (&f32, &f32)| solution.radiance[j] * lamp / all;
         let share = problem.lamps[j].iter().zip(&all).map(of_place).sum::<f32>() / places.len() as f32;
         if share > MIN_SHARE {
-            let is_new = matches!(candidate.shape, Shape::Disc { .. });
+            let is_new = matches!(candidate.shape, Shape::Disc(_));
             lamps.push(FittedLamp { position_m: candidate.position_m, is_new, radiance: solution.radiance[j], share });
         } else {
             solution.radiance[j] = 0.0;
@@ -117,35 +110,25 @@ pub fn fit_lamps(light: &mut LightOctree, seen: &Frame, room: &Room) -> LampFit 
     LampFit { lamps, scale: solution.scale }
 }
 
-fn tracer(light: &LightOctree) -> ConeTracer {
-    ConeTracer::new(light, Settings::default()).expect("the usual settings are valid, and there are no lobes")
-}
-
 fn problem(light: &LightOctree, places: &[Place], candidates: &Candidates, offset_m: f32) -> Problem {
     // What each row gives off, by its radiance and by the share of it that was seen.
-    let giving = |of: &dyn Fn([f32; 3], f32) -> [f32; 3]| {
-        let rows = light.rgba.iter().zip(&light.seen).map(|(rows, seen)| {
-            let row = |(&[r, g, b, a], &seen): (&[f32; 4], &u8)| {
-                let [r, g, b] = of([r, g, b], f32::from(seen) / 255.0);
-                [r, g, b, a]
-            };
-            rows.iter().zip(seen).map(row).collect()
-        });
-        tracer(&LightOctree { rgba: rows.collect(), ..light.clone() })
+    let giving = |of: &dyn Fn(Vec3, f32) -> Vec3| {
+        let seen = |depth: usize, row: usize| f32::from(light.seen[depth][row]) / 255.0;
+        let rgba = light.rows_with(|depth, row, radiance| of(radiance, seen(depth, row)));
+        tracer(&LightOctree { rgba, ..light.clone() })
     };
-    let seen = irradiances(&giving(&|rgb, seen| rgb.map(|value| seen * value)), places, offset_m);
-    let guessed = irradiances(&giving(&|rgb, seen| rgb.map(|value| (1.0 - seen) * value)), places, offset_m);
-    let open = giving(&|_, seen| [1.0 - seen; 3]);
+    let coming_in = |tracer: &ConeTracer| {
+        irradiances(tracer, places.iter().map(|place| (place.position_m, place.normal)), offset_m)
+    };
+    let seen = coming_in(&giving(&|radiance, seen| seen * radiance));
+    let guessed = coming_in(&giving(&|radiance, seen| (1.0 - seen) * radiance));
+    let open = giving(&|_, seen| Vec3::splat(1.0 - seen));
     let excess = tracer(&candidates.excess(light));
     let lamps: Vec<Vec<f32>> = candidates
         .all
         .iter()
         .map(|candidate| match &candidate.shape {
-            Shape::Disc { normal, radius_m, area_m2 } => {
-                let disc =
-                    Disc { position_m: candidate.position_m, normal: *normal, radius_m: *radius_m, area_m2: *area_m2 };
-                by_disc(&open, &disc, places, offset_m)
-            }
+            Shape::Disc(disc) => by_disc(&open, candidate.position_m, disc, places, offset_m),
             Shape::Bright { nodes } => by_bright(&excess, nodes, places, offset_m),
         })
         .collect();
@@ -159,7 +142,7 @@ fn problem(light: &LightOctree, places: &[Place], candidates: &Candidates, offse
         let share = lamp.iter().zip(&mean).map(|(lamp, all)| lamp / all).sum::<f32>() / places.len() as f32;
         let known = match candidate.shape {
             Shape::Bright { .. } => KNOWN,
-            Shape::Disc { .. } => 1.0,
+            Shape::Disc(_) => 1.0,
         };
         SPARSITY * total * share.max(1e-6) * known
     };
@@ -176,89 +159,78 @@ fn problem(light: &LightOctree, places: &[Place], candidates: &Candidates, offse
     }
 }
 
-/// Luminance that comes in at each place.
-fn irradiances(tracer: &ConeTracer, places: &[Place], offset_m: f32) -> Vec<f32> {
-    let directions = cosine_hemisphere(CONES);
-    let cones_of = |place: &Place| {
-        let (basis, origin) = (orthonormal_basis(place.normal), place.position_m + offset_m * place.normal);
-        directions.iter().map(move |&d| Cone { origin, direction: basis * d, tan_half_angle: TAN_HALF_ANGLE })
-    };
-    let cones: Vec<Cone> = places.iter().flat_map(cones_of).collect();
-    let mut samples = vec![ConeSample::default(); cones.len()];
-    tracer.trace_batch(&cones, &mut samples);
-    let mean = |samples: &[ConeSample]| samples.iter().map(|s| luminance(s.radiance)).sum::<f32>() / CONES as f32;
-    samples.chunks(CONES).map(|samples| std::f32::consts::PI * mean(samples)).collect()
+/// A cone to something that may shine on a place.
+struct Sight {
+    /// Number of the place.
+    place: usize,
+    cone: Cone,
+    distance_m: f32,
+    /// Cosine of its angle to the place's normal.
+    cosine: f32,
 }
 
-/// A lamp that is not seen.
-struct Disc {
-    position_m: Vec3,
-    normal: Option<Vec3>,
-    radius_m: f32,
-    area_m2: f32,
+impl Sight {
+    /// To what lies at `target_m` and has this radius, where it is before the place and the place not in it. The cone's tangent is `width` radii by the distance.
+    fn new((place, from): (usize, &Place), target_m: Vec3, radius_m: f32, width: f32, offset_m: f32) -> Option<Self> {
+        let origin = from.position_m + offset_m * from.normal;
+        let to = target_m - origin;
+        let distance_m = to.length();
+        let direction = to / distance_m.max(1e-6);
+        let cosine = from.normal.dot(direction);
+        let cone = Cone { origin, direction, tan_half_angle: width * radius_m / distance_m };
+        (cosine > MIN_COSINE && distance_m >= radius_m).then_some(Self { place, cone, distance_m, cosine })
+    }
+}
+
+/// Adds for each place what its sights see, as `irradiance` has it.
+fn seen_light(
+    tracer: &ConeTracer,
+    sights: &[Sight],
+    places: usize,
+    irradiance: impl Fn(&Sight, &ConeSample) -> f32,
+) -> Vec<f32> {
+    let cones: Vec<Cone> = sights.iter().map(|sight| sight.cone).collect();
+    let mut samples = vec![ConeSample::default(); cones.len()];
+    tracer.trace_batch(&cones, &mut samples);
+    let mut light = vec![0.0; places];
+    for (sight, sample) in sights.iter().zip(&samples) {
+        light[sight.place] += irradiance(sight, sample);
+    }
+    light
 }
 
 /// Irradiance of each place by a disc of radiance 1, as far as it is in sight: `open` is 1 where nothing is seen.
-fn by_disc(open: &ConeTracer, disc: &Disc, places: &[Place], offset_m: f32) -> Vec<f32> {
-    let mut cones = Vec::new();
-    let mut owners = Vec::new();
-    for (i, place) in places.iter().enumerate() {
-        let origin = place.position_m + offset_m * place.normal;
-        let to = disc.position_m - origin;
-        let distance_m = to.length();
-        let direction = to / distance_m.max(1e-6);
-        let cosine = place.normal.dot(direction);
-        let facing = disc.normal.map_or(1.0, |normal| -normal.dot(direction));
-        if cosine <= 0.01 || facing <= 0.01 || distance_m < disc.radius_m {
-            continue;
-        }
-        let tan_half_angle = 0.7 * disc.radius_m / distance_m;
-        cones.push(Cone { origin, direction, tan_half_angle });
-        owners.push((i, cosine * facing * disc.area_m2 / (distance_m * distance_m), distance_m));
-    }
-    let mut samples = vec![ConeSample::default(); cones.len()];
-    open.trace_batch(&cones, &mut samples);
-    let mut light = vec![0.0; places.len()];
-    for ((i, unshadowed, distance_m), sample) in owners.into_iter().zip(samples) {
+fn by_disc(open: &ConeTracer, middle_m: Vec3, disc: &Disc, places: &[Place], offset_m: f32) -> Vec<f32> {
+    let facing = |sight: &Sight| disc.normal.map_or(1.0, |normal| -normal.dot(sight.cone.direction));
+    let sights = places.iter().enumerate();
+    let sights = sights.filter_map(|place| Sight::new(place, middle_m, disc.radius_m, 0.7, offset_m));
+    let sights: Vec<Sight> = sights.filter(|sight| facing(sight) > MIN_COSINE).collect();
+    seen_light(open, &sights, places.len(), |sight, sample| {
         // What is met well before the lamp hides it.
-        let missing = (distance_m - sample.distance_m) / disc.radius_m;
+        let missing = (sight.distance_m - sample.distance_m) / disc.radius_m;
         let in_sight = (1.0 - (missing - 1.0)).clamp(0.0, 1.0);
-        light[i] = unshadowed * luminance(sample.radiance) * in_sight;
-    }
-    light
+        let unshadowed = sight.cosine * facing(sight) * disc.area_m2 / (sight.distance_m * sight.distance_m);
+        unshadowed * luminance(sample.radiance) * in_sight
+    })
 }
 
 /// Irradiance of each place by what a bright region has above surfaces: `excess` shows nothing else. One cone to what
 /// shines in each of its coarse nodes, as wide as that.
 fn by_bright(excess: &ConeTracer, nodes: &[(Vec3, f32)], places: &[Place], offset_m: f32) -> Vec<f32> {
-    let mut cones = Vec::new();
-    let mut owners = Vec::new();
-    for (i, place) in places.iter().enumerate() {
-        let origin = place.position_m + offset_m * place.normal;
-        for &(node_m, radius_m) in nodes {
-            let to = node_m - origin;
-            let distance_m = to.length();
-            let direction = to / distance_m.max(1e-6);
-            let cosine = place.normal.dot(direction);
-            if cosine > 0.01 && distance_m > radius_m {
-                let tan_half_angle = radius_m / distance_m;
-                cones.push(Cone { origin, direction, tan_half_angle });
-                owners.push((i, cosine * std::f32::consts::PI * tan_half_angle * tan_half_angle));
-            }
-        }
-    }
-    let mut samples = vec![ConeSample::default(); cones.len()];
-    excess.trace_batch(&cones, &mut samples);
-    let mut light = vec![0.0; places.len()];
-    for ((i, weight), sample) in owners.into_iter().zip(samples) {
-        light[i] += weight * luminance(sample.radiance);
-    }
-    light
+    let to_nodes = |place: (usize, &Place)| -> Vec<Sight> {
+        nodes.iter().filter_map(|&(node_m, radius_m)| Sight::new(place, node_m, radius_m, 1.0, offset_m)).collect()
+    };
+    let sights: Vec<Sight> = places.iter().enumerate().flat_map(to_nodes).collect();
+    seen_light(excess, &sights, places.len(), |sight, sample| {
+        let tangent = sight.cone.tan_half_angle;
+        sight.cosine * std::f32::consts::PI * tangent * tangent * luminance(sample.radiance)
+    })
 }
 
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
+    use lo_cone::Settings;
     use lo_geometry::{Camera, Cube, Plane};
     use lo_imaging::{DepthMap, Photo, RadianceImage};
     use lo_octree::{Coverage, RadiancePoint};
@@ -338,10 +310,9 @@ mod tests {
     fn irradiance_by_a_bright_region_is_that_of_its_patches() {
         let (light, frame, room) = room(12.0);
         let (places, candidates) = (places(&frame), Candidates::new(&light, &room));
-        let offset_m = OFFSET * light.cube.node_edge_m(6);
-        let problem = problem(&light, &places, &candidates, offset_m);
+        let problem = problem(&light, &places, &candidates, offset_m(&light));
         assert!(matches!(candidates.all[0].shape, Shape::Bright { .. }));
-        assert!(candidates.all[1..].iter().all(|candidate| matches!(candidate.shape, Shape::Disc { .. })));
+        assert!(candidates.all[1..].iter().all(|candidate| matches!(candidate.shape, Shape::Disc(_))));
         let (mut sum, mut expected) = (0.0, 0.0);
         for (place, light) in places.iter().zip(&problem.lamps[0]) {
             let point = place.position_m;

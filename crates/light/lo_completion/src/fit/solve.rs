@@ -52,7 +52,8 @@ const OUTER: usize = 25;
 const SWEEPS: usize = 12;
 
 impl Problem {
-    fn irradiance(&self, solution: &Solution) -> Vec<f32> {
+    /// Irradiance of each place, above 0.
+    pub fn irradiance(&self, solution: &Solution) -> Vec<f32> {
         let mut sum: Vec<f32> =
             self.seen.iter().zip(&self.guessed).map(|(seen, guessed)| seen + solution.scale * guessed).collect();
         for (lamp, &radiance) in self.lamps.iter().zip(&solution.radiance).filter(|(_, radiance)| **radiance > 0.0) {

@@ -1,9 +1,9 @@
 use std::f32::consts::PI;
 
-use lo_geometry::Vec3;
+use lo_geometry::{Vec3, smoothstep};
 
 use crate::photometry::{UNIT_CD_M2, from_xyz};
-use crate::texture::{Noise, mix, smoothstep};
+use crate::texture::{Noise, mix};
 
 /// Radiance of the sky without the sun's disc.
 #[derive(Clone, Debug)]

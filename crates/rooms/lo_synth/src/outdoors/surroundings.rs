@@ -1,9 +1,9 @@
-use lo_geometry::{Vec2, Vec3};
+use lo_geometry::{Vec2, Vec3, smoothstep};
 use lo_random::Stream;
 
 use crate::chance::{between, chance, count, pick, tone};
 use crate::photometry::{UNIT_CD_M2, luminance_color};
-use crate::texture::{Noise, scaled, smoothstep};
+use crate::texture::{Noise, scaled};
 
 use super::bodies::{House, Tree, enter_ball, enter_box};
 use super::sky::Sky;

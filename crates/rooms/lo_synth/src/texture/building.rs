@@ -1,6 +1,8 @@
 //! Floors and walls.
 
-use super::{Noise, Swatch, mix, scaled, smoothstep};
+use lo_geometry::smoothstep;
+
+use super::{Noise, Swatch, mix, scaled};
 
 const SIZE: usize = 256;
 

@@ -62,12 +62,6 @@ pub(crate) fn scaled(color: [f32; 3], factor: f32) -> [f32; 3] {
     color.map(|c| c * factor)
 }
 
-/// 0 below `low`, 1 above `high`, smooth between.
-pub(crate) fn smoothstep(low: f32, high: f32, x: f32) -> f32 {
-    let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
-    t * t * (3.0 - 2.0 * t)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

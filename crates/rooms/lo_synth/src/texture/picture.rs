@@ -1,6 +1,8 @@
 //! What hangs on walls and shines from screens.
 
-use super::{Noise, Swatch, mix, scaled, smoothstep};
+use lo_geometry::smoothstep;
+
+use super::{Noise, Swatch, mix, scaled};
 use crate::chance::tone;
 
 const SIZE: usize = 128;
