@@ -199,19 +199,16 @@ pub fn warning_text(warning: &Warning, objects: &[String]) -> String {
                 "what is seen does not explain the light: an unseen ceiling lamp of radiance {radiance:.1} was assumed"
             )
         }
-        Warning::FittedLamps { brighter, assumed, share } => {
-            let lamps = |count: usize| {
-                if count == 1 { "1 lamp or window".to_owned() } else { format!("{count} lamps or windows") }
-            };
-            let parts = [
-                (*brighter > 0).then(|| format!("{} brighter than guessed", lamps(*brighter))),
-                (*assumed > 0).then(|| format!("{} where nothing is seen", lamps(*assumed))),
-            ];
-            format!(
-                "how the room is shaded was explained by {}: {:.0} % of the light",
-                parts.into_iter().flatten().collect::<Vec<_>>().join(" and "),
-                100.0 * share
-            )
+        Warning::FittedLamps { lamps, lamps_share, surfaces } => {
+            let lamps = lamps.map(|lamps| {
+                format!(
+                    "lamps and windows {lamps:.1} times as bright as guessed ({:.0} % of the light)",
+                    100.0 * lamps_share
+                )
+            });
+            let surfaces = ((surfaces - 1.0).abs() > 0.05).then(|| format!("unseen surfaces {surfaces:.1} times"));
+            let parts: Vec<String> = lamps.into_iter().chain(surfaces).collect();
+            format!("as the photo's shading asks for: {}", parts.join(", "))
         }
         Warning::AssumedPlanes { floor, ceiling, walls } => {
             let planes = [

@@ -193,7 +193,7 @@ fn objects_get_the_light_that_what_is_seen_asks_for() {
     let (mut scene, _) = estimated(wall(), &dark);
     let before = scene.clone();
     let report = fit_lamps(&mut scene);
-    assert!(report.scale > 1.5 && scene.light != before.light, "{report:?}");
+    assert!(report.surfaces > 1.5 && scene.light != before.light, "{report:?}");
     let darker = |(a, b): (&[f32; 4], &[f32; 4])| (0..3).any(|c| a[c] < b[c]) || a[3] != b[3];
     assert!(!scene.light.rgba.iter().flatten().zip(before.light.rgba.iter().flatten()).any(darker));
     let mut shell = closed(Input::MeasuredDepth(wall()), &dark);

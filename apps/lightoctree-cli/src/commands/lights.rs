@@ -363,11 +363,6 @@ fn say(scene: &Scene, as_json: bool) -> anyhow::Result<()> {
     ];
     let rows: Vec<Vec<String>> = lights.iter().map(row).collect();
     report::print(&report::table(&head, &rows));
-    if lights.iter().any(|light| light.origin == Origin::Assumed) {
-        report::print(
-            "assumed lamps are for objects: `insert` and `export` use them, `envmap` and `probes` with --lamp",
-        );
-    }
     Ok(())
 }
 
@@ -421,7 +416,6 @@ fn known_by(origin: Origin) -> &'static str {
         Origin::Seen => "photo",
         Origin::Panorama => "panorama",
         Origin::Guessed => "guess",
-        Origin::Assumed => "assumption",
         Origin::Added => "you",
     }
 }

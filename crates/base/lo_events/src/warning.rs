@@ -86,14 +86,14 @@ pub enum Warning {
         /// Radiance in its middle; the photo's white is 1.
         radiance: f32,
     },
-    /// The light on what is seen was not explained: lamps and windows were made brighter, or assumed where nothing is seen.
+    /// What was guessed of lamps, windows and surfaces is as bright as the photo's shading asks for.
     FittedLamps {
-        /// How many were made brighter.
-        brighter: usize,
-        /// How many were assumed.
-        assumed: usize,
-        /// What they give more than was known, as a share of the light on what is seen.
-        share: f32,
+        /// Factor on guessed lamps and windows, where they give a share of the light that counts.
+        lamps: Option<f32>,
+        /// What they give now, as a share of the light on what is seen.
+        lamps_share: f32,
+        /// Factor on guessed surfaces.
+        surfaces: f32,
     },
     /// Planes of the room are not seen, so their place is assumed.
     AssumedPlanes {

@@ -16,7 +16,7 @@ mod smoothstep;
 pub use camera::{Camera, CameraError};
 pub use cube::Cube;
 pub use equirectangular::{direction_from_uv, pixel_direction, pixel_solid_angle_sr, uv_from_direction};
-pub use glam::{DMat3, DQuat, DVec3, Mat3, Mat4, Quat, Vec2, Vec3, Vec4};
+pub use glam::{DMat3, DQuat, DVec3, Mat2, Mat3, Mat4, Quat, Vec2, Vec3, Vec4};
 pub use orientation::Orientation;
 pub use pattern::{cosine_hemisphere, fibonacci_sphere, orthonormal_basis, van_der_corput};
 pub use plane::Plane;

@@ -4,7 +4,6 @@ use std::f32::consts::PI;
 
 use lo_cone::{Cone, ConeSample, ConeTracer, Settings};
 use lo_geometry::{Vec3, cosine_hemisphere, orthonormal_basis};
-use lo_imaging::luminance;
 use lo_octree::LightOctree;
 
 /// Cones per place, and the tangent of their half-angle: together they cover the hemisphere.
@@ -27,8 +26,8 @@ pub(crate) fn tracer(light: &LightOctree) -> ConeTracer {
     ConeTracer::new(light, Settings::default()).expect("the usual settings are valid, and there are no lobes")
 }
 
-/// Luminance that comes in at each place.
-pub(crate) fn irradiances(tracer: &ConeTracer, places: impl Iterator<Item = Place>, offset_m: f32) -> Vec<f32> {
+/// Irradiance of each place, by channel.
+pub(crate) fn irradiances(tracer: &ConeTracer, places: impl Iterator<Item = Place>, offset_m: f32) -> Vec<Vec3> {
     let directions = cosine_hemisphere(CONES);
     let cones_of = |(position_m, normal): Place| {
         let (basis, origin) = (orthonormal_basis(normal), position_m + offset_m * normal);
@@ -37,6 +36,6 @@ pub(crate) fn irradiances(tracer: &ConeTracer, places: impl Iterator<Item = Plac
     let cones: Vec<Cone> = places.flat_map(cones_of).collect();
     let mut samples = vec![ConeSample::default(); cones.len()];
     tracer.trace_batch(&cones, &mut samples);
-    let mean = |samples: &[ConeSample]| samples.iter().map(|s| luminance(s.radiance)).sum::<f32>() / CONES as f32;
+    let mean = |samples: &[ConeSample]| samples.iter().map(|s| Vec3::from(s.radiance)).sum::<Vec3>() / CONES as f32;
     samples.chunks(CONES).map(|samples| PI * mean(samples)).collect()
 }

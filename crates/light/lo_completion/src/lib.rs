@@ -15,7 +15,7 @@ mod panorama;
 mod shell;
 mod visibility;
 
-pub use fit::{FittedLamp, LampFit, fit_lamps, scale_guessed};
+pub use fit::{LampFit, fit_lamps};
 pub use gravity::up_from_predicted_depth;
 pub use highlights::HighlightReport;
 pub use lamps::LampReport;

@@ -84,7 +84,8 @@ fn weights(light: &LightOctree, middle: Vec3, up: Vec3) -> Vec<Vec<f32>> {
 
 /// Luminance that comes in at each place.
 fn irradiances(tracer: &ConeTracer, places: &[Surfel], offset_m: f32) -> Vec<f32> {
-    irradiance::irradiances(tracer, places.iter().map(|place| (place.position_m, place.normal)), offset_m)
+    let light = irradiance::irradiances(tracer, places.iter().map(|place| (place.position_m, place.normal)), offset_m);
+    light.into_iter().map(|light| luminance(light.to_array())).collect()
 }
 
 fn mean(values: &[f32]) -> f32 {

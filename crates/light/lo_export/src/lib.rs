@@ -264,8 +264,8 @@ mod tests {
         };
         let edited = |light_edits: LightEdits| {
             let mut scene = Scene { light_edits, ..box_room() };
-            let estimate = scene.light.clone();
-            lo_lights::apply_edits(&mut scene, &estimate).unwrap();
+            let found = lo_lights::emitters(&scene);
+            lo_lights::apply_edits(&mut scene, &found).unwrap();
             scene
         };
         let of_lamp = |change: LightChange| {

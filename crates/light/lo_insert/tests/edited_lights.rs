@@ -7,7 +7,7 @@ use lo_cone::Viewers;
 use lo_geometry::{Camera, Cube, Plane, Vec3};
 use lo_imaging::{Image, Photo, luminance};
 use lo_insert::{Composite, Inserter, Instance, Lighting, Placement, Quality};
-use lo_lights::{apply_edits, list};
+use lo_lights::{apply_edits, emitters, list};
 use lo_mesh::{Material, Model, PreparedModel};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
 use lo_scene::{AddedLight, AnalyticLight, EmitterEdit, Frame, LightChange, LightShape, Scene};
@@ -50,10 +50,10 @@ fn scene() -> Scene {
 
 fn with(shape: LightShape, radiance: f32) -> Scene {
     let mut scene = scene();
-    let estimate = scene.light.clone();
+    let found = emitters(&scene);
     let light = AnalyticLight { shape, radiance: [radiance; 3] };
     scene.light_edits.added.push(AddedLight { id: "A1".to_owned(), light, change: LightChange::NONE });
-    apply_edits(&mut scene, &estimate).unwrap();
+    apply_edits(&mut scene, &found).unwrap();
     scene
 }
 
@@ -141,11 +141,11 @@ fn added_lamps_light_the_object_by_the_square_of_their_distance() {
 fn a_lamp_that_is_off_lights_nothing_and_one_of_twice_the_scale_twice() {
     let changed = |change: LightChange| {
         let mut scene = scene();
-        let estimate = scene.light.clone();
-        let lamp = list(&scene, &estimate).remove(0);
+        let found = emitters(&scene);
+        let lamp = list(&scene).remove(0);
         let found_at_m = lamp.position_m.unwrap();
         scene.light_edits.emitters.push(EmitterEdit { id: lamp.id, found_at_m, change });
-        apply_edits(&mut scene, &estimate).unwrap();
+        apply_edits(&mut scene, &found).unwrap();
         scene
     };
     let off = changed(LightChange { on: false, ..LightChange::NONE });

@@ -8,7 +8,7 @@ use lo_scene::{
 };
 
 use crate::colour::gain_to_color;
-use crate::emitters::{Emitter, assumed_lamps, emitters};
+use crate::emitters::Emitter;
 use crate::shape::ClusterShape;
 
 /// An emitter that is farther than this from where it was edited, in metres and beside half its size, is another one.
@@ -37,58 +37,48 @@ pub enum LightsError {
     },
 }
 
-/// Carries out a scene's edits: [`Scene::light`] becomes the edited light, and [`Scene::edited`] says how it differs. `estimate` is the light before lamps
-/// were assumed in [`Scene::light`], with the same nodes. A scene without edits stays as it is, to the bit.
+/// Carries out a scene's edits: [`Scene::light`] becomes the edited light, and [`Scene::edited`] says how it differs. `found` are the
+/// [`emitters`](crate::emitters) of the scene, of this light or of one with other radiances in the same nodes. A scene without edits stays as it is, to
+/// the bit.
 ///
 /// An edit changes what an emitter gives directly. Light that the room reflects is that of the estimate.
 ///
 /// # Errors
 /// Where an edit is of an emitter that there is not.
-pub fn apply_edits(scene: &mut Scene, estimate: &LightOctree) -> Result<(), LightsError> {
+pub fn apply_edits(scene: &mut Scene, found: &[Emitter]) -> Result<(), LightsError> {
     if scene.light_edits.is_empty() {
         return Ok(());
     }
-    let found = emitters(scene, estimate);
-    let assumed = assumed_lamps(scene, estimate, &scene.light);
     let mut edited = Vec::new();
     for edit in &scene.light_edits.emitters {
-        // What is not assumed this time is not changed.
-        if assumed.is_empty() && edit.id.starts_with('F') {
-            continue;
-        }
-        let all = || found.iter().chain(&assumed);
         let away_m = |emitter: &Emitter| (emitter.surface.centre_m - edit.found_at_m).length();
-        let is_there = |emitter: &&Emitter| {
-            emitter.id.get(..1) == edit.id.get(..1) && away_m(emitter) <= SAME_M + 0.5 * emitter.surface.area_m2.sqrt()
-        };
-        // Names go by flux, which fitted lamps change: of those at the place the one of that name, or the nearest.
-        let named = all().find(|emitter| emitter.id == edit.id);
-        let near = || all().filter(is_there).min_by(|a, b| away_m(a).total_cmp(&away_m(b)));
+        let is_there = |emitter: &&Emitter| away_m(emitter) <= SAME_M + 0.5 * emitter.surface.area_m2.sqrt();
+        // Names go by flux: of those at the place the one of that name, or the nearest.
+        let named = found.iter().find(|emitter| emitter.id == edit.id);
+        let near = || found.iter().filter(is_there).min_by(|a, b| away_m(a).total_cmp(&away_m(b)));
         let Some(emitter) = named.filter(is_there).or_else(near) else {
             return Err(match named {
                 Some(emitter) => LightsError::Elsewhere { id: edit.id.clone(), distance_m: away_m(emitter) },
                 None => LightsError::Unknown {
                     id: edit.id.clone(),
-                    known: all().map(|emitter| emitter.id.clone()).collect(),
+                    known: found.iter().map(|emitter| emitter.id.clone()).collect(),
                 },
             });
         };
         edited.push((emitter, edit.change));
     }
-    let octree = change_octree(scene, &edited);
-    let moved = edited.iter().filter_map(|(emitter, change)| moved(emitter, change));
+    let moved = edited.iter().filter_map(|(emitter, change)| moved(&scene.light, emitter, change));
     let added = scene.light_edits.added.iter().filter_map(|added| changed(&added.light, &added.change));
     let lights: Vec<AnalyticLight> = moved.chain(added).collect();
+    let octree = change_octree(scene, &edited);
     let sun = lights.iter().any(|light| matches!(light.shape, LightShape::Sun { .. }));
-    let hides_suns = sun.then(|| what_hides_suns(estimate, &found)).flatten();
+    let hides_suns = sun.then(|| what_hides_suns(&scene.light, found)).flatten();
     scene.edited = Some(Box::new(EditedLight { octree, lights, hides_suns }));
     Ok(())
 }
 
-/// Turns off all emitters of a scene: what is left is light that surfaces reflect. `estimate` is as in [`apply_edits`]; the scene's own edits do not count.
-pub fn remove_emitters(scene: &mut Scene, estimate: &LightOctree) {
-    let mut found = emitters(scene, estimate);
-    found.extend(assumed_lamps(scene, estimate, &scene.light));
+/// Turns off all emitters of a scene: what is left is light that surfaces reflect. `found` is as in [`apply_edits`]; the scene's own edits do not count.
+pub fn remove_emitters(scene: &mut Scene, found: &[Emitter]) {
     let off = LightChange { on: false, ..LightChange::NONE };
     let edited: Vec<(&Emitter, LightChange)> = found.iter().map(|emitter| (emitter, off)).collect();
     let octree = change_octree(scene, &edited);
@@ -121,8 +111,9 @@ fn change_octree(scene: &mut Scene, edited: &[(&Emitter, LightChange)]) -> Optio
     let (mut given, mut added, mut gains) = (rows(Vec3::ZERO), rows(Vec3::ZERO), rows(Vec3::ONE));
     for (emitter, gain) in in_place {
         for part in &emitter.parts {
-            given[part.depth][part.row] += part.excess;
-            added[part.depth][part.row] += part.excess * (gain - 1.0);
+            let excess = part.excess(light);
+            given[part.depth][part.row] += excess;
+            added[part.depth][part.row] += excess * (gain - 1.0);
             gains[part.depth][part.row] = gain;
         }
     }
@@ -136,7 +127,7 @@ fn change_octree(scene: &mut Scene, edited: &[(&Emitter, LightChange)]) -> Optio
 }
 
 /// An emitter that was moved, as a light of its shape and flux; `None` where it was not, or is off.
-fn moved(emitter: &Emitter, change: &LightChange) -> Option<AnalyticLight> {
+fn moved(light: &LightOctree, emitter: &Emitter, change: &LightChange) -> Option<AnalyticLight> {
     let centre_m = change.at_m?;
     let size = |m: f32| m.clamp(MIN_LIGHT_SIZE_M, MAX_LIGHT_SIZE_M);
     let shape = match emitter.surface.shape {
@@ -149,7 +140,8 @@ fn moved(emitter: &Emitter, change: &LightChange) -> Option<AnalyticLight> {
             radius_m: size(0.5 * (emitter.surface.area_m2 / std::f32::consts::PI).sqrt()),
         },
     };
-    let light = AnalyticLight { shape, radiance: emitter.excess.to_array() };
+    let given = emitter.parts.iter().map(|part| part.excess(light) * part.area_m2).sum::<Vec3>();
+    let light = AnalyticLight { shape, radiance: (given / emitter.surface.area_m2).to_array() };
     changed(&light, &LightChange { at_m: None, ..*change })
 }
 

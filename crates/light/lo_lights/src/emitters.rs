@@ -1,4 +1,4 @@
-//! What gives light in an octree: groups of leaves above the cap, and lamps that were assumed.
+//! What gives light in an octree: groups of leaves above the cap.
 
 use std::collections::VecDeque;
 use std::f32::consts::PI;
@@ -24,9 +24,6 @@ const MAX_EMITTERS: usize = 64;
 /// Least share of all light that an emitter gives.
 const MIN_FLUX_SHARE: f32 = 1e-3;
 
-/// Share of its brightest leaf's light from which on a leaf counts for the shape of an assumed lamp, which fades to its sides.
-const ASSUMED_CORE: f32 = 0.5;
-
 /// Least area of a window, in m², and its least colour temperature in kelvin: the photo's white is daylight, lamps are warmer.
 const MIN_WINDOW_M2: f32 = 0.25;
 const MIN_WINDOW_K: f32 = 4000.0;
@@ -40,7 +37,7 @@ const MAX_LAMP_M2: f32 = 0.5;
 /// What gives light, found in an octree.
 #[derive(Clone, Debug)]
 pub struct Emitter {
-    /// Its name: a letter and its rank by flux, `L1` for what the estimate has, `F1` for an assumed lamp.
+    /// Its name: `L` and its rank by flux.
     pub id: String,
     /// Who says that it is there.
     pub origin: Origin,
@@ -67,16 +64,24 @@ pub(crate) struct Part {
     pub row: usize,
     /// Area of its surface in the room, m².
     pub area_m2: f32,
-    /// Linear RGB radiance beyond that of what surrounds the emitter.
-    pub excess: Vec3,
+    /// Share of the leaf's linear RGB radiance that is beyond that of what surrounds the emitter.
+    pub share: Vec3,
 }
 
-/// The emitters of a scene's estimate, by falling flux; none where lamps and windows are no brighter than [`CAP`](crate::CAP) times the mean.
+impl Part {
+    /// Linear RGB radiance beyond that of what surrounds the emitter, where leaves have what `light` says.
+    pub fn excess(&self, light: &LightOctree) -> Vec3 {
+        let [r, g, b, _] = light.rgba[self.depth][self.row];
+        self.share * Vec3::new(r, g, b)
+    }
+}
+
+/// The emitters of a scene's light, by falling flux; none where lamps and windows are no brighter than [`CAP`](crate::CAP) times the mean.
 ///
 /// An emitter is a group of touching leaves above the cap. It gives what these, and the two layers of leaves around them, have beyond what is two leaves
 /// further off. The same octree gives the same emitters and names.
-pub fn emitters(scene: &Scene, estimate: &LightOctree) -> Vec<Emitter> {
-    let light = without_lobes(estimate);
+pub fn emitters(scene: &Scene) -> Vec<Emitter> {
+    let light = without_lobes(&scene.light);
     let tracer = tracer(&light);
     let leaves = Leaves::of(&light, &tracer);
     let cap = cap_of(&light);
@@ -91,37 +96,7 @@ pub fn emitters(scene: &Scene, estimate: &LightOctree) -> Vec<Emitter> {
         }
         Some(found)
     });
-    ranked(found.collect(), 'L')
-}
-
-/// The lamps that somebody assumed in a scene, by falling flux: what `light` has beyond the `estimate`, an octree with the same nodes.
-pub fn assumed_lamps(scene: &Scene, estimate: &LightOctree, light: &LightOctree) -> Vec<Emitter> {
-    if estimate.rgba == light.rgba || estimate.octree != light.octree {
-        return Vec::new();
-    }
-    let light = without_lobes(light);
-    let mut leaves = Leaves::of(&light, &tracer(&light));
-    // The lamp alone.
-    for leaf in &mut leaves.all {
-        let [r, g, b, _] = estimate.rgba[leaf.depth as usize][leaf.row];
-        leaf.radiance = (leaf.radiance - Vec3::new(r, g, b)).max(Vec3::ZERO);
-        leaf.surface.luminance = luminance(leaf.radiance);
-    }
-    let whole: f32 = light_given(&Leaves::of(&light, &tracer(&light)));
-    let brightest = leaves.all.iter().map(Leaf::luminance).fold(0.0, f32::max);
-    let groups = groups(&light, &leaves, |leaf| leaf.luminance() > 1e-6 * brightest);
-    let found = groups.iter().filter_map(|group| {
-        let most = group.iter().map(|&i| leaves.all[i].luminance()).fold(0.0, f32::max);
-        let core: Vec<usize> =
-            group.iter().copied().filter(|&i| leaves.all[i].luminance() >= ASSUMED_CORE * most).collect();
-        let part = |&i: &usize| part(&leaves.all[i], leaves.all[i].radiance);
-        let mut found = emitter(scene, &leaves, &core, group.iter().map(part).collect())?;
-        (found.origin, found.certainty) = (Origin::Assumed, None);
-        found.kind = Kind::Lamp;
-        found.flux_share = found.flux_share * light_given(&leaves) / whole.max(1e-9);
-        Some(found)
-    });
-    ranked(found.collect(), 'F')
+    ranked(found.collect())
 }
 
 /// All light that surfaces give off, of luminance 1 by 1 m² and 1 sr: π L A.
@@ -220,7 +195,8 @@ impl Halo {
 }
 
 fn part(leaf: &Leaf, excess: Vec3) -> Part {
-    Part { depth: leaf.depth as usize, row: leaf.row, area_m2: leaf.surface.area_m2, excess }
+    let share = excess / leaf.radiance.max(Vec3::splat(1e-12));
+    Part { depth: leaf.depth as usize, row: leaf.row, area_m2: leaf.surface.area_m2, share }
 }
 
 /// Radiance of the leaf of middle luminance.
@@ -240,7 +216,7 @@ fn emitter(scene: &Scene, leaves: &Leaves, core: &[usize], parts: Vec<Part>) -> 
     };
     let radiance = mean(&|leaf| leaf.radiance);
     // The whole light of its leaves and their halo, over the surface of the former.
-    let excess = parts.iter().map(|part| part.excess * part.area_m2).sum::<Vec3>() / surface.area_m2;
+    let excess = parts.iter().map(|part| part.excess(&scene.light) * part.area_m2).sum::<Vec3>() / surface.area_m2;
     let flux_share = PI * luminance(excess) * surface.area_m2 / light_given(leaves).max(1e-9);
     let share = |shares: &[Vec<u8>], leaf: &Leaf| f32::from(shares[leaf.depth as usize][leaf.row]) / 255.0;
     let panorama = scene.panorama.as_ref().map_or(0.0, |laid| mean(&|leaf| Vec3::splat(share(&laid.share, leaf))).x);
@@ -299,12 +275,12 @@ fn kind(scene: &Scene, surface: &ClusterSurface, radiance: Vec3) -> Kind {
 }
 
 /// By falling flux, named by rank, without the negligible ones.
-fn ranked(mut found: Vec<Emitter>, letter: char) -> Vec<Emitter> {
+fn ranked(mut found: Vec<Emitter>) -> Vec<Emitter> {
     found.retain(|emitter| emitter.flux_share >= MIN_FLUX_SHARE);
     found.sort_by(|a, b| b.flux_share.total_cmp(&a.flux_share));
     found.truncate(MAX_EMITTERS);
     for (rank, emitter) in found.iter_mut().enumerate() {
-        emitter.id = format!("{letter}{}", rank + 1);
+        emitter.id = format!("L{}", rank + 1);
     }
     found
 }

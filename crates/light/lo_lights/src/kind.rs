@@ -10,8 +10,6 @@ pub enum Origin {
     Panorama,
     /// Whoever completed the room guessed it.
     Guessed,
-    /// It is assumed for objects, because what is seen asks for it.
-    Assumed,
     /// Somebody added it.
     Added,
 }

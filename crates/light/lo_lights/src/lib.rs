@@ -1,6 +1,6 @@
 //! What gives light in a room: found in the octree, edited, added.
 //!
-//! [`list`] names the emitters of a scene: groups of leaves brighter than [`CAP`] times the mean, lamps that somebody assumed, and lights that somebody added.
+//! [`list`] names the emitters of a scene: groups of leaves brighter than [`CAP`] times the mean, and lights that somebody added.
 //! [`apply_edits`] carries out what [`LightEdits`](lo_scene::LightEdits) say of them; [`PictureChange`] does the same to the photo and to panoramas, where
 //! they show an emitter sharper than leaves do, and [`AnalyticLights`] shows lights that no octree holds. [`split_octree`] parts an octree into patches of
 //! light and the rest, for who samples lights.
@@ -25,7 +25,7 @@ pub use analytic::{AnalyticLights, rectangle};
 pub use cap::{CAP, cap_luminance, cap_of, excess, luminance};
 pub use colour::{color_temperature_k, rgb_of_color};
 pub use edit::{LightsError, apply_edits, remove_emitters};
-pub use emitters::{Emitter, assumed_lamps, emitters};
+pub use emitters::{Emitter, emitters};
 pub use free::free_share;
 pub use kind::{Kind, Origin};
 pub use list::{ListedLight, list};

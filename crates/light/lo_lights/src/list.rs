@@ -1,11 +1,10 @@
 use lo_geometry::Vec3;
-use lo_octree::LightOctree;
 use lo_scene::{AddedLight, EmitterEdit, LightChange, LightShape, Scene};
 use serde::Serialize;
 
 use crate::cap::luminance;
 use crate::colour::color_temperature_k;
-use crate::emitters::{Emitter, assumed_lamps, emitters};
+use crate::emitters::{Emitter, emitters};
 use crate::kind::{Kind, Origin};
 use crate::shape::ClusterShape;
 
@@ -44,7 +43,7 @@ pub struct ListedLight {
     /// Correlated colour temperature, where its colour is near that of a black body.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub color_temperature_k: Option<f32>,
-    /// Share of all light that surfaces of the estimate give off; none of what was added.
+    /// Share of all light that surfaces give off; none of what was added.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flux_share: Option<f32>,
     /// How far it is to be believed, from 0 to 1.
@@ -55,14 +54,13 @@ pub struct ListedLight {
     pub change: Option<LightChange>,
 }
 
-/// The lights of a scene whose edits were not applied: those of its `estimate`, what was assumed beside it in [`Scene::light`], and what was added.
-pub fn list(scene: &Scene, estimate: &LightOctree) -> Vec<ListedLight> {
+/// The lights of a scene whose edits were not applied, and what was added.
+pub fn list(scene: &Scene) -> Vec<ListedLight> {
     let change = |id: &str| {
         let edit = scene.light_edits.emitters.iter().find(|edit| edit.id == id);
         edit.map(|EmitterEdit { change, .. }| *change)
     };
-    let mut found = emitters(scene, estimate);
-    found.extend(assumed_lamps(scene, estimate, &scene.light));
+    let found = emitters(scene);
     let found = found.iter().map(|emitter| of_emitter(emitter, change(&emitter.id)));
     found.chain(scene.light_edits.added.iter().map(of_added)).collect()
 }

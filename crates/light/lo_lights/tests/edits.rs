@@ -34,18 +34,17 @@ fn room(wall: f32, lamp: [f32; 3]) -> Scene {
 
 fn edited(scene: &Scene, id: &str, change: LightChange) -> Scene {
     let mut scene = scene.clone();
-    let estimate = scene.light.clone();
-    let found = emitters(&scene, &estimate);
+    let found = emitters(&scene);
     let found_at_m = found.iter().find(|emitter| emitter.id == id).unwrap().surface.centre_m;
     scene.light_edits.emitters.push(EmitterEdit { id: id.to_owned(), found_at_m, change });
-    apply_edits(&mut scene, &estimate).unwrap();
+    apply_edits(&mut scene, &found).unwrap();
     scene
 }
 
 #[test]
 fn a_lamp_is_split_into_wall_and_light() {
     let scene = room(0.5, [10.0, 8.0, 6.0]);
-    let lights = list(&scene, &scene.light);
+    let lights = list(&scene);
     assert_eq!(lights.len(), 1);
     assert!((lights[0].area_m2.unwrap() - 0.25).abs() < 1e-5);
     assert_eq!(lights[0].position_m.unwrap(), Vec3::new(0.0, 1.875, 0.0));
@@ -67,11 +66,10 @@ fn a_lamp_is_split_into_wall_and_light() {
 #[test]
 fn nothing_is_an_emitter_in_a_room_of_one_radiance() {
     let mut scene = room(0.5, [0.5; 3]);
-    assert!(list(&scene, &scene.light).is_empty());
+    assert!(list(&scene).is_empty());
     let before = scene.clone();
-    let estimate = scene.light.clone();
-    remove_emitters(&mut scene, &estimate);
-    apply_edits(&mut scene, &estimate).unwrap();
+    remove_emitters(&mut scene, &[]);
+    apply_edits(&mut scene, &[]).unwrap();
     assert!(scene == before);
 }
 
@@ -93,11 +91,27 @@ fn change() -> impl Strategy<Value = LightChange> {
     })
 }
 
+/// Lights are found where they are bright, and edited where they are not: `envmap` without `--lamp`.
+#[test]
+fn emitters_of_brighter_light_are_edited_by_their_share() {
+    let mut dim = room(0.5, [1.0, 0.8, 0.6]);
+    let bright = room(0.5, [10.0, 8.0, 6.0]);
+    let found = emitters(&bright);
+    assert!(emitters(&dim).is_empty() && found.len() == 1);
+    let found_at_m = found[0].surface.centre_m;
+    let change = LightChange { on: false, ..LightChange::NONE };
+    dim.light_edits.emitters.push(EmitterEdit { id: "L1".to_owned(), found_at_m, change });
+    apply_edits(&mut dim, &found).unwrap();
+    // A twentieth of what it has is the wall's.
+    let darkest = dim.light.rgba[4].iter().map(|row| row[0]).fold(f32::INFINITY, f32::min);
+    assert!((darkest - 0.05).abs() < 1e-4, "{darkest}");
+}
+
 proptest! {
     #[test]
     fn any_edit_of_any_octree_is_finite_and_keeps_its_nodes(cells in cells(), change in change()) {
         let scene = scene(&cells);
-        for light in list(&scene, &scene.light) {
+        for light in list(&scene) {
             let after = edited(&scene, &light.id, change);
             prop_assert!(after.light.octree == scene.light.octree && after.light.seen == scene.light.seen);
             for (now, before) in after.light.rgba.iter().flatten().zip(scene.light.rgba.iter().flatten()) {
@@ -113,7 +127,7 @@ proptest! {
     fn leaves_are_linear_in_the_scale(cells in cells(), scale in 0.0f32..8.0) {
         let scene = scene(&cells);
         let scaled = |id: &str, scale| edited(&scene, id, LightChange { scale, ..LightChange::NONE }).light.rgba;
-        for light in list(&scene, &scene.light) {
+        for light in list(&scene) {
             let (off, after) = (scaled(&light.id, 0.0), scaled(&light.id, scale));
             prop_assert!(scaled(&light.id, 1.0) == scene.light.rgba);
             for ((off, one), after) in off[4].iter().zip(&scene.light.rgba[4]).zip(&after[4]) {
@@ -129,11 +143,10 @@ proptest! {
     #[test]
     fn without_emitters_nothing_is_brighter(cells in cells()) {
         let mut scene = scene(&cells);
-        let estimate = scene.light.clone();
-        let found = list(&scene, &scene.light);
-        remove_emitters(&mut scene, &estimate);
+        let (before, found) = (scene.light.clone(), emitters(&scene));
+        remove_emitters(&mut scene, &found);
         let mut dimmed = false;
-        for (now, before) in scene.light.rgba[4].iter().zip(&estimate.rgba[4]) {
+        for (now, before) in scene.light.rgba[4].iter().zip(&before.rgba[4]) {
             prop_assert!((0..3).all(|c| now[c] <= before[c] + 1e-5));
             dimmed |= now != before;
         }

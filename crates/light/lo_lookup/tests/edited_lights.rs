@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use lo_geometry::{Camera, Cube, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage, luminance};
-use lo_lights::{Kind, Origin, apply_edits, list, remove_emitters};
+use lo_lights::{Kind, Origin, apply_edits, emitters, list, remove_emitters};
 use lo_lookup::SharpViewers;
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
 use lo_scene::{AddedLight, AnalyticLight, EmitterEdit, Frame, LightChange, LightColor, LightShape, Scene};
@@ -68,19 +68,19 @@ fn scene() -> Scene {
 /// The scene with one emitter changed.
 fn edited(id: &str, change: LightChange) -> Scene {
     let mut scene = scene();
-    let estimate = scene.light.clone();
-    let found_at_m = list(&scene, &estimate).iter().find(|light| light.id == id).unwrap().position_m.unwrap();
+    let found = emitters(&scene);
+    let found_at_m = list(&scene).iter().find(|light| light.id == id).unwrap().position_m.unwrap();
     scene.light_edits.emitters.push(EmitterEdit { id: id.to_owned(), found_at_m, change });
-    apply_edits(&mut scene, &estimate).unwrap();
+    apply_edits(&mut scene, &found).unwrap();
     scene
 }
 
 fn added(shape: LightShape, radiance: [f32; 3], change: LightChange) -> Scene {
     let mut scene = scene();
-    let estimate = scene.light.clone();
+    let found = emitters(&scene);
     let light = AnalyticLight { shape, radiance };
     scene.light_edits.added.push(AddedLight { id: "A1".to_owned(), light, change });
-    apply_edits(&mut scene, &estimate).unwrap();
+    apply_edits(&mut scene, &found).unwrap();
     scene
 }
 
@@ -119,7 +119,7 @@ fn irradiance(map: &RadianceImage, normal: Vec3) -> Vec3 {
 #[test]
 fn what_shines_is_listed_with_place_size_and_kind() {
     let scene = scene();
-    let lights = list(&scene, &scene.light);
+    let lights = list(&scene);
     assert_eq!(lights.iter().map(|light| &light.id[..]).collect::<Vec<_>>(), ["L1", "L2", "L3"]);
     let found = |place: Vec3| lights.iter().find(|light| (light.position_m.unwrap() - place).length() < 0.1).unwrap();
     let window = found(Vec3::new(LOW.x, 0.2, -2.2));
@@ -150,7 +150,7 @@ fn what_shines_is_listed_with_place_size_and_kind() {
 #[test]
 fn twice_the_scale_is_twice_the_light_at_every_probe() {
     let plain = panoramas(&scene());
-    for light in list(&scene(), &scene().light) {
+    for light in list(&scene()) {
         let [off, one, two] = [OFF, LightChange::NONE, scaled(2.0)].map(|change| panoramas(&edited(&light.id, change)));
         assert!(one == plain, "no change is none");
         for ((off, one), two) in off.iter().zip(&one).zip(&two) {
@@ -176,7 +176,7 @@ fn twice_the_scale_is_twice_the_light_at_every_probe() {
 
 #[test]
 fn a_lamp_that_is_off_leaves_no_rim() {
-    for light in list(&scene(), &scene().light) {
+    for light in list(&scene()) {
         let scene = edited(&light.id, OFF);
         for (eye, map) in EYES.into_iter().zip(panoramas(&scene)) {
             let off = |i: usize| {
@@ -196,8 +196,8 @@ fn a_lamp_that_is_off_leaves_no_rim() {
 #[test]
 fn without_emitters_there_are_walls_alone() {
     let mut scene = scene();
-    let estimate = scene.light.clone();
-    remove_emitters(&mut scene, &estimate);
+    let found = emitters(&scene);
+    remove_emitters(&mut scene, &found);
     for map in panoramas(&scene) {
         for pixel in map.pixels() {
             assert!((0.75..1.3).contains(&(luminance(*pixel) / luminance(WALL))), "{pixel:?}");
@@ -207,9 +207,7 @@ fn without_emitters_there_are_walls_alone() {
 
 #[test]
 fn another_colour_keeps_the_luminance() {
-    let lamp = list(&scene(), &scene().light)
-        .into_iter()
-        .find(|light| light.kind == Kind::Lamp && light.origin == Origin::Seen);
+    let lamp = list(&scene()).into_iter().find(|light| light.kind == Kind::Lamp && light.origin == Origin::Seen);
     let lamp = lamp.unwrap();
     let change = LightChange { color: Some(LightColor::Kelvin(6500.0)), ..LightChange::NONE };
     let eye = EYES[1];
@@ -224,9 +222,7 @@ fn another_colour_keeps_the_luminance() {
 
 #[test]
 fn a_lamp_that_is_moved_gives_its_light_elsewhere() {
-    let lamp = list(&scene(), &scene().light)
-        .into_iter()
-        .find(|light| light.kind == Kind::Lamp && light.origin == Origin::Seen);
+    let lamp = list(&scene()).into_iter().find(|light| light.kind == Kind::Lamp && light.origin == Origin::Seen);
     let lamp = lamp.unwrap();
     let at_m = Vec3::new(-0.4, 0.1, -2.0);
     let moved = edited(&lamp.id, LightChange { at_m: Some(at_m), ..LightChange::NONE });
@@ -305,13 +301,13 @@ fn nothing_is_seen_through_walls() {
 #[test]
 fn edits_of_what_is_not_there_are_refused() {
     let mut scene = scene();
-    let estimate = scene.light.clone();
+    let (before, found) = (scene.light.clone(), emitters(&scene));
     let edit = |id: &str, found_at_m| EmitterEdit { id: id.to_owned(), found_at_m, change: OFF };
     scene.light_edits.emitters = vec![edit("L7", Vec3::ZERO)];
-    let message = apply_edits(&mut scene, &estimate).unwrap_err().to_string();
+    let message = apply_edits(&mut scene, &found).unwrap_err().to_string();
     assert_eq!(message, "the scene has no light L7; it has L1, L2, L3");
     scene.light_edits.emitters = vec![edit("L1", Vec3::new(1.9, -1.4, 0.9))];
-    let message = apply_edits(&mut scene, &estimate).unwrap_err().to_string();
+    let message = apply_edits(&mut scene, &found).unwrap_err().to_string();
     assert!(message.starts_with("light L1 lies") && message.ends_with("reset it"), "{message}");
-    assert!(scene.light.rgba == estimate.rgba && scene.edited.is_none());
+    assert!(scene.light.rgba == before.rgba && scene.edited.is_none());
 }
