@@ -30,6 +30,8 @@ pub enum Command {
     Probes(commands::probes::Args),
     /// Put a virtual object into the photo
     Insert(commands::insert::Args),
+    /// Move objects and light about in a browser
+    View(commands::view::Args),
     /// Say what a scene file holds
     Inspect(commands::inspect::Args),
     /// List what gives light in a scene, and change it
@@ -63,6 +65,7 @@ impl Command {
             Self::Envmap(_) => "envmap",
             Self::Probes(_) => "probes",
             Self::Insert(_) => "insert",
+            Self::View(_) => "view",
             Self::Inspect(_) => "inspect",
             Self::Lights(_) => "lights",
             Self::Export(_) => "export",

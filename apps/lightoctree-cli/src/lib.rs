@@ -60,6 +60,7 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::Envmap(args) => commands::envmap::run(global, args),
         Command::Probes(args) => commands::probes::run(global, args),
         Command::Insert(args) => commands::insert::run(global, args),
+        Command::View(args) => commands::view::run(global, args),
         Command::Inspect(args) => commands::inspect::run(args),
         Command::Lights(args) => commands::lights::run(global, args),
         Command::Export(args) => commands::export::run(global, args),

@@ -10,7 +10,7 @@ use lightoctree::mesh::{LoadOptions, Model, PreparedModel};
 use lightoctree::scene::Scene;
 use lightoctree::{events, fit_lamps, imaging};
 
-const MESH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../apps/lightoctree-cli/assets/suzanne.glb");
+const MESH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/suzanne.glb");
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut args = std::env::args().skip(1);

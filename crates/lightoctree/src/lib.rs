@@ -19,6 +19,7 @@
 //! [`completion`], [`events`], [`insert`] and [`export`]. Of the networks, [`Networks`] and its errors are public. The hidden module `nets` is the
 //! rest of them, for training and tests: its types change with the deep-learning stack, and are no part of this crate's version.
 
+mod builtin;
 mod camera;
 mod completed;
 #[cfg(feature = "depth-models")]
@@ -28,6 +29,7 @@ mod estimator;
 mod input;
 mod lamp;
 mod lights;
+mod models;
 mod options;
 mod panorama;
 mod photos;
@@ -40,12 +42,13 @@ mod view;
 #[cfg(feature = "weights")]
 mod weights;
 
+pub use builtin::{BUILTIN_MODELS, BUILTIN_PREFIX, builtin_model};
 pub use camera::{CameraSource, DEFAULT_HFOV_DEG, camera_of_photo};
 pub use error::EstimateError;
 pub use estimator::Estimator;
 pub use input::{Exposures, Input, PredictedDepth};
 pub use lamp::fit_lamps;
-pub use lights::{light_up, list_lights, without_emitters};
+pub use lights::{FittedLight, light_up, list_lights, seen_from, without_emitters};
 pub use lo_completion as completion;
 pub use lo_completion::{PanoramaError, PanoramaPrior};
 pub use lo_cone as cone;
@@ -67,6 +70,7 @@ pub use lo_nets::checkpoint::CheckpointError;
 pub use lo_nets::light::LightError;
 pub use lo_octree as octree;
 pub use lo_scene as scene;
+pub use models::{ModelError, Models};
 pub use options::{DEFAULT_OCTREE_DEPTH, EstimateOptions};
 pub use place::probe_grid;
 pub use probes::render_probes;

@@ -37,7 +37,8 @@ fn examples_do_what_they_say() {
     assert!(panorama.pixels().iter().all(|rgb| rgb.iter().all(|c| c.is_finite())));
     assert!(panorama[(256, 128)].iter().all(|&c| c > 0.0), "straight ahead is the shelf");
 
-    insert::run(&at("room.scene"), &assets.join("suzanne.glb"), &at("inserted.png")).unwrap();
+    let suzanne = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/suzanne.glb");
+    insert::run(&at("room.scene"), &suzanne, &at("inserted.png")).unwrap();
     let (before, after) = (scene.frame.photo.radiance(), imaging::read_photo(at("inserted.png")).unwrap());
     let changed = before.pixels().iter().zip(after.photo.radiance().pixels()).filter(|(a, b)| a != b).count();
     assert!((10_000..2_000_000).contains(&changed), "{changed} pixels show the object or its shadow");

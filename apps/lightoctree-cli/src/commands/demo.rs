@@ -3,11 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use anyhow::Context;
 use lightoctree::cone::{ConeTracer, Settings};
 use lightoctree::geometry::Camera;
 use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, Photo, ToneCurve};
 use lightoctree::insert::{self, Align, Base, Inserter, Instance, Lighting, Placement, Quality, Stance};
-use lightoctree::mesh::{MaterialSpec, Model, PreparedModel};
+use lightoctree::mesh::{MaterialSpec, PreparedModel};
 use lightoctree::scene::{Frame, Scene};
 use lightoctree::{EstimateOptions, Estimator, Input};
 use serde_json::json;
@@ -40,7 +41,6 @@ const FRAMES: usize = 12;
 
 const PHOTO: &[u8] = include_bytes!("../../assets/library_color.jpg");
 const DEPTH: &[u8] = include_bytes!("../../assets/library_lidar_depth.png");
-const MESH: &[u8] = include_bytes!("../../assets/suzanne.glb");
 /// The intrinsics with which floor and shelf come out perpendicular; the photo has no EXIF block.
 const INTRINSICS: [f64; 4] = [1330.0, 1330.0, 960.0, 720.0];
 /// Where the object stands in the halved photo, in pixels.
@@ -147,8 +147,7 @@ pub fn estimate(stages: &mut Stages, input: Input, estimator: &Estimator) -> any
 
 /// The object that the program carries, of a preset material.
 pub fn model(material: &str) -> anyhow::Result<PreparedModel> {
-    let no_files = |_: &str| Err(std::io::ErrorKind::NotFound.into());
-    let mut model = Model::from_gltf_bytes(MESH, &no_files)?;
+    let mut model = lightoctree::builtin_model("suzanne").context("the library carries Suzanne")??;
     model.override_material(&MaterialSpec::parse(material)?, Path::new("."))?;
     Ok(PreparedModel::new(model))
 }

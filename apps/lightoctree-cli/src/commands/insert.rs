@@ -2,19 +2,15 @@
 
 mod objects;
 
-use std::borrow::Cow;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
 use clap::ValueEnum;
 use lightoctree::geometry::{Orientation, Vec3};
-use lightoctree::imaging::{self, ChannelGroup, ExrOptions, Image, RadianceImage};
-use lightoctree::insert::{
-    Composite, InsertError, Inserter, Instance, Layout, LayoutObject, Lighting, Placement, Quality,
-};
-use lightoctree::mesh::{LoadOptions, Material, Model, PreparedModel};
-use lightoctree::{Event, Warning};
+use lightoctree::imaging::{self, ExrOptions, Image, RadianceImage};
+use lightoctree::insert::{Composite, InsertError, Inserter, Instance, Layout, Lighting, Placement, Quality};
+use lightoctree::mesh::Material;
+use lightoctree::{Event, Models, Warning};
 use serde_json::json;
 
 use self::objects::ObjectArgs;
@@ -130,7 +126,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let mut scene = stages.stage("read scene", || super::read_scene(scene))?;
     let meshes = if names.len() > 1 { "read meshes" } else { "read mesh" };
     let models = stages.stage(meshes, || Models::load(&layout, &folder))?;
-    models.warnings().iter().for_each(|warning| stages.note(warning));
+    models.warnings().for_each(|warning| stages.note(&warning.to_string()));
     let models = models.of_objects();
     let placements = layout.placements(&scene, &models, files.len()).map_err(|error| of_object(error, &names))?;
     let instances = |frame: usize| -> Vec<Instance> {
@@ -148,10 +144,8 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     };
     // Where light differs by direction, that which comes to the objects' middle counts.
     let middle = placements.iter().map(|places| places[0].position_m).sum::<Vec3>() / placements.len() as f32;
-    if let (Cow::Owned(seen), Lighting::Octree) = (scene.light.seen_from(middle), &lighting) {
-        scene.light = seen;
-    }
     if matches!(lighting, Lighting::Octree) {
+        lightoctree::seen_from(&mut scene, middle);
         super::light_up(&mut scene, !args.no_lamp, &mut stages)?;
     }
     let floor_gloss = args.floor_gloss as f32;
@@ -289,47 +283,6 @@ fn kept(composite: Composite, with_layers: bool) -> Composite {
     }
 }
 
-/// The models of all objects; one that stands there several times is held once.
-struct Models {
-    models: Vec<PreparedModel>,
-    /// Of each object the index of its model.
-    of_objects: Vec<usize>,
-}
-
-impl Models {
-    /// Reads the meshes and gives them their materials.
-    fn load(layout: &Layout, folder: &Path) -> anyhow::Result<Self> {
-        let objects = layout.objects();
-        let (mut models, mut of_objects): (Vec<PreparedModel>, Vec<usize>) = (Vec::new(), Vec::new());
-        for (i, object) in objects.iter().enumerate() {
-            let is_same = |other: &LayoutObject| other.mesh == object.mesh && other.material == object.material;
-            let known = objects[..i].iter().position(is_same).map(|other| of_objects[other]);
-            of_objects.push(match known {
-                Some(known) => known,
-                None => {
-                    let mut model = Model::load(folder.join(&object.mesh), &LoadOptions::default())?;
-                    if let Some(material) = &object.material {
-                        model
-                            .override_material(material, folder)
-                            .with_context(|| format!("material of {}", object.name()))?;
-                    }
-                    models.push(PreparedModel::new(model));
-                    models.len() - 1
-                }
-            });
-        }
-        Ok(Self { models, of_objects })
-    }
-
-    fn warnings(&self) -> Vec<String> {
-        self.models.iter().flat_map(|model| &model.model().warnings).map(ToString::to_string).collect()
-    }
-
-    fn of_objects(&self) -> Vec<&PreparedModel> {
-        self.of_objects.iter().map(|&model| &self.models[model]).collect()
-    }
-}
-
 /// Number of pictures.
 fn frames(args: &Args, layout: &Layout) -> anyhow::Result<usize> {
     match (args.frames, layout.objects().iter().find(|object| object.path.is_some())) {
@@ -419,17 +372,9 @@ fn lighting(text: &str, orientation: Option<OrientationArg>) -> anyhow::Result<L
 }
 
 fn write_layers(path: &Path, composite: &Composite) -> anyhow::Result<()> {
-    let groups = [
-        ChannelGroup::rgb("object", &composite.object),
-        ChannelGroup::single("object", "A", &composite.alpha),
-        ChannelGroup::rgb("shadow_ratio", &composite.shadow_ratio),
-        ChannelGroup::single("occlusion", "A", &composite.occlusion),
-    ];
-    let reflection = composite.reflection.as_ref().map(|reflection| ChannelGroup::rgb("reflection", reflection));
-    let groups: Vec<_> = groups.into_iter().chain(reflection).collect();
     let size = (composite.alpha.width(), composite.alpha.height());
     let options = ExrOptions { generator: output::signature(COMMAND), ..ExrOptions::default() };
-    Ok(imaging::write_exr(path, size, &groups, &options)?)
+    Ok(imaging::write_exr(path, size, &composite.channels(), &options)?)
 }
 
 #[cfg(test)]

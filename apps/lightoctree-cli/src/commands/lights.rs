@@ -308,9 +308,7 @@ fn full() -> anyhow::Error {
 }
 
 fn sun(scene: &Scene, args: &SunArgs) -> AnalyticLight {
-    let (azimuth, elevation) = (args.azimuth.to_radians() as f32, args.elevation.to_radians() as f32);
-    let level = Vec3::new(azimuth.sin() * elevation.cos(), elevation.sin(), -azimuth.cos() * elevation.cos());
-    let direction = scene.room.as_ref().map_or(level, |room| room.level_from_camera().transpose() * level).normalize();
+    let direction = lo_lights::sun_direction(scene, args.azimuth, args.elevation);
     let shape = LightShape::Sun { direction, angular_radius_deg: 0.5 * args.angle as f32 };
     of_luminance(shape, args.color, |extent| args.strength as f32 / extent)
 }

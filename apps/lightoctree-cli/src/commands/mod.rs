@@ -16,6 +16,7 @@ pub mod synth;
 pub mod train;
 pub mod unwrap;
 mod video;
+pub mod view;
 pub mod weights;
 
 #[cfg(feature = "depth-models")]

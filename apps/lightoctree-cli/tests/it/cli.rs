@@ -14,7 +14,7 @@ use crate::support::{done, json, refused};
 const SIZE: (usize, usize) = (144, 96);
 
 /// A folder with photo.png and depth.png of a floor 1.2 m below the camera and a wall 3 m before it, and their scene.
-fn room() -> TempDir {
+pub fn room() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let (width, height) = SIZE;
     let camera = Camera::from_hfov_deg(65.0, width as u32, height as u32).unwrap();
@@ -33,7 +33,7 @@ fn room() -> TempDir {
     folder
 }
 
-fn room_with_scene() -> TempDir {
+pub fn room_with_scene() -> TempDir {
     let folder = room();
     let estimate = ["estimate", "photo.png", "--depth", "depth.png", "--hfov-deg", "65", "--completion", "shell"];
     done(folder.path(), &[&estimate[..], &["-o", "room.scene"]].concat());
@@ -41,7 +41,7 @@ fn room_with_scene() -> TempDir {
 }
 
 /// A tetrahedron of about a unit's size.
-fn write_mesh(folder: &Path) -> PathBuf {
+pub fn write_mesh(folder: &Path) -> PathBuf {
     let path = folder.join("object.obj");
     let text = "v 0 0 0.6\nv 0.5 0 -0.3\nv -0.5 0 -0.3\nv 0 0.8 0\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
     std::fs::write(&path, text).unwrap();

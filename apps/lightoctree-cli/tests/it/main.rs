@@ -12,3 +12,5 @@ mod eval;
 mod photos;
 mod train;
 mod unwrap;
+mod view;
+mod view_in_browser;

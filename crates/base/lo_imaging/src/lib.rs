@@ -59,6 +59,6 @@ pub use sh::Sh9;
 pub use source::MAX_PIXELS;
 pub use tone::ToneCurve;
 pub use write::{
-    JPEG_QUALITY, encode_png, write_depth, write_exr, write_photo, write_png16, write_radiance, write_rgba8,
-    write_srgb8, write_tone_mapped,
+    JPEG_QUALITY, encode_exr, encode_photo, encode_png, encode_rgba8, encode_srgb8, write_depth, write_exr,
+    write_photo, write_png16, write_radiance, write_rgba8, write_srgb8, write_tone_mapped,
 };

@@ -43,12 +43,38 @@ pub fn write_exr(
     groups: &[ChannelGroup],
     options: &ExrOptions,
 ) -> Result<(), ImageError> {
-    let path = path.as_ref();
+    exr(path.as_ref(), (width, height), groups, |path| {
+        atomically(path, |out| exr_write::encode((width, height), groups, options, out))
+    })
+}
+
+/// The bytes that [`write_exr`] writes; `name` appears in errors.
+pub fn encode_exr(
+    name: impl AsRef<Path>,
+    (width, height): (usize, usize),
+    groups: &[ChannelGroup],
+    options: &ExrOptions,
+) -> Result<Vec<u8>, ImageError> {
+    exr(name.as_ref(), (width, height), groups, |path| {
+        let mut bytes = Cursor::new(Vec::new());
+        exr_write::encode((width, height), groups, options, &mut bytes)
+            .map_err(|source| ImageError::Io { path: path.to_owned(), source })?;
+        Ok(bytes.into_inner())
+    })
+}
+
+/// Checks what `write` is to write, and names what it refuses.
+fn exr<T>(
+    path: &Path,
+    (width, height): (usize, usize),
+    groups: &[ChannelGroup],
+    write: impl FnOnce(&Path) -> Result<T, ImageError>,
+) -> Result<T, ImageError> {
     let refused = |reason: String| ImageError::Encode { path: path.to_owned(), format: Format::Exr, reason };
     if width == 0 || height == 0 || groups.iter().all(|g| g.channels.is_empty()) {
         return Err(refused("it has no pixels or no channels".to_owned()));
     }
-    atomically(path, |out| exr_write::encode((width, height), groups, options, out)).map_err(|error| match error {
+    write(path).map_err(|error| match error {
         ImageError::Io { source, .. } if source.kind() == io::ErrorKind::InvalidInput => refused(source.to_string()),
         error => error,
     })
@@ -57,17 +83,23 @@ pub fn write_exr(
 /// Writes a photo, and in it `generator`, the name of the writing program (PFM has no place for it): 8-bit as PNG or JPEG bit for bit (JPEG: [`JPEG_QUALITY`]); linear as 16-bit sRGB PNG, JPEG, or as radiance.
 pub fn write_photo(path: impl AsRef<Path>, photo: &Photo, generator: &str) -> Result<(), ImageError> {
     let path = path.as_ref();
-    match (photo, Format::from_extension(path)) {
-        (Photo::Srgb8(image), Some(Format::Png | Format::Jpeg)) => write_srgb8(path, image, JPEG_QUALITY, generator),
+    match Format::from_extension(path) {
+        Some(Format::Png | Format::Jpeg) => write_bytes(path, &encode_photo(path, photo, generator)?),
+        Some(Format::Exr | Format::Hdr | Format::Pfm) => write_radiance(path, &photo.radiance(), &named(generator)),
+        _ => Err(ImageError::OutputFormat { path: path.to_owned(), supported: ".png, .jpg, .exr, .hdr, .pfm" }),
+    }
+}
+
+/// The bytes of the PNG or JPEG that [`write_photo`] writes as a file of this name.
+pub fn encode_photo(name: impl AsRef<Path>, photo: &Photo, generator: &str) -> Result<Vec<u8>, ImageError> {
+    let name = name.as_ref();
+    match (photo, Format::from_extension(name)) {
+        (Photo::Srgb8(image), _) => encode_srgb8(name, image, JPEG_QUALITY, generator),
         (Photo::Linear(image), Some(Format::Png)) => {
             let code = |v: f32| (srgb_from_linear(v) * 65535.0 + 0.5) as u16;
-            write_png16(path, &image.map(|rgb| rgb.map(code)), generator)
+            encode_png16(name, &image.map(|rgb| rgb.map(code)), generator)
         }
-        (Photo::Linear(image), Some(Format::Jpeg)) => write_tone_mapped(path, image, ToneCurve::Clip, 0.0, generator),
-        (_, Some(Format::Exr | Format::Hdr | Format::Pfm)) => {
-            write_radiance(path, &photo.radiance(), &named(generator))
-        }
-        _ => Err(ImageError::OutputFormat { path: path.to_owned(), supported: ".png, .jpg, .exr, .hdr, .pfm" }),
+        (Photo::Linear(image), _) => encode_srgb8(name, &ToneCurve::Clip.map(image, 0.0), JPEG_QUALITY, generator),
     }
 }
 
@@ -79,12 +111,23 @@ pub fn write_srgb8(
     generator: &str,
 ) -> Result<(), ImageError> {
     let path = path.as_ref();
+    write_bytes(path, &encode_srgb8(path, image, quality, generator)?)
+}
+
+/// The bytes that [`write_srgb8`] writes as a file of this name.
+pub fn encode_srgb8(
+    name: impl AsRef<Path>,
+    image: &Image<[u8; 3]>,
+    quality: u8,
+    generator: &str,
+) -> Result<Vec<u8>, ImageError> {
+    let path = name.as_ref();
     let (bytes, color) = (image.pixels().as_flattened(), ExtendedColorType::Rgb8);
     match Format::from_extension(path) {
-        Some(Format::Png) => write_encoded(path, Format::Png, image, |out| png(out, bytes, image, color), generator),
+        Some(Format::Png) => encoded(path, Format::Png, image, |out| png(out, bytes, image, color), generator),
         Some(Format::Jpeg) => {
             let (width, height) = (image.width() as u32, image.height() as u32);
-            write_encoded(
+            encoded(
                 path,
                 Format::Jpeg,
                 image,
@@ -109,17 +152,27 @@ pub fn write_tone_mapped(
 
 /// Writes 8-bit sRGB with straight alpha as PNG, and in it `generator`, the name of the writing program.
 pub fn write_rgba8(path: impl AsRef<Path>, image: &Image<[u8; 4]>, generator: &str) -> Result<(), ImageError> {
-    let (path, bytes) = (path.as_ref(), image.pixels().as_flattened());
+    let path = path.as_ref();
+    write_bytes(path, &encode_rgba8(path, image, generator)?)
+}
+
+/// The bytes that [`write_rgba8`] writes; `name` appears in errors.
+pub fn encode_rgba8(name: impl AsRef<Path>, image: &Image<[u8; 4]>, generator: &str) -> Result<Vec<u8>, ImageError> {
+    let (path, bytes) = (name.as_ref(), image.pixels().as_flattened());
     require_png(path)?;
-    write_encoded(path, Format::Png, image, |out| png(out, bytes, image, ExtendedColorType::Rgba8), generator)
+    encoded(path, Format::Png, image, |out| png(out, bytes, image, ExtendedColorType::Rgba8), generator)
 }
 
 /// Writes 16-bit sRGB as PNG, and in it `generator`, the name of the writing program.
 pub fn write_png16(path: impl AsRef<Path>, image: &Image<[u16; 3]>, generator: &str) -> Result<(), ImageError> {
     let path = path.as_ref();
+    write_bytes(path, &encode_png16(path, image, generator)?)
+}
+
+fn encode_png16(path: &Path, image: &Image<[u16; 3]>, generator: &str) -> Result<Vec<u8>, ImageError> {
     let bytes: &[u8] = bytemuck::cast_slice(image.pixels().as_flattened());
     require_png(path)?;
-    write_encoded(path, Format::Png, image, |out| png(out, bytes, image, ExtendedColorType::Rgb16), generator)
+    encoded(path, Format::Png, image, |out| png(out, bytes, image, ExtendedColorType::Rgb16), generator)
 }
 
 /// The bytes of an 8-bit sRGB PNG, for files that carry pictures inside (glTF).
@@ -153,7 +206,8 @@ pub fn write_depth(path: impl AsRef<Path>, depth_m: &DepthMap, generator: &str) 
         Some(Format::Png) => {
             let millimetres = depth::millimetres(depth_m);
             let bytes: &[u8] = bytemuck::cast_slice(&millimetres);
-            write_encoded(path, Format::Png, depth_m, |out| png(out, bytes, depth_m, ExtendedColorType::L16), generator)
+            let png = |out: &mut Cursor<Vec<u8>>| png(out, bytes, depth_m, ExtendedColorType::L16);
+            write_bytes(path, &encoded(path, Format::Png, depth_m, png, generator)?)
         }
         _ => Err(ImageError::OutputFormat { path: path.to_owned(), supported: ".exr, .png, .pfm, .npy" }),
     }
@@ -186,14 +240,14 @@ fn check_not_empty<T>(path: &Path, format: Format, image: &Image<T>) -> Result<(
     }
 }
 
-/// Encodes into memory first: the encoders' errors are not those of the disk.
-fn write_encoded<T>(
+/// Encoded in memory: the encoders' errors are not those of the disk.
+fn encoded<T>(
     path: &Path,
     format: Format,
     image: &Image<T>,
     encode: impl FnOnce(&mut Cursor<Vec<u8>>) -> Result<(), image::ImageError>,
     generator: &str,
-) -> Result<(), ImageError> {
+) -> Result<Vec<u8>, ImageError> {
     check_not_empty(path, format, image)?;
     let mut bytes = Cursor::new(Vec::new());
     encode(&mut bytes).map_err(|error| ImageError::Encode {
@@ -207,7 +261,11 @@ fn write_encoded<T>(
         Format::Jpeg => mark_jpeg(&mut bytes, generator),
         _ => {}
     }
-    atomically(path, |out| io::Write::write_all(out, &bytes))
+    Ok(bytes)
+}
+
+fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), ImageError> {
+    atomically(path, |out| io::Write::write_all(out, bytes))
 }
 
 fn atomically(

@@ -18,20 +18,34 @@ impl Model {
         let bytes = std::fs::read(path).map_err(|source| MeshError::Io { path: path.to_owned(), source })?;
         let folder = path.parent().map(Path::to_owned).unwrap_or_default();
         let resolve = |name: &str| read_file(&folder.join(local_path(name)));
-        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+        Self::from_bytes(path, &bytes, &resolve, options)
+    }
+
+    /// As [`Model::load`], from memory: `name` is the file's, and `resolve` fetches the files that it names.
+    ///
+    /// # Errors
+    /// As [`Model::load`].
+    pub fn from_bytes(
+        name: impl AsRef<Path>,
+        bytes: &[u8],
+        resolve: &Resolver,
+        options: &LoadOptions,
+    ) -> Result<Self, MeshError> {
+        let name = name.as_ref();
+        let extension = name.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
         let model = match extension.as_str() {
-            "gltf" | "glb" => Self::from_gltf_bytes(&bytes, &resolve),
-            "obj" => Self::from_obj_bytes(&bytes, &resolve, options),
-            "ply" => Self::from_ply_bytes(&bytes, options),
-            "stl" => Self::from_stl_bytes(&bytes, options),
+            "gltf" | "glb" => Self::from_gltf_bytes(bytes, resolve),
+            "obj" => Self::from_obj_bytes(bytes, resolve, options),
+            "ply" => Self::from_ply_bytes(bytes, options),
+            "stl" => Self::from_stl_bytes(bytes, options),
             _ if bytes.starts_with(b"glTF") || bytes.trim_ascii_start().starts_with(b"{") => {
-                Self::from_gltf_bytes(&bytes, &resolve)
+                Self::from_gltf_bytes(bytes, resolve)
             }
-            _ if bytes.starts_with(b"ply") => Self::from_ply_bytes(&bytes, options),
-            _ if bytes.starts_with(b"solid") => Self::from_stl_bytes(&bytes, options),
+            _ if bytes.starts_with(b"ply") => Self::from_ply_bytes(bytes, options),
+            _ if bytes.starts_with(b"solid") => Self::from_stl_bytes(bytes, options),
             _ => Err(MeshError::UnknownFormat),
         };
-        model.map_err(|source| MeshError::InFile { path: path.to_owned(), source: Box::new(source) })
+        model.map_err(|source| MeshError::InFile { path: name.to_owned(), source: Box::new(source) })
     }
 
     /// Reads glTF JSON or GLB. All triangle primitives of the default scene (of all scenes where none is the

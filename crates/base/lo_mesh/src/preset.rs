@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::{AlphaMode, Material, MeshError, MeshWarning, Model, Texture, TextureRef, tangents};
 
@@ -47,43 +47,58 @@ impl Material {
 /// `{"preset":"gold","roughness":0.4}` or `{"base_color":"#c02020","base_color_texture":"wood.png"}`.
 ///
 /// Left out fields keep the preset's values (without one: white, not metallic, roughness 0.5, both sides).
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct MaterialSpec {
     /// Where the other fields start from.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub preset: Option<String>,
     /// Linear RGB or RGBA in [0, 1], or sRGB as "#rrggbb".
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub base_color: Option<Color>,
     /// Coverage in [0, 1]; below 1 the alpha mode becomes "blend" unless given.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub alpha: Option<f32>,
     /// 0 dielectric … 1 metal.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub metallic: Option<f32>,
     /// Perceptual roughness in [0, 1].
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub roughness: Option<f32>,
     /// Linear RGB radiance given off, 1 is the photo's white; or sRGB as "#rrggbb".
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub emissive: Option<Color>,
     /// Picture file, sRGB.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub base_color_texture: Option<String>,
     /// Picture file: green roughness, blue metallic.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub metallic_roughness_texture: Option<String>,
     /// Picture file: tangent-space normals, +Y up.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub normal_texture: Option<String>,
     /// Scale of the normal texture's x and y.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub normal_scale: Option<f32>,
     /// Picture file, sRGB.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub emissive_texture: Option<String>,
     /// "opaque", "mask" or "blend".
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub alpha_mode: Option<AlphaModeName>,
     /// Smallest alpha that shows under "mask"; 0.5.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub alpha_cutoff: Option<f32>,
     /// Whether the back shows too.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub double_sided: Option<bool>,
     /// Base colour is shown as it is, without light.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub unlit: Option<bool>,
 }
 
 /// A colour in a material description.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "a colour is [r, g, b], [r, g, b, a] or \"#rrggbb\"")]
 pub enum Color {
     /// Linear RGB.
@@ -95,7 +110,7 @@ pub enum Color {
 }
 
 /// Alpha modes by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AlphaModeName {
     /// Alpha is ignored.
@@ -120,6 +135,14 @@ impl MaterialSpec {
         };
         spec.factors()?;
         Ok(spec)
+    }
+
+    /// What [`MaterialSpec::parse`] reads as this: the preset's name where nothing else is said.
+    pub fn to_text(&self) -> String {
+        match &self.preset {
+            Some(name) if *self == (Self { preset: Some(name.clone()), ..Self::default() }) => name.clone(),
+            _ => serde_json::to_string(self).expect("names and numbers can be written as JSON"),
+        }
     }
 
     /// The material without its textures.
@@ -254,6 +277,17 @@ mod tests {
             assert!(material.base_color.iter().all(|c| (0.0..=1.0).contains(c)), "{name}");
             assert_eq!(Material::preset_names().filter(|&other| other == name).count(), 1);
             assert_eq!(MaterialSpec::parse(name).unwrap().factors().unwrap(), material);
+        }
+    }
+
+    #[test]
+    fn what_is_written_is_read_as_the_same() {
+        for text in
+            ["gold", r##"{"preset":"gold","roughness":0.1,"emissive":"#ff8000"}"##, r#"{"base_color":[0.1,0.2,0.3]}"#]
+        {
+            let spec = MaterialSpec::parse(text).unwrap();
+            assert_eq!(spec.to_text(), text);
+            assert_eq!(MaterialSpec::parse(&spec.to_text()).unwrap(), spec);
         }
     }
 

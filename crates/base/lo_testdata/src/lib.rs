@@ -4,9 +4,10 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// A real photo (1920 × 1440, sRGB, no EXIF), its LiDAR depth (256 × 192, 16 bits, millimetres) and a mesh (glTF binary):
-/// `library_color.jpg`, `library_lidar_depth.png`, `suzanne.glb`. The program's demo carries them; their licences are beside them.
+/// `library_color.jpg`, `library_lidar_depth.png`, `suzanne.glb`. The program carries them; their licences are beside them.
 pub fn asset(name: &str) -> PathBuf {
-    root().join("apps/lightoctree-cli/assets").join(name)
+    let folder = if name.ends_with(".glb") { "crates/lightoctree/models" } else { "apps/lightoctree-cli/assets" };
+    root().join(folder).join(name)
 }
 
 /// The folder of one real HDR panorama: `lebombo_256.hdr`, 256 × 128, a room with a sunlit window. Its licence is beside it.

@@ -1,7 +1,7 @@
 use std::sync::LazyLock;
 
 use lo_geometry::Vec3;
-use lo_imaging::{Image, Photo, RadianceImage, linear_from_srgb8};
+use lo_imaging::{ChannelGroup, Image, Photo, RadianceImage, linear_from_srgb8};
 use lo_scene::Frame;
 use rayon::prelude::*;
 
@@ -102,6 +102,18 @@ impl SrgbTable {
 }
 
 impl Composite {
+    /// The layers as an OpenEXR file holds them: `object` (premultiplied, with alpha), `shadow_ratio`, `occlusion`, and `reflection` where there is one.
+    pub fn channels(&self) -> Vec<ChannelGroup> {
+        let groups = [
+            ChannelGroup::rgb("object", &self.object),
+            ChannelGroup::single("object", "A", &self.alpha),
+            ChannelGroup::rgb("shadow_ratio", &self.shadow_ratio),
+            ChannelGroup::single("occlusion", "A", &self.occlusion),
+        ];
+        let reflection = self.reflection.as_ref().map(|reflection| ChannelGroup::rgb("reflection", reflection));
+        groups.into_iter().chain(reflection).collect()
+    }
+
     pub(crate) fn new(
         frame: &Frame,
         layers: Layers,

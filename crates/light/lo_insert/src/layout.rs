@@ -5,7 +5,7 @@ use std::path::{Path as FilePath, PathBuf};
 use lo_geometry::Vec3;
 use lo_mesh::{MaterialSpec, PreparedModel};
 use lo_scene::Scene;
-use serde::{Deserialize, Deserializer, de};
+use serde::{Deserialize, Deserializer, Serialize, de};
 use serde_json::Value;
 
 use crate::path::frame_times_s;
@@ -20,43 +20,53 @@ use crate::{Align, Base, InsertError, Instance, Path, Placement, Spot, Stance};
 ///     {"mesh": "car.glb", "path": {"keyframes": [{"time_s": 0, "pixel": [500, 1200]}, {"time_s": 2, "pixel": [800, 1250]}]}}
 /// ]}
 /// ```
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Layout {
     /// Each with a name of its own.
     objects: Vec<LayoutObject>,
 }
 
 /// One object of a [`Layout`].
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LayoutObject {
     /// File of the model: glTF, GLB, OBJ, PLY or STL.
     pub mesh: PathBuf,
     /// What messages and other objects call it; else its file's name without the extension.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
     /// Photo position whose surface it rests on, pixel centres at +0.5.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub pixel: Option<[f64; 2]>,
     /// World position of the middle of its base, in metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub position_m: Option<[f64; 3]>,
     /// Keyframes of its way.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub path: Option<PathSource>,
     /// Name of the object, one before it, that it stands on: at `pixel`, below `position_m`, or in the middle of its top.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub on: Option<String>,
     /// Metres per unit of the model; 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,
     /// Height in metres, instead of a scale.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub height_m: Option<f64>,
     /// Turn about its up, counter-clockwise seen from above, in degrees; 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub yaw_deg: Option<f64>,
     /// Which way is up for it; against gravity.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub align: Option<Align>,
     /// A material for the whole object: a name, or an object of [`MaterialSpec`]'s fields.
-    #[serde(deserialize_with = "material")]
+    #[serde(deserialize_with = "material", skip_serializing_if = "Option::is_none")]
     pub material: Option<MaterialSpec>,
 }
 
 /// Keyframes, or the file that holds them.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
 pub enum PathSource {
     /// The file's name.
     File(PathBuf),

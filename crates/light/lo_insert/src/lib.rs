@@ -68,4 +68,4 @@ pub use lighting::Lighting;
 pub use path::{Interpolation, Keyframe, Path, Stance};
 pub use placement::{Align, Placement};
 pub use quality::Quality;
-pub use surface::surface_at_pixel;
+pub use surface::{SeenSurfaces, surface_at_pixel};

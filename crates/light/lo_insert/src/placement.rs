@@ -150,9 +150,11 @@ impl Placement {
         (0..map.width() * map.height()).filter_map(below).collect()
     }
 
+    /// Whether it can be rendered.
+    ///
     /// # Errors
     /// Where a number is NaN, infinite or out of range.
-    pub(crate) fn check(&self) -> Result<(), InsertError> {
+    pub fn check(&self) -> Result<(), InsertError> {
         let bad = |name, needed, found: String| Err(InsertError::Placement { name, needed, found });
         if !(self.position_m.is_finite() && self.position_m.abs().max_element() < 1e4) {
             return bad("the position", "three finite numbers below 10 km", self.position_m.to_string());

@@ -174,6 +174,37 @@ pub fn surface_at_pixel(scene: &Scene, u: f64, v: f64) -> Result<(Vec3, Vec3), I
     Ok((surface.position_m, surface.normal))
 }
 
+/// The real surfaces that a photo sees, made ready for who asks often: [`surface_at_pixel`] at any place.
+#[derive(Debug)]
+pub struct SeenSurfaces {
+    map: SurfaceMap,
+    photo: (usize, usize),
+}
+
+impl SeenSurfaces {
+    /// Those of a scene, which is not needed after.
+    pub fn new(scene: &Scene) -> Self {
+        let map = SurfaceMap::new(&without_photo(&scene.frame).without_flying_pixels());
+        Self { map, photo: (scene.frame.photo.width(), scene.frame.photo.height()) }
+    }
+
+    /// The surface seen at photo position `(u, v)`; `None` outside of the photo and where the depth map has no reading.
+    pub fn at_pixel(&self, u: f64, v: f64) -> Option<(Vec3, Vec3)> {
+        let surface = self.map.at(u / self.photo.0 as f64, v / self.photo.1 as f64)?;
+        Some((surface.position_m, surface.normal))
+    }
+
+    /// Unit normals towards the camera, zero where there is none; of the resolution at which normals are fitted.
+    pub fn normals(&self) -> &Image<Vec3> {
+        &self.map.normals
+    }
+
+    /// Depth in metres at the same resolution, 0 where there is no reading.
+    pub fn depth_m(&self) -> &DepthMap {
+        &self.map.depth_m
+    }
+}
+
 /// Camera and depth alone, behind a photo of one pixel: surfaces do not depend on the photo, and resampling it takes longer than
 /// all that is done with the depth.
 pub(crate) fn without_photo(frame: &Frame) -> Frame {

@@ -20,6 +20,7 @@ mod patch;
 mod picture;
 mod shape;
 mod split;
+mod sun;
 
 pub use analytic::{AnalyticLights, rectangle};
 pub use cap::{CAP, cap_luminance, cap_of, excess, luminance};
@@ -33,3 +34,4 @@ pub use patch::{LightPatch, PatchShape};
 pub use picture::PictureChange;
 pub use shape::{ClusterShape, ClusterSurface, LeafSurface};
 pub use split::split_octree;
+pub use sun::{sun_angles_deg, sun_direction};

@@ -62,7 +62,7 @@ pub fn list(scene: &Scene) -> Vec<ListedLight> {
     };
     let found = emitters(scene);
     let found = found.iter().map(|emitter| of_emitter(emitter, change(&emitter.id)));
-    found.chain(scene.light_edits.added.iter().map(of_added)).collect()
+    found.chain(scene.light_edits.added.iter().map(ListedLight::of_added)).collect()
 }
 
 fn of_emitter(emitter: &Emitter, change: Option<LightChange>) -> ListedLight {
@@ -91,36 +91,39 @@ fn of_emitter(emitter: &Emitter, change: Option<LightChange>) -> ListedLight {
     }
 }
 
-fn of_added(AddedLight { id, light, change }: &AddedLight) -> ListedLight {
-    let radiance = light.radiance;
-    let mut listed = ListedLight {
-        id: id.clone(),
-        kind: Kind::Area,
-        origin: Origin::Added,
-        position_m: light.centre_m(),
-        direction: None,
-        size_m: None,
-        radius_m: None,
-        angular_radius_deg: None,
-        area_m2: Some(light.extent()),
-        radiance,
-        irradiance: None,
-        color_temperature_k: color_temperature_k(radiance),
-        flux_share: None,
-        certainty: None,
-        change: (*change != LightChange::NONE).then_some(*change),
-    };
-    match light.shape {
-        LightShape::Rectangle { direction, size_m, .. } => {
-            (listed.direction, listed.size_m) = (Some(direction), Some(size_m));
+impl ListedLight {
+    /// A light that somebody added.
+    pub fn of_added(AddedLight { id, light, change }: &AddedLight) -> Self {
+        let radiance = light.radiance;
+        let mut listed = Self {
+            id: id.clone(),
+            kind: Kind::Area,
+            origin: Origin::Added,
+            position_m: light.centre_m(),
+            direction: None,
+            size_m: None,
+            radius_m: None,
+            angular_radius_deg: None,
+            area_m2: Some(light.extent()),
+            radiance,
+            irradiance: None,
+            color_temperature_k: color_temperature_k(radiance),
+            flux_share: None,
+            certainty: None,
+            change: (*change != LightChange::NONE).then_some(*change),
+        };
+        match light.shape {
+            LightShape::Rectangle { direction, size_m, .. } => {
+                (listed.direction, listed.size_m) = (Some(direction), Some(size_m));
+            }
+            LightShape::Sphere { radius_m, .. } => listed.radius_m = Some(radius_m),
+            LightShape::Sun { direction, angular_radius_deg } => {
+                listed.kind = Kind::Sun;
+                (listed.direction, listed.angular_radius_deg) = (Some(direction), Some(angular_radius_deg));
+                listed.irradiance = Some(luminance(Vec3::from(radiance)) * light.extent());
+                listed.area_m2 = None;
+            }
         }
-        LightShape::Sphere { radius_m, .. } => listed.radius_m = Some(radius_m),
-        LightShape::Sun { direction, angular_radius_deg } => {
-            listed.kind = Kind::Sun;
-            (listed.direction, listed.angular_radius_deg) = (Some(direction), Some(angular_radius_deg));
-            listed.irradiance = Some(luminance(Vec3::from(radiance)) * light.extent());
-            listed.area_m2 = None;
-        }
+        listed
     }
-    listed
 }

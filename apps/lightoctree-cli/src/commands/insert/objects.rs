@@ -15,7 +15,7 @@ use crate::usage::Usage;
 /// The options as they are given, without their order.
 #[derive(Debug, Args)]
 struct Flags {
-    /// The object: glTF, GLB, OBJ, PLY or STL. Of several objects each has a --mesh, and behind it its own --at, --pixel or --path, --scale or
+    /// The object: glTF, GLB, OBJ, PLY or STL, or builtin:sphere, builtin:suzanne, builtin:tea-set. Of several objects each has a --mesh, and behind it its own --at, --pixel or --path, --scale or
     /// --height, --yaw-deg, --align and --material
     #[arg(long, value_name = "FILE", required_unless_present_any = ["list_materials", "layout"])]
     mesh: Vec<PathBuf>,

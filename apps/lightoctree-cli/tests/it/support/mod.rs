@@ -1,5 +1,7 @@
 //! The program, run as a user runs it.
 
+pub mod browser;
+pub mod view;
 pub mod weights;
 
 use std::path::Path;

@@ -130,14 +130,33 @@ impl PanoramaPrior {
         let path = path.as_ref();
         let photo = lo_imaging::read_photo(path)?.photo;
         let file = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        Self::of_photo(photo, || holds_radiance(path), orientation, &file)
+    }
+
+    /// As [`read`](Self::read), from memory; `file` is its name.
+    ///
+    /// # Errors
+    /// Those of [`read`](Self::read).
+    pub fn from_bytes(bytes: &[u8], orientation: Orientation, file: &str) -> Result<Self, PanoramaError> {
+        let photo = lo_imaging::photo_from_bytes(bytes, file)?.photo;
+        let format = Format::from_bytes(bytes).or_else(|| Format::from_extension(Path::new(file)));
+        Self::of_photo(photo, || is_radiance(format), orientation, file)
+    }
+
+    fn of_photo(
+        photo: Photo,
+        is_radiance: impl FnOnce() -> bool,
+        orientation: Orientation,
+        file: &str,
+    ) -> Result<Self, PanoramaError> {
         let clipped = match &photo {
             Photo::Srgb8(image) => Some(image.map(|pixel| pixel.iter().any(|&c| c >= CLIP_LEVEL))),
-            Photo::Linear(image) if !holds_radiance(path) => {
+            Photo::Linear(image) if !is_radiance() => {
                 Some(image.map(|pixel| pixel.iter().any(|&c| c >= CLIP_LEVEL_LINEAR)))
             }
             Photo::Linear(_) => None,
         };
-        Self::with_clipped(photo.into_radiance(), clipped, orientation, &file)
+        Self::with_clipped(photo.into_radiance(), clipped, orientation, file)
     }
 
     /// Taken there, metres in the photo's frame.
@@ -189,5 +208,9 @@ fn holds_radiance(path: &Path) -> bool {
     // It was read a moment ago; where that is over, the extension says enough.
     let read = std::fs::File::open(path).and_then(|file| file.take(16).read_to_end(&mut first));
     let by_content = read.ok().and_then(|_| Format::from_bytes(&first));
-    matches!(by_content.or_else(|| Format::from_extension(path)), Some(Format::Hdr | Format::Exr | Format::Pfm))
+    is_radiance(by_content.or_else(|| Format::from_extension(path)))
+}
+
+fn is_radiance(format: Option<Format>) -> bool {
+    matches!(format, Some(Format::Hdr | Format::Exr | Format::Pfm))
 }

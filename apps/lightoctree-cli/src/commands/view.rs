@@ -1,0 +1,145 @@
+//! `lightoctree view [SCENE|PHOTO]`: a page to move objects and light in.
+
+use std::net::IpAddr;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::Context;
+use lo_viewer::{MakeEstimator, NamedFile, Options, PhotoSource, Source, Words};
+
+use super::parse;
+use crate::args::Global;
+use crate::progress::{stage_label, warning_text};
+use crate::usage::Usage;
+use crate::{interrupt, report};
+
+/// Options of `view`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  \
+    lightoctree view room.scene --open\n  \
+    lightoctree view photo.jpg\n  \
+    lightoctree view photo.jpg --depth depth.png\n  \
+    lightoctree view\n  \
+    lightoctree view room.scene --bind 0.0.0.0 --port 8080 --token a-long-secret-of-mine\n\n\
+    The page is served to this machine alone, under an address with a random token, until Ctrl-C. docs/viewer.md tells what can be done in it.")]
+pub struct Args {
+    /// A scene file, or a photo whose scene is estimated first; without, the page takes one
+    input: Option<PathBuf>,
+
+    /// Measured depth of the photo's view: 16-bit PNG in millimetres, or EXR, PFM, TIFF, NPY in metres
+    #[arg(long, value_name = "FILE", requires = "input")]
+    depth: Option<PathBuf>,
+
+    /// A panorama of the room, whose light is laid onto what the photo does not show
+    #[arg(long, value_name = "FILE", requires = "input")]
+    panorama: Option<PathBuf>,
+
+    /// Focal lengths and principal point in pixels of the photo [default: from EXIF, else 65 degrees across]
+    #[arg(long, value_name = "FX,FY,CX,CY", value_parser = parse::intrinsics, requires = "input")]
+    intrinsics: Option<[f64; 4]>,
+
+    /// Open the page in the browser
+    #[arg(long)]
+    open: bool,
+
+    /// The port [default: a free one]
+    #[arg(long, value_name = "N")]
+    port: Option<u16>,
+
+    /// Listen at this address instead of this machine's own: whoever can reach it and knows the token can use the page
+    #[arg(long, value_name = "ADDRESS", requires = "token")]
+    bind: Option<IpAddr>,
+
+    /// The token in the address, 16 letters, digits and hyphens at least [default: a random one]
+    #[arg(long, value_name = "TOKEN", value_parser = token)]
+    token: Option<String>,
+}
+
+/// Serves until Ctrl-C.
+pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
+    let estimator: Option<MakeEstimator> = cfg!(feature = "weights")
+        .then(|| Arc::new(|| super::estimator(None).map_err(|error| format!("{error:#}"))) as MakeEstimator);
+    let source = args.input.as_deref().map(|input| source(input, args, estimator.as_ref())).transpose()?;
+    let options = Options {
+        bind: args.bind.unwrap_or(Options::LOOPBACK),
+        port: args.port.unwrap_or(0),
+        token: args.token.clone(),
+        words: Words { stage: stage_label, warning: warning_text },
+        estimator,
+        source,
+    };
+    let (open, quiet) = (args.open, global.quiet);
+    let ready = move |address: &str| {
+        report::print(address);
+        if !quiet {
+            eprintln!("  note: the page is served until Ctrl-C");
+        }
+        if open && let Err(error) = open_in_browser(address) {
+            eprintln!("  note: no browser could be opened: {error}");
+        }
+    };
+    Ok(lo_viewer::run(options, ready, interrupt::asked)?)
+}
+
+/// What is opened first: scenes are known by their content.
+fn source(input: &Path, args: &Args, estimator: Option<&MakeEstimator>) -> anyhow::Result<Source> {
+    let bytes = read(input)?;
+    if is_scene(&bytes) {
+        if args.depth.is_some() || args.panorama.is_some() || args.intrinsics.is_some() {
+            return Err(
+                Usage("--depth, --panorama and --intrinsics belong to a photo, and this is a scene".into()).into()
+            );
+        }
+        return Ok(Source::Scene { file: input.display().to_string(), bytes, is_saved: true });
+    }
+    let Some(estimator) = estimator else {
+        return Err(
+            Usage("this program was built without weights (feature `weights`): it opens scenes alone".into()).into()
+        );
+    };
+    let file = |path: &Path, bytes: Vec<u8>| NamedFile {
+        name: path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned()),
+        bytes,
+    };
+    let beside = |path: &Option<PathBuf>| {
+        path.as_deref().map(|path| Ok::<_, anyhow::Error>(file(path, read(path)?))).transpose()
+    };
+    Ok(Source::Photo(PhotoSource {
+        photo: file(input, bytes),
+        depth: beside(&args.depth)?,
+        panorama: beside(&args.panorama)?,
+        intrinsics: args.intrinsics,
+        estimator: estimator.clone(),
+    }))
+}
+
+fn read(path: &Path) -> anyhow::Result<Vec<u8>> {
+    std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))
+}
+
+/// A safetensors file: the length of a JSON object, and that object.
+fn is_scene(bytes: &[u8]) -> bool {
+    bytes.get(8) == Some(&b'{')
+}
+
+fn open_in_browser(address: &str) -> std::io::Result<()> {
+    let mut command = if cfg!(target_os = "macos") {
+        std::process::Command::new("open")
+    } else if cfg!(windows) {
+        let mut command = std::process::Command::new("cmd");
+        command.args(["/C", "start", ""]);
+        command
+    } else {
+        std::process::Command::new("xdg-open")
+    };
+    command.arg(address).spawn().map(|_| ())
+}
+
+fn token(text: &str) -> Result<String, String> {
+    let is_plain = text.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
+    if (16..=200).contains(&text.len()) && is_plain {
+        Ok(text.to_owned())
+    } else {
+        Err("a token has 16 to 200 letters, digits and hyphens".to_owned())
+    }
+}

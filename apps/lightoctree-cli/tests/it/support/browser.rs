@@ -1,0 +1,177 @@
+//! A headless Chromium of the system, by its DevTools protocol (<https://chromedevtools.github.io/devtools-protocol/>).
+
+use std::io::Write;
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Stdio};
+use std::time::{Duration, Instant};
+
+use base64::Engine;
+use serde_json::{Value, json};
+use tempfile::TempDir;
+use tungstenite::{Message, WebSocket};
+
+/// What Chromium is called; the first one in the path is taken.
+const NAMES: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
+
+/// How long anything may take.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// A browser with one page; it ends with this.
+pub struct Browser {
+    child: Child,
+    socket: WebSocket<TcpStream>,
+    session: String,
+    calls: u64,
+    /// What went wrong in the page.
+    pub faults: Vec<String>,
+    _profile: TempDir,
+}
+
+impl Browser {
+    /// Starts one, without WebGL; `None`, and a loud word, where there is none.
+    pub fn start(untested: &str) -> Option<Self> {
+        let path = std::env::var_os("PATH").unwrap_or_default();
+        let mut places = std::env::split_paths(&path).flat_map(|folder| NAMES.map(|name| folder.join(name)));
+        let Some(program) = places.find(|place| place.is_file()) else {
+            let names = NAMES.join(", ");
+            let _ =
+                writeln!(std::io::stderr().lock(), "\nSKIPPED: {untested}: there is no browser ({names}) in the path");
+            return None;
+        };
+        Some(Self::launch(&program))
+    }
+
+    fn launch(program: &PathBuf) -> Self {
+        let profile = tempfile::tempdir().unwrap();
+        let child = std::process::Command::new(program)
+            .args(["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-3d-apis", "--disable-dev-shm-usage"])
+            .args([
+                "--no-first-run",
+                "--disable-background-networking",
+                "--hide-scrollbars",
+                "--remote-debugging-port=0",
+            ])
+            .arg(format!("--user-data-dir={}", profile.path().display()))
+            .arg("about:blank")
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let begun = Instant::now();
+        let told = loop {
+            let told = std::fs::read_to_string(profile.path().join("DevToolsActivePort")).unwrap_or_default();
+            if told.lines().count() >= 2 {
+                break told;
+            }
+            assert!(begun.elapsed() < PATIENCE, "the browser does not start");
+            std::thread::sleep(Duration::from_millis(50));
+        };
+        let (port, path) = told.trim().split_once('\n').unwrap();
+        let stream = TcpStream::connect(format!("127.0.0.1:{port}")).unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        let (socket, _) = tungstenite::client(format!("ws://127.0.0.1:{port}{path}"), stream).unwrap();
+        let (session, faults) = (String::new(), Vec::new());
+        let mut browser = Self { child, socket, session, calls: 0, faults, _profile: profile };
+        let target = browser.call("Target.createTarget", json!({ "url": "about:blank" }))["targetId"].clone();
+        let attached = browser.call("Target.attachToTarget", json!({ "targetId": target, "flatten": true }));
+        browser.session = attached["sessionId"].as_str().unwrap().to_owned();
+        for domain in ["Runtime", "Page", "Log"] {
+            browser.call(&format!("{domain}.enable"), json!({}));
+        }
+        browser
+    }
+
+    /// One call of the protocol.
+    pub fn call(&mut self, method: &str, params: Value) -> Value {
+        self.calls += 1;
+        let mut call = json!({ "id": self.calls, "method": method, "params": params });
+        if !self.session.is_empty() {
+            call["sessionId"] = json!(self.session);
+        }
+        self.socket.send(Message::text(call.to_string())).unwrap();
+        loop {
+            let Message::Text(text) = self.socket.read().unwrap() else { continue };
+            let heard: Value = serde_json::from_str(&text).unwrap();
+            match heard["method"].as_str() {
+                Some("Runtime.exceptionThrown") => self.faults.push(heard["params"]["exceptionDetails"].to_string()),
+                Some("Log.entryAdded") if heard["params"]["entry"]["level"] == "error" => {
+                    self.faults.push(heard["params"]["entry"].to_string());
+                }
+                _ => {}
+            }
+            if heard["id"] == self.calls {
+                assert!(heard["error"].is_null(), "{method}: {heard}");
+                return heard["result"].clone();
+            }
+        }
+    }
+
+    /// Opens an address in a window of this size.
+    pub fn open(&mut self, address: &str, [width, height]: [u32; 2]) {
+        self.resize([width, height]);
+        self.call("Page.navigate", json!({ "url": address }));
+        self.wait("document.readyState === 'complete'");
+    }
+
+    /// Makes the window another size.
+    pub fn resize(&mut self, [width, height]: [u32; 2]) {
+        let metrics = json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": false });
+        self.call("Emulation.setDeviceMetricsOverride", metrics);
+    }
+
+    /// The value of an expression in the page.
+    pub fn value(&mut self, expression: &str) -> Value {
+        let params = json!({ "expression": expression, "awaitPromise": true, "returnByValue": true });
+        let result = self.call("Runtime.evaluate", params);
+        assert!(result["exceptionDetails"].is_null(), "{expression}: {result}");
+        result["result"]["value"].clone()
+    }
+
+    /// Waits until an expression is true.
+    pub fn wait(&mut self, expression: &str) {
+        let begun = Instant::now();
+        while self.value(&format!("Boolean({expression})")) != true {
+            assert!(begun.elapsed() < PATIENCE, "waited for {expression} in vain; faults: {:?}", self.faults);
+            std::thread::sleep(Duration::from_millis(30));
+        }
+    }
+
+    /// Moves the pointer, or presses or releases its button: `mouseMoved`, `mousePressed`, `mouseReleased`.
+    pub fn mouse(&mut self, kind: &str, [x, y]: [f64; 2]) {
+        let button = if kind == "mouseMoved" { "none" } else { "left" };
+        let buttons = i32::from(kind != "mouseReleased");
+        let params = json!({ "type": kind, "x": x, "y": y, "button": button, "buttons": buttons, "clickCount": 1 });
+        self.call("Input.dispatchMouseEvent", params);
+    }
+
+    /// Presses a key; `modifiers`: 2 for Ctrl, 8 for Shift.
+    pub fn key(&mut self, key: &str, modifiers: u32) {
+        for kind in ["rawKeyDown", "keyUp"] {
+            self.call("Input.dispatchKeyEvent", json!({ "type": kind, "key": key, "modifiers": modifiers }));
+        }
+    }
+
+    /// Drops a file onto the page.
+    pub fn drop_file(&mut self, name: &str, bytes: &[u8]) {
+        let base64 = base64::engine::general_purpose::STANDARD.encode(bytes);
+        self.value(&format!(
+            "(() => {{ const bytes = Uint8Array.from(atob('{base64}'), (c) => c.charCodeAt(0));
+               const files = new DataTransfer(); files.items.add(new File([bytes], '{name}'));
+               document.dispatchEvent(new DragEvent('drop', {{ dataTransfer: files, cancelable: true }})); }})()"
+        ));
+    }
+
+    /// A picture of the page.
+    pub fn screenshot(&mut self, path: &Path) {
+        let shot = self.call("Page.captureScreenshot", json!({ "format": "png" }));
+        let bytes = base64::engine::general_purpose::STANDARD.decode(shot["data"].as_str().unwrap()).unwrap();
+        std::fs::write(path, bytes).unwrap();
+    }
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

@@ -1,0 +1,135 @@
+//! `lightoctree view` as a running program, and what a page says to it.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::{Child, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+use tungstenite::{Message, WebSocket};
+
+/// A running `view`; it ends with this.
+pub struct Viewer {
+    child: Child,
+    /// `http://127.0.0.1:PORT/TOKEN/`
+    pub address: String,
+}
+
+impl Viewer {
+    /// Starts it in a folder and waits for its address.
+    pub fn start(folder: &Path, args: &[&str]) -> Self {
+        let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin("lightoctree"));
+        command.current_dir(folder).args(["--quiet", "view"]).args(args).stdout(Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        let mut address = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut address).unwrap();
+        assert!(address.starts_with("http://127.0.0.1:"), "{address}");
+        Self { child, address: address.trim().to_owned() }
+    }
+
+    /// `127.0.0.1:PORT` and `/TOKEN/`.
+    pub fn host_and_path(&self) -> (&str, &str) {
+        let rest = self.address.strip_prefix("http://").unwrap();
+        rest.split_at(rest.find('/').unwrap())
+    }
+
+    /// Sends a request with these lines behind the first and a body; the answer's status and body.
+    pub fn request(&self, method: &str, path: &str, lines: &[&str], body: &[u8]) -> (u16, Vec<u8>) {
+        let (host, _) = self.host_and_path();
+        let mut stream = TcpStream::connect(host).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(300))).unwrap();
+        write!(stream, "{method} {path} HTTP/1.1\r\nConnection: close\r\n{}\r\n\r\n", lines.join("\r\n")).unwrap();
+        stream.write_all(body).unwrap();
+        let mut answer = Vec::new();
+        // Who is refused before all is sent finds the connection closed.
+        let _ = stream.read_to_end(&mut answer);
+        let end =
+            answer.windows(4).position(|window| window == b"\r\n\r\n").unwrap_or(answer.len().saturating_sub(4)) + 4;
+        let head = String::from_utf8_lossy(&answer[..end]).into_owned();
+        let status = head.split(' ').nth(1).unwrap_or("0").parse().unwrap();
+        assert!(!head.to_lowercase().contains("transfer-encoding: chunked"), "{head}");
+        (status, answer[end..].to_vec())
+    }
+
+    /// Fetches what lies below the token.
+    pub fn get(&self, path: &str) -> (u16, Vec<u8>) {
+        let (host, token) = self.host_and_path();
+        self.request("GET", &format!("{token}{path}"), &[&format!("Host: {host}")], b"")
+    }
+
+    /// Uploads a file.
+    pub fn upload(&self, kind: &str, name: &str, bytes: &[u8]) -> (u16, String) {
+        let (host, token) = self.host_and_path();
+        let lines =
+            [format!("Host: {host}"), format!("X-File-Name: {name}"), format!("Content-Length: {}", bytes.len())];
+        let lines: Vec<&str> = lines.iter().map(String::as_str).collect();
+        let (status, text) = self.request("POST", &format!("{token}upload/{kind}"), &lines, bytes);
+        (status, String::from_utf8(text).unwrap())
+    }
+
+    /// Connects as a page does.
+    pub fn page(&self) -> Page {
+        let (host, path) = self.host_and_path();
+        let stream = TcpStream::connect(host).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(300))).unwrap();
+        let (socket, _) = tungstenite::client(format!("ws://{host}{path}socket"), stream).unwrap();
+        Page { socket }
+    }
+
+    /// Whether it still runs.
+    pub fn is_alive(&mut self) -> bool {
+        self.child.try_wait().unwrap().is_none()
+    }
+
+    /// Its memory, MB.
+    pub fn memory_mb(&self) -> f64 {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap();
+        let line = status.lines().find(|line| line.starts_with("VmRSS:")).unwrap();
+        line.split_whitespace().nth(1).unwrap().parse::<f64>().unwrap() / 1024.0
+    }
+}
+
+impl Drop for Viewer {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// A page's end of the WebSocket.
+pub struct Page {
+    socket: WebSocket<TcpStream>,
+}
+
+impl Page {
+    /// Says something.
+    pub fn say(&mut self, message: &Value) {
+        self.socket.send(Message::text(message.to_string())).unwrap();
+    }
+
+    /// Does something, as a step of the history.
+    pub fn act(&mut self, command: &Value) {
+        self.say(&serde_json::json!({ "type": "command", "command": command }));
+    }
+
+    /// The next message that is as `is_wanted` asks, with its pictures.
+    pub fn hear(&mut self, what: &str, is_wanted: impl Fn(&Value) -> bool) -> (Value, Vec<u8>) {
+        let begun = Instant::now();
+        while begun.elapsed() < Duration::from_secs(300) {
+            let (message, pictures) = match self.socket.read().unwrap() {
+                Message::Text(text) => (serde_json::from_str(&text).unwrap(), Vec::new()),
+                Message::Binary(bytes) => {
+                    let length = u32::from_le_bytes(bytes[..4].try_into().unwrap()) as usize;
+                    (serde_json::from_slice(&bytes[4..4 + length]).unwrap(), bytes[4 + length..].to_vec())
+                }
+                _ => continue,
+            };
+            let message: Value = message;
+            if is_wanted(&message) {
+                return (message, pictures);
+            }
+        }
+        panic!("waited for {what} in vain");
+    }
+}

@@ -1,0 +1,265 @@
+//! `lightoctree view` without a browser: who is let in, what a page can do, and that its pictures are those of `insert`.
+
+use serde_json::json;
+
+use crate::cli::{room, room_with_scene, write_mesh};
+use crate::support::view::Viewer;
+use crate::support::{done, refused};
+
+#[test]
+fn the_final_picture_is_that_of_the_command_line_that_is_shown() {
+    let folder = room_with_scene();
+    write_mesh(folder.path());
+    let viewer = Viewer::start(folder.path(), &["room.scene"]);
+    let mut page = viewer.page();
+    page.hear("the scene", |message| message["type"] == "scene" && message["file"] == "room.scene");
+    page.act(
+        &json!({ "do": "add", "mesh": "builtin:sphere", "pixel": [70.25, 94.125], "material": { "preset": "chrome" } }),
+    );
+    let object = std::fs::read(folder.path().join("object.obj")).unwrap();
+    assert_eq!(viewer.upload("mesh", "object.obj", &object), (204, String::new()));
+    page.hear("two objects", |message| message["view"]["objects"].as_array().is_some_and(|all| all.len() == 2));
+    page.act(&json!({ "do": "place", "object": 2, "place": { "pixel": [35, 94] } }));
+    page.act(&json!({ "do": "size", "object": 2, "size": { "height": 0.35 } }));
+    page.act(&json!({ "do": "turn", "object": 2, "yaw_deg": 33.3 }));
+    page.act(&json!({ "do": "material", "object": 2, "material": { "preset": "gold", "roughness": 0.31 } }));
+    page.act(&json!({ "do": "place", "object": 1, "place": { "position": [0.3, -1.0, -2.123_45] } }));
+    page.act(&json!({ "do": "floor-gloss", "gloss": 0.25 }));
+    // A gesture, too.
+    for u in [40.0, 45.0, 50.3] {
+        let drag = json!({ "do": "drag", "object": 2, "to": [u, 94.7] });
+        page.say(&json!({ "type": "preview", "sequence": u as u64, "command": drag }));
+    }
+    page.say(&json!({ "type": "commit" }));
+    let is_dragged = |message: &serde_json::Value| message["view"]["objects"][1]["place"]["pixel"][0] == 50.3;
+    let (state, _) = page.hear("the end of the gesture", is_dragged);
+    let command = state["view"]["command"].as_str().unwrap().to_owned();
+    let is_final = |message: &serde_json::Value| {
+        message["type"] == "frame"
+            && message["step"] == "final"
+            && message["change"].as_u64() >= state["change"].as_u64()
+    };
+    let (frame, shown) = page.hear("the final picture", is_final);
+    // As a shell would take it: words without spaces, but for what is quoted.
+    let words: Vec<String> = command
+        .split('\'')
+        .enumerate()
+        .flat_map(|(i, part)| match i % 2 {
+            0 => part.split_whitespace().map(str::to_owned).collect(),
+            _ => vec![part.to_owned()],
+        })
+        .collect();
+    assert_eq!(words[0], "lightoctree");
+    done(folder.path(), &words[1..].iter().map(String::as_str).collect::<Vec<_>>());
+    let written = std::fs::read(folder.path().join("picture.png")).unwrap();
+    let (status, downloaded) = viewer.get("download/picture.png");
+    assert_eq!(status, 200, "{}", String::from_utf8_lossy(&downloaded));
+    assert!(downloaded == written, "{command}");
+    assert!(shown == written, "{frame}");
+    // The layers, too.
+    let layers = [&words[1..], &["--layers".into(), "layers.exr".into(), "--force".into()]].concat();
+    done(folder.path(), &layers.iter().map(String::as_str).collect::<Vec<_>>());
+    let read = |bytes: &[u8]| lightoctree::imaging::exr_channels_from_bytes(bytes, "layers.exr").unwrap();
+    let (_, downloaded) = viewer.get("download/layers.exr");
+    assert_eq!(read(&downloaded).channels, read(&std::fs::read(folder.path().join("layers.exr")).unwrap()).channels);
+}
+
+#[test]
+fn what_is_taken_away_opens_again() {
+    let folder = room_with_scene();
+    let viewer = Viewer::start(folder.path(), &["room.scene"]);
+    let mut page = viewer.page();
+    page.hear("the scene", |message| message["type"] == "scene");
+    assert_eq!(viewer.get("download/picture.png").0, 409, "nothing stands in the photo");
+    page.act(&json!({ "do": "add", "mesh": "builtin:suzanne" }));
+    page.act(&json!({ "do": "add-light", "new": { "sun":
+        { "azimuth_deg": 20, "elevation_deg": 45, "strength": 2, "angle_deg": 1, "kelvin": 5500 } } }));
+    page.hear("a sun", |message| message["view"]["lights"].to_string().contains("\"A1\""));
+    let files =
+        ["room.scene", "objects.json", "light.exr?u=70&v=80&lift=0.1", "room.glb", "room_usd.tar?u=70&v=80&lift=0.1"];
+    for file in files {
+        let (status, bytes) = viewer.get(&format!("download/{file}"));
+        assert_eq!(status, 200, "{file}: {}", String::from_utf8_lossy(&bytes));
+        std::fs::write(folder.path().join(format!("new_{}", file.split('?').next().unwrap())), bytes).unwrap();
+    }
+    let lights = done(folder.path(), &["lights", "new_room.scene", "--json"]);
+    assert!(lights.contains("\"A1\"") && lights.contains("\"sun\""), "{lights}");
+    done(
+        folder.path(),
+        &["insert", "new_room.scene", "--layout", "new_objects.json", "--quality", "draft", "-o", "a.png"],
+    );
+    let panorama = lightoctree::imaging::read_radiance(folder.path().join("new_light.exr")).unwrap();
+    assert_eq!((panorama.width(), panorama.height()), (1024, 512));
+    // `envmap` says the same of the place.
+    let envmap = [
+        "envmap",
+        "new_room.scene",
+        "--pixel",
+        "70,80",
+        "--lift",
+        "0.1",
+        "--lamp",
+        "--size",
+        "1024x512",
+        "-o",
+        "b.exr",
+    ];
+    done(folder.path(), &envmap);
+    assert_eq!(panorama, lightoctree::imaging::read_radiance(folder.path().join("b.exr")).unwrap());
+    let glb = std::fs::read(folder.path().join("new_room.glb")).unwrap();
+    assert!(glb.starts_with(b"glTF"));
+    let usd = std::fs::read(folder.path().join("new_room_usd.tar")).unwrap();
+    let mut archive = tar::Archive::new(usd.as_slice());
+    let names: Vec<String> =
+        archive.entries().unwrap().map(|entry| entry.unwrap().path().unwrap().display().to_string()).collect();
+    assert!(names.contains(&"room.usda".to_owned()) && names.len() >= 4, "{names:?}");
+}
+
+#[test]
+fn photos_are_estimated_and_what_is_wrong_is_said() {
+    let folder = room();
+    let mut viewer = Viewer::start(folder.path(), &[]);
+    let mut page = viewer.page();
+    let (empty, _) = page.hear("the drop zone", |message| message["type"] == "empty");
+    let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    assert_eq!(viewer.upload("mesh", "a.obj", b"v 0 0 0").0, 400);
+    assert_eq!(
+        viewer.upload("photo", "photo.png", b"no picture").0,
+        if empty["can_estimate"] == true { 204 } else { 400 }
+    );
+    if empty["can_estimate"] == true {
+        let failed = |message: &serde_json::Value| message["type"] == "empty" && message["error"].is_string();
+        let (failed, _) = page.hear("why not", failed);
+        assert!(failed["error"].as_str().unwrap().contains("photo.png"), "{failed}");
+        assert_eq!(viewer.upload("depth", "depth.png", &read("depth.png")).0, 204);
+        assert_eq!(viewer.upload("photo", "photo.png", &read("photo.png")).0, 204);
+        page.hear("progress", |message| message["type"] == "opening" && message["done"].is_number());
+        let (scene, _) = page.hear("the scene", |message| message["type"] == "scene");
+        assert_eq!((&scene["predicted_depth"], &scene["is_saved"]), (&json!(false), &json!(false)));
+        for (name, bytes) in
+            [("broken.glb", &b"glTF but no more"[..]), ("none.stl", b"solid x\nendsolid x\n"), ("a.txt", b"x")]
+        {
+            let (status, why) = viewer.upload("mesh", name, bytes);
+            assert!(status == 400 && why.contains(name), "{status} {why}");
+        }
+        page.say(&json!({ "type": "close" }));
+        page.hear("the drop zone", |message| message["type"] == "empty");
+    }
+    // A scene of another making, and one that is cut off.
+    assert_eq!(viewer.upload("scene", "cut.scene", &[8, 0, 0, 0, 0, 0, 0, 0, b'{']).0, 204);
+    let (wrong, _) = page.hear("why not", |message| message["type"] == "empty" && message["error"].is_string());
+    assert!(wrong["error"].as_str().unwrap().contains("cut.scene"), "{wrong}");
+    page.say(&json!({ "type": "nonsense" }));
+    page.hear("a refusal", |message| {
+        message["type"] == "refused" && message["why"].as_str().unwrap().contains("nonsense")
+    });
+    assert!(viewer.is_alive());
+}
+
+#[test]
+fn a_mesh_comes_with_the_files_that_it_names() {
+    let folder = room_with_scene();
+    let viewer = Viewer::start(folder.path(), &["room.scene"]);
+    let mut page = viewer.page();
+    page.hear("the scene", |message| message["type"] == "scene");
+    let obj =
+        b"mtllib a.mtl\nusemtl red\nv 0 0 0\nv 0.3 0 0\nv 0 0.3 0\nv 0 0 0.3\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+    let (status, _) = viewer.upload("part", "a.mtl", b"newmtl red\nKd 1 0 0\n");
+    assert_eq!(status, 204);
+    assert_eq!(viewer.upload("mesh", "folder%2Fa.obj", obj).0, 204);
+    let (state, _) =
+        page.hear("the object", |message| message["view"]["objects"].as_array().is_some_and(|all| all.len() == 1));
+    assert_eq!(state["view"]["objects"][0]["mesh"], "a.obj");
+    // Without its material it stands there all the same, and that is said.
+    assert_eq!(viewer.upload("mesh", "a.obj", obj).0, 204);
+    page.hear("a note", |message| message["type"] == "refused" && message["why"].as_str().unwrap().contains("a.mtl"));
+}
+
+#[test]
+fn two_pages_show_the_same() {
+    let folder = room_with_scene();
+    let viewer = Viewer::start(folder.path(), &["room.scene"]);
+    let mut pages = [viewer.page(), viewer.page()];
+    pages.iter_mut().for_each(|page| drop(page.hear("the scene", |message| message["type"] == "scene")));
+    pages[0].act(&json!({ "do": "add", "mesh": "builtin:sphere" }));
+    for page in &mut pages {
+        page.hear("the object", |message| message["view"]["objects"].as_array().is_some_and(|all| all.len() == 1));
+    }
+    // A page that comes later, as after a reload, finds all as it is.
+    let mut late = viewer.page();
+    let is_there =
+        |message: &serde_json::Value| message["view"]["objects"].as_array().is_some_and(|all| all.len() == 1);
+    late.hear("the object", is_there);
+    late.hear("its picture", |message| message["type"] == "frame");
+}
+
+#[test]
+fn others_are_refused_with_a_reason() {
+    let folder = room_with_scene();
+    let mut viewer = Viewer::start(folder.path(), &["room.scene"]);
+    viewer.page().hear("the scene", |message| message["type"] == "scene");
+    let (host, path) = viewer.host_and_path();
+    let port = host.rsplit_once(':').unwrap().1;
+    let own = format!("Host: {host}");
+    let ask = |path: &str, lines: &[&str]| {
+        let (status, body) = viewer.request("GET", path, lines, b"");
+        (status, String::from_utf8_lossy(&body).into_owned())
+    };
+    let (status, index) = ask(path, &[&own]);
+    assert!(status == 200 && index.contains("<!doctype html>"));
+    assert_eq!(ask(&format!("{path}page/main.js"), &[&own]).0, 200);
+    for (path, lines, why) in [
+        ("/", vec![own.as_str()], "token"),
+        ("/0123456789abcdef0123456789abcdef/", vec![&own], "token"),
+        (path, vec!["Host: evil.example"], "Host"),
+        (path, vec![&format!("Host: evil.example:{port}")], "Host"),
+        (path, vec![&own, "Origin: http://evil.example"], "Origin"),
+        (&format!("{path}socket"), vec![&own, "Origin: null", "Upgrade: websocket", "Connection: Upgrade"], "Origin"),
+    ] {
+        let (status, said) = ask(path, &lines);
+        assert!(status == 403 && said.contains(why), "{path} {lines:?}: {status} {said}");
+    }
+    // No path of the disk is served.
+    for wrong in
+        ["page/../../Cargo.toml", "page/%2e%2e%2f%2e%2e%2fetc%2fpasswd", "download/%2fetc%2fpasswd", "room.scene"]
+    {
+        assert_eq!(ask(&format!("{path}{wrong}"), &[&own]).0, 404, "{wrong}");
+    }
+    let upload = format!("{path}upload/photo");
+    let lines = [own.as_str(), "X-File-Name: a.jpg", "Content-Length: 1073741824"];
+    assert_eq!(viewer.request("POST", &upload, &lines, b"").0, 413);
+    // Without the header that other sites' forms cannot set.
+    assert_eq!(viewer.request("POST", &upload, &[&own, "Content-Length: 1"], b"x").0, 400);
+    assert!(viewer.is_alive());
+    let bind = ["view", "room.scene", "--bind", "0.0.0.0"];
+    assert!(refused(folder.path(), 2, &bind).contains("--token"));
+    assert!(refused(folder.path(), 2, &[&bind[..], &["--token", "short"]].concat()).contains("16"));
+    assert!(refused(folder.path(), 1, &["view", "no.scene"]).contains("no.scene"));
+}
+
+#[test]
+fn a_page_that_does_not_read_costs_no_memory() {
+    let folder = room_with_scene();
+    let mut viewer = Viewer::start(folder.path(), &["room.scene"]);
+    let mut lazy = viewer.page();
+    let mut page = viewer.page();
+    page.hear("the scene", |message| message["type"] == "scene");
+    lazy.say(&json!({ "type": "undo" }));
+    page.act(&json!({ "do": "add", "mesh": "builtin:sphere", "pixel": [70, 80] }));
+    page.hear("its picture", |message| message["type"] == "frame" && message["step"] == "final");
+    let drag = |page: &mut crate::support::view::Page, count: u64| {
+        for i in 0..count {
+            let to = [40.0 + (i % 60) as f64, 80.0];
+            let command = json!({ "do": "drag", "object": 1, "to": to });
+            page.say(&json!({ "type": "preview", "sequence": i, "command": command }));
+            page.hear("its picture", |message| message["type"] == "frame" && message["sequence"] == i);
+        }
+    };
+    drag(&mut page, 60);
+    let before_mb = viewer.memory_mb();
+    drag(&mut page, 240);
+    let after_mb = viewer.memory_mb();
+    // What 240 states and pictures would take if they were kept for the lazy page is more than this.
+    assert!(after_mb < before_mb + 50.0, "{before_mb} MB, then {after_mb} MB");
+    assert!(viewer.is_alive());
+}

@@ -1,0 +1,112 @@
+use lightoctree::insert::Align;
+use lightoctree::scene::LightChange;
+use serde::{Deserialize, Serialize};
+
+use crate::{NewLight, ObjectMaterial, Place, Size};
+
+/// One thing that a session's user does.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "do", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Command {
+    /// Puts a new object into the photo, on the surface seen at a pixel, or where there is a free surface.
+    Add {
+        /// Name of its mesh.
+        mesh: String,
+        /// Where.
+        #[serde(default)]
+        pixel: Option<[f64; 2]>,
+        /// Its material instead of the mesh's own.
+        #[serde(default)]
+        material: Option<ObjectMaterial>,
+    },
+    /// Puts the same object beside.
+    Duplicate {
+        /// Which.
+        object: u32,
+    },
+    /// Takes an object away.
+    Delete {
+        /// Which.
+        object: u32,
+    },
+    /// Calls an object otherwise.
+    Rename {
+        /// Which.
+        object: u32,
+        /// How.
+        name: String,
+    },
+    /// Stands an object elsewhere.
+    Place {
+        /// Which.
+        object: u32,
+        /// Where.
+        place: Place,
+    },
+    /// Drags an object so that its base's middle is seen at a photo position: along the surface it stands on.
+    Drag {
+        /// Which.
+        object: u32,
+        /// Where to.
+        to: [f64; 2],
+    },
+    /// Makes an object larger or smaller.
+    Size {
+        /// Which.
+        object: u32,
+        /// How large.
+        size: Size,
+    },
+    /// Turns an object about its up.
+    Turn {
+        /// Which.
+        object: u32,
+        /// To where, degrees.
+        yaw_deg: f64,
+    },
+    /// Stands an object upright, along its surface or along the picture.
+    Align {
+        /// Which.
+        object: u32,
+        /// How.
+        align: Align,
+    },
+    /// Gives an object a material, or the mesh's own.
+    Material {
+        /// Which.
+        object: u32,
+        /// What.
+        material: Option<ObjectMaterial>,
+    },
+    /// How polished what carries the objects is.
+    FloorGloss {
+        /// From 0 to 1.
+        gloss: f32,
+    },
+    /// Changes a light of the list.
+    SetLight {
+        /// Its name in the list.
+        light: String,
+        /// What is changed of it.
+        change: LightChange,
+    },
+    /// Adds a light.
+    AddLight {
+        /// What.
+        new: NewLight,
+    },
+    /// Puts another light in the place of one that was added.
+    ReplaceLight {
+        /// Its name in the list.
+        light: String,
+        /// What.
+        new: NewLight,
+    },
+    /// Takes an added light away.
+    RemoveLight {
+        /// Its name in the list.
+        light: String,
+    },
+    /// Forgets all changes of the light.
+    ResetLights,
+}

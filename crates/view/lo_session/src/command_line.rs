@@ -1,0 +1,71 @@
+//! The `lightoctree insert` that makes a session's picture.
+
+use lightoctree::insert::{Align, LayoutObject};
+
+use crate::{Object, State};
+
+/// The command line that writes the final picture of a state from the scene's file; without objects there is none. `lightoctree` and its options are
+/// quoted for a POSIX shell.
+pub fn insert_command(scene_file: &str, state: &State) -> Option<String> {
+    let words = insert_words(scene_file, state)?;
+    Some(words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" "))
+}
+
+/// The same, word by word, from `insert` on.
+pub fn insert_words(scene_file: &str, state: &State) -> Option<Vec<String>> {
+    if state.objects.is_empty() {
+        return None;
+    }
+    let mut words = vec!["lightoctree".to_owned(), "insert".into(), scene_file.into()];
+    state.objects.iter().map(Object::to_layout).for_each(|object| words.extend(of_object(&object)));
+    if state.floor_gloss > 0.0 {
+        words.extend(["--floor-gloss".into(), state.floor_gloss.to_string()]);
+    }
+    words.extend(["--quality", "high", "-o", "picture.png"].map(str::to_owned));
+    Some(words)
+}
+
+fn of_object(object: &LayoutObject) -> Vec<String> {
+    fn list<const N: usize>(numbers: [f64; N]) -> String {
+        numbers.map(|number| number.to_string()).join(",")
+    }
+    let align = object.align.map(|align| match align {
+        Align::Gravity => "gravity",
+        Align::Surface => "surface",
+        Align::None => "none",
+    });
+    // Positions and turns are read in single precision, and are such numbers here.
+    let single = |numbers: [f64; 3]| numbers.map(|number| (number as f32).to_string()).join(",");
+    let options = [
+        ("--mesh", Some(object.mesh.display().to_string())),
+        ("--pixel", object.pixel.map(list)),
+        ("--at", object.position_m.map(single)),
+        ("--scale", object.scale.filter(|scale| *scale != 1.0).map(|scale| scale.to_string())),
+        ("--height", object.height_m.map(|height_m| height_m.to_string())),
+        ("--yaw-deg", object.yaw_deg.map(|yaw_deg| (yaw_deg as f32).to_string())),
+        ("--align", align.map(str::to_owned)),
+        ("--material", object.material.as_ref().map(|material| material.to_text())),
+    ];
+    options.into_iter().filter_map(|(option, value)| Some([option.to_owned(), value?])).flatten().collect()
+}
+
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "-_./:,+=@".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        return word.to_owned();
+    }
+    format!("'{}'", word.replace('\'', r"'\''"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_are_quoted_for_a_shell() {
+        assert_eq!(quoted("room.scene"), "room.scene");
+        assert_eq!(quoted("my room.scene"), "'my room.scene'");
+        assert_eq!(quoted("it's"), r"'it'\''s'");
+        assert_eq!(quoted(r#"{"preset":"gold"}"#), r#"'{"preset":"gold"}'"#);
+    }
+}

@@ -1,0 +1,157 @@
+//! A small draft's objects and shadows in a larger photo, so that the room stays sharp while something moves.
+
+use lightoctree::imaging::{Image, RadianceImage, linear_from_srgb8, srgb8_from_linear};
+use lightoctree::insert::Composite;
+use rayon::prelude::*;
+
+/// Entries of the table of sRGB codes, by the root of the linear value.
+const CODES: usize = 4096;
+
+/// The layers of a composite, enlarged, over a larger photo of the same view; `exposure` is that of the scene's frame. What the objects do not change is
+/// the photo's own.
+pub(crate) fn enlarged(photo: &Image<[u8; 3]>, composite: &Composite, exposure: f32) -> Image<[u8; 3]> {
+    let mut picture = photo.clone();
+    let layers = Layers { composite, width: composite.alpha.width(), height: composite.alpha.height() };
+    let Some([left, top, right, bottom]) = layers.changed() else { return picture };
+    let (width, height) = (photo.width(), photo.height());
+    let scale = [layers.width as f32 / width as f32, layers.height as f32 / height as f32];
+    let to = |small: usize, scale: f32, limit: usize| ((small as f32 / scale).ceil() as usize).min(limit);
+    let [left, right] = [left, right].map(|x| to(x, scale[0], width));
+    let [top, bottom] = [top, bottom].map(|y| to(y, scale[1], height));
+    let codes: Vec<u8> = (0..CODES).map(|i| srgb8_from_linear((i as f32 / (CODES - 1) as f32).powi(2))).collect();
+    let linear: Vec<f32> = (0..=255).map(linear_from_srgb8).collect();
+    let rows = picture.pixels_mut().par_chunks_mut(width).enumerate().skip(top).take(bottom.saturating_sub(top));
+    rows.for_each(|(y, row)| {
+        let v = (y as f32 + 0.5) * scale[1] - 0.5;
+        for (x, pixel) in row.iter_mut().enumerate().take(right).skip(left) {
+            let u = (x as f32 + 0.5) * scale[0] - 0.5;
+            let Some(Sample { ratio, reflection, alpha, object }) = layers.at(u, v) else { continue };
+            for c in 0..3 {
+                let under = linear[usize::from(pixel[c])] * ratio[c] + reflection[c] / exposure;
+                let value = under.max(0.0) * (1.0 - alpha) + object[c] / exposure;
+                pixel[c] = codes[(value.clamp(0.0, 1.0).sqrt() * (CODES - 1) as f32 + 0.5) as usize];
+            }
+        }
+    });
+    picture
+}
+
+struct Layers<'a> {
+    composite: &'a Composite,
+    width: usize,
+    height: usize,
+}
+
+/// The layers at one place.
+#[derive(Clone, Copy, Default)]
+struct Sample {
+    ratio: [f32; 3],
+    reflection: [f32; 3],
+    alpha: f32,
+    object: [f32; 3],
+}
+
+impl Layers<'_> {
+    fn is_changed(&self, i: usize) -> bool {
+        let Composite { alpha, shadow_ratio, reflection, .. } = self.composite;
+        let reflects = reflection.as_ref().is_some_and(|reflection| reflection.pixels()[i] != [0.0; 3]);
+        alpha.pixels()[i] > 0.0 || shadow_ratio.pixels()[i] != [1.0; 3] || reflects
+    }
+
+    /// Left, top, right and bottom of what is changed, with a pixel around; `None` where nothing is.
+    fn changed(&self) -> Option<[usize; 4]> {
+        let of_row = |y: usize| {
+            let row = y * self.width;
+            let first = (0..self.width).find(|x| self.is_changed(row + x))?;
+            let last = (first..self.width).rev().find(|x| self.is_changed(row + x))?;
+            Some([first, y, last + 1, y + 1])
+        };
+        let around = |a: [usize; 4], b: [usize; 4]| [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])];
+        let [left, top, right, bottom] = (0..self.height).into_par_iter().filter_map(of_row).reduce_with(around)?;
+        Some([
+            left.saturating_sub(1),
+            top.saturating_sub(1),
+            (right + 1).min(self.width),
+            (bottom + 1).min(self.height),
+        ])
+    }
+
+    /// Bilinear, pixel centres at whole numbers; `None` where nothing is changed around.
+    fn at(&self, u: f32, v: f32) -> Option<Sample> {
+        let (u, v) = (u.clamp(0.0, (self.width - 1) as f32), v.clamp(0.0, (self.height - 1) as f32));
+        let (x, y) = (u as usize, v as usize);
+        let (fx, fy) = (u - x as f32, v - y as f32);
+        let (x1, y1) = ((x + 1).min(self.width - 1), (y + 1).min(self.height - 1));
+        let corners = [
+            (y * self.width + x, (1.0 - fx) * (1.0 - fy)),
+            (y * self.width + x1, fx * (1.0 - fy)),
+            (y1 * self.width + x, (1.0 - fx) * fy),
+            (y1 * self.width + x1, fx * fy),
+        ];
+        if !corners.iter().any(|&(i, _)| self.is_changed(i)) {
+            return None;
+        }
+        let Composite { object, alpha, shadow_ratio, reflection, .. } = self.composite;
+        let mut sum = Sample::default();
+        for (i, weight) in corners {
+            let add = |sum: &mut [f32; 3], image: &RadianceImage| {
+                sum.iter_mut().zip(image.pixels()[i]).for_each(|(sum, value)| *sum += weight * value);
+            };
+            sum.alpha += weight * alpha.pixels()[i];
+            add(&mut sum.ratio, shadow_ratio);
+            add(&mut sum.object, object);
+            reflection.iter().for_each(|reflection| add(&mut sum.reflection, reflection));
+        }
+        Some(sum)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lightoctree::imaging::Photo;
+
+    use super::*;
+
+    fn composite(width: usize, height: usize) -> Composite {
+        let in_object = |x: usize, y: usize| x == 5 && y == 4;
+        Composite {
+            image: Photo::Srgb8(Image::new(1, 1, vec![[0; 3]])),
+            object: RadianceImage::from_fn(
+                width,
+                height,
+                |x, y| if in_object(x, y) { [0.2, 0.4, 0.6] } else { [0.0; 3] },
+            ),
+            alpha: Image::from_fn(width, height, |x, y| if in_object(x, y) { 1.0 } else { 0.0 }),
+            shadow_ratio: RadianceImage::from_fn(
+                width,
+                height,
+                |x, y| if y == 4 && x > 5 { [0.5; 3] } else { [1.0; 3] },
+            ),
+            reflection: None,
+            occlusion: Image::new(width, height, vec![0.0; width * height]),
+        }
+    }
+
+    #[test]
+    fn at_the_same_size_it_is_the_composite() {
+        let photo = Image::from_fn(16, 12, |x, y| [(x * 9) as u8, (y * 20) as u8, 90]);
+        let picture = enlarged(&photo, &composite(16, 12), 1.0);
+        assert_eq!(picture[(5, 4)], [0.2, 0.4, 0.6].map(srgb8_from_linear));
+        let half = photo[(8, 4)].map(|code| srgb8_from_linear(0.5 * linear_from_srgb8(code)));
+        assert!(picture[(8, 4)].iter().zip(half).all(|(&a, b)| a.abs_diff(b) <= 1), "{:?} {half:?}", picture[(8, 4)]);
+        assert_eq!(picture[(2, 4)], photo[(2, 4)]);
+    }
+
+    #[test]
+    fn the_photo_stays_sharp_where_nothing_is_changed() {
+        let photo = Image::from_fn(64, 48, |x, y| [if (x + y) % 2 == 0 { 250 } else { 5 }; 3]);
+        let picture = enlarged(&photo, &composite(16, 12), 2.0);
+        // Columns and rows 5 and 4 of the small one are 20 to 23 and 16 to 19 here; a small pixel around is mixed with them.
+        let same = |x: usize, y: usize| picture[(x, y)] == photo[(x, y)];
+        assert!((0..64).all(|x| (0..12).chain(24..48).all(|y| same(x, y))));
+        assert!((0..14).all(|x| (0..48).all(|y| same(x, y))));
+        // Radiance over exposure: 0.1, 0.2, 0.3 in the middle of the object.
+        let middle = picture[(21, 17)];
+        assert!(middle[0] < middle[1] && middle[1] < middle[2] && middle[2] < 200, "{middle:?}");
+    }
+}

@@ -1,0 +1,79 @@
+use lightoctree::imaging::ImageError;
+use lightoctree::insert::InsertError;
+use lightoctree::lo_lights::LightsError;
+use lightoctree::mesh::MeshError;
+
+/// Why a command is not carried out, or there is no picture.
+#[derive(Debug, thiserror::Error)]
+pub enum SessionError {
+    /// No object has this number.
+    #[error("there is no object {0}")]
+    NoObject(u32),
+    /// No mesh has this name.
+    #[error("there is no mesh called {0}")]
+    NoMesh(String),
+    /// No light has this name.
+    #[error("there is no light called {0}")]
+    NoLight(String),
+    /// Another object has that name.
+    #[error("another object is called {0} already")]
+    NameTaken(String),
+    /// A number that is out of its range.
+    #[error("{name} must be {needed}, got {found}")]
+    Number {
+        /// Which.
+        name: &'static str,
+        /// What it must be.
+        needed: &'static str,
+        /// What it is.
+        found: f64,
+    },
+    /// More than a session holds.
+    #[error("there are {limit} {what} already, and no more are kept")]
+    Full {
+        /// Of what.
+        what: &'static str,
+        /// How many.
+        limit: usize,
+    },
+    /// Something out of its range.
+    #[error("{0} is out of range")]
+    Range(&'static str),
+    /// There is no picture without objects but the photo.
+    #[error("nothing stands in the photo yet")]
+    NoObjects,
+    /// An object cannot stand so, or be rendered.
+    #[error(transparent)]
+    Insert(#[from] InsertError),
+    /// A mesh or material cannot be used.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    /// Edits of lights do not fit the scene.
+    #[error(transparent)]
+    Lights(#[from] LightsError),
+    /// A picture cannot be written.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// The scene cannot be written.
+    #[error(transparent)]
+    Scene(#[from] lightoctree::scene::SceneError),
+    /// The scene cannot be exported.
+    #[error(transparent)]
+    Export(#[from] lightoctree::export::ExportError),
+    /// The light cannot be traced.
+    #[error(transparent)]
+    Tracer(#[from] lightoctree::cone::TracerError),
+    /// No folder for an export's files.
+    #[error("temporary files: {0}")]
+    Temporary(#[from] std::io::Error),
+    /// The layout cannot be written.
+    #[error("layout: {0}")]
+    Json(#[from] serde_json::Error),
+}
+
+impl SessionError {
+    /// Whether the handler of events asked for the end.
+    pub fn is_cancelled(&self) -> bool {
+        matches!(self, Self::Insert(InsertError::Cancelled(_)))
+    }
+}

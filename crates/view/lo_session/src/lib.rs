@@ -1,0 +1,42 @@
+//! A session at a scene: objects and lights that somebody moves about, with undo, and the pictures of them. What `lightoctree view` shows, without HTTP.
+//!
+//! - [`OpenScene`]: a scene, made ready once.
+//! - [`Session`]: what stands where, changed by [`Command`]s; a gesture is previewed, then kept or dropped; undo and redo without limit.
+//! - [`Renderer`]: pictures in [`Step`]s, from a small draft while something moves to the picture that `lightoctree insert --quality high` writes. The
+//!   library's events report and cancel.
+//! - [`insert_command`] is that command line, [`outputs`] what is taken away, [`Probe`] the light at a place, [`overlay`] what is known of the room.
+//!
+//! Everything that stands in a [`State`] can be said on the command line of `insert`, so that the two make the same picture by construction.
+
+mod command;
+mod command_line;
+mod drag;
+mod enlarged;
+mod error;
+mod light;
+mod lit;
+mod mesh;
+mod object;
+mod open;
+pub mod outputs;
+mod overlay;
+mod probe;
+mod renderer;
+mod session;
+mod state;
+mod view;
+
+pub use command::Command;
+pub use command_line::{insert_command, insert_words};
+pub use error::SessionError;
+pub use light::NewLight;
+pub use lit::LitScenes;
+pub use mesh::{Mesh, ObjectMaterial};
+pub use object::{Object, Place, Size};
+pub use open::OpenScene;
+pub use overlay::{Overlay, OverlayPicture, overlay};
+pub use probe::{Probe, ProbePictures, probe_place};
+pub use renderer::{MOVING_SIDE, RESTING_SIDE, Renderer, Step};
+pub use session::Session;
+pub use state::State;
+pub use view::{LightView, ObjectView, SessionView};

@@ -1,0 +1,63 @@
+use lightoctree::geometry::Vec3;
+use lightoctree::lo_lights::{rgb_of_color, sun_direction};
+use lightoctree::scene::{AnalyticLight, LightColor, LightShape, Scene};
+use serde::{Deserialize, Serialize};
+
+use crate::SessionError;
+
+/// A light that somebody adds, in a user's numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum NewLight {
+    /// A disc at infinity.
+    Sun {
+        /// Degrees to the right of where the camera looks, about the vertical.
+        azimuth_deg: f32,
+        /// Degrees above the horizon.
+        elevation_deg: f32,
+        /// Irradiance on a surface that faces it, luminance.
+        strength: f32,
+        /// Degrees that it is wide.
+        angle_deg: f32,
+        /// Colour temperature, kelvin.
+        kelvin: f32,
+    },
+    /// A sphere that shines all around.
+    Sphere {
+        /// Its middle, metres.
+        at_m: [f32; 3],
+        /// Its radius, metres.
+        radius_m: f32,
+        /// Luminance of its radiance; 1 is the photo's white.
+        radiance: f32,
+        /// Colour temperature, kelvin.
+        kelvin: f32,
+    },
+}
+
+impl NewLight {
+    /// # Errors
+    /// Numbers out of range.
+    pub fn analytic(self, scene: &Scene) -> Result<AnalyticLight, SessionError> {
+        let color = |kelvin: f32| {
+            let known = (lightoctree::scene::MIN_KELVIN..=lightoctree::scene::MAX_KELVIN).contains(&kelvin);
+            if known { Ok(rgb_of_color(LightColor::Kelvin(kelvin))) } else { Err(SessionError::Range("the colour")) }
+        };
+        let (shape, white, color) = match self {
+            Self::Sun { azimuth_deg, elevation_deg, strength, angle_deg, kelvin } => {
+                if !(azimuth_deg.is_finite() && (-90.0..=90.0).contains(&elevation_deg)) {
+                    return Err(SessionError::Range("the direction"));
+                }
+                let direction = sun_direction(scene, azimuth_deg.into(), elevation_deg.into());
+                let shape = LightShape::Sun { direction, angular_radius_deg: 0.5 * angle_deg };
+                let extent = AnalyticLight { shape, radiance: [0.0; 3] }.extent();
+                (shape, strength / extent, color(kelvin)?)
+            }
+            Self::Sphere { at_m, radius_m, radiance, kelvin } => {
+                (LightShape::Sphere { centre_m: Vec3::from(at_m), radius_m }, radiance, color(kelvin)?)
+            }
+        };
+        let light = AnalyticLight { shape, radiance: (color * white).to_array() };
+        light.wrong().map_or(Ok(light), |what| Err(SessionError::Range(what)))
+    }
+}

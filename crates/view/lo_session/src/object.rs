@@ -1,0 +1,129 @@
+use std::sync::Arc;
+
+use lightoctree::insert::{Align, InsertError, Layout, LayoutObject, Placement};
+use lightoctree::scene::Scene;
+use serde::{Deserialize, Serialize};
+
+use crate::{Mesh, ObjectMaterial, SessionError};
+
+/// Longest name of an object.
+const MAX_NAME: usize = 100;
+
+/// Where an object stands, as `insert` is told.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Place {
+    /// On the surface seen at this photo position, pixel centres at +0.5.
+    Pixel([f64; 2]),
+    /// World position of the middle of its base, metres.
+    Position([f64; 3]),
+}
+
+/// How large an object is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Size {
+    /// Metres per unit of its mesh.
+    Scale(f64),
+    /// Metres from its lowest to its highest point.
+    Height(f64),
+}
+
+/// One object of a [`State`](crate::State).
+#[derive(Clone, Debug)]
+pub struct Object {
+    /// Its number, which no other object of the session has or had.
+    pub id: u32,
+    /// What the user calls it.
+    pub name: String,
+    /// What it is made of.
+    pub mesh: Arc<Mesh>,
+    /// Where it stands.
+    pub place: Place,
+    /// How large it is.
+    pub size: Size,
+    /// Turn about its up, counter-clockwise seen from above, degrees.
+    pub yaw_deg: f64,
+    /// Which way is up for it.
+    pub align: Align,
+    /// Its material, where it is not the mesh's own.
+    pub material: Option<ObjectMaterial>,
+    /// What all that comes to in the scene.
+    pub placement: Placement,
+}
+
+/// Two objects are the same where they are of the same mesh in memory.
+impl PartialEq for Object {
+    fn eq(&self, other: &Self) -> bool {
+        let Self { id, name, mesh, place, size, yaw_deg, align, material, placement } = self;
+        Arc::ptr_eq(mesh, &other.mesh)
+            && (id, name, place, size, yaw_deg) == (&other.id, &other.name, &other.place, &other.size, &other.yaw_deg)
+            && (align, material, placement) == (&other.align, &other.material, &other.placement)
+    }
+}
+
+impl Place {
+    /// To a hundredth of a pixel, or a tenth of a millimetre in the precision of positions: what is short on the command line, and read from it as the same.
+    fn rounded(self) -> Self {
+        match self {
+            Self::Pixel(pixel) => Self::Pixel(pixel.map(|x| (x * 100.0).round() / 100.0)),
+            Self::Position(position) => Self::Position(position.map(|x| f64::from(((x * 1e4).round() / 1e4) as f32))),
+        }
+    }
+}
+
+impl Object {
+    /// The same, checked, with numbers that the command line can say, and the placement that they come to in a scene.
+    ///
+    /// # Errors
+    /// Numbers out of range; a pixel without a surface.
+    pub fn placed(mut self, scene: &Scene) -> Result<Self, SessionError> {
+        if let Some(material) = &self.material {
+            material.check()?;
+        }
+        if !self.yaw_deg.is_finite() {
+            return Err(SessionError::Number { name: "the turn", needed: "a finite angle", found: self.yaw_deg });
+        }
+        self.name = self.name.chars().filter(|c| !c.is_control()).take(MAX_NAME).collect();
+        self.place = self.place.rounded();
+        self.yaw_deg = f64::from(self.yaw_deg as f32);
+        self.placement = self.placement_in(scene)?;
+        self.placement.check()?;
+        Ok(self)
+    }
+
+    fn placement_in(&self, scene: &Scene) -> Result<Placement, InsertError> {
+        let layout = Layout::new(vec![self.to_layout()])?;
+        let placements = layout.placements(scene, &[self.mesh.plain()], 1).map_err(|error| match error {
+            InsertError::Object { source, .. } => *source,
+            error => error,
+        })?;
+        let first = placements.into_iter().flatten().next();
+        first.ok_or_else(|| InsertError::Layout("it has no place".into()))
+    }
+
+    /// As `insert --layout` reads it.
+    pub fn to_layout(&self) -> LayoutObject {
+        let (pixel, position_m) = match self.place {
+            Place::Pixel(pixel) => (Some(pixel), None),
+            Place::Position(position_m) => (None, Some(position_m)),
+        };
+        let (scale, height_m) = match self.size {
+            Size::Scale(scale) => (Some(scale), None),
+            Size::Height(height_m) => (None, Some(height_m)),
+        };
+        LayoutObject {
+            mesh: self.mesh.name().into(),
+            name: Some(self.name.clone()),
+            pixel,
+            position_m,
+            path: None,
+            on: None,
+            scale,
+            height_m,
+            yaw_deg: (self.yaw_deg != 0.0).then_some(self.yaw_deg),
+            align: (self.align != Align::default()).then_some(self.align),
+            material: self.material.as_ref().map(ObjectMaterial::spec),
+        }
+    }
+}

@@ -1,0 +1,190 @@
+//! What is known of the room, as pictures over the photo.
+
+use lightoctree::cone::{ConeTracer, Settings};
+use lightoctree::geometry::Vec3;
+use lightoctree::imaging::{DepthMap, Image};
+use lightoctree::scene::Scene;
+use serde::{Deserialize, Serialize};
+
+use crate::{OpenScene, SessionError};
+
+/// Longer side of overlays, pixels.
+const SIDE: f64 = 640.0;
+
+/// What is shown over the photo.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Overlay {
+    /// Depth, red near and blue far.
+    Depth,
+    /// Normals of the surfaces: x, y and z as red, green and blue.
+    Normals,
+    /// Depth in the octree of the leaves that are seen.
+    Levels,
+    /// Who says what is there.
+    Origins,
+}
+
+/// An overlay with what its colours mean.
+#[derive(Clone, Debug)]
+pub struct OverlayPicture {
+    /// sRGB with straight alpha, of the photo's field of view; transparent where nothing is known.
+    pub image: Image<[u8; 4]>,
+    /// Colours and their meaning.
+    pub legend: Vec<([u8; 3], String)>,
+}
+
+/// Who says what is at a place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Origin {
+    Photo,
+    Panorama,
+    Guess,
+    Nothing,
+}
+
+/// Colours of octree depths from 4 on; they differ in lightness, too.
+const LEVEL_COLORS: [[u8; 3]; 6] =
+    [[68, 1, 84], [65, 68, 135], [42, 120, 142], [34, 168, 132], [122, 209, 81], [253, 231, 37]];
+
+/// Depth of the octree that the first of them stands for.
+const FIRST_LEVEL: u32 = 4;
+
+/// Makes an overlay of a scene.
+///
+/// # Errors
+/// Light that cannot be traced.
+pub fn overlay(open: &OpenScene, what: Overlay) -> Result<OverlayPicture, SessionError> {
+    Ok(match what {
+        Overlay::Depth => depth(open.surfaces.depth_m()),
+        Overlay::Normals => normals(open.surfaces.normals()),
+        Overlay::Levels => levels(&open.scene)?,
+        Overlay::Origins => origins(&open.scene)?,
+    })
+}
+
+fn depth(depth_m: &DepthMap) -> OverlayPicture {
+    let known = || depth_m.pixels().iter().copied().filter(|z| *z > 0.0);
+    let (near, far) = known().fold((f32::INFINITY, 0.0f32), |(near, far), z| (near.min(z), far.max(z)));
+    let share = |z: f32| if far > near { (z - near) / (far - near) } else { 0.0 };
+    let color = |z: f32| turbo(1.0 - share(z));
+    let image = depth_m.map(|&z| if z > 0.0 { opaque(color(z)) } else { [0; 4] });
+    let steps = [0.0, 0.25, 0.5, 0.75, 1.0].map(|share| near + share * (far - near));
+    let legend = if far > 0.0 { steps.map(|z| (color(z), format!("{z:.2} m"))).to_vec() } else { Vec::new() };
+    OverlayPicture { image, legend }
+}
+
+fn normals(normals: &Image<Vec3>) -> OverlayPicture {
+    let code = |c: f32| (127.5 + 127.5 * c) as u8;
+    let color = |n: Vec3| n.to_array().map(code);
+    let image = normals.map(|&n| if n == Vec3::ZERO { [0; 4] } else { opaque(color(n)) });
+    let sides = [(Vec3::X, "to the right"), (Vec3::Y, "up in the picture"), (Vec3::Z, "towards the camera")];
+    OverlayPicture { image, legend: sides.map(|(n, text)| (color(n), text.to_owned())).to_vec() }
+}
+
+fn levels(scene: &Scene) -> Result<OverlayPicture, SessionError> {
+    let depth = scene.light.octree.depth();
+    let color = |depth: u32| LEVEL_COLORS[(depth.saturating_sub(FIRST_LEVEL) as usize).min(LEVEL_COLORS.len() - 1)];
+    let image = through(scene, |direction, distance_m| {
+        leaf(scene, Vec3::ZERO, direction, distance_m).map(|(depth, _)| color(depth))
+    })?;
+    let text = |depth: u32| format!("depth {depth}, {:.1} cm", 100.0 * scene.light.cube.node_edge_m(depth));
+    let legend = (FIRST_LEVEL.min(depth)..=depth).map(|depth| (color(depth), text(depth))).collect();
+    Ok(OverlayPicture { image, legend })
+}
+
+fn origins(scene: &Scene) -> Result<OverlayPicture, SessionError> {
+    let image = through(scene, |direction, distance_m| match origin_of(scene, Vec3::ZERO, direction, distance_m) {
+        Origin::Nothing => None,
+        origin => Some(origin_color(origin)),
+    })?;
+    let all =
+        [(Origin::Photo, "the photo shows it"), (Origin::Panorama, "a panorama gave it"), (Origin::Guess, "guessed")];
+    let shown = all.into_iter().filter(|(origin, _)| *origin != Origin::Panorama || scene.panorama.is_some());
+    Ok(OverlayPicture { image, legend: shown.map(|(origin, text)| (origin_color(origin), text.to_owned())).collect() })
+}
+
+pub(crate) fn origin_color(origin: Origin) -> [u8; 3] {
+    match origin {
+        Origin::Photo => [86, 180, 233],
+        Origin::Panorama => [0, 158, 115],
+        Origin::Guess => [230, 159, 0],
+        Origin::Nothing => [0; 3],
+    }
+}
+
+/// Who says what lies at a distance along a direction.
+pub(crate) fn origin_of(scene: &Scene, from: Vec3, direction: Vec3, distance_m: f32) -> Origin {
+    let Some((depth, row)) = leaf(scene, from, direction, distance_m) else { return Origin::Nothing };
+    let share = |shares: &[Vec<u8>]| shares[depth as usize][row];
+    if share(&scene.light.seen) >= 128 {
+        Origin::Photo
+    } else if scene.panorama.as_ref().is_some_and(|laid| share(&laid.share) >= 128) {
+        Origin::Panorama
+    } else {
+        Origin::Guess
+    }
+}
+
+/// Depth and row of the leaf that a ray meets at about a distance.
+fn leaf(scene: &Scene, from: Vec3, direction: Vec3, distance_m: f32) -> Option<(u32, usize)> {
+    /// The distance is a mean over a cone: the leaf may begin this many of the finest leaves before or behind it.
+    const STEPS: [f32; 6] = [0.0, 0.5, -0.5, 1.0, 1.5, 2.0];
+    if !distance_m.is_finite() {
+        return None;
+    }
+    let light = &scene.light;
+    let edge_m = light.cube.node_edge_m(light.octree.depth());
+    STEPS.iter().find_map(|step| {
+        let point = from + direction * (distance_m + step * edge_m);
+        let (depth, node) = light.locate(point, light.octree.depth())?;
+        let row = usize::try_from(light.octree.levels()[depth as usize].rows[node]).ok()?;
+        Some((depth, row))
+    })
+}
+
+/// A picture of what the camera sees in the octree.
+fn through(scene: &Scene, color: impl Fn(Vec3, f32) -> Option<[u8; 3]>) -> Result<Image<[u8; 4]>, SessionError> {
+    let camera = scene.frame.camera;
+    let scale = (SIDE / f64::from(camera.width.max(camera.height))).min(1.0);
+    let scaled = |side: u32| ((f64::from(side) * scale).round() as u32).max(1);
+    let camera = camera.resized(scaled(camera.width), scaled(camera.height));
+    let tracer = ConeTracer::new(&scene.light.seen_from(Vec3::ZERO), Settings::default())?;
+    let distance_m = tracer.perspective(&camera).distance_m;
+    Ok(Image::from_fn(camera.width as usize, camera.height as usize, |x, y| {
+        let direction = camera.direction(x as f64 + 0.5, y as f64 + 0.5);
+        color(direction, distance_m[(x, y)]).map_or([0; 4], opaque)
+    }))
+}
+
+fn opaque([r, g, b]: [u8; 3]) -> [u8; 4] {
+    [r, g, b, 255]
+}
+
+/// The colour map Turbo (Anton Mikhailov, 2019), by its published polynomials; 0 blue … 1 red.
+fn turbo(share: f32) -> [u8; 3] {
+    const COEFFICIENTS: [[f32; 6]; 3] = [
+        [0.135_721_38, 4.615_392_6, -42.660_32, 132.131_08, -152.942_4, 59.286_38],
+        [0.091_402_61, 2.194_188_4, 4.842_966_6, -14.185_033, 4.277_298_6, 2.829_566],
+        [0.106_673_3, 12.641_946, -60.582_05, 110.362_77, -89.903_11, 27.348_25],
+    ];
+    let x = share.clamp(0.0, 1.0);
+    COEFFICIENTS.map(|c| {
+        let value = c.iter().rev().fold(0.0, |sum, c| sum * x + c);
+        (255.0 * value.clamp(0.0, 1.0)) as u8
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn turbo_goes_from_blue_to_red() {
+        // The ends of the published table: (48, 18, 59) and (122, 4, 3). The polynomials are off by up to 32 there.
+        let near = |a: [u8; 3], b: [u8; 3]| a.iter().zip(b).all(|(&a, b)| a.abs_diff(b) <= 32);
+        assert!(near(turbo(0.0), [48, 18, 59]) && near(turbo(1.0), [122, 4, 3]), "{:?} {:?}", turbo(0.0), turbo(1.0));
+        let middle = turbo(0.5);
+        assert!(middle[1] > 230, "{middle:?}");
+    }
+}

@@ -1,0 +1,68 @@
+// Points and directions: the camera is at the origin and looks along −Z, +Y is up, metres.
+
+export const add = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
+export const minus = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+export const times = (a, s) => [a[0] * s, a[1] * s, a[2] * s];
+export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+export const unit = (a) => times(a, 1 / Math.hypot(...a));
+
+/** Photo position of a point; null at or behind the camera. */
+export function project(camera, [x, y, z]) {
+  if (z > -1e-3) return null;
+  return [camera.cx - (camera.fx * x) / z, camera.cy + (camera.fy * y) / z];
+}
+
+/** Direction through a photo position, of length 1 along −Z. */
+export function direction(camera, [u, v]) {
+  return [(u - camera.cx) / camera.fx, -(v - camera.cy) / camera.fy, -1];
+}
+
+/** Where the line of sight through a photo position meets a plane; null where it does not. */
+export function onPlane(camera, pixel, point, normal) {
+  const along = direction(camera, pixel);
+  const distance = dot(point, normal) / dot(along, normal);
+  return Number.isFinite(distance) && distance > 0 ? times(along, distance) : null;
+}
+
+/** An object's own x, y and z axes in the world. */
+export function axes(object) {
+  const up = object.up;
+  // The shortest turn from +Y to `up`, then the turn about it.
+  const axis = cross([0, 1, 0], up);
+  const [sin, cos] = [Math.hypot(...axis), up[1]];
+  const turned = (v) => {
+    if (sin < 1e-6) return cos > 0 ? v : [v[0], -v[1], -v[2]];
+    const k = times(axis, 1 / sin);
+    return add(add(times(v, cos), times(cross(k, v), sin)), times(k, dot(k, v) * (1 - cos)));
+  };
+  const yaw = (object.yaw_deg * Math.PI) / 180;
+  return [
+    turned([Math.cos(yaw), 0, -Math.sin(yaw)]),
+    up,
+    turned([Math.sin(yaw), 0, Math.cos(yaw)]),
+  ];
+}
+
+/** The eight corners of an object's box, those of the base first. */
+export function corners(object) {
+  const [x, y, z] = axes(object);
+  const [width, height, length] = object.size_m;
+  const found = [];
+  for (const h of [0, height]) {
+    for (const [a, b] of [[-1, -1], [1, -1], [1, 1], [-1, 1]]) {
+      const flat = add(times(x, (a * width) / 2), times(z, (b * length) / 2));
+      found.push(add(add(object.position_m, flat), times(y, h)));
+    }
+  }
+  return found;
+}
+
+/** Whether a point lies in the convex hull of others. */
+export function isInHull(points, [x, y]) {
+  // In the hull where there is no direction in which all points lie on one side of it.
+  const angles = points.map(([px, py]) => Math.atan2(py - y, px - x)).sort((a, b) => a - b);
+  let gap = 2 * Math.PI - (angles[angles.length - 1] - angles[0]);
+  for (let i = 1; i < angles.length; i++) gap = Math.max(gap, angles[i] - angles[i - 1]);
+  return gap < Math.PI;
+}

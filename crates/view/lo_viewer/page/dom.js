@@ -1,0 +1,51 @@
+// Small helpers for elements.
+
+export const byId = (id) => document.getElementById(id);
+
+/** An element with properties and children. */
+export function element(tag, properties = {}, ...children) {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(properties)) {
+    if (name in made && !name.startsWith("aria")) made[name] = value;
+    else made.setAttribute(name, value);
+  }
+  made.append(...children);
+  return made;
+}
+
+/** Shows a value in a field, unless somebody is typing there. */
+export function fill(field, value) {
+  const isTyped = document.activeElement === field && (field.type === "number" || field.type === "text");
+  if (!isTyped && field.value !== String(value)) field.value = value;
+}
+
+/** Three digits behind the point at most. */
+export const short = (number) => String(Math.round(1000 * number) / 1000);
+
+/** Says something to the user; it goes by itself, or when it is closed. */
+export function say(text, isWrong = false) {
+  const messages = byId("messages");
+  if ([...messages.children].some((other) => other.firstChild.textContent === text)) return;
+  const close = element("button", { textContent: "×", "aria-label": "Close" });
+  const message = element("div", { className: isWrong ? "wrong" : "" }, element("span", { textContent: text }), close);
+  close.onclick = () => message.remove();
+  setTimeout(() => message.remove(), isWrong ? 20000 : 9000);
+  messages.append(message);
+  while (messages.children.length > 4) messages.firstChild.remove();
+}
+
+const linear = (code) => (code <= 0.04045 ? code / 12.92 : ((code + 0.055) / 1.055) ** 2.4);
+const coded = (value) => (value <= 0.0031308 ? 12.92 * value : 1.055 * value ** (1 / 2.4) - 0.055);
+
+/** "#rrggbb" of linear RGB. */
+export function hexFromLinear(rgb) {
+  const code = (value) => Math.round(255 * coded(Math.min(Math.max(value, 0), 1)));
+  return `#${rgb.map((value) => code(value).toString(16).padStart(2, "0")).join("")}`;
+}
+
+/** Linear RGB of "#rrggbb". */
+export function linearFromHex(hex) {
+  return [1, 3, 5].map((at) => Math.round(1e5 * linear(parseInt(hex.slice(at, at + 2), 16) / 255)) / 1e5);
+}
+
+export { coded, linear };

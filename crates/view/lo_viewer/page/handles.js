@@ -1,0 +1,100 @@
+// The selected object's handles, drawn in perspective over the picture: box, ring to turn, arrow to lift, corner to scale.
+
+import { add, axes, corners, project, times } from "./camera.js";
+
+/** The ring's radius as a multiple of the base's half diagonal. */
+const RING = 1.15;
+
+/** Photo positions of an object's handles; null where they are behind the camera. */
+export function handlesOf(camera, object) {
+  const [x, up, z] = axes(object);
+  const [width, height, length] = object.size_m;
+  const radius = (RING * Math.hypot(width, length)) / 2;
+  const rise = Math.max(0.35 * height, 0.5 * radius);
+  const top = add(object.position_m, times(up, height));
+  const onRing = (angle) => add(object.position_m, add(times(x, radius * Math.sin(angle)), times(z, radius * Math.cos(angle))));
+  const points = {
+    base: object.position_m,
+    top,
+    lift: add(top, times(up, rise)),
+    turn: onRing(0),
+    size: corners(object)[6],
+  };
+  const seen = Object.fromEntries(Object.entries(points).map(([name, point]) => [name, project(camera, point)]));
+  const ring = Array.from({ length: 49 }, (_, i) => project(camera, onRing((2 * Math.PI * i) / 48)));
+  const box = corners(object).map((corner) => project(camera, corner));
+  const all = [...Object.values(seen), ...ring, ...box];
+  return all.includes(null) ? null : { ...seen, ring, box };
+}
+
+const EDGES = [[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]];
+
+/** Draws the handles of the selected object and a frame around the one under the pointer; `scale` is canvas pixels per photo pixel. */
+export function drawHandles(context, scale, rem, camera, selected, hovered, active) {
+  const { canvas } = context;
+  context.clearRect(0, 0, canvas.width, canvas.height);
+  const at = ([u, v]) => [u * scale, v * scale];
+  const line = (points, color, width, dash = []) => {
+    context.beginPath();
+    points.forEach((point, i) => (i ? context.lineTo(...at(point)) : context.moveTo(...at(point))));
+    // Dark below, so that it shows on everything.
+    context.setLineDash(dash);
+    context.strokeStyle = "#000a";
+    context.lineWidth = width + 0.14 * rem;
+    context.stroke();
+    context.strokeStyle = color;
+    context.lineWidth = width;
+    context.stroke();
+  };
+  const knob = (point, name) => {
+    const isActive = active === name;
+    context.setLineDash([]);
+    context.beginPath();
+    context.arc(...at(point), (isActive ? 0.55 : 0.42) * rem, 0, 2 * Math.PI);
+    context.fillStyle = isActive ? "#fff" : "#f0a93b";
+    context.fill();
+    context.strokeStyle = "#000";
+    context.lineWidth = 0.1 * rem;
+    context.stroke();
+  };
+  const outline = (box, color) => EDGES.forEach(([a, b]) => line([box[a], box[b]], color, 0.07 * rem));
+  if (hovered && hovered !== selected) {
+    const handles = handlesOf(camera, hovered);
+    if (handles) outline(handles.box, "#ffffffb0");
+  }
+  const handles = selected && handlesOf(camera, selected);
+  if (!handles) return;
+  outline(handles.box, "#f0a93b90");
+  line(handles.ring, "#f0a93b", 0.13 * rem);
+  line([handles.top, handles.lift], "#f0a93b", 0.13 * rem);
+  const arrow = ([u, v], [fromU, fromV]) => {
+    const length = Math.max(Math.hypot(u - fromU, v - fromV), 1e-6);
+    const size = ((active === "lift" ? 0.7 : 0.55) * rem) / scale;
+    const [du, dv] = [((u - fromU) / length) * size, ((v - fromV) / length) * size];
+    context.setLineDash([]);
+    context.beginPath();
+    for (const point of [[u + du, v + dv], [u - du - 0.9 * dv, v - dv + 0.9 * du], [u - du + 0.9 * dv, v - dv - 0.9 * du]]) {
+      context.lineTo(...at(point));
+    }
+    context.closePath();
+    context.fillStyle = active === "lift" ? "#fff" : "#f0a93b";
+    context.fill();
+    context.strokeStyle = "#000";
+    context.lineWidth = 0.1 * rem;
+    context.stroke();
+  };
+  knob(handles.turn, "turn");
+  arrow(handles.lift, handles.top);
+  knob(handles.size, "size");
+}
+
+/** Name of the handle near a photo position, if any; `reach` in photo pixels. */
+export function handleAt(camera, object, [u, v], reach) {
+  const handles = handlesOf(camera, object);
+  if (!handles) return null;
+  const near = ["lift", "turn", "size"]
+    .map((name) => [name, Math.hypot(handles[name][0] - u, handles[name][1] - v)])
+    .filter(([, distance]) => distance <= reach)
+    .sort((a, b) => a[1] - b[1]);
+  return near.length ? near[0][0] : null;
+}

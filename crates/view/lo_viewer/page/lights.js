@@ -1,0 +1,123 @@
+// The panel of lights: what gives light in the room, what is changed of it, what somebody added.
+
+import { byId, element, fill, hexFromLinear, linearFromHex, short } from "./dom.js";
+
+const KINDS = { lamp: "lamp", window: "window", "bright-surface": "bright surface", area: "lamp", sun: "sun" };
+const ORIGINS = { seen: "seen", panorama: "by the panorama", guessed: "guessed", assumed: "assumed", added: "added" };
+
+/** Builds the panel; the answer shows a new state. */
+export function lightsPanel(page) {
+  const panel = byId("lights");
+  const act = (command) => page.send({ type: "command", command });
+  const list = element("div", { className: "lights" });
+  list.style.display = "grid";
+  list.style.gap = "0.5rem";
+  const none = element("p", { className: "note", textContent: "Nothing here is much brighter than the rest of the room." });
+  const button = (text, onclick) => element("button", { type: "button", textContent: text, onclick });
+  const sun = { sun: { azimuth_deg: -40, elevation_deg: 40, strength: 3, angle_deg: 1, kelvin: 5500 } };
+  panel.append(list, none, element("div", { className: "row" },
+    button("Add sun", () => act({ do: "add-light", new: sun })),
+    button("Add lamp", () => act({ do: "add-light", new: { sphere: { at_m: overhead(page), radius_m: 0.08, radiance: 40, kelvin: 3500 } } })),
+    button("Reset all", () => act({ do: "reset-lights" }))));
+  panel.style.display = "grid";
+  panel.style.gap = "0.5rem";
+
+  const rows = new Map();
+  return () => {
+    const { lights } = page.view;
+    none.hidden = lights.length > 0;
+    for (const [id, row] of rows) {
+      if (!lights.some((light) => light.id === id)) {
+        row.root.remove();
+        rows.delete(id);
+      }
+    }
+    for (const light of lights) {
+      if (!rows.has(light.id)) {
+        rows.set(light.id, lightRow(page, act, light));
+        list.append(rows.get(light.id).root);
+      }
+      rows.get(light.id).show(light);
+    }
+  };
+}
+
+/** Above the middle of what is seen, half a metre over the camera. */
+function overhead(page) {
+  const [x, y, z] = page.scene.up;
+  return [0.6 * x, 0.6 * y, 0.6 * z - 1.5];
+}
+
+function lightRow(page, act, { id, kind, origin }) {
+  let light = null;
+  const isAdded = origin === "added";
+  const on = element("input", { type: "checkbox", "aria-label": `Light ${id} on` });
+  const name = element("span", { className: "name", textContent: `${id}  ${KINDS[kind]}, ${ORIGINS[origin]}` });
+  const head = element("div", { className: "row" }, on, name);
+  const fields = element("div", { className: "fields" });
+  const root = element("div", { className: "light" }, head, fields);
+
+  const change = (part) => ({ do: "set-light", light: id, change: { ...light.changed, ...part } });
+  on.onchange = () => act(change({ on: on.checked }));
+
+  const field = (text, control) => {
+    control.id = `light-${id}-${text.replace(/\W/g, "")}`;
+    fields.append(element("label", { textContent: text, htmlFor: control.id }), control);
+    return control;
+  };
+  const slider = (text, min, max, step, read, command) => {
+    const control = field(text, element("input", { type: "range", min, max, step }));
+    control.addEventListener("input", () => page.preview(command(control.valueAsNumber)));
+    control.addEventListener("change", () => page.send({ type: "commit" }));
+    return () => {
+      fill(control, read());
+      control.title = control.value;
+    };
+  };
+  const shows = [];
+  // Stops, as exposures are counted.
+  shows.push(slider("Brightness", -4, 4, 0.1, () => short(Math.log2(Math.max(light.changed.scale, 1 / 16))),
+    (stops) => change({ scale: Number((2 ** stops).toPrecision(4)) })));
+  const color = field("Colour", element("input", { type: "color" }));
+  color.addEventListener("input", () => page.preview(change({ color: { rgb: linearFromHex(color.value) } })));
+  color.addEventListener("change", () => page.send({ type: "commit" }));
+  shows.push(() => {
+    const own = light.changed.color?.rgb ?? light.radiance;
+    fill(color, hexFromLinear(own.map((value) => value / Math.max(...own, 1e-6))));
+  });
+  if (kind === "sun") {
+    const now = (part) => ({
+      do: "replace-light",
+      light: id,
+      new: { sun: { azimuth_deg: light.sun_deg[0], elevation_deg: light.sun_deg[1], strength: light.irradiance, angle_deg: 2 * light.angular_radius_deg, kelvin: light.color_temperature_k ?? 5500, ...part } },
+    });
+    shows.push(slider("From right, °", -180, 180, 1, () => short(light.sun_deg[0]), (value) => now({ azimuth_deg: value })));
+    shows.push(slider("Height, °", -10, 90, 1, () => short(light.sun_deg[1]), (value) => now({ elevation_deg: value })));
+    shows.push(slider("Width, °", 0.2, 20, 0.1, () => short(2 * light.angular_radius_deg), (value) => now({ angle_deg: value })));
+  } else {
+    const axes = ["x", "y", "z"].map((axis) => element("input", { type: "number", step: 0.05, "aria-label": `${axis} of light ${id}, metres` }));
+    fields.append(element("label", { textContent: "Place, m" }), element("div", { className: "row" }, ...axes));
+    axes.forEach((axis) => axis.addEventListener("change", () => {
+      const at = axes.map((other) => other.valueAsNumber);
+      if (at.every(Number.isFinite)) act(change({ at_m: at }));
+    }));
+    shows.push(() => (light.changed.at_m ?? light.position_m ?? [0, 0, 0]).forEach((value, i) => fill(axes[i], short(value))));
+  }
+  const undo = element("button", {
+    type: "button",
+    textContent: isAdded ? "Remove" : "Reset",
+    onclick: () => act(isAdded ? { do: "remove-light", light: id } : { do: "set-light", light: id, change: {} }),
+  });
+  head.append(undo);
+  return {
+    root,
+    show(now) {
+      light = now;
+      on.checked = now.changed.on ?? true;
+      light.changed = { on: true, scale: 1, ...now.changed };
+      root.classList.toggle("off", !on.checked);
+      undo.disabled = !isAdded && JSON.stringify(light.changed) === '{"on":true,"scale":1}';
+      shows.forEach((show) => show());
+    },
+  };
+}

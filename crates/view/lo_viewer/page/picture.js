@@ -1,0 +1,110 @@
+// The picture: the newest frame, brightened or in false colour for the eye alone.
+
+import { coded, linear } from "./dom.js";
+
+/** How good a picture is: a better one of the same change takes the place of a lesser one. */
+const RANK = { moving: 0, resting: 1, final: 2 };
+
+/** Upper ends of the bands of false colour: stops above or below middle grey, 18 % of white. */
+const BANDS = [
+  [-5, [70, 30, 110], "black: below −5 stops"],
+  [-3, [50, 80, 190], "−5 to −3"],
+  [-1.5, [40, 140, 190], "−3 to −1.5"],
+  [-0.5, [70, 110, 110], "−1.5 to −0.5"],
+  [0.5, [60, 170, 80], "middle grey ± 0.5"],
+  [1.5, [225, 140, 185], "+0.5 to +1.5"],
+  [2.3, [240, 220, 70], "+1.5 to +2.3"],
+  [Infinity, [230, 60, 50], "white: clipped"],
+];
+
+export const LUMINANCE_LEGEND = BANDS.map(([, color, text]) => [`rgb(${color.join(" ")})`, text]);
+
+export class Picture {
+  /** Draws into a canvas; `drawn(frame)` hears what is shown. */
+  constructor(canvas, drawn) {
+    this.canvas = canvas;
+    this.context = canvas.getContext("2d");
+    this.drawn = drawn;
+    this.exposure = 0;
+    this.isFalseColour = false;
+    this.overlay = null;
+    this.forget();
+  }
+
+  /** Another scene begins. */
+  forget() {
+    this.shown = null;
+    this.bitmap = null;
+  }
+
+  /** Takes a frame in, unless a newer or better one is there. */
+  async take(frame, bytes) {
+    const bitmap = await createImageBitmap(new Blob([bytes], { type: frame.mime }));
+    const before = this.shown;
+    const isOlder = before && (frame.change < before.change
+      || (frame.change === before.change && RANK[frame.step] < RANK[before.step]));
+    if (isOlder) {
+      bitmap.close();
+      return;
+    }
+    this.bitmap?.close();
+    [this.shown, this.bitmap] = [frame, bitmap];
+    this.draw();
+    this.drawn(frame);
+  }
+
+  /** Lays an overlay (an ImageBitmap, or null for none) over the picture. */
+  lay(overlay) {
+    this.overlay?.close();
+    this.overlay = overlay;
+    this.draw();
+  }
+
+  draw() {
+    const { context, canvas, bitmap } = this;
+    if (!bitmap) {
+      context.clearRect(0, 0, canvas.width, canvas.height);
+      return;
+    }
+    context.imageSmoothingQuality = "high";
+    context.drawImage(this.developed(bitmap), 0, 0, canvas.width, canvas.height);
+    if (this.overlay) context.drawImage(this.overlay, 0, 0, canvas.width, canvas.height);
+  }
+
+  /** The frame as it is to be seen. */
+  developed(bitmap) {
+    if (this.exposure === 0 && !this.isFalseColour) return bitmap;
+    // No more pixels than are shown.
+    const scale = Math.min(1, this.canvas.width / bitmap.width);
+    const [width, height] = [Math.round(bitmap.width * scale), Math.round(bitmap.height * scale)];
+    const work = new OffscreenCanvas(width, height);
+    const context = work.getContext("2d", { willReadFrequently: true });
+    context.drawImage(bitmap, 0, 0, width, height);
+    const image = context.getImageData(0, 0, width, height);
+    (this.isFalseColour ? falseColour : brightened)(image.data, 2 ** this.exposure);
+    context.putImageData(image, 0, 0);
+    return work;
+  }
+}
+
+function brightened(data, gain) {
+  const table = new Uint8ClampedArray(256);
+  for (let code = 0; code < 256; code++) table[code] = Math.round(255 * coded(Math.min(linear(code / 255) * gain, 1)));
+  for (let i = 0; i < data.length; i += 4) {
+    data[i] = table[data[i]];
+    data[i + 1] = table[data[i + 1]];
+    data[i + 2] = table[data[i + 2]];
+  }
+}
+
+function falseColour(data, gain) {
+  const table = new Float32Array(256);
+  for (let code = 0; code < 256; code++) table[code] = linear(code / 255) * gain;
+  const limits = BANDS.map(([stops]) => 0.18 * 2 ** stops);
+  for (let i = 0; i < data.length; i += 4) {
+    const luminance = 0.2126 * table[data[i]] + 0.7152 * table[data[i + 1]] + 0.0722 * table[data[i + 2]];
+    let band = 0;
+    while (luminance >= limits[band]) band++;
+    [data[i], data[i + 1], data[i + 2]] = BANDS[band][1];
+  }
+}

@@ -1,0 +1,125 @@
+//! How a scene comes to be open: from its file, or estimated from a photo.
+
+use std::sync::Arc;
+
+use lightoctree::geometry::Camera;
+use lightoctree::imaging;
+use lightoctree::scene::{Frame, Scene};
+use lightoctree::{EstimateOptions, Estimator, Event, Input, OnEvent, PanoramaPrior, camera_of_photo};
+use lo_session::OpenScene;
+
+use crate::Words;
+
+/// What the command line calls a scene that is in no file yet.
+const NEW_SCENE: &str = "room.scene";
+
+/// Makes what estimates; asked for when a photo comes.
+pub type MakeEstimator = Arc<dyn Fn() -> Result<Estimator, String> + Send + Sync>;
+
+/// What a scene is opened from.
+pub enum Source {
+    /// A scene's file.
+    Scene {
+        /// What the command line calls it.
+        file: String,
+        /// Its content.
+        bytes: Vec<u8>,
+        /// Whether the command line finds it under this name.
+        is_saved: bool,
+    },
+    /// A photo, to be estimated.
+    Photo(PhotoSource),
+}
+
+/// A photo with what else is known of the room.
+pub struct PhotoSource {
+    /// The photo's name and content.
+    pub photo: NamedFile,
+    /// Measured depth of the same view.
+    pub depth: Option<NamedFile>,
+    /// A panorama of the room.
+    pub panorama: Option<NamedFile>,
+    /// Focal lengths and principal point in pixels of the photo, where they are known.
+    pub intrinsics: Option<[f64; 4]>,
+    /// What estimates.
+    pub estimator: MakeEstimator,
+}
+
+/// A file in memory.
+pub struct NamedFile {
+    /// Its name, without folders.
+    pub name: String,
+    /// Its content.
+    pub bytes: Vec<u8>,
+}
+
+/// An open scene, and what was said on the way.
+pub(crate) struct Opened {
+    pub open: OpenScene,
+    pub is_saved: bool,
+    pub notes: Vec<String>,
+}
+
+impl Source {
+    /// What messages call it.
+    pub(crate) fn file(&self) -> String {
+        match self {
+            Self::Scene { file, .. } => file.clone(),
+            Self::Photo(source) => source.photo.name.clone(),
+        }
+    }
+
+    pub(crate) fn open(self, words: &Words, on_event: OnEvent<'_>) -> Result<Opened, String> {
+        let mut notes = Vec::new();
+        let (scene, file, is_saved) = match self {
+            Self::Scene { file, bytes, is_saved } => {
+                let scene = Scene::from_bytes(&bytes).map_err(|error| format!("{file}: {error}"))?;
+                (scene, file, is_saved)
+            }
+            Self::Photo(source) => {
+                let hear = &mut |event: Event| {
+                    if let Event::Warning(warning) = &event {
+                        notes.push((words.warning)(warning, &[]));
+                    }
+                    on_event(event)
+                };
+                (estimated(source, hear)?, NEW_SCENE.to_owned(), false)
+            }
+        };
+        let open = OpenScene::new(file, scene);
+        notes.extend(open.fitted.report().warning().iter().map(|warning| (words.warning)(warning, &[])));
+        Ok(Opened { open, is_saved, notes })
+    }
+}
+
+fn estimated(source: PhotoSource, on_event: OnEvent<'_>) -> Result<Scene, String> {
+    let PhotoSource { photo: NamedFile { name, bytes }, depth, panorama, intrinsics, estimator } = source;
+    let photo = imaging::photo_from_bytes(&bytes, &name).map_err(|error| error.to_string())?;
+    drop(bytes);
+    let (width, height) = (photo.photo.width() as u32, photo.photo.height() as u32);
+    let camera = match intrinsics {
+        Some([fx, fy, cx, cy]) => Camera::new(fx, fy, cx, cy, width, height),
+        None => camera_of_photo(&photo).map(|(camera, _)| camera),
+    };
+    let camera = camera.map_err(|error| format!("{name}: {error}"))?;
+    let mut sources = vec![name.clone()];
+    let input = match depth {
+        None => Input::Photo { photo: photo.photo, camera },
+        Some(depth) => {
+            let depth_m = imaging::depth_from_bytes(&depth.bytes, &depth.name, None).map_err(|e| e.to_string())?;
+            let frame = Frame::new(photo.photo, depth_m, camera, 1.0)
+                .map_err(|error| format!("{name} and {} do not fit together: {error}", depth.name))?;
+            sources.push(depth.name);
+            Input::MeasuredDepth(frame)
+        }
+    };
+    let panorama = panorama
+        .map(|NamedFile { name, bytes }| {
+            sources.push(name.clone());
+            PanoramaPrior::from_bytes(&bytes, lightoctree::geometry::Orientation::Lightoctree, &name)
+                .map_err(|error| format!("{name} is no panorama of a room: {error}"))
+        })
+        .transpose()?;
+    let options = EstimateOptions { sources, panorama, ..EstimateOptions::default() };
+    estimator()?.estimate(input, &options, on_event).map_err(|error| format!("{name}: {error}"))
+}

@@ -1,0 +1,37 @@
+//! The page, which is part of the program.
+
+use axum::extract::Path;
+use axum::http::{StatusCode, header};
+use axum::response::{IntoResponse, Response};
+
+const INDEX: &str = include_str!("../page/index.html");
+
+/// Name, media type and content of what the page is made of.
+const FILES: [(&str, &str, &str); 13] = [
+    ("icon.svg", "image/svg+xml", include_str!("../page/icon.svg")),
+    ("style.css", "text/css; charset=utf-8", include_str!("../page/style.css")),
+    ("main.js", SCRIPT, include_str!("../page/main.js")),
+    ("camera.js", SCRIPT, include_str!("../page/camera.js")),
+    ("dom.js", SCRIPT, include_str!("../page/dom.js")),
+    ("gestures.js", SCRIPT, include_str!("../page/gestures.js")),
+    ("handles.js", SCRIPT, include_str!("../page/handles.js")),
+    ("lights.js", SCRIPT, include_str!("../page/lights.js")),
+    ("objects.js", SCRIPT, include_str!("../page/objects.js")),
+    ("picture.js", SCRIPT, include_str!("../page/picture.js")),
+    ("probe.js", SCRIPT, include_str!("../page/probe.js")),
+    ("server.js", SCRIPT, include_str!("../page/server.js")),
+    ("uploads.js", SCRIPT, include_str!("../page/uploads.js")),
+];
+
+const SCRIPT: &str = "text/javascript; charset=utf-8";
+
+pub(crate) async fn index() -> Response {
+    ([(header::CONTENT_TYPE, "text/html; charset=utf-8")], INDEX).into_response()
+}
+
+pub(crate) async fn file(Path((_, name)): Path<(String, String)>) -> Response {
+    match FILES.iter().find(|(file, ..)| *file == name) {
+        Some(&(_, media_type, text)) => ([(header::CONTENT_TYPE, media_type)], text).into_response(),
+        None => (StatusCode::NOT_FOUND, "the page has no such file").into_response(),
+    }
+}

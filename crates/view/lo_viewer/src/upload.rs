@@ -1,0 +1,118 @@
+//! What a page brings: meshes with the files that they name, scenes, photos with depth and panoramas.
+
+use std::collections::HashMap;
+use std::sync::PoisonError;
+
+use axum::body::Bytes;
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::{IntoResponse, Response};
+use lightoctree::mesh::{LoadOptions, Model};
+use percent_encoding::percent_decode_str;
+
+use crate::server::App;
+use crate::{NamedFile, PhotoSource, Source};
+
+/// Most bytes of one file.
+pub(crate) const MAX_UPLOAD: usize = 256 << 20;
+
+/// Most bytes of all files that wait for the one that names them.
+const MAX_POOL: usize = 512 << 20;
+
+/// Most of these files.
+const MAX_POOL_FILES: usize = 64;
+
+/// The header with a file's name, percent-encoded. Pages of other sites cannot set it without being asked whether they may.
+const NAME: &str = "x-file-name";
+
+/// Files that wait for the one that names them.
+#[derive(Default)]
+pub(crate) struct Pool {
+    files: HashMap<String, Vec<u8>>,
+}
+
+impl Pool {
+    fn put(&mut self, name: String, bytes: Vec<u8>) -> Result<(), &'static str> {
+        self.files.remove(&name);
+        let held: usize = self.files.values().map(Vec::len).sum();
+        if self.files.len() >= MAX_POOL_FILES || held + bytes.len() > MAX_POOL {
+            self.files.clear();
+            return Err("too many files for one object: at most 64 files of 512 MB in all");
+        }
+        self.files.insert(name, bytes);
+        Ok(())
+    }
+}
+
+/// Takes one file in; the answer is empty, or says why not.
+pub(crate) async fn upload(
+    State(app): State<App>,
+    Path((_, kind)): Path<(String, String)>,
+    headers: HeaderMap,
+    bytes: Bytes,
+) -> Response {
+    let refused = |why: String| (StatusCode::BAD_REQUEST, why).into_response();
+    let Some(name) = headers.get(NAME).and_then(|name| name.to_str().ok()) else {
+        return refused(format!("the header {NAME} is missing"));
+    };
+    let name = percent_decode_str(name).decode_utf8_lossy();
+    // Names without folders: what they are called is all that they are used for.
+    let name = name.rsplit(['/', '\\']).next().unwrap_or_default().to_owned();
+    if name.is_empty() || name.len() > 200 || name.chars().any(char::is_control) {
+        return refused("the file has no usable name".to_owned());
+    }
+    let bytes = Vec::from(bytes);
+    let pool = || app.pool.lock().unwrap_or_else(PoisonError::into_inner);
+    match kind.as_str() {
+        // What a mesh names, or belongs to a photo under these names.
+        "part" | "depth" | "panorama" => {
+            let key = if kind == "part" { name } else { format!("{kind}/{name}") };
+            match pool().put(key, bytes) {
+                Ok(()) => StatusCode::NO_CONTENT.into_response(),
+                Err(why) => refused(why.to_owned()),
+            }
+        }
+        "mesh" => {
+            if app.desk.current().is_none() {
+                return refused("open a photo or a scene first".to_owned());
+            }
+            let parts = std::mem::take(&mut pool().files);
+            let desk = app.desk.clone();
+            let read = tokio::task::spawn_blocking(move || {
+                let resolve = |part: &str| {
+                    let part = part.rsplit(['/', '\\']).next().unwrap_or_default();
+                    parts.get(part).cloned().ok_or_else(|| std::io::Error::other("drop it together with the mesh"))
+                };
+                let model = Model::from_bytes(&name, &bytes, &resolve, &LoadOptions::default());
+                let model = model.map_err(|error| error.to_string())?;
+                let warnings = model.warnings.iter().map(|warning| format!("{name}: {warning}")).collect();
+                desk.stand(name, model, warnings);
+                Ok::<_, String>(())
+            });
+            match read.await {
+                Ok(Ok(())) => StatusCode::NO_CONTENT.into_response(),
+                Ok(Err(why)) => refused(why),
+                Err(_) => refused("it could not be read by a fault of the program".to_owned()),
+            }
+        }
+        "scene" => {
+            app.desk.open(Source::Scene { file: name, bytes, is_saved: true });
+            StatusCode::NO_CONTENT.into_response()
+        }
+        "photo" => {
+            let Some(estimator) = app.estimator.clone() else {
+                return refused("this program was built without weights: it opens scenes alone".to_owned());
+            };
+            let mut files = std::mem::take(&mut pool().files);
+            let mut given = |kind: &str| {
+                let key = files.keys().find(|key| key.starts_with(kind)).cloned()?;
+                Some(NamedFile { bytes: files.remove(&key)?, name: key[kind.len()..].to_owned() })
+            };
+            let (depth, panorama) = (given("depth/"), given("panorama/"));
+            let photo = NamedFile { name, bytes };
+            app.desk.open(Source::Photo(PhotoSource { photo, depth, panorama, intrinsics: None, estimator }));
+            StatusCode::NO_CONTENT.into_response()
+        }
+        _ => (StatusCode::NOT_FOUND, "there is no such upload").into_response(),
+    }
+}
