@@ -14,7 +14,7 @@ pub struct OpenScene {
     pub scene: Scene,
     /// With the lamps that objects need.
     pub fitted: FittedLight,
-    /// The lights of the estimate and the assumed ones, without changes.
+    /// Its lights, without changes.
     pub lights: Vec<ListedLight>,
     /// The surfaces that the photo sees.
     pub surfaces: SeenSurfaces,

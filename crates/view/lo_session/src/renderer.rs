@@ -136,7 +136,21 @@ pub(crate) fn at_side(scene: &Scene, side: usize) -> Cow<'_, Scene> {
     let photo = photo_at_side(photo, side);
     let camera = scene.frame.camera.resized(photo.width() as u32, photo.height() as u32);
     let frame = Frame { camera, photo, depth_m: scene.frame.depth_m.clone(), exposure: scene.frame.exposure };
-    Cow::Owned(Scene { frame, ..without_photo(scene) })
+    // Part by part, so that the large photo is not cloned.
+    Cow::Owned(Scene {
+        frame,
+        light: scene.light.clone(),
+        completion: scene.completion,
+        room: scene.room.clone(),
+        sources: scene.sources.clone(),
+        predicted_depth: scene.predicted_depth,
+        depth_model: scene.depth_model.clone(),
+        confidence: None,
+        panorama: scene.panorama.clone(),
+        other_photos: scene.other_photos.clone(),
+        light_edits: scene.light_edits.clone(),
+        edited: scene.edited.clone(),
+    })
 }
 
 /// A photo of at most `side` pixels along the longer side, of the same kind.
@@ -148,29 +162,5 @@ fn photo_at_side(photo: &Photo, side: usize) -> Photo {
         // As it is shown, in as few bytes.
         (Photo::Srgb8(_), Photo::Linear(linear)) => Photo::Srgb8(linear.map(|rgb| rgb.map(imaging::srgb8_from_linear))),
         (_, smaller) => smaller,
-    }
-}
-
-/// All but the frame's large pictures, which the caller replaces.
-fn without_photo(scene: &Scene) -> Scene {
-    // A scene's parts are cloned one by one so that the photo is not.
-    Scene {
-        light: scene.light.clone(),
-        frame: Frame {
-            camera: scene.frame.camera,
-            photo: Photo::Srgb8(Image::new(1, 1, vec![[0; 3]])),
-            depth_m: Image::new(1, 1, vec![0.0]),
-            exposure: scene.frame.exposure,
-        },
-        completion: scene.completion,
-        room: scene.room.clone(),
-        sources: scene.sources.clone(),
-        predicted_depth: scene.predicted_depth,
-        depth_model: scene.depth_model.clone(),
-        confidence: None,
-        panorama: scene.panorama.clone(),
-        other_photos: scene.other_photos.clone(),
-        light_edits: scene.light_edits.clone(),
-        edited: scene.edited.clone(),
     }
 }

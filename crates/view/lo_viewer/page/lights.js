@@ -3,7 +3,7 @@
 import { byId, element, fill, hexFromLinear, linearFromHex, short } from "./dom.js";
 
 const KINDS = { lamp: "lamp", window: "window", "bright-surface": "bright surface", area: "lamp", sun: "sun" };
-const ORIGINS = { seen: "seen", panorama: "by the panorama", guessed: "guessed", assumed: "assumed", added: "added" };
+const ORIGINS = { seen: "seen", panorama: "by the panorama", guessed: "guessed", added: "added" };
 
 /** Builds the panel; the answer shows a new state. */
 export function lightsPanel(page) {
