@@ -20,7 +20,7 @@ type Result<T = ()> = std::result::Result<T, Box<dyn std::error::Error>>;
 
 fn main() -> Result {
     let corpus = Path::new("corpus");
-    for target in ["scene", "image", "mesh", "shard", "depth_model", "poses", "options"] {
+    for target in ["scene", "image", "mesh", "shard", "depth_model", "poses", "options", "viewer"] {
         std::fs::create_dir_all(corpus.join(target))?;
     }
     scenes(&corpus.join("scene"))?;
@@ -30,7 +30,8 @@ fn main() -> Result {
     shards(&corpus.join("shard"))?;
     depth_models(&corpus.join("depth_model"))?;
     poses(&corpus.join("poses"))?;
-    texts(&corpus.join("options"))
+    texts(&corpus.join("options"))?;
+    messages(&corpus.join("viewer"))
 }
 
 /// The smallest of the crate's own fixtures.
@@ -371,4 +372,40 @@ fn texts(folder: &Path) -> Result {
         std::fs::write(folder.join(name), text)?;
     }
     Ok(())
+}
+
+/// A session of every command, and one of gestures.
+fn messages(folder: &Path) -> Result {
+    let commands = [
+        r#"{"do":"add","mesh":"builtin:sphere","pixel":[2,3],"material":{"preset":"gold","roughness":0.3}}"#,
+        r#"{"do":"duplicate","object":1}"#,
+        r#"{"do":"rename","object":1,"name":"ball"}"#,
+        r#"{"do":"place","object":1,"place":{"position":[0,-1,-2]}}"#,
+        r#"{"do":"size","object":2,"size":{"height":0.5}}"#,
+        r#"{"do":"turn","object":2,"yaw_deg":30}"#,
+        r#"{"do":"align","object":2,"align":"none"}"#,
+        r##"{"do":"material","object":2,"material":{"base_color":"#c02020","metallic":1}}"##,
+        r#"{"do":"floor-gloss","gloss":0.5}"#,
+        r#"{"do":"set-light","light":"A1","change":{"on":true,"scale":2,"color":{"kelvin":3000},"at_m":[0,1,-1]}}"#,
+        r#"{"do":"add-light","new":{"sun":{"azimuth_deg":20,"elevation_deg":45,"strength":2,"angle_deg":1,"kelvin":5500}}}"#,
+        r#"{"do":"remove-light","light":"A2"}"#,
+        r#"{"do":"reset-lights"}"#,
+        r#"{"do":"delete","object":2}"#,
+    ];
+    let lines: Vec<String> = commands.map(|command| format!(r#"{{"type":"command","command":{command}}}"#)).into();
+    std::fs::write(folder.join("commands"), lines.join("\n"))?;
+    let gestures = [
+        lines[0].as_str(),
+        r#"{"type":"preview","sequence":1,"command":{"do":"drag","object":1,"to":[1.5,3.5]}}"#,
+        r#"{"type":"commit"}"#,
+        r#"{"type":"preview","sequence":2,"command":{"do":"turn","object":1,"yaw_deg":-90}}"#,
+        r#"{"type":"cancel"}"#,
+        r#"{"type":"undo"}"#,
+        r#"{"type":"redo"}"#,
+        r#"{"type":"probe","pixel":[2,2],"lift_m":0.1,"exposure_ev":1}"#,
+        r#"{"type":"overlay","what":"levels"}"#,
+        r#"{"type":"stop"}"#,
+        r#"{"type":"close"}"#,
+    ];
+    Ok(std::fs::write(folder.join("gestures"), gestures.join("\n"))?)
 }

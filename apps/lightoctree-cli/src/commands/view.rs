@@ -5,8 +5,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Context;
+#[cfg(feature = "depth-models")]
+use lo_viewer::ReadDepthModel;
 use lo_viewer::{MakeEstimator, NamedFile, Options, PhotoSource, Source, Words};
 
+#[cfg(feature = "depth-models")]
+use super::depth_model::DepthModelArgs;
 use super::parse;
 use crate::args::Global;
 use crate::progress::{stage_label, warning_text};
@@ -19,6 +23,7 @@ use crate::{interrupt, report};
     lightoctree view room.scene --open\n  \
     lightoctree view photo.jpg\n  \
     lightoctree view photo.jpg --depth depth.png\n  \
+    lightoctree view photo.jpg --depth-model moge-2-vits-normal.onnx\n  \
     lightoctree view\n  \
     lightoctree view room.scene --bind 0.0.0.0 --port 8080 --token a-long-secret-of-mine\n\n\
     The page is served to this machine alone, under an address with a random token, until Ctrl-C. docs/viewer.md tells what can be done in it.")]
@@ -29,6 +34,10 @@ pub struct Args {
     /// Measured depth of the photo's view: 16-bit PNG in millimetres, or EXR, PFM, TIFF, NPY in metres
     #[arg(long, value_name = "FILE", requires = "input")]
     depth: Option<PathBuf>,
+
+    #[cfg(feature = "depth-models")]
+    #[command(flatten)]
+    depth_model: DepthModelArgs,
 
     /// A panorama of the room, whose light is laid onto what the photo does not show
     #[arg(long, value_name = "FILE", requires = "input")]
@@ -59,6 +68,12 @@ pub struct Args {
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let estimator: Option<MakeEstimator> = cfg!(feature = "weights")
         .then(|| Arc::new(|| super::estimator(None).map_err(|error| format!("{error:#}"))) as MakeEstimator);
+    #[cfg(feature = "depth-models")]
+    if args.input.is_none() && args.depth_model.path().is_some() {
+        return Err(
+            Usage("--depth-model needs a photo on the command line; the page takes one of its own".into()).into()
+        );
+    }
     let source = args.input.as_deref().map(|input| source(input, args, estimator.as_ref())).transpose()?;
     let options = Options {
         bind: args.bind.unwrap_or(Options::LOOPBACK),
@@ -85,10 +100,14 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
 fn source(input: &Path, args: &Args, estimator: Option<&MakeEstimator>) -> anyhow::Result<Source> {
     let bytes = read(input)?;
     if is_scene(&bytes) {
-        if args.depth.is_some() || args.panorama.is_some() || args.intrinsics.is_some() {
-            return Err(
-                Usage("--depth, --panorama and --intrinsics belong to a photo, and this is a scene".into()).into()
-            );
+        let mut of_photo = args.depth.is_some() || args.panorama.is_some() || args.intrinsics.is_some();
+        #[cfg(feature = "depth-models")]
+        {
+            of_photo |= args.depth_model.path().is_some();
+        }
+        if of_photo {
+            let why = "--depth, --depth-model, --panorama and --intrinsics belong to a photo, and this is a scene";
+            return Err(Usage(why.into()).into());
         }
         return Ok(Source::Scene { file: input.display().to_string(), bytes, is_saved: true });
     }
@@ -107,10 +126,20 @@ fn source(input: &Path, args: &Args, estimator: Option<&MakeEstimator>) -> anyho
     Ok(Source::Photo(PhotoSource {
         photo: file(input, bytes),
         depth: beside(&args.depth)?,
+        #[cfg(feature = "depth-models")]
+        depth_model: depth_model(&args.depth_model),
         panorama: beside(&args.panorama)?,
         intrinsics: args.intrinsics,
         estimator: estimator.clone(),
     }))
+}
+
+/// Name and reader of the model, where there is one.
+#[cfg(feature = "depth-models")]
+fn depth_model(args: &DepthModelArgs) -> Option<(String, ReadDepthModel)> {
+    let (args, path) = (args.clone(), args.path()?.to_owned());
+    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    Some((name, Box::new(move || args.model(&path).map_err(|error| format!("{error:#}")))))
 }
 
 fn read(path: &Path) -> anyhow::Result<Vec<u8>> {

@@ -7,6 +7,7 @@ use lightoctree::imaging::{self, Image};
 use lightoctree::scene::Scene;
 use tempfile::TempDir;
 
+use crate::support::view::Viewer;
 use crate::support::{done, json, refused};
 
 fn fixture(name: &str) -> String {
@@ -116,4 +117,55 @@ fn models_of_no_use_end_in_a_clear_error() {
     std::fs::write(folder.join("typo.toml"), "kind = \"metres\"").unwrap();
     let typo = refused(folder, 1, &estimate(&fixture("plane_metric.onnx"), &["--depth-model-config", "typo.toml"]));
     assert!(typo.contains("typo.toml") && typo.contains("metres"), "{typo}");
+}
+
+#[test]
+fn the_viewer_takes_depth_models() {
+    let folder = photo();
+    let folder = folder.path();
+    let model = fixture("plane_moge2.onnx");
+    assert!(refused(folder, 2, &["view", "--depth-model", &model]).contains("--depth-model"));
+    let viewer = Viewer::start(folder, &[]);
+    let mut page = viewer.page();
+    let (empty, _) = page.hear("the drop zone", |message| message["type"] == "empty");
+    if empty["can_estimate"] != true {
+        eprintln!("SKIPPED: photos in the viewer need the feature `weights`");
+        return;
+    }
+    let read = |path: &str| std::fs::read(path).unwrap();
+    let photo = std::fs::read(folder.join("photo.png")).unwrap();
+    let open = |model: &str, config: Option<&str>| {
+        assert_eq!(viewer.upload("depth-model", "model.onnx", &read(&fixture(model))).0, 204);
+        if let Some(config) = config {
+            assert_eq!(
+                viewer.upload("depth-model-config", config, &std::fs::read(folder.join(config)).unwrap()).0,
+                204
+            );
+        }
+        assert_eq!(viewer.upload("photo", "photo.png", &photo).0, 204);
+    };
+    // What it takes and gives is not known: the page shows what to fill in.
+    open("odd_unknown.onnx", None);
+    let (failed, _) = page.hear("why not", |message| message["type"] == "empty" && message["error"].is_string());
+    let why = failed["error"].as_str().unwrap();
+    assert!(["model.onnx", "logits", "kind = \"metric\"", "TOML"].iter().all(|part| why.contains(part)), "{why}");
+    for (model, config, source) in
+        [("plane_metric.onnx", Some("metric.toml"), "model.onnx"), ("plane_moge2.onnx", None, "model.onnx")]
+    {
+        open(model, config);
+        let (scene, _) = page.hear("the scene", |message| message["type"] == "scene");
+        assert_eq!(scene["predicted_depth"], true);
+        let (status, bytes) = viewer.get("download/room.scene");
+        assert_eq!(status, 200);
+        std::fs::write(folder.join("room.scene"), bytes).unwrap();
+        let scene = assert_plane(folder, plane);
+        assert!(scene.sources.contains(&source.to_owned()), "{:?}", scene.sources);
+        page.say(&serde_json::json!({ "type": "close" }));
+        page.hear("the drop zone", |message| message["type"] == "empty");
+    }
+    let viewer = Viewer::start(folder, &["photo.png", "--depth-model", &model]);
+    let (scene, _) = viewer.page().hear("the scene", |message| message["type"] == "scene");
+    let across = scene["camera"]["width"].as_f64().unwrap() / (2.0 * scene["camera"]["fx"].as_f64().unwrap());
+    // Built in as 60 degrees.
+    assert!((2.0 * across.atan().to_degrees() - 60.0).abs() < 0.6, "{scene}");
 }

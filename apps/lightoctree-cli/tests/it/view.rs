@@ -263,3 +263,62 @@ fn a_page_that_does_not_read_costs_no_memory() {
     assert!(after_mb < before_mb + 50.0, "{before_mb} MB, then {after_mb} MB");
     assert!(viewer.is_alive());
 }
+
+/// Minutes of dragging before memory is measured first, and last.
+const LOAD_MIN: [f64; 2] = [1.0, 10.0];
+
+#[test]
+#[ignore = "ten minutes: cargo test --release -p lightoctree-cli --test it view_load -- --ignored --nocapture"]
+fn view_load() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::copy(lo_testdata::asset("library_color.jpg"), folder.path().join("photo.jpg")).unwrap();
+    let mut viewer = Viewer::start(folder.path(), &["photo.jpg"]);
+    let (mut lazy, mut page) = (viewer.page(), viewer.page());
+    let (scene, _) = page.hear("the scene", |message| message["type"] == "scene");
+    let side = |name: &str| scene["camera"][name].as_f64().unwrap();
+    let (width, height) = (side("width"), side("height"));
+    for mesh in ["builtin:sphere", "builtin:tea_set"] {
+        page.act(&json!({ "do": "add", "mesh": mesh }));
+    }
+    page.hear("two objects", |message| message["view"]["objects"].as_array().is_some_and(|all| all.len() == 2));
+    let mut random = lo_random::stream(30, "load", 0);
+    let mut uniform = move || -> f64 { lo_random::RngExt::random(&mut random) };
+    let begun = std::time::Instant::now();
+    let (mut pictures, mut refusals, mut memory_mb) = (0u64, 0u64, Vec::new());
+    let mut at = [0.5 * width, 0.7 * height];
+    while begun.elapsed().as_secs_f64() < 60.0 * LOAD_MIN[1] {
+        let object = 1 + u32::from(uniform() < 0.5);
+        // A gesture of some pictures, kept, dropped or undone.
+        for _ in 0..1 + (20.0 * uniform()) as usize {
+            at = [at[0] + 60.0 * (uniform() - 0.5), at[1] + 60.0 * (uniform() - 0.5)];
+            at = [at[0].clamp(0.0, width - 1.0), at[1].clamp(0.5 * height, height - 1.0)];
+            pictures += 1;
+            let command = json!({ "do": "drag", "object": object, "to": at });
+            page.say(&json!({ "type": "preview", "sequence": pictures, "command": command }));
+            page.say(&json!({ "type": "probe", "pixel": at, "lift_m": 0.1, "exposure_ev": 0.0 }));
+            let (heard, _) = page.hear("its picture", |message| {
+                message["type"] == "refused" || (message["type"] == "frame" && message["sequence"] == pictures)
+            });
+            refusals += u64::from(heard["type"] == "refused");
+        }
+        page.say(&json!({ "type": (["commit", "cancel", "undo"])[(3.0 * uniform()) as usize] }));
+        // It rests now and then, for better pictures.
+        if uniform() < 0.1 {
+            std::thread::sleep(std::time::Duration::from_millis((3000.0 * uniform()) as u64));
+        }
+        // The lazy page reads one message in a while, and never keeps up.
+        if uniform() < 0.3 {
+            lazy.hear("anything", |_| true);
+        }
+        let minutes = begun.elapsed().as_secs_f64() / 60.0;
+        if memory_mb.len() as f64 + LOAD_MIN[0] < minutes {
+            memory_mb.push(viewer.memory_mb());
+            println!("{minutes:.1} min: {pictures} pictures, {refusals} refusals, {:.0} MB", viewer.memory_mb());
+        }
+    }
+    memory_mb.push(viewer.memory_mb());
+    println!("{pictures} pictures in ten minutes; memory from {:.0} to {:.0} MB", memory_mb[0], viewer.memory_mb());
+    assert_eq!(refusals, 0);
+    assert!(viewer.memory_mb() < memory_mb[0] + 50.0, "{memory_mb:?}");
+    assert!(viewer.is_alive());
+}

@@ -32,6 +32,45 @@ fn shot(browser: &mut Browser, name: &str) {
     }
 }
 
+/// The picture with all that is drawn over it, 240 pixels wide, is as the one in `tests/snapshots`; `UPDATE_SNAPSHOTS=1` writes it.
+fn assert_looks_as(browser: &mut Browser, name: &str) {
+    let address = browser.value(
+        "(() => { const layers = [...document.querySelectorAll('#stage canvas')].filter((layer) => layer.checkVisibility());
+           const small = document.createElement('canvas'); small.width = 240;
+           small.height = Math.round(240 * layers[0].height / layers[0].width);
+           const context = small.getContext('2d'); context.imageSmoothingQuality = 'high';
+           for (const layer of layers) context.drawImage(layer, 0, 0, small.width, small.height);
+           return small.toDataURL(); })()",
+    );
+    let bytes = base64::Engine::decode(
+        &base64::engine::general_purpose::STANDARD,
+        address.as_str().unwrap().strip_prefix("data:image/png;base64,").unwrap(),
+    );
+    let bytes = bytes.unwrap();
+    let file = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/snapshots").join(name);
+    if std::env::var_os("UPDATE_SNAPSHOTS").is_some() {
+        std::fs::write(&file, &bytes).unwrap();
+    }
+    let shown = lightoctree::imaging::photo_from_bytes(&bytes, name).unwrap().photo.radiance();
+    let kept = lightoctree::imaging::read_photo(&file).unwrap().photo.radiance();
+    assert_eq!((shown.width(), shown.height()), (kept.width(), kept.height()), "{name}");
+    let srgb = |value: f32| 255.0 * lightoctree::imaging::srgb_from_linear(value);
+    let off: Vec<f32> = std::iter::zip(shown.pixels().iter().flatten(), kept.pixels().iter().flatten())
+        .map(|(&a, &b)| (srgb(a) - srgb(b)).abs())
+        .collect();
+    let mean = off.iter().sum::<f32>() / off.len() as f32;
+    let far = off.iter().filter(|off| **off > 24.0).count() as f32 / off.len() as f32;
+    if mean > 2.0 || far > 0.01 {
+        let seen = std::env::temp_dir().join(name);
+        std::fs::write(&seen, &bytes).unwrap();
+        panic!(
+            "{name}: codes off by {mean:.2} in the mean, {:.2} % of them by more than 24; see {}",
+            100.0 * far,
+            seen.display()
+        );
+    }
+}
+
 fn object(browser: &mut Browser, index: usize) -> Value {
     browser.value(&format!("viewer.page.view.objects[{index}]"))
 }
@@ -48,12 +87,14 @@ fn a_person_moves_objects_and_light() {
     browser.wait("document.body.dataset.at === 'scene'");
     browser.wait(FINAL);
     shot(&mut browser, "empty_scene.png");
+    assert_looks_as(&mut browser, "view_empty.png");
 
     // Add, drag, undo, redo.
     press(&mut browser, "Chrome sphere");
     browser.wait("viewer.page.view.objects.length === 1 && viewer.page.selectedId === 1");
     browser.wait(FINAL);
     shot(&mut browser, "sphere.png");
+    assert_looks_as(&mut browser, "view_sphere.png");
     let before = object(&mut browser, 0);
     let seen = browser.value(
         "import('./page/camera.js').then(({ project }) => { const o = viewer.page.view.objects[0];
@@ -146,6 +187,7 @@ fn a_person_moves_objects_and_light() {
         ));
         browser.wait("!document.getElementById('legend').hidden");
         shot(&mut browser, &format!("overlay_{what}.png"));
+        assert_looks_as(&mut browser, &format!("view_{what}.png"));
         browser.value("(() => { const field = document.getElementById('overlay'); field.value = ''; field.onchange({ target: field }); })()");
     }
     press(&mut browser, "Add sun");

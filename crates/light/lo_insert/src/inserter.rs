@@ -107,6 +107,14 @@ impl Inserter {
         Self { floor_gloss: floor_gloss.clamp(0.0, 1.0), ..self }
     }
 
+    /// The same for the photo at another size; what is held of the scene does not depend on that.
+    #[must_use]
+    pub fn with_photo(mut self, photo: Photo) -> Self {
+        self.frame.camera = self.frame.camera.resized(photo.width() as u32, photo.height() as u32);
+        self.frame.photo = photo;
+        self
+    }
+
     /// One picture with objects that shadow, hide, light and mirror one another; their order does not matter, and without any it is the photo.
     /// An object that shows nothing gives its shadow alone, and a warning.
     ///

@@ -7,23 +7,37 @@ use rayon::prelude::*;
 /// Entries of the table of sRGB codes, by the root of the linear value.
 const CODES: usize = 4096;
 
-/// The layers of a composite, enlarged, over a larger photo of the same view; `exposure` is that of the scene's frame. What the objects do not change is
-/// the photo's own.
-pub(crate) fn enlarged(photo: &Image<[u8; 3]>, composite: &Composite, exposure: f32) -> Image<[u8; 3]> {
-    let mut picture = photo.clone();
+/// Places of parts are multiples of this, as the blocks of JPEG files are.
+const BLOCK: usize = 16;
+
+/// A part of a picture that is otherwise the photo.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Part {
+    /// Column and row of its first pixel.
+    pub at: [usize; 2],
+    /// sRGB codes; one block of the photo where nothing is changed.
+    pub image: Image<[u8; 3]>,
+}
+
+/// The layers of a composite, enlarged, over a larger photo of the same view, where the objects change it; `exposure` is that of the scene's frame.
+pub(crate) fn enlarged(photo: &Image<[u8; 3]>, composite: &Composite, exposure: f32) -> Part {
     let layers = Layers { composite, width: composite.alpha.width(), height: composite.alpha.height() };
-    let Some([left, top, right, bottom]) = layers.changed() else { return picture };
+    let [left, top, right, bottom] = layers.changed().unwrap_or([0; 4]);
     let (width, height) = (photo.width(), photo.height());
     let scale = [layers.width as f32 / width as f32, layers.height as f32 / height as f32];
-    let to = |small: usize, scale: f32, limit: usize| ((small as f32 / scale).ceil() as usize).min(limit);
-    let [left, right] = [left, right].map(|x| to(x, scale[0], width));
-    let [top, bottom] = [top, bottom].map(|y| to(y, scale[1], height));
+    let span = |first: usize, end: usize, scale: f32, limit: usize| {
+        let from = ((first as f32 / scale) as usize).min(limit - 1) / BLOCK * BLOCK;
+        (from, ((end as f32 / scale).ceil() as usize).max(from + 1).next_multiple_of(BLOCK).min(limit))
+    };
+    let ((from_x, to_x), (from_y, to_y)) = (span(left, right, scale[0], width), span(top, bottom, scale[1], height));
+    let mut part = Image::from_fn(to_x - from_x, to_y - from_y, |x, y| photo[(from_x + x, from_y + y)]);
     let codes: Vec<u8> = (0..CODES).map(|i| srgb8_from_linear((i as f32 / (CODES - 1) as f32).powi(2))).collect();
     let linear: Vec<f32> = (0..=255).map(linear_from_srgb8).collect();
-    let rows = picture.pixels_mut().par_chunks_mut(width).enumerate().skip(top).take(bottom.saturating_sub(top));
-    rows.for_each(|(y, row)| {
+    part.pixels_mut().par_chunks_mut(to_x - from_x).enumerate().for_each(|(y, row)| {
+        let y = from_y + y;
         let v = (y as f32 + 0.5) * scale[1] - 0.5;
-        for (x, pixel) in row.iter_mut().enumerate().take(right).skip(left) {
+        for (x, pixel) in row.iter_mut().enumerate() {
+            let x = from_x + x;
             let u = (x as f32 + 0.5) * scale[0] - 0.5;
             let Some(Sample { ratio, reflection, alpha, object }) = layers.at(u, v) else { continue };
             for c in 0..3 {
@@ -33,7 +47,7 @@ pub(crate) fn enlarged(photo: &Image<[u8; 3]>, composite: &Composite, exposure: 
             }
         }
     });
-    picture
+    Part { at: [from_x, from_y], image: part }
 }
 
 struct Layers<'a> {
@@ -132,10 +146,31 @@ mod tests {
         }
     }
 
+    fn whole(photo: &Image<[u8; 3]>, part: &Part) -> Image<[u8; 3]> {
+        let mut picture = photo.clone();
+        for (y, row) in part.image.pixels().chunks(part.image.width()).enumerate() {
+            row.iter().enumerate().for_each(|(x, &pixel)| picture[(part.at[0] + x, part.at[1] + y)] = pixel);
+        }
+        picture
+    }
+
+    #[test]
+    fn nothing_changed_is_a_block_of_the_photo() {
+        let photo = Image::from_fn(40, 24, |x, y| [x as u8, y as u8, 0]);
+        let nothing = Composite {
+            shadow_ratio: RadianceImage::new(16, 12, vec![[1.0; 3]; 192]),
+            alpha: Image::new(16, 12, vec![0.0; 192]),
+            ..composite(16, 12)
+        };
+        let part = enlarged(&photo, &nothing, 1.0);
+        assert_eq!((part.at, part.image.width(), part.image.height()), ([0, 0], 16, 16));
+        assert_eq!(whole(&photo, &part), photo);
+    }
+
     #[test]
     fn at_the_same_size_it_is_the_composite() {
         let photo = Image::from_fn(16, 12, |x, y| [(x * 9) as u8, (y * 20) as u8, 90]);
-        let picture = enlarged(&photo, &composite(16, 12), 1.0);
+        let picture = whole(&photo, &enlarged(&photo, &composite(16, 12), 1.0));
         assert_eq!(picture[(5, 4)], [0.2, 0.4, 0.6].map(srgb8_from_linear));
         let half = photo[(8, 4)].map(|code| srgb8_from_linear(0.5 * linear_from_srgb8(code)));
         assert!(picture[(8, 4)].iter().zip(half).all(|(&a, b)| a.abs_diff(b) <= 1), "{:?} {half:?}", picture[(8, 4)]);
@@ -145,7 +180,9 @@ mod tests {
     #[test]
     fn the_photo_stays_sharp_where_nothing_is_changed() {
         let photo = Image::from_fn(64, 48, |x, y| [if (x + y) % 2 == 0 { 250 } else { 5 }; 3]);
-        let picture = enlarged(&photo, &composite(16, 12), 2.0);
+        let part = enlarged(&photo, &composite(16, 12), 2.0);
+        assert_eq!((part.at, part.image.width(), part.image.height()), ([16, 0], 48, 32));
+        let picture = whole(&photo, &part);
         // Columns and rows 5 and 4 of the small one are 20 to 23 and 16 to 19 here; a small pixel around is mixed with them.
         let same = |x: usize, y: usize| picture[(x, y)] == photo[(x, y)];
         assert!((0..64).all(|x| (0..12).chain(24..48).all(|y| same(x, y))));

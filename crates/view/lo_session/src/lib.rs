@@ -28,6 +28,7 @@ mod view;
 
 pub use command::Command;
 pub use command_line::{insert_command, insert_words};
+pub use enlarged::Part;
 pub use error::SessionError;
 pub use light::NewLight;
 pub use lit::LitScenes;
@@ -36,7 +37,7 @@ pub use object::{Object, Place, Size};
 pub use open::OpenScene;
 pub use overlay::{Overlay, OverlayPicture, overlay};
 pub use probe::{Probe, ProbePictures, probe_place};
-pub use renderer::{MOVING_SIDE, RESTING_SIDE, Renderer, Step};
+pub use renderer::{MOVING_SIDES, RESTING_SIDE, Renderer, Step};
 pub use session::Session;
 pub use state::State;
 pub use view::{LightView, ObjectView, SessionView};

@@ -1,6 +1,7 @@
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use lightoctree::OnEvent;
 use lightoctree::imaging::{self, Image, Photo};
@@ -9,7 +10,7 @@ use lightoctree::mesh::PreparedModel;
 use lightoctree::scene::{Frame, Scene, resized_photo};
 use serde::Serialize;
 
-use crate::enlarged::enlarged;
+use crate::enlarged::{Part, enlarged};
 use crate::lit::LitScenes;
 use crate::{SessionError, State};
 
@@ -17,7 +18,7 @@ use crate::{SessionError, State};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Step {
-    /// While something moves: `draft`, at most [`MOVING_SIDE`] pixels along the longer side.
+    /// While something moves: `draft`, as large as this machine holds pace with ([`MOVING_SIDES`]).
     Moving,
     /// When it rests: `normal`, at most [`RESTING_SIDE`] pixels.
     Resting,
@@ -25,8 +26,14 @@ pub enum Step {
     Final,
 }
 
-/// Longer side of pictures of moving objects, pixels.
-pub const MOVING_SIDE: usize = 480;
+/// Longer sides of pictures of moving objects, pixels.
+pub const MOVING_SIDES: [usize; 4] = [480, 400, 320, 240];
+
+/// A moving picture that takes longer is followed by a smaller one; with what encodes and shows it this is ten pictures a second and more.
+const SLOW: Duration = Duration::from_millis(60);
+
+/// One that takes less is followed by a larger one.
+const FAST: Duration = Duration::from_millis(30);
 
 /// Longer side of the first picture of resting objects, pixels.
 pub const RESTING_SIDE: usize = 960;
@@ -39,20 +46,14 @@ impl Step {
             Self::Final => Quality::High,
         }
     }
-
-    fn side(self) -> usize {
-        match self {
-            Self::Moving => MOVING_SIDE,
-            Self::Resting => RESTING_SIDE,
-            Self::Final => usize::MAX,
-        }
-    }
 }
 
 /// Makes the pictures of one scene's states. What does not depend on the objects is held for each step.
 pub struct Renderer {
     scenes: Arc<LitScenes>,
     ready: HashMap<Step, Ready>,
+    /// Which of [`MOVING_SIDES`] is taken.
+    pace: usize,
     /// What moving objects are shown in.
     photo: Option<Image<[u8; 3]>>,
 }
@@ -61,13 +62,14 @@ pub struct Renderer {
 struct Ready {
     lit: Arc<Scene>,
     floor_gloss: f32,
+    side: usize,
     inserter: Inserter,
 }
 
 impl Renderer {
     /// For one scene.
     pub fn new(scenes: Arc<LitScenes>) -> Self {
-        Self { scenes, ready: HashMap::new(), photo: None }
+        Self { scenes, ready: HashMap::new(), pace: 0, photo: None }
     }
 
     /// A picture of a state.
@@ -90,18 +92,30 @@ impl Renderer {
         Ok(ready.inserter.render(&instances, on_event)?)
     }
 
-    /// A picture of what moves, for a screen: the draft's objects and shadows in a photo of [`RESTING_SIDE`] pixels.
+    /// The photo that parts of moving pictures lie on: at most [`RESTING_SIDE`] pixels along the longer side, as it is shown.
+    pub fn photo(&mut self) -> &Image<[u8; 3]> {
+        let photo = &self.scenes.open().scene.frame.photo;
+        self.photo.get_or_insert_with(|| match photo_at_side(photo, RESTING_SIDE) {
+            Photo::Srgb8(image) => image,
+            Photo::Linear(image) => image.map(|rgb| rgb.map(imaging::srgb8_from_linear)),
+        })
+    }
+
+    /// A picture of what moves, for a screen: what the draft's objects and shadows change of [`Renderer::photo`].
     ///
     /// # Errors
     /// Those of [`Renderer::render`].
-    pub fn moving(&mut self, state: &State, on_event: OnEvent<'_>) -> Result<Image<[u8; 3]>, SessionError> {
+    pub fn moving(&mut self, state: &State, on_event: OnEvent<'_>) -> Result<Part, SessionError> {
+        let begun = Instant::now();
         let composite = self.render(state, Step::Moving, on_event)?;
-        let open = self.scenes.open();
-        let photo = self.photo.get_or_insert_with(|| match photo_at_side(&open.scene.frame.photo, RESTING_SIDE) {
-            Photo::Srgb8(image) => image,
-            Photo::Linear(image) => image.map(|rgb| rgb.map(imaging::srgb8_from_linear)),
-        });
-        Ok(enlarged(photo, &composite, open.scene.frame.exposure))
+        let took = begun.elapsed();
+        if took > SLOW {
+            self.pace = (self.pace + 1).min(MOVING_SIDES.len() - 1);
+        } else if took < FAST {
+            self.pace = self.pace.saturating_sub(1);
+        }
+        let exposure = self.scenes.open().scene.frame.exposure;
+        Ok(enlarged(self.photo(), &composite, exposure))
     }
 
     /// Makes ready what does not depend on the objects, so that the first picture does not wait for it.
@@ -111,18 +125,27 @@ impl Renderer {
     pub fn prepare(&mut self, state: &State, step: Step) -> Result<(), SessionError> {
         let lit = self.scenes.of(state)?;
         let floor_gloss = state.floor_gloss;
-        let inserter = match self.ready.remove(&step) {
-            Some(ready) if Arc::ptr_eq(&ready.lit, &lit) => {
-                if ready.floor_gloss == floor_gloss {
-                    ready.inserter
-                } else {
-                    ready.inserter.with_floor_gloss(floor_gloss)
-                }
-            }
-            _ => Inserter::new(&at_side(&lit, step.side()), Lighting::Octree, step.quality())?
-                .with_floor_gloss(floor_gloss),
+        let side = match step {
+            Step::Moving => MOVING_SIDES[self.pace],
+            Step::Resting => RESTING_SIDE,
+            Step::Final => usize::MAX,
         };
-        self.ready.insert(step, Ready { lit, floor_gloss, inserter });
+        let mut ready = match self.ready.remove(&step) {
+            Some(ready) if Arc::ptr_eq(&ready.lit, &lit) => ready,
+            _ => {
+                let inserter = Inserter::new(&at_side(&lit, side), Lighting::Octree, step.quality())?;
+                Ready { lit, floor_gloss: 0.0, side, inserter }
+            }
+        };
+        if ready.floor_gloss != floor_gloss {
+            ready.inserter = ready.inserter.with_floor_gloss(floor_gloss);
+            ready.floor_gloss = floor_gloss;
+        }
+        if ready.side != side {
+            ready.inserter = ready.inserter.with_photo(photo_at_side(&ready.lit.frame.photo, side));
+            ready.side = side;
+        }
+        self.ready.insert(step, ready);
         Ok(())
     }
 }

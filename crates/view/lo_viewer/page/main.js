@@ -14,6 +14,8 @@ const STEPS = { moving: "draft", resting: "normal quality", final: "high quality
 
 /** How many pictures the figures of a movement are of. */
 const MEASURED = 200;
+/** The panels are brought up to date this often at most, milliseconds. */
+const PANELS_MS = 100;
 
 const page = {
   scene: null,
@@ -37,6 +39,8 @@ const handles = byId("handles");
 const picture = new Picture(byId("picture"), shownFrame);
 let sequence = 0;
 let waiting = null;
+let panelsTimer = null;
+let panelsAt = -PANELS_MS;
 
 const tellServer = connect(hear, () => setAt("connecting"));
 /** Shows what a command comes to; at most once for each picture of the screen. */
@@ -146,6 +150,9 @@ function hear(message, pictures) {
         setStatus(`${STEPS[message.step].split(":")[0]}: ${message.stage}`);
       }
       break;
+    case "photo":
+      picture.takePhoto(pictures[0]);
+      break;
     case "frame":
       picture.take(message, pictures[0]);
       break;
@@ -193,16 +200,24 @@ function showState({ change, view }) {
   page.change = change;
   if (added) page.selectedId = added.id;
   if (!page.selected()) page.selectedId = null;
+  page.redraw();
+  // What moves needs the processor more than its numbers do.
+  panelsTimer ??= setTimeout(showPanels, panelsAt + PANELS_MS - performance.now());
+}
+
+function showPanels() {
+  panelsTimer = null;
+  panelsAt = performance.now();
+  const { scene, view } = page;
+  if (!view) return;
   byId("undo").disabled = !view.can_undo;
   byId("redo").disabled = !view.can_redo;
-  const { scene } = page;
   const isUnsaved = !scene.is_saved || view.edited;
   byId("command").textContent = view.command ?? "";
   byId("command").title = view.command && isUnsaved ? `save the scene as ${scene.file} first (Save, Scene)` : "";
   byId("copy").hidden = !view.command;
   showObjects();
   showLights();
-  page.redraw();
 }
 
 /** A frame is shown. */

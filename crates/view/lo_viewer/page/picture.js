@@ -35,22 +35,40 @@ export class Picture {
   forget() {
     this.shown = null;
     this.bitmap = null;
+    this.photo = null;
+  }
+
+  /** Takes the photo that parts of pictures lie on. */
+  async takePhoto(bytes) {
+    this.photo = await createImageBitmap(new Blob([bytes], { type: "image/jpeg" }));
   }
 
   /** Takes a frame in, unless a newer or better one is there. */
   async take(frame, bytes) {
-    const bitmap = await createImageBitmap(new Blob([bytes], { type: frame.mime }));
+    const part = await createImageBitmap(new Blob([bytes], { type: frame.mime }));
     const before = this.shown;
     const isOlder = before && (frame.change < before.change
       || (frame.change === before.change && RANK[frame.step] < RANK[before.step]));
-    if (isOlder) {
-      bitmap.close();
+    if (isOlder || (frame.at && !this.photo)) {
+      part.close();
       return;
     }
-    this.bitmap?.close();
+    const bitmap = frame.at ? this.laid(part, frame.at) : part;
+    if (this.bitmap !== bitmap) this.bitmap?.close?.();
     [this.shown, this.bitmap] = [frame, bitmap];
     this.draw();
     this.drawn(frame);
+  }
+
+  /** The photo with a part of another picture on it. */
+  laid(part, [x, y]) {
+    const { width, height } = this.photo;
+    if (this.work?.width !== width || this.work?.height !== height) this.work = new OffscreenCanvas(width, height);
+    const context = this.work.getContext("2d");
+    context.drawImage(this.photo, 0, 0);
+    context.drawImage(part, x, y);
+    part.close();
+    return this.work;
   }
 
   /** Lays an overlay (an ImageBitmap, or null for none) over the picture. */
@@ -66,7 +84,7 @@ export class Picture {
       context.clearRect(0, 0, canvas.width, canvas.height);
       return;
     }
-    context.imageSmoothingQuality = "high";
+    context.imageSmoothingQuality = this.shown.at ? "low" : "high";
     context.drawImage(this.developed(bitmap), 0, 0, canvas.width, canvas.height);
     if (this.overlay) context.drawImage(this.overlay, 0, 0, canvas.width, canvas.height);
   }

@@ -78,9 +78,10 @@ export function listenForFiles(page) {
     if (!main) return say("choose a photo or a scene file", true);
     try {
       if (SCENES.includes(endingOf(main))) return await upload("scene", main);
-      for (const kind of ["depth", "panorama"]) {
-        const [file] = byId(`open-${kind}`).files;
-        if (file) await upload(kind, file);
+      for (const kind of ["depth", "depth-model", "panorama"]) {
+        for (const file of byId(`open-${kind}`).files) {
+          await upload(endingOf(file) === "toml" ? "depth-model-config" : kind, file);
+        }
       }
       return await upload("photo", main);
     } catch (error) {

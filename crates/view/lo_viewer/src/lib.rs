@@ -22,6 +22,8 @@ use std::net::{IpAddr, Ipv4Addr};
 
 use lightoctree::{Stage, Warning};
 
+#[cfg(feature = "depth-models")]
+pub use opening::ReadDepthModel;
 pub use opening::{MakeEstimator, NamedFile, PhotoSource, Source};
 pub use server::run;
 

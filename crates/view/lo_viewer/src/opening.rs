@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+#[cfg(feature = "depth-models")]
+use lightoctree::depth_models::DepthModel;
 use lightoctree::geometry::Camera;
 use lightoctree::imaging;
 use lightoctree::scene::{Frame, Scene};
@@ -15,6 +17,10 @@ const NEW_SCENE: &str = "room.scene";
 
 /// Makes what estimates; asked for when a photo comes.
 pub type MakeEstimator = Arc<dyn Fn() -> Result<Estimator, String> + Send + Sync>;
+
+/// Reads a depth network; done when its photo is estimated.
+#[cfg(feature = "depth-models")]
+pub type ReadDepthModel = Box<dyn FnOnce() -> Result<DepthModel, String> + Send>;
 
 /// What a scene is opened from.
 pub enum Source {
@@ -37,6 +43,9 @@ pub struct PhotoSource {
     pub photo: NamedFile,
     /// Measured depth of the same view.
     pub depth: Option<NamedFile>,
+    /// Name and reader of a network that predicts depth, where none is measured.
+    #[cfg(feature = "depth-models")]
+    pub depth_model: Option<(String, ReadDepthModel)>,
     /// A panorama of the room.
     pub panorama: Option<NamedFile>,
     /// Focal lengths and principal point in pixels of the photo, where they are known.
@@ -93,7 +102,7 @@ impl Source {
 }
 
 fn estimated(source: PhotoSource, on_event: OnEvent<'_>) -> Result<Scene, String> {
-    let PhotoSource { photo: NamedFile { name, bytes }, depth, panorama, intrinsics, estimator } = source;
+    let PhotoSource { photo: NamedFile { name, bytes }, depth, panorama, intrinsics, estimator, .. } = source;
     let photo = imaging::photo_from_bytes(&bytes, &name).map_err(|error| error.to_string())?;
     drop(bytes);
     let (width, height) = (photo.photo.width() as u32, photo.photo.height() as u32);
@@ -102,8 +111,20 @@ fn estimated(source: PhotoSource, on_event: OnEvent<'_>) -> Result<Scene, String
         None => camera_of_photo(&photo).map(|(camera, _)| camera),
     };
     let camera = camera.map_err(|error| format!("{name}: {error}"))?;
+    let estimator = estimator()?;
     let mut sources = vec![name.clone()];
     let input = match depth {
+        #[cfg(feature = "depth-models")]
+        None if let Some((model_name, read)) = source.depth_model => {
+            let model = read()?;
+            let is_known = intrinsics.is_some() || photo.focal_px().is_some();
+            let camera = is_known.then_some(camera);
+            let (predicted, _) = estimator
+                .predict_depth(photo.photo, camera, &model, on_event)
+                .map_err(|error| format!("{name} with {model_name}: {error}"))?;
+            sources.push(model_name);
+            Input::PredictedDepth(predicted)
+        }
         None => Input::Photo { photo: photo.photo, camera },
         Some(depth) => {
             let depth_m = imaging::depth_from_bytes(&depth.bytes, &depth.name, None).map_err(|e| e.to_string())?;
@@ -121,5 +142,5 @@ fn estimated(source: PhotoSource, on_event: OnEvent<'_>) -> Result<Scene, String
         })
         .transpose()?;
     let options = EstimateOptions { sources, panorama, ..EstimateOptions::default() };
-    estimator()?.estimate(input, &options, on_event).map_err(|error| format!("{name}: {error}"))
+    estimator.estimate(input, &options, on_event).map_err(|error| format!("{name}: {error}"))
 }

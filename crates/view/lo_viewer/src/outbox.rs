@@ -103,7 +103,7 @@ impl Pages {
             (ToPage::Empty { .. } | ToPage::Opening { .. } | ToPage::Scene(_), Some(slot)) => {
                 open.told = BTreeMap::from([(slot, encoded.clone())]);
             }
-            (ToPage::State { .. } | ToPage::Notes { .. } | ToPage::Frame { .. }, Some(slot)) => {
+            (ToPage::State { .. } | ToPage::Notes { .. } | ToPage::Photo { .. } | ToPage::Frame { .. }, Some(slot)) => {
                 open.told.insert(slot, encoded.clone());
             }
             _ => {}
@@ -133,6 +133,7 @@ mod tests {
                 sequence: 0,
                 step: lo_session::Step::Moving,
                 mime: "image/jpeg",
+                at: None,
                 lengths: [picture.len()],
                 took_ms: 0.0,
             };

@@ -114,7 +114,12 @@ pub enum ToPage {
         /// How much of that is done, 0 to 1.
         done: f64,
     },
-    /// A picture.
+    /// The photo that parts of pictures lie on, JPEG.
+    Photo {
+        /// Its length in bytes.
+        lengths: [usize; 1],
+    },
+    /// A picture, or what differs in it from [`ToPage::Photo`].
     Frame {
         /// Number of the change that it shows.
         change: u64,
@@ -124,6 +129,8 @@ pub enum ToPage {
         step: Step,
         /// `image/jpeg` or `image/png`.
         mime: &'static str,
+        /// Where on [`ToPage::Photo`] it lies, column and row of its first pixel; `None` for a whole picture.
+        at: Option<[usize; 2]>,
         /// Its length in bytes.
         lengths: [usize; 1],
         /// How long the server worked at it, milliseconds.
@@ -207,9 +214,10 @@ impl ToPage {
             Self::State { .. } => 2,
             Self::Notes { .. } => 3,
             Self::Progress { .. } => 4,
-            Self::Frame { .. } => 5,
-            Self::Probe { .. } | Self::NoProbe => 6,
-            Self::Overlay { .. } => 7,
+            Self::Photo { .. } => 5,
+            Self::Frame { .. } => 6,
+            Self::Probe { .. } | Self::NoProbe => 7,
+            Self::Overlay { .. } => 8,
             Self::Refused { .. } => return None,
         })
     }

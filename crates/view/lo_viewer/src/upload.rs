@@ -65,7 +65,7 @@ pub(crate) async fn upload(
     let pool = || app.pool.lock().unwrap_or_else(PoisonError::into_inner);
     match kind.as_str() {
         // What a mesh names, or belongs to a photo under these names.
-        "part" | "depth" | "panorama" => {
+        "part" | "depth" | "depth-model" | "depth-model-config" | "panorama" => {
             let key = if kind == "part" { name } else { format!("{kind}/{name}") };
             match pool().put(key, bytes) {
                 Ok(()) => StatusCode::NO_CONTENT.into_response(),
@@ -108,11 +108,35 @@ pub(crate) async fn upload(
                 let key = files.keys().find(|key| key.starts_with(kind)).cloned()?;
                 Some(NamedFile { bytes: files.remove(&key)?, name: key[kind.len()..].to_owned() })
             };
-            let (depth, panorama) = (given("depth/"), given("panorama/"));
-            let photo = NamedFile { name, bytes };
-            app.desk.open(Source::Photo(PhotoSource { photo, depth, panorama, intrinsics: None, estimator }));
+            app.desk.open(Source::Photo(PhotoSource {
+                photo: NamedFile { name, bytes },
+                depth: given("depth/"),
+                #[cfg(feature = "depth-models")]
+                depth_model: given("depth-model/").map(|model| depth_model(model, given("depth-model-config/"))),
+                panorama: given("panorama/"),
+                intrinsics: None,
+                estimator,
+            }));
             StatusCode::NO_CONTENT.into_response()
         }
         _ => (StatusCode::NOT_FOUND, "there is no such upload").into_response(),
     }
+}
+
+/// A depth network in memory, with what tells its inputs and outputs.
+#[cfg(feature = "depth-models")]
+fn depth_model(model: NamedFile, config: Option<NamedFile>) -> (String, crate::ReadDepthModel) {
+    use lightoctree::depth_models::{DepthModel, ModelConfig, ModelError};
+    let name = model.name.clone();
+    let read = move || {
+        let NamedFile { name, bytes } = model;
+        let config = config.map(|NamedFile { name, bytes }| {
+            ModelConfig::parse(&String::from_utf8_lossy(&bytes)).map_err(|error| format!("{name}: {error}"))
+        });
+        DepthModel::from_bytes(&bytes, config.transpose()?.as_ref()).map_err(|error| match error {
+            ModelError::Unknown { .. } => format!("{name}: {error}\nas a TOML file beside it"),
+            error => format!("{name}: {error}"),
+        })
+    };
+    (name, Box::new(read))
 }

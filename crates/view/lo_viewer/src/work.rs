@@ -5,10 +5,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use lightoctree::imaging::{self, Image};
+use lightoctree::imaging;
 use lightoctree::insert::Composite;
 use lightoctree::{Event, Warning};
-use lo_session::{LitScenes, OpenScene, Probe, Renderer, SessionError, State, Step, outputs, probe_place};
+use lo_session::{LitScenes, OpenScene, Part, Probe, Renderer, SessionError, State, Step, outputs, probe_place};
 
 use crate::Words;
 use crate::outbox::Pages;
@@ -69,8 +69,8 @@ impl Work {
     /// # Errors
     /// Where the system has no threads left.
     pub fn start(open: Arc<OpenScene>, change: Change, pages: Arc<Pages>, words: Words) -> std::io::Result<Arc<Self>> {
-        let wanted =
-            Wanted { change, since: Instant::now(), moved: 0, last: None, failed: None, place: None, is_over: false };
+        let (moved, since) = (change.number, Instant::now());
+        let wanted = Wanted { change, since, moved, last: None, failed: None, place: None, is_over: false };
         let work = Arc::new(Self {
             scenes: Arc::new(LitScenes::new(open)),
             pages,
@@ -157,10 +157,17 @@ impl Work {
                 }
                 wanted.change.clone()
             };
+            // Not before the first change: pages have heard of the scene then.
+            if !is_ready
+                && let Ok(bytes) =
+                    imaging::encode_srgb8("photo.jpg", renderer.photo(), MOVING_QUALITY, "lightoctree view")
+            {
+                self.pages.tell(&ToPage::Photo { lengths: [bytes.len()] }, &[&bytes]);
+            }
             let begun = Instant::now();
             // Never broken off: something newer would be broken off, too.
             match guarded(|| renderer.moving(&change.state, &mut lightoctree::events::ignore)) {
-                Ok(image) => self.send_moving(&change, &image, begun),
+                Ok(part) => self.send_moving(&change, &part, begun),
                 Err(Failure::Session(SessionError::NoObjects)) => self.send_photo(&change, begun),
                 // Who rests says why.
                 Err(_) => {}
@@ -254,14 +261,14 @@ impl Work {
 
     fn send(&self, change: &Change, step: Step, composite: &Composite, begun: Instant) {
         match outputs::picture(composite) {
-            Ok(bytes) => self.tell_frame(change, step, "image/png", &bytes, begun),
+            Ok(bytes) => self.tell_frame(change, step, "image/png", None, &bytes, begun),
             Err(error) => self.pages.tell(&ToPage::Refused { why: error.to_string() }, &[]),
         }
     }
 
-    fn send_moving(&self, change: &Change, image: &Image<[u8; 3]>, begun: Instant) {
-        match imaging::encode_srgb8("frame.jpg", image, MOVING_QUALITY, "lightoctree insert") {
-            Ok(bytes) => self.tell_frame(change, Step::Moving, "image/jpeg", &bytes, begun),
+    fn send_moving(&self, change: &Change, part: &Part, begun: Instant) {
+        match imaging::encode_srgb8("part.jpg", &part.image, MOVING_QUALITY, "lightoctree view") {
+            Ok(bytes) => self.tell_frame(change, Step::Moving, "image/jpeg", Some(part.at), &bytes, begun),
             Err(error) => self.pages.tell(&ToPage::Refused { why: error.to_string() }, &[]),
         }
     }
@@ -270,16 +277,25 @@ impl Work {
     fn send_photo(&self, change: &Change, begun: Instant) {
         let photo = &self.scenes.open().scene.frame.photo;
         if let Ok(bytes) = imaging::encode_photo("photo.jpg", photo, "lightoctree view") {
-            self.tell_frame(change, Step::Final, "image/jpeg", &bytes, begun);
+            self.tell_frame(change, Step::Final, "image/jpeg", None, &bytes, begun);
         }
     }
 
-    fn tell_frame(&self, change: &Change, step: Step, mime: &'static str, bytes: &[u8], begun: Instant) {
+    fn tell_frame(
+        &self,
+        change: &Change,
+        step: Step,
+        mime: &'static str,
+        at: Option<[usize; 2]>,
+        bytes: &[u8],
+        begun: Instant,
+    ) {
         let frame = ToPage::Frame {
             change: change.number,
             sequence: change.sequence,
             step,
             mime,
+            at,
             lengths: [bytes.len()],
             took_ms: 1e3 * begun.elapsed().as_secs_f64(),
         };

@@ -1,0 +1,64 @@
+//! What a page says to the viewer, one message a line: it is refused, or carried out at a session that stays whole and can be undone to where it began.
+#![no_main]
+
+use std::sync::{Arc, LazyLock};
+
+use libfuzzer_sys::fuzz_target;
+use lightoctree::scene::Scene;
+use lo_session::{OpenScene, Session, SessionError, overlay, probe_place};
+use lo_viewer::protocol::FromPage;
+
+/// Most messages; what comes after them adds nothing.
+const MAX_MESSAGES: usize = 64;
+
+static ROOM: LazyLock<Arc<OpenScene>> = LazyLock::new(|| {
+    let scene = Scene::from_bytes(include_bytes!("../corpus/scene/srgb8_edited.scene")).expect("a scene of the seeds");
+    Arc::new(OpenScene::new("room.scene", scene))
+});
+
+fuzz_target!(|text: &str| {
+    let mut session = Session::new(ROOM.clone());
+    let begun = session.state().clone();
+    for message in text.lines().take(MAX_MESSAGES).filter_map(|line| serde_json::from_str::<FromPage>(line).ok()) {
+        let (before, was_previewing) = (session.state().clone(), session.is_previewing());
+        let refused = |result: Result<(), SessionError>| result.is_err();
+        // Whether nothing else may be shown than before.
+        let stays = match message {
+            FromPage::Command { command } => refused(session.apply(&command)),
+            FromPage::Preview { command, .. } => refused(session.preview(&command)),
+            FromPage::Commit => {
+                session.commit();
+                true
+            }
+            FromPage::Cancel => {
+                session.cancel();
+                false
+            }
+            FromPage::Undo => !session.undo(),
+            FromPage::Redo => !session.redo() && !was_previewing,
+            FromPage::Probe { pixel, lift_m, .. } => {
+                let at = probe_place(session.open(), pixel, lift_m.clamp(0.0, 10.0));
+                assert!(at.is_none_or(|at| at.is_finite() || !lift_m.is_finite()));
+                true
+            }
+            FromPage::Overlay { what } => {
+                let _ = overlay(session.open(), what);
+                true
+            }
+            FromPage::Stop | FromPage::Close => true,
+        };
+        let state = session.state();
+        assert!(!stays || before == *state);
+        for object in &state.objects {
+            object.placement.check().expect("what stands there can be drawn");
+        }
+        serde_json::to_string(&session.view()).expect("numbers and names");
+        let ids: std::collections::HashSet<u32> = state.objects.iter().map(|object| object.id).collect();
+        assert_eq!(ids.len(), state.objects.len());
+        if let Ok(layout) = state.layout() {
+            assert_eq!(layout.objects().len(), state.objects.len());
+        }
+    }
+    while session.undo() {}
+    assert!(begun == *session.state());
+});
