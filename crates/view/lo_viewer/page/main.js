@@ -5,6 +5,7 @@ import { listen } from "./gestures.js";
 import { drawHandles } from "./handles.js";
 import { lightsPanel } from "./lights.js";
 import { objectsPanel } from "./objects.js";
+import { outsideView } from "./outside.js";
 import { LUMINANCE_LEGEND, Picture } from "./picture.js";
 import { probePanel } from "./probe.js";
 import { connect } from "./server.js";
@@ -57,7 +58,7 @@ page.send = (message) => {
   if (message.type === "commit" || message.type === "command") sendPreview();
   if (message.type === "cancel") waiting = null;
   const isSaid = tellServer(message);
-  if (!isSaid && message.type !== "probe") say("there is no connection to the program", true);
+  if (!isSaid && message.type !== "probe" && message.type !== "outside") say("there is no connection to the program", true);
 };
 
 page.select = (id) => {
@@ -91,6 +92,7 @@ page.redraw = () => {
     const scale = handles.width / page.scene.camera.width;
     const hovered = gesture ? null : page.view?.objects.find((object) => object.id === page.hovered?.id);
     drawHandles(handles.getContext("2d"), scale, rem() * ratio, page.scene.camera, page.selected(), hovered, active);
+    outside.draw();
   });
 };
 
@@ -100,6 +102,7 @@ page.keys = {
     if (ids.length) page.select(ids[(ids.indexOf(page.selectedId) + 1) % ids.length]);
   },
   p: () => probe.hold(),
+  v: () => outside.toggle(),
   f: () => setOverlay(byId("overlay").value === "luminance" ? "" : "luminance"),
   0: () => setExposure(0),
   "?": () => byId("help").showModal(),
@@ -110,6 +113,8 @@ const probe = probePanel(page);
 const showObjects = objectsPanel(page);
 const showLights = lightsPanel(page);
 listen(stage, page);
+const outside = outsideView(page, picture, () => probe.shown_m);
+viewer.outside = outside;
 
 function hear(message, pictures) {
   switch (message.type) {
@@ -156,6 +161,9 @@ function hear(message, pictures) {
     case "overlay":
       takeOverlay(message, pictures[0]);
       break;
+    case "outside":
+      outside.take(message, pictures[0]);
+      break;
     case "refused":
       say(message.why, true);
       break;
@@ -178,6 +186,8 @@ function openScene(scene) {
   if (isNew) {
     page.selectedId = null;
     picture.forget();
+    probe.shown_m = null;
+    outside.reset();
     setOverlay("");
     scene.notes.forEach((note) => say(note));
   }
@@ -202,6 +212,7 @@ function showState({ change, view }) {
   byId("copy").hidden = !view.command;
   showObjects();
   showLights();
+  outside.again();
   page.redraw();
 }
 
@@ -215,6 +226,7 @@ function shownFrame(frame) {
     for (const sent of figures.sent.keys()) if (sent <= frame.sequence) figures.sent.delete(sent);
   }
   figures.shown = frame;
+  if (outside.isOn) page.redraw();
   if (frame.change !== page.change) return;
   const isLast = frame.step === "final";
   byId("progress").hidden = isLast || !page.view?.objects.length;
@@ -270,6 +282,7 @@ function setOverlay(what) {
   picture.lay(null);
   showLegend(what === "luminance" ? LUMINANCE_LEGEND : []);
   if (what && what !== "luminance") page.send({ type: "overlay", what });
+  outside.again();
 }
 
 async function takeOverlay(message, bytes) {
@@ -285,6 +298,7 @@ function setExposure(stops) {
   byId("exposure-value").textContent = `${stops > 0 ? "+" : ""}${Math.round(10 * stops) / 10} EV`;
   picture.draw();
   probe.again();
+  outside.again();
 }
 
 byId("overlay").onchange = (event) => setOverlay(event.target.value);
