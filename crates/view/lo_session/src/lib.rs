@@ -27,6 +27,7 @@ mod renderer;
 mod session;
 mod state;
 mod view;
+mod visible;
 
 pub use command::Command;
 pub use command_line::{insert_command, insert_words};

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::lit::LitScenes;
 use crate::overlay::{DepthRange, level_color, normal_color, origin_color, origin_of_leaf};
+use crate::visible::visible;
 use crate::{Overlay, SessionError, State};
 
 /// Largest picture, pixels.
@@ -92,7 +93,7 @@ impl OutsideView {
 
 /// Draws the rooms of one scene's states from outside: the leaves of the octree with their radiance, one ray a pixel, and the objects.
 ///
-/// Walls are seen from the room's side alone, so that one looks into the room as into a doll's house. Objects have the base colour of their material under a
+/// Walls are seen from the room's side alone, and of that side what somebody in the room sees: one looks into the room as into a doll's house. Objects have the base colour of their material under a
 /// light at the viewer, whatever lights the room: how the room lights them, the photo shows.
 pub struct Outside {
     scenes: Arc<LitScenes>,
@@ -165,17 +166,27 @@ fn mean(colors: [[u8; 3]; 4]) -> [u8; 3] {
 
 impl Room {
     fn of(scene: &Scene, depth_range_m: DepthRange) -> Self {
-        let RoomFaces { positions_m, quads, leaves } = RoomFaces::of(&scene.light);
-        let triangles: Vec<[u32; 3]> = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
-        let model = Model {
-            positions: positions_m,
-            triangle_materials: vec![0; triangles.len()],
-            triangles,
-            materials: vec![Material { double_sided: false, ..Material::default() }],
-            ..Model::default()
-        };
-        Self { octree: scene.light.octree.clone(), faces: PreparedModel::new(model), leaves, depth_range_m }
+        let all = RoomFaces::of(&scene.light);
+        let faces = single_sided(&all.positions_m, &all.quads);
+        let is_visible = visible(&faces, &all.quads, &scene.frame.camera);
+        let kept = || is_visible.iter().enumerate().filter(|(_, is_visible)| **is_visible).map(|(face, _)| face);
+        let quads: Vec<[u32; 4]> = kept().map(|face| all.quads[face]).collect();
+        let leaves = kept().map(|face| all.leaves[face]).collect();
+        let faces = single_sided(&all.positions_m, &quads);
+        Self { octree: scene.light.octree.clone(), faces, leaves, depth_range_m }
     }
+}
+
+/// Two triangles for each quad, one after the other, seen from one side.
+fn single_sided(positions_m: &[Vec3], quads: &[[u32; 4]]) -> PreparedModel {
+    let triangles: Vec<[u32; 3]> = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+    PreparedModel::new(Model {
+        positions: positions_m.to_vec(),
+        triangle_materials: vec![0; triangles.len()],
+        triangles,
+        materials: vec![Material { double_sided: false, ..Material::default() }],
+        ..Model::default()
+    })
 }
 
 /// What rays are sent into.

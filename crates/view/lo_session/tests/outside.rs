@@ -4,6 +4,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use lightoctree::export::RoomFaces;
 use lightoctree::geometry::{Camera, Cube, Vec3};
 use lightoctree::imaging::{Image, Photo, srgb8_from_linear};
 use lightoctree::octree::{LightOctree, key_from_xyz};
@@ -22,10 +23,23 @@ const MARK_RADIANCE: [f32; 3] = [0.05, 0.05, 0.9];
 /// Four cells in the middle of the ceiling.
 const LAMP: [f32; 3] = [10.0, 8.0, 6.0];
 
+/// Of cells, shuffled keys with radiance and whether the photo saw them.
+fn scene(mut cells: Vec<(u32, [f32; 4], u8)>, cube: Cube, depth: u32) -> Arc<OpenScene> {
+    cells.sort_by_key(|cell| cell.0);
+    let keys = cells.iter().map(|cell| cell.0).collect();
+    let rgba = cells.iter().map(|cell| cell.1).collect();
+    let seen = cells.iter().map(|cell| cell.2).collect();
+    let light = LightOctree::from_leaves(keys, rgba, seen, cube, depth, 1).unwrap();
+    let photo = Photo::Srgb8(Image::new(8, 6, vec![[120; 3]; 48]));
+    let camera = Camera::new(5.0, 5.0, 4.0, 3.0, 8, 6).unwrap();
+    let frame = Frame::new(photo, Image::new(8, 6, vec![1.5; 48]), camera, 1.0).unwrap();
+    Arc::new(OpenScene::new("room.scene", Scene::as_seen(light, frame)))
+}
+
 fn room() -> Arc<OpenScene> {
     let cells = (0..512u32).map(|i| [i / 64, i / 8 % 8, i % 8]);
     let shell = cells.filter(|xyz| xyz.iter().any(|c| *c == 0 || *c == 7));
-    let mut cells: Vec<(u32, [f32; 4], u8)> = shell
+    let cells = shell
         .map(|xyz| {
             let [r, g, b] = match xyz {
                 MARK => MARK_RADIANCE,
@@ -37,15 +51,7 @@ fn room() -> Arc<OpenScene> {
             (key_from_xyz(xyz), [r, g, b, 0.99], if xyz[2] == 0 { 255 } else { 0 })
         })
         .collect();
-    cells.sort_by_key(|cell| cell.0);
-    let keys = cells.iter().map(|cell| cell.0).collect();
-    let rgba = cells.iter().map(|cell| cell.1).collect();
-    let seen = cells.iter().map(|cell| cell.2).collect();
-    let light = LightOctree::from_leaves(keys, rgba, seen, Cube::centred(Vec3::ZERO, 4.0), 3, 1).unwrap();
-    let photo = Photo::Srgb8(Image::new(8, 6, vec![[120; 3]; 48]));
-    let camera = Camera::new(5.0, 5.0, 4.0, 3.0, 8, 6).unwrap();
-    let frame = Frame::new(photo, Image::new(8, 6, vec![1.5; 48]), camera, 1.0).unwrap();
-    Arc::new(OpenScene::new("room.scene", Scene::as_seen(light, frame)))
+    scene(cells, Cube::centred(Vec3::ZERO, 4.0), 3)
 }
 
 fn view(eye_m: [f32; 3]) -> OutsideView {
@@ -109,6 +115,29 @@ fn walls_are_seen_from_the_rooms_side_alone() {
     assert_eq!(still[MIDDLE], code(AHEAD));
     let known = [[48; 3], code(AHEAD), code(REST), code(MARK_RADIANCE), [255; 3]];
     assert!(still.pixels().iter().any(|color| !known.contains(color)));
+}
+
+#[test]
+fn a_hole_in_a_wall_does_not_show_the_walls_from_behind() {
+    // Walls of a quarter of a metre about 3.5 m of air, in a cube of 8 m, with a hole of a metre in the right one.
+    let cells = (0..32u32.pow(3)).map(|i| [i / 1024, i / 32 % 32, i % 32]);
+    let shell = cells.filter(|xyz| xyz.iter().all(|c| (8..24).contains(c)) && xyz.iter().any(|c| *c == 8 || *c == 23));
+    let shell = shell.filter(|xyz| !matches!(xyz, [23, 12..16, 12..16]));
+    let color = |z: u32| match z {
+        8 => AHEAD,
+        23 => BEHIND,
+        _ => REST,
+    };
+    let cells = shell.map(|xyz| {
+        let [r, g, b] = color(xyz[2]);
+        (key_from_xyz(xyz), [r, g, b, 0.99], 255)
+    });
+    let open = scene(cells.collect(), Cube::centred(Vec3::ZERO, 8.0), 5);
+    // Air comes to the outer sides, too: 6 × 14² faces are within.
+    assert!(RoomFaces::of(&open.scene.light).quads.len() > 2 * 6 * 14 * 14);
+    for (eye_m, far_wall) in [([0.0, 0.0, 6.0], AHEAD), ([0.0, 0.0, -6.0], BEHIND), ([-6.0, -0.3, -0.9], REST)] {
+        assert_eq!(picture(&open, &State::default(), &view(eye_m))[MIDDLE], code(far_wall), "{eye_m:?}");
+    }
 }
 
 #[test]

@@ -1,7 +1,7 @@
 // The room from outside: the program's picture of it, and over that, as lines, what looks, stands and shines in it.
 
 import { add, corners, cross, dot, isInHull, minus, project, times, unit } from "./camera.js";
-import { byId, hexFromLinear, short } from "./dom.js";
+import { byId, hexFromLinear } from "./dom.js";
 import { EDGES } from "./handles.js";
 import { falseColour } from "./picture.js";
 
@@ -375,7 +375,7 @@ class Pen {
     if (!isPlain) {
       // Dark below, so that it shows on everything.
       context.strokeStyle = "#0009";
-      context.lineWidth = (width + 0.11) * rem;
+      context.lineWidth = (width + 0.1) * rem;
       context.stroke();
     }
     context.strokeStyle = color;
@@ -473,7 +473,8 @@ function drawGrid(pen, { middle_m, radius_m, floor_m }, { right, up, ahead }) {
   const [x, z] = [right, ahead].map((axis) => Math.round(dot(middle_m, axis)));
   for (let i = -reach; i <= reach; i++) {
     for (const ends of [[on(x + i, z - reach), on(x + i, z + reach)], [on(x - reach, z + i), on(x + reach, z + i)]]) {
-      pen.line(ends, "#ffffff38", 0.06, { isPlain: true });
+      pen.line(ends, "#00000048", 0.14, { isPlain: true });
+      pen.line(ends, "#ffffff60", 0.06, { isPlain: true });
     }
   }
   for (let i = 1; i <= z + reach; i++) pen.label(on(0, i), `${i} m`, "#c8c8c8", [0.3, 0]);
@@ -488,12 +489,12 @@ function drawFrustum(pen, { camera, extent }, image) {
   ];
   const depth = 0.16 * extent.radius_m;
   const ends = [[0, 0], [1, 0], [1, 1], [0, 1]];
-  for (const [s, t] of ends) pen.line([at(s, t, depth), at(s, t, 1.4 * extent.radius_m)], "#f0a93b60", 0.06, { isPlain: true });
+  for (const [s, t] of ends) pen.line([at(s, t, depth), at(s, t, 1.4 * extent.radius_m)], "#f0a93bb0", 0.08);
   if (image) drawImageOn(pen, image, (s, t) => at(s, t, depth));
-  for (const [s, t] of ends) pen.line([[0, 0, 0], at(s, t, depth)], "#f0a93b", 0.1);
-  pen.line([...ends, ends[0]].map(([s, t]) => at(s, t, depth)), "#f0a93b", 0.1);
+  for (const [s, t] of ends) pen.line([[0, 0, 0], at(s, t, depth)], "#f0a93b", 0.15);
+  pen.line([...ends, ends[0]].map(([s, t]) => at(s, t, depth)), "#f0a93b", 0.15);
   pen.dot([0, 0, 0], 0.25, "#f0a93b");
-  pen.label([0, 0, 0], "camera", "#f0a93b");
+  pen.label([0, 0, 0], "camera", "#f0a93b", [-4, 0]);
 }
 
 /** An image on a rectangle of the room, in so many parts that perspective does not show. */
@@ -520,7 +521,7 @@ function drawImageOn(pen, image, place) {
 function drawPlumb(pen, { floor_m }, { up }) {
   if (floor_m >= 0) return;
   const foot = times(up, floor_m);
-  pen.line([[0, 0, 0], foot], "#f0a93b", 0.07, { dash: [0.3, 0.3] });
+  pen.line([[0, 0, 0], foot], "#f0a93b", 0.1, { dash: [0.3, 0.3] });
   pen.dot(foot, 0.14, "#f0a93b");
   pen.label(times(foot, 0.5), `${(-floor_m).toFixed(2)} m`, "#f0a93b", [0.5, 0]);
 }
@@ -528,7 +529,7 @@ function drawPlumb(pen, { floor_m }, { up }) {
 function drawObject(pen, object, isSelected) {
   const box = corners(object);
   const color = isSelected ? "#f0a93b" : "#ffffff";
-  for (const [a, b] of EDGES) pen.line([box[a], box[b]], color, 0.07);
+  for (const [a, b] of EDGES) pen.line([box[a], box[b]], color, 0.11);
   pen.label(times([4, 5, 6, 7].map((i) => box[i]).reduce(add), 1 / 4), object.name, color, [-0.5, -0.9]);
 }
 
@@ -557,13 +558,17 @@ function drawLight(pen, light, extent) {
 function drawProbe(pen, place) {
   pen.ring(place, pen.towards(place), 0.1, "#56b4e9", 0.1);
   pen.dot(place, 0.14, "#56b4e9");
-  pen.label(place, `light at ${place.map(short).join(", ")}`, "#56b4e9");
+  pen.label(place, "probe", "#56b4e9", [0.5, 1]);
 }
 
 /** Which way is up, right and ahead for the photo's camera, in the corner. */
 function drawAxes(pen, { right, up, ahead }) {
   const { context, rem } = pen;
-  const centre = [context.canvas.width - 3.4 * rem, 3.4 * rem];
+  const centre = [context.canvas.width - 4.6 * rem, 4.6 * rem];
+  context.beginPath();
+  context.arc(...centre, 4 * rem, 0, 2 * Math.PI);
+  context.fillStyle = "#1b1b1bb0";
+  context.fill();
   const named = [["right", right, "#e0705f"], ["up", up, "#8fce6a"], ["ahead", ahead, "#7aa7ea"]]
     .map(([name, axis, color]) => ({ name, color, inView: pen.camera.axes.map((own) => dot(own, axis)) }));
   // The farthest first.
