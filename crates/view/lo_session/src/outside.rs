@@ -3,7 +3,7 @@ use std::sync::Arc;
 use lightoctree::export::RoomFaces;
 use lightoctree::geometry::{Camera, Mat3, Ray, Vec3};
 use lightoctree::imaging::{self, Image, ToneCurve};
-use lightoctree::mesh::{Material, Model, PlacedModel, PreparedModel};
+use lightoctree::mesh::{Hit, Material, Model, PlacedModel, PreparedModel};
 use lightoctree::octree::{LeafNode, Octree};
 use lightoctree::scene::Scene;
 use rayon::prelude::*;
@@ -202,7 +202,10 @@ struct Seen<'a> {
 impl Seen<'_> {
     fn color(&self, ray: &Ray) -> [u8; 3] {
         let face = self.room.faces.intersect(ray, f32::INFINITY);
-        let mut nearest_m = face.map_or(f32::INFINITY, |hit| hit.distance_m);
+        // An object stands on the surface that a leaf is of, somewhere in the leaf: not below it.
+        let depth = |hit: Hit| self.room.leaves[hit.triangle as usize / 2].depth;
+        let leaf_end_m = |hit: Hit| hit.distance_m + self.scene.light.cube.node_edge_m(depth(hit));
+        let mut nearest_m = face.map_or(f32::INFINITY, leaf_end_m);
         let mut object = None;
         for placed in self.objects {
             if let Some(hit) = placed.intersect(ray, nearest_m) {
@@ -215,7 +218,7 @@ impl Seen<'_> {
                 let surface = placed.surface(&hit, ray.direction, self.pitch * hit.distance_m);
                 match self.view.show {
                     Some(Overlay::Normals) => normal_color(surface.shading_normal),
-                    Some(Overlay::Depth) => self.depth_color(ray, nearest_m),
+                    Some(Overlay::Depth) => self.depth_color(ray, hit.distance_m),
                     _ => {
                         let facing = surface.shading_normal.dot(-ray.direction).max(0.0);
                         let light = OBJECT_WHITE * (OBJECT_AMBIENT + (1.0 - OBJECT_AMBIENT) * facing);
@@ -232,7 +235,7 @@ impl Seen<'_> {
                         self.developed([r, g, b])
                     }
                     Some(Overlay::Normals) => normal_color(self.normal(hit.triangle)),
-                    Some(Overlay::Depth) => self.depth_color(ray, nearest_m),
+                    Some(Overlay::Depth) => self.depth_color(ray, hit.distance_m),
                     Some(Overlay::Levels) => self.flat(level_color(depth), hit.triangle),
                     Some(Overlay::Origins) => {
                         self.flat(origin_color(origin_of_leaf(self.scene, depth, row)), hit.triangle)

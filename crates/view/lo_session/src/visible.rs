@@ -16,11 +16,12 @@ const PLACES: usize = 32;
 const ON_THE_WAY: f32 = 0.6;
 const TOO_FAR: f32 = 2.0;
 
-/// How many faces far a surface goes on between the rays.
+/// How many faces far a surface goes on between the rays, and how small these are: of a share of their distance from the camera. Rays are 1/70 apart.
 const GAPS: usize = 2;
+const IN_GAPS: f32 = 1.0 / 16.0;
 
 /// Of each face of a model that has two triangles a face, whether it is seen from the photo's camera at the origin or from places between it and what it sees;
-/// and of the faces that lie beside one of these and look the same way. All, where nothing is seen.
+/// and of small ones that lie beside one of these and look the same way. All, where nothing is seen.
 pub(crate) fn visible(faces: &PreparedModel, quads: &[[u32; 4]], camera: &Camera) -> Vec<bool> {
     let is_seen: Vec<AtomicBool> = quads.iter().map(|_| AtomicBool::new(false)).collect();
     let send = |origin: Vec3, direction: Vec3| {
@@ -28,7 +29,9 @@ pub(crate) fn visible(faces: &PreparedModel, quads: &[[u32; 4]], camera: &Camera
         is_seen[hit.triangle as usize / 2].store(true, Ordering::Relaxed);
         Some(hit.distance_m)
     };
-    fibonacci_sphere(RAYS_AROUND).into_par_iter().for_each(|direction| drop(send(Vec3::ZERO, direction)));
+    fibonacci_sphere(RAYS_AROUND).into_par_iter().for_each(|direction| {
+        send(Vec3::ZERO, direction);
+    });
     let step = f64::from(camera.width.max(camera.height)) / RAYS_ACROSS as f64;
     let [columns, rows] = [camera.width, camera.height].map(|side| (f64::from(side) / step).ceil() as usize);
     (0..columns * rows).into_par_iter().for_each(|i| {
@@ -42,7 +45,9 @@ pub(crate) fn visible(faces: &PreparedModel, quads: &[[u32; 4]], camera: &Camera
     let most_m = ways.get(ways.len() / 2).map_or(0.0, |(_, median_m)| TOO_FAR * median_m);
     for (way, distance_m) in ways.into_iter().filter(|(_, distance_m)| *distance_m <= most_m) {
         let place = way * (ON_THE_WAY * distance_m);
-        elsewhere.par_iter().for_each(|&direction| drop(send(place, direction)));
+        elsewhere.par_iter().for_each(|&direction| {
+            send(place, direction);
+        });
     }
     let mut is_seen: Vec<bool> = is_seen.into_iter().map(AtomicBool::into_inner).collect();
     if !is_seen.contains(&true) {
@@ -56,7 +61,9 @@ pub(crate) fn visible(faces: &PreparedModel, quads: &[[u32; 4]], camera: &Camera
             quad.iter().for_each(|&corner| looked[corner as usize] |= side);
         }
         for ((quad, side), is_seen) in quads.iter().zip(&sides).zip(&mut is_seen) {
-            *is_seen |= quad.iter().any(|&corner| looked[corner as usize] & side != 0);
+            let [from, to] = [quad[0], quad[1]].map(|corner| positions[corner as usize]);
+            let is_small = (to - from).length() < IN_GAPS * from.length();
+            *is_seen |= is_small && quad.iter().any(|&corner| looked[corner as usize] & side != 0);
         }
     }
     is_seen

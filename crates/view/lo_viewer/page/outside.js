@@ -489,7 +489,7 @@ function drawFrustum(pen, { camera, extent }, image) {
   ];
   const depth = 0.16 * extent.radius_m;
   const ends = [[0, 0], [1, 0], [1, 1], [0, 1]];
-  for (const [s, t] of ends) pen.line([at(s, t, depth), at(s, t, 1.4 * extent.radius_m)], "#f0a93bb0", 0.08);
+  for (const [s, t] of ends) pen.line([at(s, t, depth), at(s, t, 1.4 * extent.radius_m)], "#f0a93b", 0.07);
   if (image) drawImageOn(pen, image, (s, t) => at(s, t, depth));
   for (const [s, t] of ends) pen.line([[0, 0, 0], at(s, t, depth)], "#f0a93b", 0.15);
   pen.line([...ends, ends[0]].map(([s, t]) => at(s, t, depth)), "#f0a93b", 0.15);
@@ -566,7 +566,7 @@ function drawAxes(pen, { right, up, ahead }) {
   const { context, rem } = pen;
   const centre = [context.canvas.width - 4.6 * rem, 4.6 * rem];
   context.beginPath();
-  context.arc(...centre, 4 * rem, 0, 2 * Math.PI);
+  context.arc(...centre, 3.9 * rem, 0, 2 * Math.PI);
   context.fillStyle = "#1b1b1bb0";
   context.fill();
   const named = [["right", right, "#e0705f"], ["up", up, "#8fce6a"], ["ahead", ahead, "#7aa7ea"]]
