@@ -448,7 +448,9 @@ fn view_figures() {
             shot(&mut browser, &format!("figures_{}_final.png", name.replace(' ', "_")));
         }
         let (rate, median_ms, still_ms) = turn_for(&mut browser, 8.0);
-        println!("{what}, from outside: {rate:.1} pictures/s, {median_ms:.0} ms median for one; the still one after {still_ms:.0} ms");
+        println!(
+            "{what}, from outside: {rate:.1} pictures/s, {median_ms:.0} ms median for one; the still one after {still_ms:.0} ms"
+        );
         shot(&mut browser, "figures_outside.png");
         press(&mut browser, "Photo");
     }
