@@ -194,6 +194,50 @@ fn two_pages_show_the_same() {
 }
 
 #[test]
+fn each_page_sees_the_room_from_its_own_place() {
+    let folder = room_with_scene();
+    let mut viewer = Viewer::start(folder.path(), &["room.scene"]);
+    let mut pages = [viewer.page(), viewer.page()];
+    let view = json!({ "eye_m": [2.0, 1.5, 2.0], "target_m": [0, -0.5, -1.5], "fov_deg": 40, "width": 120, "height": 90,
+        "exposure_ev": 0, "show": null, "still": false });
+    let changed = |changes: serde_json::Value| {
+        let mut view = view.clone();
+        changes.as_object().unwrap().iter().for_each(|(name, value)| view[name] = value.clone());
+        json!({ "type": "outside", "sequence": 7, "view": view })
+    };
+    let is_seen = |message: &serde_json::Value| message["type"] == "outside";
+    let shown = |page: &mut crate::support::view::Page, asked: &serde_json::Value| {
+        page.say(asked);
+        let (told, bytes) = page.hear("the room", is_seen);
+        assert_eq!(told["sequence"], 7);
+        let photo = lightoctree::imaging::photo_from_bytes(&bytes, "outside").unwrap().photo;
+        (told["mime"].as_str().unwrap().to_owned(), photo.width(), photo.height())
+    };
+    pages.iter_mut().for_each(|page| drop(page.hear("the scene", |message| message["type"] == "scene")));
+    // Asked at the same time, each is answered.
+    let [first, second] = &mut pages;
+    first.say(&changed(json!({ "width": 100, "still": true })));
+    assert_eq!(shown(second, &changed(json!({ "width": 64 }))), ("image/jpeg".to_owned(), 64, 90));
+    let (_, bytes) = first.hear("the room", is_seen);
+    assert!(bytes.starts_with(b"\x89PNG"));
+    assert_eq!(lightoctree::imaging::photo_from_bytes(&bytes, "outside").unwrap().photo.width(), 100);
+    for wrong in [
+        json!({ "width": 4_000_000_000_u32 }),
+        json!({ "height": 0 }),
+        json!({ "eye_m": [1e39, 0, 0] }),
+        json!({ "target_m": [2.0, 1.5, 2.0] }),
+        json!({ "fov_deg": 180 }),
+        json!({ "exposure_ev": -1e30 }),
+    ] {
+        first.say(&changed(wrong.clone()));
+        let (refused, _) = first.hear("a refusal", |message| message["type"] == "refused");
+        assert!(refused["why"].as_str().unwrap().contains("the view's"), "{wrong}: {refused}");
+    }
+    assert_eq!(shown(first, &changed(json!({ "show": "origins" }))), ("image/jpeg".to_owned(), 120, 90));
+    assert!(viewer.is_alive());
+}
+
+#[test]
 fn others_are_refused_with_a_reason() {
     let folder = room_with_scene();
     let mut viewer = Viewer::start(folder.path(), &["room.scene"]);

@@ -210,6 +210,133 @@ fn a_person_moves_objects_and_light() {
     assert_eq!(faults, Vec::<String>::new());
 }
 
+/// What the page shows of the room from outside is finished.
+const STILL: &str = "viewer.outside.isStill()";
+
+#[test]
+fn a_person_looks_at_the_room_from_outside() {
+    let Some(mut browser) = Browser::start("the viewer's room from outside") else { return };
+    let folder = room_with_scene();
+    let viewer = Viewer::start(folder.path(), &["room.scene"]);
+    browser.open(&viewer.address, [1280, 720]);
+    browser.wait("document.body.dataset.at === 'scene'");
+    browser.wait(FINAL);
+    click(&mut browser, "#view-room");
+    browser.wait(STILL);
+    shot(&mut browser, "room.png");
+    let pressed = browser.value("['view-photo', 'view-room'].map((id) => document.getElementById(id).ariaPressed)");
+    assert_eq!(pressed, serde_json::json!(["false", "true"]));
+    browser.value(
+        "Promise.all(['camera', 'outside'].map((name) => import(`./page/${name}.js`))).then(([{ project }, { cameraOf, inFrame }]) => {
+           const camera = () => cameraOf(viewer.outside.shown.view, viewer.page.scene.up);
+           // The codes that the program's picture, or the canvas with its lines, has about points of the room.
+           globalThis.codes = (points, onCanvas, reach) => {
+             const { bitmap, view } = viewer.outside.shown;
+             const canvas = onCanvas ? document.getElementById('outside') : new OffscreenCanvas(bitmap.width, bitmap.height);
+             if (!onCanvas) canvas.getContext('2d').drawImage(bitmap, 0, 0);
+             return points.map((point) => {
+               const [u, v] = project(camera(), inFrame(camera(), point));
+               const [x, y] = [Math.floor((u * canvas.width) / view.width), Math.floor((v * canvas.height) / view.height)];
+               const { data } = canvas.getContext('2d').getImageData(x - reach, y - reach, 2 * reach + 1, 2 * reach + 1);
+               return Array.from({ length: data.length / 4 }, (_, i) => [...data.slice(4 * i, 4 * i + 3)]);
+             });
+           };
+           globalThis.onPage = (point) => {
+             const box = document.getElementById('outside').getBoundingClientRect();
+             const [u, v] = project(camera(), inFrame(camera(), point));
+             return [box.left + (u * box.width) / viewer.outside.shown.view.width, box.top + (v * box.height) / viewer.outside.shown.view.height];
+           };
+         })",
+    );
+
+    // Along the edges of the frustum lie lines in the accent's colour, which the program's picture has nowhere.
+    let accents = |browser: &mut Browser, on_canvas: bool| {
+        browser.value(&format!(
+            "(() => {{ const {{ camera, extent }} = viewer.page.scene;
+               const edge = (s, t) => [0.5, 0.7, 0.9].map((share) => share * 0.16 * extent.radius_m).map((depth) =>
+                 [((s - camera.cx) / camera.fx) * depth, -((t - camera.cy) / camera.fy) * depth, -depth]);
+               const points = [0, camera.width].flatMap((s) => [0, camera.height].flatMap((t) => edge(s, t)));
+               const isAccent = ([r, g, b]) => Math.abs(r - 240) + Math.abs(g - 169) + Math.abs(b - 59) < 60;
+               return codes(points, {on_canvas}, 2).filter((around) => around.some(isAccent)).length; }})()"
+        ))
+    };
+    assert_eq!((accents(&mut browser, true), accents(&mut browser, false)), (12.into(), 0.into()));
+
+    // An object is drawn where the page's formula says, and nowhere beside it.
+    press(&mut browser, "Chrome sphere");
+    browser.wait("viewer.page.selectedId === 1");
+    browser.wait(STILL);
+    browser.value(
+        "(() => { const { position_m: [x, y, z], size_m: [w, h] } = viewer.page.view.objects[0];
+           globalThis.points = [[0, 0], [0.7, 0], [-0.7, 0], [0, 0.7], [1.5, 0], [-1.5, 0], [0, 1.5]].map(([a, b]) =>
+             [x + 0.5 * a * w, y + 0.5 * h * (1 + b), z]); })()",
+    );
+    let with = browser.value("codes(points, false, 0)");
+    shot(&mut browser, "room_with_object.png");
+
+    // A click selects it; dragging turns the view, and moves nothing in the room.
+    browser.key("Escape", 0);
+    browser.wait("viewer.page.selectedId === null");
+    let number = |browser: &mut Browser, expression: &str| browser.value(expression).as_f64().unwrap();
+    let [x, y] = [0, 1].map(|axis| number(&mut browser, &format!("onPage(points[0])[{axis}]")));
+    browser.mouse("mousePressed", [x, y]);
+    browser.mouse("mouseReleased", [x, y]);
+    browser.wait("viewer.page.selectedId === 1");
+    let place = object(&mut browser, 0)["place"].clone();
+    let before = browser.value("viewer.outside.orbit()");
+    let empty = [x + 120.0, y - 60.0];
+    browser.mouse("mousePressed", empty);
+    for step in 1..=8 {
+        browser.mouse("mouseMoved", [empty[0] + 10.0 * f64::from(step), empty[1] + 2.0 * f64::from(step)]);
+    }
+    browser.mouse("mouseReleased", [empty[0] + 80.0, empty[1] + 16.0]);
+    browser.wait(STILL);
+    let after = browser.value("viewer.outside.orbit()");
+    assert!(after["yaw_deg"].as_f64() < before["yaw_deg"].as_f64(), "{before} {after}");
+    assert!(after["pitch_deg"].as_f64() > before["pitch_deg"].as_f64(), "{before} {after}");
+    assert_eq!(object(&mut browser, 0)["place"], place);
+    assert_ne!(browser.value("codes(points, false, 0)"), with);
+    shot(&mut browser, "room_turned.png");
+    let wheel = serde_json::json!({ "type": "mouseWheel", "x": x, "y": y, "deltaX": 0, "deltaY": -300 });
+    browser.call("Input.dispatchMouseEvent", wheel);
+    browser.wait(&format!("viewer.outside.orbit().distance_m < {}", before["distance_m"]));
+
+    // The keys do the same.
+    browser.key("ArrowRight", 0);
+    browser.wait(&format!("Math.abs(viewer.outside.orbit().yaw_deg - {} - 5) < 1e-9", after["yaw_deg"]));
+    browser.key("ArrowUp", 8);
+    browser.wait(&format!("viewer.outside.orbit().target_m.join() !== '{}'", before["target_m"]));
+    browser.key("Home", 0);
+    let expected = format!("({before})[name].toString() === viewer.outside.orbit()[name].toString()");
+    browser.wait(&format!("['yaw_deg', 'pitch_deg', 'distance_m', 'target_m'].every((name) => {expected})"));
+    browser.wait(STILL);
+    assert_eq!(browser.value("codes(points, false, 0)"), with);
+    browser.key("Delete", 0);
+    browser.wait("viewer.page.view.objects.length === 0");
+    browser.wait(STILL);
+    let without = browser.value("codes(points, false, 0)");
+    let differ: Vec<bool> = (0..7).map(|i| with[i] != without[i]).collect();
+    assert_eq!(differ, [true, true, true, true, false, false, false], "{with} {without}");
+
+    // What is seen and what is guessed have the overlay's colours and legend; exposure is the program's work here.
+    browser.value("(() => { const field = document.getElementById('overlay'); field.value = 'origins'; field.onchange({ target: field }); })()");
+    browser.wait(STILL);
+    browser.wait("document.getElementById('legend').textContent.includes('guessed')");
+    assert_ne!(browser.value("codes(points, false, 0)"), without);
+    shot(&mut browser, "room_origins.png");
+    browser.value("(() => { const field = document.getElementById('overlay'); field.value = ''; field.onchange({ target: field }); })()");
+    browser.value("(() => { const field = document.getElementById('exposure'); field.value = '1'; field.oninput({ target: field }); })()");
+    browser.wait(STILL);
+    let bright = browser.value("codes(points, false, 0)[4][0][1]").as_u64();
+    assert!(bright > without[4][0][1].as_u64(), "{bright:?} {without}");
+
+    // Back in the photo.
+    browser.key("v", 0);
+    let is_photo = "document.getElementById('outside').hidden && getComputedStyle(document.getElementById('picture')).visibility === 'visible'";
+    assert_eq!(browser.value(is_photo), true);
+    assert_eq!(browser.faults, Vec::<String>::new());
+}
+
 #[test]
 fn controls_have_names_and_texts_have_contrast() {
     let Some(mut browser) = Browser::start("names and contrast of the viewer's page") else { return };
@@ -285,6 +412,32 @@ fn drag_for(browser: &mut Browser, seconds: f64) -> (f64, f64, f64) {
     (rate, latencies[latencies.len() / 2], latencies[latencies.len() * 9 / 10])
 }
 
+/// Pictures a second while the room is turned, how long the program works at one (median), and at one of a view that is still.
+fn turn_for(browser: &mut Browser, seconds: f64) -> (f64, f64, f64) {
+    press(browser, "Room");
+    browser.wait(STILL);
+    let place = [460.0, 300.0];
+    browser.mouse("mousePressed", place);
+    let (mut shown, mut took_ms) = (browser.value("viewer.outside.shown.sequence").as_f64().unwrap(), Vec::new());
+    let begun = std::time::Instant::now();
+    while begun.elapsed().as_secs_f64() < seconds {
+        let angle = 2.0 * begun.elapsed().as_secs_f64();
+        browser.mouse("mouseMoved", [place[0] + 150.0 * angle.sin(), place[1] + 60.0 * (2.0 * angle).sin()]);
+        std::thread::sleep(std::time::Duration::from_millis(8));
+        let now = browser.value("[viewer.outside.shown.sequence, viewer.outside.shown.took_ms]");
+        if now[0].as_f64().unwrap() > shown {
+            shown = now[0].as_f64().unwrap();
+            took_ms.push(now[1].as_f64().unwrap());
+        }
+    }
+    let rate = took_ms.len() as f64 / begun.elapsed().as_secs_f64();
+    browser.mouse("mouseReleased", place);
+    took_ms.sort_by(f64::total_cmp);
+    browser.wait(STILL);
+    let still_ms = browser.value("viewer.outside.shown.took_ms").as_f64().unwrap();
+    (rate, took_ms[took_ms.len() / 2], still_ms)
+}
+
 #[test]
 #[ignore = "figures, on a machine that does nothing else: cargo test --release -p lightoctree-cli --test it view_figures -- --ignored --nocapture"]
 fn view_figures() {
@@ -336,5 +489,11 @@ fn view_figures() {
             browser.wait(FINAL);
             shot(&mut browser, &format!("figures_{}_final.png", name.replace(' ', "_")));
         }
+        let (rate, median_ms, still_ms) = turn_for(&mut browser, 8.0);
+        println!(
+            "{what}, from outside: {rate:.1} pictures/s, {median_ms:.0} ms median for one; the still one after {still_ms:.0} ms"
+        );
+        shot(&mut browser, "figures_outside.png");
+        press(&mut browser, "Photo");
     }
 }

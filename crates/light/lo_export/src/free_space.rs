@@ -8,7 +8,7 @@
 //! through a hole shows a few faces around it, not the outside of the whole room.
 
 use lo_geometry::Vec3;
-use lo_octree::{LightOctree, Octree};
+use lo_octree::{LeafNode, LightOctree, Octree};
 
 /// Opacity below which a node counts as air: a network leaves faint nodes, which nobody would call a surface.
 const AIR_OPACITY: f32 = 0.01;
@@ -24,6 +24,10 @@ pub(crate) const FACES: [[i32; 3]; 6] = [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 
 pub(crate) struct Leaf {
     /// Depth of the node.
     pub depth: u32,
+    /// Index of the node in its level.
+    pub node: usize,
+    /// Row of its features in its level.
+    pub row: usize,
     /// Integer coordinates among the nodes of its depth.
     pub xyz: [u32; 3],
     /// Centre in metres.
@@ -41,6 +45,11 @@ pub(crate) struct Leaf {
 }
 
 impl Leaf {
+    /// As the octree knows it.
+    pub fn leaf_node(&self) -> LeafNode {
+        LeafNode { depth: self.depth, node: self.node, row: self.row }
+    }
+
     /// Linear RGB radiance.
     pub fn radiance(&self) -> [f32; 3] {
         [self.rgba[0], self.rgba[1], self.rgba[2]]
@@ -93,6 +102,8 @@ pub(crate) fn leaves(light: &LightOctree, panorama_share: Option<&[Vec<u8>]>) ->
             let (row, xyz) = (row as usize, coordinates[depth as usize][node]);
             leaves.push(Leaf {
                 depth,
+                node,
+                row,
                 xyz,
                 centre_m: light.cube.origin_m + (Vec3::from(xyz.map(|c| c as f32)) + 0.5) * edge_m,
                 edge_m,

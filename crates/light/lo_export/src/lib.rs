@@ -5,6 +5,8 @@
 //! the camera and the room's lamps, too; USD also what the photo sees, textured with it. Light probes are written as OpenEXR
 //! files beside the scene, turned as the format's readers expect them.
 //!
+//! [`RoomFaces`] is that mesh for who shows a room by other means.
+//!
 //! Radiance is relative: 1.0 is the photo's white. Mesh, lamps and probes are on one scale.
 //!
 //! The same scene gives the same bytes.
@@ -13,6 +15,7 @@ mod atlas;
 mod beside;
 mod content;
 mod error;
+mod faces;
 mod format;
 mod free_space;
 mod glb;
@@ -38,6 +41,7 @@ use lo_scene::Scene;
 
 pub use content::Content;
 pub use error::ExportError;
+pub use faces::RoomFaces;
 pub use format::Format;
 pub use probe::LightProbe;
 

@@ -42,11 +42,8 @@ impl<'a> Object<'a> {
         if !(size.is_finite() && size.max_element() > 0.0) {
             return Err(InsertError::EmptyModel(format!("its bounding box is {} to {}", bounds.min, bounds.max)));
         }
-        let scale = placement.scale;
-        let rotation = placement.rotation();
-        let base = Vec3::new(centre.x, bounds.min.y, centre.z);
-        let translation = placement.position_m - rotation * (base * scale);
-        let placed = PlacedModel { prepared, placement: lo_mesh::Placement { scale, rotation, translation } };
+        let placed = PlacedModel { prepared, placement: placement.of_model(bounds) };
+        let lo_mesh::Placement { scale, rotation, .. } = placed.placement;
         Ok(Self {
             centre_m: placed.placement.world_from_model(centre),
             placed,

@@ -1,4 +1,5 @@
 use lo_geometry::{Plane, Quat, Vec2, Vec3};
+use lo_mesh::Bounds;
 use lo_scene::Scene;
 use serde::{Deserialize, Serialize};
 
@@ -119,6 +120,14 @@ impl Placement {
         let step = if rise.abs() > 0.05 { sight * (height_m / rise) } else { self.up * height_m };
         let position_m = self.position_m + step;
         Self { position_m, support: Some(Plane::through(position_m, self.up)), ..self }
+    }
+
+    /// How a model of these bounds is scaled, turned and moved.
+    pub fn of_model(&self, bounds: Bounds) -> lo_mesh::Placement {
+        let (scale, rotation) = (self.scale, self.rotation());
+        let centre = bounds.center();
+        let base = Vec3::new(centre.x, bounds.min.y, centre.z);
+        lo_mesh::Placement { scale, rotation, translation: self.position_m - rotation * (base * scale) }
     }
 
     /// What turns the model's axes to the world's.

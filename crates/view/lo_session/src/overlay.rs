@@ -64,32 +64,58 @@ pub fn overlay(open: &OpenScene, what: Overlay) -> Result<OverlayPicture, Sessio
 }
 
 fn depth(depth_m: &DepthMap) -> OverlayPicture {
-    let known = || depth_m.pixels().iter().copied().filter(|z| *z > 0.0);
-    let (near, far) = known().fold((f32::INFINITY, 0.0f32), |(near, far), z| (near.min(z), far.max(z)));
-    let share = |z: f32| if far > near { (z - near) / (far - near) } else { 0.0 };
-    let color = |z: f32| turbo(1.0 - share(z));
-    let image = depth_m.map(|&z| if z > 0.0 { opaque(color(z)) } else { [0; 4] });
+    let range_m = DepthRange::of(depth_m);
+    let image = depth_m.map(|&z| if z > 0.0 { opaque(range_m.color(z)) } else { [0; 4] });
+    let DepthRange { near, far } = range_m;
     let steps = [0.0, 0.25, 0.5, 0.75, 1.0].map(|share| near + share * (far - near));
-    let legend = if far > 0.0 { steps.map(|z| (color(z), format!("{z:.2} m"))).to_vec() } else { Vec::new() };
+    let legend = if far > 0.0 { steps.map(|z| (range_m.color(z), format!("{z:.2} m"))).to_vec() } else { Vec::new() };
     OverlayPicture { image, legend }
 }
 
+/// The depths that a photo's readings have, metres.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct DepthRange {
+    near: f32,
+    far: f32,
+}
+
+impl DepthRange {
+    pub fn of(depth_m: &DepthMap) -> Self {
+        let known = depth_m.pixels().iter().copied().filter(|z| *z > 0.0);
+        let (near, far) = known.fold((f32::INFINITY, 0.0f32), |(near, far), z| (near.min(z), far.max(z)));
+        Self { near, far }
+    }
+
+    /// Red near and blue far.
+    pub fn color(&self, z: f32) -> [u8; 3] {
+        let share = if self.far > self.near { (z - self.near) / (self.far - self.near) } else { 0.0 };
+        turbo(1.0 - share)
+    }
+}
+
 fn normals(normals: &Image<Vec3>) -> OverlayPicture {
-    let code = |c: f32| (127.5 + 127.5 * c) as u8;
-    let color = |n: Vec3| n.to_array().map(code);
-    let image = normals.map(|&n| if n == Vec3::ZERO { [0; 4] } else { opaque(color(n)) });
+    let image = normals.map(|&n| if n == Vec3::ZERO { [0; 4] } else { opaque(normal_color(n)) });
     let sides = [(Vec3::X, "to the right"), (Vec3::Y, "up in the picture"), (Vec3::Z, "towards the camera")];
-    OverlayPicture { image, legend: sides.map(|(n, text)| (color(n), text.to_owned())).to_vec() }
+    OverlayPicture { image, legend: sides.map(|(n, text)| (normal_color(n), text.to_owned())).to_vec() }
+}
+
+/// x, y and z of a unit vector as red, green and blue.
+pub(crate) fn normal_color(normal: Vec3) -> [u8; 3] {
+    normal.to_array().map(|c| (127.5 + 127.5 * c) as u8)
+}
+
+/// Of leaves of this depth in the octree.
+pub(crate) fn level_color(depth: u32) -> [u8; 3] {
+    LEVEL_COLORS[(depth.saturating_sub(FIRST_LEVEL) as usize).min(LEVEL_COLORS.len() - 1)]
 }
 
 fn levels(scene: &Scene) -> Result<OverlayPicture, SessionError> {
     let depth = scene.light.octree.depth();
-    let color = |depth: u32| LEVEL_COLORS[(depth.saturating_sub(FIRST_LEVEL) as usize).min(LEVEL_COLORS.len() - 1)];
     let image = through(scene, |direction, distance_m| {
-        leaf(scene, Vec3::ZERO, direction, distance_m).map(|(depth, _)| color(depth))
+        leaf(scene, Vec3::ZERO, direction, distance_m).map(|(depth, _)| level_color(depth))
     })?;
     let text = |depth: u32| format!("depth {depth}, {:.1} cm", 100.0 * scene.light.cube.node_edge_m(depth));
-    let legend = (FIRST_LEVEL.min(depth)..=depth).map(|depth| (color(depth), text(depth))).collect();
+    let legend = (FIRST_LEVEL.min(depth)..=depth).map(|depth| (level_color(depth), text(depth))).collect();
     Ok(OverlayPicture { image, legend })
 }
 
@@ -115,7 +141,11 @@ pub(crate) fn origin_color(origin: Origin) -> [u8; 3] {
 
 /// Who says what lies at a distance along a direction.
 pub(crate) fn origin_of(scene: &Scene, from: Vec3, direction: Vec3, distance_m: f32) -> Origin {
-    let Some((depth, row)) = leaf(scene, from, direction, distance_m) else { return Origin::Nothing };
+    leaf(scene, from, direction, distance_m).map_or(Origin::Nothing, |(depth, row)| origin_of_leaf(scene, depth, row))
+}
+
+/// Who says what the leaf of this depth and row is.
+pub(crate) fn origin_of_leaf(scene: &Scene, depth: u32, row: usize) -> Origin {
     let share = |shares: &[Vec<u8>]| shares[depth as usize][row];
     if share(&scene.light.seen) >= 128 {
         Origin::Photo

@@ -27,7 +27,7 @@ export function handlesOf(camera, object) {
   return all.includes(null) ? null : { ...seen, ring, box };
 }
 
-const EDGES = [[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]];
+export const EDGES = [[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]];
 
 /** Draws the handles of the selected object and a frame around the one under the pointer; `scale` is canvas pixels per photo pixel. */
 export function drawHandles(context, scale, rem, camera, selected, hovered, active) {

@@ -5,6 +5,7 @@ import { listen } from "./gestures.js";
 import { drawHandles } from "./handles.js";
 import { lightsPanel } from "./lights.js";
 import { objectsPanel } from "./objects.js";
+import { outsideView } from "./outside.js";
 import { LUMINANCE_LEGEND, Picture } from "./picture.js";
 import { probePanel } from "./probe.js";
 import { connect } from "./server.js";
@@ -61,7 +62,7 @@ page.send = (message) => {
   if (message.type === "commit" || message.type === "command") sendPreview();
   if (message.type === "cancel") waiting = null;
   const isSaid = tellServer(message);
-  if (!isSaid && message.type !== "probe") say("there is no connection to the program", true);
+  if (!isSaid && message.type !== "probe" && message.type !== "outside") say("there is no connection to the program", true);
 };
 
 page.select = (id) => {
@@ -95,6 +96,7 @@ page.redraw = () => {
     const scale = handles.width / page.scene.camera.width;
     const hovered = gesture ? null : page.view?.objects.find((object) => object.id === page.hovered?.id);
     drawHandles(handles.getContext("2d"), scale, rem() * ratio, page.scene.camera, page.selected(), hovered, active);
+    outside.draw();
   });
 };
 
@@ -104,6 +106,7 @@ page.keys = {
     if (ids.length) page.select(ids[(ids.indexOf(page.selectedId) + 1) % ids.length]);
   },
   p: () => probe.hold(),
+  v: () => outside.toggle(),
   f: () => setOverlay(byId("overlay").value === "luminance" ? "" : "luminance"),
   0: () => setExposure(0),
   "?": () => byId("help").showModal(),
@@ -114,6 +117,8 @@ const probe = probePanel(page);
 const showObjects = objectsPanel(page);
 const showLights = lightsPanel(page);
 listen(stage, page);
+const outside = outsideView(page, picture, () => probe.shown_m);
+viewer.outside = outside;
 
 function hear(message, pictures) {
   switch (message.type) {
@@ -163,6 +168,9 @@ function hear(message, pictures) {
     case "overlay":
       takeOverlay(message, pictures[0]);
       break;
+    case "outside":
+      outside.take(message, pictures[0]);
+      break;
     case "refused":
       say(message.why, true);
       break;
@@ -185,6 +193,8 @@ function openScene(scene) {
   if (isNew) {
     page.selectedId = null;
     picture.forget();
+    probe.shown_m = null;
+    outside.reset();
     setOverlay("");
     scene.notes.forEach((note) => say(note));
   }
@@ -201,6 +211,7 @@ function showState({ change, view }) {
   if (added) page.selectedId = added.id;
   if (!page.selected()) page.selectedId = null;
   page.redraw();
+  outside.again();
   // What moves needs the processor more than its numbers do.
   panelsTimer ??= setTimeout(showPanels, panelsAt + PANELS_MS - performance.now());
 }
@@ -230,6 +241,7 @@ function shownFrame(frame) {
     for (const sent of figures.sent.keys()) if (sent <= frame.sequence) figures.sent.delete(sent);
   }
   figures.shown = frame;
+  if (outside.isOn) page.redraw();
   if (frame.change !== page.change) return;
   const isLast = frame.step === "final";
   byId("progress").hidden = isLast || !page.view?.objects.length;
@@ -285,6 +297,7 @@ function setOverlay(what) {
   picture.lay(null);
   showLegend(what === "luminance" ? LUMINANCE_LEGEND : []);
   if (what && what !== "luminance") page.send({ type: "overlay", what });
+  outside.again();
 }
 
 async function takeOverlay(message, bytes) {
@@ -300,6 +313,7 @@ function setExposure(stops) {
   byId("exposure-value").textContent = `${stops > 0 ? "+" : ""}${Math.round(10 * stops) / 10} EV`;
   picture.draw();
   probe.again();
+  outside.again();
 }
 
 byId("overlay").onchange = (event) => setOverlay(event.target.value);

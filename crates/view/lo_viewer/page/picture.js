@@ -115,7 +115,8 @@ function brightened(data, gain) {
   }
 }
 
-function falseColour(data, gain) {
+/** Puts luminance times a gain in false colour, in place; codes are sRGB. */
+export function falseColour(data, gain) {
   const table = new Float32Array(256);
   for (let code = 0; code < 256; code++) table[code] = linear(code / 255) * gain;
   const limits = BANDS.map(([stops]) => 0.18 * 2 ** stops);

@@ -37,6 +37,8 @@ export function probePanel(page) {
 
   const probe = {
     place: null,
+    /** Where the light that is shown is, metres. */
+    shown_m: null,
     ask(pixel) {
       probe.place = pixel;
       // One question at a time: the newest place waits for the answer to the last.
@@ -66,10 +68,12 @@ export function probePanel(page) {
       answered();
       if (message.type === "no-probe") {
         note.textContent = "No depth is known there.";
+        probe.shown_m = null;
         return;
       }
       bitmaps = await Promise.all(pictures.map((bytes) => createImageBitmap(new Blob([bytes], { type: "image/png" }))));
       note.textContent = `at ${message.at_m.map(short).join(", ")} m`;
+      probe.shown_m = message.at_m;
       draw();
     },
   };

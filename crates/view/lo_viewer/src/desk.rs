@@ -14,6 +14,7 @@ use lo_session::{OpenScene, Session, SessionError, overlay};
 use crate::Words;
 use crate::opening::{Opened, Source};
 use crate::outbox::{Outbox, Pages, tell};
+use crate::outside::Look;
 use crate::protocol::{FromPage, Preset, SceneInfo, ToPage};
 use crate::work::{Change, Place, Work, guarded, stage_of};
 
@@ -180,7 +181,7 @@ impl Clerk {
         }
     }
 
-    fn do_message(&mut self, message: FromPage, outbox: &Outbox) {
+    fn do_message(&mut self, message: FromPage, outbox: &Arc<Outbox>) {
         match message {
             FromPage::Stop => {
                 if let At::Opening { stop, .. } = &self.at {
@@ -223,6 +224,13 @@ impl Clerk {
                 let usable = lift_m.is_finite() && crate::protocol::EXPOSURES_EV.contains(&exposure_ev);
                 if usable {
                     work.look(Place { pixel, lift_m: lift_m.clamp(0.0, 10.0), exposure_ev });
+                }
+                return;
+            }
+            FromPage::Outside { sequence, view } => {
+                match view.check(session.open().up()) {
+                    Ok(()) => work.outside.ask(Look { outbox: outbox.clone(), sequence, view, state: work.state() }),
+                    Err(error) => tell(outbox, &ToPage::Refused { why: error.to_string() }, &[]),
                 }
                 return;
             }
@@ -315,6 +323,7 @@ impl Clerk {
                 is_saved,
                 camera: open.scene.frame.camera,
                 up: open.up().to_array(),
+                extent: open.extent(),
                 predicted_depth: open.scene.predicted_depth,
                 has_panorama: open.scene.panorama.is_some(),
                 notes,

@@ -11,6 +11,7 @@ mod download;
 mod guard;
 mod opening;
 mod outbox;
+mod outside;
 mod page;
 pub mod protocol;
 mod server;

@@ -7,7 +7,7 @@ use axum::response::{IntoResponse, Response};
 const INDEX: &str = include_str!("../page/index.html");
 
 /// Name, media type and content of what the page is made of.
-const FILES: [(&str, &str, &str); 13] = [
+const FILES: [(&str, &str, &str); 14] = [
     ("icon.svg", "image/svg+xml", include_str!("../page/icon.svg")),
     ("style.css", "text/css; charset=utf-8", include_str!("../page/style.css")),
     ("main.js", SCRIPT, include_str!("../page/main.js")),
@@ -17,6 +17,7 @@ const FILES: [(&str, &str, &str); 13] = [
     ("handles.js", SCRIPT, include_str!("../page/handles.js")),
     ("lights.js", SCRIPT, include_str!("../page/lights.js")),
     ("objects.js", SCRIPT, include_str!("../page/objects.js")),
+    ("outside.js", SCRIPT, include_str!("../page/outside.js")),
     ("picture.js", SCRIPT, include_str!("../page/picture.js")),
     ("probe.js", SCRIPT, include_str!("../page/probe.js")),
     ("server.js", SCRIPT, include_str!("../page/server.js")),

@@ -7,7 +7,7 @@
 use std::ops::RangeInclusive;
 
 use lightoctree::geometry::Camera;
-use lo_session::{Command, Overlay, SessionView, Step};
+use lo_session::{Command, OutsideView, Overlay, RoomExtent, SessionView, Step};
 use serde::{Deserialize, Serialize};
 
 /// Longest message from a page, bytes.
@@ -53,6 +53,13 @@ pub enum FromPage {
     Overlay {
         /// Of what.
         what: Overlay,
+    },
+    /// Asks for a picture of the room from outside. It takes the place of the last one that the page asked for, even while that is drawn.
+    Outside {
+        /// The page's own number of the message, which the picture tells.
+        sequence: u64,
+        /// From where.
+        view: OutsideView,
     },
     /// Gives up what is being opened.
     Stop,
@@ -156,6 +163,17 @@ pub enum ToPage {
         /// Its length in bytes.
         lengths: [usize; 1],
     },
+    /// The room from outside.
+    Outside {
+        /// The number of the message that asked for it.
+        sequence: u64,
+        /// `image/jpeg` while the view moves, `image/png` when it is still.
+        mime: &'static str,
+        /// Its length in bytes.
+        lengths: [usize; 1],
+        /// How long the server worked at it, milliseconds.
+        took_ms: f64,
+    },
     /// What was asked for was not done.
     Refused {
         /// Why.
@@ -176,6 +194,8 @@ pub struct SceneInfo {
     pub camera: Camera,
     /// Unit vector against gravity, in the camera's frame.
     pub up: [f32; 3],
+    /// About where the room is.
+    pub extent: RoomExtent,
     /// Whether depth is predicted.
     pub predicted_depth: bool,
     /// Whether a panorama gave some of its light.
@@ -200,7 +220,7 @@ pub struct Preset {
 impl FromPage {
     /// Whether a newer message of this kind takes its place.
     pub fn is_passing(&self) -> bool {
-        matches!(self, Self::Preview { .. } | Self::Probe { .. })
+        matches!(self, Self::Preview { .. } | Self::Probe { .. } | Self::Outside { .. })
     }
 }
 
@@ -218,6 +238,7 @@ impl ToPage {
             Self::Frame { .. } => 6,
             Self::Probe { .. } | Self::NoProbe => 7,
             Self::Overlay { .. } => 8,
+            Self::Outside { .. } => 9,
             Self::Refused { .. } => return None,
         })
     }
@@ -257,6 +278,8 @@ mod tests {
         for wrong in [
             r#"{"type":"shutdown"}"#,
             r#"{"type":"command","command":{"do":"drag","object":-1,"to":[4.5,6]}}"#,
+            r#"{"type":"outside","sequence":1,"view":{"eye_m":[0,0,1],"target_m":[0,0,-1],"fov_deg":40,"width":-8,"height":8,"exposure_ev":0,"show":null,"still":true}}"#,
+            r#"{"type":"outside","sequence":1,"view":{"eye_m":[0,0,1],"target_m":[0,0],"fov_deg":40,"width":8,"height":8,"exposure_ev":0,"show":null,"still":true}}"#,
             r#"{"type":"command","command":{"do":"material","object":1,"material":{"base_color_texture":"/etc/passwd"}}}"#,
             "{}",
             "",

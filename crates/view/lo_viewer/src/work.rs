@@ -1,4 +1,5 @@
-//! The threads that make pictures of one open scene: of what moves, of what rests, of the light at a place. The newest request of each kind wins.
+//! The threads that make pictures of one open scene: of what moves, of what rests, of the light at a place, of the room from outside. The newest request of
+//! each kind wins.
 
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -12,13 +13,14 @@ use lo_session::{LitScenes, OpenScene, Part, Probe, Renderer, SessionError, Stat
 
 use crate::Words;
 use crate::outbox::Pages;
+use crate::outside::Looks;
 use crate::protocol::ToPage;
 
 /// Nothing changes for this long: it rests.
 const REST: Duration = Duration::from_millis(150);
 
 /// JPEG quality of pictures of what moves.
-const MOVING_QUALITY: u8 = 88;
+pub(crate) const MOVING_QUALITY: u8 = 88;
 
 /// Height of a probe's panorama, pixels.
 const PROBE_HEIGHT: usize = 96;
@@ -44,6 +46,8 @@ pub(crate) struct Place {
 /// What the threads share.
 pub(crate) struct Work {
     pub scenes: Arc<LitScenes>,
+    /// Who looks at the room from outside.
+    pub outside: Looks,
     pages: Arc<Pages>,
     words: Words,
     wanted: Mutex<Wanted>,
@@ -73,6 +77,7 @@ impl Work {
         let wanted = Wanted { change, since, moved, last: None, failed: None, place: None, is_over: false };
         let work = Arc::new(Self {
             scenes: Arc::new(LitScenes::new(open)),
+            outside: Looks::default(),
             pages,
             words,
             wanted: Mutex::new(wanted),
@@ -84,6 +89,7 @@ impl Work {
             ("moving", threads, Self::moving as fn(&Self)),
             ("resting", threads, Self::resting),
             ("probe", threads.div_ceil(2), Self::probing),
+            ("outside", threads, |work| work.outside.serve(&work.scenes)),
         ] {
             let work = work.clone();
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(std::io::Error::other)?;
@@ -114,6 +120,7 @@ impl Work {
     pub fn end(&self) {
         self.lock().is_over = true;
         self.changed.notify_all();
+        self.outside.end();
     }
 
     /// The state that is shown.
