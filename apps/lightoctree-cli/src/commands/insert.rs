@@ -5,6 +5,7 @@ mod objects;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
+use anyhow::Context;
 use clap::ValueEnum;
 use lightoctree::geometry::{Orientation, Vec3};
 use lightoctree::imaging::{self, ExrOptions, Image, RadianceImage};
@@ -29,6 +30,7 @@ use crate::{interrupt, output, report};
     lightoctree insert room.scene --mesh bunny.ply --height 0.3 --material gold --pixel 900,1200 --quality high -o gold.png\n  \
     lightoctree insert room.scene --mesh bunny.ply --pixel 900,1200 --height 0.3 --mesh tea_set.gltf --pixel 1100,1150 -o two.png\n  \
     lightoctree insert room.scene --layout objects.json -o several.png\n  \
+    lightoctree insert room.scene -o as_saved.png\n  \
     lightoctree insert room.scene --mesh car.glb --path path.json --frames 48 -o frames/car_%04d.png\n  \
     lightoctree insert room.scene --mesh car.glb --path path.json --frames 48 -o - | ffmpeg -i - \
     -colorspace bt709 -color_trc iec61966-2-1 -color_primaries bt709 -pix_fmt yuv420p car.mp4\n\n\
@@ -67,9 +69,10 @@ pub struct Args {
     #[arg(long)]
     no_lamp: bool,
 
-    /// How polished the floor or table under an object is: above 0 it mirrors the objects as a clear coat of roughness 1 - G does
-    #[arg(long, value_name = "G", value_parser = parse::share, default_value_t = 0.0)]
-    floor_gloss: f64,
+    /// How polished the floor or table under an object is: above 0 it mirrors the objects as a clear coat of roughness 1 - G does [default: 0, or the scene's own with its own
+    /// objects]
+    #[arg(long, value_name = "G", value_parser = parse::share)]
+    floor_gloss: Option<f64>,
 
     /// Samples: draft for moving about, high for the final picture
     #[arg(long, value_name = "QUALITY", default_value = "normal")]
@@ -116,16 +119,37 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let (Some(scene), Some(output)) = (&args.scene, &args.output) else {
         return Err(Usage("a scene and --output are needed".into()).into());
     };
-    let (layout, folder) = args.objects.layout()?;
+    let given = args.objects.layout()?;
+    // Without objects on the command line those of the scene are meant.
+    let mut own = None;
+    let (layout, folder) = match given {
+        Some((layout, folder)) => (layout, Some(folder)),
+        None => {
+            let read = super::read_scene(scene)?;
+            let nothing = || {
+                Usage(format!("say what to insert: --mesh or --layout; nothing stands in {} itself", scene.display()))
+            };
+            let layout = lightoctree::scene_layout(&read).with_context(|| format!("{}", scene.display()))?;
+            own = Some(read);
+            (layout.ok_or_else(nothing)?, None)
+        }
+    };
+    let shown = own.as_ref().map(|scene| scene.objects.shown).unwrap_or_default();
     let frames = frames(args, &layout)?;
     let files = output_files(args, output, frames)?;
     let lighting = lighting(&args.lighting, args.orientation)?;
     let names: Vec<String> = layout.objects().iter().map(|object| object.name().to_owned()).collect();
     let mut stages = Stages::new(global.quiet);
     stages.name_objects(&names);
-    let mut scene = stages.stage("read scene", || super::read_scene(scene))?;
+    let mut scene = match own {
+        Some(scene) => scene,
+        None => stages.stage("read scene", || super::read_scene(scene))?,
+    };
     let meshes = if names.len() > 1 { "read meshes" } else { "read mesh" };
-    let models = stages.stage(meshes, || Models::load(&layout, &folder))?;
+    let models = stages.stage(meshes, || match &folder {
+        Some(folder) => Models::load(&layout, folder),
+        None => Models::of_scene(&layout, &scene),
+    })?;
     models.warnings().for_each(|warning| stages.note(&warning.to_string()));
     let models = models.of_objects();
     let placements = layout.placements(&scene, &models, files.len()).map_err(|error| of_object(error, &names))?;
@@ -148,7 +172,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         lightoctree::seen_from(&mut scene, middle);
         super::light_up(&mut scene, !args.no_lamp, &mut stages)?;
     }
-    let floor_gloss = args.floor_gloss as f32;
+    let floor_gloss = args.floor_gloss.map_or(shown.floor_gloss, |gloss| gloss as f32);
     // What a high picture is replaced by when it is not waited for.
     let mut lesser = None;
     if quality == Quality::High && files.len() == 1 {

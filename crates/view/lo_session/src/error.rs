@@ -48,6 +48,17 @@ pub enum SessionError {
     /// A mesh or material cannot be used.
     #[error(transparent)]
     Mesh(#[from] MeshError),
+    /// What stands in the scene's file cannot stand there.
+    #[error(transparent)]
+    Model(#[from] lightoctree::ModelError),
+    /// An object of the scene's file is told in a way that only the command line knows.
+    #[error("the scene's objects: {object} has {what}, which this page does not know; `lightoctree insert` does")]
+    Foreign {
+        /// Its name.
+        object: String,
+        /// What of it.
+        what: &'static str,
+    },
     /// Edits of lights do not fit the scene.
     #[error(transparent)]
     Lights(#[from] LightsError),

@@ -7,7 +7,7 @@ use lightoctree::scene::{LightEdits, MAX_LIGHT_EDITS};
 use lightoctree::{BUILTIN_MODELS, BUILTIN_PREFIX};
 
 use crate::drag::dragged;
-use crate::{Command, Mesh, Object, ObjectMaterial, OpenScene, Place, SessionError, Size, State};
+use crate::{Command, Files, Mesh, Object, ObjectMaterial, OpenScene, Place, SessionError, Size, State};
 
 /// Most meshes that a session holds beside the built-in ones.
 const MAX_MESHES: usize = 200;
@@ -33,10 +33,14 @@ pub struct Session {
 }
 
 impl Session {
-    /// At a scene without objects, with the edits of its light that it has.
-    pub fn new(open: Arc<OpenScene>) -> Self {
-        let state = State { lights: open.scene.light_edits.clone(), ..State::default() };
-        Self { open, meshes: BTreeMap::new(), state, preview: None, undo: Vec::new(), redo: Vec::new(), next_id: 1 }
+    /// At a scene as its file left it: with its objects and the edits of its light.
+    ///
+    /// # Errors
+    /// Those of [`State::of_scene`].
+    pub fn new(open: Arc<OpenScene>) -> Result<Self, SessionError> {
+        let (state, meshes) = State::of_scene(&open.scene)?;
+        let next_id = state.objects.len() as u32 + 1;
+        Ok(Self { open, meshes, state, preview: None, undo: Vec::new(), redo: Vec::new(), next_id })
     }
 
     /// The scene.
@@ -113,7 +117,15 @@ impl Session {
     ///
     /// # Errors
     /// A mesh without extent; too many of them.
-    pub fn add_mesh(&mut self, file: &str, model: Model) -> Result<String, SessionError> {
+    ///
+    /// `content` and `parts`: the file and those that it names, by name, as they came.
+    pub fn add_mesh(
+        &mut self,
+        file: &str,
+        model: Model,
+        content: Arc<[u8]>,
+        parts: Files,
+    ) -> Result<String, SessionError> {
         if self.meshes.keys().filter(|name| !name.starts_with(BUILTIN_PREFIX)).count() >= MAX_MESHES {
             return Err(SessionError::Full { what: "meshes", limit: MAX_MESHES });
         }
@@ -122,7 +134,9 @@ impl Session {
         let numbered = (2..).map(|number| format!("{stem}_{number}.{ending}"));
         let mut names = std::iter::once(file.to_owned()).chain(numbered);
         let name = names.find(|name| !self.meshes.contains_key(name)).unwrap_or_default();
-        self.meshes.insert(name.clone(), Arc::new(Mesh::new(name.clone(), model)));
+        let parts = parts.into_iter().map(|(part, bytes)| (format!("{name}/{part}"), bytes));
+        let files = std::iter::once((name.clone(), content)).chain(parts).collect();
+        self.meshes.insert(name.clone(), Arc::new(Mesh::new(name.clone(), model).with_files(files)));
         Ok(name)
     }
 

@@ -6,12 +6,13 @@ use std::sync::{Arc, LazyLock};
 use lightoctree::geometry::{Camera, Plane, Ray, Vec3};
 use lightoctree::imaging::{DepthMap, Image, Photo};
 use lightoctree::insert::Align;
-use lightoctree::scene::{Completion, Frame, LightChange, Scene};
+use lightoctree::mesh::{LoadOptions, Model};
+use lightoctree::scene::{Completion, Frame, LightChange, Scene, SceneObjects};
 use lightoctree::{EstimateOptions, Estimator, Input, events};
 use lo_random::{RngExt, Stream};
 use lo_session::{
-    Command, LitScenes, NewLight, ObjectMaterial, OpenScene, Overlay, Place, Probe, Renderer, Session, SessionError,
-    Size, State, Step, insert_words, outputs, overlay, probe_place,
+    Command, Files, LitScenes, NewLight, ObjectMaterial, OpenScene, Overlay, Place, Probe, Renderer, Session,
+    SessionError, Size, State, Step, insert_words, outputs, overlay, probe_place,
 };
 
 const SIZE: (usize, usize) = (144, 96);
@@ -47,7 +48,7 @@ static ROOM: LazyLock<Arc<OpenScene>> = LazyLock::new(|| {
 });
 
 fn session() -> Session {
-    Session::new(ROOM.clone())
+    Session::new(ROOM.clone()).unwrap()
 }
 
 fn add(mesh: &str, pixel: [f64; 2]) -> Command {
@@ -246,9 +247,9 @@ fn lights_reach_the_picture_and_a_scene_keeps_them() {
     session.apply(&Command::AddLight { new: lamp }).unwrap();
     let after = mean(&mut renderer, session.state());
     assert!(after > 1.2 * before, "{before} {after}");
-    let bytes = outputs::scene(&ROOM, &session.state().lights).unwrap();
+    let bytes = outputs::scene(&ROOM, session.state()).unwrap();
     let scene = Scene::from_bytes(&bytes).unwrap();
-    let reopened = Session::new(Arc::new(OpenScene::new("room.scene", scene)));
+    let reopened = Session::new(Arc::new(OpenScene::new("room.scene", scene))).unwrap();
     assert_eq!(reopened.state().lights, session.state().lights);
     assert!(!reopened.view().edited);
     // As `insert` would light it.
@@ -399,4 +400,74 @@ fn all_that_was_done_can_be_undone_and_done_again() {
         }
     }
     assert!(done > 300 && refused > 100, "{done} done, {refused} refused");
+}
+
+/// An OBJ of a tetrahedron whose colour another file says.
+const OBJ: &[u8] =
+    b"mtllib a.mtl\nusemtl red\nv 0 0 0\nv 0.3 0 0\nv 0 0.3 0\nv 0 0 0.3\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+const MTL: &[u8] = b"newmtl red\nKd 1 0 0\n";
+
+fn add_obj(session: &mut Session) {
+    let resolve = |_: &str| Ok(MTL.to_vec());
+    let model = Model::from_bytes("a.obj", OBJ, &resolve, &LoadOptions::default()).unwrap();
+    let parts = Files::from([("a.mtl".to_owned(), Arc::from(MTL))]);
+    assert_eq!(session.add_mesh("a.obj", model, Arc::from(OBJ), parts).unwrap(), "a.obj");
+    session.apply(&add("a.obj", [40.5, 88.5])).unwrap();
+}
+
+#[test]
+fn a_scene_opens_again_as_it_was() {
+    let mut session = with_sphere();
+    add_obj(&mut session);
+    let chrome = ObjectMaterial { preset: Some("chrome".into()), roughness: Some(0.3), ..ObjectMaterial::default() };
+    session.apply(&Command::Material { object: 1, material: Some(chrome) }).unwrap();
+    session.apply(&Command::Turn { object: 2, yaw_deg: 33.3 }).unwrap();
+    session.apply(&Command::Rename { object: 2, name: "red one".into() }).unwrap();
+    session.apply(&Command::FloorGloss { gloss: 0.25 }).unwrap();
+    let bytes = outputs::scene(&ROOM, session.state()).unwrap();
+    let scene = Scene::from_bytes(&bytes).unwrap();
+    assert_eq!(scene.objects.files.keys().collect::<Vec<_>>(), ["a.obj", "a.obj/a.mtl"]);
+    let open = Arc::new(OpenScene::new("room.scene", scene));
+    let mut again = Session::new(open.clone()).unwrap();
+    // All but the meshes' places in memory.
+    let told = |state: &State| {
+        let placements: Vec<_> = state.objects.iter().map(|object| (object.id, object.placement)).collect();
+        (state.layout().unwrap(), placements, state.lights.clone(), state.floor_gloss)
+    };
+    assert_eq!(told(again.state()), told(session.state()));
+    assert!(!again.undo());
+    let picture = |open: &Arc<OpenScene>, state: &State| {
+        let mut renderer = Renderer::new(Arc::new(LitScenes::new(open.clone())));
+        outputs::picture(&renderer.render(state, Step::Final, &mut events::ignore).unwrap()).unwrap()
+    };
+    assert!(picture(&open, again.state()) == picture(&ROOM, session.state()));
+    assert!(outputs::scene(&open, again.state()).unwrap() == bytes);
+    // Without objects nothing is left of them.
+    [1, 2].iter().for_each(|&object| again.apply(&Command::Delete { object }).unwrap());
+    again.apply(&Command::FloorGloss { gloss: 0.0 }).unwrap();
+    assert!(outputs::scene(&open, again.state()).unwrap() == ROOM.scene.to_bytes("lightoctree estimate").unwrap());
+}
+
+#[test]
+fn objects_that_a_scene_cannot_have_are_named() {
+    let wrong = |change: &dyn Fn(&mut SceneObjects), what: &str| {
+        let mut session = with_sphere();
+        add_obj(&mut session);
+        let mut scene = ROOM.scene.clone();
+        scene.objects = session.state().to_scene_objects().unwrap();
+        change(&mut scene.objects);
+        let Err(error) = Session::new(Arc::new(OpenScene::new("room.scene", scene))) else { panic!("{what}") };
+        assert!(error.to_string().contains(what), "{error}");
+    };
+    wrong(&|objects| drop(objects.files.remove("a.obj")), "a needs a.obj");
+    wrong(&|objects| objects.layout = "[".into(), "the scene's objects: layout");
+    wrong(&|objects| objects.layout = objects.layout.replace("builtin:sphere", "builtin:ball"), "builtin:ball");
+    wrong(&|objects| objects.layout = objects.layout.replace("builtin:sphere", "/etc/passwd"), "/etc/passwd");
+    wrong(&|objects| drop(objects.files.insert("a.obj".into(), Arc::from(&b"v 0"[..]))), "a.obj");
+    let material = r#","material":{"base_color_texture":"/etc/passwd"}}]"#;
+    wrong(&|objects| objects.layout = objects.layout.replace("}]", material), "/etc/passwd");
+    let carried = r#","on":"sphere"}]"#;
+    wrong(&|objects| objects.layout = objects.layout.replace("}]", carried), "\"on\"");
+    let path = r#""path":"/etc/passwd"}]"#;
+    wrong(&|objects| objects.layout = format!(r#"[{{"mesh":"builtin:sphere",{path}"#), "/etc/passwd");
 }

@@ -42,7 +42,7 @@ fn made(work: &Arc<Work>, file: &str, query: &str) -> Result<Option<(&'static st
     let bytes = match file {
         "picture.png" => told(outputs::picture(&*work.last()?))?,
         "layers.exr" => told(outputs::layers(&*work.last()?))?,
-        "room.scene" => told(outputs::scene(open, &state.lights))?,
+        "room.scene" => told(outputs::scene(open, &state))?,
         "objects.json" => told(outputs::layout(&state))?,
         "light.exr" => {
             let at = place(work, query)?.ok_or("the light of which place? Point at the photo first")?;
