@@ -4,6 +4,7 @@
 
 use std::io::Cursor;
 use std::path::Path;
+use std::sync::Arc;
 
 use exr::compression::Compression;
 use image::{DynamicImage, GrayImage, ImageFormat, Luma, Rgb, RgbImage, Rgba, RgbaImage};
@@ -11,8 +12,8 @@ use lightoctree::geometry::{Camera, Cube, Plane, Quat, Vec3};
 use lightoctree::imaging::{self, DepthMap, ExrOptions, Image, Photo, RadianceImage};
 use lightoctree::octree::{Coverage, LightOctree, RadiancePoint};
 use lightoctree::scene::{
-    AnalyticLight, Completion, EmitterEdit, Frame, LightChange, LightColor, LightEdits, LightShape, Room, RoomPlane,
-    Scene, Side,
+    AnalyticLight, Completion, EmitterEdit, Frame, LightChange, LightColor, LightEdits, LightShape, ObjectsShown, Room,
+    RoomPlane, Scene, SceneObjects, Side,
 };
 use lo_dataset::{DatasetError, Metadata, NovelView, Record, Shot, write_shard};
 
@@ -104,8 +105,23 @@ fn scenes(folder: &Path) -> Result {
         plain.write(&folder.join(format!("{name}.scene")), "seeds")?;
         let edited = Scene { light_edits: light_edits(name == "srgb8")?, ..plain };
         edited.write(&folder.join(format!("{name}_edited.scene")), "seeds")?;
+        if name == "srgb8" {
+            Scene { objects: objects(), ..edited }.write(&folder.join("srgb8_objects.scene"), "seeds")?;
+        }
     }
     Ok(())
+}
+
+/// A mesh with the file that it names, and a built-in one that moves.
+fn objects() -> SceneObjects {
+    let layout = r#"[{"mesh":"a.obj","pixel":[2,3]},{"mesh":"builtin:sphere","path":{"keyframes":[{"time_s":0,"pixel":[1,3]}]}}]"#;
+    let file = |name: &str, text: &str| (name.to_owned(), Arc::from(text.as_bytes()));
+    let obj = "mtllib a.mtl\nusemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    SceneObjects {
+        layout: layout.to_owned(),
+        files: [file("a.obj", obj), file("a.obj/a.mtl", "newmtl red\nKd 1 0 0\n")].into(),
+        shown: ObjectsShown { floor_gloss: 0.5, frames: Some(3), fps: 12, time_s: 0.5 },
+    }
 }
 
 /// One light of each shape, and on request an emitter, which these scenes do not have.

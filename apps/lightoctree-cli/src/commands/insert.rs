@@ -11,6 +11,7 @@ use lightoctree::geometry::{Orientation, Vec3};
 use lightoctree::imaging::{self, ExrOptions, Image, RadianceImage};
 use lightoctree::insert::{Composite, InsertError, Inserter, Instance, Layout, Lighting, Placement, Quality};
 use lightoctree::mesh::Material;
+use lightoctree::scene::ObjectsShown;
 use lightoctree::{Event, Models, Warning};
 use serde_json::json;
 
@@ -53,9 +54,9 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     frames: Option<u32>,
 
-    /// Frames per second of a video
-    #[arg(long, value_name = "N", requires = "frames", default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..=1000))]
-    fps: u32,
+    /// Frames per second of a video [default: 24, or the scene's own with its own objects]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    fps: Option<u32>,
 
     /// What lights the objects: `octree`, or `envmap:FILE` (an equirectangular .exr, .hdr or .pfm)
     #[arg(long, value_name = "octree|envmap:FILE", default_value = "octree")]
@@ -135,8 +136,8 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         }
     };
     let shown = own.as_ref().map(|scene| scene.objects.shown).unwrap_or_default();
-    let frames = frames(args, &layout)?;
-    let files = output_files(args, output, frames)?;
+    let frames = frames(args, &layout, own.as_ref().map(|_| shown))?;
+    let files = output_files(args, output, frames, layout.moves())?;
     let lighting = lighting(&args.lighting, args.orientation)?;
     let names: Vec<String> = layout.objects().iter().map(|object| object.name().to_owned()).collect();
     let mut stages = Stages::new(global.quiet);
@@ -197,7 +198,8 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         stages.stage("prepare light", || Inserter::new(&scene, lighting, quality))?.with_floor_gloss(floor_gloss);
     let progress = bar(global.quiet || files.len() == 1, files.len(), "frames");
     let size = (scene.frame.photo.width(), scene.frame.photo.height());
-    let mut video = Video::is_asked(output).then(|| Video::create(output, size, args.fps)).transpose()?;
+    let mut video =
+        Video::is_asked(output).then(|| Video::create(output, size, args.fps.unwrap_or(shown.fps))).transpose()?;
     let (mut written, mut frames) = (Vec::new(), 0);
     // What is the same in all frames is said once.
     let mut met = Vec::new();
@@ -308,8 +310,10 @@ fn kept(composite: Composite, with_layers: bool) -> Composite {
 }
 
 /// Number of pictures.
-fn frames(args: &Args, layout: &Layout) -> anyhow::Result<usize> {
-    match (args.frames, layout.objects().iter().find(|object| object.path.is_some())) {
+fn frames(args: &Args, layout: &Layout, own: Option<ObjectsShown>) -> anyhow::Result<usize> {
+    // A scene's own objects bring theirs.
+    let own = own.zip(layout.span_s()?).map(|(shown, span_s)| shown.frames_between(span_s));
+    match (args.frames.or(own), layout.objects().iter().find(|object| object.path.is_some())) {
         (Some(frames), Some(_)) => Ok(frames as usize),
         (None, None) => Ok(1),
         (None, Some(moving)) => {
@@ -329,8 +333,12 @@ fn of_object(error: InsertError, names: &[String]) -> anyhow::Error {
 }
 
 /// Names of the composite and of the layers of each frame, checked before any work is done.
-fn output_files(args: &Args, output: &Path, frames: usize) -> anyhow::Result<Vec<(PathBuf, Option<PathBuf>)>> {
-    let sequence = args.frames.is_some();
+fn output_files(
+    args: &Args,
+    output: &Path,
+    frames: usize,
+    sequence: bool,
+) -> anyhow::Result<Vec<(PathBuf, Option<PathBuf>)>> {
     let video = Video::is_asked(output);
     if video && !sequence {
         return Err(Usage(format!("--output {}: a video needs --path and --frames", output.display())).into());

@@ -82,6 +82,12 @@ impl SceneObjects {
 }
 
 impl ObjectsShown {
+    /// Number of frames of a sequence between two times in seconds: what somebody chose, or as many as that takes at `fps`.
+    pub fn frames_between(&self, [first_s, last_s]: [f64; 2]) -> u32 {
+        let taken = ((last_s - first_s) * f64::from(self.fps)).round() as u32;
+        self.frames.unwrap_or(taken.saturating_add(1)).clamp(1, MAX_FRAMES)
+    }
+
     /// What is out of range, if anything.
     pub fn wrong(&self) -> Option<&'static str> {
         let Self { floor_gloss, frames, fps, time_s } = self;

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use lightoctree::insert::{LayoutObject, Placement};
+use lightoctree::insert::{LayoutObject, PathSource, Placement};
 use lightoctree::scene::{ObjectsShown, Scene, SceneObjects};
 use lightoctree::scene_layout;
 
@@ -23,7 +23,7 @@ impl State {
         Ok(SceneObjects {
             layout,
             files: files.map(|(name, bytes)| (name.clone(), bytes.clone())).collect(),
-            shown: ObjectsShown { floor_gloss: self.floor_gloss, ..ObjectsShown::default() },
+            shown: self.shown(),
         })
     }
 
@@ -32,8 +32,9 @@ impl State {
     /// # Errors
     /// Where an object cannot stand there, or is told in a way that a session does not know.
     pub fn of_scene(scene: &Scene) -> Result<(Self, Meshes), SessionError> {
-        let shown = scene.objects.shown;
-        let mut state = Self { lights: scene.light_edits.clone(), floor_gloss: shown.floor_gloss, ..Self::default() };
+        let ObjectsShown { floor_gloss, frames, fps, time_s } = scene.objects.shown;
+        let lights = scene.light_edits.clone();
+        let mut state = Self { objects: Vec::new(), lights, floor_gloss, frames, fps, time_s };
         let mut meshes = Meshes::new();
         let Some(layout) = scene_layout(scene)? else { return Ok((state, meshes)) };
         for (object, id) in layout.objects().iter().zip(1..) {
@@ -43,17 +44,22 @@ impl State {
                 None => Arc::new(Mesh::of_scene(scene, &name)?),
             };
             meshes.insert(name, mesh.clone());
-            state.objects.push(placed(scene, id, object, mesh)?);
+            state.objects.push(placed(scene, id, object, mesh, time_s)?);
         }
         Ok((state, meshes))
     }
 }
 
-fn placed(scene: &Scene, id: u32, from: &LayoutObject, mesh: Arc<Mesh>) -> Result<Object, SessionError> {
+fn placed(scene: &Scene, id: u32, from: &LayoutObject, mesh: Arc<Mesh>, time_s: f64) -> Result<Object, SessionError> {
     let foreign = |what| SessionError::Foreign { object: from.name().to_owned(), what };
+    let path = match &from.path {
+        Some(PathSource::Keyframes(path)) => Some(path.clone()),
+        Some(PathSource::File(_)) => return Err(foreign("a \"path\" in a file")),
+        None => None,
+    };
     let place = match (from.pixel, from.position_m) {
         _ if from.on.is_some() => return Err(foreign("\"on\"")),
-        _ if from.path.is_some() => return Err(foreign("a \"path\"")),
+        _ if path.is_some() => Place::Position(Default::default()),
         (Some(pixel), _) => Place::Pixel(pixel),
         (None, Some(position_m)) => Place::Position(position_m),
         (None, None) => return Err(foreign("no place")),
@@ -73,9 +79,10 @@ fn placed(scene: &Scene, id: u32, from: &LayoutObject, mesh: Arc<Mesh>) -> Resul
         place,
         size,
         yaw_deg: from.yaw_deg.unwrap_or(0.0),
+        path,
         align,
         material,
         placement: Placement::at(scene, Default::default(), align),
     };
-    object.placed(scene)
+    object.placed(scene, time_s)
 }

@@ -5,13 +5,13 @@ use std::sync::{Arc, LazyLock};
 
 use lightoctree::geometry::{Camera, Plane, Ray, Vec3};
 use lightoctree::imaging::{DepthMap, Image, Photo};
-use lightoctree::insert::Align;
+use lightoctree::insert::{Align, Interpolation, Quality};
 use lightoctree::mesh::{LoadOptions, Model};
 use lightoctree::scene::{Completion, Frame, LightChange, Scene, SceneObjects};
 use lightoctree::{EstimateOptions, Estimator, Input, events};
 use lo_random::{RngExt, Stream};
 use lo_session::{
-    Command, Files, LitScenes, NewLight, ObjectMaterial, OpenScene, Overlay, Place, Probe, Renderer, Session,
+    Command, Files, LitScenes, NewLight, ObjectMaterial, OpenScene, Overlay, Place, Probe, Renderer, Sequence, Session,
     SessionError, Size, State, Step, insert_words, outputs, overlay, probe_place,
 };
 
@@ -311,7 +311,8 @@ fn command(random: &mut Stream) -> Command {
     let object = random.random_range(1..5);
     let pixel = [random.random_range(0.0..150.0), random.random_range(30.0..96.0)];
     let share = random.random_range(-0.2..1.2f32);
-    match random.random_range(0..14) {
+    let time_s = f64::from(random.random_range(-1..8i32)) / 2.0;
+    match random.random_range(0..20) {
         0 | 1 => add("builtin:sphere", pixel),
         2 => Command::Duplicate { object },
         3 => Command::Delete { object },
@@ -326,6 +327,11 @@ fn command(random: &mut Stream) -> Command {
             Command::Material { object, material: Some(material) }
         }
         12 => Command::FloorGloss { gloss: share },
+        14 | 15 => Command::SetKey { object, time_s },
+        16 => Command::MoveKey { object, from_s: time_s, to_s: f64::from(share) },
+        17 => Command::DeleteKey { object, time_s },
+        18 => Command::Interpolate { object, interpolation: Interpolation::CatmullRom },
+        19 => Command::Frames { frames: Some(random.random_range(0..9)), fps: random.random_range(0..30) },
         _ => match random.random_range(0..3) {
             0 => Command::AddLight {
                 new: NewLight::Sun {
@@ -351,7 +357,7 @@ fn all_that_was_done_can_be_undone_and_done_again() {
         let beginning = session.state().clone();
         for _ in 0..random.random_range(1..40) {
             let before = session.state().clone();
-            let tried = match random.random_range(0..13) {
+            let tried = match random.random_range(0..15) {
                 0..4 => session.apply(&command(&mut random)),
                 4..7 => session.preview(&command(&mut random)),
                 7 => {
@@ -362,6 +368,14 @@ fn all_that_was_done_can_be_undone_and_done_again() {
                 8 => {
                     session.cancel();
                     Ok(())
+                }
+                13 | 14 => {
+                    session.commit();
+                    let kept = session.state().clone();
+                    let sought = session.seek(random.random_range(-0.2..4.0));
+                    let back = session.state().at(kept.time_s, &ROOM.scene).unwrap();
+                    assert_eq!(back, kept, "looking at another time changes nothing");
+                    sought.or_else(|_| Ok(assert_eq!(session.state(), &kept)))
                 }
                 9 | 10 => {
                     session.undo();
@@ -388,7 +402,8 @@ fn all_that_was_done_can_be_undone_and_done_again() {
         while session.undo() {
             steps.push(session.state().clone());
         }
-        assert_eq!(session.state(), &beginning);
+        // The time that is looked at is no step.
+        assert_eq!(session.state().at(beginning.time_s, &ROOM.scene).unwrap(), beginning);
         for step in steps.iter().rev() {
             assert_eq!(session.state(), step);
             assert!(session.redo());
@@ -396,7 +411,7 @@ fn all_that_was_done_can_be_undone_and_done_again() {
         assert_eq!(session.state(), &end);
         // Placements are what the places come to.
         for object in &end.objects {
-            assert_eq!(&object.clone().placed(&ROOM.scene).unwrap(), object);
+            assert_eq!(&object.clone().placed(&ROOM.scene, end.time_s).unwrap(), object);
         }
     }
     assert!(done > 300 && refused > 100, "{done} done, {refused} refused");
@@ -424,6 +439,13 @@ fn a_scene_opens_again_as_it_was() {
     session.apply(&Command::Turn { object: 2, yaw_deg: 33.3 }).unwrap();
     session.apply(&Command::Rename { object: 2, name: "red one".into() }).unwrap();
     session.apply(&Command::FloorGloss { gloss: 0.25 }).unwrap();
+    for (time_s, u) in [(0.0, 125.5), (2.0, 60.5)] {
+        session.seek(time_s).unwrap();
+        session.apply(&Command::SetKey { object: 1, time_s }).unwrap();
+        session.apply(&Command::Place { object: 1, place: Place::Pixel([u, 90.5]) }).unwrap();
+    }
+    session.apply(&Command::Frames { frames: Some(9), fps: 12 }).unwrap();
+    session.seek(0.75).unwrap();
     let bytes = outputs::scene(&ROOM, session.state()).unwrap();
     let scene = Scene::from_bytes(&bytes).unwrap();
     assert_eq!(scene.objects.files.keys().collect::<Vec<_>>(), ["a.obj", "a.obj/a.mtl"]);
@@ -432,7 +454,8 @@ fn a_scene_opens_again_as_it_was() {
     // All but the meshes' places in memory.
     let told = |state: &State| {
         let placements: Vec<_> = state.objects.iter().map(|object| (object.id, object.placement)).collect();
-        (state.layout().unwrap(), placements, state.lights.clone(), state.floor_gloss)
+        let numbers = (state.floor_gloss, state.frames, state.fps, state.time_s);
+        (state.layout().unwrap(), placements, state.lights.clone(), numbers)
     };
     assert_eq!(told(again.state()), told(session.state()));
     assert!(!again.undo());
@@ -445,6 +468,8 @@ fn a_scene_opens_again_as_it_was() {
     // Without objects nothing is left of them.
     [1, 2].iter().for_each(|&object| again.apply(&Command::Delete { object }).unwrap());
     again.apply(&Command::FloorGloss { gloss: 0.0 }).unwrap();
+    again.apply(&Command::Frames { frames: None, fps: 24 }).unwrap();
+    again.seek(0.0).unwrap();
     assert!(outputs::scene(&open, again.state()).unwrap() == ROOM.scene.to_bytes("lightoctree estimate").unwrap());
 }
 
@@ -470,4 +495,67 @@ fn objects_that_a_scene_cannot_have_are_named() {
     wrong(&|objects| objects.layout = objects.layout.replace("}]", carried), "\"on\"");
     let path = r#""path":"/etc/passwd"}]"#;
     wrong(&|objects| objects.layout = format!(r#"[{{"mesh":"builtin:sphere",{path}"#), "/etc/passwd");
+}
+
+#[test]
+fn keyframes_are_what_the_command_line_reads() {
+    let mut session = with_sphere();
+    let place = |session: &Session| session.state().objects[0].place;
+    session.apply(&Command::SetKey { object: 1, time_s: 0.0 }).unwrap();
+    // Whatever moves it at another time is a keyframe there.
+    session.seek(2.0).unwrap();
+    session.preview(&Command::Drag { object: 1, to: [122.0, 88.0] }).unwrap();
+    session.preview(&Command::Drag { object: 1, to: [120.25, 88.5] }).unwrap();
+    session.commit();
+    session.apply(&Command::Turn { object: 1, yaw_deg: 370.0 }).unwrap();
+    let path = session.state().objects[0].path.clone().unwrap();
+    let told: Vec<_> = path.keyframes.iter().map(|key| (key.time_s, key.pixel, key.yaw_deg)).collect();
+    assert_eq!(told, [(0.0, Some([125.5, 90.5]), 0.0), (2.0, Some([120.25, 88.5]), 370.0)]);
+    assert_eq!(place(&session), Place::Pixel([120.25, 88.5]));
+    // Between them, where `insert` puts it.
+    session.apply(&Command::Frames { frames: None, fps: 2 }).unwrap();
+    let state = session.state().clone();
+    assert_eq!((state.span_s(), state.sequence_frames()), (Some([0.0, 2.0]), 5));
+    let models = [&**state.objects[0].mesh.plain()];
+    let frames = state.layout().unwrap().placements(&ROOM.scene, &models, 5).unwrap();
+    for (frame, time_s) in [0.0, 0.5, 1.0, 1.5, 2.0].into_iter().enumerate() {
+        session.seek(time_s).unwrap();
+        assert_eq!(session.state().objects[0].placement, frames[0][frame]);
+    }
+    assert_eq!(
+        lo_session::insert_command("room.scene", session.state()).unwrap(),
+        "lightoctree insert room.scene --layout objects.json --frames 5 --fps 2 -o video.y4m"
+    );
+    // What is shown at a time is the picture of that frame.
+    let scenes = LitScenes::new(ROOM.clone());
+    let sequence = Sequence::new(&scenes, session.state(), Quality::High).unwrap();
+    session.seek(0.5).unwrap();
+    let mut renderer = Renderer::new(Arc::new(LitScenes::new(ROOM.clone())));
+    let shown = renderer.render(session.state(), Step::Final, &mut events::ignore).unwrap();
+    assert!(shown.image == sequence.render(1, &mut events::ignore).unwrap().image);
+    // A gesture tells where a keyframe goes from where it was.
+    for to_s in [1.0, 0.0, 3.5] {
+        session.preview(&Command::MoveKey { object: 1, from_s: 2.0, to_s }).unwrap();
+    }
+    session.commit();
+    assert_eq!(session.state().span_s(), Some([0.0, 3.5]));
+    // Two undos: the way of the keyframe, and the frames per second, at the time when they were chosen.
+    assert!(session.undo() && session.undo());
+    assert_eq!((session.state().span_s(), session.state().time_s, session.state().fps), (Some([0.0, 2.0]), 2.0, 24));
+    for time_s in [0.0, 2.0] {
+        session.apply(&Command::DeleteKey { object: 1, time_s }).unwrap();
+    }
+    assert_eq!(session.state().objects[0].path, None);
+    assert_eq!((place(&session), session.state().objects[0].yaw_deg), (Place::Pixel([120.25, 88.5]), 370.0));
+    assert!(matches!(Sequence::new(&scenes, session.state(), Quality::Draft), Err(SessionError::NothingMoves)));
+    for refused in [
+        Command::DeleteKey { object: 1, time_s: 0.0 },
+        Command::MoveKey { object: 1, from_s: 0.0, to_s: 1.0 },
+        Command::SetKey { object: 1, time_s: f64::NAN },
+        Command::SetKey { object: 1, time_s: 3601.0 },
+        Command::Interpolate { object: 1, interpolation: Interpolation::Linear },
+        Command::Frames { frames: Some(0), fps: 24 },
+    ] {
+        assert!(session.apply(&refused).is_err(), "{refused:?}");
+    }
 }

@@ -156,6 +156,9 @@ impl Clerk {
                         Heard::Page(FromPage::Preview { command, .. }, _),
                         Some(Heard::Page(FromPage::Preview { command: next, .. }, _)),
                     ) if std::mem::discriminant(command) == std::mem::discriminant(next)
+                ) || matches!(
+                    (&waiting[index], waiting.get(index + 1)),
+                    (Heard::Page(FromPage::Seek { .. }, _), Some(Heard::Page(FromPage::Seek { .. }, _)))
                 );
                 if passed {
                     continue;
@@ -213,6 +216,14 @@ impl Clerk {
             FromPage::Preview { command, sequence } => {
                 self.sequence = sequence;
                 session.preview(&command)
+            }
+            FromPage::Seek { time_s, sequence } => {
+                self.sequence = sequence;
+                session.seek(time_s)
+            }
+            FromPage::StopFilm => {
+                work.film.stop();
+                return;
             }
             FromPage::Commit => {
                 session.commit();

@@ -40,6 +40,15 @@ pub enum FromPage {
     Undo,
     /// Takes the last undone step again.
     Redo,
+    /// Looks at another time.
+    Seek {
+        /// When, seconds.
+        time_s: f64,
+        /// The page's own number of the message, which the picture of it tells.
+        sequence: u64,
+    },
+    /// Gives up the frames or the video that are being taken away.
+    StopFilm,
     /// Asks for the light at a place.
     Probe {
         /// The photo position that it is above.
@@ -149,6 +158,17 @@ pub enum ToPage {
         /// Its length in bytes.
         lengths: [usize; 1],
     },
+    /// How far the frames or the video are that are being taken away.
+    Film {
+        /// Pictures that are finished.
+        done: usize,
+        /// Of how many.
+        frames: usize,
+        /// How long the rest will take, seconds, once that can be told.
+        left_s: Option<f64>,
+        /// Why it ended before, if it did.
+        ended: Option<String>,
+    },
     /// What was asked for was not done.
     Refused {
         /// Why.
@@ -193,7 +213,7 @@ pub struct Preset {
 impl FromPage {
     /// Whether a newer message of this kind takes its place.
     pub fn is_passing(&self) -> bool {
-        matches!(self, Self::Preview { .. } | Self::Probe { .. })
+        matches!(self, Self::Preview { .. } | Self::Seek { .. } | Self::Probe { .. })
     }
 }
 
@@ -210,6 +230,7 @@ impl ToPage {
             Self::Frame { .. } => 5,
             Self::Probe { .. } | Self::NoProbe => 6,
             Self::Overlay { .. } => 7,
+            Self::Film { .. } => 8,
             Self::Refused { .. } => return None,
         })
     }

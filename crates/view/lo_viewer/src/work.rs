@@ -11,6 +11,7 @@ use lightoctree::{Event, Warning};
 use lo_session::{LitScenes, OpenScene, Probe, Renderer, SessionError, State, Step, outputs, probe_place};
 
 use crate::Words;
+use crate::film::Film;
 use crate::outbox::Pages;
 use crate::protocol::ToPage;
 
@@ -44,7 +45,9 @@ pub(crate) struct Place {
 /// What the threads share.
 pub(crate) struct Work {
     pub scenes: Arc<LitScenes>,
-    pages: Arc<Pages>,
+    /// What is being taken away frame by frame.
+    pub film: Film,
+    pub pages: Arc<Pages>,
     words: Words,
     wanted: Mutex<Wanted>,
     changed: Condvar,
@@ -73,6 +76,7 @@ impl Work {
             Wanted { change, since: Instant::now(), moved: 0, last: None, failed: None, place: None, is_over: false };
         let work = Arc::new(Self {
             scenes: Arc::new(LitScenes::new(open)),
+            film: Film::default(),
             pages,
             words,
             wanted: Mutex::new(wanted),
@@ -112,6 +116,7 @@ impl Work {
 
     /// Ends the threads.
     pub fn end(&self) {
+        self.film.stop();
         self.lock().is_over = true;
         self.changed.notify_all();
     }
