@@ -22,7 +22,7 @@ pub const MAX_FPS: u32 = 1000;
 pub const MAX_TIME_S: f64 = 3600.0;
 
 /// Objects that somebody stood into a scene's photo, for whoever opens it again. What they are is up to `insert`: here they are text and bytes.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneObjects {
     /// What `insert --layout` reads, JSON; empty where nothing stands there.
     pub layout: String,
@@ -50,12 +50,6 @@ pub struct ObjectsShown {
 impl Default for ObjectsShown {
     fn default() -> Self {
         Self { floor_gloss: 0.0, frames: None, fps: 24, time_s: 0.0 }
-    }
-}
-
-impl Default for SceneObjects {
-    fn default() -> Self {
-        Self { layout: String::new(), files: BTreeMap::new(), shown: ObjectsShown::default() }
     }
 }
 
