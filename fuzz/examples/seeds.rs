@@ -4,6 +4,7 @@
 
 use std::io::Cursor;
 use std::path::Path;
+use std::sync::Arc;
 
 use exr::compression::Compression;
 use image::{DynamicImage, GrayImage, ImageFormat, Luma, Rgb, RgbImage, Rgba, RgbaImage};
@@ -11,8 +12,8 @@ use lightoctree::geometry::{Camera, Cube, Plane, Quat, Vec3};
 use lightoctree::imaging::{self, DepthMap, ExrOptions, Image, Photo, RadianceImage};
 use lightoctree::octree::{Coverage, LightOctree, RadiancePoint};
 use lightoctree::scene::{
-    AnalyticLight, Completion, EmitterEdit, Frame, LightChange, LightColor, LightEdits, LightShape, Room, RoomPlane,
-    Scene, Side,
+    AnalyticLight, Completion, EmitterEdit, Frame, LightChange, LightColor, LightEdits, LightShape, ObjectsShown, Room,
+    RoomPlane, Scene, SceneObjects, Side,
 };
 use lo_dataset::{DatasetError, Metadata, NovelView, Record, Shot, write_shard};
 
@@ -105,8 +106,23 @@ fn scenes(folder: &Path) -> Result {
         plain.write(&folder.join(format!("{name}.scene")), "seeds")?;
         let edited = Scene { light_edits: light_edits(name == "srgb8")?, ..plain };
         edited.write(&folder.join(format!("{name}_edited.scene")), "seeds")?;
+        if name == "srgb8" {
+            Scene { objects: objects(), ..edited }.write(&folder.join("srgb8_objects.scene"), "seeds")?;
+        }
     }
     Ok(())
+}
+
+/// A mesh with the file that it names, and a built-in one that moves.
+fn objects() -> SceneObjects {
+    let layout = r#"[{"mesh":"a.obj","pixel":[2,3]},{"mesh":"builtin:sphere","path":{"keyframes":[{"time_s":0,"pixel":[1,3]}]}}]"#;
+    let file = |name: &str, text: &str| (name.to_owned(), Arc::from(text.as_bytes()));
+    let obj = "mtllib a.mtl\nusemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    SceneObjects {
+        layout: layout.to_owned(),
+        files: [file("a.obj", obj), file("a.obj/a.mtl", "newmtl red\nKd 1 0 0\n")].into(),
+        shown: ObjectsShown { floor_gloss: 0.5, frames: Some(3), fps: 12, time_s: 0.5 },
+    }
 }
 
 /// One light of each shape, and on request an emitter, which these scenes do not have.
@@ -390,6 +406,12 @@ fn messages(folder: &Path) -> Result {
         r#"{"do":"add-light","new":{"sun":{"azimuth_deg":20,"elevation_deg":45,"strength":2,"angle_deg":1,"kelvin":5500}}}"#,
         r#"{"do":"remove-light","light":"A2"}"#,
         r#"{"do":"reset-lights"}"#,
+        r#"{"do":"set-key","object":2,"time_s":0}"#,
+        r#"{"do":"set-key","object":2,"time_s":1.5}"#,
+        r#"{"do":"move-key","object":2,"from_s":1.5,"to_s":2}"#,
+        r#"{"do":"delete-key","object":2,"time_s":0}"#,
+        r#"{"do":"interpolate","object":2,"interpolation":"catmull-rom"}"#,
+        r#"{"do":"frames","frames":48,"fps":24}"#,
         r#"{"do":"delete","object":2}"#,
     ];
     let lines: Vec<String> = commands.map(|command| format!(r#"{{"type":"command","command":{command}}}"#)).into();
@@ -404,6 +426,8 @@ fn messages(folder: &Path) -> Result {
         r#"{"type":"redo"}"#,
         r#"{"type":"probe","pixel":[2,2],"lift_m":0.1,"exposure_ev":1}"#,
         r#"{"type":"overlay","what":"levels"}"#,
+        r#"{"type":"seek","time_s":0.5,"sequence":3}"#,
+        r#"{"type":"stop-film"}"#,
         r#"{"type":"stop"}"#,
         r#"{"type":"close"}"#,
     ];

@@ -13,6 +13,10 @@ fuzz_target!(|bytes: &[u8]| {
     let again =
         Scene::from_bytes(&scene.to_bytes("fuzz").expect("a valid scene can be written")).expect("and read back");
     assert_eq!(scene, again);
+    // What stands in it is a layout with its meshes, or it is said what is wrong.
+    if let Ok(Some(layout)) = lightoctree::scene_layout(&scene) {
+        let _ = lightoctree::Models::of_scene(&layout, &scene);
+    }
     let finite = |radiance: &RadianceImage| radiance.pixels().iter().flatten().all(|value| value.is_finite());
     let viewers = Viewers::new(&scene.light);
     assert!(finite(&viewers.at(Vec3::ZERO).panorama(Vec3::ZERO, 8, 4).radiance));

@@ -17,7 +17,7 @@ static ROOM: LazyLock<Arc<OpenScene>> = LazyLock::new(|| {
 });
 
 fuzz_target!(|text: &str| {
-    let mut session = Session::new(ROOM.clone());
+    let mut session = Session::new(ROOM.clone()).expect("a scene of the seeds");
     let begun = session.state().clone();
     for message in text.lines().take(MAX_MESSAGES).filter_map(|line| serde_json::from_str::<FromPage>(line).ok()) {
         let (before, was_previewing) = (session.state().clone(), session.is_previewing());
@@ -36,6 +36,7 @@ fuzz_target!(|text: &str| {
             }
             FromPage::Undo => !session.undo(),
             FromPage::Redo => !session.redo() && !was_previewing,
+            FromPage::Seek { time_s, .. } => refused(session.seek(time_s)),
             FromPage::Probe { pixel, lift_m, .. } => {
                 let at = probe_place(session.open(), pixel, lift_m.clamp(0.0, 10.0));
                 assert!(at.is_none_or(|at| at.is_finite() || !lift_m.is_finite()));
@@ -45,7 +46,11 @@ fuzz_target!(|text: &str| {
                 let _ = overlay(session.open(), what);
                 true
             }
-            FromPage::Stop | FromPage::Close => true,
+            FromPage::Outside { view, .. } => {
+                let _ = view.check(session.open().up());
+                true
+            }
+            FromPage::StopFilm | FromPage::Stop | FromPage::Close => true,
         };
         let state = session.state();
         assert!(!stays || before == *state);
@@ -60,5 +65,7 @@ fuzz_target!(|text: &str| {
         }
     }
     while session.undo() {}
+    // What time one looks at is none of the history.
+    let _ = session.seek(begun.time_s);
     assert!(begun == *session.state());
 });

@@ -70,7 +70,7 @@ pub use lo_nets::checkpoint::CheckpointError;
 pub use lo_nets::light::LightError;
 pub use lo_octree as octree;
 pub use lo_scene as scene;
-pub use models::{ModelError, Models};
+pub use models::{ModelError, Models, scene_layout, scene_mesh};
 pub use options::{DEFAULT_OCTREE_DEPTH, EstimateOptions};
 pub use place::probe_grid;
 pub use probes::render_probes;

@@ -1,7 +1,8 @@
 use std::path::Path;
 
-use lo_insert::{Layout, LayoutObject};
+use lo_insert::{InsertError, Layout, LayoutObject, PathSource};
 use lo_mesh::{LoadOptions, MeshError, MeshWarning, Model, PreparedModel};
+use lo_scene::{Scene, SceneObjects};
 
 use crate::{BUILTIN_MODELS, BUILTIN_PREFIX, builtin_model};
 
@@ -27,6 +28,23 @@ pub enum ModelError {
         /// Why not.
         source: MeshError,
     },
+    /// What stands in a scene is no layout.
+    #[error("the scene's objects: {0}")]
+    Layout(#[from] InsertError),
+    /// An object of a scene names a file beside it.
+    #[error("the scene's objects: {object} needs {what}, which the scene does not hold")]
+    Outside {
+        /// The object's name.
+        object: String,
+        /// The file.
+        what: String,
+    },
+    /// A scene does not hold a mesh.
+    #[error("the scene does not hold the mesh {name}")]
+    NotHeld {
+        /// Which.
+        name: String,
+    },
     /// The library carries no such model.
     #[error("there is no {BUILTIN_PREFIX}{name}; there are {}", BUILTIN_MODELS.map(|name| format!("{BUILTIN_PREFIX}{name}")).join(", "))]
     Builtin {
@@ -41,6 +59,29 @@ impl Models {
     /// # Errors
     /// Files that cannot be read or hold no such thing; names that the library does not carry.
     pub fn load(layout: &Layout, folder: &Path) -> Result<Self, ModelError> {
+        Self::of(layout, |object| {
+            let mut model = match builtin(object)? {
+                Some(model) => model,
+                None => Model::load(folder.join(&object.mesh), &LoadOptions::default())?,
+            };
+            give_material(&mut model, object, folder)?;
+            Ok(model)
+        })
+    }
+
+    /// The same of a scene's own objects, as [`scene_layout`] tells them; no file is read.
+    ///
+    /// # Errors
+    /// Meshes that the scene does not hold or that cannot be read, and names that the library does not carry.
+    pub fn of_scene(layout: &Layout, scene: &Scene) -> Result<Self, ModelError> {
+        Self::of(layout, |object| {
+            let mut model = scene_mesh(scene, &object.mesh.to_string_lossy())?;
+            give_material(&mut model, object, Path::new(""))?;
+            Ok(model)
+        })
+    }
+
+    fn of(layout: &Layout, model: impl Fn(&LayoutObject) -> Result<Model, ModelError>) -> Result<Self, ModelError> {
         let objects = layout.objects();
         let (mut models, mut of_objects): (Vec<PreparedModel>, Vec<usize>) = (Vec::new(), Vec::new());
         for (i, object) in objects.iter().enumerate() {
@@ -49,7 +90,7 @@ impl Models {
             of_objects.push(match known {
                 Some(known) => known,
                 None => {
-                    models.push(PreparedModel::new(model(object, folder)?));
+                    models.push(PreparedModel::new(model(object)?));
                     models.len() - 1
                 }
             });
@@ -68,15 +109,59 @@ impl Models {
     }
 }
 
-fn model(object: &LayoutObject, folder: &Path) -> Result<Model, ModelError> {
-    let mut model = match object.mesh.to_str().and_then(|name| name.strip_prefix(BUILTIN_PREFIX)) {
-        Some(name) => builtin_model(name).ok_or_else(|| ModelError::Builtin { name: name.to_owned() })??,
-        None => Model::load(folder.join(&object.mesh), &LoadOptions::default())?,
-    };
-    if let Some(material) = &object.material {
-        model
-            .override_material(material, folder)
-            .map_err(|source| ModelError::Material { object: object.name().to_owned(), source })?;
+/// What stands in a scene's photo; `None` where nothing does.
+///
+/// # Errors
+/// Where that is no layout, or one that names files beside the scene.
+pub fn scene_layout(scene: &Scene) -> Result<Option<Layout>, ModelError> {
+    let SceneObjects { layout, files, .. } = &scene.objects;
+    if layout.is_empty() {
+        return Ok(None);
     }
-    Ok(model)
+    let layout = Layout::from_json(layout)?;
+    for object in layout.objects() {
+        let outside = |what: &str| ModelError::Outside { object: object.name().to_owned(), what: what.to_owned() };
+        let mesh = object.mesh.to_string_lossy();
+        if !mesh.starts_with(BUILTIN_PREFIX) && !files.contains_key(&*mesh) {
+            return Err(outside(&mesh));
+        }
+        if let Some(PathSource::File(file)) = &object.path {
+            return Err(outside(&file.to_string_lossy()));
+        }
+        if let Some(file) = object.material.as_ref().and_then(|material| material.files().next()) {
+            return Err(outside(file));
+        }
+    }
+    Ok(Some(layout))
+}
+
+/// A mesh of a scene's objects, or one that the library carries.
+///
+/// # Errors
+/// Where the scene does not hold it, or it cannot be read.
+pub fn scene_mesh(scene: &Scene, name: &str) -> Result<Model, ModelError> {
+    if let Some(builtin) = name.strip_prefix(BUILTIN_PREFIX) {
+        return Ok(builtin_model(builtin).ok_or_else(|| ModelError::Builtin { name: builtin.to_owned() })??);
+    }
+    let files = &scene.objects.files;
+    let bytes = files.get(name).ok_or_else(|| ModelError::NotHeld { name: name.to_owned() })?;
+    let resolve = |part: &str| {
+        let part = part.rsplit(['/', '\\']).next().unwrap_or_default();
+        let held = files.get(&format!("{name}/{part}"));
+        held.map(|bytes| bytes.to_vec()).ok_or_else(|| std::io::Error::other("the scene does not hold it"))
+    };
+    Ok(Model::from_bytes(name, bytes, &resolve, &LoadOptions::default())?)
+}
+
+fn builtin(object: &LayoutObject) -> Result<Option<Model>, ModelError> {
+    let Some(name) = object.mesh.to_str().and_then(|name| name.strip_prefix(BUILTIN_PREFIX)) else { return Ok(None) };
+    let model = builtin_model(name).ok_or_else(|| ModelError::Builtin { name: name.to_owned() })??;
+    Ok(Some(model))
+}
+
+fn give_material(model: &mut Model, object: &LayoutObject, folder: &Path) -> Result<(), ModelError> {
+    let Some(material) = &object.material else { return Ok(()) };
+    model
+        .override_material(material, folder)
+        .map_err(|source| ModelError::Material { object: object.name().to_owned(), source })
 }

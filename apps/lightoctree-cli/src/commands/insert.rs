@@ -5,11 +5,13 @@ mod objects;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
+use anyhow::Context;
 use clap::ValueEnum;
 use lightoctree::geometry::{Orientation, Vec3};
 use lightoctree::imaging::{self, ExrOptions, Image, RadianceImage};
 use lightoctree::insert::{Composite, InsertError, Inserter, Instance, Layout, Lighting, Placement, Quality};
 use lightoctree::mesh::Material;
+use lightoctree::scene::ObjectsShown;
 use lightoctree::{Event, Models, Warning};
 use serde_json::json;
 
@@ -29,6 +31,7 @@ use crate::{interrupt, output, report};
     lightoctree insert room.scene --mesh bunny.ply --height 0.3 --material gold --pixel 900,1200 --quality high -o gold.png\n  \
     lightoctree insert room.scene --mesh bunny.ply --pixel 900,1200 --height 0.3 --mesh tea_set.gltf --pixel 1100,1150 -o two.png\n  \
     lightoctree insert room.scene --layout objects.json -o several.png\n  \
+    lightoctree insert room.scene -o as_saved.png\n  \
     lightoctree insert room.scene --mesh car.glb --path path.json --frames 48 -o frames/car_%04d.png\n  \
     lightoctree insert room.scene --mesh car.glb --path path.json --frames 48 -o - | ffmpeg -i - \
     -colorspace bt709 -color_trc iec61966-2-1 -color_primaries bt709 -pix_fmt yuv420p car.mp4\n\n\
@@ -51,9 +54,9 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     frames: Option<u32>,
 
-    /// Frames per second of a video
-    #[arg(long, value_name = "N", requires = "frames", default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..=1000))]
-    fps: u32,
+    /// Frames per second of a video [default: 24, or the scene's own with its own objects]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    fps: Option<u32>,
 
     /// What lights the objects: `octree`, or `envmap:FILE` (an equirectangular .exr, .hdr or .pfm)
     #[arg(long, value_name = "octree|envmap:FILE", default_value = "octree")]
@@ -67,9 +70,10 @@ pub struct Args {
     #[arg(long)]
     no_lamp: bool,
 
-    /// How polished the floor or table under an object is: above 0 it mirrors the objects as a clear coat of roughness 1 - G does
-    #[arg(long, value_name = "G", value_parser = parse::share, default_value_t = 0.0)]
-    floor_gloss: f64,
+    /// How polished the floor or table under an object is: above 0 it mirrors the objects as a clear coat of roughness 1 - G does [default: 0, or the scene's own with its own
+    /// objects]
+    #[arg(long, value_name = "G", value_parser = parse::share)]
+    floor_gloss: Option<f64>,
 
     /// Samples: draft for moving about, high for the final picture
     #[arg(long, value_name = "QUALITY", default_value = "normal")]
@@ -116,16 +120,37 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let (Some(scene), Some(output)) = (&args.scene, &args.output) else {
         return Err(Usage("a scene and --output are needed".into()).into());
     };
-    let (layout, folder) = args.objects.layout()?;
-    let frames = frames(args, &layout)?;
-    let files = output_files(args, output, frames)?;
+    let given = args.objects.layout()?;
+    // Without objects on the command line those of the scene are meant.
+    let mut own = None;
+    let (layout, folder) = match given {
+        Some((layout, folder)) => (layout, Some(folder)),
+        None => {
+            let read = super::read_scene(scene)?;
+            let nothing = || {
+                Usage(format!("say what to insert: --mesh or --layout; nothing stands in {} itself", scene.display()))
+            };
+            let layout = lightoctree::scene_layout(&read).with_context(|| format!("{}", scene.display()))?;
+            own = Some(read);
+            (layout.ok_or_else(nothing)?, None)
+        }
+    };
+    let shown = own.as_ref().map(|scene| scene.objects.shown).unwrap_or_default();
+    let frames = frames(args, &layout, own.as_ref().map(|_| shown))?;
+    let files = output_files(args, output, frames, layout.moves())?;
     let lighting = lighting(&args.lighting, args.orientation)?;
     let names: Vec<String> = layout.objects().iter().map(|object| object.name().to_owned()).collect();
     let mut stages = Stages::new(global.quiet);
     stages.name_objects(&names);
-    let mut scene = stages.stage("read scene", || super::read_scene(scene))?;
+    let mut scene = match own {
+        Some(scene) => scene,
+        None => stages.stage("read scene", || super::read_scene(scene))?,
+    };
     let meshes = if names.len() > 1 { "read meshes" } else { "read mesh" };
-    let models = stages.stage(meshes, || Models::load(&layout, &folder))?;
+    let models = stages.stage(meshes, || match &folder {
+        Some(folder) => Models::load(&layout, folder),
+        None => Models::of_scene(&layout, &scene),
+    })?;
     models.warnings().for_each(|warning| stages.note(&warning.to_string()));
     let models = models.of_objects();
     let placements = layout.placements(&scene, &models, files.len()).map_err(|error| of_object(error, &names))?;
@@ -148,7 +173,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         lightoctree::seen_from(&mut scene, middle);
         super::light_up(&mut scene, !args.no_lamp, &mut stages)?;
     }
-    let floor_gloss = args.floor_gloss as f32;
+    let floor_gloss = args.floor_gloss.map_or(shown.floor_gloss, |gloss| gloss as f32);
     // What a high picture is replaced by when it is not waited for.
     let mut lesser = None;
     if quality == Quality::High && files.len() == 1 {
@@ -173,7 +198,8 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         stages.stage("prepare light", || Inserter::new(&scene, lighting, quality))?.with_floor_gloss(floor_gloss);
     let progress = bar(global.quiet || files.len() == 1, files.len(), "frames");
     let size = (scene.frame.photo.width(), scene.frame.photo.height());
-    let mut video = Video::is_asked(output).then(|| Video::create(output, size, args.fps)).transpose()?;
+    let mut video =
+        Video::is_asked(output).then(|| Video::create(output, size, args.fps.unwrap_or(shown.fps))).transpose()?;
     let (mut written, mut frames) = (Vec::new(), 0);
     // What is the same in all frames is said once.
     let mut met = Vec::new();
@@ -284,8 +310,10 @@ fn kept(composite: Composite, with_layers: bool) -> Composite {
 }
 
 /// Number of pictures.
-fn frames(args: &Args, layout: &Layout) -> anyhow::Result<usize> {
-    match (args.frames, layout.objects().iter().find(|object| object.path.is_some())) {
+fn frames(args: &Args, layout: &Layout, own: Option<ObjectsShown>) -> anyhow::Result<usize> {
+    // A scene's own objects bring theirs.
+    let own = own.zip(layout.span_s()?).map(|(shown, span_s)| shown.frames_between(span_s));
+    match (args.frames.or(own), layout.objects().iter().find(|object| object.path.is_some())) {
         (Some(frames), Some(_)) => Ok(frames as usize),
         (None, None) => Ok(1),
         (None, Some(moving)) => {
@@ -305,8 +333,12 @@ fn of_object(error: InsertError, names: &[String]) -> anyhow::Error {
 }
 
 /// Names of the composite and of the layers of each frame, checked before any work is done.
-fn output_files(args: &Args, output: &Path, frames: usize) -> anyhow::Result<Vec<(PathBuf, Option<PathBuf>)>> {
-    let sequence = args.frames.is_some();
+fn output_files(
+    args: &Args,
+    output: &Path,
+    frames: usize,
+    sequence: bool,
+) -> anyhow::Result<Vec<(PathBuf, Option<PathBuf>)>> {
     let video = Video::is_asked(output);
     if video && !sequence {
         return Err(Usage(format!("--output {}: a video needs --path and --frames", output.display())).into());

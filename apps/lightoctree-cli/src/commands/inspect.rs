@@ -55,6 +55,19 @@ struct Summary {
     /// What somebody changed of the light, beside the estimate.
     #[serde(skip_serializing_if = "LightEdits::is_empty")]
     light_edits: LightEdits,
+    /// What stands in the photo.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    objects: Option<ObjectsSummary>,
+}
+
+#[derive(Serialize)]
+struct ObjectsSummary {
+    /// Their names.
+    names: Vec<String>,
+    /// Files of their meshes.
+    files: Vec<String>,
+    /// Of these files.
+    bytes: usize,
 }
 
 #[derive(Serialize)]
@@ -117,12 +130,24 @@ struct RadianceSummary {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let scene = super::read_scene(&args.scene)?;
     let bytes = std::fs::metadata(&args.scene).with_context(|| format!("{}", args.scene.display()))?.len();
-    let summary = summarise(&scene, bytes);
+    let mut summary = summarise(&scene, bytes);
+    summary.objects = objects(&scene).with_context(|| format!("{}", args.scene.display()))?;
     if args.json {
         return report::print_json(&summary);
     }
     print_tables(&summary);
     Ok(())
+}
+
+/// What stands in the photo, if anything does.
+fn objects(scene: &Scene) -> anyhow::Result<Option<ObjectsSummary>> {
+    let Some(layout) = lightoctree::scene_layout(scene)? else { return Ok(None) };
+    let files = &scene.objects.files;
+    Ok(Some(ObjectsSummary {
+        names: layout.objects().iter().map(|object| object.name().to_owned()).collect(),
+        files: files.keys().cloned().collect(),
+        bytes: files.values().map(|bytes| bytes.len()).sum(),
+    }))
 }
 
 fn summarise(scene: &Scene, bytes: u64) -> Summary {
@@ -178,6 +203,7 @@ fn summarise(scene: &Scene, bytes: u64) -> Summary {
         depth_model: scene.depth_model.clone(),
         other_photos: scene.other_photos.clone(),
         light_edits: scene.light_edits.clone(),
+        objects: None,
         mean_confidence: scene.confidence.as_ref().map(|confidence| mean_share(light, confidence)),
         panorama,
     }
@@ -268,6 +294,17 @@ fn print_tables(summary: &Summary) {
             "lights   edited: {}; added: {} (`lightoctree lights` tells more; all above is the estimate)",
             names(emitters.iter().map(|edit| &edit.id[..]).collect()),
             names(added.iter().map(|light| &light.id[..]).collect())
+        ));
+    }
+    if let Some(ObjectsSummary { names, files, bytes }) = &summary.objects {
+        let held = if files.is_empty() {
+            String::new()
+        } else {
+            format!("; their files: {}, {}", files.join(", "), report::bytes(*bytes as u64))
+        };
+        report::print(&format!(
+            "objects  {}{held} (`lightoctree insert` without --mesh inserts them)",
+            names.join(", ")
         ));
     }
     if let Some(PanoramaSummary { source, .. }) = &summary.panorama {

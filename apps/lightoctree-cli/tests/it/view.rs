@@ -321,7 +321,7 @@ fn view_load() {
     let (scene, _) = page.hear("the scene", |message| message["type"] == "scene");
     let side = |name: &str| scene["camera"][name].as_f64().unwrap();
     let (width, height) = (side("width"), side("height"));
-    for mesh in ["builtin:sphere", "builtin:tea_set"] {
+    for mesh in ["builtin:sphere", "builtin:tea-set"] {
         page.act(&json!({ "do": "add", "mesh": mesh }));
     }
     page.hear("two objects", |message| message["view"]["objects"].as_array().is_some_and(|all| all.len() == 2));
@@ -365,4 +365,88 @@ fn view_load() {
     assert_eq!(refusals, 0);
     assert!(viewer.memory_mb() < memory_mb[0] + 50.0, "{memory_mb:?}");
     assert!(viewer.is_alive());
+}
+
+#[test]
+fn sequences_and_scenes_with_objects_are_those_of_the_command_line() {
+    let folder = room_with_scene();
+    write_mesh(folder.path());
+    let viewer = Viewer::start(folder.path(), &["room.scene"]);
+    let mut page = viewer.page();
+    page.hear("the scene", |message| message["type"] == "scene");
+    assert_eq!(viewer.get("download/video.y4m").0, 409, "nothing stands in the photo");
+    page.act(&json!({ "do": "add", "mesh": "builtin:sphere", "pixel": [40, 90] }));
+    let object = std::fs::read(folder.path().join("object.obj")).unwrap();
+    assert_eq!(viewer.upload("mesh", "object.obj", &object), (204, String::new()));
+    page.hear("two objects", |message| message["view"]["objects"].as_array().is_some_and(|all| all.len() == 2));
+    assert_eq!(viewer.get("download/video.y4m").0, 409, "nothing moves");
+    page.act(&json!({ "do": "size", "object": 2, "size": { "height": 0.3 } }));
+    page.act(&json!({ "do": "set-key", "object": 1, "time_s": 0 }));
+    page.say(&json!({ "type": "seek", "time_s": 1.5, "sequence": 1 }));
+    page.act(&json!({ "do": "place", "object": 1, "place": { "pixel": [90, 88] } }));
+    page.act(&json!({ "do": "turn", "object": 1, "yaw_deg": 95.5 }));
+    page.act(&json!({ "do": "interpolate", "object": 1, "interpolation": "catmull-rom" }));
+    page.act(&json!({ "do": "floor-gloss", "gloss": 0.5 }));
+    page.act(&json!({ "do": "frames", "frames": null, "fps": 2 }));
+    let (state, _) = page.hear("the frames", |message| message["view"]["timeline"]["fps"] == 2);
+    assert_eq!(state["view"]["timeline"]["frames"], 4);
+    let command = state["view"]["command"].as_str().unwrap().to_owned();
+    assert_eq!(
+        command,
+        "lightoctree insert room.scene --layout objects.json --frames 4 --fps 2 --floor-gloss 0.5 -o video.y4m"
+    );
+    let taken = |file: &str| {
+        let (status, bytes) = viewer.get(&format!("download/{file}"));
+        assert_eq!(status, 200, "{file}: {}", String::from_utf8_lossy(&bytes));
+        bytes
+    };
+    std::fs::write(folder.path().join("objects.json"), taken("objects.json")).unwrap();
+    let words: Vec<&str> = command.split(' ').skip(1).collect();
+    done(folder.path(), &words);
+    let video = std::fs::read(folder.path().join("video.y4m")).unwrap();
+    assert!(taken("video.y4m") == video);
+    page.hear("how far it is", |message| message["type"] == "film" && message["done"] == 4 && message["frames"] == 4);
+    let frames = [&words[..words.len() - 1], &["frame_%04d.png"]].concat();
+    done(folder.path(), &frames);
+    let tar = taken("frames.tar");
+    let mut archive = tar::Archive::new(tar.as_slice());
+    let mut names = Vec::new();
+    for entry in archive.entries().unwrap() {
+        let mut entry = entry.unwrap();
+        let name = entry.path().unwrap().display().to_string();
+        let mut bytes = Vec::new();
+        std::io::Read::read_to_end(&mut entry, &mut bytes).unwrap();
+        assert!(bytes == std::fs::read(folder.path().join(&name)).unwrap(), "{name}");
+        names.push(name);
+    }
+    assert_eq!(names, ["frame_0000.png", "frame_0001.png", "frame_0002.png", "frame_0003.png"]);
+
+    // The scene alone says all of it.
+    std::fs::write(folder.path().join("kept.scene"), taken("room.scene")).unwrap();
+    std::fs::remove_file(folder.path().join("object.obj")).unwrap();
+    done(folder.path(), &["insert", "kept.scene", "-o", "own.y4m"]);
+    assert!(std::fs::read(folder.path().join("own.y4m")).unwrap() == video);
+    let told = done(folder.path(), &["inspect", "kept.scene", "--json"]);
+    assert!(told.contains(r#""objects":{"names":["sphere","object"],"files":["object.obj"]"#), "{told}");
+    let message = refused(folder.path(), 2, &["insert", "room.scene", "-o", "none.png"]);
+    assert!(message.contains("--mesh or --layout"), "{message}");
+    let again = Viewer::start(folder.path(), &["kept.scene"]);
+    let mut page = again.page();
+    let (reopened, _) = page.hear("the objects", |message| message["type"] == "state");
+    assert_eq!(reopened["view"]["timeline"], state["view"]["timeline"]);
+    assert_eq!(reopened["view"]["can_undo"], false);
+    let (status, saved) = again.get("download/room.scene");
+    assert!(status == 200 && saved == std::fs::read(folder.path().join("kept.scene")).unwrap());
+
+    // A long one can be given up.
+    page.act(&json!({ "do": "frames", "frames": 100_000, "fps": 24 }));
+    page.hear("the frames", |message| message["view"]["timeline"]["frames"] == 100_000);
+    std::thread::scope(|scope| {
+        let taking = scope.spawn(|| again.get("download/frames.tar"));
+        page.hear("progress", |message| message["type"] == "film" && message["done"].as_u64() > Some(0));
+        assert_eq!(again.get("download/frames.tar").0, 409, "one at a time");
+        page.say(&json!({ "type": "stop-film" }));
+        page.hear("the end", |message| message["type"] == "film" && message["ended"] == "stopped");
+        taking.join().unwrap();
+    });
 }

@@ -6,6 +6,7 @@ use serde_json::Value;
 
 use crate::cli::room_with_scene;
 use crate::support::browser::Browser;
+use crate::support::done;
 use crate::support::view::Viewer;
 
 /// Where on the page a photo position is seen.
@@ -334,6 +335,103 @@ fn a_person_looks_at_the_room_from_outside() {
     browser.key("v", 0);
     let is_photo = "document.getElementById('outside').hidden && getComputedStyle(document.getElementById('picture')).visibility === 'visible'";
     assert_eq!(browser.value(is_photo), true);
+    assert_eq!(browser.faults, Vec::<String>::new());
+}
+
+#[test]
+fn a_person_makes_an_object_move() {
+    let Some(mut browser) = Browser::start("the viewer's timeline") else { return };
+    let folder = room_with_scene();
+    let viewer = Viewer::start(folder.path(), &["room.scene"]);
+    let downloads = tempfile::tempdir().unwrap();
+    let behavior = serde_json::json!({ "behavior": "allow", "downloadPath": downloads.path() });
+    browser.call("Page.setDownloadBehavior", behavior);
+    browser.open(&viewer.address, [1280, 720]);
+    browser.wait("document.body.dataset.at === 'scene'");
+    assert_eq!(browser.value("document.getElementById('timeline').hidden"), true);
+    press(&mut browser, "Chrome sphere");
+    browser.wait("viewer.page.view.objects.length === 1 && viewer.page.selectedId === 1");
+    browser.key("k", 0);
+    browser.wait("viewer.page.view.objects[0].path?.keyframes.length === 1");
+    browser.wait("!document.getElementById('timeline').hidden");
+    // The playhead goes to another time, the object to another place: a keyframe there.
+    let seek = |browser: &mut Browser, time: &str| {
+        browser.value(&format!(
+            "(() => {{ const field = document.getElementById('playhead'); field.value = '{time}'; field.oninput(); }})()"
+        ));
+        browser.wait(&format!("Math.abs(viewer.page.view.timeline.time_s - {time}) < 0.03"));
+    };
+    seek(&mut browser, "2");
+    browser.value("document.getElementById('stage').focus()");
+    for _ in 0..12 {
+        browser.key("ArrowRight", 0);
+    }
+    browser.wait("viewer.page.view.objects[0].path.keyframes.length === 2");
+    browser.wait(FINAL);
+    shot(&mut browser, "timeline.png");
+    let at_2 = object(&mut browser, 0)["position_m"].clone();
+    seek(&mut browser, "1");
+    let at_1 = object(&mut browser, 0)["position_m"].clone();
+    assert_ne!(at_1, at_2);
+    // A keyframe is dragged to another time, and back by undo.
+    let key = browser.value(
+        "(() => { const box = document.querySelectorAll('#timeline .key')[1].getBoundingClientRect();
+           return [box.left + box.width / 2, box.top + box.height / 2]; })()",
+    );
+    let place = [key[0].as_f64().unwrap(), key[1].as_f64().unwrap()];
+    browser.mouse("mouseMoved", place);
+    browser.mouse("mousePressed", place);
+    for step in 1..=5 {
+        browser.mouse("mouseMoved", [place[0] - 20.0 * f64::from(step), place[1]]);
+    }
+    browser.wait("viewer.page.view.timeline.span_s[1] < 1.9");
+    browser.mouse("mouseReleased", [place[0] - 100.0, place[1]]);
+    browser.key("z", 2);
+    browser.wait("viewer.page.view.timeline.span_s[1] === 2");
+    // It plays: times pass, and pictures of them come.
+    browser.value("document.getElementById('stage').focus()");
+    browser.key(" ", 0);
+    browser.wait("document.getElementById('play').textContent === 'Stop'");
+    let before = browser.value("viewer.page.view.timeline.time_s");
+    browser.wait(&format!("Math.abs(viewer.page.view.timeline.time_s - {before}) > 0.3"));
+    browser.key(" ", 0);
+    browser.wait("document.getElementById('play').textContent === 'Play'");
+    assert_eq!(browser.value("viewer.page.view.can_redo"), true, "looking at another time changes nothing");
+    // Click and Delete, and back.
+    click(&mut browser, "#timeline .key:nth-child(2)");
+    browser.value("document.querySelectorAll('#timeline .key')[1].focus()");
+    browser.key("Delete", 0);
+    browser.wait("viewer.page.view.objects[0].path.keyframes.length === 1");
+    browser.key("z", 2);
+    browser.wait("viewer.page.view.objects[0].path.keyframes.length === 2");
+    // A short video is the command line's.
+    browser.value("(() => { const field = document.getElementById('fps'); field.value = '2'; field.onchange(); })()");
+    browser.wait("viewer.page.view.timeline.frames === 5");
+    click(&mut browser, "[data-file=\"video.y4m\"]");
+    let video = downloads.path().join("video.y4m");
+    let begun = std::time::Instant::now();
+    while !video.is_file() {
+        assert!(begun.elapsed().as_secs() < 120, "no video");
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+    let command = browser.value("viewer.page.view.command").as_str().unwrap().to_owned();
+    let (_, layout) = viewer.get("download/objects.json");
+    std::fs::write(folder.path().join("objects.json"), layout).unwrap();
+    done(folder.path(), &command.split(' ').skip(1).collect::<Vec<_>>());
+    assert!(std::fs::read(video).unwrap() == std::fs::read(folder.path().join("video.y4m")).unwrap());
+    browser.wait("document.getElementById('film').hidden");
+    // All that is seen of it can be read and reached, in a small window and in a large one.
+    let wide =
+        "document.documentElement.scrollWidth > innerWidth || document.documentElement.scrollHeight > innerHeight";
+    assert_eq!(browser.value(wide), false);
+    let nameless = browser.value(
+        "[...document.querySelectorAll('#timeline button, #timeline input, #timeline select')].filter((control) =>
+           !(control.textContent.trim() || control.getAttribute('aria-label') || control.labels?.length) || control.tabIndex < 0).length",
+    );
+    assert_eq!(nameless, 0);
+    browser.resize([3840, 2160]);
+    browser.wait("document.getElementById('picture').width > 1500");
+    shot(&mut browser, "timeline_large.png");
     assert_eq!(browser.faults, Vec::<String>::new());
 }
 

@@ -31,6 +31,7 @@ mod sh;
 mod source;
 mod tone;
 mod write;
+mod y4m_write;
 
 pub use crate::exif::{FocalLength, ShotExposure};
 pub use crate::image::{DepthMap, Image, RadianceImage};
@@ -62,3 +63,4 @@ pub use write::{
     JPEG_QUALITY, encode_exr, encode_photo, encode_png, encode_rgba8, encode_srgb8, write_depth, write_exr,
     write_photo, write_png16, write_radiance, write_rgba8, write_srgb8, write_tone_mapped,
 };
+pub use y4m_write::Y4mWriter;

@@ -137,6 +137,13 @@ impl MaterialSpec {
         Ok(spec)
     }
 
+    /// The picture files that it names.
+    pub fn files(&self) -> impl Iterator<Item = &str> {
+        let files =
+            [&self.base_color_texture, &self.metallic_roughness_texture, &self.normal_texture, &self.emissive_texture];
+        files.into_iter().flatten().map(String::as_str)
+    }
+
     /// What [`MaterialSpec::parse`] reads as this: the preset's name where nothing else is said.
     pub fn to_text(&self) -> String {
         match &self.preset {

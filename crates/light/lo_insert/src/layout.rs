@@ -164,6 +164,22 @@ impl Layout {
         self.objects.iter().any(|object| object.path.is_some())
     }
 
+    /// Times of the first keyframe of all paths and of the last, in seconds; `None` where nothing moves.
+    ///
+    /// # Errors
+    /// Where the keyframes of a file were not read ([`Layout::with_paths`]).
+    pub fn span_s(&self) -> Result<Option<[f64; 2]>, InsertError> {
+        let mut span_s: Option<[f64; 2]> = None;
+        for (i, object) in self.objects.iter().enumerate() {
+            if let Some(path) = object.keyframes().map_err(|error| error.of(i))? {
+                let [first, last] = path.span_s().map_err(|error| error.of(i))?;
+                let [begun, ended] = span_s.unwrap_or([first, last]);
+                span_s = Some([begun.min(first), ended.max(last)]);
+            }
+        }
+        Ok(span_s)
+    }
+
     /// For each object its placements in `frames` frames, at equal time steps from the first keyframe of all paths to the last.
     ///
     /// `models`: that of each object.
@@ -177,20 +193,26 @@ impl Layout {
         models: &[&PreparedModel],
         frames: usize,
     ) -> Result<Vec<Vec<Placement>>, InsertError> {
-        let mut span_s = [f64::INFINITY, f64::NEG_INFINITY];
-        for (i, object) in self.objects.iter().enumerate() {
-            if let Some(path) = object.keyframes().map_err(|error| error.of(i))? {
-                let [first, last] = path.span_s().map_err(|error| error.of(i))?;
-                span_s = [span_s[0].min(first), span_s[1].max(last)];
-            }
-        }
-        let times_s = if self.moves() { frame_times_s(span_s, frames) } else { vec![0.0; frames] };
+        let times_s = self.span_s()?.map_or_else(|| vec![0.0; frames], |span_s| frame_times_s(span_s, frames));
+        self.placements_at(scene, models, &times_s)
+    }
+
+    /// The same at any times, in seconds; what stands on another object is put there at the first of them.
+    ///
+    /// # Errors
+    /// Those of [`Layout::placements`].
+    pub fn placements_at(
+        &self,
+        scene: &Scene,
+        models: &[&PreparedModel],
+        times_s: &[f64],
+    ) -> Result<Vec<Vec<Placement>>, InsertError> {
         let mut placements: Vec<Vec<Placement>> = Vec::with_capacity(self.objects.len());
         for (i, (object, model)) in self.objects.iter().zip(models).enumerate() {
             let carrier = object.on.as_deref().and_then(|on| self.objects[..i].iter().position(|o| o.name() == on));
             let placed = match carrier {
                 Some(carrier) => object.carried(scene, model, models[carrier], &placements[carrier]),
-                None => object.placements(scene, model, &times_s),
+                None => object.placements(scene, model, times_s),
             };
             placements.push(placed.map_err(|error| error.of(i))?);
         }

@@ -124,6 +124,9 @@ pub enum SceneError {
     /// The light is no longer the estimate.
     #[error("the scene's light was edited in memory, and its file holds the estimate with the edits beside it")]
     Edited,
+    /// What stands in the photo is damaged.
+    #[error("the scene's objects: {0}")]
+    Objects(String),
     /// The octree is damaged.
     #[error("the lighting octree: {0}")]
     Octree(#[from] lo_octree::OctreeError),

@@ -1,10 +1,11 @@
 //! The scene file.
 
 use std::borrow::Cow;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
 use std::io::{Read, Write};
 use std::path::Path;
+use std::sync::Arc;
 
 use half::f16;
 use lo_geometry::{Camera, Quat};
@@ -14,7 +15,8 @@ use safetensors::{Dtype, SafeTensors, View};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Completion, Frame, LaidPanorama, LightEdits, OtherPhoto, PanoramaPicture, PanoramaSource, Room, Scene, SceneError,
+    Completion, Frame, LaidPanorama, LightEdits, ObjectsShown, OtherPhoto, PanoramaPicture, PanoramaSource, Room,
+    Scene, SceneError, SceneObjects,
 };
 
 /// Version of the file's layout that this crate writes and reads.
@@ -28,6 +30,9 @@ const PANORAMA_SHARE: &str = "panorama_share";
 
 /// Tensor of the panorama itself.
 const PANORAMA: &str = "panorama";
+
+/// Tensor of the objects' layout, and what the names of their files' tensors begin with.
+const OBJECTS: &str = "objects";
 
 /// Longest safetensors header that is parsed; ours have about 10 kB.
 const MAX_HEADER_BYTES: u64 = 1 << 20;
@@ -60,6 +65,18 @@ struct Metadata {
     other_photos: Vec<OtherPhoto>,
     #[serde(default, skip_serializing_if = "LightEdits::is_empty")]
     light_edits: LightEdits,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    objects: Option<ObjectsHeader>,
+}
+
+/// What is to be known of the objects' tensors.
+#[derive(Serialize, Deserialize)]
+struct ObjectsHeader {
+    #[serde(flatten)]
+    shown: ObjectsShown,
+    /// The name of each file's tensor's content.
+    #[serde(default)]
+    files: Vec<String>,
 }
 
 /// What is to be known of a panorama's tensor.
@@ -106,10 +123,14 @@ impl Scene {
     /// The bytes of the scene file. The same scene gives the same bytes. `generator` names the writing program in them.
     ///
     /// # Errors
-    /// Where the scene is larger than the format can hold, or holds edited light in the place of the estimate.
+    /// Where the scene is larger than the format can hold, holds edited light in the place of the estimate, or objects that would not be read.
     pub fn to_bytes(&self, generator: &str) -> Result<Vec<u8>, SceneError> {
         if self.edited.is_some() {
             return Err(SceneError::Edited);
+        }
+        let objects = (!self.objects.is_empty()).then_some(&self.objects);
+        if let Some(wrong) = objects.and_then(SceneObjects::wrong) {
+            return Err(SceneError::Objects(wrong));
         }
         let (octree, octree_tensors) = write_tensors(&self.light);
         let picture = self.panorama.as_ref().and_then(|laid| laid.picture.as_ref());
@@ -131,6 +152,10 @@ impl Scene {
             panorama_picture: picture_header,
             other_photos: self.other_photos.clone(),
             light_edits: self.light_edits.clone(),
+            objects: objects.map(|SceneObjects { shown, files, .. }| ObjectsHeader {
+                shown: *shown,
+                files: files.keys().cloned().collect(),
+            }),
         };
         let json = serde_json::to_string(&metadata).map_err(|e| SceneError::Metadata(e.to_string()))?;
         let mut tensors: Vec<(String, Tensor)> =
@@ -161,6 +186,11 @@ impl Scene {
             let bytes = values.iter().flat_map(|value| f16::from_f32(value / header.scale).to_le_bytes()).collect();
             let shape = vec![picture.radiance.height(), picture.radiance.width(), 3];
             tensors.push((PANORAMA.to_owned(), Tensor::Plain { dtype: Dtype::F16, shape, bytes: Cow::Owned(bytes) }));
+        }
+        if let Some(SceneObjects { layout, files, .. }) = objects {
+            tensors.push((OBJECTS.to_owned(), Tensor::bytes(layout.as_bytes())));
+            let files = files.values().enumerate();
+            tensors.extend(files.map(|(index, bytes)| (file_tensor(index), Tensor::bytes(bytes))));
         }
         let map = HashMap::from([(METADATA_KEY.to_owned(), json)]);
         safetensors::serialize(tensors, Some(map)).map_err(|e| SceneError::Container(e.to_string()))
@@ -216,8 +246,10 @@ impl Scene {
             panorama_picture,
             other_photos,
             light_edits,
+            objects,
             ..
         } = metadata;
+        let objects = objects.map(|header| read_objects(&tensors, header)).transpose()?.unwrap_or_default();
         let panorama =
             panorama.map(|source| read_panorama(&tensors, source, panorama_picture, &light.rgba)).transpose()?;
         Ok(Self {
@@ -232,6 +264,7 @@ impl Scene {
             panorama,
             other_photos,
             light_edits,
+            objects,
             edited: None,
         })
     }
@@ -296,6 +329,34 @@ fn read_picture(tensors: &SafeTensors<'_>, header: PictureHeader) -> Result<Pano
     Ok(PanoramaPicture { radiance, world_from_panorama: header.world_from_panorama })
 }
 
+fn read_objects(tensors: &SafeTensors<'_>, header: ObjectsHeader) -> Result<SceneObjects, SceneError> {
+    let wrong = SceneError::Objects;
+    let bytes = |name: &str, what: &str| {
+        let view = tensors.tensor(name).map_err(|_| wrong(format!("tensor {name} with {what} is missing")))?;
+        match (view.dtype(), view.shape()) {
+            (Dtype::U8, [_]) => Ok(view.data()),
+            (dtype, shape) => Err(wrong(format!("tensor {name}: expected U8 [bytes], got {dtype} {shape:?}"))),
+        }
+    };
+    let layout = std::str::from_utf8(bytes(OBJECTS, "their layout")?)
+        .map_err(|error| wrong(format!("their layout is no UTF-8 text: {error}")))?;
+    let mut files: BTreeMap<String, Arc<[u8]>> = BTreeMap::new();
+    for (index, name) in header.files.into_iter().enumerate() {
+        let content = bytes(&file_tensor(index), &name)?.into();
+        if files.contains_key(&name) {
+            return Err(wrong(format!("two of their files are called {name}")));
+        }
+        files.insert(name, content);
+    }
+    let objects = SceneObjects { layout: layout.to_owned(), files, shown: header.shown };
+    objects.wrong().map_or(Ok(objects), |what| Err(wrong(what)))
+}
+
+/// Name of the tensor of an object's file.
+fn file_tensor(index: usize) -> String {
+    format!("{OBJECTS}.{index}")
+}
+
 /// One value for each of the feature rows `rgba[d]`.
 fn read_shares(
     tensors: &SafeTensors<'_>,
@@ -343,7 +404,11 @@ enum Tensor<'a> {
     Plain { dtype: Dtype, shape: Vec<usize>, bytes: Cow<'a, [u8]> },
 }
 
-impl Tensor<'_> {
+impl<'a> Tensor<'a> {
+    fn bytes(bytes: &'a [u8]) -> Self {
+        Self::Plain { dtype: Dtype::U8, shape: vec![bytes.len()], bytes: Cow::Borrowed(bytes) }
+    }
+
     fn floats(shape: Vec<usize>, values: &[f32]) -> Self {
         let bytes = values.iter().flat_map(|v| v.to_le_bytes()).collect();
         Self::Plain { dtype: Dtype::F32, shape, bytes: Cow::Owned(bytes) }

@@ -13,6 +13,8 @@
 //! | `confidence` | U8 `[rows]` | only where a network completed the scene: of each feature row of the octree, depth by depth, 255 = sure |
 //! | `panorama` | F16 `[h, 2 h, 3]` | only where a panorama of the room was given: its linear radiance divided by the `scale` of `panorama_picture` |
 //! | `panorama_share` | U8 `[rows]` | only where a panorama of the room was given: how much of each row it gave, 255 = all |
+//! | `objects` | U8 `[bytes]` | only where objects stand in the photo: their layout, JSON as `insert --layout` reads it |
+//! | `objects.0` … | U8 `[bytes]` | only beside it: the files of their meshes as they came |
 //!
 //! Under the key `lightoctree` of safetensors' `__metadata__` lies one JSON block: `format_version` (1), `program`,
 //! `octree` (`format_version`, `depth`, `full_depth`, `cube` with `origin_m` and `edge_m`), `camera` (`fx fy cx cy width height`, pixels of the photo),
@@ -22,7 +24,8 @@
 //! was given there is also `panorama`: `file`, `position_m`, `yaw_deg`, `pitch_deg`, `roll_deg`, `exposure_ev`, `confidence`, `clipped`
 //! ([`PanoramaSource`]), and `panorama_picture` with `scale` (values of the tensor times it are radiance) and `world_from_panorama` (rotation `x y z w`). Where the scene is from several photos, `other_photos` has of each but the first
 //! `first_from_camera` (`rotation` x y z w, `translation_m`), `camera` and `exposure`. Where somebody edited the light, `light_edits` has `emitters` and
-//! `added` ([`LightEdits`]); the octree's tensors are the estimate all the same. In Python:
+//! `added` ([`LightEdits`]); the octree's tensors are the estimate all the same. Where somebody stood objects into the photo, `objects` has `floor_gloss`, `frames` (only where
+//! somebody chose their number), `fps`, `time_s` ([`ObjectsShown`]) and `files`, the names of what `objects.0` … hold ([`SceneObjects`]). In Python:
 //!
 //! ```python
 //! from safetensors import safe_open
@@ -44,6 +47,7 @@ mod posed_frame;
 pub mod poses;
 mod resample;
 mod room;
+mod scene_objects;
 mod seen_photo;
 mod surfel;
 
@@ -64,6 +68,9 @@ pub use placement::place_cube;
 pub use posed_frame::{OtherPhoto, PosedFrame};
 pub use resample::{resized_photo, working_photo};
 pub use room::{Completion, Room, RoomPlane, Side};
+pub use scene_objects::{
+    MAX_FPS, MAX_FRAMES, MAX_OBJECT_FILES, MAX_OBJECT_LAYOUT, MAX_TIME_S, ObjectsShown, SceneObjects,
+};
 pub use seen_photo::SeenPhoto;
 pub use surfel::Surfel;
 
@@ -93,7 +100,9 @@ pub struct Scene {
     pub other_photos: Vec<OtherPhoto>,
     /// What somebody wants changed of the light. [`Scene::light`] of a scene that was read is the estimate, without.
     pub light_edits: LightEdits,
-    /// What that made of it, where it was done.
+    /// What somebody stood into the photo.
+    pub objects: SceneObjects,
+    /// What the edits made of the light, where they were carried out.
     pub edited: Option<Box<EditedLight>>,
 }
 
@@ -112,6 +121,7 @@ impl Scene {
             panorama: None,
             other_photos: Vec::new(),
             light_edits: LightEdits::default(),
+            objects: SceneObjects::default(),
             edited: None,
         }
     }

@@ -1,12 +1,15 @@
 //! The scene file: round trip, an independent reader, and damaged files.
 #![allow(clippy::unwrap_used)]
 
+use std::sync::Arc;
+
 use lo_geometry::{Camera, Cube, Plane, Quat, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
 use lo_scene::{
     AddedLight, AnalyticLight, Completion, EditedLight, EmitterEdit, Frame, LaidPanorama, LightChange, LightColor,
-    LightEdits, LightShape, MAX_LIGHT_EDITS, PanoramaPicture, PanoramaSource, Room, RoomPlane, Scene, SceneError, Side,
+    LightEdits, LightShape, MAX_LIGHT_EDITS, ObjectsShown, PanoramaPicture, PanoramaSource, Room, RoomPlane, Scene,
+    SceneError, SceneObjects, Side,
 };
 use proptest::prelude::*;
 
@@ -188,6 +191,74 @@ fn edits_out_of_range_are_named() {
     let sun = |direction, angular_radius_deg| LightShape::Sun { direction, angular_radius_deg };
     wrong(&|edits| shape(edits, sun(Vec3::Y, 90.0)), "the size");
     wrong(&|edits| shape(edits, sun(Vec3::splat(1.0), 0.3)), "the direction");
+}
+
+fn objects() -> SceneObjects {
+    let file = |bytes: &[u8]| Arc::from(bytes);
+    SceneObjects {
+        layout: r#"[{"mesh":"a.obj","pixel":[1,2]}]"#.to_owned(),
+        files: [("a.obj".to_owned(), file(b"v 0 0 0")), ("a.obj/a.mtl".to_owned(), file(b""))].into(),
+        shown: ObjectsShown { floor_gloss: 0.25, frames: Some(7), fps: 30, time_s: 1.5 },
+    }
+}
+
+#[test]
+fn objects_lie_beside_the_rest_and_leave_other_files_as_they_are() {
+    let plain = scene(false);
+    let without = plain.to_bytes(lo_imaging::GENERATOR).unwrap();
+    assert!(!without.windows(7).any(|window| window == b"objects"));
+    let scene = Scene { objects: objects(), ..plain.clone() };
+    let bytes = scene.to_bytes(lo_imaging::GENERATOR).unwrap();
+    let mut back = Scene::from_bytes(&bytes).unwrap();
+    assert_eq!((&back.objects, &back.light), (&scene.objects, &plain.light));
+    assert_eq!(back.to_bytes(lo_imaging::GENERATOR).unwrap(), bytes);
+    back.objects = SceneObjects::default();
+    assert!(back.to_bytes(lo_imaging::GENERATOR).unwrap() == without, "without objects the file is as it was");
+    // An independent reader finds the files as they came.
+    let tensors = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+    assert_eq!(tensors.tensor("objects.0").unwrap().data(), b"v 0 0 0");
+    assert_eq!(tensors.tensor("objects").unwrap().data(), scene.objects.layout.as_bytes());
+}
+
+#[test]
+fn objects_that_are_damaged_are_named() {
+    let refused = |change: &dyn Fn(&mut SceneObjects), what: &str| {
+        let mut objects = objects();
+        change(&mut objects);
+        let error = Scene { objects, ..scene(false) }.to_bytes(lo_imaging::GENERATOR).unwrap_err().to_string();
+        assert!(error.contains("objects") && error.contains(what), "{error}");
+    };
+    refused(&|objects| objects.shown.floor_gloss = f32::NAN, "gloss");
+    refused(&|objects| objects.shown.frames = Some(0), "frames");
+    refused(&|objects| objects.shown.fps = 0, "frames per second");
+    refused(&|objects| objects.shown.time_s = -1.0, "times");
+    for name in ["", "../a", "a//b", "a/b/c", "a\\b", "a\nb", ".."] {
+        refused(&|objects| drop(objects.files.insert(name.into(), Arc::from(&b""[..]))), "no name of a file");
+    }
+    let many =
+        |objects: &mut SceneObjects| objects.files = (0..1001).map(|i| (i.to_string(), Arc::from(&b""[..]))).collect();
+    refused(&many, "1001 files");
+    let bytes = Scene { objects: objects(), ..scene(false) }.to_bytes(lo_imaging::GENERATOR).unwrap();
+    for (from, to, what) in [
+        ("\"objects.1\":", "\"objects.9\":", "objects.1 with a.obj/a.mtl is missing"),
+        ("\"objects\":{\"dtype", "\"objectx\":{\"dtype", "their layout is missing"),
+        ("a.obj/a.mtl", "a.obj/../tl", "no name"),
+        ("\\\"fps\\\":30", "\\\"fps\\\":-3", "metadata: invalid value"),
+        ("[{\"mesh\"", "[{\u{7f}mes\u{7f}\"", ""),
+    ] {
+        let mut bytes = bytes.clone();
+        let at = bytes.windows(from.len()).position(|window| window == from.as_bytes()).expect(from);
+        bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
+        match Scene::from_bytes(&bytes) {
+            Err(error) => assert!(error.to_string().contains(what), "{error}"),
+            // What a layout says is not this crate's.
+            Ok(scene) => assert!(what.is_empty() && scene.objects.layout.contains('\u{7f}')),
+        }
+    }
+    let mut bytes = bytes.clone();
+    let at = bytes.windows(8).position(|window| window == b"[{\"mesh\"").unwrap();
+    bytes[at] = 0xff;
+    assert!(Scene::from_bytes(&bytes).unwrap_err().to_string().contains("UTF-8"));
 }
 
 /// A second reader, from the safetensors format's own description: 8 bytes of length, JSON, data.

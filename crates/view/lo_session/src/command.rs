@@ -1,4 +1,4 @@
-use lightoctree::insert::Align;
+use lightoctree::insert::{Align, Interpolation};
 use lightoctree::scene::LightChange;
 use serde::{Deserialize, Serialize};
 
@@ -77,6 +77,44 @@ pub enum Command {
         object: u32,
         /// What.
         material: Option<ObjectMaterial>,
+    },
+    /// Adds a keyframe where an object stands now, or puts it in the place of the one of that time.
+    SetKey {
+        /// Which object.
+        object: u32,
+        /// When, seconds.
+        time_s: f64,
+    },
+    /// Moves a keyframe to another time. As part of a gesture it is told from where it was before.
+    MoveKey {
+        /// Of which object.
+        object: u32,
+        /// From when, seconds.
+        from_s: f64,
+        /// To when, seconds.
+        to_s: f64,
+    },
+    /// Takes a keyframe away.
+    DeleteKey {
+        /// Of which object.
+        object: u32,
+        /// Of when, seconds.
+        time_s: f64,
+    },
+    /// How an object goes from keyframe to keyframe.
+    Interpolate {
+        /// Which.
+        object: u32,
+        /// How.
+        interpolation: Interpolation,
+    },
+    /// In how many pictures movements are shown, and how fast.
+    Frames {
+        /// How many; else as many as the keyframes take at `fps`.
+        #[serde(default)]
+        frames: Option<u32>,
+        /// Frames per second.
+        fps: u32,
     },
     /// How polished what carries the objects is.
     FloorGloss {

@@ -4,7 +4,7 @@ use lightoctree::insert::{Align, LayoutObject};
 
 use crate::{Object, State};
 
-/// The command line that writes the final picture of a state from the scene's file; without objects there is none. `lightoctree` and its options are
+/// The command line that writes the final picture of a state from the scene's file, or the video where something moves; without objects there is none. `lightoctree` and its options are
 /// quoted for a POSIX shell.
 pub fn insert_command(scene_file: &str, state: &State) -> Option<String> {
     let words = insert_words(scene_file, state)?;
@@ -17,6 +17,15 @@ pub fn insert_words(scene_file: &str, state: &State) -> Option<Vec<String>> {
         return None;
     }
     let mut words = vec!["lightoctree".to_owned(), "insert".into(), scene_file.into()];
+    if state.span_s().is_some() {
+        let (frames, fps) = (state.sequence_frames().to_string(), state.fps.to_string());
+        words.extend(["--layout", "objects.json", "--frames", &frames, "--fps", &fps].map(str::to_owned));
+        if state.floor_gloss > 0.0 {
+            words.extend(["--floor-gloss".into(), state.floor_gloss.to_string()]);
+        }
+        words.extend(["-o", "video.y4m"].map(str::to_owned));
+        return Some(words);
+    }
     state.objects.iter().map(Object::to_layout).for_each(|object| words.extend(of_object(&object)));
     if state.floor_gloss > 0.0 {
         words.extend(["--floor-gloss".into(), state.floor_gloss.to_string()]);

@@ -15,6 +15,9 @@ pub enum SessionError {
     /// No light has this name.
     #[error("there is no light called {0}")]
     NoLight(String),
+    /// The object has no keyframe there.
+    #[error("the object has no keyframe at that time")]
+    NoKeyframe,
     /// Another object has that name.
     #[error("another object is called {0} already")]
     NameTaken(String),
@@ -39,6 +42,12 @@ pub enum SessionError {
     /// Something out of its range.
     #[error("{0} is out of range")]
     Range(&'static str),
+    /// Numbers of a sequence that are out of range.
+    #[error("{0}")]
+    Shown(&'static str),
+    /// Nothing moves.
+    #[error("nothing moves yet: add a keyframe first")]
+    NothingMoves,
     /// There is no picture without objects but the photo.
     #[error("nothing stands in the photo yet")]
     NoObjects,
@@ -48,6 +57,17 @@ pub enum SessionError {
     /// A mesh or material cannot be used.
     #[error(transparent)]
     Mesh(#[from] MeshError),
+    /// What stands in the scene's file cannot stand there.
+    #[error(transparent)]
+    Model(#[from] lightoctree::ModelError),
+    /// An object of the scene's file is told in a way that only the command line knows.
+    #[error("the scene's objects: {object} has {what}, which this page does not know; `lightoctree insert` does")]
+    Foreign {
+        /// Its name.
+        object: String,
+        /// What of it.
+        what: &'static str,
+    },
     /// Edits of lights do not fit the scene.
     #[error(transparent)]
     Lights(#[from] LightsError),

@@ -30,14 +30,25 @@ impl LitScenes {
         &self.open
     }
 
+    /// The middle of the objects, of those that move in their first frame.
+    fn middle(&self, state: &State) -> Result<Vec3, SessionError> {
+        let first = match state.span_s() {
+            Some([first_s, _]) => &state.at(first_s, &self.open.scene)?,
+            None => state,
+        };
+        let places = first.objects.iter().map(|object| object.placement.position_m);
+        Ok(places.sum::<Vec3>() / first.objects.len().max(1) as f32)
+    }
+
     /// Lit as a state says, as `insert` lights it.
     ///
     /// # Errors
     /// Where an edit is of an emitter that there is not.
     pub fn of(&self, state: &State) -> Result<Arc<Scene>, SessionError> {
-        let places = state.objects.iter().map(|object| object.placement.position_m);
-        let middle = || places.sum::<Vec3>() / state.objects.len().max(1) as f32;
-        let seen_from = self.open.scene.light.lobes.is_some().then(middle);
+        let seen_from = match self.open.scene.light.lobes {
+            Some(_) => Some(self.middle(state)?),
+            None => None,
+        };
         // Who comes second waits for the first, and does not do the same beside.
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(lit) = last.as_ref().filter(|lit| lit.edits == state.lights && lit.seen_from == seen_from) {

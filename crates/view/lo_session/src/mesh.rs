@@ -1,3 +1,4 @@
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -5,7 +6,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use lightoctree::geometry::Vec3;
 use lightoctree::insert::Base;
 use lightoctree::mesh::{MaterialSpec, Model, PreparedModel};
-use lightoctree::{BUILTIN_PREFIX, builtin_model};
+use lightoctree::scene::Scene;
+use lightoctree::{BUILTIN_PREFIX, builtin_model, scene_mesh};
 use serde::{Deserialize, Serialize};
 
 use crate::SessionError;
@@ -13,9 +15,14 @@ use crate::SessionError;
 /// Materials of one mesh that are held ready.
 const READY: usize = 8;
 
+/// Files by name.
+pub type Files = BTreeMap<String, Arc<[u8]>>;
+
 /// A mesh that objects of a session are made of.
 pub struct Mesh {
     name: String,
+    /// Its file and, as `mesh/part`, those that it names, as they came; none for what the library carries.
+    files: Files,
     plain: Arc<PreparedModel>,
     base: Base,
     /// The same of other materials, the last used one last.
@@ -52,6 +59,18 @@ impl ObjectMaterial {
         }
     }
 
+    /// What layouts call it; `None` where they say more of it than a session knows.
+    pub(crate) fn of_spec(spec: &MaterialSpec) -> Option<Self> {
+        let base_color = match &spec.base_color {
+            None => None,
+            Some(lightoctree::mesh::Color::Rgb(rgb)) => Some(*rgb),
+            Some(_) => return None,
+        };
+        let known =
+            Self { preset: spec.preset.clone(), base_color, metallic: spec.metallic, roughness: spec.roughness };
+        (known.spec() == *spec).then_some(known)
+    }
+
     /// # Errors
     /// Presets that there are not, numbers out of range.
     pub fn check(&self) -> Result<(), SessionError> {
@@ -64,7 +83,28 @@ impl Mesh {
     /// A model under the name that the command line knows it by.
     pub fn new(name: String, model: Model) -> Self {
         let plain = Arc::new(PreparedModel::new(model));
-        Self { name, base: Base::new(&plain), plain, ready: Mutex::default() }
+        Self { name, files: Files::new(), base: Base::new(&plain), plain, ready: Mutex::default() }
+    }
+
+    /// The same with its files, which a scene that is saved holds.
+    pub fn with_files(self, files: Files) -> Self {
+        Self { files, ..self }
+    }
+
+    /// Of a scene's own objects, or one that the library carries.
+    ///
+    /// # Errors
+    /// Where the scene does not hold it, or it cannot be read.
+    pub fn of_scene(scene: &Scene, name: &str) -> Result<Self, SessionError> {
+        let own = |file: &&String| file.as_str() == name || file.strip_prefix(name).is_some_and(|r| r.starts_with('/'));
+        let files = scene.objects.files.iter().filter(|(file, _)| own(file));
+        let files = files.map(|(file, bytes)| (file.clone(), bytes.clone())).collect();
+        Ok(Self::new(name.to_owned(), scene_mesh(scene, name)?).with_files(files))
+    }
+
+    /// Its file and those that it names, under the names that a scene holds them by.
+    pub fn files(&self) -> &Files {
+        &self.files
     }
 
     /// One that the library carries, as `builtin:NAME`.

@@ -1,9 +1,10 @@
 use std::sync::Arc;
 
-use lightoctree::insert::{Align, InsertError, Layout, LayoutObject, Placement};
+use lightoctree::insert::{Align, InsertError, Layout, LayoutObject, Path, PathSource, Placement};
 use lightoctree::scene::Scene;
 use serde::{Deserialize, Serialize};
 
+use crate::keyframes::{place_of, shown_key};
 use crate::{Mesh, ObjectMaterial, SessionError};
 
 /// Longest name of an object.
@@ -38,12 +39,14 @@ pub struct Object {
     pub name: String,
     /// What it is made of.
     pub mesh: Arc<Mesh>,
-    /// Where it stands.
+    /// Where it stands at the time that is looked at.
     pub place: Place,
     /// How large it is.
     pub size: Size,
-    /// Turn about its up, counter-clockwise seen from above, degrees.
+    /// Turn about its up at that time, counter-clockwise seen from above, degrees.
     pub yaw_deg: f64,
+    /// Its keyframes, where it moves.
+    pub path: Option<Path>,
     /// Which way is up for it.
     pub align: Align,
     /// Its material, where it is not the mesh's own.
@@ -55,16 +58,17 @@ pub struct Object {
 /// Two objects are the same where they are of the same mesh in memory.
 impl PartialEq for Object {
     fn eq(&self, other: &Self) -> bool {
-        let Self { id, name, mesh, place, size, yaw_deg, align, material, placement } = self;
+        let Self { id, name, mesh, place, size, yaw_deg, path, align, material, placement } = self;
         Arc::ptr_eq(mesh, &other.mesh)
             && (id, name, place, size, yaw_deg) == (&other.id, &other.name, &other.place, &other.size, &other.yaw_deg)
-            && (align, material, placement) == (&other.align, &other.material, &other.placement)
+            && (path, align) == (&other.path, &other.align)
+            && (material, placement) == (&other.material, &other.placement)
     }
 }
 
 impl Place {
     /// To a hundredth of a pixel, or a tenth of a millimetre in the precision of positions: what is short on the command line, and read from it as the same.
-    fn rounded(self) -> Self {
+    pub(crate) fn rounded(self) -> Self {
         match self {
             Self::Pixel(pixel) => Self::Pixel(pixel.map(|x| (x * 100.0).round() / 100.0)),
             Self::Position(position) => Self::Position(position.map(|x| f64::from(((x * 1e4).round() / 1e4) as f32))),
@@ -73,11 +77,11 @@ impl Place {
 }
 
 impl Object {
-    /// The same, checked, with numbers that the command line can say, and the placement that they come to in a scene.
+    /// The same, checked, with numbers that the command line can say, and the placement that they come to in a scene at a time.
     ///
     /// # Errors
     /// Numbers out of range; a pixel without a surface.
-    pub fn placed(mut self, scene: &Scene) -> Result<Self, SessionError> {
+    pub fn placed(mut self, scene: &Scene, time_s: f64) -> Result<Self, SessionError> {
         if let Some(material) = &self.material {
             material.check()?;
         }
@@ -87,14 +91,23 @@ impl Object {
         self.name = self.name.chars().filter(|c| !c.is_control()).take(MAX_NAME).collect();
         self.place = self.place.rounded();
         self.yaw_deg = f64::from(self.yaw_deg as f32);
-        self.placement = self.placement_in(scene)?;
+        self.placement = self.placement_in(scene, time_s)?;
         self.placement.check()?;
+        if let Some(path) = &self.path {
+            (self.place, self.yaw_deg) = match shown_key(path, time_s) {
+                Some(key) => (place_of(key), key.yaw_deg),
+                None => {
+                    let position_m = self.placement.position_m.to_array().map(f64::from);
+                    (Place::Position(position_m), f64::from(self.placement.yaw_rad.to_degrees()))
+                }
+            };
+        }
         Ok(self)
     }
 
-    fn placement_in(&self, scene: &Scene) -> Result<Placement, InsertError> {
+    fn placement_in(&self, scene: &Scene, time_s: f64) -> Result<Placement, InsertError> {
         let layout = Layout::new(vec![self.to_layout()])?;
-        let placements = layout.placements(scene, &[self.mesh.plain()], 1).map_err(|error| match error {
+        let placements = layout.placements_at(scene, &[self.mesh.plain()], &[time_s]).map_err(|error| match error {
             InsertError::Object { source, .. } => *source,
             error => error,
         })?;
@@ -104,7 +117,9 @@ impl Object {
 
     /// As `insert --layout` reads it.
     pub fn to_layout(&self) -> LayoutObject {
+        let path = self.path.clone().map(PathSource::Keyframes);
         let (pixel, position_m) = match self.place {
+            _ if path.is_some() => (None, None),
             Place::Pixel(pixel) => (Some(pixel), None),
             Place::Position(position_m) => (None, Some(position_m)),
         };
@@ -117,11 +132,11 @@ impl Object {
             name: Some(self.name.clone()),
             pixel,
             position_m,
-            path: None,
+            yaw_deg: (path.is_none() && self.yaw_deg != 0.0).then_some(self.yaw_deg),
+            path,
             on: None,
             scale,
             height_m,
-            yaw_deg: (self.yaw_deg != 0.0).then_some(self.yaw_deg),
             align: (self.align != Align::default()).then_some(self.align),
             material: self.material.as_ref().map(ObjectMaterial::spec),
         }

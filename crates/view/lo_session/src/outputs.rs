@@ -5,7 +5,7 @@ use lightoctree::export::{self, Content, Format, LightProbe};
 use lightoctree::geometry::Vec3;
 use lightoctree::imaging::{self, ExrOptions};
 use lightoctree::insert::Composite;
-use lightoctree::scene::{LightEdits, Scene};
+use lightoctree::scene::Scene;
 
 use crate::lit::LitScenes;
 use crate::{OpenScene, SessionError, State};
@@ -31,12 +31,13 @@ pub fn layers(composite: &Composite) -> Result<Vec<u8>, SessionError> {
     Ok(imaging::encode_exr("layers.exr", size, &composite.channels(), &options)?)
 }
 
-/// The scene's file with the state's edits of the light.
+/// The scene's file with the state's objects and edits of the light.
 ///
 /// # Errors
-/// Numbers that are not finite.
-pub fn scene(open: &OpenScene, edits: &LightEdits) -> Result<Vec<u8>, SessionError> {
-    let scene = Scene { light_edits: edits.clone(), ..open.scene.clone() };
+/// Numbers that are not finite, or more files than a scene holds.
+pub fn scene(open: &OpenScene, state: &State) -> Result<Vec<u8>, SessionError> {
+    let (light_edits, objects) = (state.lights.clone(), state.to_scene_objects()?);
+    let scene = Scene { light_edits, objects, ..open.scene.clone() };
     Ok(scene.to_bytes("lightoctree estimate")?)
 }
 

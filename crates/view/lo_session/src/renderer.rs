@@ -7,7 +7,7 @@ use lightoctree::OnEvent;
 use lightoctree::imaging::{self, Image, Photo};
 use lightoctree::insert::{Composite, Inserter, Instance, Lighting, Quality};
 use lightoctree::mesh::PreparedModel;
-use lightoctree::scene::{Frame, Scene, resized_photo};
+use lightoctree::scene::{Frame, Scene, SceneObjects, resized_photo};
 use serde::Serialize;
 
 use crate::enlarged::{Part, enlarged};
@@ -172,6 +172,7 @@ pub(crate) fn at_side(scene: &Scene, side: usize) -> Cow<'_, Scene> {
         panorama: scene.panorama.clone(),
         other_photos: scene.other_photos.clone(),
         light_edits: scene.light_edits.clone(),
+        objects: SceneObjects::default(),
         edited: scene.edited.clone(),
     })
 }

@@ -3,11 +3,11 @@ use std::sync::Arc;
 
 use lightoctree::insert::{Align, Layout, Placement};
 use lightoctree::mesh::Model;
-use lightoctree::scene::{LightEdits, MAX_LIGHT_EDITS};
+use lightoctree::scene::{LightEdits, MAX_LIGHT_EDITS, ObjectsShown};
 use lightoctree::{BUILTIN_MODELS, BUILTIN_PREFIX};
 
 use crate::drag::dragged;
-use crate::{Command, Mesh, Object, ObjectMaterial, OpenScene, Place, SessionError, Size, State};
+use crate::{Command, Files, Mesh, Object, ObjectMaterial, OpenScene, Place, SessionError, Size, State};
 
 /// Most meshes that a session holds beside the built-in ones.
 const MAX_MESHES: usize = 200;
@@ -33,10 +33,14 @@ pub struct Session {
 }
 
 impl Session {
-    /// At a scene without objects, with the edits of its light that it has.
-    pub fn new(open: Arc<OpenScene>) -> Self {
-        let state = State { lights: open.scene.light_edits.clone(), ..State::default() };
-        Self { open, meshes: BTreeMap::new(), state, preview: None, undo: Vec::new(), redo: Vec::new(), next_id: 1 }
+    /// At a scene as its file left it: with its objects and the edits of its light.
+    ///
+    /// # Errors
+    /// Those of [`State::of_scene`].
+    pub fn new(open: Arc<OpenScene>) -> Result<Self, SessionError> {
+        let (state, meshes) = State::of_scene(&open.scene)?;
+        let next_id = state.objects.len() as u32 + 1;
+        Ok(Self { open, meshes, state, preview: None, undo: Vec::new(), redo: Vec::new(), next_id })
     }
 
     /// The scene.
@@ -91,6 +95,16 @@ impl Session {
         self.preview = None;
     }
 
+    /// Looks at another time; a gesture under way is kept before. It is no step of the history, whose steps come back with the time that they were made at.
+    ///
+    /// # Errors
+    /// A time out of range.
+    pub fn seek(&mut self, time_s: f64) -> Result<(), SessionError> {
+        self.commit();
+        self.state = self.state.at(time_s, &self.open.scene)?;
+        Ok(())
+    }
+
     /// Takes the last step back, or the gesture under way; `false` where there is none.
     pub fn undo(&mut self) -> bool {
         if self.preview.take().is_some() {
@@ -113,7 +127,15 @@ impl Session {
     ///
     /// # Errors
     /// A mesh without extent; too many of them.
-    pub fn add_mesh(&mut self, file: &str, model: Model) -> Result<String, SessionError> {
+    ///
+    /// `content` and `parts`: the file and those that it names, by name, as they came.
+    pub fn add_mesh(
+        &mut self,
+        file: &str,
+        model: Model,
+        content: Arc<[u8]>,
+        parts: Files,
+    ) -> Result<String, SessionError> {
         if self.meshes.keys().filter(|name| !name.starts_with(BUILTIN_PREFIX)).count() >= MAX_MESHES {
             return Err(SessionError::Full { what: "meshes", limit: MAX_MESHES });
         }
@@ -122,7 +144,9 @@ impl Session {
         let numbered = (2..).map(|number| format!("{stem}_{number}.{ending}"));
         let mut names = std::iter::once(file.to_owned()).chain(numbered);
         let name = names.find(|name| !self.meshes.contains_key(name)).unwrap_or_default();
-        self.meshes.insert(name.clone(), Arc::new(Mesh::new(name.clone(), model)));
+        let parts = parts.into_iter().map(|(part, bytes)| (format!("{name}/{part}"), bytes));
+        let files = std::iter::once((name.clone(), content)).chain(parts).collect();
+        self.meshes.insert(name.clone(), Arc::new(Mesh::new(name.clone(), model).with_files(files)));
         Ok(name)
     }
 
@@ -150,12 +174,21 @@ impl Session {
 
     /// What is shown, with a command carried out.
     fn changed(&mut self, command: &Command) -> Result<State, SessionError> {
-        let mut state = self.state().clone();
+        // The end of a keyframe's way is told from its beginning.
+        let from = if matches!(command, Command::MoveKey { .. }) { &self.state } else { self.state() };
+        let mut state = from.clone();
         let open = self.open.clone();
-        let object = |id: u32, change: &dyn Fn(&mut Object)| {
+        let time_s = state.time_s;
+        let object = |id: u32, change: &dyn Fn(&mut Object) -> Result<(), SessionError>| {
             let mut object = state.object(id)?.clone();
-            change(&mut object);
-            object.placed(&open.scene)
+            change(&mut object)?;
+            object.placed(&open.scene, time_s)
+        };
+        let simply = |id: u32, change: &dyn Fn(&mut Object)| {
+            object(id, &|object| {
+                change(object);
+                Ok(())
+            })
         };
         let changed = match command {
             Command::Add { mesh, pixel, material } => {
@@ -172,18 +205,32 @@ impl Session {
                 state.objects.retain(|other| other.id != *object);
                 return Ok(state);
             }
-            Command::Drag { object, to } => {
-                let dragged_object = state.object(*object)?;
-                let place = dragged(&open, dragged_object, self.is_lifted(*object), *to);
+            Command::Drag { object: id, to } => {
+                let place = dragged(&open, state.object(*id)?, self.is_lifted(*id), *to);
                 let Some(place) = place else { return Ok(state) };
-                Object { place, ..dragged_object.clone() }.placed(&open.scene)?
+                object(*id, &|object| object.stand(place, object.yaw_deg, time_s))?
             }
-            Command::Rename { object: id, name } => object(*id, &|object| object.name.clone_from(name))?,
-            Command::Place { object: id, place } => object(*id, &|object| object.place = *place)?,
-            Command::Size { object: id, size } => object(*id, &|object| object.size = *size)?,
-            Command::Turn { object: id, yaw_deg } => object(*id, &|object| object.yaw_deg = *yaw_deg)?,
-            Command::Align { object: id, align } => object(*id, &|object| object.align = *align)?,
-            Command::Material { object: id, material } => object(*id, &|object| object.material.clone_from(material))?,
+            Command::Rename { object: id, name } => simply(*id, &|object| object.name.clone_from(name))?,
+            Command::Place { object: id, place } => {
+                object(*id, &|object| object.stand(*place, object.yaw_deg, time_s))?
+            }
+            Command::Size { object: id, size } => simply(*id, &|object| object.size = *size)?,
+            Command::Turn { object: id, yaw_deg } => {
+                object(*id, &|object| object.stand(object.place, *yaw_deg, time_s))?
+            }
+            Command::Align { object: id, align } => simply(*id, &|object| object.align = *align)?,
+            Command::Material { object: id, material } => simply(*id, &|object| object.material.clone_from(material))?,
+            Command::SetKey { object: id, time_s } => object(*id, &|object| object.set_key(*time_s))?,
+            Command::MoveKey { object: id, from_s, to_s } => object(*id, &|object| object.move_key(*from_s, *to_s))?,
+            Command::DeleteKey { object: id, time_s } => object(*id, &|object| object.delete_key(*time_s))?,
+            Command::Interpolate { object: id, interpolation } => {
+                object(*id, &|object| object.interpolate(*interpolation))?
+            }
+            Command::Frames { frames, fps } => {
+                let shown = ObjectsShown { frames: *frames, fps: *fps, ..ObjectsShown::default() };
+                shown.wrong().map_or(Ok(()), |why| Err(SessionError::Shown(why)))?;
+                return Ok(State { frames: *frames, fps: *fps, ..state });
+            }
             Command::FloorGloss { gloss } => {
                 if !(0.0..=1.0).contains(gloss) {
                     let found = f64::from(*gloss);
@@ -277,17 +324,19 @@ impl Session {
             place,
             size,
             yaw_deg: 0.0,
+            path: None,
             align: Align::default(),
             material,
             placement: Placement::at(&self.open.scene, Default::default(), Align::Gravity),
         };
-        let new = new.placed(&self.open.scene)?;
+        let new = new.placed(&self.open.scene, self.state().time_s)?;
         self.next_id += 1;
         Ok(new)
     }
 
     fn duplicate(&mut self, of: &Object) -> Result<Object, SessionError> {
-        let new = Object { id: self.next_id, name: self.free_name(&of.name), ..of.clone() };
+        // It stands still: moved in the same way it would hide in the first one.
+        let new = Object { id: self.next_id, name: self.free_name(&of.name), path: None, ..of.clone() };
         // Beside it, where there is something to stand on; else at the same place.
         let size = of.mesh.size() * of.placement.scale;
         let camera = self.open.scene.frame.camera;
@@ -295,9 +344,9 @@ impl Session {
             let step = 1.2 * camera.fx * f64::from(size.x) / z;
             [step, -step].into_iter().find_map(|step| dragged(&self.open, of, self.is_lifted(of.id), [u + step, v]))
         });
-        let moved = beside.and_then(|place| Object { place, ..new.clone() }.placed(&self.open.scene).ok());
+        let moved = beside.and_then(|place| Object { place, ..new.clone() }.placed(&self.open.scene, 0.0).ok());
         self.next_id += 1;
-        Ok(moved.unwrap_or(new))
+        moved.map_or_else(|| new.placed(&self.open.scene, 0.0), Ok)
     }
 
     /// A name that no object has: with a number behind it where it is taken.

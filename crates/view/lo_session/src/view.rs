@@ -1,4 +1,4 @@
-use lightoctree::insert::Align;
+use lightoctree::insert::{Align, Path};
 use lightoctree::lo_lights::{ListedLight, sun_angles_deg};
 use lightoctree::scene::{AddedLight, LightChange, LightShape};
 use serde::Serialize;
@@ -24,6 +24,23 @@ pub struct SessionView {
     pub edited: bool,
     /// Names of the meshes that objects can be made of.
     pub meshes: Vec<String>,
+    /// What moves when.
+    pub timeline: TimelineView,
+}
+
+/// Times of a session.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct TimelineView {
+    /// The time that is looked at, seconds.
+    pub time_s: f64,
+    /// Times of the first keyframe and of the last, where something moves.
+    pub span_s: Option<[f64; 2]>,
+    /// Number of frames of a sequence.
+    pub frames: u32,
+    /// Whether somebody chose that.
+    pub is_chosen: bool,
+    /// Frames per second.
+    pub fps: u32,
 }
 
 /// One object.
@@ -41,6 +58,8 @@ pub struct ObjectView {
     pub size: Size,
     /// How far it was turned, degrees.
     pub yaw_deg: f64,
+    /// Its keyframes, where it moves.
+    pub path: Option<Path>,
     /// Which way is up for it.
     pub align: Align,
     /// Its material, where it is not the mesh's own.
@@ -81,6 +100,7 @@ impl Session {
             place: object.place,
             size: object.size,
             yaw_deg: object.yaw_deg,
+            path: object.path.clone(),
             align: object.align,
             material: object.material.clone(),
             position_m: object.placement.position_m.to_array(),
@@ -112,6 +132,13 @@ impl Session {
             command: insert_command(&open.file, state),
             edited: state.lights != open.scene.light_edits,
             meshes: self.mesh_names(),
+            timeline: TimelineView {
+                time_s: state.time_s,
+                span_s: state.span_s(),
+                frames: state.sequence_frames(),
+                is_chosen: state.frames.is_some(),
+                fps: state.fps,
+            },
         }
     }
 }

@@ -181,7 +181,7 @@ fn colours_tell_what_was_seen_and_what_was_guessed() {
 #[test]
 fn objects_hide_what_is_behind_them() {
     let open = room();
-    let mut session = Session::new(open.clone());
+    let mut session = Session::new(open.clone()).unwrap();
     session.apply(&Command::Add { mesh: "builtin:sphere".into(), pixel: None, material: None }).unwrap();
     session.apply(&Command::Size { object: 1, size: Size::Height(0.4) }).unwrap();
     let place = |session: &mut Session, at: [f64; 3]| {
@@ -208,7 +208,7 @@ fn objects_hide_what_is_behind_them() {
 #[test]
 fn edits_of_the_light_are_seen() {
     let open = room();
-    let mut session = Session::new(open.clone());
+    let mut session = Session::new(open.clone()).unwrap();
     // The ceiling from below, through the floor.
     let view = OutsideView { fov_deg: 60.0, ..view([0.0, -6.0, 0.1]) };
     assert_eq!(picture(&open, session.state(), &view)[MIDDLE], [255; 3]);

@@ -5,13 +5,14 @@ use std::sync::{Arc, LazyLock};
 
 use lightoctree::geometry::{Camera, Plane, Ray, Vec3};
 use lightoctree::imaging::{DepthMap, Image, Photo};
-use lightoctree::insert::Align;
-use lightoctree::scene::{Completion, Frame, LightChange, Scene};
+use lightoctree::insert::{Align, Interpolation, Quality};
+use lightoctree::mesh::{LoadOptions, Model};
+use lightoctree::scene::{Completion, Frame, LightChange, Scene, SceneObjects};
 use lightoctree::{EstimateOptions, Estimator, Input, events};
 use lo_random::{RngExt, Stream};
 use lo_session::{
-    Command, LitScenes, NewLight, ObjectMaterial, OpenScene, Overlay, Place, Probe, Renderer, Session, SessionError,
-    Size, State, Step, insert_words, outputs, overlay, probe_place,
+    Command, Files, LitScenes, NewLight, ObjectMaterial, OpenScene, Overlay, Place, Probe, Renderer, Sequence, Session,
+    SessionError, Size, State, Step, insert_words, outputs, overlay, probe_place,
 };
 
 const SIZE: (usize, usize) = (144, 96);
@@ -47,7 +48,7 @@ static ROOM: LazyLock<Arc<OpenScene>> = LazyLock::new(|| {
 });
 
 fn session() -> Session {
-    Session::new(ROOM.clone())
+    Session::new(ROOM.clone()).unwrap()
 }
 
 fn add(mesh: &str, pixel: [f64; 2]) -> Command {
@@ -246,9 +247,9 @@ fn lights_reach_the_picture_and_a_scene_keeps_them() {
     session.apply(&Command::AddLight { new: lamp }).unwrap();
     let after = mean(&mut renderer, session.state());
     assert!(after > 1.2 * before, "{before} {after}");
-    let bytes = outputs::scene(&ROOM, &session.state().lights).unwrap();
+    let bytes = outputs::scene(&ROOM, session.state()).unwrap();
     let scene = Scene::from_bytes(&bytes).unwrap();
-    let reopened = Session::new(Arc::new(OpenScene::new("room.scene", scene)));
+    let reopened = Session::new(Arc::new(OpenScene::new("room.scene", scene))).unwrap();
     assert_eq!(reopened.state().lights, session.state().lights);
     assert!(!reopened.view().edited);
     // As `insert` would light it.
@@ -310,7 +311,8 @@ fn command(random: &mut Stream) -> Command {
     let object = random.random_range(1..5);
     let pixel = [random.random_range(0.0..150.0), random.random_range(30.0..96.0)];
     let share = random.random_range(-0.2..1.2f32);
-    match random.random_range(0..14) {
+    let time_s = f64::from(random.random_range(-1..8i32)) / 2.0;
+    match random.random_range(0..20) {
         0 | 1 => add("builtin:sphere", pixel),
         2 => Command::Duplicate { object },
         3 => Command::Delete { object },
@@ -325,6 +327,11 @@ fn command(random: &mut Stream) -> Command {
             Command::Material { object, material: Some(material) }
         }
         12 => Command::FloorGloss { gloss: share },
+        14 | 15 => Command::SetKey { object, time_s },
+        16 => Command::MoveKey { object, from_s: time_s, to_s: f64::from(share) },
+        17 => Command::DeleteKey { object, time_s },
+        18 => Command::Interpolate { object, interpolation: Interpolation::CatmullRom },
+        19 => Command::Frames { frames: Some(random.random_range(0..9)), fps: random.random_range(0..30) },
         _ => match random.random_range(0..3) {
             0 => Command::AddLight {
                 new: NewLight::Sun {
@@ -350,7 +357,7 @@ fn all_that_was_done_can_be_undone_and_done_again() {
         let beginning = session.state().clone();
         for _ in 0..random.random_range(1..40) {
             let before = session.state().clone();
-            let tried = match random.random_range(0..13) {
+            let tried = match random.random_range(0..15) {
                 0..4 => session.apply(&command(&mut random)),
                 4..7 => session.preview(&command(&mut random)),
                 7 => {
@@ -360,6 +367,17 @@ fn all_that_was_done_can_be_undone_and_done_again() {
                 }
                 8 => {
                     session.cancel();
+                    Ok(())
+                }
+                13 | 14 => {
+                    session.commit();
+                    let kept = session.state().clone();
+                    let sought = session.seek(random.random_range(-0.2..4.0));
+                    let back = session.state().at(kept.time_s, &ROOM.scene).unwrap();
+                    assert_eq!(back, kept, "looking at another time changes nothing");
+                    if sought.is_err() {
+                        assert_eq!(session.state(), &kept);
+                    }
                     Ok(())
                 }
                 9 | 10 => {
@@ -387,7 +405,8 @@ fn all_that_was_done_can_be_undone_and_done_again() {
         while session.undo() {
             steps.push(session.state().clone());
         }
-        assert_eq!(session.state(), &beginning);
+        // The time that is looked at is no step.
+        assert_eq!(session.state().at(beginning.time_s, &ROOM.scene).unwrap(), beginning);
         for step in steps.iter().rev() {
             assert_eq!(session.state(), step);
             assert!(session.redo());
@@ -395,8 +414,151 @@ fn all_that_was_done_can_be_undone_and_done_again() {
         assert_eq!(session.state(), &end);
         // Placements are what the places come to.
         for object in &end.objects {
-            assert_eq!(&object.clone().placed(&ROOM.scene).unwrap(), object);
+            assert_eq!(&object.clone().placed(&ROOM.scene, end.time_s).unwrap(), object);
         }
     }
     assert!(done > 300 && refused > 100, "{done} done, {refused} refused");
+}
+
+/// An OBJ of a tetrahedron whose colour another file says.
+const OBJ: &[u8] =
+    b"mtllib a.mtl\nusemtl red\nv 0 0 0\nv 0.3 0 0\nv 0 0.3 0\nv 0 0 0.3\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+const MTL: &[u8] = b"newmtl red\nKd 1 0 0\n";
+
+fn add_obj(session: &mut Session) {
+    let resolve = |_: &str| Ok(MTL.to_vec());
+    let model = Model::from_bytes("a.obj", OBJ, &resolve, &LoadOptions::default()).unwrap();
+    let parts = Files::from([("a.mtl".to_owned(), Arc::from(MTL))]);
+    assert_eq!(session.add_mesh("a.obj", model, Arc::from(OBJ), parts).unwrap(), "a.obj");
+    session.apply(&add("a.obj", [40.5, 88.5])).unwrap();
+}
+
+#[test]
+fn a_scene_opens_again_as_it_was() {
+    let mut session = with_sphere();
+    add_obj(&mut session);
+    let chrome = ObjectMaterial { preset: Some("chrome".into()), roughness: Some(0.3), ..ObjectMaterial::default() };
+    session.apply(&Command::Material { object: 1, material: Some(chrome) }).unwrap();
+    session.apply(&Command::Turn { object: 2, yaw_deg: 33.3 }).unwrap();
+    session.apply(&Command::Rename { object: 2, name: "red one".into() }).unwrap();
+    session.apply(&Command::FloorGloss { gloss: 0.25 }).unwrap();
+    for (time_s, u) in [(0.0, 125.5), (2.0, 60.5)] {
+        session.seek(time_s).unwrap();
+        session.apply(&Command::SetKey { object: 1, time_s }).unwrap();
+        session.apply(&Command::Place { object: 1, place: Place::Pixel([u, 90.5]) }).unwrap();
+    }
+    session.apply(&Command::Frames { frames: Some(9), fps: 12 }).unwrap();
+    session.seek(0.75).unwrap();
+    let bytes = outputs::scene(&ROOM, session.state()).unwrap();
+    let scene = Scene::from_bytes(&bytes).unwrap();
+    assert_eq!(scene.objects.files.keys().collect::<Vec<_>>(), ["a.obj", "a.obj/a.mtl"]);
+    let open = Arc::new(OpenScene::new("room.scene", scene));
+    let mut again = Session::new(open.clone()).unwrap();
+    // All but the meshes' places in memory.
+    let told = |state: &State| {
+        let placements: Vec<_> = state.objects.iter().map(|object| (object.id, object.placement)).collect();
+        let numbers = (state.floor_gloss, state.frames, state.fps, state.time_s);
+        (state.layout().unwrap(), placements, state.lights.clone(), numbers)
+    };
+    assert_eq!(told(again.state()), told(session.state()));
+    assert!(!again.undo());
+    let picture = |open: &Arc<OpenScene>, state: &State| {
+        let mut renderer = Renderer::new(Arc::new(LitScenes::new(open.clone())));
+        outputs::picture(&renderer.render(state, Step::Final, &mut events::ignore).unwrap()).unwrap()
+    };
+    assert!(picture(&open, again.state()) == picture(&ROOM, session.state()));
+    assert!(outputs::scene(&open, again.state()).unwrap() == bytes);
+    // Without objects nothing is left of them.
+    [1, 2].iter().for_each(|&object| again.apply(&Command::Delete { object }).unwrap());
+    again.apply(&Command::FloorGloss { gloss: 0.0 }).unwrap();
+    again.apply(&Command::Frames { frames: None, fps: 24 }).unwrap();
+    again.seek(0.0).unwrap();
+    assert!(outputs::scene(&open, again.state()).unwrap() == ROOM.scene.to_bytes("lightoctree estimate").unwrap());
+}
+
+#[test]
+fn objects_that_a_scene_cannot_have_are_named() {
+    let wrong = |change: &dyn Fn(&mut SceneObjects), what: &str| {
+        let mut session = with_sphere();
+        add_obj(&mut session);
+        let mut scene = ROOM.scene.clone();
+        scene.objects = session.state().to_scene_objects().unwrap();
+        change(&mut scene.objects);
+        let Err(error) = Session::new(Arc::new(OpenScene::new("room.scene", scene))) else { panic!("{what}") };
+        assert!(error.to_string().contains(what), "{error}");
+    };
+    wrong(&|objects| drop(objects.files.remove("a.obj")), "a needs a.obj");
+    wrong(&|objects| objects.layout = "[".into(), "the scene's objects: layout");
+    wrong(&|objects| objects.layout = objects.layout.replace("builtin:sphere", "builtin:ball"), "builtin:ball");
+    wrong(&|objects| objects.layout = objects.layout.replace("builtin:sphere", "/etc/passwd"), "/etc/passwd");
+    wrong(&|objects| drop(objects.files.insert("a.obj".into(), Arc::from(&b"v 0"[..]))), "a.obj");
+    let material = r#","material":{"base_color_texture":"/etc/passwd"}}]"#;
+    wrong(&|objects| objects.layout = objects.layout.replace("}]", material), "/etc/passwd");
+    let carried = r#","on":"sphere"}]"#;
+    wrong(&|objects| objects.layout = objects.layout.replace("}]", carried), "\"on\"");
+    let path = r#""path":"/etc/passwd"}]"#;
+    wrong(&|objects| objects.layout = format!(r#"[{{"mesh":"builtin:sphere",{path}"#), "/etc/passwd");
+}
+
+#[test]
+fn keyframes_are_what_the_command_line_reads() {
+    let mut session = with_sphere();
+    let place = |session: &Session| session.state().objects[0].place;
+    session.apply(&Command::SetKey { object: 1, time_s: 0.0 }).unwrap();
+    // Whatever moves it at another time is a keyframe there.
+    session.seek(2.0).unwrap();
+    session.preview(&Command::Drag { object: 1, to: [122.0, 88.0] }).unwrap();
+    session.preview(&Command::Drag { object: 1, to: [120.25, 88.5] }).unwrap();
+    session.commit();
+    session.apply(&Command::Turn { object: 1, yaw_deg: 370.0 }).unwrap();
+    let path = session.state().objects[0].path.clone().unwrap();
+    let told: Vec<_> = path.keyframes.iter().map(|key| (key.time_s, key.pixel, key.yaw_deg)).collect();
+    assert_eq!(told, [(0.0, Some([125.5, 90.5]), 0.0), (2.0, Some([120.25, 88.5]), 370.0)]);
+    assert_eq!(place(&session), Place::Pixel([120.25, 88.5]));
+    // Between them, where `insert` puts it.
+    session.apply(&Command::Frames { frames: None, fps: 2 }).unwrap();
+    let state = session.state().clone();
+    assert_eq!((state.span_s(), state.sequence_frames()), (Some([0.0, 2.0]), 5));
+    let models = [&**state.objects[0].mesh.plain()];
+    let frames = state.layout().unwrap().placements(&ROOM.scene, &models, 5).unwrap();
+    for (frame, time_s) in [0.0, 0.5, 1.0, 1.5, 2.0].into_iter().enumerate() {
+        session.seek(time_s).unwrap();
+        assert_eq!(session.state().objects[0].placement, frames[0][frame]);
+    }
+    assert_eq!(
+        lo_session::insert_command("room.scene", session.state()).unwrap(),
+        "lightoctree insert room.scene --layout objects.json --frames 5 --fps 2 -o video.y4m"
+    );
+    // What is shown at a time is the picture of that frame.
+    let scenes = LitScenes::new(ROOM.clone());
+    let sequence = Sequence::new(&scenes, session.state(), Quality::High).unwrap();
+    session.seek(0.5).unwrap();
+    let mut renderer = Renderer::new(Arc::new(LitScenes::new(ROOM.clone())));
+    let shown = renderer.render(session.state(), Step::Final, &mut events::ignore).unwrap();
+    assert!(shown.image == sequence.render(1, &mut events::ignore).unwrap().image);
+    // A gesture tells where a keyframe goes from where it was.
+    for to_s in [1.0, 0.0, 3.5] {
+        session.preview(&Command::MoveKey { object: 1, from_s: 2.0, to_s }).unwrap();
+    }
+    session.commit();
+    assert_eq!(session.state().span_s(), Some([0.0, 3.5]));
+    // Two undos: the way of the keyframe, and the frames per second, at the time when they were chosen.
+    assert!(session.undo() && session.undo());
+    assert_eq!((session.state().span_s(), session.state().time_s, session.state().fps), (Some([0.0, 2.0]), 2.0, 24));
+    for time_s in [0.0, 2.0] {
+        session.apply(&Command::DeleteKey { object: 1, time_s }).unwrap();
+    }
+    assert_eq!(session.state().objects[0].path, None);
+    assert_eq!((place(&session), session.state().objects[0].yaw_deg), (Place::Pixel([120.25, 88.5]), 370.0));
+    assert!(matches!(Sequence::new(&scenes, session.state(), Quality::Draft), Err(SessionError::NothingMoves)));
+    for refused in [
+        Command::DeleteKey { object: 1, time_s: 0.0 },
+        Command::MoveKey { object: 1, from_s: 0.0, to_s: 1.0 },
+        Command::SetKey { object: 1, time_s: f64::NAN },
+        Command::SetKey { object: 1, time_s: 3601.0 },
+        Command::Interpolate { object: 1, interpolation: Interpolation::Linear },
+        Command::Frames { frames: Some(0), fps: 24 },
+    ] {
+        assert!(session.apply(&refused).is_err(), "{refused:?}");
+    }
 }

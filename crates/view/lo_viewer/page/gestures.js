@@ -70,7 +70,7 @@ export function listen(stage, page) {
       return;
     }
     // Arrows and the like belong to the control that has the focus.
-    const isElsewhere = event.target.closest?.("aside, header, footer");
+    const isElsewhere = event.target.closest?.("aside, header, footer, #timeline");
     const isPlain = !event.ctrlKey && !event.metaKey;
     if (isElsewhere && isPlain && /^(Arrow|Page|Enter| )/.test(event.key)) return;
     const command = key(page, event);
@@ -114,7 +114,7 @@ function begin(camera, object, handle, from) {
       command: (pixel) => {
         const now = angle(pixel);
         if (now === null || start === null) return null;
-        return { do: "turn", object: id, yaw_deg: round(wrapped(object.yaw_deg + now - start), 10) };
+        return { do: "turn", object: id, yaw_deg: round(turned(object, wrapped(now - start)), 10) };
       },
     };
   }
@@ -148,6 +148,8 @@ export function scaled(object, factor) {
 }
 
 const round = (value, steps) => Math.round(value * steps) / steps;
+/** What moves may turn more than once. */
+const turned = (object, by) => (object.path ? object.yaw_deg + by : wrapped(object.yaw_deg + by));
 const wrapped = (angle) => angle - 360 * Math.round(angle / 360);
 const command = (made) => ({ type: "command", command: made });
 
@@ -176,7 +178,7 @@ function key(page, event) {
     const position = add(object.position_m, times(object.up, metres));
     return command({ do: "place", object: object.id, place: { position } });
   };
-  const turn = (degrees) => command({ do: "turn", object: object.id, yaw_deg: wrapped(object.yaw_deg + degrees) });
+  const turn = (degrees) => command({ do: "turn", object: object.id, yaw_deg: turned(object, degrees) });
   switch (name) {
     case "ArrowLeft": return drag(-step, 0);
     case "ArrowRight": return drag(step, 0);

@@ -9,6 +9,7 @@ import { outsideView } from "./outside.js";
 import { LUMINANCE_LEGEND, Picture } from "./picture.js";
 import { probePanel } from "./probe.js";
 import { connect } from "./server.js";
+import { timelinePanel } from "./timeline.js";
 import { listenForFiles, save } from "./uploads.js";
 
 const STEPS = { moving: "draft", resting: "normal quality", final: "high quality: as insert writes it" };
@@ -57,6 +58,11 @@ function sendPreview() {
   tellServer({ type: "preview", command: waiting.command, sequence });
   waiting = null;
 }
+page.seek = (time_s) => {
+  sequence += 1;
+  figures.sent.set(sequence, performance.now());
+  tellServer({ type: "seek", time_s, sequence });
+};
 page.send = (message) => {
   // What waits to be previewed belongs before what keeps it, and goes with what drops it.
   if (message.type === "commit" || message.type === "command") sendPreview();
@@ -68,7 +74,10 @@ page.send = (message) => {
 page.select = (id) => {
   if (page.selectedId === id) return;
   page.selectedId = id;
-  if (page.view) showObjects();
+  if (page.view) {
+    showObjects();
+    timeline.show();
+  }
   page.redraw();
 };
 
@@ -116,6 +125,7 @@ listenForFiles(page);
 const probe = probePanel(page);
 const showObjects = objectsPanel(page);
 const showLights = lightsPanel(page);
+const timeline = timelinePanel(page);
 listen(stage, page);
 const outside = outsideView(page, picture, () => probe.shown_m);
 viewer.outside = outside;
@@ -170,6 +180,9 @@ function hear(message, pictures) {
       break;
     case "outside":
       outside.take(message, pictures[0]);
+      break;
+    case "film":
+      timeline.film(message);
       break;
     case "refused":
       say(message.why, true);
@@ -229,6 +242,7 @@ function showPanels() {
   byId("copy").hidden = !view.command;
   showObjects();
   showLights();
+  timeline.show();
 }
 
 /** A frame is shown. */
@@ -242,6 +256,7 @@ function shownFrame(frame) {
   }
   figures.shown = frame;
   if (outside.isOn) page.redraw();
+  timeline.arrived();
   if (frame.change !== page.change) return;
   const isLast = frame.step === "final";
   byId("progress").hidden = isLast || !page.view?.objects.length;
@@ -335,6 +350,12 @@ for (const button of document.querySelectorAll("#save button")) {
     byId("save").open = false;
     if (button.dataset.file === "light.exr" && !probe.place) {
       say("point at the photo first: the light of which place?", true);
+      return;
+    }
+    if ("film" in button.dataset) {
+      if (!page.view?.timeline.span_s) say("nothing moves yet: select an object and add keyframes (K)", true);
+      // The browser's own download: it goes to the disk as it is made.
+      else element("a", { href: `download/${button.dataset.file}`, download: button.dataset.file }).click();
       return;
     }
     const needsPicture = ["picture.png", "layers.exr"].includes(button.dataset.file);

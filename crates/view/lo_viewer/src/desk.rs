@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use lightoctree::mesh::{Material, Model};
 use lightoctree::{Event, OnEvent};
-use lo_session::{OpenScene, Session, SessionError, overlay};
+use lo_session::{Files, OpenScene, Session, SessionError, overlay};
 
 use crate::Words;
 use crate::opening::{Opened, Source};
@@ -26,11 +26,22 @@ enum Heard {
     /// A page says something.
     Page(FromPage, Arc<Outbox>),
     /// A mesh was uploaded, which is to stand in the photo.
-    Mesh { file: String, model: Box<Model>, warnings: Vec<String> },
+    Mesh(Box<UploadedMesh>),
     /// A scene is to be opened.
     Open(Source),
     /// That is done: number of the attempt, and what came of it.
     Opened(u64, Result<Box<Opened>, String>),
+}
+
+/// A mesh that a page brings.
+pub(crate) struct UploadedMesh {
+    /// Its file's name and content.
+    pub file: String,
+    pub content: Arc<[u8]>,
+    /// The files that it names.
+    pub parts: Files,
+    pub model: Model,
+    pub warnings: Vec<String>,
 }
 
 /// The desk, as other threads know it.
@@ -90,8 +101,8 @@ impl Desk {
     }
 
     /// Stands a mesh into the photo.
-    pub fn stand(&self, file: String, model: Model, warnings: Vec<String>) {
-        self.hear(Heard::Mesh { file, model: Box::new(model), warnings });
+    pub fn stand(&self, mesh: UploadedMesh) {
+        self.hear(Heard::Mesh(Box::new(mesh)));
     }
 
     /// The open scene's pictures.
@@ -146,6 +157,9 @@ impl Clerk {
                         Heard::Page(FromPage::Preview { command, .. }, _),
                         Some(Heard::Page(FromPage::Preview { command: next, .. }, _)),
                     ) if std::mem::discriminant(command) == std::mem::discriminant(next)
+                ) || matches!(
+                    (&waiting[index], waiting.get(index + 1)),
+                    (Heard::Page(FromPage::Seek { .. }, _), Some(Heard::Page(FromPage::Seek { .. }, _)))
                 );
                 if passed {
                     continue;
@@ -162,7 +176,7 @@ impl Clerk {
     fn do_heard(&mut self, heard: Heard) {
         match heard {
             Heard::Page(message, outbox) => self.do_message(message, &outbox),
-            Heard::Mesh { file, model, warnings } => self.stand(&file, *model, warnings),
+            Heard::Mesh(mesh) => self.stand(*mesh),
             Heard::Open(source) => self.open(source),
             Heard::Opened(attempt, opened) => {
                 let is_awaited = matches!(self.at, At::Opening { .. }) && attempt == self.attempt;
@@ -203,6 +217,14 @@ impl Clerk {
             FromPage::Preview { command, sequence } => {
                 self.sequence = sequence;
                 session.preview(&command)
+            }
+            FromPage::Seek { time_s, sequence } => {
+                self.sequence = sequence;
+                session.seek(time_s)
+            }
+            FromPage::StopFilm => {
+                work.film.stop();
+                return;
             }
             FromPage::Commit => {
                 session.commit();
@@ -267,10 +289,11 @@ impl Clerk {
         work.show(Change { number: self.change, sequence: self.sequence, state });
     }
 
-    fn stand(&mut self, file: &str, model: Model, warnings: Vec<String>) {
+    fn stand(&mut self, mesh: UploadedMesh) {
+        let UploadedMesh { file, content, parts, model, warnings } = mesh;
         let At::Scene { session, .. } = &mut self.at else { return };
         let stood = session
-            .add_mesh(file, model)
+            .add_mesh(&file, model, content, parts)
             .and_then(|mesh| session.apply(&lo_session::Command::Add { mesh, pixel: None, material: None }));
         for why in warnings.into_iter().chain(stood.err().map(|error: SessionError| error.to_string())) {
             self.desk.pages.tell(&ToPage::Refused { why }, &[]);
@@ -328,7 +351,7 @@ impl Clerk {
                 has_panorama: open.scene.panorama.is_some(),
                 notes,
             };
-            let session = Session::new(open.clone());
+            let session = Session::new(open.clone()).map_err(|error| format!("{}: {error}", open.file))?;
             let change = Change { number: self.change, sequence: 0, state: Arc::new(session.state().clone()) };
             let work = Work::start(open, change, self.desk.pages.clone(), self.words).map_err(|e| e.to_string())?;
             Ok(At::Scene { session: Box::new(session), work, info: Box::new(info) })

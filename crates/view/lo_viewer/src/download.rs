@@ -9,6 +9,7 @@ use lightoctree::export::Format;
 use lightoctree::geometry::Vec3;
 use lo_session::{Probe, SessionError, outputs, probe_place};
 
+use crate::film::{self, Kind};
 use crate::server::App;
 use crate::work::{Work, guarded};
 
@@ -20,6 +21,9 @@ pub(crate) async fn download(State(app): State<App>, Path((_, file)): Path<(Stri
     let Some(work) = app.desk.current() else {
         return (StatusCode::CONFLICT, "no scene is open").into_response();
     };
+    if let Some(kind) = Kind::of(&file) {
+        return film::download(&work, kind, &file);
+    }
     let query = uri.query().unwrap_or_default().to_owned();
     let name = file.clone();
     match tokio::task::spawn_blocking(move || made(&work, &file, &query)).await {
@@ -42,7 +46,7 @@ fn made(work: &Arc<Work>, file: &str, query: &str) -> Result<Option<(&'static st
     let bytes = match file {
         "picture.png" => told(outputs::picture(&*work.last()?))?,
         "layers.exr" => told(outputs::layers(&*work.last()?))?,
-        "room.scene" => told(outputs::scene(open, &state.lights))?,
+        "room.scene" => told(outputs::scene(open, &state))?,
         "objects.json" => told(outputs::layout(&state))?,
         "light.exr" => {
             let at = place(work, query)?.ok_or("the light of which place? Point at the photo first")?;

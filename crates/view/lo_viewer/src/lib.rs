@@ -8,6 +8,7 @@
 
 mod desk;
 mod download;
+mod film;
 mod guard;
 mod opening;
 mod outbox;

@@ -7,7 +7,7 @@ use axum::response::{IntoResponse, Response};
 const INDEX: &str = include_str!("../page/index.html");
 
 /// Name, media type and content of what the page is made of.
-const FILES: [(&str, &str, &str); 14] = [
+const FILES: [(&str, &str, &str); 15] = [
     ("icon.svg", "image/svg+xml", include_str!("../page/icon.svg")),
     ("style.css", "text/css; charset=utf-8", include_str!("../page/style.css")),
     ("main.js", SCRIPT, include_str!("../page/main.js")),
@@ -21,6 +21,7 @@ const FILES: [(&str, &str, &str); 14] = [
     ("picture.js", SCRIPT, include_str!("../page/picture.js")),
     ("probe.js", SCRIPT, include_str!("../page/probe.js")),
     ("server.js", SCRIPT, include_str!("../page/server.js")),
+    ("timeline.js", SCRIPT, include_str!("../page/timeline.js")),
     ("uploads.js", SCRIPT, include_str!("../page/uploads.js")),
 ];
 

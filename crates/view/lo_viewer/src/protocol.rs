@@ -40,6 +40,15 @@ pub enum FromPage {
     Undo,
     /// Takes the last undone step again.
     Redo,
+    /// Looks at another time.
+    Seek {
+        /// When, seconds.
+        time_s: f64,
+        /// The page's own number of the message, which the picture of it tells.
+        sequence: u64,
+    },
+    /// Gives up the frames or the video that are being taken away.
+    StopFilm,
     /// Asks for the light at a place.
     Probe {
         /// The photo position that it is above.
@@ -174,6 +183,17 @@ pub enum ToPage {
         /// How long the server worked at it, milliseconds.
         took_ms: f64,
     },
+    /// How far the frames or the video are that are being taken away.
+    Film {
+        /// Pictures that are finished.
+        done: usize,
+        /// Of how many.
+        frames: usize,
+        /// How long the rest will take, seconds, once that can be told.
+        left_s: Option<f64>,
+        /// Why it ended before, if it did.
+        ended: Option<String>,
+    },
     /// What was asked for was not done.
     Refused {
         /// Why.
@@ -220,7 +240,7 @@ pub struct Preset {
 impl FromPage {
     /// Whether a newer message of this kind takes its place.
     pub fn is_passing(&self) -> bool {
-        matches!(self, Self::Preview { .. } | Self::Probe { .. } | Self::Outside { .. })
+        matches!(self, Self::Preview { .. } | Self::Seek { .. } | Self::Probe { .. } | Self::Outside { .. })
     }
 }
 
@@ -239,6 +259,7 @@ impl ToPage {
             Self::Probe { .. } | Self::NoProbe => 7,
             Self::Overlay { .. } => 8,
             Self::Outside { .. } => 9,
+            Self::Film { .. } => 10,
             Self::Refused { .. } => return None,
         })
     }

@@ -1,5 +1,6 @@
 //! What a page brings: meshes with the files that they name, scenes, photos with depth and panoramas.
 
+use std::cell::RefCell;
 use std::collections::HashMap;
 use std::sync::PoisonError;
 
@@ -8,8 +9,10 @@ use axum::extract::{Path, State};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use lightoctree::mesh::{LoadOptions, Model};
+use lo_session::Files;
 use percent_encoding::percent_decode_str;
 
+use crate::desk::UploadedMesh;
 use crate::server::App;
 use crate::{NamedFile, PhotoSource, Source};
 
@@ -79,14 +82,20 @@ pub(crate) async fn upload(
             let parts = std::mem::take(&mut pool().files);
             let desk = app.desk.clone();
             let read = tokio::task::spawn_blocking(move || {
+                // What the mesh names goes with it into the scene's file.
+                let named: RefCell<Files> = RefCell::default();
                 let resolve = |part: &str| {
                     let part = part.rsplit(['/', '\\']).next().unwrap_or_default();
-                    parts.get(part).cloned().ok_or_else(|| std::io::Error::other("drop it together with the mesh"))
+                    let bytes =
+                        parts.get(part).ok_or_else(|| std::io::Error::other("drop it together with the mesh"))?;
+                    named.borrow_mut().insert(part.to_owned(), bytes.as_slice().into());
+                    Ok(bytes.clone())
                 };
                 let model = Model::from_bytes(&name, &bytes, &resolve, &LoadOptions::default());
                 let model = model.map_err(|error| error.to_string())?;
                 let warnings = model.warnings.iter().map(|warning| format!("{name}: {warning}")).collect();
-                desk.stand(name, model, warnings);
+                let (content, parts) = (bytes.into(), named.into_inner());
+                desk.stand(UploadedMesh { file: name, content, parts, model, warnings });
                 Ok::<_, String>(())
             });
             match read.await {

@@ -12,6 +12,7 @@ use lightoctree::{Event, Warning};
 use lo_session::{LitScenes, OpenScene, Part, Probe, Renderer, SessionError, State, Step, outputs, probe_place};
 
 use crate::Words;
+use crate::film::Film;
 use crate::outbox::Pages;
 use crate::outside::Looks;
 use crate::protocol::ToPage;
@@ -48,7 +49,9 @@ pub(crate) struct Work {
     pub scenes: Arc<LitScenes>,
     /// Who looks at the room from outside.
     pub outside: Looks,
-    pages: Arc<Pages>,
+    /// What is being taken away frame by frame.
+    pub film: Film,
+    pub pages: Arc<Pages>,
     words: Words,
     wanted: Mutex<Wanted>,
     changed: Condvar,
@@ -78,6 +81,7 @@ impl Work {
         let work = Arc::new(Self {
             scenes: Arc::new(LitScenes::new(open)),
             outside: Looks::default(),
+            film: Film::default(),
             pages,
             words,
             wanted: Mutex::new(wanted),
@@ -118,6 +122,7 @@ impl Work {
 
     /// Ends the threads.
     pub fn end(&self) {
+        self.film.stop();
         self.lock().is_over = true;
         self.changed.notify_all();
         self.outside.end();

@@ -16,8 +16,8 @@ use crate::usage::Usage;
 #[derive(Debug, Args)]
 struct Flags {
     /// The object: glTF, GLB, OBJ, PLY or STL, or builtin:sphere, builtin:suzanne, builtin:tea-set. Of several objects each has a --mesh, and behind it its own --at, --pixel or --path, --scale or
-    /// --height, --yaw-deg, --align and --material
-    #[arg(long, value_name = "FILE", required_unless_present_any = ["list_materials", "layout"])]
+    /// --height, --yaw-deg, --align and --material. Without --mesh and --layout: what stands in the scene, as `lightoctree view` saved it
+    #[arg(long, value_name = "FILE")]
     mesh: Vec<PathBuf>,
 
     /// Objects and their places from a file, instead of --mesh: {"objects": [{"mesh": …, "pixel": …}, …]}; docs/layout.md tells its fields
@@ -29,35 +29,35 @@ struct Flags {
     layout: Option<PathBuf>,
 
     /// Where the middle of its base stands, in metres
-    #[arg(long, value_name = "X,Y,Z", value_parser = parse::point, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse::point, allow_hyphen_values = true, requires = "mesh")]
     at: Vec<Vec3>,
 
     /// Rest it on the surface seen at this pixel of the photo, upright (see --align)
-    #[arg(long, value_name = "U,V", value_parser = parse::pixel)]
+    #[arg(long, value_name = "U,V", value_parser = parse::pixel, requires = "mesh")]
     pixel: Vec<[f64; 2]>,
 
     /// Move it along keyframes; needs --frames, and a %04d in the output's name or a video
-    #[arg(long, value_name = "FILE.json")]
+    #[arg(long, value_name = "FILE.json", requires = "mesh")]
     path: Vec<PathBuf>,
 
     /// Metres per unit of the mesh [default: 1]
-    #[arg(long, value_name = "S", value_parser = parse::positive)]
+    #[arg(long, value_name = "S", value_parser = parse::positive, requires = "mesh")]
     scale: Vec<f64>,
 
     /// Height of the object in metres, instead of a scale
-    #[arg(long, value_name = "METRES", value_parser = parse::positive)]
+    #[arg(long, value_name = "METRES", value_parser = parse::positive, requires = "mesh")]
     height: Vec<f64>,
 
     /// Turn about the vertical, counter-clockwise seen from above [default: 0]
-    #[arg(long, value_name = "A", allow_hyphen_values = true)]
+    #[arg(long, value_name = "A", allow_hyphen_values = true, requires = "mesh")]
     yaw_deg: Vec<f32>,
 
     /// Which way is up for the object [default: gravity]
-    #[arg(long, value_name = "UP")]
+    #[arg(long, value_name = "UP", requires = "mesh")]
     align: Vec<AlignArg>,
 
     /// A material for the whole object: a name or a JSON object
-    #[arg(long, value_name = "NAME|JSON")]
+    #[arg(long, value_name = "NAME|JSON", requires = "mesh")]
     material: Vec<String>,
 }
 
@@ -137,8 +137,11 @@ impl FromArgMatches for ObjectArgs {
 }
 
 impl ObjectArgs {
-    /// What stands where, with the keyframes of all paths, and the folder that its files' names start from.
-    pub fn layout(&self) -> anyhow::Result<(Layout, PathBuf)> {
+    /// What stands where, with the keyframes of all paths, and the folder that its files' names start from; `None` where nothing is said of it.
+    pub fn layout(&self) -> anyhow::Result<Option<(Layout, PathBuf)>> {
+        if self.layout.is_none() && self.mesh.is_empty() {
+            return Ok(None);
+        }
         let (layout, folder) = match &self.layout {
             Some(file) => {
                 let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
@@ -148,7 +151,7 @@ impl ObjectArgs {
             None => (Layout::new(self.objects()?)?, PathBuf::new()),
         };
         let layout = layout.with_paths(|path| std::fs::read_to_string(folder.join(path)))?;
-        Ok((layout, folder))
+        Ok(Some((layout, folder)))
     }
 
     /// Of each `--mesh` what is said of it: of one anywhere, of several behind it.

@@ -48,8 +48,9 @@ impl Viewer {
             answer.windows(4).position(|window| window == b"\r\n\r\n").unwrap_or(answer.len().saturating_sub(4)) + 4;
         let head = String::from_utf8_lossy(&answer[..end]).into_owned();
         let status = head.split(' ').nth(1).unwrap_or("0").parse().unwrap();
-        assert!(!head.to_lowercase().contains("transfer-encoding: chunked"), "{head}");
-        (status, answer[end..].to_vec())
+        let body = &answer[end..];
+        let is_chunked = head.to_lowercase().contains("transfer-encoding: chunked");
+        (status, if is_chunked { unchunked(body) } else { body.to_vec() })
     }
 
     /// Fetches what lies below the token.
@@ -132,4 +133,19 @@ impl Page {
         }
         panic!("waited for {what} in vain");
     }
+}
+
+/// A body that came in pieces (RFC 9112, 7.1), as far as it came.
+fn unchunked(mut body: &[u8]) -> Vec<u8> {
+    let mut whole = Vec::new();
+    while let Some(end) = body.windows(2).position(|window| window == b"\r\n") {
+        let length = usize::from_str_radix(std::str::from_utf8(&body[..end]).unwrap(), 16).unwrap();
+        let piece = &body[end + 2..];
+        if length == 0 || piece.len() < length + 2 {
+            break;
+        }
+        whole.extend(&piece[..length]);
+        body = &piece[length + 2..];
+    }
+    whole
 }
