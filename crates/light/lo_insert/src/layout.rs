@@ -9,7 +9,7 @@ use serde::{Deserialize, Deserializer, Serialize, de};
 use serde_json::Value;
 
 use crate::path::frame_times_s;
-use crate::{Align, Base, InsertError, Instance, Path, Placement, Spot, Stance};
+use crate::{Align, Base, Ground, InsertError, Instance, Path, Placement, Spot, Stance};
 
 /// Objects that are inserted together, read from JSON.
 ///
@@ -187,32 +187,33 @@ impl Layout {
     /// # Errors
     /// [`InsertError::Object`] where there is no surface at a pixel, or the carrier is not below; where the keyframes of a file were not read
     /// ([`Layout::with_paths`]).
-    pub fn placements(
+    pub fn placements<'a>(
         &self,
-        scene: &Scene,
+        ground: impl Into<Ground<'a>>,
         models: &[&PreparedModel],
         frames: usize,
     ) -> Result<Vec<Vec<Placement>>, InsertError> {
         let times_s = self.span_s()?.map_or_else(|| vec![0.0; frames], |span_s| frame_times_s(span_s, frames));
-        self.placements_at(scene, models, &times_s)
+        self.placements_at(ground, models, &times_s)
     }
 
     /// The same at any times, in seconds; what stands on another object is put there at the first of them.
     ///
     /// # Errors
     /// Those of [`Layout::placements`].
-    pub fn placements_at(
+    pub fn placements_at<'a>(
         &self,
-        scene: &Scene,
+        ground: impl Into<Ground<'a>>,
         models: &[&PreparedModel],
         times_s: &[f64],
     ) -> Result<Vec<Vec<Placement>>, InsertError> {
+        let ground = ground.into();
         let mut placements: Vec<Vec<Placement>> = Vec::with_capacity(self.objects.len());
         for (i, (object, model)) in self.objects.iter().zip(models).enumerate() {
             let carrier = object.on.as_deref().and_then(|on| self.objects[..i].iter().position(|o| o.name() == on));
             let placed = match carrier {
-                Some(carrier) => object.carried(scene, model, models[carrier], &placements[carrier]),
-                None => object.placements(scene, model, times_s),
+                Some(carrier) => object.carried(ground.scene, model, models[carrier], &placements[carrier]),
+                None => object.placements(ground, model, times_s),
             };
             placements.push(placed.map_err(|error| error.of(i))?);
         }
@@ -281,15 +282,20 @@ impl LayoutObject {
     }
 
     /// On real surfaces or in the air.
-    fn placements(&self, scene: &Scene, model: &PreparedModel, times_s: &[f64]) -> Result<Vec<Placement>, InsertError> {
+    fn placements(
+        &self,
+        ground: Ground<'_>,
+        model: &PreparedModel,
+        times_s: &[f64],
+    ) -> Result<Vec<Placement>, InsertError> {
         let (scale, align, base) = (self.scale_of(model)?, self.align.unwrap_or_default(), Base::new(model));
         if let Some(path) = self.keyframes()? {
-            return path.placements_at(scene, &Stance { scale, align, base: Some(&base) }, times_s);
+            return path.placements_at(ground, &Stance { scale, align, base: Some(&base) }, times_s);
         }
         let placed = |placement: Placement| placement.scaled(scale).turned(self.yaw_rad());
         let placement = match (self.position_m, self.pixel) {
-            (Some(position_m), _) => placed(Placement::at(scene, point(position_m), align)),
-            (None, Some([u, v])) => placed(Placement::rest_on_pixel(scene, u, v, align)?).settled(scene, &base),
+            (Some(position_m), _) => placed(Placement::at(ground.scene, point(position_m), align)),
+            (None, Some([u, v])) => placed(Placement::rest_on_pixel(ground, u, v, align)?).settled(ground, &base),
             (None, None) => return Err(InsertError::Layout("it has no place".into())),
         };
         Ok(vec![placement; times_s.len()])

@@ -1,8 +1,7 @@
 use lo_geometry::Vec3;
-use lo_scene::Scene;
 use serde::{Deserialize, Serialize};
 
-use crate::{Align, Base, InsertError, Placement};
+use crate::{Align, Base, Ground, InsertError, Placement};
 
 /// A moving object: keyframes over time, read from JSON.
 ///
@@ -68,17 +67,17 @@ impl Default for Stance<'_> {
 }
 
 impl Stance<'_> {
-    fn at_key(&self, scene: &Scene, key: &Keyframe) -> Result<Placement, InsertError> {
+    fn at_key(&self, ground: Ground<'_>, key: &Keyframe) -> Result<Placement, InsertError> {
         match (key.position_m, key.pixel) {
             (Some(position), _) => {
                 let position_m = Vec3::from_array(position.map(|x| x as f32));
-                Ok(Placement::at(scene, position_m, self.align).scaled(self.scale))
+                Ok(Placement::at(ground.scene, position_m, self.align).scaled(self.scale))
             }
             (None, Some([u, v])) => {
-                let resting = Placement::rest_on_pixel(scene, u, v, self.align)?
+                let resting = Placement::rest_on_pixel(ground, u, v, self.align)?
                     .scaled(self.scale)
                     .turned(key.yaw_deg.to_radians() as f32);
-                Ok(self.base.map_or(resting, |base| resting.settled(scene, base)))
+                Ok(self.base.map_or(resting, |base| resting.settled(ground, base)))
             }
             (None, None) => Err(InsertError::Path("a keyframe has no position".into())),
         }
@@ -132,22 +131,28 @@ impl Path {
     ///
     /// # Errors
     /// Where a keyframe's pixel has no surface, or the path makes no sense.
-    pub fn placements(&self, scene: &Scene, stance: &Stance, frames: usize) -> Result<Vec<Placement>, InsertError> {
-        self.placements_at(scene, stance, &frame_times_s(self.span_s()?, frames))
+    pub fn placements<'a>(
+        &self,
+        ground: impl Into<Ground<'a>>,
+        stance: &Stance,
+        frames: usize,
+    ) -> Result<Vec<Placement>, InsertError> {
+        self.placements_at(ground, stance, &frame_times_s(self.span_s()?, frames))
     }
 
     /// A placement at each of some times in seconds: before the first keyframe that one's, after the last that one's.
     ///
     /// # Errors
     /// Where a keyframe's pixel has no surface, or the path makes no sense.
-    pub fn placements_at(
+    pub fn placements_at<'a>(
         &self,
-        scene: &Scene,
+        ground: impl Into<Ground<'a>>,
         stance: &Stance,
         times_s: &[f64],
     ) -> Result<Vec<Placement>, InsertError> {
         self.check()?;
-        let keys = self.keyframes.iter().map(|key| stance.at_key(scene, key)).collect::<Result<Vec<_>, _>>()?;
+        let ground = ground.into();
+        let keys = self.keyframes.iter().map(|key| stance.at_key(ground, key)).collect::<Result<Vec<_>, _>>()?;
         Ok(times_s.iter().map(|&time_s| self.placement_at(&keys, time_s)).collect())
     }
 

@@ -3,8 +3,7 @@ use lo_mesh::Bounds;
 use lo_scene::Scene;
 use serde::{Deserialize, Serialize};
 
-use crate::surface::SurfaceMap;
-use crate::{Base, InsertError, surface_at_pixel};
+use crate::{Base, Ground, InsertError};
 
 /// Surfaces tilted less than this against the room's up are taken as level: depth noise tilts fitted normals by a few degrees.
 const LEVEL_DEG: f32 = 10.0;
@@ -73,8 +72,9 @@ impl Placement {
     ///
     /// # Errors
     /// Outside of the photo, and where the depth map has no reading.
-    pub fn rest_on_pixel(scene: &Scene, u: f64, v: f64, align: Align) -> Result<Self, InsertError> {
-        let (position_m, normal) = surface_at_pixel(scene, u, v)?;
+    pub fn rest_on_pixel<'a>(ground: impl Into<Ground<'a>>, u: f64, v: f64, align: Align) -> Result<Self, InsertError> {
+        let ground = ground.into();
+        let (scene, (position_m, normal)) = (ground.scene, ground.surface_at_pixel(u, v)?);
         let gravity = gravity_up(scene);
         let tilt_deg = normal.dot(gravity).clamp(-1.0, 1.0).acos().to_degrees();
         let level_deg = if scene.room.is_some() { LEVEL_DEG } else { 0.0 };
@@ -102,17 +102,18 @@ impl Placement {
     /// the base. Without support, or with too few readings, it stays.
     ///
     /// Call it once scale and yaw are what they shall be: both decide what lies below the base.
-    pub fn settled(self, scene: &Scene, base: &Base) -> Self {
+    pub fn settled<'a>(self, ground: impl Into<Ground<'a>>, base: &Base) -> Self {
         if self.support.is_none() {
             return self;
         }
-        let heights_m = self.heights_below(scene, base);
+        let ground = ground.into();
+        let heights_m = self.heights_below(ground, base);
         if heights_m.len() < MIN_PATCH {
             return self;
         }
         // Once more among those near the middle: less of what stands or lies about.
         let middle_m = median(heights_m.clone());
-        let reach_m = 0.5 * self.patch_reach_m(scene);
+        let reach_m = 0.5 * self.patch_reach_m(ground.scene);
         let height_m = median(heights_m.into_iter().filter(|h| (h - middle_m).abs() <= reach_m).collect());
         // Along the line of sight, so that the base stays where it is seen.
         let sight = self.position_m.normalize_or(Vec3::NEG_Z);
@@ -141,22 +142,24 @@ impl Placement {
     }
 
     /// Heights over the base of the readings below it that may be the surface which carries it.
-    fn heights_below(&self, scene: &Scene, base: &Base) -> Vec<f32> {
+    fn heights_below(&self, ground: Ground<'_>, base: &Base) -> Vec<f32> {
         let rotation = self.rotation();
-        let spots: Vec<Vec3> = base.spots(self.scale, rotation).map(|spot| self.position_m + spot).collect();
-        let map = SurfaceMap::around(&scene.frame, spots.iter().copied().chain([self.position_m]));
+        let spots = base.spots(self.scale, rotation).map(|spot| self.position_m + spot).chain([self.position_m]);
+        let spots: Vec<Vec3> = spots.collect();
+        let map = ground.around(&spots);
         let local_from_world = rotation.conjugate();
-        let reach_m = self.patch_reach_m(scene);
+        let reach_m = self.patch_reach_m(ground.scene);
         let least_cosine = PREDICTED_STANDING_DEG.to_radians().cos();
-        let below = |i: usize| {
-            let surface = map.pixel(i % map.width(), i / map.width())?;
+        let below = |(x, y): (usize, usize)| {
+            let surface = map.pixel(x, y)?;
             let offset = local_from_world * (surface.position_m - self.position_m);
             let pitch_m = -surface.position_m.z / map.camera.fx as f32;
             let carries = surface.normal.dot(self.up) > least_cosine && offset.y.abs() <= reach_m;
             let inside = || base.contains(Vec2::new(offset.x, offset.z) / self.scale, pitch_m / self.scale);
             (carries && inside()).then_some(offset.y)
         };
-        (0..map.width() * map.height()).filter_map(below).collect()
+        let (columns, rows) = map.window(&spots);
+        rows.flat_map(|y| columns.clone().map(move |x| (x, y))).filter_map(below).collect()
     }
 
     /// Whether it can be rendered.

@@ -1,3 +1,5 @@
+use std::ops::Range;
+
 use lo_geometry::{Camera, Vec3};
 use lo_imaging::{DepthMap, Image, Photo};
 use lo_scene::{Frame, Scene};
@@ -15,7 +17,7 @@ const NORMAL_REACH: usize = 8;
 const PLANE_REACH: f32 = 0.03;
 
 /// The real surfaces that the photo sees: points and normals, at a resolution of its own.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct SurfaceMap {
     pub camera: Camera,
     pub depth_m: DepthMap,
@@ -37,32 +39,25 @@ impl SurfaceMap {
         Self::fitted(limited(frame, NORMAL_SIDE))
     }
 
-    /// [`SurfaceMap::new`], less flying pixels, with nothing but holes beyond some pixels around where world points are seen.
-    pub fn around(frame: &Frame, points: impl Iterator<Item = Vec3>) -> Self {
-        let places = points.filter_map(|point| {
-            let (u, v, _) = frame.camera.project(point)?;
-            Some((u / f64::from(frame.camera.width), v / f64::from(frame.camera.height)))
-        });
-        Self::near(frame, places)
+    /// [`SurfaceMap::new`], less flying pixels, with nothing but holes well beyond the [window](Self::window) in which world points are seen.
+    pub fn around(frame: &Frame, points: &[Vec3]) -> Self {
+        Self::near(frame, &relative(&frame.camera, points))
+    }
+
+    /// Columns and rows in which world points are seen, and as many pixels around as decide on a normal.
+    pub fn window(&self, points: &[Vec3]) -> (Range<usize>, Range<usize>) {
+        widened(&relative(&self.camera, points), (self.width(), self.height()), NORMAL_REACH)
     }
 
     /// The same around relative image positions.
-    fn near(frame: &Frame, places: impl Iterator<Item = (f64, f64)>) -> Self {
+    fn near(frame: &Frame, places: &[(f64, f64)]) -> Self {
         let mut frame = limited(&without_photo(frame).without_flying_pixels(), NORMAL_SIDE);
         let (width, height) = (frame.depth_m.width(), frame.depth_m.height());
-        let (mut low, mut high) = ((usize::MAX, usize::MAX), (0, 0));
-        for (u, v) in places {
-            let (x, y) = ((u * width as f64) as usize, (v * height as f64) as usize);
-            low = (low.0.min(x), low.1.min(y));
-            high = (high.0.max(x), high.1.max(y));
-        }
+        // The normals of the pixels around are as they are without holes, too.
+        let (columns, rows) = widened(places, (width, height), 2 * NORMAL_REACH);
         let depth_m = &frame.depth_m;
         frame.depth_m = Image::from_fn(width, height, |x, y| {
-            let near = x + NORMAL_REACH >= low.0
-                && y + NORMAL_REACH >= low.1
-                && x <= high.0.saturating_add(NORMAL_REACH)
-                && y <= high.1.saturating_add(NORMAL_REACH);
-            if near { depth_m[(x, y)] } else { 0.0 }
+            if columns.contains(&x) && rows.contains(&y) { depth_m[(x, y)] } else { 0.0 }
         });
         Self::fitted(frame)
     }
@@ -155,6 +150,22 @@ impl SurfaceMap {
     }
 }
 
+/// Relative image positions at which world points are seen.
+fn relative(camera: &Camera, points: &[Vec3]) -> Vec<(f64, f64)> {
+    let seen = points.iter().filter_map(|&point| camera.project(point));
+    seen.map(|(u, v, _)| (u / f64::from(camera.width), v / f64::from(camera.height))).collect()
+}
+
+/// Columns and rows of an image that hold relative positions, with `reach` pixels around; none without positions.
+fn widened(places: &[(f64, f64)], (width, height): (usize, usize), reach: usize) -> (Range<usize>, Range<usize>) {
+    let range = |length: usize, of: fn(&(f64, f64)) -> f64| {
+        let pixels = places.iter().map(|place| (of(place) * length as f64) as usize);
+        let (first, last) = pixels.fold((usize::MAX, 0), |(first, last), x| (first.min(x), last.max(x)));
+        first.saturating_sub(reach).min(length)..last.saturating_add(reach + 1).min(length)
+    };
+    if places.is_empty() { (0..0, 0..0) } else { (range(width, |place| place.0), range(height, |place| place.1)) }
+}
+
 /// The real surface seen at photo position `(u, v)`, pixel centres at +0.5: position in world metres and unit normal towards the
 /// camera.
 ///
@@ -169,7 +180,7 @@ pub fn surface_at_pixel(scene: &Scene, u: f64, v: f64) -> Result<(Vec3, Vec3), I
         return Err(InsertError::PixelOutside { u, v, width, height });
     }
     let (relative_u, relative_v) = (u / width as f64, v / height as f64);
-    let map = SurfaceMap::near(&scene.frame, [(relative_u, relative_v)].into_iter());
+    let map = SurfaceMap::near(&scene.frame, &[(relative_u, relative_v)]);
     let surface = map.at(relative_u, relative_v).ok_or(InsertError::NoDepth { u, v })?;
     Ok((surface.position_m, surface.normal))
 }
@@ -192,6 +203,10 @@ impl SeenSurfaces {
     pub fn at_pixel(&self, u: f64, v: f64) -> Option<(Vec3, Vec3)> {
         let surface = self.map.at(u / self.photo.0 as f64, v / self.photo.1 as f64)?;
         Some((surface.position_m, surface.normal))
+    }
+
+    pub(crate) fn map(&self) -> &SurfaceMap {
+        &self.map
     }
 
     /// Unit normals towards the camera, zero where there is none; of the resolution at which normals are fitted.

@@ -10,7 +10,10 @@ use lo_cone::{Cone, ConeTracer, Settings};
 use lo_events::{Event, Stage, Warning};
 use lo_geometry::{Plane, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
-use lo_insert::{Align, Base, Composite, InsertError, Inserter, Instance, Lighting, Path, Placement, Quality, Stance};
+use lo_insert::{
+    Align, Base, Composite, Ground, InsertError, Inserter, Instance, Lighting, Path, Placement, Quality, SeenSurfaces,
+    Stance,
+};
 use lo_mesh::{AlphaMode, Material, PreparedModel};
 use lo_scene::{Room, RoomPlane, Scene, Side};
 use proptest::prelude::*;
@@ -608,6 +611,11 @@ fn objects_stand_upright_on_the_patch_below_them_however_noisy_its_depth() {
         let base = Base::new(&slab(0.4, 0.3));
         let pixel = Placement::rest_on_pixel(&scene, u, v, Align::Gravity).unwrap().turned(0.4);
         let settled = pixel.settled(&scene, &base);
+        // Surfaces that are held say the same.
+        let surfaces = SeenSurfaces::new(&scene);
+        let ground = Ground::new(&scene, &surfaces);
+        assert_eq!(Placement::rest_on_pixel(ground, u, v, Align::Gravity).unwrap().turned(0.4), pixel);
+        assert_eq!(pixel.settled(ground, &base), settled);
         let error = |placement: &Placement| (placement.position_m.y - LOW.y - 0.4).abs();
         assert!(
             error(&pixel) > 0.003 && error(&settled) < 0.4 * error(&pixel),

@@ -50,7 +50,7 @@ fn resting(open: &OpenScene, object: &Object, pixel: [f64; 2]) -> Option<Placeme
         return None;
     }
     let moved = Object { place: Place::Pixel(pixel), path: None, ..object.clone() };
-    moved.placed(&open.scene, 0.0).ok().map(|object| object.placement).filter(|placement| placement.support.is_some())
+    moved.placed(open.ground(), 0.0).ok().map(|object| object.placement).filter(|placement| placement.support.is_some())
 }
 
 fn carries(open: &OpenScene, normal: Vec3) -> bool {

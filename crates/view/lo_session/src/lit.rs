@@ -33,7 +33,7 @@ impl LitScenes {
     /// The middle of the objects, of those that move in their first frame.
     fn middle(&self, state: &State) -> Result<Vec3, SessionError> {
         let first = match state.span_s() {
-            Some([first_s, _]) => &state.at(first_s, &self.open.scene)?,
+            Some([first_s, _]) => &state.at(first_s, self.open.ground())?,
             None => state,
         };
         let places = first.objects.iter().map(|object| object.placement.position_m);

@@ -1,7 +1,6 @@
 use std::sync::Arc;
 
-use lightoctree::insert::{Align, InsertError, Layout, LayoutObject, Path, PathSource, Placement};
-use lightoctree::scene::Scene;
+use lightoctree::insert::{Align, Ground, InsertError, Layout, LayoutObject, Path, PathSource, Placement};
 use serde::{Deserialize, Serialize};
 
 use crate::keyframes::{place_of, shown_key};
@@ -81,7 +80,7 @@ impl Object {
     ///
     /// # Errors
     /// Numbers out of range; a pixel without a surface.
-    pub fn placed(mut self, scene: &Scene, time_s: f64) -> Result<Self, SessionError> {
+    pub fn placed<'a>(mut self, ground: impl Into<Ground<'a>>, time_s: f64) -> Result<Self, SessionError> {
         if let Some(material) = &self.material {
             material.check()?;
         }
@@ -91,7 +90,7 @@ impl Object {
         self.name = self.name.chars().filter(|c| !c.is_control()).take(MAX_NAME).collect();
         self.place = self.place.rounded();
         self.yaw_deg = f64::from(self.yaw_deg as f32);
-        self.placement = self.placement_in(scene, time_s)?;
+        self.placement = self.placement_in(ground.into(), time_s)?;
         self.placement.check()?;
         if let Some(path) = &self.path {
             (self.place, self.yaw_deg) = match shown_key(path, time_s) {
@@ -105,12 +104,13 @@ impl Object {
         Ok(self)
     }
 
-    fn placement_in(&self, scene: &Scene, time_s: f64) -> Result<Placement, InsertError> {
+    fn placement_in(&self, ground: Ground<'_>, time_s: f64) -> Result<Placement, InsertError> {
         let layout = Layout::new(vec![self.to_layout()])?;
-        let placements = layout.placements_at(scene, &[self.mesh.plain()], &[time_s]).map_err(|error| match error {
-            InsertError::Object { source, .. } => *source,
-            error => error,
-        })?;
+        let placements =
+            layout.placements_at(ground, &[self.mesh.plain()], &[time_s]).map_err(|error| match error {
+                InsertError::Object { source, .. } => *source,
+                error => error,
+            })?;
         let first = placements.into_iter().flatten().next();
         first.ok_or_else(|| InsertError::Layout("it has no place".into()))
     }

@@ -2,7 +2,7 @@ use std::path::Path;
 
 use lightoctree::FittedLight;
 use lightoctree::geometry::Vec3;
-use lightoctree::insert::SeenSurfaces;
+use lightoctree::insert::{Ground, SeenSurfaces};
 use lightoctree::lo_lights::ListedLight;
 use lightoctree::scene::{LightEdits, Room, Scene};
 use serde::Serialize;
@@ -41,6 +41,11 @@ impl OpenScene {
         let surfaces = SeenSurfaces::new(&scene);
         let far_m = surfaces.depth_m().pixels().iter().fold(0.0f32, |far, &z| far.max(z));
         Self { file: file.into(), lights: fitted.list(&LightEdits::default()), fitted, surfaces, far_m, scene }
+    }
+
+    /// What objects stand on.
+    pub fn ground(&self) -> Ground<'_> {
+        Ground::new(&self.scene, &self.surfaces)
     }
 
     /// Unit vector against gravity.

@@ -30,10 +30,10 @@ pub enum Step {
 pub const MOVING_SIDES: [usize; 4] = [480, 400, 320, 240];
 
 /// A moving picture that takes longer is followed by a smaller one; with what encodes and shows it this is ten pictures a second and more.
-const SLOW: Duration = Duration::from_millis(60);
+const SLOW: Duration = Duration::from_millis(40);
 
 /// One that takes less is followed by a larger one.
-const FAST: Duration = Duration::from_millis(30);
+const FAST: Duration = Duration::from_millis(20);
 
 /// Longer side of the first picture of resting objects, pixels.
 pub const RESTING_SIDE: usize = 960;

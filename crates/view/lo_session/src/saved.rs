@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use lightoctree::insert::{LayoutObject, PathSource, Placement};
-use lightoctree::scene::{ObjectsShown, Scene, SceneObjects};
+use lightoctree::insert::{Ground, LayoutObject, PathSource, Placement};
+use lightoctree::scene::{ObjectsShown, SceneObjects};
 use lightoctree::scene_layout;
 
 use crate::{Mesh, Object, ObjectMaterial, Place, SessionError, Size, State};
@@ -31,7 +31,9 @@ impl State {
     ///
     /// # Errors
     /// Where an object cannot stand there, or is told in a way that a session does not know.
-    pub fn of_scene(scene: &Scene) -> Result<(Self, Meshes), SessionError> {
+    pub fn of_scene<'a>(ground: impl Into<Ground<'a>>) -> Result<(Self, Meshes), SessionError> {
+        let ground = ground.into();
+        let scene = ground.scene;
         let ObjectsShown { floor_gloss, frames, fps, time_s } = scene.objects.shown;
         let lights = scene.light_edits.clone();
         let mut state = Self { objects: Vec::new(), lights, floor_gloss, frames, fps, time_s };
@@ -44,13 +46,19 @@ impl State {
                 None => Arc::new(Mesh::of_scene(scene, &name)?),
             };
             meshes.insert(name, mesh.clone());
-            state.objects.push(placed(scene, id, object, mesh, time_s)?);
+            state.objects.push(placed(ground, id, object, mesh, time_s)?);
         }
         Ok((state, meshes))
     }
 }
 
-fn placed(scene: &Scene, id: u32, from: &LayoutObject, mesh: Arc<Mesh>, time_s: f64) -> Result<Object, SessionError> {
+fn placed(
+    ground: Ground<'_>,
+    id: u32,
+    from: &LayoutObject,
+    mesh: Arc<Mesh>,
+    time_s: f64,
+) -> Result<Object, SessionError> {
     let foreign = |what| SessionError::Foreign { object: from.name().to_owned(), what };
     let path = match &from.path {
         Some(PathSource::Keyframes(path)) => Some(path.clone()),
@@ -82,7 +90,7 @@ fn placed(scene: &Scene, id: u32, from: &LayoutObject, mesh: Arc<Mesh>, time_s: 
         path,
         align,
         material,
-        placement: Placement::at(scene, Default::default(), align),
+        placement: Placement::at(ground.scene, Default::default(), align),
     };
-    object.placed(scene, time_s)
+    object.placed(ground, time_s)
 }

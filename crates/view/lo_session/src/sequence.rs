@@ -28,7 +28,7 @@ impl Sequence {
         }
         let frames = state.sequence_frames() as usize;
         let plain: Vec<&PreparedModel> = state.objects.iter().map(|object| &**object.mesh.plain()).collect();
-        let placements = state.layout()?.placements(&scenes.open().scene, &plain, frames)?;
+        let placements = state.layout()?.placements(scenes.open().ground(), &plain, frames)?;
         let models = state.objects.iter().map(|object| object.mesh.prepared(object.material.as_ref()));
         let models = models.collect::<Result<_, SessionError>>()?;
         let lit = scenes.of(state)?;

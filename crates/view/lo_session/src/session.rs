@@ -38,7 +38,7 @@ impl Session {
     /// # Errors
     /// Those of [`State::of_scene`].
     pub fn new(open: Arc<OpenScene>) -> Result<Self, SessionError> {
-        let (state, meshes) = State::of_scene(&open.scene)?;
+        let (state, meshes) = State::of_scene(open.ground())?;
         let next_id = state.objects.len() as u32 + 1;
         Ok(Self { open, meshes, state, preview: None, undo: Vec::new(), redo: Vec::new(), next_id })
     }
@@ -101,7 +101,7 @@ impl Session {
     /// A time out of range.
     pub fn seek(&mut self, time_s: f64) -> Result<(), SessionError> {
         self.commit();
-        self.state = self.state.at(time_s, &self.open.scene)?;
+        self.state = self.state.at(time_s, self.open.ground())?;
         Ok(())
     }
 
@@ -182,7 +182,7 @@ impl Session {
         let object = |id: u32, change: &dyn Fn(&mut Object) -> Result<(), SessionError>| {
             let mut object = state.object(id)?.clone();
             change(&mut object)?;
-            object.placed(&open.scene, time_s)
+            object.placed(open.ground(), time_s)
         };
         let simply = |id: u32, change: &dyn Fn(&mut Object)| {
             object(id, &|object| {
@@ -329,7 +329,7 @@ impl Session {
             material,
             placement: Placement::at(&self.open.scene, Default::default(), Align::Gravity),
         };
-        let new = new.placed(&self.open.scene, self.state().time_s)?;
+        let new = new.placed(self.open.ground(), self.state().time_s)?;
         self.next_id += 1;
         Ok(new)
     }
@@ -344,9 +344,9 @@ impl Session {
             let step = 1.2 * camera.fx * f64::from(size.x) / z;
             [step, -step].into_iter().find_map(|step| dragged(&self.open, of, self.is_lifted(of.id), [u + step, v]))
         });
-        let moved = beside.and_then(|place| Object { place, ..new.clone() }.placed(&self.open.scene, 0.0).ok());
+        let moved = beside.and_then(|place| Object { place, ..new.clone() }.placed(self.open.ground(), 0.0).ok());
         self.next_id += 1;
-        moved.map_or_else(|| new.placed(&self.open.scene, 0.0), Ok)
+        moved.map_or_else(|| new.placed(self.open.ground(), 0.0), Ok)
     }
 
     /// A name that no object has: with a number behind it where it is taken.

@@ -1,5 +1,5 @@
-use lightoctree::insert::{InsertError, Layout};
-use lightoctree::scene::{LightEdits, ObjectsShown, Scene};
+use lightoctree::insert::{Ground, InsertError, Layout};
+use lightoctree::scene::{LightEdits, ObjectsShown};
 
 use crate::keyframes::kept_time_s;
 use crate::{Object, SessionError};
@@ -41,10 +41,11 @@ impl State {
     ///
     /// # Errors
     /// A time out of range.
-    pub fn at(&self, time_s: f64, scene: &Scene) -> Result<Self, SessionError> {
+    pub fn at<'a>(&self, time_s: f64, ground: impl Into<Ground<'a>>) -> Result<Self, SessionError> {
+        let ground = ground.into();
         let time_s = kept_time_s(time_s)?;
         let placed = |object: &Object| match object.path {
-            Some(_) => object.clone().placed(scene, time_s),
+            Some(_) => object.clone().placed(ground, time_s),
             None => Ok(object.clone()),
         };
         let objects = self.objects.iter().map(placed).collect::<Result<_, _>>()?;
