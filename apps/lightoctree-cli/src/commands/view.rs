@@ -68,11 +68,9 @@ pub struct Args {
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let estimator: Option<MakeEstimator> = cfg!(feature = "weights")
         .then(|| Arc::new(|| super::estimator(None).map_err(|error| format!("{error:#}"))) as MakeEstimator);
-    #[cfg(feature = "depth-models")]
-    if args.input.is_none() && args.depth_model.path().is_some() {
-        return Err(
-            Usage("--depth-model needs a photo on the command line; the page takes one of its own".into()).into()
-        );
+    if args.input.is_none() && has_depth_model(args) {
+        let why = "--depth-model needs a photo on the command line; the page takes one of its own";
+        return Err(Usage(why.into()).into());
     }
     let source = args.input.as_deref().map(|input| source(input, args, estimator.as_ref())).transpose()?;
     let options = Options {
@@ -100,11 +98,8 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
 fn source(input: &Path, args: &Args, estimator: Option<&MakeEstimator>) -> anyhow::Result<Source> {
     let bytes = read(input)?;
     if is_scene(&bytes) {
-        let mut of_photo = args.depth.is_some() || args.panorama.is_some() || args.intrinsics.is_some();
-        #[cfg(feature = "depth-models")]
-        {
-            of_photo |= args.depth_model.path().is_some();
-        }
+        let of_photo =
+            args.depth.is_some() || has_depth_model(args) || args.panorama.is_some() || args.intrinsics.is_some();
         if of_photo {
             let why = "--depth, --depth-model, --panorama and --intrinsics belong to a photo, and this is a scene";
             return Err(Usage(why.into()).into());
@@ -132,6 +127,16 @@ fn source(input: &Path, args: &Args, estimator: Option<&MakeEstimator>) -> anyho
         intrinsics: args.intrinsics,
         estimator: estimator.clone(),
     }))
+}
+
+#[cfg(feature = "depth-models")]
+fn has_depth_model(args: &Args) -> bool {
+    args.depth_model.path().is_some()
+}
+
+#[cfg(not(feature = "depth-models"))]
+fn has_depth_model(_: &Args) -> bool {
+    false
 }
 
 /// Name and reader of the model, where there is one.

@@ -178,7 +178,7 @@ impl Room {
 }
 
 /// Two triangles for each quad, one after the other, seen from one side.
-fn single_sided(positions_m: &[Vec3], quads: &[[u32; 4]]) -> PreparedModel {
+pub(crate) fn single_sided(positions_m: &[Vec3], quads: &[[u32; 4]]) -> PreparedModel {
     let triangles: Vec<[u32; 3]> = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
     PreparedModel::new(Model {
         positions: positions_m.to_vec(),
