@@ -132,7 +132,7 @@ fn photos_are_estimated_and_what_is_wrong_is_said() {
         let (failed, _) = page.hear("why not", failed);
         assert!(failed["error"].as_str().unwrap().contains("photo.png"), "{failed}");
         // 20,000 × 20,000 pixels, says the head of this PNG.
-        let huge = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\x4e\x20\0\0\x4e\x20\x08\x02\0\0\0\x6c\x12\xd1\x6e";
+        let huge = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\x4e\x20\0\0\x4e\x20\x08\x02\0\0\0\x6c\x12\xd1\x6e\0\0\0\x01IDAT\x78\0\0\0\0\0\0\0\0";
         assert_eq!(viewer.upload("photo", "huge.png", huge).0, 204);
         let (failed, _) = page.hear("why not", |message| message["error"].as_str().is_some_and(|e| e.contains("huge")));
         assert!(failed["error"].as_str().unwrap().contains("20000"), "{failed}");
