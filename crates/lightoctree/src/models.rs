@@ -60,7 +60,7 @@ impl Models {
     /// Files that cannot be read or hold no such thing; names that the library does not carry.
     pub fn load(layout: &Layout, folder: &Path) -> Result<Self, ModelError> {
         Self::of(layout, |object| {
-            let mut model = match builtin(object)? {
+            let mut model = match object.mesh.to_str().map_or(Ok(None), builtin)? {
                 Some(model) => model,
                 None => Model::load(folder.join(&object.mesh), &LoadOptions::default())?,
             };
@@ -140,8 +140,8 @@ pub fn scene_layout(scene: &Scene) -> Result<Option<Layout>, ModelError> {
 /// # Errors
 /// Where the scene does not hold it, or it cannot be read.
 pub fn scene_mesh(scene: &Scene, name: &str) -> Result<Model, ModelError> {
-    if let Some(builtin) = name.strip_prefix(BUILTIN_PREFIX) {
-        return Ok(builtin_model(builtin).ok_or_else(|| ModelError::Builtin { name: builtin.to_owned() })??);
+    if let Some(model) = builtin(name)? {
+        return Ok(model);
     }
     let files = &scene.objects.files;
     let bytes = files.get(name).ok_or_else(|| ModelError::NotHeld { name: name.to_owned() })?;
@@ -153,8 +153,9 @@ pub fn scene_mesh(scene: &Scene, name: &str) -> Result<Model, ModelError> {
     Ok(Model::from_bytes(name, bytes, &resolve, &LoadOptions::default())?)
 }
 
-fn builtin(object: &LayoutObject) -> Result<Option<Model>, ModelError> {
-    let Some(name) = object.mesh.to_str().and_then(|name| name.strip_prefix(BUILTIN_PREFIX)) else { return Ok(None) };
+/// The model of a name that begins with [`BUILTIN_PREFIX`]; `None` of others.
+fn builtin(name: &str) -> Result<Option<Model>, ModelError> {
+    let Some(name) = name.strip_prefix(BUILTIN_PREFIX) else { return Ok(None) };
     let model = builtin_model(name).ok_or_else(|| ModelError::Builtin { name: name.to_owned() })??;
     Ok(Some(model))
 }
