@@ -89,10 +89,7 @@ fn place(work: &Arc<Work>, query: &str) -> Result<Option<Vec3>, String> {
 fn archive(files: &[(String, Vec<u8>)]) -> std::io::Result<Vec<u8>> {
     let mut archive = tar::Builder::new(Vec::new());
     for (name, bytes) in files {
-        let mut head = tar::Header::new_gnu();
-        head.set_size(bytes.len() as u64);
-        head.set_mode(0o644);
-        archive.append_data(&mut head, name, bytes.as_slice())?;
+        film::append(&mut archive, name, bytes)?;
     }
     archive.into_inner()
 }

@@ -123,10 +123,7 @@ fn made(work: &Arc<Work>, state: &State, kind: Kind, pieces: &Pipe, done: &mut u
         match &mut writer {
             Writer::Frames(archive) => {
                 let png = outputs::picture(&composite).map_err(|error| error.to_string())?;
-                let mut head = tar::Header::new_gnu();
-                head.set_size(png.len() as u64);
-                head.set_mode(0o644);
-                archive.append_data(&mut head, format!("frame_{frame:04}.png"), png.as_slice()).map_err(cannot)?;
+                append(archive, &format!("frame_{frame:04}.png"), &png).map_err(cannot)?;
             }
             Writer::Video(video) => video.add(&composite.image).map_err(cannot)?,
         }
@@ -171,4 +168,12 @@ impl Stream for Pieces {
     fn poll_next(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Self::Item>> {
         self.0.poll_recv(context)
     }
+}
+
+/// Adds a file to a tar archive.
+pub(crate) fn append(archive: &mut tar::Builder<impl Write>, name: &str, bytes: &[u8]) -> io::Result<()> {
+    let mut head = tar::Header::new_gnu();
+    head.set_size(bytes.len() as u64);
+    head.set_mode(0o644);
+    archive.append_data(&mut head, name, bytes)
 }
