@@ -6,8 +6,9 @@ use std::time::Duration;
 use crate::support::{done, json, refused};
 
 /// Every stage, two steps each, on small rooms; a checkpoint after each step.
-const SMALL: &str = "
+const SMALL: &str = r#"
 checkpoint_minutes = 0.0
+encoder = "efficientnet-lite0"
 [network]
 depth = 5
 full_depth = 3
@@ -29,7 +30,7 @@ octree_depth = 5
 [[joint]]
 steps = 2
 octree_depth = 5
-";
+"#;
 
 const ROOMS: &str = "
 shots = 1
@@ -54,7 +55,7 @@ fn a_killed_run_goes_on_to_the_bit() {
     let at = folder.path();
     std::fs::write(at.join("small.toml"), SMALL).unwrap();
     std::fs::write(at.join("rooms.toml"), ROOMS).unwrap();
-    done(at, &["synth", "--scenes", "4", "--split", "train", "--config", "rooms.toml", "-o", "rooms"]);
+    done(at, &["synth", "--scenes", "2", "--split", "train", "--config", "rooms.toml", "-o", "rooms"]);
     let begin = ["train", "--config", "small.toml", "--data", "rooms", "--seed", "3", "--threads", "1", "-o"];
     let summary = json(&done(at, &[&begin[..], &["whole", "--json"]].concat()));
     assert_eq!((summary["done"].as_bool(), summary["steps"].as_u64()), (Some(true), Some(6)));

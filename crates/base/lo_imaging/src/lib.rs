@@ -53,14 +53,14 @@ pub use perspective::{equirectangular_from_perspective, perspective_from_equirec
 pub use photo::Photo;
 pub use read::{
     PhotoFile, depth_from_bytes, exr_channels_from_bytes, photo_from_bytes, radiance_from_bytes, read_depth,
-    read_exr_channels, read_photo, read_radiance, read_rgba8, rgba8_from_bytes,
+    read_exr_channels, read_photo, read_radiance, read_rgba8, rgba8_from_bytes, size_from_bytes,
 };
 pub use resize::{resize, resize_depth};
 pub use sh::Sh9;
 pub use source::MAX_PIXELS;
 pub use tone::ToneCurve;
 pub use write::{
-    JPEG_QUALITY, encode_exr, encode_photo, encode_png, encode_rgba8, encode_srgb8, write_depth, write_exr,
-    write_photo, write_png16, write_radiance, write_rgba8, write_srgb8, write_tone_mapped,
+    JPEG_QUALITY, encode_exr, encode_photo, encode_png, encode_png_rgba, encode_rgba8, encode_srgb8, write_depth,
+    write_exr, write_photo, write_png16, write_radiance, write_rgba8, write_srgb8, write_tone_mapped,
 };
 pub use y4m_write::Y4mWriter;

@@ -10,8 +10,30 @@ use crate::exif::{FocalLength, ShotExposure};
 use crate::source::Source;
 use crate::{Format, Image, ImageError, Photo, RadianceImage};
 
+/// Width and height as they are stored: before the orientation turns them.
+pub(crate) fn size(source: Source) -> Result<[u32; 2], ImageError> {
+    let (width, height) = decoder(source)?.dimensions();
+    Ok([width, height])
+}
+
 /// Decodes, turns by the EXIF (or TIFF) orientation, and reads what EXIF says of the lens and the exposure.
 pub(crate) fn decode(source: Source) -> Result<(DynamicImage, FocalLength, ShotExposure), ImageError> {
+    let mut decoder = decoder(source)?;
+    // metadata that cannot be read must not cost the picture
+    let exif = decoder.exif_metadata().ok().flatten();
+    let focal = exif.as_deref().map(FocalLength::from_exif).unwrap_or_default();
+    let exposure = exif.as_deref().map(ShotExposure::from_exif).unwrap_or_default();
+    let orientation = match exif.as_deref().and_then(image::metadata::Orientation::from_exif_chunk) {
+        Some(orientation) => orientation,
+        None => decoder.orientation().unwrap_or(image::metadata::Orientation::NoTransforms),
+    };
+    let mut picture = DynamicImage::from_decoder(decoder).map_err(|e| invalid(source, e))?;
+    picture.apply_orientation(orientation);
+    Ok((picture, focal, exposure))
+}
+
+/// A decoder that has read the picture's head, and whose size is plausible.
+fn decoder(source: Source<'_>) -> Result<impl ImageDecoder, ImageError> {
     let format = match source.format {
         Format::Png => ImageFormat::Png,
         Format::Jpeg => ImageFormat::Jpeg,
@@ -26,20 +48,10 @@ pub(crate) fn decode(source: Source) -> Result<(DynamicImage, FocalLength, ShotE
     let mut limits = Limits::default();
     limits.max_alloc = Some(4 << 30);
     reader.limits(limits);
-    let mut decoder = reader.into_decoder().map_err(|e| invalid(source, e))?;
+    let decoder = reader.into_decoder().map_err(|e| invalid(source, e))?;
     let (width, height) = decoder.dimensions();
     source.check_size(width.into(), height.into())?;
-    // metadata that cannot be read must not cost the picture
-    let exif = decoder.exif_metadata().ok().flatten();
-    let focal = exif.as_deref().map(FocalLength::from_exif).unwrap_or_default();
-    let exposure = exif.as_deref().map(ShotExposure::from_exif).unwrap_or_default();
-    let orientation = match exif.as_deref().and_then(image::metadata::Orientation::from_exif_chunk) {
-        Some(orientation) => orientation,
-        None => decoder.orientation().unwrap_or(image::metadata::Orientation::NoTransforms),
-    };
-    let mut picture = DynamicImage::from_decoder(decoder).map_err(|e| invalid(source, e))?;
-    picture.apply_orientation(orientation);
-    Ok((picture, focal, exposure))
+    Ok(decoder)
 }
 
 fn invalid(source: Source, error: image::ImageError) -> ImageError {

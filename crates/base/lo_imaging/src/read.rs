@@ -103,6 +103,12 @@ pub fn rgba8_from_bytes(bytes: &[u8], name: &str) -> Result<Image<[u8; 4]>, Imag
     guarded(source, || Ok(raster::rgba8(raster::decode(source)?.0)))
 }
 
+/// Width and height of a picture of those formats, from its head alone; as they are stored, before an orientation turns them.
+pub fn size_from_bytes(bytes: &[u8], name: &str) -> Result<[u32; 2], ImageError> {
+    let source = open(bytes, name, "PNG, JPEG, WebP, TIFF, BMP or PNM")?;
+    guarded(source, || raster::size(source))
+}
+
 /// Reads every channel of the first part of an OpenEXR file, and its texts.
 pub fn read_exr_channels(path: impl AsRef<Path>) -> Result<ExrChannels, ImageError> {
     let (bytes, name) = read_file(path.as_ref())?;

@@ -180,9 +180,20 @@ fn encode_png16(path: &Path, image: &Image<[u16; 3]>, generator: &str) -> Result
 /// # Panics
 /// Where the image has no pixels.
 pub fn encode_png(image: &Image<[u8; 3]>) -> Vec<u8> {
+    png_bytes(image.pixels().as_flattened(), image, ExtendedColorType::Rgb8)
+}
+
+/// As [`encode_png`], with straight alpha.
+///
+/// # Panics
+/// Where the image has no pixels.
+pub fn encode_png_rgba(image: &Image<[u8; 4]>) -> Vec<u8> {
+    png_bytes(image.pixels().as_flattened(), image, ExtendedColorType::Rgba8)
+}
+
+fn png_bytes<T>(samples: &[u8], image: &Image<T>, color: ExtendedColorType) -> Vec<u8> {
     let mut bytes = Cursor::new(Vec::new());
-    png(&mut bytes, image.pixels().as_flattened(), image, ExtendedColorType::Rgb8)
-        .expect("an image with pixels can be written to memory as PNG");
+    png(&mut bytes, samples, image, color).expect("an image with pixels can be written to memory as PNG");
     bytes.into_inner()
 }
 

@@ -1,4 +1,4 @@
-use lo_imaging::Image;
+use lo_imaging::{Image, ImageError};
 
 use crate::{MeshError, Wrap};
 
@@ -26,18 +26,16 @@ impl Texture {
     /// As [`Texture::from_bytes`], for one of several textures of a mesh.
     pub(crate) fn decode(name: &str, bytes: &[u8], srgb: bool, budget: &mut TextureBudget) -> Result<Self, MeshError> {
         let failed = |reason: String| MeshError::Texture { name: name.to_owned(), reason };
-        let header = image::ImageReader::new(std::io::Cursor::new(bytes))
-            .with_guessed_format()
-            .map_err(|error| failed(error.to_string()))?;
-        let (width, height) = header.into_dimensions().map_err(|error| failed(error.to_string()))?;
+        let unnamed = |error: ImageError| {
+            let text = error.to_string();
+            failed(text.strip_prefix(&format!("{name}: ")).unwrap_or(&text).to_owned())
+        };
+        let [width, height] = lo_imaging::size_from_bytes(bytes, name).map_err(unnamed)?;
         if width == 0 || height == 0 || width > LARGEST_EDGE || height > LARGEST_EDGE {
             return Err(failed(format!("{width} × {height} pixels; a texture has 1 to {LARGEST_EDGE} a side")));
         }
         budget.spend(width as usize * height as usize).map_err(failed)?;
-        let picture = lo_imaging::rgba8_from_bytes(bytes, name).map_err(|error| {
-            let text = error.to_string();
-            failed(text.strip_prefix(&format!("{name}: ")).unwrap_or(&text).to_owned())
-        })?;
+        let picture = lo_imaging::rgba8_from_bytes(bytes, name).map_err(unnamed)?;
         Ok(Self::from_image(picture, srgb))
     }
 

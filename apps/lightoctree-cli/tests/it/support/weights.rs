@@ -12,6 +12,6 @@ use lightoctree::nets::light::LightNetConfig;
 pub fn write_weights(folder: &Path) {
     let small = LightNetConfig { depth: 6, channels: 8, max_channels: 16, blocks: 1, ..LightNetConfig::default() };
     let config = LightNetConfig { bottleneck: 2, head_channels: 8, ..small };
-    let networks = Networks::new(EncoderKind::default(), &config, 1, &Device::flex()).unwrap();
+    let networks = Networks::new(EncoderKind::EfficientNetLite0, &config, 1, &Device::flex()).unwrap();
     networks.write(folder.join("weights.safetensors"), Precision::Half).unwrap();
 }

@@ -182,14 +182,7 @@ fn primitive(model: &Model, material: u32, triangles: &[[u32; 3]], binary: &mut 
 }
 
 fn image(texture: &Texture, binary: &mut GlbWriter) -> Value {
-    let finest = &texture.levels[0];
-    let (width, height) = (finest.width() as u32, finest.height() as u32);
-    let pixels: Vec<u8> = finest.pixels().iter().flatten().copied().collect();
-    let mut png = Vec::new();
-    let buffer = image::RgbaImage::from_raw(width, height, pixels).expect("an image holds width × height pixels");
-    buffer
-        .write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)
-        .expect("encoding into memory has no reason to fail");
+    let png = lo_imaging::encode_png_rgba(&texture.levels[0]);
     json!({ "mimeType": "image/png", "bufferView": binary.view(&png) })
 }
 

@@ -48,6 +48,7 @@ pub fn config() -> TrainConfig {
     let depth = |steps| DepthPhase { schedule: Schedule { steps, ..DepthPhase::USUAL.schedule }, ..DepthPhase::USUAL };
     TrainConfig {
         log_steps: 2,
+        encoder: EncoderKind::EfficientNetLite0,
         network: LightNetConfig { bottleneck: 2, head_channels: 8, global_features: 8, ..network },
         data: DataConfig { folder: Some(rooms()), ..DataConfig::default() },
         validation: ValidationConfig { every_steps: 100, photos: 1, sheet_rows: 1 },
@@ -184,7 +185,7 @@ fn trained_weights_begin_a_run() {
     let folder = tempfile::tempdir().unwrap();
     let weights = folder.path().join("trained.safetensors");
     let config = TrainConfig { depth: Vec::new(), joint: Vec::new(), ..config() };
-    let trained = Networks::new(EncoderKind::default(), &config.network, 3, &lo_nets::Device::flex()).unwrap();
+    let trained = Networks::new(EncoderKind::EfficientNetLite0, &config.network, 3, &lo_nets::Device::flex()).unwrap();
     trained.write(&weights, lo_nets::checkpoint::Precision::Half).unwrap();
     let request =
         Request { folder: folder.path(), resume: false, seed: 5, weights: Some(&weights), encoder_weights: None };
@@ -216,7 +217,7 @@ fn what_cannot_be_trained_is_said() {
     let gone = Request { resume: true, ..request };
     assert!(message(&config(), &gone).contains(CHECKPOINT_FILE));
     // Weights for use are no run.
-    let networks = Networks::new(EncoderKind::default(), &config().network, 1, &lo_nets::Device::flex()).unwrap();
+    let networks = Networks::new(EncoderKind::EfficientNetLite0, &config().network, 1, &lo_nets::Device::flex()).unwrap();
     networks.write(folder.path().join(CHECKPOINT_FILE), lo_nets::checkpoint::Precision::Full).unwrap();
     assert!(message(&config(), &gone).contains("its state is none of a run"), "{}", message(&config(), &gone));
     std::fs::create_dir(folder.path().join("empty")).unwrap();
