@@ -4,7 +4,7 @@ use std::path::Path;
 
 use burn::tensor::{Device, Tensor};
 use lo_events::Warning;
-use lo_geometry::{Camera, Cube};
+use lo_geometry::{Camera, Cube, Perspective};
 use lo_imaging::{DepthMap, Image, RadianceImage};
 use lo_octree::{LightOctree, RadiancePoint};
 use serde::{Deserialize, Serialize};
@@ -40,6 +40,9 @@ pub struct Networks {
 #[derive(Serialize, Deserialize)]
 struct DepthNetConfig {
     encoder: EncoderKind,
+    /// Whether it has learned the camera.
+    #[serde(default)]
+    perspective: bool,
 }
 
 /// What a photo tells of the light outside of it: `f_L`.
@@ -78,7 +81,10 @@ impl Networks {
     pub fn add_to(&self, checkpoint: &mut Checkpoint) {
         checkpoint.add_module(DEPTH_NET, &self.depth);
         checkpoint.add_module(LIGHT_NET, &self.light);
-        checkpoint.state[DEPTH_NET] = serde_json::json!(DepthNetConfig { encoder: self.depth.encoder_kind() });
+        checkpoint.state[DEPTH_NET] = serde_json::json!(DepthNetConfig {
+            encoder: self.depth.encoder_kind(),
+            perspective: self.depth.perspective.is_some(),
+        });
         checkpoint.state[LIGHT_NET] = serde_json::json!(self.config);
     }
 
@@ -89,12 +95,12 @@ impl Networks {
     #[doc(hidden)]
     pub fn from_checkpoint(mut checkpoint: Checkpoint, device: &Device) -> Result<Self, CheckpointError> {
         let problem = |module: &str, what| CheckpointError::Weights { module: module.to_owned(), problems: vec![what] };
-        let encoder = match &checkpoint.state[DEPTH_NET] {
+        let DepthNetConfig { encoder, perspective } = match &checkpoint.state[DEPTH_NET] {
             // Files of before there were several have none.
-            serde_json::Value::Null => EncoderKind::DenseNet121,
+            serde_json::Value::Null => DepthNetConfig { encoder: EncoderKind::DenseNet121, perspective: false },
             config => {
                 let config = DepthNetConfig::deserialize(config);
-                config.map_err(|error| problem(DEPTH_NET, format!("its configuration: {error}")))?.encoder
+                config.map_err(|error| problem(DEPTH_NET, format!("its configuration: {error}")))?
             }
         };
         let config = &checkpoint.state[LIGHT_NET];
@@ -110,8 +116,11 @@ impl Networks {
         if described > 2 * held {
             return Err(wrong(format!("its configuration describes {described} weights, but the file holds {held}")));
         }
-        let blank =
+        let mut blank =
             Self::new(encoder, &config, 0, device).map_err(|error| wrong(format!("its configuration: {error}")))?;
+        if !perspective {
+            blank.depth.perspective = None;
+        }
         let light = checkpoint.take_module(LIGHT_NET, blank.light)?;
         Ok(Self { depth: checkpoint.take_module(DEPTH_NET, blank.depth)?, light, config })
     }
@@ -160,6 +169,15 @@ impl Networks {
     /// Where the photo has no pixels.
     pub fn global_light(&self, photo: &Image<[u8; 3]>) -> GlobalLight {
         in_pool(|| GlobalLight(self.depth.global_feature(&network_input(photo))))
+    }
+
+    /// How the camera of an sRGB photo was held and its lens, with the lens that is known, if one is ([`Camera::half_extent`]); `None` where the
+    /// weights are of before networks learned it.
+    ///
+    /// # Panics
+    /// Where the photo has no pixels.
+    pub fn perspective(&self, photo: &Image<[u8; 3]>, half_extent: Option<f64>) -> Option<Perspective> {
+        in_pool(|| self.depth.perspective_of(&network_input(photo), half_extent))
     }
 
     /// The panorama at the camera that the global lighting decoder makes of an sRGB photo, its centre along the camera's view.

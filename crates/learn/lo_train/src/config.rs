@@ -1,6 +1,6 @@
 use std::path::PathBuf;
 
-use lo_dataset::GeneratorConfig;
+use lo_dataset::{CropModel, GeneratorConfig};
 use lo_events::{TrainedNetworks, TrainingPhase};
 use lo_nets::depth::{DepthLossConfig, EncoderKind};
 use lo_nets::light::{LightLossConfig, LightNetConfig};
@@ -61,6 +61,8 @@ pub struct DataConfig {
     /// A folder in a layout that `lightoctree dataset` knows: shards of `lightoctree synth`, or published data. Rooms are generated on the
     /// fly where none is named.
     pub folder: Option<PathBuf>,
+    /// Real panoramas, of which photos are cut. They know how the camera was held, its lens and the light around it, but no depth.
+    pub panoramas: Vec<PanoramaData>,
     /// Rooms that are generated on the fly, before they come again.
     pub generated_rooms: u32,
     /// What these are like.
@@ -70,6 +72,16 @@ pub struct DataConfig {
     /// Most samples made ahead.
     #[serde(alias = "ahead")]
     pub prefetch: usize,
+}
+
+/// A folder of panoramas and the photos that are cut of them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PanoramaData {
+    /// Where they are.
+    pub folder: PathBuf,
+    /// Which parts, and with what camera; its seed is the run's.
+    pub crop: CropModel,
 }
 
 /// Figures on held-out scenes.
@@ -141,6 +153,7 @@ impl Default for DataConfig {
     fn default() -> Self {
         Self {
             folder: None,
+            panoramas: Vec::new(),
             generated_rooms: 1_000_000,
             generator: GeneratorConfig::default(),
             threads: 1,

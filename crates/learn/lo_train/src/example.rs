@@ -2,8 +2,8 @@
 
 use lightoctree::SeenFrame;
 use lo_cone::{ConeTracer, Settings};
-use lo_dataset::{Sample, TrueLeaves, true_octree};
-use lo_geometry::{Camera, Cube, Mat3, Vec3};
+use lo_dataset::{NovelView, Sample, TrueLeaves, true_octree};
+use lo_geometry::{Camera, Cube, Mat3, Perspective, Vec3};
 use lo_imaging::{DepthMap, Image, Photo, RadianceImage, linear_from_srgb8, srgb8_from_linear};
 use lo_nets::depth::size_within;
 use lo_nets::light::{LightInput, LightNetConfig, Rays};
@@ -19,6 +19,9 @@ pub(crate) const PANORAMA: (usize, usize) = (128, 64);
 
 /// Depth of the octree that the true panorama at the camera is rendered from: its leaves are as large as the panorama's pixels at 4 m.
 const PANORAMA_DEPTH: u32 = 6;
+
+/// How far from the camera a panorama may stand and be taken for its own.
+const MAX_ASIDE_M: f32 = 0.05;
 
 /// Photo values from this on count as clipped where rays of the photo are compared, as in [`Frame::clipped`].
 const WHITE: f32 = 0.956;
@@ -42,31 +45,29 @@ fn impossible(reason: impl ToString) -> Unusable {
 #[derive(Debug)]
 pub(crate) struct DepthExample {
     pub photo: Image<[u8; 3]>,
-    /// True depth of the same size.
+    /// True depth of the same size; without readings where nothing is known.
     pub depth_m: DepthMap,
     /// The photo's.
     pub camera: Camera,
+    /// How it was held, where that is known.
+    pub perspective: Option<Perspective>,
     /// The true panorama at the camera, of size [`PANORAMA`].
     pub panorama: RadianceImage,
 }
 
 impl DepthExample {
     pub fn new(sample: &Sample, variation: &Variation, longer_side: usize) -> Result<Self, Unusable> {
-        let depth_m = variation.depth(sample.depth_m.as_ref().ok_or(Unusable::Missing("true depth"))?);
-        if sample.points.is_empty() {
-            return Err(Unusable::Missing("surface points"));
-        }
         let photo = variation.photo(&sample.photo);
         // A wrong focal length is the light network's matter: the picture itself is of the true camera.
         let variation = Variation { focal: 1.0, ..*variation };
+        let panorama = true_panorama(sample, &variation)?;
+        let depth_m = match &sample.depth_m {
+            Some(depth_m) => variation.depth(depth_m),
+            None => DepthMap::from_fn(photo.width(), photo.height(), |_, _| 0.0),
+        };
         let camera = variation.camera(&sample.camera);
-        let points = variation.points(&sample.points);
-        let low = points.iter().map(|p| p.position_m).fold(Vec3::ZERO, Vec3::min);
-        let high = points.iter().map(|p| p.position_m).fold(Vec3::ZERO, Vec3::max);
-        let cube = Cube::centred(0.5 * (low + high), 1.01 * (high - low).max_element());
-        let (octree, _) = LightOctree::from_points(&points, cube, PANORAMA_DEPTH, 4).map_err(impossible)?;
-        let tracer = ConeTracer::new(&octree, Settings::default()).map_err(impossible)?;
-        let panorama = tracer.panorama(Vec3::ZERO, PANORAMA.0, PANORAMA.1).radiance;
+        let up = sample.up.map(|up| if variation.mirrored { up * Vec3::new(-1.0, 1.0, 1.0) } else { up });
+        let perspective = up.map(|up| Perspective { up, half_extent: camera.half_extent() });
         // Of the whole photo's shape, so that photos of one size are one batch however they are cut.
         let [width, height] = size_within([sample.photo.width(), sample.photo.height()], longer_side);
         let photo = if (width, height) == (photo.width(), photo.height()) {
@@ -77,7 +78,7 @@ impl DepthExample {
         };
         let depth_m = lo_imaging::resize_depth(&depth_m, width, height);
         let camera = camera.resized(photo.width() as u32, photo.height() as u32);
-        Ok(Self { photo, depth_m, camera, panorama })
+        Ok(Self { photo, depth_m, camera, perspective, panorama })
     }
 
     /// Width and height of the photo.
@@ -96,6 +97,26 @@ impl DepthExample {
         let extent = self.camera.half_extent() as f32;
         self.depth_m.map(|z| z * extent)
     }
+}
+
+/// The panorama at the camera: from the room's surfaces where they are known, else one that was taken there.
+fn true_panorama(sample: &Sample, variation: &Variation) -> Result<RadianceImage, Unusable> {
+    let (width, height) = PANORAMA;
+    if sample.points.is_empty() {
+        let here = |view: &&NovelView| view.position_m.length() < MAX_ASIDE_M;
+        let view =
+            sample.views.iter().find(here).ok_or(Unusable::Missing("surface points, nor a panorama at its camera"))?;
+        let turned = lo_imaging::rotate_equirectangular(&view.radiance, view.rotation, width, height);
+        let column = |x: usize| if variation.mirrored { width - 1 - x } else { x };
+        return Ok(Image::from_fn(width, height, |x, y| variation.light(turned[(column(x), y)])));
+    }
+    let points = variation.points(&sample.points);
+    let low = points.iter().map(|p| p.position_m).fold(Vec3::ZERO, Vec3::min);
+    let high = points.iter().map(|p| p.position_m).fold(Vec3::ZERO, Vec3::max);
+    let cube = Cube::centred(0.5 * (low + high), 1.01 * (high - low).max_element());
+    let (octree, _) = LightOctree::from_points(&points, cube, PANORAMA_DEPTH, 4).map_err(impossible)?;
+    let tracer = ConeTracer::new(&octree, Settings::default()).map_err(impossible)?;
+    Ok(tracer.panorama(Vec3::ZERO, width, height).radiance)
 }
 
 /// What a step of the light network needs.

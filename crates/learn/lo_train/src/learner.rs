@@ -6,7 +6,7 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 use lo_cone::Settings;
 use lo_nets::checkpoint::{Checkpoint, CheckpointError};
-use lo_nets::depth::{DepthNet, DepthOutput, EncoderKind, PatchGan, depth_losses, panorama_loss};
+use lo_nets::depth::{DepthNet, DepthOutput, EncoderKind, PatchGan, depth_losses, panorama_loss, perspective_loss};
 use lo_nets::light::{Growth, LightConfigError, LightLosses, LightNet, LightNetConfig};
 use lo_nets::{Adam, Networks};
 use serde::{Deserialize, Serialize};
@@ -48,6 +48,8 @@ pub(crate) struct Learner {
 pub(crate) struct LearnerState {
     #[serde(default)]
     encoder: EncoderKind,
+    #[serde(default)]
+    perspective: bool,
     network: LightNetConfig,
     averaged: [u64; 2],
 }
@@ -128,7 +130,13 @@ impl Learner {
         };
         (self.light.net, self.light.average) =
             (light(&start.light, &recording())?, light(&average.light, &Device::flex())?);
-        (self.depth.net, self.depth.average) = (start.depth.train(), average.depth);
+        let (mut net, mut average) = (start.depth.train(), average.depth);
+        if net.perspective.is_none() {
+            // Weights of before it was learned: it begins as it was drawn.
+            (net.perspective, average.perspective) =
+                (self.depth.net.perspective.take(), self.depth.average.perspective.take());
+        }
+        (self.depth.net, self.depth.average) = (net, average);
         Ok(())
     }
 
@@ -156,8 +164,13 @@ impl Learner {
         {
             checkpoint.add_adam(&adam_name(name), adam);
         }
-        let encoder = self.depth.net.encoder_kind();
-        LearnerState { encoder, network: self.network.clone(), averaged: [self.depth.steps, self.light.steps] }
+        let (encoder, perspective) = (self.depth.net.encoder_kind(), self.depth.net.perspective.is_some());
+        LearnerState {
+            encoder,
+            perspective,
+            network: self.network.clone(),
+            averaged: [self.depth.steps, self.light.steps],
+        }
     }
 
     /// What [`Learner::add_to`] added.
@@ -166,10 +179,13 @@ impl Learner {
     /// Names what is missing or of another shape.
     pub fn from_checkpoint(mut checkpoint: Checkpoint, state: &LearnerState) -> Result<Self, CheckpointError> {
         let wrong = |problem| CheckpointError::Weights { module: LIGHT.to_owned(), problems: vec![problem] };
-        let LearnerState { encoder, network, averaged: [depth_steps, light_steps] } = state;
+        let LearnerState { encoder, perspective, network, averaged: [depth_steps, light_steps] } = state;
         let adams = [DEPTH, LIGHT, DISCRIMINATOR].map(|name| checkpoint.load_adam(&adam_name(name)));
         let [depth_adam, light_adam, discriminator_adam] = adams;
-        let blank = DepthNet::new(*encoder, network.global_features, 0, &Device::flex());
+        let mut blank = DepthNet::new(*encoder, network.global_features, 0, &Device::flex());
+        if !perspective {
+            blank.perspective = None;
+        }
         let depth = checkpoint.take_module(DEPTH, blank)?.train();
         let blank = LightNet::new(network, 0, &Device::flex()).map_err(|error| wrong(error.to_string()))?;
         let light = checkpoint.take_module(LIGHT, blank)?.train();
@@ -254,6 +270,12 @@ impl Learner {
             + absolute * weights.absolute
             + variance * weights.scale_invariant
             + panorama * weights.panorama;
+        if let Some(field) = &output.perspective {
+            let cameras: Vec<_> = examples.iter().map(|example| example.perspective).collect();
+            let perspective = perspective_loss(field, &cameras);
+            losses.push(("perspective", scalar(&perspective)));
+            total = total + perspective * weights.perspective;
+        }
         let mut judged = None;
         if weights.adversarial > 0.0 {
             let shown: Vec<_> = examples.iter().map(|example| example.shown()).collect();

@@ -27,7 +27,7 @@ pub mod weight_files;
 mod weights;
 
 pub use augmentation::AugmentationConfig;
-pub use config::{DataConfig, TrainConfig, ValidationConfig};
+pub use config::{DataConfig, PanoramaData, TrainConfig, ValidationConfig};
 pub use encoder_weights::{EncoderOrigin, published, read_encoder};
 pub use error::{ConfigError, Fault, TrainError};
 pub use phases::{DepthPhase, LightPhase, Schedule};

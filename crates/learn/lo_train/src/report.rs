@@ -13,6 +13,12 @@ pub struct ValidationReport {
     /// Share of the pixels whose predicted depth is within a factor of 1.25.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub depth_delta1: Option<f32>,
+    /// Median angle between the up that the photo tells and the true one, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub up_error_deg: Option<f32>,
+    /// Median difference of the field of view along the longer side that the photo tells from the true one, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fov_error_deg: Option<f32>,
     /// PSNR of the global lighting decoder's panorama at the camera.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub global_psnr_db: Option<f32>,
@@ -40,6 +46,8 @@ impl ValidationReport {
             ("photos", Some(self.photos as f32)),
             ("depth_abs_rel", self.depth_abs_rel),
             ("depth_delta1", self.depth_delta1),
+            ("up_error_deg", self.up_error_deg),
+            ("fov_error_deg", self.fov_error_deg),
             ("global_psnr_db", self.global_psnr_db),
             ("psnr_db", self.psnr_db),
             ("photo_alone_psnr_db", self.photo_alone_psnr_db),

@@ -5,7 +5,9 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use lo_dataset::{CropModel, Dataset, Generated, Generator, Layout, LoaderState, Sample, fingerprint};
+use lo_dataset::{
+    CropModel, Dataset, Generated, Generator, Joined, Layout, LoaderState, Panoramas, Sample, fingerprint,
+};
 use lo_events::{Cancelled, Event, OnEvent, Stage, TrainingPhase, Warning};
 use lo_imaging::write_rgba8;
 use lo_nets::checkpoint::Precision;
@@ -14,7 +16,7 @@ use lo_random::RngExt;
 use serde_json::json;
 
 use crate::augmentation::Variation;
-use crate::config::TrainConfig;
+use crate::config::{PanoramaData, TrainConfig};
 use crate::encoder_weights::{EncoderOrigin, read_encoder};
 use crate::error::{ConfigError, Fault, TrainError};
 use crate::example::{DepthExample, KnownDepth, LightExample, RayCounts, Unusable};
@@ -81,14 +83,22 @@ pub fn train(config: &TrainConfig, request: &Request, on_event: OnEvent) -> Resu
 
 fn open(config: &TrainConfig, seed: u64) -> Result<Arc<dyn Dataset>, TrainError> {
     let data = &config.data;
-    Ok(match &data.folder {
-        Some(folder) => Layout::detect(folder)?.open(folder, CropModel { seed, ..CropModel::default() })?.into(),
+    let rooms: Option<Box<dyn Dataset>> = match &data.folder {
+        Some(folder) => Some(Layout::detect(folder)?.open(folder, CropModel { seed, ..CropModel::default() })?),
+        // Panoramas alone are enough.
+        None if !data.panoramas.is_empty() => None,
         None => {
             let generator = Generator::new(seed, data.generator.clone())
                 .map_err(|error| ConfigError::Generator(error.to_string()))?;
-            Arc::new(Generated::new(generator, data.generated_rooms))
+            return Ok(Arc::new(Generated::new(generator, data.generated_rooms)));
         }
-    })
+    };
+    let panoramas = data.panoramas.iter().map(|PanoramaData { folder, crop }| {
+        let panoramas = Panoramas::open(folder, CropModel { seed, ..*crop })?;
+        Ok(Box::new(panoramas) as Box<dyn Dataset>)
+    });
+    let parts = rooms.into_iter().map(Ok).chain(panoramas).collect::<Result<Vec<_>, TrainError>>()?;
+    Ok(Arc::new(Joined::new(parts)))
 }
 
 struct Run<'a> {

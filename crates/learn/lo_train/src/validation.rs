@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 
 use lightoctree::{DEFAULT_OCTREE_DEPTH, EstimateOptions, Estimator, Input, SharpViewers, events};
 use lo_cone::{Cone, ConeSample, Viewers};
-use lo_dataset::{Dataset, NovelView, Sample, Split};
+use lo_dataset::{Dataset, NovelView, Sample, Split, indices_of};
 use lo_events::Warning;
-use lo_geometry::Vec3;
+use lo_geometry::{Perspective, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_metrics::{DepthErrors, panorama_psnr_db};
 use lo_nets::Networks;
-use lo_nets::depth::LONGER_SIDE;
+use lo_nets::depth::{LONGER_SIDE, network_input};
 use lo_nets::light::{Growth, LightNetConfig};
 use lo_octree::LightOctree;
 use lo_scene::{Completion, Frame, Scene};
@@ -25,9 +25,14 @@ use crate::sheet::{Row, sheet};
 /// Seed of what is drawn for the light network, as of estimates where none is asked for.
 const SEED: u64 = 0;
 
+/// Held-out photos whose cameras are asked for, to one whose depth and light are: they cost little.
+const CAMERAS: usize = 4;
+
 /// Held-out photos, with what does not change while the networks learn.
 pub(crate) struct Validation {
     samples: Vec<Sample>,
+    /// Photos whose cameras are known: [photo, how it was held].
+    cameras: Vec<(Image<[u8; 3]>, Perspective)>,
     sheet_rows: usize,
     /// By octree depth: PSNR of each photo's true octree and of its shell.
     bounds: BTreeMap<u32, Vec<[Option<f64>; 2]>>,
@@ -57,7 +62,13 @@ impl Validation {
                 Err(error) => passed_over(Warning::SamplePassedOver { sample: last.clone(), error: error.to_string() }),
             }
         }
-        Self { samples, sheet_rows, bounds: BTreeMap::new() }
+        let cameras =
+            indices_of(dataset, Some(Split::Validation), Some(CAMERAS * photos)).into_iter().filter_map(|index| {
+                let sample = dataset.get(index).ok()?;
+                let perspective = Perspective { up: sample.up?, half_extent: sample.camera.half_extent() };
+                Some((network_input(&sample.photo), perspective))
+            });
+        Self { samples, cameras: cameras.collect(), sheet_rows, bounds: BTreeMap::new() }
     }
 
     /// Figures of the averaged weights as they are exported, and the contact sheet where it has rows. `lit`: the light network too.
@@ -75,6 +86,15 @@ impl Validation {
             rows.extend(row.filter(|_| rows.len() < self.sheet_rows));
         }
         let mut report = means.report(self.samples.len());
+        let networks = estimator.networks().expect("it was made with networks");
+        let off = |(photo, truth): &(Image<[u8; 3]>, Perspective)| {
+            let found = networks.perspective(photo, None)?;
+            let fov_deg = |of: &Perspective| 2.0 * of.half_extent.atan().to_degrees();
+            let up_deg = f64::from(found.up.angle_between(truth.up).to_degrees());
+            Some((up_deg, (fov_deg(&found) - fov_deg(truth)).abs()))
+        };
+        let (up_deg, fov_deg): (Vec<f64>, Vec<f64>) = self.cameras.iter().filter_map(off).unzip();
+        (report.up_error_deg, report.fov_error_deg) = (median(up_deg), median(fov_deg));
         if lit {
             let of = |which: usize| mean(self.bounds[&depth].iter().filter_map(|bound| bound[which]));
             (report.true_octree_psnr_db, report.shell_psnr_db) = (of(0).map(narrow), of(1).map(narrow));
@@ -113,6 +133,11 @@ impl Means {
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) = values.fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
     (count > 0).then(|| sum / f64::from(count))
+}
+
+fn median(mut values: Vec<f64>) -> Option<f32> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().map(narrow)
 }
 
 fn narrow(figure: f64) -> f32 {

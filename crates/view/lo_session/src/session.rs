@@ -351,11 +351,12 @@ impl Session {
 
     /// A name that no object has: with a number behind it where it is taken.
     fn free_name(&self, wanted: &str) -> String {
-        let stem = wanted.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end();
-        let stem = if stem.is_empty() { "object" } else { stem };
+        let wanted = if wanted.is_empty() { "object" } else { wanted };
+        let stem = wanted.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end_matches([' ', '_']);
+        let stem = if stem.is_empty() { wanted } else { stem };
         let taken = |name: &str| self.state().objects.iter().any(|object| object.name == name);
         let numbered = (2..).map(|number| format!("{stem} {number}"));
-        std::iter::once(stem.to_owned()).chain(numbered).find(|name| !taken(name)).unwrap_or_default()
+        std::iter::once(wanted.to_owned()).chain(numbered).find(|name| !taken(name)).unwrap_or_default()
     }
 
     /// A surface in the lower half of the photo on which something can stand, away from what stands there.

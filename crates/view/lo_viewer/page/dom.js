@@ -22,16 +22,18 @@ export function fill(field, value) {
 /** Three digits behind the point at most. */
 export const short = (number) => String(Math.round(1000 * number) / 1000);
 
-/** Says something to the user; it goes by itself, or when it is closed. */
+/** Says something to the user; it goes by itself, when it is closed, or when what is returned is called. */
 export function say(text, isWrong = false) {
   const messages = byId("messages");
-  if ([...messages.children].some((other) => other.firstChild.textContent === text)) return;
+  const said = [...messages.children].find((other) => other.firstChild.textContent === text);
+  if (said) return () => said.remove();
   const close = element("button", { textContent: "×", "aria-label": "Close" });
   const message = element("div", { className: isWrong ? "wrong" : "" }, element("span", { textContent: text }), close);
   close.onclick = () => message.remove();
   setTimeout(() => message.remove(), isWrong ? 20000 : 9000);
   messages.append(message);
   while (messages.children.length > 4) messages.firstChild.remove();
+  return () => message.remove();
 }
 
 const linear = (code) => (code <= 0.04045 ? code / 12.92 : ((code + 0.055) / 1.055) ** 2.4);

@@ -32,8 +32,8 @@ export async function take(files, page) {
     if (meshes.length && page.isOpen()) {
       for (const part of files.filter((file) => !meshes.includes(file))) await upload("part", part);
       for (const mesh of meshes) {
-        say(`reading ${mesh.name} …`);
-        await upload("mesh", mesh);
+        const unsay = say(`reading ${mesh.name} …`);
+        await upload("mesh", mesh).finally(unsay);
       }
       return undefined;
     }

@@ -9,6 +9,9 @@ use crate::depth::layers::conv;
 
 /// Channels of the decoder's stages at 1/16, 1/8, 1/4 and 1/2.
 const CHANNELS: [usize; 4] = [256, 128, 64, 32];
+/// The stage at 1/8, and its channels.
+const EIGHTH: usize = 1;
+pub(super) const EIGHTH_CHANNELS: usize = CHANNELS[EIGHTH];
 
 /// From the encoder's features to one channel at full resolution, with skip connections at 1/16, 1/8, 1/4 and 1/2.
 #[derive(Module, Debug)]
@@ -60,12 +63,20 @@ impl DepthDecoder {
         }
     }
 
-    /// Features of the encoder to `[1, pictures, height, width]`.
-    pub fn forward(&self, features: [Tensor<4>; 5]) -> Tensor<4> {
-        let [half, quarter, eighth, sixteenth, x] = features;
-        let skips = [sixteenth, eighth, quarter, half];
-        let x =
-            self.stages.iter().zip(skips).fold(x, |x, (stage, skip)| stage.forward(upsample_nearest(x, Some(skip))));
+    /// Features of the encoder to its own at 1/8.
+    pub fn to_eighth(&self, features: [Tensor<4>; 5]) -> Tensor<4> {
+        let [_, _, eighth, sixteenth, x] = features;
+        self.stages(x, 0, [sixteenth, eighth])
+    }
+
+    /// On from there, with the encoder's features at 1/4 and 1/2, to `[1, pictures, height, width]`.
+    pub fn from_eighth(&self, eighth: Tensor<4>, skips: [Tensor<4>; 2]) -> Tensor<4> {
+        let x = self.stages(eighth, EIGHTH + 1, skips);
         conv2d(self.last.forward(upsample_nearest(x, None)), &self.output)
+    }
+
+    fn stages<const N: usize>(&self, x: Tensor<4>, first: usize, skips: [Tensor<4>; N]) -> Tensor<4> {
+        let stages = self.stages[first..].iter().zip(skips);
+        stages.fold(x, |x, (stage, skip)| stage.forward(upsample_nearest(x, Some(skip))))
     }
 }

@@ -17,11 +17,13 @@ pub struct DepthLossConfig {
     pub panorama: f32,
     /// The discriminator's opinion of the panorama.
     pub adversarial: f32,
+    /// Negative logarithm of the likelihood of the true perspective field.
+    pub perspective: f32,
 }
 
 impl Default for DepthLossConfig {
     fn default() -> Self {
-        Self { log_depth: 1.0, absolute: 0.0, scale_invariant: 0.5, panorama: 1.0, adversarial: 0.01 }
+        Self { log_depth: 1.0, absolute: 0.0, scale_invariant: 0.5, panorama: 1.0, adversarial: 0.01, perspective: 0.1 }
     }
 }
 

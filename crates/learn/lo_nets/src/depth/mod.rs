@@ -9,6 +9,7 @@ mod layers;
 mod losses;
 mod network;
 mod patch_gan;
+mod perspective;
 
 pub use decoder::{ConvStage, DepthDecoder};
 pub use densenet::{DENSENET_CHANNELS, DenseBlock, DenseLayer, DenseNet, Transition};
@@ -18,3 +19,4 @@ pub use global::{GlobalEncoder, PanoramaDecoder};
 pub use losses::{DepthLossConfig, depth_losses, panorama_loss};
 pub use network::{DepthNet, DepthOutput, LONGER_SIDE, network_input, panorama_image, size_within};
 pub use patch_gan::PatchGan;
+pub use perspective::{PerspectiveHead, PerspectiveOutput, perspective_loss};

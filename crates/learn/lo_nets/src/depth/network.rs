@@ -1,10 +1,13 @@
 use burn::module::Module;
 use burn::tensor::ops::PadMode;
 use burn::tensor::{Device, Tensor, TensorData};
-use lo_geometry::Camera;
+use lo_geometry::{Camera, Perspective};
 use lo_imaging::{DepthMap, Image, RadianceImage, linear_from_srgb8, srgb8_from_linear};
 
-use crate::depth::{DepthDecoder, Encoder, EncoderKind, GlobalEncoder, PanoramaDecoder};
+use crate::depth::decoder::EIGHTH_CHANNELS;
+use crate::depth::{
+    DepthDecoder, Encoder, EncoderKind, GlobalEncoder, PanoramaDecoder, PerspectiveHead, PerspectiveOutput,
+};
 
 /// Extents that can be predicted, metres.
 const EXTENT_RANGE_M: [f64; 2] = [0.02, 200.0];
@@ -27,6 +30,8 @@ pub struct DepthNet {
     pub global: GlobalEncoder,
     /// A panorama at the camera.
     pub panorama: PanoramaDecoder,
+    /// The camera; `None` in networks that have not learned it.
+    pub perspective: Option<PerspectiveHead>,
     #[module(skip)]
     kind: EncoderKind,
 }
@@ -40,6 +45,8 @@ pub struct DepthOutput {
     pub log_extent: Tensor<4>,
     /// The global lighting features, `[pictures, features]`.
     pub global: Tensor<2>,
+    /// What the photos tell of the camera, where the network has learned it.
+    pub perspective: Option<PerspectiveOutput>,
 }
 
 /// Width and height of a photo of this size with at most so many pixels on its longer side, never larger than it is.
@@ -82,6 +89,7 @@ impl DepthNet {
             decoder: DepthDecoder::new(channels, stream, device),
             global: GlobalEncoder::new([channels[4], global_features], stream, device),
             panorama: PanoramaDecoder::new(global_features, stream, device),
+            perspective: Some(PerspectiveHead::new(EIGHTH_CHANNELS, stream, device)),
             kind: encoder,
         }
     }
@@ -100,8 +108,22 @@ impl DepthNet {
         let features = self.encoder.forward(self.input(photos));
         let global = self.global.forward(features[4].clone());
         let [least, most] = EXTENT_RANGE_M.map(f64::ln);
-        let log_extent = self.decoder.forward(features).narrow(2, 0, height).narrow(3, 0, width);
-        DepthOutput { log_extent: log_extent.clamp(least, most), global }
+        let [half, quarter, ..] = features.clone();
+        let eighth = self.decoder.to_eighth(features);
+        let perspective = self.perspective.as_ref().map(|head| head.forward(eighth.clone(), [width, height]));
+        let log_extent = self.decoder.from_eighth(eighth, [quarter, half]).narrow(2, 0, height).narrow(3, 0, width);
+        DepthOutput { log_extent: log_extent.clamp(least, most), global, perspective }
+    }
+
+    /// How the camera of a photo was held and its lens, with the lens that is known, if one is; `None` where the network has not learned it.
+    ///
+    /// # Panics
+    /// Where the photo has no pixels.
+    pub fn perspective_of(&self, photo: &Image<[u8; 3]>, half_extent: Option<f64>) -> Option<Perspective> {
+        let head = self.perspective.as_ref()?;
+        let eighth = self.decoder.to_eighth(self.encoder.forward(self.input(&[photo])));
+        let output = head.forward(eighth, [photo.width(), photo.height()]);
+        Perspective::fit(&output.cells(), half_extent)
     }
 
     /// The global lighting feature alone, `[1, features]`, where depth is known from elsewhere.

@@ -217,7 +217,8 @@ fn what_cannot_be_trained_is_said() {
     let gone = Request { resume: true, ..request };
     assert!(message(&config(), &gone).contains(CHECKPOINT_FILE));
     // Weights for use are no run.
-    let networks = Networks::new(EncoderKind::EfficientNetLite0, &config().network, 1, &lo_nets::Device::flex()).unwrap();
+    let networks =
+        Networks::new(EncoderKind::EfficientNetLite0, &config().network, 1, &lo_nets::Device::flex()).unwrap();
     networks.write(folder.path().join(CHECKPOINT_FILE), lo_nets::checkpoint::Precision::Full).unwrap();
     assert!(message(&config(), &gone).contains("its state is none of a run"), "{}", message(&config(), &gone));
     std::fs::create_dir(folder.path().join("empty")).unwrap();

@@ -29,6 +29,9 @@ pub struct CropModel {
     pub roll_deg: Interval,
     /// The camera.
     pub photo: PhotoModel,
+    /// Whether all photos are as blurred as one by the longest lens of `hfov_deg`, for which the panorama has the fewest pixels: else sharpness tells
+    /// the lens.
+    pub even_sharpness: bool,
     /// Seed of all choices.
     pub seed: u64,
 }
@@ -44,6 +47,7 @@ impl Default for CropModel {
             pitch_deg: Interval::new(-15.0, 15.0),
             roll_deg: Interval::new(-2.0, 2.0),
             photo: PhotoModel::default(),
+            even_sharpness: false,
             seed: 0,
         }
     }
@@ -69,7 +73,10 @@ impl CropModel {
         let [pitch, roll] = [self.pitch_deg, self.roll_deg].map(|angle| angle.draw(&mut stream).to_radians());
         let rotation = view_rotation(yaw, pitch, roll);
         let seen = perspective_from_equirectangular(around.radiance, &camera, rotation);
-        let settings = self.photo.draw(&mut stream);
+        let mut settings = self.photo.draw(&mut stream);
+        if self.even_sharpness {
+            settings.blur_px = settings.blur_px.hypot(self.missing_blur_px(&camera, around.radiance.width()));
+        }
         let taken = settings.photograph(&seen, &camera, &mut stream);
         let [r, g, b] = taken.gains;
         let depth_m = around
@@ -117,8 +124,20 @@ impl CropModel {
         }
     }
 
+    /// Standard deviation of the blur, in pixels, that makes a photo as soft in its middle as one by the longest lens: a pixel of the panorama is taken for a
+    /// box.
+    fn missing_blur_px(&self, camera: &Camera, panorama_width: usize) -> f32 {
+        let pixel_px = |camera: &Camera| camera.fx * std::f64::consts::TAU / panorama_width as f64;
+        let (widest, own) = (pixel_px(&self.camera_of(self.hfov_deg.low().into())), pixel_px(camera));
+        ((widest * widest - own * own).max(0.0) / 12.0).sqrt() as f32
+    }
+
     fn camera(&self, stream: &mut Stream) -> Camera {
-        let hfov_deg = f64::from(self.hfov_deg.draw(stream)).clamp(5.0, 150.0);
+        self.camera_of(self.hfov_deg.draw(stream).into())
+    }
+
+    fn camera_of(&self, hfov_deg: f64) -> Camera {
+        let hfov_deg = hfov_deg.clamp(5.0, 150.0);
         Camera::from_hfov_deg(hfov_deg, self.width.max(1), self.height.max(1))
             .expect("a field of view between 5° and 150° and a picture of at least a pixel make a camera")
     }

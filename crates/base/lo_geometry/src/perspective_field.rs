@@ -1,0 +1,226 @@
+//! What a picture's places say of gravity and lens: the perspective field of Jin et al. (CVPR 2023), and the camera that explains one best, as
+//! GeoCalib (Veicht et al., ECCV 2024) fits it.
+
+use crate::{DMat3, DVec3, Vec3};
+
+/// What is known at one place of a picture. Places are in half lengths of the picture's longer side, from its middle: `[right, up]`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FieldCell {
+    /// Where.
+    pub at: [f64; 2],
+    /// Unit direction in the picture, `[right, up]`, in which what is there moves when it is lifted.
+    pub up: [f64; 2],
+    /// Sine of the angle of the line of sight above the horizon.
+    pub latitude_sin: f64,
+    /// How much the direction and the latitude count: the inverse of the difference that is expected of them.
+    pub certainty: [f64; 2],
+}
+
+/// How a camera is held, and its lens.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Perspective {
+    /// Unit direction in the camera's frame that is up.
+    pub up: Vec3,
+    /// [`Camera::half_extent`](crate::Camera::half_extent): tangent of half the field of view along the longer side.
+    pub half_extent: f64,
+}
+
+/// Fields of view along the longer side at which the search begins, degrees.
+const FIRST_FOV_DEG: [f64; 4] = [45.0, 60.0, 75.0, 95.0];
+/// Fields of view that are believed, degrees.
+const FOV_RANGE_DEG: [f64; 2] = [15.0, 140.0];
+/// Multiples of the expected difference from which a cell counts linearly (Huber 1964).
+const HUBER: f64 = 2.0;
+const STEPS: usize = 30;
+
+impl Perspective {
+    /// From the camera's turn to the right about its axis, its pitch upwards, and its lens.
+    fn new(roll: f64, pitch: f64, half_extent: f64) -> Self {
+        let up = DVec3::new(pitch.cos() * roll.sin(), pitch.cos() * roll.cos(), -pitch.sin());
+        Self { up: up.as_vec3(), half_extent }
+    }
+
+    /// What it makes of a place: the direction of up there and the sine of the latitude.
+    pub fn at(&self, [x, y]: [f64; 2]) -> ([f64; 2], f64) {
+        field(self.up.as_dvec3(), self.half_extent, [x, y])
+    }
+
+    /// The camera that explains a field best, with the lens that is known, if one is; `None` without cells.
+    pub fn fit(cells: &[FieldCell], half_extent: Option<f64>) -> Option<Self> {
+        let middle = cells.iter().min_by(|a, b| length(a.at).total_cmp(&length(b.at)))?;
+        // In the middle the field is the camera's own roll and pitch.
+        let (roll, pitch) = (middle.up[0].atan2(middle.up[1]), middle.latitude_sin.clamp(-1.0, 1.0).asin());
+        let starts = match half_extent {
+            Some(known) => vec![known],
+            None => FIRST_FOV_DEG.map(|deg| (0.5 * deg).to_radians().tan()).to_vec(),
+        };
+        let fits = starts.into_iter().map(|start| descend(cells, [roll, pitch, start.ln()], half_extent.is_some()));
+        let (_, [roll, pitch, log_extent]) = fits.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some(Self::new(roll, pitch, half_extent.unwrap_or(log_extent.exp())))
+    }
+}
+
+fn length([x, y]: [f64; 2]) -> f64 {
+    x.hypot(y)
+}
+
+fn field(up: DVec3, half_extent: f64, at: [f64; 2]) -> ([f64; 2], f64) {
+    let [x, y] = at.map(|side| side * half_extent);
+    // The derivative of a point's projection when the point moves up.
+    let lifted = [up.x + x * up.z, up.y + y * up.z];
+    let norm = length(lifted).max(1e-9);
+    (lifted.map(|side| side / norm), DVec3::new(x, y, -1.0).normalize().dot(up))
+}
+
+/// Differences of a cell from what a camera says there, in multiples of those that are expected.
+fn differences(cell: &FieldCell, [roll, pitch, log_extent]: [f64; 3]) -> [f64; 3] {
+    let up = DVec3::new(pitch.cos() * roll.sin(), pitch.cos() * roll.cos(), -pitch.sin());
+    let (direction, latitude_sin) = field(up, log_extent.exp(), cell.at);
+    let [of_up, of_latitude] = cell.certainty;
+    [
+        of_up * (cell.up[0] - direction[0]),
+        of_up * (cell.up[1] - direction[1]),
+        of_latitude * (cell.latitude_sin - latitude_sin),
+    ]
+}
+
+/// Huber's cost and the weight of the squares that has the same gradient.
+fn robust(difference: f64) -> (f64, f64) {
+    let size = difference.abs();
+    if size <= HUBER { (0.5 * size * size, 1.0) } else { (HUBER * (size - 0.5 * HUBER), HUBER / size) }
+}
+
+fn cost(cells: &[FieldCell], parameters: [f64; 3]) -> f64 {
+    cells.iter().flat_map(|cell| differences(cell, parameters)).map(|difference| robust(difference).0).sum()
+}
+
+/// Levenberg and Marquardt's descent; gives the cost and the parameters.
+fn descend(cells: &[FieldCell], first: [f64; 3], lens_is_known: bool) -> (f64, [f64; 3]) {
+    /// Of central differences.
+    const STEP: f64 = 1e-5;
+    let [least, most] = FOV_RANGE_DEG.map(|deg| (0.5 * deg).to_radians().tan().ln());
+    let mut at = first;
+    let (mut value, mut damping) = (cost(cells, at), 1e-3);
+    for _ in 0..STEPS {
+        let mut normal = DMat3::ZERO;
+        let mut gradient = DVec3::ZERO;
+        for cell in cells {
+            let now = differences(cell, at);
+            let slopes: [[f64; 3]; 3] = std::array::from_fn(|parameter| {
+                let moved = |by: f64| {
+                    let mut moved = at;
+                    moved[parameter] += by;
+                    differences(cell, moved)
+                };
+                let (before, after) = (moved(-STEP), moved(STEP));
+                std::array::from_fn(|i| (after[i] - before[i]) / (2.0 * STEP))
+            });
+            for i in 0..3 {
+                let weight = robust(now[i]).1;
+                let slope = DVec3::new(slopes[0][i], slopes[1][i], slopes[2][i]);
+                gradient += slope * (weight * now[i]);
+                normal += DMat3::from_cols(slope * slope.x, slope * slope.y, slope * slope.z) * weight;
+            }
+        }
+        if lens_is_known {
+            gradient.z = 0.0;
+            normal = DMat3::from_cols(
+                DVec3::new(normal.x_axis.x, normal.x_axis.y, 0.0),
+                DVec3::new(normal.y_axis.x, normal.y_axis.y, 0.0),
+                DVec3::Z,
+            );
+        }
+        let diagonal = DVec3::new(normal.x_axis.x, normal.y_axis.y, normal.z_axis.z);
+        let damped = normal + DMat3::from_diagonal(diagonal * damping + DVec3::splat(1e-9));
+        let step = -(damped.inverse() * gradient);
+        if !step.is_finite() {
+            break;
+        }
+        let next =
+            [at[0] + step.x, at[1] + step.y.clamp(-0.5, 0.5), (at[2] + step.z.clamp(-0.5, 0.5)).clamp(least, most)];
+        let next = if lens_is_known { [next[0], next[1], at[2]] } else { next };
+        let then = cost(cells, next);
+        if then < value {
+            let settled = value - then < 1e-9 * value.max(1e-12);
+            (at, value, damping) = (next, then, (0.3 * damping).max(1e-9));
+            if settled {
+                break;
+            }
+        } else {
+            damping *= 10.0;
+            if damping > 1e9 {
+                break;
+            }
+        }
+    }
+    (value, at)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::Camera;
+
+    /// 30 × 20 cells of a camera's field.
+    fn cells(of: Perspective) -> Vec<FieldCell> {
+        let places = (0..600).map(|i| [f64::from(i % 30) - 14.5, 9.5 - f64::from(i / 30)].map(|side| side / 15.0));
+        let cell = |at| {
+            let (up, latitude_sin) = of.at(at);
+            FieldCell { at, up, latitude_sin, certainty: [20.0, 20.0] }
+        };
+        places.map(cell).collect()
+    }
+
+    fn angle_deg(a: Vec3, b: Vec3) -> f32 {
+        a.angle_between(b).to_degrees()
+    }
+
+    #[test]
+    fn fields_are_what_lifted_points_do() {
+        let camera = Camera::from_hfov_deg(70.0, 300, 200).unwrap();
+        let of = Perspective::new(0.2, -0.35, camera.half_extent());
+        for (u, v) in [(150.0, 100.0), (20.5, 180.5), (290.0, 11.0)] {
+            let (up, latitude_sin) = of.at([(u - 150.0) / 150.0, (100.0 - v) / 150.0]);
+            let point = camera.unproject(u, v, 2.0);
+            let (u_lifted, v_lifted, _) = camera.project(point + of.up * 0.01).unwrap();
+            let moved = [u_lifted - u, v - v_lifted];
+            let norm = moved[0].hypot(moved[1]);
+            assert!(
+                (moved[0] / norm - up[0]).abs() < 0.01 && (moved[1] / norm - up[1]).abs() < 0.01,
+                "{moved:?} {up:?}"
+            );
+            assert!((f64::from(point.normalize().dot(of.up)) - latitude_sin).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn cameras_are_found_from_their_fields() {
+        for (roll, pitch, fov_deg) in [(0.0, 0.0, 60.0), (0.14, 0.7, 40.0), (-0.1, -0.65, 95.0), (1.6, 0.1, 70.0f64)] {
+            let of = Perspective::new(roll, pitch, (0.5 * fov_deg).to_radians().tan());
+            let found = Perspective::fit(&cells(of), None).unwrap();
+            assert!(angle_deg(found.up, of.up) < 0.05, "{of:?} {found:?}");
+            // A level camera's field hardly changes with the lens, but it does.
+            assert!((found.half_extent / of.half_extent - 1.0).abs() < 0.01, "{of:?} {found:?}");
+            let known = Perspective::fit(&cells(of), Some(of.half_extent)).unwrap();
+            assert!(angle_deg(known.up, of.up) < 0.05 && known.half_extent == of.half_extent, "{of:?} {known:?}");
+        }
+        assert_eq!(Perspective::fit(&[], None), None);
+    }
+
+    #[test]
+    fn wrong_cells_cost_little_and_uncertain_ones_nothing() {
+        let of = Perspective::new(0.05, 0.3, 0.6);
+        let mut wrong = cells(of);
+        // A tenth lies, as where a picture on the wall is tilted; a third of them says so.
+        for (i, cell) in wrong.iter_mut().enumerate().filter(|(i, _)| i % 10 == 3) {
+            (cell.up, cell.latitude_sin) = ([1.0, 0.0], 0.9);
+            if i % 3 == 0 {
+                cell.certainty = [1e-6; 2];
+            }
+        }
+        let found = Perspective::fit(&wrong, None).unwrap();
+        assert!(angle_deg(found.up, of.up) < 2.0, "{found:?}");
+        assert!((found.half_extent / of.half_extent - 1.0).abs() < 0.08, "{found:?}");
+    }
+}

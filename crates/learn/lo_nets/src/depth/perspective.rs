@@ -1,0 +1,205 @@
+use burn::module::Module;
+use burn::nn::conv::Conv2d;
+use burn::tensor::{Device, Tensor, TensorData};
+use lo_geometry::{FieldCell, Perspective};
+use lo_random::Stream;
+
+use crate::conv::conv2d;
+use crate::depth::decoder::ConvStage;
+use crate::depth::layers::conv;
+
+/// Pixels of the photo along the edge of a cell of the field.
+pub(super) const CELL: usize = 8;
+const CHANNELS: usize = 32;
+/// Logarithms of the certainty that can be said: of differences from 1 down to half a degree.
+const LOG_CERTAINTY: [f64; 2] = [0.0, 4.7];
+
+/// From the depth decoder's features at 1/8 to the photo's perspective field: which way is up at each place, how far above the horizon it is, and how
+/// sure that is (Jin et al., CVPR 2023; Veicht et al., ECCV 2024).
+#[derive(Module, Debug)]
+pub struct PerspectiveHead {
+    /// 3 × 3.
+    pub stage: ConvStage,
+    /// To the channels of [`PerspectiveOutput`].
+    pub output: Conv2d,
+}
+
+/// A perspective field, each tensor `[channels, pictures, rows, columns]` with a cell of 8 × 8 pixels.
+#[derive(Clone, Debug)]
+pub struct PerspectiveOutput {
+    /// Unit direction of up in the picture, right and up: 2 channels.
+    pub up: Tensor<4>,
+    /// Sine of the latitude: 1 channel.
+    pub latitude_sin: Tensor<4>,
+    /// Logarithm of the inverse of the difference that is expected of either: 2 channels.
+    pub log_certainty: Tensor<4>,
+    size: [usize; 2],
+}
+
+impl PerspectiveHead {
+    /// For so many channels.
+    pub(super) fn new(channels: usize, stream: &mut Stream, device: &Device) -> Self {
+        Self {
+            stage: ConvStage::new([channels, CHANNELS], stream, device),
+            output: conv([CHANNELS, 5], 3, 1, true, stream, device),
+        }
+    }
+
+    /// `features[channels, pictures, rows, columns]` of photos of `size`, width and height.
+    pub(super) fn forward(&self, features: Tensor<4>, size: [usize; 2]) -> PerspectiveOutput {
+        let [columns, rows] = size.map(|side| side.div_ceil(CELL));
+        let x = conv2d(self.stage.forward(features), &self.output).narrow(2, 0, rows).narrow(3, 0, columns);
+        let up = x.clone().narrow(0, 0, 2);
+        // Level where nothing is known.
+        let level = Tensor::<4>::from_data(TensorData::new(vec![0.0f32, 1.0], [2, 1, 1, 1]), &up.device());
+        let up = up + level;
+        let norm = (up.clone().square().sum_dim(0) + 1e-6).sqrt();
+        let [least, most] = LOG_CERTAINTY;
+        PerspectiveOutput {
+            up: up / norm,
+            latitude_sin: x.clone().narrow(0, 2, 1).tanh(),
+            log_certainty: x.narrow(0, 3, 2).clamp(least, most),
+            size,
+        }
+    }
+}
+
+/// Place of a cell's middle in half lengths of the longer side of photos of this size, from their middle: `[right, up]`.
+fn place([width, height]: [usize; 2], column: usize, row: usize) -> [f64; 2] {
+    let half = 0.5 * width.max(height) as f64;
+    let middle = |cell: usize, side: usize| ((cell * CELL) as f64 + 0.5 * CELL as f64 - 0.5 * side as f64) / half;
+    [middle(column, width), -middle(row, height)]
+}
+
+impl PerspectiveOutput {
+    /// The field of the first photo.
+    pub fn cells(&self) -> Vec<FieldCell> {
+        let [_, _, rows, columns] = self.up.dims();
+        let first =
+            |tensor: &Tensor<4>| -> Vec<f32> { tensor.clone().inner().narrow(1, 0, 1).into_data().iter().collect() };
+        let (up, latitude, certainty) = (first(&self.up), first(&self.latitude_sin), first(&self.log_certainty));
+        let cell = |i: usize| {
+            let pair = |values: &[f32]| [values[i], values[rows * columns + i]].map(f64::from);
+            FieldCell {
+                at: place(self.size, i % columns, i / columns),
+                up: pair(&up),
+                latitude_sin: latitude[i].into(),
+                certainty: pair(&certainty).map(f64::exp),
+            }
+        };
+        (0..rows * columns).map(cell).collect()
+    }
+}
+
+/// Negative logarithm of the likelihood of true fields, where differences from what is predicted are distributed after Laplace as wide as is
+/// predicted: the mean over cells of the photos whose camera is known, direction and latitude together.
+///
+/// # Panics
+/// Where there are not as many cameras as photos.
+pub fn perspective_loss(output: &PerspectiveOutput, truths: &[Option<Perspective>]) -> Tensor<1> {
+    let [_, pictures, rows, columns] = output.up.dims();
+    assert_eq!(truths.len(), pictures, "a camera for each photo");
+    let device = output.up.device();
+    let field = |of: &Perspective, cell: usize| of.at(place(output.size, cell % columns, cell / columns));
+    let constant = |channels: usize, value: &dyn Fn(&Perspective, usize, usize) -> f32| {
+        let cells = (0..channels).flat_map(|channel| {
+            truths.iter().flat_map(move |truth| {
+                (0..rows * columns).map(move |cell| truth.as_ref().map_or(0.0, |truth| value(truth, channel, cell)))
+            })
+        });
+        let size = [channels, pictures, rows, columns];
+        Tensor::<4>::from_data(TensorData::new::<f32, _>(cells.collect(), size), &device)
+    };
+    let up = constant(2, &|truth, channel, cell| field(truth, cell).0[channel] as f32);
+    let latitude = constant(1, &|truth, _, cell| field(truth, cell).1 as f32);
+    let known = constant(1, &|_, _, _| 1.0);
+    let count = (truths.iter().flatten().count() * rows * columns).max(1) as f32;
+    // The length of the chord between two unit vectors: their angle, where that is small.
+    let of_up = ((output.up.clone() - up).square().sum_dim(0) + 1e-6).sqrt();
+    let of_latitude = (output.latitude_sin.clone() - latitude).abs();
+    let differences = Tensor::cat(vec![of_up, of_latitude], 0);
+    let likelihood = differences * output.log_certainty.clone().exp() - output.log_certainty.clone();
+    (likelihood * known).sum() / count
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::Adam;
+    use crate::testing::numbers;
+
+    const SIZE: [usize; 2] = [60, 40];
+
+    fn true_camera() -> Perspective {
+        let up = lo_geometry::Vec3::new(0.1, 0.9, -0.3).normalize();
+        Perspective { up, half_extent: 0.8 }
+    }
+
+    /// A field that says just this, with this certainty.
+    fn field(of: &Perspective, certainty: f32, device: &Device) -> PerspectiveOutput {
+        let cells: Vec<_> = (0..5).flat_map(|row| (0..8).map(move |column| (column, row))).collect();
+        let values = |value: &dyn Fn(([f64; 2], f64)) -> f64| -> Vec<f32> {
+            cells.iter().map(|&(column, row)| value(of.at(place(SIZE, column, row))) as f32).collect()
+        };
+        let tensor = |values: Vec<f32>| {
+            let channels = values.len() / 40;
+            Tensor::<4>::from_data(TensorData::new(values, [channels, 1, 5, 8]), device)
+        };
+        PerspectiveOutput {
+            up: tensor([values(&|field| field.0[0]), values(&|field| field.0[1])].concat()),
+            latitude_sin: tensor(values(&|field| field.1)),
+            log_certainty: tensor(vec![certainty.ln(); 80]),
+            size: SIZE,
+        }
+    }
+
+    #[test]
+    fn what_the_field_of_a_camera_says_is_that_camera() {
+        let output = field(&true_camera(), 10.0, &Device::flex());
+        let found = Perspective::fit(&output.cells(), None).unwrap();
+        assert!(found.up.angle_between(true_camera().up) < 1e-3, "{found:?}");
+        assert!((found.half_extent - 0.8).abs() < 0.01, "{found:?}");
+        // The first cell's middle is 26 pixels left of the picture's middle and 16 above it.
+        assert_eq!(output.cells()[0].at, [-26.0 / 30.0, 16.0 / 30.0]);
+    }
+
+    #[test]
+    fn the_loss_is_that_of_laplace() {
+        let device = Device::flex();
+        let loss = |of: &Perspective, certainty: f32, truth| {
+            f64::from(perspective_loss(&field(of, certainty, &device), &[truth]).into_scalar::<f32>())
+        };
+        let exact = loss(&true_camera(), 10.0, Some(true_camera()));
+        // Two differences of nothing, but for what keeps the root's slope finite: 10 · 10⁻³ − ln 10, and −ln 10.
+        assert!((exact - (0.01 - 2.0 * 10f64.ln())).abs() < 1e-3, "{exact}");
+        let level = Perspective { up: lo_geometry::Vec3::Y, ..true_camera() };
+        assert!(loss(&level, 10.0, Some(true_camera())) > loss(&level, 2.0, Some(true_camera())));
+        assert_eq!(loss(&level, 10.0, None), 0.0);
+    }
+
+    #[test]
+    fn a_head_learns_a_camera_from_what_it_sees() {
+        let device = Device::flex().autodiff();
+        let mut head = PerspectiveHead::new(4, &mut lo_random::stream(1, "test", 0), &device);
+        let places: Vec<f32> = (0..4)
+            .flat_map(|channel| {
+                (0..40).map(move |i| match channel {
+                    0 => (i % 8) as f32 / 4.0 - 1.0,
+                    1 => (i / 8) as f32 / 2.0 - 1.0,
+                    _ => 1.0,
+                })
+            })
+            .collect();
+        let features = Tensor::<4>::from_data(TensorData::new(places, [4, 1, 5, 8]), &device);
+        let (mut adam, mut losses) = (Adam::default(), Vec::new());
+        for _ in 0..60 {
+            let loss = perspective_loss(&head.forward(features.clone(), SIZE), &[Some(true_camera())]);
+            losses.push(numbers(loss.clone().inner())[0]);
+            head = adam.step(head, &loss.backward(), 1e-2);
+        }
+        assert!(losses[59] < losses[0] - 2.0, "{losses:?}");
+        let found = Perspective::fit(&head.forward(features, SIZE).cells(), None).unwrap();
+        assert!(found.up.angle_between(true_camera().up).to_degrees() < 5.0, "{found:?}");
+    }
+}
