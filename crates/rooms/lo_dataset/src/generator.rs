@@ -238,8 +238,7 @@ impl Generator {
         (sensor, mut depth): (&DepthSettings, Stream),
     ) -> Shot {
         let CameraPose { pose, camera } = *view;
-        let seen = baked.render(&View::Pinhole { pose, camera });
-        let taken = settings.photograph(&seen.radiance, &camera, &mut photo);
+        let mut seen = baked.render(&View::Pinhole { pose, camera });
         let before_sensor = DepthView {
             camera: &camera,
             depth_m: &seen.depth_m,
@@ -248,6 +247,8 @@ impl Generator {
             specular: &seen.specular,
         };
         let sensor_depth_m = sensor.measure(&before_sensor, &mut depth);
+        seen.radiance = settings.lit(seen.radiance, &before_sensor);
+        let taken = settings.photograph(&seen.radiance, &camera, &mut photo);
         let [r, g, b] = taken.gains;
         Shot {
             position_m: pose.position,

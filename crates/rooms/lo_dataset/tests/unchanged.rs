@@ -17,7 +17,8 @@ fn digest(config: &str, seed: u64, room: u64) -> String {
 
 #[test]
 fn shards_of_former_configurations_have_their_former_bytes() {
-    let level = r#"{"shots": 2, "panoramas": 1, "panorama_height": 16, "octree_depth": 5, "room": {"crop_size": [96, 64]}}"#;
+    let level =
+        r#"{"shots": 2, "panoramas": 1, "panorama_height": 16, "octree_depth": 5, "room": {"crop_size": [96, 64]}}"#;
     let upright = r#"{"shots": 3, "panoramas": 1, "panorama_height": 8, "octree_depth": 4,
         "room": {"crop_size": [48, 72], "hfov_deg": [34.5, 67.4], "pitch_deg": 40, "roll_deg": 5, "cluttered_share": 0.8, "clean_share": 0}}"#;
     let former = [
