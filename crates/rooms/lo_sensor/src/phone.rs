@@ -37,7 +37,7 @@ impl Default for PhoneModel {
             compression: Interval::new(0.0, 0.6),
             sharpening: Interval::new(0.0, 1.6),
             halo_px: Interval::new(0.5, 2.5),
-            cast: Interval::new(-0.25, 0.25),
+            cast: Interval::new(-0.18, 0.18),
             shutter_s: Interval::new(0.01, 0.07),
             iso: Interval::new(25.0, 12_800.0),
         }

@@ -24,8 +24,8 @@ pub(super) fn strew(stage: &mut Stage, amount: f32) {
             continue;
         }
         let half = stage.tops[top].half;
-        let most = ((amount * (3.0 + 14.0 * 4.0 * half.x * half.y)).ceil() as usize).min(18);
-        let number = count(&mut stage.random, most / 3, most);
+        let most = ((amount * (5.0 + 100.0 * half.x * half.y)).ceil() as usize).min(24);
+        let number = count(&mut stage.random, most / 2, most);
         for _ in 0..number {
             let thing = thing(stage);
             put_on(stage, top, &thing, None);

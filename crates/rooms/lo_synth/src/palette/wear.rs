@@ -64,16 +64,16 @@ fn character(finish: Finish, name: &str) -> Option<(f32, f32)> {
             let depth_m = match name {
                 "brick" => 0.006,
                 "concrete" => 0.003,
-                _ => 0.0025,
+                _ => 0.0015,
             };
             (depth_m, 0.12)
         }
         Finish::WallTiles => (0.002, 0.15),
         Finish::Floor => (if name == "carpet" { 0.004 } else { 0.0012 }, 0.25),
-        Finish::Ceiling => (0.003, 0.0),
-        Finish::Wood | Finish::SecondWood | Finish::Worktop | Finish::HallFloor => (0.0006, 0.0),
-        Finish::Trim | Finish::DoorLeaf | Finish::WindowFrame | Finish::Lacquer | Finish::Fronts => (0.001, 0.0),
-        Finish::Upholstery | Finish::SecondUpholstery | Finish::Linen => (0.0012, 0.35),
+        Finish::Ceiling => (0.001, 0.0),
+        Finish::Wood | Finish::SecondWood | Finish::Worktop | Finish::HallFloor => (0.00025, 0.0),
+        Finish::Trim | Finish::DoorLeaf | Finish::WindowFrame | Finish::Lacquer | Finish::Fronts => (0.0004, 0.0),
+        Finish::Upholstery | Finish::SecondUpholstery | Finish::Linen => (0.0008, 0.35),
         Finish::Leather => (0.001, 0.0),
         Finish::Cardboard => (0.001, 0.0),
         _ => return None,

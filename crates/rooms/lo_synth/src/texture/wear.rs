@@ -105,7 +105,13 @@ pub(crate) fn relief(picture: &Image<[u8; 4]>, texel_m: [f32; 2], depth_m: f32) 
     let (width, height) = (picture.width(), picture.height());
     let light = picture.map(|&[r, g, b, _]| luminance([r, g, b].map(linear_from_srgb8)));
     let mean = (light.pixels().iter().sum::<f32>() / (width * height) as f32).max(1e-3);
-    let high = light.map(|l| depth_m * (0.5 * (l / mean - 1.0)).clamp(-1.0, 1.0));
+    let rough = light.map(|l| depth_m * (0.5 * (l / mean - 1.0)).clamp(-1.0, 1.0));
+    // Single texels are no bumps: the mean of three by three.
+    let high = Image::from_fn(width, height, |x, y| {
+        let sum: f32 =
+            (0..9).map(|k| rough[((x + width + k % 3 - 1) % width, (y + height + k / 3 - 1) % height)]).sum();
+        sum / 9.0
+    });
     Image::from_fn(width, height, |x, y| {
         let (left, right) = (high[((x + width - 1) % width, y)], high[((x + 1) % width, y)]);
         let (up, down) = (high[(x, (y + height - 1) % height)], high[(x, (y + 1) % height)]);
