@@ -59,12 +59,15 @@ pub struct LightSampling {
     pub light_rays: u32,
     /// Rays from each pixel to lamps and windows, at least.
     pub pixel_rays: u32,
+    /// Whether edges of sunny patches are smooth.
+    pub sun_at_edges: bool,
 }
 
 impl Default for LightSampling {
     fn default() -> Self {
-        let BakeSettings { spacing_m, gather_rays, light_rays, pixel_light_rays, .. } = BakeSettings::default();
-        Self { spacing_m, gather_rays, light_rays, pixel_rays: pixel_light_rays }
+        let BakeSettings { spacing_m, gather_rays, light_rays, pixel_light_rays, sun_at_edges, .. } =
+            BakeSettings::default();
+        Self { spacing_m, gather_rays, light_rays, pixel_rays: pixel_light_rays, sun_at_edges }
     }
 }
 
@@ -188,12 +191,13 @@ impl Generator {
     ) -> Result<Record, DatasetError> {
         let description = json!(interior.description);
         let leaf_m = leaf_edge_m(&interior, self.config.octree_depth);
-        let LightSampling { spacing_m, gather_rays, light_rays, pixel_rays } = self.config.light;
+        let LightSampling { spacing_m, gather_rays, light_rays, pixel_rays, sun_at_edges } = self.config.light;
         let settings = BakeSettings {
             spacing_m,
             gather_rays,
             light_rays,
             pixel_light_rays: pixel_rays,
+            sun_at_edges,
             seed: self.seed ^ lo_random::hash(interior.id.as_bytes()),
         };
         let baked = BakedWorld::bake(interior.world, &settings).map_err(|error| self.failed(index, error))?;
