@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use lo_geometry::{Quat, Ray, Vec3, fibonacci_sphere};
 use lo_mesh::PreparedModel;
-use lo_synth::{Interior, LampUse, Object, RoomKind, Support, SynthConfig, Tilt};
+use lo_synth::{Interior, LampUse, Object, RoomKind, Support, SynthConfig, Tilt, Weather};
 
 /// What lies on a thing or leans on it may touch it; carpets give way by their pile.
 const TOUCH_M: f32 = 0.012;
@@ -553,5 +553,74 @@ fn upright_photos_have_the_same_lens_across_the_longer_side() {
         let camera = &view.camera;
         assert_eq!(camera.width.max(camera.height), 480);
         assert_eq!((camera.cx, camera.cy), (0.5 * f64::from(camera.width), 0.5 * f64::from(camera.height)));
+    }
+}
+
+#[test]
+fn the_sun_shines_in_where_it_is_asked_to() {
+    let weather_weights = [(Weather::Overcast, 1.0), (Weather::Clear, 1.0), (Weather::Night, 0.5)].into();
+    let config = SynthConfig { sun_share: 1.0, weather_weights, windowless_share: 0.0, ..SynthConfig::default() };
+    let (mut days, mut nights) = (0, 0);
+    for index in 0..30 {
+        let interior = Interior::generate(21, index, &config).unwrap();
+        if interior.world.portals.is_empty() {
+            continue;
+        }
+        if interior.description.weather == Weather::Night {
+            nights += 1;
+            assert!(interior.world.outdoors.sun.is_none());
+            continue;
+        }
+        days += 1;
+        let sun = interior.world.outdoors.sun.unwrap().direction;
+        let faces = |portal: &lo_transport::Portal| {
+            // The edges' product points into the room: the sun's light must go the same way.
+            let inward = portal.edges[0].cross(portal.edges[1]).normalize();
+            let level = Vec3::new(-sun.x, 0.0, -sun.z).normalize();
+            level.dot(inward) > 0.65
+        };
+        assert!(interior.world.portals.iter().any(faces), "{}: the sun stands behind the house", interior.id);
+    }
+    assert!(days > 12 && nights > 1, "{days} {nights}");
+}
+
+#[test]
+fn dim_rooms_are_dark_and_mixed_light_has_several_colours() {
+    let figures = |config: &SynthConfig| {
+        let rooms = (0..24).map(|index| Interior::generate(22, index, config).unwrap());
+        let mut lm_m2 = Vec::new();
+        let mut colours = 0;
+        for room in rooms {
+            assert!(config.dim_share == 0.0 || room.description.weather == Weather::Night);
+            if room.description.lamps_on > 0 && room.description.flux_lm > 0.0 {
+                lm_m2.push(room.description.flux_lm / room.description.area_m2);
+            }
+            let lamps = room.world.model.materials.iter().filter(|m| m.name == "lamp");
+            let hues: HashSet<i32> = lamps.map(|m| (20.0 * (m.emissive[2] / m.emissive[0]).ln()) as i32).collect();
+            colours += usize::from(hues.len() > 2);
+        }
+        lm_m2.sort_unstable_by(f32::total_cmp);
+        (lm_m2[lm_m2.len() / 2], colours)
+    };
+    let night = SynthConfig { weather_weights: [(Weather::Night, 1.0)].into(), ..SynthConfig::default() };
+    let (usual, few) = figures(&night);
+    let (dim, _) = figures(&SynthConfig { dim_share: 1.0, ..night.clone() });
+    let (_, many) = figures(&SynthConfig { mixed_light_share: 1.0, ..night });
+    // e^−1.4 to e^−3.4
+    assert!(dim < 0.3 * usual && dim > 0.02 * usual, "{dim} of {usual} lm/m²");
+    assert!(many > few + 4, "{many} rooms with more than two colours, {few} usually");
+}
+
+#[test]
+fn worn_surfaces_have_a_relief_and_others_none() {
+    let config = SynthConfig { worn_share: 1.0, ..SynthConfig::default() };
+    for index in 0..4 {
+        let worn = Interior::generate(23, index, &config).unwrap().world.model;
+        let usual = Interior::generate(23, index, &SynthConfig::default()).unwrap().world.model;
+        let reliefs = worn.materials.iter().filter(|m| m.normal_texture.is_some()).count();
+        assert!(reliefs > 4 && worn.tangents.len() == worn.positions.len(), "{reliefs}");
+        assert!(usual.materials.iter().all(|m| m.normal_texture.is_none()) && usual.tangents.is_empty());
+        // The same things stand in the same places.
+        assert_eq!(worn.triangles.len(), usual.triangles.len());
     }
 }
