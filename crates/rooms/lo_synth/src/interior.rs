@@ -96,7 +96,7 @@ impl Interior {
         let portals = windows::build(&mut stage, weather == Weather::Night);
         stage.random = lo_random::stream(seed, "synth furniture", index);
         furniture::furnish(&mut stage, kind, clutter, lighting);
-        let litter = drawn("synth litter", config.litter_share).map(|mut random| between(&mut random, 0.25, 1.0));
+        let litter = drawn("synth litter", config.litter_share).map(|mut random| between(&mut random, 0.4, 1.0));
         let people = drawn("synth people", config.people_share).is_some() && kind != RoomKind::Bathroom;
         stage.random = lo_random::stream(seed, "synth life", index);
         furniture::live_in(&mut stage, litter, people);

@@ -24,7 +24,7 @@ pub(super) fn strew(stage: &mut Stage, amount: f32) {
             continue;
         }
         let half = stage.tops[top].half;
-        let most = ((amount * (5.0 + 100.0 * half.x * half.y)).ceil() as usize).min(24);
+        let most = ((amount * (6.0 + 130.0 * half.x * half.y)).ceil() as usize).min(32);
         let number = count(&mut stage.random, most / 2, most);
         for _ in 0..number {
             let thing = thing(stage);
