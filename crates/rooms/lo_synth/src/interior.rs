@@ -80,6 +80,8 @@ impl Interior {
         style.rough = rough;
         let plan = Plan::draw(&mut lo_random::stream(seed, "synth plan", index), kind, config);
         let mut palette = Palette::new(seed, index, style);
+        let litter = drawn("synth litter", config.litter_share).map(|mut random| between(&mut random, 0.4, 1.0));
+        palette.printed = litter.is_some();
         palette.wear = drawn("synth worn", config.worn_share).map(|mut random| between(&mut random, 0.2, 1.0));
         palette.pictures = Pictures::load(&mut lo_random::stream(seed, "synth pictures", index), config)?;
         let mut stage = Stage::new(plan, palette, lo_random::stream(seed, "synth stage", index));
@@ -96,7 +98,6 @@ impl Interior {
         let portals = windows::build(&mut stage, weather == Weather::Night);
         stage.random = lo_random::stream(seed, "synth furniture", index);
         furniture::furnish(&mut stage, kind, clutter, lighting);
-        let litter = drawn("synth litter", config.litter_share).map(|mut random| between(&mut random, 0.4, 1.0));
         let people = drawn("synth people", config.people_share).is_some() && kind != RoomKind::Bathroom;
         stage.random = lo_random::stream(seed, "synth life", index);
         furniture::live_in(&mut stage, litter, people);

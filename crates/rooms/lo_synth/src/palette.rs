@@ -72,6 +72,8 @@ pub(crate) struct Palette {
     /// Pages, covers and the like that were made, by kind and number.
     prints: BTreeMap<(&'static str, usize), u32>,
     pub pictures: Pictures,
+    /// Whether books and keyboards bear print.
+    pub printed: bool,
     /// How worn surfaces are, 0 … 1, where they are; then they have a relief too.
     pub wear: Option<f32>,
     pub materials: Vec<Material>,
@@ -121,6 +123,7 @@ impl Palette {
             known: BTreeMap::new(),
             prints: BTreeMap::new(),
             pictures: Pictures::default(),
+            printed: false,
             wear: None,
             materials: Vec::new(),
             textures: Vec::new(),

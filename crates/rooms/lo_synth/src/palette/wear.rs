@@ -44,8 +44,10 @@ impl Palette {
             self.materials[index] = material;
         }
         let Some(color) = self.materials[index].base_color_texture.clone() else { return };
-        let clean = &self.textures[color.texture].levels[0];
-        let worn = texture::worn(clean, seed ^ 1, amount);
+        let levels = &self.textures[color.texture].levels;
+        let worn = texture::worn(&levels[0], seed ^ 1, amount);
+        // Single texels are no bumps: the relief is of the next coarser level.
+        let clean = &levels[1.min(levels.len() - 1)];
         // A texture's transform is one over its size in metres.
         let [width_m, height_m] =
             [color.uv_transform[0], color.uv_transform[4]].map(|scale| 1.0 / scale.abs().max(1e-3));

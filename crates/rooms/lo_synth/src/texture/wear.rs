@@ -74,12 +74,12 @@ pub(crate) fn worn(picture: &Image<[u8; 4]>, seed: u64, amount: f32) -> Image<[u
         let (u, v) = ((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32);
         let [r, g, b, alpha] = picture[(x, y)];
         let clean = [r, g, b].map(linear_from_srgb8);
-        let cloud = noise.octaves(u, v, [2, 2], 5);
+        let cloud = noise.octaves(u, v, [2, 2], 4);
         let stain = smoothstep(least, least + 0.12, cloud);
         // Dried water leaves a darker rim.
         let rim = smoothstep(0.03, 0.0, (cloud - least).abs());
         let speck = smoothstep(0.9, 0.97, noise.other(11).smooth(u, v, [70, 70]));
-        let fading = 1.0 + 0.25 * amount * (noise.other(12).octaves(u, v, [2, 2], 3) - 0.5);
+        let fading = 1.0 + 0.25 * amount * (noise.other(12).octaves(u, v, [2, 2], 2) - 0.5);
         let dirt = amount * (0.3 * stain + 0.2 * rim * noise.other(13).smooth(u, v, [5, 5]) + 0.5 * speck);
         let [r, g, b] =
             mix(scaled(clean, fading), DIRT, dirt.min(0.8)).map(|c| srgb8_from_linear(c.clamp(0.003, 0.88)));
@@ -105,13 +105,7 @@ pub(crate) fn relief(picture: &Image<[u8; 4]>, texel_m: [f32; 2], depth_m: f32) 
     let (width, height) = (picture.width(), picture.height());
     let light = picture.map(|&[r, g, b, _]| luminance([r, g, b].map(linear_from_srgb8)));
     let mean = (light.pixels().iter().sum::<f32>() / (width * height) as f32).max(1e-3);
-    let rough = light.map(|l| depth_m * (0.5 * (l / mean - 1.0)).clamp(-1.0, 1.0));
-    // Single texels are no bumps: the mean of three by three.
-    let high = Image::from_fn(width, height, |x, y| {
-        let sum: f32 =
-            (0..9).map(|k| rough[((x + width + k % 3 - 1) % width, (y + height + k / 3 - 1) % height)]).sum();
-        sum / 9.0
-    });
+    let high = light.map(|l| depth_m * (0.5 * (l / mean - 1.0)).clamp(-1.0, 1.0));
     Image::from_fn(width, height, |x, y| {
         let (left, right) = (high[((x + width - 1) % width, y)], high[((x + 1) % width, y)]);
         let (up, down) = (high[(x, (y + height - 1) % height)], high[(x, (y + 1) % height)]);
