@@ -112,6 +112,33 @@ mod tests {
     }
 
     #[test]
+    fn upright_and_level_photos_lie_in_one_shard() {
+        let mut config = small().config().clone();
+        config.shots = 6;
+        config.room.upright_share = 0.5;
+        config.room.close_up_share = 0.5;
+        config.photo.phone.share = 1.0;
+        let record = Generator::new(11, config).unwrap().record(1).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.tar");
+        write_shard(&path, [Ok::<_, DatasetError>(record.clone())].into_iter(), "tests").unwrap();
+        let shards = Shards::open(&path).unwrap();
+        let mut sizes = Vec::new();
+        for (k, shot) in record.shots.iter().enumerate() {
+            let sample = shards.get(k).unwrap();
+            let size = (sample.photo.width(), sample.photo.height());
+            assert_eq!((sample.camera, &sample.photo), (shot.camera, &shot.photo));
+            let depth = sample.depth_m.as_ref().unwrap();
+            assert_eq!((depth.width(), depth.height()), size);
+            assert!(sample.metadata["photo"]["phone"]["denoising"].is_number());
+            sizes.push(size);
+        }
+        sizes.sort_unstable();
+        sizes.dedup();
+        assert_eq!(sizes, [(64, 96), (96, 64)]);
+    }
+
+    #[test]
     fn a_flash_lights_the_photo_and_nothing_else() {
         let record = |flash_share: f32| {
             let mut config = small().config().clone();

@@ -89,7 +89,7 @@ pub(crate) fn keys(seed: u64, color: [f32; 3]) -> Swatch {
     let (ground, cap) = (scaled(color, 0.45), color);
     let legend = if dark { [0.6; 3] } else { [0.08; 3] };
     Swatch::new([192, 64], [1.0, 1.0], move |u, v| {
-        if v < 0.04 || v > 0.96 || u < 0.01 || u > 0.99 {
+        if !(0.04..=0.96).contains(&v) || !(0.01..=0.99).contains(&u) {
             return color;
         }
         let (x, y) = (u * 15.0, v * 5.0);
@@ -99,7 +99,7 @@ pub(crate) fn keys(seed: u64, color: [f32; 3]) -> Swatch {
         if fy.min(1.0 - fy) < 0.09 || !wide && fx.min(1.0 - fx) < 0.09 {
             return ground;
         }
-        let letter = !wide && stroke(noise, (x as i32) + 16 * (y as i32), 1.0, (fx - 0.25) / 0.4, (fy - 0.25) / 0.4);
+        let letter = !wide && stroke(noise, (x as i32) + 16 * (y as i32), 1.0, (fx - 0.38) / 0.24, (fy - 0.35) / 0.28);
         if letter { legend } else { cap }
     })
 }
