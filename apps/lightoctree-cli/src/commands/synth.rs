@@ -19,6 +19,7 @@ use crate::{config, output, report};
 #[command(after_help = "Examples:\n  \
     lightoctree synth --scenes 2000 --seed 1 -o rooms\n  \
     lightoctree synth --scenes 2000 --seed 1 --shard $((SLURM_ARRAY_TASK_ID + 1))/16 -o rooms\n  \
+    lightoctree synth --scenes 8000 --seed 300 --config configs/photos.toml --pictures pictures -o photos\n  \
     lightoctree synth --print-config > rooms.toml\n  \
     lightoctree synth --glb 7 --seed 1 -o room.glb\n\n\
     Run the same command again after it was stopped: finished shards are kept. The rooms depend on the seed and the configuration alone, \
@@ -44,6 +45,10 @@ pub struct Args {
     /// What rooms, cameras and sensors are like: TOML with the fields that --print-config shows, as many as differ
     #[arg(long, value_name = "FILE.toml")]
     config: Option<PathBuf>,
+
+    /// A folder of pictures for posters, screens and covers: photos, and equirectangular .hdr or .exr of which views are cut; repeatable
+    #[arg(long, value_name = "DIR")]
+    pictures: Vec<PathBuf>,
 
     /// Depth of the octree that the surface points are made for
     #[arg(long, value_name = "D", value_parser = clap::value_parser!(u32).range(1..=10))]
@@ -140,6 +145,7 @@ fn read_config(args: &Args) -> anyhow::Result<GeneratorConfig> {
         None => GeneratorConfig::default(),
         Some(path) => config::read(path)?,
     };
+    config.room.picture_folders.extend(args.pictures.iter().cloned());
     if let Some(depth) = args.octree_depth {
         config.octree_depth = depth;
     }

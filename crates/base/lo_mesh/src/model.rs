@@ -52,6 +52,14 @@ pub struct Bounds {
     pub max: Vec3,
 }
 
+impl Model {
+    /// Fills in the tangents that normal textures need, by Mikkelsen's tangent space; vertices where two of them meet are split. Without normal
+    /// textures nothing changes.
+    pub fn complete_tangents(&mut self) {
+        crate::tangents::complete(self);
+    }
+}
+
 impl Bounds {
     /// Middle of the box.
     pub fn center(&self) -> Vec3 {

@@ -20,6 +20,14 @@ pub fn stream(seed: u64, name: &str, index: u64) -> Stream {
     Stream::from_seed(key)
 }
 
+/// The stream `name` beside a given one, of the same key: the same wherever that one stands, which goes on as if nothing had been asked.
+pub fn beside(stream: &Stream, name: &str) -> Stream {
+    let mut own = Stream::from_seed(stream.get_seed());
+    // 0 is the stream itself.
+    own.set_stream(hash(name.as_bytes()).max(1));
+    own
+}
+
 /// A 64-bit hash that never changes (FNV-1a, Fowler, Noll & Vo): for names of streams and for splitting by a scene's id.
 /// Not for hostile input.
 pub fn hash(bytes: &[u8]) -> u64 {
@@ -44,6 +52,20 @@ mod tests {
         assert_eq!(first(1, "layout", 2), first(1, "layout", 2));
         let others = [first(2, "layout", 2), first(1, "lamps", 2), first(1, "layout", 3)];
         assert!(others.iter().all(|&other| other != first(1, "layout", 2)));
+    }
+
+    #[test]
+    fn streams_beside_one_do_not_depend_on_where_it_stands() {
+        let (fresh, mut used) = (stream(7, "photo", 3), stream(7, "photo", 3));
+        used.random::<[u64; 5]>();
+        let first = |stream: &Stream, name| beside(stream, name).random::<u64>();
+        assert_eq!(first(&fresh, "phone"), first(&used, "phone"));
+        assert_ne!(first(&fresh, "phone"), first(&fresh, "flash"));
+        assert_ne!(first(&fresh, "phone"), first(&stream(7, "photo", 4), "phone"));
+        assert_ne!(first(&fresh, "phone"), stream(7, "photo", 3).random::<u64>());
+        let mut again = stream(7, "photo", 3);
+        again.random::<[u64; 5]>();
+        assert_eq!(used.random::<u64>(), again.random::<u64>());
     }
 
     #[test]

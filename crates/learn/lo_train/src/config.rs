@@ -268,8 +268,10 @@ mod tests {
     fn the_recipe_is_the_default() {
         let recipe: TrainConfig = toml::from_str(include_str!("../../../../configs/recipe.toml")).unwrap();
         assert_eq!(recipe, TrainConfig::default());
-        let rooms: GeneratorConfig = toml::from_str(include_str!("../../../../configs/rooms.toml")).unwrap();
-        assert!(rooms.validate().is_ok());
+        let rooms = [include_str!("../../../../configs/rooms.toml"), include_str!("../../../../configs/photos.toml")];
+        for text in rooms {
+            assert!(toml::from_str::<GeneratorConfig>(text).unwrap().validate().is_ok());
+        }
     }
 
     #[test]

@@ -65,7 +65,7 @@ mod tests {
     use super::*;
     use lo_synth::SynthConfig;
 
-    use crate::{GeneratorConfig, Shards, write_shard};
+    use crate::{GeneratorConfig, Shards, Shot, write_shard};
 
     fn small() -> Generator {
         let room = SynthConfig { crop_size: [96, 64], ..SynthConfig::default() };
@@ -109,6 +109,66 @@ mod tests {
             assert!((0.0..96.0).contains(&u) && (0.0..64.0).contains(&v) && z < 12.0);
         }
         assert!(sample.metadata.contains_key("room") && sample.metadata.contains_key("depth_sensor"));
+    }
+
+    #[test]
+    fn upright_and_level_photos_lie_in_one_shard() {
+        let mut config = small().config().clone();
+        config.shots = 6;
+        config.room.upright_share = 0.5;
+        config.room.close_up_share = 0.5;
+        config.photo.phone.share = 1.0;
+        let record = Generator::new(11, config).unwrap().record(1).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.tar");
+        write_shard(&path, [Ok::<_, DatasetError>(record.clone())].into_iter(), "tests").unwrap();
+        let shards = Shards::open(&path).unwrap();
+        let mut sizes = Vec::new();
+        for (k, shot) in record.shots.iter().enumerate() {
+            let sample = shards.get(k).unwrap();
+            let size = (sample.photo.width(), sample.photo.height());
+            assert_eq!((sample.camera, &sample.photo), (shot.camera, &shot.photo));
+            let depth = sample.depth_m.as_ref().unwrap();
+            assert_eq!((depth.width(), depth.height()), size);
+            assert!(sample.metadata["photo"]["phone"]["denoising"].is_number());
+            sizes.push(size);
+        }
+        sizes.sort_unstable();
+        sizes.dedup();
+        assert_eq!(sizes, [(64, 96), (96, 64)]);
+    }
+
+    #[test]
+    fn a_flash_lights_the_photo_and_nothing_else() {
+        let record = |flash_share: f32| {
+            let mut config = small().config().clone();
+            config.room.dim_share = 1.0;
+            config.photo.flash_share = flash_share;
+            Generator::new(11, config).unwrap().record(2).unwrap()
+        };
+        let (dark, lit) = (record(0.0), record(1.0));
+        assert_eq!((&dark.views, &dark.points), (&lit.views, &lit.points));
+        for (dark, lit) in dark.shots.iter().zip(&lit.shots) {
+            let intensity_cd = lit.metadata["photo"]["flash_cd"].as_f64().unwrap() as f32;
+            assert!(dark.metadata["photo"].get("flash_cd").is_none() && dark.depth_m == lit.depth_m);
+            // In units of the room: what is added where the photo looks squarely at something matt is E ρ / π.
+            let added = |x: usize, y: usize| {
+                let light = |shot: &Shot| shot.radiance.as_ref().unwrap()[(x, y)][1] / shot.gains[1];
+                light(lit) - light(dark)
+            };
+            let (depth, albedo) = (lit.depth_m.as_ref().unwrap(), lit.albedo.as_ref().unwrap());
+            let mut right = 0;
+            for (x, y) in (8..88).flat_map(|x| (8..56).map(move |y| (x, y))) {
+                let direction = lit.camera.direction(x as f64 + 0.5, y as f64 + 0.5);
+                let normal = lo_geometry::Vec3::from_array(lit.normal.as_ref().unwrap()[(x, y)]);
+                let squared = (depth[(x, y)] / direction.z).powi(2);
+                let lux = intensity_cd * direction.z.powi(2) * -direction.dot(normal) / squared;
+                let expected = lux * albedo[(x, y)][1] / std::f32::consts::PI / lo_synth::UNIT_CD_M2;
+                right += usize::from((added(x, y) / expected - 1.0).abs() < 0.02);
+            }
+            // All but mirrors and panes, and dark rims where differences of floats are coarse.
+            assert!(right > 80 * 48 / 2, "{right}");
+        }
     }
 
     #[test]

@@ -20,6 +20,8 @@ pub struct GeneratorConfig {
     pub photo: PhotoModel,
     /// The depth sensor.
     pub depth: DepthModel,
+    /// How finely light is sampled.
+    pub light: LightSampling,
     /// Photos of each room, at least 1.
     pub shots: u32,
     /// Panoramas of each room; each stands in the frustum of one of the photos, in turn.
@@ -36,11 +38,36 @@ impl Default for GeneratorConfig {
             room: SynthConfig::default(),
             photo: PhotoModel::default(),
             depth: DepthModel::default(),
+            light: LightSampling::default(),
             shots: 6,
             panoramas: 6,
             panorama_height: 128,
             octree_depth: 7,
         }
+    }
+}
+
+/// Samples of light: more of them take longer and leave less noise, which looks like stains on walls, ceilings and curtains.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LightSampling {
+    /// Distance of the points on surfaces at which light is kept, metres.
+    pub spacing_m: f32,
+    /// Rays from each of them that gather indirect light.
+    pub gather_rays: u32,
+    /// Rays from each of them to lamps and windows.
+    pub light_rays: u32,
+    /// Rays from each pixel to lamps and windows, at least.
+    pub pixel_rays: u32,
+    /// Whether edges of sunny patches are smooth.
+    pub sun_at_edges: bool,
+}
+
+impl Default for LightSampling {
+    fn default() -> Self {
+        let BakeSettings { spacing_m, gather_rays, light_rays, pixel_light_rays, sun_at_edges, .. } =
+            BakeSettings::default();
+        Self { spacing_m, gather_rays, light_rays, pixel_rays: pixel_light_rays, sun_at_edges }
     }
 }
 
@@ -50,6 +77,9 @@ pub enum GeneratorError {
     /// Of rooms and cameras.
     #[error("room: {0}")]
     Room(#[from] SynthError),
+    /// The distance of cache points.
+    #[error("light.spacing_m is {0}; it must lie in 0.02 to 1")]
+    Spacing(f32),
     /// A number.
     #[error("{field} is {value}; it must lie in {min} to {max}")]
     Range {
@@ -71,11 +101,17 @@ impl GeneratorConfig {
     /// Names the field and its range.
     pub fn validate(&self) -> Result<(), GeneratorError> {
         self.room.validate()?;
+        if !(0.02..=1.0).contains(&self.light.spacing_m) {
+            return Err(GeneratorError::Spacing(self.light.spacing_m));
+        }
         let ranges = [
             ("shots", self.shots, 1, 64),
             ("panoramas", self.panoramas, 0, 256),
             ("panorama_height", self.panorama_height, 4, 2048),
             ("octree_depth", self.octree_depth, 1, lo_octree::MAX_DEPTH),
+            ("light.gather_rays", self.light.gather_rays, 1, 4096),
+            ("light.light_rays", self.light.light_rays, 1, 4096),
+            ("light.pixel_rays", self.light.pixel_rays, 1, 256),
         ];
         match ranges.into_iter().find(|(_, value, min, max)| !(min..=max).contains(&value)) {
             Some((field, value, min, max)) => Err(GeneratorError::Range { field, value, min, max }),
@@ -155,8 +191,15 @@ impl Generator {
     ) -> Result<Record, DatasetError> {
         let description = json!(interior.description);
         let leaf_m = leaf_edge_m(&interior, self.config.octree_depth);
-        let settings =
-            BakeSettings { seed: self.seed ^ lo_random::hash(interior.id.as_bytes()), ..BakeSettings::default() };
+        let LightSampling { spacing_m, gather_rays, light_rays, pixel_rays, sun_at_edges } = self.config.light;
+        let settings = BakeSettings {
+            spacing_m,
+            gather_rays,
+            light_rays,
+            pixel_light_rays: pixel_rays,
+            sun_at_edges,
+            seed: self.seed ^ lo_random::hash(interior.id.as_bytes()),
+        };
         let baked = BakedWorld::bake(interior.world, &settings).map_err(|error| self.failed(index, error))?;
         let views = probes.iter().map(|&(_, position_m)| self.view(&baked, position_m)).collect();
         let mut shots = Vec::with_capacity(cameras.len());
@@ -238,8 +281,7 @@ impl Generator {
         (sensor, mut depth): (&DepthSettings, Stream),
     ) -> Shot {
         let CameraPose { pose, camera } = *view;
-        let seen = baked.render(&View::Pinhole { pose, camera });
-        let taken = settings.photograph(&seen.radiance, &camera, &mut photo);
+        let mut seen = baked.render(&View::Pinhole { pose, camera });
         let before_sensor = DepthView {
             camera: &camera,
             depth_m: &seen.depth_m,
@@ -248,6 +290,8 @@ impl Generator {
             specular: &seen.specular,
         };
         let sensor_depth_m = sensor.measure(&before_sensor, &mut depth);
+        seen.radiance = settings.lit(seen.radiance, &before_sensor);
+        let taken = settings.photograph(&seen.radiance, &camera, &mut photo);
         let [r, g, b] = taken.gains;
         Shot {
             position_m: pose.position,

@@ -26,7 +26,7 @@ mod truth;
 pub use error::DatasetError;
 pub use fill::{FillError, ShardCount, ShardPart, convert_to_shards, generate_shards};
 pub use generated::Generated;
-pub use generator::{Generator, GeneratorConfig, GeneratorError};
+pub use generator::{Generator, GeneratorConfig, GeneratorError, LightSampling};
 pub use joined::Joined;
 pub use loader::Loader;
 pub use loading::{LoadError, LoaderConfig, LoaderState};

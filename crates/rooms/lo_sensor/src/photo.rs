@@ -6,9 +6,10 @@ use lo_random::Stream;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
-use crate::ResponseCurve;
 use crate::blur::blurred;
+use crate::flash::with_flash;
 use crate::metering::{Metering, meter};
+use crate::{DepthView, PhoneSettings, ResponseCurve};
 
 /// Electrons that a phone's pixel holds at white and base sensitivity (1 µm pixels: some 6,000).
 const FULL_WELL_E: f32 = 6000.0;
@@ -44,6 +45,12 @@ pub struct PhotoSettings {
     pub jpeg_quality: u8,
     /// The response.
     pub curve: ResponseCurve,
+    /// A phone's processing, where the photo is by one; then `iso` is what the phone chooses by the light instead.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub phone: Option<PhoneSettings>,
+    /// Intensity of the flash ahead, candela, where there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flash_cd: Option<f32>,
 }
 
 /// A photo and how it relates to the light that made it.
@@ -61,8 +68,9 @@ pub struct Photograph {
 impl PhotoSettings {
     /// Takes the photo of `radiance`, any units; `stream` makes the noise.
     ///
-    /// Exposure and white balance ([`meter`]) with their errors, vignetting, blur, shot and read noise on linear light, the response
-    /// with its clipping, 8-bit sRGB, JPEG.
+    /// Exposure and white balance ([`meter`]) with their errors, vignetting, blur, shot and read noise on linear light, denoising and local tone
+    /// mapping by a phone, the response with its clipping, 8-bit sRGB, a phone's sharpening, JPEG. A flash is in the radiance already: see
+    /// [`lit`](Self::lit).
     ///
     /// # Panics
     /// Where the image has not the camera's size, or a side of more than 65,535 pixels, which a JPEG cannot have.
@@ -71,9 +79,17 @@ impl PhotoSettings {
         assert_eq!(size, (camera.width, camera.height), "the camera must be that of the image");
         let gains = self.gains(radiance);
         let mut light = self.optics(radiance, camera, gains);
-        self.add_noise(&mut light, gains, stream);
+        let iso = self.phone.map_or(self.iso, |phone| phone.sensitivity(gains[1]));
+        let settings = Self { iso, ..*self };
+        settings.add_noise(&mut light, gains, stream);
+        if let Some(phone) = &self.phone {
+            light = phone.develop(&light, settings.white_electrons());
+        }
         let respond = self.curve.prepared();
-        let developed = light.map(|rgb| rgb.map(|v| srgb8_from_linear(respond(v))));
+        let mut developed = light.map(|rgb| rgb.map(|v| srgb8_from_linear(respond(v))));
+        if let Some(phone) = &self.phone {
+            developed = phone.sharpened(&developed);
+        }
         let mut jpeg = Vec::new();
         JpegEncoder::new_with_quality(&mut jpeg, self.jpeg_quality.clamp(1, 100))
             .encode(developed.pixels().as_flattened(), size.0, size.1, ExtendedColorType::Rgb8)
@@ -83,6 +99,17 @@ impl PhotoSettings {
             _ => developed,
         };
         Photograph { jpeg, photo, gains }
+    }
+
+    /// What the camera sees with its flash, where it has one: `radiance` in units of 100 cd/m².
+    ///
+    /// # Panics
+    /// Where the view is not that of the image.
+    pub fn lit(&self, radiance: RadianceImage, view: &DepthView) -> RadianceImage {
+        match self.flash_cd {
+            Some(intensity_cd) => with_flash(&radiance, view, intensity_cd),
+            None => radiance,
+        }
     }
 
     /// See [`Photograph::gains`].
@@ -148,6 +175,8 @@ mod tests {
             binned_pixels: 1e4,
             jpeg_quality: 100,
             curve: ResponseCurve::Srgb,
+            phone: None,
+            flash_cd: None,
         }
     }
 

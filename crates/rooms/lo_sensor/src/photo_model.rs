@@ -1,7 +1,7 @@
 use lo_random::{RngExt, Stream};
 use serde::{Deserialize, Serialize};
 
-use crate::{Interval, PhotoSettings, ResponseCurve};
+use crate::{Interval, PhoneModel, PhotoSettings, ResponseCurve};
 
 /// Cameras and their settings, as ranges: [`PhotoModel::draw`] makes one of them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -29,6 +29,12 @@ pub struct PhotoModel {
     pub jpeg_quality: Interval,
     /// How often each family of response curves occurs.
     pub curves: CurveShares,
+    /// What phones do to their pictures.
+    pub phone: PhoneModel,
+    /// Share of photos with a flash, of those whose depth, normals and base colours are known.
+    pub flash_share: f32,
+    /// Intensity of the flash, candela; uniform in stops. Phones' lamps give 30 to 100 lx at a metre, a compact camera's flash tube does more.
+    pub flash_cd: Interval,
 }
 
 /// Relative frequencies of the families of [`ResponseCurve`].
@@ -66,6 +72,9 @@ impl Default for PhotoModel {
             binned_pixels: Interval::new(8.0, 80.0),
             jpeg_quality: Interval::new(70.0, 97.0),
             curves: CurveShares::default(),
+            phone: PhoneModel::default(),
+            flash_share: 0.0,
+            flash_cd: Interval::new(30.0, 400.0),
         }
     }
 }
@@ -73,7 +82,10 @@ impl Default for PhotoModel {
 impl PhotoModel {
     /// Chooses a camera and its settings.
     pub fn draw(&self, stream: &mut Stream) -> PhotoSettings {
-        PhotoSettings {
+        let (mut phone, mut flash) = (lo_random::beside(stream, "phone"), lo_random::beside(stream, "flash"));
+        let (phone, cast) = self.phone.draw(&mut phone).unzip();
+        let flashes = flash.random::<f32>() < self.flash_share;
+        let mut settings = PhotoSettings {
             grey_level: self.grey_level.within(0.01, 0.9).draw(stream),
             exposure_error_ev: self.exposure_error_ev.within(-10.0, 10.0).draw(stream),
             highlight_share: self.highlight_share.within(0.0, 1.0).draw(stream),
@@ -85,7 +97,14 @@ impl PhotoModel {
             binned_pixels: self.binned_pixels.within(0.01, 1e4).draw_log(stream),
             jpeg_quality: self.jpeg_quality.within(1.0, 100.0).draw(stream).round() as u8,
             curve: self.curves.draw(stream),
+            phone,
+            flash_cd: flashes.then(|| self.flash_cd.within(0.0, 1e6).draw_log(&mut flash)),
+        };
+        if let Some(cast) = cast {
+            settings.white_balance_error[0] += cast;
+            settings.white_balance_error[1] -= cast;
         }
+        settings
     }
 }
 
@@ -137,7 +156,28 @@ mod tests {
             // 100 expected, deviation 8.7
             assert!((65..=135).contains(&count), "family {family}: {count}");
         }
+        let phones = PhotoModel {
+            phone: PhoneModel { share: 0.5, cast: Interval::new(0.2, 0.2), ..PhoneModel::default() },
+            flash_share: 0.25,
+            ..model
+        };
+        let others: Vec<PhotoSettings> = (0..400).map(|i| phones.draw(&mut lo_random::stream(9, "photo", i))).collect();
+        let count = |test: fn(&PhotoSettings) -> bool| others.iter().filter(|d| test(d)).count();
+        // 200 and 100 expected, deviations 10 and 8.7
+        let (developed, lit) = (count(|d| d.phone.is_some()), count(|d| d.flash_cd.is_some()));
+        assert!((160..=240).contains(&developed) && (65..=135).contains(&lit), "{developed} {lit}");
+        // nothing else differs
+        for (one, other) in draws.iter().zip(&others) {
+            let error = other.white_balance_error;
+            let cast = if other.phone.is_some() { 0.2 } else { 0.0 };
+            assert!((error[0] - one.white_balance_error[0] - cast).abs() < 1e-6);
+            assert!((error[1] - one.white_balance_error[1] + cast).abs() < 1e-6);
+            let same =
+                PhotoSettings { phone: None, flash_cd: None, white_balance_error: one.white_balance_error, ..*other };
+            assert_eq!(same, *one);
+        }
         let text = serde_json::to_string(&draws[0]).unwrap();
+        assert!(!text.contains("phone") && !text.contains("flash"), "shards of former settings keep their bytes");
         assert_eq!(serde_json::from_str::<PhotoSettings>(&text).unwrap(), draws[0]);
         assert_eq!(serde_json::from_str::<PhotoModel>("{}").unwrap(), model);
     }

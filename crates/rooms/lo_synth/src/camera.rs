@@ -6,7 +6,7 @@ use lo_random::Stream;
 use lo_transport::Pose;
 
 use crate::chance::between;
-use crate::config::SynthConfig;
+use crate::config::{SynthConfig, Tilt};
 use crate::object::Object;
 use crate::plan::Plan;
 use crate::stage::Support;
@@ -56,16 +56,33 @@ const LOOKS: std::ops::Range<usize> = 8..60;
 const GOOD_VIEW: f32 = 2.0;
 
 /// What a ray of the coarse picture meets.
-struct Seen {
-    distance_m: f32,
+pub(crate) struct Seen {
+    pub distance_m: f32,
     /// Number of the object, 0 for the shell and for nothing.
-    object: usize,
+    pub object: usize,
     /// Which of the shell's walls, by the direction that it faces: eight sectors; none for floor, ceiling and things.
     wall: Option<u8>,
 }
 
+/// Directions of a coarse picture's rays in the camera's axes.
+pub(crate) fn coarse_rays(camera: &Camera) -> impl Iterator<Item = Vec3> {
+    (0..COLUMNS * ROWS).map(|k| {
+        let u = (f64::from((k % COLUMNS) as u32) + 0.5) / COLUMNS as f64 * f64::from(camera.width);
+        let v = (f64::from((k / COLUMNS) as u32) + 0.5) / ROWS as f64 * f64::from(camera.height);
+        camera.direction(u, v)
+    })
+}
+
+/// A lens of the configured fields of view; `upright` turns the picture by a right angle.
+pub(crate) fn lens(random: &mut Stream, config: &SynthConfig, upright: bool) -> Camera {
+    let ([low, high], [width, height]) = (config.hfov_deg, config.crop_size);
+    let hfov = f64::from(between(random, low, high));
+    let camera = Camera::from_hfov_deg(hfov, width, height).expect("the range was checked");
+    if upright { Camera { cx: camera.cy, cy: camera.cx, width: height, height: width, ..camera } } else { camera }
+}
+
 impl Space<'_> {
-    fn look(&self, origin: Vec3, direction: Vec3) -> Seen {
+    pub(crate) fn look(&self, origin: Vec3, direction: Vec3) -> Seen {
         let Some(hit) = self.model.intersect_both_sides(&Ray { origin, direction }, 100.0) else {
             return Seen { distance_m: 100.0, object: 0, wall: None };
         };
@@ -94,21 +111,20 @@ impl Space<'_> {
     }
 
     /// A camera that sees a good part of the room.
-    pub(crate) fn camera(&self, random: &mut Stream, config: &SynthConfig) -> CameraPose {
-        let [low, high] = config.hfov_deg;
-        let camera = {
-            let hfov = f64::from(between(random, low, high));
-            Camera::from_hfov_deg(hfov, config.crop_size[0], config.crop_size[1]).expect("the range was checked")
-        };
+    pub(crate) fn camera(&self, random: &mut Stream, config: &SynthConfig, upright: bool) -> CameraPose {
+        let camera = lens(random, config, upright);
         let mut best: Option<(f32, Pose)> = None;
         for attempt in 0..LOOKS.end {
             let Some(position) = self.standpoint(random, config) else {
                 continue;
             };
             let yaw = between(random, 0.0, std::f32::consts::TAU);
-            // Nearly level most of the time: the mean of two draws.
             let tilt = |random: &mut Stream| between(random, -config.pitch_deg, config.pitch_deg);
-            let pitch = (0.5 * (tilt(random) + tilt(random))).to_radians();
+            let pitch = match config.tilt {
+                Tilt::Level => 0.5 * (tilt(random) + tilt(random)),
+                Tilt::Uniform => tilt(random),
+            };
+            let pitch = pitch.to_radians();
             let roll = between(random, -config.roll_deg, config.roll_deg).to_radians();
             let rotation = Quat::from_rotation_y(yaw) * Quat::from_rotation_x(pitch) * Quat::from_rotation_z(roll);
             let pose = Pose { position, rotation };
@@ -147,11 +163,7 @@ impl Space<'_> {
     /// How well a view shows the room, as people frame rooms: far to the middle of what is seen, several things, a corner or a window,
     /// nothing right before the lens, and no single wall that fills the picture.
     fn score(&self, camera: &Camera, pose: &Pose) -> f32 {
-        let rays = (0..COLUMNS * ROWS).map(|k| {
-            let u = (f64::from((k % COLUMNS) as u32) + 0.5) / COLUMNS as f64 * f64::from(camera.width);
-            let v = (f64::from((k / COLUMNS) as u32) + 0.5) / ROWS as f64 * f64::from(camera.height);
-            self.look(pose.position, pose.rotation * camera.direction(u, v))
-        });
+        let rays = coarse_rays(camera).map(|direction| self.look(pose.position, pose.rotation * direction));
         let mut seen: Vec<Seen> = rays.collect();
         seen.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
         let number = seen.len() as f32;

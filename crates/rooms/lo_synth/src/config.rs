@@ -8,6 +8,16 @@ use serde::{Deserialize, Serialize};
 use crate::description::{RoomKind, Weather};
 use crate::error::SynthError;
 
+/// How the pitch of cameras is distributed within [`SynthConfig::pitch_deg`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Tilt {
+    /// Nearly level most of the time: the mean of two uniform draws.
+    Level,
+    /// All pitches alike, as phones are held.
+    Uniform,
+}
+
 /// How generated rooms are distributed. Every field has a default; shares are probabilities from 0 to 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -26,6 +36,10 @@ pub struct SynthConfig {
     pub panorama_folder: Option<PathBuf>,
     /// Share of rooms whose windows show one of these panoramas, where a folder is given.
     pub panorama_share: f32,
+    /// Folders of pictures (`.jpg`, `.png`, `.webp`; equirectangular `.hdr` and `.exr`, of which views are cut) for posters, screens, covers.
+    pub picture_folders: Vec<PathBuf>,
+    /// Share of such things that show one of these pictures, where folders are given; the rest is drawn.
+    pub picture_share: f32,
     /// Share of rooms with dark walls and furniture.
     pub dark_share: f32,
     /// Share of rooms with light walls and furniture; the rest lies between.
@@ -34,20 +48,39 @@ pub struct SynthConfig {
     pub single_lamp_share: f32,
     /// Share of rooms lit by far more lamps than needed.
     pub over_lit_share: f32,
+    /// Share of rooms whose lamps are of different colours.
+    pub mixed_light_share: f32,
+    /// Share of rooms after dark with a thirtieth to a quarter of the usual light.
+    pub dim_share: f32,
+    /// Share of rooms by day (without those that show a panorama) into which the sun shines: their sky is clear, the sun stands before a window.
+    pub sun_share: f32,
     /// Share of rooms with hardly anything lying about.
     pub clean_share: f32,
     /// Share of rooms full of things.
     pub cluttered_share: f32,
+    /// Share of rooms in which papers, packages, devices and cables lie about and posters hang.
+    pub litter_share: f32,
+    /// Share of rooms whose surfaces are worn, stained, now and then patterned, and have a relief (normal maps).
+    pub worn_share: f32,
+    /// Share of rooms with one to three people in them.
+    pub people_share: f32,
     /// Least and greatest horizontal field of view of crops, degrees.
     pub hfov_deg: [f32; 2],
     /// Least and greatest height of cameras above the floor, metres.
     pub camera_height_m: [f32; 2],
     /// Greatest pitch of cameras, degrees.
     pub pitch_deg: f32,
+    /// Distribution of their pitch.
+    pub tilt: Tilt,
     /// Greatest roll of cameras, degrees.
     pub roll_deg: f32,
     /// Width and height of crops, pixels.
     pub crop_size: [u32; 2],
+    /// Share of photos held the other way: width and height change places, the field of view stays along the longer side.
+    pub upright_share: f32,
+    /// Share of photos of things close by: from 0.4 to 1.5 m, looking down by 10 to 60° at what stands on tables and on the floor, or level at what
+    /// stands high.
+    pub close_up_share: f32,
 }
 
 impl Default for SynthConfig {
@@ -74,17 +107,28 @@ impl Default for SynthConfig {
             weather_weights: BTreeMap::from(weather),
             panorama_folder: None,
             panorama_share: 0.5,
+            picture_folders: Vec::new(),
+            picture_share: 0.5,
             dark_share: 0.2,
             light_share: 0.45,
             single_lamp_share: 0.15,
             over_lit_share: 0.12,
+            mixed_light_share: 0.0,
+            dim_share: 0.0,
+            sun_share: 0.0,
             clean_share: 0.2,
             cluttered_share: 0.25,
+            litter_share: 0.0,
+            worn_share: 0.0,
+            people_share: 0.0,
             hfov_deg: [50.0, 90.0],
             camera_height_m: [0.8, 2.0],
             pitch_deg: 15.0,
+            tilt: Tilt::Level,
             roll_deg: 3.0,
             crop_size: [480, 320],
+            upright_share: 0.0,
+            close_up_share: 0.0,
         }
     }
 }
@@ -102,12 +146,21 @@ impl SynthConfig {
             ("sloped_ceiling_share", self.sloped_ceiling_share),
             ("windowless_share", self.windowless_share),
             ("panorama_share", self.panorama_share),
+            ("picture_share", self.picture_share),
             ("dark_share", self.dark_share),
             ("light_share", self.light_share),
             ("single_lamp_share", self.single_lamp_share),
             ("over_lit_share", self.over_lit_share),
+            ("mixed_light_share", self.mixed_light_share),
+            ("dim_share", self.dim_share),
+            ("sun_share", self.sun_share),
             ("clean_share", self.clean_share),
             ("cluttered_share", self.cluttered_share),
+            ("litter_share", self.litter_share),
+            ("worn_share", self.worn_share),
+            ("people_share", self.people_share),
+            ("upright_share", self.upright_share),
+            ("close_up_share", self.close_up_share),
         ];
         for (field, share) in shares {
             if !(0.0..=1.0).contains(&share) {

@@ -26,11 +26,21 @@ pub enum RoomKind {
     Classroom,
     /// Kitchen, table and sofas in one large room.
     OpenPlan,
+    /// Benches with instruments, racks of electronics.
+    Laboratory,
+    /// Low, with racks, boxes, pipes, a boiler or a washing machine.
+    Cellar,
+    /// Workbenches under tools, machines, racks.
+    Workshop,
+    /// Large and high, with few things in it.
+    Hall,
+    /// Nothing in it, or hardly anything.
+    Empty,
 }
 
 impl RoomKind {
     /// All of them, in the order of their names above.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 15] = [
         Self::Bedroom,
         Self::Living,
         Self::Kitchen,
@@ -41,6 +51,11 @@ impl RoomKind {
         Self::Studio,
         Self::Classroom,
         Self::OpenPlan,
+        Self::Laboratory,
+        Self::Cellar,
+        Self::Workshop,
+        Self::Hall,
+        Self::Empty,
     ];
 }
 
@@ -88,6 +103,10 @@ pub enum LampUse {
     Mixed,
 }
 
+fn is_zero(number: &usize) -> bool {
+    *number == 0
+}
+
 /// Figures of one room, for statistics.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Description {
@@ -115,6 +134,9 @@ pub struct Description {
     pub windows: usize,
     /// Number of doors.
     pub doors: usize,
+    /// Number of people.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub people: usize,
     /// Number of lamps, burning or not.
     pub lamps: usize,
     /// Number of lamps that burn.

@@ -25,6 +25,23 @@ pub enum SynthError {
         /// The folder.
         path: PathBuf,
     },
+    /// A folder of pictures cannot be listed.
+    #[error("cannot list the pictures in {}: {source}", path.display())]
+    PictureFolder {
+        /// The folder.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The folder has no picture of the right kind.
+    #[error("{} holds no picture (.jpg, .jpeg, .png, .webp, .hdr, .exr)", path.display())]
+    NoPicture {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A picture cannot be read.
+    #[error("picture: {0}")]
+    Picture(lo_imaging::ImageError),
     /// A panorama cannot be read.
     #[error("outdoor panorama: {0}")]
     Panorama(#[from] lo_imaging::ImageError),

@@ -16,6 +16,7 @@ use crate::description::{Description, LampUse, RoomKind, Weather};
 use crate::error::SynthError;
 use crate::object::Object;
 use crate::palette::{Mood, Palette, Style};
+use crate::pictures::Pictures;
 use crate::plan::Plan;
 use crate::stage::Stage;
 use crate::{doors, furniture, lighting, outdoors, shell, windows};
@@ -50,7 +51,18 @@ impl Interior {
         let mut random = lo_random::stream(seed, "synth room", index);
         let kinds: Vec<(RoomKind, f32)> = config.room_weights.iter().map(|(&kind, &w)| (kind, w)).collect();
         let kind = weighted(&mut random, &kinds);
-        let weather = draw_weather(&mut random, config);
+        let drawn = |name: &str, share: f32| {
+            let mut random = lo_random::stream(seed, name, index);
+            chance(&mut random, share).then_some(random)
+        };
+        let mut weather = draw_weather(&mut random, config);
+        let dim = drawn("synth dim", config.dim_share).map(|mut random| between(&mut random, -3.4, -1.4).exp());
+        let mut sun = drawn("synth sun", config.sun_share);
+        if dim.is_some() {
+            weather = Weather::Night;
+        } else if sun.is_some() && weather == Weather::Overcast {
+            weather = Weather::Clear;
+        }
         let mood = weighted(
             &mut random,
             &[
@@ -61,33 +73,54 @@ impl Interior {
         );
         let clutter = draw_clutter(&mut random, config);
         let wet = kind == RoomKind::Bathroom;
-        let sober = matches!(kind, RoomKind::Office | RoomKind::Classroom | RoomKind::Corridor);
-        let style = Style::draw(&mut random, mood, wet, sober);
+        let rough = matches!(kind, RoomKind::Cellar | RoomKind::Workshop | RoomKind::Hall);
+        let sober =
+            rough || matches!(kind, RoomKind::Office | RoomKind::Classroom | RoomKind::Corridor | RoomKind::Laboratory);
+        let mut style = Style::draw(&mut random, mood, wet, sober);
+        style.rough = rough;
         let plan = Plan::draw(&mut lo_random::stream(seed, "synth plan", index), kind, config);
-        let palette = Palette::new(seed, index, style);
+        let mut palette = Palette::new(seed, index, style);
+        let litter = drawn("synth litter", config.litter_share).map(|mut random| between(&mut random, 0.4, 1.0));
+        palette.printed = litter.is_some();
+        palette.wear = drawn("synth worn", config.worn_share).map(|mut random| between(&mut random, 0.2, 1.0));
+        palette.pictures = Pictures::load(&mut lo_random::stream(seed, "synth pictures", index), config)?;
         let mut stage = Stage::new(plan, palette, lo_random::stream(seed, "synth stage", index));
         let windows = stage.plan.walls.iter().flat_map(|w| &w.openings).filter(|o| o.is_window()).count();
-        let lighting = draw_lighting(&mut random, config, weather, windows);
+        let mut lighting = draw_lighting(&mut random, config, weather, windows);
+        if dim.is_some() && lighting == LampUse::OverLit {
+            lighting = LampUse::Normal;
+        }
+        stage.dim = dim.unwrap_or(1.0);
+        stage.mixed_light = drawn("synth mixed light", config.mixed_light_share);
 
         shell::build(&mut stage);
         doors::build(&mut stage);
         let portals = windows::build(&mut stage, weather == Weather::Night);
         stage.random = lo_random::stream(seed, "synth furniture", index);
         furniture::furnish(&mut stage, kind, clutter, lighting);
+        let people = drawn("synth people", config.people_share).is_some() && kind != RoomKind::Bathroom;
+        stage.random = lo_random::stream(seed, "synth life", index);
+        furniture::live_in(&mut stage, litter, people);
         stage.random = lo_random::stream(seed, "synth lamps", index);
         lighting::light(&mut stage, kind, lighting);
         let outdoors = if portals.is_empty() {
             // A world without portals lies open; a room without windows must not.
             Outdoors { radiance: RadianceImage::new(1, 1, vec![[0.0; 3]]), sun: None }
         } else {
-            outdoors::make(&mut lo_random::stream(seed, "synth outdoors", index), weather, &stage.plan, config)?
+            outdoors::make(
+                &mut lo_random::stream(seed, "synth outdoors", index),
+                weather,
+                &stage.plan,
+                config,
+                sun.as_mut(),
+            )?
         };
 
         let description = describe(&stage, kind, weather, lighting, clutter);
         let solids = solids(&stage);
         let objects = objects(&stage);
         let Stage { plan, palette, shape, .. } = stage;
-        let model = Model {
+        let mut model = Model {
             positions: shape.positions,
             normals: shape.normals,
             uvs: [shape.uvs, Vec::new()],
@@ -98,6 +131,7 @@ impl Interior {
             textures: palette.textures,
             ..Model::default()
         };
+        model.complete_tangents();
         Ok(Self {
             id: format!("synth-{seed}-{index:06}"),
             world: World { model, outdoors, portals },
@@ -116,7 +150,17 @@ impl Interior {
     /// are asked for.
     pub fn camera_poses(&self, count: usize) -> Vec<CameraPose> {
         let space = self.space();
-        (0..count as u64).map(|k| space.camera(&mut self.stream(&format!("synth camera {k}")), &self.config)).collect()
+        let drawn = |name: &str, k: u64, share: f32| {
+            share > 0.0 && chance(&mut self.stream(&format!("synth {name} {k}")), share)
+        };
+        let camera = |k: u64| {
+            let upright = drawn("upright", k, self.config.upright_share);
+            let near = drawn("near", k, self.config.close_up_share)
+                .then(|| space.close_up(&mut self.stream(&format!("synth close-up {k}")), &self.config, upright));
+            let random = || self.stream(&format!("synth camera {k}"));
+            near.flatten().unwrap_or_else(|| space.camera(&mut random(), &self.config, upright))
+        };
+        (0..count as u64).map(camera).collect()
     }
 
     /// Up to `count` points of free space that a photo sees: inside of its frustum, before the surface seen there, 15 cm from
@@ -200,6 +244,7 @@ fn describe(stage: &Stage, kind: RoomKind, weather: Weather, lighting: LampUse, 
         window_share: window_area.max(0.0) / stage.plan.area_m2(),
         windows: openings().filter(|o| o.is_window()).count(),
         doors: openings().filter(|o| !o.is_window()).count(),
+        people: stage.objects.iter().filter(|object| object.name == "person").count(),
         lamps: stage.lamps,
         lamps_on: stage.lamps_on,
         flux_lm: stage.flux_lm,

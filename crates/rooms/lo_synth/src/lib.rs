@@ -5,6 +5,7 @@
 
 mod camera;
 mod chance;
+mod close_up;
 mod config;
 mod description;
 mod doors;
@@ -18,6 +19,7 @@ mod object;
 mod outdoors;
 mod palette;
 mod photometry;
+mod pictures;
 mod plan;
 mod shell;
 mod solids;
@@ -26,7 +28,7 @@ mod texture;
 mod windows;
 
 pub use camera::CameraPose;
-pub use config::SynthConfig;
+pub use config::{SynthConfig, Tilt};
 pub use description::{Description, LampUse, Outline, RoomKind, Weather};
 pub use error::SynthError;
 pub use interior::Interior;

@@ -29,7 +29,9 @@ const UTILISATION: f32 = 0.45;
 /// Puts up lamps and switches on those that the lighting asks for.
 pub(crate) fn light(stage: &mut Stage, kind: RoomKind, lighting: LampUse) {
     let kelvin = match kind {
-        RoomKind::Office | RoomKind::Classroom => between(&mut stage.random, 3500.0, 5200.0),
+        RoomKind::Office | RoomKind::Classroom | RoomKind::Laboratory | RoomKind::Workshop | RoomKind::Hall => {
+            between(&mut stage.random, 3500.0, 5200.0)
+        }
         _ => {
             weighted(&mut stage.random, &[(2700.0, 0.5), (3000.0, 0.3), (4000.0, 0.2)])
                 + between(&mut stage.random, -150.0, 150.0)
@@ -64,9 +66,10 @@ pub(crate) fn light(stage: &mut Stage, kind: RoomKind, lighting: LampUse) {
 /// Illuminance that the use asks for (EN 12464-1 and common practice at home), lux.
 fn usual_lux(kind: RoomKind) -> [f32; 2] {
     match kind {
-        RoomKind::Office | RoomKind::Classroom => [300.0, 600.0],
+        RoomKind::Office | RoomKind::Classroom | RoomKind::Laboratory | RoomKind::Workshop => [300.0, 600.0],
+        RoomKind::Hall => [150.0, 400.0],
         RoomKind::Kitchen | RoomKind::Bathroom => [150.0, 400.0],
-        RoomKind::Corridor | RoomKind::Bedroom => [60.0, 180.0],
+        RoomKind::Corridor | RoomKind::Bedroom | RoomKind::Cellar => [60.0, 180.0],
         _ => [80.0, 250.0],
     }
 }
@@ -74,7 +77,11 @@ fn usual_lux(kind: RoomKind) -> [f32; 2] {
 fn ceiling_lamps(stage: &mut Stage, kind: RoomKind, kelvin: f32, burns: bool, lighting: LampUse) {
     let sloped = stage.plan.slope.is_some();
     let kinds: &[(Ceiling, f32)] = match kind {
-        RoomKind::Office | RoomKind::Classroom => {
+        RoomKind::Workshop | RoomKind::Hall => {
+            &[(Ceiling::Tubes, 0.7), (Ceiling::Panels, 0.15), (Ceiling::Pendant, 0.15)]
+        }
+        RoomKind::Cellar => &[(Ceiling::Tubes, 0.4), (Ceiling::Dome, 0.4), (Ceiling::Pendant, 0.2)],
+        RoomKind::Office | RoomKind::Classroom | RoomKind::Laboratory => {
             &[(Ceiling::Panels, 0.5), (Ceiling::Tubes, 0.4), (Ceiling::Downlights, 0.1)]
         }
         RoomKind::Kitchen | RoomKind::Bathroom | RoomKind::Corridor => {
@@ -92,10 +99,10 @@ fn ceiling_lamps(stage: &mut Stage, kind: RoomKind, kelvin: f32, burns: bool, li
         };
     let places = places(stage, ceiling);
     let number = if lighting == LampUse::SingleLamp { 1 } else { places.len().max(1) };
-    let flux_lm = (lux * stage.plan.area_m2() / UTILISATION / number as f32).clamp(120.0, 12_000.0);
+    let flux_lm = (lux * stage.plan.area_m2() / UTILISATION / number as f32).clamp(120.0, 12_000.0) * stage.dim;
     for (index, place) in places.into_iter().enumerate() {
         let burning = burns && index < number;
-        let glow = burning.then_some(Glow { flux_lm, kelvin });
+        let glow = burning.then(|| Glow { flux_lm, kelvin: stage.kelvin(kelvin) });
         mount(stage, ceiling, place, glow);
     }
 }
@@ -191,10 +198,11 @@ impl Switch {
     /// Counts a lamp that stands, and lights it or not.
     fn throw(&mut self, stage: &mut Stage, object: usize, [low, high]: [f32; 2]) {
         let burns = if self.single { self.on == 0 } else { chance(&mut stage.random, self.burn) };
-        let flux_lm = between(&mut stage.random, low, high) * self.gain;
+        let flux_lm = between(&mut stage.random, low, high) * self.gain * stage.dim;
         stage.lamps += 1;
         if burns {
-            fixtures::ignite(stage, object, &Glow { flux_lm, kelvin: self.kelvin });
+            let kelvin = stage.kelvin(self.kelvin);
+            fixtures::ignite(stage, object, &Glow { flux_lm, kelvin });
             self.on += 1;
             stage.lamps_on += 1;
             stage.flux_lm += flux_lm;
@@ -204,7 +212,17 @@ impl Switch {
 
 /// Floor lamps, lamps on tables and desks, sconces.
 fn small_lamps(stage: &mut Stage, kind: RoomKind, switch: &mut Switch) {
-    let homely = !matches!(kind, RoomKind::Bathroom | RoomKind::Classroom | RoomKind::Corridor | RoomKind::Kitchen);
+    let homely = !matches!(
+        kind,
+        RoomKind::Bathroom
+            | RoomKind::Classroom
+            | RoomKind::Corridor
+            | RoomKind::Kitchen
+            | RoomKind::Laboratory
+            | RoomKind::Cellar
+            | RoomKind::Workshop
+            | RoomKind::Hall
+    );
     if homely && (switch.single || chance(&mut stage.random, 0.6)) {
         for _ in 0..count(&mut stage.random, 1, 2) {
             let lamp = fixtures::floor_lamp(stage);
@@ -217,14 +235,15 @@ fn small_lamps(stage: &mut Stage, kind: RoomKind, switch: &mut Switch) {
         let name = stage.tops[top].name;
         let share = match name {
             "night table" => 0.75,
-            "desk" => 0.5,
+            "desk" | "workbench" => 0.5,
             "side table" | "sideboard" | "chest" => 0.35,
             _ => 0.0,
         };
         if !chance(&mut stage.random, share) {
             continue;
         }
-        let lamp = if name == "desk" { fixtures::desk_lamp(stage) } else { fixtures::table_lamp(stage) };
+        let lamp =
+            if matches!(name, "desk" | "workbench") { fixtures::desk_lamp(stage) } else { fixtures::table_lamp(stage) };
         if put_on(stage, top, &lamp, None) {
             let object = stage.objects.len() - 1;
             switch.throw(stage, object, [250.0, 800.0]);

@@ -6,13 +6,16 @@
 //! physicallybased.info. EN 12464-1 recommends ceilings of 0.7–0.9, walls of 0.5–0.8 and floors of 0.2–0.6.
 
 mod finishes;
+mod wear;
 
 use std::collections::BTreeMap;
 
+use lo_imaging::Image;
 use lo_mesh::{Material, Texture, TextureRef, Wrap};
 use lo_random::{RngExt, Stream};
 
-use crate::chance::{between, chance, pick, tone, weighted};
+use crate::chance::{between, chance, count, pick, tone, weighted};
+use crate::pictures::{Pictures, printed};
 use crate::solids::Paint;
 use crate::texture::{self, Swatch};
 
@@ -66,6 +69,13 @@ pub(crate) struct Palette {
     index: u64,
     style: Style,
     known: BTreeMap<Finish, u32>,
+    /// Pages, covers and the like that were made, by kind and number.
+    prints: BTreeMap<(&'static str, usize), u32>,
+    pub pictures: Pictures,
+    /// Whether books and keyboards bear print.
+    pub printed: bool,
+    /// How worn surfaces are, 0 … 1, where they are; then they have a relief too.
+    pub wear: Option<f32>,
     pub materials: Vec<Material>,
     pub textures: Vec<Texture>,
 }
@@ -89,6 +99,8 @@ pub(crate) struct Style {
     pub wet: bool,
     /// Offices and classrooms: hard floors, plain walls.
     pub sober: bool,
+    /// Workshops and cellars: bare masonry, screed.
+    pub rough: bool,
     hue_deg: f32,
     accent_deg: f32,
 }
@@ -98,13 +110,24 @@ impl Style {
         let hue_deg =
             weighted(random, &[(35.0, 3.0), (20.0, 1.5), (210.0, 1.5), (120.0, 1.0), (60.0, 0.7), (0.0, 0.5)]);
         let hue_deg = hue_deg + between(random, -15.0, 15.0);
-        Self { mood, wet, sober, hue_deg, accent_deg: between(random, 0.0, 360.0) }
+        Self { mood, wet, sober, rough: false, hue_deg, accent_deg: between(random, 0.0, 360.0) }
     }
 }
 
 impl Palette {
     pub(crate) fn new(seed: u64, index: u64, style: Style) -> Self {
-        Self { seed, index, style, known: BTreeMap::new(), materials: Vec::new(), textures: Vec::new() }
+        Self {
+            seed,
+            index,
+            style,
+            known: BTreeMap::new(),
+            prints: BTreeMap::new(),
+            pictures: Pictures::default(),
+            printed: false,
+            wear: None,
+            materials: Vec::new(),
+            textures: Vec::new(),
+        }
     }
 
     pub(crate) fn style(&self) -> Style {
@@ -117,7 +140,9 @@ impl Palette {
             Some(&known) => known,
             None => {
                 let mut random = lo_random::stream(self.seed, &format!("synth finish {finish:?}"), self.index);
+                let first = self.materials.len();
                 let material = self.make(finish, &mut random);
+                self.wear_since(first, finish);
                 self.known.insert(finish, material);
                 material
             }
@@ -138,23 +163,79 @@ impl Palette {
         Paint { material, tint: [1.0; 3] }
     }
 
-    /// A picture over texture coordinates `[0, 1]²`, shown by reflection or, with a radiance of its white, as a screen.
-    pub(crate) fn picture(&mut self, seed: u64, screen_radiance: Option<f32>) -> Paint {
+    /// A picture over texture coordinates `[0, 1]²`, `aspect` times as wide as high, shown by reflection or, with a radiance of its white, as a
+    /// screen.
+    pub(crate) fn picture(&mut self, seed: u64, aspect: f32, screen_radiance: Option<f32>) -> Paint {
+        let real = self.pictures.crop(&mut lo_random::stream(seed, "synth real picture", 0), aspect);
         let material = match screen_radiance {
             None => {
                 let mut material = matte("picture");
-                self.cover(&mut material, texture::painting(seed));
+                self.cover(&mut material, real.map_or_else(|| texture::painting(seed), |real| on_paper(&real)));
                 material
             }
             Some(white) => {
                 let mut material = Material { base_color: [0.02, 0.02, 0.02, 1.0], roughness: 0.25, ..matte("screen") };
-                self.cover(&mut material, texture::screen(seed));
+                let shown = |real: Image<[u8; 3]>| Swatch::of_picture(real.map(|&[r, g, b]| [r, g, b, 255]));
+                self.cover(&mut material, real.map_or_else(|| texture::screen(seed), shown));
                 material.emissive_texture = material.base_color_texture.take();
                 material.emissive = [white; 3];
                 material
             }
         };
         Paint { material: self.push(material), tint: [1.0; 3] }
+    }
+
+    /// A printed page over `[0, 1]²`.
+    pub(crate) fn page(&mut self, random: &mut Stream) -> Paint {
+        self.print("page", count(random, 0, 4), |_, random| (0.8, texture::page(random.random())))
+    }
+
+    /// The front of a package, a book, a magazine over `[0, 1]²`.
+    pub(crate) fn front(&mut self, random: &mut Stream) -> Paint {
+        self.print("front", count(random, 0, 9), |palette, random| {
+            let real = palette.pictures.crop(random, 1.0);
+            let swatch = real.map_or_else(|| texture::cover(random.random()), |real| on_paper(&real));
+            (between(random, 0.25, 0.7), swatch)
+        })
+    }
+
+    /// A keyboard's keys over `[0, 1]²`.
+    pub(crate) fn keys(&mut self, random: &mut Stream) -> Paint {
+        self.print("keys", count(random, 0, 1), |_, random| {
+            let albedo = weighted(random, &[(0.03, 0.6), (0.6, 0.4)]);
+            (0.6, texture::keys(random.random(), tone(40.0, 0.05, albedo)))
+        })
+    }
+
+    /// Cloth of somebody's clothes.
+    pub(crate) fn dress(&mut self, random: &mut Stream) -> Paint {
+        self.print("dress", count(random, 0, 9), |_, random| {
+            let color = |random: &mut Stream| {
+                tone(between(random, 0.0, 360.0), between(random, 0.0, 0.8), between(random, 0.03, 0.6))
+            };
+            let colors = [color(random), color(random)];
+            (0.95, texture::dress(random.random(), colors))
+        })
+    }
+
+    /// Number `number` of a kind of prints, made when first asked for.
+    fn print(
+        &mut self,
+        kind: &'static str,
+        number: usize,
+        make: impl FnOnce(&Self, &mut Stream) -> (f32, Swatch),
+    ) -> Paint {
+        let material = match self.prints.get(&(kind, number)) {
+            Some(&known) => known,
+            None => {
+                let mut random = lo_random::stream(self.seed, &format!("synth {kind} {number}"), self.index);
+                let (roughness, swatch) = make(self, &mut random);
+                let material = self.covered(kind, roughness, swatch);
+                self.prints.insert((kind, number), material);
+                material
+            }
+        };
+        Paint { material, tint: [1.0; 3] }
     }
 
     /// A rug of its own, its texture coordinates in metres from a corner.
@@ -212,6 +293,10 @@ impl Palette {
     fn plain(&mut self, name: &str, roughness: f32, [r, g, b]: [f32; 3]) -> u32 {
         self.push(Material { roughness, base_color: [r, g, b, 1.0], ..matte(name) })
     }
+}
+
+fn on_paper(picture: &Image<[u8; 3]>) -> Swatch {
+    Swatch::of_picture(printed(picture))
 }
 
 /// Matt, seen from both sides, to be given a colour.

@@ -193,13 +193,21 @@ fn size_range(kind: RoomKind) -> [f32; 3] {
         RoomKind::Studio => [4.0, 6.5, 8.5],
         RoomKind::Classroom => [5.5, 7.5, 9.5],
         RoomKind::OpenPlan => [5.0, 7.0, 9.5],
+        RoomKind::Laboratory => [3.6, 6.5, 8.5],
+        RoomKind::Cellar => [2.4, 4.2, 6.0],
+        RoomKind::Workshop => [3.4, 6.0, 8.0],
+        RoomKind::Hall => [7.0, 10.0, 14.0],
+        RoomKind::Empty => [2.6, 4.5, 6.5],
     }
 }
 
 fn height(random: &mut Stream, kind: RoomKind) -> f32 {
     let range = match kind {
         RoomKind::Studio | RoomKind::OpenPlan => [(2.4, 2.8), (2.8, 3.4), (3.4, 4.0)],
-        RoomKind::Classroom | RoomKind::Office => [(2.5, 2.8), (2.8, 3.2), (3.2, 3.8)],
+        RoomKind::Hall => [(3.8, 4.5), (4.5, 5.5), (5.5, 7.0)],
+        RoomKind::Cellar => [(2.2, 2.35), (2.35, 2.5), (2.5, 2.9)],
+        RoomKind::Workshop => [(2.5, 2.8), (2.8, 3.4), (3.4, 4.2)],
+        RoomKind::Classroom | RoomKind::Office | RoomKind::Laboratory => [(2.5, 2.8), (2.8, 3.2), (3.2, 3.8)],
         _ => [(2.2, 2.6), (2.6, 2.9), (2.9, 3.7)],
     };
     let (low, high) = weighted(random, &[(range[0], 0.55), (range[1], 0.3), (range[2], 0.15)]);

@@ -109,6 +109,10 @@ pub(crate) struct Stage {
     pub lamps: usize,
     pub lamps_on: usize,
     pub flux_lm: f32,
+    /// Share of their usual light that lamps give.
+    pub dim: f32,
+    /// Where lamps are of different colours.
+    pub mixed_light: Option<Stream>,
 }
 
 impl Stage {
@@ -125,6 +129,20 @@ impl Stage {
             lamps: 0,
             lamps_on: 0,
             flux_lm: 0.0,
+            dim: 1.0,
+            mixed_light: None,
+        }
+    }
+
+    /// Colour temperature of the next lamp, which is `usual` where all are alike.
+    pub(crate) fn kelvin(&mut self, usual: f32) -> f32 {
+        match &mut self.mixed_light {
+            None => usual,
+            Some(own) => {
+                let kinds =
+                    [(usual, 0.3), (2100.0, 0.12), (2700.0, 0.2), (4000.0, 0.16), (5500.0, 0.12), (8000.0, 0.1)];
+                weighted(own, &kinds) * between(own, 0.95, 1.05)
+            }
         }
     }
 

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use lo_geometry::{Quat, Ray, Vec3, fibonacci_sphere};
 use lo_mesh::PreparedModel;
-use lo_synth::{Interior, LampUse, Object, Support, SynthConfig};
+use lo_synth::{Interior, LampUse, Object, RoomKind, Support, SynthConfig, Tilt, Weather};
 
 /// What lies on a thing or leans on it may touch it; carpets give way by their pile.
 const TOUCH_M: f32 = 0.012;
@@ -20,8 +20,8 @@ struct Room {
 }
 
 impl Room {
-    fn new(index: u64) -> Self {
-        let interior = Interior::generate(11, index, &SynthConfig::default()).unwrap();
+    fn new(seed: u64, index: u64, config: &SynthConfig) -> Self {
+        let interior = Interior::generate(seed, index, config).unwrap();
         let model = PreparedModel::new(interior.world.model.clone());
         let mut owner = vec![usize::MAX; interior.world.model.triangles.len()];
         for (k, object) in interior.objects.iter().enumerate() {
@@ -186,7 +186,7 @@ fn check_supported(room: &Room) {
                     // From a little before the point, past what belongs to the thing itself.
                     let mut origin = p - direction * 0.006;
                     let mut left = limit + 0.006;
-                    for _ in 0..6 {
+                    for _ in 0..20 {
                         match room.hit(origin, direction, left) {
                             Some((hit, _)) if accept(hit) => return true,
                             Some((_, distance)) => {
@@ -378,6 +378,27 @@ type Check = (&'static str, fn(&Room));
 
 #[test]
 fn rooms_keep_the_rules() {
+    let framings = keep_the_rules(11, ROOMS, &SynthConfig::default());
+    // Photos of rooms look into them: few at a wall close by, few at nothing but walls.
+    let share = |test: &dyn Fn(&(f32, usize)) -> bool| {
+        framings.iter().filter(|view| test(view)).count() as f32 / framings.len() as f32
+    };
+    let (near, bare) = (share(&|view| view.0 < 1.3), share(&|view| view.1 < 2));
+    eprintln!("{:.1} % look at something within 1.3 m, {:.1} % at no two things", 100.0 * near, 100.0 * bare);
+    assert!(near < 0.03 && bare < 0.08, "{near} {bare}");
+}
+
+#[test]
+fn rooms_that_are_lived_and_worked_in_keep_the_rules() {
+    let trades = [RoomKind::Laboratory, RoomKind::Cellar, RoomKind::Workshop, RoomKind::Empty, RoomKind::Hall];
+    let mut config = SynthConfig { litter_share: 1.0, people_share: 0.6, ..SynthConfig::default() };
+    keep_the_rules(12, ROOMS / 4, &config);
+    config.room_weights = trades.into_iter().zip([1.0, 1.0, 1.0, 0.4, 0.4]).collect();
+    keep_the_rules(13, ROOMS / 3, &config);
+}
+
+/// Checks rooms and gives what their photos show, see [`framing`].
+fn keep_the_rules(seed: u64, rooms: u64, config: &SynthConfig) -> Vec<(f32, usize)> {
     let checks: [Check; 8] = [
         ("numbers", check_numbers),
         ("outwards", check_outwards),
@@ -392,8 +413,8 @@ fn rooms_keep_the_rules() {
     let failed = Mutex::new(Vec::new());
     let framings = Mutex::new(Vec::new());
     let look = || {
-        while let Some(index) = Some(next.fetch_add(1, Ordering::Relaxed)).filter(|&index| index < ROOMS) {
-            let room = Room::new(index);
+        while let Some(index) = Some(next.fetch_add(1, Ordering::Relaxed)).filter(|&index| index < rooms) {
+            let room = Room::new(seed, index, config);
             framings.lock().unwrap().extend(framing(&room));
             // Walking is felt for with many rays.
             let number = if index % 4 == 0 { checks.len() } else { checks.len() - 1 };
@@ -412,14 +433,7 @@ fn rooms_keep_the_rules() {
     });
     let failed = failed.into_inner().unwrap();
     assert!(failed.is_empty(), "{failed:?}");
-    // Photos of rooms look into them: few at a wall close by, few at nothing but walls.
-    let framings = framings.into_inner().unwrap();
-    let share = |test: &dyn Fn(&(f32, usize)) -> bool| {
-        framings.iter().filter(|view| test(view)).count() as f32 / framings.len() as f32
-    };
-    let (near, bare) = (share(&|view| view.0 < 1.3), share(&|view| view.1 < 2));
-    eprintln!("{:.1} % look at something within 1.3 m, {:.1} % at no two things", 100.0 * near, 100.0 * bare);
-    assert!(near < 0.03 && bare < 0.08, "{near} {bare}");
+    framings.into_inner().unwrap()
 }
 
 /// Bytes of the triangles and materials.
@@ -486,5 +500,127 @@ fn turned_cameras_are_upright_but_for_a_small_roll() {
         let right = view.pose.rotation * Vec3::X;
         assert!(right.y.asin().to_degrees().abs() < 3.1, "{right}");
         assert!((view.pose.rotation.length() - 1.0).abs() < 1e-4 && view.pose.rotation != Quat::IDENTITY);
+    }
+}
+
+#[test]
+fn close_ups_show_things_within_reach_and_stand_in_nothing() {
+    let config = SynthConfig { close_up_share: 1.0, cluttered_share: 0.7, roll_deg: 8.0, ..SynthConfig::default() };
+    let (mut distances, mut down) = (Vec::new(), Vec::new());
+    let directions = fibonacci_sphere(64);
+    for index in 0..12 {
+        let room = Room::new(11, index, &config);
+        let views = room.interior.camera_poses(3);
+        assert_eq!(views[1], room.interior.camera_poses(2)[1], "a camera depends on the number of cameras");
+        for view in views {
+            let p = view.pose.position;
+            let clearance =
+                directions.iter().filter_map(|&d| room.hit(p, d, 50.0)).map(|hit| hit.1).fold(50.0, f32::min);
+            assert!(room.interior.is_free(p, 0.09) && clearance > 0.09, "{p} has {clearance}");
+            let pixels = (0..16 * 12).map(|k| (f64::from(k % 16) * 30.0 + 15.0, f64::from(k / 16) * 26.0 + 17.0));
+            let mut seen: Vec<f32> = pixels
+                .filter_map(|(u, v)| room.hit(p, view.pose.rotation * view.camera.direction(u, v), 50.0))
+                .map(|hit| hit.1)
+                .collect();
+            seen.sort_unstable_by(f32::total_cmp);
+            assert!(seen[0] > 0.12, "{} right before the lens", seen[0]);
+            distances.push(seen[seen.len() / 2]);
+            down.push((view.pose.rotation * Vec3::NEG_Z).y);
+        }
+    }
+    distances.sort_unstable_by(f32::total_cmp);
+    let below = down.iter().filter(|&&y| y < -0.17).count();
+    eprintln!("middles at {distances:.2?} m, {below} of {} look down", down.len());
+    // Two or three rooms of twelve have hardly a thing to look at.
+    assert!(distances[distances.len() / 2] < 1.5 && distances[distances.len() / 8] > 0.4, "{distances:?}");
+    assert!(below as f32 > 0.6 * down.len() as f32);
+}
+
+#[test]
+fn upright_photos_have_the_same_lens_across_the_longer_side() {
+    let config = SynthConfig { upright_share: 0.5, tilt: Tilt::Uniform, pitch_deg: 40.0, ..SynthConfig::default() };
+    let interior = Interior::generate(11, 2, &config).unwrap();
+    let views = interior.camera_poses(40);
+    let upright = views.iter().filter(|view| view.camera.height > view.camera.width).count();
+    // 20 expected, deviation 3.2
+    assert!((10..=30).contains(&upright), "{upright}");
+    let steep = |view: &lo_synth::CameraPose| (view.pose.rotation * Vec3::NEG_Z).y.asin().to_degrees().abs();
+    // uniform to 40°: half above 20, but steep views of rooms are less often good ones
+    assert!(views.iter().all(|view| steep(view) < 40.1) && views.iter().filter(|view| steep(view) > 20.0).count() > 6);
+    for view in &views {
+        let long = 2.0 * view.camera.half_extent().atan().to_degrees();
+        assert!((49.9..90.1).contains(&long), "{long}");
+        let camera = &view.camera;
+        assert_eq!(camera.width.max(camera.height), 480);
+        assert_eq!((camera.cx, camera.cy), (0.5 * f64::from(camera.width), 0.5 * f64::from(camera.height)));
+    }
+}
+
+#[test]
+fn the_sun_shines_in_where_it_is_asked_to() {
+    let weather_weights = [(Weather::Overcast, 1.0), (Weather::Clear, 1.0), (Weather::Night, 0.5)].into();
+    let config = SynthConfig { sun_share: 1.0, weather_weights, windowless_share: 0.0, ..SynthConfig::default() };
+    let (mut days, mut nights) = (0, 0);
+    for index in 0..30 {
+        let interior = Interior::generate(21, index, &config).unwrap();
+        if interior.world.portals.is_empty() {
+            continue;
+        }
+        if interior.description.weather == Weather::Night {
+            nights += 1;
+            assert!(interior.world.outdoors.sun.is_none());
+            continue;
+        }
+        days += 1;
+        let sun = interior.world.outdoors.sun.unwrap().direction;
+        let faces = |portal: &lo_transport::Portal| {
+            // The edges' product points into the room: the sun's light must go the same way.
+            let inward = portal.edges[0].cross(portal.edges[1]).normalize();
+            let level = Vec3::new(-sun.x, 0.0, -sun.z).normalize();
+            level.dot(inward) > 0.65
+        };
+        assert!(interior.world.portals.iter().any(faces), "{}: the sun stands behind the house", interior.id);
+    }
+    assert!(days > 12 && nights > 1, "{days} {nights}");
+}
+
+#[test]
+fn dim_rooms_are_dark_and_mixed_light_has_several_colours() {
+    let figures = |config: &SynthConfig| {
+        let rooms = (0..24).map(|index| Interior::generate(22, index, config).unwrap());
+        let mut lm_m2 = Vec::new();
+        let mut colours = 0;
+        for room in rooms {
+            assert!(config.dim_share == 0.0 || room.description.weather == Weather::Night);
+            if room.description.lamps_on > 0 && room.description.flux_lm > 0.0 {
+                lm_m2.push(room.description.flux_lm / room.description.area_m2);
+            }
+            let lamps = room.world.model.materials.iter().filter(|m| m.name == "lamp");
+            let hues: HashSet<i32> = lamps.map(|m| (20.0 * (m.emissive[2] / m.emissive[0]).ln()) as i32).collect();
+            colours += usize::from(hues.len() > 2);
+        }
+        lm_m2.sort_unstable_by(f32::total_cmp);
+        (lm_m2[lm_m2.len() / 2], colours)
+    };
+    let night = SynthConfig { weather_weights: [(Weather::Night, 1.0)].into(), ..SynthConfig::default() };
+    let (usual, few) = figures(&night);
+    let (dim, _) = figures(&SynthConfig { dim_share: 1.0, ..night.clone() });
+    let (_, many) = figures(&SynthConfig { mixed_light_share: 1.0, ..night });
+    // e^−1.4 to e^−3.4
+    assert!(dim < 0.3 * usual && dim > 0.02 * usual, "{dim} of {usual} lm/m²");
+    assert!(many > few + 4, "{many} rooms with more than two colours, {few} usually");
+}
+
+#[test]
+fn worn_surfaces_have_a_relief_and_others_none() {
+    let config = SynthConfig { worn_share: 1.0, ..SynthConfig::default() };
+    for index in 0..4 {
+        let worn = Interior::generate(23, index, &config).unwrap().world.model;
+        let usual = Interior::generate(23, index, &SynthConfig::default()).unwrap().world.model;
+        let reliefs = worn.materials.iter().filter(|m| m.normal_texture.is_some()).count();
+        assert!(reliefs > 4 && worn.tangents.len() == worn.positions.len(), "{reliefs}");
+        assert!(usual.materials.iter().all(|m| m.normal_texture.is_none()) && usual.tangents.is_empty());
+        // The same things stand in the same places.
+        assert_eq!(worn.triangles.len(), usual.triangles.len());
     }
 }

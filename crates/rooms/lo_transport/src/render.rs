@@ -121,9 +121,14 @@ fn radiance(baked: &BakedWorld, view: &View, seen: &[Seen]) -> RadianceImage {
     let lamps = lamp_samples(baked, view);
     let radiance = |i: usize| {
         let (x, y) = at(i);
-        let within = |[dx, dy]: [f32; 2], rays: u32| {
+        let within = |number: usize, [dx, dy]: [f32; 2], rays: u32| {
             let sub = look(baked, view, x as f32 + 0.5 + dx, y as f32 + 0.5 + dy);
             let light = match sub.surface.as_ref().filter(|_| lamps[i] == 0).and_then(|_| filter.like(&sub, x, y)) {
+                Some(like) if baked.settings().sun_at_edges => {
+                    let mut light = lit[like];
+                    sampler.renew_sun(&sub, (x, y), number, &mut light);
+                    light
+                }
                 Some(like) => lit[like],
                 None => sampler.sample(&sub, (x, y), rays),
             };
@@ -134,7 +139,8 @@ fn radiance(baked: &BakedWorld, view: &View, seen: &[Seen]) -> RadianceImage {
             let rays = (EDGE_SAMPLES.len() as u32 * LONELY_RAYS).div_ceil(samples as u32);
             let [dx, dy, ..] = shifts.of(i * 997);
             let place = |at: &Vec2| [shifted(at.x, dx) - 0.5, shifted(at.y, dy) - 0.5];
-            within_pixel[..samples].iter().map(|at| within(place(at), rays)).sum::<Vec3>() / samples as f32
+            let each = within_pixel[..samples].iter().enumerate();
+            each.map(|(number, at)| within(number, place(at), rays)).sum::<Vec3>() / samples as f32
         };
         if lamps[i] > 0 {
             return mean(lamps[i]).to_array();
@@ -142,7 +148,7 @@ fn radiance(baked: &BakedWorld, view: &View, seen: &[Seen]) -> RadianceImage {
         if !filter.is_edge(i) {
             return shown(baked, &seen[i], &lit[i]).to_array();
         }
-        let few = EDGE_SAMPLES.map(|place| within(place, EDGE_RAYS));
+        let few = std::array::from_fn(|number| within(number, EDGE_SAMPLES[number], EDGE_RAYS));
         let contrast = contrast(few);
         let wanted = CONTRASTS.iter().find(|(least, _)| contrast > *least);
         let samples = wanted.map_or(0, |(_, of_view)| (of_view / seen.len()).min(MAX_EDGE_SAMPLES));

@@ -11,6 +11,9 @@ pub struct BakeSettings {
     pub light_rays: u32,
     /// Shadow rays per pixel of a view, at least: pictures of few pixels take more.
     pub pixel_light_rays: u32,
+    /// Whether each sample of a pixel at an edge asks for the sun anew. Otherwise it takes the light of a pixel, and edges of sunny patches are
+    /// jagged.
+    pub sun_at_edges: bool,
     /// Chance: where samples lie. Has no influence on what is right, only on the noise.
     pub seed: u64,
 }
@@ -18,7 +21,7 @@ pub struct BakeSettings {
 impl Default for BakeSettings {
     /// What a room of 150 m² takes few core-seconds with.
     fn default() -> Self {
-        Self { spacing_m: 0.16, gather_rays: 64, light_rays: 16, pixel_light_rays: 2, seed: 0 }
+        Self { spacing_m: 0.16, gather_rays: 64, light_rays: 16, pixel_light_rays: 2, sun_at_edges: false, seed: 0 }
     }
 }
 

@@ -348,6 +348,15 @@ impl<'a> Sampler<'a> {
         reflected * passed / chance
     }
 
+    /// Puts the sun's own light on what a ray within a pixel sees in place of that of the pixel, for sample `number` of the pixel.
+    pub(crate) fn renew_sun(&self, seen: &Seen, at: (usize, usize), number: usize, lit: &mut Lit) {
+        let Some(surface) = &seen.surface else { return };
+        let turn = (turn(at) + 5 * number as u32) % (TILE * TILE) as u32;
+        let (diffuse, gloss) = self.sun(surface, turn);
+        lit.sun = diffuse;
+        lit.sun_gloss = per_albedo(surface, gloss);
+    }
+
     /// Irradiance by the sun and its gloss.
     fn sun(&self, surface: &Surface, turn: u32) -> (Vec3, Vec3) {
         let world = self.baked.world();

@@ -164,3 +164,55 @@ fn sun_through_a_window_lights_its_patch_alone() {
         assert!((found - expected).abs() < 0.03 * lit, "{found} for {expected} at {x}");
     }
 }
+
+/// The edge of a shadow on the ground, with the sun as a point: pixels across it show the share of them that is lit.
+#[test]
+fn edges_of_sunny_patches_cover_pixels_as_lines_do() {
+    let mut builder = Builder::new();
+    let white = builder.matte([0.6; 3]);
+    builder.sheet(Vec3::new(-4.0, 0.0, -4.0), Vec3::X * 8.0, Vec3::Z * 8.0, [8, 8], white);
+    // A roof whose edge runs slantwise, seen by nobody, right above the camera's height.
+    let (along, aside) = (Vec3::new(1.0, 0.0, 0.21).normalize(), Vec3::new(-0.21, 0.0, 1.0).normalize());
+    builder.sheet(Vec3::Y * 3.0 - along * 4.0, aside * -4.0, along * 8.0, [4, 4], white);
+    let sun = Sun { direction: Vec3::Y, angular_radius_rad: 1e-4, radiance: [3e7; 3] };
+    let world = || lo_transport::World {
+        model: builder.model.clone(),
+        outdoors: lo_transport::Outdoors {
+            radiance: lo_imaging::RadianceImage::new(2, 1, vec![[0.0; 3]; 2]),
+            sun: Some(sun),
+        },
+        portals: Vec::new(),
+    };
+    // Straight down, +x to the right in the picture and −z up.
+    let camera = lo_geometry::Camera::from_hfov_deg(40.0, 240, 160).unwrap();
+    let pose = lo_transport::Pose {
+        position: Vec3::Y * 2.5,
+        rotation: lo_geometry::Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2),
+    };
+    let error = |sun_at_edges: bool| {
+        let baked = BakedWorld::bake(world(), &BakeSettings { sun_at_edges, ..BakeSettings::default() }).unwrap();
+        let seen = baked.render(&lo_transport::View::Pinhole { pose, camera });
+        let lit = f64::from(seen.radiance[(120, 150)][1]);
+        let (mut sum, mut pixels) = (0.0, 0);
+        for (x, y) in (20..220).flat_map(|x| (20..140).map(move |y| (x, y))) {
+            // Share of the pixel on the lit side of the line, by 16 × 16 points.
+            let inside = (0..256).filter(|k| {
+                let (u, v) = (x as f64 + (f64::from(k % 16) + 0.5) / 16.0, y as f64 + (f64::from(k / 16) + 0.5) / 16.0);
+                let direction = pose.rotation * camera.direction(u, v);
+                let place = pose.position - direction * (pose.position.y / direction.y);
+                place.dot(aside) > 0.0
+            });
+            let share = inside.count() as f64 / 256.0;
+            if share > 0.0 && share < 1.0 {
+                let found = f64::from(seen.radiance[(x, y)][1]) / lit;
+                sum += (found - share).powi(2);
+                pixels += 1;
+            }
+        }
+        assert!(pixels > 200, "{pixels}");
+        (sum / f64::from(pixels)).sqrt()
+    };
+    let (usual, asked) = (error(false), error(true));
+    // 52 samples of a pixel leave 0.5 / √52 = 0.07 at most
+    assert!(asked < 0.07 && usual > 1.5 * asked, "{asked}, {usual} without");
+}

@@ -244,6 +244,10 @@ pub(super) fn computer(stage: &mut Stage, on: bool) -> Piece {
         lid.rounded(Vec3::new(-0.16, 0.0, -0.004), Vec3::new(0.16, 0.215, 0.003), 0.002, 1, grey);
         walls::screen(stage, &mut lid, Vec2::new(0.15, 0.095), Vec2::new(0.0, 0.11), 0.0034, on);
         shape.add(&lid, Quat::from_rotation_x(-0.35), Vec3::new(0.0, 0.012, -0.105));
+        if stage.palette.printed {
+            let keys = stage.palette.keys(&mut stage.random);
+            shape.picture_on(Vec2::new(-0.14, -0.085), Vec2::new(0.14, 0.02), 0.0144, keys);
+        }
         return Piece::new("laptop", shape);
     }
     let half = Vec2::new(between(&mut stage.random, 0.26, 0.35), 0.175);
@@ -256,5 +260,9 @@ pub(super) fn computer(stage: &mut Stage, on: bool) -> Piece {
     shape.add_at(&panel, Vec3::ZERO);
     shape.rounded(Vec3::new(-0.22, 0.0, 0.06), Vec3::new(0.22, 0.018, 0.19), 0.004, 1, black);
     shape.rounded(Vec3::new(0.27, 0.0, 0.09), Vec3::new(0.33, 0.03, 0.19), 0.014, 2, black);
+    if stage.palette.printed {
+        let keys = stage.palette.keys(&mut stage.random);
+        shape.picture_on(Vec2::new(-0.215, 0.066), Vec2::new(0.215, 0.184), 0.0184, keys);
+    }
     Piece::new("computer", shape)
 }

@@ -5,18 +5,23 @@ mod beds;
 mod clutter;
 mod groups;
 mod kitchen;
+mod litter;
+mod people;
 mod plants;
 mod rooms;
 mod seating;
 mod storage;
 mod tables;
+mod trades;
 mod walls;
+mod works;
 
 pub(crate) use clutter::put_on;
 pub(crate) use walls::{Hanging, hang};
 
 use groups::alone;
 use rooms::{bathroom_room, bedroom, classroom, corridor, dining, kitchen_room, living, office};
+use trades::{cellar, empty, hall, laboratory, workshop};
 
 use crate::chance::{between, chance, count};
 use crate::description::{LampUse, RoomKind};
@@ -44,9 +49,24 @@ pub(crate) fn furnish(stage: &mut Stage, kind: RoomKind, clutter: f32, lighting:
             kitchen_room(stage, lighting);
             living(stage, clutter, screens);
         }
+        RoomKind::Laboratory => laboratory(stage, clutter, screens),
+        RoomKind::Cellar => cellar(stage, clutter),
+        RoomKind::Workshop => workshop(stage, clutter),
+        RoomKind::Hall => hall(stage, clutter, screens),
+        RoomKind::Empty => return empty(stage),
     }
     extras(stage, kind, clutter);
     clutter::scatter(stage, clutter);
+}
+
+/// Things left lying about, `amount` 0 … 1, and people, where they are wanted.
+pub(crate) fn live_in(stage: &mut Stage, amount: Option<f32>, with_people: bool) {
+    if with_people {
+        people::people(stage);
+    }
+    if let Some(amount) = amount {
+        litter::strew(stage, amount);
+    }
 }
 
 /// Plants, boxes, pictures, towels: whatever the use.

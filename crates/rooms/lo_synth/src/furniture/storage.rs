@@ -110,6 +110,13 @@ fn book_row(stage: &mut Stage, shape: &mut Shape, [least, most]: [Vec3; 2], mut 
         let z = most.z - between(&mut stage.random, 0.015, 0.04);
         let tint = stage.palette.tint(&mut stage.random);
         shape.cuboid(Vec3::new(x, least.y, z - d), Vec3::new(x + thick, least.y + h, z), matte.tinted(tint));
+        if stage.palette.printed && chance(&mut stage.random, 0.6) {
+            // Titles run up the spine.
+            let spine = stage.palette.front(&mut stage.random);
+            let p = |x: f32, y: f32| Vec3::new(x, least.y + y, z + 0.0004);
+            let right = x + thick;
+            shape.picture([p(right, 0.02 * h), p(right, 0.98 * h), p(x, 0.98 * h), p(x, 0.02 * h)], spine);
+        }
         x += thick + 0.0008;
     }
     let (thick, h, lean) = (0.025, usual.min(free) * 0.95, 0.22f32);

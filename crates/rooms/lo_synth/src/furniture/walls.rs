@@ -46,8 +46,8 @@ fn framed(stage: &mut Stage, name: &'static str, half: Vec2, content: Paint, who
 
 pub(super) fn picture(stage: &mut Stage) -> Hanging {
     let seed = stage.random.random();
-    let content = stage.palette.picture(seed, None);
     let (w, h) = (between(&mut stage.random, 0.12, 0.5), between(&mut stage.random, 0.14, 0.42));
+    let content = stage.palette.picture(seed, w / h, None);
     framed(stage, "picture", Vec2::new(w, h), content, true)
 }
 
@@ -90,7 +90,7 @@ pub(super) fn screen(stage: &mut Stage, shape: &mut Shape, half: Vec2, center: V
         let white = between(&mut stage.random, 1.2, 3.5);
         stage.lamps += 1;
         stage.lamps_on += 1;
-        stage.palette.picture(seed, Some(white))
+        stage.palette.picture(seed, half.x / half.y, Some(white))
     } else {
         stage.palette.paint(Finish::Gloss).tinted([0.015; 3])
     };

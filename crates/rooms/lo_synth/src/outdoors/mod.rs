@@ -23,12 +23,13 @@ use surroundings::{SunLight, Surroundings};
 
 const HEIGHT: usize = 256;
 
-/// Makes the outdoors of a room whose windows are known.
+/// Makes the outdoors of a room whose windows are known. With `into`, a stream, the sun stands before a window.
 pub(crate) fn make(
     random: &mut Stream,
     weather: Weather,
     plan: &Plan,
     config: &SynthConfig,
+    into: Option<&mut Stream>,
 ) -> Result<Outdoors, SynthError> {
     if let (Weather::Panorama, Some(folder)) = (weather, &config.panorama_folder) {
         return panorama::pick(random, folder);
@@ -49,7 +50,8 @@ pub(crate) fn make(
         _ => {
             let low = weather == Weather::Sunset;
             let elevation = if low { between(random, 2.0, 10.0) } else { between(random, 15.0, 62.0) }.to_radians();
-            let azimuth = azimuth(random, plan);
+            let usual = azimuth(random, plan);
+            let azimuth = into.and_then(|own| before_a_window(own, plan)).unwrap_or(usual);
             let direction = Vec3::new(azimuth.x * elevation.cos(), elevation.sin(), azimuth.z * elevation.cos());
             let turbidity = between(random, 2.2, if low { 4.0 } else { 6.0 });
             let radiance = sun_radiance(elevation, turbidity);
@@ -66,18 +68,28 @@ pub(crate) fn make(
 
 /// Towards a window half of the time, so that the sun shines into rooms as often as into lived-in ones.
 fn azimuth(random: &mut Stream, plan: &Plan) -> Vec3 {
-    let outward: Vec<Vec3> = plan
-        .walls
-        .iter()
-        .filter(|wall| wall.openings.iter().any(|o| o.is_window()))
-        .map(|wall| Vec3::new(-wall.inward().x, 0.0, -wall.inward().y))
-        .collect();
+    let outward = windows_outward(plan);
     let angle = between(random, 0.0, std::f32::consts::TAU);
     if outward.is_empty() || chance(random, 0.5) {
         return Vec3::new(angle.cos(), 0.0, angle.sin());
     }
     let wall = pick(random, &outward);
     lo_geometry::Quat::from_rotation_y(between(random, -1.1, 1.1)) * wall
+}
+
+/// From which the sun falls through a window, not too much aside.
+fn before_a_window(random: &mut Stream, plan: &Plan) -> Option<Vec3> {
+    let outward = windows_outward(plan);
+    (!outward.is_empty()).then(|| {
+        let wall = pick(random, &outward);
+        lo_geometry::Quat::from_rotation_y(between(random, -0.85, 0.85)) * wall
+    })
+}
+
+/// Outward normals of the walls that have windows.
+fn windows_outward(plan: &Plan) -> Vec<Vec3> {
+    let with_windows = plan.walls.iter().filter(|wall| wall.openings.iter().any(|o| o.is_window()));
+    with_windows.map(|wall| Vec3::new(-wall.inward().x, 0.0, -wall.inward().y)).collect()
 }
 
 fn paint(sky: &Sky, surroundings: &Surroundings, sun: Option<Sun>) -> RadianceImage {

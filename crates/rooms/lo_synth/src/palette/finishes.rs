@@ -40,9 +40,11 @@ impl Palette {
 
     fn floor(&mut self, random: &mut Stream) -> u32 {
         let seed = random.random();
-        let Style { wet, sober, mood, .. } = self.style;
+        let Style { wet, sober, rough, mood, .. } = self.style;
         let kinds: &[(u32, f32)] = if wet {
             &[(1, 1.0), (3, 0.15)]
+        } else if rough {
+            &[(4, 0.65), (1, 0.2), (0, 0.15)]
         } else if sober {
             &[(0, 0.2), (2, 0.4), (1, 0.15), (4, 0.25)]
         } else {
@@ -86,7 +88,12 @@ impl Palette {
             color = tone(self.style.accent_deg, between(random, 0.15, 0.6), albedo);
         }
         let plain = if self.style.sober || self.style.wet { 6.0 } else { 1.6 };
-        match weighted(random, &[(0, plain), (1, 0.7), (2, if accent { 0.5 } else { 0.06 }), (3, 0.12)]) {
+        let shares = if self.style.rough {
+            [(0, 0.45), (1, 0.0), (2, 0.3), (3, 0.25)]
+        } else {
+            [(0, plain), (1, 0.7), (2, if accent { 0.5 } else { 0.06 }), (3, 0.12)]
+        };
+        match weighted(random, &shares) {
             0 => self.covered("plaster", between(random, 0.7, 0.95), texture::plaster(seed, color)),
             1 => {
                 let other = color.map(|c| (c * between(random, 0.7, 1.15)).min(0.85));

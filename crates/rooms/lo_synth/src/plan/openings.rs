@@ -54,6 +54,7 @@ impl Plan {
         let without = match kind {
             RoomKind::Bathroom => 0.5,
             RoomKind::Corridor => 0.65,
+            RoomKind::Cellar => 0.7,
             _ => config.windowless_share,
         };
         if chance(random, without) {
@@ -76,7 +77,7 @@ impl Plan {
     /// Windows of one style along a wall: 0 single ones, 1 wide ones, 2 down to the floor, 3 a band.
     fn windows_in(&mut self, random: &mut Stream, wall: usize, kind: RoomKind, style: u32) -> bool {
         let length = self.walls[wall].length_m;
-        let small = kind == RoomKind::Bathroom;
+        let small = matches!(kind, RoomKind::Bathroom | RoomKind::Cellar);
         let (width, sill) = match style {
             _ if small => (between(random, 0.5, 0.9), between(random, 1.1, 1.5)),
             0 => (between(random, 0.8, 1.3), between(random, 0.75, 1.0)),
@@ -136,7 +137,7 @@ mod tests {
             let mut random = lo_random::stream(5, "plan", index);
             let kind = RoomKind::ALL[index as usize % RoomKind::ALL.len()];
             let plan = Plan::draw(&mut random, kind, &config);
-            assert!((2.2..=4.0).contains(&plan.height_m));
+            assert!((2.2..=if kind == RoomKind::Hall { 7.0 } else { 4.2 }).contains(&plan.height_m));
             assert!(plan.walls.iter().any(|w| w.openings.iter().any(|o| !o.is_window())), "{index} has no door");
             for wall in &plan.walls {
                 for o in &wall.openings {

@@ -3,6 +3,7 @@
 mod boxes;
 mod round;
 mod soft;
+mod thin;
 
 use std::ops::Range;
 

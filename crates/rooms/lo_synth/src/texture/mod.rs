@@ -4,6 +4,8 @@ mod building;
 mod cloth;
 mod noise;
 mod picture;
+mod print;
+mod wear;
 
 use lo_imaging::{Image, srgb8_from_linear};
 use lo_mesh::Texture;
@@ -12,6 +14,8 @@ pub(crate) use building::{bricks, concrete, planks, plaster, stone, tiles, wallp
 pub(crate) use cloth::{carpet, leather, rug, weave, wood};
 pub(crate) use noise::Noise;
 pub(crate) use picture::{painting, screen};
+pub(crate) use print::{cover, dress, keys, page};
+pub(crate) use wear::{coat, pattern, relief, worn};
 
 /// A picture and the metres that it covers.
 pub(crate) struct Swatch {
@@ -34,6 +38,11 @@ impl Swatch {
             [code(r), code(g), code(b), 255]
         });
         Self { color, roughness: None, size_m }
+    }
+
+    /// Of a picture with sRGB codes, over `[0, 1]²`.
+    pub(crate) fn of_picture(color: Image<[u8; 4]>) -> Self {
+        Self { color, roughness: None, size_m: [1.0; 2] }
     }
 
     /// Adds roughness at each point.

@@ -1,0 +1,515 @@
+//! What stands in laboratories, workshops, cellars and halls: benches, racks, machines, pipes, tools.
+
+use std::f32::consts::TAU;
+
+use lo_geometry::{Quat, Vec2, Vec3};
+
+use super::litter::{can, dark, package, tint};
+use super::tables::{handle, legs};
+use super::walls::{self, Hanging};
+use crate::chance::{between, chance, count, pick};
+use crate::palette::Finish;
+use crate::solids::{Paint, Shape};
+use crate::stage::{Piece, Stage};
+
+fn paint_of(stage: &mut Stage) -> Paint {
+    let colors =
+        [[0.04, 0.12, 0.08], [0.02, 0.06, 0.2], [0.3; 3], [0.55, 0.54, 0.5], [0.35, 0.05, 0.02], [0.45, 0.3, 0.02]];
+    stage.palette.paint(Finish::Gloss).tinted(pick(&mut stage.random, &colors))
+}
+
+/// Packages, tins and cartons side by side between `least` and `most`, none higher than fits.
+fn fill_level(stage: &mut Stage, shape: &mut Shape, [least, most]: [Vec3; 2], fill: f32) {
+    let carton = stage.palette.paint(Finish::Cardboard);
+    let plastic = stage.palette.paint(Finish::Gloss);
+    let (deep, free) = (most.z - least.z, most.y - least.y - 0.02);
+    let mut x = least.x;
+    loop {
+        if !chance(&mut stage.random, fill) {
+            x += between(&mut stage.random, 0.08, 0.3);
+        }
+        let mut one = Shape::default();
+        match count(&mut stage.random, 0, 6) {
+            0..=2 => {
+                let half = Vec3::new(
+                    between(&mut stage.random, 0.08, 0.25),
+                    0.0,
+                    0.5 * deep * between(&mut stage.random, 0.6, 0.95),
+                );
+                let high = free * between(&mut stage.random, 0.35, 0.95);
+                let grey = [between(&mut stage.random, 0.75, 1.0); 3];
+                one.board(-half, half + Vec3::Y * high, carton.tinted(grey));
+                if chance(&mut stage.random, 0.5) {
+                    let front = stage.palette.front(&mut stage.random);
+                    let (w, z) = (0.35 * half.x, half.z + 0.0005);
+                    let p = |x: f32, y: f32| Vec3::new(x, y, z);
+                    one.picture([p(-w, 0.3 * high), p(w, 0.3 * high), p(w, 0.7 * high), p(-w, 0.7 * high)], front);
+                }
+            }
+            3 => {
+                // An open crate.
+                let (w, d, h) = (between(&mut stage.random, 0.1, 0.2), 0.45 * deep, (free * 0.6).min(0.22));
+                let color = plastic.tinted(tint(stage));
+                let t = 0.004;
+                one.cuboid(Vec3::new(-w, 0.0, -d), Vec3::new(w, t, d), color);
+                for side in [-1.0f32, 1.0] {
+                    let (a, b) = (side * w, side * (w - t));
+                    one.cuboid(Vec3::new(a.min(b), t, -d), Vec3::new(a.max(b), h, d), color);
+                    let (a, b) = (side * d, side * (d - t));
+                    one.cuboid(Vec3::new(-w + t, t, a.min(b)), Vec3::new(w - t, h, a.max(b)), color);
+                }
+            }
+            4 => one = package(stage, 1.0).shape,
+            _ => one = can(stage).shape,
+        }
+        let (low, high) = one.bounds();
+        let width = high.x - low.x;
+        if x + width > most.x {
+            return;
+        }
+        if high.y < free {
+            let z = between(&mut stage.random, least.z - low.z, (most.z - high.z).max(least.z - low.z));
+            shape.add_at(&one, Vec3::new(x - low.x, least.y, z));
+        }
+        x += width + between(&mut stage.random, 0.005, 0.06);
+    }
+}
+
+/// Steel shelving, full of things; back at z = 0.
+pub(super) fn rack(stage: &mut Stage, fill: f32) -> Piece {
+    let paint = if chance(&mut stage.random, 0.5) { stage.palette.paint(Finish::Metal) } else { paint_of(stage) };
+    let half = 0.5 * between(&mut stage.random, 0.8, 1.8);
+    let depth = between(&mut stage.random, 0.32, 0.6);
+    let height = between(&mut stage.random, 1.5, 2.2).min(stage.plan.height_m - 0.1);
+    let levels = count(&mut stage.random, 3, 5);
+    let mut shape = Shape::default();
+    for x in [-half, half - 0.035] {
+        for z in [0.0, depth - 0.035] {
+            shape.cuboid(Vec3::new(x, 0.0, z), Vec3::new(x + 0.035, height, z + 0.035), paint);
+        }
+    }
+    let pitch = (height - 0.1) / levels as f32;
+    for k in 0..=levels {
+        let y = 0.08 + (pitch - 0.004) * k as f32;
+        shape.cuboid(Vec3::new(-half + 0.003, y - 0.03, 0.003), Vec3::new(half - 0.003, y, depth - 0.003), paint);
+        if k < levels {
+            let inside =
+                [Vec3::new(-half + 0.045, y + 0.0005, 0.01), Vec3::new(half - 0.045, y + pitch - 0.035, depth - 0.01)];
+            fill_level(stage, &mut shape, inside, fill);
+        }
+    }
+    Piece::new("rack", shape).with_front(0.5)
+}
+
+/// A heavy table of wood with a vice and a board below; back at z = 0.
+pub(super) fn workbench(stage: &mut Stage) -> Piece {
+    let wood = stage.palette.paint(Finish::Wood);
+    let steel = paint_of(stage);
+    let (half, depth, height) = (
+        0.5 * between(&mut stage.random, 1.2, 2.2),
+        between(&mut stage.random, 0.55, 0.75),
+        between(&mut stage.random, 0.82, 0.92),
+    );
+    let mut shape = Shape::default();
+    shape.rounded(Vec3::new(-half, height - 0.05, 0.0), Vec3::new(half, height, depth), 0.004, 1, wood);
+    let mut frame = Shape::default();
+    legs(&mut frame, Vec2::new(half - 0.04, 0.5 * depth - 0.03), height - 0.05, 0.03, false, steel);
+    shape.add_at(&frame, Vec3::Z * 0.5 * depth);
+    shape.board(Vec3::new(-half + 0.1, 0.16, 0.06), Vec3::new(half - 0.1, 0.18, depth - 0.06), wood);
+    let below = [Vec3::new(-half + 0.15, 0.181, 0.08), Vec3::new(half - 0.15, height - 0.1, depth - 0.08)];
+    fill_level(stage, &mut shape, below, 0.6);
+    // The vice's own place.
+    let x = -half + 0.16;
+    let cast = paint_of(stage);
+    shape.rounded(
+        Vec3::new(x - 0.06, height, depth - 0.26),
+        Vec3::new(x + 0.06, height + 0.06, depth - 0.1),
+        0.01,
+        1,
+        cast,
+    );
+    shape.rounded(
+        Vec3::new(x - 0.07, height + 0.05, depth - 0.2),
+        Vec3::new(x + 0.07, height + 0.13, depth - 0.15),
+        0.008,
+        1,
+        cast,
+    );
+    shape.rounded(
+        Vec3::new(x - 0.07, height + 0.05, depth - 0.1),
+        Vec3::new(x + 0.07, height + 0.13, depth - 0.05),
+        0.008,
+        1,
+        cast,
+    );
+    let metal = stage.palette.paint(Finish::Metal);
+    shape.bar(
+        Vec3::new(x, height + 0.08, depth - 0.2),
+        Vec3::new(x, height + 0.08, depth + 0.06),
+        [0.012; 2],
+        10,
+        metal,
+    );
+    shape.bar(
+        Vec3::new(x - 0.09, height + 0.08, depth + 0.05),
+        Vec3::new(x + 0.09, height + 0.08, depth + 0.05),
+        [0.006; 2],
+        8,
+        metal,
+    );
+    let free = Vec2::new(half - 0.18, 0.5 * depth - 0.04);
+    Piece::new("workbench", shape).with_front(0.5).with_top(Vec3::new(0.14, height, 0.5 * depth), free, 0.6)
+}
+
+/// Cupboards under a hard top with a shelf above it; back at z = 0.
+pub(super) fn laboratory_bench(stage: &mut Stage) -> Piece {
+    let front = stage.palette.paint(Finish::Gloss).tinted([between(&mut stage.random, 0.45, 0.85); 3]);
+    let grey = between(&mut stage.random, 0.03, 0.7);
+    let top = stage.palette.paint(Finish::Gloss).tinted([grey; 3]);
+    let metal = stage.palette.paint(Finish::Metal);
+    let units = count(&mut stage.random, 2, 4);
+    let (half, depth, height) = (0.3 * units as f32, between(&mut stage.random, 0.65, 0.8), 0.9);
+    let mut shape = Shape::default();
+    shape.board(Vec3::new(-half, 0.08, 0.02), Vec3::new(half, height - 0.03, depth - 0.05), front);
+    shape.cuboid(Vec3::new(-half + 0.02, 0.0, 0.04), Vec3::new(half - 0.02, 0.08, depth - 0.1), top.tinted([0.03; 3]));
+    shape.rounded(Vec3::new(-half, height - 0.03, 0.0), Vec3::new(half, height, depth), 0.004, 1, top);
+    for k in 0..units {
+        let [a, b] = [0.0, 1.0].map(|e| -half + 0.6 * (k as f32 + e));
+        shape.board(Vec3::new(a + 0.002, 0.1, depth - 0.05), Vec3::new(b - 0.002, height - 0.04, depth - 0.032), front);
+        handle(&mut shape, Vec3::new(0.5 * (a + b), height - 0.1, depth - 0.032), 0.12, metal);
+    }
+    for x in [-half + 0.02, half - 0.05] {
+        shape.cuboid(Vec3::new(x, height, 0.01), Vec3::new(x + 0.03, height + 0.62, 0.04), metal);
+    }
+    let y = height + 0.5;
+    shape.board(Vec3::new(-half, y, 0.005), Vec3::new(half, y + 0.02, 0.3), front);
+    shape.cuboid(Vec3::new(-half, height + 0.1, 0.005), Vec3::new(half, height + 0.2, 0.03), front.tinted([0.6; 3]));
+    let mut above = Shape::default();
+    fill_level(
+        stage,
+        &mut above,
+        [Vec3::new(-half + 0.05, y + 0.0205, 0.045), Vec3::new(half - 0.05, y + 0.36, 0.28)],
+        0.7,
+    );
+    shape.add_at(&above, Vec3::ZERO);
+    let free = Vec2::new(half - 0.06, 0.5 * depth - 0.06);
+    Piece::new("bench", shape).with_front(0.5).with_top(Vec3::new(0.0, height, 0.5 * depth + 0.03), free, 0.45)
+}
+
+/// An instrument with a display, knobs and sockets; stands on benches and in racks.
+pub(super) fn instrument(stage: &mut Stage) -> Piece {
+    let greys = [[0.6, 0.59, 0.54], [0.3, 0.31, 0.33], [0.08; 3], [0.55, 0.6, 0.66]];
+    let body = stage.palette.paint(Finish::Matte).tinted(pick(&mut stage.random, &greys));
+    let (w, h, d) = (
+        between(&mut stage.random, 0.1, 0.22),
+        between(&mut stage.random, 0.07, 0.26),
+        between(&mut stage.random, 0.1, 0.2),
+    );
+    let mut shape = Shape::default();
+    for x in [-0.8 * w, 0.8 * w] {
+        for z in [-0.7 * d, 0.7 * d] {
+            shape.bar(Vec3::new(x, 0.0, z), Vec3::new(x, 0.013, z), [0.01; 2], 8, body.tinted([0.02; 3]));
+        }
+    }
+    shape.board(Vec3::new(-w, 0.012, -d), Vec3::new(w, h, d), body);
+    let middle = 0.5 * (h + 0.012);
+    let on = chance(&mut stage.random, 0.6);
+    let half = Vec2::new(0.38 * w, 0.32 * (h - 0.012));
+    walls::screen(stage, &mut shape, half, Vec2::new(-0.5 * w, middle), d + 0.0006, on);
+    for k in 0..count(&mut stage.random, 3, 9) {
+        let at = Vec3::new(w * (0.08 + 0.22 * (k % 4) as f32), middle + h * (0.2 - 0.22 * (k / 4) as f32), d);
+        let color = body.tinted(tint(stage));
+        let (r, out) = (between(&mut stage.random, 0.004, 0.013), between(&mut stage.random, 0.004, 0.016));
+        shape.bar(at, at + Vec3::Z * out, [r; 2], 12, color);
+    }
+    Piece::new("instrument", shape)
+}
+
+/// A tall cabinet of units one above the other.
+pub(super) fn electronics(stage: &mut Stage) -> Piece {
+    let frame = dark(stage);
+    let (w, d) = (0.3, between(&mut stage.random, 0.5, 0.8));
+    let height = between(&mut stage.random, 1.2, 2.05).min(stage.plan.height_m - 0.1);
+    let mut shape = Shape::default();
+    shape.board(Vec3::new(-w, 0.0, 0.0), Vec3::new(w, height, d), frame);
+    let mut y = 0.1;
+    while y < height - 0.2 {
+        let high = 0.0444 * count(&mut stage.random, 1, 4) as f32;
+        if chance(&mut stage.random, 0.75) {
+            let grey = frame.tinted([between(&mut stage.random, 0.01, 0.5); 3]);
+            shape.cuboid(Vec3::new(-w + 0.03, y, d), Vec3::new(w - 0.03, y + high - 0.002, d + 0.012), grey);
+            let lit = between(&mut stage.random, 0.05, 0.5);
+            for k in 0..count(&mut stage.random, 2, 8) {
+                let x = -w + 0.06 + 0.055 * k as f32;
+                let color = pick(&mut stage.random, &[[0.02; 3], [0.05, lit, 0.05], [lit, 0.04, 0.02], [0.5; 3]]);
+                let (a, b) = (Vec3::new(x, y + 0.3 * high, d + 0.012), Vec3::new(x + 0.02, y + 0.6 * high, d + 0.015));
+                shape.cuboid(a, b, frame.tinted(color));
+            }
+        }
+        y += high;
+    }
+    Piece::new("electronics", shape).with_front(0.5)
+}
+
+/// A drill on a column, or a machine in a case with a panel.
+pub(super) fn machine(stage: &mut Stage) -> Piece {
+    let (body, metal) = (paint_of(stage), stage.palette.paint(Finish::Metal));
+    let black = dark(stage);
+    let mut shape = Shape::default();
+    if chance(&mut stage.random, 0.5) {
+        let height = between(&mut stage.random, 1.4, 1.8).min(stage.plan.height_m - 0.1);
+        shape.rounded(Vec3::new(-0.2, 0.0, 0.0), Vec3::new(0.2, 0.06, 0.55), 0.015, 1, body);
+        shape.bar(Vec3::new(0.0, 0.06, 0.14), Vec3::new(0.0, height - 0.05, 0.14), [0.04; 2], 16, metal);
+        let table = between(&mut stage.random, 0.75, 0.95);
+        shape.rounded(Vec3::new(-0.17, table, 0.18), Vec3::new(0.17, table + 0.04, 0.52), 0.01, 1, body);
+        shape.rounded(Vec3::new(-0.05, table - 0.05, 0.09), Vec3::new(0.05, table + 0.05, 0.2), 0.01, 1, body);
+        shape.rounded(Vec3::new(-0.13, height - 0.34, 0.02), Vec3::new(0.13, height, 0.5), 0.03, 2, body);
+        shape.bar(Vec3::new(0.0, height - 0.34, 0.35), Vec3::new(0.0, height - 0.46, 0.35), [0.03, 0.018], 14, metal);
+        shape.bar(Vec3::new(0.0, height - 0.45, 0.35), Vec3::new(0.0, height - 0.58, 0.35), [0.006, 0.005], 8, metal);
+        let hub = Vec3::new(0.15, height - 0.2, 0.3);
+        shape.bar(hub - Vec3::X * 0.02, hub + Vec3::X * 0.03, [0.03; 2], 12, black);
+        for k in 0..3 {
+            let angle = TAU * k as f32 / 3.0 + 0.4;
+            let tip = hub + Vec3::new(0.03, angle.cos() * 0.2, angle.sin() * 0.2);
+            shape.bar(hub + Vec3::X * 0.02, tip, [0.006; 2], 8, metal);
+            shape.ball(tip, [0.018, 0.018], 10, black);
+        }
+    } else {
+        let (w, h, d) = (
+            between(&mut stage.random, 0.3, 0.8),
+            between(&mut stage.random, 0.9, 1.6),
+            between(&mut stage.random, 0.45, 0.8),
+        );
+        shape.rounded(Vec3::new(-w, 0.08, 0.0), Vec3::new(w, h, d), 0.02, 1, body);
+        for x in [-w + 0.06, w - 0.06] {
+            for z in [0.06, d - 0.06] {
+                shape.bar(Vec3::new(x, 0.0, z), Vec3::new(x, 0.09, z), [0.035; 2], 10, black);
+            }
+        }
+        shape.rounded(Vec3::new(-0.7 * w, 0.45 * h, d - 0.01), Vec3::new(0.1 * w, 0.85 * h, d + 0.015), 0.01, 1, black);
+        let plate = body.tinted([0.6; 3]);
+        shape.board(Vec3::new(0.25 * w, 0.55 * h, d - 0.01), Vec3::new(0.9 * w, 0.9 * h, d + 0.012), plate);
+        for k in 0..6 {
+            let at = Vec3::new(w * (0.35 + 0.2 * (k % 3) as f32), h * (0.82 - 0.12 * (k / 3) as f32), d + 0.01);
+            let color = pick(&mut stage.random, &[[0.5, 0.02, 0.02], [0.03, 0.3, 0.05], [0.03; 3], [0.6, 0.5, 0.03]]);
+            shape.bar(at, at + Vec3::Z * 0.025, [0.016; 2], 12, black.tinted(color));
+        }
+        handle(&mut shape, Vec3::new(-0.3 * w, 0.3 * h, d), 0.2, metal);
+    }
+    Piece::new("machine", shape).with_front(0.5)
+}
+
+/// A washing machine or a boiler.
+pub(super) fn appliance(stage: &mut Stage) -> Piece {
+    let white = stage.palette.paint(Finish::Gloss).tinted([between(&mut stage.random, 0.6, 0.85); 3]);
+    let metal = stage.palette.paint(Finish::Metal);
+    let black = dark(stage);
+    let mut shape = Shape::default();
+    if chance(&mut stage.random, 0.5) {
+        shape.rounded(Vec3::new(-0.3, 0.0, 0.02), Vec3::new(0.3, 0.85, 0.6), 0.012, 1, white);
+        let middle = Vec3::new(0.0, 0.42, 0.6);
+        shape.bar(middle - Vec3::Z * 0.01, middle + Vec3::Z * 0.025, [0.19, 0.175], 32, metal);
+        shape.bar(middle, middle + Vec3::Z * 0.03, [0.14, 0.11], 32, black);
+        shape.cuboid(Vec3::new(-0.27, 0.72, 0.59), Vec3::new(-0.1, 0.82, 0.603), white.tinted([0.5; 3]));
+        shape.bar(Vec3::new(0.15, 0.77, 0.59), Vec3::new(0.15, 0.77, 0.62), [0.03; 2], 18, metal);
+        return Piece::new("washing machine", shape).with_front(0.6).with_top(
+            Vec3::new(0.0, 0.85, 0.3),
+            Vec2::new(0.25, 0.23),
+            0.6,
+        );
+    }
+    let (r, h) =
+        (between(&mut stage.random, 0.22, 0.36), between(&mut stage.random, 1.1, 1.6).min(stage.plan.height_m - 0.5));
+    let at = Vec3::Z * (r + 0.08);
+    shape.lathe(
+        at,
+        &[[0.9 * r, 0.0], [0.9 * r, 0.06], [r, 0.1], [r, h - 0.12], [0.85 * r, h - 0.03], [0.4 * r, h]],
+        36,
+        white,
+    );
+    for x in [-0.4 * r, 0.4 * r] {
+        let foot = at + Vec3::new(x, h - 0.05, 0.0);
+        let bend = Vec3::new(foot.x, h + 0.22, foot.z);
+        shape.pipe(&[foot, bend, Vec3::new(foot.x, h + 0.22, 0.02)], 0.014, 10, metal);
+    }
+    shape.rounded(
+        at + Vec3::new(-0.1, 0.5 * h, r - 0.02),
+        at + Vec3::new(0.1, 0.5 * h + 0.14, r + 0.05),
+        0.01,
+        1,
+        black,
+    );
+    Piece::new("boiler", shape)
+}
+
+/// One to three pipes along a wall, held by clamps.
+pub(super) fn pipes(stage: &mut Stage) -> Hanging {
+    let half = between(&mut stage.random, 0.6, 2.4);
+    let (metal, white) = (stage.palette.paint(Finish::Metal), stage.palette.paint(Finish::Gloss));
+    let mut shape = Shape::default();
+    let mut y = 0.0;
+    for _ in 0..count(&mut stage.random, 1, 3) {
+        let r = between(&mut stage.random, 0.01, 0.055);
+        let paint = match count(&mut stage.random, 0, 2) {
+            0 => metal,
+            1 => white.tinted([between(&mut stage.random, 0.5, 0.8); 3]),
+            _ => white.tinted(tint(stage)),
+        };
+        y += r;
+        let z = r + 0.03;
+        shape.bar(Vec3::new(-half, y, z), Vec3::new(half, y, z), [r; 2], 14, paint);
+        for k in 0..3 {
+            let x = half * (k as f32 - 1.0) * 0.85;
+            let low = Vec3::new(x - 0.012, y - r - 0.003, 0.0);
+            shape.cuboid(low, Vec3::new(x + 0.012, y + r + 0.003, 2.0 * r + 0.033), metal);
+        }
+        y += r + between(&mut stage.random, 0.02, 0.07);
+    }
+    Hanging { name: "pipes", shape }
+}
+
+/// A board with tools hung up on it.
+pub(super) fn tool_wall(stage: &mut Stage) -> Hanging {
+    let board = if chance(&mut stage.random, 0.5) { stage.palette.paint(Finish::Wood) } else { paint_of(stage) };
+    let (metal, black) = (stage.palette.paint(Finish::Metal), dark(stage));
+    let gloss = stage.palette.paint(Finish::Gloss);
+    let half = Vec2::new(between(&mut stage.random, 0.5, 1.0), between(&mut stage.random, 0.35, 0.55));
+    let mut shape = Shape::default();
+    shape.board(Vec3::new(-half.x, -half.y, 0.001), Vec3::new(half.x, half.y, 0.02), board);
+    let z = 0.035;
+    let rows = (half.y / 0.19) as usize;
+    for row in 0..rows {
+        let top = half.y - 0.05 - 2.0 * half.y * row as f32 / rows as f32;
+        let mut x = -half.x + 0.06;
+        while x < half.x - 0.12 {
+            let p = |dx: f32, dy: f32| Vec3::new(x + dx, top - dy, z);
+            let grip = gloss.tinted(tint(stage));
+            let long = between(&mut stage.random, 0.16, 0.28);
+            match count(&mut stage.random, 0, 4) {
+                0 => {
+                    // A hammer.
+                    shape.bar(p(0.0, 0.02), p(0.0, long), [0.011, 0.014], 10, grip);
+                    shape.rounded(p(-0.05, 0.035) - Vec3::Z * 0.014, p(0.05, 0.0) + Vec3::Z * 0.014, 0.004, 1, black);
+                    x += 0.05;
+                }
+                1 => {
+                    // Screwdrivers.
+                    for k in 0..3 {
+                        let dx = 0.035 * k as f32;
+                        shape.bar(p(dx, 0.0), p(dx, 0.09), [0.013, 0.011], 10, grip);
+                        shape.bar(p(dx, 0.09), p(dx, long), [0.003; 2], 6, metal);
+                    }
+                    x += 0.07;
+                }
+                2 => {
+                    // A saw.
+                    let teeth = [p(0.0, 0.09), p(0.3, 0.06), p(0.3, 0.03), p(0.0, 0.0)];
+                    if x + 0.32 < half.x - 0.02 {
+                        let first = shape.triangles.len();
+                        shape.polygon(&teeth, metal);
+                        shape.close_part(first);
+                        shape.rounded(p(-0.03, 0.11) - Vec3::Z * 0.01, p(0.05, 0.0) + Vec3::Z * 0.01, 0.008, 1, grip);
+                        x += 0.3;
+                    }
+                }
+                3 => {
+                    // Spanners.
+                    for k in 0..4 {
+                        let (dx, length) = (0.04 * k as f32, long - 0.025 * k as f32);
+                        shape.bar(p(dx, 0.01), p(dx, length), [0.006; 2], 6, metal);
+                        for end in [0.01, length] {
+                            let hub = p(dx, end);
+                            shape.bar(hub - Vec3::Z * 0.005, hub + Vec3::Z * 0.005, [0.013; 2], 10, metal);
+                        }
+                    }
+                    x += 0.13;
+                }
+                _ => {
+                    // Pliers.
+                    shape.bar(p(-0.012, 0.06), p(-0.03, long), [0.008; 2], 8, grip);
+                    shape.bar(p(0.012, 0.06), p(0.03, long), [0.008; 2], 8, grip);
+                    shape.bar(p(0.0, 0.07), p(0.0, 0.0), [0.016, 0.006], 8, metal);
+                    x += 0.05;
+                }
+            }
+            x += between(&mut stage.random, 0.06, 0.14);
+        }
+    }
+    Hanging { name: "tools", shape }
+}
+
+pub(super) fn ladder(stage: &mut Stage) -> Piece {
+    let metal = stage.palette.paint(Finish::Metal);
+    let height = between(&mut stage.random, 0.9, 1.9).min(stage.plan.height_m - 0.3);
+    let spread = 0.24 * height;
+    let mut shape = Shape::default();
+    for side in [-1.0f32, 1.0] {
+        let x = 0.2 * side;
+        shape.bar(Vec3::new(x * 1.2, 0.012, spread), Vec3::new(x, height, 0.0), [0.014; 2], 8, metal);
+        shape.bar(Vec3::new(x * 1.2, 0.012, -spread), Vec3::new(x, height, 0.0), [0.012; 2], 8, metal);
+    }
+    let steps = (height / 0.26) as usize;
+    for k in 1..steps {
+        let t = k as f32 / steps as f32;
+        let (w, z) = (0.24 - 0.04 * t, spread * (1.0 - t));
+        shape.board(Vec3::new(-w, height * t - 0.012, z - 0.03), Vec3::new(w, height * t + 0.012, z + 0.03), metal);
+    }
+    shape.board(Vec3::new(-0.21, height - 0.01, -0.06), Vec3::new(0.21, height + 0.02, 0.06), metal);
+    Piece::new("ladder", shape)
+}
+
+/// A barrel or a bucket.
+pub(super) fn barrel(stage: &mut Stage) -> Piece {
+    let paint = stage.palette.paint(Finish::Gloss).tinted(tint(stage));
+    let mut shape = Shape::default();
+    if chance(&mut stage.random, 0.5) {
+        let (r, h) = (between(&mut stage.random, 0.2, 0.29), between(&mut stage.random, 0.6, 0.88));
+        let mut profile = vec![[0.97 * r, 0.0]];
+        for k in 0..3 {
+            let y = h * (0.02 + 0.47 * k as f32);
+            profile.extend([[r, y], [1.03 * r, y + 0.012], [r, y + 0.025]]);
+        }
+        profile.push([0.96 * r, h]);
+        shape.lathe(Vec3::ZERO, &profile, 32, paint);
+    } else {
+        let (r, h) = (between(&mut stage.random, 0.09, 0.16), between(&mut stage.random, 0.12, 0.32));
+        let front = stage.palette.front(&mut stage.random);
+        let t = 0.003;
+        shape.lathe(Vec3::ZERO, &[[r, 0.0], [r, h], [r - t, h], [r - t, 0.6 * h], [0.0, 0.6 * h]], 28, paint);
+        shape.label(Vec3::Y * 0.2 * h, r + 0.0006, 0.55 * h, 28, front);
+    }
+    Piece::new("barrel", shape)
+}
+
+/// Three legs with a camera or a lamp's head on them.
+pub(super) fn tripod(stage: &mut Stage) -> Piece {
+    let black = dark(stage);
+    let height = between(&mut stage.random, 1.1, 1.6);
+    let mut shape = Shape::default();
+    for k in 0..3 {
+        let angle = TAU * k as f32 / 3.0;
+        let foot = Vec3::new(angle.cos() * 0.4, 0.012, angle.sin() * 0.4);
+        shape.bar(foot, Vec3::Y * (height - 0.1), [0.009, 0.014], 8, black);
+    }
+    shape.bar(Vec3::Y * (height - 0.3), Vec3::Y * height, [0.012; 2], 10, black);
+    let turn = Quat::from_rotation_y(between(&mut stage.random, 0.0, TAU));
+    let mut head = Shape::default();
+    head.rounded(Vec3::new(-0.07, 0.0, -0.04), Vec3::new(0.07, 0.1, 0.04), 0.012, 1, black);
+    head.bar(Vec3::new(0.0, 0.05, 0.03), Vec3::new(0.0, 0.05, 0.12), [0.036, 0.04], 18, black.tinted([0.02; 3]));
+    shape.add(&head, turn, Vec3::Y * height);
+    Piece::new("tripod", shape)
+}
+
+/// From the floor to the ceiling.
+pub(super) fn pillar(stage: &mut Stage) -> Piece {
+    let paint = stage.palette.paint(if chance(&mut stage.random, 0.5) { Finish::Wall } else { Finish::Trim });
+    let top = stage.plan.height_m - 0.008;
+    let r = between(&mut stage.random, 0.12, 0.3);
+    let mut shape = Shape::default();
+    if chance(&mut stage.random, 0.4) {
+        shape.lathe(Vec3::ZERO, &[[r, 0.0], [r, top]], 32, paint);
+    } else {
+        shape.board(Vec3::new(-r, 0.0, -r), Vec3::new(r, top, r), paint);
+    }
+    Piece::new("pillar", shape)
+}

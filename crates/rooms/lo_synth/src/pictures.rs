@@ -1,0 +1,237 @@
+//! Real pictures of the user's, for posters, screens, covers and labels.
+
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use lo_geometry::{Camera, Vec2, uv_from_direction};
+use lo_imaging::{Image, Photo, RadianceImage, ToneCurve, linear_from_srgb8, luminance, resize, srgb8_from_linear};
+use lo_random::Stream;
+
+use crate::chance::{between, chance, count};
+use crate::config::SynthConfig;
+use crate::error::SynthError;
+
+/// Files that one room's pictures are cut from.
+const OF_A_ROOM: usize = 5;
+/// Longest side of what is kept of a photo and of a panorama, pixels.
+const PHOTO_PX: usize = 1024;
+const PANORAMA_PX: usize = 1536;
+/// Pixels of a crop's longer side.
+const CROP_PX: usize = 256;
+/// Reflectance of the paper's white.
+const WHITE: f32 = 0.85;
+
+/// Pictures that are kept when they have been read, so that the next room need not: at most [`KEPT`], newest last. What a file holds does not
+/// depend on who asks.
+static READ: Mutex<VecDeque<(PathBuf, Arc<Source>)>> = Mutex::new(VecDeque::new());
+const KEPT: usize = 40;
+
+/// A picture of the folder, as sRGB codes.
+#[derive(Debug)]
+struct Source {
+    image: Image<[u8; 3]>,
+    /// Equirectangular: crops are what a camera in it sees.
+    panorama: bool,
+}
+
+/// The pictures that a room may show.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Pictures {
+    sources: Vec<Arc<Source>>,
+    share: f32,
+}
+
+impl Pictures {
+    /// Chooses some of the folders' files for a room and reads them.
+    ///
+    /// # Errors
+    /// Folders that cannot be listed or hold no picture; files that cannot be read.
+    pub(crate) fn load(random: &mut Stream, config: &SynthConfig) -> Result<Self, SynthError> {
+        if config.picture_folders.is_empty() || config.picture_share <= 0.0 {
+            return Ok(Self::default());
+        }
+        let mut files = Vec::new();
+        for folder in &config.picture_folders {
+            let found = pictures_in(folder)?;
+            if found.is_empty() {
+                return Err(SynthError::NoPicture { path: folder.clone() });
+            }
+            files.extend(found);
+        }
+        let sources = (0..OF_A_ROOM.min(files.len()))
+            .map(|_| source(&files[count(random, 0, files.len() - 1)]))
+            .collect::<Result<_, _>>()?;
+        Ok(Self { sources, share: config.picture_share })
+    }
+
+    /// With the configured share a part of one of the pictures, `aspect` times as wide as high, sRGB.
+    pub(crate) fn crop(&self, random: &mut Stream, aspect: f32) -> Option<Image<[u8; 3]>> {
+        if self.sources.is_empty() || !chance(random, self.share) {
+            return None;
+        }
+        let source = &self.sources[count(random, 0, self.sources.len() - 1)];
+        let aspect = aspect.clamp(0.2, 5.0);
+        let side = |share: f32| ((CROP_PX as f32 * share.min(1.0)).round() as usize).max(8);
+        let (width, height) = (side(aspect), side(1.0 / aspect));
+        Some(if source.panorama {
+            view_in(random, &source.image, width, height)
+        } else {
+            part_of(random, &source.image, width, height)
+        })
+    }
+}
+
+/// The same on paper: RGBA codes of its reflectance.
+pub(crate) fn printed(image: &Image<[u8; 3]>) -> Image<[u8; 4]> {
+    image.map(|rgb| {
+        let [r, g, b] = rgb.map(|code| srgb8_from_linear((WHITE * linear_from_srgb8(code)).max(0.003)));
+        [r, g, b, 255]
+    })
+}
+
+fn pictures_in(folder: &Path) -> Result<Vec<PathBuf>, SynthError> {
+    let failed = |source| SynthError::PictureFolder { path: folder.to_owned(), source };
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+        if matches!(extension.as_str(), "jpg" | "jpeg" | "png" | "webp" | "hdr" | "exr") {
+            files.push(path);
+        }
+    }
+    // The order of a directory differs from machine to machine.
+    files.sort();
+    Ok(files)
+}
+
+fn source(path: &Path) -> Result<Arc<Source>, SynthError> {
+    let found = |read: &VecDeque<(PathBuf, Arc<Source>)>| {
+        read.iter().find(|(known, _)| known == path).map(|(_, source)| Arc::clone(source))
+    };
+    if let Some(source) = found(&READ.lock().unwrap_or_else(PoisonError::into_inner)) {
+        return Ok(source);
+    }
+    // Not under the lock: other threads read other pictures meanwhile.
+    let photo = lo_imaging::read_photo(path).map_err(SynthError::Picture)?.photo;
+    let panorama = photo.width() == 2 * photo.height();
+    let longest = if panorama { PANORAMA_PX } else { PHOTO_PX };
+    let hdr = matches!(photo, Photo::Linear(_));
+    let radiance = reduced(photo.into_radiance(), longest);
+    let image = if hdr { developed(&radiance) } else { ToneCurve::Clip.map(&radiance, 0.0) };
+    let source = Arc::new(Source { image, panorama });
+    let mut read = READ.lock().unwrap_or_else(PoisonError::into_inner);
+    read.push_back((path.to_owned(), Arc::clone(&source)));
+    if read.len() > KEPT {
+        read.pop_front();
+    }
+    Ok(source)
+}
+
+fn reduced(image: RadianceImage, longest: usize) -> RadianceImage {
+    let scale = longest as f32 / image.width().max(image.height()).max(1) as f32;
+    if scale >= 1.0 {
+        return image;
+    }
+    let side = |length: usize| ((length as f32 * scale).round() as usize).max(1);
+    resize(&image, side(image.width()), side(image.height()))
+}
+
+/// Its median becomes the grey card, highlights are bent.
+fn developed(radiance: &RadianceImage) -> Image<[u8; 3]> {
+    let mut light: Vec<f32> = radiance.pixels().iter().map(|&rgb| luminance(rgb)).filter(|l| l.is_finite()).collect();
+    light.sort_by(f32::total_cmp);
+    let median = light.get(light.len() / 2).copied().unwrap_or(1.0).max(1e-6);
+    ToneCurve::Aces.map(radiance, (0.18 / median).log2())
+}
+
+/// A rectangle of the picture, from a third of it to as much as fits.
+fn part_of(random: &mut Stream, image: &Image<[u8; 3]>, width: usize, height: usize) -> Image<[u8; 3]> {
+    let (whole_x, whole_y) = (image.width() as f32, image.height() as f32);
+    let aspect = width as f32 / height as f32;
+    let most = (whole_x / aspect).min(whole_y);
+    let rows = most * between(random, 0.35, 1.0);
+    let size = [(rows * aspect).max(1.0) as usize, rows.max(1.0) as usize];
+    let from = [image.width() - size[0], image.height() - size[1]].map(|room| count(random, 0, room));
+    let part =
+        RadianceImage::from_fn(size[0], size[1], |x, y| image[(from[0] + x, from[1] + y)].map(linear_from_srgb8));
+    ToneCurve::Clip.map(&resize(&part, width, height), 0.0)
+}
+
+/// What a level camera somewhere in the panorama sees; its pixels are about as fine as the panorama's.
+fn view_in(random: &mut Stream, image: &Image<[u8; 3]>, width: usize, height: usize) -> Image<[u8; 3]> {
+    let longer = between(random, 45.0, 80.0f32).to_radians();
+    let focal = 0.5 * width.max(height) as f64 / f64::from(0.5 * longer).tan();
+    let (cx, cy) = (0.5 * width as f64, 0.5 * height as f64);
+    let camera = Camera { fx: focal, fy: focal, cx, cy, width: width as u32, height: height as u32 };
+    let turn =
+        lo_imaging::view_rotation(between(random, 0.0, std::f32::consts::TAU), between(random, -0.25, 0.35), 0.0);
+    Image::from_fn(width, height, |x, y| {
+        let Vec2 { x: u, y: v } = uv_from_direction(turn * camera.direction(x as f64 + 0.5, y as f64 + 0.5));
+        let at = |share: f32, length: usize| ((share.max(0.0) * length as f32) as usize).min(length - 1);
+        image[(at(u, image.width()), at(v, image.height()))]
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    fn folder() -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        // left half red, right half blue
+        let photo = Image::from_fn(300, 200, |x, _| if x < 150 { [200u8, 10, 10] } else { [10, 10, 200] });
+        lo_imaging::write_photo(folder.path().join("a.png"), &Photo::Srgb8(photo), "tests").unwrap();
+        std::fs::write(folder.path().join("notes.txt"), "no picture").unwrap();
+        folder
+    }
+
+    #[test]
+    fn crops_are_of_the_folders_pictures_and_of_the_shape_asked_for() {
+        let folder = folder();
+        let config = SynthConfig {
+            picture_folders: vec![folder.path().to_owned()],
+            picture_share: 1.0,
+            ..SynthConfig::default()
+        };
+        let pictures = Pictures::load(&mut lo_random::stream(1, "pictures", 0), &config).unwrap();
+        let mut random = lo_random::stream(1, "crop", 0);
+        for _ in 0..20 {
+            let crop = pictures.crop(&mut random, 0.5).unwrap();
+            assert_eq!((crop.width(), crop.height()), (128, 256));
+            let known = |p: &[u8; 3]| p[1] < 30 && (u16::from(p[0]) + u16::from(p[2])).abs_diff(210) < 120;
+            assert!(crop.pixels().iter().all(known));
+            // on paper nothing is whiter than paper
+            assert!(printed(&crop).pixels().iter().all(|p| p[0] <= 190));
+        }
+        let none = SynthConfig { picture_share: 0.0, ..config };
+        let none = Pictures::load(&mut random, &none).unwrap();
+        assert!(none.crop(&mut random, 1.0).is_none());
+    }
+
+    #[test]
+    fn panoramas_are_seen_by_a_camera_within() {
+        // as red as its column is far to the right
+        let image = Image::from_fn(512, 256, |x, _| [(x / 2) as u8, 0, 0]);
+        let mut random = lo_random::stream(2, "crop", 0);
+        for _ in 0..10 {
+            let view = view_in(&mut random, &image, 64, 48);
+            let (left, right) = (i32::from(view[(0, 24)][0]), i32::from(view[(63, 24)][0]));
+            // 45 to 80 degrees of 256
+            assert!((30..60).contains(&(right - left).rem_euclid(256)), "{left} {right}");
+        }
+    }
+
+    #[test]
+    fn folders_without_pictures_are_named() {
+        let empty = tempfile::tempdir().unwrap();
+        let load = |folder: &Path| {
+            let config =
+                SynthConfig { picture_folders: vec![folder.to_owned()], picture_share: 0.5, ..SynthConfig::default() };
+            Pictures::load(&mut lo_random::stream(1, "", 0), &config).unwrap_err().to_string()
+        };
+        assert!(load(empty.path()).contains("holds no picture"));
+        assert!(load(&empty.path().join("missing")).contains("missing"));
+    }
+}
