@@ -3,6 +3,8 @@
 mod bathroom;
 mod beds;
 mod clutter;
+mod fittings;
+mod goods;
 mod groups;
 mod kitchen;
 mod litter;

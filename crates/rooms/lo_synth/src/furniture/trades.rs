@@ -4,7 +4,7 @@ use lo_geometry::Vec2;
 
 use super::clutter::put_on;
 use super::groups::{alone, desk_group, dining_group};
-use super::{seating, storage, walls, works};
+use super::{fittings, seating, storage, walls, works};
 use crate::chance::{between, chance, count};
 use crate::stage::{Along, Piece, Stage};
 
@@ -54,7 +54,7 @@ pub(super) fn laboratory(stage: &mut Stage, clutter: f32, screens: bool) {
         walls::hang(stage, &board, 1.5, None);
     }
     if chance(&mut stage.random, 0.4) {
-        let tripod = works::tripod(stage);
+        let tripod = fittings::tripod(stage);
         stage.freely(&alone(tripod), None, 0.05);
     }
     pipes(stage, 2);
@@ -65,7 +65,7 @@ pub(super) fn workshop(stage: &mut Stage, clutter: f32) {
         let bench = works::workbench(stage);
         if let Some(placed) = stage.against_wall(&alone(bench), Along::Anywhere) {
             let over = stage.box_of(placed[0]);
-            let tools = works::tool_wall(stage);
+            let tools = fittings::tool_wall(stage);
             walls::hang(stage, &tools, 1.62, Some(over));
         }
     }
@@ -100,7 +100,7 @@ pub(super) fn cellar(stage: &mut Stage, clutter: f32) {
 /// A few large things in much space.
 pub(super) fn hall(stage: &mut Stage, clutter: f32, screens: bool) {
     for _ in 0..count(&mut stage.random, 0, 4) {
-        let pillar = works::pillar(stage);
+        let pillar = fittings::pillar(stage);
         stage.freely(&alone(pillar), None, 0.4);
     }
     for _ in 0..count(&mut stage.random, 1, 5) {
@@ -112,7 +112,7 @@ pub(super) fn hall(stage: &mut Stage, clutter: f32, screens: bool) {
     let racks = count(&mut stage.random, 0, 4);
     along_walls(stage, racks, |stage| works::rack(stage, 0.3 + 0.6 * clutter));
     for _ in 0..count(&mut stage.random, 0, 3) {
-        let tripod = works::tripod(stage);
+        let tripod = fittings::tripod(stage);
         stage.freely(&alone(tripod), None, 0.1);
     }
     loose(stage, 6);
@@ -134,9 +134,9 @@ pub(super) fn empty(stage: &mut Stage) {
 fn loose(stage: &mut Stage, most: usize) {
     for _ in 0..count(&mut stage.random, 0, most) {
         let piece = match count(&mut stage.random, 0, 3) {
-            0 => works::ladder(stage),
+            0 => fittings::ladder(stage),
             1 => storage::boxes(stage),
-            _ => works::barrel(stage),
+            _ => fittings::barrel(stage),
         };
         if chance(&mut stage.random, 0.5) {
             stage.freely(&alone(piece), None, 0.05);
@@ -148,7 +148,7 @@ fn loose(stage: &mut Stage, most: usize) {
 
 fn pipes(stage: &mut Stage, most: usize) {
     for _ in 0..count(&mut stage.random, 1, most) {
-        let one = works::pipes(stage);
+        let one = fittings::pipes(stage);
         let top = stage.plan.height_m - one.shape.bounds().1.y - 0.05;
         let y = if chance(&mut stage.random, 0.7) { top } else { between(&mut stage.random, 0.2, top) };
         walls::hang(stage, &one, y, None);
