@@ -55,6 +55,8 @@ impl Validation {
                 Ok(sample) if sample.depth_m.is_some() && !sample.points.is_empty() => {
                     samples.push(Sample { radiance: None, normal: None, albedo: None, sensor_depth_m: None, ..sample });
                 }
+                // Photos of panoramas: their cameras are asked for below.
+                Ok(sample) if sample.up.is_some() && sample.points.is_empty() => {}
                 Ok(sample) => {
                     let error = Unusable::Missing("true depth or surface points").to_string();
                     passed_over(Warning::SamplePassedOver { sample: sample.id, error });
