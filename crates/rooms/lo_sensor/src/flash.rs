@@ -1,10 +1,7 @@
 use lo_geometry::Vec3;
 use lo_imaging::RadianceImage;
 
-use crate::DepthView;
-
-/// What a unit of radiance stands for, cd/m².
-const UNIT_CD_M2: f32 = 100.0;
+use crate::{DepthView, UNIT_CD_M2};
 
 /// Radiance, in units of 100 cd/m², with the light of a flash at the camera added: `intensity_cd` candela ahead, falling with the square of the
 /// cosine aside and of the distance; surfaces scatter it by their base colour. Panes and mirrors show none of it.

@@ -24,3 +24,6 @@ pub use metering::{Metering, meter};
 pub use phone::{PhoneModel, PhoneSettings};
 pub use photo::{PhotoSettings, Photograph};
 pub use photo_model::{CurveShares, PhotoModel};
+
+/// What a unit of radiance stands for, cd/m²; `lo_synth` makes rooms in the same unit.
+const UNIT_CD_M2: f32 = 100.0;

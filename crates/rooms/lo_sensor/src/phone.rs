@@ -5,7 +5,7 @@ use lo_random::{RngExt, Stream};
 use serde::{Deserialize, Serialize};
 
 use crate::blur::blurred;
-use crate::{Interval, ResponseCurve};
+use crate::{Interval, ResponseCurve, UNIT_CD_M2};
 
 /// A phone's processing, as ranges.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -65,8 +65,6 @@ pub struct PhoneSettings {
 const F_NUMBER: f32 = 1.8;
 /// Constant of reflected-light meters (ISO 2720), cd s/m².
 const METER_K: f32 = 12.5;
-/// What a unit of radiance stands for, cd/m².
-const UNIT_CD_M2: f32 = 100.0;
 
 /// Half of the side of the window that the base layer is made from, as a share of the picture's longer side.
 const BASE_RADIUS: f32 = 0.04;

@@ -10,6 +10,7 @@ mod config;
 mod description;
 mod doors;
 mod error;
+mod folder;
 mod furniture;
 mod glb;
 mod interior;

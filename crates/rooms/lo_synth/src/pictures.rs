@@ -11,7 +11,9 @@ use lo_random::Stream;
 use crate::chance::{between, chance, count};
 use crate::config::SynthConfig;
 use crate::error::SynthError;
+use crate::folder::files_in;
 
+const EXTENSIONS: [&str; 6] = ["jpg", "jpeg", "png", "webp", "hdr", "exr"];
 /// Files that one room's pictures are cut from.
 const OF_A_ROOM: usize = 5;
 /// Longest side of what is kept of a photo and of a panorama, pixels.
@@ -53,7 +55,8 @@ impl Pictures {
         }
         let mut files = Vec::new();
         for folder in &config.picture_folders {
-            let found = pictures_in(folder)?;
+            let failed = |source| SynthError::PictureFolder { path: folder.clone(), source };
+            let found = files_in(folder, &EXTENSIONS).map_err(failed)?;
             if found.is_empty() {
                 return Err(SynthError::NoPicture { path: folder.clone() });
             }
@@ -88,21 +91,6 @@ pub(crate) fn printed(image: &Image<[u8; 3]>) -> Image<[u8; 4]> {
         let [r, g, b] = rgb.map(|code| srgb8_from_linear((WHITE * linear_from_srgb8(code)).max(0.003)));
         [r, g, b, 255]
     })
-}
-
-fn pictures_in(folder: &Path) -> Result<Vec<PathBuf>, SynthError> {
-    let failed = |source| SynthError::PictureFolder { path: folder.to_owned(), source };
-    let mut files = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(failed)? {
-        let path = entry.map_err(failed)?.path();
-        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-        if matches!(extension.as_str(), "jpg" | "jpeg" | "png" | "webp" | "hdr" | "exr") {
-            files.push(path);
-        }
-    }
-    // The order of a directory differs from machine to machine.
-    files.sort();
-    Ok(files)
 }
 
 fn source(path: &Path) -> Result<Arc<Source>, SynthError> {

@@ -1,4 +1,4 @@
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use lo_geometry::{pixel_direction, pixel_solid_angle_sr};
 use lo_imaging::{RadianceImage, luminance};
@@ -7,6 +7,7 @@ use lo_transport::{Outdoors, Sun};
 
 use crate::chance::{between, count};
 use crate::error::SynthError;
+use crate::folder::files_in;
 use crate::photometry::SUN_RADIUS_RAD;
 
 const HEIGHT: usize = 256;
@@ -16,16 +17,7 @@ const SUN_RATIO: f32 = 60.0;
 /// One of the folder's panoramas, turned about the vertical, its sky as bright as skies are by day.
 pub(super) fn pick(random: &mut Stream, folder: &Path) -> Result<Outdoors, SynthError> {
     let failed = |source| SynthError::Folder { path: folder.to_owned(), source };
-    let mut files: Vec<PathBuf> = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(failed)? {
-        let path = entry.map_err(failed)?.path();
-        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-        if matches!(extension.as_str(), "hdr" | "exr") {
-            files.push(path);
-        }
-    }
-    // The order of a directory differs from machine to machine.
-    files.sort();
+    let files = files_in(folder, &["hdr", "exr"]).map_err(failed)?;
     if files.is_empty() {
         return Err(SynthError::NoPanorama { path: folder.to_owned() });
     }

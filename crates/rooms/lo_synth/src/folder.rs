@@ -1,0 +1,16 @@
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Files of a folder with one of these extensions, in lower case, whichever case they have, sorted: the order of a directory differs from machine to machine.
+pub(crate) fn files_in(folder: &Path, extensions: &[&str]) -> io::Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder)? {
+        let path = entry?.path();
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+        if extensions.contains(&extension.as_str()) {
+            files.push(path);
+        }
+    }
+    files.sort();
+    Ok(files)
+}
