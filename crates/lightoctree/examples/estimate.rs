@@ -4,7 +4,7 @@ use std::error::Error;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use lightoctree::{EstimateOptions, Estimator, Event, Input, camera_of_photo, imaging};
+use lightoctree::{EstimateOptions, Estimator, Event, Input, imaging};
 
 const PHOTO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../apps/lightoctree-cli/assets/library_color.jpg");
 
@@ -17,8 +17,9 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// Reads, estimates, writes.
 pub fn run(photo: &Path, scene: &Path) -> Result<(), Box<dyn Error>> {
     let photo = imaging::read_photo(photo)?;
-    // From EXIF where there is any; a camera of 65 degrees across else.
-    let (camera, _source) = camera_of_photo(&photo)?;
+    let estimator = Estimator::shipped()?;
+    // From EXIF where there is any; else the network tells the lens from the photo.
+    let (camera, _source) = estimator.camera_of(&photo)?;
     let input = Input::Photo { photo: photo.photo, camera };
     // Every step says what it does, and the answer decides whether the next one follows.
     let mut on_event = |event| {
@@ -29,6 +30,6 @@ pub fn run(photo: &Path, scene: &Path) -> Result<(), Box<dyn Error>> {
         }
         ControlFlow::Continue(())
     };
-    let estimated = Estimator::shipped()?.estimate(input, &EstimateOptions::default(), &mut on_event)?;
+    let estimated = estimator.estimate(input, &EstimateOptions::default(), &mut on_event)?;
     Ok(estimated.write(scene, "example estimate")?)
 }

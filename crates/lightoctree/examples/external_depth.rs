@@ -4,7 +4,7 @@ use std::error::Error;
 use std::path::Path;
 
 use lightoctree::scene::Frame;
-use lightoctree::{EstimateOptions, Estimator, Input, camera_of_photo, events, imaging};
+use lightoctree::{EstimateOptions, Estimator, Input, events, imaging};
 
 const PHOTO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../apps/lightoctree-cli/assets/library_color.jpg");
 const DEPTH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../apps/lightoctree-cli/assets/library_lidar_depth.png");
@@ -18,12 +18,13 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// Reads, estimates, writes.
 pub fn run(photo: &Path, depth: &Path, scene: &Path) -> Result<(), Box<dyn Error>> {
     let photo = imaging::read_photo(photo)?;
-    let (camera, _source) = camera_of_photo(&photo)?;
+    let estimator = Estimator::shipped()?;
+    let (camera, _source) = estimator.camera_of(&photo)?;
     // Metres along the optical axis, of any resolution. Integers are millimetres unless a scale is given.
     let depth_m = imaging::read_depth(depth, None)?;
     let frame = Frame::new(photo.photo, depth_m, camera, 1.0)?;
     // A network's depth is `Input::PredictedDepth`: its floors are wavy, and so it is trusted less.
     let input = Input::MeasuredDepth(frame);
-    let estimated = Estimator::shipped()?.estimate(input, &EstimateOptions::default(), &mut events::ignore)?;
+    let estimated = estimator.estimate(input, &EstimateOptions::default(), &mut events::ignore)?;
     Ok(estimated.write(scene, "example external_depth")?)
 }

@@ -8,14 +8,16 @@ use lo_imaging::{DepthMap, Photo, resize_depth};
 use lo_scene::{Frame, working_photo};
 
 use crate::view::srgb8;
-use crate::{CameraSource, DEFAULT_HFOV_DEG, EstimateError, Estimator, PredictedDepth};
+use lo_scene::CameraSource;
+
+use crate::{EstimateError, Estimator, PredictedDepth};
 
 /// Depth of another aspect than the photo's, by more than this factor, is brought to the photo's.
 const SAME_ASPECT: f64 = 1.005;
 
 impl Estimator {
     /// Depth of a photo by a depth model. `camera`, in pixels of the photo, where the lens is known; where it is not, the model tells the field of view if it
-    /// can, and [`DEFAULT_HFOV_DEG`] is assumed if not: the second value says which.
+    /// can, and if not [the lens is guessed](Estimator::camera_of): the second value says which.
     ///
     /// Relative depth is brought to the metres of this estimator's own depth network by a robust fit; a [`Warning::FittedDepth`] says how well they agree.
     ///
@@ -30,11 +32,11 @@ impl Estimator {
         on_event: OnEvent<'_>,
     ) -> Result<(PredictedDepth, Option<CameraSource>), EstimateError> {
         let (width, height) = (photo.width() as u32, photo.height() as u32);
-        let usual = || Camera::from_hfov_deg(DEFAULT_HFOV_DEG, width, height).map_err(lo_scene::FrameError::from);
+        let own_lens = || self.lens_of(&photo).map_err(lo_scene::FrameError::from);
         let (known, mut source) = match camera {
             Some(camera) => (Some(camera), None),
             None if model.tells_field_of_view() => (None, Some(CameraSource::DepthModel)),
-            None => (Some(usual()?), Some(CameraSource::Default)),
+            None => own_lens().map(|(camera, source)| (Some(camera), Some(source)))?,
         };
         let told = model.predict(&srgb8(&photo), known.as_ref(), on_event)?;
         let angle = told.field_of_view.map(|angles| angles.horizontal_deg);
@@ -42,8 +44,9 @@ impl Estimator {
             (Some(camera), _) => camera,
             (None, Some(angle)) => Camera::from_hfov_deg(angle, width, height).map_err(lo_scene::FrameError::from)?,
             (None, None) => {
-                source = Some(CameraSource::Default);
-                usual()?
+                let (camera, own) = own_lens()?;
+                source = Some(own);
+                camera
             }
         };
         let depth_m = match told.geometry {
@@ -70,8 +73,7 @@ impl Estimator {
     fn own_depth(&self, photo: &Photo, camera: &Camera, on_event: OnEvent<'_>) -> Result<DepthMap, EstimateError> {
         let networks = self.networks().ok_or(EstimateError::NoNetworks("a depth model of relative depth"))?;
         let small = stage(on_event, Stage::WorkingResolution, || working_photo(photo))?;
-        let (depth_m, _) =
-            stage(on_event, Stage::DepthAndGlobalLight, || networks.depth_and_light(&srgb8(&small), camera))?;
+        let depth_m = stage(on_event, Stage::DepthAndGlobalLight, || networks.guess(&srgb8(&small), camera).depth_m)?;
         if depth_m.pixels().iter().all(|z| z.is_finite()) { Ok(depth_m) } else { Err(EstimateError::PredictedDepth) }
     }
 }

@@ -67,6 +67,7 @@ impl Estimator {
         let (completion, octree_depth) = self.plan(options)?;
         let view = View::new(input, self.networks(), on_event)?;
         let prior = options.panorama.as_ref();
+        let told = view.held.filter(|_| options.up.is_none());
         let options = &EstimateOptions {
             up: options.up.or_else(|| view.up()),
             sources: options.sources.clone(),
@@ -85,6 +86,8 @@ impl Estimator {
         let estimated = Scene::as_seen(light, frame);
         Ok(Scene {
             completion,
+            camera_source: options.camera_source,
+            up_deviation_deg: told.filter(|_| room.is_some()).map(|told| told.up_deviation_deg as f32),
             room,
             sources,
             predicted_depth,

@@ -1,12 +1,13 @@
 //! Indoor lighting from one photo: the public Rust API.
 //!
 //! ```no_run
-//! use lightoctree::{EstimateOptions, Estimator, Input, SharpViewers, camera_of_photo, events, geometry::Vec3, imaging};
+//! use lightoctree::{EstimateOptions, Estimator, Input, SharpViewers, events, geometry::Vec3, imaging};
 //!
 //! let photo = imaging::read_photo("room.jpg")?;
-//! let (camera, _source) = camera_of_photo(&photo)?;
+//! let estimator = Estimator::shipped()?;
+//! let (camera, _source) = estimator.camera_of(&photo)?;
 //! let input = Input::Photo { photo: photo.photo, camera };
-//! let scene = Estimator::shipped()?.estimate(input, &EstimateOptions::default(), &mut events::ignore)?;
+//! let scene = estimator.estimate(input, &EstimateOptions::default(), &mut events::ignore)?;
 //! let panorama = SharpViewers::new(&scene).panorama(Vec3::NEG_Z, 256, 128);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -43,7 +44,7 @@ mod view;
 mod weights;
 
 pub use builtin::{BUILTIN_MODELS, BUILTIN_PREFIX, builtin_model};
-pub use camera::{CameraSource, DEFAULT_HFOV_DEG, camera_of_photo};
+pub use camera::DEFAULT_HFOV_DEG;
 pub use error::EstimateError;
 pub use estimator::Estimator;
 pub use input::{Exposures, Input, PredictedDepth};
@@ -70,6 +71,7 @@ pub use lo_nets::checkpoint::CheckpointError;
 pub use lo_nets::light::LightError;
 pub use lo_octree as octree;
 pub use lo_scene as scene;
+pub use lo_scene::CameraSource;
 pub use models::{ModelError, Models, scene_layout, scene_mesh};
 pub use options::{DEFAULT_OCTREE_DEPTH, EstimateOptions};
 pub use place::probe_grid;

@@ -1,6 +1,6 @@
 use lo_completion::PanoramaPrior;
 use lo_geometry::Vec3;
-use lo_scene::Completion;
+use lo_scene::{CameraSource, Completion};
 
 /// Depth of the octree where none is asked for.
 pub const DEFAULT_OCTREE_DEPTH: u32 = 7;
@@ -15,12 +15,15 @@ pub struct EstimateOptions {
     pub full_depth: u32,
     /// How the unseen part of the room is filled. By default by the light network; by the shell where the estimator has no networks.
     pub completion: Option<Completion>,
-    /// Unit vector against gravity. Where it is not given: from the surfaces, and if depth is predicted also from how cameras are held.
+    /// Unit vector against gravity. Where it is not given: from the surfaces; where depth is predicted, as the network tells it from the photo, or by one that has not
+    /// learned that, from the surfaces and how cameras are held.
     pub up: Option<Vec3>,
     /// Seed of the places of the points that carry the global light into what the network has not seen.
     pub seed: u64,
     /// Names of the input files, kept in the scene.
     pub sources: Vec<String>,
+    /// Where the camera comes from, as [`Estimator::camera_of`](crate::Estimator::camera_of) says it; kept in the scene.
+    pub camera_source: Option<CameraSource>,
     /// A panorama of the room that somebody has: its light is laid onto what the photo does not show, unless nothing is completed.
     pub panorama: Option<PanoramaPrior>,
 }
@@ -34,6 +37,7 @@ impl Default for EstimateOptions {
             up: None,
             seed: 0,
             sources: Vec::new(),
+            camera_source: None,
             panorama: None,
         }
     }

@@ -7,8 +7,8 @@ use std::ops::ControlFlow;
 
 use lo_cone::ConeTracer;
 use lo_events::{Event, Stage, Warning};
-use lo_geometry::Camera;
-use lo_imaging::{DepthMap, Image, Photo};
+use lo_geometry::{Camera, Vec3};
+use lo_imaging::{DepthMap, FocalLength, Image, Photo, PhotoFile, ShotExposure};
 use lo_nets::checkpoint::Checkpoint;
 use lo_nets::depth::EncoderKind;
 use lo_nets::light::LightNetConfig;
@@ -17,7 +17,7 @@ use lo_scene::{Completion, Frame, Scene};
 
 use lo_completion::LampFit;
 
-use crate::{Cancelled, EstimateError, EstimateOptions, Estimator, Input, fit_lamps};
+use crate::{CameraSource, Cancelled, EstimateError, EstimateOptions, Estimator, Input, fit_lamps};
 
 /// A wall two metres away, grey, 96 × 64 pixels.
 fn grey_wall() -> Frame {
@@ -91,7 +91,10 @@ fn config() -> LightNetConfig {
 /// Untrained networks, in which some values are others.
 fn estimator(config: &LightNetConfig, others: &[(&str, &[usize], f32)]) -> Estimator {
     let mut checkpoint = Checkpoint::default();
-    Networks::new(EncoderKind::default(), config, 5, &Device::flex()).unwrap().add_to(&mut checkpoint);
+    let mut networks = Networks::new(EncoderKind::default(), config, 5, &Device::flex()).unwrap();
+    // What has learned nothing holds cameras upside down.
+    networks.depth.perspective = None;
+    networks.add_to(&mut checkpoint);
     for (name, shape, value) in others {
         checkpoint.insert(name, shape, vec![*value; shape.iter().product()]);
     }
@@ -237,6 +240,35 @@ fn a_photo_alone_gets_its_depth() {
     // Of the ways to hold a camera.
     let up = scene.room.as_ref().unwrap().up;
     assert!(up.y > 0.7 && up.x.abs() < 0.12, "{up}");
+}
+
+#[test]
+fn networks_that_have_learned_the_camera_tell_it_where_nobody_else_does() {
+    let networks = Networks::new(EncoderKind::EfficientNetLite0, &config(), 5, &Device::flex()).unwrap();
+    let estimator = Estimator::new(networks);
+    let file = |focal| PhotoFile { photo: photo(), focal, exposure: ShotExposure::default() };
+    let (lens, source) = estimator.camera_of(&file(FocalLength::default())).unwrap();
+    let srgb8 = crate::view::srgb8(&lo_scene::working_photo(&photo()));
+    let told = estimator.networks().unwrap().perspective(&srgb8, None).unwrap();
+    assert!((lens.half_extent() / told.camera.half_extent - 1.0).abs() < 1e-9);
+    assert_eq!(source, CameraSource::Network { deviation_deg: told.fov_deviation_deg as f32 });
+    let film = FocalLength { equivalent_35mm: Some(28.0), ..FocalLength::default() };
+    assert_eq!(estimator.camera_of(&file(film)).unwrap().1, CameraSource::Exif);
+
+    let up_of = |scene: &Scene| scene.room.as_ref().unwrap().up;
+    let closed = |up| {
+        let options = EstimateOptions { completion: Some(Completion::Shell), up, ..options() };
+        estimator.estimate(alone(), &options, &mut lo_events::ignore).unwrap()
+    };
+    let held = estimator.networks().unwrap().perspective(&srgb8, Some(camera().half_extent())).unwrap();
+    let scene = closed(None);
+    assert!(up_of(&scene).angle_between(held.camera.up) < 1e-3, "{} {}", up_of(&scene), held.camera.up);
+    assert_eq!(scene.up_deviation_deg, Some(held.up_deviation_deg as f32));
+    let level = closed(Some(Vec3::Y));
+    assert_eq!((up_of(&level), level.up_deviation_deg), (Vec3::Y, None));
+    // What a sensor measured tells up itself.
+    let measured = Input::MeasuredDepth(grey_wall());
+    assert_eq!(estimator.estimate(measured, &options(), &mut lo_events::ignore).unwrap().up_deviation_deg, None);
 }
 
 #[test]

@@ -2,14 +2,16 @@
 
 use lo_completion::up_from_predicted_depth;
 use lo_events::{OnEvent, Stage, Warning, stage, warn};
-use lo_geometry::{Camera, RigidTransform, Vec3};
+use lo_geometry::{Camera, PerspectiveFit, RigidTransform, Vec3};
 use lo_imaging::{Image, Photo, srgb8_from_linear};
-use lo_nets::depth::LONGER_SIDE;
-use lo_nets::{GlobalLight, Networks};
+use lo_nets::{GlobalLight, Networks, PhotoGuess};
 use lo_scene::{Frame, OtherPhoto, PosedFrame, SeenPhoto, working_photo};
 
 use crate::photos::{Together, together};
 use crate::{EstimateError, Exposures, Input, PredictedDepth};
+
+/// Pixels on the longer side of the normals that vote for which way is up: the weights of the votes are set for normals as coarse as that.
+const VOTING_SIDE: usize = 240;
 
 /// A photo with depth, at full and at working resolution.
 pub(crate) struct View {
@@ -19,6 +21,8 @@ pub(crate) struct View {
     pub others: Vec<(PosedFrame, Camera)>,
     /// What the photo tells of the light outside of it, where that is known already.
     pub global: Option<GlobalLight>,
+    /// How the own network says that the camera was held.
+    pub held: Option<PerspectiveFit>,
     /// Whether depth is some network's.
     pub predicted_depth: bool,
     /// What people call that network, where it is not the own one.
@@ -47,11 +51,16 @@ impl View {
         let of_working = |normals| at_size(normals, working.depth_m.width(), working.depth_m.height());
         let of_working = normals.as_ref().map(of_working);
         let others = Vec::new();
+        // Normals that are told are nearer to what is up than the photo alone.
+        let own = networks.filter(|_| predicted_depth && normals.is_none());
+        let own = own.map(|networks| (networks, frame.camera.half_extent()));
+        let held = own.and_then(|(networks, extent)| networks.perspective(&srgb8(&working.photo), Some(extent)));
         Ok(Self {
             frame,
             working,
             others,
             global: None,
+            held,
             predicted_depth,
             model,
             told_normals: normals,
@@ -85,17 +94,20 @@ impl View {
         self.others.iter().map(kept).collect()
     }
 
-    /// Unit vector against gravity where depth is predicted: floors are wavy then, and how cameras are held counts too.
+    /// Unit vector against gravity where depth is predicted, and floors are wavy: as the own network tells it, else from the surfaces and how cameras
+    /// are held.
     pub fn up(&self) -> Option<Vec3> {
+        if let Some(held) = &self.held {
+            return Some(held.camera.up);
+        }
         let voting = || {
             let depth_m = &self.frame.depth_m;
             let told = |width, height| self.told_normals.as_ref().map(|normals| at_size(normals, width, height));
             let longer = depth_m.width().max(depth_m.height());
-            if longer <= LONGER_SIDE {
+            if longer <= VOTING_SIDE {
                 return up_from_predicted_depth(&self.frame, told(depth_m.width(), depth_m.height()).as_ref());
             }
-            // The weights of the votes are set for normals as coarse as the own network's.
-            let side = |pixels: usize| (pixels * LONGER_SIDE).div_ceil(longer).max(1);
+            let side = |pixels: usize| (pixels * VOTING_SIDE).div_ceil(longer).max(1);
             let depth_m = lo_imaging::resize_depth(depth_m, side(depth_m.width()), side(depth_m.height()));
             let normals = told(depth_m.width(), depth_m.height());
             up_from_predicted_depth(&Frame { depth_m, ..self.working.clone() }, normals.as_ref())
@@ -107,8 +119,8 @@ impl View {
 /// A photo whose depth is the depth network's.
 fn predicted(photo: Photo, camera: Camera, networks: &Networks, on_event: OnEvent<'_>) -> Result<View, EstimateError> {
     let small = stage(on_event, Stage::WorkingResolution, || working_photo(&photo))?;
-    let (depth_m, global) =
-        stage(on_event, Stage::DepthAndGlobalLight, || networks.depth_and_light(&srgb8(&small), &camera))?;
+    let PhotoGuess { depth_m, light: global, held } =
+        stage(on_event, Stage::DepthAndGlobalLight, || networks.guess(&srgb8(&small), &camera))?;
     if !depth_m.pixels().iter().all(|z| z.is_finite()) {
         return Err(EstimateError::PredictedDepth);
     }
@@ -118,7 +130,7 @@ fn predicted(photo: Photo, camera: Camera, networks: &Networks, on_event: OnEven
     let working = Frame { camera, photo: small, depth_m, exposure: 1.0 };
     warn(on_event, Warning::PredictedDepth)?;
     let (others, global, predicted_depth) = (Vec::new(), Some(global), true);
-    Ok(View { frame, working, others, global, predicted_depth, model: None, told_normals: None, normals: None })
+    Ok(View { frame, working, others, global, held, predicted_depth, model: None, told_normals: None, normals: None })
 }
 
 /// Normals at another resolution: those of the nearest pixels.
@@ -140,8 +152,8 @@ fn several(photos: Vec<PosedFrame>, exposures: Exposures, on_event: OnEvent<'_>)
     };
     let others = working.zip(cameras).collect();
     let (frame, working) = (first.frame, first_working.frame);
-    let (global, predicted_depth) = (None, false);
-    Ok(View { frame, working, others, global, predicted_depth, model: None, told_normals: None, normals: None })
+    let (global, held, predicted_depth) = (None, None, false);
+    Ok(View { frame, working, others, global, held, predicted_depth, model: None, told_normals: None, normals: None })
 }
 
 /// As the networks take photos.

@@ -63,6 +63,8 @@ pub(super) enum LayoutName {
     LavalVarying,
     /// Equirectangular HDR pictures.
     Panoramas,
+    /// Photos with measured depth, listed in a frames.json.
+    Frames,
 }
 
 impl From<LayoutName> for Layout {
@@ -73,6 +75,7 @@ impl From<LayoutName> for Layout {
             LayoutName::Interiornet => Self::InteriorNet,
             LayoutName::LavalVarying => Self::LavalVarying,
             LayoutName::Panoramas => Self::Panoramas,
+            LayoutName::Frames => Self::Frames,
         }
     }
 }

@@ -148,11 +148,12 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             #[cfg(feature = "depth-models")]
             let input = match &model {
                 Some(model) => of_model(args, path, model, &estimator, &mut stages)?,
-                None => of_files(args, path, depths.first(), &mut stages)?,
+                None => of_files(args, path, depths.first(), &estimator, &mut stages)?,
             };
             #[cfg(not(feature = "depth-models"))]
-            let input = of_files(args, path, depths.first(), &mut stages)?;
-            input
+            let input = of_files(args, path, depths.first(), &estimator, &mut stages)?;
+            options.camera_source = input.1;
+            input.0
         }
         _ => {
             if matches!(args.depth_is, DepthArg::Predicted) {
@@ -179,20 +180,29 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
 }
 
 /// A photo, with the depth of a file where one is given.
-fn of_files(args: &Args, path: &Path, depth: Option<&PathBuf>, stages: &mut Stages) -> anyhow::Result<Input> {
+fn of_files(
+    args: &Args,
+    path: &Path,
+    depth: Option<&PathBuf>,
+    estimator: &Estimator,
+    stages: &mut Stages,
+) -> anyhow::Result<(Input, Option<CameraSource>)> {
     let (photo, depth_m) = stages.stage("read photo and depth", || -> anyhow::Result<_> {
         let photo = imaging::read_photo(path)?;
         let depth_m = depth.map(|path| imaging::read_depth(path, args.depth_scale)).transpose()?;
         Ok((photo, depth_m))
     })?;
-    let camera = camera(args, &photo, stages)?;
-    let Some((depth_m, depth)) = depth_m.zip(depth) else { return Ok(Input::Photo { photo: photo.photo, camera }) };
+    let (camera, source) = camera(args, &photo, estimator, stages)?;
+    let Some((depth_m, depth)) = depth_m.zip(depth) else {
+        return Ok((Input::Photo { photo: photo.photo, camera }, source));
+    };
     let frame = Frame::new(photo.photo, depth_m, camera, 1.0)
         .with_context(|| format!("{} and {} do not fit together", path.display(), depth.display()))?;
-    Ok(match args.depth_is {
+    let input = match args.depth_is {
         DepthArg::Measured => Input::MeasuredDepth(frame),
         DepthArg::Predicted => Input::PredictedDepth(frame.into()),
-    })
+    };
+    Ok((input, source))
 }
 
 /// A photo with the depth of a model.
@@ -203,20 +213,22 @@ fn of_model(
     model: &DepthModel,
     estimator: &Estimator,
     stages: &mut Stages,
-) -> anyhow::Result<Input> {
+) -> anyhow::Result<(Input, Option<CameraSource>)> {
     let photo = stages.stage("read photo", || imaging::read_photo(path))?;
-    let known = match given_camera(args, &photo)? {
-        Some((camera, option)) => Some((camera, option.to_owned())),
-        None => match lightoctree::camera_of_photo(&photo)? {
-            (camera, source @ CameraSource::Exif) => Some((camera, source.to_string())),
-            _ => None,
-        },
+    let given = given_camera(args, &photo)?;
+    let (camera, mut source) = match given {
+        Some((camera, _)) => (Some(camera), None),
+        None if photo.focal_px().is_some() => {
+            let (camera, source) = estimator.camera_of(&photo)?;
+            (Some(camera), Some(source))
+        }
+        None => (None, None),
     };
-    let camera = known.as_ref().map(|(camera, _)| *camera);
-    let (predicted, source) = estimator.predict_depth(photo.photo, camera, model, &mut |event| stages.hear(event))?;
-    let source = known.map(|(_, source)| source).or(source.map(|source| source.to_string())).unwrap_or_default();
-    note_camera(&predicted.frame.camera, &source, stages);
-    Ok(Input::PredictedDepth(predicted))
+    let (predicted, told) = estimator.predict_depth(photo.photo, camera, model, &mut |event| stages.hear(event))?;
+    source = source.or(told);
+    let said = given.map(|(_, option)| option.to_owned()).or(source.map(|source| source.to_string()));
+    note_camera(&predicted.frame.camera, &said.unwrap_or_default(), stages);
+    Ok((Input::PredictedDepth(predicted), source))
 }
 
 /// With networks, where depth or completion needs them; `metric` where a depth model gives metres.
@@ -257,17 +269,20 @@ fn options(global: &Global, args: &Args, files: [&[PathBuf]; 2], panorama: Optio
     }
 }
 
-/// The camera by the best source at hand; says which.
-fn camera(args: &Args, photo: &imaging::PhotoFile, stages: &mut Stages) -> anyhow::Result<Camera> {
-    let (camera, source) = match given_camera(args, photo)? {
-        Some((camera, option)) => (camera, option.to_owned()),
-        None => {
-            let (camera, source) = lightoctree::camera_of_photo(photo)?;
-            (camera, source.to_string())
-        }
-    };
-    note_camera(&camera, &source, stages);
-    Ok(camera)
+/// The camera by the best source at hand; says which. No source is an option of the command line.
+fn camera(
+    args: &Args,
+    photo: &imaging::PhotoFile,
+    estimator: &Estimator,
+    stages: &mut Stages,
+) -> anyhow::Result<(Camera, Option<CameraSource>)> {
+    if let Some((camera, option)) = given_camera(args, photo)? {
+        note_camera(&camera, option, stages);
+        return Ok((camera, None));
+    }
+    let (camera, source) = estimator.camera_of(photo)?;
+    note_camera(&camera, &source.to_string(), stages);
+    Ok((camera, Some(source)))
 }
 
 /// The camera by an option, with its name.

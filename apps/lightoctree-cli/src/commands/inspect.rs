@@ -32,9 +32,15 @@ struct Summary {
     octree: OctreeSummary,
     camera: CameraSummary,
     photo: PhotoSummary,
+    /// Where the camera comes from, if that is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    camera_source: Option<lightoctree::CameraSource>,
     exposure: f32,
     completion: lightoctree::scene::Completion,
     room: Option<lightoctree::scene::Room>,
+    /// How far off the room's up is expected to be, where the network told it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    up_deviation_deg: Option<f32>,
     sources: Vec<String>,
     bytes: u64,
     radiance: RadianceSummary,
@@ -191,6 +197,8 @@ fn summarise(scene: &Scene, bytes: u64) -> Summary {
             depth_height: depth_m.height(),
             depth_readings_share: readings as f64 / depth_m.pixels().len().max(1) as f64,
         },
+        camera_source: scene.camera_source,
+        up_deviation_deg: scene.up_deviation_deg,
         exposure: scene.frame.exposure,
         completion: scene.completion,
         room: scene.room.clone(),
@@ -248,9 +256,21 @@ fn print_tables(summary: &Summary) {
     report::print(&report::table(&["depth", "total", "non-empty", "split"], &rows));
     let (camera, photo) = (&summary.camera, &summary.photo);
     report::print(&format!(
-        "camera   fx {:.1}  fy {:.1}  cx {:.1}  cy {:.1}  {} × {}  {:.1} degrees across",
-        camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height, camera.hfov_deg
+        "camera   fx {:.1}  fy {:.1}  cx {:.1}  cy {:.1}  {} × {}  {:.1} degrees across{}",
+        camera.fx,
+        camera.fy,
+        camera.cx,
+        camera.cy,
+        camera.width,
+        camera.height,
+        camera.hfov_deg,
+        summary.camera_source.map(|source| format!(" ({source})")).unwrap_or_default()
     ));
+    if let Some(room) = &summary.room {
+        let [right, above, back] = room.up.to_array();
+        let told = summary.up_deviation_deg.map(|deg| format!(" (told from the photo, ± {deg:.0} degrees)"));
+        report::print(&format!("up       ({right:+.3}, {above:+.3}, {back:+.3}){}", told.unwrap_or_default()));
+    }
     report::print(&format!(
         "depth    {}{}, {} × {}, readings in {:.1} % of the pixels",
         if summary.predicted_depth { "predicted" } else { "measured" },

@@ -113,7 +113,8 @@ impl PhotosArgs {
             } else if let Some(camera) = poses.camera(index, width, height)? {
                 (camera, "the poses' file".to_owned())
             } else {
-                let (camera, source) = lightoctree::camera_of_photo(&photo)?;
+                // Depth with poses comes with its camera, or EXIF does: no network is asked.
+                let (camera, source) = lightoctree::Estimator::without_networks().camera_of(&photo)?;
                 (camera, source.to_string())
             };
             stages.note(&format!("{}: camera of {:.1} degrees across ({source})", path.display(), camera.hfov_deg()));

@@ -497,7 +497,7 @@ fn a_photo_alone_is_enough() {
 #[cfg(feature = "weights")]
 #[test]
 fn library_and_program_write_the_same_bytes() {
-    use lightoctree::{EstimateOptions, Estimator, Input, camera_of_photo, events, scene::Frame};
+    use lightoctree::{EstimateOptions, Estimator, Input, events, scene::Frame};
 
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets");
     let [photo_path, depth_path] = ["library_color.jpg", "library_lidar_depth.png"].map(|name| assets.join(name));
@@ -510,12 +510,12 @@ fn library_and_program_write_the_same_bytes() {
     };
 
     let photo = imaging::read_photo(&photo_path).unwrap();
-    let (camera, _) = camera_of_photo(&photo).unwrap();
-    let frame = Frame::new(photo.photo.clone(), imaging::read_depth(&depth_path, None).unwrap(), camera, 1.0).unwrap();
     let estimator = Estimator::shipped().unwrap();
+    let (camera, source) = estimator.camera_of(&photo).unwrap();
+    let frame = Frame::new(photo.photo.clone(), imaging::read_depth(&depth_path, None).unwrap(), camera, 1.0).unwrap();
     let library = |input: Input, sources: &[&str]| {
         let sources = sources.iter().map(|&name| name.to_owned()).collect();
-        let options = EstimateOptions { sources, ..EstimateOptions::default() };
+        let options = EstimateOptions { sources, camera_source: Some(source), ..EstimateOptions::default() };
         estimator.estimate(input, &options, &mut events::ignore).unwrap().to_bytes("lightoctree estimate").unwrap()
     };
     let both = ["library_color.jpg", "library_lidar_depth.png"];

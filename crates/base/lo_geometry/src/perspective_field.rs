@@ -25,6 +25,17 @@ pub struct Perspective {
     pub half_extent: f64,
 }
 
+/// The camera that explains a field best.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PerspectiveFit {
+    /// It.
+    pub camera: Perspective,
+    /// How far off the direction of up is expected to be, degrees.
+    pub up_deviation_deg: f64,
+    /// How far off the field of view along the longer side is expected to be, degrees; 0 where the lens is known.
+    pub fov_deviation_deg: f64,
+}
+
 /// Fields of view along the longer side at which the search begins, degrees.
 const FIRST_FOV_DEG: [f64; 4] = [45.0, 60.0, 75.0, 95.0];
 /// Fields of view that are believed, degrees.
@@ -32,6 +43,8 @@ const FOV_RANGE_DEG: [f64; 2] = [15.0, 140.0];
 /// Multiples of the expected difference from which a cell counts linearly (Huber 1964).
 const HUBER: f64 = 2.0;
 const STEPS: usize = 30;
+/// As many cells of a field as are wrong independently of each other: the others are wrong as their neighbours are.
+const INDEPENDENT_CELLS: f64 = 4.0;
 
 impl Perspective {
     /// From the camera's turn to the right about its axis, its pitch upwards, and its lens.
@@ -46,7 +59,7 @@ impl Perspective {
     }
 
     /// The camera that explains a field best, with the lens that is known, if one is; `None` without cells.
-    pub fn fit(cells: &[FieldCell], half_extent: Option<f64>) -> Option<Self> {
+    pub fn fit(cells: &[FieldCell], half_extent: Option<f64>) -> Option<PerspectiveFit> {
         let middle = cells.iter().min_by(|a, b| length(a.at).total_cmp(&length(b.at)))?;
         // In the middle the field is the camera's own roll and pitch.
         let (roll, pitch) = (middle.up[0].atan2(middle.up[1]), middle.latitude_sin.clamp(-1.0, 1.0).asin());
@@ -55,8 +68,21 @@ impl Perspective {
             None => FIRST_FOV_DEG.map(|deg| (0.5 * deg).to_radians().tan()).to_vec(),
         };
         let fits = starts.into_iter().map(|start| descend(cells, [roll, pitch, start.ln()], half_extent.is_some()));
-        let (_, [roll, pitch, log_extent]) = fits.min_by(|a, b| a.0.total_cmp(&b.0))?;
-        Some(Self::new(roll, pitch, half_extent.unwrap_or(log_extent.exp())))
+        let (_, at) = fits.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let [roll, pitch, log_extent] = at;
+        let camera = Self::new(roll, pitch, half_extent.unwrap_or(log_extent.exp()));
+        let (_, normal) = slope(cells, at, half_extent.is_some());
+        let variance = normal.inverse() * (cells.len() as f64 / INDEPENDENT_CELLS).max(1.0);
+        let variance = [variance.x_axis.x * pitch.cos().powi(2), variance.y_axis.y, variance.z_axis.z];
+        let [roll, pitch, log_extent] = variance.map(|value| if value.is_finite() { value.max(0.0) } else { f64::MAX });
+        // The angle is twice the arc tangent of the extent.
+        let fov = 2.0 * camera.half_extent / (1.0 + camera.half_extent.powi(2)) * log_extent.sqrt();
+        let within = |angle: f64| angle.to_degrees().min(180.0);
+        Some(PerspectiveFit {
+            camera,
+            up_deviation_deg: within((roll + pitch).sqrt()),
+            fov_deviation_deg: if half_extent.is_some() { 0.0 } else { within(fov) },
+        })
     }
 }
 
@@ -94,42 +120,48 @@ fn cost(cells: &[FieldCell], parameters: [f64; 3]) -> f64 {
     cells.iter().flat_map(|cell| differences(cell, parameters)).map(|difference| robust(difference).0).sum()
 }
 
-/// Levenberg and Marquardt's descent; gives the cost and the parameters.
-fn descend(cells: &[FieldCell], first: [f64; 3], lens_is_known: bool) -> (f64, [f64; 3]) {
+/// Gradient of the cost and the matrix of the normal equations.
+fn slope(cells: &[FieldCell], at: [f64; 3], lens_is_known: bool) -> (DVec3, DMat3) {
     /// Of central differences.
     const STEP: f64 = 1e-5;
+    let mut normal = DMat3::ZERO;
+    let mut gradient = DVec3::ZERO;
+    for cell in cells {
+        let now = differences(cell, at);
+        let slopes: [[f64; 3]; 3] = std::array::from_fn(|parameter| {
+            let moved = |by: f64| {
+                let mut moved = at;
+                moved[parameter] += by;
+                differences(cell, moved)
+            };
+            let (before, after) = (moved(-STEP), moved(STEP));
+            std::array::from_fn(|i| (after[i] - before[i]) / (2.0 * STEP))
+        });
+        for i in 0..3 {
+            let weight = robust(now[i]).1;
+            let slope = DVec3::new(slopes[0][i], slopes[1][i], slopes[2][i]);
+            gradient += slope * (weight * now[i]);
+            normal += DMat3::from_cols(slope * slope.x, slope * slope.y, slope * slope.z) * weight;
+        }
+    }
+    if lens_is_known {
+        gradient.z = 0.0;
+        normal = DMat3::from_cols(
+            DVec3::new(normal.x_axis.x, normal.x_axis.y, 0.0),
+            DVec3::new(normal.y_axis.x, normal.y_axis.y, 0.0),
+            DVec3::Z,
+        );
+    }
+    (gradient, normal)
+}
+
+/// Levenberg and Marquardt's descent; gives the cost and the parameters.
+fn descend(cells: &[FieldCell], first: [f64; 3], lens_is_known: bool) -> (f64, [f64; 3]) {
     let [least, most] = FOV_RANGE_DEG.map(|deg| (0.5 * deg).to_radians().tan().ln());
     let mut at = first;
     let (mut value, mut damping) = (cost(cells, at), 1e-3);
     for _ in 0..STEPS {
-        let mut normal = DMat3::ZERO;
-        let mut gradient = DVec3::ZERO;
-        for cell in cells {
-            let now = differences(cell, at);
-            let slopes: [[f64; 3]; 3] = std::array::from_fn(|parameter| {
-                let moved = |by: f64| {
-                    let mut moved = at;
-                    moved[parameter] += by;
-                    differences(cell, moved)
-                };
-                let (before, after) = (moved(-STEP), moved(STEP));
-                std::array::from_fn(|i| (after[i] - before[i]) / (2.0 * STEP))
-            });
-            for i in 0..3 {
-                let weight = robust(now[i]).1;
-                let slope = DVec3::new(slopes[0][i], slopes[1][i], slopes[2][i]);
-                gradient += slope * (weight * now[i]);
-                normal += DMat3::from_cols(slope * slope.x, slope * slope.y, slope * slope.z) * weight;
-            }
-        }
-        if lens_is_known {
-            gradient.z = 0.0;
-            normal = DMat3::from_cols(
-                DVec3::new(normal.x_axis.x, normal.x_axis.y, 0.0),
-                DVec3::new(normal.y_axis.x, normal.y_axis.y, 0.0),
-                DVec3::Z,
-            );
-        }
+        let (gradient, normal) = slope(cells, at, lens_is_known);
         let diagonal = DVec3::new(normal.x_axis.x, normal.y_axis.y, normal.z_axis.z);
         let damped = normal + DMat3::from_diagonal(diagonal * damping + DVec3::splat(1e-9));
         let step = -(damped.inverse() * gradient);
@@ -198,11 +230,11 @@ mod tests {
     fn cameras_are_found_from_their_fields() {
         for (roll, pitch, fov_deg) in [(0.0, 0.0, 60.0), (0.14, 0.7, 40.0), (-0.1, -0.65, 95.0), (1.6, 0.1, 70.0f64)] {
             let of = Perspective::new(roll, pitch, (0.5 * fov_deg).to_radians().tan());
-            let found = Perspective::fit(&cells(of), None).unwrap();
+            let found = Perspective::fit(&cells(of), None).unwrap().camera;
             assert!(angle_deg(found.up, of.up) < 0.05, "{of:?} {found:?}");
             // A level camera's field hardly changes with the lens, but it does.
             assert!((found.half_extent / of.half_extent - 1.0).abs() < 0.01, "{of:?} {found:?}");
-            let known = Perspective::fit(&cells(of), Some(of.half_extent)).unwrap();
+            let known = Perspective::fit(&cells(of), Some(of.half_extent)).unwrap().camera;
             assert!(angle_deg(known.up, of.up) < 0.05 && known.half_extent == of.half_extent, "{of:?} {known:?}");
         }
         assert_eq!(Perspective::fit(&[], None), None);
@@ -219,8 +251,45 @@ mod tests {
                 cell.certainty = [1e-6; 2];
             }
         }
-        let found = Perspective::fit(&wrong, None).unwrap();
+        let found = Perspective::fit(&wrong, None).unwrap().camera;
         assert!(angle_deg(found.up, of.up) < 2.0, "{found:?}");
         assert!((found.half_extent / of.half_extent - 1.0).abs() < 0.08, "{found:?}");
+    }
+
+    /// Cells of which one in so many is independent, and that are as wrong as they say.
+    #[test]
+    fn deviations_are_as_large_as_errors() {
+        let (of, mut stream) = (Perspective::new(0.05, 0.3, 0.7), 7u32);
+        let mut normal = || {
+            let uniform = |state: &mut u32| {
+                *state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                f64::from(*state >> 8) / f64::from(1 << 24)
+            };
+            (0..12).map(|_| uniform(&mut stream)).sum::<f64>() - 6.0
+        };
+        let (mut up, mut fov, mut said) = (0.0, 0.0, [0.0; 2]);
+        for _ in 0..40 {
+            let mut noisy = cells(of);
+            noisy.truncate(600);
+            // Blocks of 150 cells, a quarter of the field, are wrong alike.
+            let wrong: [[f64; 2]; 4] = std::array::from_fn(|_| [normal(), normal()].map(|n| n / 20.0));
+            for (i, cell) in noisy.iter_mut().enumerate() {
+                let [turned, higher] = wrong[(i / 300) * 2 + usize::from(i % 30 >= 15)];
+                let [x, y] = cell.up;
+                cell.up = [x * turned.cos() + y * turned.sin(), y * turned.cos() - x * turned.sin()];
+                cell.latitude_sin += higher;
+            }
+            let found = Perspective::fit(&noisy, None).unwrap();
+            up += f64::from(angle_deg(found.camera.up, of.up)).powi(2) / 40.0;
+            let deg = |camera: Perspective| 2.0 * camera.half_extent.atan().to_degrees();
+            fov += (deg(found.camera) - deg(of)).powi(2) / 40.0;
+            said = [said[0] + found.up_deviation_deg.powi(2) / 40.0, said[1] + found.fov_deviation_deg.powi(2) / 40.0];
+        }
+        for (what, error, said) in [("up", up, said[0]), ("field of view", fov, said[1])] {
+            let ratio = (error / said).sqrt();
+            assert!((0.6..1.7).contains(&ratio), "{what}: {:.2}° off, {:.2}° said", error.sqrt(), said.sqrt());
+        }
+        let known = Perspective::fit(&cells(of), Some(of.half_extent)).unwrap();
+        assert!(known.fov_deviation_deg == 0.0 && known.up_deviation_deg < 5.0, "{known:?}");
     }
 }

@@ -136,6 +136,8 @@ fn scene(scores: &mut Scores, sample: &Sample, estimate: &Estimate) {
     let depth = sample.depth_m.as_ref().zip(estimate.depth_m.as_ref());
     if let Some(errors) = depth.and_then(|(truth, got)| DepthErrors::of(truth, got)) {
         scores.add("depth_abs_rel", Some(errors.abs_rel));
+        scores.add("depth_scaled_abs_rel", Some(errors.scaled_abs_rel));
+        scores.add("depth_constant_abs_rel", Some(errors.constant_abs_rel));
         scores.add("depth_rmse_m", Some(errors.rmse_m));
         for (i, delta) in errors.delta.into_iter().enumerate() {
             scores.add(format!("depth_delta{}", i + 1), Some(delta));

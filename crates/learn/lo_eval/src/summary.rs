@@ -126,6 +126,8 @@ const TABLES: [Table; 10] = [
         "Depth and octree",
         &[
             ("depth_abs_rel", "abs-rel ↓", 3),
+            ("depth_scaled_abs_rel", "its scale put right ↓", 3),
+            ("depth_constant_abs_rel", "a constant's", 3),
             ("depth_rmse_m", "RMSE m ↓", 3),
             ("depth_delta1", "δ1 ↑", 3),
             ("depth_delta2", "δ2 ↑", 3),

@@ -34,7 +34,7 @@ fn cameras_of_panoramas() {
             let truth = sample.up.unwrap();
             let deg = |half_extent: f64| 2.0 * half_extent.atan().to_degrees();
             let own = deg(sample.camera.half_extent());
-            let found = networks.perspective(&sample.photo, None).expect("weights that have learned the camera");
+            let found = networks.perspective(&sample.photo, None).expect("weights that have learned the camera").camera;
             up.push(f64::from(found.up.angle_between(truth).to_degrees()));
             level.push(f64::from(lo_geometry::Vec3::Y.angle_between(truth).to_degrees()));
             fov.push((deg(found.half_extent) - own).abs());

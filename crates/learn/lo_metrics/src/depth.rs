@@ -8,6 +8,10 @@ use serde::Serialize;
 pub struct DepthErrors {
     /// Mean of |ẑ − z| / z.
     pub abs_rel: f64,
+    /// The same with all ẑ multiplied by one factor, e to the median of ln(z / ẑ): the shape alone.
+    pub scaled_abs_rel: f64,
+    /// What a constant depth has as `scaled_abs_rel`: z's median instead of ẑ.
+    pub constant_abs_rel: f64,
     /// √ mean (ẑ − z)², metres.
     pub rmse_m: f64,
     /// Shares of pixels with max(ẑ / z, z / ẑ) below 1.25, 1.25² and 1.25³.
@@ -22,18 +26,31 @@ impl DepthErrors {
         let truth_m = lo_imaging::resize_depth(truth_m, got_m.width(), got_m.height());
         let reading = |z: f32| z.is_finite() && z > 0.0;
         let pairs = truth_m.pixels().iter().zip(got_m.pixels()).filter(|&(&z, &got)| reading(z) && reading(got));
-        let mut sums = [0.0f64; 5];
-        let mut pixels = 0;
-        for (z, got) in pairs.map(|(&z, &got)| (f64::from(z), f64::from(got))) {
+        let pairs: Vec<(f64, f64)> = pairs.map(|(&z, &got)| (f64::from(z), f64::from(got))).collect();
+        let pixels = pairs.len();
+        if pixels == 0 {
+            return None;
+        }
+        let scale = median(pairs.iter().map(|(z, got)| z / got));
+        let middle = median(pairs.iter().map(|(z, _)| *z));
+        let mut sums = [0.0f64; 7];
+        for (z, got) in pairs {
             let ratio = (got / z).max(z / got);
             let within = [1, 2, 3].map(|power| f64::from(u8::from(ratio < 1.25f64.powi(power))));
-            let terms = [(got - z).abs() / z, (got - z).powi(2), within[0], within[1], within[2]];
+            let relative = [got, scale * got, middle].map(|got| (got - z).abs() / z);
+            let terms = relative.into_iter().chain([(got - z).powi(2)]).chain(within);
             sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
-            pixels += 1;
         }
-        let [abs_rel, squared, d1, d2, d3] = sums.map(|sum| sum / pixels as f64);
-        (pixels > 0).then(|| Self { abs_rel, rmse_m: squared.sqrt(), delta: [d1, d2, d3], pixels })
+        let [abs_rel, scaled_abs_rel, constant_abs_rel, squared, d1, d2, d3] = sums.map(|sum| sum / pixels as f64);
+        Some(Self { abs_rel, scaled_abs_rel, constant_abs_rel, rmse_m: squared.sqrt(), delta: [d1, d2, d3], pixels })
     }
+}
+
+/// The upper one of two in the middle.
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 #[cfg(test)]
@@ -49,6 +66,11 @@ mod tests {
         assert_eq!(errors.pixels, 3, "the last two lack a reading");
         assert!((errors.abs_rel - (0.2 + 0.5) / 3.0).abs() < 1e-7);
         assert!((errors.rmse_m - ((0.04 + 1.0) / 3.0f64).sqrt()).abs() < 1e-7);
+        // Ratios z / ẑ of 0.83, 2 and 1: the middle one is 1. The median of 1, 2 and 4 m is 2 m.
+        assert!((errors.scaled_abs_rel - (0.2 + 0.5) / 3.0).abs() < 1e-7);
+        assert!((errors.constant_abs_rel - (1.0 + 0.0 + 0.5) / 3.0).abs() < 1e-7);
+        let twice = DepthErrors::of(&truth, &got.map(|z| 2.0 * z)).unwrap();
+        assert!((twice.scaled_abs_rel - errors.scaled_abs_rel).abs() < 1e-6 && twice.abs_rel > 0.7);
         // ratios 1.2, 2 and 1; 1.25³ is 1.953
         assert_eq!(errors.delta, [2.0 / 3.0; 3]);
         assert_eq!(DepthErrors::of(&truth, &DepthMap::new(5, 1, vec![0.0; 5])), None);

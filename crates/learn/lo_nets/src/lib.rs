@@ -19,4 +19,4 @@ mod testing;
 
 pub use adam::Adam;
 pub use burn::tensor::Device;
-pub use networks::{CompletedLight, DEPTH_NET, GlobalLight, LIGHT_NET, Networks};
+pub use networks::{CompletedLight, DEPTH_NET, GlobalLight, LIGHT_NET, Networks, PhotoGuess};

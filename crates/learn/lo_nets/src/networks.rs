@@ -4,13 +4,13 @@ use std::path::Path;
 
 use burn::tensor::{Device, Tensor};
 use lo_events::Warning;
-use lo_geometry::{Camera, Cube, Perspective};
+use lo_geometry::{Camera, Cube, Perspective, PerspectiveFit};
 use lo_imaging::{DepthMap, Image, RadianceImage};
 use lo_octree::{LightOctree, RadiancePoint};
 use serde::{Deserialize, Serialize};
 
 use crate::checkpoint::{Checkpoint, CheckpointError, Precision};
-use crate::depth::{DepthNet, EncoderKind, network_input, panorama_image};
+use crate::depth::{DepthNet, EncoderKind, LONGER_SIDE, panorama_image};
 use crate::light::{
     Growth, LightConfigError, LightError, LightInput, LightNet, LightNetConfig, PhotoView, SeenDetail, VisiblePoint,
     blend_with_map,
@@ -43,11 +43,29 @@ struct DepthNetConfig {
     /// Whether it has learned the camera.
     #[serde(default)]
     perspective: bool,
+    /// Most pixels on the longer side of photos.
+    #[serde(default = "usual_longer_side")]
+    longer_side: usize,
+}
+
+fn usual_longer_side() -> usize {
+    LONGER_SIDE
 }
 
 /// What a photo tells of the light outside of it: `f_L`.
 #[derive(Clone, Debug)]
 pub struct GlobalLight(Tensor<2>);
+
+/// What the networks tell of a photo before anything is known of the room.
+#[derive(Debug)]
+pub struct PhotoGuess {
+    /// Metres along the optical axis, with at most [`DepthNet::longer_side`] pixels on the longer side.
+    pub depth_m: DepthMap,
+    /// The light around it.
+    pub light: GlobalLight,
+    /// How its camera was held, where the networks have learned that.
+    pub held: Option<PerspectiveFit>,
+}
 
 /// The light of a whole room.
 #[derive(Clone, Debug, PartialEq)]
@@ -84,6 +102,7 @@ impl Networks {
         checkpoint.state[DEPTH_NET] = serde_json::json!(DepthNetConfig {
             encoder: self.depth.encoder_kind(),
             perspective: self.depth.perspective.is_some(),
+            longer_side: self.depth.longer_side(),
         });
         checkpoint.state[LIGHT_NET] = serde_json::json!(self.config);
     }
@@ -95,14 +114,19 @@ impl Networks {
     #[doc(hidden)]
     pub fn from_checkpoint(mut checkpoint: Checkpoint, device: &Device) -> Result<Self, CheckpointError> {
         let problem = |module: &str, what| CheckpointError::Weights { module: module.to_owned(), problems: vec![what] };
-        let DepthNetConfig { encoder, perspective } = match &checkpoint.state[DEPTH_NET] {
+        let DepthNetConfig { encoder, perspective, longer_side } = match &checkpoint.state[DEPTH_NET] {
             // Files of before there were several have none.
-            serde_json::Value::Null => DepthNetConfig { encoder: EncoderKind::DenseNet121, perspective: false },
+            serde_json::Value::Null => {
+                DepthNetConfig { encoder: EncoderKind::DenseNet121, perspective: false, longer_side: LONGER_SIDE }
+            }
             config => {
                 let config = DepthNetConfig::deserialize(config);
                 config.map_err(|error| problem(DEPTH_NET, format!("its configuration: {error}")))?
             }
         };
+        if !LONGER_SIDES.contains(&longer_side) {
+            return Err(problem(DEPTH_NET, format!("its configuration: longer_side is {longer_side}")));
+        }
         let config = &checkpoint.state[LIGHT_NET];
         let wrong = |what: String| problem(LIGHT_NET, what);
         if config.is_null() {
@@ -122,7 +146,8 @@ impl Networks {
             blank.depth.perspective = None;
         }
         let light = checkpoint.take_module(LIGHT_NET, blank.light)?;
-        Ok(Self { depth: checkpoint.take_module(DEPTH_NET, blank.depth)?, light, config })
+        let depth = checkpoint.take_module(DEPTH_NET, blank.depth)?.with_longer_side(longer_side);
+        Ok(Self { depth, light, config })
     }
 
     /// Reads a file of weights, of whichever precision, for use: without gradients, on the CPU.
@@ -151,15 +176,16 @@ impl Networks {
         checkpoint.write(path, precision)
     }
 
-    /// Depth in an sRGB photo that this camera made, in metres along the optical axis, and the light around it. The depth map has at most
-    /// 240 pixels on the longer side, as the photo is [looked at](network_input).
+    /// Depth in an sRGB photo that this camera made, the light around it, and how the camera was held.
     ///
     /// # Panics
     /// Where the photo has no pixels.
-    pub fn depth_and_light(&self, photo: &Image<[u8; 3]>, camera: &Camera) -> (DepthMap, GlobalLight) {
+    pub fn guess(&self, photo: &Image<[u8; 3]>, camera: &Camera) -> PhotoGuess {
         in_pool(|| {
-            let output = self.depth.forward(&[&network_input(photo)]);
-            (output.depth_m(camera), GlobalLight(output.global))
+            let output = self.depth.forward(&[&self.depth.network_input(photo)]);
+            let held = output.perspective.as_ref();
+            let held = held.and_then(|field| Perspective::fit(&field.cells(), Some(camera.half_extent())));
+            PhotoGuess { depth_m: output.depth_m(camera), light: GlobalLight(output.global), held }
         })
     }
 
@@ -168,7 +194,7 @@ impl Networks {
     /// # Panics
     /// Where the photo has no pixels.
     pub fn global_light(&self, photo: &Image<[u8; 3]>) -> GlobalLight {
-        in_pool(|| GlobalLight(self.depth.global_feature(&network_input(photo))))
+        in_pool(|| GlobalLight(self.depth.global_feature(&self.depth.network_input(photo))))
     }
 
     /// How the camera of an sRGB photo was held and its lens, with the lens that is known, if one is ([`Camera::half_extent`]); `None` where the
@@ -176,8 +202,8 @@ impl Networks {
     ///
     /// # Panics
     /// Where the photo has no pixels.
-    pub fn perspective(&self, photo: &Image<[u8; 3]>, half_extent: Option<f64>) -> Option<Perspective> {
-        in_pool(|| self.depth.perspective_of(&network_input(photo), half_extent))
+    pub fn perspective(&self, photo: &Image<[u8; 3]>, half_extent: Option<f64>) -> Option<PerspectiveFit> {
+        in_pool(|| self.depth.perspective_of(&self.depth.network_input(photo), half_extent))
     }
 
     /// The panorama at the camera that the global lighting decoder makes of an sRGB photo, its centre along the camera's view.
@@ -233,6 +259,9 @@ impl Networks {
 /// figures, and how it was chosen).
 const COLOUR_SHARE: f32 = 0.2;
 
+/// Pixels on the longer side that photos may be looked at in; more costs memory that a file of weights must not ask for.
+const LONGER_SIDES: std::ops::RangeInclusive<usize> = 32..=1024;
+
 /// Works on one of rayon's threads: from another, each of some thousand small parallel loops waits for one of them to wake up.
 fn in_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     rayon::scope(|_| work())
@@ -269,12 +298,12 @@ mod tests {
         let path = folder.path().join("weights.safetensors");
         let networks = Networks::new(EncoderKind::default(), &config(), 3, &Device::flex()).unwrap();
         let photo = Image::from_fn(64, 32, |x, y| [(3 * x) as u8, (7 * y) as u8, 90]);
-        let (depth_m, _) = networks.depth_and_light(&photo, &camera(&photo));
+        let depth_m = networks.guess(&photo, &camera(&photo)).depth_m;
         networks.write(&path, Precision::Full).unwrap();
         let read = Networks::read(&path).unwrap();
-        assert_eq!((&read.config, read.depth_and_light(&photo, &camera(&photo)).0), (&config(), depth_m.clone()));
+        assert_eq!((&read.config, read.guess(&photo, &camera(&photo)).depth_m), (&config(), depth_m.clone()));
         networks.write(&path, Precision::Half).unwrap();
-        let half = Networks::read(&path).unwrap().depth_and_light(&photo, &camera(&photo)).0;
+        let half = Networks::read(&path).unwrap().guess(&photo, &camera(&photo)).depth_m;
         let close = |(a, b): (&f32, &f32)| (a / b).ln().abs() < 0.05;
         assert!(half != depth_m && half.pixels().iter().zip(depth_m.pixels()).all(close));
         let state = Checkpoint::read(&path).unwrap().state;
@@ -285,7 +314,7 @@ mod tests {
     fn light_alone_is_that_beside_depth() {
         let networks = Networks::new(EncoderKind::default(), &config(), 3, &Device::flex()).unwrap();
         let photo = Image::from_fn(70, 41, |x, y| [(3 * x) as u8, (7 * y) as u8, 90]);
-        let [beside, alone] = [networks.depth_and_light(&photo, &camera(&photo)).1, networks.global_light(&photo)];
+        let [beside, alone] = [networks.guess(&photo, &camera(&photo)).light, networks.global_light(&photo)];
         assert_eq!(beside.0.into_data(), alone.0.into_data());
     }
 
@@ -316,6 +345,9 @@ mod tests {
         assert!(error.contains("colour"), "{error}");
         let error = with("global_features", serde_json::json!(7));
         assert!(error.contains("\"light_net.global.weights\" has the shape [6, 8], not [7, 8]"), "{error}");
+        let mut huge = whole.clone();
+        huge.state[DEPTH_NET]["longer_side"] = serde_json::json!(100_000);
+        assert!(refusal(&huge).contains("longer_side is 100000"), "{}", refusal(&huge));
         let mut more = whole.clone();
         more.insert("light_net.hat", &[2], vec![0.0; 2]);
         assert!(refusal(&more).contains("\"light_net.hat\" is not part of it"));

@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use lo_dataset::{CropModel, GeneratorConfig};
 use lo_events::{TrainedNetworks, TrainingPhase};
-use lo_nets::depth::{DepthLossConfig, EncoderKind};
+use lo_nets::depth::{DepthLossConfig, EncoderKind, LONGER_SIDE};
 use lo_nets::light::{LightLossConfig, LightNetConfig};
 use serde::{Deserialize, Serialize};
 
@@ -31,6 +31,8 @@ pub struct TrainConfig {
     pub log_steps: u64,
     /// What of the depth network looks at the photo; `train --encoder-weights` gives it published weights to begin with.
     pub encoder: EncoderKind,
+    /// Most pixels on the longer side of photos as the depth network is used; the last phase's `photo_width` is usually the same.
+    pub longer_side: usize,
     /// Where samples come from.
     pub data: DataConfig,
     /// What a sample is varied by.
@@ -63,6 +65,8 @@ pub struct DataConfig {
     pub folder: Option<PathBuf>,
     /// Real panoramas, of which photos are cut. They know how the camera was held, its lens and the light around it, but no depth.
     pub panoramas: Vec<PanoramaData>,
+    /// Real photos with measured depth. They know depth and lens, but not the light.
+    pub frames: Vec<FramesData>,
     /// Rooms that are generated on the fly, before they come again.
     pub generated_rooms: u32,
     /// What these are like.
@@ -82,6 +86,22 @@ pub struct PanoramaData {
     pub folder: PathBuf,
     /// Which parts, and with what camera; its seed is the run's.
     pub crop: CropModel,
+}
+
+/// A list of photos with measured depth, all of which are learned from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FramesData {
+    /// A `frames.json`, or a folder with one.
+    pub list: PathBuf,
+    /// How often each photo comes where the others come once.
+    pub repeats: u32,
+}
+
+impl Default for FramesData {
+    fn default() -> Self {
+        Self { list: PathBuf::new(), repeats: 1 }
+    }
 }
 
 /// Figures on held-out scenes.
@@ -108,6 +128,7 @@ impl Default for TrainConfig {
             checkpoint_minutes: 10.0,
             log_steps: 50,
             encoder: EncoderKind::default(),
+            longer_side: LONGER_SIDE,
             data: DataConfig::default(),
             augmentation: AugmentationConfig::default(),
             network: LightNetConfig::default(),
@@ -154,6 +175,7 @@ impl Default for DataConfig {
         Self {
             folder: None,
             panoramas: Vec::new(),
+            frames: Vec::new(),
             generated_rooms: 1_000_000,
             generator: GeneratorConfig::default(),
             threads: 1,
@@ -199,9 +221,13 @@ impl TrainConfig {
         inside("discriminator_lr_ratio", self.discriminator_lr_ratio, 0.0, 100.0)?;
         inside("checkpoint_minutes", self.checkpoint_minutes, 0.0, 1e6)?;
         inside("log_steps", self.log_steps as f64, 1.0, 1e9)?;
+        inside("longer_side", self.longer_side as f64, 32.0, 1024.0)?;
         inside("data.threads", self.data.threads as f64, 1.0, 256.0)?;
         inside("data.prefetch", self.data.prefetch as f64, 1.0, 1e4)?;
         inside("data.generated_rooms", self.data.generated_rooms.into(), 1.0, u32::MAX.into())?;
+        for frames in &self.data.frames {
+            inside("data.frames.repeats", frames.repeats.into(), 1.0, 1e6)?;
+        }
         inside("validation.every_steps", self.validation.every_steps as f64, 1.0, 1e12)?;
         inside("validation.photos", self.validation.photos as f64, 0.0, 1e5)?;
         inside("validation.sheet_rows", self.validation.sheet_rows as f64, 0.0, 64.0)?;

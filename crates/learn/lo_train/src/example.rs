@@ -51,8 +51,8 @@ pub(crate) struct DepthExample {
     pub camera: Camera,
     /// How it was held, where that is known.
     pub perspective: Option<Perspective>,
-    /// The true panorama at the camera, of size [`PANORAMA`].
-    pub panorama: RadianceImage,
+    /// The true panorama at the camera, of size [`PANORAMA`], where it is known.
+    pub panorama: Option<RadianceImage>,
 }
 
 impl DepthExample {
@@ -61,6 +61,9 @@ impl DepthExample {
         // A wrong focal length is the light network's matter: the picture itself is of the true camera.
         let variation = Variation { focal: 1.0, ..*variation };
         let panorama = true_panorama(sample, &variation)?;
+        if panorama.is_none() && sample.depth_m.is_none() {
+            return Err(Unusable::Missing("depth, nor a panorama at its camera"));
+        }
         let depth_m = match &sample.depth_m {
             Some(depth_m) => variation.depth(depth_m),
             None => DepthMap::from_fn(photo.width(), photo.height(), |_, _| 0.0),
@@ -99,16 +102,15 @@ impl DepthExample {
     }
 }
 
-/// The panorama at the camera: from the room's surfaces where they are known, else one that was taken there.
-fn true_panorama(sample: &Sample, variation: &Variation) -> Result<RadianceImage, Unusable> {
+/// The panorama at the camera: from the room's surfaces where they are known, else one that was taken there, if one was.
+fn true_panorama(sample: &Sample, variation: &Variation) -> Result<Option<RadianceImage>, Unusable> {
     let (width, height) = PANORAMA;
     if sample.points.is_empty() {
         let here = |view: &&NovelView| view.position_m.length() < MAX_ASIDE_M;
-        let view =
-            sample.views.iter().find(here).ok_or(Unusable::Missing("surface points, nor a panorama at its camera"))?;
+        let Some(view) = sample.views.iter().find(here) else { return Ok(None) };
         let turned = lo_imaging::rotate_equirectangular(&view.radiance, view.rotation, width, height);
         let column = |x: usize| if variation.mirrored { width - 1 - x } else { x };
-        return Ok(Image::from_fn(width, height, |x, y| variation.light(turned[(column(x), y)])));
+        return Ok(Some(Image::from_fn(width, height, |x, y| variation.light(turned[(column(x), y)]))));
     }
     let points = variation.points(&sample.points);
     let low = points.iter().map(|p| p.position_m).fold(Vec3::ZERO, Vec3::min);
@@ -116,7 +118,7 @@ fn true_panorama(sample: &Sample, variation: &Variation) -> Result<RadianceImage
     let cube = Cube::centred(0.5 * (low + high), 1.01 * (high - low).max_element());
     let (octree, _) = LightOctree::from_points(&points, cube, PANORAMA_DEPTH, 4).map_err(impossible)?;
     let tracer = ConeTracer::new(&octree, Settings::default()).map_err(impossible)?;
-    Ok(tracer.panorama(Vec3::ZERO, width, height).radiance)
+    Ok(Some(tracer.panorama(Vec3::ZERO, width, height).radiance))
 }
 
 /// What a step of the light network needs.
@@ -310,7 +312,8 @@ mod tests {
         assert_eq!((example.photo.width(), example.photo.height()), (60, 40));
         assert_eq!((example.depth_m.width(), example.depth_m.height()), (60, 40));
         let shown = example.shown();
-        let pairs = shown.pixels().iter().zip(example.panorama.pixels());
+        let panorama = example.panorama.unwrap();
+        let pairs = shown.pixels().iter().zip(panorama.pixels());
         let shown: Vec<(f32, f32)> = pairs.filter(|(s, _)| s[3] > 0.99).map(|(s, p)| (s[1], p[1])).collect();
         assert!(shown.len() > 300, "{} pixels", shown.len());
         let off = median(shown.iter().map(|(a, b)| (a.ln_1p() - b.min(1.0).ln_1p()).abs()).collect());

@@ -6,7 +6,9 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 use lo_cone::Settings;
 use lo_nets::checkpoint::{Checkpoint, CheckpointError};
-use lo_nets::depth::{DepthNet, DepthOutput, EncoderKind, PatchGan, depth_losses, panorama_loss, perspective_loss};
+use lo_nets::depth::{
+    DepthNet, DepthOutput, EncoderKind, LONGER_SIDE, PatchGan, depth_losses, panorama_loss, perspective_loss,
+};
 use lo_nets::light::{Growth, LightConfigError, LightLosses, LightNet, LightNetConfig};
 use lo_nets::{Adam, Networks};
 use serde::{Deserialize, Serialize};
@@ -50,8 +52,14 @@ pub(crate) struct LearnerState {
     encoder: EncoderKind,
     #[serde(default)]
     perspective: bool,
+    #[serde(default = "usual_longer_side")]
+    longer_side: usize,
     network: LightNetConfig,
     averaged: [u64; 2],
+}
+
+fn usual_longer_side() -> usize {
+    LONGER_SIDE
 }
 
 /// Where gradients are recorded.
@@ -82,8 +90,8 @@ impl Learner {
         discriminator_adam.beta1 = 0.5;
         Ok(Self {
             depth: Trained {
-                net: DepthNet::new(config.encoder, features, seed, &recording()),
-                average: DepthNet::new(config.encoder, features, seed, &plain()),
+                net: DepthNet::new(config.encoder, features, seed, &recording()).with_longer_side(config.longer_side),
+                average: DepthNet::new(config.encoder, features, seed, &plain()).with_longer_side(config.longer_side),
                 adam: Adam::default(),
                 steps: 0,
             },
@@ -136,7 +144,8 @@ impl Learner {
             (net.perspective, average.perspective) =
                 (self.depth.net.perspective.take(), self.depth.average.perspective.take());
         }
-        (self.depth.net, self.depth.average) = (net, average);
+        let side = config.longer_side;
+        (self.depth.net, self.depth.average) = (net.with_longer_side(side), average.with_longer_side(side));
         Ok(())
     }
 
@@ -168,6 +177,7 @@ impl Learner {
         LearnerState {
             encoder,
             perspective,
+            longer_side: self.depth.net.longer_side(),
             network: self.network.clone(),
             averaged: [self.depth.steps, self.light.steps],
         }
@@ -179,14 +189,14 @@ impl Learner {
     /// Names what is missing or of another shape.
     pub fn from_checkpoint(mut checkpoint: Checkpoint, state: &LearnerState) -> Result<Self, CheckpointError> {
         let wrong = |problem| CheckpointError::Weights { module: LIGHT.to_owned(), problems: vec![problem] };
-        let LearnerState { encoder, perspective, network, averaged: [depth_steps, light_steps] } = state;
+        let LearnerState { encoder, perspective, longer_side, network, averaged: [depth_steps, light_steps] } = state;
         let adams = [DEPTH, LIGHT, DISCRIMINATOR].map(|name| checkpoint.load_adam(&adam_name(name)));
         let [depth_adam, light_adam, discriminator_adam] = adams;
         let mut blank = DepthNet::new(*encoder, network.global_features, 0, &Device::flex());
         if !perspective {
             blank.perspective = None;
         }
-        let depth = checkpoint.take_module(DEPTH, blank)?.train();
+        let depth = checkpoint.take_module(DEPTH, blank)?.train().with_longer_side(*longer_side);
         let blank = LightNet::new(network, 0, &Device::flex()).map_err(|error| wrong(error.to_string()))?;
         let light = checkpoint.take_module(LIGHT, blank)?.train();
         let discriminator = checkpoint.take_module(DISCRIMINATOR, PatchGan::new(0, &Device::flex()))?.train();
@@ -258,7 +268,7 @@ impl Learner {
         let extents: Vec<_> = examples.iter().map(|example| example.extent_m()).collect();
         let [log_depth, absolute, variance] = depth_losses(output.log_extent, &extents.iter().collect::<Vec<_>>());
         let made = self.depth.net.panorama.forward(output.global);
-        let truths: Vec<_> = examples.iter().map(|example| &example.panorama).collect();
+        let truths: Vec<_> = examples.iter().map(|example| example.panorama.as_ref()).collect();
         let panorama = panorama_loss(made.clone(), &truths);
         let mut losses = vec![
             ("log_depth", scalar(&log_depth)),
@@ -277,7 +287,10 @@ impl Learner {
             total = total + perspective * weights.perspective;
         }
         let mut judged = None;
-        if weights.adversarial > 0.0 {
+        let truths: Option<Vec<_>> = truths.into_iter().collect();
+        if weights.adversarial > 0.0
+            && let Some(truths) = truths
+        {
             let shown: Vec<_> = examples.iter().map(|example| example.shown()).collect();
             let condition = channels::<4>(shown.iter().map(|shown| shown.pixels()));
             let real = channels::<3>(truths.iter().map(|truth| truth.pixels()));

@@ -17,6 +17,7 @@ pub mod peer_cases;
 mod phases;
 mod prepare;
 mod rays;
+mod repeated;
 mod report;
 mod run;
 mod sheet;
@@ -27,7 +28,7 @@ pub mod weight_files;
 mod weights;
 
 pub use augmentation::AugmentationConfig;
-pub use config::{DataConfig, PanoramaData, TrainConfig, ValidationConfig};
+pub use config::{DataConfig, FramesData, PanoramaData, TrainConfig, ValidationConfig};
 pub use encoder_weights::{EncoderOrigin, published, read_encoder};
 pub use error::{ConfigError, Fault, TrainError};
 pub use phases::{DepthPhase, LightPhase, Schedule};

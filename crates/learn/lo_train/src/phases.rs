@@ -39,7 +39,7 @@ pub struct DepthPhase {
     pub schedule: Schedule,
     /// Photos a step, all of one size. More than one are faster than as many steps, and normalised together.
     pub batch_size: usize,
-    /// Width of the photos in pixels, of upright ones the height; smaller ones are faster. The network is used on 240.
+    /// Width of the photos in pixels, of upright ones the height; smaller ones are faster.
     pub photo_width: usize,
     /// Normalise by the running statistics, as in use, instead of those of the photos at hand.
     pub frozen_statistics: bool,

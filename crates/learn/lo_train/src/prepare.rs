@@ -4,7 +4,6 @@ use std::collections::HashMap;
 
 use burn::tensor::Tensor;
 use lo_dataset::Sample;
-use lo_nets::depth::{LONGER_SIDE, network_input};
 use lo_random::RngExt;
 
 use crate::augmentation::{AugmentationConfig, Variation};
@@ -39,7 +38,7 @@ pub(crate) fn light_examples(
         let mut stream = Variation::stream(seed, "light example", sample, epoch);
         let shares = [phase.predicted_share, phase.sensor_share];
         let [predicted, sensor] = shares.map(|share| stream.random::<f32>() < share);
-        let photo = || network_input(&variation.photo(&sample.photo));
+        let photo = || depth_net.network_input(&variation.photo(&sample.photo));
         let output = predicted.then(|| depth_net.forward(&[&photo()]));
         let predicted_m = output.as_ref().map(|output| output.depth_m(&variation.camera(&sample.camera)));
         let depth = match &predicted_m {
@@ -67,9 +66,10 @@ pub(crate) fn joint_examples(
     seed: u64,
 ) -> impl FnMut(&Sample, u64) -> Result<JointExample, Unusable> + Send + use<> {
     let (network, phase, augmentation) = (learner.network.clone(), phase.clone(), augmentation.clone());
+    let longer_side = learner.depth.net.longer_side();
     move |sample, epoch| {
         let variation = augmentation.of(seed, sample, epoch).0;
-        let depth = DepthExample::new(sample, &variation, LONGER_SIDE)?;
+        let depth = DepthExample::new(sample, &variation, longer_side)?;
         let mut stream = Variation::stream(seed, "light example", sample, epoch);
         let (predicted, sensor) = (stream.random::<f32>(), stream.random::<f32>());
         let light = if predicted < phase.predicted_share {

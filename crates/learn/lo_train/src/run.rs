@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use lo_dataset::{
-    CropModel, Dataset, Generated, Generator, Joined, Layout, LoaderState, Panoramas, Sample, fingerprint,
+    CropModel, Dataset, Frames, Generated, Generator, Joined, Layout, LoaderState, Panoramas, Sample, fingerprint,
 };
 use lo_events::{Cancelled, Event, OnEvent, Stage, TrainingPhase, Warning};
 use lo_imaging::write_rgba8;
@@ -16,7 +16,7 @@ use lo_random::RngExt;
 use serde_json::json;
 
 use crate::augmentation::Variation;
-use crate::config::{PanoramaData, TrainConfig};
+use crate::config::{FramesData, PanoramaData, TrainConfig};
 use crate::encoder_weights::{EncoderOrigin, read_encoder};
 use crate::error::{ConfigError, Fault, TrainError};
 use crate::example::{DepthExample, KnownDepth, LightExample, RayCounts, Unusable};
@@ -25,6 +25,7 @@ use crate::learner::{Learner, Progress, in_pool};
 use crate::log::Log;
 use crate::phases::{LightPhase, Phase, between};
 use crate::prepare::{JointExample, depth_examples, joint_examples, light_examples};
+use crate::repeated::Repeated;
 use crate::state::RunState;
 use crate::validation::Validation;
 
@@ -81,30 +82,49 @@ pub fn train(config: &TrainConfig, request: &Request, on_event: OnEvent) -> Resu
     Ok(())
 }
 
-fn open(config: &TrainConfig, seed: u64) -> Result<Arc<dyn Dataset>, TrainError> {
+/// What is learned from.
+struct Sources {
+    /// Everything.
+    all: Arc<dyn Dataset>,
+    /// Rooms whose light is known: of these, one of ten validates.
+    rooms: Arc<dyn Dataset>,
+    /// Photos of panoramas: of these, too.
+    panoramas: Arc<dyn Dataset>,
+}
+
+fn open(config: &TrainConfig, seed: u64) -> Result<Sources, TrainError> {
     let data = &config.data;
-    let rooms: Option<Box<dyn Dataset>> = match &data.folder {
-        Some(folder) => Some(Layout::detect(folder)?.open(folder, CropModel { seed, ..CropModel::default() })?),
-        // Panoramas alone are enough.
-        None if !data.panoramas.is_empty() => None,
+    let rooms: Arc<dyn Dataset> = match &data.folder {
+        Some(folder) => Layout::detect(folder)?.open(folder, CropModel { seed, ..CropModel::default() })?.into(),
+        // Panoramas or frames alone are enough.
+        None if !data.panoramas.is_empty() || !data.frames.is_empty() => Arc::new(Joined::new(Vec::new())),
         None => {
             let generator = Generator::new(seed, data.generator.clone())
                 .map_err(|error| ConfigError::Generator(error.to_string()))?;
-            return Ok(Arc::new(Generated::new(generator, data.generated_rooms)));
+            Arc::new(Generated::new(generator, data.generated_rooms))
         }
     };
     let panoramas = data.panoramas.iter().map(|PanoramaData { folder, crop }| {
-        let panoramas = Panoramas::open(folder, CropModel { seed, ..*crop })?;
-        Ok(Box::new(panoramas) as Box<dyn Dataset>)
+        Ok(Arc::new(Panoramas::open(folder, CropModel { seed, ..*crop })?) as Arc<dyn Dataset>)
     });
-    let parts = rooms.into_iter().map(Ok).chain(panoramas).collect::<Result<Vec<_>, TrainError>>()?;
-    Ok(Arc::new(Joined::new(parts)))
+    let panoramas: Arc<dyn Dataset> = Arc::new(Joined::new(panoramas.collect::<Result<_, TrainError>>()?));
+    let frames = data.frames.iter().map(|FramesData { list, repeats }| {
+        Ok(Arc::new(Repeated::new(Frames::open(list)?, *repeats as usize)) as Arc<dyn Dataset>)
+    });
+    let frames: Vec<_> = frames.collect::<Result<_, TrainError>>()?;
+    // Photos of a generated room are made together: a block that joined parts do not have.
+    let all = if panoramas.is_empty() && frames.is_empty() {
+        rooms.clone()
+    } else {
+        Arc::new(Joined::new([rooms.clone(), panoramas.clone()].into_iter().chain(frames).collect()))
+    };
+    Ok(Sources { all, rooms, panoramas })
 }
 
 struct Run<'a> {
     config: &'a TrainConfig,
     folder: &'a Path,
-    dataset: Arc<dyn Dataset>,
+    sources: Sources,
     phases: Vec<(TrainingPhase, Phase)>,
     on_event: OnEvent<'a>,
     /// The handler asked the run to end.
@@ -129,8 +149,8 @@ impl<'a> Run<'a> {
         let resumed = request.resume.then(|| RunState::read(&folder.join(CHECKPOINT_FILE))).transpose()?;
         // Rooms that are generated on the fly depend on it too.
         let seed = resumed.as_ref().map_or(request.seed, |(_, state)| state.seed);
-        let (dataset, mut cancelled) = (open(config, seed)?, false);
-        let fingerprint = fingerprint(&*dataset);
+        let (sources, mut cancelled) = (open(config, seed)?, false);
+        let fingerprint = fingerprint(&*sources.all);
         let (learner, state) = match resumed {
             Some((learner, state)) if state.fingerprint == fingerprint => (learner, state),
             Some((learner, state)) => {
@@ -165,7 +185,7 @@ impl<'a> Run<'a> {
         Ok(Self {
             config,
             folder,
-            dataset,
+            sources,
             phases,
             on_event,
             cancelled,
@@ -252,7 +272,7 @@ impl<'a> Run<'a> {
         mut step: impl FnMut(&mut Self, Vec<T>, f64) -> Result<Result<Progress, PassedOver>, Fault>,
     ) -> Result<(), TrainError> {
         let RunState { seed, position, ref waiting, .. } = self.state;
-        let feed = Feed::start(self.dataset.clone(), &self.config.data, seed, waiting.clone(), position, prepare);
+        let feed = Feed::start(self.sources.all.clone(), &self.config.data, seed, waiting.clone(), position, prepare);
         let mut batches = Batches::new(phase.batch_size());
         let mut feed = feed.map_err(TrainError::io(self.folder))?;
         let (mut unusable, mut waited) = (0, Duration::ZERO);
@@ -404,9 +424,9 @@ impl<'a> Run<'a> {
             return Ok(());
         }
         self.say(Event::Begun(Stage::Validation));
-        let (dataset, on_event, cancelled) = (&self.dataset, &mut self.on_event, &mut self.cancelled);
+        let (sources, on_event, cancelled) = (&self.sources, &mut self.on_event, &mut self.cancelled);
         let validation = self.validation.get_or_insert_with(|| {
-            Validation::new(&**dataset, settings.photos, settings.sheet_rows, |warning| {
+            Validation::new(&*sources.rooms, &*sources.panoramas, settings.photos, settings.sheet_rows, |warning| {
                 *cancelled |= on_event(Event::Warning(warning)).is_break();
             })
         });

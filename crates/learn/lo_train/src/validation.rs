@@ -10,7 +10,6 @@ use lo_geometry::{Perspective, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_metrics::{DepthErrors, panorama_psnr_db};
 use lo_nets::Networks;
-use lo_nets::depth::{LONGER_SIDE, network_input};
 use lo_nets::light::{Growth, LightNetConfig};
 use lo_octree::LightOctree;
 use lo_scene::{Completion, Frame, Scene};
@@ -25,7 +24,7 @@ use crate::sheet::{Row, sheet};
 /// Seed of what is drawn for the light network, as of estimates where none is asked for.
 const SEED: u64 = 0;
 
-/// Held-out photos whose cameras are asked for, to one whose depth and light are: they cost little.
+/// Held-out photos of panoramas whose cameras are asked for, to one whose depth and light are: they cost little.
 const CAMERAS: usize = 4;
 
 /// Held-out photos, with what does not change while the networks learn.
@@ -40,14 +39,22 @@ pub(crate) struct Validation {
 
 impl Validation {
     /// The first photos of the dataset's validation part, one of each scene. They are kept in memory, about 12 MB each.
-    pub fn new(dataset: &dyn Dataset, photos: usize, sheet_rows: usize, mut passed_over: impl FnMut(Warning)) -> Self {
+    ///
+    /// Cameras are asked of these and, where the dataset is of panoramas also, of photos of those.
+    pub fn new(
+        dataset: &dyn Dataset,
+        panoramas: &dyn Dataset,
+        photos: usize,
+        sheet_rows: usize,
+        mut passed_over: impl FnMut(Warning),
+    ) -> Self {
         let (mut samples, mut last) = (Vec::new(), String::new());
         for index in 0..dataset.len() {
             if samples.len() == photos {
                 break;
             }
             let scene = dataset.scene_id(index);
-            if scene == last || Split::of(&scene) != Split::Validation {
+            if scene == last || dataset.split(index) != Split::Validation {
                 continue;
             }
             last = scene.into_owned();
@@ -55,8 +62,6 @@ impl Validation {
                 Ok(sample) if sample.depth_m.is_some() && !sample.points.is_empty() => {
                     samples.push(Sample { radiance: None, normal: None, albedo: None, sensor_depth_m: None, ..sample });
                 }
-                // Photos of panoramas: their cameras are asked for below.
-                Ok(sample) if sample.up.is_some() && sample.points.is_empty() => {}
                 Ok(sample) => {
                     let error = Unusable::Missing("true depth or surface points").to_string();
                     passed_over(Warning::SamplePassedOver { sample: sample.id, error });
@@ -64,13 +69,14 @@ impl Validation {
                 Err(error) => passed_over(Warning::SamplePassedOver { sample: last.clone(), error: error.to_string() }),
             }
         }
-        let cameras =
-            indices_of(dataset, Some(Split::Validation), Some(CAMERAS * photos)).into_iter().filter_map(|index| {
-                let sample = dataset.get(index).ok()?;
-                let perspective = Perspective { up: sample.up?, half_extent: sample.camera.half_extent() };
-                Some((network_input(&sample.photo), perspective))
-            });
-        Self { samples, cameras: cameras.collect(), sheet_rows, bounds: BTreeMap::new() }
+        let camera = |sample: &Sample| {
+            let perspective = Perspective { up: sample.up?, half_extent: sample.camera.half_extent() };
+            Some((sample.photo.clone(), perspective))
+        };
+        let of_panoramas = indices_of(panoramas, Some(Split::Validation), Some(CAMERAS * photos));
+        let of_panoramas = of_panoramas.into_iter().filter_map(|index| camera(&panoramas.get(index).ok()?));
+        let cameras = samples.iter().filter_map(camera).chain(of_panoramas).collect();
+        Self { samples, cameras, sheet_rows, bounds: BTreeMap::new() }
     }
 
     /// Figures of the averaged weights as they are exported, and the contact sheet where it has rows. `lit`: the light network too.
@@ -90,7 +96,7 @@ impl Validation {
         let mut report = means.report(self.samples.len());
         let networks = estimator.networks().expect("it was made with networks");
         let off = |(photo, truth): &(Image<[u8; 3]>, Perspective)| {
-            let found = networks.perspective(photo, None)?;
+            let found = networks.perspective(photo, None)?.camera;
             let fov_deg = |of: &Perspective| 2.0 * of.half_extent.atan().to_degrees();
             let up_deg = f64::from(found.up.angle_between(truth.up).to_degrees());
             Some((up_deg, (fov_deg(&found) - fov_deg(truth)).abs()))
@@ -161,12 +167,13 @@ fn judge(estimator: &Estimator, sample: &Sample, lit: bool, means: &mut Means) -
         means.abs_rel.push(errors.abs_rel);
         means.delta1.push(errors.delta[0]);
     }
-    let example = DepthExample::new(sample, &Variation::NONE, LONGER_SIDE).ok()?;
+    let example = DepthExample::new(sample, &Variation::NONE, networks.depth.longer_side()).ok()?;
     let global_panorama = networks.single_map(&sample.photo);
-    means.global_db.extend(panorama_psnr_db(&example.panorama, &global_panorama));
+    let true_panorama = example.panorama?;
+    means.global_db.extend(panorama_psnr_db(&true_panorama, &global_panorama));
     let mut row = Row {
         photo: sample.photo.clone(),
-        panoramas: [global_panorama, example.panorama],
+        panoramas: [global_panorama, true_panorama],
         depths_m: [alone.frame.depth_m.clone(), example.depth_m],
         octrees: None,
     };
@@ -191,7 +198,7 @@ fn judge(estimator: &Estimator, sample: &Sample, lit: bool, means: &mut Means) -
 /// The share of the light network's labels that are right along the true octree.
 fn split_accuracy(networks: &Networks, sample: &Sample, room: &VariedRoom, truth: &LightOctree) -> Option<f64> {
     let input = room.input(&networks.config, SEED).ok()?;
-    let global = networks.depth.global_feature(&lo_nets::depth::network_input(&sample.photo));
+    let global = networks.depth.global_feature(&networks.depth.network_input(&sample.photo));
     let along = networks.light.forward(&input, Some(global), Growth::Truth(&truth.octree)).ok()?;
     let (mut right, mut all) = (0, 0);
     for (depth, level) in (networks.config.full_depth..).zip(&along.levels) {

@@ -14,9 +14,10 @@ use lo_octree::{NamedTensor, OctreeHeader, read_tensors, write_tensors};
 use safetensors::{Dtype, SafeTensors, View};
 use serde::{Deserialize, Serialize};
 
+use crate::camera_source::is_deviation;
 use crate::{
-    Completion, Frame, LaidPanorama, LightEdits, ObjectsShown, OtherPhoto, PanoramaPicture, PanoramaSource, Room,
-    Scene, SceneError, SceneObjects,
+    CameraSource, Completion, Frame, LaidPanorama, LightEdits, ObjectsShown, OtherPhoto, PanoramaPicture,
+    PanoramaSource, Room, Scene, SceneError, SceneObjects,
 };
 
 /// Version of the file's layout that this crate writes and reads.
@@ -47,9 +48,13 @@ struct Metadata {
     program: String,
     octree: OctreeHeader,
     camera: Camera,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    camera_source: Option<CameraSource>,
     exposure: f32,
     completion: Completion,
     room: Option<Room>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    up_deviation_deg: Option<f32>,
     sources: Vec<String>,
     #[serde(default)]
     predicted_depth: bool,
@@ -141,9 +146,11 @@ impl Scene {
             program: format!("{generator} {}", env!("CARGO_PKG_VERSION")),
             octree,
             camera: self.frame.camera,
+            camera_source: self.camera_source,
             exposure: self.frame.exposure,
             completion: self.completion,
             room: self.room.clone(),
+            up_deviation_deg: self.up_deviation_deg,
             sources: self.sources.iter().map(|name| file_name(name)).collect(),
             predicted_depth: self.predicted_depth,
             depth_model: self.depth_model.clone(),
@@ -228,6 +235,10 @@ impl Scene {
         if !metadata.room.as_ref().is_none_or(Room::is_valid) {
             return Err(SceneError::Metadata("the room's directions are not of unit length".to_owned()));
         }
+        let deviations = metadata.up_deviation_deg.is_none_or(is_deviation);
+        if !(deviations && metadata.camera_source.is_none_or(|source| source.is_valid())) {
+            return Err(SceneError::Metadata("a deviation that is no angle".to_owned()));
+        }
         if !metadata.other_photos.iter().all(OtherPhoto::is_valid) {
             return Err(SceneError::Metadata("the pose or camera of one of its other photos".to_owned()));
         }
@@ -238,8 +249,10 @@ impl Scene {
         let sources = metadata.sources.iter().map(|name| file_name(name)).collect();
         let confidence = metadata.confidence.then(|| read_shares(&tensors, "confidence", &light.rgba)).transpose()?;
         let Metadata {
+            camera_source,
             completion,
             room,
+            up_deviation_deg,
             predicted_depth,
             depth_model,
             panorama,
@@ -256,7 +269,9 @@ impl Scene {
             light,
             frame,
             completion,
+            camera_source,
             room,
+            up_deviation_deg,
             sources,
             predicted_depth,
             depth_model,

@@ -20,7 +20,8 @@
 //! `octree` (`format_version`, `depth`, `full_depth`, `cube` with `origin_m` and `edge_m`), `camera` (`fx fy cx cy width height`, pixels of the photo),
 //! `exposure`, `completion` (`network`, `shell`, `none`), `room` (null, or `up` and `planes`: `side`, `plane` with `normal` and
 //! `offset_m`, `measured`), `sources` (file names without folders), `predicted_depth` (whether `depth_m` was predicted from the photo),
-//! `depth_model` (name of the depth model that did, only where it is not the program's own) and `confidence` (whether there is a tensor of that name). Where a panorama
+//! `depth_model` (name of the depth model that did, only where it is not the program's own) and `confidence` (whether there is a tensor of that name). Where it is known, `camera_source` says where the camera comes from (`from`: `exif`,
+//! `depth-model`, `default`, or `network` with `deviation_deg`), and where a network told which way is up, `up_deviation_deg` how far off that is expected to be. Where a panorama
 //! was given there is also `panorama`: `file`, `position_m`, `yaw_deg`, `pitch_deg`, `roll_deg`, `exposure_ev`, `confidence`, `clipped`
 //! ([`PanoramaSource`]), and `panorama_picture` with `scale` (values of the tensor times it are radiance) and `world_from_panorama` (rotation `x y z w`). Where the scene is from several photos, `other_photos` has of each but the first
 //! `first_from_camera` (`rotation` x y z w, `translation_m`), `camera` and `exposure`. Where somebody edited the light, `light_edits` has `emitters` and
@@ -35,6 +36,7 @@
 //!
 //! The same scene gives the same bytes. Reading checks everything and names what is wrong.
 
+mod camera_source;
 mod edited_light;
 mod error;
 mod file;
@@ -53,6 +55,7 @@ mod surfel;
 
 use lo_octree::LightOctree;
 
+pub use camera_source::CameraSource;
 pub use edited_light::{EditedLight, OctreeChange};
 pub use error::{FrameError, SceneError};
 pub use file::FORMAT_VERSION;
@@ -83,8 +86,12 @@ pub struct Scene {
     pub frame: Frame,
     /// How the unseen part was completed.
     pub completion: Completion,
+    /// Where the camera's intrinsics come from, if anybody said so.
+    pub camera_source: Option<CameraSource>,
     /// Gravity and the closing planes, where they are known.
     pub room: Option<Room>,
+    /// How far off the room's up is expected to be, degrees, where a network told it.
+    pub up_deviation_deg: Option<f32>,
     /// Names of the files that the scene was made from, without folders.
     pub sources: Vec<String>,
     /// Whether the frame's depth was predicted from the photo instead of measured.
@@ -113,7 +120,9 @@ impl Scene {
             light,
             frame,
             completion: Completion::None,
+            camera_source: None,
             room: None,
+            up_deviation_deg: None,
             sources: Vec::new(),
             predicted_depth: false,
             depth_model: None,

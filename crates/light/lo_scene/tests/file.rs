@@ -7,9 +7,9 @@ use lo_geometry::{Camera, Cube, Plane, Quat, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
 use lo_scene::{
-    AddedLight, AnalyticLight, Completion, EditedLight, EmitterEdit, Frame, LaidPanorama, LightChange, LightColor,
-    LightEdits, LightShape, MAX_LIGHT_EDITS, ObjectsShown, PanoramaPicture, PanoramaSource, Room, RoomPlane, Scene,
-    SceneError, SceneObjects, Side,
+    AddedLight, AnalyticLight, CameraSource, Completion, EditedLight, EmitterEdit, Frame, LaidPanorama, LightChange,
+    LightColor, LightEdits, LightShape, MAX_LIGHT_EDITS, ObjectsShown, PanoramaPicture, PanoramaSource, Room,
+    RoomPlane, Scene, SceneError, SceneObjects, Side,
 };
 use proptest::prelude::*;
 
@@ -64,6 +64,21 @@ fn files_appear_whole_and_errors_name_the_path() {
     assert!(missing.contains("none"), "{missing}");
     assert!(scene.write(&folder.path().join("no/folder.safetensors"), lo_imaging::GENERATOR).is_err());
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+#[test]
+fn where_the_camera_comes_from_comes_back() {
+    let mut scene = scene(false);
+    scene.up_deviation_deg = Some(2.5);
+    for source in [CameraSource::Exif, CameraSource::Network { deviation_deg: 4.5 }] {
+        scene.camera_source = Some(source);
+        let bytes = scene.to_bytes(lo_imaging::GENERATOR).unwrap();
+        let back = Scene::from_bytes(&bytes).unwrap();
+        assert_eq!((back.camera_source, back.up_deviation_deg), (Some(source), Some(2.5)));
+    }
+    scene.up_deviation_deg = Some(-1.0);
+    let bytes = scene.to_bytes(lo_imaging::GENERATOR).unwrap();
+    assert!(Scene::from_bytes(&bytes).unwrap_err().to_string().contains("a deviation that is no angle"));
 }
 
 #[test]

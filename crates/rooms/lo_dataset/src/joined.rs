@@ -1,13 +1,14 @@
 use std::borrow::Cow;
+use std::sync::Arc;
 
-use crate::{Dataset, DatasetError, Sample};
+use crate::{Dataset, DatasetError, Sample, Split};
 
 /// Several datasets one after the other.
-pub struct Joined(Vec<Box<dyn Dataset>>);
+pub struct Joined(Vec<Arc<dyn Dataset>>);
 
 impl Joined {
     /// In this order.
-    pub fn new(parts: Vec<Box<dyn Dataset>>) -> Self {
+    pub fn new(parts: Vec<Arc<dyn Dataset>>) -> Self {
         Self(parts)
     }
 
@@ -38,6 +39,11 @@ impl Dataset for Joined {
         let (part, index) = self.part(index).ok_or(DatasetError::Index { index, len: self.len() })?;
         part.get(index)
     }
+
+    fn split(&self, index: usize) -> Split {
+        let (part, index) = self.part(index).expect("the index is below the length");
+        part.split(index)
+    }
 }
 
 #[cfg(test)]
@@ -64,7 +70,7 @@ mod tests {
 
     #[test]
     fn samples_come_from_the_part_that_holds_them() {
-        let parts: [Box<dyn Dataset>; 3] = [Box::new(Named("a", 2)), Box::new(Named("b", 0)), Box::new(Named("c", 3))];
+        let parts: [Arc<dyn Dataset>; 3] = [Arc::new(Named("a", 2)), Arc::new(Named("b", 0)), Arc::new(Named("c", 3))];
         let joined = Joined::new(parts.into());
         let ids: Vec<String> = (0..joined.len()).map(|index| joined.get(index).unwrap().id).collect();
         assert_eq!(ids, ["a-0", "a-1", "c-0", "c-1", "c-2"]);

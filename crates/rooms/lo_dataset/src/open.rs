@@ -1,6 +1,6 @@
 use std::path::Path;
 
-use crate::published::{CropModel, FutureHouse, InteriorNet, LavalVarying, Panoramas};
+use crate::published::{CropModel, Frames, FutureHouse, InteriorNet, LavalVarying, Panoramas};
 use crate::{Dataset, DatasetError, Shards};
 
 /// How a folder's files are laid out.
@@ -16,12 +16,14 @@ pub enum Layout {
     LavalVarying,
     /// [`Panoramas`].
     Panoramas,
+    /// [`Frames`].
+    Frames,
 }
 
 impl Layout {
     /// All of them, in the order in which they are tried.
-    pub const ALL: [Self; 5] =
-        [Self::Shards, Self::FutureHouse, Self::InteriorNet, Self::LavalVarying, Self::Panoramas];
+    pub const ALL: [Self; 6] =
+        [Self::Frames, Self::Shards, Self::FutureHouse, Self::InteriorNet, Self::LavalVarying, Self::Panoramas];
 
     /// Its name on the command line.
     pub fn name(self) -> &'static str {
@@ -31,14 +33,18 @@ impl Layout {
             Self::InteriorNet => "interiornet",
             Self::LavalVarying => "laval-varying",
             Self::Panoramas => "panoramas",
+            Self::Frames => "frames",
         }
     }
 
-    /// The layout that a folder (or a single `.tar`) has.
+    /// The layout that a folder (or a single `.tar` or `.json`) has.
     ///
     /// # Errors
     /// A folder that cannot be read or is none of them.
     pub fn detect(path: &Path) -> Result<Self, DatasetError> {
+        if Frames::is_at(path) {
+            return Ok(Self::Frames);
+        }
         if path.is_file() {
             return Ok(Self::Shards);
         }
@@ -76,6 +82,7 @@ impl Layout {
             Self::InteriorNet => Box::new(InteriorNet::open(path, model.seed)?),
             Self::LavalVarying => Box::new(LavalVarying::open(path, model.photo, model.seed)?),
             Self::Panoramas => Box::new(Panoramas::open(path, model)?),
+            Self::Frames => Box::new(Frames::open(path)?),
         })
     }
 }

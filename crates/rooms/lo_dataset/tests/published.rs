@@ -291,14 +291,52 @@ fn crops_show_their_panorama(folder: &Path, panoramas: usize, named: (usize, &st
 }
 
 #[test]
+fn frames_are_photos_with_measured_depth() {
+    let folder = tempfile::tempdir().unwrap();
+    let list = folder.path().join("frames.json");
+    let photo = Image::from_fn(32, 24, |x, y| [(8 * x) as u8, (10 * y) as u8, 90]);
+    write_srgb8(folder.path().join("a.png"), &photo, 90, "test").unwrap();
+    let depth = DepthMap::from_fn(16, 12, |x, _| if x < 8 { 2.0 } else { 0.0 });
+    write_depth(folder.path().join("d.png"), &depth, "test").unwrap();
+    let entry = |scale: f64, intrinsics: &str| {
+        let text = format!(
+            r#"[{{"color": "a.png", "depth": "d.png", "depth_scale": {scale}, "intrinsics": {intrinsics}, "room": "hall", "licence": "MIT"}}]"#
+        );
+        std::fs::write(&list, text).unwrap();
+    };
+    entry(500.0, "[30, 31, 16.5, 11.5]");
+    for path in [folder.path(), &list] {
+        assert_eq!(Layout::detect(path).unwrap(), Layout::Frames);
+        let dataset = Layout::Frames.open(path, small()).unwrap();
+        let sample = dataset.get(0).unwrap();
+        assert_eq!((dataset.len(), &*dataset.scene_id(0), &*sample.id), (1, "hall", "a"));
+        assert_eq!((sample.photo.width(), sample.camera.fy, sample.camera.cx), (32, 31.0, 16.5));
+        // Written in thousandths of a metre, read as 500 to one: twice as far.
+        let depth_m = sample.depth_m.unwrap();
+        assert_eq!((depth_m.width(), depth_m[(3, 5)], depth_m[(30, 5)]), (32, 4.0, 0.0));
+        assert!(dataset.get(1).is_err());
+    }
+    let message = || match Layout::Frames.open(&list, small()) {
+        Err(error) => error.to_string(),
+        Ok(dataset) => dataset.get(0).unwrap_err().to_string(),
+    };
+    entry(0.0, "[30, 31, 16.5, 11.5]");
+    assert!(message().ends_with("frames.json: depth_scale of a.png: 0 units are no metre"), "{}", message());
+    entry(500.0, "[-30, 31, 16.5, 11.5]");
+    assert!(message().contains("intrinsics of a.png"), "{}", message());
+    entry(500.0, "[30, 31]");
+    assert!(message().contains("frames.json: frames: invalid length 2"), "{}", message());
+    std::fs::write(&list, "[]").unwrap();
+    assert!(message().ends_with("frames.json: frames: there are none"), "{}", message());
+}
+
+#[test]
 fn unknown_folders_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("letter.txt"), "dear").unwrap();
     let message = Layout::detect(folder.path()).unwrap_err().to_string();
-    assert!(
-        message.ends_with(
-            "none of the layouts that are known (shards, futurehouse, interiornet, laval-varying, panoramas)"
-        )
-    );
+    assert!(message.ends_with(
+        "none of the layouts that are known (frames, shards, futurehouse, interiornet, laval-varying, panoramas)"
+    ));
     assert!(Layout::detect(&folder.path().join("nowhere")).is_err());
 }

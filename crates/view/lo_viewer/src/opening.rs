@@ -7,7 +7,7 @@ use lightoctree::depth_models::DepthModel;
 use lightoctree::geometry::Camera;
 use lightoctree::imaging;
 use lightoctree::scene::{Frame, Scene};
-use lightoctree::{EstimateOptions, Estimator, Event, Input, OnEvent, PanoramaPrior, camera_of_photo};
+use lightoctree::{EstimateOptions, Estimator, Event, Input, OnEvent, PanoramaPrior};
 use lo_session::OpenScene;
 
 use crate::Words;
@@ -106,12 +106,13 @@ fn estimated(source: PhotoSource, on_event: OnEvent<'_>) -> Result<Scene, String
     let photo = imaging::photo_from_bytes(&bytes, &name).map_err(|error| error.to_string())?;
     drop(bytes);
     let (width, height) = (photo.photo.width() as u32, photo.photo.height() as u32);
-    let camera = match intrinsics {
-        Some([fx, fy, cx, cy]) => Camera::new(fx, fy, cx, cy, width, height),
-        None => camera_of_photo(&photo).map(|(camera, _)| camera),
-    };
-    let camera = camera.map_err(|error| format!("{name}: {error}"))?;
     let estimator = estimator()?;
+    let camera = match intrinsics {
+        Some([fx, fy, cx, cy]) => Camera::new(fx, fy, cx, cy, width, height).map(|camera| (camera, None)),
+        None => estimator.camera_of(&photo).map(|(camera, source)| (camera, Some(source))),
+    };
+    #[cfg_attr(not(feature = "depth-models"), expect(unused_mut))]
+    let (camera, mut camera_source) = camera.map_err(|error| format!("{name}: {error}"))?;
     let mut sources = vec![name.clone()];
     let input = match depth {
         #[cfg(feature = "depth-models")]
@@ -119,9 +120,10 @@ fn estimated(source: PhotoSource, on_event: OnEvent<'_>) -> Result<Scene, String
             let model = read()?;
             let is_known = intrinsics.is_some() || photo.focal_px().is_some();
             let camera = is_known.then_some(camera);
-            let (predicted, _) = estimator
+            let (predicted, told) = estimator
                 .predict_depth(photo.photo, camera, &model, on_event)
                 .map_err(|error| format!("{name} with {model_name}: {error}"))?;
+            camera_source = if is_known { camera_source } else { told };
             sources.push(model_name);
             Input::PredictedDepth(predicted)
         }
@@ -141,6 +143,6 @@ fn estimated(source: PhotoSource, on_event: OnEvent<'_>) -> Result<Scene, String
                 .map_err(|error| format!("{name} is no panorama of a room: {error}"))
         })
         .transpose()?;
-    let options = EstimateOptions { sources, panorama, ..EstimateOptions::default() };
+    let options = EstimateOptions { sources, panorama, camera_source, ..EstimateOptions::default() };
     estimator.estimate(input, &options, on_event).map_err(|error| format!("{name}: {error}"))
 }

@@ -55,19 +55,30 @@ pub fn depth_losses(log_depth: Tensor<4>, truths: &[&DepthMap]) -> [Tensor<1>; 3
     [mean_square.clone().mean(), absolute.mean(), (mean_square - square_mean).mean()]
 }
 
-/// Mean squared difference of log(1 + radiance) over the sphere: rows count by their solid angle.
+/// Mean squared difference of log(1 + radiance) over the sphere: rows count by their solid angle. The mean over the panoramas whose truth is known.
 ///
 /// `panorama[3, pictures, height, width]`, of the same size as the `truths`.
 ///
 /// # Panics
 /// Where the sizes differ.
-pub fn panorama_loss(panorama: Tensor<4>, truths: &[&RadianceImage]) -> Tensor<1> {
-    let size @ [_, pictures, height, width] = panorama.dims();
+pub fn panorama_loss(panorama: Tensor<4>, truths: &[Option<&RadianceImage>]) -> Tensor<1> {
+    let [_, pictures, height, width] = panorama.dims();
     let fits = |truth: &&RadianceImage| (truth.width(), truth.height()) == (width, height);
-    assert!(truths.len() == pictures && truths.iter().all(fits), "true panoramas have the size of the predicted ones");
+    let known: Vec<&RadianceImage> = truths.iter().copied().flatten().collect();
+    assert!(truths.len() == pictures && known.iter().all(fits), "true panoramas have the size of the predicted ones");
     let device = panorama.device();
+    if known.is_empty() {
+        return Tensor::zeros([1], &device);
+    }
+    let panorama = if known.len() == pictures {
+        panorama
+    } else {
+        let of_known = truths.iter().enumerate().filter(|(_, truth)| truth.is_some());
+        Tensor::cat(of_known.map(|(picture, _)| panorama.clone().narrow(1, picture, 1)).collect(), 1)
+    };
     let logs = |c: usize| move |pixel: &[f32; 3]| pixel[c].ln_1p();
-    let channels = (0..3).flat_map(|c| truths.iter().flat_map(move |truth| truth.pixels().iter().map(logs(c))));
+    let channels = (0..3).flat_map(|c| known.iter().flat_map(move |truth| truth.pixels().iter().map(logs(c))));
+    let size = [3, known.len(), height, width];
     let expected = Tensor::<4>::from_data(TensorData::new::<f32, _>(channels.collect(), size), &device);
     let share = width as f32 / (4.0 * std::f32::consts::PI);
     let weights = (0..height).map(|y| share * lo_geometry::pixel_solid_angle_sr(y, width, height) * height as f32);
@@ -111,11 +122,22 @@ mod tests {
         let of = |bright: usize| {
             let values = (0..3 * 8 * 16).map(|i| if i / 16 % 8 == bright { 1.0f32.exp_m1() } else { 0.0 }).collect();
             let x = Tensor::<4>::from_data(TensorData::new::<f32, _>(values, [3, 1, 8, 16]), &recording_device());
-            numbers(panorama_loss(x, &[&truth]).inner())[0]
+            numbers(panorama_loss(x, &[Some(&truth)]).inner())[0]
         };
         let shares: Vec<f64> = (0..8).map(of).collect();
         assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-5, "{shares:?}");
         // sin(π/8)'s complement: the cap above 67.5° of latitude
         assert!((shares[0] - 0.5 * (1.0 - (std::f64::consts::PI * 0.375).sin())).abs() < 1e-5);
+    }
+
+    #[test]
+    fn panoramas_that_nobody_knows_cost_nothing() {
+        let truth = RadianceImage::from_fn(16, 8, |x, y| [x as f32, y as f32, 1.0]);
+        let values = |pictures: usize| (0..3 * pictures * 128).map(|i| ((i * 37) % 11) as f32).collect::<Vec<f32>>();
+        let x = Tensor::<4>::from_data(TensorData::new(values(3), [3, 3, 8, 16]), &recording_device());
+        let middle = numbers(panorama_loss(x.clone().narrow(1, 1, 1), &[Some(&truth)]).inner())[0];
+        assert!(middle > 0.1);
+        assert_eq!(numbers(panorama_loss(x.clone(), &[None, Some(&truth), None]).inner())[0], middle);
+        assert_eq!(numbers(panorama_loss(x, &[None, None, None]).inner())[0], 0.0);
     }
 }

@@ -1,7 +1,7 @@
 use burn::module::Module;
 use burn::tensor::ops::PadMode;
 use burn::tensor::{Device, Tensor, TensorData};
-use lo_geometry::{Camera, Perspective};
+use lo_geometry::{Camera, Perspective, PerspectiveFit};
 use lo_imaging::{DepthMap, Image, RadianceImage, linear_from_srgb8, srgb8_from_linear};
 
 use crate::depth::decoder::EIGHTH_CHANNELS;
@@ -12,8 +12,8 @@ use crate::depth::{
 /// Extents that can be predicted, metres.
 const EXTENT_RANGE_M: [f64; 2] = [0.02, 200.0];
 
-/// Most pixels on a photo's longer side as the network is used. Sizes are what tells distance, and the network knows them at the
-/// resolutions that it learned from; light needs no finer depth: at 4 m a pixel is 2 cm wide.
+/// Most pixels on a photo's longer side as networks are used that say nothing else. Sizes are what tells distance, and a network knows them at the
+/// resolution that it learned from; light needs no finer depth: at 4 m a pixel is 2 cm wide.
 pub const LONGER_SIDE: usize = 240;
 
 /// The encoder halves the resolution five times.
@@ -34,6 +34,8 @@ pub struct DepthNet {
     pub perspective: Option<PerspectiveHead>,
     #[module(skip)]
     kind: EncoderKind,
+    #[module(skip)]
+    longer_side: usize,
 }
 
 /// What the depth network gives.
@@ -58,13 +60,13 @@ pub fn size_within([width, height]: [usize; 2], longer_side: usize) -> [usize; 2
     [width, height].map(|side| (side * longer_side).div_ceil(longer))
 }
 
-/// An sRGB photo at the size at which the network is used: at most [`LONGER_SIDE`].
+/// An sRGB photo with at most so many pixels on its longer side.
 ///
 /// # Panics
 /// Where the photo has no pixels.
-pub fn network_input(photo: &Image<[u8; 3]>) -> Image<[u8; 3]> {
+pub fn photo_within(photo: &Image<[u8; 3]>, longer_side: usize) -> Image<[u8; 3]> {
     let size = [photo.width(), photo.height()];
-    let [width, height] = size_within(size, LONGER_SIDE);
+    let [width, height] = size_within(size, longer_side);
     if [width, height] == size {
         return photo.clone();
     }
@@ -91,7 +93,27 @@ impl DepthNet {
             panorama: PanoramaDecoder::new(global_features, stream, device),
             perspective: Some(PerspectiveHead::new(EIGHTH_CHANNELS, stream, device)),
             kind: encoder,
+            longer_side: LONGER_SIDE,
         }
+    }
+
+    /// The same, used on photos with at most so many pixels on the longer side.
+    #[must_use]
+    pub fn with_longer_side(self, longer_side: usize) -> Self {
+        Self { longer_side, ..self }
+    }
+
+    /// Most pixels on a photo's longer side as it is used.
+    pub fn longer_side(&self) -> usize {
+        self.longer_side
+    }
+
+    /// A photo as it looks at it.
+    ///
+    /// # Panics
+    /// Where the photo has no pixels.
+    pub fn network_input(&self, photo: &Image<[u8; 3]>) -> Image<[u8; 3]> {
+        photo_within(photo, self.longer_side)
     }
 
     /// Which encoder it has.
@@ -119,7 +141,7 @@ impl DepthNet {
     ///
     /// # Panics
     /// Where the photo has no pixels.
-    pub fn perspective_of(&self, photo: &Image<[u8; 3]>, half_extent: Option<f64>) -> Option<Perspective> {
+    pub fn perspective_of(&self, photo: &Image<[u8; 3]>, half_extent: Option<f64>) -> Option<PerspectiveFit> {
         let head = self.perspective.as_ref()?;
         let eighth = self.decoder.to_eighth(self.encoder.forward(self.input(&[photo])));
         let output = head.forward(eighth, [photo.width(), photo.height()]);
@@ -197,13 +219,19 @@ mod tests {
     }
 
     #[test]
-    fn large_photos_are_looked_at_in_240_pixels() {
-        let size = |width, height| {
-            let seen = network_input(&photo(width, height));
+    fn large_photos_are_looked_at_in_few_pixels() {
+        let net = DepthNet::new(EncoderKind::EfficientNetLite0, 16, 1, &Device::flex());
+        let size = |net: &DepthNet, width, height| {
+            let seen = net.network_input(&photo(width, height));
             (seen.width(), seen.height())
         };
-        assert_eq!((size(480, 320), size(301, 480), size(240, 200)), ((240, 160), (151, 240), (240, 200)));
-        assert_eq!(network_input(&photo(64, 32)), photo(64, 32));
+        assert_eq!(
+            (size(&net, 480, 320), size(&net, 301, 480), size(&net, 240, 200)),
+            ((240, 160), (151, 240), (240, 200))
+        );
+        assert_eq!(net.network_input(&photo(64, 32)), photo(64, 32));
+        let finer = net.with_longer_side(320);
+        assert_eq!((finer.longer_side(), size(&finer, 480, 320)), (320, (320, 214)));
     }
 
     #[test]
@@ -261,7 +289,7 @@ mod tests {
             let [log_depth, _, variance] = depth_losses(output.log_extent, &[&truth]);
             let made = net.panorama.forward(output.global);
             let opinion = judge.generator_loss(made.clone(), constant(4, 0.0));
-            let loss = log_depth + variance * 0.5 + panorama_loss(made.clone(), &[&sky]) + opinion * 0.01;
+            let loss = log_depth + variance * 0.5 + panorama_loss(made.clone(), &[Some(&sky)]) + opinion * 0.01;
             losses.push(loss.clone().inner().into_scalar::<f32>());
             net = adam.step(net, &loss.backward(), 1e-3);
             let loss = judge.discriminator_loss(constant(3, 1.0), made, constant(4, 0.0));

@@ -157,7 +157,7 @@ mod tests {
     #[test]
     fn what_the_field_of_a_camera_says_is_that_camera() {
         let output = field(&true_camera(), 10.0, &Device::flex());
-        let found = Perspective::fit(&output.cells(), None).unwrap();
+        let found = Perspective::fit(&output.cells(), None).unwrap().camera;
         assert!(found.up.angle_between(true_camera().up) < 1e-3, "{found:?}");
         assert!((found.half_extent - 0.8).abs() < 0.01, "{found:?}");
         // The first cell's middle is 26 pixels left of the picture's middle and 16 above it.
@@ -199,7 +199,7 @@ mod tests {
             head = adam.step(head, &loss.backward(), 1e-2);
         }
         assert!(losses[59] < losses[0] - 2.0, "{losses:?}");
-        let found = Perspective::fit(&head.forward(features, SIZE).cells(), None).unwrap();
+        let found = Perspective::fit(&head.forward(features, SIZE).cells(), None).unwrap().camera;
         assert!(found.up.angle_between(true_camera().up).to_degrees() < 5.0, "{found:?}");
     }
 }

@@ -1,13 +1,15 @@
-//! Datasets that others publish, and folders of panoramas.
+//! Datasets that others publish, folders of panoramas, and photos with measured depth.
 
 mod crop;
 mod files;
+mod frames;
 mod futurehouse;
 mod interiornet;
 mod laval;
 mod panoramas;
 
 pub use crop::CropModel;
+pub use frames::Frames;
 pub use futurehouse::FutureHouse;
 pub use interiornet::InteriorNet;
 pub use laval::LavalVarying;
