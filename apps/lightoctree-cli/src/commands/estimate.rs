@@ -5,13 +5,11 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::ValueEnum;
 #[cfg(feature = "depth-models")]
-use lightoctree::CameraSource;
-#[cfg(feature = "depth-models")]
 use lightoctree::depth_models::DepthModel;
 use lightoctree::geometry::{Camera, Vec3};
 use lightoctree::imaging;
 use lightoctree::scene::{Completion, Frame, Scene};
-use lightoctree::{EstimateError, EstimateOptions, Estimator, Input, PanoramaPrior};
+use lightoctree::{CameraSource, EstimateError, EstimateOptions, Estimator, Input, PanoramaPrior};
 
 #[cfg(feature = "depth-models")]
 use super::depth_model::DepthModelArgs;

@@ -39,6 +39,17 @@ impl Default for Adam {
 impl Adam {
     /// The module after one step against the gradients; parameters without a gradient stay as they are.
     pub fn step<M: Module>(&mut self, module: M, gradients: &Gradients, learning_rate: f64) -> M {
+        self.step_by(module, gradients, learning_rate, &|_| 1.0)
+    }
+
+    /// The same with a share of the learning rate for each parameter, by its name.
+    pub fn step_by<M: Module>(
+        &mut self,
+        module: M,
+        gradients: &Gradients,
+        learning_rate: f64,
+        share: &dyn Fn(&str) -> f32,
+    ) -> M {
         self.steps += 1;
         let steps = self.steps.min(i32::MAX as u64) as i32;
         let (first, second) = (1.0 - f64::from(self.beta1).powi(steps), 1.0 - f64::from(self.beta2).powi(steps));
@@ -49,7 +60,7 @@ impl Adam {
             rate: (learning_rate / first) as f32,
             second_scale: (1.0 / second) as f32,
         };
-        module.map(&mut Step { update, moments: &mut self.moments, gradients, path: Path::default() })
+        module.map(&mut Step { update, share, moments: &mut self.moments, gradients, path: Path::default() })
     }
 
     /// Steps taken.
@@ -70,8 +81,9 @@ struct Update {
 }
 
 impl Update {
-    fn apply(&self, values: &mut [f32], gradient: &[f32], moments: &mut Moments) {
+    fn apply(&self, share: f32, values: &mut [f32], gradient: &[f32], moments: &mut Moments) {
         const CHUNK: usize = 1 << 14;
+        let rate = self.rate * share;
         let moments = moments.first.par_chunks_mut(CHUNK).zip(moments.second.par_chunks_mut(CHUNK));
         let chunks = values.par_chunks_mut(CHUNK).zip(gradient.par_chunks(CHUNK)).zip(moments);
         chunks.for_each(|((values, gradient), (first, second))| {
@@ -79,7 +91,7 @@ impl Update {
                 let g = gradient[i];
                 first[i] = self.beta1 * first[i] + (1.0 - self.beta1) * g;
                 second[i] = self.beta2 * second[i] + (1.0 - self.beta2) * g * g;
-                values[i] -= self.rate * first[i] / ((second[i] * self.second_scale).sqrt() + self.epsilon);
+                values[i] -= rate * first[i] / ((second[i] * self.second_scale).sqrt() + self.epsilon);
             }
         });
     }
@@ -87,6 +99,7 @@ impl Update {
 
 struct Step<'a> {
     update: Update,
+    share: &'a dyn Fn(&str) -> f32,
     moments: &'a mut BTreeMap<String, Moments>,
     gradients: &'a Gradients,
     path: Path,
@@ -106,11 +119,13 @@ impl ModuleMapper for Step<'_> {
         let (id, tensor, mapper) = param.consume();
         let (device, dims) = (tensor.device(), tensor.dims());
         let mut values = floats(tensor.inner());
-        let moments = self.moments.entry(self.path.name()).or_default();
+        let name = self.path.name();
+        let share = (self.share)(&name);
+        let moments = self.moments.entry(name).or_default();
         if moments.first.len() != values.len() {
             *moments = Moments { first: vec![0.0; values.len()], second: vec![0.0; values.len()] };
         }
-        self.update.apply(&mut values, &floats(gradient), moments);
+        self.update.apply(share, &mut values, &floats(gradient), moments);
         let tensor = Tensor::from_data(TensorData::new(values, dims), &device);
         Param::from_mapped_value(id, tensor.require_grad(), mapper)
     }
@@ -152,5 +167,10 @@ mod tests {
         let got = floats(net.weights.val().inner());
         assert!(got.iter().zip(expected).all(|(a, b)| (f64::from(*a) - b).abs() < 1e-5), "{got:?}");
         assert_eq!(adam.moments.keys().collect::<Vec<_>>(), ["weights"]);
+        // A share of nothing moves nothing.
+        let input = Tensor::<2>::from_data([[1.0, 2.0]], &device);
+        let gradients = net.forward(input).square().sum().backward();
+        let held = adam.step_by(net, &gradients, 0.05, &|name| if name == "weights" { 0.0 } else { 1.0 });
+        assert_eq!(floats(held.weights.val().inner()), got);
     }
 }

@@ -7,6 +7,7 @@ use lo_random::{RngExt, Stream};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{ConfigError, inside};
+use crate::style::StyleConfig;
 
 /// What a sample is varied by, so that one photo is many. Every field has a default.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -23,13 +24,23 @@ pub struct AugmentationConfig {
     pub focal: f32,
     /// A photo is cut to its middle, down to one over this of its width: what a longer lens sees.
     pub zoom: f32,
+    /// How else photos look to the depth network, while what they show is the same.
+    pub style: StyleConfig,
     /// How many variants of a sample there are; global light is kept for each. 0: always another one.
     pub variants: u64,
 }
 
 impl Default for AugmentationConfig {
     fn default() -> Self {
-        Self { mirror_share: 0.5, brighter_ev: 0.6, colour: 0.08, focal: 0.1, zoom: 1.25, variants: 8 }
+        Self {
+            mirror_share: 0.5,
+            brighter_ev: 0.6,
+            colour: 0.08,
+            focal: 0.1,
+            zoom: 1.25,
+            style: StyleConfig::default(),
+            variants: 8,
+        }
     }
 }
 
@@ -45,6 +56,10 @@ impl AugmentationConfig {
             ("brighter_ev", self.brighter_ev, 0.0, 8.0),
             ("colour", self.colour, 0.0, 1.0),
             ("focal", self.focal, 0.0, 1.0),
+            ("style.contrast", self.style.contrast, 0.0, 2.0),
+            ("style.saturation", self.style.saturation, 0.0, 1.0),
+            ("style.blur_px", self.style.blur_px, 0.0, 8.0),
+            ("style.noise", self.style.noise, 0.0, 1.0),
         ];
         ranges
             .into_iter()
@@ -250,8 +265,15 @@ mod tests {
             assert!(varied.pixels().iter().zip(photo.pixels()).all(|(a, b)| a >= b));
             assert_eq!(varied[(15, 15)], [255; 3]);
         }
-        let none =
-            AugmentationConfig { mirror_share: 0.0, brighter_ev: 0.0, colour: 0.0, focal: 0.0, zoom: 1.0, variants: 0 };
+        let none = AugmentationConfig {
+            mirror_share: 0.0,
+            brighter_ev: 0.0,
+            colour: 0.0,
+            focal: 0.0,
+            zoom: 1.0,
+            variants: 0,
+            ..AugmentationConfig::default()
+        };
         assert_eq!(none.draw(&mut lo_random::stream(1, "test", 0)), Variation::NONE);
     }
 }

@@ -243,6 +243,7 @@ impl TrainConfig {
                 Phase::Depth(p) => {
                     inside("photo_width", p.photo_width as f64, 32.0, 4096.0)?;
                     inside("batch_size", p.batch_size as f64, 1.0, 256.0)?;
+                    inside("encoder_lr_ratio", p.encoder_lr_ratio.into(), 0.0, 1.0)?;
                 }
                 Phase::Light(p) | Phase::Joint(p) => {
                     inside("octree_depth", p.octree_depth.into(), shallowest, finest)?;

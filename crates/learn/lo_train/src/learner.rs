@@ -17,6 +17,7 @@ use crate::config::TrainConfig;
 use crate::deepen::deepened;
 use crate::error::{ConfigError, Fault, TrainError};
 use crate::example::{DepthExample, LightExample, PANORAMA};
+use crate::phases::DepthPhase;
 use crate::trained::Trained;
 use crate::weights::gradient_norm;
 
@@ -244,13 +245,15 @@ impl Learner {
         &mut self,
         examples: &[DepthExample],
         learning_rate: f64,
+        phase: &DepthPhase,
         config: &TrainConfig,
     ) -> Result<Progress, Fault> {
+        let share = |name: &str| if name.starts_with("encoder.") { phase.encoder_lr_ratio } else { 1.0 };
         let examples: Vec<_> = examples.iter().collect();
         let photos: Vec<_> = examples.iter().map(|example| &example.photo).collect();
         let (total, judged, mut progress) = self.depth_losses(self.depth.net.forward(&photos), &examples, config);
         let mut gradients = total.backward();
-        let norm = self.depth.descend("depth_net", &mut gradients, learning_rate, config);
+        let norm = self.depth.descend("depth_net", &mut gradients, learning_rate, &share, config);
         progress.norms.push(("depth", norm.map_err(|fault| with_losses(fault, &progress))?));
         drop(gradients);
         self.discriminator_step(judged, learning_rate * config.discriminator_lr_ratio, &mut progress)?;
@@ -331,7 +334,7 @@ impl Learner {
         let global = Tensor::from_data(TensorData::new(global, [1, features]), &recording());
         let (total, mut progress) = self.light_losses(example, global, own, config)?;
         let mut gradients = total.backward();
-        let norm = self.light.descend("light_net", &mut gradients, learning_rate, config);
+        let norm = self.light.descend("light_net", &mut gradients, learning_rate, &|_| 1.0, config);
         progress.norms.push(("light", norm.map_err(|fault| with_losses(fault, &progress))?));
         Ok(progress)
     }
@@ -375,9 +378,9 @@ impl Learner {
         let (depth, judged, mut progress) = self.depth_losses(output, &[depth_example], config);
         progress.losses.extend(lit.losses);
         let mut gradients = (light + depth).backward();
-        let norm = self.light.descend("light_net", &mut gradients, learning_rate, config);
+        let norm = self.light.descend("light_net", &mut gradients, learning_rate, &|_| 1.0, config);
         progress.norms.push(("light", norm.map_err(|fault| with_losses(fault, &progress))?));
-        let norm = self.depth.descend("depth_net", &mut gradients, learning_rate, config);
+        let norm = self.depth.descend("depth_net", &mut gradients, learning_rate, &|_| 1.0, config);
         progress.norms.push(("depth", norm.map_err(|fault| with_losses(fault, &progress))?));
         drop(gradients);
         self.discriminator_step(judged, learning_rate * config.discriminator_lr_ratio, &mut progress)?;

@@ -43,6 +43,8 @@ pub struct DepthPhase {
     pub photo_width: usize,
     /// Normalise by the running statistics, as in use, instead of those of the photos at hand.
     pub frozen_statistics: bool,
+    /// Learning rate of the encoder as a share of the others': what real pictures taught it is forgotten the more slowly.
+    pub encoder_lr_ratio: f32,
 }
 
 /// A part of stage 2 or 3; each step is of one photo. In a file its schedule stands beside the other fields.
@@ -73,6 +75,7 @@ impl DepthPhase {
         batch_size: 16,
         photo_width: 240,
         frozen_statistics: false,
+        encoder_lr_ratio: 1.0,
     };
 }
 

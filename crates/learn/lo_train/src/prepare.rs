@@ -18,7 +18,12 @@ pub(crate) fn depth_examples(
     seed: u64,
 ) -> impl FnMut(&Sample, u64) -> Result<DepthExample, Unusable> + Send + use<> {
     let (width, augmentation) = (phase.photo_width, augmentation.clone());
-    move |sample, epoch| DepthExample::new(sample, &augmentation.of(seed, sample, epoch).0, width)
+    move |sample, epoch| {
+        let (variation, variant) = augmentation.of(seed, sample, epoch);
+        let example = DepthExample::new(sample, &variation, width)?;
+        let mut stream = Variation::stream(seed, "style", sample, variant);
+        Ok(DepthExample { photo: augmentation.style.apply(&example.photo, &mut stream), ..example })
+    }
 }
 
 /// For stage 2: the light network's example, and the global lighting feature of the depth network as it is now.

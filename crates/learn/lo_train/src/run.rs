@@ -218,7 +218,7 @@ impl<'a> Run<'a> {
                 let prepare = depth_examples(depth, augmentation, seed);
                 self.steps(&phase, prepare, DepthExample::size, |run, examples, learning_rate| {
                     let config = run.config;
-                    let step = || run.learner.depth_step(&examples, learning_rate, config);
+                    let step = || run.learner.depth_step(&examples, learning_rate, depth, config);
                     in_pool(|| in_bf16(config.bf16, step)).map(Ok)
                 })?;
             }

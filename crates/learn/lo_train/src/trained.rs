@@ -22,12 +22,13 @@ pub(crate) struct Trained<M> {
 }
 
 impl<M: Module> Trained<M> {
-    /// One step along a gradient, shortened to `clip`; gives its norm.
+    /// One step along a gradient, shortened to `clip`; each parameter goes `share` of the learning rate. Gives the norm.
     pub fn descend(
         &mut self,
         name: &str,
         gradients: &mut Gradients,
         learning_rate: f64,
+        share: &dyn Fn(&str) -> f32,
         config: &TrainConfig,
     ) -> Result<f32, Fault> {
         let norm = gradient_norm(&self.net, gradients)
@@ -35,7 +36,7 @@ impl<M: Module> Trained<M> {
         if norm > config.clip_norm {
             scale_gradient(&self.net, gradients, config.clip_norm / norm);
         }
-        self.net = self.adam.step(self.net.clone(), gradients, learning_rate);
+        self.net = self.adam.step_by(self.net.clone(), gradients, learning_rate, share);
         // Running statistics wait for the next use on the same thread; the next step may be on another one.
         let _ = self.net.valid();
         self.steps += 1;
