@@ -63,7 +63,7 @@ pub struct DataConfig {
     /// A folder in a layout that `lightoctree dataset` knows: shards of `lightoctree synth`, or published data. Rooms are generated on the
     /// fly where none is named.
     pub folder: Option<PathBuf>,
-    /// Real panoramas, of which photos are cut. They know how the camera was held, its lens and the light around it, but no depth.
+    /// Real panoramas, of which photos are cut. They know how the camera was held, its lens and the light around it; depth only by a plan.
     pub panoramas: Vec<PanoramaData>,
     /// Real photos with measured depth. They know depth and lens, but not the light.
     pub frames: Vec<FramesData>,
@@ -84,6 +84,8 @@ pub struct DataConfig {
 pub struct PanoramaData {
     /// Where they are.
     pub folder: PathBuf,
+    /// A folder with plans of the rooms, drawn by hand; panoramas without one have no depth.
+    pub plans: Option<PathBuf>,
     /// Which parts, and with what camera; its seed is the run's.
     pub crop: CropModel,
 }

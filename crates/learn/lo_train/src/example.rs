@@ -102,15 +102,17 @@ impl DepthExample {
     }
 }
 
-/// The panorama at the camera: from the room's surfaces where they are known, else one that was taken there, if one was.
+/// The panorama at the camera: the one that was taken there, if one was, else from the room's surfaces, where they are known.
 fn true_panorama(sample: &Sample, variation: &Variation) -> Result<Option<RadianceImage>, Unusable> {
     let (width, height) = PANORAMA;
-    if sample.points.is_empty() {
-        let here = |view: &&NovelView| view.position_m.length() < MAX_ASIDE_M;
-        let Some(view) = sample.views.iter().find(here) else { return Ok(None) };
+    let here = |view: &&NovelView| view.position_m.length() < MAX_ASIDE_M;
+    if let Some(view) = sample.views.iter().find(here) {
         let turned = lo_imaging::rotate_equirectangular(&view.radiance, view.rotation, width, height);
         let column = |x: usize| if variation.mirrored { width - 1 - x } else { x };
         return Ok(Some(Image::from_fn(width, height, |x, y| variation.light(turned[(column(x), y)]))));
+    }
+    if sample.points.is_empty() {
+        return Ok(None);
     }
     let points = variation.points(&sample.points);
     let low = points.iter().map(|p| p.position_m).fold(Vec3::ZERO, Vec3::min);

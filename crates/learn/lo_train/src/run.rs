@@ -104,8 +104,13 @@ fn open(config: &TrainConfig, seed: u64) -> Result<Sources, TrainError> {
             Arc::new(Generated::new(generator, data.generated_rooms))
         }
     };
-    let panoramas = data.panoramas.iter().map(|PanoramaData { folder, crop }| {
-        Ok(Arc::new(Panoramas::open(folder, CropModel { seed, ..*crop })?) as Arc<dyn Dataset>)
+    let panoramas = data.panoramas.iter().map(|PanoramaData { folder, plans, crop }| {
+        let panoramas = Panoramas::open(folder, CropModel { seed, ..*crop })?;
+        let panoramas = match plans {
+            Some(plans) => panoramas.with_plans(plans)?,
+            None => panoramas,
+        };
+        Ok(Arc::new(panoramas) as Arc<dyn Dataset>)
     });
     let panoramas: Arc<dyn Dataset> = Arc::new(Joined::new(panoramas.collect::<Result<_, TrainError>>()?));
     let frames = data.frames.iter().map(|FramesData { list, repeats }| {

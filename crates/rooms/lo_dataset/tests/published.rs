@@ -3,8 +3,8 @@
 
 use std::path::Path;
 
-use lo_dataset::{CropModel, Layout, Sample};
-use lo_geometry::{Vec3, pixel_direction};
+use lo_dataset::{CropModel, Dataset, Layout, Panoramas, Sample};
+use lo_geometry::{Vec3, pixel_direction, uv_from_direction};
 use lo_imaging::{
     DepthMap, ExrOptions, Image, RadianceImage, linear_from_srgb8, sample_equirectangular, write_depth, write_radiance,
     write_srgb8,
@@ -254,6 +254,52 @@ fn crops_of_the_real_panoramas() {
     crops_show_their_panorama(&panoramas(), 1, (0, "lebombo_256-0"));
     let Some(folder) = beside("hdr", "crops of 14 real panoramas") else { return };
     crops_show_their_panorama(&folder, 14, (14, "lebombo_1k-0"));
+}
+
+#[test]
+fn plans_give_photos_of_panoramas_depth() {
+    let folder = tempfile::tempdir().unwrap();
+    hdr(&folder.path().join("box.hdr"), &direction_map(256, 128));
+    hdr(&folder.path().join("other.hdr"), &direction_map(64, 32));
+    // the box room of 4 × 3 × 6 m, its lower corners as the middle of it sees them
+    let corner = |x: f32, z: f32| {
+        let uv = uv_from_direction(Vec3::new(x, -1.5, z).normalize());
+        [uv.x * 256.0, uv.y * 128.0]
+    };
+    let floor = [corner(-2.0, -3.0), corner(2.0, -3.0), corner(2.0, 3.0), corner(-2.0, 3.0)];
+    let plan = serde_json::json!({"width": 256, "camera_height_m": 1.5, "height_from": "made up", "ceiling_m": 3.0,
+        "wall_top_m": null, "floor": floor, "unknown": [[[-10, 0], [266, 0], [266, 20], [-10, 20]]]});
+    std::fs::write(folder.path().join("box.json"), plan.to_string()).unwrap();
+    let dataset = Panoramas::open(folder.path(), small()).unwrap().with_plans(folder.path()).unwrap();
+    for index in 0..3 {
+        let sample = dataset.get(index).unwrap();
+        let depth_m = sample.depth_m.unwrap();
+        let up = sample.up.unwrap();
+        let back = sample.views[0].rotation.inverse();
+        for (x, y) in [(3, 4), (24, 16), (44, 30)] {
+            let direction = sample.camera.direction(x as f64 + 0.5, y as f64 + 0.5);
+            let expected = -direction.z * room_distance(back * direction);
+            let steep = direction.dot(up) > 0.85;
+            let depth_m = depth_m[(x, y)];
+            assert!(steep || (depth_m / expected - 1.0).abs() < 0.05, "({x}, {y}): {depth_m} m, not {expected} m");
+        }
+        // a point for each pixel, also where depth is unknown, on the room's sides and as bright as there
+        assert_eq!(sample.points.len(), 256 * 128);
+        for point in sample.points.iter().step_by(97) {
+            let direction = back * point.position_m.normalize();
+            assert!((point.position_m.length() / room_distance(direction) - 1.0).abs() < 1e-3);
+            let gains = sample.metadata["gains"].as_array().unwrap();
+            let green = (0.5 * direction.y + 0.6) * gains[1].as_f64().unwrap() as f32;
+            assert!((point.radiance[1] / green - 1.0).abs() < 0.02, "{} {green}", point.radiance[1]);
+        }
+    }
+    let other = dataset.get(3).unwrap();
+    assert!(other.depth_m.is_none() && other.points.is_empty(), "{} has no plan", other.id);
+    std::fs::write(folder.path().join("box.json"), "{}").unwrap();
+    let open = || Panoramas::open(folder.path(), small()).unwrap().with_plans(folder.path()).unwrap_err().to_string();
+    assert!(open().contains("box.json: plan: missing field `width`"), "{}", open());
+    std::fs::remove_file(folder.path().join("box.json")).unwrap();
+    assert!(open().contains("no plan (NAME.json) of any of the panoramas"), "{}", open());
 }
 
 /// Of a folder with as many panoramas, whose sample at an index has a name.

@@ -1,10 +1,12 @@
-use lo_geometry::{Camera, Mat3, Quat, Vec3, uv_from_direction};
+use lo_geometry::{Camera, Mat3, Quat, Vec3, pixel_direction, uv_from_direction};
 use lo_imaging::{
     DepthMap, Image, RadianceImage, perspective_from_equirectangular, resize_equirectangular, view_rotation,
 };
 use lo_random::{RngExt, Stream};
 use lo_sensor::{Interval, PhotoModel};
 use serde::{Deserialize, Serialize};
+
+use lo_octree::{Coverage, RadiancePoint};
 
 use crate::sample::Metadata;
 use crate::{NovelView, Record, Shot};
@@ -58,7 +60,24 @@ pub(super) struct Surroundings<'a> {
     pub radiance: &'a RadianceImage,
     /// Distance, metres.
     pub depth_m: Option<&'a DepthMap>,
+    /// Distance of the surfaces where light comes from, without a hole; may be another than that of what is seen.
+    pub enclosure_m: Option<&'a DepthMap>,
     pub albedo: Option<&'a RadianceImage>,
+}
+
+impl Surroundings<'_> {
+    /// A point for each pixel whose surface is known.
+    fn points(&self) -> Vec<RadiancePoint> {
+        let Some(enclosure_m) = self.enclosure_m else { return Vec::new() };
+        let (width, height) = (enclosure_m.width(), enclosure_m.height());
+        let pixels = self.radiance.pixels().iter().zip(enclosure_m.pixels()).enumerate();
+        let point = |(i, (&radiance, distance_m)): (usize, (&[f32; 3], &f32))| RadiancePoint {
+            position_m: *distance_m * pixel_direction(i % width, i / width, width, height),
+            radiance,
+            coverage: Coverage::Inferred,
+        };
+        pixels.map(point).collect()
+    }
 }
 
 impl CropModel {
@@ -116,7 +135,7 @@ impl CropModel {
             key: if self.crops > 1 { format!("{id}-{crop}") } else { id.to_owned() },
             scene_id,
             up: Some(Vec3::Y),
-            points: Vec::new(),
+            points: around.points(),
             point_area_m2: None,
             views: vec![view],
             shots: vec![shot],

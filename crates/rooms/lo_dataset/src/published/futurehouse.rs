@@ -101,7 +101,8 @@ impl Dataset for FutureHouse {
         } else {
             None
         };
-        let around = Surroundings { radiance: &radiance, depth_m: Some(&depth_m), albedo: albedo.as_ref() };
+        let around =
+            Surroundings { radiance: &radiance, depth_m: Some(&depth_m), enclosure_m: None, albedo: albedo.as_ref() };
         let id = format!("{}-{}", panorama.house, panorama.number);
         let mut record = self.model.take(&id, panorama.house.clone(), index % self.crops(), &around);
         if let Some(light) = &panorama.light {

@@ -7,6 +7,7 @@ mod futurehouse;
 mod interiornet;
 mod laval;
 mod panoramas;
+mod room_plan;
 
 pub use crop::CropModel;
 pub use frames::Frames;
