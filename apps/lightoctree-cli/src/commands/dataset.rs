@@ -48,6 +48,10 @@ struct Source {
     /// Photos to cut out of each panorama, where there are no photos
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
     crops: u32,
+
+    /// Plans of the panoramas' rooms, NAME.json of NAME.hdr: depth is known by them
+    #[arg(long, value_name = "DIR")]
+    plans: Option<PathBuf>,
 }
 
 /// Layouts on the command line.
@@ -186,7 +190,7 @@ impl Source {
             None => Layout::detect(&self.dataset)?,
         };
         let model = CropModel { crops: self.crops, seed: global.seed, ..CropModel::default() };
-        let dataset: Arc<dyn Dataset> = layout.open(&self.dataset, model)?.into();
+        let dataset: Arc<dyn Dataset> = layout.open_planned(&self.dataset, model, self.plans.as_deref())?.into();
         if dataset.is_empty() {
             return Err(DatasetError::Layout { folder: self.dataset.clone(), reason: "no sample in it".into() }.into());
         }
@@ -310,7 +314,7 @@ fn convert(global: &Global, args: &ConvertArgs) -> anyhow::Result<()> {
     let begun = std::time::Instant::now();
     let (layout, dataset) = args.source.open(global)?;
     // Everything that the shards' bytes depend on.
-    let manifest = json!({
+    let mut manifest = json!({
         "format_version": lo_dataset::FORMAT_VERSION,
         "program_version": env!("CARGO_PKG_VERSION"),
         "layout": layout.name(),
@@ -320,6 +324,9 @@ fn convert(global: &Global, args: &ConvertArgs) -> anyhow::Result<()> {
         "scene_ids_fnv1a": format!("{:016x}", lo_dataset::fingerprint(dataset.as_ref())),
         "samples_per_shard": args.samples_per_shard,
     });
+    if let Some(plans) = &args.source.plans {
+        manifest["plans"] = json!(plans);
+    }
     let shards = shard_folder(&args.output, PREFIX, CONVERT, manifest, args.force)?;
     let mut bar = StageBar::new(global.quiet);
     let (per_shard, threads) = (args.samples_per_shard as usize, threads(global));

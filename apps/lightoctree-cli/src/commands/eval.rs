@@ -52,6 +52,10 @@ pub struct Args {
     #[arg(long, value_name = "A,B", default_value = "60,80", value_parser = parse::hfov_range_deg)]
     hfov_deg: [f32; 2],
 
+    /// Plans of the panoramas' rooms, NAME.json of NAME.hdr: depth is known by them
+    #[arg(long, value_name = "DIR", conflicts_with = "protocol")]
+    plans: Option<PathBuf>,
+
     /// The part of the dataset
     #[arg(long, value_name = "PART", default_value = "validation")]
     split: SplitName,
@@ -210,6 +214,7 @@ fn photos(global: &Global, args: &Args, part: SplitName) -> anyhow::Result<Photo
         layout: args.layout.map(Into::into),
         protocol: args.protocol.and_then(ProtocolName::of_panoramas),
         crops,
+        plans: args.plans.clone(),
         part: part.part(),
         most: args.samples.map(|most| most as usize),
     })

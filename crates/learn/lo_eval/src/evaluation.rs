@@ -23,6 +23,8 @@ pub struct Photos {
     pub protocol: Option<Protocol>,
     /// How photos are made where there are none and no protocol says how.
     pub crops: CropModel,
+    /// A folder with plans of the panoramas' rooms, by which depth is known.
+    pub plans: Option<PathBuf>,
     /// The part of the dataset; all of it where `None`.
     pub part: Option<Split>,
     /// No more photos than this, evenly spread.
@@ -54,8 +56,10 @@ impl Photos {
         let path: &Path = &self.dataset;
         let dataset: Box<dyn Dataset> = match (self.protocol, self.layout) {
             (Some(protocol), _) => Box::new(ProtocolCrops::open(path, protocol)?),
-            (None, Some(layout)) => layout.open(path, self.crops)?,
-            (None, None) => Layout::detect(path)?.open(path, self.crops)?,
+            (None, layout) => {
+                let layout = layout.map_or_else(|| Layout::detect(path), Ok)?;
+                layout.open_planned(path, self.crops, self.plans.as_deref())?
+            }
         };
         let indices = indices_of(dataset.as_ref(), self.part, self.most);
         if indices.is_empty() {

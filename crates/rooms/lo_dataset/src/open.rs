@@ -85,4 +85,24 @@ impl Layout {
             Self::Frames => Box::new(Frames::open(path)?),
         })
     }
+
+    /// Opens panoramas with the plans of a folder ([`Panoramas::with_plans`]), where one is given; else as [`Layout::open`].
+    ///
+    /// # Errors
+    /// Of both; plans where there are no panoramas.
+    pub fn open_planned(
+        self,
+        path: &Path,
+        model: CropModel,
+        plans: Option<&Path>,
+    ) -> Result<Box<dyn Dataset>, DatasetError> {
+        match (self, plans) {
+            (_, None) => self.open(path, model),
+            (Self::Panoramas, Some(plans)) => Ok(Box::new(Panoramas::open(path, model)?.with_plans(plans)?)),
+            (other, Some(_)) => {
+                let reason = format!("plans are of panoramas, and its layout is {}", other.name());
+                Err(DatasetError::layout(path, reason))
+            }
+        }
+    }
 }
