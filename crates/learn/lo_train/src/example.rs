@@ -17,8 +17,11 @@ use crate::rays::drawn_panorama_rays;
 /// Size of the panorama that the depth network's global lighting decoder gives.
 pub(crate) const PANORAMA: (usize, usize) = (128, 64);
 
-/// Depth of the octree that the true panorama at the camera is rendered from: its leaves are as large as the panorama's pixels at 4 m.
-const PANORAMA_DEPTH: u32 = 6;
+/// Depths of the octree that the true panorama at the camera is rendered from. At the greatest, leaves are as large as the panorama's pixels at 4 m.
+const PANORAMA_DEPTHS: [u32; 2] = [3, 6];
+
+/// Edge of that octree's leaves over the distance of surface points from each other, at least: smaller ones would leave holes.
+const POINTS_IN_A_ROW: f32 = 1.25;
 
 /// How far from the camera a panorama may stand and be taken for its own.
 const MAX_ASIDE_M: f32 = 0.05;
@@ -118,7 +121,11 @@ fn true_panorama(sample: &Sample, variation: &Variation) -> Result<Option<Radian
     let low = points.iter().map(|p| p.position_m).fold(Vec3::ZERO, Vec3::min);
     let high = points.iter().map(|p| p.position_m).fold(Vec3::ZERO, Vec3::max);
     let cube = Cube::centred(0.5 * (low + high), 1.01 * (high - low).max_element());
-    let (octree, _) = LightOctree::from_points(&points, cube, PANORAMA_DEPTH, 4).map_err(impossible)?;
+    let spacing_m = sample.point_area_m2.map_or(0.0, f32::sqrt);
+    let [coarse, fine] = PANORAMA_DEPTHS;
+    let closed = |depth: &u32| cube.node_edge_m(*depth) >= POINTS_IN_A_ROW * spacing_m;
+    let depth = (coarse..=fine).rev().find(closed).unwrap_or(coarse);
+    let (octree, _) = LightOctree::from_points(&points, cube, depth, coarse).map_err(impossible)?;
     let tracer = ConeTracer::new(&octree, Settings::default()).map_err(impossible)?;
     Ok(Some(tracer.panorama(Vec3::ZERO, width, height).radiance))
 }
@@ -250,15 +257,14 @@ mod tests {
     use super::*;
 
     fn sample() -> Sample {
+        sample_for(6)
+    }
+
+    /// With points for octrees of this depth.
+    fn sample_for(octree_depth: u32) -> Sample {
         let room = SynthConfig { crop_size: [120, 80], ..SynthConfig::default() };
-        let config = GeneratorConfig {
-            room,
-            shots: 1,
-            panoramas: 2,
-            panorama_height: 32,
-            octree_depth: 6,
-            ..Default::default()
-        };
+        let config =
+            GeneratorConfig { room, shots: 1, panoramas: 2, panorama_height: 32, octree_depth, ..Default::default() };
         Generator::new(3, config).unwrap().record(1).unwrap().sample(0)
     }
 
@@ -320,5 +326,18 @@ mod tests {
         assert!(shown.len() > 300, "{} pixels", shown.len());
         let off = median(shown.iter().map(|(a, b)| (a.ln_1p() - b.min(1.0).ln_1p()).abs()).collect());
         assert!(off < 0.1, "{off}");
+    }
+
+    #[test]
+    fn few_surface_points_make_a_panorama_without_holes() {
+        let fine = sample();
+        let coarse = sample_for(4);
+        assert!(coarse.points.len() < fine.points.len() / 4, "{} {}", coarse.points.len(), fine.points.len());
+        let [fine, coarse] = [fine, coarse].map(|sample| true_panorama(&sample, &Variation::NONE).unwrap().unwrap());
+        let ratios = coarse.pixels().iter().zip(fine.pixels()).map(|(a, b)| (a[1].ln_1p() - b[1].ln_1p()).abs());
+        let off = median(ratios.collect());
+        assert!(off < 0.05, "{off}");
+        let dark = coarse.pixels().iter().zip(fine.pixels()).filter(|(a, b)| a[1] < 0.5 * b[1]).count();
+        assert!(dark < coarse.pixels().len() / 50, "{dark} pixels are dark");
     }
 }
