@@ -315,12 +315,13 @@ mod tests {
 
     #[test]
     fn what_is_wrong_is_named() {
-        let with = |change: &dyn Fn(&mut serde_json::Value)| {
+        type Change<'a> = &'a dyn Fn(&mut serde_json::Value);
+        let with = |change: Change| {
             let mut other = plan();
             change(&mut other);
             read(&other).unwrap_err()
         };
-        let cases: [(&dyn Fn(&mut serde_json::Value), &str); 8] = [
+        let cases: [(Change, &str); 8] = [
             (&|p| p["floor"][1] = serde_json::json!([700.0, 380.0]), "floor: (700, 380) is not on the floor"),
             (&|p| p["camera_height_m"] = serde_json::json!(-1.0), "camera_height_m: -1 m is not within"),
             (&|p| p["ceiling_m"] = serde_json::json!(1.2), "ceiling_m: 1.2 m is not above the camera"),
