@@ -5,9 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use lo_dataset::{
-    CropModel, Dataset, Frames, Generated, Generator, Joined, Layout, LoaderState, Panoramas, Sample, fingerprint,
-};
+use lo_dataset::{CropModel, Dataset, Frames, Generated, Generator, Joined, Layout, LoaderState, Sample, fingerprint};
 use lo_events::{Cancelled, Event, OnEvent, Stage, TrainingPhase, Warning};
 use lo_imaging::write_rgba8;
 use lo_nets::checkpoint::Precision;
@@ -105,12 +103,8 @@ fn open(config: &TrainConfig, seed: u64) -> Result<Sources, TrainError> {
         }
     };
     let panoramas = data.panoramas.iter().map(|PanoramaData { folder, plans, crop }| {
-        let panoramas = Panoramas::open(folder, CropModel { seed, ..*crop })?;
-        let panoramas = match plans {
-            Some(plans) => panoramas.with_plans(plans)?,
-            None => panoramas,
-        };
-        Ok(Arc::new(panoramas) as Arc<dyn Dataset>)
+        let crop = CropModel { seed, ..*crop };
+        Ok(Arc::from(Layout::Panoramas.open_planned(folder, crop, plans.as_deref())?))
     });
     let panoramas: Arc<dyn Dataset> = Arc::new(Joined::new(panoramas.collect::<Result<_, TrainError>>()?));
     let frames = data.frames.iter().map(|FramesData { list, repeats }| {
