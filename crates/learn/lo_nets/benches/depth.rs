@@ -157,7 +157,7 @@ fn depth_net_train(bencher: Bencher, bf16: bool) {
         let [log_depth, _, variance] = depth_losses(output.log_extent, &[&truth]);
         let made = net.panorama.forward(output.global);
         let opinion = judge.generator_loss(made.clone(), condition.clone());
-        let loss = log_depth + variance + panorama_loss(made.clone(), &[Some(&sky)]) + opinion;
+        let loss = log_depth + variance + panorama_loss(made.clone(), &[Some(&sky)])[0].clone() + opinion;
         let net = adam.step(net, &loss.backward(), 1e-4);
         let loss = judge.discriminator_loss(real.clone(), made, condition.clone());
         nets = Some((net, judge_adam.step(judge, &loss.backward(), 1e-4)));

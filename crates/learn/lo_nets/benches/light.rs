@@ -140,6 +140,7 @@ fn input(depth: u32) -> (LightInput, LightNetConfig) {
             features,
             visible,
             ambient: [0.3; 3],
+            map: None,
             colour_share: 1.0,
             free,
         },

@@ -16,6 +16,7 @@ pub mod rendering;
 mod sums;
 #[cfg(test)]
 mod testing;
+mod tone;
 
 pub use adam::Adam;
 pub use burn::tensor::Device;

@@ -43,6 +43,9 @@ struct DepthNetConfig {
     /// Whether it has learned the camera.
     #[serde(default)]
     perspective: bool,
+    /// Whether `f_L` holds the photo's colour.
+    #[serde(default)]
+    colour: bool,
     /// Most pixels on the longer side of photos.
     #[serde(default = "usual_longer_side")]
     longer_side: usize,
@@ -102,6 +105,7 @@ impl Networks {
         checkpoint.state[DEPTH_NET] = serde_json::json!(DepthNetConfig {
             encoder: self.depth.encoder_kind(),
             perspective: self.depth.perspective.is_some(),
+            colour: self.depth.with_colour(),
             longer_side: self.depth.longer_side(),
         });
         checkpoint.state[LIGHT_NET] = serde_json::json!(self.config);
@@ -114,11 +118,14 @@ impl Networks {
     #[doc(hidden)]
     pub fn from_checkpoint(mut checkpoint: Checkpoint, device: &Device) -> Result<Self, CheckpointError> {
         let problem = |module: &str, what| CheckpointError::Weights { module: module.to_owned(), problems: vec![what] };
-        let DepthNetConfig { encoder, perspective, longer_side } = match &checkpoint.state[DEPTH_NET] {
+        let DepthNetConfig { encoder, perspective, colour, longer_side } = match &checkpoint.state[DEPTH_NET] {
             // Files of before there were several have none.
-            serde_json::Value::Null => {
-                DepthNetConfig { encoder: EncoderKind::DenseNet121, perspective: false, longer_side: LONGER_SIDE }
-            }
+            serde_json::Value::Null => DepthNetConfig {
+                encoder: EncoderKind::DenseNet121,
+                perspective: false,
+                colour: false,
+                longer_side: LONGER_SIDE,
+            },
             config => {
                 let config = DepthNetConfig::deserialize(config);
                 config.map_err(|error| problem(DEPTH_NET, format!("its configuration: {error}")))?
@@ -144,6 +151,9 @@ impl Networks {
             Self::new(encoder, &config, 0, device).map_err(|error| wrong(format!("its configuration: {error}")))?;
         if !perspective {
             blank.depth.perspective = None;
+        }
+        if !colour {
+            blank.depth = blank.depth.without_colour(config.global_features, 0, device);
         }
         let light = checkpoint.take_module(LIGHT_NET, blank.light)?;
         let depth = checkpoint.take_module(DEPTH_NET, blank.depth)?.with_longer_side(longer_side);
@@ -240,10 +250,13 @@ impl Networks {
             let input = LightInput::of_photos(points, views, cube, &self.config, seed)?;
             let input = LightInput { colour_share: COLOUR_SHARE, ..input };
             let map = panorama_image(self.depth.panorama.forward(global.0.clone()));
+            let input = self.config.with_map(input, || map.clone());
             let mut output = self.light.forward(&input, Some(global.0), Growth::Predicted)?;
             let warnings = std::mem::take(&mut output.warnings);
             let (mut light, mut confidence) = output.into_light()?;
-            blend_with_map(&mut light, &input.visible, &map);
+            if self.config.map_share.is_none() {
+                blend_with_map(&mut light, &input.visible, &map);
+            }
             if octree_depth > self.config.depth {
                 let points: Vec<RadiancePoint> = points.iter().map(VisiblePoint::radiance_point).collect();
                 let (fine, _) = LightOctree::from_points(&points, cube, octree_depth, self.config.full_depth)?;
@@ -308,6 +321,19 @@ mod tests {
         assert!(half != depth_m && half.pixels().iter().zip(depth_m.pixels()).all(close));
         let state = Checkpoint::read(&path).unwrap().state;
         assert_eq!((FORMAT_VERSION, &state["light_net"]["depth"]), (1, &serde_json::json!(5)));
+    }
+
+    #[test]
+    fn networks_from_before_the_photos_colour_come_back() {
+        let device = Device::flex();
+        let networks = Networks::new(EncoderKind::EfficientNetLite0, &config(), 3, &device).unwrap();
+        let depth = networks.depth.without_colour(config().global_features, 4, &device);
+        let networks = Networks { depth, ..networks };
+        let mut checkpoint = Checkpoint::default();
+        networks.add_to(&mut checkpoint);
+        let back = Networks::from_checkpoint(checkpoint, &device).unwrap();
+        let photo = Image::from_fn(64, 32, |x, y| [(3 * x) as u8, (7 * y) as u8, 90]);
+        assert!(!back.depth.with_colour() && back.single_map(&photo) == networks.single_map(&photo));
     }
 
     #[test]

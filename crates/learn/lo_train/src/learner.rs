@@ -53,6 +53,8 @@ pub(crate) struct LearnerState {
     encoder: EncoderKind,
     #[serde(default)]
     perspective: bool,
+    #[serde(default)]
+    colour: bool,
     #[serde(default = "usual_longer_side")]
     longer_side: usize,
     network: LightNetConfig,
@@ -127,7 +129,9 @@ impl Learner {
         let (start, average) = (Networks::read(path)?, Networks::read(path)?);
         let own = &start.config;
         let other = |reason: String| Err(TrainError::NotThisRun { path: path.to_owned(), reason });
-        if *own != config.network_of(own.depth) {
+        let wanted = config.network_of(own.depth);
+        // It says what the light network is given, not of which shape it is.
+        if (LightNetConfig { map_share: wanted.map_share, ..own.clone() }) != wanted {
             return other("its networks are of another shape than [network] of the configuration says".into());
         }
         let encoder = start.depth.encoder_kind();
@@ -144,6 +148,10 @@ impl Learner {
             // Weights of before it was learned: it begins as it was drawn.
             (net.perspective, average.perspective) =
                 (self.depth.net.perspective.take(), self.depth.average.perspective.take());
+        }
+        if !net.with_colour() {
+            // Likewise: global light is learned anew.
+            (net, average) = (net.with_global_of(&self.depth.net), average.with_global_of(&self.depth.average));
         }
         let side = config.longer_side;
         (self.depth.net, self.depth.average) = (net.with_longer_side(side), average.with_longer_side(side));
@@ -178,6 +186,7 @@ impl Learner {
         LearnerState {
             encoder,
             perspective,
+            colour: self.depth.net.with_colour(),
             longer_side: self.depth.net.longer_side(),
             network: self.network.clone(),
             averaged: [self.depth.steps, self.light.steps],
@@ -190,12 +199,16 @@ impl Learner {
     /// Names what is missing or of another shape.
     pub fn from_checkpoint(mut checkpoint: Checkpoint, state: &LearnerState) -> Result<Self, CheckpointError> {
         let wrong = |problem| CheckpointError::Weights { module: LIGHT.to_owned(), problems: vec![problem] };
-        let LearnerState { encoder, perspective, longer_side, network, averaged: [depth_steps, light_steps] } = state;
+        let LearnerState { encoder, perspective, colour, longer_side, network, averaged: [depth_steps, light_steps] } =
+            state;
         let adams = [DEPTH, LIGHT, DISCRIMINATOR].map(|name| checkpoint.load_adam(&adam_name(name)));
         let [depth_adam, light_adam, discriminator_adam] = adams;
         let mut blank = DepthNet::new(*encoder, network.global_features, 0, &Device::flex());
         if !perspective {
             blank.perspective = None;
+        }
+        if !colour {
+            blank = blank.without_colour(network.global_features, 0, &Device::flex());
         }
         let depth = checkpoint.take_module(DEPTH, blank)?.train().with_longer_side(*longer_side);
         let blank = LightNet::new(network, 0, &Device::flex()).map_err(|error| wrong(error.to_string()))?;
@@ -272,17 +285,19 @@ impl Learner {
         let [log_depth, absolute, variance] = depth_losses(output.log_extent, &extents.iter().collect::<Vec<_>>());
         let made = self.depth.net.panorama.forward(output.global);
         let truths: Vec<_> = examples.iter().map(|example| example.panorama.as_ref()).collect();
-        let panorama = panorama_loss(made.clone(), &truths);
+        let [panorama, panorama_tone] = panorama_loss(made.clone(), &truths);
         let mut losses = vec![
             ("log_depth", scalar(&log_depth)),
             ("absolute", scalar(&absolute)),
             ("scale_invariant", scalar(&variance)),
             ("panorama", scalar(&panorama)),
+            ("panorama_tone", scalar(&panorama_tone)),
         ];
         let mut total = log_depth * weights.log_depth
             + absolute * weights.absolute
             + variance * weights.scale_invariant
-            + panorama * weights.panorama;
+            + panorama * weights.panorama
+            + panorama_tone * weights.panorama_tone;
         if let Some(field) = &output.perspective {
             let cameras: Vec<_> = examples.iter().map(|example| example.perspective).collect();
             let perspective = perspective_loss(field, &cameras);
@@ -354,6 +369,7 @@ impl Learner {
         let named = [
             ("octree", &losses.octree),
             ("novel_radiance", &losses.novel.radiance),
+            ("novel_tone", &losses.novel.tone),
             ("novel_distance", &losses.novel.distance),
             ("visible_radiance", &losses.visible.radiance),
             ("visible_distance", &losses.visible.distance),

@@ -72,6 +72,7 @@ pub fn graph_unet(points: &[RadiancePoint], cube: Cube, depth: u32, train: bool)
         features: (0..nodes * NODE_FEATURES).map(|i| (0.7 * i as f32).sin()).collect(),
         visible,
         ambient: [0.3; 3],
+        map: None,
         colour_share: 1.0,
         free: FreeSpace::new(&[], &Camera::from_hfov_deg(60.0, 480, 320).expect("a plain camera")),
     };

@@ -2,8 +2,9 @@
 
 use std::collections::HashMap;
 
-use burn::tensor::Tensor;
+use burn::tensor::{Device, Tensor, TensorData};
 use lo_dataset::Sample;
+use lo_nets::depth::panorama_image;
 use lo_random::RngExt;
 
 use crate::augmentation::{AugmentationConfig, Variation};
@@ -51,7 +52,7 @@ pub(crate) fn light_examples(
             None if sensor => KnownDepth::Sensor,
             None => KnownDepth::True,
         };
-        let example = LightExample::new(sample, &variation, depth, &network, rays, &mut stream)?;
+        let mut example = LightExample::new(sample, &variation, depth, &network, rays, &mut stream)?;
         let values = |global: Tensor<2>| global.into_data().iter().collect::<Vec<f32>>();
         let feature = || values(depth_net.global_feature(&photo()));
         let global = match output {
@@ -59,6 +60,8 @@ pub(crate) fn light_examples(
             None if augmentation.variants == 0 => feature(),
             None => features.entry((lo_random::hash(sample.id.as_bytes()), variant)).or_insert_with(feature).clone(),
         };
+        let features = Tensor::from_data(TensorData::new(global.clone(), [1, global.len()]), &Device::flex());
+        example.input = network.with_map(example.input, || panorama_image(depth_net.panorama.forward(features)));
         Ok((example, global))
     }
 }

@@ -10,6 +10,7 @@ use lo_events::{Cancelled, Event, OnEvent, Stage, TrainingPhase, Warning};
 use lo_imaging::write_rgba8;
 use lo_nets::checkpoint::Precision;
 use lo_nets::conv::in_bf16;
+use lo_nets::depth::panorama_image;
 use lo_random::RngExt;
 use serde_json::json;
 
@@ -358,7 +359,7 @@ impl<'a> Run<'a> {
         in_pool(|| {
             let JointExample { sample, variation, epoch, depth, light } = example;
             let output = in_bf16(bf16, || self.learner.depth.net.forward(&[&depth.photo]));
-            let light = match light {
+            let mut light = match light {
                 Some(light) => light,
                 None => {
                     let predicted_m = output.depth_m(&depth.camera);
@@ -375,6 +376,9 @@ impl<'a> Run<'a> {
                     }
                 }
             };
+            // As it is now: no gradient goes through it.
+            let map = || panorama_image(self.learner.depth.net.panorama.forward(output.global.clone()));
+            light.input = self.learner.network.with_map(light.input, map);
             in_bf16(bf16, || self.learner.joint_step(output, &depth, &light, own, learning_rate, self.config)).map(Ok)
         })
     }

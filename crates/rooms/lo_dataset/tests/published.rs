@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use lo_dataset::{CropModel, Dataset, Layout, Panoramas, Sample};
+use lo_dataset::{CropModel, Dataset, Layout, Panoramas, Sample, Split};
 use lo_geometry::{Vec3, pixel_direction, uv_from_direction};
 use lo_imaging::{
     DepthMap, ExrOptions, Image, RadianceImage, linear_from_srgb8, sample_equirectangular, write_depth, write_radiance,
@@ -294,12 +294,34 @@ fn plans_give_photos_of_panoramas_depth() {
         }
     }
     let other = dataset.get(3).unwrap();
+    assert_eq!(dataset.split(3), Split::of("other"));
     assert!(other.depth_m.is_none() && other.points.is_empty(), "{} has no plan", other.id);
     std::fs::write(folder.path().join("box.json"), "{}").unwrap();
     let open = || Panoramas::open(folder.path(), small()).unwrap().with_plans(folder.path()).unwrap_err().to_string();
     assert!(open().contains("box.json: plan: missing field `width`"), "{}", open());
     std::fs::remove_file(folder.path().join("box.json")).unwrap();
     assert!(open().contains("no plan (NAME.json) of any of the panoramas"), "{}", open());
+}
+
+#[test]
+fn panoramas_of_one_place_share_its_photos_and_their_part() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut plan = serde_json::json!({"width": 64, "camera_height_m": 1.5, "height_from": "made up", "wall_top_m": 3.0,
+        "floor": [[10, 25], [30, 25], [50, 25]]});
+    for (name, place) in [("a", Some("hall")), ("b", None), ("c", Some("hall"))] {
+        hdr(&folder.path().join(name).with_extension("hdr"), &direction_map(64, 32));
+        plan["place"] = place.into();
+        std::fs::write(folder.path().join(name).with_extension("json"), plan.to_string()).unwrap();
+    }
+    let model = CropModel { crops: 5, ..small() };
+    let dataset = Panoramas::open(folder.path(), model).unwrap().with_plans(folder.path()).unwrap();
+    let ids: Vec<String> = (0..dataset.len()).map(|index| dataset.get(index).unwrap().id).collect();
+    assert_eq!(ids, ["a-0", "a-1", "b-0", "b-1", "b-2", "b-3", "b-4", "c-0", "c-1", "c-2"]);
+    assert!((0..dataset.len()).all(|index| ids[index].starts_with(&*dataset.scene_id(index))));
+    let parts: Vec<Split> = (0..dataset.len()).map(|index| dataset.split(index)).collect();
+    let [hall, own] = ["hall", "b"].map(Split::of);
+    assert_eq!(parts, [hall, hall, own, own, own, own, own, hall, hall, hall]);
+    assert!(dataset.get(10).is_err());
 }
 
 /// Of a folder with as many panoramas, whose sample at an index has a name.

@@ -17,14 +17,20 @@ const HIDDEN: usize = 256;
 /// Channels of the panorama decoder, from 4 × 8 pixels to 64 × 128.
 const PANORAMA_CHANNELS: [usize; 5] = [256, 128, 64, 32, 16];
 
-/// From the encoder's last features to the global lighting feature `f_L`.
+/// Numbers at the end of `f_L` that are the logarithms of the photo's mean linear colour.
+const COLOUR: usize = 3;
+
+/// From the encoder's last features and the photo's mean colour to the global lighting feature `f_L`.
+///
+/// What an encoder has learned of pictures hardly changes with their brightness and tint, which is what light is measured in. So `f_L` ends with the
+/// logarithms of the photo's mean colour, and the panorama is learned in its measure.
 #[derive(Module, Debug)]
 pub struct GlobalEncoder {
     /// 1 × 1.
     pub conv: Conv2d,
     /// From all cells.
     pub hidden: Linear,
-    /// To `f_L`.
+    /// To `f_L`, but for the photo's colour.
     pub output: Linear,
 }
 
@@ -37,6 +43,7 @@ pub struct PanoramaDecoder {
     pub stages: Vec<ConvStage>,
     /// To log radiance.
     pub output: Conv2d,
+    with_colour: bool,
 }
 
 fn with_bias(size: [usize; 2], stream: &mut Stream, device: &Device) -> Linear {
@@ -45,8 +52,14 @@ fn with_bias(size: [usize; 2], stream: &mut Stream, device: &Device) -> Linear {
 }
 
 impl GlobalEncoder {
-    /// From so many channels to `f_L`.
-    pub(super) fn new([channels, features]: [usize; 2], stream: &mut Stream, device: &Device) -> Self {
+    /// From so many channels to `f_L`, which holds the photo's colour or not.
+    pub(super) fn new(
+        [channels, features]: [usize; 2],
+        with_colour: bool,
+        stream: &mut Stream,
+        device: &Device,
+    ) -> Self {
+        let features = if with_colour { features - COLOUR } else { features };
         Self {
             conv: conv([channels, CELL_CHANNELS], 1, 1, true, stream, device),
             hidden: with_bias([CELLS[0] * CELLS[1] * CELL_CHANNELS, HIDDEN], stream, device),
@@ -54,23 +67,30 @@ impl GlobalEncoder {
         }
     }
 
-    /// `[channels, pictures, height, width] → f_L [pictures, features]`.
-    pub fn forward(&self, x: Tensor<4>) -> Tensor<2> {
+    /// `[channels, pictures, height, width]`, and where `f_L` holds them the logarithms of the photos' mean colours `[pictures, 3]`, to
+    /// `f_L [pictures, features]`.
+    pub fn forward(&self, x: Tensor<4>, log_colour: Option<Tensor<2>>) -> Tensor<2> {
         let cells = adaptive_avg_pool2d(relu(conv2d(x, &self.conv)), CELLS);
-        self.output.forward(relu(self.hidden.forward(cells.swap_dims(0, 1).flatten(1, 3))))
+        let told = self.output.forward(relu(self.hidden.forward(cells.swap_dims(0, 1).flatten(1, 3))));
+        match log_colour {
+            Some(log_colour) => Tensor::cat(vec![told, log_colour], 1),
+            None => told,
+        }
     }
 }
 
 impl PanoramaDecoder {
-    pub(super) fn new(features: usize, stream: &mut Stream, device: &Device) -> Self {
+    pub(super) fn new(features: usize, with_colour: bool, stream: &mut Stream, device: &Device) -> Self {
         let input = with_bias([features, PANORAMA_CHANNELS[0] * 4 * 8], stream, device);
         let stages = PANORAMA_CHANNELS.windows(2).map(|pair| ConvStage::new([pair[0], pair[1]], stream, device));
-        Self { input, stages: stages.collect(), output: conv([PANORAMA_CHANNELS[4], 3], 3, 1, true, stream, device) }
+        let (stages, output) = (stages.collect(), conv([PANORAMA_CHANNELS[4], 3], 3, 1, true, stream, device));
+        Self { input, stages, output, with_colour }
     }
 
     /// `f_L [pictures, features]` → linear radiance `[3, pictures, 64, 128]` of equirectangular panoramas at the cameras.
     pub fn forward(&self, features: Tensor<2>) -> Tensor<4> {
-        let [pictures, _] = features.dims();
+        let [pictures, length] = features.dims();
+        let colour = self.with_colour.then(|| features.clone().narrow(1, length - COLOUR, COLOUR));
         let x = relu(self.input.forward(features)).reshape([pictures, PANORAMA_CHANNELS[0], 4, 8]).swap_dims(0, 1);
         let x = self.stages.iter().fold(x, |x, stage| {
             let x = upsample_nearest(x, None);
@@ -78,7 +98,12 @@ impl PanoramaDecoder {
             stage.forward(wrapped(x)).narrow(3, 1, width)
         });
         let width = x.dims()[3];
-        let log = activation::softplus(conv2d(wrapped(x), &self.output).narrow(3, 1, width), 1.0);
+        let log = conv2d(wrapped(x), &self.output).narrow(3, 1, width);
+        let log = match colour {
+            Some(colour) => log + colour.swap_dims(0, 1).reshape([COLOUR, pictures, 1, 1]),
+            None => log,
+        };
+        let log = activation::softplus(log, 1.0);
         log.clamp_max(f64::from(MAX_RADIANCE).ln_1p()).exp() - 1.0
     }
 }

@@ -2,6 +2,8 @@ use burn::tensor::{Tensor, TensorData};
 use lo_imaging::{DepthMap, RadianceImage};
 use serde::{Deserialize, Serialize};
 
+use crate::tone::tone;
+
 /// Weights of the depth network's losses (`docs/method.md` §6). Every field has a default, so that a file need name only what differs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -15,6 +17,8 @@ pub struct DepthLossConfig {
     pub scale_invariant: f32,
     /// Mean squared difference of log(1 + radiance) of the panorama.
     pub panorama: f32,
+    /// Mean squared difference of the tone-mapped panorama: what is dark counts as it does to the eye, lamps hardly.
+    pub panorama_tone: f32,
     /// The discriminator's opinion of the panorama.
     pub adversarial: f32,
     /// Negative logarithm of the likelihood of the true perspective field.
@@ -23,7 +27,15 @@ pub struct DepthLossConfig {
 
 impl Default for DepthLossConfig {
     fn default() -> Self {
-        Self { log_depth: 1.0, absolute: 0.0, scale_invariant: 0.5, panorama: 1.0, adversarial: 0.01, perspective: 0.1 }
+        Self {
+            log_depth: 1.0,
+            absolute: 0.0,
+            scale_invariant: 0.5,
+            panorama: 1.0,
+            panorama_tone: 0.0,
+            adversarial: 0.01,
+            perspective: 0.1,
+        }
     }
 }
 
@@ -55,20 +67,21 @@ pub fn depth_losses(log_depth: Tensor<4>, truths: &[&DepthMap]) -> [Tensor<1>; 3
     [mean_square.clone().mean(), absolute.mean(), (mean_square - square_mean).mean()]
 }
 
-/// Mean squared difference of log(1 + radiance) over the sphere: rows count by their solid angle. The mean over the panoramas whose truth is known.
+/// Mean squared differences of log(1 + radiance) and of tone-mapped radiance over the sphere: rows count by their solid angle. The means over the panoramas
+/// whose truth is known.
 ///
 /// `panorama[3, pictures, height, width]`, of the same size as the `truths`.
 ///
 /// # Panics
 /// Where the sizes differ.
-pub fn panorama_loss(panorama: Tensor<4>, truths: &[Option<&RadianceImage>]) -> Tensor<1> {
+pub fn panorama_loss(panorama: Tensor<4>, truths: &[Option<&RadianceImage>]) -> [Tensor<1>; 2] {
     let [_, pictures, height, width] = panorama.dims();
     let fits = |truth: &&RadianceImage| (truth.width(), truth.height()) == (width, height);
     let known: Vec<&RadianceImage> = truths.iter().copied().flatten().collect();
     assert!(truths.len() == pictures && known.iter().all(fits), "true panoramas have the size of the predicted ones");
     let device = panorama.device();
     if known.is_empty() {
-        return Tensor::zeros([1], &device);
+        return [(); 2].map(|()| Tensor::zeros([1], &device));
     }
     let panorama = if known.len() == pictures {
         panorama
@@ -76,20 +89,39 @@ pub fn panorama_loss(panorama: Tensor<4>, truths: &[Option<&RadianceImage>]) -> 
         let of_known = truths.iter().enumerate().filter(|(_, truth)| truth.is_some());
         Tensor::cat(of_known.map(|(picture, _)| panorama.clone().narrow(1, picture, 1)).collect(), 1)
     };
-    let logs = |c: usize| move |pixel: &[f32; 3]| pixel[c].ln_1p();
-    let channels = (0..3).flat_map(|c| known.iter().flat_map(move |truth| truth.pixels().iter().map(logs(c))));
+    let channel = |c: usize| known.iter().flat_map(move |truth| truth.pixels().iter().map(move |pixel| pixel[c]));
     let size = [3, known.len(), height, width];
-    let expected = Tensor::<4>::from_data(TensorData::new::<f32, _>(channels.collect(), size), &device);
+    let truth = Tensor::<4>::from_data(TensorData::new::<f32, _>((0..3).flat_map(channel).collect(), size), &device);
     let share = width as f32 / (4.0 * std::f32::consts::PI);
     let weights = (0..height).map(|y| share * lo_geometry::pixel_solid_angle_sr(y, width, height) * height as f32);
     let weights = Tensor::<4>::from_data(TensorData::new::<f32, _>(weights.collect(), [1, 1, height, 1]), &device);
-    ((panorama.log1p() - expected).square() * weights).mean()
+    let mean_square = |difference: Tensor<4>| (difference.square() * weights.clone()).mean();
+    [mean_square(panorama.clone().log1p() - truth.clone().log1p()), mean_square(tone(panorama) - tone(truth))]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::testing::{numbers, recording_device};
+
+    fn log_of([log, _]: [Tensor<1>; 2]) -> f64 {
+        numbers(log.inner())[0]
+    }
+
+    #[test]
+    fn the_tone_curve_is_about_that_of_pictures() {
+        let of = |got: f32| {
+            let truth = RadianceImage::from_fn(4, 2, |_, _| [0.1; 3]);
+            let x = Tensor::<4>::from_data(TensorData::new(vec![got; 24], [3, 1, 2, 4]), &recording_device());
+            let [_, tone] = panorama_loss(x, &[Some(&truth)]);
+            numbers(tone.inner())[0].sqrt()
+        };
+        for got in [0.0f32, 0.02, 0.2, 0.5, 1.0] {
+            let srgb = f64::from(lo_imaging::srgb_from_linear(got) - lo_imaging::srgb_from_linear(0.1)).abs();
+            assert!((of(got) - srgb).abs() < 0.06, "{got}: {} {srgb}", of(got));
+        }
+        assert!(of(100.0) > 1.5, "what is brighter than white still counts");
+    }
 
     #[test]
     fn scale_costs_all_but_the_variance() {
@@ -122,7 +154,7 @@ mod tests {
         let of = |bright: usize| {
             let values = (0..3 * 8 * 16).map(|i| if i / 16 % 8 == bright { 1.0f32.exp_m1() } else { 0.0 }).collect();
             let x = Tensor::<4>::from_data(TensorData::new::<f32, _>(values, [3, 1, 8, 16]), &recording_device());
-            numbers(panorama_loss(x, &[Some(&truth)]).inner())[0]
+            log_of(panorama_loss(x, &[Some(&truth)]))
         };
         let shares: Vec<f64> = (0..8).map(of).collect();
         assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-5, "{shares:?}");
@@ -135,9 +167,9 @@ mod tests {
         let truth = RadianceImage::from_fn(16, 8, |x, y| [x as f32, y as f32, 1.0]);
         let values = |pictures: usize| (0..3 * pictures * 128).map(|i| ((i * 37) % 11) as f32).collect::<Vec<f32>>();
         let x = Tensor::<4>::from_data(TensorData::new(values(3), [3, 3, 8, 16]), &recording_device());
-        let middle = numbers(panorama_loss(x.clone().narrow(1, 1, 1), &[Some(&truth)]).inner())[0];
+        let middle = log_of(panorama_loss(x.clone().narrow(1, 1, 1), &[Some(&truth)]));
         assert!(middle > 0.1);
-        assert_eq!(numbers(panorama_loss(x.clone(), &[None, Some(&truth), None]).inner())[0], middle);
-        assert_eq!(numbers(panorama_loss(x, &[None, None, None]).inner())[0], 0.0);
+        assert_eq!(log_of(panorama_loss(x.clone(), &[None, Some(&truth), None])), middle);
+        assert_eq!(log_of(panorama_loss(x, &[None, None, None])), 0.0);
     }
 }

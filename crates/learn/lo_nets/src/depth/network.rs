@@ -16,6 +16,9 @@ const EXTENT_RANGE_M: [f64; 2] = [0.02, 200.0];
 /// resolution that it learned from; light needs no finer depth: at 4 m a pixel is 2 cm wide.
 pub const LONGER_SIDE: usize = 240;
 
+/// Least mean of a photo's channel, linear.
+const DARK: f64 = 1e-3;
+
 /// The encoder halves the resolution five times.
 const MULTIPLE: usize = 32;
 
@@ -36,6 +39,8 @@ pub struct DepthNet {
     kind: EncoderKind,
     #[module(skip)]
     longer_side: usize,
+    #[module(skip)]
+    with_colour: bool,
 }
 
 /// What the depth network gives.
@@ -89,12 +94,37 @@ impl DepthNet {
         Self {
             encoder: encoder.init(stream, device),
             decoder: DepthDecoder::new(channels, stream, device),
-            global: GlobalEncoder::new([channels[4], global_features], stream, device),
-            panorama: PanoramaDecoder::new(global_features, stream, device),
+            global: GlobalEncoder::new([channels[4], global_features], true, stream, device),
+            panorama: PanoramaDecoder::new(global_features, true, stream, device),
             perspective: Some(PerspectiveHead::new(EIGHTH_CHANNELS, stream, device)),
             kind: encoder,
             longer_side: LONGER_SIDE,
+            with_colour: true,
         }
+    }
+
+    /// As networks of before, whose `f_L` does not hold the photo's colour; with weights drawn from `seed`.
+    #[must_use]
+    pub fn without_colour(self, global_features: usize, seed: u64, device: &Device) -> Self {
+        let mut stream = lo_random::stream(seed, "global light without colour", 0);
+        let (stream, channels) = (&mut stream, self.kind.feature_channels());
+        Self {
+            global: GlobalEncoder::new([channels[4], global_features], false, stream, device),
+            panorama: PanoramaDecoder::new(global_features, false, stream, device),
+            with_colour: false,
+            ..self
+        }
+    }
+
+    /// With the global light of another, of the same encoder.
+    #[must_use]
+    pub fn with_global_of(self, other: &Self) -> Self {
+        Self { global: other.global.clone(), panorama: other.panorama.clone(), with_colour: other.with_colour, ..self }
+    }
+
+    /// Whether `f_L` holds the photo's colour.
+    pub fn with_colour(&self) -> bool {
+        self.with_colour
     }
 
     /// The same, used on photos with at most so many pixels on the longer side.
@@ -128,7 +158,7 @@ impl DepthNet {
     pub fn forward(&self, photos: &[&Image<[u8; 3]>]) -> DepthOutput {
         let (width, height) = (photos[0].width(), photos[0].height());
         let features = self.encoder.forward(self.input(photos));
-        let global = self.global.forward(features[4].clone());
+        let global = self.global.forward(features[4].clone(), self.log_colour(photos));
         let [least, most] = EXTENT_RANGE_M.map(f64::ln);
         let [half, quarter, ..] = features.clone();
         let eighth = self.decoder.to_eighth(features);
@@ -154,7 +184,20 @@ impl DepthNet {
     /// Where the photo has no pixels.
     pub fn global_feature(&self, photo: &Image<[u8; 3]>) -> Tensor<2> {
         let [.., features] = self.encoder.forward(self.input(&[photo]));
-        self.global.forward(features)
+        self.global.forward(features, self.log_colour(&[photo]))
+    }
+
+    /// Logarithms of the photos' mean linear colours, `[pictures, 3]`, where `f_L` holds them.
+    fn log_colour(&self, photos: &[&Image<[u8; 3]>]) -> Option<Tensor<2>> {
+        let of = |photo: &&Image<[u8; 3]>| {
+            let sum = |c: usize| photo.pixels().iter().map(|rgb| f64::from(linear_from_srgb8(rgb[c]))).sum::<f64>();
+            [0, 1, 2].map(|c| (sum(c) / photo.pixels().len() as f64).max(DARK).ln() as f32)
+        };
+        self.with_colour.then(|| {
+            let values = photos.iter().flat_map(of).collect();
+            let device = self.decoder.output.weight.lazy_device();
+            Tensor::from_data(TensorData::new::<f32, _>(values, [photos.len(), 3]), &device)
+        })
     }
 
     /// `[3, pictures, height, width]`, padded to multiples of 32.
@@ -250,6 +293,25 @@ mod tests {
     }
 
     #[test]
+    fn global_light_knows_how_bright_the_photo_is() {
+        let net = DepthNet::new(EncoderKind::EfficientNetLite0, 16, 1, &Device::flex());
+        // Linear 0.5 is 188 (187.52) of sRGB.
+        let photos = [Image::from_fn(40, 30, |x, _| if x < 20 { [188, 255, 0] } else { [188, 0, 0] })];
+        let global: Vec<f32> = net.forward(&[&photos[0]]).global.into_data().iter().collect();
+        let expected = [0.503f32.ln(), 0.5f32.ln(), 1e-3f32.ln()];
+        assert!(global[13..].iter().zip(expected).all(|(a, b)| (a - b).abs() < 2e-3), "{global:?}");
+        // All else alike, a panorama is as many times brighter.
+        let of = |scale: f32| {
+            let mut decoder = net.panorama.clone();
+            decoder.input.weights = decoder.input.weights.map(|weights| weights * 0.0);
+            let features = (0..16).map(|i| if i < 13 { 0.3 } else { scale.ln() }).collect::<Vec<f32>>();
+            let features = Tensor::<2>::from_data(TensorData::new(features, [1, 16]), &Device::flex());
+            panorama_image(decoder.forward(features)).pixels()[700][1]
+        };
+        assert!((of(2.0) / of(0.5) - 4.0).abs() < 1e-3, "{} {}", of(2.0), of(0.5));
+    }
+
+    #[test]
     fn photos_together_give_what_each_gives_alone() {
         let net = DepthNet::new(EncoderKind::default(), 16, 1, &Device::flex());
         let photos = [photo(50, 37), photo(50, 37).map(|&[r, g, b]| [b, r, g])];
@@ -289,7 +351,8 @@ mod tests {
             let [log_depth, _, variance] = depth_losses(output.log_extent, &[&truth]);
             let made = net.panorama.forward(output.global);
             let opinion = judge.generator_loss(made.clone(), constant(4, 0.0));
-            let loss = log_depth + variance * 0.5 + panorama_loss(made.clone(), &[Some(&sky)]) + opinion * 0.01;
+            let loss =
+                log_depth + variance * 0.5 + panorama_loss(made.clone(), &[Some(&sky)])[0].clone() + opinion * 0.01;
             losses.push(loss.clone().inner().into_scalar::<f32>());
             net = adam.step(net, &loss.backward(), 1e-3);
             let loss = judge.discriminator_loss(constant(3, 1.0), made, constant(4, 0.0));

@@ -1,8 +1,10 @@
+use lo_imaging::RadianceImage;
 use serde::{Deserialize, Serialize};
 
 use crate::graph::type_channels_of;
 use crate::light::channels::{LOBE_CHANNELS, NODE_FEATURES, RAW_CHANNELS};
 use crate::light::error::LightConfigError;
+use crate::light::{LightInput, MapGuess};
 
 /// Shape of the light network. Every field has a default, so that a file need name only what differs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -24,10 +26,13 @@ pub struct LightNetConfig {
     pub head_channels: usize,
     /// Channels whose mean and variance are taken together; 1 is batch normalisation on the tree at hand.
     pub channels_per_group: usize,
-    /// Length of the global lighting feature `f_L`.
+    /// Length of the global lighting feature `f_L`, whose last three numbers are the photo's colour.
     pub global_features: usize,
     /// Channels that `f_L` is projected to before it joins the other features of a node.
     pub global_channels: usize,
+    /// Share of the single map in the first guess of what is not seen, beside the ambient light's, 0 to 1 ([`MapGuess`](super::MapGuess)); `None`: the network
+    /// has learned without it.
+    pub map_share: Option<f32>,
     /// Whether each node has a spherical Gaussian lobe beside its radiance (variant "SG" of the paper).
     pub lobes: bool,
     /// Greatest number of nodes of a graph that the network may grow to by its own predictions (and a family of eight for each depth beyond). Growth along a
@@ -48,6 +53,7 @@ impl Default for LightNetConfig {
             channels_per_group: 4,
             global_features: 64,
             global_channels: 8,
+            map_share: None,
             lobes: false,
             max_nodes: None,
         }
@@ -69,7 +75,7 @@ impl LightNetConfig {
             ("bottleneck", self.bottleneck, 1, self.channels),
             ("head_channels", self.head_channels, 1, 1024),
             ("channels_per_group", self.channels_per_group, 1, 4096),
-            ("global_features", self.global_features, 1, 1024),
+            ("global_features", self.global_features, 4, 1024),
             ("global_channels", self.global_channels, 1, 1024),
             ("max_nodes", self.node_budget(), 1 << (3 * self.full_depth.min(6)), 1 << 24),
         ];
@@ -78,6 +84,9 @@ impl LightNetConfig {
         {
             return Err(LightConfigError::OutOfRange { field, value, min, max });
         }
+        if let Some(share) = self.map_share.filter(|share| !(0.0..=1.0).contains(share)) {
+            return Err(LightConfigError::MapShare(share));
+        }
         let widths = self.stages().map(|depth| self.stage_channels(depth)).chain([self.head_channels]);
         for width in widths.flat_map(|width| [width, width / self.bottleneck]) {
             if !width.is_multiple_of(self.channels_per_group.min(width)) {
@@ -85,6 +94,14 @@ impl LightNetConfig {
             }
         }
         Ok(())
+    }
+
+    /// An input with the single map, where the network has learned with it.
+    pub fn with_map(&self, input: LightInput, single_map: impl FnOnce() -> RadianceImage) -> LightInput {
+        match self.map_share {
+            Some(share) => input.with_map(MapGuess { radiance: single_map(), share }),
+            None => input,
+        }
     }
 
     /// Number of weights of the network.
@@ -143,6 +160,17 @@ impl LightNetConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn shares_are_checked() {
+        let refusal = |map_share| {
+            let config = LightNetConfig { map_share: Some(map_share), ..LightNetConfig::default() };
+            config.validate().map_err(|error| error.to_string())
+        };
+        assert_eq!((refusal(0.0), refusal(1.0)), (Ok(()), Ok(())));
+        assert_eq!(refusal(1.5), Err("map_share is 1.5; it goes from 0 to 1".into()));
+        assert_eq!(refusal(f32::NAN), Err("map_share is NaN; it goes from 0 to 1".into()));
+    }
 
     #[test]
     fn the_budget_follows_the_depth_and_holds_a_room() {

@@ -54,7 +54,7 @@ pub enum LightError {
 }
 
 /// Why there is no light network of a shape.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum LightConfigError {
     /// A field out of its range.
     #[error("{field} is {value}; it must lie in {min} to {max}")]
@@ -68,6 +68,9 @@ pub enum LightConfigError {
         /// The greatest one.
         max: usize,
     },
+    /// No share.
+    #[error("map_share is {0}; it goes from 0 to 1")]
+    MapShare(f32),
     /// Channels cannot be normalised in groups of this size.
     #[error("{channels} channels do not divide into groups of {group}")]
     Groups {

@@ -1,6 +1,7 @@
 use std::sync::Arc;
 
 use lo_geometry::{Camera, Cube, DVec3, Vec3};
+use lo_imaging::{RadianceImage, sample_equirectangular};
 use lo_octree::{Coverage, LightOctree, Octree, RadiancePoint};
 use lo_random::RngExt;
 
@@ -11,6 +12,9 @@ use crate::light::{FreeSpace, LightError, LightNetConfig, PhotoView, VisiblePoin
 /// Points that carry the global lighting feature into what the photo does not see.
 const GLOBAL_POINTS: usize = 4096;
 
+/// Least radiance that a first guess of light has.
+const MIN_AMBIENT: f32 = 1e-3;
+
 /// What the light network sees: the graphs of the input octree, features of their finest nodes, and what is known already.
 #[derive(Debug)]
 pub struct LightInput {
@@ -20,16 +24,34 @@ pub struct LightInput {
     pub octree: Octree,
     /// `[nodes of the finest graph, NODE_FEATURES]`: means over the node's points of log(1 + radiance) (3) and of the position in
     /// the node, −1 to 1 (3); its centre in the cube, −1 to 1 (3); mean normal (3); shares of the points that are visible,
-    /// certain, and carriers of `f_L` (1 each). Nodes without points have a centre alone.
+    /// certain, and carriers of `f_L` (1 each). Nodes without points have a centre alone. Carriers are black, or show the map.
     pub features: Vec<f32>,
     /// The octree of the visible points; its `seen` are the certain shares.
     pub visible: LightOctree,
     /// A first guess of what is not seen, from the visible points: linear RGB, above 0; 0.2 where there are none.
     pub ambient: [f32; 3],
+    /// What the single map says of that, where the network has learned with it.
+    pub map: Option<MapGuess>,
     /// Share of the colour beside the ambient light's that the network's guesses are believed to have: 1, all of it, in training.
     pub colour_share: f32,
     /// What the photos show to be empty.
     pub free: FreeSpace,
+}
+
+/// The single map as a first guess of light that is not seen.
+#[derive(Clone, Debug)]
+pub struct MapGuess {
+    /// A panorama at the first camera, turned as the octrees' frame is.
+    pub radiance: RadianceImage,
+    /// Its share of the first guess's logarithm, beside the ambient light's.
+    pub share: f32,
+}
+
+impl MapGuess {
+    /// Linear RGB in a direction, above 0.
+    pub fn towards(&self, direction: Vec3) -> [f32; 3] {
+        sample_equirectangular(&self.radiance, direction).map(|c| c.clamp(MIN_AMBIENT, MAX_RADIANCE))
+    }
 }
 
 impl LightInput {
@@ -93,9 +115,32 @@ impl LightInput {
             features,
             visible,
             ambient: ambient_light(points),
+            map: None,
             colour_share: 1.0,
             free,
         })
+    }
+
+    /// With a single map: nodes that carry `f_L` show what it has in their direction, and what is not seen begins between it and the ambient light.
+    #[must_use]
+    pub fn with_map(mut self, map: MapGuess) -> Self {
+        let (half_edge_m, middle_m) = (0.5 * self.cube().edge_m, self.cube().centre_m());
+        for row in self.features.chunks_exact_mut(NODE_FEATURES) {
+            let carriers = row[NODE_FEATURES - 1];
+            if carriers > 0.0 {
+                let shown = map.towards(middle_m + half_edge_m * Vec3::new(row[6], row[7], row[8]));
+                row.iter_mut().zip(shown).for_each(|(sum, radiance)| *sum += carriers * radiance.ln_1p());
+            }
+        }
+        self.map = Some(map);
+        self
+    }
+
+    /// A first guess of what is not seen at a place of the octrees' frame: linear RGB, above 0.
+    pub fn first_guess(&self, place_m: Vec3) -> [f32; 3] {
+        let Some(map) = &self.map else { return self.ambient };
+        let shown = map.towards(place_m);
+        std::array::from_fn(|c| self.ambient[c].powf(1.0 - map.share) * shown[c].powf(map.share))
     }
 
     /// Part of the world that the octrees cover.
@@ -110,7 +155,6 @@ impl LightInput {
 pub fn ambient_light(points: &[VisiblePoint]) -> [f32; 3] {
     // Keeps black from counting without limit.
     const DARK: f64 = 0.01;
-    const MIN_AMBIENT: f32 = 1e-3;
     const UNKNOWN: f32 = 0.2;
     if points.is_empty() {
         return [UNKNOWN; 3];
@@ -222,6 +266,32 @@ mod tests {
         let carriers = rows.iter().filter(|row| row[14] > 0.0).count();
         assert!(carriers > 100, "{carriers} leaves of carriers");
         assert!(rows.iter().all(|row| row[12] + row[14] < 1.001));
+    }
+
+    #[test]
+    fn a_map_is_what_carriers_show_and_unseen_light_begins_with() {
+        let plain = input(&[point([0.1, 0.2, -3.1])]).unwrap();
+        let features = plain.features.clone();
+        // Light from the right.
+        let radiance = RadianceImage::from_fn(32, 16, |x, y| {
+            if lo_geometry::pixel_direction(x, y, 32, 16).x > 0.0 { [4.0, 2.0, 1.0] } else { [0.5; 3] }
+        });
+        let ambient = plain.ambient;
+        let input = plain.with_map(MapGuess { radiance, share: 0.25 });
+        let mut shown = 0;
+        for (row, before) in input.features.chunks_exact(NODE_FEATURES).zip(features.chunks_exact(NODE_FEATURES)) {
+            assert_eq!(row[3..], before[3..]);
+            if before[14] < 1.0 || row[6].abs() < 0.2 {
+                continue;
+            }
+            shown += 1;
+            let expected: [f32; 3] = if row[6] > 0.0 { [4.0, 2.0, 1.0] } else { [0.5; 3] };
+            assert!(row[..3].iter().zip(expected).all(|(a, b)| (a - b.ln_1p()).abs() < 1e-5), "{row:?}");
+        }
+        assert!(shown > 100, "{shown} leaves of carriers");
+        let right = input.first_guess(Vec3::new(2.0, 0.0, 0.1));
+        let expected = [4.0f32, 2.0, 1.0].iter().zip(ambient).map(|(m, a)| a.powf(0.75) * m.powf(0.25));
+        assert!(right.iter().zip(expected).all(|(a, b)| (a / b - 1.0).abs() < 1e-5), "{right:?}");
     }
 
     #[test]

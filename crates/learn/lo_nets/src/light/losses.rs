@@ -4,6 +4,7 @@ use lo_octree::LightOctree;
 use serde::{Deserialize, Serialize};
 
 use crate::light::{LightError, LightOutput, Rays};
+use crate::tone::tone;
 
 /// Weights of the light network's losses (`docs/method.md` §6). Every field has a default, so that a file need name only what differs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -13,6 +14,9 @@ pub struct LightLossConfig {
     pub octree: f32,
     /// λ_li: squared difference of log(1 + radiance) over rays of novel views.
     pub novel_radiance: f32,
+    /// Squared difference of tone-mapped radiance over rays of novel views. Not in the paper: under log(1 + radiance) a lamp that may be
+    /// anywhere makes the whole room brighter.
+    pub novel_tone: f32,
     /// λ_ld: the same of log(1 + distance in metres).
     pub novel_distance: f32,
     /// `L_visible`: as λ_li, over rays of the photo.
@@ -31,6 +35,7 @@ impl Default for LightLossConfig {
         Self {
             octree: 1.0,
             novel_radiance: 1.0,
+            novel_tone: 0.0,
             novel_distance: 0.1,
             visible_radiance: 0.25,
             visible_distance: 0.025,
@@ -60,6 +65,8 @@ pub struct LightLosses {
 pub struct RayLosses {
     /// Mean squared difference of log(1 + radiance).
     pub radiance: Tensor<1>,
+    /// Mean squared difference of tone-mapped radiance.
+    pub tone: Tensor<1>,
     /// Mean squared difference of log(1 + distance in metres), over the rays whose distance is known.
     pub distance: Tensor<1>,
 }
@@ -97,6 +104,7 @@ impl LightLosses {
     pub fn total(&self, weights: &LightLossConfig) -> Tensor<1> {
         self.octree.clone() * weights.octree
             + self.novel.radiance.clone() * weights.novel_radiance
+            + self.novel.tone.clone() * weights.novel_tone
             + self.novel.distance.clone() * weights.novel_distance
             + self.visible.radiance.clone() * weights.visible_radiance
             + self.visible.distance.clone() * weights.visible_distance
@@ -175,16 +183,22 @@ fn node_losses(output: &LightOutput, truth: &LightOctree) -> (Tensor<1>, Tensor<
 /// `samples[_, 5]`, from row `first` on, against what the rays ought to see.
 fn ray_losses(samples: &Tensor<2>, first: usize, rays: &Rays) -> RayLosses {
     if rays.is_empty() {
-        return RayLosses { radiance: zero(samples), distance: zero(samples) };
+        return RayLosses { radiance: zero(samples), tone: zero(samples), distance: zero(samples) };
     }
     let samples = samples.clone().narrow(0, first, rays.len());
-    let expected: Vec<f32> = rays.radiance.iter().flatten().map(|c| c.ln_1p()).collect();
-    let radiance = samples.clone().narrow(1, 0, 3).log1p() - constant(expected, [rays.len(), 3], &samples);
+    let (seen, truth) =
+        (samples.clone().narrow(1, 0, 3), constant(rays.radiance.as_flattened().to_vec(), [rays.len(), 3], &samples));
+    let radiance = seen.clone().log1p() - truth.clone().log1p();
+    let tone = tone(seen) - tone(truth);
     let is_known = |d: f32| d.is_finite() && d > 0.0;
     let count = rays.distance_m.iter().filter(|d| is_known(**d)).count().max(1);
     let known: Vec<f32> = rays.distance_m.iter().map(|&d| f32::from(u8::from(is_known(d)))).collect();
     let expected: Vec<f32> = rays.distance_m.iter().map(|&d| if is_known(d) { d.ln_1p() } else { 0.0 }).collect();
     let distance = samples.clone().narrow(1, 3, 1).log1p() - constant(expected, [rays.len(), 1], &samples);
     let distance = distance * constant(known, [rays.len(), 1], &samples);
-    RayLosses { radiance: radiance.square().mean(), distance: distance.square().sum() / count as f32 }
+    RayLosses {
+        radiance: radiance.square().mean(),
+        tone: tone.square().mean(),
+        distance: distance.square().sum() / count as f32,
+    }
 }

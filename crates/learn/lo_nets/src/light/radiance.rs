@@ -20,8 +20,8 @@ const COARSE_LOG_GAIN: f64 = 1.0;
 #[derive(Debug)]
 pub struct KnownLight {
     rows: Vec<[f32; 5]>,
-    /// Linear RGB that everything else is measured by, above 0.
-    ambient: [f32; 3],
+    /// Linear RGB that what is not seen of a node begins with and is measured by, above 0.
+    first_guess: Vec<[f32; 3]>,
     colour_share: f64,
     max_log_gain: f64,
 }
@@ -39,8 +39,10 @@ impl KnownLight {
             Some([r.min(MAX_RADIANCE), g.min(MAX_RADIANCE), b.min(MAX_RADIANCE), (alpha / (1.0 - alpha)).ln(), trust])
         };
         let rows = level.row_keys().map(|key| known(key).unwrap_or([0.0; 5])).collect();
+        let middle_m = |key| lo_octree::node_middle_m(visible.cube, depth, key);
+        let first_guess = level.row_keys().map(|key| input.first_guess(middle_m(key))).collect();
         let max_log_gain = if depth == visible.octree.depth() { 0.0 } else { COARSE_LOG_GAIN };
-        Arc::new(Self { rows, ambient: input.ambient, colour_share: input.colour_share.into(), max_log_gain })
+        Arc::new(Self { rows, first_guess, colour_share: input.colour_share.into(), max_log_gain })
     }
 
     /// How far each node is known from the photo, 0 to 1.
@@ -52,10 +54,10 @@ impl KnownLight {
 /// From the regression module's `raw[nodes, 8]` to `[nodes, 5]`: linear RGB in [0, [`MAX_RADIANCE`]], opacity in
 /// [0, 1], and the expected error of log(1 + radiance), at least 0.
 ///
-/// What is known enters as a residual: `trust · known · e^gain + (1 − trust) · ambient · e^guess`, where the guess is the mean of the three raw
+/// What is known enters as a residual: `trust · known · e^gain + (1 − trust) · first guess · e^guess`, where the guess is the mean of the three raw
 /// values and a share of each one's difference from it ([`LightInput::colour_share`](super::LightInput::colour_share)), so that what the photo
-/// saw is right before anything is learned, and stays so at the finest depth, where the gain is 0; and what it did not see begins with the
-/// ambient light of what it saw, in whose measure it is learned.
+/// saw is right before anything is learned, and stays so at the finest depth, where the gain is 0; and what it did not see begins with a first
+/// guess ([`LightInput::first_guess`](super::LightInput::first_guess)), in whose measure it is learned.
 #[derive(Clone, Debug)]
 pub struct NodeLight(pub Arc<KnownLight>);
 
@@ -76,11 +78,11 @@ impl NodeLight {
         let columns = |of: &Tensor<2>, from: usize, to: usize| of.clone().slice([0..nodes, from..to]);
         let trust = columns(&known, 4, 5);
         let doubt = trust.clone().neg() + 1.0;
-        let ambient =
-            Tensor::<2>::from_data(TensorData::new(self.0.ambient.to_vec(), [1, 3]), (&raw.device(), raw.dtype()));
+        let flat = self.0.first_guess.as_flattened().to_vec();
+        let first_guess = Tensor::<2>::from_data(TensorData::new(flat, [nodes, 3]), (&raw.device(), raw.dtype()));
         let brightness = columns(&raw, 0, 3).mean_dim(1);
         let guess = (columns(&raw, 0, 3) - brightness.clone()) * self.0.colour_share + brightness;
-        let log = (guess + ambient.log()).clamp_max(f64::from(MAX_RADIANCE).ln());
+        let log = (guess + first_guess.log()).clamp_max(f64::from(MAX_RADIANCE).ln());
         let gain = columns(&raw, 3, 6).tanh() * self.0.max_log_gain;
         let radiance = trust.clone() * columns(&known, 0, 3) * gain.exp() + doubt.clone() * log.exp();
         let logit = columns(&raw, 6, 7) + doubt * ALPHA_LOGIT + trust * columns(&known, 3, 4);
@@ -102,6 +104,7 @@ fn softplus(x: f64) -> (f64, f64) {
 fn node_light(
     raw: [f64; RAW_CHANNELS],
     known: &[f32; 5],
+    first_guess: &[f32; 3],
     light: &KnownLight,
 ) -> ([f64; LIGHT_CHANNELS], [f64; RAW_CHANNELS]) {
     let (mut out, mut slope) = ([0.0; LIGHT_CHANNELS], [0.0; RAW_CHANNELS]);
@@ -110,7 +113,7 @@ fn node_light(
     let brightness = (raw[0] + raw[1] + raw[2]) / 3.0;
     for c in 0..3 {
         let guess = brightness + light.colour_share * (raw[c] - brightness);
-        let guessed = (1.0 - trust) * (guess + f64::from(light.ambient[c]).ln()).min(most.ln()).exp();
+        let guessed = (1.0 - trust) * (guess + f64::from(first_guess[c]).ln()).min(most.ln()).exp();
         let squashed = raw[3 + c].tanh();
         let seen = trust * f64::from(known[c]) * (max_log_gain * squashed).exp();
         out[c] = seen + guessed;
@@ -144,14 +147,15 @@ impl Kernel for NodeLight {
 
     fn forward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]]) -> Vec<T> {
         self.output_size(sizes);
-        let rows = inputs[0].chunks_exact(RAW_CHANNELS).zip(&self.0.rows);
-        rows.flat_map(|(raw, known)| node_light(row(raw), known, &self.0).0.map(T::of)).collect()
+        let rows = inputs[0].chunks_exact(RAW_CHANNELS).zip(&self.0.rows).zip(&self.0.first_guess);
+        rows.flat_map(|((raw, known), first)| node_light(row(raw), known, first, &self.0).0.map(T::of)).collect()
     }
 
     fn backward<T: Number>(&self, inputs: &[&[T]], _: &[[usize; 2]], gradient: &[T], _: &[bool]) -> Vec<Vec<T>> {
-        let rows = inputs[0].chunks_exact(RAW_CHANNELS).zip(&self.0.rows).zip(gradient.chunks_exact(LIGHT_CHANNELS));
-        let by_raw = rows.flat_map(|((raw, known), gradient)| {
-            let (_, slope) = node_light(row(raw), known, &self.0);
+        let known = self.0.rows.iter().zip(&self.0.first_guess);
+        let rows = inputs[0].chunks_exact(RAW_CHANNELS).zip(known).zip(gradient.chunks_exact(LIGHT_CHANNELS));
+        let by_raw = rows.flat_map(|((raw, (known, first)), gradient)| {
+            let (_, slope) = node_light(row(raw), known, first, &self.0);
             let own: [f64; RAW_CHANNELS] = std::array::from_fn(|c| slope[c] * gradient[MOVES[c]].wide());
             let brightness = (own[0] + own[1] + own[2]) / 3.0;
             (0..RAW_CHANNELS).map(move |c| match c {
@@ -170,7 +174,8 @@ mod tests {
 
     fn known(max_log_gain: f64) -> Arc<KnownLight> {
         let rows = (0..20).map(|i| [i as f32, 0.5, 0.0, 2.0, [0.0, 0.4, 1.0][i % 3]]).collect();
-        Arc::new(KnownLight { rows, ambient: [0.5, 0.2, 1.5], colour_share: 0.2, max_log_gain })
+        let first_guess = (0..20).map(|i| [0.5, 0.2 + 0.1 * i as f32, 1.5]).collect();
+        Arc::new(KnownLight { rows, first_guess, colour_share: 0.2, max_log_gain })
     }
 
     #[test]
@@ -184,6 +189,7 @@ mod tests {
     #[test]
     fn trusted_radiance_is_kept_and_nothing_is_infinite() {
         let raw = |gain| [500.0, -500.0, 2.0, gain, gain, gain, 900.0, 900.0];
+        let node_light = |raw, known: &[f32; 5], light| super::node_light(raw, known, &[0.5, 0.2, 1.5], light);
         let (seen, [rigid, free]) = ([2.0, 0.25, 0.0, 9.0, 1.0], [0.0, 1.0].map(known));
         assert_eq!(node_light(raw(0.0), &seen, &free).0[..3], [2.0, 0.25, 0.0]);
         assert_eq!(node_light(raw(9.0), &seen, &rigid).0[..3], [2.0, 0.25, 0.0]);

@@ -1,4 +1,6 @@
 use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -7,15 +9,31 @@ use lo_imaging::DepthMap;
 use super::crop::{CropModel, Surroundings};
 use super::files::{entries, is_hdr, read_panorama, stem};
 use super::room_plan::RoomPlan;
-use crate::{Dataset, DatasetError, Sample};
+use crate::{Dataset, DatasetError, Sample, Split};
 
 /// A folder of equirectangular HDR panoramas (`.hdr`, `.exr`, `.pfm`): photos are cut out of them, the panorama is the truth where the camera
 /// stands. The Laval Indoor HDR Dataset (Gardner et al. 2017) is such a folder. Depth is known where somebody has drawn a room's plan.
 #[derive(Debug)]
 pub struct Panoramas {
-    /// Each with the geometry of its room, if there is a plan.
-    files: Vec<(PathBuf, Option<Planned>)>,
+    files: Vec<File>,
     model: CropModel,
+}
+
+#[derive(Debug)]
+struct File {
+    path: PathBuf,
+    /// The geometry of its room, if there is a plan.
+    planned: Option<Planned>,
+    /// Its photos among all.
+    photos: Range<usize>,
+}
+
+impl File {
+    /// What it shows: several files may show one place.
+    fn place(&self) -> Cow<'_, str> {
+        let told = self.planned.as_ref().and_then(|planned| planned.plan.place());
+        told.map_or_else(|| stem(&self.path).into(), Cow::from)
+    }
 }
 
 /// A room by its plan.
@@ -33,11 +51,31 @@ impl Panoramas {
     /// A folder that cannot be read or holds none.
     pub fn open(folder: &Path, model: CropModel) -> Result<Self, DatasetError> {
         let files = entries(folder)?.into_iter().filter(|path| is_hdr(path));
-        let files: Vec<_> = files.map(|path| (path, None)).collect();
+        let files: Vec<_> = files.map(|path| File { path, planned: None, photos: 0..0 }).collect();
         if files.is_empty() {
             return Err(DatasetError::layout(folder, "no .hdr, .exr or .pfm in it"));
         }
-        Ok(Self { files, model })
+        Ok(Self { files, model }.shared_out())
+    }
+
+    /// As many photos of each place, shared evenly among its files.
+    fn shared_out(mut self) -> Self {
+        let mut files_of = BTreeMap::<String, usize>::new();
+        self.files.iter().for_each(|file| *files_of.entry(file.place().into_owned()).or_default() += 1);
+        let (mut before, mut begin, all) = (BTreeMap::<String, usize>::new(), 0, self.model.crops.max(1) as usize);
+        for file in &mut self.files {
+            let (place, of) = (file.place().into_owned(), files_of[&*file.place()]);
+            let nth = before.entry(place).or_default();
+            let count = all * (*nth + 1) / of - all * *nth / of;
+            *nth += 1;
+            file.photos = begin..begin + count;
+            begin += count;
+        }
+        self
+    }
+
+    fn holding(&self, index: usize) -> Option<&File> {
+        self.files.get(self.files.partition_point(|file| file.photos.end <= index))
     }
 
     /// With the plans of a folder: `NAME.json` of the panorama `NAME.hdr` (`docs/data.md`). Panoramas without one keep having no depth.
@@ -45,41 +83,41 @@ impl Panoramas {
     /// # Errors
     /// A plan that cannot be read or is none; a folder with plans of none of these panoramas.
     pub fn with_plans(mut self, folder: &Path) -> Result<Self, DatasetError> {
-        for (path, plan) in &mut self.files {
+        for File { path, planned, .. } in &mut self.files {
             let file = folder.join(stem(path)).with_extension("json");
-            let planned = || RoomPlan::read(&file).map(|plan| Planned { plan, distances: OnceLock::new() });
-            *plan = file.is_file().then(planned).transpose()?;
+            let read = || RoomPlan::read(&file).map(|plan| Planned { plan, distances: OnceLock::new() });
+            *planned = file.is_file().then(read).transpose()?;
         }
-        if self.files.iter().all(|(_, plan)| plan.is_none()) {
+        if self.files.iter().all(|file| file.planned.is_none()) {
             return Err(DatasetError::layout(folder, "no plan (NAME.json) of any of the panoramas"));
         }
-        Ok(self)
-    }
-
-    fn crops(&self) -> usize {
-        self.model.crops.max(1) as usize
+        Ok(self.shared_out())
     }
 }
 
 impl Dataset for Panoramas {
     fn len(&self) -> usize {
-        self.files.len() * self.crops()
+        self.files.last().map_or(0, |file| file.photos.end)
     }
 
     fn scene_id(&self, index: usize) -> Cow<'_, str> {
-        stem(&self.files[index / self.crops()].0).into()
+        stem(&self.holding(index).expect("the index is below the length").path).into()
     }
 
     fn get(&self, index: usize) -> Result<Sample, DatasetError> {
-        let len = self.len();
-        let (path, plan) = self.files.get(index / self.crops()).ok_or(DatasetError::Index { index, len })?;
+        let File { path, planned, photos } =
+            self.holding(index).ok_or(DatasetError::Index { index, len: self.len() })?;
         let radiance = read_panorama(path)?;
         let (width, height) = (radiance.width(), radiance.height());
-        let distances = plan.as_ref().map(|Planned { plan, distances }| {
+        let distances = planned.as_ref().map(|Planned { plan, distances }| {
             distances.get_or_init(|| [plan.distance_m(width, height), plan.enclosure_m(width, height)])
         });
         let [depth_m, enclosure_m] = [0, 1].map(|which| distances.map(|both| &both[which]));
         let around = Surroundings { radiance: &radiance, depth_m, enclosure_m, albedo: None };
-        Ok(self.model.take(&stem(path), stem(path), index % self.crops(), &around).sample(0))
+        Ok(self.model.take(&stem(path), stem(path), index - photos.start, &around).sample(0))
+    }
+
+    fn split(&self, index: usize) -> Split {
+        Split::of(&self.holding(index).expect("the index is below the length").place())
     }
 }

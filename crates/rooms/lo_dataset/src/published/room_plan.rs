@@ -23,7 +23,7 @@ const MIN_LID_M: f32 = 0.5;
 /// ```json
 /// {
 ///   "width": 1536, "camera_height_m": 1.55, "height_from": "the door is 2.05 m",
-///   "ceiling_m": 2.9, "wall_top_m": null,
+///   "ceiling_m": 2.9, "wall_top_m": null, "place": "north_studio",
 ///   "floor": [[310, 470], [620, 452], [905, 480], [1290, 495]],
 ///   "uprights": [{"base": [[400, 500], [470, 498]], "height_m": 0.75, "from_m": 0.0}],
 ///   "tops": [{"outline": [[400, 470], [470, 468], [468, 455], [405, 456]], "height_m": 0.75}],
@@ -33,7 +33,7 @@ const MIN_LID_M: f32 = 0.5;
 ///
 /// Points are (column, row) in pixels of a panorama that is `width` wide and half as high; columns may go on beyond either end. `floor` are the corners
 /// where walls stand on it, all below the horizon, in order; `uprights` are upright faces that stand on their `base` line; `tops` level faces as they are
-/// seen. Without a `ceiling_m`, walls reach up to `wall_top_m`. What is inside of an `unknown` polygon has no distance, whatever stands there.
+/// seen. Panoramas of one `place` share its photos, and are learned from or held out together. Without a `ceiling_m`, walls reach up to `wall_top_m`. What is inside of an `unknown` polygon has no distance, whatever stands there.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RoomPlan {
@@ -44,6 +44,7 @@ pub(super) struct RoomPlan {
     _height_from: String,
     ceiling_m: Option<f32>,
     wall_top_m: Option<f32>,
+    place: Option<String>,
     floor: Vec<Vec2>,
     #[serde(default)]
     uprights: Vec<Upright>,
@@ -86,6 +87,11 @@ impl RoomPlan {
         let plan: Self = serde_json::from_str(&text).map_err(|error| DatasetError::field(path, "plan", error))?;
         plan.check().map_err(|(field, reason)| DatasetError::field(path, field, reason))?;
         Ok(plan)
+    }
+
+    /// The place that it is of, if another panorama may show it too.
+    pub fn place(&self) -> Option<&str> {
+        self.place.as_deref()
     }
 
     fn check(&self) -> Result<(), (String, String)> {
