@@ -20,4 +20,4 @@ mod tone;
 
 pub use adam::Adam;
 pub use burn::tensor::Device;
-pub use networks::{CompletedLight, DEPTH_NET, GlobalLight, LIGHT_NET, Networks, PhotoGuess};
+pub use networks::{CompletedLight, DEPTH_NET, GlobalLight, LIGHT_NET, Networks, PhotoGuess, SeenRoom};

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use burn::tensor::{Device, Tensor};
 use lo_events::Warning;
-use lo_geometry::{Camera, Cube, Perspective, PerspectiveFit};
+use lo_geometry::{Camera, Cube, Perspective, PerspectiveFit, Vec3};
 use lo_imaging::{DepthMap, Image, RadianceImage};
 use lo_octree::{LightOctree, RadiancePoint};
 use serde::{Deserialize, Serialize};
@@ -68,6 +68,19 @@ pub struct PhotoGuess {
     pub light: GlobalLight,
     /// How its camera was held, where the networks have learned that.
     pub held: Option<PerspectiveFit>,
+}
+
+/// What is seen of a room.
+#[derive(Clone, Copy, Debug)]
+pub struct SeenRoom<'a> {
+    /// What the cameras see, the points of one after those of another, in the first camera's axes.
+    pub points: &'a [VisiblePoint],
+    /// The cameras.
+    pub views: &'a [PhotoView],
+    /// Part of the world that the octree covers.
+    pub cube: Cube,
+    /// Unit vector against gravity.
+    pub up: Vec3,
 }
 
 /// The light of a whole room.
@@ -228,8 +241,7 @@ impl Networks {
     /// The light of the whole room, the octree grown by the network's own predictions. How bright what is not seen is lies between what the light
     /// network and what the [single map](Networks::single_map) say.
     ///
-    /// `points` are what the cameras of `views` see, those of one after those of another, in the frame of `cube`, which is the first camera's;
-    /// `global` is that one's. What is guessed, is guessed from what the first camera sees. `seed` places the points that carry the global light. Where `octree_depth` is greater than the network's own depth, what
+    /// `global` is the first camera's. What is guessed, is guessed from what the first camera sees. `seed` places the points that carry the global light. Where `octree_depth` is greater than the network's own depth, what
     /// is seen is that fine, and what is not ends above it.
     ///
     /// # Errors
@@ -239,18 +251,19 @@ impl Networks {
     /// Where the views have more points than there are.
     pub fn complete(
         &self,
-        points: &[VisiblePoint],
-        views: &[PhotoView],
-        cube: Cube,
+        seen: &SeenRoom<'_>,
         global: GlobalLight,
         octree_depth: u32,
         seed: u64,
     ) -> Result<CompletedLight, LightError> {
+        let &SeenRoom { points, views, cube, up } = seen;
         in_pool(|| {
             let input = LightInput::of_photos(points, views, cube, &self.config, seed)?;
-            let input = LightInput { colour_share: COLOUR_SHARE, ..input };
+            // Networks that have learned with the map need neither of the shares.
+            let colour_share = if self.config.map_share.is_some() { 1.0 } else { COLOUR_SHARE };
+            let input = LightInput { colour_share, ..input };
             let map = panorama_image(self.depth.panorama.forward(global.0.clone()));
-            let input = self.config.with_map(input, || map.clone());
+            let input = self.config.told(input, up, || map.clone());
             let mut output = self.light.forward(&input, Some(global.0), Growth::Predicted)?;
             let warnings = std::mem::take(&mut output.warnings);
             let (mut light, mut confidence) = output.into_light()?;

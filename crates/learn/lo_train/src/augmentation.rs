@@ -140,6 +140,11 @@ impl Variation {
         }
     }
 
+    /// Unit vector against gravity, where it is known: the normal that a level floor has now.
+    pub fn up(&self, sample: &Sample) -> Option<Vec3> {
+        sample.up.map(|up| (up / self.scale()).normalize())
+    }
+
     /// The room's surfaces.
     pub fn points(&self, points: &[RadiancePoint]) -> Vec<RadiancePoint> {
         let scale = self.scale();

@@ -72,8 +72,7 @@ impl DepthExample {
             None => DepthMap::from_fn(photo.width(), photo.height(), |_, _| 0.0),
         };
         let camera = variation.camera(&sample.camera);
-        let up = sample.up.map(|up| if variation.mirrored { up * Vec3::new(-1.0, 1.0, 1.0) } else { up });
-        let perspective = up.map(|up| Perspective { up, half_extent: camera.half_extent() });
+        let perspective = variation.up(sample).map(|up| Perspective { up, half_extent: camera.half_extent() });
         // Of the whole photo's shape, so that photos of one size are one batch however they are cut.
         let [width, height] = size_within([sample.photo.width(), sample.photo.height()], longer_side);
         let photo = if (width, height) == (photo.width(), photo.height()) {
@@ -133,7 +132,10 @@ fn true_panorama(sample: &Sample, variation: &Variation) -> Result<Option<Radian
 /// What a step of the light network needs.
 #[derive(Debug)]
 pub(crate) struct LightExample {
+    /// Of the points alone.
     pub input: LightInput,
+    /// Unit vector against gravity.
+    pub up: Vec3,
     pub truth: LightOctree,
     /// Rays of novel views.
     pub novel: Rays,
@@ -174,7 +176,7 @@ impl LightExample {
         let novel = drawn_panorama_rays(&sample.views, rays.novel, stream);
         let novel = varied_rays(novel, variation, room.scale, room.seen.cube);
         let visible = room.visible_rays(sample, variation, rays.visible, stream);
-        Ok(Self { input, truth, novel, visible })
+        Ok(Self { input, up: room.seen.room.up, truth, novel, visible })
     }
 }
 
@@ -207,7 +209,7 @@ impl VariedRoom {
         let photo = Photo::Srgb8(variation.photo(&sample.photo));
         let frame = Frame::new(photo, depth_m, variation.camera(&sample.camera), 1.0).map_err(impossible)?;
         let working = frame.working();
-        let seen = SeenFrame::new(&working, None, None)
+        let seen = SeenFrame::new(&working, variation.up(sample), None)
             .ok_or(Unusable::Missing("depth reading that is not a flying pixel's"))?;
         let mut points = variation.points(&sample.points);
         points.iter_mut().for_each(|point| point.position_m *= scale);

@@ -131,7 +131,7 @@ impl Learner {
         let other = |reason: String| Err(TrainError::NotThisRun { path: path.to_owned(), reason });
         let wanted = config.network_of(own.depth);
         // It says what the light network is given, not of which shape it is.
-        if (LightNetConfig { map_share: wanted.map_share, ..own.clone() }) != wanted {
+        if (LightNetConfig { map_share: wanted.map_share, knows_up: wanted.knows_up, ..own.clone() }) != wanted {
             return other("its networks are of another shape than [network] of the configuration says".into());
         }
         let encoder = start.depth.encoder_kind();

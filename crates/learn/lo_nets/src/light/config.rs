@@ -1,3 +1,4 @@
+use lo_geometry::Vec3;
 use lo_imaging::RadianceImage;
 use serde::{Deserialize, Serialize};
 
@@ -33,6 +34,8 @@ pub struct LightNetConfig {
     /// Share of the single map in the first guess of what is not seen, beside the ambient light's, 0 to 1 ([`MapGuess`](super::MapGuess)); `None`: the network
     /// has learned without it.
     pub map_share: Option<f32>,
+    /// Whether it is told which way is up ([`LightInput::with_up`]).
+    pub knows_up: bool,
     /// Whether each node has a spherical Gaussian lobe beside its radiance (variant "SG" of the paper).
     pub lobes: bool,
     /// Greatest number of nodes of a graph that the network may grow to by its own predictions (and a family of eight for each depth beyond). Growth along a
@@ -54,6 +57,7 @@ impl Default for LightNetConfig {
             global_features: 64,
             global_channels: 8,
             map_share: None,
+            knows_up: false,
             lobes: false,
             max_nodes: None,
         }
@@ -96,8 +100,9 @@ impl LightNetConfig {
         Ok(())
     }
 
-    /// An input with the single map, where the network has learned with it.
-    pub fn with_map(&self, input: LightInput, single_map: impl FnOnce() -> RadianceImage) -> LightInput {
+    /// An input with what the network has learned with beside points: the unit vector against gravity, and the single map.
+    pub fn told(&self, input: LightInput, up: Vec3, single_map: impl FnOnce() -> RadianceImage) -> LightInput {
+        let input = if self.knows_up { input.with_up(up) } else { input };
         match self.map_share {
             Some(share) => input.with_map(MapGuess { radiance: single_map(), share }),
             None => input,

@@ -24,7 +24,8 @@ pub struct LightInput {
     pub octree: Octree,
     /// `[nodes of the finest graph, NODE_FEATURES]`: means over the node's points of log(1 + radiance) (3) and of the position in
     /// the node, −1 to 1 (3); its centre in the cube, −1 to 1 (3); mean normal (3); shares of the points that are visible,
-    /// certain, and carriers of `f_L` (1 each). Nodes without points have a centre alone. Carriers are black, or show the map.
+    /// certain, and carriers of `f_L` (1 each). Nodes without points have a centre alone. Carriers are black and have no normal, or show the map
+    /// ([`LightInput::with_map`]) and know gravity ([`LightInput::with_up`]).
     pub features: Vec<f32>,
     /// The octree of the visible points; its `seen` are the certain shares.
     pub visible: LightOctree,
@@ -133,6 +134,22 @@ impl LightInput {
             }
         }
         self.map = Some(map);
+        self
+    }
+
+    /// With the unit vector against gravity: nodes that carry `f_L` have the normal of the level surface that might be there, a floor below the camera and a
+    /// ceiling above, as long as the sine of their elevation.
+    #[must_use]
+    pub fn with_up(mut self, up: Vec3) -> Self {
+        let (half_edge_m, middle_m) = (0.5 * self.cube().edge_m, self.cube().centre_m());
+        for row in self.features.chunks_exact_mut(NODE_FEATURES) {
+            let carriers = row[NODE_FEATURES - 1];
+            if carriers > 0.0 {
+                let place_m = middle_m + half_edge_m * Vec3::new(row[6], row[7], row[8]);
+                let normal = -place_m.normalize_or_zero().dot(up) * up;
+                row[9..].iter_mut().zip(normal.to_array()).for_each(|(sum, c)| *sum += carriers * c);
+            }
+        }
         self
     }
 
@@ -292,6 +309,25 @@ mod tests {
         let right = input.first_guess(Vec3::new(2.0, 0.0, 0.1));
         let expected = [4.0f32, 2.0, 1.0].iter().zip(ambient).map(|(m, a)| a.powf(0.75) * m.powf(0.25));
         assert!(right.iter().zip(expected).all(|(a, b)| (a / b - 1.0).abs() < 1e-5), "{right:?}");
+    }
+
+    #[test]
+    fn carriers_know_what_is_above_and_below() {
+        let plain = input(&[point([0.1, 0.2, -3.1])]).unwrap();
+        let features = plain.features.clone();
+        let up = Vec3::new(0.0, 0.6, 0.8);
+        let input = plain.with_up(up);
+        let mut told = 0;
+        for (row, before) in input.features.chunks_exact(NODE_FEATURES).zip(features.chunks_exact(NODE_FEATURES)) {
+            assert_eq!((&row[..9], &row[12..]), (&before[..9], &before[12..]));
+            let (normal, centre) = (Vec3::new(row[9], row[10], row[11]), Vec3::new(row[6], row[7], row[8]));
+            if before[14] < 1.0 {
+                continue;
+            }
+            told += 1;
+            assert!((normal.dot(up) + centre.normalize().dot(up)).abs() < 1e-5 && normal.cross(up).length() < 1e-5);
+        }
+        assert!(told > 100, "{told} leaves of carriers");
     }
 
     #[test]
