@@ -137,6 +137,7 @@ fn scene(scores: &mut Scores, sample: &Sample, estimate: &Estimate) {
     if let Some(errors) = depth.and_then(|(truth, got)| DepthErrors::of(truth, got)) {
         scores.add("depth_abs_rel", Some(errors.abs_rel));
         scores.add("depth_scaled_abs_rel", Some(errors.scaled_abs_rel));
+        scores.add("depth_scale", Some(errors.scale));
         scores.add("depth_constant_abs_rel", Some(errors.constant_abs_rel));
         scores.add("depth_rmse_m", Some(errors.rmse_m));
         for (i, delta) in errors.delta.into_iter().enumerate() {

@@ -127,6 +127,7 @@ const TABLES: [Table; 10] = [
         &[
             ("depth_abs_rel", "abs-rel ↓", 3),
             ("depth_scaled_abs_rel", "its scale put right ↓", 3),
+            ("depth_scale", "ẑ ÷ z", 2),
             ("depth_constant_abs_rel", "a constant's", 3),
             ("depth_rmse_m", "RMSE m ↓", 3),
             ("depth_delta1", "δ1 ↑", 3),

@@ -10,6 +10,8 @@ pub struct DepthErrors {
     pub abs_rel: f64,
     /// The same with all ẑ multiplied by one factor, e to the median of ln(z / ẑ): the shape alone.
     pub scaled_abs_rel: f64,
+    /// e to the median of ln(ẑ / z): below 1 where everything is believed to be nearer, and smaller, than it is.
+    pub scale: f64,
     /// What a constant depth has as `scaled_abs_rel`: z's median instead of ẑ.
     pub constant_abs_rel: f64,
     /// √ mean (ẑ − z)², metres.
@@ -31,18 +33,19 @@ impl DepthErrors {
         if pixels == 0 {
             return None;
         }
-        let scale = median(pairs.iter().map(|(z, got)| z / got));
+        let larger = median(pairs.iter().map(|(z, got)| z / got));
         let middle = median(pairs.iter().map(|(z, _)| *z));
         let mut sums = [0.0f64; 7];
         for (z, got) in pairs {
             let ratio = (got / z).max(z / got);
             let within = [1, 2, 3].map(|power| f64::from(u8::from(ratio < 1.25f64.powi(power))));
-            let relative = [got, scale * got, middle].map(|got| (got - z).abs() / z);
+            let relative = [got, larger * got, middle].map(|got| (got - z).abs() / z);
             let terms = relative.into_iter().chain([(got - z).powi(2)]).chain(within);
             sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
         }
         let [abs_rel, scaled_abs_rel, constant_abs_rel, squared, d1, d2, d3] = sums.map(|sum| sum / pixels as f64);
-        Some(Self { abs_rel, scaled_abs_rel, constant_abs_rel, rmse_m: squared.sqrt(), delta: [d1, d2, d3], pixels })
+        let (scale, rmse_m) = (1.0 / larger, squared.sqrt());
+        Some(Self { abs_rel, scaled_abs_rel, scale, constant_abs_rel, rmse_m, delta: [d1, d2, d3], pixels })
     }
 }
 
@@ -71,6 +74,7 @@ mod tests {
         assert!((errors.constant_abs_rel - (1.0 + 0.0 + 0.5) / 3.0).abs() < 1e-7);
         let twice = DepthErrors::of(&truth, &got.map(|z| 2.0 * z)).unwrap();
         assert!((twice.scaled_abs_rel - errors.scaled_abs_rel).abs() < 1e-6 && twice.abs_rel > 0.7);
+        assert!((errors.scale - 1.0).abs() < 1e-7 && (twice.scale - 2.0).abs() < 1e-6);
         // ratios 1.2, 2 and 1; 1.25³ is 1.953
         assert_eq!(errors.delta, [2.0 / 3.0; 3]);
         assert_eq!(DepthErrors::of(&truth, &DepthMap::new(5, 1, vec![0.0; 5])), None);

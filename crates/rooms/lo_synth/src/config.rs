@@ -62,6 +62,8 @@ pub struct SynthConfig {
     pub litter_share: f32,
     /// Share of rooms whose surfaces are worn, stained, now and then patterned, and have a relief (normal maps).
     pub worn_share: f32,
+    /// Share of halls, workshops, studios, class rooms, laboratories, open plans and empty rooms that are 1.4 to 3 times as long and as wide, and higher.
+    pub large_share: f32,
     /// Share of rooms with one to three people in them.
     pub people_share: f32,
     /// Least and greatest horizontal field of view of crops, degrees.
@@ -120,6 +122,7 @@ impl Default for SynthConfig {
             cluttered_share: 0.25,
             litter_share: 0.0,
             worn_share: 0.0,
+            large_share: 0.0,
             people_share: 0.0,
             hfov_deg: [50.0, 90.0],
             camera_height_m: [0.8, 2.0],
@@ -158,6 +161,7 @@ impl SynthConfig {
             ("cluttered_share", self.cluttered_share),
             ("litter_share", self.litter_share),
             ("worn_share", self.worn_share),
+            ("large_share", self.large_share),
             ("people_share", self.people_share),
             ("upright_share", self.upright_share),
             ("close_up_share", self.close_up_share),

@@ -57,6 +57,12 @@ impl RoomKind {
         Self::Hall,
         Self::Empty,
     ];
+
+    /// Whether there are rooms of this kind that are much larger than usual.
+    pub(crate) fn may_be_large(self) -> bool {
+        use RoomKind::{Classroom, Empty, Hall, Laboratory, OpenPlan, Studio, Workshop};
+        matches!(self, Classroom | Empty | Hall | Laboratory | OpenPlan | Studio | Workshop)
+    }
 }
 
 /// Shape of the floor.

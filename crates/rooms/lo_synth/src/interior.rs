@@ -78,7 +78,9 @@ impl Interior {
             rough || matches!(kind, RoomKind::Office | RoomKind::Classroom | RoomKind::Corridor | RoomKind::Laboratory);
         let mut style = Style::draw(&mut random, mood, wet, sober);
         style.rough = rough;
-        let plan = Plan::draw(&mut lo_random::stream(seed, "synth plan", index), kind, config);
+        let large = drawn("synth large", config.large_share).filter(|_| kind.may_be_large());
+        let grown = large.map_or(1.0, |mut random| between(&mut random, 1.4f32.ln(), 3f32.ln()).exp());
+        let plan = Plan::draw(&mut lo_random::stream(seed, "synth plan", index), kind, config, grown);
         let mut palette = Palette::new(seed, index, style);
         let litter = drawn("synth litter", config.litter_share).map(|mut random| between(&mut random, 0.4, 1.0));
         palette.printed = litter.is_some();
@@ -97,7 +99,10 @@ impl Interior {
         doors::build(&mut stage);
         let portals = windows::build(&mut stage, weather == Weather::Night);
         stage.random = lo_random::stream(seed, "synth furniture", index);
-        furniture::furnish(&mut stage, kind, clutter, lighting);
+        // As many times over as it is longer, so that a large room is emptier than a small one.
+        for _ in 0..grown.round() as usize {
+            furniture::furnish(&mut stage, kind, clutter, lighting);
+        }
         let people = drawn("synth people", config.people_share).is_some() && kind != RoomKind::Bathroom;
         stage.random = lo_random::stream(seed, "synth life", index);
         furniture::live_in(&mut stage, litter, people);

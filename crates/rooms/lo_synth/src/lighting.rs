@@ -113,7 +113,7 @@ fn places(stage: &mut Stage, ceiling: Ceiling) -> Vec<Vec2> {
         Ceiling::Downlights => between(&mut stage.random, 1.1, 1.8),
         Ceiling::Panels | Ceiling::Tubes => between(&mut stage.random, 2.0, 2.8),
         _ => 4.2,
-    };
+    } * stage.plan.grown;
     let table = stage.objects.iter().position(|o| o.name == "dining table");
     let mut places = Vec::new();
     if let (Ceiling::Pendant, Some(table)) = (ceiling, table) {

@@ -17,6 +17,8 @@ pub(crate) struct Plan {
     pub rectangles: Vec<[Vec2; 2]>,
     pub walls: Vec<Wall>,
     pub height_m: f32,
+    /// How many times as long and wide as rooms of its kind usually are.
+    pub grown: f32,
     pub slope: Option<Slope>,
 }
 
@@ -94,12 +96,13 @@ impl Opening {
 }
 
 impl Plan {
-    /// Draws outline, height, doors and windows for a kind of room.
-    pub(crate) fn draw(random: &mut Stream, kind: RoomKind, config: &SynthConfig) -> Self {
+    /// Draws outline, height, doors and windows for a kind of room, so many times as long and wide as usual.
+    pub(crate) fn draw(random: &mut Stream, kind: RoomKind, config: &SynthConfig, grown: f32) -> Self {
         let [narrow, wide, deep] = size_range(kind);
         let (a, b) = (between(random, narrow, wide), between(random, narrow.max(deep * 0.55), deep));
+        let (a, b) = (grown * a, grown * b);
         let (width, depth) = if chance(random, 0.5) { (a, b) } else { (b, a) };
-        let height_m = height(random, kind);
+        let height_m = height(random, kind) * grown.sqrt();
         let outline = match kind {
             RoomKind::OpenPlan => Outline::OpenPlan,
             RoomKind::Corridor | RoomKind::Bathroom | RoomKind::Classroom => Outline::Rectangle,
@@ -109,6 +112,7 @@ impl Plan {
         let cut = outline == Outline::LShape || outline == Outline::OpenPlan && chance(random, 0.5);
         let mut plan = if cut { l_shape(random, width, depth) } else { rectangle(width, depth) };
         plan.outline = outline;
+        plan.grown = grown;
         plan.height_m = height_m;
         let may_slope = outline == Outline::Rectangle
             && matches!(kind, RoomKind::Bedroom | RoomKind::Living | RoomKind::Office | RoomKind::Studio);
@@ -249,7 +253,7 @@ fn from_corners(corners: &[Vec2], rectangles: Vec<[Vec2; 2]>, inner: &[usize]) -
             }
         })
         .collect();
-    Plan { outline: Outline::Rectangle, rectangles, walls, height_m: 2.5, slope: None }
+    Plan { outline: Outline::Rectangle, rectangles, walls, height_m: 2.5, grown: 1.0, slope: None }
 }
 
 #[cfg(test)]

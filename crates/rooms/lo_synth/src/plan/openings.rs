@@ -136,7 +136,7 @@ mod tests {
         for index in 0..300 {
             let mut random = lo_random::stream(5, "plan", index);
             let kind = RoomKind::ALL[index as usize % RoomKind::ALL.len()];
-            let plan = Plan::draw(&mut random, kind, &config);
+            let plan = Plan::draw(&mut random, kind, &config, 1.0);
             assert!((2.2..=if kind == RoomKind::Hall { 7.0 } else { 4.2 }).contains(&plan.height_m));
             assert!(plan.walls.iter().any(|w| w.openings.iter().any(|o| !o.is_window())), "{index} has no door");
             for wall in &plan.walls {
