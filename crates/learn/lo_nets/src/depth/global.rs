@@ -43,7 +43,8 @@ pub struct PanoramaDecoder {
     pub stages: Vec<ConvStage>,
     /// To log radiance.
     pub output: Conv2d,
-    with_colour: bool,
+    /// Whether `f_L` ends with the photo's colour, in whose measure the panorama then is.
+    pub(super) with_colour: bool,
 }
 
 fn with_bias(size: [usize; 2], stream: &mut Stream, device: &Device) -> Linear {

@@ -39,8 +39,6 @@ pub struct DepthNet {
     kind: EncoderKind,
     #[module(skip)]
     longer_side: usize,
-    #[module(skip)]
-    with_colour: bool,
 }
 
 /// What the depth network gives.
@@ -99,7 +97,6 @@ impl DepthNet {
             perspective: Some(PerspectiveHead::new(EIGHTH_CHANNELS, stream, device)),
             kind: encoder,
             longer_side: LONGER_SIDE,
-            with_colour: true,
         }
     }
 
@@ -111,7 +108,6 @@ impl DepthNet {
         Self {
             global: GlobalEncoder::new([channels[4], global_features], false, stream, device),
             panorama: PanoramaDecoder::new(global_features, false, stream, device),
-            with_colour: false,
             ..self
         }
     }
@@ -119,12 +115,12 @@ impl DepthNet {
     /// With the global light of another, of the same encoder.
     #[must_use]
     pub fn with_global_of(self, other: &Self) -> Self {
-        Self { global: other.global.clone(), panorama: other.panorama.clone(), with_colour: other.with_colour, ..self }
+        Self { global: other.global.clone(), panorama: other.panorama.clone(), ..self }
     }
 
     /// Whether `f_L` holds the photo's colour.
     pub fn with_colour(&self) -> bool {
-        self.with_colour
+        self.panorama.with_colour
     }
 
     /// The same, used on photos with at most so many pixels on the longer side.
@@ -193,7 +189,7 @@ impl DepthNet {
             let sum = |c: usize| photo.pixels().iter().map(|rgb| f64::from(linear_from_srgb8(rgb[c]))).sum::<f64>();
             [0, 1, 2].map(|c| (sum(c) / photo.pixels().len() as f64).max(DARK).ln() as f32)
         };
-        self.with_colour.then(|| {
+        self.with_colour().then(|| {
             let values = photos.iter().flat_map(of).collect();
             let device = self.decoder.output.weight.lazy_device();
             Tensor::from_data(TensorData::new::<f32, _>(values, [photos.len(), 3]), &device)

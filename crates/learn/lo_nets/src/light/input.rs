@@ -125,14 +125,7 @@ impl LightInput {
     /// With a single map: nodes that carry `f_L` show what it has in their direction, and what is not seen begins between it and the ambient light.
     #[must_use]
     pub fn with_map(mut self, map: MapGuess) -> Self {
-        let (half_edge_m, middle_m) = (0.5 * self.cube().edge_m, self.cube().centre_m());
-        for row in self.features.chunks_exact_mut(NODE_FEATURES) {
-            let carriers = row[NODE_FEATURES - 1];
-            if carriers > 0.0 {
-                let shown = map.towards(middle_m + half_edge_m * Vec3::new(row[6], row[7], row[8]));
-                row.iter_mut().zip(shown).for_each(|(sum, radiance)| *sum += carriers * radiance.ln_1p());
-            }
-        }
+        self.tell_carriers(0, |place_m| map.towards(place_m).map(f32::ln_1p));
         self.map = Some(map);
         self
     }
@@ -141,16 +134,20 @@ impl LightInput {
     /// ceiling above, as long as the sine of their elevation.
     #[must_use]
     pub fn with_up(mut self, up: Vec3) -> Self {
+        self.tell_carriers(9, |place_m| (-place_m.normalize_or_zero().dot(up) * up).to_array());
+        self
+    }
+
+    /// Adds to three features of the nodes that carry `f_L`, from `first` on, what their middles tell, as far as they are carriers.
+    fn tell_carriers(&mut self, first: usize, told: impl Fn(Vec3) -> [f32; 3]) {
         let (half_edge_m, middle_m) = (0.5 * self.cube().edge_m, self.cube().centre_m());
         for row in self.features.chunks_exact_mut(NODE_FEATURES) {
             let carriers = row[NODE_FEATURES - 1];
             if carriers > 0.0 {
-                let place_m = middle_m + half_edge_m * Vec3::new(row[6], row[7], row[8]);
-                let normal = -place_m.normalize_or_zero().dot(up) * up;
-                row[9..].iter_mut().zip(normal.to_array()).for_each(|(sum, c)| *sum += carriers * c);
+                let told = told(middle_m + half_edge_m * Vec3::new(row[6], row[7], row[8]));
+                row[first..].iter_mut().zip(told).for_each(|(sum, value)| *sum += carriers * value);
             }
         }
-        self
     }
 
     /// A first guess of what is not seen at a place of the octrees' frame: linear RGB, above 0.

@@ -33,7 +33,8 @@ const MIN_LID_M: f32 = 0.5;
 ///
 /// Points are (column, row) in pixels of a panorama that is `width` wide and half as high; columns may go on beyond either end. `floor` are the corners
 /// where walls stand on it, all below the horizon, in order; `uprights` are upright faces that stand on their `base` line; `tops` level faces as they are
-/// seen. Panoramas of one `place` share its photos, and are learned from or held out together. Without a `ceiling_m`, walls reach up to `wall_top_m`. What is inside of an `unknown` polygon has no distance, whatever stands there.
+/// seen. Without a `ceiling_m`, walls reach up to `wall_top_m`. What is inside of an `unknown` polygon has no distance, whatever stands there.
+/// Panoramas of one `place` share its photos, and are learned from or held out together.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RoomPlan {
