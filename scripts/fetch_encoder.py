@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Fetches the published weights of an encoder, for `lightoctree train --encoder-weights`.
+"""Fetches the published weights of an encoder, for `lightoctree-lab train --encoder-weights`.
 
     python3 scripts/fetch_encoder.py efficientnet-lite0 DIR
 

@@ -7,8 +7,9 @@ use lightoctree::insert::{Layout, Path, PathSource};
 use lightoctree::mesh::MaterialSpec;
 
 fuzz_target!(|text: &str| {
-    let words = std::iter::once("lightoctree").chain(text.split('\n'));
-    let _ = lightoctree_cli::cli::Cli::try_parse_from(words);
+    let words = || std::iter::once("lightoctree").chain(text.split('\n'));
+    let _ = lightoctree_cli::cli::Cli::try_parse_from(words());
+    let _ = lightoctree_lab::cli::Cli::try_parse_from(words());
     let _ = MaterialSpec::parse(text);
     if let Ok(path) = Path::from_json(text) {
         assert!(!path.keyframes.is_empty());

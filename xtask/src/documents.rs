@@ -1,5 +1,5 @@
 //! What the documents name: links, files of the house and cargo's commands. (The program's own commands are checked where its options are
-//! known: `apps/lightoctree-cli/tests`.)
+//! known: `apps/lightoctree-lab/tests`.)
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,5 +1,5 @@
-//! Features of what burn is built on: the same for the program and for each crate alone, so that `cargo bench -p lo_nets` compiles no dependency
-//! anew (`crates/base/lo_features`).
+//! Features of what burn is built on: the same for the program, for the lab and for each crate alone, so that neither `cargo bench -p lo_nets` nor
+//! building the lab compiles a dependency anew (`crates/base/lo_features`).
 
 use std::collections::BTreeMap;
 
@@ -8,6 +8,7 @@ use crate::house::{self, House};
 /// The crate whose dev-dependencies bring the program's features to others.
 const FEATURES: &str = "lo_features";
 const PROGRAM: &str = "lightoctree-cli";
+const LAB: &str = "lightoctree-lab";
 /// What takes minutes to compile.
 const COSTLY: &str = "burn";
 
@@ -20,8 +21,10 @@ pub fn faults(house: &House) -> anyhow::Result<Vec<String>> {
     let below = tree(COSTLY, "normal,build")?;
     let program = tree(PROGRAM, "normal,build")?;
     let mut faults = Vec::new();
-    for package in house.packages.iter().filter(|package| package.knows_in_tests.contains(FEATURES)) {
-        let own = tree(&package.name, "normal,build,dev")?;
+    let is_compared = |package: &&house::Package| package.name == LAB || package.knows_in_tests.contains(FEATURES);
+    for package in house.packages.iter().filter(is_compared) {
+        let edges = if package.name == LAB { "normal,build" } else { "normal,build,dev" };
+        let own = tree(&package.name, edges)?;
         faults.extend(differences(&package.name, &features(&below), &features(&program), &features(&own)));
     }
     Ok(faults)

@@ -1,4 +1,4 @@
-//! Options that commands share.
+//! Options that commands share, in both programs.
 
 use std::path::PathBuf;
 
@@ -12,7 +12,7 @@ pub struct Global {
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
 
-    /// Seed of every random choice; only `synth`, `dataset`, `train`, `eval` and the networks of `estimate` make any, other results are always the same
+    /// Seed of every random choice; only rooms, training, evaluation and the networks of `estimate` make any, other results are always the same
     #[arg(long, global = true, value_name = "N", default_value_t = 0)]
     pub seed: u64,
 

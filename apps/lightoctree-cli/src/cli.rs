@@ -40,43 +40,6 @@ pub enum Command {
     Export(commands::export::Args),
     /// Photos of a mirror ball → HDR panorama
     Unwrap(commands::unwrap::Args),
-    /// Make procedural rooms with global light for training
-    Synth(commands::synth::Args),
-    /// Look at, convert or preview a dataset
-    Dataset(commands::dataset::Args),
-    /// Train the networks
-    Train(commands::train::Args),
-    /// Average, merge or inspect files of trained weights
-    Weights(commands::weights::Args),
-    /// Measure methods and baselines on a dataset
-    Eval(commands::eval::Args),
-    /// Time this program on the input of the peers' kit
-    Bench(commands::bench::Args),
     /// Print a completion script for a shell
     Completions(commands::completions::Args),
-}
-
-impl Command {
-    /// The word on the command line.
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::Demo(_) => "demo",
-            Self::Estimate(_) => "estimate",
-            Self::Envmap(_) => "envmap",
-            Self::Probes(_) => "probes",
-            Self::Insert(_) => "insert",
-            Self::View(_) => "view",
-            Self::Inspect(_) => "inspect",
-            Self::Lights(_) => "lights",
-            Self::Export(_) => "export",
-            Self::Unwrap(_) => "unwrap",
-            Self::Synth(_) => "synth",
-            Self::Dataset(_) => "dataset",
-            Self::Train(_) => "train",
-            Self::Weights(_) => "weights",
-            Self::Eval(_) => "eval",
-            Self::Bench(_) => "bench",
-            Self::Completions(_) => "completions",
-        }
-    }
 }

@@ -1,36 +1,41 @@
 //! The `lightoctree` command: indoor lighting from one photo.
 //!
-//! A library so that its options can be tested and fuzzed; `main.rs` only calls [`main`].
+//! A library so that its options can be tested and fuzzed; `main.rs` only calls [`main`]. What makes it a program (threads, log, Ctrl-C,
+//! progress, exit codes) is also that of `lightoctree-lab`: [`program`].
 //! Exit codes: 0 done, 1 the job failed, 2 wrong usage.
 
 pub mod args;
 pub mod cli;
 pub mod commands;
-mod config;
-mod interrupt;
-mod memory;
-mod output;
-mod progress;
-mod report;
-mod usage;
+pub mod interrupt;
+pub mod output;
+pub mod progress;
+pub mod report;
+pub mod usage;
 
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
 
+use args::Global;
 use cli::{Cli, Command};
 use usage::Usage;
 
 /// The whole program, from the command line to the exit code.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    start_log(&cli);
-    if let Err(error) = start_threads(cli.global.threads) {
+    program(&cli.global, || run(&cli))
+}
+
+/// Starts log, threads and the ear for Ctrl-C, does the job, says why it failed; the exit code.
+pub fn program(global: &Global, job: impl FnOnce() -> anyhow::Result<()>) -> ExitCode {
+    start_log(global);
+    if let Err(error) = start_threads(global.threads) {
         eprintln!("error: {error:#}");
         return ExitCode::from(2);
     }
     interrupt::install();
-    match run(&cli) {
+    match job() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {}", message(&error));
@@ -65,18 +70,12 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::Lights(args) => commands::lights::run(global, args),
         Command::Export(args) => commands::export::run(global, args),
         Command::Unwrap(args) => commands::unwrap::run(global, args),
-        Command::Synth(args) => commands::synth::run(global, args),
-        Command::Dataset(args) => commands::dataset::run(global, args),
-        Command::Train(args) => commands::train::run(global, args),
-        Command::Weights(args) => commands::weights::run(args),
-        Command::Eval(args) => commands::eval::run(global, args),
-        Command::Bench(args) => commands::bench::run(global, args),
         Command::Completions(args) => commands::completions::run(args, &mut Cli::command()),
     }
 }
 
-fn start_log(cli: &Cli) {
-    let level = if cli.global.quiet { tracing::Level::ERROR } else { cli.global.log.level() };
+fn start_log(global: &Global) {
+    let level = if global.quiet { tracing::Level::ERROR } else { global.log.level() };
     tracing_subscriber::fmt()
         .with_max_level(level)
         .with_writer(std::io::stderr)

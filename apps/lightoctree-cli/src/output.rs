@@ -8,7 +8,7 @@ use anyhow::Context;
 
 use crate::usage::Usage;
 
-/// What a program name looks like inside of the files that a command writes.
+/// What the maker's name looks like inside of the files that a command writes; the same for a command of either program.
 ///
 /// Every format we write has a place for it: EXR attributes, a Radiance header line, a PNG text chunk, a JPEG comment, PLY comments,
 /// glTF's `asset.generator`, USD's `customLayerData`, JSON's `generator`. PFM has none.
@@ -41,7 +41,7 @@ pub fn check_replaceable(path: &Path, command: &str, force: bool) -> anyhow::Res
         return Ok(());
     }
     Err(Usage(format!(
-        "{} exists and was not written by `lightoctree {command}`; choose another name or give --force",
+        "{} exists and was not written by lightoctree's `{command}`; choose another name or give --force",
         path.display()
     ))
     .into())

@@ -1,3 +1,5 @@
+//! What cannot be carried out as it was asked for.
+
 use std::fmt;
 
 /// A request that cannot be carried out as it was written: exit code 2 instead of 1.

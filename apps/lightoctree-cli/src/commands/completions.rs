@@ -12,10 +12,11 @@ pub struct Args {
     shell: Shell,
 }
 
-/// Prints the script of the whole command line.
+/// Prints the script of a program's whole command line.
 pub fn run(args: &Args, command: &mut clap::Command) -> anyhow::Result<()> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, command, "lightoctree", &mut script);
+    let name = command.get_name().to_owned();
+    clap_complete::generate(args.shell, command, name, &mut script);
     crate::report::print(String::from_utf8(script)?.trim_end());
     Ok(())
 }

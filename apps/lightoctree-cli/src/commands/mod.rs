@@ -1,30 +1,24 @@
 //! One module per command: its options, and what it does with the library.
 
-pub mod bench;
 pub mod completions;
-pub mod dataset;
 pub mod demo;
 pub mod envmap;
 pub mod estimate;
-pub mod eval;
 pub mod export;
 pub mod insert;
 pub mod inspect;
 pub mod lights;
 pub mod probes;
-pub mod synth;
-pub mod train;
 pub mod unwrap;
 mod video;
 pub mod view;
-pub mod weights;
 
 #[cfg(feature = "depth-models")]
 mod depth_model;
-mod environment;
+pub mod environment;
 mod level;
 mod panorama_prior;
-mod parse;
+pub mod parse;
 mod photos;
 
 use std::path::Path;
@@ -60,7 +54,7 @@ fn light_up(scene: &mut Scene, lamp: bool, stages: &mut Stages) -> anyhow::Resul
 }
 
 /// With the networks of a file of weights, or those that the program carries.
-fn estimator(weights: Option<&Path>) -> anyhow::Result<Estimator> {
+pub fn estimator(weights: Option<&Path>) -> anyhow::Result<Estimator> {
     match weights {
         Some(path) => Estimator::read(path).with_context(|| format!("--weights {}", path.display())),
         None => shipped_estimator(),

@@ -4,13 +4,9 @@
 mod support;
 
 mod cli;
-mod data;
 #[cfg(feature = "depth-models")]
 mod depth_models;
-mod documents;
-mod eval;
 mod photos;
-mod train;
 mod unwrap;
 mod view;
 mod view_in_browser;

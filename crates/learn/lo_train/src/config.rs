@@ -60,7 +60,7 @@ pub struct TrainConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DataConfig {
-    /// A folder in a layout that `lightoctree dataset` knows: shards of `lightoctree synth`, or published data. Rooms are generated on the
+    /// A folder in a layout that `lightoctree-lab dataset` knows: shards of `lightoctree-lab synth`, or published data. Rooms are generated on the
     /// fly where none is named.
     pub folder: Option<PathBuf>,
     /// Real panoramas, of which photos are cut. They know how the camera was held, its lens and the light around it; depth only by a plan.

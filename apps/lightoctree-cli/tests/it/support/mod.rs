@@ -1,38 +1,11 @@
 //! The program, run as a user runs it.
 
 pub mod browser;
+pub mod run;
 pub mod view;
 pub mod weights;
 
-use std::path::Path;
+pub use run::{done, json, program, refused};
 
-use assert_cmd::Command;
-use serde_json::Value;
-
-/// The program in a folder.
-pub fn lightoctree(folder: &Path) -> Command {
-    let mut command = Command::cargo_bin("lightoctree").unwrap();
-    command.current_dir(folder).arg("--quiet");
-    command
-}
-
-/// Runs, expects success, returns stdout.
-pub fn done(folder: &Path, args: &[&str]) -> String {
-    let output = lightoctree(folder).args(args).output().unwrap();
-    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
-
-/// Runs, expects the exit code, returns stderr.
-pub fn refused(folder: &Path, code: i32, args: &[&str]) -> String {
-    let output = lightoctree(folder).args(args).output().unwrap();
-    let message = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(code), "{args:?}: {message}");
-    assert!(!message.contains("panicked"), "{message}");
-    message
-}
-
-/// Parses what a command printed.
-pub fn json(text: &str) -> Value {
-    serde_json::from_str(text).unwrap()
-}
+/// What is run.
+const PROGRAM: &str = "lightoctree";

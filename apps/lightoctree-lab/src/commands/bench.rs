@@ -1,18 +1,17 @@
-//! `lightoctree bench`: our side of the peers' kit, in the kit's own line format.
+//! `lightoctree-lab bench`: our side of the peers' kit, in the kit's own line format.
 //!
 //! Each case runs in a process of its own, as the peers' do, so that its memory is its own too.
 
 use std::process::Command;
 use std::time::Instant;
 
+use self::cases::{CASES, Case};
 use anyhow::Context;
+use lightoctree_cli::args::Global;
+use lightoctree_cli::usage::Usage;
+use lightoctree_cli::{interrupt, report};
 use lo_eval::memory;
 use serde::{Deserialize, Serialize};
-
-use self::cases::{CASES, Case};
-use crate::args::Global;
-use crate::usage::Usage;
-use crate::{interrupt, report};
 
 mod cases;
 mod input;
@@ -20,8 +19,8 @@ mod input;
 /// Options of `bench`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
-    PEERS_INPUT=peers/input lightoctree bench --threads 1\n  \
-    peers/run.sh --tuned --threads 1 --ours 'lightoctree bench --threads 1 --json'\n\n\
+    PEERS_INPUT=peers/input lightoctree-lab bench --threads 1\n  \
+    peers/run.sh --tuned --threads 1 --ours 'lightoctree-lab bench --threads 1 --json'\n\n\
     The input is what the kit's make_input.py writes: rgbd_*.npy, room_*.npy, room_rgba128.npy and input.json.\n\
     The cases `estimate_panorama` and `insert_draft` use the photo and the mesh that the program carries.")]
 pub struct Args {

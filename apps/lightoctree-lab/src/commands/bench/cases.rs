@@ -11,11 +11,11 @@ use lightoctree::insert::{Align, Inserter, Instance, Lighting, Placement, Qualit
 use lightoctree::octree::{self, Coverage, LightOctree, RadiancePoint};
 use lightoctree::scene::Frame;
 use lightoctree::{Estimator, Input, events};
+use lightoctree_cli::commands::demo;
+use lightoctree_cli::progress::Stages;
 use lo_train::peer_cases::{self, Work};
 
 use super::input::{self, load};
-use crate::commands::demo;
-use crate::progress::Stages;
 
 /// Depths that all peers use.
 const DEPTH: u32 = 7;

@@ -1,13 +1,16 @@
-//! Commands in documents, in `--help` and in the heads of configurations are understood by the program.
+//! Commands in documents, in `--help` and in the heads of configurations are understood by the programs, this one and `lightoctree`.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser};
-use lightoctree_cli::cli::Cli;
+use lightoctree_lab::cli::Cli;
 
 use crate::support::done;
+
+/// What a person gets by `cargo run` without a package, and the other.
+const PROGRAMS: [&str; 2] = ["lightoctree", "lightoctree-lab"];
 
 /// A command, where it stands, and whether all of it is there.
 struct Command {
@@ -25,6 +28,7 @@ fn documented_commands_parse() {
     let counts = [true, false].map(|is_whole| commands.iter().filter(|command| command.is_whole == is_whole).count());
     assert!(counts[0] >= 10 && counts[1] >= 10, "commands in blocks and in text: {counts:?}");
     commands.extend(in_help(&Cli::command()));
+    commands.extend(in_help(&lightoctree_cli::cli::Cli::command()));
     commands.extend(in_comments_of_configurations());
     let faults: Vec<_> = commands.iter().filter_map(fault).collect();
     assert!(faults.is_empty(), "\n{}\n", faults.join("\n"));
@@ -41,15 +45,15 @@ fn documented_commands_that_do_not_exist_are_found() {
     );
     assert_eq!(
         faults(
-            "```sh\ncargo run --release -- demo\nlightoctree inspect \\\n    room.scene\n```\n`lightoctree bench --threads T`"
+            "```sh\ncargo run --release -- demo\nlightoctree inspect \\\n    room.scene\n```\n`lightoctree-lab bench --threads T`"
         ),
         0
     );
     assert_eq!(
         faults(
-            "```sh\nlightoctree inspect room.scene --deep\nlightoctree look\ncargo run --release -- demonstrate\n```"
+            "```sh\nlightoctree inspect room.scene --deep\nlightoctree look\ncargo run --release -- demonstrate\ncargo run -p lightoctree-lab -- demo\n```"
         ),
-        3
+        4
     );
     assert_eq!(
         faults(
@@ -58,8 +62,10 @@ fn documented_commands_that_do_not_exist_are_found() {
         2
     );
     assert_eq!(
-        faults("`lightoctree inspect --deep`, `lightoctree look`, `lightoctree` and `lightoctree::estimate`"),
-        2
+        faults(
+            "`lightoctree inspect --deep`, `lightoctree look`, `lightoctree eval rooms`, `lightoctree` and `lightoctree::estimate`"
+        ),
+        3
     );
 }
 
@@ -119,7 +125,12 @@ fn in_document(place: &str, document: &str) -> Vec<Command> {
         if index % 2 == 1 {
             commands.extend(in_block(place, part));
         } else {
-            for span in part.split('`').skip(1).step_by(2).filter(|span| span.starts_with("lightoctree ")) {
+            for span in part
+                .split('`')
+                .skip(1)
+                .step_by(2)
+                .filter(|span| PROGRAMS.iter().any(|program| span.starts_with(&format!("{program} "))))
+            {
                 let found = split(span).into_iter().filter_map(|words| command(place, words, false));
                 commands.extend(found);
             }
@@ -149,15 +160,16 @@ fn in_help(program: &clap::Command) -> Vec<Command> {
     own.into_iter().flatten().chain(program.get_subcommands().flat_map(in_help)).collect()
 }
 
-/// Our program's words among a shell's: after variables, or after `cargo run … --`.
+/// One of our programs' words among a shell's: after variables, or after `cargo run … --`.
 fn command(place: &str, words: Vec<String>, is_whole: bool) -> Option<Command> {
     let words: Vec<_> =
         words.into_iter().skip_while(|word| word.split_once('=').is_some_and(|(name, _)| is_variable(name))).collect();
     let words = match words.first()?.as_str() {
-        "lightoctree" => words,
+        program if PROGRAMS.contains(&program) => words,
         "cargo" if words.get(1)? == "run" && !words.contains(&"--example".to_owned()) => {
             let start = words.iter().position(|word| word == "--")?;
-            [&["lightoctree".to_owned()], &words[start + 1..]].concat()
+            let program = PROGRAMS[usize::from(words[..start].iter().any(|word| word == PROGRAMS[1]))];
+            [&[program.to_owned()], &words[start + 1..]].concat()
         }
         _ => return None,
     };
@@ -173,9 +185,13 @@ fn is_variable(name: &str) -> bool {
     !name.is_empty() && name.chars().all(|c| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_')
 }
 
-/// Why the program would not understand a command.
+/// Why its program would not understand a command.
 fn fault(command: &Command) -> Option<String> {
-    let error = Cli::try_parse_from(&command.words).err()?;
+    let error = if command.words[0] == PROGRAMS[1] {
+        Cli::try_parse_from(&command.words).err()?
+    } else {
+        lightoctree_cli::cli::Cli::try_parse_from(&command.words).err()?
+    };
     let is_abridged = matches!(
         error.kind(),
         ErrorKind::ValueValidation

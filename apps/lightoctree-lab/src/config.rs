@@ -3,10 +3,9 @@
 use std::path::Path;
 
 use anyhow::Context;
+use lightoctree_cli::usage::Usage;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-
-use crate::usage::Usage;
 
 /// Reads a configuration; errors name the file, the line and what stands there.
 pub fn read<T: DeserializeOwned>(path: &Path) -> anyhow::Result<T> {

@@ -1,4 +1,4 @@
-//! `lightoctree eval`: figures of methods and baselines on any dataset.
+//! `lightoctree-lab eval`: figures of methods and baselines on any dataset.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -8,6 +8,12 @@ use anyhow::Context;
 use clap::ValueEnum;
 use lightoctree::insert::Quality;
 use lightoctree::{Estimator, imaging};
+use lightoctree_cli::args::Global;
+use lightoctree_cli::commands::environment::write_json;
+use lightoctree_cli::commands::parse;
+use lightoctree_cli::progress::{StageBar, seconds};
+use lightoctree_cli::usage::Usage;
+use lightoctree_cli::{output, report};
 use lo_dataset::{CropModel, Generator, GeneratorConfig};
 use lo_eval::{
     EvalError, Evaluation, InsertionEvaluation, InsertionMethod, Method, Photos, Profile, ProfileError, Protocol,
@@ -16,21 +22,16 @@ use lo_eval::{
 use serde_json::json;
 
 use super::dataset::{LayoutName, SplitName};
-use super::environment::write_json;
-use super::parse;
-use crate::args::Global;
-use crate::progress::{StageBar, seconds};
-use crate::usage::Usage;
-use crate::{config, output, report};
+use crate::config;
 
 /// Options of `eval`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
-    lightoctree eval rooms --make-profile profile.json\n  \
-    lightoctree eval rooms --profile profile.json --weights trained.safetensors -o report\n  \
-    lightoctree eval panoramas --split all --profile profile.json -o report\n  \
-    lightoctree eval panoramas --split all --protocol three-spheres -o report\n  \
-    lightoctree eval configs/insertion.toml --protocol insertion --seed 11 --samples 66 -o report\n\n\
+    lightoctree-lab eval rooms --make-profile profile.json\n  \
+    lightoctree-lab eval rooms --profile profile.json --weights trained.safetensors -o report\n  \
+    lightoctree-lab eval panoramas --split all --profile profile.json -o report\n  \
+    lightoctree-lab eval panoramas --split all --protocol three-spheres -o report\n  \
+    lightoctree-lab eval configs/insertion.toml --protocol insertion --seed 11 --samples 66 -o report\n\n\
     docs/evaluation.md says what each figure means. DIR gets scenes.csv, summary.md, summary.json, costs.csv and sheet.png.")]
 pub struct Args {
     /// A folder in one of the layouts, or a shard; for the protocol insertion the configuration of rooms, as of `synth --config`
@@ -163,8 +164,11 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let folder = args.output.as_deref().ok_or_else(|| Usage("--output DIR is missing".into()))?;
     let profile = args.profile.as_deref().map(read_profile).transpose()?;
     let has_networks = args.weights.is_some() || cfg!(feature = "weights");
-    let estimator =
-        if has_networks { super::estimator(args.weights.as_deref())? } else { Estimator::without_networks() };
+    let estimator = if has_networks {
+        lightoctree_cli::commands::estimator(args.weights.as_deref())?
+    } else {
+        Estimator::without_networks()
+    };
     let tools = Tools {
         estimator: &estimator,
         profile: profile.as_ref(),

@@ -114,7 +114,7 @@ fn a_conversion_that_was_killed_goes_on_where_it_stopped() {
     let whole = shards(&at.join("whole"));
     assert_eq!(whole.len(), 30);
 
-    let mut killed = std::process::Command::new(assert_cmd::cargo::cargo_bin("lightoctree"))
+    let mut killed = std::process::Command::new(assert_cmd::cargo::cargo_bin("lightoctree-lab"))
         .current_dir(at)
         .args(["--quiet", "--threads", "1"])
         .args(convert)

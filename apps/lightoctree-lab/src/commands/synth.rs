@@ -1,27 +1,28 @@
-//! `lightoctree synth`: procedural rooms with global light, as shards.
+//! `lightoctree-lab synth`: procedural rooms with global light, as shards.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
+use lightoctree_cli::args::Global;
+use lightoctree_cli::commands::parse;
+use lightoctree_cli::progress::{StageBar, seconds};
+use lightoctree_cli::usage::Usage;
+use lightoctree_cli::{output, report};
 use lo_dataset::{FORMAT_VERSION, Generator, GeneratorConfig, ShardCount, ShardPart, Split, generate_shards};
 use serde_json::{Value, json};
 
 use super::dataset::{SplitName, shard_folder};
-use super::parse;
-use crate::args::Global;
-use crate::progress::{StageBar, seconds};
-use crate::usage::Usage;
-use crate::{config, output, report};
+use crate::config;
 
 /// Options of `synth`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
-    lightoctree synth --scenes 2000 --seed 1 -o rooms\n  \
-    lightoctree synth --scenes 2000 --seed 1 --shard $((SLURM_ARRAY_TASK_ID + 1))/16 -o rooms\n  \
-    lightoctree synth --scenes 8000 --seed 300 --config configs/photos.toml --pictures pictures -o photos\n  \
-    lightoctree synth --print-config > rooms.toml\n  \
-    lightoctree synth --glb 7 --seed 1 -o room.glb\n\n\
+    lightoctree-lab synth --scenes 2000 --seed 1 -o rooms\n  \
+    lightoctree-lab synth --scenes 2000 --seed 1 --shard $((SLURM_ARRAY_TASK_ID + 1))/16 -o rooms\n  \
+    lightoctree-lab synth --scenes 8000 --seed 300 --config configs/photos.toml --pictures pictures -o photos\n  \
+    lightoctree-lab synth --print-config > rooms.toml\n  \
+    lightoctree-lab synth --glb 7 --seed 1 -o room.glb\n\n\
     Run the same command again after it was stopped: finished shards are kept. The rooms depend on the seed and the configuration alone, \
     not on --shard or --threads. Shards are WebDataset archives; docs/data.md describes them.")]
 pub struct Args {

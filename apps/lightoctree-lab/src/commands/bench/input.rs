@@ -3,8 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-
-use crate::usage::Usage;
+use lightoctree_cli::usage::Usage;
 
 /// Folder of the kit's input.
 pub fn folder() -> anyhow::Result<PathBuf> {

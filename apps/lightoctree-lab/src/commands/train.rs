@@ -1,4 +1,4 @@
-//! `lightoctree train`: the networks, from rooms with known light.
+//! `lightoctree-lab train`: the networks, from rooms with known light.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -6,19 +6,20 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use indicatif::ProgressBar;
 use lightoctree::events::{Event, Figure, Stage};
+use lightoctree_cli::args::Global;
+use lightoctree_cli::progress::{bar, seconds, stage_label, warning_text};
+use lightoctree_cli::usage::Usage;
+use lightoctree_cli::{interrupt, output, report};
 use lo_train::{CHECKPOINT_FILE, Request, TrainConfig, TrainError};
 
-use crate::args::Global;
-use crate::progress::{bar, seconds, stage_label, warning_text};
-use crate::usage::Usage;
-use crate::{config, interrupt, output, report};
+use crate::config;
 
 /// Options of `train`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
-    lightoctree train --config configs/recipe.toml --data rooms -o run\n  \
-    lightoctree train --resume -o run\n  \
-    lightoctree train --print-config > mine.toml\n  \
+    lightoctree-lab train --config configs/recipe.toml --data rooms -o run\n  \
+    lightoctree-lab train --resume -o run\n  \
+    lightoctree-lab train --print-config > mine.toml\n  \
     lightoctree estimate photo.jpg --completion network --weights run/weights.safetensors -o room.scene\n\n\
     The folder holds config.toml, checkpoint.safetensors (all that is needed to go on), weights.safetensors (what `estimate` takes), \
     log.jsonl and sheet.png (held-out photos; predicted and true panorama, depth and octree). Files are replaced, not piled up. Ctrl-C writes a \
@@ -111,7 +112,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         report::print(&format!("{}  {} steps{}", folder.display(), teller.steps, figures(&teller.last)));
     }
     if !done {
-        anyhow::bail!("stopped; `lightoctree train --resume -o {}` goes on", folder.display());
+        anyhow::bail!("stopped; `lightoctree-lab train --resume -o {}` goes on", folder.display());
     }
     Ok(())
 }

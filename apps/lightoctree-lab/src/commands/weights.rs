@@ -1,17 +1,16 @@
-//! `lightoctree weights`: files of weights on their way from training to use.
+//! `lightoctree-lab weights`: files of weights on their way from training to use.
 
 use std::path::PathBuf;
 
+use lightoctree_cli::{output, report};
 use lo_train::weight_files;
-
-use crate::{output, report};
 
 /// Options of `weights`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
-    lightoctree weights average run-1/weights.safetensors run-2/weights.safetensors -o mean.safetensors\n  \
-    lightoctree weights merge --depth depth/weights.safetensors --light light/weights.safetensors -o both.safetensors\n  \
-    lightoctree weights inspect both.safetensors\n\n\
+    lightoctree-lab weights average run-1/weights.safetensors run-2/weights.safetensors -o mean.safetensors\n  \
+    lightoctree-lab weights merge --depth depth/weights.safetensors --light light/weights.safetensors -o both.safetensors\n  \
+    lightoctree-lab weights inspect both.safetensors\n\n\
     All of them also take a run's checkpoint.safetensors, of which the averaged weights count. What is written holds 16 bits a weight.")]
 pub struct Args {
     #[command(subcommand)]

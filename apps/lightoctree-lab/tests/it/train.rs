@@ -60,7 +60,7 @@ fn a_killed_run_goes_on_to_the_bit() {
     let summary = json(&done(at, &[&begin[..], &["whole", "--json"]].concat()));
     assert_eq!((summary["done"].as_bool(), summary["steps"].as_u64()), (Some(true), Some(6)));
 
-    let mut killed = std::process::Command::new(assert_cmd::cargo::cargo_bin("lightoctree"))
+    let mut killed = std::process::Command::new(assert_cmd::cargo::cargo_bin("lightoctree-lab"))
         .current_dir(at)
         .args(["--quiet"])
         .args(begin)

@@ -1,21 +1,20 @@
-//! `lightoctree dataset inspect|convert|preview`: what a dataset holds, in any layout that is known.
+//! `lightoctree-lab dataset inspect|convert|preview`: what a dataset holds, in any layout that is known.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::ValueEnum;
 use lightoctree::imaging;
+use lightoctree_cli::args::Global;
+use lightoctree_cli::commands::environment::signed;
+use lightoctree_cli::progress::{StageBar, bar, seconds};
+use lightoctree_cli::usage::Usage;
+use lightoctree_cli::{interrupt, output, report};
 use lo_dataset::{
     ContactSheet, CropModel, Dataset, DatasetError, Histogram, Layout, Loader, LoaderConfig, Sample, ShardCount,
     ShardFolder, Split, Summary, SummaryReport, convert_to_shards, evenly_spread,
 };
 use serde_json::json;
-
-use super::environment::signed;
-use crate::args::Global;
-use crate::progress::{StageBar, bar, seconds};
-use crate::usage::Usage;
-use crate::{interrupt, output, report};
 
 /// Options of `dataset`.
 #[derive(Debug, clap::Args)]
@@ -57,7 +56,7 @@ struct Source {
 /// Layouts on the command line.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(super) enum LayoutName {
-    /// WebDataset archives of `lightoctree synth` and `dataset convert`.
+    /// WebDataset archives of `lightoctree-lab synth` and `dataset convert`.
     Shards,
     /// FutureHouse (Li et al. 2022).
     Futurehouse,
@@ -108,7 +107,7 @@ impl SplitName {
 
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  lightoctree dataset inspect rooms\n  lightoctree dataset inspect rooms --json | jq .figures"
+    after_help = "Examples:\n  lightoctree-lab dataset inspect rooms\n  lightoctree-lab dataset inspect rooms --json | jq .figures"
 )]
 struct InspectArgs {
     #[command(flatten)]
@@ -124,7 +123,7 @@ struct InspectArgs {
 }
 
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n  lightoctree dataset convert panoramas --crops 4 -o shards\n\n\
+#[command(after_help = "Example:\n  lightoctree-lab dataset convert panoramas --crops 4 -o shards\n\n\
     Run the same command again after it was stopped: finished shards are kept.")]
 struct ConvertArgs {
     #[command(flatten)]
@@ -144,7 +143,7 @@ struct ConvertArgs {
 }
 
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n  lightoctree dataset preview rooms --photos 48 --panoramas 24 -o sheet.png")]
+#[command(after_help = "Example:\n  lightoctree-lab dataset preview rooms --photos 48 --panoramas 24 -o sheet.png")]
 struct PreviewArgs {
     #[command(flatten)]
     source: Source,

@@ -1,0 +1,33 @@
+//! The `lightoctree-lab` command: rooms with known light, training and evaluation of what `lightoctree` does.
+//!
+//! A program of its own, so that who wants light from a photo does not compile it. Exit codes: 0 done, 1 the job failed, 2 wrong usage.
+
+pub mod cli;
+pub mod commands;
+mod config;
+mod memory;
+
+use std::process::ExitCode;
+
+use clap::{CommandFactory, Parser};
+
+use cli::{Cli, Command};
+
+/// The whole program, from the command line to the exit code.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    lightoctree_cli::program(&cli.global, || run(&cli))
+}
+
+fn run(cli: &Cli) -> anyhow::Result<()> {
+    let global = &cli.global;
+    match &cli.command {
+        Command::Synth(args) => commands::synth::run(global, args),
+        Command::Dataset(args) => commands::dataset::run(global, args),
+        Command::Train(args) => commands::train::run(global, args),
+        Command::Weights(args) => commands::weights::run(args),
+        Command::Eval(args) => commands::eval::run(global, args),
+        Command::Bench(args) => commands::bench::run(global, args),
+        Command::Completions(args) => lightoctree_cli::commands::completions::run(args, &mut Cli::command()),
+    }
+}

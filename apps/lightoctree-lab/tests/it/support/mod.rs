@@ -1,0 +1,11 @@
+//! The program, run as a user runs it, by the helpers of `lightoctree`'s tests.
+
+#[path = "../../../../lightoctree-cli/tests/it/support/run.rs"]
+pub mod run;
+#[path = "../../../../lightoctree-cli/tests/it/support/weights.rs"]
+pub mod weights;
+
+pub use run::{done, json, refused};
+
+/// What is run.
+const PROGRAM: &str = "lightoctree-lab";
