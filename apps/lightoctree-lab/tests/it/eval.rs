@@ -8,8 +8,8 @@ use lightoctree::imaging::{self, ExrOptions, Image};
 use crate::support::weights::write_weights;
 use crate::support::{done, json, refused};
 
-/// Two small photos and panoramas of a room, few points: a second or two a room.
-const SMALL: &str = "shots = 1\npanoramas = 2\npanorama_height = 16\noctree_depth = 5\n[room]\ncrop_size = [48, 32]\n";
+/// A small photo and panoramas of a room, few points, coarse light: half a second a room.
+const SMALL: &str = "shots = 1\npanoramas = 2\npanorama_height = 16\noctree_depth = 5\n[room]\ncrop_size = [48, 32]\n[light]\nspacing_m = 0.5\ngather_rays = 16\nlight_rays = 4\n";
 
 fn rooms(at: &Path, scenes: &str, config: &str) {
     std::fs::write(at.join("config.toml"), config).unwrap();
@@ -64,7 +64,11 @@ fn every_method_has_its_line_and_threads_change_nothing() {
 fn light_moves_as_geometry_says() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    rooms(at, "2", "shots = 1\npanoramas = 1\npanorama_height = 32\n[room]\ncrop_size = [240, 160]\n");
+    rooms(
+        at,
+        "2",
+        "shots = 1\npanoramas = 1\npanorama_height = 32\n[room]\ncrop_size = [240, 160]\n[light]\nspacing_m = 0.3\ngather_rays = 24\n",
+    );
     let methods = ["--methods", "single-map,network-sensor,network-true"];
     let eval = ["eval", "rooms", "--split", "all", "--walks", "3", "--json", "-o", "report"];
     let summary = json(&done(at, &[&eval[..], &methods].concat()));

@@ -39,6 +39,10 @@ panorama_height = 16
 octree_depth = 5
 [room]
 crop_size = [64, 48]
+[light]
+spacing_m = 0.5
+gather_rays = 16
+light_rays = 4
 ";
 
 fn total_steps(folder: &Path) -> Option<u64> {
