@@ -16,6 +16,14 @@ pub struct FieldCell {
     pub certainty: [f64; 2],
 }
 
+impl FieldCell {
+    /// Of the picture with left and right exchanged.
+    pub fn mirrored(&self) -> Self {
+        let other = |[right, up]: [f64; 2]| [-right, up];
+        Self { at: other(self.at), up: other(self.up), ..*self }
+    }
+}
+
 /// How a camera is held, and its lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Perspective {
@@ -224,6 +232,20 @@ mod tests {
             );
             assert!((f64::from(point.normalize().dot(of.up)) - latitude_sin).abs() < 1e-6);
         }
+    }
+
+    #[test]
+    fn a_mirrored_field_is_that_of_the_mirrored_camera() {
+        let of = Perspective::new(0.3, 0.2, 0.7);
+        let mirrored: Vec<_> = cells(of).iter().map(FieldCell::mirrored).collect();
+        let found = Perspective::fit(&mirrored, None).unwrap().camera;
+        assert!(angle_deg(found.up, Vec3::new(-of.up.x, of.up.y, of.up.z)) < 0.05, "{found:?}");
+        let both = [cells(of), mirrored.iter().map(FieldCell::mirrored).collect()].concat();
+        let [once, twice] = [&cells(of), &both].map(|cells| Perspective::fit(cells, None).unwrap());
+        assert!(
+            (twice.up_deviation_deg / once.up_deviation_deg - 1.0).abs() < 0.01,
+            "saying it twice is no second witness"
+        );
     }
 
     #[test]

@@ -13,6 +13,7 @@ pub mod light;
 mod names;
 mod networks;
 pub mod rendering;
+mod second_look;
 mod sums;
 #[cfg(test)]
 mod testing;

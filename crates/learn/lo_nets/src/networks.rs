@@ -15,6 +15,7 @@ use crate::light::{
     Growth, LightConfigError, LightError, LightInput, LightNet, LightNetConfig, PhotoView, SeenDetail, VisiblePoint,
     blend_with_map,
 };
+use crate::second_look;
 
 /// The depth network's name in a checkpoint, and in the checkpoint's state that of what says which encoder it has.
 pub const DEPTH_NET: &str = "depth_net";
@@ -206,9 +207,14 @@ impl Networks {
     pub fn guess(&self, photo: &Image<[u8; 3]>, camera: &Camera) -> PhotoGuess {
         in_pool(|| {
             let output = self.depth.forward(&[&self.depth.network_input(photo)]);
-            let held = output.perspective.as_ref();
-            let held = held.and_then(|field| Perspective::fit(&field.cells(), Some(camera.half_extent())));
-            PhotoGuess { depth_m: output.depth_m(camera), light: GlobalLight(output.global), held }
+            let (mut depth_m, mut cells) = (output.depth_m(camera), output.cells());
+            if let Some(picture) = self.second_picture(photo) {
+                let second = self.depth.forward(&[&picture]);
+                depth_m = second_look::mean_depth(&depth_m, &second.depth_m(camera));
+                cells = second_look::field(cells, &second.cells());
+            }
+            let held = Perspective::fit(&cells, Some(camera.half_extent()));
+            PhotoGuess { depth_m, light: GlobalLight(output.global), held }
         })
     }
 
@@ -226,7 +232,16 @@ impl Networks {
     /// # Panics
     /// Where the photo has no pixels.
     pub fn perspective(&self, photo: &Image<[u8; 3]>, half_extent: Option<f64>) -> Option<PerspectiveFit> {
-        in_pool(|| self.depth.perspective_of(&self.depth.network_input(photo), half_extent))
+        in_pool(|| {
+            let cells = self.depth.perspective_field(&self.depth.network_input(photo));
+            let second = self.second_picture(photo).map(|picture| self.depth.perspective_field(&picture));
+            Perspective::fit(&second_look::field(cells, &second.unwrap_or_default()), half_extent)
+        })
+    }
+
+    /// What the second look sees; networks of before `f_L` held the photo's colour look once.
+    fn second_picture(&self, photo: &Image<[u8; 3]>) -> Option<Image<[u8; 3]>> {
+        self.depth.with_colour().then(|| second_look::picture(photo, self.depth.longer_side()))
     }
 
     /// The panorama at the camera that the global lighting decoder makes of an sRGB photo, its centre along the camera's view.

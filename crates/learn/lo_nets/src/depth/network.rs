@@ -1,7 +1,7 @@
 use burn::module::Module;
 use burn::tensor::ops::PadMode;
 use burn::tensor::{Device, Tensor, TensorData};
-use lo_geometry::{Camera, Perspective, PerspectiveFit};
+use lo_geometry::{Camera, FieldCell};
 use lo_imaging::{DepthMap, Image, RadianceImage, linear_from_srgb8, srgb8_from_linear};
 
 use crate::depth::decoder::EIGHTH_CHANNELS;
@@ -163,15 +163,14 @@ impl DepthNet {
         DepthOutput { log_extent: log_extent.clamp(least, most), global, perspective }
     }
 
-    /// How the camera of a photo was held and its lens, with the lens that is known, if one is; `None` where the network has not learned it.
+    /// What a photo tells of its camera; nothing where the network has not learned it.
     ///
     /// # Panics
     /// Where the photo has no pixels.
-    pub fn perspective_of(&self, photo: &Image<[u8; 3]>, half_extent: Option<f64>) -> Option<PerspectiveFit> {
-        let head = self.perspective.as_ref()?;
+    pub fn perspective_field(&self, photo: &Image<[u8; 3]>) -> Vec<FieldCell> {
+        let Some(head) = &self.perspective else { return Vec::new() };
         let eighth = self.decoder.to_eighth(self.encoder.forward(self.input(&[photo])));
-        let output = head.forward(eighth, [photo.width(), photo.height()]);
-        Perspective::fit(&output.cells(), half_extent)
+        head.forward(eighth, [photo.width(), photo.height()]).cells()
     }
 
     /// The global lighting feature alone, `[1, features]`, where depth is known from elsewhere.
@@ -214,6 +213,11 @@ impl DepthNet {
 }
 
 impl DepthOutput {
+    /// What the first photo tells of its camera; nothing where the network has not learned it.
+    pub fn cells(&self) -> Vec<FieldCell> {
+        self.perspective.as_ref().map(PerspectiveOutput::cells).unwrap_or_default()
+    }
+
     /// The depth map of the first photo, which this camera made; metres along the optical axis.
     pub fn depth_m(&self, camera: &Camera) -> DepthMap {
         let [_, _, height, width] = self.log_extent.dims();
