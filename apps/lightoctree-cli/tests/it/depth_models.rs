@@ -108,7 +108,7 @@ fn models_of_no_use_end_in_a_clear_error() {
         ("photo.safetensors", &[], &["photo.safetensors"]),
         ("no_such.onnx", &[], &["no_such.onnx"]),
     ] {
-        let output = crate::support::program(folder).args(estimate(&fixture(model), more)).output().unwrap();
+        let output = crate::support::run::program(folder).args(estimate(&fixture(model), more)).output().unwrap();
         let message = String::from_utf8(output.stderr).unwrap();
         assert!(!output.status.success() && !message.contains("panicked"), "{model}: {message}");
         assert!(parts.iter().all(|part| message.contains(part)), "{model}: {message}");

@@ -5,7 +5,7 @@ pub mod run;
 pub mod view;
 pub mod weights;
 
-pub use run::{done, json, program, refused};
+pub use run::{done, json, refused};
 
 /// What is run.
 const PROGRAM: &str = "lightoctree";
