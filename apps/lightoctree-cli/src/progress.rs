@@ -259,41 +259,6 @@ fn exposures_text(figures: &[Figure]) -> String {
     format!("the photos show the same light brighter than the first by {} EV", stops.join(", "))
 }
 
-/// Shows the stage at hand as a bar, and ends the job after a Ctrl-C.
-pub struct StageBar {
-    quiet: bool,
-    bar: ProgressBar,
-}
-
-impl StageBar {
-    /// Without a stage yet; says nothing when `quiet`.
-    pub fn new(quiet: bool) -> Self {
-        Self { quiet, bar: ProgressBar::hidden() }
-    }
-
-    /// Takes note of what the library says on its way.
-    pub fn hear(&mut self, event: Event) -> ControlFlow<()> {
-        match event {
-            Event::Progress { stage, done: 0, total } => {
-                self.bar.finish_and_clear();
-                self.bar = bar(self.quiet, total as usize, &stage_label(&stage));
-            }
-            Event::Progress { done, .. } => self.bar.set_position(done),
-            Event::Warning(warning) if !self.quiet => {
-                self.bar.suspend(|| eprintln!("  note: {}", warning_text(&warning, &[])));
-            }
-            _ => {}
-        }
-        if interrupt::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    }
-}
-
-impl Drop for StageBar {
-    fn drop(&mut self) {
-        self.bar.finish_and_clear();
-    }
-}
-
 /// `12 ms`, `1.24 s`.
 pub fn seconds(duration: Duration) -> String {
     let s = duration.as_secs_f64();

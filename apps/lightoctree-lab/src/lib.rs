@@ -6,6 +6,7 @@ pub mod cli;
 pub mod commands;
 mod config;
 mod memory;
+mod stage_bar;
 
 use std::process::ExitCode;
 

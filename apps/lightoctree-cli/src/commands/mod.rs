@@ -2,12 +2,14 @@
 
 pub mod completions;
 pub mod demo;
+pub mod environment;
 pub mod envmap;
 pub mod estimate;
 pub mod export;
 pub mod insert;
 pub mod inspect;
 pub mod lights;
+pub mod parse;
 pub mod probes;
 pub mod unwrap;
 mod video;
@@ -15,10 +17,8 @@ pub mod view;
 
 #[cfg(feature = "depth-models")]
 mod depth_model;
-pub mod environment;
 mod level;
 mod panorama_prior;
-pub mod parse;
 mod photos;
 
 use std::path::Path;

@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use lightoctree::imaging;
 use lightoctree_cli::args::Global;
 use lightoctree_cli::commands::environment::signed;
-use lightoctree_cli::progress::{StageBar, bar, seconds};
+use lightoctree_cli::progress::{bar, seconds};
 use lightoctree_cli::usage::Usage;
 use lightoctree_cli::{interrupt, output, report};
 use lo_dataset::{
@@ -15,6 +15,8 @@ use lo_dataset::{
     ShardFolder, Split, Summary, SummaryReport, convert_to_shards, evenly_spread,
 };
 use serde_json::json;
+
+use crate::stage_bar::StageBar;
 
 /// Options of `dataset`.
 #[derive(Debug, clap::Args)]

@@ -11,7 +11,7 @@ use lightoctree::{Estimator, imaging};
 use lightoctree_cli::args::Global;
 use lightoctree_cli::commands::environment::write_json;
 use lightoctree_cli::commands::parse;
-use lightoctree_cli::progress::{StageBar, seconds};
+use lightoctree_cli::progress::seconds;
 use lightoctree_cli::usage::Usage;
 use lightoctree_cli::{output, report};
 use lo_dataset::{CropModel, Generator, GeneratorConfig};
@@ -23,6 +23,7 @@ use serde_json::json;
 
 use super::dataset::{LayoutName, SplitName};
 use crate::config;
+use crate::stage_bar::StageBar;
 
 /// Options of `eval`.
 #[derive(Debug, clap::Args)]

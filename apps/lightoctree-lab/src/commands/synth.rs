@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 use lightoctree_cli::args::Global;
 use lightoctree_cli::commands::parse;
-use lightoctree_cli::progress::{StageBar, seconds};
+use lightoctree_cli::progress::seconds;
 use lightoctree_cli::usage::Usage;
 use lightoctree_cli::{output, report};
 use lo_dataset::{FORMAT_VERSION, Generator, GeneratorConfig, ShardCount, ShardPart, Split, generate_shards};
@@ -14,6 +14,7 @@ use serde_json::{Value, json};
 
 use super::dataset::{SplitName, shard_folder};
 use crate::config;
+use crate::stage_bar::StageBar;
 
 /// Options of `synth`.
 #[derive(Debug, clap::Args)]

@@ -8,7 +8,7 @@ use lightoctree::imaging::{self, ExrOptions, Image};
 
 use crate::support::{done, json, refused};
 
-/// Two small photos and panoramas of a room, few points, coarse light: half a second a room.
+/// Two small photos and panoramas of a room, few points, coarse light: about a second a room.
 const SMALL: &str = "shots = 2\npanoramas = 2\npanorama_height = 16\noctree_depth = 5\n[room]\ncrop_size = [48, 32]\n[light]\nspacing_m = 0.5\ngather_rays = 16\nlight_rays = 4\n";
 
 #[test]

@@ -63,9 +63,9 @@ fn documented_commands_that_do_not_exist_are_found() {
     );
     assert_eq!(
         faults(
-            "`lightoctree inspect --deep`, `lightoctree look`, `lightoctree eval rooms`, `lightoctree` and `lightoctree::estimate`"
+            "`lightoctree inspect --deep`, `lightoctree look`, `lightoctree eval rooms`, `lightoctree\nlook`, `lightoctree` and `lightoctree::estimate`"
         ),
-        3
+        4
     );
 }
 
@@ -125,14 +125,10 @@ fn in_document(place: &str, document: &str) -> Vec<Command> {
         if index % 2 == 1 {
             commands.extend(in_block(place, part));
         } else {
-            for span in part
-                .split('`')
-                .skip(1)
-                .step_by(2)
-                .filter(|span| PROGRAMS.iter().any(|program| span.starts_with(&format!("{program} "))))
-            {
-                let found = split(span).into_iter().filter_map(|words| command(place, words, false));
-                commands.extend(found);
+            // A span may be broken over two lines.
+            let spans = part.split('`').skip(1).step_by(2).map(|span| span.replace('\n', " "));
+            for span in spans.filter(|span| PROGRAMS.iter().any(|program| span.starts_with(&format!("{program} ")))) {
+                commands.extend(split(&span).into_iter().filter_map(|words| command(place, words, false)));
             }
         }
     }

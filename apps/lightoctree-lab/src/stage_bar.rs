@@ -1,0 +1,43 @@
+//! Progress of a long job on stderr.
+
+use std::ops::ControlFlow;
+
+use indicatif::ProgressBar;
+use lightoctree::Event;
+use lightoctree_cli::interrupt;
+use lightoctree_cli::progress::{bar, stage_label, warning_text};
+
+/// Shows the stage at hand as a bar, and ends the job after a Ctrl-C.
+pub struct StageBar {
+    quiet: bool,
+    bar: ProgressBar,
+}
+
+impl StageBar {
+    /// Without a stage yet; says nothing when `quiet`.
+    pub fn new(quiet: bool) -> Self {
+        Self { quiet, bar: ProgressBar::hidden() }
+    }
+
+    /// Takes note of what the library says on its way.
+    pub fn hear(&mut self, event: Event) -> ControlFlow<()> {
+        match event {
+            Event::Progress { stage, done: 0, total } => {
+                self.bar.finish_and_clear();
+                self.bar = bar(self.quiet, total as usize, &stage_label(&stage));
+            }
+            Event::Progress { done, .. } => self.bar.set_position(done),
+            Event::Warning(warning) if !self.quiet => {
+                self.bar.suspend(|| eprintln!("  note: {}", warning_text(&warning, &[])));
+            }
+            _ => {}
+        }
+        interrupt::go_on()
+    }
+}
+
+impl Drop for StageBar {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}
