@@ -16,7 +16,7 @@ pub enum Input {
     MeasuredDepth(Frame),
     /// A photo with depth in metres that another program's network predicted from it.
     ///
-    /// As with the own network's, how cameras are held has a say in which way is up, and objects that are inserted into the scene are hidden only by
+    /// As with the own network's, which way is up is guessed from the photo, and objects that are inserted into the scene are hidden only by
     /// what is well before them.
     PredictedDepth(PredictedDepth),
     /// Several photos of one room with measured depth, from cameras whose places are known.

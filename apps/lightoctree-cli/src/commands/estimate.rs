@@ -61,7 +61,7 @@ pub struct Args {
     #[arg(long, value_name = "UNITS_PER_METRE", requires = "depth", value_parser = parse::positive)]
     depth_scale: Option<f64>,
 
-    /// Focal lengths and principal point in pixels of the photo [default: from EXIF, else 65 degrees across]
+    /// Focal lengths and principal point in pixels of the photo [default: from EXIF, else guessed from the photo]
     #[arg(long, value_name = "FX,FY,CX,CY", value_parser = parse::intrinsics, conflicts_with = "hfov_deg")]
     intrinsics: Option<[f64; 4]>,
 
@@ -83,7 +83,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     weights: Option<PathBuf>,
 
-    /// The scene's upward direction [default: from the surfaces, where depth is predicted also from how cameras are held]
+    /// The scene's upward direction [default: from the surfaces; where depth is predicted, guessed from the photo]
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::direction, allow_hyphen_values = true)]
     up: Option<Vec3>,
 
@@ -99,7 +99,7 @@ pub struct Args {
 enum DepthArg {
     /// A sensor: it is believed as it is
     Measured,
-    /// Another program's network: how cameras are held counts for which way is up, and objects are hidden only by what is well before them
+    /// Another program's network: which way is up is guessed from the photo, and objects are hidden only by what is well before them
     Predicted,
 }
 

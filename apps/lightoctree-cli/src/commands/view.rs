@@ -43,7 +43,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE", requires = "input")]
     panorama: Option<PathBuf>,
 
-    /// Focal lengths and principal point in pixels of the photo [default: from EXIF, else 65 degrees across]
+    /// Focal lengths and principal point in pixels of the photo [default: from EXIF, else guessed from the photo]
     #[arg(long, value_name = "FX,FY,CX,CY", value_parser = parse::intrinsics, requires = "input")]
     intrinsics: Option<[f64; 4]>,
 

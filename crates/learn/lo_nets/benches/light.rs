@@ -134,16 +134,7 @@ fn input(depth: u32) -> (LightInput, LightNetConfig) {
     let camera = Camera::from_hfov_deg(60.0, 480, 320).expect("a plain camera");
     let free = FreeSpace::new(&[], &camera);
     (
-        LightInput {
-            levels,
-            octree: visible.octree.clone(),
-            features,
-            visible,
-            ambient: [0.3; 3],
-            map: None,
-            colour_share: 1.0,
-            free,
-        },
+        LightInput { levels, octree: visible.octree.clone(), features, visible, ambient: [0.3; 3], map: None, free },
         config,
     )
 }

@@ -7,13 +7,12 @@ use lo_events::Warning;
 use lo_geometry::{Camera, Cube, Perspective, PerspectiveFit, Vec3};
 use lo_imaging::{DepthMap, Image, RadianceImage};
 use lo_octree::{LightOctree, RadiancePoint};
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 use crate::checkpoint::{Checkpoint, CheckpointError, Precision};
-use crate::depth::{DepthNet, EncoderKind, LONGER_SIDE, panorama_image};
+use crate::depth::{DepthNet, DepthNetConfig, EncoderKind, panorama_image};
 use crate::light::{
     Growth, LightConfigError, LightError, LightInput, LightNet, LightNetConfig, PhotoView, SeenDetail, VisiblePoint,
-    blend_with_map,
 };
 use crate::second_look;
 
@@ -35,25 +34,6 @@ pub struct Networks {
     pub light: LightNet,
     /// Shape of the light network; also gives the length of the global lighting feature of both.
     pub config: LightNetConfig,
-}
-
-/// What a file of weights says of the depth network.
-#[derive(Serialize, Deserialize)]
-struct DepthNetConfig {
-    encoder: EncoderKind,
-    /// Whether it has learned the camera.
-    #[serde(default)]
-    perspective: bool,
-    /// Whether `f_L` holds the photo's colour.
-    #[serde(default)]
-    colour: bool,
-    /// Most pixels on the longer side of photos.
-    #[serde(default = "usual_longer_side")]
-    longer_side: usize,
-}
-
-fn usual_longer_side() -> usize {
-    LONGER_SIDE
 }
 
 /// What a photo tells of the light outside of it: `f_L`.
@@ -116,12 +96,7 @@ impl Networks {
     pub fn add_to(&self, checkpoint: &mut Checkpoint) {
         checkpoint.add_module(DEPTH_NET, &self.depth);
         checkpoint.add_module(LIGHT_NET, &self.light);
-        checkpoint.state[DEPTH_NET] = serde_json::json!(DepthNetConfig {
-            encoder: self.depth.encoder_kind(),
-            perspective: self.depth.perspective.is_some(),
-            colour: self.depth.with_colour(),
-            longer_side: self.depth.longer_side(),
-        });
+        checkpoint.state[DEPTH_NET] = serde_json::json!(self.depth.config());
         checkpoint.state[LIGHT_NET] = serde_json::json!(self.config);
     }
 
@@ -132,45 +107,35 @@ impl Networks {
     #[doc(hidden)]
     pub fn from_checkpoint(mut checkpoint: Checkpoint, device: &Device) -> Result<Self, CheckpointError> {
         let problem = |module: &str, what| CheckpointError::Weights { module: module.to_owned(), problems: vec![what] };
-        let DepthNetConfig { encoder, perspective, colour, longer_side } = match &checkpoint.state[DEPTH_NET] {
-            // Files of before there were several have none.
-            serde_json::Value::Null => DepthNetConfig {
-                encoder: EncoderKind::DenseNet121,
-                perspective: false,
-                colour: false,
-                longer_side: LONGER_SIDE,
-            },
-            config => {
-                let config = DepthNetConfig::deserialize(config);
-                config.map_err(|error| problem(DEPTH_NET, format!("its configuration: {error}")))?
-            }
-        };
-        if !LONGER_SIDES.contains(&longer_side) {
-            return Err(problem(DEPTH_NET, format!("its configuration: longer_side is {longer_side}")));
-        }
         let config = &checkpoint.state[LIGHT_NET];
         let wrong = |what: String| problem(LIGHT_NET, what);
         if config.is_null() {
             return Err(wrong("the file's metadata holds no configuration of that name".to_owned()));
         }
+        let depth_config = &checkpoint.state[DEPTH_NET];
+        let mut config = config.clone();
+        // What was a choice once, files of that time say; networks that did without are no more.
+        let knows_up = config.as_object_mut().and_then(|fields| fields.remove("knows_up"));
+        if depth_config.is_null() || depth_config["colour"] == false || knows_up == Some(false.into()) {
+            return Err(problem(DEPTH_NET, OF_BEFORE.to_owned()));
+        }
+        let depth_config = DepthNetConfig::deserialize(depth_config)
+            .map_err(|error| problem(DEPTH_NET, format!("its configuration: {error}")))?;
+        if !LONGER_SIDES.contains(&depth_config.longer_side) {
+            let side = depth_config.longer_side;
+            return Err(problem(DEPTH_NET, format!("its configuration: longer_side is {side}")));
+        }
         let config: LightNetConfig =
-            serde_json::from_value(config.clone()).map_err(|error| wrong(format!("its configuration: {error}")))?;
+            serde_json::from_value(config).map_err(|error| wrong(format!("its configuration: {error}")))?;
         config.validate().map_err(|error| wrong(format!("its configuration: {error}")))?;
         let (described, held) = (config.weights(), checkpoint.values_of(LIGHT_NET));
         // A few bytes must not make us allocate gigabytes.
         if described > 2 * held {
             return Err(wrong(format!("its configuration describes {described} weights, but the file holds {held}")));
         }
-        let mut blank =
-            Self::new(encoder, &config, 0, device).map_err(|error| wrong(format!("its configuration: {error}")))?;
-        if !perspective {
-            blank.depth.perspective = None;
-        }
-        if !colour {
-            blank.depth = blank.depth.without_colour(config.global_features, 0, device);
-        }
-        let light = checkpoint.take_module(LIGHT_NET, blank.light)?;
-        let depth = checkpoint.take_module(DEPTH_NET, blank.depth)?.with_longer_side(longer_side);
+        let light = LightNet::new(&config, 0, device).map_err(|error| wrong(format!("its configuration: {error}")))?;
+        let light = checkpoint.take_module(LIGHT_NET, light)?;
+        let depth = checkpoint.take_module(DEPTH_NET, depth_config.blank(config.global_features, device))?;
         Ok(Self { depth, light, config })
     }
 
@@ -207,12 +172,9 @@ impl Networks {
     pub fn guess(&self, photo: &Image<[u8; 3]>, camera: &Camera) -> PhotoGuess {
         in_pool(|| {
             let output = self.depth.forward(&[&self.depth.network_input(photo)]);
-            let (mut depth_m, mut cells) = (output.depth_m(camera), output.cells());
-            if let Some(picture) = self.second_picture(photo) {
-                let second = self.depth.forward(&[&picture]);
-                depth_m = second_look::mean_depth(&depth_m, &second.depth_m(camera));
-                cells = second_look::field(cells, &second.cells());
-            }
+            let second = self.depth.forward(&[&self.second_picture(photo)]);
+            let depth_m = second_look::mean_depth(&output.depth_m(camera), &second.depth_m(camera));
+            let cells = second_look::field(output.cells(), &second.cells());
             let held = Perspective::fit(&cells, Some(camera.half_extent()));
             PhotoGuess { depth_m, light: GlobalLight(output.global), held }
         })
@@ -234,14 +196,14 @@ impl Networks {
     pub fn perspective(&self, photo: &Image<[u8; 3]>, half_extent: Option<f64>) -> Option<PerspectiveFit> {
         in_pool(|| {
             let cells = self.depth.perspective_field(&self.depth.network_input(photo));
-            let second = self.second_picture(photo).map(|picture| self.depth.perspective_field(&picture));
-            Perspective::fit(&second_look::field(cells, &second.unwrap_or_default()), half_extent)
+            let second = self.depth.perspective_field(&self.second_picture(photo));
+            Perspective::fit(&second_look::field(cells, &second), half_extent)
         })
     }
 
-    /// What the second look sees; networks of before `f_L` held the photo's colour look once.
-    fn second_picture(&self, photo: &Image<[u8; 3]>) -> Option<Image<[u8; 3]>> {
-        self.depth.with_colour().then(|| second_look::picture(photo, self.depth.longer_side()))
+    /// What the second look sees.
+    fn second_picture(&self, photo: &Image<[u8; 3]>) -> Image<[u8; 3]> {
+        second_look::picture(photo, self.depth.longer_side())
     }
 
     /// The panorama at the camera that the global lighting decoder makes of an sRGB photo, its centre along the camera's view.
@@ -253,8 +215,7 @@ impl Networks {
         in_pool(|| panorama_image(self.depth.panorama.forward(global)))
     }
 
-    /// The light of the whole room, the octree grown by the network's own predictions. How bright what is not seen is lies between what the light
-    /// network and what the [single map](Networks::single_map) say.
+    /// The light of the whole room, the octree grown by the network's own predictions.
     ///
     /// `global` is the first camera's. What is guessed, is guessed from what the first camera sees. `seed` places the points that carry the global light. Where `octree_depth` is greater than the network's own depth, what
     /// is seen is that fine, and what is not ends above it.
@@ -274,17 +235,11 @@ impl Networks {
         let &SeenRoom { points, views, cube, up } = seen;
         in_pool(|| {
             let input = LightInput::of_photos(points, views, cube, &self.config, seed)?;
-            // Networks that have learned with the map need neither of the shares.
-            let colour_share = if self.config.map_share.is_some() { 1.0 } else { COLOUR_SHARE };
-            let input = LightInput { colour_share, ..input };
             let map = panorama_image(self.depth.panorama.forward(global.0.clone()));
-            let input = self.config.told(input, up, || map.clone());
+            let input = self.config.told(input, up, map);
             let mut output = self.light.forward(&input, Some(global.0), Growth::Predicted)?;
             let warnings = std::mem::take(&mut output.warnings);
             let (mut light, mut confidence) = output.into_light()?;
-            if self.config.map_share.is_none() {
-                blend_with_map(&mut light, &input.visible, &map);
-            }
             if octree_depth > self.config.depth {
                 let points: Vec<RadiancePoint> = points.iter().map(VisiblePoint::radiance_point).collect();
                 let (fine, _) = LightOctree::from_points(&points, cube, octree_depth, self.config.full_depth)?;
@@ -296,9 +251,9 @@ impl Networks {
     }
 }
 
-/// Of the colour that the light network guesses beside ambient light, this much is believed; most of the rest is noise (`docs/design/009-colour-share.md` has the
-/// figures, and how it was chosen).
-const COLOUR_SHARE: f32 = 0.2;
+/// What is said of files of networks that did without the photo's colour or gravity.
+const OF_BEFORE: &str =
+    "the file is of networks of before 26 November 2026, which did not know the photo's colour and gravity; train anew";
 
 /// Pixels on the longer side that photos may be looked at in; more costs memory that a file of weights must not ask for.
 const LONGER_SIDES: std::ops::RangeInclusive<usize> = 32..=1024;
@@ -352,16 +307,18 @@ mod tests {
     }
 
     #[test]
-    fn networks_from_before_the_photos_colour_come_back() {
-        let device = Device::flex();
-        let networks = Networks::new(EncoderKind::EfficientNetLite0, &config(), 3, &device).unwrap();
-        let depth = networks.depth.without_colour(config().global_features, 4, &device);
-        let networks = Networks { depth, ..networks };
-        let mut checkpoint = Checkpoint::default();
-        networks.add_to(&mut checkpoint);
-        let back = Networks::from_checkpoint(checkpoint, &device).unwrap();
-        let photo = Image::from_fn(64, 32, |x, y| [(3 * x) as u8, (7 * y) as u8, 90]);
-        assert!(!back.depth.with_colour() && back.single_map(&photo) == networks.single_map(&photo));
+    fn networks_of_before_are_refused_by_their_names() {
+        let mut old = checkpoint(&config(), 3);
+        old.state[DEPTH_NET]["colour"] = serde_json::json!(false);
+        let error = refusal(&old);
+        assert!(error.contains("\"depth_net\"") && error.contains("of before"), "{error}");
+        old.state[DEPTH_NET] = serde_json::Value::Null;
+        assert_eq!(refusal(&old), error);
+        let mut chosen = checkpoint(&config(), 3);
+        chosen.state[LIGHT_NET]["knows_up"] = serde_json::json!(false);
+        assert_eq!(refusal(&chosen), error);
+        chosen.state[LIGHT_NET]["knows_up"] = serde_json::json!(true);
+        assert_eq!(Networks::from_checkpoint(chosen, &Device::flex()).unwrap().config, config());
     }
 
     #[test]

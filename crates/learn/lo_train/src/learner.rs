@@ -6,9 +6,7 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 use lo_cone::Settings;
 use lo_nets::checkpoint::{Checkpoint, CheckpointError};
-use lo_nets::depth::{
-    DepthNet, DepthOutput, EncoderKind, LONGER_SIDE, PatchGan, depth_losses, panorama_loss, perspective_loss,
-};
+use lo_nets::depth::{DepthNet, DepthNetConfig, DepthOutput, PatchGan, depth_losses, panorama_loss, perspective_loss};
 use lo_nets::light::{Growth, LightConfigError, LightLosses, LightNet, LightNetConfig};
 use lo_nets::{Adam, Networks};
 use serde::{Deserialize, Serialize};
@@ -46,23 +44,13 @@ pub(crate) struct Learner {
     discriminator_adam: Adam,
 }
 
-/// Steps of the averages since they began, and the light network's shape.
+/// Which networks they are, and the steps of the averages since they began.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct LearnerState {
-    #[serde(default)]
-    encoder: EncoderKind,
-    #[serde(default)]
-    perspective: bool,
-    #[serde(default)]
-    colour: bool,
-    #[serde(default = "usual_longer_side")]
-    longer_side: usize,
+    #[serde(flatten)]
+    depth: DepthNetConfig,
     network: LightNetConfig,
     averaged: [u64; 2],
-}
-
-fn usual_longer_side() -> usize {
-    LONGER_SIDE
 }
 
 /// Where gradients are recorded.
@@ -131,7 +119,7 @@ impl Learner {
         let other = |reason: String| Err(TrainError::NotThisRun { path: path.to_owned(), reason });
         let wanted = config.network_of(own.depth);
         // It says what the light network is given, not of which shape it is.
-        if (LightNetConfig { map_share: wanted.map_share, knows_up: wanted.knows_up, ..own.clone() }) != wanted {
+        if (LightNetConfig { map_share: wanted.map_share, ..own.clone() }) != wanted {
             return other("its networks are of another shape than [network] of the configuration says".into());
         }
         let encoder = start.depth.encoder_kind();
@@ -148,10 +136,6 @@ impl Learner {
             // Weights of before it was learned: it begins as it was drawn.
             (net.perspective, average.perspective) =
                 (self.depth.net.perspective.take(), self.depth.average.perspective.take());
-        }
-        if !net.with_colour() {
-            // Likewise: global light is learned anew.
-            (net, average) = (net.with_global_of(&self.depth.net), average.with_global_of(&self.depth.average));
         }
         let side = config.longer_side;
         (self.depth.net, self.depth.average) = (net.with_longer_side(side), average.with_longer_side(side));
@@ -182,12 +166,8 @@ impl Learner {
         {
             checkpoint.add_adam(&adam_name(name), adam);
         }
-        let (encoder, perspective) = (self.depth.net.encoder_kind(), self.depth.net.perspective.is_some());
         LearnerState {
-            encoder,
-            perspective,
-            colour: self.depth.net.with_colour(),
-            longer_side: self.depth.net.longer_side(),
+            depth: self.depth.net.config(),
             network: self.network.clone(),
             averaged: [self.depth.steps, self.light.steps],
         }
@@ -199,18 +179,11 @@ impl Learner {
     /// Names what is missing or of another shape.
     pub fn from_checkpoint(mut checkpoint: Checkpoint, state: &LearnerState) -> Result<Self, CheckpointError> {
         let wrong = |problem| CheckpointError::Weights { module: LIGHT.to_owned(), problems: vec![problem] };
-        let LearnerState { encoder, perspective, colour, longer_side, network, averaged: [depth_steps, light_steps] } =
-            state;
+        let LearnerState { depth, network, averaged: [depth_steps, light_steps] } = state;
         let adams = [DEPTH, LIGHT, DISCRIMINATOR].map(|name| checkpoint.load_adam(&adam_name(name)));
         let [depth_adam, light_adam, discriminator_adam] = adams;
-        let mut blank = DepthNet::new(*encoder, network.global_features, 0, &Device::flex());
-        if !perspective {
-            blank.perspective = None;
-        }
-        if !colour {
-            blank = blank.without_colour(network.global_features, 0, &Device::flex());
-        }
-        let depth = checkpoint.take_module(DEPTH, blank)?.train().with_longer_side(*longer_side);
+        let blank = depth.blank(network.global_features, &Device::flex());
+        let depth = checkpoint.take_module(DEPTH, blank)?.train();
         let blank = LightNet::new(network, 0, &Device::flex()).map_err(|error| wrong(error.to_string()))?;
         let light = checkpoint.take_module(LIGHT, blank)?.train();
         let discriminator = checkpoint.take_module(DISCRIMINATOR, PatchGan::new(0, &Device::flex()))?.train();

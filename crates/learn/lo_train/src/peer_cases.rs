@@ -73,7 +73,6 @@ pub fn graph_unet(points: &[RadiancePoint], cube: Cube, depth: u32, train: bool)
         visible,
         ambient: [0.3; 3],
         map: None,
-        colour_share: 1.0,
         free: FreeSpace::new(&[], &Camera::from_hfov_deg(60.0, 480, 320).expect("a plain camera")),
     };
     let device = if train { Device::flex().autodiff() } else { Device::flex() };

@@ -61,7 +61,7 @@ pub(crate) fn light_examples(
             None => features.entry((lo_random::hash(sample.id.as_bytes()), variant)).or_insert_with(feature).clone(),
         };
         let features = Tensor::from_data(TensorData::new(global.clone(), [1, global.len()]), &Device::flex());
-        let map = || panorama_image(depth_net.panorama.forward(features));
+        let map = panorama_image(depth_net.panorama.forward(features));
         example.input = network.told(example.input, example.up, map);
         Ok((example, global))
     }

@@ -377,7 +377,7 @@ impl<'a> Run<'a> {
                 }
             };
             // As it is now: no gradient goes through it.
-            let map = || panorama_image(self.learner.depth.net.panorama.forward(output.global.clone()));
+            let map = panorama_image(self.learner.depth.net.panorama.forward(output.global.clone()));
             light.input = self.learner.network.told(light.input, light.up, map);
             in_bf16(bf16, || self.learner.joint_step(output, &depth, &light, own, learning_rate, self.config)).map(Ok)
         })

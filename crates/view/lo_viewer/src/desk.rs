@@ -283,10 +283,10 @@ impl Clerk {
     fn changed(&mut self) {
         let At::Scene { session, work, .. } = &self.at else { return };
         self.change += 1;
-        let view = Box::new(session.view());
-        self.desk.pages.tell(&ToPage::State { change: self.change, view }, &[]);
-        let state = Arc::new(session.state().clone());
+        let (view, state) = (Box::new(session.view()), Arc::new(session.state().clone()));
+        // First: who has been told of a change and downloads something, gets it changed.
         work.show(Change { number: self.change, sequence: self.sequence, state });
+        self.desk.pages.tell(&ToPage::State { change: self.change, view }, &[]);
     }
 
     fn stand(&mut self, mesh: UploadedMesh) {

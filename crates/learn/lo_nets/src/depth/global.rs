@@ -41,10 +41,8 @@ pub struct PanoramaDecoder {
     pub input: Linear,
     /// Twice the resolution each.
     pub stages: Vec<ConvStage>,
-    /// To log radiance.
+    /// To the logarithm of radiance in the measure of the photo's colour.
     pub output: Conv2d,
-    /// Whether `f_L` ends with the photo's colour, in whose measure the panorama then is.
-    pub(super) with_colour: bool,
 }
 
 fn with_bias(size: [usize; 2], stream: &mut Stream, device: &Device) -> Linear {
@@ -53,45 +51,35 @@ fn with_bias(size: [usize; 2], stream: &mut Stream, device: &Device) -> Linear {
 }
 
 impl GlobalEncoder {
-    /// From so many channels to `f_L`, which holds the photo's colour or not.
-    pub(super) fn new(
-        [channels, features]: [usize; 2],
-        with_colour: bool,
-        stream: &mut Stream,
-        device: &Device,
-    ) -> Self {
-        let features = if with_colour { features - COLOUR } else { features };
+    /// From so many channels to an `f_L` of so many numbers.
+    pub(super) fn new([channels, features]: [usize; 2], stream: &mut Stream, device: &Device) -> Self {
         Self {
             conv: conv([channels, CELL_CHANNELS], 1, 1, true, stream, device),
             hidden: with_bias([CELLS[0] * CELLS[1] * CELL_CHANNELS, HIDDEN], stream, device),
-            output: with_bias([HIDDEN, features], stream, device),
+            output: with_bias([HIDDEN, features - COLOUR], stream, device),
         }
     }
 
-    /// `[channels, pictures, height, width]`, and where `f_L` holds them the logarithms of the photos' mean colours `[pictures, 3]`, to
-    /// `f_L [pictures, features]`.
-    pub fn forward(&self, x: Tensor<4>, log_colour: Option<Tensor<2>>) -> Tensor<2> {
+    /// `[channels, pictures, height, width]` and the logarithms of the photos' mean colours `[pictures, 3]` to `f_L [pictures, features]`.
+    pub fn forward(&self, x: Tensor<4>, log_colour: Tensor<2>) -> Tensor<2> {
         let cells = adaptive_avg_pool2d(relu(conv2d(x, &self.conv)), CELLS);
         let told = self.output.forward(relu(self.hidden.forward(cells.swap_dims(0, 1).flatten(1, 3))));
-        match log_colour {
-            Some(log_colour) => Tensor::cat(vec![told, log_colour], 1),
-            None => told,
-        }
+        Tensor::cat(vec![told, log_colour], 1)
     }
 }
 
 impl PanoramaDecoder {
-    pub(super) fn new(features: usize, with_colour: bool, stream: &mut Stream, device: &Device) -> Self {
+    pub(super) fn new(features: usize, stream: &mut Stream, device: &Device) -> Self {
         let input = with_bias([features, PANORAMA_CHANNELS[0] * 4 * 8], stream, device);
         let stages = PANORAMA_CHANNELS.windows(2).map(|pair| ConvStage::new([pair[0], pair[1]], stream, device));
         let (stages, output) = (stages.collect(), conv([PANORAMA_CHANNELS[4], 3], 3, 1, true, stream, device));
-        Self { input, stages, output, with_colour }
+        Self { input, stages, output }
     }
 
     /// `f_L [pictures, features]` → linear radiance `[3, pictures, 64, 128]` of equirectangular panoramas at the cameras.
     pub fn forward(&self, features: Tensor<2>) -> Tensor<4> {
         let [pictures, length] = features.dims();
-        let colour = self.with_colour.then(|| features.clone().narrow(1, length - COLOUR, COLOUR));
+        let log_colour = features.clone().narrow(1, length - COLOUR, COLOUR);
         let x = relu(self.input.forward(features)).reshape([pictures, PANORAMA_CHANNELS[0], 4, 8]).swap_dims(0, 1);
         let x = self.stages.iter().fold(x, |x, stage| {
             let x = upsample_nearest(x, None);
@@ -100,10 +88,7 @@ impl PanoramaDecoder {
         });
         let width = x.dims()[3];
         let log = conv2d(wrapped(x), &self.output).narrow(3, 1, width);
-        let log = match colour {
-            Some(colour) => log + colour.swap_dims(0, 1).reshape([COLOUR, pictures, 1, 1]),
-            None => log,
-        };
+        let log = log + log_colour.swap_dims(0, 1).reshape([COLOUR, pictures, 1, 1]);
         let log = activation::softplus(log, 1.0);
         log.clamp_max(f64::from(MAX_RADIANCE).ln_1p()).exp() - 1.0
     }

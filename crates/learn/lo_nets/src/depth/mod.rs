@@ -17,6 +17,6 @@ pub use efficientnet::{EfficientNetLite, EfficientNetScale, InvertedResidual, No
 pub use encoder::{Encoder, EncoderKind};
 pub use global::{GlobalEncoder, PanoramaDecoder};
 pub use losses::{DepthLossConfig, depth_losses, panorama_loss};
-pub use network::{DepthNet, DepthOutput, LONGER_SIDE, panorama_image, photo_within, size_within};
+pub use network::{DepthNet, DepthNetConfig, DepthOutput, LONGER_SIDE, panorama_image, photo_within, size_within};
 pub use patch_gan::PatchGan;
 pub use perspective::{PerspectiveHead, PerspectiveOutput, perspective_loss};

@@ -3,6 +3,7 @@ use burn::tensor::ops::PadMode;
 use burn::tensor::{Device, Tensor, TensorData};
 use lo_geometry::{Camera, FieldCell};
 use lo_imaging::{DepthMap, Image, RadianceImage, linear_from_srgb8, srgb8_from_linear};
+use serde::{Deserialize, Serialize};
 
 use crate::depth::decoder::EIGHTH_CHANNELS;
 use crate::depth::{
@@ -39,6 +40,29 @@ pub struct DepthNet {
     kind: EncoderKind,
     #[module(skip)]
     longer_side: usize,
+}
+
+/// Which depth network it is: what files of weights say of it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DepthNetConfig {
+    /// What looks at the photo.
+    pub encoder: EncoderKind,
+    /// Whether it has learned the camera.
+    #[serde(default)]
+    pub perspective: bool,
+    /// Most pixels on the longer side of photos.
+    pub longer_side: usize,
+}
+
+impl DepthNetConfig {
+    /// Such a network with any weights, to take those of a checkpoint.
+    pub fn blank(self, global_features: usize, device: &Device) -> DepthNet {
+        let mut net = DepthNet::new(self.encoder, global_features, 0, device).with_longer_side(self.longer_side);
+        if !self.perspective {
+            net.perspective = None;
+        }
+        net
+    }
 }
 
 /// What the depth network gives.
@@ -92,35 +116,12 @@ impl DepthNet {
         Self {
             encoder: encoder.init(stream, device),
             decoder: DepthDecoder::new(channels, stream, device),
-            global: GlobalEncoder::new([channels[4], global_features], true, stream, device),
-            panorama: PanoramaDecoder::new(global_features, true, stream, device),
+            global: GlobalEncoder::new([channels[4], global_features], stream, device),
+            panorama: PanoramaDecoder::new(global_features, stream, device),
             perspective: Some(PerspectiveHead::new(EIGHTH_CHANNELS, stream, device)),
             kind: encoder,
             longer_side: LONGER_SIDE,
         }
-    }
-
-    /// As networks of before, whose `f_L` does not hold the photo's colour; with weights drawn from `seed`.
-    #[must_use]
-    pub fn without_colour(self, global_features: usize, seed: u64, device: &Device) -> Self {
-        let mut stream = lo_random::stream(seed, "global light without colour", 0);
-        let (stream, channels) = (&mut stream, self.kind.feature_channels());
-        Self {
-            global: GlobalEncoder::new([channels[4], global_features], false, stream, device),
-            panorama: PanoramaDecoder::new(global_features, false, stream, device),
-            ..self
-        }
-    }
-
-    /// With the global light of another, of the same encoder.
-    #[must_use]
-    pub fn with_global_of(self, other: &Self) -> Self {
-        Self { global: other.global.clone(), panorama: other.panorama.clone(), ..self }
-    }
-
-    /// Whether `f_L` holds the photo's colour.
-    pub fn with_colour(&self) -> bool {
-        self.panorama.with_colour
     }
 
     /// The same, used on photos with at most so many pixels on the longer side.
@@ -140,6 +141,11 @@ impl DepthNet {
     /// Where the photo has no pixels.
     pub fn network_input(&self, photo: &Image<[u8; 3]>) -> Image<[u8; 3]> {
         photo_within(photo, self.longer_side)
+    }
+
+    /// Which network it is.
+    pub fn config(&self) -> DepthNetConfig {
+        DepthNetConfig { encoder: self.kind, perspective: self.perspective.is_some(), longer_side: self.longer_side }
     }
 
     /// Which encoder it has.
@@ -182,17 +188,15 @@ impl DepthNet {
         self.global.forward(features, self.log_colour(&[photo]))
     }
 
-    /// Logarithms of the photos' mean linear colours, `[pictures, 3]`, where `f_L` holds them.
-    fn log_colour(&self, photos: &[&Image<[u8; 3]>]) -> Option<Tensor<2>> {
+    /// Logarithms of the photos' mean linear colours, `[pictures, 3]`.
+    fn log_colour(&self, photos: &[&Image<[u8; 3]>]) -> Tensor<2> {
         let of = |photo: &&Image<[u8; 3]>| {
             let sum = |c: usize| photo.pixels().iter().map(|rgb| f64::from(linear_from_srgb8(rgb[c]))).sum::<f64>();
             [0, 1, 2].map(|c| (sum(c) / photo.pixels().len() as f64).max(DARK).ln() as f32)
         };
-        self.with_colour().then(|| {
-            let values = photos.iter().flat_map(of).collect();
-            let device = self.decoder.output.weight.lazy_device();
-            Tensor::from_data(TensorData::new::<f32, _>(values, [photos.len(), 3]), &device)
-        })
+        let values = photos.iter().flat_map(of).collect();
+        let device = self.decoder.output.weight.lazy_device();
+        Tensor::from_data(TensorData::new::<f32, _>(values, [photos.len(), 3]), &device)
     }
 
     /// `[3, pictures, height, width]`, padded to multiples of 32.

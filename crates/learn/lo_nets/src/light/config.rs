@@ -31,11 +31,8 @@ pub struct LightNetConfig {
     pub global_features: usize,
     /// Channels that `f_L` is projected to before it joins the other features of a node.
     pub global_channels: usize,
-    /// Share of the single map in the first guess of what is not seen, beside the ambient light's, 0 to 1 ([`MapGuess`](super::MapGuess)); `None`: the network
-    /// has learned without it.
-    pub map_share: Option<f32>,
-    /// Whether it is told which way is up ([`LightInput::with_up`]).
-    pub knows_up: bool,
+    /// Share of the single map in the first guess of what is not seen, beside the ambient light's, 0 to 1 ([`MapGuess`](super::MapGuess)).
+    pub map_share: f32,
     /// Whether each node has a spherical Gaussian lobe beside its radiance (variant "SG" of the paper).
     pub lobes: bool,
     /// Greatest number of nodes of a graph that the network may grow to by its own predictions (and a family of eight for each depth beyond). Growth along a
@@ -56,8 +53,7 @@ impl Default for LightNetConfig {
             channels_per_group: 4,
             global_features: 64,
             global_channels: 8,
-            map_share: None,
-            knows_up: false,
+            map_share: 0.4,
             lobes: false,
             max_nodes: None,
         }
@@ -88,8 +84,8 @@ impl LightNetConfig {
         {
             return Err(LightConfigError::OutOfRange { field, value, min, max });
         }
-        if let Some(share) = self.map_share.filter(|share| !(0.0..=1.0).contains(share)) {
-            return Err(LightConfigError::MapShare(share));
+        if !(0.0..=1.0).contains(&self.map_share) {
+            return Err(LightConfigError::MapShare(self.map_share));
         }
         let widths = self.stages().map(|depth| self.stage_channels(depth)).chain([self.head_channels]);
         for width in widths.flat_map(|width| [width, width / self.bottleneck]) {
@@ -100,13 +96,9 @@ impl LightNetConfig {
         Ok(())
     }
 
-    /// An input with what the network has learned with beside points: the unit vector against gravity, and the single map.
-    pub fn told(&self, input: LightInput, up: Vec3, single_map: impl FnOnce() -> RadianceImage) -> LightInput {
-        let input = if self.knows_up { input.with_up(up) } else { input };
-        match self.map_share {
-            Some(share) => input.with_map(MapGuess { radiance: single_map(), share }),
-            None => input,
-        }
+    /// An input with what the network is told beside points: the unit vector against gravity, and the single map.
+    pub fn told(&self, input: LightInput, up: Vec3, single_map: RadianceImage) -> LightInput {
+        input.with_up(up).with_map(MapGuess { radiance: single_map, share: self.map_share })
     }
 
     /// Number of weights of the network.
@@ -169,7 +161,7 @@ mod tests {
     #[test]
     fn shares_are_checked() {
         let refusal = |map_share| {
-            let config = LightNetConfig { map_share: Some(map_share), ..LightNetConfig::default() };
+            let config = LightNetConfig { map_share, ..LightNetConfig::default() };
             config.validate().map_err(|error| error.to_string())
         };
         assert_eq!((refusal(0.0), refusal(1.0)), (Ok(()), Ok(())));
@@ -182,7 +174,7 @@ mod tests {
         let budget = |depth| LightNetConfig { depth, ..LightNetConfig::default() }.node_budget();
         assert_eq!([6, 7, 8].map(budget), [100_000, 400_000, 1_600_000]);
         // docs/method.md §5.9: nodes of the graph of a generated room.
-        for (depth, room) in [(6, 28_792), (7, 117_237), (8, 484_737)] {
+        for (depth, room) in [(6, 28_771), (7, 117_475), (8, 488_146)] {
             assert!(budget(depth) > 3 * room, "{depth}");
         }
         let all = LightNetConfig { depth: 4, ..LightNetConfig::default() };

@@ -31,10 +31,8 @@ pub struct LightInput {
     pub visible: LightOctree,
     /// A first guess of what is not seen, from the visible points: linear RGB, above 0; 0.2 where there are none.
     pub ambient: [f32; 3],
-    /// What the single map says of that, where the network has learned with it.
+    /// What the single map says of that; without it the first guess is `ambient` alone.
     pub map: Option<MapGuess>,
-    /// Share of the colour beside the ambient light's that the network's guesses are believed to have: 1, all of it, in training.
-    pub colour_share: f32,
     /// What the photos show to be empty.
     pub free: FreeSpace,
 }
@@ -110,16 +108,7 @@ impl LightInput {
         let (light, _) = LightOctree::from_points(&surface, cube, config.depth, config.full_depth)?;
         let levels = GraphLevel::all(&light.octree);
         let features = features(&light, &levels[levels.len() - 1], points, &carriers);
-        Ok(Self {
-            levels,
-            octree: light.octree,
-            features,
-            visible,
-            ambient: ambient_light(points),
-            map: None,
-            colour_share: 1.0,
-            free,
-        })
+        Ok(Self { levels, octree: light.octree, features, visible, ambient: ambient_light(points), map: None, free })
     }
 
     /// With a single map: nodes that carry `f_L` show what it has in their direction, and what is not seen begins between it and the ambient light.

@@ -14,7 +14,6 @@ mod photo_view;
 mod radiance;
 mod rays;
 mod refine;
-mod second_guess;
 mod visible_point;
 
 pub use channels::{MAX_RADIANCE, NODE_FEATURES};
@@ -30,5 +29,4 @@ pub use photo_view::PhotoView;
 pub use radiance::{KnownLight, NodeLight};
 pub use rays::Rays;
 pub(crate) use refine::SeenDetail;
-pub(crate) use second_guess::blend as blend_with_map;
 pub use visible_point::VisiblePoint;

@@ -22,7 +22,6 @@ pub struct KnownLight {
     rows: Vec<[f32; 5]>,
     /// Linear RGB that what is not seen of a node begins with and is measured by, above 0.
     first_guess: Vec<[f32; 3]>,
-    colour_share: f64,
     max_log_gain: f64,
 }
 
@@ -42,7 +41,7 @@ impl KnownLight {
         let middle_m = |key| lo_octree::node_middle_m(visible.cube, depth, key);
         let first_guess = level.row_keys().map(|key| input.first_guess(middle_m(key))).collect();
         let max_log_gain = if depth == visible.octree.depth() { 0.0 } else { COARSE_LOG_GAIN };
-        Arc::new(Self { rows, first_guess, colour_share: input.colour_share.into(), max_log_gain })
+        Arc::new(Self { rows, first_guess, max_log_gain })
     }
 
     /// How far each node is known from the photo, 0 to 1.
@@ -54,10 +53,9 @@ impl KnownLight {
 /// From the regression module's `raw[nodes, 8]` to `[nodes, 5]`: linear RGB in [0, [`MAX_RADIANCE`]], opacity in
 /// [0, 1], and the expected error of log(1 + radiance), at least 0.
 ///
-/// What is known enters as a residual: `trust · known · e^gain + (1 − trust) · first guess · e^guess`, where the guess is the mean of the three raw
-/// values and a share of each one's difference from it ([`LightInput::colour_share`](super::LightInput::colour_share)), so that what the photo
-/// saw is right before anything is learned, and stays so at the finest depth, where the gain is 0; and what it did not see begins with a first
-/// guess ([`LightInput::first_guess`](super::LightInput::first_guess)), in whose measure it is learned.
+/// What is known enters as a residual: `trust · known · e^gain + (1 − trust) · first guess · e^guess`, so that what the photo saw is right before
+/// anything is learned, and stays so at the finest depth, where the gain is 0; and what it did not see begins with a first guess
+/// ([`LightInput::first_guess`](super::LightInput::first_guess)), in whose measure it is learned.
 #[derive(Clone, Debug)]
 pub struct NodeLight(pub Arc<KnownLight>);
 
@@ -80,9 +78,7 @@ impl NodeLight {
         let doubt = trust.clone().neg() + 1.0;
         let flat = self.0.first_guess.as_flattened().to_vec();
         let first_guess = Tensor::<2>::from_data(TensorData::new(flat, [nodes, 3]), (&raw.device(), raw.dtype()));
-        let brightness = columns(&raw, 0, 3).mean_dim(1);
-        let guess = (columns(&raw, 0, 3) - brightness.clone()) * self.0.colour_share + brightness;
-        let log = (guess + first_guess.log()).clamp_max(f64::from(MAX_RADIANCE).ln());
+        let log = (columns(&raw, 0, 3) + first_guess.log()).clamp_max(f64::from(MAX_RADIANCE).ln());
         let gain = columns(&raw, 3, 6).tanh() * self.0.max_log_gain;
         let radiance = trust.clone() * columns(&known, 0, 3) * gain.exp() + doubt.clone() * log.exp();
         let logit = columns(&raw, 6, 7) + doubt * ALPHA_LOGIT + trust * columns(&known, 3, 4);
@@ -110,10 +106,8 @@ fn node_light(
     let (mut out, mut slope) = ([0.0; LIGHT_CHANNELS], [0.0; RAW_CHANNELS]);
     let trust = f64::from(known[4]);
     let (most, max_log_gain) = (f64::from(MAX_RADIANCE), light.max_log_gain);
-    let brightness = (raw[0] + raw[1] + raw[2]) / 3.0;
     for c in 0..3 {
-        let guess = brightness + light.colour_share * (raw[c] - brightness);
-        let guessed = (1.0 - trust) * (guess + f64::from(first_guess[c]).ln()).min(most.ln()).exp();
+        let guessed = (1.0 - trust) * (raw[c] + f64::from(first_guess[c]).ln()).min(most.ln()).exp();
         let squashed = raw[3 + c].tanh();
         let seen = trust * f64::from(known[c]) * (max_log_gain * squashed).exp();
         out[c] = seen + guessed;
@@ -156,12 +150,7 @@ impl Kernel for NodeLight {
         let rows = inputs[0].chunks_exact(RAW_CHANNELS).zip(known).zip(gradient.chunks_exact(LIGHT_CHANNELS));
         let by_raw = rows.flat_map(|((raw, (known, first)), gradient)| {
             let (_, slope) = node_light(row(raw), known, first, &self.0);
-            let own: [f64; RAW_CHANNELS] = std::array::from_fn(|c| slope[c] * gradient[MOVES[c]].wide());
-            let brightness = (own[0] + own[1] + own[2]) / 3.0;
-            (0..RAW_CHANNELS).map(move |c| match c {
-                0..3 => T::of(brightness + self.0.colour_share * (own[c] - brightness)),
-                _ => T::of(own[c]),
-            })
+            (0..RAW_CHANNELS).map(move |c| T::of(slope[c] * gradient[MOVES[c]].wide()))
         });
         vec![by_raw.collect()]
     }
@@ -175,7 +164,7 @@ mod tests {
     fn known(max_log_gain: f64) -> Arc<KnownLight> {
         let rows = (0..20).map(|i| [i as f32, 0.5, 0.0, 2.0, [0.0, 0.4, 1.0][i % 3]]).collect();
         let first_guess = (0..20).map(|i| [0.5, 0.2 + 0.1 * i as f32, 1.5]).collect();
-        Arc::new(KnownLight { rows, first_guess, colour_share: 0.2, max_log_gain })
+        Arc::new(KnownLight { rows, first_guess, max_log_gain })
     }
 
     #[test]
@@ -196,8 +185,7 @@ mod tests {
         assert!((node_light(raw(9.0), &seen, &free).0[0] / 2.0 - 1f64.exp()).abs() < 1e-6);
         let (out, _) = node_light(raw(0.0), &[0.0; 5], &free);
         assert!((out[0] - f64::from(MAX_RADIANCE)).abs() < 0.1 && out[1] >= 0.0 && out[3] <= 1.0);
-        // The mean of the three is 2/3, and a fifth of the difference from it is added.
-        assert!((out[2] - 1.5 * (2.0 / 3.0 + 0.2 * 4.0 / 3.0f64).exp()).abs() < 1e-6, "{}", out[2]);
+        assert!((out[2] - 1.5 * 2f64.exp()).abs() < 1e-6, "{}", out[2]);
         assert!(out.iter().all(|v| v.is_finite()));
     }
 }

@@ -130,13 +130,13 @@ impl Below {
 }
 
 /// What an octree holds of a node, and the share of it that is seen; `None` where it has no such node, or an empty one.
-pub(crate) fn known(light: &LightOctree, depth: u32, key: u32) -> Option<([f32; 4], u8)> {
+fn known(light: &LightOctree, depth: u32, key: u32) -> Option<([f32; 4], u8)> {
     let row = light.row(depth, key)?;
     Some((light.rgba[depth as usize][row], light.seen[depth as usize][row]))
 }
 
 /// What is guessed of a node beside what is known of it: of a node that is wholly certain itself.
-pub(crate) fn guess(rgba: [f32; 4], known: Option<([f32; 4], u8)>) -> [f32; 4] {
+fn guess(rgba: [f32; 4], known: Option<([f32; 4], u8)>) -> [f32; 4] {
     match known {
         Some((known, seen)) if seen < 255 => {
             let trust = f32::from(seen) / 255.0;

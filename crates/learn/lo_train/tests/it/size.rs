@@ -49,27 +49,37 @@ fn index(part: &str) -> usize {
     part.parse().unwrap()
 }
 
+/// Blocks of EfficientNet-Lite2 after its first, by the resolution that they give: 1/4, 1/8, 1/16, 1/32. The first of each halves it, after its expansion.
+const LITE2_BLOCKS: [usize; 4] = [3, 3, 8, 6];
+
 /// The depth network's, for a photo of this size.
 fn depth_costs(net: &DepthNet, [width, height]: [usize; 2]) -> BTreeMap<String, Cost> {
-    let pixels = |scale: usize| width / scale * (height / scale);
+    let pixels = |scale: usize| width.div_ceil(scale) * height.div_ceil(scale);
+    let mut lite2 = LITE2_BLOCKS.iter().zip([4, 8, 16, 32]).flat_map(|(&blocks, scale)| vec![scale; blocks]);
+    let lite2: Vec<usize> = lite2.by_ref().collect();
+    let encoder = |scale: usize| format!("{} encoder 1/{scale}", scale.ilog2());
     costs(net, |path, _| match path {
-        ["encoder", "conv0" | "norm0", ..] => ("1 encoder 1/2".into(), pixels(2)),
-        ["encoder", "blocks" | "transitions", i, ..] => {
-            let scale = 4 << index(i);
-            (format!("{} encoder 1/{scale}", 2 + index(i)), pixels(scale))
+        ["encoder", "conv0" | "norm0" | "stem" | "first", ..] => (encoder(2), pixels(2)),
+        ["encoder", "blocks", i, "expand", ..] => {
+            let halves = index(i) == 0 || lite2[index(i) - 1] != lite2[index(i)];
+            (encoder(lite2[index(i)]), pixels(lite2[index(i)] >> u32::from(halves)))
         }
-        ["encoder", ..] => ("5 encoder 1/32".into(), pixels(32)),
+        ["encoder", "blocks", i, "reduce", ..] => (encoder(lite2[index(i)]), pixels(lite2[index(i)])),
+        ["encoder", "blocks" | "transitions", i, ..] => (encoder(4 << index(i)), pixels(4 << index(i))),
+        ["encoder", ..] => (encoder(32), pixels(32)),
         ["decoder", "stages", i, ..] => {
             let scale = 16 >> index(i);
             (format!("{} decoder 1/{scale}", 6 + index(i)), pixels(scale))
         }
         ["decoder", ..] => ("Z decoder 1/1".into(), pixels(1)),
+        ["perspective", ..] => ("Z camera".into(), pixels(8)),
         ["global", "conv", ..] => ("Z global light".into(), pixels(32)),
         ["global", ..] => ("Z global light".into(), 1),
-        // In training alone.
+        // In training, and once a photo for the light network.
         ["panorama", "stages", i, ..] => ("Z panorama".into(), (16 << index(i)) * (8 << index(i))),
         ["panorama", "output", ..] => ("Z panorama".into(), 64 * 128),
-        _ => ("Z panorama".into(), 1),
+        ["panorama", ..] => ("Z panorama".into(), 1),
+        other => panic!("{other:?} is of no part"),
     })
 }
 
@@ -128,24 +138,36 @@ fn print(costs: &BTreeMap<String, Cost>) {
     }
 }
 
-#[test]
-fn the_encoder_has_the_published_size() {
-    let net = DepthNet::new(EncoderKind::default(), 64, 1, &Device::flex());
-    let costs = depth_costs(&net, [224, 224]);
+/// Parameters, and multiplications in thousand millions for a photo of this side.
+fn encoder_size(kind: EncoderKind, side: usize) -> (usize, f64) {
+    let costs = depth_costs(&DepthNet::new(kind, 64, 1, &Device::flex()), [side, side]);
     let encoder: BTreeMap<String, Cost> = costs.into_iter().filter(|(part, _)| part.contains("encoder")).collect();
+    (total(&encoder).parameters, total(&encoder).operations as f64 / 2e9)
+}
+
+#[test]
+fn encoders_have_the_published_sizes() {
     // torchvision's model card: 7,978,856 parameters, 2.83 G multiplications; without the classifier's 1024 · 1000 + 1000.
-    assert_eq!(total(&encoder).parameters, 7_978_856 - 1_025_000);
-    let multiplications = total(&encoder).operations as f64 / 2e9;
+    let (parameters, multiplications) = encoder_size(EncoderKind::DenseNet121, 224);
+    assert_eq!(parameters, 7_978_856 - 1_025_000);
     assert!((multiplications - 2.83).abs() < 0.02, "{multiplications}");
+    // TensorFlow's model card of EfficientNet-Lite2: 6.1 million parameters, 0.86 G multiplications at 260 × 260; without the head's
+    // convolution 352 · 1280 on 9 × 9 places, its norm, and the classifier's 1280 · 1000 + 1000.
+    let (parameters, multiplications) = encoder_size(EncoderKind::EfficientNetLite2, 260);
+    let head = 352 * 1280 + 2 * 1280 + 1280 * 1000 + 1000;
+    assert!((parameters + head).abs_diff(6_100_000) < 50_000, "{parameters}");
+    let head = (352 * 1280 * 81 + 1280 * 1000) as f64 / 1e9;
+    assert!((multiplications + head - 0.86).abs() < 0.02, "{multiplications}");
 }
 
 #[test]
 #[ignore = "prints tables; see the head of the file"]
 fn tables() {
-    println!("depth network, 480 × 320\n| part | parameters | GFLOP |\n| --- | --- | --- |");
-    print(&depth_costs(&DepthNet::new(EncoderKind::default(), 64, 1, &Device::flex()), [480, 320]));
-    for depth in [6, 7, 8] {
-        let config = LightNetConfig { depth, ..LightNetConfig::default() };
+    println!("depth network, 320 × 214\n| part | parameters | GFLOP |\n| --- | --- | --- |");
+    print(&depth_costs(&DepthNet::new(EncoderKind::EfficientNetLite2, 64, 1, &Device::flex()), [320, 214]));
+    // The shipped network's widths, and the default ones.
+    for (depth, channels) in [(6, 64), (7, 32), (8, 32)] {
+        let config = LightNetConfig { depth, channels, ..LightNetConfig::default() };
         let settings = GeneratorConfig { shots: 1, panoramas: 1, octree_depth: depth, ..GeneratorConfig::default() };
         let sample = Generator::new(7, settings).unwrap().record(0).unwrap().sample(0);
         let photo = Image::from_fn(sample.photo.width(), sample.photo.height(), |x, y| {
@@ -161,7 +183,7 @@ fn tables() {
         let nodes = |levels: &[std::sync::Arc<GraphLevel>]| levels.iter().map(|l| l.len()).collect::<Vec<_>>();
         let (seen, whole) = (nodes(&input.levels), nodes(&GraphLevel::all(&truth.octree)));
         println!(
-            "\nlight network, d = {depth}: nodes of the graphs from depth 4 on, seen {seen:?}, whole room {whole:?}"
+            "\nlight network, d = {depth}, {channels} channels: nodes of the graphs from depth 4 on, seen {seen:?}, whole room {whole:?}"
         );
         println!("| part | parameters | GFLOP |\n| --- | --- | --- |");
         let net = LightNet::new(&config, 1, &Device::flex()).unwrap();
