@@ -174,6 +174,7 @@ impl Networks {
             let output = self.depth.forward(&[&self.depth.network_input(photo)]);
             let second = self.depth.forward(&[&self.second_picture(photo)]);
             let depth_m = second_look::mean_depth(&output.depth_m(camera), &second.depth_m(camera));
+            let depth_m = second_look::without_grain(&depth_m);
             let cells = second_look::field(output.cells(), &second.cells());
             let held = Perspective::fit(&cells, Some(camera.half_extent()));
             PhotoGuess { depth_m, light: GlobalLight(output.global), held }
