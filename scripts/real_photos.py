@@ -32,8 +32,7 @@ HEIGHT = 240
 
 
 def run(*command):
-    """What the command prints, its messages to this program's own."""
-    return subprocess.run([str(part) for part in command], check=True, stdout=subprocess.PIPE, text=True).stdout
+    subprocess.run([str(part) for part in command], check=True, stdout=subprocess.DEVNULL)
 
 
 def fitted(picture, height=HEIGHT):

@@ -86,7 +86,7 @@ mod tests {
     fn the_state_of_a_former_checkpoint_is_read() {
         let header = r#"{"seed": 31, "phase": 1, "step": 40, "total_steps": 940, "setbacks": 2,
             "position": {"epoch": 3, "block": 7, "sample": 1}, "fingerprint": 81985529216486895, "log_bytes": 512,
-            "learner": {"encoder": "efficientnet-lite2", "longer_side": 320, "network": {"depth": 6, "full_depth": 4, "channels": 32, "max_channels": 256, "blocks": 2,
+            "learner": {"network": {"depth": 6, "full_depth": 4, "channels": 32, "max_channels": 256, "blocks": 2,
                 "bottleneck": 4, "head_channels": 32, "channels_per_group": 4, "global_features": 64,
                 "global_channels": 8, "lobes": false}, "averaged": [900, 40]}}"#;
         let state: RunState = serde_json::from_str(header).unwrap();

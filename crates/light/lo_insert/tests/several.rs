@@ -226,7 +226,7 @@ proptest! {
             for c in 0..3 {
                 let [a, b, both] = [&a, &b, &both].map(|picture| picture.shadow_ratio.pixels()[i][c]);
                 // What black objects mirror (a twentieth) of each other, and of the floor in the other's shadow.
-                prop_assert!(both < a.min(b) + 0.03, "{both} with both, {a} and {b} with one");
+                prop_assert!(both < a.min(b) + 0.02, "{both} with both, {a} and {b} with one");
                 prop_assert!(both > a + b - 1.0 - 0.06, "{both} with both, {a} and {b} with one");
             }
         }

@@ -46,12 +46,18 @@ pub struct DepthNet {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DepthNetConfig {
     /// What looks at the photo.
+    #[serde(default)]
     pub encoder: EncoderKind,
     /// Whether it has learned the camera.
     #[serde(default)]
     pub perspective: bool,
     /// Most pixels on the longer side of photos.
+    #[serde(default = "usual_longer_side")]
     pub longer_side: usize,
+}
+
+fn usual_longer_side() -> usize {
+    LONGER_SIDE
 }
 
 impl DepthNetConfig {

@@ -127,7 +127,7 @@ impl LightNetConfig {
     }
 
     /// Greatest number of nodes of a graph: `max_nodes`, or else about three and a half times what a generated room has at this depth, 1,600,000 at
-    /// d = 8 and a quarter of that for each depth less (rooms of seed 7: 29,000 nodes at d = 6, 117,000 at 7, 485,000 at 8).
+    /// d = 8 and a quarter of that for each depth less (rooms of seed 7: 29,000 nodes at d = 6, 117,000 at 7, 488,000 at 8).
     pub fn node_budget(&self) -> usize {
         let full = 1usize << (3 * self.full_depth.min(6));
         self.max_nodes.unwrap_or_else(|| (1_600_000 >> (2 * 8u32.saturating_sub(self.depth))).max(2 * full))

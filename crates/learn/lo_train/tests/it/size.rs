@@ -55,8 +55,8 @@ const LITE2_BLOCKS: [usize; 4] = [3, 3, 8, 6];
 /// The depth network's, for a photo of this size.
 fn depth_costs(net: &DepthNet, [width, height]: [usize; 2]) -> BTreeMap<String, Cost> {
     let pixels = |scale: usize| width.div_ceil(scale) * height.div_ceil(scale);
-    let mut lite2 = LITE2_BLOCKS.iter().zip([4, 8, 16, 32]).flat_map(|(&blocks, scale)| vec![scale; blocks]);
-    let lite2: Vec<usize> = lite2.by_ref().collect();
+    let scales = LITE2_BLOCKS.iter().zip([4, 8, 16, 32]);
+    let lite2: Vec<usize> = scales.flat_map(|(&blocks, scale)| vec![scale; blocks]).collect();
     let encoder = |scale: usize| format!("{} encoder 1/{scale}", scale.ilog2());
     costs(net, |path, _| match path {
         ["encoder", "conv0" | "norm0" | "stem" | "first", ..] => (encoder(2), pixels(2)),
