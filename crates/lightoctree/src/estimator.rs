@@ -67,9 +67,12 @@ impl Estimator {
         let (completion, octree_depth) = self.plan(options)?;
         let view = View::new(input, self.networks(), on_event)?;
         let prior = options.panorama.as_ref();
-        let told = view.held.filter(|_| options.up.is_none());
+        let told = match completion {
+            How::Network(_) | How::Shell if options.up.is_none() => view.up(self.networks(), on_event)?,
+            _ => None,
+        };
         let options = &EstimateOptions {
-            up: options.up.or_else(|| view.up()),
+            up: options.up.or(told.map(|(up, _)| up)),
             sources: options.sources.clone(),
             panorama: None,
             ..*options
@@ -87,7 +90,7 @@ impl Estimator {
         Ok(Scene {
             completion,
             camera_source: options.camera_source,
-            up_deviation_deg: told.filter(|_| room.is_some()).map(|told| told.up_deviation_deg as f32),
+            up_deviation_deg: told.and_then(|(_, deviation_deg)| deviation_deg).map(|deg| deg as f32),
             room,
             sources,
             predicted_depth,

@@ -15,8 +15,8 @@ pub struct EstimateOptions {
     pub full_depth: u32,
     /// How the unseen part of the room is filled. By default by the light network; by the shell where the estimator has no networks.
     pub completion: Option<Completion>,
-    /// Unit vector against gravity. Where it is not given: from the surfaces; where depth is predicted, as the network tells it from the photo, or by one that has not
-    /// learned that, from the surfaces and how cameras are held.
+    /// Unit vector against gravity. Where it is not given: from the surfaces, near to what the network tells from the photo; where depth is predicted, as the network tells it
+    /// alone, or without one that has learned it, from the surfaces and how cameras are held.
     pub up: Option<Vec3>,
     /// Seed of the places of the points that carry the global light into what the network has not seen.
     pub seed: u64,

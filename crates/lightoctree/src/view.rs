@@ -1,11 +1,11 @@
 //! The photo with its depth, at the resolutions that estimation works at.
 
-use lo_completion::up_from_predicted_depth;
+use lo_completion::{up_from_predicted_depth, up_near};
 use lo_events::{OnEvent, Stage, Warning, stage, warn};
 use lo_geometry::{Camera, PerspectiveFit, RigidTransform, Vec3};
 use lo_imaging::{Image, Photo, srgb8_from_linear};
 use lo_nets::{GlobalLight, Networks, PhotoGuess};
-use lo_scene::{Frame, OtherPhoto, PosedFrame, SeenPhoto, working_photo};
+use lo_scene::{Frame, OtherPhoto, PosedFrame, SeenPhoto, Surfel, working_photo};
 
 use crate::photos::{Together, together};
 use crate::{EstimateError, Exposures, Input, PredictedDepth};
@@ -21,8 +21,8 @@ pub(crate) struct View {
     pub others: Vec<(PosedFrame, Camera)>,
     /// What the photo tells of the light outside of it, where that is known already.
     pub global: Option<GlobalLight>,
-    /// How the own network says that the camera was held.
-    pub held: Option<PerspectiveFit>,
+    /// How the own network says that the camera was held, where depth is its own.
+    held: Option<PerspectiveFit>,
     /// Whether depth is some network's.
     pub predicted_depth: bool,
     /// What people call that network, where it is not the own one.
@@ -51,16 +51,12 @@ impl View {
         let of_working = |normals| at_size(normals, working.depth_m.width(), working.depth_m.height());
         let of_working = normals.as_ref().map(of_working);
         let others = Vec::new();
-        // Normals that are told are nearer to what is up than the photo alone.
-        let own = networks.filter(|_| predicted_depth && normals.is_none());
-        let own = own.map(|networks| (networks, frame.camera.half_extent()));
-        let held = own.and_then(|(networks, extent)| networks.perspective(&srgb8(&working.photo), Some(extent)));
         Ok(Self {
             frame,
             working,
             others,
             global: None,
-            held,
+            held: None,
             predicted_depth,
             model,
             told_normals: normals,
@@ -94,25 +90,48 @@ impl View {
         self.others.iter().map(kept).collect()
     }
 
-    /// Unit vector against gravity where depth is predicted, and floors are wavy: as the own network tells it, else from the surfaces and how cameras
-    /// are held.
-    pub fn up(&self) -> Option<Vec3> {
-        if let Some(held) = &self.held {
-            return Some(held.camera.up);
+    /// Unit vector against gravity, and by how many degrees it is likely to be wrong where the own network tells it alone.
+    ///
+    /// Predicted floors are wavy: the network tells it. Measured ones are not, and decide among what is near to that. `None` where there is no network
+    /// that has learned it, and depth is measured.
+    pub fn up(
+        &self,
+        networks: Option<&Networks>,
+        on_event: OnEvent<'_>,
+    ) -> Result<Option<(Vec3, Option<f64>)>, EstimateError> {
+        // Normals that are told are nearer to what is up than the photo alone.
+        if self.predicted_depth && self.told_normals.is_some() {
+            return Ok(Some((self.voted_up(), None)));
         }
-        let voting = || {
-            let depth_m = &self.frame.depth_m;
-            let told = |width, height| self.told_normals.as_ref().map(|normals| at_size(normals, width, height));
-            let longer = depth_m.width().max(depth_m.height());
-            if longer <= VOTING_SIDE {
-                return up_from_predicted_depth(&self.frame, told(depth_m.width(), depth_m.height()).as_ref());
+        let held = match networks.filter(|networks| self.global.is_none() && networks.depth.perspective.is_some()) {
+            None => self.held,
+            Some(networks) => {
+                let extent = self.frame.camera.half_extent();
+                stage(on_event, Stage::Gravity, || networks.perspective(&srgb8(&self.working.photo), Some(extent)))?
             }
-            let side = |pixels: usize| (pixels * VOTING_SIDE).div_ceil(longer).max(1);
-            let depth_m = lo_imaging::resize_depth(depth_m, side(depth_m.width()), side(depth_m.height()));
-            let normals = told(depth_m.width(), depth_m.height());
-            up_from_predicted_depth(&Frame { depth_m, ..self.working.clone() }, normals.as_ref())
         };
-        self.predicted_depth.then(voting)
+        Ok(match held {
+            Some(held) if self.predicted_depth => Some((held.camera.up, Some(held.up_deviation_deg))),
+            Some(held) => {
+                let seen: Vec<Surfel> = self.seen_photos().iter().flat_map(SeenPhoto::surfels).collect();
+                Some((up_near(&seen, held.camera.up, held.up_deviation_deg as f32), None))
+            }
+            None => self.predicted_depth.then(|| (self.voted_up(), None)),
+        })
+    }
+
+    /// As surfaces and the ways in which cameras are held make it likely.
+    fn voted_up(&self) -> Vec3 {
+        let depth_m = &self.frame.depth_m;
+        let told = |width, height| self.told_normals.as_ref().map(|normals| at_size(normals, width, height));
+        let longer = depth_m.width().max(depth_m.height());
+        if longer <= VOTING_SIDE {
+            return up_from_predicted_depth(&self.frame, told(depth_m.width(), depth_m.height()).as_ref());
+        }
+        let side = |pixels: usize| (pixels * VOTING_SIDE).div_ceil(longer).max(1);
+        let depth_m = lo_imaging::resize_depth(depth_m, side(depth_m.width()), side(depth_m.height()));
+        let normals = told(depth_m.width(), depth_m.height());
+        up_from_predicted_depth(&Frame { depth_m, ..self.working.clone() }, normals.as_ref())
     }
 }
 

@@ -24,6 +24,8 @@ pub enum Stage {
     DepthModel,
     /// The depth network tells what the photo says of the light outside of it.
     GlobalLight,
+    /// The depth network tells how the camera was held, and surfaces with it which way is up.
+    Gravity,
     /// The light network makes the octree of the whole room.
     LightNetwork,
     /// The room is completed without a network.

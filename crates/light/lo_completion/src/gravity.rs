@@ -2,15 +2,30 @@
 
 use lo_geometry::{Mat3, Vec3, fibonacci_sphere};
 use lo_imaging::Image;
-use lo_scene::Frame;
+use lo_scene::{Frame, Surfel};
 
-use crate::layout::area_of;
+use crate::layout::{area, area_of};
 
 /// The camera may be pitched and rolled by this much: cos 50°, five degrees of slack over the stated ±45°.
 const MIN_COS_TILT: f32 = 0.643;
 
 /// Most normals that vote.
 const VOTES: usize = 3000;
+
+/// Least standard deviation of what is told of up: what tells it is surer of itself than it is right.
+const MIN_DEVIATION_DEG: f32 = 6.0;
+
+/// Standard deviations within which up is.
+const DEVIATIONS: f32 = 3.0;
+
+/// What is told counts as much as this share of all surfaces, horizontal ones.
+const TOLD_SHARE: f32 = 0.01;
+
+/// Sines within which surfaces are taken for horizontal or vertical ones, step by step.
+const WIDTHS: [f32; 4] = [0.10, 0.07, 0.05, 0.05];
+
+/// Directions that are searched near a told one, of the whole sphere: 1.6° apart.
+const NEAR_DIRECTIONS: usize = 16_000;
 
 /// A normal with the area it stands for.
 #[derive(Clone, Copy, Debug)]
@@ -40,10 +55,32 @@ pub(crate) fn up_from_facets(facets: &[Facet]) -> Vec3 {
         }
     }
     let mut up = best.1;
-    for width in [0.10, 0.07, 0.05, 0.05] {
-        up = refined(&votes, up, width);
+    for width in WIDTHS {
+        up = refined(&votes, up, width, Facet { normal: up, area: 0.0 });
     }
     if up.y >= MIN_COS_TILT { up } else { best.1 }
+}
+
+/// The unit vector against gravity that explains what is seen, near to the one that something else tells with this standard deviation.
+///
+/// As without being told, but directions are searched within three standard deviations, the farther from `told` the less likely, and least squares have a
+/// horizontal surface of a hundredth of all that is seen square to it: where only one wall is seen, it tells the rest.
+pub fn up_near(seen: &[Surfel], told: Vec3, deviation_deg: f32) -> Vec3 {
+    let facets: Vec<Facet> = seen.iter().map(|s| Facet { normal: s.normal, area: area(s) }).collect();
+    let votes = thinned(&facets);
+    let total: f32 = votes.iter().map(|f| f.area).sum();
+    let deviation_deg = deviation_deg.max(MIN_DEVIATION_DEG);
+    let off = |up: Vec3| up.dot(told).clamp(-1.0, 1.0).acos().to_degrees() / deviation_deg;
+    let score = |up: Vec3| {
+        let sum: f32 = votes.iter().map(|f| f.area * vote(f.normal.dot(up), WIDTHS[0])).sum();
+        sum * (-0.5 * off(up).powi(2)).exp()
+    };
+    let near = fibonacci_sphere(NEAR_DIRECTIONS).into_iter().filter(|&direction| off(direction) <= DEVIATIONS);
+    let scored = near.map(|candidate| (score(candidate), candidate));
+    let best = scored.fold((score(told), told), |best, next| if next.0 > best.0 { next } else { best }).1;
+    let facet = Facet { normal: told, area: TOLD_SHARE * total };
+    let up = WIDTHS.into_iter().fold(best, |up, width| refined(&votes, up, width, facet));
+    if off(up) <= DEVIATIONS { up } else { told }
 }
 
 /// The unit vector against gravity of a frame whose depth was predicted, and is wavy: of the ways in which cameras are held the likeliest.
@@ -108,16 +145,16 @@ fn vote(cosine: f32, width: f32) -> f32 {
     }
 }
 
-/// One step of least squares: the direction most parallel to the horizontal surfaces' normals and square to the vertical ones'.
-fn refined(votes: &[Facet], up: Vec3, width: f32) -> Vec3 {
-    let mut scatter = Mat3::ZERO;
-    let mut total = 0.0;
+/// One step of least squares: the direction most parallel to the horizontal surfaces' normals, `told` among them, and square to the vertical ones'.
+fn refined(votes: &[Facet], up: Vec3, width: f32, told: Facet) -> Vec3 {
+    let outer = |n: Vec3| Mat3::from_cols(n * n.x, n * n.y, n * n.z);
+    let mut scatter = outer(told.normal) * -told.area;
+    let mut total = told.area;
     for facet in votes {
         let cosine = facet.normal.dot(up);
         let weight = facet.area * vote(cosine, width);
         let sign = if cosine.abs() < width { 1.0 } else { -1.0 };
-        let n = facet.normal;
-        scatter += Mat3::from_cols(n * n.x, n * n.y, n * n.z) * (sign * weight);
+        scatter += outer(facet.normal) * (sign * weight);
         total += weight;
     }
     if total <= 0.0 {
@@ -165,6 +202,35 @@ mod tests {
             let angle_deg = found.dot(turn * Vec3::Y).min(1.0).acos().to_degrees();
             assert!(angle_deg < 0.7, "pitch {pitch} roll {roll}: {angle_deg}°");
         }
+    }
+
+    fn surfels(directions: &[(Vec3, f32)]) -> Vec<Surfel> {
+        let of = |facet: Facet| {
+            let (position_m, depth_m) = (facet.normal * -facet.area.sqrt(), facet.area.sqrt());
+            let (radiance, coverage, eye_m) = ([0.5; 3], lo_octree::Coverage::Seen, Vec3::ZERO);
+            Surfel { position_m, normal: facet.normal, radiance, coverage, eye_m, depth_m }
+        };
+        facets(directions).into_iter().map(of).collect()
+    }
+
+    #[test]
+    fn surfaces_decide_near_to_what_is_told() {
+        let off_deg = |a: Vec3, b: Vec3| a.angle_between(b).to_degrees();
+        let told = Mat3::from_rotation_x(5f32.to_radians()) * Vec3::Y;
+        // A floor and a steep desk of more area, which alone would be taken for the floor.
+        let desk = Mat3::from_rotation_x(0.6) * Vec3::Y;
+        let floor = surfels(&[(Vec3::Y, 1.0), (desk, 2.0)]);
+        assert!(off_deg(up_near(&floor, told, 3.0), Vec3::Y) < 1.0);
+        assert!(off_deg(up_from_facets(&facets(&[(Vec3::Y, 1.0), (desk, 2.0)])), Vec3::Y) > 20.0);
+        // One wall: it says that up is square to it, and what is told the rest.
+        let wall = surfels(&[(Vec3::Z, 1.0)]);
+        let skew = Mat3::from_rotation_z(0.1) * told;
+        let expected = skew.with_z(0.0).normalize();
+        assert!(off_deg(up_near(&wall, skew, 3.0), expected) < 1.5);
+        // Nothing near to what is told: it is right.
+        let slope = surfels(&[(Mat3::from_rotation_x(0.8) * Vec3::Y, 1.0)]);
+        assert!(off_deg(up_near(&slope, told, 3.0), told) < 1.0);
+        assert!(off_deg(up_near(&[], told, 3.0), told) < 0.1);
     }
 
     /// A room of 4 × 3 m, 2.6 m high, seen by a camera in its middle that is pitched and rolled; depth waves by a tenth, normals by some 20°.

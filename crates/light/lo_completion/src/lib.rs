@@ -16,7 +16,7 @@ mod shell;
 mod visibility;
 
 pub use fit::{LampFit, fit_lamps};
-pub use gravity::up_from_predicted_depth;
+pub use gravity::{up_from_predicted_depth, up_near};
 pub use highlights::HighlightReport;
 pub use lamps::LampReport;
 pub use light_from_above::light_from_above;

@@ -54,11 +54,14 @@ impl PerspectiveHead {
         let level = Tensor::<4>::from_data(TensorData::new(vec![0.0f32, 1.0], [2, 1, 1, 1]), &up.device());
         let up = up + level;
         let norm = (up.clone().square().sum_dim(0) + 1e-6).sqrt();
+        let log_certainty = x.clone().narrow(0, 3, 2);
         let [least, most] = LOG_CERTAINTY;
+        // Slopes go through as if nothing were cut off: what begins outside would stay there for ever, and the field would hardly be learned.
+        let cut_off = (log_certainty.clone().clamp(least, most) - log_certainty.clone()).detach();
         PerspectiveOutput {
             up: up / norm,
-            latitude_sin: x.clone().narrow(0, 2, 1).tanh(),
-            log_certainty: x.narrow(0, 3, 2).clamp(least, most),
+            latitude_sin: x.narrow(0, 2, 1).tanh(),
+            log_certainty: log_certainty + cut_off,
             size,
         }
     }
@@ -201,5 +204,33 @@ mod tests {
         assert!(losses[59] < losses[0] - 2.0, "{losses:?}");
         let found = Perspective::fit(&head.forward(features, SIZE).cells(), None).unwrap().camera;
         assert!(found.up.angle_between(true_camera().up).to_degrees() < 5.0, "{found:?}");
+    }
+
+    #[test]
+    fn a_head_that_begins_uncertain_or_too_certain_does_not_stay_so() {
+        let device = Device::flex().autodiff();
+        let features = Tensor::<4>::from_data(TensorData::new(vec![0.5f32; 160], [4, 1, 5, 8]), &device);
+        // Of both channels: far below what can be said, where the answer is known; far above, where it is not.
+        for (start, truths) in [(-0.5, [Some(true_camera()); 2]), (5.0, [true_camera(), upside_down()].map(Some))] {
+            let mut head = PerspectiveHead::new(4, &mut lo_random::stream(1, "test", 0), &device);
+            let bias = head.output.bias.take().unwrap();
+            let shift = Tensor::<1>::from_data(TensorData::new(vec![0.0, 0.0, 0.0, start, start], [5]), &device);
+            head.output.bias = Some(bias.map(|bias| (bias * 0.0 + shift).detach().require_grad()));
+            let certainties = |head: &PerspectiveHead| -> f64 {
+                numbers(head.forward(features.clone(), SIZE).log_certainty.inner()).iter().sum::<f64>() / 80.0
+            };
+            let before = certainties(&head);
+            let mut adam = Adam::default();
+            for step in 0..60 {
+                let loss = perspective_loss(&head.forward(features.clone(), SIZE), &[truths[step % 2]]);
+                head = adam.step(head, &loss.backward(), 1e-2);
+            }
+            let after = certainties(&head);
+            assert!(if start < 0.0 { after > before + 0.3 } else { after < before - 0.3 }, "{start}: {before} {after}");
+        }
+    }
+
+    fn upside_down() -> Perspective {
+        Perspective { up: lo_geometry::Vec3::new(0.1, -0.9, 0.3).normalize(), half_extent: 0.8 }
     }
 }
