@@ -179,7 +179,8 @@ mod tests {
 
     #[test]
     fn named_targets_exist() {
-        let target = |name: &str, kind: &str| Target { name: name.to_owned(), kind: vec![kind.to_owned()] };
+        let target =
+            |name: &str, kind: &str| Target { name: name.to_owned(), kind: vec![kind.to_owned()], doctest: false };
         let package = |name: &str, targets| Package { name: name.to_owned(), targets, ..Package::default() };
         let packages = [package("one", vec![target("it", "test"), target("speed", "bench")]), package("two", vec![])];
         let missing = |line: &str| missing_targets(line, &packages);

@@ -37,6 +37,9 @@ pub struct Target {
     pub name: String,
     /// `lib`, `bin`, `test`, `bench` or `example`, in most cases one.
     pub kind: Vec<String>,
+    /// Whether `cargo test` compiles the code in its documentation.
+    #[serde(default)]
+    pub doctest: bool,
 }
 
 impl House {

@@ -2,6 +2,7 @@
 //! `cargo xtask long [NAME]` lists or runs the ignored tests.
 
 mod arrows;
+mod doc_tests;
 mod documents;
 mod features;
 mod house;
@@ -15,8 +16,9 @@ use house::House;
 /// A check's name, and what it finds wrong in the house.
 type Check = (&'static str, fn(&House) -> anyhow::Result<Vec<String>>);
 
-const CHECKS: [Check; 4] = [
+const CHECKS: [Check; 5] = [
     ("arrows", arrows::faults),
+    ("doc tests", doc_tests::faults),
     ("documents", documents::faults),
     ("licences", licences::faults),
     ("features", features::faults),

@@ -2,7 +2,7 @@
 //!
 //! `cargo run -p lo_imaging --example mirror_ball -- panorama.hdr picture.jpg [folder for the photos]`
 
-#[path = "../tests/mirror_ball/render.rs"]
+#[path = "../tests/it/mirror_ball/render.rs"]
 mod render;
 
 use std::error::Error;

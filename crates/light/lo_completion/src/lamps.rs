@@ -55,7 +55,7 @@ impl LampReport {
 /// with albedo 0.85. What the shell (with seen and recovered lamps and windows in it) lacks of E comes from the patch, the middle
 /// 60 % × 60 % of the ceiling, as long as what lies face up in the middle of the view does not get more than [`MAX_LIGHT`] E: walls
 /// see little of a ceiling and would ask for lamps that are far too bright below them. Lower limits give half of the light in a room with one
-/// lamp in its ceiling (`tests/shell.rs`, `docs/design/029-shell-lamp.md`). As a check from outside: on 154 crops of 11 HDR panoramas of real
+/// lamp in its ceiling (`tests/it/shell.rs`, `docs/design/029-shell-lamp.md`). As a check from outside: on 154 crops of 11 HDR panoramas of real
 /// interiors the mean radiance of the whole sphere is 2.4 × that of the clipped crop (quartiles 1.7 and 3.8), and this estimate says 2.4 × where
 /// white is 2.5 × the mean. Rays see the photo where the camera sees the same place, the extrapolated faces elsewhere.
 pub(crate) fn add(faces: &mut Faces, room: &RoomBox, surfels: &[Surfel], views: &Views) -> LampReport {

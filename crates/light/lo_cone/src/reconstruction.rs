@@ -46,7 +46,7 @@ pub(crate) trait Reconstruction {
 /// [`CRACK_WIDTH`], the nearer of the two answers. Flat and convex surfaces stay as they are; a concave edge gets a bevel.
 pub(crate) struct Nearest;
 
-/// In edges of the cell. Measured on the rooms of `tests/room.rs` at depth 7: without any, 1 to 3 % of the rays leave a room that
+/// In edges of the cell. Measured on the rooms of `tests/it/room.rs` at depth 7: without any, 1 to 3 % of the rays leave a room that
 /// is turned against the cube; with 0.5 some still do, with 0.6 none. Up to 1.0 it closes no more and costs 0.3 dB.
 const CRACK_WIDTH: f32 = 0.6;
 

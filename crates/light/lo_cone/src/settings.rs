@@ -59,7 +59,7 @@ pub enum Sampling {
     /// The node that contains the sample, with cracks between nodes closed: the fastest.
     Nearest,
     /// Opacity as [`Nearest`](Self::Nearest), which does not make surfaces thicker; radiance trilinear, half a node further
-    /// along the cone, where the surface is. In panoramas of known rooms (`tests/room.rs`, d = 6, 7, 8) 1.2, 1.5, 1.8 dB
+    /// along the cone, where the surface is. In panoramas of known rooms (`tests/it/room.rs`, d = 6, 7, 8) 1.2, 1.5, 1.8 dB
     /// better than the nearest node alone and 2.9 to 3.3 dB better than interpolated opacity.
     Blended,
     /// Trilinear within a level and linear between levels, opacity too. Leaves no holes in coarse levels either.

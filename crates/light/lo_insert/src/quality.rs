@@ -39,7 +39,7 @@ pub(crate) struct Counts {
     pub coverage: usize,
     pub diffuse_cones: usize,
     /// Solid angle of a diffuse cone as a share of its share of the sphere. Full ones meet the surface that the object stands on:
-    /// against a path tracer, a box is then wrong by 10.1 instead of 6.9 % at high quality (`tests/truth.rs`). Few cones must not
+    /// against a path tracer, a box is then wrong by 10.1 instead of 6.9 % at high quality (`tests/it/truth.rs`). Few cones must not
     /// leave gaps.
     pub diffuse_aperture: f32,
     /// Pixels along the side of the blocks that share diffuse light, in small and in large photos.

@@ -7,7 +7,7 @@
 //! That alone still leaks where a wall is not aligned with the axes: it leaves a node through one side and goes on in the next.
 //! Each of the two is half open, together they are closed, and the product of two halves is not zero. So a node that is the
 //! better part of a surface counts what continues it: columns are extended by the next child in the neighbours before and
-//! behind. Poles, edges and scattered leaves keep their size. `tests/opacity.rs` measures both.
+//! behind. Poles, edges and scattered leaves keep their size. `tests/it/opacity.rs` measures both.
 
 use rayon::prelude::*;
 

@@ -1,4 +1,4 @@
-//! A record for tests: those of this crate's modules, and by its path those of `tests/shards.rs`.
+//! A record for tests: those of this crate's modules, and by its path those of `tests/it/shards.rs`.
 #![allow(clippy::unwrap_used)]
 
 use lo_geometry::{Camera, Quat, Vec3};

@@ -1,0 +1,8 @@
+//! Pictures, depth maps and mirror balls as files hold them. One binary, so that it is linked once.
+#![allow(clippy::unwrap_used)]
+
+mod damaged;
+mod exif;
+mod mirror_ball;
+mod real_files;
+mod round_trips;

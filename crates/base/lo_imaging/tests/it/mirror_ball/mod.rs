@@ -1,0 +1,299 @@
+//! Photos of a mirror ball, rendered by another way than they are unwrapped, come back as the panorama that they show.
+
+mod render;
+
+use lo_geometry::{DVec3, pixel_direction, pixel_solid_angle_sr};
+use lo_imaging::mirror_ball::{
+    BallCircle, BallError, BallFind, BallLens, BallView, MergedPhotos, UnwrapOptions, UnwrappedBall, estimate_stops,
+    find_ball, merge_exposures, unwrap_ball,
+};
+use lo_imaging::{Photo, RadianceImage, read_radiance, resize, resize_equirectangular, srgb_from_linear};
+use render::{Shot, developed, of_map};
+
+const PINHOLE: Shot = Shot { size: [640, 480], middle: [320.0, 240.0], radius_px: 190.0, focal_px: Some(900.0) };
+const ORTHOGRAPHIC: Shot = Shot { focal_px: None, ..PINHOLE };
+const OFF_AXIS: Shot = Shot { size: [640, 480], middle: [230.0, 270.0], radius_px: 150.0, focal_px: Some(700.0) };
+
+fn lens(shot: &Shot) -> BallLens {
+    shot.focal_px.map_or(BallLens::Orthographic, |focal_px| BallLens::Focal { focal_px })
+}
+
+/// The true outline: middle and mean half axis of an ellipse, from its four ends.
+fn outline(shot: &Shot) -> BallCircle {
+    let [x, y] = shot.middle;
+    let Some(focal) = shot.focal_px else { return BallCircle { x, y, radius_px: shot.radius_px } };
+    let (dx, dy) = (x - 0.5 * shot.size[0] as f64, y - 0.5 * shot.size[1] as f64);
+    let off = dx.hypot(dy);
+    let (turn, half) = ((off / focal).atan(), (shot.radius_px / focal).atan());
+    let (far, near) = (focal * (turn + half).tan(), focal * (turn - half).tan());
+    let long = 0.5 * (far - near);
+    // eccentricity of a cone's section: sin of the plane's tilt over the cosine of the half-angle
+    let short = long * (1.0 - (turn.sin() / half.cos()).powi(2)).sqrt();
+    let scale = if off > 0.0 { 0.5 * (far + near) / off } else { 0.0 };
+    let middle = [0.5 * shot.size[0] as f64 + dx * scale, 0.5 * shot.size[1] as f64 + dy * scale];
+    BallCircle { x: middle[0], y: middle[1], radius_px: 0.5 * (long + short) }
+}
+
+fn merged(photo: &RadianceImage) -> MergedPhotos {
+    merge_exposures(&[Photo::Linear(photo.clone())], &[0.0]).unwrap()
+}
+
+fn unwrapped(photo: &RadianceImage, shot: &Shot, size: [usize; 2]) -> UnwrappedBall {
+    let view = BallView::new(outline(shot), lens(shot), shot.size).unwrap();
+    unwrap_ball(&merged(photo), &view, &UnwrapOptions { size: Some(size), ..UnwrapOptions::default() }).unwrap()
+}
+
+/// PSNR over sRGB values of radiance clipped to 1, weighted by solid angle, of pixels farther than `hidden_deg` from straight ahead.
+fn psnr_db(got: &RadianceImage, truth: &RadianceImage, hidden_deg: f32) -> f64 {
+    let (width, height) = (truth.width(), truth.height());
+    let [mut error, mut weights] = [0.0f64; 2];
+    for (index, (a, b)) in got.pixels().iter().zip(truth.pixels()).enumerate() {
+        let (x, y) = (index % width, index / width);
+        let ahead = (-pixel_direction(x, y, width, height).z).clamp(-1.0, 1.0).acos().to_degrees();
+        if ahead > hidden_deg {
+            let weight = f64::from(pixel_solid_angle_sr(y, width, height));
+            let code = |v: f32| srgb_from_linear(v.clamp(0.0, 1.0));
+            error += weight * (0..3).map(|c| f64::from(code(a[c]) - code(b[c])).powi(2)).sum::<f64>() / 3.0;
+            weights += weight;
+        }
+    }
+    -10.0 * (error / weights).log10()
+}
+
+/// Smooth in all directions: no resampling could be blamed.
+fn harmonics(d: DVec3) -> [f32; 3] {
+    [0.5 + 0.4 * d.x * d.y, 0.4 + 0.3 * d.z, 0.5 + 0.2 * d.y + 0.2 * (3.0 * d.x).sin()].map(|v| v as f32)
+}
+
+fn lebombo() -> RadianceImage {
+    read_radiance(lo_testdata::panoramas().join("lebombo_256.hdr")).unwrap()
+}
+
+#[test]
+fn an_analytic_panorama_comes_back() {
+    for shot in [ORTHOGRAPHIC, PINHOLE, OFF_AXIS] {
+        let photo = shot.render(&harmonics, &|_, _| [0.0; 3], 2);
+        let got = unwrapped(&photo, &shot, [256, 128]);
+        let truth = RadianceImage::from_fn(256, 128, |x, y| harmonics(pixel_direction(x, y, 256, 128).as_dvec3()));
+        let psnr = psnr_db(&got.radiance, &truth, 40.0);
+        assert!(psnr > 50.0, "{shot:?}: {psnr:.1} dB");
+        // what is filled is a guess, but a smooth one
+        let all = psnr_db(&got.radiance, &truth, 0.0);
+        assert!(all > 25.0, "{shot:?}: {all:.1} dB");
+        assert!(got.filled_share > 0.0 && got.filled_share < 0.06, "{shot:?}: {}", got.filled_share);
+    }
+}
+
+#[test]
+fn a_real_panorama_comes_back() {
+    let map = lebombo();
+    for (shot, asked) in [(ORTHOGRAPHIC, 32.0), (PINHOLE, 32.0), (OFF_AXIS, 30.0)] {
+        let photo = shot.render(&of_map(&map), &|ray, _| of_map(&map)(ray), 3);
+        let got = unwrapped(&photo, &shot, [256, 128]);
+        let psnr = psnr_db(&got.radiance, &map, 60.0);
+        assert!(psnr > asked, "{shot:?}: {psnr:.1} dB");
+        println!("{shot:?}: {psnr:.1} dB beyond 60°, {:.1} beyond 30°", psnr_db(&got.radiance, &map, 30.0));
+    }
+}
+
+#[test]
+fn a_smaller_panorama_is_a_mean_and_a_wrong_lens_is_worse() {
+    let map = lebombo();
+    let photo = PINHOLE.render(&of_map(&map), &|ray, _| of_map(&map)(ray), 3);
+    let small = unwrapped(&photo, &PINHOLE, [64, 32]);
+    let truth = resize_equirectangular(&map, 64, 32);
+    let psnr = psnr_db(&small.radiance, &truth, 60.0);
+    assert!(psnr > 36.0, "{psnr:.1} dB");
+    let wrong = unwrapped(&photo, &Shot { focal_px: None, ..PINHOLE }, [64, 32]);
+    let worse = psnr_db(&wrong.radiance, &truth, 60.0);
+    assert!(worse < psnr - 6.0, "{worse:.1} and {psnr:.1} dB");
+}
+
+#[test]
+fn a_small_lamp_keeps_its_flux() {
+    for shot in [ORTHOGRAPHIC, PINHOLE] {
+        for at in [[0.0, 0.0, 1.0], [0.7, 0.5, 0.5], [-0.9, 0.3, -0.3], [0.2, 1.0, -0.6]] {
+            let centre = DVec3::from(at).normalize();
+            // half-angle of 1.5°, radiance 5000
+            let cos = 1.5f64.to_radians().cos();
+            let lamp = |d: DVec3| if d.dot(centre) > cos { [5000.0, 4000.0, 3000.0] } else { [0.0; 3] };
+            let photo = shot.render(&lamp, &|_, _| [0.0; 3], 4);
+            let got = unwrapped(&photo, &shot, [512, 256]).radiance;
+            let flux: f64 = got
+                .pixels()
+                .iter()
+                .enumerate()
+                .map(|(index, rgb)| f64::from(rgb[0] * pixel_solid_angle_sr(index / 512, 512, 256)))
+                .sum();
+            let truth = 5000.0 * std::f64::consts::TAU * (1.0 - cos);
+            assert!((flux / truth - 1.0).abs() < 0.05, "{shot:?} {at:?}: {:.3}", flux / truth);
+        }
+    }
+}
+
+#[test]
+fn the_panorama_turns_as_asked() {
+    let map = lebombo();
+    let photo = ORTHOGRAPHIC.render(&of_map(&map), &|ray, _| of_map(&map)(ray), 2);
+    let view = BallView::new(outline(&ORTHOGRAPHIC), BallLens::Orthographic, ORTHOGRAPHIC.size).unwrap();
+    let options = UnwrapOptions { size: Some([256, 128]), ..UnwrapOptions::default() };
+    let plain = unwrap_ball(&merged(&photo), &view, &options).unwrap().radiance;
+    let yaw_rad = std::f32::consts::FRAC_PI_2;
+    let turned = unwrap_ball(&merged(&photo), &view, &UnwrapOptions { yaw_rad, ..options }).unwrap().radiance;
+    // the centre looks to where +X was
+    let moved = RadianceImage::from_fn(256, 128, |x, y| plain[((x + 64) % 256, y)]);
+    assert!(psnr_db(&turned, &moved, 0.0) > 45.0);
+    // a camera that looks up by 30° sees the horizon below its axis: what it has straight ahead lies 30° above the map's centre
+    let pitch_rad = 30f32.to_radians();
+    let level = unwrap_ball(&merged(&photo), &view, &UnwrapOptions { pitch_rad, ..options }).unwrap().radiance;
+    let back = plain[(0, 64)];
+    let expected_row = (64.0 + 128.0 * 30.0 / 180.0) as usize;
+    assert!((0..3).all(|c| (level[(0, expected_row)][c] - back[c]).abs() < 0.05 * back[c].max(0.2)), "{back:?}");
+    // reflectance and what is cut out
+    let options = UnwrapOptions { reflectance: [0.5, 0.25, 1.0], cut_out_camera_rad: 0.2, ..options };
+    let half = unwrap_ball(&merged(&photo), &view, &options).unwrap();
+    assert!((half.radiance[(60, 40)][1] / plain[(60, 40)][1] - 4.0).abs() < 1e-3);
+    assert_eq!((half.known[(0, 64)], half.known[(60, 40)]), (0.0, 1.0));
+}
+
+/// Before a real photo, and in the room that the ball shows, which goes on beyond the outline without an edge; with noise.
+#[test]
+fn the_outline_is_found_within_half_a_pixel() {
+    let photo = resize(&read_radiance(lo_testdata::asset("library_color.jpg")).unwrap(), 640, 480);
+    let map = lebombo();
+    let before_photo = |_: DVec3, [u, v]: [f64; 2]| photo[((u as usize).min(639), (v as usize).min(479))];
+    let in_room = |ray: DVec3, _: [f64; 2]| of_map(&map)(ray);
+    let small = Shot { middle: [200.3, 150.8], radius_px: 71.4, ..PINHOLE };
+    let tight = Shot { middle: [330.0, 245.5], radius_px: 232.0, ..ORTHOGRAPHIC };
+    for (index, shot) in [PINHOLE, OFF_AXIS, small, ORTHOGRAPHIC, tight].into_iter().enumerate() {
+        let mut lights = vec![(shot.render(&of_map(&map), &before_photo, 2), 0.5)];
+        // seen from infinity, one direction of the room would be behind all of the ball; else there is no edge at all where the ball ends
+        if shot.focal_px.is_some() {
+            lights.push((shot.render(&of_map(&map), &in_room, 2), 1.0));
+        }
+        for (light, tolerance_px) in lights {
+            // 2000 quanta at white: 2.2 % noise
+            let noisy = developed(&light, 0.0, 2000.0, 7 + index as u32).into_radiance();
+            let found = find_ball(&noisy, lens(&shot)).unwrap().unwrap();
+            let (got, truth) = (found.view.circle(), outline(&shot));
+            let off = [got.x - truth.x, got.y - truth.y, got.radius_px - truth.radius_px];
+            println!("{truth:?}: off by {off:.2?} px, confidence {:.2}", found.confidence);
+            assert!(found.confidence >= BallFind::SURE, "{shot:?}: {found:?}");
+            assert!(off.iter().all(|off| off.abs() < tolerance_px), "{shot:?}: {off:.2?} px");
+        }
+    }
+}
+
+#[test]
+fn photos_without_a_ball_give_no_sure_find() {
+    let library = resize(&read_radiance(lo_testdata::asset("library_color.jpg")).unwrap(), 960, 720);
+    let crops = [library.clone(), resize(&library, 320, 240), lebombo()];
+    let grey = RadianceImage::new(300, 200, vec![[0.3; 3]; 300 * 200]);
+    let noise = developed(&grey, 0.0, 500.0, 3).into_radiance();
+    let tiny = RadianceImage::new(1, 1, vec![[0.3; 3]]);
+    for photo in crops.into_iter().chain([grey, noise, tiny, RadianceImage::new(5, 400, vec![[1.0; 3]; 2000])]) {
+        let found = find_ball(&photo, BallLens::Orthographic).unwrap();
+        println!("{} × {}: {found:?}", photo.width(), photo.height());
+        assert!(found.is_none_or(|found| found.confidence < BallFind::SURE), "{found:?}");
+    }
+    assert!(matches!(find_ball(&lebombo(), BallLens::Focal { focal_px: 0.0 }), Err(BallError::Lens { .. })));
+}
+
+#[test]
+fn a_noisy_bracket_gives_exposures_and_range() {
+    let map = lebombo();
+    let light = PINHOLE.render(&of_map(&map), &|ray, _| of_map(&map)(ray), 2);
+    let stops = [0.0, -2.5, -5.0, 1.5];
+    let photos: Vec<Photo> =
+        stops.iter().enumerate().map(|(i, &stop)| developed(&light, stop, 4000.0, i as u32)).collect();
+    let estimated = estimate_stops(&photos).unwrap();
+    for (got, expected) in estimated.iter().zip(stops) {
+        let ratio = (got - f64::from(expected)).exp2();
+        assert!((ratio - 1.0).abs() < 0.02, "{estimated:?}");
+    }
+    let merged = merge_exposures(&photos, &estimated).unwrap();
+    let view = BallView::new(outline(&PINHOLE), lens(&PINHOLE), PINHOLE.size).unwrap();
+    let got =
+        unwrap_ball(&merged, &view, &UnwrapOptions { size: Some([256, 128]), ..UnwrapOptions::default() }).unwrap();
+    let psnr = psnr_db(&got.radiance, &map, 60.0);
+    assert!(psnr > 30.0, "{psnr:.1} dB");
+    // the window's light of 20 times white is there
+    let brightest = |map: &RadianceImage| {
+        let small = resize_equirectangular(map, 64, 32);
+        small.pixels().iter().map(|rgb| rgb[1]).fold(0.0, f32::max)
+    };
+    assert!((brightest(&got.radiance) / brightest(&map) - 1.0).abs() < 0.1);
+    assert!(got.clipped_share < 0.001, "{}", got.clipped_share);
+}
+
+#[test]
+fn no_circle_and_no_size_makes_a_panic() {
+    let photo = merged(&RadianceImage::from_fn(40, 30, |x, y| [(x + y) as f32; 3]));
+    let circles = [-5.0, 0.0, 3.9, 4.0, 12.5, 29.9, 40.0, 1e7, f64::NAN];
+    for (x, y, radius_px) in circles.iter().flat_map(|&x| circles.iter().flat_map(move |&y| circles.map(|r| (x, y, r))))
+    {
+        for lens in [BallLens::Orthographic, BallLens::Focal { focal_px: 20.0 }, BallLens::Distance { radii: 1.01 }] {
+            let Ok(view) = BallView::new(BallCircle { x, y, radius_px }, lens, [40, 30]) else { continue };
+            for size in [None, Some([2, 1]), Some([30, 15]), Some([0, 0]), Some([10, 10])] {
+                let options = UnwrapOptions { size, cut_out_camera_rad: 1.5, ..UnwrapOptions::default() };
+                if let Ok(got) = unwrap_ball(&photo, &view, &options) {
+                    assert!(got.radiance.pixels().iter().flatten().all(|v| v.is_finite()), "{view:?} {size:?}");
+                }
+            }
+        }
+    }
+}
+
+/// How sure finds are with and without a ball, and how good: what [`BallFind::SURE`] is chosen by.
+#[test]
+#[ignore = "a survey of the panoramas and photos beside the checkout: cargo test -p lo_imaging --test it survey -- --ignored --nocapture"]
+fn survey() {
+    let Some(folder) = lo_testdata::beside("hdr", "finding the ball in other rooms") else { return };
+    let mut panoramas: Vec<_> = folder.read_dir().unwrap().map(|entry| entry.unwrap().path()).collect();
+    panoramas.retain(|path| path.extension().is_some_and(|end| end == "hdr" || end == "exr"));
+    panoramas.sort();
+    for (index, path) in panoramas.iter().enumerate() {
+        let map = read_radiance(path).unwrap();
+        let mut all: Vec<f32> = map.pixels().iter().map(|rgb| rgb[1]).collect();
+        let middle = all.len() / 2;
+        let gain = 0.2 / all.select_nth_unstable_by(middle, f32::total_cmp).1.max(1e-4);
+        let map = map.map(|rgb| rgb.map(|v| v * gain));
+        let radius_px = 60.0 + 13.0 * index as f64;
+        let shot = Shot { middle: [300.0 + 3.3 * index as f64, 250.0], radius_px, ..PINHOLE };
+        let light = shot.render(&of_map(&map), &|ray, _| of_map(&map)(ray), 2);
+        let noisy = developed(&light, 0.0, 2000.0, index as u32).into_radiance();
+        let found = find_ball(&noisy, lens(&shot)).unwrap();
+        let truth = outline(&shot);
+        let off = found.map(|found| {
+            let got = found.view.circle();
+            (got.x - truth.x).abs().max((got.y - truth.y).abs()).max((got.radius_px - truth.radius_px).abs())
+        });
+        let camera = lo_geometry::Camera::from_hfov_deg(70.0, 640, 480).unwrap();
+        let turn = lo_imaging::view_rotation(0.7 * index as f32, 0.0, 0.0);
+        let bare = lo_imaging::perspective_from_equirectangular(&map, &camera, turn);
+        let bare = developed(&bare, 0.0, 2000.0, index as u32).into_radiance();
+        let none = find_ball(&bare, BallLens::Orthographic).unwrap();
+        println!(
+            "{index:2} radius {radius_px:5.1}: off by {off:.2?} px, confidence {:.2?}; without a ball {:.2?} {:.0?}  {}",
+            found.map(|found| found.confidence),
+            none.map(|found| found.confidence),
+            none.map(|found| found.view.circle().radius_px),
+            path.file_name().unwrap().display()
+        );
+    }
+    for folder in ["photos_more", "rgbd", "rgbd_more"] {
+        let Some(folder) = lo_testdata::beside(folder, "photos without a ball") else { return };
+        let mut photos: Vec<_> = folder.read_dir().unwrap().map(|entry| entry.unwrap().path()).collect();
+        photos.retain(|path| {
+            path.extension().is_some_and(|end| end == "jpg") || path.display().to_string().ends_with("color.png")
+        });
+        photos.sort();
+        for path in photos {
+            let photo = read_radiance(&path).unwrap();
+            let width = photo.width().min(1000);
+            let photo = resize(&photo, width, photo.height() * width / photo.width());
+            let none = find_ball(&photo, BallLens::Orthographic).unwrap();
+            println!("without a ball {:.2?}  {}", none.map(|f| f.confidence), path.file_name().unwrap().display());
+        }
+    }
+}

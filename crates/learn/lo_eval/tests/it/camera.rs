@@ -1,0 +1,54 @@
+//! What networks tell of the camera of photos that are cut out of real panoramas, whose cameras are known exactly.
+
+use std::path::PathBuf;
+
+use lightoctree::nets::Networks;
+use lo_dataset::{CropModel, Dataset, Panoramas};
+use lo_sensor::Interval;
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+#[test]
+#[ignore = "needs weights: WEIGHTS=… [PANORAMAS=…] cargo test --release -p lo_eval --test it camera:: -- --ignored --nocapture"]
+fn cameras_of_panoramas() {
+    let networks = Networks::read(std::env::var_os("WEIGHTS").unwrap()).unwrap();
+    let folder = std::env::var_os("PANORAMAS").map_or_else(lo_testdata::panoramas, PathBuf::from);
+    for even_sharpness in [false, true] {
+        let model = CropModel {
+            crops: 4,
+            hfov_deg: Interval::new(45.0, 90.0),
+            pitch_deg: Interval::new(-30.0, 30.0),
+            roll_deg: Interval::new(-8.0, 8.0),
+            even_sharpness,
+            seed: 1,
+            ..CropModel::default()
+        };
+        let panoramas = Panoramas::open(&folder, model).unwrap();
+        let [mut up, mut level, mut fov, mut constant] = [const { Vec::new() }; 4];
+        for index in 0..panoramas.len() {
+            let sample = panoramas.get(index).unwrap();
+            let truth = sample.up.unwrap();
+            let deg = |half_extent: f64| 2.0 * half_extent.atan().to_degrees();
+            let own = deg(sample.camera.half_extent());
+            let found = networks.perspective(&sample.photo, None).expect("weights that have learned the camera").camera;
+            up.push(f64::from(found.up.angle_between(truth).to_degrees()));
+            level.push(f64::from(lo_geometry::Vec3::Y.angle_between(truth).to_degrees()));
+            fov.push((deg(found.half_extent) - own).abs());
+            constant.push((65.0 - own).abs());
+            println!("{}: up {:.1}°, {:.1}° for {own:.1}°", sample.id, up[index], deg(found.half_extent));
+        }
+        let mean = up.iter().sum::<f64>() / up.len() as f64;
+        println!(
+            "{} photos{}: up {:.2}° median, {mean:.2}° mean, level {:.2}°; field of view {:.2}° median, 65° {:.2}°",
+            up.len(),
+            if even_sharpness { ", alike in sharpness" } else { "" },
+            median(up),
+            median(level),
+            median(fov),
+            median(constant)
+        );
+    }
+}

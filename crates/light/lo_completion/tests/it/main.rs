@@ -1,0 +1,5 @@
+//! Rooms completed from photos and panoramas. One binary, so that it is linked once.
+#![allow(clippy::unwrap_used)]
+
+mod panorama;
+mod shell;

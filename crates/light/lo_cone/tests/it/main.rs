@@ -1,0 +1,7 @@
+//! Cones through octrees of rooms. One binary, so that it is linked once.
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+mod agreement;
+mod room;

@@ -1,0 +1,158 @@
+//! Added and edited lights on an object and in its shadow, in a room of known radiance.
+
+use std::f32::consts::PI;
+
+use lo_cone::Viewers;
+use lo_geometry::{Camera, Cube, Plane, Vec3};
+use lo_imaging::{Image, Photo, luminance};
+use lo_insert::{Composite, Inserter, Instance, Lighting, Placement, Quality};
+use lo_lights::{apply_edits, emitters, list};
+use lo_mesh::{Material, Model, PreparedModel};
+use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_scene::{AddedLight, AnalyticLight, EmitterEdit, Frame, LightChange, LightShape, Scene};
+
+const LOW: Vec3 = Vec3::new(-2.0, -1.0, -4.0);
+const HIGH: Vec3 = Vec3::new(2.0, 1.5, 1.0);
+const WIDTH: usize = 120;
+const HEIGHT: usize = 80;
+const CENTRE: Vec3 = Vec3::new(0.2, -0.45, -2.4);
+const RADIUS: f32 = 0.25;
+const ALBEDO: f32 = 0.7;
+
+fn wall(origin: Vec3, direction: Vec3) -> Vec3 {
+    let (a, b) = ((LOW - origin) / direction, (HIGH - origin) / direction);
+    origin + direction * a.max(b).min_element()
+}
+
+/// A lamp in the ceiling; walls of 0.4.
+fn radiance(p: Vec3) -> [f32; 3] {
+    let lamp = p.y > HIGH.y - 0.01 && (p.x + 0.5).abs() < 0.4 && (p.z + 2.0).abs() < 0.4;
+    if lamp { [12.0; 3] } else { [0.4; 3] }
+}
+
+/// The photo shows the floor and the wall behind it.
+fn scene() -> Scene {
+    let camera = Camera::from_hfov_deg(65.0, WIDTH as u32, HEIGHT as u32).unwrap();
+    let point = |direction: Vec3| {
+        let position_m = wall(0.5 * (LOW + HIGH), direction);
+        let seen = camera.project(position_m).is_some_and(|(u, v, _)| camera.contains(u, v));
+        let coverage = if seen { Coverage::Seen } else { Coverage::Inferred };
+        RadiancePoint { position_m, radiance: radiance(position_m), coverage }
+    };
+    let points: Vec<RadiancePoint> = lo_geometry::fibonacci_sphere(400_000).into_iter().map(point).collect();
+    let light = LightOctree::from_points(&points, Cube::centred(0.5 * (LOW + HIGH), 5.5), 6, 4).unwrap().0;
+    let seen = |x: usize, y: usize| wall(Vec3::ZERO, camera.direction(x as f64 + 0.5, y as f64 + 0.5));
+    let photo = Photo::Linear(Image::from_fn(WIDTH, HEIGHT, |x, y| radiance(seen(x, y))));
+    let depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| -seen(x, y).z);
+    Scene::as_seen(light, Frame::new(photo, depth_m, camera, 1.0).unwrap())
+}
+
+fn with(shape: LightShape, radiance: f32) -> Scene {
+    let mut scene = scene();
+    let found = emitters(&scene);
+    let light = AnalyticLight { shape, radiance: [radiance; 3] };
+    scene.light_edits.added.push(AddedLight { id: "A1".to_owned(), light, change: LightChange::NONE });
+    apply_edits(&mut scene, &found).unwrap();
+    scene
+}
+
+/// A matte sphere of radius 1 about the origin.
+fn sphere() -> PreparedModel {
+    let material = Material { base_color: [ALBEDO, ALBEDO, ALBEDO, 1.0], roughness: 1.0, ..Material::default() };
+    PreparedModel::new(Model::sphere(1.0, 5, material).unwrap())
+}
+
+fn render(scene: &Scene) -> Composite {
+    let support = Some(Plane { normal: Vec3::Y, offset_m: LOW.y });
+    let position_m = CENTRE - Vec3::Y * RADIUS;
+    let placement = Placement { position_m, scale: RADIUS, yaw_rad: 0.0, up: Vec3::Y, support };
+    let inserter = Inserter::new(scene, Lighting::Octree, Quality::High).unwrap();
+    inserter.render(&[Instance::new(&sphere(), placement)], &mut lo_events::ignore).unwrap()
+}
+
+fn pixel(scene: &Scene, point: Vec3) -> (usize, usize) {
+    let (u, v, _) = scene.frame.camera.project(point).unwrap();
+    (u as usize, v as usize)
+}
+
+#[test]
+fn an_added_sun_lights_the_object_and_casts_its_shadow() {
+    let direction = Vec3::new(0.5, 0.7, 0.4).normalize();
+    let shape = LightShape::Sun { direction, angular_radius_deg: 0.27 };
+    let extent = AnalyticLight { shape, radiance: [1.0; 3] }.extent();
+    let strength = 6.0;
+    let (plain, scene) = (scene(), with(shape, strength / extent));
+    let [none, one, two] = [&plain, &scene, &with(shape, 2.0 * strength / extent)].map(render);
+
+    // Where the sphere faces the sun, half way to the camera, it gives albedo / π · E · cos more, of which Fresnel's term takes a twentieth.
+    let normal = (direction + (-CENTRE).normalize()).normalize();
+    let at = pixel(&scene, CENTRE + normal * RADIUS);
+    let [dark, lit, bright] = [&none, &one, &two].map(|composite| luminance(composite.object[at]));
+    let expected = ALBEDO / PI * strength * normal.dot(direction);
+    assert!((lit - dark) / expected > 0.92 && (lit - dark) / expected < 1.02, "{lit} − {dark}, {expected}");
+    // The other lamp's samples are others, too.
+    assert!(((bright - dark) / (lit - dark) - 2.0).abs() < 0.03, "{dark} {lit} {bright}");
+
+    // In the middle of its shadow only the other light is left: E₀ r / (E₀ + S).
+    let shadow = CENTRE - direction * ((CENTRE.y - LOW.y) / direction.y);
+    let sun = strength * direction.y;
+    let map = Viewers::new(&plain.light).at(shadow).panorama(shadow + Vec3::Y * 0.13, 256, 128).radiance;
+    let cosine = |i: usize| lo_geometry::pixel_direction(i % 256, i / 256, 256, 128).y.max(0.0);
+    let arriving =
+        |i: usize| luminance(map.pixels()[i]) * cosine(i) * lo_geometry::pixel_solid_angle_sr(i / 256, 256, 128);
+    let other: f32 = (0..256 * 128).map(arriving).sum();
+    let ratio = |composite: &Composite| luminance(composite.shadow_ratio[pixel(&scene, shadow)]);
+    let expected = other * ratio(&none) / (other + sun);
+    assert!((ratio(&one) / expected - 1.0).abs() < 0.12, "{} for {expected}", ratio(&one));
+    // Beside it the photo is not relit.
+    let beside = pixel(&scene, Vec3::new(1.1, LOW.y, -3.2));
+    assert!((luminance(one.shadow_ratio[beside]) - 1.0).abs() < 0.02, "{:?}", one.shadow_ratio[beside]);
+}
+
+#[test]
+fn added_lamps_light_the_object_by_the_square_of_their_distance() {
+    let plain = render(&scene());
+    let given = |shape: LightShape, radiance: f32, normal: Vec3| {
+        let scene = with(shape, radiance);
+        let at = pixel(&scene, CENTRE + normal * RADIUS);
+        luminance(render(&scene).object[at]) - luminance(plain.object[at])
+    };
+    let normal = (-CENTRE).normalize();
+    for distance_m in [0.8, 1.6] {
+        let centre_m = CENTRE + normal * (RADIUS + distance_m);
+        let (radius_m, radiance) = (0.05, 400.0);
+        // Less Fresnel's term, a twentieth.
+        let expected = 0.95 * ALBEDO * radiance * (radius_m / distance_m).powi(2);
+        let ball = given(LightShape::Sphere { centre_m, radius_m }, radiance, normal);
+        assert!((ball / expected - 1.0).abs() < 0.06, "{ball} for {expected} at {distance_m} m");
+        let across = normal.any_orthonormal_vector();
+        let rectangle =
+            LightShape::Rectangle { centre_m, direction: -normal, across, size_m: [0.1, 0.08], two_sided: false };
+        let expected = 0.95 * ALBEDO / PI * radiance * 0.008 / (distance_m * distance_m);
+        let flat = given(rectangle, radiance, normal);
+        assert!((flat / expected - 1.0).abs() < 0.06, "{flat} for {expected} at {distance_m} m");
+        let away = LightShape::Rectangle { centre_m, direction: normal, across, size_m: [0.1, 0.08], two_sided: false };
+        assert!(given(away, radiance, normal).abs() < 0.05 * expected, "it shines away");
+    }
+}
+
+#[test]
+fn a_lamp_that_is_off_lights_nothing_and_one_of_twice_the_scale_twice() {
+    let changed = |change: LightChange| {
+        let mut scene = scene();
+        let found = emitters(&scene);
+        let lamp = list(&scene).remove(0);
+        let found_at_m = lamp.position_m.unwrap();
+        scene.light_edits.emitters.push(EmitterEdit { id: lamp.id, found_at_m, change });
+        apply_edits(&mut scene, &found).unwrap();
+        scene
+    };
+    let off = changed(LightChange { on: false, ..LightChange::NONE });
+    let two = changed(LightChange { scale: 2.0, ..LightChange::NONE });
+    let top = pixel(&off, CENTRE + Vec3::new(-0.2, 0.9, 0.39).normalize() * RADIUS);
+    let [dark, lit, bright] = [&off, &scene(), &two].map(|scene| luminance(render(scene).object[top]));
+    // Walls alone give albedo · 0.4, less what the object's own shadow takes from the floor.
+    assert!(dark < 1.02 * ALBEDO * 0.4 && dark > 0.8 * ALBEDO * 0.4, "{dark}");
+    assert!(lit > 1.5 * dark, "{lit} {dark}");
+    assert!(((bright - dark) / (lit - dark) - 2.0).abs() < 0.05, "{dark} {lit} {bright}");
+}

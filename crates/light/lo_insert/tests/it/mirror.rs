@@ -1,0 +1,94 @@
+//! What a chrome sphere mirrors, against the truth: a striped room that the photo shows.
+
+use lo_geometry::{Camera, Cube, Plane, Vec3};
+use lo_imaging::{Image, Photo, RadianceImage};
+use lo_insert::{Inserter, Instance, Lighting, Placement, Quality};
+use lo_mesh::{Material, Model, PreparedModel};
+use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_scene::{Frame, Scene};
+
+const LOW: Vec3 = Vec3::new(-1.5, -1.0, -3.5);
+const HIGH: Vec3 = Vec3::new(1.5, 1.4, 0.6);
+const RADIUS: f32 = 0.5;
+const CENTRE: Vec3 = Vec3::new(0.1, LOW.y + RADIUS, -2.2);
+
+/// Where a ray from inside meets the room, and its radiance: stripes of 7 cm.
+fn room(origin: Vec3, direction: Vec3) -> (Vec3, [f32; 3]) {
+    let (a, b) = ((LOW - origin) / direction, (HIGH - origin) / direction);
+    let point = origin + direction * a.max(b).min_element();
+    let wave = ((point.x + point.y + point.z) * std::f32::consts::TAU / 0.25).sin();
+    (point, [0.5 + 0.35 * wave, 0.5, 0.5 - 0.35 * wave])
+}
+
+fn scene() -> Scene {
+    let camera = Camera::from_hfov_deg(75.0, 640, 480).unwrap();
+    let ray = |x: usize, y: usize| room(Vec3::ZERO, camera.direction(x as f64 + 0.5, y as f64 + 0.5));
+    let photo = RadianceImage::from_fn(640, 480, |x, y| ray(x, y).1);
+    let depth_m = Image::from_fn(640, 480, |x, y| -ray(x, y).0.z);
+    let points = lo_geometry::fibonacci_sphere(400_000).into_iter().map(|direction| {
+        let (position_m, radiance) = room(Vec3::ZERO, direction);
+        RadiancePoint { position_m, radiance, coverage: Coverage::Seen }
+    });
+    // Leaves of 8 cm
+    let cube = Cube::centred(Vec3::new(0.0, 0.0, -1.5), 5.1);
+    let light = LightOctree::from_points(&points.collect::<Vec<_>>(), cube, 6, 4).unwrap().0;
+    Scene::as_seen(light, Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap())
+}
+
+/// Places along a pixel's sides at which the truth is taken.
+const PLACES: usize = 4;
+
+/// What the sphere mirrors at a place in a pixel, where the photo shows it away from the sphere's shadow.
+fn mirrored(camera: &Camera, x: usize, y: usize, place: usize) -> Option<Vec3> {
+    let at = |pixel: usize, step: usize| pixel as f64 + (step as f64 + 0.5) / PLACES as f64;
+    let view = camera.direction(at(x, place % PLACES), at(y, place / PLACES));
+    let along = view.dot(CENTRE);
+    let discriminant = along * along - CENTRE.length_squared() + RADIUS * RADIUS;
+    let point = view * (along - discriminant.max(0.0).sqrt());
+    let normal = (point - CENTRE) / RADIUS;
+    let (met, truth) = room(point, view - 2.0 * view.dot(normal) * normal);
+    let inside = |u: f64, v: f64| (10.0..630.0).contains(&u) && (10.0..470.0).contains(&v);
+    let shown = camera.project(met).is_some_and(|(u, v, _)| inside(u, v)) && met.y > LOW.y + 0.1;
+    (discriminant > 0.0 && shown).then_some(Vec3::from(truth))
+}
+
+/// Mean error of the pixels that mirror a place that the photo shows, away from the sphere's shadow; and how many they are.
+fn error(scene: &Scene, quality: Quality) -> (f32, usize) {
+    let camera = scene.frame.camera;
+    let chrome = Material { base_color: [1.0; 4], metallic: 1.0, roughness: 0.0, ..Material::default() };
+    let model = PreparedModel::new(Model::sphere(RADIUS, 6, chrome).unwrap());
+    let placement = Placement {
+        position_m: CENTRE - Vec3::Y * RADIUS,
+        scale: 1.0,
+        yaw_rad: 0.0,
+        up: Vec3::Y,
+        support: Some(Plane::through(Vec3::new(0.0, LOW.y, 0.0), Vec3::Y)),
+    };
+    let inserter = Inserter::new(scene, Lighting::Octree, quality).unwrap();
+    let composite = inserter.render(&[Instance::new(&model, placement)], &mut lo_events::ignore).unwrap();
+    let (mut sum, mut count) = (0.0, 0);
+    for y in 0..480 {
+        for x in 0..640 {
+            if composite.alpha[(x, y)] < 1.0 {
+                continue;
+            }
+            let mirrored: Option<Vec<Vec3>> = (0..PLACES * PLACES).map(|i| mirrored(&camera, x, y, i)).collect();
+            if let Some(mirrored) = mirrored {
+                let truth = mirrored.iter().sum::<Vec3>() / mirrored.len() as f32;
+                sum += (Vec3::from(composite.object[(x, y)]) - truth).abs().element_sum() / 2.0;
+                count += 1;
+            }
+        }
+    }
+    (sum / count as f32, count)
+}
+
+#[test]
+fn chrome_mirrors_what_the_photo_shows() {
+    let scene = scene();
+    let (draft, pixels) = error(&scene, Quality::Draft);
+    let (normal, _) = error(&scene, Quality::Normal);
+    println!("{pixels} pixels: {draft} without the photo, {normal} with it");
+    assert!(pixels > 500, "{pixels}");
+    assert!(normal < 0.6 * draft, "{normal} with the photo, {draft} without");
+}

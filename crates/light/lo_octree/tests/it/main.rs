@@ -1,0 +1,7 @@
+//! Octrees from points. One binary, so that it is linked once.
+#![allow(clippy::unwrap_used)]
+
+mod construction;
+mod opacity;
+mod scaling;
+mod tensors;

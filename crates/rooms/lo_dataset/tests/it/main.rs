@@ -1,0 +1,8 @@
+//! Generated rooms, shards and published datasets. One binary, so that it is linked once.
+#![allow(clippy::unwrap_used)]
+
+mod consistency;
+mod mattes;
+mod published;
+mod shards;
+mod unchanged;
