@@ -21,7 +21,7 @@ type Result<T = ()> = std::result::Result<T, Box<dyn std::error::Error>>;
 
 fn main() -> Result {
     let corpus = Path::new("corpus");
-    for target in ["scene", "image", "mesh", "shard", "depth_model", "poses", "options", "viewer"] {
+    for target in ["scene", "image", "mesh", "shard", "depth_model", "poses", "plan", "options", "viewer"] {
         std::fs::create_dir_all(corpus.join(target))?;
     }
     scenes(&corpus.join("scene"))?;
@@ -31,6 +31,7 @@ fn main() -> Result {
     shards(&corpus.join("shard"))?;
     depth_models(&corpus.join("depth_model"))?;
     poses(&corpus.join("poses"))?;
+    plans(&corpus.join("plan"))?;
     texts(&corpus.join("options"))?;
     messages(&corpus.join("viewer"))
 }
@@ -44,6 +45,25 @@ fn depth_models(folder: &Path) -> Result {
             std::fs::copy(entry.path(), folder.join(name))?;
         }
     }
+    Ok(())
+}
+
+/// Of a box, one with furniture, and one without a ceiling.
+fn plans(folder: &Path) -> Result {
+    let floor = r#""floor":[[10,24],[28,23],[42,25],[60,24]]"#;
+    let start = r#"{"width":64,"camera_height_m":1.5,"height_from":"a door""#;
+    let uprights = r#""uprights":[{"base":[[12,28],[20,27]],"height_m":0.75,"from_m":0.1}]"#;
+    let tops = r#""tops":[{"outline":[[12,25],[20,24],[19,22],[13,23]],"height_m":0.75}]"#;
+    let unknown = r#""unknown":[[[30,10],[34,10],[34,15],[30,15]]]"#;
+    std::fs::write(folder.join("box"), format!(r#"{start},"ceiling_m":2.6,{floor}}}"#))?;
+    std::fs::write(
+        folder.join("furnished"),
+        format!(r#"{start},"ceiling_m":2.6,{floor},{uprights},{tops},{unknown}}}"#),
+    )?;
+    std::fs::write(
+        folder.join("open"),
+        format!(r#"{start},"ceiling_m":null,"wall_top_m":3.0,"place":"yard",{floor}}}"#),
+    )?;
     Ok(())
 }
 

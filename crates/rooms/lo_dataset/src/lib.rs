@@ -32,7 +32,7 @@ pub use loader::Loader;
 pub use loading::{LoadError, LoaderConfig, LoaderState};
 pub use open::Layout;
 pub use preview::ContactSheet;
-pub use published::{CropModel, Frames, FutureHouse, InteriorNet, LavalVarying, Panoramas};
+pub use published::{CropModel, Frames, FutureHouse, InteriorNet, LavalVarying, Panoramas, RoomPlan};
 pub use record::{Record, Shot};
 pub use sample::{Metadata, NovelView, Sample, Split};
 pub use shard::{FORMAT_VERSION, ShardFolder, Shards, shard_name, write_shard};

@@ -15,3 +15,4 @@ pub use futurehouse::FutureHouse;
 pub use interiornet::InteriorNet;
 pub use laval::LavalVarying;
 pub use panoramas::Panoramas;
+pub use room_plan::RoomPlan;

@@ -37,7 +37,7 @@ const MIN_LID_M: f32 = 0.5;
 /// Panoramas of one `place` share its photos, and are learned from or held out together.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct RoomPlan {
+pub struct RoomPlan {
     width: f32,
     camera_height_m: f32,
     /// For readers of the file.
@@ -84,8 +84,15 @@ impl RoomPlan {
     /// # Errors
     /// A file that cannot be read or is no plan; heights and points that cannot be, with their names.
     pub fn read(path: &Path) -> Result<Self, DatasetError> {
-        let text = std::fs::read_to_string(path).map_err(DatasetError::io(path))?;
-        let plan: Self = serde_json::from_str(&text).map_err(|error| DatasetError::field(path, "plan", error))?;
+        Self::parse(&std::fs::read_to_string(path).map_err(DatasetError::io(path))?, path)
+    }
+
+    /// Reads the text of a plan; errors name the file.
+    ///
+    /// # Errors
+    /// As [`RoomPlan::read`].
+    pub fn parse(text: &str, path: &Path) -> Result<Self, DatasetError> {
+        let plan: Self = serde_json::from_str(text).map_err(|error| DatasetError::field(path, "plan", error))?;
         plan.check().map_err(|(field, reason)| DatasetError::field(path, field, reason))?;
         Ok(plan)
     }
@@ -318,6 +325,36 @@ mod tests {
         let enclosure_m = read(&open).unwrap().enclosure_m(512, 256);
         assert!((enclosure_m[(column, 0)] - 0.9).abs() < 1e-3, "a lid at the height of walls");
         assert!(enclosure_m.pixels().iter().all(|z| (0.7..6.0).contains(z)), "and no hole");
+    }
+
+    proptest::proptest! {
+        /// As `fuzz/fuzz_targets/plan.rs` does it with any text.
+        #[test]
+        fn with_other_numbers_it_is_an_error_or_has_distances(
+            changes in proptest::collection::vec((0usize..60, 0usize..9, -2000f32..2000.0), 1..6),
+        ) {
+            let mut numbers = Vec::new();
+            let mut other = plan();
+            collect(&mut other, &mut numbers);
+            for (index, kind, value) in changes {
+                let index = index % numbers.len();
+                *numbers[index] = serde_json::json!([0.0, -1.0, 1e-30, 1e30, 1e9, 768.0, 384.0, 0.01, value][kind]);
+            }
+            if let Ok(plan) = read(&other) {
+                let (seen, closed) = (plan.distance_m(32, 16), plan.enclosure_m(32, 16));
+                proptest::prop_assert!(seen.pixels().iter().all(|z| z.is_finite() && *z >= 0.0), "{other}");
+                proptest::prop_assert!(closed.pixels().iter().all(|z| *z > 0.0 && *z <= 200.0), "{other}");
+            }
+        }
+    }
+
+    fn collect<'a>(value: &'a mut serde_json::Value, numbers: &mut Vec<&'a mut serde_json::Value>) {
+        match value {
+            serde_json::Value::Number(_) => numbers.push(value),
+            serde_json::Value::Array(values) => values.iter_mut().for_each(|value| collect(value, numbers)),
+            serde_json::Value::Object(fields) => fields.values_mut().for_each(|value| collect(value, numbers)),
+            _ => {}
+        }
     }
 
     #[test]
