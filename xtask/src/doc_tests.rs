@@ -1,6 +1,6 @@
 //! Code in documentation is compiled where there is some, and rustdoc is not started where there is none: `doctest = false` in `[lib]`.
 
-use crate::house::House;
+use crate::house::{House, Target};
 
 /// What a block's opening may say besides nothing, for it to be compiled.
 const COMPILED: [&str; 4] = ["rust", "no_run", "should_panic", "compile_fail"];
@@ -10,15 +10,13 @@ pub fn faults(house: &House) -> anyhow::Result<Vec<String>> {
     let texts = house.texts()?;
     let mut faults = Vec::new();
     for package in &house.packages {
+        let is_library = |target: &&Target| target.kind.iter().any(|kind| kind == "lib");
+        let Some(library) = package.targets.iter().find(is_library) else { continue };
         let sources = format!("{}/src/", package.folder);
-        let found = texts.iter().find(|(path, text)| path.starts_with(&sources) && has_code(text));
-        for _ in package.targets.iter().filter(|target| target.kind.iter().any(|kind| kind == "lib")) {
-            let is_tested = package.targets.iter().any(|target| target.doctest);
-            match found {
-                Some((path, _)) if !is_tested => faults.push(format!("{path}: `doctest = false` hides its code")),
-                None if is_tested => faults.push(format!("{} wants `doctest = false`", package.folder)),
-                _ => {}
-            }
+        match texts.iter().find(|(path, text)| path.starts_with(&sources) && has_code(text)) {
+            Some((path, _)) if !library.doctest => faults.push(format!("{path}: `doctest = false` hides its code")),
+            None if library.doctest => faults.push(format!("{} wants `doctest = false`", package.folder)),
+            _ => {}
         }
     }
     Ok(faults)

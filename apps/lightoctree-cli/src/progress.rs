@@ -110,7 +110,6 @@ pub fn stage_label(stage: &Stage) -> Cow<'static, str> {
         Stage::PrepareDepthModel => "prepare depth model",
         Stage::DepthModel => "depth model",
         Stage::GlobalLight => "global light",
-        Stage::Gravity => "which way is up",
         Stage::LightNetwork => "light network",
         Stage::Completion => "completion",
         Stage::Octree => "octree",

@@ -65,7 +65,7 @@ impl Estimator {
         on_event: OnEvent<'_>,
     ) -> Result<Scene, EstimateError> {
         let (completion, octree_depth) = self.plan(options)?;
-        let view = View::new(input, self.networks(), on_event)?;
+        let mut view = View::new(input, self.networks(), on_event)?;
         let prior = options.panorama.as_ref();
         let told = match completion {
             How::Network(_) | How::Shell if options.up.is_none() => view.up(self.networks(), on_event)?,

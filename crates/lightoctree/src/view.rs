@@ -21,7 +21,7 @@ pub(crate) struct View {
     pub others: Vec<(PosedFrame, Camera)>,
     /// What the photo tells of the light outside of it, where that is known already.
     pub global: Option<GlobalLight>,
-    /// How the own network says that the camera was held, where depth is its own.
+    /// How the own network says that the camera was held; known with `global`.
     held: Option<PerspectiveFit>,
     /// Whether depth is some network's.
     pub predicted_depth: bool,
@@ -95,7 +95,7 @@ impl View {
     /// Predicted floors are wavy: the network tells it. Measured ones are not, and decide among what is near to that. `None` where there is no network
     /// that has learned it, and depth is measured.
     pub fn up(
-        &self,
+        &mut self,
         networks: Option<&Networks>,
         on_event: OnEvent<'_>,
     ) -> Result<Option<(Vec3, Option<f64>)>, EstimateError> {
@@ -103,14 +103,13 @@ impl View {
         if self.predicted_depth && self.told_normals.is_some() {
             return Ok(Some((self.voted_up(), None)));
         }
-        let held = match networks.filter(|networks| self.global.is_none() && networks.depth.perspective.is_some()) {
-            None => self.held,
-            Some(networks) => {
-                let extent = self.frame.camera.half_extent();
-                stage(on_event, Stage::Gravity, || networks.perspective(&srgb8(&self.working.photo), Some(extent)))?
-            }
-        };
-        Ok(match held {
+        if let Some(networks) = networks.filter(|_| self.global.is_none()) {
+            let extent = self.frame.camera.half_extent();
+            let ask = || networks.light_and_camera(&srgb8(&self.working.photo), extent);
+            let (global, held) = stage(on_event, Stage::GlobalLight, ask)?;
+            (self.global, self.held) = (Some(global), held);
+        }
+        Ok(match self.held {
             Some(held) if self.predicted_depth => Some((held.camera.up, Some(held.up_deviation_deg))),
             Some(held) => {
                 let seen: Vec<Surfel> = self.seen_photos().iter().flat_map(SeenPhoto::surfels).collect();

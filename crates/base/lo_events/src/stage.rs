@@ -22,10 +22,8 @@ pub enum Stage {
     PrepareDepthModel,
     /// A depth network of others predicts depth.
     DepthModel,
-    /// The depth network tells what the photo says of the light outside of it.
+    /// The depth network tells what the photo says of the light outside of it, and how the camera was held.
     GlobalLight,
-    /// The depth network tells how the camera was held, and surfaces with it which way is up.
-    Gravity,
     /// The light network makes the octree of the whole room.
     LightNetwork,
     /// The room is completed without a network.

@@ -222,12 +222,11 @@ impl Method {
                 map(networks.single_map(&sample.photo))
             }
             Self::Shell(input) => {
-                let octree_depth = Some(tools.octree_depth);
-                let completion = Some(Completion::Shell);
-                let options = EstimateOptions { completion, octree_depth, ..EstimateOptions::default() };
+                // With networks they would tell it which way is up.
+                let estimator = Estimator::without_networks();
+                let options = EstimateOptions { octree_depth: Some(tools.octree_depth), ..EstimateOptions::default() };
                 let input = Input::MeasuredDepth(frame(sample, input)?);
-                let scene = tools.estimator.estimate(input, &options, &mut lightoctree::events::ignore)?;
-                Ok(Estimate::of_scene(scene))
+                Ok(Estimate::of_scene(estimator.estimate(input, &options, &mut lightoctree::events::ignore)?))
             }
             Self::Network(input) => Ok(Estimate::of_scene(estimate_scene(sample, input, tools)?)),
             Self::PanoramaEverywhere => {

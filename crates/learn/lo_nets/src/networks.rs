@@ -189,6 +189,19 @@ impl Networks {
         in_pool(|| GlobalLight(self.depth.global_feature(&self.depth.network_input(photo))))
     }
 
+    /// The light around an sRGB photo whose depth is known, and how its camera was held, by its lens ([`Camera::half_extent`]); that `None` where the
+    /// weights are of before networks learned it. By one look of the encoder for both, and a second one for the camera.
+    ///
+    /// # Panics
+    /// Where the photo has no pixels.
+    pub fn light_and_camera(&self, photo: &Image<[u8; 3]>, half_extent: f64) -> (GlobalLight, Option<PerspectiveFit>) {
+        in_pool(|| {
+            let (global, cells) = self.depth.beside_depth(&self.depth.network_input(photo));
+            let second = self.depth.perspective_field(&self.second_picture(photo));
+            (GlobalLight(global), Perspective::fit(&second_look::field(cells, &second), Some(half_extent)))
+        })
+    }
+
     /// How the camera of an sRGB photo was held and its lens, with the lens that is known, if one is ([`Camera::half_extent`]); `None` where the
     /// weights are of before networks learned it.
     ///

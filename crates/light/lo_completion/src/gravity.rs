@@ -16,7 +16,7 @@ const VOTES: usize = 3000;
 const MIN_DEVIATION_DEG: f32 = 6.0;
 
 /// Standard deviations within which up is.
-const DEVIATIONS: f32 = 3.0;
+const MAX_DEVIATIONS: f32 = 3.0;
 
 /// What is told counts as much as this share of all surfaces, horizontal ones.
 const TOLD_SHARE: f32 = 0.01;
@@ -32,6 +32,12 @@ const NEAR_DIRECTIONS: usize = 16_000;
 pub(crate) struct Facet {
     pub normal: Vec3,
     pub area: f32,
+}
+
+impl From<&Surfel> for Facet {
+    fn from(surfel: &Surfel) -> Self {
+        Self { normal: surfel.normal, area: area(surfel) }
+    }
 }
 
 /// The unit vector against gravity that explains most surfaces as horizontal or vertical, at most 50° from the camera's own
@@ -66,7 +72,7 @@ pub(crate) fn up_from_facets(facets: &[Facet]) -> Vec3 {
 /// As without being told, but directions are searched within three standard deviations, the farther from `told` the less likely, and least squares have a
 /// horizontal surface of a hundredth of all that is seen square to it: where only one wall is seen, it tells the rest.
 pub fn up_near(seen: &[Surfel], told: Vec3, deviation_deg: f32) -> Vec3 {
-    let facets: Vec<Facet> = seen.iter().map(|s| Facet { normal: s.normal, area: area(s) }).collect();
+    let facets: Vec<Facet> = seen.iter().map(Facet::from).collect();
     let votes = thinned(&facets);
     let total: f32 = votes.iter().map(|f| f.area).sum();
     let deviation_deg = deviation_deg.max(MIN_DEVIATION_DEG);
@@ -75,12 +81,12 @@ pub fn up_near(seen: &[Surfel], told: Vec3, deviation_deg: f32) -> Vec3 {
         let sum: f32 = votes.iter().map(|f| f.area * vote(f.normal.dot(up), WIDTHS[0])).sum();
         sum * (-0.5 * off(up).powi(2)).exp()
     };
-    let near = fibonacci_sphere(NEAR_DIRECTIONS).into_iter().filter(|&direction| off(direction) <= DEVIATIONS);
+    let near = fibonacci_sphere(NEAR_DIRECTIONS).into_iter().filter(|&direction| off(direction) <= MAX_DEVIATIONS);
     let scored = near.map(|candidate| (score(candidate), candidate));
     let best = scored.fold((score(told), told), |best, next| if next.0 > best.0 { next } else { best }).1;
     let facet = Facet { normal: told, area: TOLD_SHARE * total };
     let up = WIDTHS.into_iter().fold(best, |up, width| refined(&votes, up, width, facet));
-    if off(up) <= DEVIATIONS { up } else { told }
+    if off(up) <= MAX_DEVIATIONS { up } else { told }
 }
 
 /// The unit vector against gravity of a frame whose depth was predicted, and is wavy: of the ways in which cameras are held the likeliest.

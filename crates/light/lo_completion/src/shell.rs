@@ -13,7 +13,7 @@ use crate::fill::fill_holes;
 use crate::gravity::{Facet, up_from_facets};
 use crate::highlights::{self, HighlightReport};
 use crate::lamps::{self, LampReport};
-use crate::layout::{Assumed, RoomBox, area, fit};
+use crate::layout::{Assumed, RoomBox, fit};
 use crate::visibility::{Closing, Views, Visibility};
 
 /// Layers of leaves behind each face.
@@ -188,7 +188,7 @@ impl Enclosure {
 
 fn enclose(seen: &[Surfel], options: &ShellOptions) -> RoomBox {
     let up = options.up.and_then(Vec3::try_normalize).unwrap_or_else(|| {
-        let facets: Vec<Facet> = seen.iter().map(|s| Facet { normal: s.normal, area: area(s) }).collect();
+        let facets: Vec<Facet> = seen.iter().map(Facet::from).collect();
         up_from_facets(&facets)
     });
     let assumed = Assumed { camera_height_m: options.camera_height_m, ceiling_height_m: options.ceiling_height_m };

@@ -185,7 +185,20 @@ impl DepthNet {
         head.forward(eighth, [photo.width(), photo.height()]).cells()
     }
 
-    /// The global lighting feature alone, `[1, features]`, where depth is known from elsewhere.
+    /// The global lighting feature, `[1, features]`, and the perspective field, where depth is known from elsewhere.
+    ///
+    /// # Panics
+    /// Where the photo has no pixels.
+    pub fn beside_depth(&self, photo: &Image<[u8; 3]>) -> (Tensor<2>, Vec<FieldCell>) {
+        let features = self.encoder.forward(self.input(&[photo]));
+        let global = self.global.forward(features[4].clone(), self.log_colour(&[photo]));
+        let field = |head: &PerspectiveHead| {
+            head.forward(self.decoder.to_eighth(features), [photo.width(), photo.height()]).cells()
+        };
+        (global, self.perspective.as_ref().map(field).unwrap_or_default())
+    }
+
+    /// The global lighting feature alone, `[1, features]`.
     ///
     /// # Panics
     /// Where the photo has no pixels.

@@ -212,7 +212,7 @@ proptest! {
         x in prop::array::uniform2(-0.9f32..0.9), z in prop::array::uniform2(-3.4f32..-1.6), radius in prop::array::uniform2(0.1f32..0.45),
         height in 0.0f32..0.8,
     ) {
-        // Where they reach into one another, near the floor, rays begin inside of both.
+        // Such as reach into one another stand nowhere: `insert` warns of them.
         let middles = [Vec3::new(x[0], radius[0], z[0]), Vec3::new(x[1], radius[1] + height, z[1])];
         prop_assume!(middles[0].distance(middles[1]) > radius[0] + radius[1]);
         let scene = linear_scene();
