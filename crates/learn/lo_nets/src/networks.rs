@@ -10,6 +10,7 @@ use lo_octree::{LightOctree, RadiancePoint};
 use serde::Deserialize;
 
 use crate::checkpoint::{Checkpoint, CheckpointError, Precision};
+use crate::conv::in_pool;
 use crate::depth::{DepthNet, DepthNetConfig, EncoderKind, panorama_image};
 use crate::light::{
     Growth, LightConfigError, LightError, LightInput, LightNet, LightNetConfig, PhotoView, SeenDetail, VisiblePoint,
@@ -271,11 +272,6 @@ const OF_BEFORE: &str =
 
 /// Pixels on the longer side that photos may be looked at in; more costs memory that a file of weights must not ask for.
 const LONGER_SIDES: std::ops::RangeInclusive<usize> = 32..=1024;
-
-/// Works on one of rayon's threads: from another, each of some thousand small parallel loops waits for one of them to wake up.
-fn in_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
-    rayon::scope(|_| work())
-}
 
 #[cfg(test)]
 mod tests {

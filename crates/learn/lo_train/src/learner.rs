@@ -58,11 +58,6 @@ fn recording() -> Device {
     Device::flex().autodiff()
 }
 
-/// Does work on one of rayon's threads, as the networks want it.
-pub(crate) fn in_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
-    rayon::scope(|_| work())
-}
-
 fn scalar(loss: &Tensor<1>) -> f32 {
     loss.clone().inner().into_scalar::<f32>()
 }

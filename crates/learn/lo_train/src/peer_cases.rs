@@ -7,12 +7,11 @@ use burn::tensor::{Device, Distribution, Tensor};
 use lo_dual::{DualGraph, EDGE_TYPES, graph_conv, graph_conv_backward};
 use lo_geometry::{Camera, Cube};
 use lo_nets::Adam;
+use lo_nets::conv::in_pool;
 use lo_nets::depth::DenseNet;
 use lo_nets::graph::GraphLevel;
 use lo_nets::light::{FreeSpace, Growth, LightInput, LightNet, LightNetConfig, LightOutput, NODE_FEATURES};
 use lo_octree::{LightOctree, Octree, OctreeError, RadiancePoint};
-
-use crate::learner::in_pool;
 
 /// Full depth of all octrees.
 const FULL_DEPTH: u32 = 4;

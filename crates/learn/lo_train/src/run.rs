@@ -9,7 +9,7 @@ use lo_dataset::{CropModel, Dataset, Frames, Generated, Generator, Joined, Layou
 use lo_events::{Cancelled, Event, OnEvent, Stage, TrainingPhase, Warning};
 use lo_imaging::write_rgba8;
 use lo_nets::checkpoint::Precision;
-use lo_nets::conv::in_bf16;
+use lo_nets::conv::{in_bf16, in_pool};
 use lo_nets::depth::panorama_image;
 use lo_random::RngExt;
 use serde_json::json;
@@ -20,7 +20,7 @@ use crate::encoder_weights::{EncoderOrigin, read_encoder};
 use crate::error::{ConfigError, Fault, TrainError};
 use crate::example::{DepthExample, KnownDepth, LightExample, RayCounts, Unusable};
 use crate::feed::{Batches, Feed, PassedOver};
-use crate::learner::{Learner, Progress, in_pool};
+use crate::learner::{Learner, Progress};
 use crate::log::Log;
 use crate::phases::{LightPhase, Phase, between};
 use crate::prepare::{JointExample, depth_examples, joint_examples, light_examples};

@@ -10,13 +10,14 @@ use lo_geometry::{Perspective, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_metrics::{DepthErrors, panorama_psnr_db};
 use lo_nets::Networks;
+use lo_nets::conv::in_pool;
 use lo_nets::light::{Growth, LightNetConfig};
 use lo_octree::LightOctree;
 use lo_scene::{Completion, Frame, Scene};
 
 use crate::augmentation::Variation;
 use crate::example::{DepthExample, KnownDepth, Unusable, VariedRoom};
-use crate::learner::{Learner, in_pool};
+use crate::learner::Learner;
 use crate::rays::panorama_rays;
 use crate::report::ValidationReport;
 use crate::sheet::{Row, sheet};

@@ -4,8 +4,12 @@ use std::sync::Arc;
 
 use lo_events::{OnEvent, Stage, Steps};
 
+use crate::prefetch::Prefetch;
 use crate::shard::write_shard;
 use crate::{Dataset, DatasetError, Generator, LoadError, Loader, LoaderConfig, Record, ShardFolder};
+
+/// Rooms that are made at a time, where there are as many threads: each of them needs some hundred megabytes, and the loops over its rays use all threads.
+const MAX_ROOMS_AT_A_TIME: usize = 4;
 
 /// The part of a folder's shards that one of several runs makes: every `of`-th, from number `first` on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,14 +67,19 @@ pub fn generate_shards(
 ) -> Result<ShardCount, FillError> {
     let mine = || rooms.chunks(per_shard).enumerate().skip(part.first).step_by(part.of);
     let todo: Vec<(usize, &[u64])> = mine().filter(|&(shard, _)| !folder.has(shard)).collect();
-    let mut steps = Steps::begin(on_event, Stage::GenerateRooms, todo.iter().map(|(_, rooms)| rooms.len()).sum());
+    let in_turn: Vec<u64> = todo.iter().flat_map(|(_, rooms)| rooms.iter().copied()).collect();
+    let mut steps = Steps::begin(on_event, Stage::GenerateRooms, in_turn.len());
+    let at_a_time = rayon::current_num_threads().min(MAX_ROOMS_AT_A_TIME);
+    let generator = generator.clone();
+    let make = move |number: u64| in_turn.get(number as usize).map(|&room| generator.record(room));
+    let made = Prefetch::start(at_a_time, at_a_time, make);
     let mut written = 0;
     for &(shard, rooms) in &todo {
         if steps.cancelled() {
             break;
         }
-        let records = rooms.iter().map(|&room| {
-            let record = generator.record(room)?;
+        let records = rooms.iter().map(|_| {
+            let record = made.next()?;
             steps.step();
             Ok::<_, DatasetError>(record)
         });

@@ -4,7 +4,8 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use crate::loading::{LoadError, LoaderConfig, LoaderState};
-use crate::prefetch::{Made, Prefetch};
+use crate::order::Permutation;
+use crate::prefetch::Prefetch;
 use crate::{Dataset, Sample};
 
 /// Gives out a dataset's samples one after the other, made ahead by threads of its own.
@@ -12,7 +13,9 @@ use crate::{Dataset, Sample};
 /// The order depends on the seed alone. A sample that cannot be made comes as an error in its place; the iteration goes on after it. A panic
 /// of the dataset goes on in the thread that asks for the sample. Dropping the loader stops its threads after the block at hand.
 pub struct Loader {
-    made: Prefetch,
+    made: Prefetch<Vec<Made>>,
+    /// Blocks of an epoch.
+    blocks: u64,
     /// Samples of the block at hand.
     current: VecDeque<Made>,
     state: LoaderState,
@@ -29,8 +32,10 @@ impl Loader {
 
     /// Starts where another loader of the same dataset and configuration [stood](Self::state).
     pub fn resume(dataset: Arc<dyn Dataset>, config: LoaderConfig, state: LoaderState) -> Self {
-        let made = Prefetch::start(dataset, config, state);
-        Self { made, current: VecDeque::new(), state, epochs: config.epochs, barren: 0 }
+        let source = Blocks::new(dataset, config, state);
+        let blocks = source.count;
+        let made = Prefetch::start(config.threads, config.prefetch, move |number| source.make(number));
+        Self { made, blocks, current: VecDeque::new(), state, epochs: config.epochs, barren: 0 }
     }
 
     /// Starts at sample `index`, where nothing is shuffled.
@@ -47,15 +52,14 @@ impl Loader {
 
     /// Waits for the next block; `None` at the end.
     fn next_block(&mut self) -> Option<Vec<Made>> {
-        let blocks = self.made.blocks();
         let ended = self.epochs.is_some_and(|epochs| self.state.epoch >= epochs);
-        (blocks > 0 && self.barren < blocks && !ended).then(|| self.made.next())
+        (self.blocks > 0 && self.barren < self.blocks && !ended).then(|| self.made.next())
     }
 
     fn end_block(&mut self) {
         self.state.sample = 0;
         self.state.block += 1;
-        if self.state.block >= self.made.blocks() {
+        if self.state.block >= self.blocks {
             self.state = LoaderState { epoch: self.state.epoch + 1, ..LoaderState::default() };
         }
     }
@@ -81,6 +85,56 @@ impl Iterator for Loader {
                 self.end_block();
             }
         }
+    }
+}
+
+/// A sample, and how many of its block come before it.
+struct Made {
+    number: u64,
+    result: Result<Sample, LoadError>,
+}
+
+/// A dataset's blocks in the order in which they are given out.
+struct Blocks {
+    dataset: Arc<dyn Dataset>,
+    config: LoaderConfig,
+    /// Of an epoch.
+    count: u64,
+    first: LoaderState,
+}
+
+impl Blocks {
+    fn new(dataset: Arc<dyn Dataset>, config: LoaderConfig, first: LoaderState) -> Self {
+        let count = (dataset.len() as u64).div_ceil(dataset.block().max(1) as u64);
+        Self { dataset, config, count, first }
+    }
+
+    /// The block that is the `number`-th from the first one; `None` beyond the last epoch.
+    fn make(&self, number: u64) -> Option<Vec<Made>> {
+        let from_start = self.first.block.min(self.count).checked_add(number)?;
+        let epoch = self.first.epoch.checked_add(from_start.checked_div(self.count)?)?;
+        if self.config.epochs.is_some_and(|epochs| epoch >= epochs) {
+            return None;
+        }
+        let position = from_start % self.count;
+        let block = if self.config.shuffle {
+            Permutation::new(self.count, self.config.seed, epoch).at(position)
+        } else {
+            position
+        };
+        let size = self.dataset.block().max(1);
+        let first = block as usize * size;
+        let indices = first..(first + size).min(self.dataset.len());
+        let wanted = |index: &usize| self.config.split.is_none_or(|split| self.dataset.split(*index) == split);
+        let made = indices.filter(wanted).map(|index| Made {
+            number: (index - first) as u64,
+            result: self.dataset.get(index).map_err(|source| LoadError {
+                index,
+                scene_id: self.dataset.scene_id(index).into_owned(),
+                source,
+            }),
+        });
+        Some(made.collect())
     }
 }
 

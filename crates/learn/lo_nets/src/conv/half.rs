@@ -17,7 +17,7 @@ thread_local! {
 /// Does `work`; where `wanted`, convolutions that it begins on this thread, and their gradients, multiply in bf16 and sum in f32 if the processor has a
 /// matrix unit for that (Intel's AMX). Elsewhere nothing changes. As `torch.autocast` does it: what lies between them stays f32.
 ///
-/// While `work` waits for others, its thread may begin what another has left in rayon's pool; no convolution should be among that.
+/// While `work` waits for others, its thread may begin what another has left in rayon's pool: [`in_pool`] keeps that apart.
 pub fn in_bf16<R>(wanted: bool, work: impl FnOnce() -> R) -> R {
     /// Puts back what was, after a panic too.
     struct Before(bool);
@@ -28,6 +28,12 @@ pub fn in_bf16<R>(wanted: bool, work: impl FnOnce() -> R) -> R {
     }
     let _before = Before(WANTED.replace(wanted));
     work()
+}
+
+/// Does `work` on one of rayon's threads: from another, each of some thousand small parallel loops waits for one of them to wake up. Its convolutions
+/// are f32 outside of an [`in_bf16`] of its own, whatever the thread is in the middle of.
+pub fn in_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    rayon::scope(|_| in_bf16(false, work))
 }
 
 /// Whether [`in_bf16`] is under way here and changes anything.

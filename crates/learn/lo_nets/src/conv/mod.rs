@@ -23,7 +23,7 @@ use crate::host::{binary, ternary};
 
 pub use activation::{Rectifier, activate, activated_mean, scaled};
 pub use depthwise::DepthwiseKernel;
-pub use half::in_bf16;
+pub use half::{in_bf16, in_pool};
 pub use max_pool::max_pool;
 pub use norm::{Moments, batch_norm, group_norm};
 pub use upsample::upsample_nearest;
@@ -210,6 +210,8 @@ mod tests {
         assert_eq!(inner, (available, false, available));
         assert!(std::panic::catch_unwind(|| in_bf16(true, || panic!("once"))).is_err());
         assert!(!half::is_wanted());
+        // What a thread of the pool begins in the middle of something else.
+        assert_eq!(in_pool(|| in_bf16(true, || (in_pool(half::is_wanted), half::is_wanted()))), (false, available));
     }
 
     fn kernel_of(

@@ -1,4 +1,4 @@
-//! The light network learns: scenes are overfitted and seen from places that it was not trained on; and it learns of many scenes what holds in others.
+//! The light network learns: scenes are overfitted and seen from places that it was not trained on.
 //!
 //! `cargo test --release -p lo_train --test it -- --ignored --nocapture NAME` runs a long one, best alone on the machine:
 //!
@@ -8,7 +8,6 @@
 //! | `a_generated_room_is_overfitted` | a furnished one, beside what its octree can show at all | 20 |
 //! | `eight_box_rooms_are_overfitted` | of other sizes and colours | 20 |
 //! | `eight_generated_rooms_are_overfitted` | | 60 |
-//! | `unseen_rooms_are_completed_better_than_by_a_shell` | 200 rooms of the shards in the folder `LIGHTOCTREE_ROOMS`, 20 others | 65 |
 //!
 //! `LIGHTOCTREE_MINUTES` makes them train for another time.
 
@@ -17,11 +16,8 @@ mod room;
 mod scene;
 mod training;
 
-use std::borrow::Cow;
-use std::sync::Arc;
-
 use burn::module::Module;
-use lo_dataset::{Dataset, DatasetError, Generator, GeneratorConfig, Loader, LoaderConfig, Sample, Shards};
+use lo_dataset::{Generator, GeneratorConfig, Sample};
 use lo_nets::light::{LightNet, LightNetConfig};
 use lo_octree::LightOctree;
 
@@ -140,60 +136,6 @@ fn overfit_all(scenes: &[Scene; 8], config: &LightNetConfig, minutes: f64) -> Li
 
 fn mean_db(scenes: &[Scene; 8], of: impl Fn(&Scene) -> LightOctree) -> f64 {
     scenes.iter().map(|scene| scene.figures(&of(scene)).psnr_db / 8.0).sum()
-}
-
-#[test]
-#[ignore = "an hour and a folder of shards; see the head of the file"]
-fn unseen_rooms_are_completed_better_than_by_a_shell() {
-    const TRAINED: usize = 200;
-    let folder = std::env::var_os("LIGHTOCTREE_ROOMS").expect("LIGHTOCTREE_ROOMS names a folder of shards");
-    let rooms = Shards::open(folder.as_ref()).unwrap();
-    let config = default_config(6);
-    // No panorama of these is held out, all of the others'.
-    let others: Vec<Scene> =
-        (TRAINED..TRAINED + 20).map(|i| Scene::as_estimated(rooms.get(i).unwrap(), 1, &config)).collect();
-    let first = Arc::new(First { rooms, count: TRAINED });
-    let mut loader = Loader::new(first, LoaderConfig { epochs: None, threads: 1, ..LoaderConfig::default() });
-    let mean = |of: &dyn Fn(&Scene) -> Figures| {
-        let all: Vec<Figures> = others.iter().map(of).collect();
-        let mean = |value: fn(&Figures) -> f64| all.iter().map(value).sum::<f64>() / all.len() as f64;
-        Figures { psnr_db: mean(|f| f.psnr_db), log_rmse: mean(|f| f.log_rmse) }
-    };
-    let shell = mean(&|scene| scene.figures(&scene.shell(6)));
-    print("shell", shell);
-    print("the true octree", mean(&|scene| scene.figures(&scene.truth)));
-    let training = Training { until: Until::Minutes(minutes(60.0)), rate: 2e-3, halved_after: 2000.0, rays: 8192 };
-    let completed = |net: &LightNet| {
-        let net = net.valid();
-        mean(&|scene| scene.figures(&scene.completed(&net)))
-    };
-    let next = |_| {
-        let sample = loader.next().unwrap().unwrap();
-        Box::new(Scene::as_estimated(sample, usize::MAX, &config))
-    };
-    let net = training.run(&config, next, |net, _| print("network", completed(net)));
-    let network = completed(&net);
-    assert!(network.psnr_db > shell.psnr_db && network.log_rmse < shell.log_rmse, "{network:?}, shell {shell:?}");
-}
-
-/// The first samples of a dataset.
-struct First {
-    rooms: Shards,
-    count: usize,
-}
-
-impl Dataset for First {
-    fn len(&self) -> usize {
-        self.count
-    }
-
-    fn scene_id(&self, index: usize) -> Cow<'_, str> {
-        self.rooms.scene_id(index)
-    }
-
-    fn get(&self, index: usize) -> Result<Sample, DatasetError> {
-        self.rooms.get(index)
-    }
 }
 
 /// How long to train: the usual time, or `LIGHTOCTREE_MINUTES`.

@@ -1,14 +1,12 @@
 //! A scene to learn from: what is seen of it, its truth, panoramas, and how well an octree shows those that were held out.
 
 use burn::tensor::Tensor;
-use lo_completion::ShellOptions;
 use lo_cone::{ConeTracer, Settings};
 use lo_dataset::{NovelView, Sample};
 use lo_geometry::{Cube, Vec3};
-use lo_imaging::{DepthMap, Image, Photo};
+use lo_imaging::{DepthMap, Image};
 use lo_nets::light::{Growth, LightInput, LightNet, LightNetConfig, Rays, VisiblePoint};
-use lo_octree::{LightOctree, RadiancePoint};
-use lo_scene::{Frame, place_cube};
+use lo_octree::LightOctree;
 use lo_train::{drawn_panorama_rays, panorama_rays};
 
 /// Linear values from here on count as clipped in a photo.
@@ -33,25 +31,10 @@ pub struct Figures {
 
 impl Scene {
     /// In a cube around the whole room. Every `stride`th panorama, from the middle of the first stride on, is held out.
-    pub fn new(sample: Sample, stride: usize, config: &LightNetConfig) -> Self {
+    pub fn new(mut sample: Sample, stride: usize, config: &LightNetConfig) -> Self {
         let positions = || sample.points.iter().map(|p| p.position_m);
         let (low, high) = (positions().reduce(Vec3::min).unwrap(), positions().reduce(Vec3::max).unwrap());
         let cube = Cube::centred(0.5 * (low + high), 1.02 * (high - low).max_element());
-        Self::in_cube(sample, cube, stride, config)
-    }
-
-    /// In the cube that estimation would place; what lies outside of it is drawn in, as estimation does.
-    pub fn as_estimated(mut sample: Sample, stride: usize, config: &LightNetConfig) -> Self {
-        let (photo, depth_m) = (linear(&sample.photo), sample.depth_m.as_ref().unwrap());
-        let seen = VisiblePoint::from_photo(&photo, depth_m, None, &sample.camera, WHITE);
-        let cube = place_cube(&seen.iter().map(|point| point.position_m).collect::<Vec<_>>());
-        sample.points.iter_mut().for_each(|point: &mut RadiancePoint| {
-            point.position_m = cube.pulled_inside(point.position_m);
-        });
-        Self::in_cube(sample, cube, stride, config)
-    }
-
-    fn in_cube(mut sample: Sample, cube: Cube, stride: usize, config: &LightNetConfig) -> Self {
         let photo = linear(&sample.photo);
         let depth_m = sample.depth_m.as_ref().unwrap();
         let mut visible = VisiblePoint::from_photo(&photo, depth_m, sample.normal.as_ref(), &sample.camera, WHITE);
@@ -116,15 +99,6 @@ impl Scene {
     /// Panoramas to learn from.
     pub fn views(&self) -> &[NovelView] {
         &self.sample.views
-    }
-
-    /// What completion without a network makes of the same photo and depth.
-    pub fn shell(&self, depth: u32) -> LightOctree {
-        let Sample { photo, depth_m, camera, .. } = &self.sample;
-        let frame = Frame::new(Photo::Srgb8(photo.clone()), depth_m.clone().unwrap(), *camera, 1.0).unwrap();
-        let shell =
-            lo_completion::shell(&frame.working(), &ShellOptions { octree_depth: depth, ..ShellOptions::default() });
-        LightOctree::from_points(&shell.points(), shell.cube, depth, 4).unwrap().0
     }
 }
 
