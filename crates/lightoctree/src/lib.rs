@@ -37,6 +37,7 @@ mod photos;
 mod place;
 mod probes;
 mod seen_frame;
+mod sun;
 #[cfg(test)]
 mod tests;
 mod view;
@@ -78,3 +79,4 @@ pub use place::probe_grid;
 pub use probes::render_probes;
 #[doc(hidden)]
 pub use seen_frame::SeenFrame;
+pub use sun::{PhotoSun, sun_of_photo};

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use lightoctree::geometry::Vec3;
+use lightoctree::imaging::luminance;
 use lightoctree::lo_lights::{self, Kind, ListedLight, Origin};
 use lightoctree::scene::{
     AnalyticLight, LightChange, LightColor, LightEdits, LightShape, MAX_LIGHT_EDITS, MAX_LIGHT_SCALE, Scene,
@@ -11,6 +12,7 @@ use serde_json::json;
 
 use super::parse;
 use crate::args::Global;
+use crate::progress::Stages;
 use crate::usage::Usage;
 use crate::{output, report};
 
@@ -108,7 +110,7 @@ struct SetArgs {
 /// Lights that can be added.
 #[derive(Debug, clap::Subcommand)]
 enum AddArgs {
-    /// A disc at infinity. What the photo shows hides it, but for windows and lamps, and objects do; guessed walls do not
+    /// A disc at infinity. What the photo shows hides it, but for windows and lamps, and objects do; guessed walls do not. Or the photo's own sun, by a shadow that it casts
     Sun(SunArgs),
     /// A rectangle or a sphere. It is not seen in the photo, hides nothing and casts no shadow itself
     Area(AreaArgs),
@@ -120,24 +122,29 @@ struct SunArgs {
     scene: PathBuf,
 
     /// Degrees to the right of where the camera looks, about the vertical
-    #[arg(long, value_name = "A", value_parser = parse::angle_deg, allow_hyphen_values = true)]
-    azimuth: f64,
+    #[arg(long, value_name = "A", value_parser = parse::angle_deg, allow_hyphen_values = true, requires = "elevation")]
+    azimuth: Option<f64>,
 
     /// Degrees above the horizon
-    #[arg(long, value_name = "E", value_parser = elevation, allow_hyphen_values = true)]
-    elevation: f64,
+    #[arg(long, value_name = "E", value_parser = elevation, allow_hyphen_values = true, requires = "azimuth")]
+    elevation: Option<f64>,
 
-    /// Irradiance on a surface that faces it: pi makes a white one as bright as the photo's white
-    #[arg(long, value_name = "S", value_parser = parse::positive)]
-    strength: f64,
+    /// The sun that shines in the photo: a pixel of it that shows a thing, such as the top of a chair or the corner of a window, and one that shows where its shadow falls. It lights objects where
+    /// the photo shows its patches, and is as strong as these are bright
+    #[arg(long, value_name = "U,V,U,V", value_parser = parse::pixels, conflicts_with = "azimuth", required_unless_present = "azimuth")]
+    shadow: Option<[[f64; 2]; 2]>,
+
+    /// Irradiance on a surface that faces it: pi makes a white one as bright as the photo's white. By --shadow the photo tells
+    #[arg(long, value_name = "S", value_parser = parse::positive, required_unless_present = "shadow")]
+    strength: Option<f64>,
 
     /// Degrees that it is wide; the larger, the softer its shadows
     #[arg(long, value_name = "D", value_parser = parse::positive, default_value_t = 0.53)]
     angle: f64,
 
-    /// Its colour: a temperature such as 5500K, or linear R,G,B
-    #[arg(long, value_name = "KELVIN|R,G,B", value_parser = parse::light_color, default_value = "1,1,1")]
-    color: LightColor,
+    /// Its colour: a temperature such as 5500K, or linear R,G,B. White by default, by --shadow as the photo shows it
+    #[arg(long, value_name = "KELVIN|R,G,B", value_parser = parse::light_color)]
+    color: Option<LightColor>,
 
     #[command(flatten)]
     file: FileArgs,
@@ -214,7 +221,7 @@ struct ResetArgs {
 const SCENE_COMMAND: &str = "estimate";
 
 /// Lists, or changes and lists.
-pub fn run(_global: &Global, args: &Args) -> anyhow::Result<()> {
+pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let (path, file) = match &args.change {
         None => {
             let path = args.scene.as_ref().ok_or_else(|| Usage("a scene is needed".into()))?;
@@ -236,7 +243,7 @@ pub fn run(_global: &Global, args: &Args) -> anyhow::Result<()> {
         None => {}
         Some(Change::Set(args)) => set(&mut scene, args)?,
         Some(Change::Add(AddArgs::Sun(args))) => {
-            let sun = sun(&scene, args);
+            let sun = sun(&scene, args, &Stages::new(global.quiet))?;
             add(&mut scene, sun)?;
         }
         Some(Change::Add(AddArgs::Area(args))) => {
@@ -307,10 +314,61 @@ fn full() -> anyhow::Error {
     Usage(format!("the scene has {MAX_LIGHT_EDITS} such lights already, and no more are kept")).into()
 }
 
-fn sun(scene: &Scene, args: &SunArgs) -> AnalyticLight {
-    let direction = lo_lights::sun_direction(scene, args.azimuth, args.elevation);
-    let shape = LightShape::Sun { direction, angular_radius_deg: 0.5 * args.angle as f32 };
-    of_luminance(shape, args.color, |extent| args.strength as f32 / extent)
+fn sun(scene: &Scene, args: &SunArgs, stages: &Stages) -> anyhow::Result<AnalyticLight> {
+    let angular_radius_deg = 0.5 * args.angle as f32;
+    if let Some(shadow) = args.shadow {
+        return sun_of_photo(scene, args, shadow, stages);
+    }
+    let (Some(azimuth), Some(elevation), Some(strength)) = (args.azimuth, args.elevation, args.strength) else {
+        return Err(Usage("give --azimuth, --elevation and --strength, or --shadow".into()).into());
+    };
+    let direction = lo_lights::sun_direction(scene, azimuth, elevation);
+    let shape = LightShape::Sun { direction, angular_radius_deg, of_photo: false };
+    let white = LightColor::Rgb([1.0; 3]);
+    Ok(of_luminance(shape, args.color.unwrap_or(white), |extent| strength as f32 / extent))
+}
+
+/// The sun that casts a shadow in the photo.
+fn sun_of_photo(
+    scene: &Scene,
+    args: &SunArgs,
+    [thing, shadow]: [[f64; 2]; 2],
+    stages: &Stages,
+) -> anyhow::Result<AnalyticLight> {
+    let camera = &scene.frame.camera;
+    for [u, v] in [thing, shadow] {
+        if !camera.contains(u, v) {
+            let (width, height) = (camera.width, camera.height);
+            return Err(Usage(format!(
+                "--shadow: {u},{v} lies outside of the photo, which has {width} × {height} pixels"
+            ))
+            .into());
+        }
+    }
+    let direction = lo_lights::sun_of_shadow(scene, thing, shadow).ok_or_else(|| {
+        Usage("--shadow: by the scene's depth the shadow does not lie below what casts it; name the thing's pixel first, then its shadow's".into())
+    })?;
+    let [azimuth, elevation] = lo_lights::sun_angles_deg(scene, direction);
+    let place = format!("azimuth {azimuth:.0}°, elevation {elevation:.0}°");
+    let found = lightoctree::sun_of_photo(scene, direction, 0.5 * args.angle as f32).ok_or_else(|| {
+        Usage(format!(
+            "the sun of that shadow ({place}) makes no patches with sharp edges that the photo shows; --azimuth {azimuth:.0} --elevation {elevation:.0} --strength S adds one that shines in through all that the photo does not show"
+        ))
+    })?;
+    let own = found.light;
+    let extent = own.extent();
+    let known = luminance(own.radiance) * extent;
+    let clipped = if found.clipped { ", at the least: the photo is clipped there" } else { "" };
+    stages.note(&format!(
+        "the photo's sun: {place}, strength {known:.1}{clipped}; it shines on {:.1} % of what the photo shows",
+        100.0 * found.lit_share
+    ));
+    let factor = args.strength.map_or(1.0, |strength| strength as f32 / known.max(1e-6));
+    let radiance = match args.color {
+        Some(color) => lo_lights::rgb_of_color(color) * (luminance(own.radiance) * factor),
+        None => Vec3::from(own.radiance) * factor,
+    };
+    Ok(AnalyticLight { radiance: radiance.to_array(), ..own })
 }
 
 fn area(scene: &Scene, args: &AreaArgs) -> anyhow::Result<AnalyticLight> {

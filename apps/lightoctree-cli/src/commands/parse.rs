@@ -28,6 +28,11 @@ pub fn pixel(text: &str) -> Result<[f64; 2], String> {
     numbers(text, "U,V")
 }
 
+/// `U,V,U,V` in pixels of the photo: two places.
+pub fn pixels(text: &str) -> Result<[[f64; 2]; 2], String> {
+    numbers(text, "U,V,U,V").map(|[u, v, s, t]| [[u, v], [s, t]])
+}
+
 /// `X,Y,R` in pixels: a circle's middle and radius.
 pub fn circle(text: &str) -> Result<[f64; 3], String> {
     numbers(text, "X,Y,R")

@@ -26,6 +26,13 @@ pub(crate) fn tracer(light: &LightOctree) -> ConeTracer {
     ConeTracer::new(light, Settings::default()).expect("the usual settings are valid, and there are no lobes")
 }
 
+/// Irradiance by channel of places on surfaces, each with the unit normal there. Where nodes have lobes, light is as it is seen from the first of them.
+pub fn irradiance_at(light: &LightOctree, places: &[(Vec3, Vec3)]) -> Vec<Vec3> {
+    let Some(&(first_m, _)) = places.first() else { return Vec::new() };
+    let light = light.seen_from(first_m);
+    irradiances(&tracer(&light), places.iter().copied(), offset_m(&light))
+}
+
 /// Irradiance of each place, by channel.
 pub(crate) fn irradiances(tracer: &ConeTracer, places: impl Iterator<Item = Place>, offset_m: f32) -> Vec<Vec3> {
     let directions = cosine_hemisphere(CONES);

@@ -18,6 +18,7 @@ mod visibility;
 pub use fit::{LampFit, fit_lamps};
 pub use gravity::{up_from_predicted_depth, up_near};
 pub use highlights::HighlightReport;
+pub use irradiance::irradiance_at;
 pub use lamps::LampReport;
 pub use light_from_above::light_from_above;
 pub use panorama::{

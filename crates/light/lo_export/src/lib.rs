@@ -296,7 +296,7 @@ mod tests {
             size_m: [0.5, 0.25],
             two_sided: true,
         };
-        let sun = LightShape::Sun { direction: Vec3::new(0.6, 0.8, 0.0), angular_radius_deg: 0.25 };
+        let sun = LightShape::Sun { direction: Vec3::new(0.6, 0.8, 0.0), angular_radius_deg: 0.25, of_photo: false };
         let extent = AnalyticLight { shape: sun, radiance: [0.0; 3] }.extent();
         for (shape, radiance) in [(rectangle, 8.0), (sun, 3.0 / extent)] {
             edits.add(AnalyticLight { shape, radiance: [radiance; 3] }).unwrap();

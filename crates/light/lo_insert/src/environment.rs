@@ -47,6 +47,17 @@ enum Source {
     },
 }
 
+/// A ray from a place that a light sample lights.
+pub(crate) struct LightRay {
+    /// The place.
+    pub place: Vec3,
+    /// Where the ray begins, above the leaves of the surface there.
+    pub apex: Vec3,
+    pub direction: Vec3,
+    /// Infinite for lights at infinity.
+    pub distance_m: f32,
+}
+
 /// Which light is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Part {
@@ -174,32 +185,28 @@ impl Environment {
         self.add_beside(cones, samples);
     }
 
-    /// Share of each ray's way that real surfaces leave free, for rays `(origin, direction, distance in metres)`.
-    pub fn free_share(&self, rays: &[(Vec3, Vec3, f32)], shares: &mut Vec<f32>) {
+    /// Share of each ray's way that real surfaces leave free.
+    pub fn free_share(&self, rays: &[LightRay], shares: &mut Vec<f32>) {
         shares.clear();
         let Source::Octree { whole, beside, leaf_edge_m, .. } = &self.source else {
             shares.resize(rays.len(), 1.0);
             return;
         };
-        let ray = |&(origin, direction, _): &(Vec3, Vec3, f32)| Cone {
-            origin,
-            direction,
-            tan_half_angle: SHADOW_RAY_TANGENT,
-        };
+        let ray =
+            |ray: &LightRay| Cone { origin: ray.apex, direction: ray.direction, tan_half_angle: SHADOW_RAY_TANGENT };
         let cones: Vec<Cone> = rays.iter().map(ray).collect();
         let mut samples = vec![ConeSample::default(); rays.len()];
         whole.trace_batch(&cones, &mut samples);
-        let free = |(&(_, _, distance_m), sample): (&(Vec3, Vec3, f32), &ConeSample)| {
-            lo_lights::free_share(distance_m, sample, *leaf_edge_m)
-        };
+        let free =
+            |(ray, sample): (&LightRay, &ConeSample)| lo_lights::free_share(ray.distance_m, sample, *leaf_edge_m);
         shares.extend(rays.iter().zip(&samples).map(free));
         // Suns are beyond the room, and other things hide them.
-        let to_sun = |&(_, _, distance_m): &(Vec3, Vec3, f32)| distance_m.is_infinite();
+        let to_sun = |ray: &LightRay| ray.distance_m.is_infinite();
         if let Some(beside) = beside.as_ref().filter(|_| rays.iter().any(to_sun)) {
             let sunny: Vec<usize> = (0..rays.len()).filter(|&i| to_sun(&rays[i])).collect();
             let cones: Vec<Cone> = sunny.iter().map(|&i| cones[i]).collect();
             let mut free = Vec::new();
-            beside.free_to_suns(&cones, &mut free);
+            beside.free_to_suns(&cones, sunny.iter().map(|&i| rays[i].place), &mut free);
             sunny.iter().zip(free).for_each(|(&i, free)| shares[i] = free);
         }
     }

@@ -8,8 +8,8 @@ use lo_geometry::{Ray, Vec3};
 use lo_lights::luminance;
 use rayon::prelude::*;
 
-use crate::environment::{Environment, Part};
-use crate::lights::LightSample;
+use crate::environment::{Environment, LightRay, Part};
+use crate::lights::{Incidence, LightSample};
 use crate::object::Object;
 use crate::objects::{ObjectHit, Objects};
 use crate::radiosity::Radiosity;
@@ -113,11 +113,15 @@ pub(crate) fn object_lights(
     let (mut rays, mut shares) = (Vec::new(), Vec::new());
     for (index, object) in objects.iter().enumerate() {
         let places = object.corners().into_iter().chain([object.centre_m]);
-        let places: Vec<Vec3> = places.map(|place| environment.lifted(place, object.support)).collect();
+        let places: Vec<(Vec3, Vec3)> =
+            places.map(|place| (place, environment.lifted(place, object.support))).collect();
         for light in &mut lights {
             rays.clear();
-            let seen = places.iter().filter_map(|&place| Some((place, light.sample.on(place)?)));
-            rays.extend(seen.map(|(place, incidence)| (place, incidence.direction, incidence.distance_m)));
+            let ray = |&(place, apex): &(Vec3, Vec3)| {
+                let Incidence { direction, distance_m, .. } = light.sample.on(apex)?;
+                Some(LightRay { place, apex, direction, distance_m })
+            };
+            rays.extend(places.iter().filter_map(ray));
             environment.free_share(&rays, &mut shares);
             light.free[index] = if shares.iter().all(|&share| share > 0.99) {
                 Some(1.0)
@@ -242,7 +246,12 @@ impl Gatherer<'_> {
                     Some(share) => gathered[index].add_light(receiver, direction, irradiance * share),
                     None => {
                         let apex = self.lifted(receiver.object, receiver.position);
-                        rays.push((apex, direction, incidence.distance_m));
+                        rays.push(LightRay {
+                            place: receiver.position,
+                            apex,
+                            direction,
+                            distance_m: incidence.distance_m,
+                        });
                         owners.push((index, direction, irradiance));
                     }
                 }

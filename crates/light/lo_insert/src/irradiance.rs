@@ -12,7 +12,8 @@ use rayon::prelude::*;
 
 use crate::aperture::cone_tangent;
 use crate::batches::Batches;
-use crate::environment::{Environment, Part};
+use crate::environment::{Environment, LightRay, Part};
+use crate::lights::Incidence;
 use crate::receivers::{PATTERNS, Receivers, pattern_at};
 use crate::surface::Surface;
 
@@ -165,7 +166,8 @@ impl RoomIrradiance {
             for incidence in lights.filter_map(|light| light.on(surface.position_m)) {
                 let cosine = surface.normal.dot(incidence.direction);
                 if cosine > 0.0 {
-                    rays.push((origin, incidence.direction, incidence.distance_m));
+                    let Incidence { direction, distance_m, .. } = incidence;
+                    rays.push(LightRay { place: surface.position_m, apex: origin, direction, distance_m });
                     ray_owners.push((i, incidence.irradiance * (scale * cosine)));
                 }
             }

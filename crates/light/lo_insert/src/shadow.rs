@@ -16,8 +16,9 @@ use rayon::prelude::*;
 use crate::backdrop::Backdrop;
 use crate::batches::Batches;
 use crate::cap::Cap;
-use crate::environment::Environment;
+use crate::environment::{Environment, LightRay};
 use crate::irradiance::{Lit, RoomIrradiance};
+use crate::lights::Incidence;
 use crate::objects::Objects;
 use crate::quality::Counts;
 use crate::radiosity::Radiosity;
@@ -251,7 +252,8 @@ impl ShadowField {
                 }
                 if weight > 0.0 {
                     let apex = surface.position_m + surface.normal * caster.environment.lift_m;
-                    rays.push((apex, incidence.direction, incidence.distance_m));
+                    let Incidence { direction, distance_m, .. } = incidence;
+                    rays.push(LightRay { place: surface.position_m, apex, direction, distance_m });
                     ray_owners.push((x, incidence.irradiance * weight));
                 }
             }

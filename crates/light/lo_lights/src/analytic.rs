@@ -7,10 +7,13 @@ use rayon::prelude::*;
 
 use crate::emitters::tracer;
 use crate::free::free_share;
-use crate::{LightPatch, PatchShape};
+use crate::{LightPatch, PatchShape, Sunlit};
 
 /// Opacity from which on nothing of a sun comes through.
 const MAX_HIDDEN: f32 = 0.999;
+
+/// Cosine of the angle up to which a ray goes to a sun: suns are as wide, and mirrors' cones.
+const SAME_SUN: f32 = 0.97;
 
 /// Share of a cone's solid angle below which a rectangle counts as a disc of its solid angle.
 const SMALL_SHARE: f32 = 0.25;
@@ -30,6 +33,8 @@ const COARSE_PIXELS: f32 = 24.0;
 pub struct AnalyticLights {
     lights: Vec<AnalyticLight>,
     hides_suns: Option<ConeTracer>,
+    /// Where the photo's own suns shine.
+    sunlit: Vec<Sunlit>,
     leaf_edge_m: f32,
 }
 
@@ -37,8 +42,16 @@ impl AnalyticLights {
     /// Those of a scene whose edits were carried out; `None` where it has none.
     pub fn of(scene: &Scene) -> Option<Self> {
         let edited = scene.edited.as_ref().filter(|edited| !edited.lights.is_empty())?;
+        let of_photo = |light: &AnalyticLight| match light.shape {
+            LightShape::Sun { direction, of_photo: true, .. } => Some(direction),
+            _ => None,
+        };
+        let suns: Vec<Vec3> = edited.lights.iter().filter_map(of_photo).collect();
+        let seen = (!suns.is_empty()).then(|| scene.frame.working().without_flying_pixels());
+        let sunlit = seen.iter().flat_map(|seen| suns.iter().filter_map(|sun| Sunlit::new(seen, *sun))).collect();
         Some(Self {
             lights: edited.lights.clone(),
+            sunlit,
             hides_suns: edited.hides_suns.as_ref().map(tracer),
             leaf_edge_m: scene.light.cube.node_edge_m(scene.light.octree.depth()),
         })
@@ -49,18 +62,34 @@ impl AnalyticLights {
         self.lights.iter().flat_map(patches).collect()
     }
 
-    /// Share of each of these rays to a sun that is free.
-    pub fn free_to_suns(&self, rays: &[Cone], shares: &mut Vec<f32>) {
+    /// Share of each of these rays to a sun that is free. `places` are the points that are lit, which rays may begin beside.
+    ///
+    /// # Panics
+    /// Where there are not as many places as rays.
+    pub fn free_to_suns(&self, rays: &[Cone], places: impl ExactSizeIterator<Item = Vec3>, shares: &mut Vec<f32>) {
+        assert_eq!(rays.len(), places.len(), "one place for each ray");
         shares.clear();
-        let Some(tracer) = &self.hides_suns else {
-            shares.resize(rays.len(), 1.0);
-            return;
-        };
-        let mut samples = vec![ConeSample::default(); rays.len()];
-        tracer.trace_batch(rays, &mut samples);
-        // Leaves let a ten thousandth through, which of a sun is bright.
-        let free = |sample: &ConeSample| if sample.opacity > MAX_HIDDEN { 0.0 } else { 1.0 - sample.opacity };
-        shares.extend(samples.iter().map(free));
+        match &self.hides_suns {
+            Some(tracer) => {
+                let mut samples = vec![ConeSample::default(); rays.len()];
+                tracer.trace_batch(rays, &mut samples);
+                // Leaves let a ten thousandth through, which of a sun is bright.
+                let free = |sample: &ConeSample| if sample.opacity > MAX_HIDDEN { 0.0 } else { 1.0 - sample.opacity };
+                shares.extend(samples.iter().map(free));
+            }
+            None => shares.resize(rays.len(), 1.0),
+        }
+        for ((ray, place), share) in rays.iter().zip(places).zip(shares.iter_mut()) {
+            // What the photo shows is finer than leaves, and knows what nobody saw between there and the sun.
+            if let Some(shines) = self.sunlit_by(ray.direction).and_then(|sunlit| sunlit.shines_at(place)) {
+                *share = f32::from(u8::from(shines));
+            }
+        }
+    }
+
+    /// Where the photo's own sun in a direction shines.
+    fn sunlit_by(&self, direction: Vec3) -> Option<&Sunlit> {
+        self.sunlit.iter().find(|sunlit| sunlit.sun().dot(direction) > SAME_SUN)
     }
 
     /// Adds what cones see of the lights to their samples of the room.
@@ -88,7 +117,7 @@ impl AnalyticLights {
                 suns.push((index, sun));
             }
         }
-        self.free_to_suns(&sunny, &mut shares);
+        self.free_to_suns(&sunny, sunny.iter().map(|cone| cone.origin), &mut shares);
         for ((index, sun), share) in suns.into_iter().zip(&shares) {
             samples[index].radiance = (Vec3::from(samples[index].radiance) + sun * *share).to_array();
         }
@@ -108,7 +137,7 @@ impl AnalyticLights {
                 .collect();
             let mut shares = Vec::new();
             if matches!(light.shape, LightShape::Sun { .. }) {
-                self.free_to_suns(&cones, &mut shares);
+                self.free_to_suns(&cones, cones.iter().map(|cone| cone.origin), &mut shares);
             } else {
                 shares.extend(covered.iter().map(|pixel| {
                     let (distance_m, opacity) = (panorama.distance_m[pixel.at], panorama.opacity[pixel.at]);
@@ -139,7 +168,7 @@ fn patches(light: &AnalyticLight) -> Vec<LightPatch> {
         LightShape::Sphere { centre_m: centre, radius_m } => {
             vec![LightPatch { shape: PatchShape::Sphere { centre, radius_m }, radiance, extent: light.extent() }]
         }
-        LightShape::Sun { direction, angular_radius_deg } => {
+        LightShape::Sun { direction, angular_radius_deg, .. } => {
             let basis = orthonormal_basis(direction);
             let radii = [basis.x_axis, basis.y_axis].map(|axis| axis * angular_radius_deg.to_radians().tan());
             vec![LightPatch { shape: PatchShape::Disc { direction, radii }, radiance, extent: light.extent() }]
@@ -177,7 +206,7 @@ impl Seen {
                     distance_m: distance_m - radius_m,
                 })
             }
-            LightShape::Sun { direction, angular_radius_deg } => Some(Self {
+            LightShape::Sun { direction, angular_radius_deg, .. } => Some(Self {
                 direction,
                 solid_angle_sr: cap_solid_angle_sr(angular_radius_deg.to_radians().sin()),
                 distance_m: f32::INFINITY,
@@ -232,7 +261,7 @@ fn hit(shape: &LightShape, origin: Vec3, direction: Vec3) -> Option<f32> {
             let distance_m = along - squared.max(0.0).sqrt();
             (squared >= 0.0 && distance_m > 0.0).then_some(distance_m)
         }
-        LightShape::Sun { direction: towards, angular_radius_deg } => {
+        LightShape::Sun { direction: towards, angular_radius_deg, .. } => {
             (towards.dot(direction) >= angular_radius_deg.to_radians().cos()).then_some(f32::INFINITY)
         }
     }

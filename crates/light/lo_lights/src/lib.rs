@@ -21,6 +21,7 @@ mod picture;
 mod shape;
 mod split;
 mod sun;
+mod sunlit;
 
 pub use analytic::{AnalyticLights, rectangle};
 pub use cap::{CAP, cap_luminance, cap_of, excess, luminance};
@@ -34,4 +35,5 @@ pub use patch::{LightPatch, PatchShape};
 pub use picture::PictureChange;
 pub use shape::{ClusterShape, ClusterSurface, LeafSurface};
 pub use split::split_octree;
-pub use sun::{sun_angles_deg, sun_direction};
+pub use sun::{sun_angles_deg, sun_direction, sun_of_shadow};
+pub use sunlit::{SunEdge, Sunlit};

@@ -117,7 +117,7 @@ impl ListedLight {
                 (listed.direction, listed.size_m) = (Some(direction), Some(size_m));
             }
             LightShape::Sphere { radius_m, .. } => listed.radius_m = Some(radius_m),
-            LightShape::Sun { direction, angular_radius_deg } => {
+            LightShape::Sun { direction, angular_radius_deg, .. } => {
                 listed.kind = Kind::Sun;
                 (listed.direction, listed.angular_radius_deg) = (Some(direction), Some(angular_radius_deg));
                 listed.irradiance = Some(luminance(Vec3::from(radiance)) * light.extent());

@@ -16,6 +16,33 @@ pub fn sun_angles_deg(scene: &Scene, direction: Vec3) -> [f64; 2] {
     [azimuth.to_degrees(), elevation.to_degrees()]
 }
 
+/// Unit direction towards a sun in which the thing at one pixel of the photo casts its shadow on what another one shows; `None` where depth is missing, or
+/// the shadow would fall upwards.
+pub fn sun_of_shadow(scene: &Scene, thing: [f64; 2], shadow: [f64; 2]) -> Option<Vec3> {
+    let up = scene.room.as_ref().map_or(Vec3::Y, |room| room.up);
+    let direction = (point(scene, thing)? - point(scene, shadow)?).try_normalize()?;
+    (direction.dot(up) > 0.0).then_some(direction)
+}
+
+/// Pixels of depth around a place of the photo: people point beside the edge of what they mean.
+const AROUND: isize = 2;
+
+/// The nearest surface at a pixel of the photo.
+fn point(scene: &Scene, [u, v]: [f64; 2]) -> Option<Vec3> {
+    let (depth_m, camera) = (&scene.frame.depth_m, &scene.frame.camera);
+    let at = |share: f64, size: usize| (share * size as f64) as isize;
+    let x = at(u / f64::from(camera.width), depth_m.width());
+    let y = at(v / f64::from(camera.height), depth_m.height());
+    let around = (-AROUND..=AROUND).flat_map(|dy| (-AROUND..=AROUND).map(move |dx| (x + dx, y + dy)));
+    let reading = |(x, y): (isize, isize)| {
+        let (x, y) = (usize::try_from(x).ok()?, usize::try_from(y).ok()?);
+        let inside = x < depth_m.width() && y < depth_m.height();
+        inside.then(|| depth_m[(x, y)]).filter(|&reading_m| reading_m > 0.0)
+    };
+    let nearest_m = around.filter_map(reading).min_by(f32::total_cmp)?;
+    Some(camera.unproject(u, v, f64::from(nearest_m)))
+}
+
 #[cfg(test)]
 mod tests {
     use lo_geometry::{Camera, Cube};
@@ -47,5 +74,35 @@ mod tests {
             let above = sun_direction(&tilted, azimuth, elevation).dot(up).asin().to_degrees();
             assert!((f64::from(above) - elevation).abs() < 1e-3, "{above}");
         }
+    }
+
+    #[test]
+    fn a_shadow_tells_where_its_sun_stands() {
+        // A pole on a floor: its top is seen at the one pixel, the end of its shadow at the other.
+        let camera = Camera::from_hfov_deg(70.0, 320, 240).expect("a camera");
+        let (top, end) = (Vec3::new(0.3, -0.4, -3.0), Vec3::new(-0.4, -1.2, -2.6));
+        let pixel = |at: Vec3| camera.project(at).map(|(u, v, _)| [u, v]).expect("in front");
+        let near = |x: usize, y: usize, at: Vec3| {
+            let [u, v] = pixel(at);
+            (x as f64 - u).abs() < 1.5 && (y as f64 - v).abs() < 1.5
+        };
+        let depth = |x: usize, y: usize| match () {
+            () if near(x, y, top) => -top.z,
+            () if near(x, y, end) => -end.z,
+            () => 6.0,
+        };
+        let frame = Frame {
+            camera,
+            photo: Photo::Srgb8(Image::new(320, 240, vec![[0; 3]; 320 * 240])),
+            depth_m: Image::from_fn(320, 240, depth),
+            exposure: 1.0,
+        };
+        let (light, _) = LightOctree::from_points(&[], Cube::centred(Vec3::ZERO, 4.0), 3, 2).expect("an empty octree");
+        let mut scene = Scene::as_seen(light, frame);
+        let found = sun_of_shadow(&scene, pixel(top), pixel(end)).expect("it falls down");
+        assert!(found.angle_between(top - end).to_degrees() < 0.1, "{found}");
+        assert_eq!(sun_of_shadow(&scene, pixel(end), pixel(top)), None, "upwards");
+        scene.frame.depth_m.pixels_mut().fill(0.0);
+        assert_eq!(sun_of_shadow(&scene, pixel(top), pixel(end)), None, "no depth");
     }
 }

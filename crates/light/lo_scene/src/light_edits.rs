@@ -131,6 +131,9 @@ pub enum LightShape {
         direction: Vec3,
         /// Half of the angle that it is seen under.
         angular_radius_deg: f32,
+        /// Whether it is the photo's own: it shines where the photo shows that it does, and there the photo has its light already.
+        #[serde(default, skip_serializing_if = "is_no")]
+        of_photo: bool,
     },
 }
 
@@ -269,7 +272,7 @@ impl AnalyticLight {
                     Some("the place")
                 }
             }
-            LightShape::Sun { direction, angular_radius_deg } => {
+            LightShape::Sun { direction, angular_radius_deg, .. } => {
                 let wide = (MIN_SUN_RADIUS_DEG..=MAX_SUN_RADIUS_DEG).contains(&angular_radius_deg);
                 if unit(direction) { (!wide).then_some("the size") } else { Some("the direction") }
             }
@@ -313,6 +316,10 @@ fn is_place(place: Vec3) -> bool {
 
 fn yes() -> bool {
     true
+}
+
+fn is_no(of_photo: &bool) -> bool {
+    !*of_photo
 }
 
 fn is_yes(on: &bool) -> bool {

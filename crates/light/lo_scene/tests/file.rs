@@ -146,7 +146,8 @@ fn edits() -> LightEdits {
         size_m: [1.2, 0.3],
         two_sided: false,
     };
-    let sun = LightShape::Sun { direction: Vec3::new(0.6, 0.8, 0.0), angular_radius_deg: 0.27 };
+    let sun = LightShape::Sun { direction: Vec3::new(0.6, 0.8, 0.0), angular_radius_deg: 0.27, of_photo: false };
+    let of_photo = LightShape::Sun { direction: Vec3::new(0.0, 0.8, 0.6), angular_radius_deg: 0.27, of_photo: true };
     let added = |id: &str, shape, radiance| AddedLight {
         id: id.to_owned(),
         light: AnalyticLight { shape, radiance },
@@ -160,7 +161,11 @@ fn edits() -> LightEdits {
     };
     LightEdits {
         emitters: vec![EmitterEdit { id: "L1".to_owned(), found_at_m: Vec3::new(0.3, 0.2, 0.1), change }],
-        added: vec![added("A1", rectangle, [3.0, 2.0, 1.0]), added("A2", sun, [1e5, 1e5, 9e4])],
+        added: vec![
+            added("A1", rectangle, [3.0, 2.0, 1.0]),
+            added("A2", sun, [1e5, 1e5, 9e4]),
+            added("A3", of_photo, [1e5; 3]),
+        ],
     }
 }
 
@@ -203,7 +208,7 @@ fn edits_out_of_range_are_named() {
     let sphere = |centre_m, radius_m| LightShape::Sphere { centre_m, radius_m };
     wrong(&|edits| shape(edits, sphere(Vec3::ZERO, 0.0)), "the size");
     wrong(&|edits| shape(edits, sphere(Vec3::splat(1e6), 0.1)), "the place");
-    let sun = |direction, angular_radius_deg| LightShape::Sun { direction, angular_radius_deg };
+    let sun = |direction, angular_radius_deg| LightShape::Sun { direction, angular_radius_deg, of_photo: false };
     wrong(&|edits| shape(edits, sun(Vec3::Y, 90.0)), "the size");
     wrong(&|edits| shape(edits, sun(Vec3::splat(1.0), 0.3)), "the direction");
 }

@@ -49,7 +49,7 @@ impl NewLight {
                     return Err(SessionError::Range("the direction"));
                 }
                 let direction = sun_direction(scene, azimuth_deg.into(), elevation_deg.into());
-                let shape = LightShape::Sun { direction, angular_radius_deg: 0.5 * angle_deg };
+                let shape = LightShape::Sun { direction, angular_radius_deg: 0.5 * angle_deg, of_photo: false };
                 let extent = AnalyticLight { shape, radiance: [0.0; 3] }.extent();
                 (shape, strength / extent, color(kelvin)?)
             }

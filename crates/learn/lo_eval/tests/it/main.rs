@@ -4,3 +4,4 @@
 mod camera;
 mod photos;
 mod published;
+mod sun;

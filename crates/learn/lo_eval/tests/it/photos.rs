@@ -53,7 +53,7 @@ impl Rooms {
 }
 
 /// The program's weights.
-fn shipped() -> Estimator {
+pub(crate) fn shipped() -> Estimator {
     let weights = "../../lightoctree/weights/lightoctree.safetensors";
     Estimator::read(Path::new(env!("CARGO_MANIFEST_DIR")).join(weights)).unwrap()
 }

@@ -28,7 +28,7 @@ pub fn lamp(index: usize, lamp: &Source) -> String {
             let axes = lo_geometry::Mat4::from_translation(centre_m).to_cols_array_2d();
             ("SphereLight", format!("float inputs:radius = {radius_m}"), matrix(axes))
         }
-        LightShape::Sun { direction, angular_radius_deg } => {
+        LightShape::Sun { direction, angular_radius_deg, .. } => {
             let across = lo_geometry::orthonormal_basis(direction).x_axis;
             let size = format!("float inputs:angle = {}", 2.0 * angular_radius_deg);
             ("DistantLight", size, place(across, -direction, Vec3::ZERO))

@@ -56,6 +56,24 @@ fn with(shape: LightShape, radiance: f32) -> Scene {
     scene
 }
 
+/// The same with the photo's own sun, which makes a square patch with this middle on the wall behind.
+fn with_patch(direction: Vec3, middle: Vec3, radiance: f32) -> Scene {
+    let mut scene = scene();
+    let camera = scene.frame.camera;
+    let photo = Image::from_fn(WIDTH, HEIGHT, |x, y| {
+        let seen = wall(Vec3::ZERO, camera.direction(x as f64 + 0.5, y as f64 + 0.5));
+        let lit = seen.z < LOW.z + 0.01 && (seen - middle).abs().max_element() < 0.35;
+        self::radiance(seen).map(|value| if lit { 5.0 * value } else { value })
+    });
+    scene.frame.photo = Photo::Linear(photo);
+    let found = emitters(&scene);
+    let shape = LightShape::Sun { direction, angular_radius_deg: 0.27, of_photo: true };
+    let light = AnalyticLight { shape, radiance: [radiance; 3] };
+    scene.light_edits.added.push(AddedLight { id: "A1".to_owned(), light, change: LightChange::NONE });
+    apply_edits(&mut scene, &found).unwrap();
+    scene
+}
+
 /// A matte sphere of radius 1 about the origin.
 fn sphere() -> PreparedModel {
     let material = Material { base_color: [ALBEDO, ALBEDO, ALBEDO, 1.0], roughness: 1.0, ..Material::default() };
@@ -63,10 +81,14 @@ fn sphere() -> PreparedModel {
 }
 
 fn render(scene: &Scene) -> Composite {
+    render_at(scene, Quality::High)
+}
+
+fn render_at(scene: &Scene, quality: Quality) -> Composite {
     let support = Some(Plane { normal: Vec3::Y, offset_m: LOW.y });
     let position_m = CENTRE - Vec3::Y * RADIUS;
     let placement = Placement { position_m, scale: RADIUS, yaw_rad: 0.0, up: Vec3::Y, support };
-    let inserter = Inserter::new(scene, Lighting::Octree, Quality::High).unwrap();
+    let inserter = Inserter::new(scene, Lighting::Octree, quality).unwrap();
     inserter.render(&[Instance::new(&sphere(), placement)], &mut lo_events::ignore).unwrap()
 }
 
@@ -76,9 +98,36 @@ fn pixel(scene: &Scene, point: Vec3) -> (usize, usize) {
 }
 
 #[test]
+fn the_photos_own_sun_lights_what_stands_in_its_patches_alone() {
+    let direction = Vec3::new(0.3, 0.05, 0.8).normalize();
+    let extent = |of_photo| {
+        let shape = LightShape::Sun { direction, angular_radius_deg: 0.27, of_photo };
+        (shape, AnalyticLight { shape, radiance: [1.0; 3] }.extent())
+    };
+    let (strength, render) = (6.0, |scene: &Scene| render_at(scene, Quality::Normal));
+    // Where the middle of the sphere casts its shadow, and beside it.
+    let shadow = CENTRE - direction * ((CENTRE.z - LOW.z) / direction.z);
+    let (shape, solid_angle_sr) = extent(false);
+    let free = render(&with(shape, strength / solid_angle_sr));
+    let none = render(&scene());
+    let radiance = strength / extent(true).1;
+    let on = render(&with_patch(direction, shadow, radiance));
+    let off = render(&with_patch(direction, shadow + Vec3::X * 1.2, radiance));
+    let normal = (direction + (-CENTRE).normalize()).normalize();
+    let at = pixel(&scene(), CENTRE + normal * RADIUS);
+    let [all, own, lit, dark] = [&free, &none, &on, &off].map(|composite| luminance(composite.object[at]));
+    assert!((lit / all - 1.0).abs() < 0.03, "{lit} of {all}");
+    assert!((dark / own - 1.0).abs() < 0.03, "{dark} of {own}, {lit} in the sun");
+    // Its shadow falls into the patch, and there is none where the photo has no sun.
+    let ratio = |composite: &Composite| luminance(composite.shadow_ratio[pixel(&scene(), shadow)]);
+    let [all, own, lit, dark] = [&free, &none, &on, &off].map(ratio);
+    assert!((lit / all - 1.0).abs() < 0.1 && (dark / own - 1.0).abs() < 0.1, "{lit} of {all}, {dark} of {own}");
+}
+
+#[test]
 fn an_added_sun_lights_the_object_and_casts_its_shadow() {
     let direction = Vec3::new(0.5, 0.7, 0.4).normalize();
-    let shape = LightShape::Sun { direction, angular_radius_deg: 0.27 };
+    let shape = LightShape::Sun { direction, angular_radius_deg: 0.27, of_photo: false };
     let extent = AnalyticLight { shape, radiance: [1.0; 3] }.extent();
     let strength = 6.0;
     let (plain, scene) = (scene(), with(shape, strength / extent));

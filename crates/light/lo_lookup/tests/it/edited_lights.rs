@@ -279,14 +279,15 @@ fn added_lights_give_what_they_should() {
     }
     // A sun of irradiance 4, through a wall that nobody saw.
     let direction = Vec3::new(0.2, 0.8, 0.6).normalize();
-    let sun = LightShape::Sun { direction, angular_radius_deg: 0.27 };
+    let sun = LightShape::Sun { direction, angular_radius_deg: 0.27, of_photo: false };
     let light = AnalyticLight { shape: sun, radiance: [1.0; 3] };
     close(given(sun, [4.0 / light.extent(); 3], direction), 4.0, "sun");
     // Not through one that the photo shows, but through the window in the wall to the left.
-    let front = LightShape::Sun { direction: Vec3::new(0.0, 0.2, -1.0).normalize(), angular_radius_deg: 0.27 };
+    let front =
+        LightShape::Sun { direction: Vec3::new(0.0, 0.2, -1.0).normalize(), angular_radius_deg: 0.27, of_photo: false };
     assert!(panorama(&added(front, [1e5; 3], LightChange::NONE), eye) == base, "a seen wall hides it");
     let through = (Vec3::new(LOW.x, 0.2, -2.2) - eye).normalize();
-    let window = LightShape::Sun { direction: through, angular_radius_deg: 0.27 };
+    let window = LightShape::Sun { direction: through, angular_radius_deg: 0.27, of_photo: false };
     close(given(window, [4.0 / light.extent(); 3], through), 4.0, "sun through the window");
 }
 

@@ -1,0 +1,215 @@
+//! Where the sun shines, by the patches that it makes on what a photo shows.
+//!
+//! Nobody sees the window through which it comes. But what it lights in the air it would light on the surface behind, and that the photo shows: a place is in
+//! the sun where the ray from the sun through it ends in a sun patch.
+
+mod edges;
+mod label;
+
+use lo_geometry::{Camera, Vec3};
+use lo_imaging::{DepthMap, Image, RadianceImage};
+use lo_scene::Frame;
+
+use edges::{Edge, edges, log_luminance};
+use label::label;
+
+/// Fewer edges are no sun patch.
+const MIN_EDGES: usize = 30;
+
+/// A place this near to what its pixel shows lies on it, metres and metres per metre of depth.
+const ON_SURFACE: (f32, f32) = (0.02, 0.02);
+
+/// Rays that pass what they meet by more than this go on behind it, metres and metres per metre of depth.
+const BEHIND: (f32, f32) = (0.15, 0.1);
+
+/// Steps along a ray, as a share of the distance from the camera, and how far rays are followed, metres.
+const STEP: f32 = 0.01;
+const REACH_M: f32 = 8.0;
+
+/// Channels of a photo from here on are clipped, as a share of the exposure.
+const CLIPPED: f32 = 0.956;
+
+/// The surfaces of a photo on which the sun shines.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sunlit {
+    sun: Vec3,
+    lit: Image<bool>,
+    depth_m: DepthMap,
+    camera: Camera,
+    edges: Vec<Edge>,
+}
+
+/// By how much a sun patch is brighter than the shade beside it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SunEdge {
+    /// In the shade beside the patch, metres.
+    pub shaded_m: Vec3,
+    /// Unit normal there.
+    pub normal: Vec3,
+    /// By channel: radiance in the sun over that in the shade.
+    pub ratio: Vec3,
+    /// By channel: whether the photo is clipped in the sun, so that the ratio is the least that it can be.
+    pub clipped: [bool; 3],
+}
+
+impl Sunlit {
+    /// By the edges of sun patches on surfaces that face the sun, a unit vector towards which is given; `None` where there are hardly any.
+    ///
+    /// `seen` is the frame at the working resolution ([`Frame::working`]) without flying pixels.
+    pub fn new(seen: &Frame, sun: Vec3) -> Option<Self> {
+        let (log, normals) = (log_luminance(seen), seen.normals());
+        if (log.width(), log.height()) != (normals.width(), normals.height()) {
+            return None;
+        }
+        let edges = edges(seen, &log, &normals, sun);
+        if edges.len() < MIN_EDGES {
+            return None;
+        }
+        let mut lit = label(seen, &log, &edges);
+        for (lit, normal) in lit.pixels_mut().iter_mut().zip(normals.pixels()) {
+            *lit &= normal.is_none_or(|normal| normal.dot(sun) > 0.0);
+        }
+        Some(Self { sun, lit, depth_m: seen.depth_m.clone(), camera: seen.depth_camera(), edges })
+    }
+
+    /// Unit vector towards the sun.
+    pub fn sun(&self) -> Vec3 {
+        self.sun
+    }
+
+    /// Whether the sun shines on what each pixel shows.
+    pub fn lit(&self) -> &Image<bool> {
+        &self.lit
+    }
+
+    /// What the edges of the patches say; `radiance` is that of the frame.
+    pub fn edges(&self, radiance: &RadianceImage, exposure: f32) -> Vec<SunEdge> {
+        let of = |edge: &Edge| {
+            let [lit, shaded] = [edge.lit, edge.shaded].map(|side| Vec3::from(radiance[side.pixel]));
+            SunEdge {
+                shaded_m: edge.shaded.position_m,
+                normal: edge.shaded.normal,
+                ratio: lit / shaded.max(Vec3::splat(1e-4)),
+                clipped: lit.to_array().map(|value| value >= CLIPPED * exposure),
+            }
+        };
+        self.edges.iter().map(of).collect()
+    }
+
+    /// Whether the sun shines at a place: on the surface that the photo shows there, or on what lies behind it as seen from the sun. `None` where the photo
+    /// does not show that.
+    pub fn shines_at(&self, place: Vec3) -> Option<bool> {
+        let (width, height) = (self.lit.width() as f64, self.lit.height() as f64);
+        let limit = |(fixed, share): (f32, f32), depth_m: f32| fixed + share * depth_m;
+        let mut along_m = 0.0;
+        while along_m < REACH_M {
+            let at = place - self.sun * along_m;
+            along_m += STEP * at.z.abs().max(0.2);
+            let Some((u, v, depth_m)) = self.camera.project(at) else { continue };
+            if !((0.0..width).contains(&u) && (0.0..height).contains(&v)) {
+                continue;
+            }
+            let pixel = (u as usize, v as usize);
+            let shown_m = self.depth_m[pixel];
+            let past_m = depth_m as f32 - shown_m;
+            if shown_m > 0.0 && past_m > -limit(ON_SURFACE, shown_m) && past_m < limit(BEHIND, shown_m) {
+                return Some(self.lit[pixel]);
+            }
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use std::sync::OnceLock;
+
+    use lo_imaging::Photo;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const WIDTH: usize = 240;
+    const HEIGHT: usize = 160;
+    const FLOOR_M: f32 = -0.9;
+    const WALL_M: f32 = -4.0;
+    const SUN: Vec3 = Vec3::new(0.36, 0.8, 0.48);
+
+    fn camera() -> Camera {
+        Camera::from_hfov_deg(70.0, WIDTH as u32, HEIGHT as u32).unwrap()
+    }
+
+    /// What a pixel shows: the floor, or the wall behind it.
+    fn shown(x: usize, y: usize) -> Vec3 {
+        let direction = camera().direction(x as f64 + 0.5, y as f64 + 0.5);
+        let floor = if direction.y < 0.0 { FLOOR_M / direction.y } else { f32::INFINITY };
+        direction * floor.min(WALL_M / direction.z)
+    }
+
+    fn in_patch(at: Vec3) -> bool {
+        (-0.5..0.8).contains(&at.x) && (-3.0..-2.2).contains(&at.z)
+    }
+
+    /// A floor with a sun patch of this brightness beside the shade's, and a rug as dark as half of the floor.
+    fn frame(ratio: f32) -> Frame {
+        let photo = Image::from_fn(WIDTH, HEIGHT, |x, y| {
+            let at = shown(x, y);
+            let rug = if at.x > 0.2 { 0.5 } else { 1.0 };
+            let on_floor = at.y < FLOOR_M + 1e-3;
+            let light = if on_floor && in_patch(at) { ratio } else { 1.0 };
+            [0.12 * light * rug, 0.1 * light * rug, 0.08 * light * rug]
+        });
+        let depth_m = DepthMap::from_fn(WIDTH, HEIGHT, |x, y| -shown(x, y).z);
+        Frame::new(Photo::Linear(photo), depth_m, camera(), 1.0).unwrap()
+    }
+
+    #[test]
+    fn patches_are_found_across_changes_of_albedo() {
+        let sunlit = Sunlit::new(&frame(6.0), SUN).unwrap();
+        let (mut wrong, mut lit) = (0, 0);
+        for y in 0..HEIGHT {
+            for x in 0..WIDTH {
+                let at = shown(x, y);
+                let truth = at.y < FLOOR_M + 1e-3 && in_patch(at);
+                lit += usize::from(truth);
+                wrong += usize::from(sunlit.lit()[(x, y)] != truth);
+            }
+        }
+        assert!(wrong < lit / 20, "{wrong} wrong, {lit} in the sun");
+        let edges = sunlit.edges(&frame(6.0).radiance(), 1.0);
+        let right = edges
+            .iter()
+            .filter(|edge| (edge.ratio / 6.0 - 1.0).abs().max_element() < 1e-3 && edge.clipped == [false; 3]);
+        assert!(right.count() as f32 > 0.8 * edges.len() as f32);
+    }
+
+    #[test]
+    fn without_patches_there_is_nothing() {
+        assert_eq!(Sunlit::new(&frame(1.0), SUN), None);
+        // The same seen from below the floor: nothing faces the sun.
+        assert_eq!(Sunlit::new(&frame(6.0), -SUN), None);
+    }
+
+    static SUNLIT: OnceLock<Sunlit> = OnceLock::new();
+
+    proptest! {
+        /// A place in the air is in the sun where the photo shows that its shadow would fall into a patch.
+        #[test]
+        fn the_sun_shines_in_the_air_above_patches(x in -1.0f32..1.2, z in -3.4f32..-2.0, height_m in 0.0f32..0.6) {
+            let sunlit = SUNLIT.get_or_init(|| Sunlit::new(&frame(6.0), SUN).unwrap());
+            let below = Vec3::new(x, FLOOR_M, z);
+            let edge_m = [x + 0.5, x - 0.8, z + 3.0, z + 2.2].into_iter().map(f32::abs).fold(f32::INFINITY, f32::min);
+            let shines = sunlit.shines_at(below + SUN * (height_m / SUN.y));
+            prop_assume!(edge_m > 0.08);
+            prop_assert_eq!(shines, Some(in_patch(below)));
+        }
+    }
+
+    #[test]
+    fn of_what_the_photo_does_not_show_nothing_is_said() {
+        let sunlit = Sunlit::new(&frame(6.0), SUN).unwrap();
+        assert_eq!(sunlit.shines_at(Vec3::new(0.0, 0.0, 4.0)), None);
+        assert_eq!(sunlit.shines_at(Vec3::new(-3.0, FLOOR_M, -0.5)), None);
+    }
+}

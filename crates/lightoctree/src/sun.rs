@@ -1,0 +1,121 @@
+use lo_completion::irradiance_at;
+use lo_geometry::Vec3;
+use lo_lights::{SunEdge, Sunlit};
+use lo_scene::{AnalyticLight, LightShape, Scene};
+
+use crate::fit_lamps;
+
+/// Share of the edges of sun patches that must not be clipped in a channel for the photo to tell how much of it the sun has.
+const MIN_UNCLIPPED: f32 = 0.3;
+
+/// Least cosine between the sun and a surface whose shade tells how bright it is.
+const MIN_COSINE: f32 = 0.2;
+
+/// The sun that a photo shows by its patches.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PhotoSun {
+    /// As a light to add to the scene: [`lo_scene::LightShape::Sun`] `of_photo`, as bright as the patches are beside the shade.
+    pub light: AnalyticLight,
+    /// Share of the photo that is in the sun.
+    pub lit_share: f32,
+    /// Whether patches are clipped in the photo, so that the sun is at least as bright as this.
+    pub clipped: bool,
+}
+
+/// How bright the sun is that makes the patches of a scene's photo, by the light that the room gives to the shade beside them
+/// ([`crate::list_lights`]'s). `None` where no surface that faces it has any.
+///
+/// At an edge of a patch the radiances in the sun and in the shade have the ratio (E + S cos θ) / E, on any diffuse surface.
+pub fn sun_of_photo(scene: &Scene, direction: Vec3, angular_radius_deg: f32) -> Option<PhotoSun> {
+    let seen = scene.frame.working().without_flying_pixels();
+    let sunlit = Sunlit::new(&seen, direction)?;
+    let mut lit = scene.clone();
+    fit_lamps(&mut lit);
+    let edges = sunlit.edges(&seen.radiance(), seen.exposure);
+    let edges: Vec<SunEdge> = edges.into_iter().filter(|edge| edge.normal.dot(direction) > MIN_COSINE).collect();
+    let places: Vec<(Vec3, Vec3)> = edges.iter().map(|edge| (edge.shaded_m, edge.normal)).collect();
+    let shade = irradiance_at(&lit.light, &places);
+    let of_edge = |(edge, shade): (&SunEdge, &Vec3)| (edge.ratio - 1.0) * *shade / edge.normal.dot(direction);
+    let strengths: Vec<Vec3> = edges.iter().zip(&shade).map(of_edge).collect();
+    let channel = |c: usize| {
+        let unclipped = edges.iter().filter(|edge| !edge.clipped[c]).count() as f32;
+        let clipped = unclipped < MIN_UNCLIPPED * edges.len() as f32;
+        let told = edges.iter().zip(&strengths).filter(|(edge, _)| clipped || !edge.clipped[c]);
+        Some((median(told.map(|(_, strength)| strength[c].max(0.0)).collect())?, clipped))
+    };
+    let channels = [channel(0)?, channel(1)?, channel(2)?];
+    // Of a clipped channel there is more than the photo says: as much as of the strongest.
+    let strongest = channels.iter().map(|(strength, _)| *strength).fold(0.0, f32::max);
+    let strength = Vec3::from(channels.map(|(strength, clipped)| if clipped { strongest } else { strength }));
+    let clipped = channels.iter().any(|(_, clipped)| *clipped);
+    let shape = LightShape::Sun { direction, angular_radius_deg, of_photo: true };
+    let dark = AnalyticLight { shape, radiance: [0.0; 3] };
+    let radiance = (strength / dark.extent()).to_array();
+    let all = sunlit.lit().pixels();
+    let lit_share = all.iter().filter(|&&lit| lit).count() as f32 / all.len() as f32;
+    Some(PhotoSun { light: AnalyticLight { radiance, ..dark }, lit_share, clipped })
+}
+
+fn median(mut values: Vec<f32>) -> Option<f32> {
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f32::total_cmp).1)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use std::f32::consts::PI;
+
+    use lo_geometry::{Camera, Cube};
+    use lo_imaging::{DepthMap, Image, Photo};
+    use lo_octree::{Coverage, LightOctree, RadiancePoint};
+    use lo_scene::Frame;
+
+    use super::*;
+
+    const FLOOR_M: f32 = -0.8;
+    const SUN: Vec3 = Vec3::new(0.36, 0.8, 0.48);
+
+    /// A room whose surfaces all give off 0.2, so that each place gets 0.2 π. Its floor of albedo 0.5 has a patch that a sun of this strength makes, by
+    /// channel; the camera looks down at it.
+    fn room(strength: Vec3) -> Scene {
+        let (width, height) = (240, 160);
+        let points = lo_geometry::fibonacci_sphere(200_000).into_iter().map(|direction| {
+            let far = (2.5 / direction.abs()).min_element();
+            let position_m = direction * far.min(if direction.y < 0.0 { FLOOR_M / direction.y } else { f32::INFINITY });
+            RadiancePoint { position_m, radiance: [0.2; 3], coverage: Coverage::Inferred }
+        });
+        let points: Vec<RadiancePoint> = points.collect();
+        let light = LightOctree::from_points(&points, Cube::centred(Vec3::ZERO, 5.5), 6, 4).unwrap().0;
+        let camera = Camera::from_hfov_deg(70.0, width as u32, height as u32).unwrap();
+        let shown = |x: usize, y: usize| {
+            let direction = camera.direction(x as f64 + 0.5, y as f64 + 0.5);
+            let floor = if direction.y < 0.0 { FLOOR_M / direction.y } else { f32::INFINITY };
+            direction * floor.min(-2.5 / direction.z)
+        };
+        let photo = Image::from_fn(width, height, |x, y| {
+            let at = shown(x, y);
+            let lit = at.y < FLOOR_M + 1e-3 && at.x.abs() < 0.5 && (-2.3..-1.8).contains(&at.z);
+            let light = Vec3::splat(0.2 * PI) + if lit { strength * SUN.y } else { Vec3::ZERO };
+            (light * (0.5 / PI)).to_array()
+        });
+        let depth_m = DepthMap::from_fn(width, height, |x, y| -shown(x, y).z);
+        Scene::as_seen(light, Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap())
+    }
+
+    #[test]
+    fn the_sun_is_as_bright_as_its_patches_say() {
+        let strength = Vec3::new(4.0, 3.6, 2.8);
+        let found = sun_of_photo(&room(strength), SUN, 0.27).unwrap();
+        let own = Vec3::from(found.light.radiance) * found.light.extent();
+        assert!((own / strength - 1.0).abs().max_element() < 0.1, "{own}");
+        // 1.0 by 0.5 m of the floor, seen from 0.8 m above and 2 m away.
+        assert!(!found.clipped && (0.02..0.1).contains(&found.lit_share), "{found:?}");
+        assert!(matches!(found.light.shape, LightShape::Sun { direction: SUN, of_photo: true, .. }));
+    }
+
+    #[test]
+    fn a_photo_without_patches_shows_no_sun() {
+        assert_eq!(sun_of_photo(&room(Vec3::ZERO), SUN, 0.27), None);
+    }
+}
