@@ -1,12 +1,18 @@
+use std::ops::RangeInclusive;
+
 use lo_completion::irradiance_at;
 use lo_geometry::Vec3;
-use lo_lights::{SunEdge, Sunlit};
-use lo_scene::{AnalyticLight, LightShape, Scene};
+use lo_imaging::luminance;
+use lo_lights::{SunEdge, Sunlit, color_temperature_k, rgb_of_color};
+use lo_scene::{AnalyticLight, LightColor, LightShape, Scene};
 
 use crate::fit_lamps;
 
 /// Share of the edges of sun patches that must not be clipped in a channel for the photo to tell how much of it the sun has.
 const MIN_UNCLIPPED: f32 = 0.3;
+
+/// Colour temperatures of sunlight in a photo whose white is the room's.
+const DAYLIGHT_K: RangeInclusive<f32> = 2500.0..=10_000.0;
 
 /// Least cosine between the sun and a surface whose shade tells how bright it is.
 const MIN_COSINE: f32 = 0.2;
@@ -50,7 +56,10 @@ pub fn sun_of_photo(scene: &Scene, direction: Vec3, angular_radius_deg: f32) -> 
     let clipped = channels.iter().any(|(_, clipped)| *clipped);
     let shape = LightShape::Sun { direction, angular_radius_deg, of_photo: true };
     let dark = AnalyticLight { shape, radiance: [0.0; 3] };
-    let radiance = (strength / dark.extent()).to_array();
+    // Of the colours that daylight has, the nearest: what is told of three channels by three sets of edges may be green.
+    let kelvin = color_temperature_k(strength.to_array()).filter(|kelvin| DAYLIGHT_K.contains(kelvin));
+    let colour = kelvin.map_or(Vec3::ONE, |kelvin| rgb_of_color(LightColor::Kelvin(kelvin)));
+    let radiance = (colour * (luminance(strength.to_array()) / dark.extent())).to_array();
     let all = sunlit.lit().pixels();
     let lit_share = all.iter().filter(|&&lit| lit).count() as f32 / all.len() as f32;
     Some(PhotoSun { light: AnalyticLight { radiance, ..dark }, lit_share, clipped })
@@ -105,7 +114,7 @@ mod tests {
 
     #[test]
     fn the_sun_is_as_bright_as_its_patches_say() {
-        let strength = Vec3::new(4.0, 3.6, 2.8);
+        let strength = rgb_of_color(LightColor::Kelvin(5000.0)) * 4.0;
         let found = sun_of_photo(&room(strength), SUN, 0.27).unwrap();
         let own = Vec3::from(found.light.radiance) * found.light.extent();
         assert!((own / strength - 1.0).abs().max_element() < 0.1, "{own}");

@@ -26,6 +26,7 @@ use crate::{output, report};
     lightoctree lights set room.scene L1 --scale 2 --color 3000K\n  \
     lightoctree lights set room.scene L2 --off -o night.scene\n  \
     lightoctree lights add sun room.scene --azimuth -60 --elevation 35 --strength 8 --color 5500K\n  \
+    lightoctree lights add sun room.scene --shadow 640,410,705,520\n  \
     lightoctree lights add area room.scene --at 0,1.5,-2 --direction 0,-1,0 --size 1.2,0.3 --radiance 20\n  \
     lightoctree lights reset room.scene\n\n\
     Changes lie beside the estimate in the scene file, which stays as it is. `insert`, `envmap`, `probes` and `export` use them. They change what a light \
@@ -110,7 +111,7 @@ struct SetArgs {
 /// Lights that can be added.
 #[derive(Debug, clap::Subcommand)]
 enum AddArgs {
-    /// A disc at infinity. What the photo shows hides it, but for windows and lamps, and objects do; guessed walls do not. Or the photo's own sun, by a shadow that it casts
+    /// A disc at infinity. What the photo shows hides it, but for windows and lamps, and objects do; guessed walls do not. Without --strength, the photo's own sun
     Sun(SunArgs),
     /// A rectangle or a sphere. It is not seen in the photo, hides nothing and casts no shadow itself
     Area(AreaArgs),
@@ -129,20 +130,20 @@ struct SunArgs {
     #[arg(long, value_name = "E", value_parser = elevation, allow_hyphen_values = true, requires = "azimuth")]
     elevation: Option<f64>,
 
-    /// The sun that shines in the photo: a pixel of it that shows a thing, such as the top of a chair or the corner of a window, and one that shows where its shadow falls. It lights objects where
-    /// the photo shows its patches, and is as strong as these are bright
+    /// Instead of the two: a pixel of the photo that shows a thing, such as the top of a chair or a corner of the window, and one that shows where its shadow falls
     #[arg(long, value_name = "U,V,U,V", value_parser = parse::pixels, conflicts_with = "azimuth", required_unless_present = "azimuth")]
     shadow: Option<[[f64; 2]; 2]>,
 
-    /// Irradiance on a surface that faces it: pi makes a white one as bright as the photo's white. By --shadow the photo tells
-    #[arg(long, value_name = "S", value_parser = parse::positive, required_unless_present = "shadow")]
+    /// Irradiance on a surface that faces it: pi makes a white one as bright as the photo's white. Without it, it is the photo's own sun: it lights objects where the
+    /// photo shows sun patches, and is as strong as these are bright beside the shade
+    #[arg(long, value_name = "S", value_parser = parse::positive)]
     strength: Option<f64>,
 
     /// Degrees that it is wide; the larger, the softer its shadows
     #[arg(long, value_name = "D", value_parser = parse::positive, default_value_t = 0.53)]
     angle: f64,
 
-    /// Its colour: a temperature such as 5500K, or linear R,G,B. White by default, by --shadow as the photo shows it
+    /// Its colour: a temperature such as 5500K, or linear R,G,B. White by default; the photo's own sun as the photo shows it
     #[arg(long, value_name = "KELVIN|R,G,B", value_parser = parse::light_color)]
     color: Option<LightColor>,
 
@@ -315,60 +316,48 @@ fn full() -> anyhow::Error {
 }
 
 fn sun(scene: &Scene, args: &SunArgs, stages: &Stages) -> anyhow::Result<AnalyticLight> {
-    let angular_radius_deg = 0.5 * args.angle as f32;
-    if let Some(shadow) = args.shadow {
-        return sun_of_photo(scene, args, shadow, stages);
-    }
-    let (Some(azimuth), Some(elevation), Some(strength)) = (args.azimuth, args.elevation, args.strength) else {
-        return Err(Usage("give --azimuth, --elevation and --strength, or --shadow".into()).into());
+    let direction = match (args.shadow, args.azimuth, args.elevation) {
+        (Some(shadow), ..) => by_shadow(scene, shadow)?,
+        (None, Some(azimuth), Some(elevation)) => lo_lights::sun_direction(scene, azimuth, elevation),
+        _ => return Err(Usage("give --azimuth and --elevation, or --shadow".into()).into()),
     };
-    let direction = lo_lights::sun_direction(scene, azimuth, elevation);
-    let shape = LightShape::Sun { direction, angular_radius_deg, of_photo: false };
-    let white = LightColor::Rgb([1.0; 3]);
-    Ok(of_luminance(shape, args.color.unwrap_or(white), |extent| strength as f32 / extent))
+    let angular_radius_deg = 0.5 * args.angle as f32;
+    if let Some(strength) = args.strength {
+        let shape = LightShape::Sun { direction, angular_radius_deg, of_photo: false };
+        let color = args.color.unwrap_or(LightColor::Rgb([1.0; 3]));
+        return Ok(of_luminance(shape, color, |extent| strength as f32 / extent));
+    }
+    let [azimuth, elevation] = lo_lights::sun_angles_deg(scene, direction);
+    let place = format!("azimuth {azimuth:.0}°, elevation {elevation:.0}°");
+    let found = lightoctree::sun_of_photo(scene, direction, angular_radius_deg).ok_or_else(|| {
+        Usage(format!(
+            "the photo shows no sun patches with sharp edges on what faces this sun ({place}); with --strength it shines in through all that the photo does not show"
+        ))
+    })?;
+    let own = luminance(found.light.radiance);
+    let clipped = if found.clipped { " at the least, since the photo is clipped there" } else { "" };
+    stages.note(&format!(
+        "the photo's own sun: {place}, strength {:.1}{clipped}; it shines on {:.1} % of what the photo shows",
+        own * found.light.extent(),
+        100.0 * found.lit_share
+    ));
+    let radiance = args.color.map_or(found.light.radiance, |color| (lo_lights::rgb_of_color(color) * own).to_array());
+    Ok(AnalyticLight { radiance, ..found.light })
 }
 
-/// The sun that casts a shadow in the photo.
-fn sun_of_photo(
-    scene: &Scene,
-    args: &SunArgs,
-    [thing, shadow]: [[f64; 2]; 2],
-    stages: &Stages,
-) -> anyhow::Result<AnalyticLight> {
+/// The direction of the sun that casts the shadow of the thing at one pixel to another one.
+fn by_shadow(scene: &Scene, [thing, shadow]: [[f64; 2]; 2]) -> anyhow::Result<Vec3> {
     let camera = &scene.frame.camera;
     for [u, v] in [thing, shadow] {
         if !camera.contains(u, v) {
             let (width, height) = (camera.width, camera.height);
-            return Err(Usage(format!(
-                "--shadow: {u},{v} lies outside of the photo, which has {width} × {height} pixels"
-            ))
-            .into());
+            let message = format!("--shadow: {u},{v} lies outside of the photo, which has {width} × {height} pixels");
+            return Err(Usage(message).into());
         }
     }
-    let direction = lo_lights::sun_of_shadow(scene, thing, shadow).ok_or_else(|| {
-        Usage("--shadow: by the scene's depth the shadow does not lie below what casts it; name the thing's pixel first, then its shadow's".into())
-    })?;
-    let [azimuth, elevation] = lo_lights::sun_angles_deg(scene, direction);
-    let place = format!("azimuth {azimuth:.0}°, elevation {elevation:.0}°");
-    let found = lightoctree::sun_of_photo(scene, direction, 0.5 * args.angle as f32).ok_or_else(|| {
-        Usage(format!(
-            "the sun of that shadow ({place}) makes no patches with sharp edges that the photo shows; --azimuth {azimuth:.0} --elevation {elevation:.0} --strength S adds one that shines in through all that the photo does not show"
-        ))
-    })?;
-    let own = found.light;
-    let extent = own.extent();
-    let known = luminance(own.radiance) * extent;
-    let clipped = if found.clipped { ", at the least: the photo is clipped there" } else { "" };
-    stages.note(&format!(
-        "the photo's sun: {place}, strength {known:.1}{clipped}; it shines on {:.1} % of what the photo shows",
-        100.0 * found.lit_share
-    ));
-    let factor = args.strength.map_or(1.0, |strength| strength as f32 / known.max(1e-6));
-    let radiance = match args.color {
-        Some(color) => lo_lights::rgb_of_color(color) * (luminance(own.radiance) * factor),
-        None => Vec3::from(own.radiance) * factor,
-    };
-    Ok(AnalyticLight { radiance: radiance.to_array(), ..own })
+    lo_lights::sun_of_shadow(scene, thing, shadow).ok_or_else(|| {
+        Usage("--shadow: by the scene's depth the shadow does not lie below the thing; name the thing's pixel first, then the shadow's".into()).into()
+    })
 }
 
 fn area(scene: &Scene, args: &AreaArgs) -> anyhow::Result<AnalyticLight> {

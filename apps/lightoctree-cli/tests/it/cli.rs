@@ -198,6 +198,15 @@ fn lights_are_listed_changed_and_reset() {
     assert!(message.contains("3000K"), "{message}");
     let message = refused(at, 2, &[&add[..5], &["0,0,0", "--size", "1,1", "--radiance", "1"]].concat());
     assert!(message.contains("--direction"), "{message}");
+    let sun = |direction: &[&'static str]| [&["lights", "add", "sun", "room.scene"][..], direction].concat();
+    let message = refused(at, 2, &sun(&["--shadow", "72,10,72,9000"]));
+    assert!(message.contains("72,9000 lies outside of the photo"), "{message}");
+    let message = refused(at, 2, &sun(&["--shadow", "72,90,72,10"]));
+    assert!(message.contains("name the thing's pixel first"), "{message}");
+    let message = refused(at, 2, &sun(&["--shadow", "72,10,72,90"]));
+    assert!(message.contains("no sun patches") && message.contains("--strength"), "{message}");
+    let message = refused(at, 2, &sun(&["--azimuth", "10"]));
+    assert!(message.contains("--elevation"), "{message}");
     write_mesh(at);
     let message = refused(at, 2, &["lights", "reset", "room.scene", "-o", "object.obj"]);
     assert!(message.contains("was not written by"), "{message}");
