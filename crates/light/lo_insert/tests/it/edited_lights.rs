@@ -1,6 +1,7 @@
 //! Added and edited lights on an object and in its shadow, in a room of known radiance.
 
 use std::f32::consts::PI;
+use std::sync::OnceLock;
 
 use lo_cone::Viewers;
 use lo_geometry::{Camera, Cube, Plane, Vec3};
@@ -32,6 +33,11 @@ fn radiance(p: Vec3) -> [f32; 3] {
 
 /// The photo shows the floor and the wall behind it.
 fn scene() -> Scene {
+    static SCENE: OnceLock<Scene> = OnceLock::new();
+    SCENE.get_or_init(new_scene).clone()
+}
+
+fn new_scene() -> Scene {
     let camera = Camera::from_hfov_deg(65.0, WIDTH as u32, HEIGHT as u32).unwrap();
     let point = |direction: Vec3| {
         let position_m = wall(0.5 * (LOW + HIGH), direction);
