@@ -61,7 +61,7 @@ pub fn sun_of_photo(scene: &Scene, direction: Vec3, angular_radius_deg: f32) -> 
     let colour = kelvin.map_or(Vec3::ONE, |kelvin| rgb_of_color(LightColor::Kelvin(kelvin)));
     let radiance = (colour * (luminance(strength.to_array()) / dark.extent())).to_array();
     let all = sunlit.lit().pixels();
-    let lit_share = all.iter().filter(|&&lit| lit).count() as f32 / all.len() as f32;
+    let lit_share = all.iter().sum::<f32>() / all.len() as f32;
     Some(PhotoSun { light: AnalyticLight { radiance, ..dark }, lit_share, clipped })
 }
 

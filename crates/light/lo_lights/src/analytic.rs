@@ -81,8 +81,8 @@ impl AnalyticLights {
         }
         for ((ray, place), share) in rays.iter().zip(places).zip(shares.iter_mut()) {
             // What the photo shows is finer than leaves, and knows what nobody saw between there and the sun.
-            if let Some(shines) = self.sunlit_by(ray.direction).and_then(|sunlit| sunlit.shines_at(place)) {
-                *share = f32::from(u8::from(shines));
+            if let Some(own) = self.sunlit_by(ray.direction).and_then(|sunlit| sunlit.share_at(place)) {
+                *share = own;
             }
         }
     }

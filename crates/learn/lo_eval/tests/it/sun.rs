@@ -46,7 +46,7 @@ fn overlap(truth: &Image<Option<bool>>, scene: &Scene, sun: Vec3) -> f64 {
     for y in 0..truth.height() {
         for x in 0..truth.width() {
             let Some(truth_here) = truth[(x, y)] else { continue };
-            let own = lit[(x * lit.width() / truth.width(), y * lit.height() / truth.height())];
+            let own = lit[(x * lit.width() / truth.width(), y * lit.height() / truth.height())] > 0.5;
             both += f64::from(u8::from(truth_here && own));
             one += f64::from(u8::from(truth_here || own));
         }
