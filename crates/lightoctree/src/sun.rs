@@ -37,11 +37,11 @@ pub fn sun_of_photo(scene: &Scene, direction: Vec3, angular_radius_deg: f32) -> 
     let sunlit = Sunlit::new(&seen, direction)?;
     let mut lit = scene.clone();
     fit_lamps(&mut lit);
-    let edges = sunlit.edges(&seen.radiance(), seen.exposure);
-    let edges: Vec<SunEdge> = edges.into_iter().filter(|edge| edge.normal.dot(direction) > MIN_COSINE).collect();
+    let faces = |edge: &&SunEdge| edge.normal.dot(direction) > MIN_COSINE;
+    let edges: Vec<&SunEdge> = sunlit.edges().iter().filter(faces).collect();
     let places: Vec<(Vec3, Vec3)> = edges.iter().map(|edge| (edge.shaded_m, edge.normal)).collect();
     let shade = irradiance_at(&lit.light, &places);
-    let of_edge = |(edge, shade): (&SunEdge, &Vec3)| (edge.ratio - 1.0) * *shade / edge.normal.dot(direction);
+    let of_edge = |(edge, shade): (&&SunEdge, &Vec3)| (edge.ratio - 1.0) * *shade / edge.normal.dot(direction);
     let strengths: Vec<Vec3> = edges.iter().zip(&shade).map(of_edge).collect();
     let channel = |c: usize| {
         let unclipped = edges.iter().filter(|edge| !edge.clipped[c]).count() as f32;

@@ -341,8 +341,7 @@ fn sun(scene: &Scene, args: &SunArgs, stages: &Stages) -> anyhow::Result<Analyti
         own * found.light.extent(),
         100.0 * found.lit_share
     ));
-    let radiance = args.color.map_or(found.light.radiance, |color| (lo_lights::rgb_of_color(color) * own).to_array());
-    Ok(AnalyticLight { radiance, ..found.light })
+    Ok(args.color.map_or(found.light, |color| of_luminance(found.light.shape, color, |_| own)))
 }
 
 /// The direction of the sun that casts the shadow of the thing at one pixel to another one.

@@ -1,3 +1,4 @@
+use std::cell::LazyCell;
 use std::f32::consts::{PI, TAU};
 
 use lo_cone::{Cone, ConeSample, ConeTracer, Rendering};
@@ -11,9 +12,6 @@ use crate::{LightPatch, PatchShape, Sunlit};
 
 /// Opacity from which on nothing of a sun comes through.
 const MAX_HIDDEN: f32 = 0.999;
-
-/// Cosine of the angle up to which a ray goes to a sun: suns are as wide, and mirrors' cones.
-const SAME_SUN: f32 = 0.97;
 
 /// Share of a cone's solid angle below which a rectangle counts as a disc of its solid angle.
 const SMALL_SHARE: f32 = 0.25;
@@ -33,8 +31,8 @@ const COARSE_PIXELS: f32 = 24.0;
 pub struct AnalyticLights {
     lights: Vec<AnalyticLight>,
     hides_suns: Option<ConeTracer>,
-    /// Where the photo's own suns shine.
-    sunlit: Vec<Sunlit>,
+    /// Directions of the suns, and where those of the photo shine.
+    suns: Vec<(Vec3, Option<Sunlit>)>,
     leaf_edge_m: f32,
 }
 
@@ -42,16 +40,16 @@ impl AnalyticLights {
     /// Those of a scene whose edits were carried out; `None` where it has none.
     pub fn of(scene: &Scene) -> Option<Self> {
         let edited = scene.edited.as_ref().filter(|edited| !edited.lights.is_empty())?;
-        let of_photo = |light: &AnalyticLight| match light.shape {
-            LightShape::Sun { direction, of_photo: true, .. } => Some(direction),
+        let seen = LazyCell::new(|| scene.frame.working().without_flying_pixels());
+        let sun = |light: &AnalyticLight| match light.shape {
+            LightShape::Sun { direction, of_photo, .. } => {
+                Some((direction, if of_photo { Sunlit::new(&seen, direction) } else { None }))
+            }
             _ => None,
         };
-        let suns: Vec<Vec3> = edited.lights.iter().filter_map(of_photo).collect();
-        let seen = (!suns.is_empty()).then(|| scene.frame.working().without_flying_pixels());
-        let sunlit = seen.iter().flat_map(|seen| suns.iter().filter_map(|sun| Sunlit::new(seen, *sun))).collect();
         Some(Self {
             lights: edited.lights.clone(),
-            sunlit,
+            suns: edited.lights.iter().filter_map(sun).collect(),
             hides_suns: edited.hides_suns.as_ref().map(tracer),
             leaf_edge_m: scene.light.cube.node_edge_m(scene.light.octree.depth()),
         })
@@ -68,28 +66,30 @@ impl AnalyticLights {
     /// Where there are not as many places as rays.
     pub fn free_to_suns(&self, rays: &[Cone], places: impl ExactSizeIterator<Item = Vec3>, shares: &mut Vec<f32>) {
         assert_eq!(rays.len(), places.len(), "one place for each ray");
+        // What the photo shows is finer than leaves, and knows what nobody saw between there and the sun.
+        let told = |(ray, place): (&Cone, Vec3)| self.sunlit_by(ray.direction)?.share_at(place);
+        let told: Vec<Option<f32>> = rays.iter().zip(places).map(told).collect();
+        let others: Vec<Cone> =
+            rays.iter().zip(&told).filter(|(_, told)| told.is_none()).map(|(ray, _)| *ray).collect();
+        let mut by_leaves = self.free_by_leaves(&others).into_iter();
         shares.clear();
-        match &self.hides_suns {
-            Some(tracer) => {
-                let mut samples = vec![ConeSample::default(); rays.len()];
-                tracer.trace_batch(rays, &mut samples);
-                // Leaves let a ten thousandth through, which of a sun is bright.
-                let free = |sample: &ConeSample| if sample.opacity > MAX_HIDDEN { 0.0 } else { 1.0 - sample.opacity };
-                shares.extend(samples.iter().map(free));
-            }
-            None => shares.resize(rays.len(), 1.0),
-        }
-        for ((ray, place), share) in rays.iter().zip(places).zip(shares.iter_mut()) {
-            // What the photo shows is finer than leaves, and knows what nobody saw between there and the sun.
-            if let Some(own) = self.sunlit_by(ray.direction).and_then(|sunlit| sunlit.share_at(place)) {
-                *share = own;
-            }
-        }
+        shares.extend(told.into_iter().filter_map(|told| told.or_else(|| by_leaves.next())));
     }
 
-    /// Where the photo's own sun in a direction shines.
+    /// Share of each of these rays that leaves do not hide.
+    fn free_by_leaves(&self, rays: &[Cone]) -> Vec<f32> {
+        let Some(tracer) = &self.hides_suns else { return vec![1.0; rays.len()] };
+        let mut samples = vec![ConeSample::default(); rays.len()];
+        tracer.trace_batch(rays, &mut samples);
+        // Leaves let a ten thousandth through, which of a sun is bright.
+        let free = |sample: &ConeSample| if sample.opacity > MAX_HIDDEN { 0.0 } else { 1.0 - sample.opacity };
+        samples.iter().map(free).collect()
+    }
+
+    /// Where the sun that a ray goes to shines, if it is the photo's own.
     fn sunlit_by(&self, direction: Vec3) -> Option<&Sunlit> {
-        self.sunlit.iter().find(|sunlit| sunlit.sun().dot(direction) > SAME_SUN)
+        let away = |sun: &(Vec3, Option<Sunlit>)| sun.0.dot(direction);
+        self.suns.iter().max_by(|a, b| away(a).total_cmp(&away(b)))?.1.as_ref()
     }
 
     /// Adds what cones see of the lights to their samples of the room.

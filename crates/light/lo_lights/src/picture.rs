@@ -30,6 +30,12 @@ struct Change {
     gain: Vec3,
 }
 
+impl Change {
+    fn lerp(self, other: Self, share: f32) -> Self {
+        Self { base: self.base.lerp(other.base, share), gain: self.gain.lerp(other.gain, share) }
+    }
+}
+
 impl PictureChange {
     /// Of the octree `light` and the change of its rows.
     pub fn new(light: &LightOctree, change: &OctreeChange) -> Self {
@@ -86,7 +92,8 @@ impl PictureChange {
         let scale = scale / Vec2::new(width as f32, radiance.height() as f32);
         radiance.pixels_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
             for (x, pixel) in row.iter_mut().enumerate() {
-                let Change { base, gain } = bilinear(&changes, (Vec2::new(x as f32, y as f32) + 0.5) * scale);
+                let at = (Vec2::new(x as f32, y as f32) + 0.5) * scale;
+                let Change { base, gain } = bilinear(&changes, at, Change::lerp);
                 if gain != Vec3::ZERO {
                     let own = Vec3::from(*pixel);
                     *pixel = (own + gain * (own - base).max(Vec3::ZERO)).to_array();
@@ -97,15 +104,11 @@ impl PictureChange {
 }
 
 /// Blend of the four pixels around a position; pixel centres lie at +0.5, and the border goes on outside.
-fn bilinear(image: &Image<Change>, at: Vec2) -> Change {
+pub(crate) fn bilinear<T: Copy>(image: &Image<T>, at: Vec2, mix: impl Fn(T, T, f32) -> T) -> T {
     let last = Vec2::new((image.width() - 1) as f32, (image.height() - 1) as f32);
     let at = (at - 0.5).clamp(Vec2::ZERO, last);
     let (x, y) = (at.x as usize, at.y as usize);
     let (x1, y1) = ((x + 1).min(image.width() - 1), (y + 1).min(image.height() - 1));
     let (fx, fy) = (at.x - x as f32, at.y - y as f32);
-    let mix = |a: Change, b: Change, share: f32| Change {
-        base: a.base.lerp(b.base, share),
-        gain: a.gain.lerp(b.gain, share),
-    };
     mix(mix(image[(x, y)], image[(x1, y)], fx), mix(image[(x, y1)], image[(x1, y1)], fx), fy)
 }

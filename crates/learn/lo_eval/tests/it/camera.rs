@@ -6,10 +6,7 @@ use lightoctree::nets::Networks;
 use lo_dataset::{CropModel, Dataset, Panoramas};
 use lo_sensor::Interval;
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
-}
+use crate::median;
 
 #[test]
 #[ignore = "needs weights: WEIGHTS=… [PANORAMAS=…] cargo test --release -p lo_eval --test it camera:: -- --ignored --nocapture"]

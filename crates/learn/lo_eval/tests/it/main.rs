@@ -5,3 +5,18 @@ mod camera;
 mod photos;
 mod published;
 mod sun;
+
+use std::path::Path;
+
+use lightoctree::Estimator;
+
+/// The program's weights.
+fn shipped() -> Estimator {
+    let weights = "../../lightoctree/weights/lightoctree.safetensors";
+    Estimator::read(Path::new(env!("CARGO_MANIFEST_DIR")).join(weights)).unwrap()
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}

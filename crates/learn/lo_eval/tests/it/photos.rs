@@ -1,7 +1,5 @@
 //! Three photos of a room, a third of a turn apart, against one: how much nearer the light comes to the truth where the first photo does not look.
 
-use std::path::Path;
-
 use lightoctree::cone::Viewers;
 use lightoctree::scene::{Completion, Frame, PosedFrame, Scene};
 use lightoctree::{EstimateOptions, Estimator, Exposures, Input};
@@ -11,6 +9,8 @@ use lo_geometry::{Quat, RigidTransform, Vec3};
 use lo_imaging::{Photo, RadianceImage, luminance};
 use lo_metrics::{PsnrCurve, log_rmse, psnr_db, solid_angles_sr};
 use lo_random::RngExt;
+
+use crate::shipped;
 
 /// Rooms in which somebody turns round: a photo and two more from about its place, each turned by a third of a turn, by one phone with automatic exposure
 /// and white balance. Panoramas stand where the first photo looks.
@@ -50,12 +50,6 @@ impl Rooms {
         });
         record.unwrap()
     }
-}
-
-/// The program's weights.
-pub(crate) fn shipped() -> Estimator {
-    let weights = "../../lightoctree/weights/lightoctree.safetensors";
-    Estimator::read(Path::new(env!("CARGO_MANIFEST_DIR")).join(weights)).unwrap()
 }
 
 /// Whose depth.

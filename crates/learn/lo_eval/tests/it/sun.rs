@@ -9,6 +9,8 @@ use lo_geometry::{Ray, Vec3};
 use lo_imaging::{DepthMap, Image, Photo, luminance};
 use lo_synth::{CameraPose, Weather};
 
+use crate::{median, shipped};
+
 const FAR_M: f32 = 100.0;
 
 /// Of every so many pixels it is asked whether the sun shines there.
@@ -54,11 +56,6 @@ fn overlap(truth: &Image<Option<bool>>, scene: &Scene, sun: Vec3) -> f64 {
     both / one
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
-}
-
 #[test]
 #[ignore = "two minutes: cargo test --release -p lo_eval --test it sun:: -- --ignored --nocapture; SUN_SEED chooses other rooms"]
 fn sun_patches_of_generated_rooms() {
@@ -67,7 +64,7 @@ fn sun_patches_of_generated_rooms() {
     config.room.weather_weights = [(Weather::Clear, 0.8), (Weather::Sunset, 0.2)].into();
     let seed = std::env::var("SUN_SEED").map_or(7003, |seed| seed.parse().unwrap());
     let generator = Generator::new(seed, config).unwrap();
-    let estimator = super::photos::shipped();
+    let estimator = shipped();
     let names = ["true depth", "sensor depth", "photo alone"];
     let [mut overlaps, mut strengths] = [const { [const { Vec::new() }; 3] }; 2];
     for index in 0..60 {

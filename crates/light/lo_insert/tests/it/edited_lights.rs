@@ -54,7 +54,11 @@ fn new_scene() -> Scene {
 }
 
 fn with(shape: LightShape, radiance: f32) -> Scene {
-    let mut scene = scene();
+    added(scene(), shape, radiance)
+}
+
+/// The scene with another light.
+fn added(mut scene: Scene, shape: LightShape, radiance: f32) -> Scene {
     let found = emitters(&scene);
     let light = AnalyticLight { shape, radiance: [radiance; 3] };
     scene.light_edits.added.push(AddedLight { id: "A1".to_owned(), light, change: LightChange::NONE });
@@ -62,21 +66,16 @@ fn with(shape: LightShape, radiance: f32) -> Scene {
     scene
 }
 
-/// The same with the photo's own sun, which makes a square patch with this middle on the wall behind.
-fn with_patch(direction: Vec3, middle: Vec3, radiance: f32) -> Scene {
+/// The room with a square sun patch of this middle on the wall behind.
+fn with_patch(middle: Vec3) -> Scene {
     let mut scene = scene();
     let camera = scene.frame.camera;
     let photo = Image::from_fn(WIDTH, HEIGHT, |x, y| {
         let seen = wall(Vec3::ZERO, camera.direction(x as f64 + 0.5, y as f64 + 0.5));
         let lit = seen.z < LOW.z + 0.01 && (seen - middle).abs().max_element() < 0.35;
-        self::radiance(seen).map(|value| if lit { 5.0 * value } else { value })
+        radiance(seen).map(|value| if lit { 5.0 * value } else { value })
     });
     scene.frame.photo = Photo::Linear(photo);
-    let found = emitters(&scene);
-    let shape = LightShape::Sun { direction, angular_radius_deg: 0.27, of_photo: true };
-    let light = AnalyticLight { shape, radiance: [radiance; 3] };
-    scene.light_edits.added.push(AddedLight { id: "A1".to_owned(), light, change: LightChange::NONE });
-    apply_edits(&mut scene, &found).unwrap();
     scene
 }
 
@@ -106,19 +105,15 @@ fn pixel(scene: &Scene, point: Vec3) -> (usize, usize) {
 #[test]
 fn the_photos_own_sun_lights_what_stands_in_its_patches_alone() {
     let direction = Vec3::new(0.3, 0.05, 0.8).normalize();
-    let extent = |of_photo| {
-        let shape = LightShape::Sun { direction, angular_radius_deg: 0.27, of_photo };
-        (shape, AnalyticLight { shape, radiance: [1.0; 3] }.extent())
-    };
-    let (strength, render) = (6.0, |scene: &Scene| render_at(scene, Quality::Normal));
+    let sun = |of_photo| LightShape::Sun { direction, angular_radius_deg: 0.27, of_photo };
+    let radiance = 6.0 / AnalyticLight { shape: sun(true), radiance: [1.0; 3] }.extent();
+    let render = |scene: &Scene| render_at(scene, Quality::Normal);
     // Where the middle of the sphere casts its shadow, and beside it.
     let shadow = CENTRE - direction * ((CENTRE.z - LOW.z) / direction.z);
-    let (shape, solid_angle_sr) = extent(false);
-    let free = render(&with(shape, strength / solid_angle_sr));
+    let free = render(&with(sun(false), radiance));
     let none = render(&scene());
-    let radiance = strength / extent(true).1;
-    let on = render(&with_patch(direction, shadow, radiance));
-    let off = render(&with_patch(direction, shadow + Vec3::X * 1.2, radiance));
+    let on = render(&added(with_patch(shadow), sun(true), radiance));
+    let off = render(&added(with_patch(shadow + Vec3::X * 1.2), sun(true), radiance));
     let normal = (direction + (-CENTRE).normalize()).normalize();
     let at = pixel(&scene(), CENTRE + normal * RADIUS);
     let [all, own, lit, dark] = [&free, &none, &on, &off].map(|composite| luminance(composite.object[at]));

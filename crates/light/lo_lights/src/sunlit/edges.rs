@@ -1,7 +1,7 @@
 //! Edges of sun patches: places where one surface changes from bright to dark within a few pixels.
 
 use lo_geometry::Vec3;
-use lo_imaging::{Image, luminance};
+use lo_imaging::{Image, RadianceImage, luminance};
 use lo_scene::Frame;
 
 /// Pixels from the middle of an edge to what lies on either side of it.
@@ -46,8 +46,8 @@ pub(super) struct Side {
 }
 
 /// Logarithms of a photo's luminance.
-pub(super) fn log_luminance(frame: &Frame) -> Image<f32> {
-    frame.radiance().map(|&rgb| luminance(rgb).max(DARK).ln())
+pub(super) fn log_luminance(radiance: &RadianceImage) -> Image<f32> {
+    radiance.map(|&rgb| luminance(rgb).max(DARK).ln())
 }
 
 /// Edges of a frame whose photo and depth have one resolution, on surfaces that face the sun.

@@ -6,10 +6,11 @@
 mod edges;
 mod label;
 
-use lo_geometry::{Camera, Vec3};
-use lo_imaging::{DepthMap, Image, RadianceImage};
+use lo_geometry::{Camera, Vec2, Vec3};
+use lo_imaging::{DepthMap, Image};
 use lo_scene::Frame;
 
+use crate::picture::bilinear;
 use edges::{Edge, edges, log_luminance};
 use label::label;
 
@@ -29,7 +30,7 @@ const REACH_M: f32 = 8.0;
 /// Halvings of the step in which a ray meets a surface.
 const BISECTIONS: usize = 6;
 
-/// Channels of a photo from here on are clipped, as a share of the exposure.
+/// Channels of a clipped pixel that are, as a share of the exposure: 250 of 255 in linear light, as in [`Frame::clipped`].
 const CLIPPED: f32 = 0.956;
 
 /// The surfaces of a photo on which the sun shines.
@@ -39,7 +40,16 @@ pub struct Sunlit {
     lit: Image<f32>,
     depth_m: DepthMap,
     camera: Camera,
-    edges: Vec<Edge>,
+    edges: Vec<SunEdge>,
+}
+
+/// A place and what the photo shows in its direction.
+struct Shown {
+    /// In pixels.
+    at: Vec2,
+    depth_m: f32,
+    /// How far the place lies behind that, metres.
+    past_m: f32,
 }
 
 /// By how much a sun patch is brighter than the shade beside it.
@@ -60,10 +70,11 @@ impl Sunlit {
     ///
     /// `seen` is the frame at the working resolution ([`Frame::working`]) without flying pixels.
     pub fn new(seen: &Frame, sun: Vec3) -> Option<Self> {
-        let (log, normals) = (log_luminance(seen), seen.normals());
-        if (log.width(), log.height()) != (normals.width(), normals.height()) {
+        let (radiance, normals) = (seen.radiance(), seen.normals());
+        if (radiance.width(), radiance.height()) != (normals.width(), normals.height()) {
             return None;
         }
+        let log = log_luminance(&radiance);
         let edges = edges(seen, &log, &normals, sun);
         if edges.len() < MIN_EDGES {
             return None;
@@ -72,12 +83,18 @@ impl Sunlit {
         for (lit, normal) in lit.pixels_mut().iter_mut().zip(normals.pixels()) {
             *lit &= normal.is_none_or(|normal| normal.dot(sun) > 0.0);
         }
+        let clipped = seen.clipped();
+        let of_edge = |edge: &Edge| {
+            let [lit, shaded] = [edge.lit, edge.shaded].map(|side| Vec3::from(radiance[side.pixel]));
+            SunEdge {
+                shaded_m: edge.shaded.position_m,
+                normal: edge.shaded.normal,
+                ratio: lit / shaded.max(Vec3::splat(1e-4)),
+                clipped: lit.to_array().map(|value| clipped[edge.lit.pixel] && value >= CLIPPED * seen.exposure),
+            }
+        };
+        let edges = edges.iter().map(of_edge).collect();
         Some(Self { sun, lit: softened(&lit), depth_m: seen.depth_m.clone(), camera: seen.depth_camera(), edges })
-    }
-
-    /// Unit vector towards the sun.
-    pub fn sun(&self) -> Vec3 {
-        self.sun
     }
 
     /// How much of the sun shines on what each pixel shows, 0 to 1; in between at the edges of patches.
@@ -85,41 +102,31 @@ impl Sunlit {
         &self.lit
     }
 
-    /// What the edges of the patches say; `radiance` is that of the frame.
-    pub fn edges(&self, radiance: &RadianceImage, exposure: f32) -> Vec<SunEdge> {
-        let of = |edge: &Edge| {
-            let [lit, shaded] = [edge.lit, edge.shaded].map(|side| Vec3::from(radiance[side.pixel]));
-            SunEdge {
-                shaded_m: edge.shaded.position_m,
-                normal: edge.shaded.normal,
-                ratio: lit / shaded.max(Vec3::splat(1e-4)),
-                clipped: lit.to_array().map(|value| value >= CLIPPED * exposure),
-            }
-        };
-        self.edges.iter().map(of).collect()
+    /// What the edges of the patches say.
+    pub fn edges(&self) -> &[SunEdge] {
+        &self.edges
     }
 
     /// How much of the sun shines at a place, 0 to 1: on the surface that the photo shows there, or on what lies behind it as seen from the sun. `None` where
     /// the photo does not show that.
     pub fn share_at(&self, place: Vec3) -> Option<f32> {
-        let limit = |(fixed, share): (f32, f32), depth_m: f32| fixed + share * depth_m;
-        if let Some((_, past_m, shown_m)) = self.past(place)
-            && past_m.abs() < limit(ON_SURFACE, shown_m)
-        {
-            return self.lit_at(place);
+        let limit = |(fixed, share): (f32, f32), shown: &Shown| fixed + share * shown.depth_m;
+        if let Some(shown) = self.shown(place).filter(|shown| shown.past_m.abs() < limit(ON_SURFACE, shown)) {
+            return Some(self.lit_at(&shown));
         }
         let (mut before_m, mut along_m) = (0.0, 0.0);
         while along_m < REACH_M {
             let at = place - self.sun * along_m;
-            if let Some((_, past_m, shown_m)) = self.past(at)
-                && (0.0..limit(BEHIND, shown_m)).contains(&past_m)
-            {
+            let met = self.shown(at).filter(|shown| (0.0..limit(BEHIND, shown)).contains(&shown.past_m));
+            if let Some(mut met) = met {
                 for _ in 0..BISECTIONS {
                     let middle_m = 0.5 * (before_m + along_m);
-                    let is_past = self.past(place - self.sun * middle_m).is_some_and(|(_, past_m, _)| past_m >= 0.0);
-                    if is_past { along_m = middle_m } else { before_m = middle_m }
+                    match self.shown(place - self.sun * middle_m).filter(|shown| shown.past_m >= 0.0) {
+                        Some(nearer) => (along_m, met) = (middle_m, nearer),
+                        None => before_m = middle_m,
+                    }
                 }
-                return self.lit_at(place - self.sun * along_m);
+                return Some(self.lit_at(&met));
             }
             before_m = along_m;
             along_m += STEP * at.z.abs().max(0.2);
@@ -127,24 +134,17 @@ impl Sunlit {
         None
     }
 
-    /// Where a place appears, how far it lies behind what the photo shows there, and how far that is.
-    fn past(&self, at: Vec3) -> Option<([f32; 2], f32, f32)> {
-        let (u, v, depth_m) = self.camera.project(at)?;
+    /// What the photo shows in a place's direction; `None` beside the picture and at holes.
+    fn shown(&self, place: Vec3) -> Option<Shown> {
+        let (u, v, depth_m) = self.camera.project(place)?;
         let inside = self.camera.contains(u, v);
         let shown_m = inside.then(|| self.depth_m[(u as usize, v as usize)]).filter(|&shown_m| shown_m > 0.0)?;
-        Some(([u as f32, v as f32], depth_m as f32 - shown_m, shown_m))
+        Some(Shown { at: Vec2::new(u as f32, v as f32), depth_m: shown_m, past_m: depth_m as f32 - shown_m })
     }
 
-    /// The share of the sun on what the photo shows in a place's direction, between pixels.
-    fn lit_at(&self, at: Vec3) -> Option<f32> {
-        let ([u, v], ..) = self.past(at)?;
-        let (width, height) = (self.lit.width(), self.lit.height());
-        let [x, y] = [(u - 0.5).max(0.0), (v - 0.5).max(0.0)];
-        let [left, top] = [(x as usize).min(width - 1), (y as usize).min(height - 1)];
-        let [right, bottom] = [(left + 1).min(width - 1), (top + 1).min(height - 1)];
-        let mix = |a: f32, b: f32, share: f32| a + (b - a) * share;
-        let row = |y: usize| mix(self.lit[(left, y)], self.lit[(right, y)], x.fract());
-        Some(mix(row(top), row(bottom), y.fract()))
+    /// The share of the sun there, between pixels.
+    fn lit_at(&self, shown: &Shown) -> f32 {
+        bilinear(&self.lit, shown.at, |a, b, share| a + (b - a) * share)
     }
 }
 
@@ -201,9 +201,14 @@ mod tests {
         Frame::new(Photo::Linear(photo), depth_m, camera(), 1.0).unwrap()
     }
 
+    fn sunlit() -> &'static Sunlit {
+        static SUNLIT: OnceLock<Sunlit> = OnceLock::new();
+        SUNLIT.get_or_init(|| Sunlit::new(&frame(6.0), SUN).unwrap())
+    }
+
     #[test]
     fn patches_are_found_across_changes_of_albedo() {
-        let sunlit = Sunlit::new(&frame(6.0), SUN).unwrap();
+        let sunlit = sunlit();
         let (mut wrong, mut lit) = (0, 0);
         for y in 0..HEIGHT {
             for x in 0..WIDTH {
@@ -214,7 +219,7 @@ mod tests {
             }
         }
         assert!(wrong < lit / 20, "{wrong} wrong, {lit} in the sun");
-        let edges = sunlit.edges(&frame(6.0).radiance(), 1.0);
+        let edges = sunlit.edges();
         let right = edges
             .iter()
             .filter(|edge| (edge.ratio / 6.0 - 1.0).abs().max_element() < 1e-3 && edge.clipped == [false; 3]);
@@ -228,13 +233,11 @@ mod tests {
         assert_eq!(Sunlit::new(&frame(6.0), -SUN), None);
     }
 
-    static SUNLIT: OnceLock<Sunlit> = OnceLock::new();
-
     proptest! {
         /// A place in the air is in the sun where the photo shows that its shadow would fall into a patch.
         #[test]
         fn the_sun_shines_in_the_air_above_patches(x in -1.0f32..1.2, z in -3.4f32..-2.0, height_m in 0.0f32..0.6) {
-            let sunlit = SUNLIT.get_or_init(|| Sunlit::new(&frame(6.0), SUN).unwrap());
+            let sunlit = sunlit();
             let below = Vec3::new(x, FLOOR_M, z);
             let edge_m = [x + 0.5, x - 0.8, z + 3.0, z + 2.2].into_iter().map(f32::abs).fold(f32::INFINITY, f32::min);
             let share = sunlit.share_at(below + SUN * (height_m / SUN.y));
@@ -247,7 +250,7 @@ mod tests {
 
     #[test]
     fn of_what_the_photo_does_not_show_nothing_is_said() {
-        let sunlit = Sunlit::new(&frame(6.0), SUN).unwrap();
+        let sunlit = sunlit();
         assert_eq!(sunlit.share_at(Vec3::new(0.0, 0.0, 4.0)), None);
         assert_eq!(sunlit.share_at(Vec3::new(-3.0, FLOOR_M, -0.5)), None);
     }
