@@ -164,8 +164,8 @@ fn light_edits(emitter: bool) -> Result<LightEdits> {
         two_sided: true,
     };
     let sphere = LightShape::Sphere { centre_m: Vec3::NEG_Z, radius_m: 0.1 };
-    let sun = LightShape::Sun { direction: Vec3::Y, angular_radius_deg: 0.27 };
-    for shape in [rectangle, sphere, sun] {
+    let sun = |of_photo| LightShape::Sun { direction: Vec3::Y, angular_radius_deg: 0.27, of_photo };
+    for shape in [rectangle, sphere, sun(false), sun(true)] {
         edits.add(AnalyticLight { shape, radiance: [3.0, 2.0, 1.0] }).ok_or("few lights")?;
     }
     Ok(edits)
