@@ -63,6 +63,8 @@ struct Near {
 struct Change {
     /// Hidden light of the room without its lights.
     ambient: Vec3,
+    /// The same if all objects hid what is as bright as behind the one with the brightest.
+    brightest: Vec3,
     /// Hidden light of the light samples.
     lights: Vec3,
     /// What the objects give off.
@@ -77,6 +79,7 @@ impl Add for Change {
     fn add(self, other: Self) -> Self {
         Self {
             ambient: self.ambient + other.ambient,
+            brightest: self.brightest + other.brightest,
             lights: self.lights + other.lights,
             given: self.given + other.given,
             form_factor: self.form_factor + other.form_factor,
@@ -90,6 +93,7 @@ impl Mul<f32> for Change {
     fn mul(self, factor: f32) -> Self {
         Self {
             ambient: self.ambient * factor,
+            brightest: self.brightest * factor,
             lights: self.lights * factor,
             given: self.given * factor,
             form_factor: self.form_factor * factor,
@@ -102,11 +106,11 @@ impl Change {
     ///
     /// Where less light is known than they hide, or than the surface gives off, more is there than was known: light that is
     /// hidden was there before, what no light sample carries is nowhere brighter than [`lo_lights::CAP`] times its mean, and what is
-    /// missing comes as the rest does.
+    /// missing comes as the rest does. What one object tells of the room counts beside all others, so that shadows add up.
     fn ratio(&self, lit: &Lit) -> Vec3 {
         let form_factor = self.form_factor.clamp(0.0, 1.0);
         let seen_past = (1.0 - form_factor) / (lo_lights::CAP * form_factor.max(1e-6));
-        let ambient = lit.ambient.max(self.ambient * (1.0 + seen_past));
+        let ambient = lit.ambient.max(self.ambient + self.brightest * seen_past);
         let lights = lit.lights.max(self.lights);
         let all = (ambient + lights).max(lit.least).max(Vec3::splat(1e-9));
         let kept = Vec3::ONE - self.ambient / ambient.max(Vec3::splat(1e-9));
@@ -216,6 +220,7 @@ impl ShadowField {
             let Some(surface) = self.receivers.surfaces[(x, y)] else { continue };
             let pattern = pattern_at(x, y);
             near.clear();
+            let mut brightest = Vec3::ZERO;
             for (index, object) in caster.objects.iter().enumerate() {
                 let Some(cap) = Cap::towards(object, &surface) else { continue };
                 // Effects fade out where they are too small to be seen, and nothing is computed beyond.
@@ -226,9 +231,12 @@ impl ShadowField {
                 }
                 let start = surface.position_m + surface.normal * (1e-3 * object.radius_m);
                 let of_object = Near { object: index, start, strength };
-                *change = *change + self.hidden_room(caster, &surface, &of_object, &cap, pattern) * strength;
+                let hidden = self.hidden_room(caster, &surface, &of_object, &cap, pattern);
+                brightest = brightest.max(hidden.ambient * (strength / hidden.form_factor.max(1e-6)));
+                *change = *change + hidden * strength;
                 near.push(of_object);
             }
+            change.brightest = change.ambient.max(brightest * change.form_factor);
             if near.is_empty() {
                 continue;
             }
@@ -290,7 +298,7 @@ impl ShadowField {
                 None => continue,
             };
             let (ambient, given) = (caster.backdrops[object].radiance(start, direction) * weight, given * weight);
-            change = change + Change { ambient, given, form_factor: weight / PI, lights: Vec3::ZERO };
+            change = change + Change { ambient, given, form_factor: weight / PI, ..Change::default() };
         }
         change
     }
@@ -328,6 +336,7 @@ mod tests {
     fn change() -> impl Strategy<Value = Change> {
         (colour(5.0), colour(20.0), colour(2.0), 0.0f32..1.0).prop_map(|(ambient, lights, given, form_factor)| Change {
             ambient,
+            brightest: ambient,
             lights,
             given,
             form_factor,
@@ -359,7 +368,7 @@ mod tests {
         fn known_light_is_subtracted(lit in lit(), hidden in 0.0f32..0.99, blocked in 0.0f32..1.0, given in colour(1.0)) {
             let lit = Lit { ambient: lit.ambient + 0.01, least: Vec3::ZERO, ..lit };
             // As bright as the mean where it is hidden.
-            let change = Change { ambient: lit.ambient * hidden, lights: lit.lights * blocked, given, form_factor: hidden };
+            let change = Change { ambient: lit.ambient * hidden, brightest: lit.ambient * hidden, lights: lit.lights * blocked, given, form_factor: hidden };
             let all = lit.ambient + lit.lights;
             let expected = (all - change.ambient - change.lights + given) / all;
             prop_assert!((change.ratio(&lit) - expected).abs().max_element() < 1e-3);
@@ -369,7 +378,7 @@ mod tests {
         #[test]
         fn white_light_gives_grey_shadows(values in prop::array::uniform6(0.0f32..10.0), form_factor in 0.0f32..1.0) {
             let [ambient, lights, least, hidden, blocked, given] = values.map(Vec3::splat);
-            let ratio = Change { ambient: hidden, lights: blocked, given, form_factor }.ratio(&Lit { ambient, lights, least });
+            let ratio = Change { ambient: hidden, brightest: hidden, lights: blocked, given, form_factor }.ratio(&Lit { ambient, lights, least });
             prop_assert!(ratio.max_element() - ratio.min_element() < 1e-5);
         }
     }
