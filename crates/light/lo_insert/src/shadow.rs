@@ -63,7 +63,7 @@ struct Near {
 struct Change {
     /// Hidden light of the room without its lights.
     ambient: Vec3,
-    /// The same if all objects hid what is as bright as behind the one with the brightest.
+    /// The same if what is behind each object were as bright as it is behind the one with the brightest.
     brightest: Vec3,
     /// Hidden light of the light samples.
     lights: Vec3,
@@ -236,10 +236,10 @@ impl ShadowField {
                 *change = *change + hidden * strength;
                 near.push(of_object);
             }
-            change.brightest = change.ambient.max(brightest * change.form_factor);
             if near.is_empty() {
                 continue;
             }
+            change.brightest = change.ambient.max(brightest * change.form_factor);
             let (lights, scale) = caster.environment.lights().subset(self.lights, pattern, PATTERNS);
             for (i, light) in lights.enumerate() {
                 let Some(incidence) = light.on(surface.position_m) else { continue };
@@ -368,7 +368,8 @@ mod tests {
         fn known_light_is_subtracted(lit in lit(), hidden in 0.0f32..0.99, blocked in 0.0f32..1.0, given in colour(1.0)) {
             let lit = Lit { ambient: lit.ambient + 0.01, least: Vec3::ZERO, ..lit };
             // As bright as the mean where it is hidden.
-            let change = Change { ambient: lit.ambient * hidden, brightest: lit.ambient * hidden, lights: lit.lights * blocked, given, form_factor: hidden };
+            let ambient = lit.ambient * hidden;
+            let change = Change { ambient, brightest: ambient, lights: lit.lights * blocked, given, form_factor: hidden };
             let all = lit.ambient + lit.lights;
             let expected = (all - change.ambient - change.lights + given) / all;
             prop_assert!((change.ratio(&lit) - expected).abs().max_element() < 1e-3);
@@ -378,7 +379,8 @@ mod tests {
         #[test]
         fn white_light_gives_grey_shadows(values in prop::array::uniform6(0.0f32..10.0), form_factor in 0.0f32..1.0) {
             let [ambient, lights, least, hidden, blocked, given] = values.map(Vec3::splat);
-            let ratio = Change { ambient: hidden, brightest: hidden, lights: blocked, given, form_factor }.ratio(&Lit { ambient, lights, least });
+            let change = Change { ambient: hidden, brightest: hidden, lights: blocked, given, form_factor };
+            let ratio = change.ratio(&Lit { ambient, lights, least });
             prop_assert!(ratio.max_element() - ratio.min_element() < 1e-5);
         }
     }
