@@ -6,6 +6,7 @@ mod adam;
 pub mod checkpoint;
 pub mod conv;
 pub mod depth;
+mod flat;
 pub mod graph;
 pub mod host;
 pub mod layers;

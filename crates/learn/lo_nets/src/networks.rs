@@ -12,6 +12,7 @@ use serde::Deserialize;
 use crate::checkpoint::{Checkpoint, CheckpointError, Precision};
 use crate::conv::in_pool;
 use crate::depth::{DepthNet, DepthNetConfig, EncoderKind, panorama_image};
+use crate::flat::flattened;
 use crate::light::{
     Growth, LightConfigError, LightError, LightInput, LightNet, LightNetConfig, PhotoView, SeenDetail, VisiblePoint,
 };
@@ -175,7 +176,7 @@ impl Networks {
             let output = self.depth.forward(&[&self.depth.network_input(photo)]);
             let second = self.depth.forward(&[&self.second_picture(photo)]);
             let depth_m = second_look::mean_depth(&output.depth_m(camera), &second.depth_m(camera));
-            let depth_m = second_look::without_grain(&depth_m);
+            let depth_m = flattened(&second_look::without_grain(&depth_m), camera);
             let cells = second_look::field(output.cells(), &second.cells());
             let held = Perspective::fit(&cells, Some(camera.half_extent()));
             PhotoGuess { depth_m, light: GlobalLight(output.global), held }
