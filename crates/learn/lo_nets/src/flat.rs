@@ -41,7 +41,7 @@ pub(crate) fn flattened(depth_m: &DepthMap, camera: &Camera) -> DepthMap {
         .into_par_iter()
         .map(|i| {
             let (x, y) = (i % columns * STRIDE, i / columns * STRIDE);
-            Sample { ray: ray(x, y), inverse: 1.0 / depth_m[(x, y)], facing: facing(depth_m, x, y, &ray) }
+            Sample { ray: ray(x, y), inverse: 1.0 / depth_m[(x, y)], facing: facing(depth_m, x, y, ray) }
         })
         .collect();
     let samples = Image::new(columns, rows, samples);
@@ -157,6 +157,7 @@ fn drawn(samples: &Image<Sample>, free: &[usize], stream: &mut Stream) -> Vec<Ve
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
     use super::*;
 
     const WIDTH: usize = 160;
