@@ -309,7 +309,15 @@ def sunny():
     save(grid([[cut(insert(file, *options), (120, 180, 960, 640), 678) for file in (file, lit)]]), "sun_patches")
 
 
-ALL = [demo, real_photos, photo_alone, spheres, tea_set, spot, several, mattes, desk_panorama, chrome_lookup, networks, shadows, panorama_prior, lights, sunny]
+def window():
+    photo = view("brown_photostudio_02_1k.hdr", (1000, 750), 85, 112, -20, 1.3)
+    sphere = ("--mesh", "builtin:sphere", "--height", 0.35, "--pixel", "420,640", "--material", "matte-white")
+    mesh = ("--mesh", DATA / "meshes/spot/spot_triangulated.obj", "--height", 0.35, "--pixel", "700,660", "--material", "matte-white", "--yaw-deg", 150)
+    picture = insert(scene("window", photo), *sphere, *mesh, "--quality", "high")
+    save(grid([[cut(picture, (0, 0, 1000, 750), 638) for picture in (Image.open(photo).convert("RGB"), picture)]]), "window")
+
+
+ALL = [demo, real_photos, photo_alone, spheres, tea_set, spot, several, mattes, desk_panorama, chrome_lookup, networks, shadows, panorama_prior, lights, sunny, window]
 
 
 def main():

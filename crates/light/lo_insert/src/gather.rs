@@ -90,8 +90,6 @@ pub(crate) struct Gatherer<'a> {
 #[derive(Clone, Debug)]
 pub(crate) struct ObjectLight {
     sample: LightSample,
-    /// Factor that makes it stand for its part of all light.
-    scale: f32,
     /// For each object the share of it that real surfaces leave free, where that is the same for the whole object.
     free: Vec<Option<f32>>,
 }
@@ -104,9 +102,9 @@ pub(crate) fn object_lights(
     count: usize,
     shared: bool,
 ) -> Vec<ObjectLight> {
-    let (samples, scale) = environment.lights().subset(count, 0, 1);
+    let samples = environment.lights().subset(count, 0, 1);
     let mut lights: Vec<ObjectLight> =
-        samples.map(|&sample| ObjectLight { sample, scale, free: vec![None; objects.len()] }).collect();
+        samples.map(|sample| ObjectLight { sample, free: vec![None; objects.len()] }).collect();
     if !shared {
         return lights;
     }
@@ -241,7 +239,7 @@ impl Gatherer<'_> {
                 if above && self.objects.blocks(&ray, incidence.distance_m) {
                     continue;
                 }
-                let irradiance = incidence.irradiance * light.scale;
+                let irradiance = incidence.irradiance;
                 match free {
                     Some(share) => gathered[index].add_light(receiver, direction, irradiance * share),
                     None => {

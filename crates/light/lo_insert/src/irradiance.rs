@@ -162,13 +162,13 @@ impl RoomIrradiance {
                 cones.push(Cone { origin, direction, tan_half_angle });
                 cone_owners.push((i, surface.normal.dot(direction) * PI / total));
             }
-            let (lights, scale) = environment.lights().subset(self.lights, pattern, PATTERNS);
+            let lights = environment.lights().subset(self.lights, pattern, PATTERNS);
             for incidence in lights.filter_map(|light| light.on(surface.position_m)) {
                 let cosine = surface.normal.dot(incidence.direction);
                 if cosine > 0.0 {
                     let Incidence { direction, distance_m, .. } = incidence;
                     rays.push(LightRay { place: surface.position_m, apex: origin, direction, distance_m });
-                    ray_owners.push((i, incidence.irradiance * (scale * cosine)));
+                    ray_owners.push((i, incidence.irradiance * cosine));
                 }
             }
         }

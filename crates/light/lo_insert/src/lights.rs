@@ -150,15 +150,15 @@ impl Lights {
         Self { samples }
     }
 
-    /// `count` samples spread over the list, of the `pattern`-th of `patterns` disjoint such subsets, and the factor that
-    /// makes them stand for all.
-    pub fn subset(&self, count: usize, pattern: usize, patterns: usize) -> (impl Iterator<Item = &LightSample>, f32) {
+    /// `count` samples spread over the list, of the `pattern`-th of `patterns` disjoint such subsets, which stand for all: each with the light and the
+    /// extent of those that are left out. So one that is very near shines no more than that extent could.
+    pub fn subset(&self, count: usize, pattern: usize, patterns: usize) -> impl Iterator<Item = LightSample> {
         let wanted = (count * patterns).clamp(1, self.samples.len().max(1));
         let stride = self.samples.len() / wanted;
         let stride = stride.max(1);
         let taken = self.samples.iter().skip(pattern * stride).step_by(stride * patterns);
-        let number = taken.len();
-        (taken, if number == 0 { 0.0 } else { self.samples.len() as f32 / number as f32 })
+        let scale = self.samples.len() as f32 / taken.len().max(1) as f32;
+        taken.map(move |sample| LightSample { power: sample.power * scale, extent: sample.extent * scale, ..*sample })
     }
 
     pub fn is_empty(&self) -> bool {
@@ -198,11 +198,11 @@ mod tests {
         let lights = Lights::sample(&[sphere], 1024);
         let far = Vec3::new(0.0, 1.0, 50.0);
         for (count, pattern, patterns) in [(1024, 0, 1), (64, 0, 1), (32, 0, 1), (16, 3, 16), (8, 5, 16)] {
-            let (samples, scale) = lights.subset(count, pattern, patterns);
+            let samples = lights.subset(count, pattern, patterns);
             let (mut irradiance, mut mean, mut squares, mut number) = (0.0, Vec3::ZERO, 0.0, 0.0);
             for sample in samples {
                 let incidence = sample.on(far).expect("it shines everywhere");
-                irradiance += incidence.irradiance.x * scale;
+                irradiance += incidence.irradiance.x;
                 let offset = far + incidence.direction * incidence.distance_m - Vec3::Y;
                 mean += offset;
                 squares += offset.x * offset.x + offset.y * offset.y;

@@ -240,7 +240,7 @@ impl ShadowField {
                 continue;
             }
             change.brightest = change.ambient.max(brightest * change.form_factor);
-            let (lights, scale) = caster.environment.lights().subset(self.lights, pattern, PATTERNS);
+            let lights = caster.environment.lights().subset(self.lights, pattern, PATTERNS);
             for (i, light) in lights.enumerate() {
                 let Some(incidence) = light.on(surface.position_m) else { continue };
                 let cosine = surface.normal.dot(incidence.direction);
@@ -255,7 +255,7 @@ impl ShadowField {
                         let ray = Ray { origin: start, direction: incidence.direction };
                         if caster.objects[object].blocks(&ray, incidence.distance_m) { 1.0 } else { 0.0 }
                     });
-                    weight += scale * cosine * strength * blocked * left;
+                    weight += cosine * strength * blocked * left;
                     left *= 1.0 - strength * blocked;
                 }
                 if weight > 0.0 {
