@@ -2,7 +2,7 @@
 
     python3 scripts/gallery.py target/release/lightoctree ../shared/data docs/images [NAME ...]
 
-Needs Python's numpy, pillow, safetensors and opencv-python-headless. NAME is a function below, without them all pictures are made, in about eight minutes of
+Needs Python's numpy, pillow, safetensors and opencv-python-headless. NAME is a function below, without them all pictures are made, in about four minutes of
 two cores. Scenes are kept in ./out/gallery and made again when the program is newer. Not among them: the page of `view`, Cycles' picture, the mirror ball, generated rooms.
 """
 
