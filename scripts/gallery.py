@@ -85,6 +85,11 @@ def insert(scene, *options):
     return Image.open(path).convert("RGB")
 
 
+def sphere(pixel, height, material):
+    """The options that stand a sphere on what is seen at a pixel."""
+    return "--mesh", "builtin:sphere", "--pixel", pixel, "--height", height, "--material", material
+
+
 def panorama(scene, *options):
     run(PROGRAM, "envmap", scene, *options, "-o", WORK / "light.exr", "--preview", "--force", "--quiet")
     return Image.open(next(WORK.glob("light*.png"))).convert("RGB")
@@ -169,12 +174,8 @@ def real_photo(name, mirror, matte, share):
     pixels = [(round(x * size[0]), round(y * size[1])) for x, y in (mirror, matte)]
     nearest = [depth_m[int(y * depth_m.shape[0]), int(x * depth_m.shape[1])] for x, y in (mirror, matte)]
     light = panorama(file, "--pixel", "{},{}".format(*pixels[0]), "--lift", f"{share * nearest[0]:.3f}", "--level")
-    spheres = [
-        argument
-        for (x, y), z, material in zip(pixels, nearest, ("chrome", "matte-grey"))
-        for argument in ("--mesh", "builtin:sphere", "--pixel", f"{x},{y}", "--height", f"{share * z:.3f}", "--material", material)
-    ]
-    return [fitted(Image.open(photo)), depth_picture(depth_m), fitted(light, HEIGHT * 3 // 4), fitted(insert(file, *spheres))]
+    pair = [sphere(f"{x},{y}", f"{share * z:.3f}", material) for (x, y), z, material in zip(pixels, nearest, ("chrome", "matte-grey"))]
+    return [fitted(Image.open(photo)), depth_picture(depth_m), fitted(light, HEIGHT * 3 // 4), fitted(insert(file, *pair[0], *pair[1]))]
 
 
 def real_photos():
@@ -185,12 +186,8 @@ def real_photos():
 
 def spheres():
     def three(file, pixels, height):
-        options = [
-            argument
-            for pixel, material in zip(pixels, ("chrome", "rough-silver", "matte-white"))
-            for argument in ("--mesh", "builtin:sphere", "--height", height, "--pixel", pixel, "--material", material)
-        ]
-        return insert(file, *options, "--quality", "high")
+        mirror, rough, matte = (sphere(pixel, height, material) for pixel, material in zip(pixels, ("chrome", "rough-silver", "matte-white")))
+        return insert(file, *mirror, *rough, *matte, "--quality", "high")
 
     floor = ("880,1080", "1090,1090", "1300,1105")
     table = ("195,236", "245,233", "295,230")
@@ -202,7 +199,7 @@ def spheres():
 def photo_alone():
     """A photo of which nothing else is known, and objects in it."""
     objects = ("--mesh", "builtin:suzanne", "--height", 0.45, "--pixel", "640,1190", "--yaw-deg", 25, "--material", "plastic-red")
-    objects += ("--mesh", "builtin:sphere", "--height", 0.42, "--pixel", "1400,1210", "--material", "chrome")
+    objects += sphere("1400,1210", 0.42, "chrome")
     objects += ("--mesh", DATA / "meshes/wooden_table_02/wooden_table_02_1k.gltf", "--height", 0.4, "--pixel", "1020,1120", "--yaw-deg", 20)
     photo = Image.open(DATA / "rgbd/library_color.jpg").convert("RGB")
     pictures = (photo, insert(library_alone(), *objects, "--quality", "high"))
@@ -256,8 +253,7 @@ def desk_panorama():
 
 def chrome_lookup():
     panel = ("--mesh", box("panel.obj", 0.03, 1), "--material", "chrome", "--height", 1.1, "--pixel", "1120,960", "--yaw-deg", 22)
-    sphere = ("--mesh", "builtin:sphere", "--material", "chrome", "--height", 1.0, "--pixel", "950,1000")
-    parts = [(panel, (960, 440, 1300, 1080)), (sphere, (600, 440, 1240, 1080))]
+    parts = [(panel, (960, 440, 1300, 1080)), (sphere("950,1000", 1.0, "chrome"), (600, 440, 1240, 1080))]
     pictures = [insert(library(), *options, "--quality", quality).crop(box) for options, box in parts for quality in ("draft", "normal")]
     save(grid([[fitted(picture, 420) for picture in pictures]]), "chrome_lookup")
 
@@ -269,7 +265,7 @@ def networks():
 
 
 def shadows():
-    picture = insert(library(), "--mesh", "builtin:sphere", "--height", 0.8, "--material", "matte-white", "--pixel", "600,900")
+    picture = insert(library(), *sphere("600,900", 0.8, "matte-white"))
     save(cut(picture, (150, 640, 950, 1200), 800), "shadows")
 
 
@@ -277,8 +273,8 @@ def panorama_prior():
     photo = view("brown_photostudio_07_1k.hdr", (1000, 750), 70, -159, -18, 1.0)
     alone = scene("studio_alone", photo, "--hfov-deg", 70)
     known = scene("studio", photo, "--hfov-deg", 70, "--panorama", DATA / "hdr/brown_photostudio_07_1k.hdr")
-    sphere = ("--mesh", "builtin:sphere", "--height", 0.4, "--material", "chrome", "--pixel", "300,440")
-    save(grid([[cut(insert(file, *sphere), (0, 0, 1000, 750), 579) for file in (alone, known)]], 2), "panorama_prior")
+    pictures = (insert(file, *sphere("300,440", 0.4, "chrome")) for file in (alone, known))
+    save(grid([[cut(picture, (0, 0, 1000, 750), 579) for picture in pictures]], 2), "panorama_prior")
 
 
 def lights():
@@ -311,9 +307,8 @@ def sunny():
 
 def window():
     photo = view("brown_photostudio_02_1k.hdr", (1000, 750), 85, 112, -20, 1.3)
-    sphere = ("--mesh", "builtin:sphere", "--height", 0.35, "--pixel", "420,640", "--material", "matte-white")
     mesh = ("--mesh", DATA / "meshes/spot/spot_triangulated.obj", "--height", 0.35, "--pixel", "700,660", "--material", "matte-white", "--yaw-deg", 150)
-    picture = insert(scene("window", photo), *sphere, *mesh, "--quality", "high")
+    picture = insert(scene("window", photo), *sphere("420,640", 0.35, "matte-white"), *mesh, "--quality", "high")
     save(grid([[cut(picture, (0, 0, 1000, 750), 638) for picture in (Image.open(photo).convert("RGB"), picture)]]), "window")
 
 

@@ -31,7 +31,7 @@ const FACES: [f32; 2] = [0.7, 0.85];
 /// Rounds of least squares over what carries a plane.
 const ROUNDS: usize = 3;
 
-/// What is nearly flat becomes flat. It hardly changes how far off depth is (`docs/training.md`), but where shadows fall, and what floors and mirrors show.
+/// What is nearly flat becomes flat. It hardly changes how far off depth is (`docs/design/046-flat-where-nearly-flat.md`), but where shadows fall, and what floors and mirrors show.
 pub(crate) fn flattened(depth_m: &DepthMap, camera: &Camera) -> DepthMap {
     let (width, height) = (depth_m.width(), depth_m.height());
     let camera = camera.resized(width as u32, height as u32);

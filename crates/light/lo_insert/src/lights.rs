@@ -187,6 +187,24 @@ fn disc_radius(share: f32) -> f32 {
 mod tests {
     use super::*;
 
+    /// However few samples stand for a light, none is brighter from near than the light all around.
+    #[test]
+    fn samples_that_stand_for_others_are_no_brighter_than_the_light_from_near() {
+        let square = LightPatch {
+            shape: PatchShape::Square { centre: Vec3::ZERO, normal: Vec3::Y, edge_m: 0.1 },
+            radiance: Vec3::ONE,
+            extent: 0.01,
+        };
+        let lights = Lights::sample(&[square], 1024);
+        for (count, pattern, patterns) in [(1024, 0, 1), (128, 0, 1), (6, 0, 1), (3, 5, 16)] {
+            for sample in lights.subset(count, pattern, patterns) {
+                let Origin::Point(position) = sample.origin() else { panic!("{sample:?}") };
+                let near = sample.on(position + Vec3::Y * 1e-4).expect("it faces up").irradiance.x;
+                assert!((near / PI - 1.0).abs() < 0.05, "{count} of {patterns}: {near}");
+            }
+        }
+    }
+
     /// Every subset of the samples of a large light has its middle, its size and its light.
     #[test]
     fn subsets_of_large_lights_are_spread_over_them() {
@@ -198,9 +216,8 @@ mod tests {
         let lights = Lights::sample(&[sphere], 1024);
         let far = Vec3::new(0.0, 1.0, 50.0);
         for (count, pattern, patterns) in [(1024, 0, 1), (64, 0, 1), (32, 0, 1), (16, 3, 16), (8, 5, 16)] {
-            let samples = lights.subset(count, pattern, patterns);
             let (mut irradiance, mut mean, mut squares, mut number) = (0.0, Vec3::ZERO, 0.0, 0.0);
-            for sample in samples {
+            for sample in lights.subset(count, pattern, patterns) {
                 let incidence = sample.on(far).expect("it shines everywhere");
                 irradiance += incidence.irradiance.x;
                 let offset = far + incidence.direction * incidence.distance_m - Vec3::Y;

@@ -41,8 +41,7 @@ impl Silhouettes {
             return Self { maps: Vec::new() };
         }
         let of_pattern = |pattern| {
-            let samples = lights.subset(count, pattern, patterns);
-            samples.map(|sample| ShadowMap::new(&sample, object, side)).collect()
+            lights.subset(count, pattern, patterns).map(|sample| ShadowMap::new(&sample, object, side)).collect()
         };
         Self { maps: (0..patterns).into_par_iter().map(of_pattern).collect() }
     }
