@@ -1,4 +1,5 @@
 use lo_completion::LampFit;
+use lo_geometry::Vec3;
 use lo_scene::{Completion, Scene};
 
 /// Makes what a network guessed of lamps and windows as bright as the photo's shading asks for ([`lo_completion::fit_lamps`]): for objects, which have to
@@ -13,5 +14,5 @@ pub fn fit_lamps(scene: &mut Scene) -> LampFit {
         return LampFit::default();
     }
     let seen = scene.frame.working().without_flying_pixels();
-    lo_completion::fit_lamps(&mut scene.light, &seen)
+    lo_completion::fit_lamps(&mut scene.light, &seen, scene.room.as_ref().map_or(Vec3::Y, |room| room.up))
 }

@@ -10,7 +10,7 @@ use lightoctree_cli::args::Global;
 use lightoctree_cli::progress::{bar, seconds, stage_label, warning_text};
 use lightoctree_cli::usage::Usage;
 use lightoctree_cli::{interrupt, output, report};
-use lo_train::{CHECKPOINT_FILE, Request, TrainConfig, TrainError};
+use lo_train::{CHECKPOINT_FILE, Request, Start, TrainConfig, TrainError};
 
 use crate::config;
 
@@ -34,8 +34,12 @@ pub struct Args {
     data: Option<PathBuf>,
 
     /// Trained weights to begin with, as `estimate --weights` takes them
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["resume", "encoder_weights"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["resume", "depth_weights", "encoder_weights"])]
     weights: Option<PathBuf>,
+
+    /// Trained weights whose depth network is kept: depth phases are left out, and the light network begins at random
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["resume", "encoder_weights"])]
+    depth_weights: Option<PathBuf>,
 
     /// Published weights of the encoder to begin with: .pth, or .safetensors with the same names
     #[arg(long, value_name = "FILE", conflicts_with = "resume")]
@@ -88,8 +92,12 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         folder,
         resume: args.resume,
         seed: global.seed,
-        weights: args.weights.as_deref(),
-        encoder_weights: args.encoder_weights.as_deref(),
+        start: match (&args.weights, &args.depth_weights, &args.encoder_weights) {
+            (Some(file), ..) => Start::Networks(file),
+            (_, Some(file), _) => Start::DepthNetwork(file),
+            (.., Some(file)) => Start::Encoder(file),
+            (None, None, None) => Start::Random,
+        },
     };
     let mut teller = Teller { quiet: global.quiet, bar: ProgressBar::hidden(), steps: 0, last: Vec::new() };
     let outcome = lo_train::train(&config, &request, &mut |event| {
@@ -124,6 +132,9 @@ fn read_config(args: &Args, run: Option<&Path>) -> anyhow::Result<TrainConfig> {
         path.as_ref().map_or_else(|| Ok(TrainConfig::default()), |path| config::read(path))?;
     if let Some(data) = &args.data {
         config.data.folder = Some(data.clone());
+    }
+    if args.depth_weights.is_some() {
+        config.depth.clear();
     }
     config.validate().map_err(|error| match &path {
         Some(path) => Usage(format!("{}: {error}", path.display())),

@@ -25,6 +25,8 @@ pub enum DepthInput {
 pub enum Method {
     /// The networks, from the photo alone or with depth.
     Network(Option<DepthInput>),
+    /// The same with lamps as bright as objects are lit by.
+    FittedLamps(Option<DepthInput>),
     /// Completion by planes.
     Shell(DepthInput),
     /// The photo's mean colour in all directions.
@@ -152,12 +154,22 @@ impl Method {
         Self::PanoramaPrior(None, PriorPanorama::OfAnotherRoom),
     ];
 
+    /// Those with lamps as objects are lit by.
+    pub const WITH_LAMPS: [Self; 3] = [
+        Self::FittedLamps(None),
+        Self::FittedLamps(Some(DepthInput::Sensor)),
+        Self::FittedLamps(Some(DepthInput::True)),
+    ];
+
     /// Its name in tables and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Network(None) => "network",
             Self::Network(Some(DepthInput::Sensor)) => "network-sensor",
             Self::Network(Some(DepthInput::True)) => "network-true",
+            Self::FittedLamps(None) => "network-lamps",
+            Self::FittedLamps(Some(DepthInput::Sensor)) => "network-lamps-sensor",
+            Self::FittedLamps(Some(DepthInput::True)) => "network-lamps-true",
             Self::Shell(DepthInput::Sensor) => "shell-sensor",
             Self::Shell(DepthInput::True) => "shell-true",
             Self::MeanColour => "mean-colour",
@@ -189,7 +201,9 @@ impl Method {
     /// Whether the tools at hand suffice, whatever the sample has.
     pub fn has_tools(self, tools: &Tools) -> bool {
         match self {
-            Self::Network(_) | Self::SingleMap | Self::PanoramaPrior(..) => tools.estimator.networks().is_some(),
+            Self::Network(_) | Self::FittedLamps(_) | Self::SingleMap | Self::PanoramaPrior(..) => {
+                tools.estimator.networks().is_some()
+            }
             Self::Profile => tools.profile.is_some(),
             _ => true,
         }
@@ -198,7 +212,10 @@ impl Method {
     /// Whether a sample has what the method takes.
     pub fn takes(self, sample: &Sample) -> bool {
         match self {
-            Self::Network(Some(input)) | Self::PanoramaPrior(Some(input), _) | Self::Shell(input) => match input {
+            Self::Network(Some(input))
+            | Self::FittedLamps(Some(input))
+            | Self::PanoramaPrior(Some(input), _)
+            | Self::Shell(input) => match input {
                 DepthInput::True => sample.depth_m.is_some(),
                 DepthInput::Sensor => sample.sensor_depth_m.is_some(),
             },
@@ -229,6 +246,11 @@ impl Method {
                 Ok(Estimate::of_scene(estimator.estimate(input, &options, &mut lightoctree::events::ignore)?))
             }
             Self::Network(input) => Ok(Estimate::of_scene(estimate_scene(sample, input, tools)?)),
+            Self::FittedLamps(input) => {
+                let mut scene = estimate_scene(sample, input, tools)?;
+                lightoctree::fit_lamps(&mut scene);
+                Ok(Estimate::of_scene(scene))
+            }
             Self::PanoramaEverywhere => {
                 let known = tools.known.filter(|known| !known.is_scored);
                 let known = known.ok_or(MethodError::Needs("another panorama than the one that is scored"))?;

@@ -2,7 +2,7 @@
 
 use lo_dataset::{Sample, TrueLeaves, true_octree};
 use lo_geometry::Vec3;
-use lo_imaging::RadianceImage;
+use lo_imaging::{RadianceImage, luminance};
 use lo_metrics::{
     DepthErrors, MAX_PSNR_DB, PsnrCurve, angular_error_deg, log_rmse, psnr_db, relative_si_rmse, rmse, si_rmse,
     solid_angles_sr,
@@ -99,6 +99,7 @@ impl Scorer {
                     scores.add(format!("{name}_rmse"), rmse(&a, &b, &ones));
                     scores.add(format!("{name}_si_rmse"), si_rmse(&a, &b, &ones));
                     scores.add(format!("{name}_angular_deg"), angular_error_deg(&a, &b, &ones));
+                    scores.add(format!("{name}_stops"), stops(&a, &b));
                 }
                 let protocol = self.protocol.iter().flat_map(|protocol| protocol.figures(&view.radiance, got));
                 protocol.for_each(|(name, value)| scores.add(name, Some(value)));
@@ -110,6 +111,13 @@ impl Scorer {
         scene(&mut scores, sample, estimate);
         scores
     }
+}
+
+/// |log₂| of the ratio of mean luminances: by how much the exposure would have to change. `None` where one picture is black.
+fn stops(truth: &RadianceImage, got: &RadianceImage) -> Option<f64> {
+    let sum = |image: &RadianceImage| image.pixels().iter().map(|&rgb| f64::from(luminance(rgb))).sum::<f64>();
+    let (truth, got) = (sum(truth), sum(got));
+    (truth > 0.0 && got > 0.0).then(|| (got / truth).log2().abs())
 }
 
 /// Figures of a whole panorama and of its seen and unseen parts.
@@ -203,6 +211,7 @@ mod tests {
             assert!(figure(&octree, "unseen_si_rmse") < figure(scores, "unseen_si_rmse"), "{scores:?}");
             assert!(figure(&octree, "coherence") < figure(scores, "coherence"));
             assert!(figure(&octree, "diffuse_rmse") < figure(scores, "diffuse_rmse"));
+            assert!(figure(&octree, "diffuse_stops") < figure(scores, "diffuse_stops"));
         }
         // the true octree is split as itself, true depth has no error
         assert_eq!(octree.get("split_accuracy"), Some(1.0));
@@ -214,6 +223,14 @@ mod tests {
         let bare = testing::sample();
         let error = Method::Shell(DepthInput::True).estimate(&bare, &tools).err().unwrap();
         assert_eq!(error.to_string(), "needs true depth");
+    }
+
+    #[test]
+    fn stops_are_those_of_an_exposure() {
+        let grey = |value: f32| RadianceImage::new(2, 1, vec![[value; 3], [3.0 * value; 3]]);
+        assert!((stops(&grey(1.0), &grey(0.25)).unwrap() - 2.0).abs() < 1e-6);
+        assert!((stops(&grey(1.0), &grey(8.0)).unwrap() - 3.0).abs() < 1e-6);
+        assert_eq!((stops(&grey(1.0), &grey(0.0)), stops(&grey(0.0), &grey(1.0))), (None, None));
     }
 
     #[test]

@@ -89,6 +89,7 @@ const TABLES: [Table; 10] = [
             ("diffuse_rmse", "diffuse RMSE ↓", 3),
             ("diffuse_si_rmse", "diffuse si-RMSE ↓", 3),
             ("diffuse_angular_deg", "diffuse ° ↓", 2),
+            ("diffuse_stops", "diffuse stops ↓", 2),
             ("silver_rmse", "silver RMSE ↓", 3),
             ("silver_si_rmse", "silver si-RMSE ↓", 3),
             ("silver_angular_deg", "silver ° ↓", 2),

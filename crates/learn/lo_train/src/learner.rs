@@ -111,22 +111,44 @@ impl Learner {
         // Twice: clones share running statistics.
         let (start, average) = (Networks::read(path)?, Networks::read(path)?);
         let own = &start.config;
-        let other = |reason: String| Err(TrainError::NotThisRun { path: path.to_owned(), reason });
         let wanted = config.network_of(own.depth);
         // It says what the light network is given, not of which shape it is.
         if (LightNetConfig { map_share: wanted.map_share, ..own.clone() }) != wanted {
-            return other("its networks are of another shape than [network] of the configuration says".into());
+            let reason = "its networks are of another shape than [network] of the configuration says".into();
+            return Err(TrainError::NotThisRun { path: path.to_owned(), reason });
         }
-        let encoder = start.depth.encoder_kind();
-        if encoder != config.encoder {
-            return other(format!("its encoder is {encoder}, that of the configuration {}", config.encoder));
-        }
+        self.take_depth(path, [start.depth, average.depth], config)?;
         let light = |old: &LightNet, device: &Device| {
             deepened(old, own, &self.network, seed, device).map_err(ConfigError::from)
         };
         (self.light.net, self.light.average) =
             (light(&start.light, &recording())?, light(&average.light, &Device::flex())?);
-        let (mut net, mut average) = (start.depth.train(), average.depth);
+        Ok(())
+    }
+
+    /// Starts with the depth network of a file of weights, and with a light network as it was drawn.
+    ///
+    /// # Errors
+    /// Of the file; another encoder or other global features than the configuration's.
+    pub fn load_depth(&mut self, path: &Path, config: &TrainConfig) -> Result<(), TrainError> {
+        // Twice: clones share running statistics.
+        let (start, average) = (Networks::read(path)?, Networks::read(path)?);
+        if start.config.global_features != config.network.global_features {
+            let reason = "its global features are not as many as [network] of the configuration says".into();
+            return Err(TrainError::NotThisRun { path: path.to_owned(), reason });
+        }
+        self.take_depth(path, [start.depth, average.depth], config)
+    }
+
+    /// A depth network of the file at `path`, to go on with and as the average.
+    fn take_depth(&mut self, path: &Path, read: [DepthNet; 2], config: &TrainConfig) -> Result<(), TrainError> {
+        let [net, mut average] = read;
+        let encoder = net.encoder_kind();
+        if encoder != config.encoder {
+            let reason = format!("its encoder is {encoder}, that of the configuration {}", config.encoder);
+            return Err(TrainError::NotThisRun { path: path.to_owned(), reason });
+        }
+        let mut net = net.train();
         if net.perspective.is_none() {
             // Weights of before it was learned: it begins as it was drawn.
             (net.perspective, average.perspective) =

@@ -35,5 +35,5 @@ pub use error::{ConfigError, Fault, TrainError};
 pub use phases::{DepthPhase, LightPhase, Schedule};
 pub use rays::{drawn_panorama_rays, panorama_rays};
 pub use report::ValidationReport;
-pub use run::{CHECKPOINT_FILE, LOG_FILE, Request, SHEET_FILE, WEIGHTS_FILE, train};
+pub use run::{CHECKPOINT_FILE, LOG_FILE, Request, SHEET_FILE, Start, WEIGHTS_FILE, train};
 pub use style::StyleConfig;

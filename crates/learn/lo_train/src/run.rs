@@ -47,7 +47,7 @@ const MAX_UNUSABLE: u64 = 1000;
 const MAX_SETBACKS: u32 = 5;
 
 /// What a run is asked for beside its configuration.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Request<'a> {
     /// Folder of the run's files; it exists.
     pub folder: &'a Path,
@@ -55,10 +55,21 @@ pub struct Request<'a> {
     pub resume: bool,
     /// Seed of all chance; a resumed run keeps its own.
     pub seed: u64,
-    /// Trained weights of all networks to begin with.
-    pub weights: Option<&'a Path>,
-    /// Published weights of the configuration's encoder to begin with, as [`read_encoder`] takes them.
-    pub encoder_weights: Option<&'a Path>,
+    /// What it begins with; a resumed run has its own weights.
+    pub start: Start<'a>,
+}
+
+/// Weights that a run begins with; what they do not give is random.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start<'a> {
+    /// None.
+    Random,
+    /// Published weights of the configuration's encoder, as [`read_encoder`] takes them.
+    Encoder(&'a Path),
+    /// The depth network of trained weights, with its global lighting decoder.
+    DepthNetwork(&'a Path),
+    /// Trained weights of all networks.
+    Networks(&'a Path),
 }
 
 /// Trains until all phases are done, or until `on_event` ends the run after a step: then it is written as it stands, and can be resumed.
@@ -163,18 +174,21 @@ impl<'a> Run<'a> {
                 let first_depth = phases.iter().find_map(|(_, phase)| phase.octree_depth());
                 let octree_depth = first_depth.unwrap_or(config.network.depth);
                 let mut learner = Learner::new(config, octree_depth, seed).map_err(ConfigError::from)?;
-                if let Some(path) = request.weights {
-                    learner.load(path, config, seed)?;
-                }
                 let mut state = RunState::new(seed, fingerprint);
-                if let Some(path) = request.encoder_weights {
-                    let (weights, origin) = read_encoder(path, config.encoder)?;
-                    learner.load_encoder(&weights)?;
-                    if !origin.is_published(config.encoder) {
-                        let EncoderOrigin { file, sha256 } = origin.clone();
-                        cancelled = on_event(Event::Warning(Warning::UnpublishedEncoder { file, sha256 })).is_break();
+                match request.start {
+                    Start::Random => {}
+                    Start::DepthNetwork(path) => learner.load_depth(path, config)?,
+                    Start::Networks(path) => learner.load(path, config, seed)?,
+                    Start::Encoder(path) => {
+                        let (weights, origin) = read_encoder(path, config.encoder)?;
+                        learner.load_encoder(&weights)?;
+                        if !origin.is_published(config.encoder) {
+                            let EncoderOrigin { file, sha256 } = origin.clone();
+                            cancelled =
+                                on_event(Event::Warning(Warning::UnpublishedEncoder { file, sha256 })).is_break();
+                        }
+                        state.encoder_origin = Some(origin);
                     }
-                    state.encoder_origin = Some(origin);
                 }
                 (learner, state)
             }
@@ -502,7 +516,7 @@ mod tests {
             ..TrainConfig::default()
         };
         let folder = tempfile::tempdir().unwrap();
-        let request = Request { folder: folder.path(), resume: false, seed: 1, weights: None, encoder_weights: None };
+        let request = Request { folder: folder.path(), resume: false, seed: 1, start: Start::Random };
         let (mut steps, mut warnings) = (0, Vec::new());
         let mut hear = |event| {
             match event {

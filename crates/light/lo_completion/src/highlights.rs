@@ -1,5 +1,6 @@
 //! Radiance of clipped highlights.
 
+use lo_geometry::Vec3;
 use lo_imaging::{Image, RadianceImage, luminance};
 use lo_scene::Frame;
 
@@ -100,6 +101,11 @@ pub(crate) fn recover(frame: &Frame, lit_only: impl Fn(usize, usize) -> bool) ->
         }
     }
     (radiance, report)
+}
+
+/// Whether what has this normal is lit from above and does not shine: white tables and papers are clipped often enough.
+pub(crate) fn faces_up(normal: Vec3, up: Vec3) -> bool {
+    normal.dot(up) > 0.6
 }
 
 /// Factor for the mean radiance of a region of which `full` is clipped in all channels and which covers `area` of the photo.

@@ -141,10 +141,9 @@ fn full_view(photo: &SeenPhoto, room: &RoomBox, tolerance_m: f32) -> (Vec<Surfel
     let camera = clean.depth_camera();
     let own_room = room.seen_from(first_from_camera);
     let up = own_room.axes.col(1);
-    // What faces up is lit from above and does not shine: white tables and papers are clipped often enough.
     let faces_up = |x: usize, y: usize| {
         let pixel = (x * normals.width() / clean.photo.width(), y * normals.height() / clean.photo.height());
-        normals[pixel].is_some_and(|n| n.dot(up) > 0.6)
+        normals[pixel].is_some_and(|normal| highlights::faces_up(normal, up))
     };
     let (radiance, highlights) = highlights::recover(clean, faces_up);
     let radiance = at_depth_resolution(radiance, &clean.depth_m);

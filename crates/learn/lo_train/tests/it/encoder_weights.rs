@@ -9,7 +9,7 @@ use lo_events::{Event, Warning};
 use lo_nets::checkpoint::{Checkpoint, Precision};
 use lo_nets::depth::{Encoder, EncoderKind};
 use lo_nets::{Device, Networks};
-use lo_train::{CHECKPOINT_FILE, EncoderOrigin, Request, TrainConfig, TrainError, read_encoder, train};
+use lo_train::{CHECKPOINT_FILE, EncoderOrigin, Request, Start, TrainConfig, TrainError, read_encoder, train};
 use safetensors::SafeTensors;
 
 use crate::run::config;
@@ -80,8 +80,7 @@ fn a_run_begins_with_them_and_says_whose_they_are() {
     let weights = numbered();
     weights.write(&file, Precision::Full).unwrap();
     let config = TrainConfig { encoder: EncoderKind::EfficientNetLite0, ..config() };
-    let request =
-        Request { folder: folder.path(), resume: false, seed: 5, weights: None, encoder_weights: Some(&file) };
+    let request = Request { folder: folder.path(), resume: false, seed: 5, start: Start::Encoder(&file) };
     let mut warnings = Vec::new();
     let ended = train(&config, &request, &mut |event| {
         if let Event::Warning(warning) = event {

@@ -12,7 +12,7 @@ use lo_nets::depth::EncoderKind;
 use lo_nets::light::LightNetConfig;
 use lo_synth::SynthConfig;
 use lo_train::{
-    CHECKPOINT_FILE, DataConfig, DepthPhase, LOG_FILE, LightPhase, Request, SHEET_FILE, Schedule, TrainConfig,
+    CHECKPOINT_FILE, DataConfig, DepthPhase, LOG_FILE, LightPhase, Request, SHEET_FILE, Schedule, Start, TrainConfig,
     TrainError, ValidationConfig, WEIGHTS_FILE, train,
 };
 
@@ -71,7 +71,7 @@ fn run(config: &TrainConfig, folder: &Path, resume: bool, steps: u64) -> (bool, 
     let mut events = Vec::new();
     // A resumed run keeps its own seed.
     let seed = if resume { 6 } else { 5 };
-    let request = Request { folder, resume, seed, weights: None, encoder_weights: None };
+    let request = Request { folder, resume, seed, start: Start::Random };
     let result = train(config, &request, &mut |event| {
         made += u64::from(matches!(event, Event::Figures { stage: Stage::Training(_), .. }));
         events.push(event);
@@ -187,8 +187,7 @@ fn trained_weights_begin_a_run() {
     let config = TrainConfig { depth: Vec::new(), joint: Vec::new(), ..config() };
     let trained = Networks::new(EncoderKind::EfficientNetLite0, &config.network, 3, &lo_nets::Device::flex()).unwrap();
     trained.write(&weights, lo_nets::checkpoint::Precision::Half).unwrap();
-    let request =
-        Request { folder: folder.path(), resume: false, seed: 5, weights: Some(&weights), encoder_weights: None };
+    let request = Request { folder: folder.path(), resume: false, seed: 5, start: Start::Networks(&weights) };
     assert!(matches!(train(&config, &request, &mut at_once), Err(TrainError::Cancelled(_))));
     // The light network begins with octrees of depth 4, without the finest stage of the one that was trained.
     let read = |file: &Path| {
@@ -200,15 +199,32 @@ fn trained_weights_begin_a_run() {
     let (begun, trained) = (read(&folder.path().join(CHECKPOINT_FILE)), read(&weights));
     assert_eq!([begun.0, trained.0], [4, 5]);
     assert!(begun.1 == trained.1 && begun.2 == trained.2);
+    // Of the depth network alone: the light network is that of a run of this seed that begins at random.
+    let begin = |start: Start, seed: u64| {
+        let request = Request { seed, start, ..request };
+        assert!(matches!(train(&config, &request, &mut at_once), Err(TrainError::Cancelled(_))));
+        read(&folder.path().join(CHECKPOINT_FILE))
+    };
+    let of_depth = begin(Start::DepthNetwork(&weights), 6);
+    assert!(of_depth.1 == trained.1 && of_depth.2 == begin(Start::Random, 6).2);
+    assert!(of_depth.2 != trained.2 && of_depth.2 != begin(Start::DepthNetwork(&weights), 7).2);
     let other = LightNetConfig { channels: 16, ..config.network.clone() };
-    let error = train(&TrainConfig { network: other, ..config }, &request, &mut at_once).unwrap_err();
+    let error = train(&TrainConfig { network: other, ..config.clone() }, &request, &mut at_once).unwrap_err();
     assert!(error.to_string().contains("of another shape than [network]"), "{error}");
+    let request = Request { start: Start::DepthNetwork(&weights), ..request };
+    let error =
+        train(&TrainConfig { encoder: EncoderKind::EfficientNetLite2, ..config.clone() }, &request, &mut at_once);
+    let error = error.unwrap_err();
+    assert!(error.to_string().contains("its encoder is efficientnet-lite0"), "{error}");
+    let other = LightNetConfig { global_features: 100, ..config.network.clone() };
+    let error = train(&TrainConfig { network: other, ..config }, &request, &mut at_once).unwrap_err();
+    assert!(error.to_string().contains("its global features"), "{error}");
 }
 
 #[test]
 fn what_cannot_be_trained_is_said() {
     let folder = tempfile::tempdir().unwrap();
-    let request = Request { folder: folder.path(), resume: false, seed: 5, weights: None, encoder_weights: None };
+    let request = Request { folder: folder.path(), resume: false, seed: 5, start: Start::Random };
     let message = |config: &TrainConfig, request: &Request| {
         train(config, request, &mut lo_events::ignore).unwrap_err().to_string()
     };

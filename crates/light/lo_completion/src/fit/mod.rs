@@ -1,8 +1,8 @@
 //! Guessed lamps and windows as bright as the seen surfaces are shaded.
 //!
 //! A diffuse surface of constant albedo is as bright as the light that it gets: where a wall is brighter on its left there is more light on its
-//! left. Networks know where lamps are better than how bright: one factor on all that is guessed of lamps, and one on guessed surfaces, are the likeliest
-//! ones that explain the shading of segments of constant albedo (`solve`), with visibility through the octree. For lamps placed by hand or
+//! left. Networks know where lamps are better than how bright: a factor on all that is guessed of lamps, one on what is seen of lamps but clipped, and one on
+//! guessed surfaces are the likeliest ones that explain the shading of segments of constant albedo (`solve`), with visibility through the octree. For lamps placed by hand or
 //! matched from pictures the same is done in Karsch et al. 2011 and 2014 ("Rendering synthetic objects into legacy photographs", "Automatic scene
 //! inference for 3D object compositing"); there the room's box is all that casts shadows, here it is the octree.
 
@@ -13,14 +13,15 @@ use std::borrow::Cow;
 
 use lo_events::Warning;
 use lo_geometry::Vec3;
-use lo_imaging::luminance;
+use lo_imaging::{RadianceImage, luminance};
 use lo_octree::{LeafNode, LightOctree};
 use lo_scene::Frame;
 
+use crate::highlights;
 use crate::irradiance::{irradiances, offset_m, tracer};
 use crate::lamps::OBJECT_SHARE;
 use places::{Place, places};
-use solve::{Problem, solve};
+use solve::{Problem, Solution, solve};
 
 /// What exceeds this multiple of the mean luminance is a lamp's or a window's, or of what they shine on.
 const CAP: f32 = 2.0;
@@ -62,12 +63,15 @@ impl LampFit {
     }
 }
 
-/// Makes guessed lamps and windows as bright as seen surfaces are shaded, and scales guessed surfaces; what is seen stays.
+/// Makes guessed and clipped lamps and windows as bright as seen surfaces are shaded, and scales guessed surfaces; what is seen unclipped stays.
 ///
-/// `seen` is the frame at the working resolution ([`Frame::working`]) without flying pixels. Where nodes have lobes, the octree becomes what is
+/// `seen` is the frame at the working resolution ([`Frame::working`]) without flying pixels, `up` the direction against gravity in its camera's frame. Where nodes have lobes, the octree becomes what is
 /// seen of it from the middle of the view.
-pub fn fit_lamps(light: &mut LightOctree, seen: &Frame) -> LampFit {
-    let places = places(seen);
+pub fn fit_lamps(light: &mut LightOctree, seen: &Frame, up: Vec3) -> LampFit {
+    let normals = seen.normals();
+    let faces_up = |x, y| normals[(x, y)].is_some_and(|normal: Vec3| highlights::faces_up(normal, up));
+    let (restored, _) = highlights::recover(seen, faces_up);
+    let places = places(seen, &restored);
     if places.is_empty() {
         return LampFit::default();
     }
@@ -75,34 +79,78 @@ pub fn fit_lamps(light: &mut LightOctree, seen: &Frame) -> LampFit {
     if let Cow::Owned(seen) = light.seen_from(middle_m) {
         *light = seen;
     }
+    let clipped = clipped(light, seen, &restored);
+    // Networks may guess less than the photo can tell.
+    light.change_leaves(|light, leaf| {
+        let (own, open) = (light.radiance(leaf), light.unseen(leaf));
+        clipped[leaf.depth as usize][leaf.row].map_or(own, |clipped| own.max(own.lerp(clipped.restored, open)))
+    });
     let cap = cap(light);
-    let problem = problem(light, &places, cap);
+    let problem = problem(light, &places, cap, &clipped);
     let solution = solve(&problem);
     let all = problem.irradiance(solution);
     let share = problem.lamps.iter().zip(&all).map(|(lamps, all)| solution.lamps * lamps / all);
     let lamps_share = share.sum::<f32>() / places.len() as f32;
     light.change_leaves(|light, leaf| {
-        let Parts { surface, lamp, .. } = Parts::of(light, leaf, cap);
-        light.radiance(leaf) * (1.0 + surface * (solution.surfaces - 1.0) + lamp * (solution.lamps - 1.0))
+        let Parts { surface, lamp, clipped, .. } = Parts::of(light, leaf, cap, &clipped);
+        let Solution { surfaces, lamps, clipped_lamps } = solution;
+        let more = surface * (surfaces - 1.0) + lamp * (lamps - 1.0) + clipped * (clipped_lamps - 1.0);
+        light.radiance(leaf) * (1.0 + more)
     });
     LampFit { lamps: solution.lamps, lamps_share, surfaces: solution.surfaces }
 }
 
+/// What the photo says of a leaf that it is clipped at.
+#[derive(Clone, Copy)]
+struct Clipped {
+    /// Where the photo clips.
+    level: f32,
+    /// Mean of what is likely ([`highlights::recover`]).
+    restored: Vec3,
+}
+
+/// `[depth][row]`
+type ClippedRows = [Vec<Option<Clipped>>];
+
+/// Leaves in which clipped pixels lie.
+fn clipped(light: &LightOctree, seen: &Frame, restored: &RadianceImage) -> Vec<Vec<Option<Clipped>>> {
+    let clipped = seen.clipped();
+    let mut sums: Vec<Vec<(Vec3, f32)>> = light.rgba.iter().map(|rows| vec![(Vec3::ZERO, 0.0); rows.len()]).collect();
+    for (x, y) in (0..clipped.height()).flat_map(|y| (0..clipped.width()).map(move |x| (x, y))) {
+        let point = if clipped[(x, y)] { seen.point(x, y) } else { None };
+        let inside = point.map(|point| light.cube.pulled_inside(point));
+        let Some((depth, node)) = inside.and_then(|point| light.locate(point, u32::MAX)) else { continue };
+        let Ok(row) = usize::try_from(light.octree.levels()[depth as usize].rows[node]) else { continue };
+        let (sum, count) = &mut sums[depth as usize][row];
+        *sum += Vec3::from(restored[(x, y)]);
+        *count += 1.0;
+    }
+    let mean =
+        |(sum, count): (Vec3, f32)| (count > 0.0).then(|| Clipped { level: seen.exposure, restored: sum / count });
+    sums.into_iter().map(|rows| rows.into_iter().map(mean).collect()).collect()
+}
+
 /// Shares of a leaf's radiance; their sum is 1.
 struct Parts {
-    /// What the photo saw, unclipped.
+    /// What the photo saw: up to where it clips.
     seen: f32,
     /// Of the rest what is not a lamp's.
     surface: f32,
     /// Of the rest what exceeds the cap, up to the limit.
     lamp: f32,
+    /// What the photo saw but cannot tell, because it is clipped.
+    clipped: f32,
 }
 
 impl Parts {
-    fn of(light: &LightOctree, leaf: LeafNode, cap: f32) -> Self {
+    fn of(light: &LightOctree, leaf: LeafNode, cap: f32, clipped: &ClippedRows) -> Self {
         let (own, open) = (lightness(light, leaf), light.unseen(leaf));
+        if let Some(Clipped { level, .. }) = clipped[leaf.depth as usize][leaf.row] {
+            let beyond = open * (1.0 - level / own.max(level));
+            return Self { seen: 1.0 - beyond, surface: 0.0, lamp: 0.0, clipped: beyond };
+        }
         let lamp = open * (own - cap).clamp(0.0, LIMIT * cap) / own.max(1e-6);
-        Self { seen: 1.0 - open, surface: open - lamp, lamp }
+        Self { seen: 1.0 - open, surface: open - lamp, lamp, clipped: 0.0 }
     }
 }
 
@@ -121,23 +169,26 @@ fn lightness(light: &LightOctree, leaf: LeafNode) -> f32 {
     luminance(light.radiance(leaf).to_array())
 }
 
-fn problem(light: &LightOctree, places: &[Place], cap: f32) -> Problem {
-    // What leaves give, by channel: what is seen, guessed surfaces, lamps.
-    let given = light.merged(|leaf| {
-        let Parts { seen, surface, lamp } = Parts::of(light, leaf, cap);
-        lightness(light, leaf) * Vec3::new(seen, surface, lamp)
-    });
-    let tracer = tracer(&LightOctree { rgba: light.rows_with(|depth, row, _| given[depth][row]), ..light.clone() });
-    let at = places.iter().map(|place| (place.position_m, place.normal));
-    let coming_in = irradiances(&tracer, at, offset_m(light));
+fn problem(light: &LightOctree, places: &[Place], cap: f32, clipped: &ClippedRows) -> Problem {
+    let coming_in = |of: &dyn Fn(Parts) -> Vec3| {
+        let given = light.merged(|leaf| lightness(light, leaf) * of(Parts::of(light, leaf, cap, clipped)));
+        let tracer = tracer(&LightOctree { rgba: light.rows_with(|depth, row, _| given[depth][row]), ..light.clone() });
+        irradiances(&tracer, places.iter().map(|place| (place.position_m, place.normal)), offset_m(light))
+    };
+    // By channel.
+    let all = coming_in(&|Parts { seen, surface, lamp, .. }| Vec3::new(seen, surface, lamp));
+    let is_clipped = clipped.iter().flatten().any(Option::is_some);
+    let clipped_lamps =
+        if is_clipped { coming_in(&|parts| Vec3::splat(parts.clipped)) } else { vec![Vec3::ZERO; all.len()] };
     Problem {
         log_radiance: places.iter().map(|place| place.log_radiance).collect(),
         clipped: places.iter().map(|place| place.clipped).collect(),
         weights: places.iter().map(|place| place.weight).collect(),
         segments: places.iter().map(|place| place.segment).collect(),
-        seen: coming_in.iter().map(|light| light.x).collect(),
-        surfaces: coming_in.iter().map(|light| light.y).collect(),
-        lamps: coming_in.iter().map(|light| light.z).collect(),
+        seen: all.iter().map(|light| light.x).collect(),
+        surfaces: all.iter().map(|light| light.y).collect(),
+        lamps: all.iter().map(|light| light.z).collect(),
+        clipped_lamps: clipped_lamps.iter().map(|light| light.x).collect(),
     }
 }
 
@@ -196,7 +247,7 @@ mod tests {
     #[test]
     fn a_lamp_that_is_guessed_too_dark_gets_as_bright_as_the_wall_says() {
         let (mut light, frame) = room(12.0);
-        let fit = fit_lamps(&mut light, &frame);
+        let fit = fit_lamps(&mut light, &frame, Vec3::Y);
         let tracer = ConeTracer::new(&light, Settings::default()).unwrap();
         let cone = Cone { origin: Vec3::new(0.0, 0.6, -1.0), direction: Vec3::NEG_X, tan_half_angle: 0.05 };
         let radiance = tracer.trace(&cone).radiance[1];
@@ -207,8 +258,8 @@ mod tests {
     #[test]
     fn irradiance_by_lamps_is_that_of_their_patches() {
         let (light, frame) = room(12.0);
-        let (places, cap) = (places(&frame), cap(&light));
-        let problem = problem(&light, &places, cap);
+        let (places, cap) = (places(&frame, &frame.radiance()), cap(&light));
+        let problem = problem(&light, &places, cap, &clipped(&light, &frame, &frame.radiance()));
         let (mut sum, mut expected) = (0.0, 0.0);
         for (place, light) in places.iter().zip(&problem.lamps) {
             let point = place.position_m;
@@ -226,11 +277,41 @@ mod tests {
         assert!((0.75..1.7).contains(&ratio), "{ratio}, excess {excess}");
     }
 
+    /// What the camera of [`room`] sees of a square lamp of this radiance in the middle of its wall: it is clipped.
+    fn with_clipped_lamp(light: &mut LightOctree, frame: &mut Frame, guess: f32) {
+        let in_lamp = |p: Vec3| p.z < 0.05 - HALF_M && p.truncate().abs().max_element() < 0.5;
+        light.change_leaves(|light, leaf| {
+            let own = light.radiance(leaf);
+            if in_lamp(light.node_middle_m(leaf.depth, light.octree.key(leaf))) { Vec3::splat(guess) } else { own }
+        });
+        let Photo::Linear(photo) = &frame.photo else { panic!("it is linear") };
+        let camera = frame.camera;
+        let photo = RadianceImage::from_fn(480, 320, |x, y| {
+            let point = camera.unproject(x as f64 + 0.5, y as f64 + 0.5, f64::from(HALF_M));
+            if in_lamp(point) { [1.0; 3] } else { photo[(x, y)].map(|c| c.min(0.9)) }
+        });
+        frame.photo = Photo::Linear(photo);
+    }
+
+    #[test]
+    fn a_clipped_lamp_asks_for_no_light_and_gets_what_such_lamps_have() {
+        let (mut light, mut frame) = room(0.1);
+        with_clipped_lamp(&mut light, &mut frame, 0.9);
+        let fit = fit_lamps(&mut light, &frame, Vec3::Y);
+        // As a white surface it would ask for E = π, ten times what there is.
+        assert!((0.9..1.1).contains(&fit.surfaces), "{fit:?}");
+        let tracer = ConeTracer::new(&light, Settings::default()).unwrap();
+        let cone = Cone { origin: Vec3::ZERO, direction: Vec3::NEG_Z, tan_half_angle: 0.05 };
+        let radiance = tracer.trace(&cone).radiance[1];
+        // A region as large as that: 5.9, in the middle more.
+        assert!((4.0..15.0).contains(&radiance), "{radiance}: {fit:?}");
+    }
+
     #[test]
     fn even_light_stays() {
         let (mut light, frame) = room(0.1);
         let before = light.clone();
-        let fit = fit_lamps(&mut light, &frame);
+        let fit = fit_lamps(&mut light, &frame, Vec3::Y);
         assert!(fit.lamps_share < 1e-6 && (0.91..1.1).contains(&fit.surfaces), "{fit:?}");
         assert_eq!(fit.warning(), None);
         for (after, before) in light.rgba.iter().flatten().zip(before.rgba.iter().flatten()) {
@@ -242,7 +323,7 @@ mod tests {
     fn lobes_are_taken_as_they_are_seen() {
         let (mut light, frame) = room(12.0);
         light.lobes = Some(light.rgba.iter().map(|rows| vec![[0.1, 0.0, 0.0]; rows.len()]).collect());
-        assert!(fit_lamps(&mut light, &frame).lamps > 1.5 && light.lobes.is_none());
+        assert!(fit_lamps(&mut light, &frame, Vec3::Y).lamps > 1.5 && light.lobes.is_none());
     }
 
     #[test]
@@ -250,6 +331,6 @@ mod tests {
         let (mut light, mut frame) = room(12.0);
         frame.depth_m.pixels_mut().fill(0.0);
         let before = light.clone();
-        assert_eq!((fit_lamps(&mut light, &frame), light), (LampFit::default(), before));
+        assert_eq!((fit_lamps(&mut light, &frame, Vec3::Y), light), (LampFit::default(), before));
     }
 }

@@ -1,7 +1,7 @@
 //! Places of what is seen whose shading can be compared: parts of segments in which albedo is taken to be constant.
 
 use lo_geometry::Vec3;
-use lo_imaging::luminance;
+use lo_imaging::{RadianceImage, luminance};
 use lo_scene::Frame;
 
 /// Cells along the longer side of the picture.
@@ -45,6 +45,9 @@ pub(crate) struct Place {
     pub segment: usize,
 }
 
+/// What was clipped and is likely so many times as bright is a lamp or a window.
+const SHINES: f32 = 1.2;
+
 struct Cell {
     position_m: Vec3,
     normal: Vec3,
@@ -56,8 +59,9 @@ struct Cell {
     inverse_depth: f32,
 }
 
-/// Places of a frame whose photo and depth have one resolution ([`Frame::working`]), at most [`MAX_PLACES`].
-pub(crate) fn places(frame: &Frame) -> Vec<Place> {
+/// Places of a frame whose photo and depth have one resolution ([`Frame::working`]), at most [`MAX_PLACES`]. What is brighter in `restored` than in the
+/// photo shines and is none.
+pub(crate) fn places(frame: &Frame, restored: &RadianceImage) -> Vec<Place> {
     let (width, height) = (frame.depth_m.width(), frame.depth_m.height());
     let (radiance, clipped, normals) = (frame.radiance(), frame.clipped(), frame.normals());
     if (radiance.width(), radiance.height()) != (width, height) {
@@ -72,6 +76,9 @@ pub(crate) fn places(frame: &Frame) -> Vec<Place> {
         let (mut normal, mut position_m, mut cut) = (Vec3::ZERO, Vec3::ZERO, 0.0f32);
         for (x, y) in pixels {
             let (Some(point), Some(own)) = (frame.point(x, y), normals[(x, y)]) else { continue };
+            if luminance(restored[(x, y)]) > SHINES * luminance(radiance[(x, y)]) {
+                continue;
+            }
             let rgb = radiance[(x, y)].map(|v| v.max(1e-4));
             let log = luminance(rgb).max(MIN_LUMINANCE).ln();
             count += 1.0;
@@ -176,7 +183,7 @@ mod tests {
         });
         let depth_m = DepthMap::from_fn(480, 320, |x, _| if x < 320 { 3.0 } else { 2.0 });
         let frame = Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap();
-        let places = places(&frame);
+        let places = places(&frame, &frame.radiance());
         assert!((400..=MAX_PLACES).contains(&places.len()), "{}", places.len());
         let mut segments: Vec<usize> = places.iter().map(|place| place.segment).collect();
         segments.sort_unstable();
@@ -206,6 +213,6 @@ mod tests {
             depth_m: DepthMap::from_fn(48, 32, |_, _| 0.0),
             exposure: 1.0,
         };
-        assert_eq!(places(&frame), Vec::new());
+        assert_eq!(places(&frame, &frame.radiance()), Vec::new());
     }
 }

@@ -1,11 +1,11 @@
 //! How much brighter lamps and surfaces are than was guessed, by how what is seen is shaded: least squares in the log domain.
 
-use lo_geometry::{Mat2, Vec2};
+use lo_geometry::{Mat3, Vec3};
 
 /// What is known and what is sought.
 ///
-/// A diffuse place `i` of radiance `L` on a segment of constant albedo ρ obeys `ln L = ln(ρ / π) + ln E`. The irradiance `E` is what is seen, a factor times
-/// what guessed surfaces give, and another one times what guessed lamps give.
+/// A diffuse place `i` of radiance `L` on a segment of constant albedo ρ obeys `ln L = ln(ρ / π) + ln E`. The irradiance `E` is what is seen, and what is
+/// guessed of surfaces, lamps and seen but clipped lamps, each times a factor.
 pub(crate) struct Problem {
     /// `ln L` of each place.
     pub log_radiance: Vec<f32>,
@@ -21,6 +21,8 @@ pub(crate) struct Problem {
     pub surfaces: Vec<f32>,
     /// Irradiance by guessed lamps.
     pub lamps: Vec<f32>,
+    /// Irradiance by what is guessed of lamps beyond what the photo can tell of them.
+    pub clipped_lamps: Vec<f32>,
 }
 
 /// What explains it: factors on what was guessed.
@@ -30,6 +32,8 @@ pub(crate) struct Solution {
     pub surfaces: f32,
     /// Of lamps.
     pub lamps: f32,
+    /// Of clipped lamps.
+    pub clipped_lamps: f32,
 }
 
 /// Deviation of the logarithm of radiance from what albedo and irradiance say: texture, gloss, faulty normals.
@@ -48,6 +52,9 @@ const MAX_LOG_ALBEDO: f32 = -1.25;
 const SURFACES: (f32, f32) = (0.0, 0.2);
 const LAMPS: (f32, f32) = (1.5, 0.5);
 
+/// The same of clipped lamps: the error of [`crate::recover_highlights`].
+const CLIPPED_LAMPS: (f32, f32) = (0.1, 0.8);
+
 /// What a place says beside the others: their errors have causes in common.
 const TRUST: f32 = 0.01;
 
@@ -56,18 +63,17 @@ const MAX_STEP: f32 = 1.0;
 
 const STEPS: usize = 25;
 
-/// Logarithms of the factors of surfaces and lamps.
-type Logs = [f32; 2];
+/// Means, and precisions, of the logarithms of the factors of surfaces, lamps and clipped lamps.
+const MEANS: Vec3 = Vec3::new(SURFACES.0, LAMPS.0, CLIPPED_LAMPS.0);
+const PRECISIONS: Vec3 = Vec3::new(precision(SURFACES), precision(LAMPS), precision(CLIPPED_LAMPS));
 
-fn solution(logs: Logs) -> Solution {
-    let [surfaces, lamps] = logs.map(f32::exp);
-    Solution { surfaces, lamps }
+const fn precision((_, deviation): (f32, f32)) -> f32 {
+    1.0 / (deviation * deviation)
 }
 
-/// Of each logarithm its distance from the mean, and the precision.
-fn prior(logs: Logs) -> [(f32, f32); 2] {
-    let of = |log: f32, (mean, deviation): (f32, f32)| (log - mean, 1.0 / (deviation * deviation));
-    [of(logs[0], SURFACES), of(logs[1], LAMPS)]
+fn solution(logs: Vec3) -> Solution {
+    let [surfaces, lamps, clipped_lamps] = logs.exp().to_array();
+    Solution { surfaces, lamps, clipped_lamps }
 }
 
 /// The albedo of a segment, relative to the mean of all things, and what share of a mean is taken out of its places.
@@ -80,11 +86,12 @@ struct Segment {
 impl Problem {
     /// Irradiance of each place, above 0.
     pub fn irradiance(&self, solution: Solution) -> Vec<f32> {
-        let parts = self.seen.iter().zip(&self.surfaces).zip(&self.lamps);
-        let sum = |((seen, surfaces), lamps): ((&f32, &f32), &f32)| {
-            (seen + solution.surfaces * surfaces + solution.lamps * lamps).max(1e-6)
+        let Solution { surfaces, lamps, clipped_lamps } = solution;
+        let at = |i: usize| {
+            let guessed = surfaces * self.surfaces[i] + lamps * self.lamps[i] + clipped_lamps * self.clipped_lamps[i];
+            (self.seen[i] + guessed).max(1e-6)
         };
-        parts.map(sum).collect()
+        (0..self.seen.len()).map(at).collect()
     }
 
     /// Of each place: `ln L − ln E` less the mean log albedo.
@@ -135,7 +142,7 @@ impl Problem {
     }
 
     /// Minus the logarithm of the probability.
-    fn cost(&self, logs: Logs) -> f32 {
+    fn cost(&self, logs: Vec3) -> f32 {
         let residuals = self.residuals(&self.irradiance(solution(logs)));
         let weights = self.robust(&residuals, &self.segments(&residuals, &self.weights));
         let segments = self.segments(&residuals, &weights);
@@ -148,7 +155,8 @@ impl Problem {
             sum += self.weights[i] * huber(above(*residual) / NOISE);
         }
         sum += segments.iter().map(|segment| 0.5 * (segment.albedo / LOG_ALBEDO.1).powi(2)).sum::<f32>();
-        TRUST * sum + prior(logs).map(|(away, precision)| 0.5 * precision * away * away).iter().sum::<f32>()
+        let away = logs - MEANS;
+        TRUST * sum + 0.5 * PRECISIONS.dot(away * away)
     }
 }
 
@@ -164,14 +172,14 @@ fn huber(deviations: f32) -> f32 {
 
 /// Gauss-Newton steps from what is likeliest without the photo, with the albedos eliminated.
 pub(crate) fn solve(problem: &Problem) -> Solution {
-    let mut logs = [SURFACES.0, LAMPS.0];
+    let mut logs = MEANS;
     let mut cost = problem.cost(logs);
     for _ in 0..STEPS {
         let step = step(problem, logs);
         // The whole step, or as much of it as makes things better.
         let better = (0..8).find_map(|halvings| {
             let share = 0.5f32.powi(halvings);
-            let tried: Logs = std::array::from_fn(|i| logs[i] + share * step[i]);
+            let tried = logs + share * step;
             let own = problem.cost(tried);
             (own < cost).then_some((tried, own))
         });
@@ -186,7 +194,7 @@ pub(crate) fn solve(problem: &Problem) -> Solution {
 }
 
 /// A Gauss-Newton step.
-fn step(problem: &Problem, logs: Logs) -> [f32; 2] {
+fn step(problem: &Problem, logs: Vec3) -> Vec3 {
     let solution = solution(logs);
     let irradiance = problem.irradiance(solution);
     let residuals = problem.residuals(&irradiance);
@@ -205,21 +213,21 @@ fn step(problem: &Problem, logs: Logs) -> [f32; 2] {
         let slope: Vec<f32> = light.iter().zip(&irradiance).map(|(light, all)| factor * light / all).collect();
         problem.demeaned(&slope, &weights, &segments).into_iter().chain(slope).collect()
     };
-    let columns = [column(&problem.surfaces, solution.surfaces), column(&problem.lamps, solution.lamps)];
+    let columns = [
+        column(&problem.surfaces, solution.surfaces),
+        column(&problem.lamps, solution.lamps),
+        column(&problem.clipped_lamps, solution.clipped_lamps),
+    ];
     let product = |a: &[f32], b: &[f32]| -> f32 {
         let sum: f32 = a.iter().zip(b).zip(&row_weights).map(|((a, b), weight)| weight * a * b).sum();
         TRUST * sum / (NOISE * NOISE)
     };
-    let [(surfaces_away, surfaces_precision), (lamps_away, lamps_precision)] = prior(logs);
-    let cross = product(&columns[0], &columns[1]);
-    let matrix = Mat2::from_cols(
-        Vec2::new(product(&columns[0], &columns[0]) + surfaces_precision, cross),
-        Vec2::new(cross, product(&columns[1], &columns[1]) + lamps_precision),
-    );
-    let slopes = columns.each_ref().map(|column| product(column, &rows));
-    let right = Vec2::from(slopes) - Vec2::new(surfaces_precision * surfaces_away, lamps_precision * lamps_away);
-    // Both precisions are above 0, so that there is an inverse.
-    (matrix.inverse() * right).clamp(Vec2::splat(-MAX_STEP), Vec2::splat(MAX_STEP)).to_array()
+    let with_all = |a: &[f32]| Vec3::from(columns.each_ref().map(|column| product(a, column)));
+    let [surfaces, lamps, clipped_lamps] = columns.each_ref().map(|column| with_all(column));
+    let matrix = Mat3::from_cols(surfaces, lamps, clipped_lamps) + Mat3::from_diagonal(PRECISIONS);
+    let right = with_all(&rows) - PRECISIONS * (logs - MEANS);
+    // All precisions are above 0, so that there is an inverse.
+    (matrix.inverse() * right).clamp(Vec3::splat(-MAX_STEP), Vec3::splat(MAX_STEP))
 }
 
 #[cfg(test)]
@@ -255,6 +263,7 @@ mod tests {
             seen: vec![0.1; count],
             surfaces: vec![0.1; count],
             lamps: lamp.iter().map(|lamp| guess * lamp).collect(),
+            clipped_lamps: vec![0.0; count],
         }
     }
 
@@ -272,6 +281,20 @@ mod tests {
         let usual = LAMPS.0.exp();
         let solution = solve(&room(60.0, [0.3, 0.7, 0.5], 60.0));
         assert!(solution.lamps < 0.75 * usual, "{solution:?}");
+    }
+
+    #[test]
+    fn clipped_lamps_that_were_restored_too_dark_or_too_bright_are_mended() {
+        let solved = |guess: f32| {
+            let mut problem = room(60.0, [0.3, 0.7, 0.5], guess);
+            std::mem::swap(&mut problem.lamps, &mut problem.clipped_lamps);
+            solve(&problem).clipped_lamps
+        };
+        // Two fifths of the way from the prior, or more.
+        let (dark, right, bright) = (solved(20.0), solved(60.0), solved(180.0));
+        assert!((1.55..3.1).contains(&dark), "{dark}");
+        assert!((0.8..1.25).contains(&right), "{right}");
+        assert!((0.32..0.64).contains(&bright), "{bright}");
     }
 
     #[test]
@@ -301,7 +324,8 @@ mod tests {
             seen: vec![],
             surfaces: vec![],
             lamps: vec![],
+            clipped_lamps: vec![],
         };
-        assert_eq!(solve(&empty), Solution { surfaces: SURFACES.0.exp(), lamps: LAMPS.0.exp() });
+        assert_eq!(solve(&empty), solution(MEANS));
     }
 }
