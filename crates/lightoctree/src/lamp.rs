@@ -1,5 +1,4 @@
 use lo_completion::LampFit;
-use lo_geometry::Vec3;
 use lo_scene::{Completion, Scene};
 
 /// Makes what a network guessed of lamps and windows as bright as the photo's shading asks for ([`lo_completion::fit_lamps`]): for objects, which have to
@@ -13,6 +12,6 @@ pub fn fit_lamps(scene: &mut Scene) -> LampFit {
     if scene.completion != Completion::Network || knows_lamps {
         return LampFit::default();
     }
-    let seen = scene.frame.working().without_flying_pixels();
-    lo_completion::fit_lamps(&mut scene.light, &seen, scene.room.as_ref().map_or(Vec3::Y, |room| room.up))
+    let (seen, up) = (scene.frame.working().without_flying_pixels(), scene.up());
+    lo_completion::fit_lamps(&mut scene.light, &seen, up)
 }

@@ -360,7 +360,7 @@ fn by_shadow(scene: &Scene, [thing, shadow]: [[f64; 2]; 2]) -> anyhow::Result<Ve
 }
 
 fn area(scene: &Scene, args: &AreaArgs) -> anyhow::Result<AnalyticLight> {
-    let up = scene.room.as_ref().map_or(Vec3::Y, |room| room.up);
+    let up = scene.up();
     let shape = match (args.size, args.direction, args.radius) {
         (Some(size_m), Some(direction), _) => lo_lights::rectangle(args.at, direction, up, size_m, args.two_sided),
         (_, _, Some(radius)) => LightShape::Sphere { centre_m: args.at, radius_m: radius as f32 },

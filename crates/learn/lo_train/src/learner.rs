@@ -114,8 +114,10 @@ impl Learner {
         let wanted = config.network_of(own.depth);
         // It says what the light network is given, not of which shape it is.
         if (LightNetConfig { map_share: wanted.map_share, ..own.clone() }) != wanted {
-            let reason = "its networks are of another shape than [network] of the configuration says".into();
-            return Err(TrainError::NotThisRun { path: path.to_owned(), reason });
+            return Err(not_this_run(
+                path,
+                "its networks are of another shape than [network] of the configuration says",
+            ));
         }
         self.take_depth(path, [start.depth, average.depth], config)?;
         let light = |old: &LightNet, device: &Device| {
@@ -134,8 +136,10 @@ impl Learner {
         // Twice: clones share running statistics.
         let (start, average) = (Networks::read(path)?, Networks::read(path)?);
         if start.config.global_features != config.network.global_features {
-            let reason = "its global features are not as many as [network] of the configuration says".into();
-            return Err(TrainError::NotThisRun { path: path.to_owned(), reason });
+            return Err(not_this_run(
+                path,
+                "its global features are not as many as [network] of the configuration says",
+            ));
         }
         self.take_depth(path, [start.depth, average.depth], config)
     }
@@ -145,8 +149,10 @@ impl Learner {
         let [net, mut average] = read;
         let encoder = net.encoder_kind();
         if encoder != config.encoder {
-            let reason = format!("its encoder is {encoder}, that of the configuration {}", config.encoder);
-            return Err(TrainError::NotThisRun { path: path.to_owned(), reason });
+            return Err(not_this_run(
+                path,
+                &format!("its encoder is {encoder}, that of the configuration {}", config.encoder),
+            ));
         }
         let mut net = net.train();
         if net.perspective.is_none() {
@@ -419,4 +425,8 @@ fn with_losses(fault: Fault, progress: &Progress) -> Fault {
         Fault::Gradient { parameter, .. } => Fault::Gradient { parameter, losses: bad.collect() },
         other => other,
     }
+}
+
+fn not_this_run(path: &Path, reason: &str) -> TrainError {
+    TrainError::NotThisRun { path: path.to_owned(), reason: reason.to_owned() }
 }

@@ -42,7 +42,7 @@ impl HighlightReport {
 /// Constants by least squares in log radiance on 322 regions, tested on the 107 of 154 crops (240 × 160, 55–75° wide, median exposed to 0.2 ± ½ EV, clipped at 1)
 /// of 11 HDR panoramas of real interiors in which at least 0.2 % is clipped: RMS error of ln(sum over clipped pixels) 0.77, bias −0.12;
 /// left as clipped 1.53, bias −1.2. Single lamps are off by a factor of three up or down: nothing in the photo tells.
-pub(crate) fn recover(frame: &Frame, lit_only: impl Fn(usize, usize) -> bool) -> (RadianceImage, HighlightReport) {
+fn recover(frame: &Frame, lit_only: impl Fn(usize, usize) -> bool) -> (RadianceImage, HighlightReport) {
     let mut radiance = frame.radiance();
     let clipped = frame.clipped();
     let count = clipped.pixels().iter().filter(|&&c| c).count();
@@ -103,9 +103,18 @@ pub(crate) fn recover(frame: &Frame, lit_only: impl Fn(usize, usize) -> bool) ->
     (radiance, report)
 }
 
-/// Whether what has this normal is lit from above and does not shine: white tables and papers are clipped often enough.
-pub(crate) fn faces_up(normal: Vec3, up: Vec3) -> bool {
-    normal.dot(up) > 0.6
+/// [`recover`], where what faces up is lit from above and does not shine: white tables and papers are clipped often enough. `normals` may be of
+/// another resolution than the photo.
+pub(crate) fn recover_shining(
+    frame: &Frame,
+    normals: &Image<Option<Vec3>>,
+    up: Vec3,
+) -> (RadianceImage, HighlightReport) {
+    let (width, height) = (frame.photo.width(), frame.photo.height());
+    recover(frame, |x, y| {
+        let pixel = (x * normals.width() / width, y * normals.height() / height);
+        normals[pixel].is_some_and(|normal| normal.dot(up) > 0.6)
+    })
 }
 
 /// Factor for the mean radiance of a region of which `full` is clipped in all channels and which covers `area` of the photo.

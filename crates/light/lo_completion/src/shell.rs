@@ -140,12 +140,7 @@ fn full_view(photo: &SeenPhoto, room: &RoomBox, tolerance_m: f32) -> (Vec<Surfel
     let SeenPhoto { clean, normals, first_from_camera, .. } = photo;
     let camera = clean.depth_camera();
     let own_room = room.seen_from(first_from_camera);
-    let up = own_room.axes.col(1);
-    let faces_up = |x: usize, y: usize| {
-        let pixel = (x * normals.width() / clean.photo.width(), y * normals.height() / clean.photo.height());
-        normals[pixel].is_some_and(|normal| highlights::faces_up(normal, up))
-    };
-    let (radiance, highlights) = highlights::recover(clean, faces_up);
+    let (radiance, highlights) = highlights::recover_shining(clean, normals, own_room.axes.col(1));
     let radiance = at_depth_resolution(radiance, &clean.depth_m);
     let full = Frame { depth_m: fill_holes(&clean.depth_m, &camera, &own_room), ..clean.clone() };
     let mut surfels = full.surfels_with_normals(normals, &radiance);

@@ -79,7 +79,7 @@ impl Inserter {
         let clean = given.without_flying_pixels();
         let surfaces = SurfaceMap::new(&clean);
         let occluders = Occluders::new(&surfaces, &given, scene.predicted_depth);
-        let up = scene.room.as_ref().map_or(Vec3::Y, |room| room.up);
+        let up = scene.up();
         let floor = scene.room.as_ref().and_then(|room| room.floor());
         let field = |side| ShadowField::new(surfaces.resampled(&clean, side), up, floor, &counts);
         let (coarse, fine) = (field(counts.coarse_shadow_side), field(counts.shadow_side));

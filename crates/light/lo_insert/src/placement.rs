@@ -57,7 +57,7 @@ impl Placement {
     /// [`Align::Gravity`].
     pub fn at(scene: &Scene, position_m: Vec3, align: Align) -> Self {
         let up = match align {
-            Align::Gravity | Align::Surface => gravity_up(scene),
+            Align::Gravity | Align::Surface => scene.up(),
             Align::None => Vec3::Y,
         };
         let near = 2.0 * scene.light.cube.node_edge_m(scene.light.octree.depth());
@@ -75,7 +75,7 @@ impl Placement {
     pub fn rest_on_pixel<'a>(ground: impl Into<Ground<'a>>, u: f64, v: f64, align: Align) -> Result<Self, InsertError> {
         let ground = ground.into();
         let (scene, (position_m, normal)) = (ground.scene, ground.surface_at_pixel(u, v)?);
-        let gravity = gravity_up(scene);
+        let gravity = scene.up();
         let tilt_deg = normal.dot(gravity).clamp(-1.0, 1.0).acos().to_degrees();
         let level_deg = if scene.room.is_some() { LEVEL_DEG } else { 0.0 };
         let up = match align {
@@ -182,10 +182,6 @@ impl Placement {
         }
         Ok(())
     }
-}
-
-fn gravity_up(scene: &Scene) -> Vec3 {
-    scene.room.as_ref().map_or(Vec3::Y, |room| room.up)
 }
 
 /// The middle one; 0 of none.

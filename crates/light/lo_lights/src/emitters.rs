@@ -255,7 +255,7 @@ fn shown_share(scene: &Scene, leaves: &Leaves, core: &[usize], tracer: &ConeTrac
 
 /// A window is large, upright and day-like; a lamp is small, or shines down. Everything else is a bright surface.
 fn kind(scene: &Scene, surface: &ClusterSurface, radiance: Vec3) -> Kind {
-    let up = scene.room.as_ref().map_or(Vec3::Y, |room| room.up);
+    let up = scene.up();
     let ClusterShape::Panel { direction, .. } = surface.shape else {
         return if surface.area_m2 <= MAX_LAMP_M2 { Kind::Lamp } else { Kind::BrightSurface };
     };

@@ -19,7 +19,7 @@ pub fn sun_angles_deg(scene: &Scene, direction: Vec3) -> [f64; 2] {
 /// Unit direction towards a sun in which the thing at one pixel of the photo casts its shadow on what another one shows; `None` where depth is missing, or
 /// the shadow would fall upwards.
 pub fn sun_of_shadow(scene: &Scene, thing: [f64; 2], shadow: [f64; 2]) -> Option<Vec3> {
-    let up = scene.room.as_ref().map_or(Vec3::Y, |room| room.up);
+    let up = scene.up();
     let direction = (point(scene, thing)? - point(scene, shadow)?).try_normalize()?;
     (direction.dot(up) > 0.0).then_some(direction)
 }

@@ -53,6 +53,7 @@ mod scene_objects;
 mod seen_photo;
 mod surfel;
 
+use lo_geometry::Vec3;
 use lo_octree::LightOctree;
 
 pub use camera_source::CameraSource;
@@ -133,5 +134,10 @@ impl Scene {
             objects: SceneObjects::default(),
             edited: None,
         }
+    }
+
+    /// Unit vector against gravity, world frame; the camera's up where no room is known.
+    pub fn up(&self) -> Vec3 {
+        self.room.as_ref().map_or(Vec3::Y, |room| room.up)
     }
 }

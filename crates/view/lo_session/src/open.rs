@@ -50,7 +50,7 @@ impl OpenScene {
 
     /// Unit vector against gravity.
     pub fn up(&self) -> Vec3 {
-        self.scene.room.as_ref().map_or(Vec3::Y, |room| room.up)
+        self.scene.up()
     }
 
     /// About where the room is: of what the photo saw and its camera, without the two hundredths that lie farthest out on each side.

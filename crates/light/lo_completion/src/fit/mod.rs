@@ -1,10 +1,10 @@
 //! Guessed lamps and windows as bright as the seen surfaces are shaded.
 //!
 //! A diffuse surface of constant albedo is as bright as the light that it gets: where a wall is brighter on its left there is more light on its
-//! left. Networks know where lamps are better than how bright: a factor on all that is guessed of lamps, one on what is seen of lamps but clipped, and one on
-//! guessed surfaces are the likeliest ones that explain the shading of segments of constant albedo (`solve`), with visibility through the octree. For lamps placed by hand or
-//! matched from pictures the same is done in Karsch et al. 2011 and 2014 ("Rendering synthetic objects into legacy photographs", "Automatic scene
-//! inference for 3D object compositing"); there the room's box is all that casts shadows, here it is the octree.
+//! left. Networks know where lamps are better than how bright. Three factors, on all that is guessed of lamps, on what is seen of lamps but clipped
+//! and on guessed surfaces, are the likeliest ones that explain the shading of segments of constant albedo (`solve`), with visibility through the
+//! octree. For lamps placed by hand or matched from pictures the same is done in Karsch et al. 2011 and 2014 ("Rendering synthetic objects into legacy
+//! photographs", "Automatic scene inference for 3D object compositing"); there the room's box is all that casts shadows, here it is the octree.
 
 mod places;
 mod solve;
@@ -65,13 +65,12 @@ impl LampFit {
 
 /// Makes guessed and clipped lamps and windows as bright as seen surfaces are shaded, and scales guessed surfaces; what is seen unclipped stays.
 ///
-/// `seen` is the frame at the working resolution ([`Frame::working`]) without flying pixels, `up` the direction against gravity in its camera's frame. Where nodes have lobes, the octree becomes what is
-/// seen of it from the middle of the view.
+/// `seen` is the frame at the working resolution ([`Frame::working`]) without flying pixels, `up` the direction against gravity in its camera's
+/// frame. Where nodes have lobes, the octree becomes what is seen of it from the middle of the view.
 pub fn fit_lamps(light: &mut LightOctree, seen: &Frame, up: Vec3) -> LampFit {
     let normals = seen.normals();
-    let faces_up = |x, y| normals[(x, y)].is_some_and(|normal: Vec3| highlights::faces_up(normal, up));
-    let (restored, _) = highlights::recover(seen, faces_up);
-    let places = places(seen, &restored);
+    let (restored, _) = highlights::recover_shining(seen, &normals, up);
+    let places = places(seen, &normals, &restored);
     if places.is_empty() {
         return LampFit::default();
     }
@@ -79,20 +78,20 @@ pub fn fit_lamps(light: &mut LightOctree, seen: &Frame, up: Vec3) -> LampFit {
     if let Cow::Owned(seen) = light.seen_from(middle_m) {
         *light = seen;
     }
-    let clipped = clipped(light, seen, &restored);
+    let clipped = clipped_leaves(light, seen, &restored);
     // Networks may guess less than the photo can tell.
     light.change_leaves(|light, leaf| {
         let (own, open) = (light.radiance(leaf), light.unseen(leaf));
-        clipped[leaf.depth as usize][leaf.row].map_or(own, |clipped| own.max(own.lerp(clipped.restored, open)))
+        clipped[leaf.depth as usize][leaf.row].map_or(own, |restored| own.max(own.lerp(restored, open)))
     });
-    let cap = cap(light);
-    let problem = problem(light, &places, cap, &clipped);
+    let bounds = Bounds { clipped, level: seen.exposure, cap: cap(light) };
+    let problem = problem(light, &places, &bounds);
     let solution = solve(&problem);
     let all = problem.irradiance(solution);
     let share = problem.lamps.iter().zip(&all).map(|(lamps, all)| solution.lamps * lamps / all);
     let lamps_share = share.sum::<f32>() / places.len() as f32;
     light.change_leaves(|light, leaf| {
-        let Parts { surface, lamp, clipped, .. } = Parts::of(light, leaf, cap, &clipped);
+        let Parts { surface, lamp, clipped, .. } = Parts::of(light, leaf, &bounds);
         let Solution { surfaces, lamps, clipped_lamps } = solution;
         let more = surface * (surfaces - 1.0) + lamp * (lamps - 1.0) + clipped * (clipped_lamps - 1.0);
         light.radiance(leaf) * (1.0 + more)
@@ -100,20 +99,18 @@ pub fn fit_lamps(light: &mut LightOctree, seen: &Frame, up: Vec3) -> LampFit {
     LampFit { lamps: solution.lamps, lamps_share, surfaces: solution.surfaces }
 }
 
-/// What the photo says of a leaf that it is clipped at.
-#[derive(Clone, Copy)]
-struct Clipped {
-    /// Where the photo clips.
+/// What tells surfaces and lamps apart.
+struct Bounds {
+    /// [`clipped_leaves`]
+    clipped: Vec<Vec<Option<Vec3>>>,
+    /// Radiance at which the photo clips.
     level: f32,
-    /// Mean of what is likely ([`highlights::recover`]).
-    restored: Vec3,
+    /// Luminance from which on other leaves shine.
+    cap: f32,
 }
 
-/// `[depth][row]`
-type ClippedRows = [Vec<Option<Clipped>>];
-
-/// Leaves in which clipped pixels lie.
-fn clipped(light: &LightOctree, seen: &Frame, restored: &RadianceImage) -> Vec<Vec<Option<Clipped>>> {
+/// `[depth][row]` of the leaves in which clipped pixels lie: the mean of these, restored.
+fn clipped_leaves(light: &LightOctree, seen: &Frame, restored: &RadianceImage) -> Vec<Vec<Option<Vec3>>> {
     let clipped = seen.clipped();
     let mut sums: Vec<Vec<(Vec3, f32)>> = light.rgba.iter().map(|rows| vec![(Vec3::ZERO, 0.0); rows.len()]).collect();
     for (x, y) in (0..clipped.height()).flat_map(|y| (0..clipped.width()).map(move |x| (x, y))) {
@@ -125,8 +122,7 @@ fn clipped(light: &LightOctree, seen: &Frame, restored: &RadianceImage) -> Vec<V
         *sum += Vec3::from(restored[(x, y)]);
         *count += 1.0;
     }
-    let mean =
-        |(sum, count): (Vec3, f32)| (count > 0.0).then(|| Clipped { level: seen.exposure, restored: sum / count });
+    let mean = |(sum, count): (Vec3, f32)| (count > 0.0).then(|| sum / count);
     sums.into_iter().map(|rows| rows.into_iter().map(mean).collect()).collect()
 }
 
@@ -143,9 +139,10 @@ struct Parts {
 }
 
 impl Parts {
-    fn of(light: &LightOctree, leaf: LeafNode, cap: f32, clipped: &ClippedRows) -> Self {
+    fn of(light: &LightOctree, leaf: LeafNode, bounds: &Bounds) -> Self {
         let (own, open) = (lightness(light, leaf), light.unseen(leaf));
-        if let Some(Clipped { level, .. }) = clipped[leaf.depth as usize][leaf.row] {
+        let Bounds { ref clipped, level, cap } = *bounds;
+        if clipped[leaf.depth as usize][leaf.row].is_some() {
             let beyond = open * (1.0 - level / own.max(level));
             return Self { seen: 1.0 - beyond, surface: 0.0, lamp: 0.0, clipped: beyond };
         }
@@ -169,15 +166,15 @@ fn lightness(light: &LightOctree, leaf: LeafNode) -> f32 {
     luminance(light.radiance(leaf).to_array())
 }
 
-fn problem(light: &LightOctree, places: &[Place], cap: f32, clipped: &ClippedRows) -> Problem {
+fn problem(light: &LightOctree, places: &[Place], bounds: &Bounds) -> Problem {
     let coming_in = |of: &dyn Fn(Parts) -> Vec3| {
-        let given = light.merged(|leaf| lightness(light, leaf) * of(Parts::of(light, leaf, cap, clipped)));
+        let given = light.merged(|leaf| lightness(light, leaf) * of(Parts::of(light, leaf, bounds)));
         let tracer = tracer(&LightOctree { rgba: light.rows_with(|depth, row, _| given[depth][row]), ..light.clone() });
         irradiances(&tracer, places.iter().map(|place| (place.position_m, place.normal)), offset_m(light))
     };
     // By channel.
     let all = coming_in(&|Parts { seen, surface, lamp, .. }| Vec3::new(seen, surface, lamp));
-    let is_clipped = clipped.iter().flatten().any(Option::is_some);
+    let is_clipped = bounds.clipped.iter().flatten().any(Option::is_some);
     let clipped_lamps =
         if is_clipped { coming_in(&|parts| Vec3::splat(parts.clipped)) } else { vec![Vec3::ZERO; all.len()] };
     Problem {
@@ -258,8 +255,9 @@ mod tests {
     #[test]
     fn irradiance_by_lamps_is_that_of_their_patches() {
         let (light, frame) = room(12.0);
-        let (places, cap) = (places(&frame, &frame.radiance()), cap(&light));
-        let problem = problem(&light, &places, cap, &clipped(&light, &frame, &frame.radiance()));
+        let (places, cap) = (places(&frame, &frame.normals(), &frame.radiance()), cap(&light));
+        let clipped = clipped_leaves(&light, &frame, &frame.radiance());
+        let problem = problem(&light, &places, &Bounds { clipped, level: 1.0, cap });
         let (mut sum, mut expected) = (0.0, 0.0);
         for (place, light) in places.iter().zip(&problem.lamps) {
             let point = place.position_m;
@@ -330,6 +328,15 @@ mod tests {
     fn without_depth_nothing_is_changed() {
         let (mut light, mut frame) = room(12.0);
         frame.depth_m.pixels_mut().fill(0.0);
+        let before = light.clone();
+        assert_eq!((fit_lamps(&mut light, &frame, Vec3::Y), light), (LampFit::default(), before));
+    }
+
+    #[test]
+    fn photo_and_depth_of_two_resolutions_change_nothing() {
+        let (mut light, mut frame) = room(12.0);
+        with_clipped_lamp(&mut light, &mut frame, 0.9);
+        frame.depth_m = DepthMap::from_fn(240, 160, |_, _| HALF_M);
         let before = light.clone();
         assert_eq!((fit_lamps(&mut light, &frame, Vec3::Y), light), (LampFit::default(), before));
     }

@@ -1,7 +1,7 @@
 //! Places of what is seen whose shading can be compared: parts of segments in which albedo is taken to be constant.
 
 use lo_geometry::Vec3;
-use lo_imaging::{RadianceImage, luminance};
+use lo_imaging::{Image, RadianceImage, luminance};
 use lo_scene::Frame;
 
 /// Cells along the longer side of the picture.
@@ -29,6 +29,9 @@ const MIN_LUMINANCE: f32 = 2e-3;
 /// Deviation of the logarithm of luminance within a cell at which it counts half: textures, edges.
 const TEXTURE: f32 = 0.25;
 
+/// What was clipped and is likely so many times as bright is a lamp or a window.
+const SHINES: f32 = 1.2;
+
 /// A piece of a seen surface, as large as a cell of the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Place {
@@ -45,9 +48,6 @@ pub(crate) struct Place {
     pub segment: usize,
 }
 
-/// What was clipped and is likely so many times as bright is a lamp or a window.
-const SHINES: f32 = 1.2;
-
 struct Cell {
     position_m: Vec3,
     normal: Vec3,
@@ -61,9 +61,9 @@ struct Cell {
 
 /// Places of a frame whose photo and depth have one resolution ([`Frame::working`]), at most [`MAX_PLACES`]. What is brighter in `restored` than in the
 /// photo shines and is none.
-pub(crate) fn places(frame: &Frame, restored: &RadianceImage) -> Vec<Place> {
+pub(crate) fn places(frame: &Frame, normals: &Image<Option<Vec3>>, restored: &RadianceImage) -> Vec<Place> {
     let (width, height) = (frame.depth_m.width(), frame.depth_m.height());
-    let (radiance, clipped, normals) = (frame.radiance(), frame.clipped(), frame.normals());
+    let (radiance, clipped) = (frame.radiance(), frame.clipped());
     if (radiance.width(), radiance.height()) != (width, height) {
         return Vec::new();
     }
@@ -183,7 +183,7 @@ mod tests {
         });
         let depth_m = DepthMap::from_fn(480, 320, |x, _| if x < 320 { 3.0 } else { 2.0 });
         let frame = Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap();
-        let places = places(&frame, &frame.radiance());
+        let places = places(&frame, &frame.normals(), &frame.radiance());
         assert!((400..=MAX_PLACES).contains(&places.len()), "{}", places.len());
         let mut segments: Vec<usize> = places.iter().map(|place| place.segment).collect();
         segments.sort_unstable();
@@ -213,6 +213,6 @@ mod tests {
             depth_m: DepthMap::from_fn(48, 32, |_, _| 0.0),
             exposure: 1.0,
         };
-        assert_eq!(places(&frame, &frame.radiance()), Vec::new());
+        assert_eq!(places(&frame, &frame.normals(), &frame.radiance()), Vec::new());
     }
 }
