@@ -59,7 +59,7 @@ def frame(name):
 
 def view(panorama, size, hfov_deg, yaw_deg, pitch_deg, exposure):
     """A photo cut out of a panorama of shared data, as a camera would take it there."""
-    radiance = cv2.imread(str(DATA / "hdr" / panorama), cv2.IMREAD_UNCHANGED)
+    radiance = cv2.imread(str(DATA / panorama), cv2.IMREAD_UNCHANGED)
     width, height = size
     focal = width / 2 / np.tan(np.radians(hfov_deg) / 2)
     x, y = np.meshgrid(np.arange(width) + 0.5 - width / 2, height / 2 - np.arange(height) - 0.5)
@@ -270,7 +270,7 @@ def shadows():
 
 
 def panorama_prior():
-    photo = view("brown_photostudio_07_1k.hdr", (1000, 750), 70, -159, -18, 1.0)
+    photo = view("hdr/brown_photostudio_07_1k.hdr", (1000, 750), 70, -159, -18, 1.0)
     alone = scene("studio_alone", photo, "--hfov-deg", 70)
     known = scene("studio", photo, "--hfov-deg", 70, "--panorama", DATA / "hdr/brown_photostudio_07_1k.hdr")
     pictures = (insert(file, *sphere("300,440", 0.4, "chrome")) for file in (alone, known))
@@ -295,7 +295,7 @@ def lights():
 
 
 def sunny():
-    photo = view("lebombo_1k.hdr", (960, 640), 80, 80, -20, 0.266)
+    photo = view("hdr/lebombo_1k.hdr", (960, 640), 80, 80, -20, 0.266)
     file = scene("sunny", photo)
     lit = WORK / "sunny_lit.scene"
     run(PROGRAM, "lights", "add", "sun", file, "--shadow", "435,98,543,207", "-o", lit, "--force", "--quiet")
@@ -306,13 +306,22 @@ def sunny():
 
 
 def window():
-    photo = view("brown_photostudio_02_1k.hdr", (1000, 750), 85, 112, -20, 1.3)
+    photo = view("hdr/brown_photostudio_02_1k.hdr", (1000, 750), 85, 112, -20, 1.3)
     mesh = ("--mesh", DATA / "meshes/spot/spot_triangulated.obj", "--height", 0.35, "--pixel", "700,660", "--material", "matte-white", "--yaw-deg", 150)
     picture = insert(scene("window", photo), *sphere("420,640", 0.35, "matte-white"), *mesh, "--quality", "high")
     save(grid([[cut(picture, (0, 0, 1000, 750), 638) for picture in (Image.open(photo).convert("RGB"), picture)]]), "window")
 
 
-ALL = [demo, real_photos, photo_alone, spheres, tea_set, spot, several, mattes, desk_panorama, chrome_lookup, networks, shadows, panorama_prior, lights, sunny, window]
+def lamp():
+    photo = view("hdr_more/ferndale_studio_07.hdr", (900, 675), 105, 125, -14, 1.2)
+    file = scene("lamp", photo)
+    mesh = ("--mesh", DATA / "meshes/spot/spot_triangulated.obj", "--height", 0.3, "--pixel", "600,560", "--material", "matte-white", "--yaw-deg", 150)
+    options = (*sphere("260,540", 0.3, "matte-white"), *mesh, "--quality", "high")
+    pictures = (Image.open(photo).convert("RGB"), insert(file, "--no-lamp", *options), insert(file, *options))
+    save(grid([[cut(picture, (100, 100, 800, 660), 424) for picture in pictures]]), "lamp")
+
+
+ALL = [demo, real_photos, photo_alone, spheres, tea_set, spot, several, mattes, desk_panorama, chrome_lookup, networks, shadows, panorama_prior, lights, sunny, window, lamp]
 
 
 def main():
