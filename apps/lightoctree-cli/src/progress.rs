@@ -199,15 +199,18 @@ pub fn warning_text(warning: &Warning, objects: &[String]) -> String {
                 "what is seen does not explain the light: an unseen ceiling lamp of radiance {radiance:.1} was assumed"
             )
         }
-        Warning::FittedLamps { lamps, lamps_share, surfaces } => {
-            let lamps = lamps.map(|lamps| {
-                format!(
-                    "lamps and windows {lamps:.1} times as bright as guessed ({:.0} % of the light)",
-                    100.0 * lamps_share
-                )
-            });
-            let surfaces = ((surfaces - 1.0).abs() > 0.05).then(|| format!("unseen surfaces {surfaces:.1} times"));
-            let parts: Vec<String> = lamps.into_iter().chain(surfaces).collect();
+        Warning::FittedLamps { lamps, lamps_share, clipped_lamps, clipped_share, surfaces } => {
+            let part = |factor: Option<f32>, share: f32, what: &str, than: &str| {
+                let text = |factor| {
+                    format!("{what} {factor:.1} times as bright as {than} ({:.0} % of the light)", 100.0 * share)
+                };
+                factor.map(text)
+            };
+            let lamps = part(*lamps, *lamps_share, "lamps and windows", "guessed");
+            let clipped = part(*clipped_lamps, *clipped_share, "clipped ones", "usual");
+            let surfaces = ((surfaces - 1.0).abs() > 0.05)
+                .then(|| format!("unseen surfaces {surfaces:.1} times as bright as guessed"));
+            let parts: Vec<String> = lamps.into_iter().chain(clipped).chain(surfaces).collect();
             format!("as the photo's shading asks for: {}", parts.join(", "))
         }
         Warning::AssumedPlanes { floor, ceiling, walls } => {

@@ -92,6 +92,10 @@ pub enum Warning {
         lamps: Option<f32>,
         /// What they give now, as a share of the light on what is seen.
         lamps_share: f32,
+        /// Factor on what the photo shows of lamps and windows but clipped, beyond what such regions usually have, likewise.
+        clipped_lamps: Option<f32>,
+        /// What these give now, likewise.
+        clipped_share: f32,
         /// Factor on guessed surfaces.
         surfaces: f32,
     },

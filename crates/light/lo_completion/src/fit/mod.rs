@@ -42,6 +42,10 @@ pub struct LampFit {
     pub lamps: f32,
     /// Share of the light on what is seen that these give now, 0 to 1.
     pub lamps_share: f32,
+    /// Factor on what the photo shows of lamps and windows but clipped, beyond white: 1 is what such regions usually have.
+    pub clipped_lamps: f32,
+    /// Share of the light on what is seen that these give now, 0 to 1.
+    pub clipped_share: f32,
     /// Factor on the radiance of guessed surfaces.
     pub surfaces: f32,
 }
@@ -49,17 +53,19 @@ pub struct LampFit {
 impl Default for LampFit {
     /// Nothing.
     fn default() -> Self {
-        Self { lamps: 1.0, lamps_share: 0.0, surfaces: 1.0 }
+        Self { lamps: 1.0, lamps_share: 0.0, clipped_lamps: 1.0, clipped_share: 0.0, surfaces: 1.0 }
     }
 }
 
 impl LampFit {
     /// What a user should know about it.
     pub fn warning(&self) -> Option<Warning> {
-        let Self { lamps, lamps_share, surfaces } = *self;
+        let Self { lamps, lamps_share, clipped_lamps, clipped_share, surfaces } = *self;
         let lamps = (lamps_share > MIN_SHARE).then_some(lamps);
-        let notable = lamps.into_iter().chain([surfaces]).any(|factor| factor.ln().abs() > NOTABLE);
-        notable.then_some(Warning::FittedLamps { lamps, lamps_share, surfaces })
+        let clipped_lamps = (clipped_share > MIN_SHARE).then_some(clipped_lamps);
+        let notable =
+            lamps.into_iter().chain(clipped_lamps).chain([surfaces]).any(|factor| factor.ln().abs() > NOTABLE);
+        notable.then_some(Warning::FittedLamps { lamps, lamps_share, clipped_lamps, clipped_share, surfaces })
     }
 }
 
@@ -88,15 +94,17 @@ pub fn fit_lamps(light: &mut LightOctree, seen: &Frame, up: Vec3) -> LampFit {
     let problem = problem(light, &places, &bounds);
     let solution = solve(&problem);
     let all = problem.irradiance(solution);
-    let share = problem.lamps.iter().zip(&all).map(|(lamps, all)| solution.lamps * lamps / all);
-    let lamps_share = share.sum::<f32>() / places.len() as f32;
+    let Solution { surfaces, lamps, clipped_lamps } = solution;
+    let share = |factor: f32, of: &[f32]| {
+        of.iter().zip(&all).map(|(part, all)| factor * part / all).sum::<f32>() / places.len() as f32
+    };
     light.change_leaves(|light, leaf| {
         let Parts { surface, lamp, clipped, .. } = Parts::of(light, leaf, &bounds);
-        let Solution { surfaces, lamps, clipped_lamps } = solution;
         let more = surface * (surfaces - 1.0) + lamp * (lamps - 1.0) + clipped * (clipped_lamps - 1.0);
         light.radiance(leaf) * (1.0 + more)
     });
-    LampFit { lamps: solution.lamps, lamps_share, surfaces: solution.surfaces }
+    let (lamps_share, clipped_share) = (share(lamps, &problem.lamps), share(clipped_lamps, &problem.clipped_lamps));
+    LampFit { lamps, lamps_share, clipped_lamps, clipped_share, surfaces }
 }
 
 /// What tells surfaces and lamps apart.
@@ -249,6 +257,13 @@ mod tests {
         let cone = Cone { origin: Vec3::new(0.0, 0.6, -1.0), direction: Vec3::NEG_X, tan_half_angle: 0.05 };
         let radiance = tracer.trace(&cone).radiance[1];
         assert!((5.0..18.0).contains(&radiance), "{radiance}: {fit:?}");
+        // By the photo, a lamp of radiance 12 gives what exceeds even light.
+        let Photo::Linear(photo) = &frame.photo else { panic!("it is linear") };
+        let true_share =
+            photo.pixels().iter().map(|pixel| 1.0 - 0.1 * ALBEDO / pixel[0]).sum::<f32>() / (480.0 * 320.0);
+        let odds = |share: f32| share / (1.0 - share);
+        let expected = radiance / 12.0 / fit.surfaces * odds(true_share);
+        assert!((odds(fit.lamps_share) / expected - 1.0).abs() < 0.3, "{expected}: {fit:?}");
         assert!(matches!(fit.warning(), Some(Warning::FittedLamps { lamps: Some(_), .. })), "{fit:?}");
     }
 
@@ -298,6 +313,8 @@ mod tests {
         let fit = fit_lamps(&mut light, &frame, Vec3::Y);
         // As a white surface it would ask for E = π, ten times what there is.
         assert!((0.9..1.1).contains(&fit.surfaces), "{fit:?}");
+        // The lamp lies in the wall that is seen, and does not light it.
+        assert!(fit.lamps_share == 0.0 && fit.clipped_share < 0.01, "{fit:?}");
         let tracer = ConeTracer::new(&light, Settings::default()).unwrap();
         let cone = Cone { origin: Vec3::ZERO, direction: Vec3::NEG_Z, tan_half_angle: 0.05 };
         let radiance = tracer.trace(&cone).radiance[1];

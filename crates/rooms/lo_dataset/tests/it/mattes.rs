@@ -67,6 +67,9 @@ struct Edges {
 /// Farthest distance that is told apart.
 const FARTHEST_PX: f32 = 20.0;
 
+/// Edges further off are lost: there the sensor's depth is wrong over a wide area.
+const LOST_PX: f32 = 8.0;
+
 /// A point of an edge, and the pixels on both of its sides.
 struct EdgePoint {
     place: [f32; 2],
@@ -174,11 +177,15 @@ fn figures_of_mattes() {
         for (kind, mut edges) in measured(4103, 16, crop_size) {
             let ([mean, median, within], [all_mean, all_median, all_within]) =
                 (figures(&mut edges.resolved_px), figures(&mut edges.all_px));
+            let lost = edges.resolved_px.partition_point(|&px| px <= LOST_PX);
+            let [other_mean, ..] = figures(&mut edges.resolved_px[..lost].to_vec());
             println!(
-                "{crop_size:?} {kind:>16}: {:6} resolved points: mean {mean:.2}, median {median:.2} px, {:.0} % within 1; \
+                "{crop_size:?} {kind:>16}: {:6} resolved points: mean {mean:.2}, median {median:.2} px, {:.0} % within 1, \
+                 {:.1} % further than {LOST_PX}, mean of the others {other_mean:.2}; \
                  all {:6}: {all_mean:.2}, {all_median:.2}, {:.0} %",
                 edges.resolved_px.len(),
                 100.0 * within,
+                100.0 * (1.0 - lost as f32 / edges.resolved_px.len() as f32),
                 edges.all_px.len(),
                 100.0 * all_within
             );
