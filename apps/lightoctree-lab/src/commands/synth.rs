@@ -5,11 +5,14 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use lightoctree_cli::args::Global;
+use lightoctree_cli::commands::environment::signed;
 use lightoctree_cli::commands::parse;
 use lightoctree_cli::progress::seconds;
 use lightoctree_cli::usage::Usage;
 use lightoctree_cli::{output, report};
-use lo_dataset::{FORMAT_VERSION, Generator, GeneratorConfig, ShardCount, ShardPart, Split, generate_shards};
+use lo_dataset::{
+    FORMAT_VERSION, Generator, GeneratorConfig, ShardCount, ShardFolder, ShardPart, Split, generate_shards,
+};
 use serde_json::{Value, json};
 
 use super::dataset::{SplitName, shard_folder};
@@ -24,7 +27,7 @@ use crate::stage_bar::StageBar;
     lightoctree-lab synth --scenes 8000 --seed 300 --config configs/photos.toml --pictures pictures -o photos\n  \
     lightoctree-lab synth --print-config > rooms.toml\n  \
     lightoctree-lab synth --glb 7 --seed 1 -o room.glb\n\n\
-    Run the same command again after it was stopped: finished shards are kept. The rooms depend on the seed and the configuration alone, \
+    Run the same command again after it was stopped: finished shards are kept, also with more --scenes. The rooms depend on the seed and the configuration alone, \
     not on --shard or --threads. Shards are WebDataset archives; docs/data.md describes them.")]
 pub struct Args {
     /// How many rooms
@@ -95,17 +98,20 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let generator = Generator::new(global.seed, config.clone()).map_err(|error| Usage(error.to_string()))?;
     let wanted = |room: &u64| args.split.part().is_none_or(|part| Split::of(&generator.scene_id(*room)) == part);
     let rooms: Vec<u64> = (0..scenes.into()).filter(wanted).collect();
+    let per_shard = args.scenes_per_shard as usize;
     if rooms.is_empty() {
         return Err(Usage(format!("none of {scenes} rooms is in that part; see --split")).into());
     }
-    let shards = shard_folder(folder, PREFIX, COMMAND, manifest(global, args, scenes, &config)?, args.force)?;
+    let manifest = manifest(global, args, scenes, &config)?;
+    let full = |scenes| (0..scenes).filter(wanted).count() / per_shard;
+    ShardFolder::grow(folder, PREFIX, &signed(COMMAND, manifest.clone()), "scenes", full)?;
+    let shards = shard_folder(folder, PREFIX, COMMAND, manifest, args.force)?;
 
     crate::memory::keep_what_is_freed();
     let begun = std::time::Instant::now();
     let [number, of] = args.shard;
     let part = ShardPart { first: number as usize - 1, of: of as usize };
     let mut bar = StageBar::new(global.quiet);
-    let per_shard = args.scenes_per_shard as usize;
     let count = generate_shards(&shards, &generator, &rooms, per_shard, part, &mut |event| bar.hear(event))?;
     drop(bar);
     let ShardCount { all: mine, there: done, written } = count;

@@ -39,6 +39,22 @@ fn synth_is_resumable_and_the_same_however_it_is_split() {
         refused(at, 2, &["synth", "--scenes", "3", "--scenes-per-shard", "1", "--config", "small.toml", "-o", "whole"]);
     assert_eq!(other, "error: whole was begun with another seed; repeat that command, or choose another folder\n");
 
+    // of more rooms: the first stay
+    std::fs::create_dir(at.join("grown")).unwrap();
+    let text = std::fs::read_to_string(at.join("whole/manifest.json")).unwrap();
+    std::fs::write(at.join("grown/manifest.json"), text.replace("\"scenes\": 3", "\"scenes\": 2")).unwrap();
+    for shard in ["rooms-000000.tar", "rooms-000001.tar"] {
+        std::fs::copy(at.join("whole").join(shard), at.join("grown").join(shard)).unwrap();
+    }
+    let summary = json(&run(&["-o", "grown", "--json"]));
+    assert_eq!((summary["shards_written"].as_u64(), summary["shards_there"].as_u64()), (Some(1), Some(3)));
+    for file in ["rooms-000002.tar", "manifest.json"] {
+        let read = |folder: &str| std::fs::read(at.join(folder).join(file)).unwrap();
+        assert!(read("whole") == read("grown"), "{file} differs");
+    }
+    let fewer = refused(at, 2, &[&common[..2], &["2"], &common[3..], &["-o", "grown"]].concat());
+    assert_eq!(fewer, "error: grown was begun with another scenes; repeat that command, or choose another folder\n");
+
     // one part of the data: of these three rooms the middle one is held out
     let summary = json(&run(&["-o", "held-out", "--split", "validation", "--json"]));
     assert_eq!((summary["shards_written"].as_u64(), summary["shards_there"].as_u64()), (Some(1), Some(1)));

@@ -58,6 +58,35 @@ impl ShardFolder {
         Ok(this)
     }
 
+    /// Makes the folder of a shorter run that of a longer one: where its manifest differs from `manifest` in nothing but a smaller number `field`, it becomes
+    /// `manifest`. Shards that were full stay, `full` says how many those are by the smaller number; one that was not is removed. Any other folder stays
+    /// as it is, for [`ShardFolder::open`] to judge. No run with the smaller number may still go on.
+    ///
+    /// # Errors
+    /// The file system's.
+    pub fn grow(
+        path: &Path,
+        prefix: &str,
+        manifest: &Value,
+        field: &str,
+        full: impl FnOnce(u64) -> usize,
+    ) -> Result<(), DatasetError> {
+        let file = path.join(MANIFEST);
+        let Ok(Some(existing)) = read(&file, false) else { return Ok(()) };
+        let (Some(before), Some(now)) = (existing[field].as_u64(), manifest[field].as_u64()) else { return Ok(()) };
+        let differs = |key: &String| key != GENERATOR && existing.get(key) != manifest.get(key);
+        let mut other = manifest.as_object().into_iter().flat_map(|fields| fields.keys()).filter(|key| differs(key));
+        if before >= now || other.any(|key| key != field) {
+            return Ok(());
+        }
+        // before the manifest is replaced: a run killed in between leaves a folder of the shorter run
+        let last = path.join(shard_name(prefix, full(before)));
+        match std::fs::remove_file(&last) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(DatasetError::io(&last)(error)),
+            _ => write(&file, manifest),
+        }
+    }
+
     /// Where shard `number` lies or will lie.
     pub fn shard(&self, number: usize) -> PathBuf {
         self.path.join(shard_name(&self.prefix, number))
@@ -114,6 +143,32 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+
+    #[test]
+    fn full_shards_of_a_shorter_run_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let manifest = |seed: u32, scenes: u64| json!({ "seed": seed, "scenes": scenes, "generator": scenes });
+        let open = |scenes| ShardFolder::open(folder.path(), "rooms", &manifest(1, scenes), false);
+        let grow = |seed, scenes| {
+            ShardFolder::grow(folder.path(), "rooms", &manifest(seed, scenes), "scenes", |scenes| scenes as usize / 4)
+        };
+        grow(1, 10).unwrap();
+        assert!(!folder.path().join(MANIFEST).exists(), "nothing is there to grow");
+        let shards = open(10).unwrap();
+        (0..3).for_each(|number| std::fs::write(shards.shard(number), "finished").unwrap());
+        // Of another seed, as many and fewer: all stays.
+        for (seed, scenes) in [(2, 20), (1, 10), (1, 7)] {
+            grow(seed, scenes).unwrap();
+            assert!(open(10).unwrap().has(2));
+        }
+        grow(1, 12).unwrap();
+        let shards = open(12).unwrap();
+        assert!(shards.has(0) && shards.has(1) && !shards.has(2), "the third had two rooms of four");
+        assert!(open(10).is_err());
+        std::fs::write(shards.shard(2), "finished").unwrap();
+        grow(1, 13).unwrap();
+        assert!(open(13).unwrap().has(2), "it was full");
+    }
 
     #[test]
     fn finished_shards_stay_with_their_manifest_and_go_with_another() {
