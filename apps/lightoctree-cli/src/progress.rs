@@ -207,7 +207,7 @@ pub fn warning_text(warning: &Warning, objects: &[String]) -> String {
                 factor.map(text)
             };
             let lamps = part(*lamps, *lamps_share, "lamps and windows", "guessed");
-            let clipped = part(*clipped_lamps, *clipped_share, "clipped ones", "usual");
+            let clipped = part(*clipped_lamps, *clipped_share, "clipped lamps and windows", "usual");
             let surfaces = ((surfaces - 1.0).abs() > 0.05)
                 .then(|| format!("unseen surfaces {surfaces:.1} times as bright as guessed"));
             let parts: Vec<String> = lamps.into_iter().chain(clipped).chain(surfaces).collect();

@@ -27,7 +27,8 @@ use crate::stage_bar::StageBar;
     lightoctree-lab synth --scenes 8000 --seed 300 --config configs/photos.toml --pictures pictures -o photos\n  \
     lightoctree-lab synth --print-config > rooms.toml\n  \
     lightoctree-lab synth --glb 7 --seed 1 -o room.glb\n\n\
-    Run the same command again after it was stopped: finished shards are kept, also with more --scenes. The rooms depend on the seed and the configuration alone, \
+    Run the same command again after it was stopped, or with more --scenes: finished shards are kept. The rooms depend on the seed and the \
+    configuration alone, \
     not on --shard or --threads. Shards are WebDataset archives; docs/data.md describes them.")]
 pub struct Args {
     /// How many rooms
