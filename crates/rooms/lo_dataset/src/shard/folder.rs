@@ -82,7 +82,7 @@ impl ShardFolder {
         // before the manifest is replaced: a run killed in between leaves a folder of the shorter run
         let last = path.join(shard_name(prefix, full(before)));
         match std::fs::remove_file(&last) {
-            Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(DatasetError::io(&last)(error)),
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(DatasetError::io(&last)(error)),
             _ => write(&file, manifest),
         }
     }
