@@ -17,6 +17,11 @@ const NAMES: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "goog
 /// How long anything may take.
 const PATIENCE: Duration = Duration::from_secs(120);
 
+/// What the viewer's page shows and holds, for whoever reads why a test failed.
+const STOOD: &str = "(() => { const { page, figures } = globalThis.viewer ?? {}; const text = (id) => document.getElementById(id)?.textContent;
+  return { status: text('status'), messages: text('messages'), change: page?.change, shown: figures?.shown, gesture: page?.gesture?.()?.handle,
+           selected: page?.selectedId, objects: page?.view?.objects }; })()";
+
 /// A browser with one page; it ends with this.
 pub struct Browser {
     child: Child,
@@ -131,7 +136,10 @@ impl Browser {
     pub fn wait(&mut self, expression: &str) {
         let begun = Instant::now();
         while self.value(&format!("Boolean({expression})")) != true {
-            assert!(begun.elapsed() < PATIENCE, "waited for {expression} in vain; faults: {:?}", self.faults);
+            if begun.elapsed() >= PATIENCE {
+                let stood = self.value(STOOD);
+                panic!("waited for {expression} in vain; faults: {:?}; the page: {stood}", self.faults);
+            }
             std::thread::sleep(Duration::from_millis(30));
         }
     }
