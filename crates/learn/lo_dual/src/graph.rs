@@ -116,6 +116,7 @@ impl DualGraph {
     }
 
     /// The neighbours of a node across one of its faces, in increasing order.
+    #[inline]
     pub fn neighbours(&self, node: usize, direction: Direction) -> &[u32] {
         let segment = 6 * node + direction as usize;
         &self.neighbours[self.offsets[segment] as usize..self.offsets[segment + 1] as usize]

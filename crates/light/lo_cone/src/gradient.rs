@@ -62,6 +62,16 @@ impl ConeTracer {
         samples: &mut [ConeSample],
         loss: impl Fn(usize, &ConeSample) -> SampleGradient + Sync,
     ) -> Gradients {
+        self.gradients(cones, samples, &loss)
+    }
+
+    /// Compiled here, once, whatever the loss.
+    fn gradients(
+        &self,
+        cones: &[Cone],
+        samples: &mut [ConeSample],
+        loss: &(dyn Fn(usize, &ConeSample) -> SampleGradient + Sync),
+    ) -> Gradients {
         assert_eq!(cones.len(), samples.len(), "one sample for each cone");
         let mut total = vec![[0.0f32; 4]; self.grid.nodes().len()];
         let idle = Mutex::new(Vec::<Accumulator>::new());
@@ -145,26 +155,26 @@ impl ConeTracer {
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx2+bmi1+bmi2", "x86_64+avx2+bmi1+bmi2"))]
-fn gradients_of_task<F: Fn(usize, &ConeSample) -> SampleGradient>(
+fn gradients_of_task(
     tracer: &ConeTracer,
     cones: &[Cone],
     samples: &mut [ConeSample],
-    loss: &F,
+    loss: &dyn Fn(usize, &ConeSample) -> SampleGradient,
     sum: &mut Accumulator,
 ) {
     match tracer.settings.sampling {
-        Sampling::Nearest => gradients_of_cones::<Nearest, F>(tracer, cones, samples, loss, sum),
-        Sampling::Blended => gradients_of_cones::<Blended, F>(tracer, cones, samples, loss, sum),
-        Sampling::Interpolated => gradients_of_cones::<Interpolated, F>(tracer, cones, samples, loss, sum),
+        Sampling::Nearest => gradients_of_cones::<Nearest>(tracer, cones, samples, loss, sum),
+        Sampling::Blended => gradients_of_cones::<Blended>(tracer, cones, samples, loss, sum),
+        Sampling::Interpolated => gradients_of_cones::<Interpolated>(tracer, cones, samples, loss, sum),
     }
 }
 
 #[inline(always)]
-fn gradients_of_cones<R: Reconstruction, F: Fn(usize, &ConeSample) -> SampleGradient>(
+fn gradients_of_cones<R: Reconstruction>(
     tracer: &ConeTracer,
     cones: &[Cone],
     samples: &mut [ConeSample],
-    loss: &F,
+    loss: &dyn Fn(usize, &ConeSample) -> SampleGradient,
     sum: &mut Accumulator,
 ) {
     samples.fill(ConeSample::default());
