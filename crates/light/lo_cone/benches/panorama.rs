@@ -54,7 +54,7 @@ fn panorama_fwdbwd(bencher: Bencher, depth: u32) {
         })
         .collect();
     let mut samples = vec![ConeSample::default(); cones.len()];
-    bencher.bench_local(|| tracer.trace_with_gradients(black_box(&cones), &mut samples, |_, _| ones));
+    bencher.bench_local(|| tracer.trace_with_gradients(black_box(&cones), &mut samples, &|_, _| ones));
 }
 
 /// Our own default: half of the peers' steps beyond the crossover.

@@ -46,7 +46,7 @@ impl ConeTracer {
     pub fn trace_backward(&self, cones: &[Cone], d_samples: &[SampleGradient]) -> Gradients {
         assert_eq!(cones.len(), d_samples.len(), "one derivative for each cone");
         let mut samples = vec![ConeSample::default(); cones.len()];
-        self.trace_with_gradients(cones, &mut samples, |index, _| d_samples[index])
+        self.trace_with_gradients(cones, &mut samples, &|index, _| d_samples[index])
     }
 
     /// [`ConeTracer::trace_batch`] and [`ConeTracer::trace_backward`] in one go: each cone is followed once.
@@ -57,16 +57,6 @@ impl ConeTracer {
     /// # Panics
     /// Where there are not as many samples as cones.
     pub fn trace_with_gradients(
-        &self,
-        cones: &[Cone],
-        samples: &mut [ConeSample],
-        loss: impl Fn(usize, &ConeSample) -> SampleGradient + Sync,
-    ) -> Gradients {
-        self.gradients(cones, samples, &loss)
-    }
-
-    /// Compiled here, once, whatever the loss.
-    fn gradients(
         &self,
         cones: &[Cone],
         samples: &mut [ConeSample],

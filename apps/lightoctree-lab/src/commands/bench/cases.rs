@@ -128,7 +128,7 @@ fn panorama(backward: bool) -> anyhow::Result<Prepared> {
         if backward {
             // The kit's output gradient: ones.
             let ones = SampleGradient { radiance: [1.0; 3], ..SampleGradient::default() };
-            black_box(tracer.trace_with_gradients(&cones, &mut samples, |_, _| ones));
+            black_box(tracer.trace_with_gradients(&cones, &mut samples, &|_, _| ones));
         } else {
             tracer.trace_batch(&cones, &mut samples);
             black_box(&samples);

@@ -232,7 +232,7 @@ fn results_do_not_depend_on_threads() {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let mut samples = vec![ConeSample::default(); cones.len()];
             let gradients = pool.install(|| {
-                tracer.trace_with_gradients(&cones, &mut samples, |index, sample| SampleGradient {
+                tracer.trace_with_gradients(&cones, &mut samples, &|index, sample| SampleGradient {
                     radiance: sample.radiance,
                     distance_m: index as f32,
                     opacity: sample.opacity,

@@ -68,5 +68,5 @@ fn gradients(tracer: &ConeTracer, cones: &[Cone], radiance: &[[f32; 3]]) -> Vec<
         radiance: std::array::from_fn(|c| slope(sample.radiance[c], radiance[index][c])),
         ..SampleGradient::default()
     };
-    tracer.trace_with_gradients(cones, &mut samples, loss).rgba
+    tracer.trace_with_gradients(cones, &mut samples, &loss).rgba
 }
