@@ -1,10 +1,11 @@
 use std::path::Path;
 
 use lo_events::OnEvent;
+use lo_geometry::Vec3;
 use lo_nets::Networks;
 use lo_nets::checkpoint::CheckpointError;
 use lo_octree::check_depths;
-use lo_scene::{Completion, Scene};
+use lo_scene::{Completion, ExpectedLight, Frame, Scene};
 
 use crate::completed::{Completed, as_seen, by_network, closed};
 use crate::panorama::laid;
@@ -83,6 +84,11 @@ impl Estimator {
             How::None => as_seen(&view, octree_depth, options, on_event)?,
         };
         let panorama = prior.map(|prior| laid(&mut completed, prior, &view.working, on_event)).transpose()?;
+        let up = completed.room.as_ref().map(|room| room.up);
+        let expected = match (&completion, up) {
+            (How::Network(networks), Some(up)) => expected_light(networks, &view.working, up),
+            _ => None,
+        };
         let Completed { light, room, confidence } = completed;
         let (other_photos, View { frame, predicted_depth, model: depth_model, .. }) = (view.other_photos(), view);
         let (completion, sources) = (completion.into(), options.sources.clone());
@@ -96,6 +102,7 @@ impl Estimator {
             predicted_depth,
             depth_model,
             confidence,
+            expected,
             panorama,
             other_photos,
             ..estimated
@@ -128,6 +135,12 @@ impl Estimator {
         }
         Ok((how, octree_depth))
     }
+}
+
+/// The energy of the light around the camera, as far as these networks tell it.
+fn expected_light(networks: &Networks, seen: &Frame, up: Vec3) -> Option<ExpectedLight> {
+    let guess = networks.expected_light(&seen.radiance(), &seen.depth_m, &seen.camera, up)?;
+    Some(ExpectedLight::new(&guess.radiance, guess.camera_from_level, guess.contrast_stops))
 }
 
 /// How the room is completed, with what that needs.

@@ -49,7 +49,7 @@ pub use camera::DEFAULT_HFOV_DEG;
 pub use error::EstimateError;
 pub use estimator::Estimator;
 pub use input::{Exposures, Input, PredictedDepth};
-pub use lamp::fit_lamps;
+pub use lamp::{LightMode, LightReport, LightTuning, LightingError, fit_lamps};
 pub use lights::{FittedLight, light_up, list_lights, seen_from, without_emitters};
 pub use lo_completion as completion;
 pub use lo_completion::{PanoramaError, PanoramaPrior};

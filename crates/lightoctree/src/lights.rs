@@ -5,7 +5,8 @@ use lo_geometry::Vec3;
 use lo_lights::{Emitter, LightsError, ListedLight, emitters};
 use lo_scene::{LightEdits, Scene};
 
-use crate::fit_lamps;
+use crate::lamp::{lay_light, lay_usual};
+use crate::{LightMode, LightReport, LightTuning, LightingError};
 
 /// A scene with lamps as bright as objects need them, to be lit by one set of edits after another: [`light_up`] without fitting each time.
 #[derive(Clone, Debug)]
@@ -18,7 +19,8 @@ pub struct FittedLight {
 impl FittedLight {
     /// Of a scene as it was read.
     pub fn new(mut scene: Scene) -> Self {
-        let (found, report) = found(&mut scene, true);
+        let report = lay_usual(&mut scene, LightMode::Plausible).fit;
+        let found = emitters(&scene);
         Self { scene, found, report }
     }
 
@@ -51,16 +53,15 @@ pub fn seen_from(scene: &mut Scene, at: Vec3) {
     }
 }
 
-/// Lights a scene as its edits say: with lamps as bright as objects need them where `lamp` is set ([`fit_lamps`]), then with what somebody changed and added
-/// ([`Scene::light_edits`]). A scene without edits stays as it is but for the lamps.
+/// Lights a scene: by the light of `mode`, then with the changed and added lights of its edits ([`Scene::light_edits`]).
 ///
 /// # Errors
-/// Where an edit is of an emitter that there is not.
-pub fn light_up(scene: &mut Scene, lamp: bool) -> Result<LampFit, LightsError> {
+/// Where an edit is of an emitter that there is not, and where what is said to be white has no colour.
+pub fn light_up(scene: &mut Scene, mode: LightMode, tuning: &LightTuning) -> Result<LightReport, LightingError> {
     if scene.light_edits.is_empty() {
-        return Ok(if lamp { fit_lamps(scene) } else { LampFit::default() });
+        return lay_light(scene, mode, tuning);
     }
-    let (found, report) = found(scene, lamp);
+    let (found, report) = found(scene, mode, tuning)?;
     lo_lights::apply_edits(scene, &found)?;
     Ok(report)
 }
@@ -68,27 +69,34 @@ pub fn light_up(scene: &mut Scene, lamp: bool) -> Result<LampFit, LightsError> {
 /// Turns off everything that gives light in a scene as it was read: what is left is what surfaces reflect, for who relights it by lights. What somebody
 /// changed or added does not count.
 pub fn without_emitters(scene: &mut Scene) {
-    let (found, _) = found(scene, false);
+    let before = scene.light.clone();
+    lay_usual(scene, LightMode::Plausible);
+    let found = emitters(scene);
+    scene.light = before;
     lo_lights::remove_emitters(scene, &found);
 }
 
 /// The lights of a scene as it was read, as bright as objects are lit by them, and what somebody added.
 pub fn list_lights(scene: &Scene) -> Vec<ListedLight> {
     let mut lit = scene.clone();
-    fit_lamps(&mut lit);
+    lay_usual(&mut lit, LightMode::Plausible);
     lo_lights::list(&lit)
 }
 
-/// What gives light where lamps are as bright as objects need them: the same names whether `lamp` is set, with which the scene's light stays so.
-fn found(scene: &mut Scene, lamp: bool) -> (Vec<Emitter>, LampFit) {
-    let before = (!lamp).then(|| scene.light.clone());
-    let report = fit_lamps(scene);
+/// The emitters of plausible light, by the same names whatever the mode, in which the scene is lit then.
+fn found(
+    scene: &mut Scene,
+    mode: LightMode,
+    tuning: &LightTuning,
+) -> Result<(Vec<Emitter>, LightReport), LightingError> {
+    let before = (mode != LightMode::Plausible).then(|| scene.light.clone());
+    let report = lay_light(scene, LightMode::Plausible, tuning)?;
     let found = emitters(scene);
-    match before {
+    Ok(match before {
         Some(before) => {
             scene.light = before;
-            (found, LampFit::default())
+            (found, lay_light(scene, mode, tuning)?)
         }
         None => (found, report),
-    }
+    })
 }

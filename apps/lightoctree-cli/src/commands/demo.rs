@@ -73,7 +73,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         let base = placement(&scene)?;
         files.extend(write_panorama(&mut stages, &scene, &base, &file("alone_panorama"))?);
         let gold = model("gold")?;
-        super::fit_lamps(&mut scene, &mut stages);
+        super::light::fit_lamps(&mut scene, &mut stages);
         let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Draft)?;
         let composite = stages.stage("insert, gold", || {
             inserter.render(&[Instance::new(&gold, base.scaled(scale(&gold)))], &mut |_| interrupt::go_on())
@@ -88,7 +88,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     files.extend([file("library.scene"), file("photo.png")]);
     let base = placement(&scene)?;
     files.extend(write_panorama(&mut stages, &scene, &base, &file("panorama"))?);
-    super::fit_lamps(&mut scene, &mut stages);
+    super::light::fit_lamps(&mut scene, &mut stages);
     files.extend(insert_objects(global, &mut stages, &scene, &base, &args.out)?);
     finish(args, &files, &stages)
 }

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use lightoctree::LightMode;
 use lightoctree::cone::Rendering;
 use lightoctree::geometry::{Orientation, Vec3};
 use lightoctree::imaging::{self, EnvironmentLayout};
@@ -10,6 +11,7 @@ use serde_json::json;
 
 use super::environment::{self, PanoramaArgs, Renderer};
 use super::level::Level;
+use super::light::LightArgs;
 use super::parse;
 use crate::args::{Global, OutputArgs};
 use crate::progress::Stages;
@@ -32,12 +34,11 @@ pub struct Args {
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::point, allow_hyphen_values = true)]
     at: Option<Vec3>,
 
-    /// With the lamps that `insert` fits to how the photo is shaded: to light objects elsewhere
-    #[arg(long)]
-    lamp: bool,
+    #[command(flatten)]
+    light: LightArgs,
 
     /// Light that surfaces reflect alone, without lamps, windows and added lights: for who relights the scene by lights
-    #[arg(long, conflicts_with = "lamp")]
+    #[arg(long, conflicts_with_all = ["light", "lamp", "no_lamp", "contrast", "warmth", "white"])]
     without_emitters: bool,
 
     /// Above the surface seen at this pixel of the photo
@@ -92,7 +93,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     if args.without_emitters {
         stages.stage("lights", || lightoctree::without_emitters(&mut scene));
     } else {
-        super::light_up(&mut scene, args.lamp, &mut stages)?;
+        args.light.light_up(&mut scene, LightMode::Expected, &mut stages)?;
     }
     let at = match (args.at, args.pixel) {
         (Some(at), _) => at,

@@ -3,11 +3,13 @@
 use std::path::PathBuf;
 
 use clap::ValueEnum;
+use lightoctree::LightMode;
 use lightoctree::export::{self, Content, Format, LightProbe, Options};
 use lightoctree::geometry::Vec3;
 use serde_json::json;
 
 use super::environment::{self, Renderer};
+use super::light::LightArgs;
 use super::parse;
 use crate::args::{Global, OutputArgs};
 use crate::progress::Stages;
@@ -41,9 +43,8 @@ pub struct Args {
     #[arg(long)]
     level: bool,
 
-    /// Light from the scene as it is, without the lamps that `insert` fits to how the photo is shaded
-    #[arg(long)]
-    no_lamp: bool,
+    #[command(flatten)]
+    light: LightArgs,
 
     #[command(flatten)]
     out: OutputArgs,
@@ -78,7 +79,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     output::check_replaceable(&args.out.output, COMMAND, args.out.force)?;
     let mut stages = Stages::new(global.quiet);
     let mut scene = stages.stage("read scene", || super::read_scene(&args.scene))?;
-    super::light_up(&mut scene, !args.no_lamp, &mut stages)?;
+    args.light.light_up(&mut scene, LightMode::Plausible, &mut stages)?;
     let renderer = Renderer::new(&scene, [PROBE_WIDTH, PROBE_WIDTH / 2])?;
     let mut panoramas = Vec::new();
     for &at in &args.probe_at {

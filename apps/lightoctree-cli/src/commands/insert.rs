@@ -12,11 +12,12 @@ use lightoctree::imaging::{self, ExrOptions, Image, RadianceImage};
 use lightoctree::insert::{Composite, InsertError, Inserter, Instance, Layout, Lighting, Placement, Quality};
 use lightoctree::mesh::Material;
 use lightoctree::scene::ObjectsShown;
-use lightoctree::{Event, Models, Warning};
+use lightoctree::{Event, LightMode, Models, Warning};
 use serde_json::json;
 
 use self::objects::ObjectArgs;
 use super::environment::OrientationArg;
+use super::light::LightArgs;
 use super::parse;
 use super::video::{self, Video};
 use crate::args::Global;
@@ -66,9 +67,8 @@ pub struct Args {
     #[arg(long, value_name = "NAME")]
     orientation: Option<OrientationArg>,
 
-    /// Light from the scene as it is, without lamps and windows made as bright as the photo's shading asks for
-    #[arg(long)]
-    no_lamp: bool,
+    #[command(flatten)]
+    light: LightArgs,
 
     /// How polished the floor or table under an object is: above 0 it mirrors the objects as a clear coat of roughness 1 - G does [default: 0, or the scene's own with its own
     /// objects]
@@ -171,7 +171,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let middle = placements.iter().map(|places| places[0].position_m).sum::<Vec3>() / placements.len() as f32;
     if matches!(lighting, Lighting::Octree) {
         lightoctree::seen_from(&mut scene, middle);
-        super::light_up(&mut scene, !args.no_lamp, &mut stages)?;
+        args.light.light_up(&mut scene, LightMode::Plausible, &mut stages)?;
     }
     let floor_gloss = args.floor_gloss.map_or(shown.floor_gloss, |gloss| gloss as f32);
     // What a high picture is replaced by when it is not waited for.

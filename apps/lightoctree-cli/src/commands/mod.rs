@@ -8,6 +8,7 @@ pub mod estimate;
 pub mod export;
 pub mod insert;
 pub mod inspect;
+pub mod light;
 pub mod lights;
 pub mod parse;
 pub mod probes;
@@ -27,30 +28,9 @@ use anyhow::Context;
 use lightoctree::Estimator;
 use lightoctree::scene::Scene;
 
-use crate::progress::Stages;
-
 /// Reads a scene file; errors name it.
 fn read_scene(path: &Path) -> anyhow::Result<Scene> {
     Scene::read(path).with_context(|| format!("{}", path.display()))
-}
-
-/// Gives a scene the lamps that objects need, and says so.
-fn fit_lamps(scene: &mut Scene, stages: &mut Stages) {
-    let report = stages.stage("lamps", || lightoctree::fit_lamps(scene));
-    report.warning().iter().for_each(|warning| stages.warn(warning));
-}
-
-/// Lights a scene as its edits say, with the lamps that objects need where `lamp` is set, and says so.
-fn light_up(scene: &mut Scene, lamp: bool, stages: &mut Stages) -> anyhow::Result<()> {
-    if scene.light_edits.is_empty() {
-        if lamp {
-            fit_lamps(scene, stages);
-        }
-        return Ok(());
-    }
-    let report = stages.stage("lights", || lightoctree::light_up(scene, lamp))?;
-    report.warning().iter().for_each(|warning| stages.warn(warning));
-    Ok(())
 }
 
 /// With the networks of a file of weights, or those that the program carries.

@@ -142,6 +142,19 @@ pub fn share(text: &str) -> Result<f64, String> {
     }
 }
 
+/// The factor of a contrast, 0 to 3.
+pub fn contrast(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.0..=3.0).contains(&value) => Ok(value),
+        _ => Err("must be a number from 0 to 3".to_owned()),
+    }
+}
+
+/// Stops, −4 to 4.
+pub fn warmth(text: &str) -> Result<f64, String> {
+    within(text, 4.0, "stops")
+}
+
 /// A finite number above zero.
 pub fn positive(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| format!("`{text}` is not a number"))?;

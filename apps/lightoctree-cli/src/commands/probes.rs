@@ -4,15 +4,16 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use lightoctree::Cancelled;
 use lightoctree::cone::Rendering;
 use lightoctree::geometry::Vec3;
 use lightoctree::insert::{self, Stance};
 use lightoctree::scene::Scene;
+use lightoctree::{Cancelled, LightMode};
 use serde_json::json;
 
 use super::environment::{self, PanoramaArgs};
 use super::level::Level;
+use super::light::LightArgs;
 use super::parse;
 use crate::args::Global;
 use crate::progress::{Stages, seconds};
@@ -31,12 +32,11 @@ pub struct Args {
     /// A scene file
     scene: PathBuf,
 
-    /// With the lamps that `insert` fits to how the photo is shaded: to light objects elsewhere
-    #[arg(long)]
-    lamp: bool,
+    #[command(flatten)]
+    light: LightArgs,
 
     /// Light that surfaces reflect alone, without lamps, windows and added lights: for who relights the scene by lights
-    #[arg(long, conflicts_with = "lamp")]
+    #[arg(long, conflicts_with_all = ["light", "lamp", "no_lamp", "contrast", "warmth", "white"])]
     without_emitters: bool,
 
     /// A regular grid inside of the room
@@ -95,7 +95,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     if args.without_emitters {
         stages.stage("lights", || lightoctree::without_emitters(&mut scene));
     } else {
-        super::light_up(&mut scene, args.lamp, &mut stages)?;
+        args.light.light_up(&mut scene, LightMode::Expected, &mut stages)?;
     }
     let probes = probes(args, &scene)?;
     let level = Level::new(&scene, args.panorama.level)?;

@@ -84,6 +84,8 @@ pub enum TrainedNetworks {
     Light,
     /// Both together.
     Joint,
+    /// The network of expected light.
+    Expected,
 }
 
 /// `joint`, `light 2/3`: what logs and errors call it.
@@ -93,6 +95,7 @@ impl fmt::Display for TrainingPhase {
             TrainedNetworks::Depth => "depth",
             TrainedNetworks::Light => "light",
             TrainedNetworks::Joint => "joint",
+            TrainedNetworks::Expected => "expected light",
         })?;
         if self.of > 1 { write!(f, " {}/{}", self.number, self.of) } else { Ok(()) }
     }

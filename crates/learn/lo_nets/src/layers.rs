@@ -137,6 +137,12 @@ impl Linear {
         Self { weights: glorot(size, size, stream, device), bias: None }
     }
 
+    /// With a shift that begins at 0.
+    pub fn with_bias(size: [usize; 2], stream: &mut Stream, device: &Device) -> Self {
+        let bias = Param::from_data(TensorData::new(vec![0.0f32; size[1]], [1, size[1]]), device);
+        Self { bias: Some(bias), ..Self::new(size, stream, device) }
+    }
+
     /// All weights 0: the output is `bias` until something is learned.
     pub fn constant(inputs: usize, bias: &[f32], device: &Device) -> Self {
         let outputs = bias.len();

@@ -6,6 +6,7 @@ mod adam;
 pub mod checkpoint;
 pub mod conv;
 pub mod depth;
+pub mod expected;
 mod flat;
 pub mod graph;
 pub mod host;
@@ -22,4 +23,4 @@ mod tone;
 
 pub use adam::Adam;
 pub use burn::tensor::Device;
-pub use networks::{CompletedLight, DEPTH_NET, GlobalLight, LIGHT_NET, Networks, PhotoGuess, SeenRoom};
+pub use networks::{CompletedLight, DEPTH_NET, EXPECTED_NET, GlobalLight, LIGHT_NET, Networks, PhotoGuess, SeenRoom};

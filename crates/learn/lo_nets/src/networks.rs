@@ -12,6 +12,7 @@ use serde::Deserialize;
 use crate::checkpoint::{Checkpoint, CheckpointError, Precision};
 use crate::conv::in_pool;
 use crate::depth::{DepthNet, DepthNetConfig, EncoderKind, panorama_image};
+use crate::expected::{ExpectedLightGuess, ExpectedLightNet, PhotoStatistics};
 use crate::flat::flattened;
 use crate::light::{
     Growth, LightConfigError, LightError, LightInput, LightNet, LightNetConfig, PhotoView, SeenDetail, VisiblePoint,
@@ -22,6 +23,8 @@ use crate::second_look;
 pub const DEPTH_NET: &str = "depth_net";
 /// The light network's name in a checkpoint, and its configuration's in the checkpoint's state.
 pub const LIGHT_NET: &str = "light_net";
+/// Name of the network of expected light in a checkpoint.
+pub const EXPECTED_NET: &str = "expected_light";
 
 /// The depth and the light network, which share the global lighting feature.
 ///
@@ -34,6 +37,9 @@ pub struct Networks {
     /// The room's light from what is seen.
     #[doc(hidden)]
     pub light: LightNet,
+    /// The energy of the light around a photo; `None` in weights that have not learned it.
+    #[doc(hidden)]
+    pub expected: Option<ExpectedLightNet>,
     /// Shape of the light network; also gives the length of the global lighting feature of both.
     pub config: LightNetConfig,
 }
@@ -90,7 +96,12 @@ impl Networks {
         device: &Device,
     ) -> Result<Self, LightConfigError> {
         let light = LightNet::new(config, seed, device)?;
-        Ok(Self { depth: DepthNet::new(encoder, config.global_features, seed, device), light, config: config.clone() })
+        Ok(Self {
+            depth: DepthNet::new(encoder, config.global_features, seed, device),
+            light,
+            expected: None,
+            config: config.clone(),
+        })
     }
 
     /// Adds the weights of both networks, and to the checkpoint's state the encoder and the light network's configuration.
@@ -98,6 +109,9 @@ impl Networks {
     pub fn add_to(&self, checkpoint: &mut Checkpoint) {
         checkpoint.add_module(DEPTH_NET, &self.depth);
         checkpoint.add_module(LIGHT_NET, &self.light);
+        if let Some(expected) = &self.expected {
+            checkpoint.add_module(EXPECTED_NET, expected);
+        }
         checkpoint.state[DEPTH_NET] = serde_json::json!(self.depth.config());
         checkpoint.state[LIGHT_NET] = serde_json::json!(self.config);
     }
@@ -138,7 +152,10 @@ impl Networks {
         let light = LightNet::new(&config, 0, device).map_err(|error| wrong(format!("its configuration: {error}")))?;
         let light = checkpoint.take_module(LIGHT_NET, light)?;
         let depth = checkpoint.take_module(DEPTH_NET, depth_config.blank(config.global_features, device))?;
-        Ok(Self { depth, light, config })
+        let learned = checkpoint.values_of(EXPECTED_NET) > 0;
+        let expected = || checkpoint.take_module(EXPECTED_NET, ExpectedLightNet::new(0, device));
+        let expected = learned.then(expected).transpose()?;
+        Ok(Self { depth, light, expected, config })
     }
 
     /// Reads a file of weights, of whichever precision, for use: without gradients, on the CPU.
@@ -181,6 +198,22 @@ impl Networks {
             let held = Perspective::fit(&cells, Some(camera.half_extent()));
             PhotoGuess { depth_m, light: GlobalLight(output.global), held }
         })
+    }
+
+    /// The expected light around a linear photo with its depth, camera and the unit vector against gravity in the camera's axes; `None` where the weights
+    /// have not learned it.
+    ///
+    /// # Panics
+    /// Where the photo has no pixels.
+    pub fn expected_light(
+        &self,
+        photo: &RadianceImage,
+        depth_m: &DepthMap,
+        camera: &Camera,
+        up: Vec3,
+    ) -> Option<ExpectedLightGuess> {
+        let net = self.expected.as_ref()?;
+        in_pool(|| Some(net.guess(&PhotoStatistics::new(photo, depth_m, camera, up))))
     }
 
     /// The light around an sRGB photo whose depth is known.

@@ -8,7 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::augmentation::AugmentationConfig;
 use crate::error::{ConfigError, inside};
-use crate::phases::{DepthPhase, LightPhase, Phase, Schedule, depth_phases, joint_phases, light_phases};
+use crate::phases::{
+    DepthPhase, ExpectedPhase, LightPhase, Phase, Schedule, depth_phases, expected_phases, joint_phases, light_phases,
+};
 
 /// All that a training run is made of, but its seed. Every field has a default, so that a file need name only what differs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -54,6 +56,9 @@ pub struct TrainConfig {
     /// Stage 3: both, the light network also on predicted depth.
     #[serde(deserialize_with = "joint_phases")]
     pub joint: Vec<LightPhase>,
+    /// Stage 4: the network of expected light, on photos of panoramas where there are some, with depth by the trained depth network.
+    #[serde(deserialize_with = "expected_phases")]
+    pub expected: Vec<ExpectedPhase>,
 }
 
 /// Where samples come from.
@@ -169,6 +174,7 @@ impl Default for TrainConfig {
                 },
             ],
             joint: Vec::new(),
+            expected: Vec::new(),
         }
     }
 }
@@ -199,7 +205,8 @@ impl TrainConfig {
         let depth = Phase::numbered(TrainedNetworks::Depth, self.depth.iter().cloned().map(Phase::Depth));
         let light = Phase::numbered(TrainedNetworks::Light, self.light.iter().cloned().map(Phase::Light));
         let joint = Phase::numbered(TrainedNetworks::Joint, self.joint.iter().cloned().map(Phase::Joint));
-        depth.into_iter().chain(light).chain(joint).collect()
+        let expected = Phase::numbered(TrainedNetworks::Expected, self.expected.iter().cloned().map(Phase::Expected));
+        depth.into_iter().chain(light).chain(joint).chain(expected).collect()
     }
 
     /// The light network of an octree depth: the coarser stages are those of the finest network.
@@ -247,6 +254,10 @@ impl TrainConfig {
                     inside("photo_width", p.photo_width as f64, 32.0, 4096.0)?;
                     inside("batch_size", p.batch_size as f64, 1.0, 256.0)?;
                     inside("encoder_lr_ratio", p.encoder_lr_ratio.into(), 0.0, 1.0)?;
+                }
+                Phase::Expected(p) => {
+                    inside("batch_size", p.batch_size as f64, 1.0, 4096.0)?;
+                    inside("photos", p.photos as f64, 1.0, 1e6)?;
                 }
                 Phase::Light(p) | Phase::Joint(p) => {
                     inside("octree_depth", p.octree_depth.into(), shallowest, finest)?;

@@ -5,7 +5,8 @@ use lo_cone::{ConeTracer, Settings};
 use lo_dataset::{NovelView, Sample, TrueLeaves, true_octree};
 use lo_geometry::{Camera, Cube, Mat3, Perspective, Vec3};
 use lo_imaging::{DepthMap, Image, Photo, RadianceImage, linear_from_srgb8, srgb8_from_linear};
-use lo_nets::depth::size_within;
+use lo_nets::depth::{DepthNet, size_within};
+use lo_nets::expected::{ExpectedTruth, PhotoStatistics};
 use lo_nets::light::{LightInput, LightNetConfig, Rays};
 use lo_octree::LightOctree;
 use lo_random::{RngExt, Stream};
@@ -127,6 +128,27 @@ fn true_panorama(sample: &Sample, variation: &Variation) -> Result<Option<Radian
     let (octree, _) = LightOctree::from_points(&points, cube, depth, coarse).map_err(impossible)?;
     let tracer = ConeTracer::new(&octree, Settings::default()).map_err(impossible)?;
     Ok(Some(tracer.panorama(Vec3::ZERO, width, height).radiance))
+}
+
+/// What a step of the network of expected light needs.
+#[derive(Debug)]
+pub(crate) struct ExpectedExample {
+    pub statistics: PhotoStatistics,
+    pub truth: ExpectedTruth,
+}
+
+impl ExpectedExample {
+    /// With depth as this network predicts it.
+    pub fn new(sample: &Sample, variation: &Variation, depth_net: &DepthNet) -> Result<Self, Unusable> {
+        let example = DepthExample::new(sample, variation, depth_net.longer_side())?;
+        let panorama = example.panorama.ok_or(Unusable::Missing("panorama at its camera"))?;
+        let Perspective { up, .. } = example.perspective.ok_or(Unusable::Missing("direction of up"))?;
+        let depth_m = depth_net.forward(&[&example.photo]).depth_m(&example.camera);
+        let photo = example.photo.map(|rgb| rgb.map(linear_from_srgb8));
+        let statistics = PhotoStatistics::new(&photo, &depth_m, &example.camera, up);
+        let truth = ExpectedTruth::new(&panorama, &example.camera, &statistics, false);
+        Ok(Self { statistics, truth })
+    }
 }
 
 /// What a step of the light network needs.

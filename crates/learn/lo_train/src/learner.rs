@@ -7,14 +7,16 @@ use burn::tensor::{Device, Tensor, TensorData};
 use lo_cone::Settings;
 use lo_nets::checkpoint::{Checkpoint, CheckpointError};
 use lo_nets::depth::{DepthNet, DepthNetConfig, DepthOutput, PatchGan, depth_losses, panorama_loss, perspective_loss};
+use lo_nets::expected::{ExpectedLightNet, expected_losses};
 use lo_nets::light::{Growth, LightConfigError, LightLosses, LightNet, LightNetConfig};
-use lo_nets::{Adam, Networks};
+use lo_nets::{Adam, EXPECTED_NET, Networks};
+use lo_random::Stream;
 use serde::{Deserialize, Serialize};
 
 use crate::config::TrainConfig;
 use crate::deepen::deepened;
 use crate::error::{ConfigError, Fault, TrainError};
-use crate::example::{DepthExample, LightExample, PANORAMA};
+use crate::example::{DepthExample, ExpectedExample, LightExample, PANORAMA};
 use crate::phases::DepthPhase;
 use crate::trained::Trained;
 use crate::weights::gradient_norm;
@@ -22,6 +24,7 @@ use crate::weights::gradient_norm;
 /// Names in a checkpoint. The averages are under those that [`Networks`] has, so that a checkpoint also is a file of weights.
 const DEPTH: &str = "training.depth_net";
 const LIGHT: &str = "training.light_net";
+const EXPECTED: &str = "training.expected_light";
 const DISCRIMINATOR: &str = "training.discriminator";
 
 /// The parts of a loss and what came of them.
@@ -38,6 +41,7 @@ pub(crate) struct Progress {
 pub(crate) struct Learner {
     pub depth: Trained<DepthNet>,
     pub light: Trained<LightNet>,
+    pub expected: Trained<ExpectedLightNet>,
     /// Shape of the light network as it is now.
     pub network: LightNetConfig,
     discriminator: PatchGan,
@@ -51,11 +55,19 @@ pub(crate) struct LearnerState {
     depth: DepthNetConfig,
     network: LightNetConfig,
     averaged: [u64; 2],
+    /// The same of the network of expected light.
+    #[serde(default)]
+    averaged_expected: u64,
 }
 
 /// Where gradients are recorded.
 fn recording() -> Device {
     Device::flex().autodiff()
+}
+
+fn untrained_expected(seed: u64) -> Trained<ExpectedLightNet> {
+    let [net, average] = [recording(), Device::flex()].map(|device| ExpectedLightNet::new(seed, &device));
+    Trained { net, average, adam: Adam::default(), steps: 0 }
 }
 
 fn scalar(loss: &Tensor<1>) -> f32 {
@@ -87,6 +99,7 @@ impl Learner {
                 adam: Adam::default(),
                 steps: 0,
             },
+            expected: untrained_expected(seed),
             network,
             discriminator: PatchGan::new(seed, &recording()),
             discriminator_adam,
@@ -120,6 +133,9 @@ impl Learner {
             ));
         }
         self.take_depth(path, [start.depth, average.depth], config)?;
+        if let (Some(net), Some(average)) = (start.expected, average.expected) {
+            self.expected = Trained { net: net.train(), average, adam: Adam::default(), steps: 1 };
+        }
         let light = |old: &LightNet, device: &Device| {
             deepened(old, own, &self.network, seed, device).map_err(ConfigError::from)
         };
@@ -167,7 +183,12 @@ impl Learner {
 
     /// The averaged weights: what is used.
     pub fn averages(&self) -> Networks {
-        Networks { depth: self.depth.average.clone(), light: self.light.average.clone(), config: self.network.clone() }
+        Networks {
+            depth: self.depth.average.clone(),
+            light: self.light.average.clone(),
+            expected: (self.expected.steps > 0).then(|| self.expected.average.clone()),
+            config: self.network.clone(),
+        }
     }
 
     /// The averaged weights as a file of them gives them back, in 16 bits: what is validated.
@@ -183,16 +204,21 @@ impl Learner {
         self.averages().add_to(checkpoint);
         checkpoint.add_module(DEPTH, &self.depth.net);
         checkpoint.add_module(LIGHT, &self.light.net);
+        checkpoint.add_module(EXPECTED, &self.expected.net);
         checkpoint.add_module(DISCRIMINATOR, &self.discriminator);
-        for (name, adam) in
-            [(DEPTH, &self.depth.adam), (LIGHT, &self.light.adam), (DISCRIMINATOR, &self.discriminator_adam)]
-        {
+        for (name, adam) in [
+            (DEPTH, &self.depth.adam),
+            (LIGHT, &self.light.adam),
+            (EXPECTED, &self.expected.adam),
+            (DISCRIMINATOR, &self.discriminator_adam),
+        ] {
             checkpoint.add_adam(&adam_name(name), adam);
         }
         LearnerState {
             depth: self.depth.net.config(),
             network: self.network.clone(),
             averaged: [self.depth.steps, self.light.steps],
+            averaged_expected: self.expected.steps,
         }
     }
 
@@ -202,18 +228,29 @@ impl Learner {
     /// Names what is missing or of another shape.
     pub fn from_checkpoint(mut checkpoint: Checkpoint, state: &LearnerState) -> Result<Self, CheckpointError> {
         let wrong = |problem| CheckpointError::Weights { module: LIGHT.to_owned(), problems: vec![problem] };
-        let LearnerState { depth, network, averaged: [depth_steps, light_steps] } = state;
+        let LearnerState { depth, network, averaged: [depth_steps, light_steps], averaged_expected } = state;
         let adams = [DEPTH, LIGHT, DISCRIMINATOR].map(|name| checkpoint.load_adam(&adam_name(name)));
         let [depth_adam, light_adam, discriminator_adam] = adams;
         let blank = depth.blank(network.global_features, &Device::flex());
         let depth = checkpoint.take_module(DEPTH, blank)?.train();
         let blank = LightNet::new(network, 0, &Device::flex()).map_err(|error| wrong(error.to_string()))?;
         let light = checkpoint.take_module(LIGHT, blank)?.train();
+        // Checkpoints of before it was trained hold none.
+        let mut expected = untrained_expected(0);
+        if checkpoint.values_of(EXPECTED) > 0 {
+            let adam = checkpoint.load_adam(&adam_name(EXPECTED))?;
+            let net = checkpoint.take_module(EXPECTED, ExpectedLightNet::new(0, &Device::flex()))?.train();
+            expected = Trained { net, adam, ..expected };
+        }
         let discriminator = checkpoint.take_module(DISCRIMINATOR, PatchGan::new(0, &Device::flex()))?.train();
         let averages = Networks::from_checkpoint(checkpoint, &Device::flex())?;
+        if let Some(average) = averages.expected {
+            expected = Trained { average, steps: *averaged_expected, ..expected };
+        }
         Ok(Self {
             depth: Trained { net: depth, average: averages.depth, adam: depth_adam?, steps: *depth_steps },
             light: Trained { net: light, average: averages.light, adam: light_adam?, steps: *light_steps },
+            expected,
             network: network.clone(),
             discriminator,
             discriminator_adam: discriminator_adam?,
@@ -246,7 +283,8 @@ impl Learner {
     /// Whether all weights are numbers.
     pub fn check(&self) -> Result<(), Fault> {
         self.depth.check("depth_net")?;
-        self.light.check("light_net")
+        self.light.check("light_net")?;
+        self.expected.check(EXPECTED_NET)
     }
 
     /// A step of the depth network and its discriminator on photos of one size.
@@ -330,6 +368,30 @@ impl Learner {
             .map_err(|layer| Fault::Gradient { parameter: format!("discriminator.{layer}"), losses: Vec::new() })?;
         self.discriminator = self.discriminator_adam.step(self.discriminator.clone(), &gradients, learning_rate);
         Ok(())
+    }
+
+    /// A step of the network of expected light; `stream` draws what of it is left out.
+    pub fn expected_step(
+        &mut self,
+        examples: &[&ExpectedExample],
+        stream: &mut Stream,
+        learning_rate: f64,
+        config: &TrainConfig,
+    ) -> Result<Progress, Fault> {
+        let examples: Vec<_> = examples.iter().map(|example| (&example.statistics, &example.truth)).collect();
+        let losses = expected_losses(&self.expected.net, &examples, Some(stream));
+        let named = [
+            ("log_irradiance", &losses.log_irradiance),
+            ("scale_invariant", &losses.scale_invariant),
+            ("colour", &losses.colour),
+            ("contrast", &losses.contrast),
+        ];
+        let named = named.map(|(name, loss)| (name, scalar(loss))).to_vec();
+        let mut progress = Progress { losses: named, norms: Vec::new() };
+        let mut gradients = losses.total().backward();
+        let norm = self.expected.descend(EXPECTED_NET, &mut gradients, learning_rate, &|_| 1.0, config);
+        progress.norms.push(("expected", norm.map_err(|fault| with_losses(fault, &progress))?));
+        Ok(progress)
     }
 
     /// A step of the light network with a global lighting feature that is not trained.

@@ -68,6 +68,28 @@ pub struct LightPhase {
     pub visible_rays: usize,
 }
 
+/// The training of expected light. In a file its schedule stands beside the other fields.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ExpectedPhase {
+    /// Steps and learning rate.
+    #[serde(flatten)]
+    pub schedule: Schedule,
+    /// Photos a step.
+    pub batch_size: usize,
+    /// Photos that the steps are drawn from. They are made once, with the depth network's depth.
+    pub photos: usize,
+}
+
+impl ExpectedPhase {
+    /// What a file need not say.
+    pub const USUAL: Self = Self {
+        schedule: Schedule { steps: 1_200, learning_rate: 2e-3, warm_up_steps: 20, final_share: 0.02 },
+        batch_size: 64,
+        photos: 3_000,
+    };
+}
+
 impl DepthPhase {
     /// What a file need not say.
     pub const USUAL: Self = Self {
@@ -141,12 +163,17 @@ pub(crate) fn joint_phases<'de, D: Deserializer<'de>>(deserializer: D) -> Result
     differing(deserializer, &LightPhase::USUAL_JOINT)
 }
 
+pub(crate) fn expected_phases<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<ExpectedPhase>, D::Error> {
+    differing(deserializer, &ExpectedPhase::USUAL)
+}
+
 /// A part of a run, of whichever stage.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Phase {
     Depth(DepthPhase),
     Light(LightPhase),
     Joint(LightPhase),
+    Expected(ExpectedPhase),
 }
 
 impl Phase {
@@ -163,6 +190,7 @@ impl Phase {
         match self {
             Self::Depth(phase) => &phase.schedule,
             Self::Light(phase) | Self::Joint(phase) => &phase.schedule,
+            Self::Expected(phase) => &phase.schedule,
         }
     }
 
@@ -175,13 +203,14 @@ impl Phase {
         match self {
             Self::Depth(phase) => phase.batch_size,
             Self::Light(_) | Self::Joint(_) => 1,
+            Self::Expected(phase) => phase.batch_size,
         }
     }
 
     /// Depth of the octree, where there is one.
     pub fn octree_depth(&self) -> Option<u32> {
         match self {
-            Self::Depth(_) => None,
+            Self::Depth(_) | Self::Expected(_) => None,
             Self::Light(phase) | Self::Joint(phase) => Some(phase.octree_depth),
         }
     }

@@ -8,7 +8,7 @@ use lo_nets::depth::panorama_image;
 use lo_random::RngExt;
 
 use crate::augmentation::{AugmentationConfig, Variation};
-use crate::example::{DepthExample, KnownDepth, LightExample, RayCounts, Unusable};
+use crate::example::{DepthExample, ExpectedExample, KnownDepth, LightExample, RayCounts, Unusable};
 use crate::learner::Learner;
 use crate::phases::{DepthPhase, LightPhase};
 
@@ -65,6 +65,16 @@ pub(crate) fn light_examples(
         example.input = network.told(example.input, example.up, map);
         Ok((example, global))
     }
+}
+
+/// For the network of expected light.
+pub(crate) fn expected_examples(
+    augmentation: &AugmentationConfig,
+    learner: &Learner,
+    seed: u64,
+) -> impl FnMut(&Sample, u64) -> Result<ExpectedExample, Unusable> + Send + use<> {
+    let (augmentation, depth_net) = (augmentation.clone(), learner.depth.average.clone());
+    move |sample, epoch| ExpectedExample::new(sample, &augmentation.of(seed, sample, epoch).0, &depth_net)
 }
 
 /// For stage 3.

@@ -18,12 +18,12 @@ use crate::augmentation::Variation;
 use crate::config::{FramesData, PanoramaData, TrainConfig};
 use crate::encoder_weights::{EncoderOrigin, read_encoder};
 use crate::error::{ConfigError, Fault, TrainError};
-use crate::example::{DepthExample, KnownDepth, LightExample, RayCounts, Unusable};
+use crate::example::{DepthExample, ExpectedExample, KnownDepth, LightExample, RayCounts, Unusable};
 use crate::feed::{Batches, Feed, PassedOver};
 use crate::learner::{Learner, Progress};
 use crate::log::Log;
-use crate::phases::{LightPhase, Phase, between};
-use crate::prepare::{JointExample, depth_examples, joint_examples, light_examples};
+use crate::phases::{ExpectedPhase, LightPhase, Phase, between};
+use crate::prepare::{JointExample, depth_examples, expected_examples, joint_examples, light_examples};
 use crate::repeated::Repeated;
 use crate::state::RunState;
 use crate::validation::Validation;
@@ -249,6 +249,7 @@ impl<'a> Run<'a> {
                     },
                 )?;
             }
+            Phase::Expected(expected) => self.expected_steps(expected)?,
             Phase::Joint(joint) => {
                 let prepare = joint_examples(joint, augmentation, &self.learner, seed);
                 self.steps(
@@ -361,6 +362,58 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
+    /// Makes the examples of a phase of expected light, then its steps. A resumed run makes the same examples again.
+    fn expected_steps(&mut self, phase: &ExpectedPhase) -> Result<(), TrainError> {
+        let Some(examples) = self.expected_examples(phase)? else {
+            self.save()?;
+            return Err(Cancelled.into());
+        };
+        while self.state.step < phase.schedule.steps {
+            if self.cancelled {
+                self.save()?;
+                return Err(Cancelled.into());
+            }
+            let mut stream = lo_random::stream(self.state.seed, "expected light", self.state.total_steps);
+            let drawn: Vec<&ExpectedExample> =
+                (0..phase.batch_size).map(|_| &examples[stream.random_range(0..examples.len())]).collect();
+            let learning_rate = phase.schedule.learning_rate_at(self.state.step);
+            let (learner, config) = (&mut self.learner, self.config);
+            match in_pool(|| learner.expected_step(&drawn, &mut stream, learning_rate, config)) {
+                Ok(progress) => self.done(&progress, learning_rate, &mut Duration::default())?,
+                Err(fault) => self.go_back(fault)?,
+            }
+        }
+        Ok(())
+    }
+
+    /// The photos that a phase of expected light learns from; `None` where the run is cancelled.
+    fn expected_examples(&mut self, phase: &ExpectedPhase) -> Result<Option<Vec<ExpectedExample>>, TrainError> {
+        let Sources { all, panoramas, .. } = &self.sources;
+        let dataset = if panoramas.is_empty() { all.clone() } else { panoramas.clone() };
+        let prepare = expected_examples(&self.config.augmentation, &self.learner, self.state.seed);
+        let feed =
+            Feed::start(dataset, &self.config.data, self.state.seed, Vec::new(), LoaderState::default(), prepare);
+        let mut feed = feed.map_err(TrainError::io(self.folder))?;
+        let (mut examples, mut unusable, begun) = (Vec::with_capacity(phase.photos), 0, Instant::now());
+        self.say(Event::Begun(Stage::ReadSamples));
+        while examples.len() < phase.photos {
+            if self.cancelled {
+                return Ok(None);
+            }
+            match feed.next().map_err(|_| TrainError::Empty)?.example {
+                Ok(example) => {
+                    unusable = 0;
+                    examples.push(example);
+                }
+                Err(passed_over) => self.pass_over(passed_over, &mut unusable)?,
+            }
+            let done = examples.len() as u64;
+            self.say(Event::Progress { stage: Stage::ReadSamples, done, total: phase.photos as u64 });
+        }
+        self.say(Event::Done { stage: Stage::ReadSamples, took: begun.elapsed() });
+        Ok(Some(examples))
+    }
+
     fn joint_step(
         &mut self,
         phase: &LightPhase,
@@ -429,7 +482,7 @@ impl<'a> Run<'a> {
         match &self.phases[self.state.phase].1 {
             Phase::Depth(depth) => self.learner.freeze_statistics(depth.frozen_statistics),
             Phase::Joint(_) => self.learner.freeze_statistics(true),
-            Phase::Light(_) => {}
+            Phase::Light(_) | Phase::Expected(_) => {}
         }
     }
 

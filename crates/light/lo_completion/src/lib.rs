@@ -1,6 +1,7 @@
 //! Completion without a network (`shell`, `docs/method.md` §11): the room closed by planes, unseen surfaces extrapolated, clipped highlights
 //! and lamps outside of the view given plausible light. The lamps also for rooms that networks complete, and panoramas of the room for both.
 
+mod expected;
 mod extrapolate;
 mod face;
 mod fill;
@@ -15,7 +16,8 @@ mod panorama;
 mod shell;
 mod visibility;
 
-pub use fit::{LampFit, fit_lamps};
+pub use expected::{GatheredLamp, LaidExpectation, LayExpected, lay_expected};
+pub use fit::{LampFit, LampGuess, fit_lamps};
 pub use gravity::{up_from_predicted_depth, up_near};
 pub use highlights::HighlightReport;
 pub use irradiance::irradiance_at;

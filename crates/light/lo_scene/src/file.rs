@@ -16,8 +16,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera_source::is_deviation;
 use crate::{
-    CameraSource, Completion, Frame, LaidPanorama, LightEdits, ObjectsShown, OtherPhoto, PanoramaPicture,
-    PanoramaSource, Room, Scene, SceneError, SceneObjects,
+    CameraSource, Completion, ExpectedLight, Frame, LaidPanorama, LightEdits, ObjectsShown, OtherPhoto,
+    PanoramaPicture, PanoramaSource, Room, Scene, SceneError, SceneObjects,
 };
 
 /// Version of the file's layout that this crate writes and reads.
@@ -31,6 +31,9 @@ const PANORAMA_SHARE: &str = "panorama_share";
 
 /// Tensor of the panorama itself.
 const PANORAMA: &str = "panorama";
+
+/// Tensor of the light that is expected around the camera.
+const EXPECTED: &str = "expected_light";
 
 /// Tensor of the objects' layout, and what the names of their files' tensors begin with.
 const OBJECTS: &str = "objects";
@@ -66,6 +69,8 @@ struct Metadata {
     panorama: Option<PanoramaSource>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     panorama_picture: Option<PictureHeader>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    expected_light: Option<ExpectedHeader>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     other_photos: Vec<OtherPhoto>,
     #[serde(default, skip_serializing_if = "LightEdits::is_empty")]
@@ -91,7 +96,19 @@ struct PictureHeader {
     world_from_panorama: Quat,
 }
 
+/// What is to be known of the tensor of expected light.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+struct ExpectedHeader {
+    #[serde(flatten)]
+    picture: PictureHeader,
+    contrast_stops: f32,
+}
+
 impl PictureHeader {
+    fn of(picture: &PanoramaPicture) -> Self {
+        Self { scale: picture.scale(), world_from_panorama: picture.world_from_panorama }
+    }
+
     fn is_valid(&self) -> bool {
         let unit = (self.world_from_panorama.length_squared() - 1.0).abs() < 1e-3;
         self.scale.is_finite() && self.scale >= 1.0 && unit
@@ -139,8 +156,11 @@ impl Scene {
         }
         let (octree, octree_tensors) = write_tensors(&self.light);
         let picture = self.panorama.as_ref().and_then(|laid| laid.picture.as_ref());
-        let picture_header = picture
-            .map(|picture| PictureHeader { scale: picture.scale(), world_from_panorama: picture.world_from_panorama });
+        let picture_header = picture.map(PictureHeader::of);
+        let expected_header = self.expected.as_ref().map(|expected| ExpectedHeader {
+            picture: PictureHeader::of(&expected.picture),
+            contrast_stops: expected.contrast_stops,
+        });
         let metadata = Metadata {
             format_version: FORMAT_VERSION,
             program: format!("{generator} {}", env!("CARGO_PKG_VERSION")),
@@ -157,6 +177,7 @@ impl Scene {
             confidence: self.confidence.is_some(),
             panorama: self.panorama.as_ref().map(|laid| laid.source.clone()),
             panorama_picture: picture_header,
+            expected_light: expected_header,
             other_photos: self.other_photos.clone(),
             light_edits: self.light_edits.clone(),
             objects: objects.map(|SceneObjects { shown, files, .. }| ObjectsHeader {
@@ -189,10 +210,10 @@ impl Scene {
             }
         }
         if let (Some(picture), Some(header)) = (picture, picture_header) {
-            let values = picture.radiance.pixels().as_flattened();
-            let bytes = values.iter().flat_map(|value| f16::from_f32(value / header.scale).to_le_bytes()).collect();
-            let shape = vec![picture.radiance.height(), picture.radiance.width(), 3];
-            tensors.push((PANORAMA.to_owned(), Tensor::Plain { dtype: Dtype::F16, shape, bytes: Cow::Owned(bytes) }));
+            tensors.push((PANORAMA.to_owned(), Tensor::picture(picture, header.scale)));
+        }
+        if let (Some(expected), Some(header)) = (&self.expected, expected_header) {
+            tensors.push((EXPECTED.to_owned(), Tensor::picture(&expected.picture, header.picture.scale)));
         }
         if let Some(SceneObjects { layout, files, .. }) = objects {
             tensors.push((OBJECTS.to_owned(), Tensor::bytes(layout.as_bytes())));
@@ -257,11 +278,13 @@ impl Scene {
             depth_model,
             panorama,
             panorama_picture,
+            expected_light,
             other_photos,
             light_edits,
             objects,
             ..
         } = metadata;
+        let expected = expected_light.map(|header| read_expected(&tensors, header)).transpose()?;
         let objects = objects.map(|header| read_objects(&tensors, header)).transpose()?.unwrap_or_default();
         let panorama =
             panorama.map(|source| read_panorama(&tensors, source, panorama_picture, &light.rgba)).transpose()?;
@@ -276,6 +299,7 @@ impl Scene {
             predicted_depth,
             depth_model,
             confidence,
+            expected,
             panorama,
             other_photos,
             light_edits,
@@ -320,25 +344,37 @@ fn read_panorama(
         ));
     }
     source.file = file_name(&source.file);
-    let picture = picture.map(|header| read_picture(tensors, header)).transpose()?;
+    let picture = picture.map(|header| read_picture(tensors, PANORAMA, header)).transpose()?;
     Ok(LaidPanorama { source, share: read_shares(tensors, PANORAMA_SHARE, rgba)?, picture })
 }
 
-fn read_picture(tensors: &SafeTensors<'_>, header: PictureHeader) -> Result<PanoramaPicture, SceneError> {
-    if !header.is_valid() {
-        return Err(SceneError::Metadata("the panorama's scale or rotation are no such numbers".to_owned()));
+fn read_expected(tensors: &SafeTensors<'_>, header: ExpectedHeader) -> Result<ExpectedLight, SceneError> {
+    let ExpectedHeader { picture, contrast_stops } = header;
+    if !ExpectedLight::is_contrast(contrast_stops) {
+        return Err(SceneError::Metadata("contrast_stops of its expected light is out of range".to_owned()));
     }
-    let (dtype, shape, bytes) = tensor(tensors, PANORAMA)?;
+    Ok(ExpectedLight { picture: read_picture(tensors, EXPECTED, picture)?, contrast_stops })
+}
+
+fn read_picture(
+    tensors: &SafeTensors<'_>,
+    name: &'static str,
+    header: PictureHeader,
+) -> Result<PanoramaPicture, SceneError> {
+    if !header.is_valid() {
+        return Err(SceneError::Metadata(format!("scale or rotation of its {name} are no such numbers")));
+    }
+    let (dtype, shape, bytes) = tensor(tensors, name)?;
     let &[height, width, 3] = shape.as_slice() else {
-        return Err(layout(PANORAMA, "F16 [h, 2 h, 3]", dtype, &shape));
+        return Err(layout(name, "F16 [h, 2 h, 3]", dtype, &shape));
     };
     if dtype != Dtype::F16 || width != 2 * height || height == 0 {
-        return Err(layout(PANORAMA, "F16 [h, 2 h, 3]", dtype, &shape));
+        return Err(layout(name, "F16 [h, 2 h, 3]", dtype, &shape));
     }
     let value = |&word: &[u8; 2]| f16::from_le_bytes(word).to_f32() * header.scale;
     let values: Vec<f32> = bytes.as_chunks().0.iter().map(value).collect();
     if let Some(index) = values.iter().position(|value| !(value.is_finite() && *value >= 0.0)) {
-        return Err(SceneError::Value { tensor: PANORAMA, index, value: values[index] });
+        return Err(SceneError::Value { tensor: name, index, value: values[index] });
     }
     let radiance = Image::new(width, height, values.as_chunks().0.to_vec());
     Ok(PanoramaPicture { radiance, world_from_panorama: header.world_from_panorama })
@@ -422,6 +458,13 @@ enum Tensor<'a> {
 impl<'a> Tensor<'a> {
     fn bytes(bytes: &'a [u8]) -> Self {
         Self::Plain { dtype: Dtype::U8, shape: vec![bytes.len()], bytes: Cow::Borrowed(bytes) }
+    }
+
+    fn picture(picture: &PanoramaPicture, scale: f32) -> Self {
+        let values = picture.radiance.pixels().as_flattened();
+        let bytes = values.iter().flat_map(|value| f16::from_f32(value / scale).to_le_bytes()).collect();
+        let shape = vec![picture.radiance.height(), picture.radiance.width(), 3];
+        Self::Plain { dtype: Dtype::F16, shape, bytes: Cow::Owned(bytes) }
     }
 
     fn floats(shape: Vec<usize>, values: &[f32]) -> Self {

@@ -12,6 +12,7 @@
 //! | `octree.d.…` | | the lighting octree, depth by depth: see [`lo_octree::write_tensors`] |
 //! | `confidence` | U8 `[rows]` | only where a network completed the scene: of each feature row of the octree, depth by depth, 255 = sure |
 //! | `panorama` | F16 `[h, 2 h, 3]` | only where a panorama of the room was given: its linear radiance divided by the `scale` of `panorama_picture` |
+//! | `expected_light` | F16 `[h, 2 h, 3]` | only where a network expects light: its linear radiance around the camera divided by the `scale` of `expected_light` |
 //! | `panorama_share` | U8 `[rows]` | only where a panorama of the room was given: how much of each row it gave, 255 = all |
 //! | `objects` | U8 `[bytes]` | only where objects stand in the photo: their layout, JSON as `insert --layout` reads it |
 //! | `objects.0` … | U8 `[bytes]` | only beside it: the files of their meshes as they came |
@@ -23,7 +24,7 @@
 //! `depth_model` (name of the depth model that did, only where it is not the program's own) and `confidence` (whether there is a tensor of that name). Where it is known, `camera_source` says where the camera comes from (`from`: `exif`,
 //! `depth-model`, `default`, or `network` with `deviation_deg`), and where a network told which way is up, `up_deviation_deg` how far off that is expected to be. Where a panorama
 //! was given there is also `panorama`: `file`, `position_m`, `yaw_deg`, `pitch_deg`, `roll_deg`, `exposure_ev`, `confidence`, `clipped`
-//! ([`PanoramaSource`]), and `panorama_picture` with `scale` (values of the tensor times it are radiance) and `world_from_panorama` (rotation `x y z w`). Where the scene is from several photos, `other_photos` has of each but the first
+//! ([`PanoramaSource`]); of expected light `expected_light` has `scale`, `world_from_panorama` and `contrast_stops` ([`ExpectedLight`]). With a panorama comes also `panorama_picture` with `scale` (values of the tensor times it are radiance) and `world_from_panorama` (rotation `x y z w`). Where the scene is from several photos, `other_photos` has of each but the first
 //! `first_from_camera` (`rotation` x y z w, `translation_m`), `camera` and `exposure`. Where somebody edited the light, `light_edits` has `emitters` and
 //! `added` ([`LightEdits`]); the octree's tensors are the estimate all the same. Where somebody stood objects into the photo, `objects` has `floor_gloss`, `frames` (only where
 //! somebody chose their number), `fps`, `time_s` ([`ObjectsShown`]) and `files`, the names of what `objects.0` … hold ([`SceneObjects`]). In Python:
@@ -39,6 +40,7 @@
 mod camera_source;
 mod edited_light;
 mod error;
+mod expected;
 mod file;
 mod frame;
 mod light_edits;
@@ -59,6 +61,7 @@ use lo_octree::LightOctree;
 pub use camera_source::CameraSource;
 pub use edited_light::{EditedLight, OctreeChange};
 pub use error::{FrameError, SceneError};
+pub use expected::ExpectedLight;
 pub use file::FORMAT_VERSION;
 pub use frame::Frame;
 pub use light_edits::{
@@ -102,6 +105,8 @@ pub struct Scene {
     /// What a network says of its own work: `confidence[d][row]` of each row of [`LightOctree::rgba`], 255 · e^−ε with the expected
     /// error ε of log(1 + radiance).
     pub confidence: Option<Vec<Vec<u8>>>,
+    /// The energy of the light around the camera, where a network expects it.
+    pub expected: Option<ExpectedLight>,
     /// What a panorama of the room gave, where somebody had one.
     pub panorama: Option<LaidPanorama>,
     /// Photos beside the frame's that the light comes from, too.
@@ -128,6 +133,7 @@ impl Scene {
             predicted_depth: false,
             depth_model: None,
             confidence: None,
+            expected: None,
             panorama: None,
             other_photos: Vec::new(),
             light_edits: LightEdits::default(),

@@ -171,6 +171,7 @@ pub(crate) fn at_side(scene: &Scene, side: usize) -> Cow<'_, Scene> {
         predicted_depth: scene.predicted_depth,
         depth_model: scene.depth_model.clone(),
         confidence: None,
+        expected: scene.expected.clone(),
         panorama: scene.panorama.clone(),
         other_photos: scene.other_photos.clone(),
         light_edits: scene.light_edits.clone(),

@@ -1,6 +1,6 @@
-use burn::module::{Module, Param};
+use burn::module::Module;
 use burn::nn::conv::Conv2d;
-use burn::tensor::{Device, Tensor, TensorData, activation, activation::relu, module::adaptive_avg_pool2d};
+use burn::tensor::{Device, Tensor, activation, activation::relu, module::adaptive_avg_pool2d};
 use lo_random::Stream;
 
 use crate::conv::{conv2d, upsample_nearest};
@@ -45,18 +45,13 @@ pub struct PanoramaDecoder {
     pub output: Conv2d,
 }
 
-fn with_bias(size: [usize; 2], stream: &mut Stream, device: &Device) -> Linear {
-    let bias = Param::from_data(TensorData::new(vec![0.0f32; size[1]], [1, size[1]]), device);
-    Linear { bias: Some(bias), ..Linear::new(size, stream, device) }
-}
-
 impl GlobalEncoder {
     /// From so many channels to an `f_L` of so many numbers.
     pub(super) fn new([channels, features]: [usize; 2], stream: &mut Stream, device: &Device) -> Self {
         Self {
             conv: conv([channels, CELL_CHANNELS], 1, 1, true, stream, device),
-            hidden: with_bias([CELLS[0] * CELLS[1] * CELL_CHANNELS, HIDDEN], stream, device),
-            output: with_bias([HIDDEN, features - COLOUR], stream, device),
+            hidden: Linear::with_bias([CELLS[0] * CELLS[1] * CELL_CHANNELS, HIDDEN], stream, device),
+            output: Linear::with_bias([HIDDEN, features - COLOUR], stream, device),
         }
     }
 
@@ -70,7 +65,7 @@ impl GlobalEncoder {
 
 impl PanoramaDecoder {
     pub(super) fn new(features: usize, stream: &mut Stream, device: &Device) -> Self {
-        let input = with_bias([features, PANORAMA_CHANNELS[0] * 4 * 8], stream, device);
+        let input = Linear::with_bias([features, PANORAMA_CHANNELS[0] * 4 * 8], stream, device);
         let stages = PANORAMA_CHANNELS.windows(2).map(|pair| ConvStage::new([pair[0], pair[1]], stream, device));
         let (stages, output) = (stages.collect(), conv([PANORAMA_CHANNELS[4], 3], 3, 1, true, stream, device));
         Self { input, stages, output }

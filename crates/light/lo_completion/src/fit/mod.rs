@@ -21,7 +21,7 @@ use crate::highlights;
 use crate::irradiance::{irradiances, offset_m, tracer};
 use crate::lamps::OBJECT_SHARE;
 use places::{Place, places};
-use solve::{Problem, Solution, solve};
+use solve::{Prior, Problem, Solution, solve};
 
 /// What exceeds this multiple of the mean luminance is a lamp's or a window's, or of what they shine on.
 const CAP: f32 = 2.0;
@@ -69,13 +69,39 @@ impl LampFit {
     }
 }
 
+/// What lamps in an octree are before they are fitted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LampGuess {
+    /// Averaged away by a network that guesses the likeliest radiance: darker than they are.
+    Averaged,
+    /// As bright as is expected ([`crate::lay_expected`]).
+    Expected,
+}
+
+impl LampGuess {
+    /// Most that is fitted of a lamp, as a multiple of the cap.
+    fn limit(self) -> f32 {
+        match self {
+            Self::Averaged => LIMIT,
+            Self::Expected => f32::INFINITY,
+        }
+    }
+
+    fn prior(self) -> Prior {
+        match self {
+            Self::Averaged => Prior::AVERAGED,
+            Self::Expected => Prior::EXPECTED,
+        }
+    }
+}
+
 /// Makes guessed and clipped lamps and windows as bright as seen surfaces are shaded, and scales guessed surfaces; what is seen unclipped stays.
 ///
 /// `seen` is the frame at the working resolution ([`Frame::working`]) without flying pixels, `up` the direction against gravity in its camera's
 /// frame. Where nodes have lobes, the octree becomes what is seen of it from the middle of the view.
-pub fn fit_lamps(light: &mut LightOctree, seen: &Frame, up: Vec3) -> LampFit {
+pub fn fit_lamps(light: &mut LightOctree, seen: &Frame, up: Vec3, guess: LampGuess) -> LampFit {
     let normals = seen.normals();
-    let (restored, _) = highlights::recover_shining(seen, &normals, up);
+    let restored = highlights::recover_shining(seen, &normals, up).0;
     let places = places(seen, &normals, &restored);
     if places.is_empty() {
         return LampFit::default();
@@ -84,14 +110,9 @@ pub fn fit_lamps(light: &mut LightOctree, seen: &Frame, up: Vec3) -> LampFit {
     if let Cow::Owned(seen) = light.seen_from(middle_m) {
         *light = seen;
     }
-    let clipped = clipped_leaves(light, seen, &restored);
-    // Networks may guess less than the photo can tell.
-    light.change_leaves(|light, leaf| {
-        let (own, open) = (light.radiance(leaf), light.unseen(leaf));
-        clipped[leaf.depth as usize][leaf.row].map_or(own, |restored| own.max(own.lerp(restored, open)))
-    });
-    let bounds = Bounds { clipped, level: seen.exposure, cap: cap(light) };
-    let problem = problem(light, &places, &bounds);
+    let clipped = brighten_clipped(light, seen, &restored);
+    let bounds = Bounds { clipped, level: seen.exposure, cap: cap(light), limit: guess.limit() };
+    let problem = problem(light, &places, &bounds, guess.prior());
     let solution = solve(&problem);
     let all = problem.irradiance(solution);
     let Solution { surfaces, lamps, clipped_lamps } = solution;
@@ -107,18 +128,37 @@ pub fn fit_lamps(light: &mut LightOctree, seen: &Frame, up: Vec3) -> LampFit {
     LampFit { lamps, lamps_share, clipped_lamps, clipped_share, surfaces }
 }
 
+/// `[depth][row]` of the leaves in which clipped pixels lie: the mean of these, restored.
+pub(crate) type ClippedLeaves = Vec<Vec<Option<Vec3>>>;
+
+/// Gives leaves with clipped pixels at least the radiance that such regions usually have ([`highlights::recover_shining`]), and says which they are.
+pub(crate) fn restore_clipped(light: &mut LightOctree, seen: &Frame, up: Vec3) -> ClippedLeaves {
+    let (restored, _) = highlights::recover_shining(seen, &seen.normals(), up);
+    brighten_clipped(light, seen, &restored)
+}
+
+/// Networks may guess less than the photo can tell.
+fn brighten_clipped(light: &mut LightOctree, seen: &Frame, restored: &RadianceImage) -> ClippedLeaves {
+    let clipped = clipped_leaves(light, seen, restored);
+    light.change_leaves(|light, leaf| {
+        let (own, open) = (light.radiance(leaf), light.unseen(leaf));
+        clipped[leaf.depth as usize][leaf.row].map_or(own, |restored| own.max(own.lerp(restored, open)))
+    });
+    clipped
+}
+
 /// What tells surfaces and lamps apart.
 struct Bounds {
-    /// [`clipped_leaves`]
-    clipped: Vec<Vec<Option<Vec3>>>,
+    clipped: ClippedLeaves,
     /// Radiance at which the photo clips.
     level: f32,
     /// Luminance from which on other leaves shine.
     cap: f32,
+    /// Most that is fitted of a lamp, as a multiple of the cap.
+    limit: f32,
 }
 
-/// `[depth][row]` of the leaves in which clipped pixels lie: the mean of these, restored.
-fn clipped_leaves(light: &LightOctree, seen: &Frame, restored: &RadianceImage) -> Vec<Vec<Option<Vec3>>> {
+fn clipped_leaves(light: &LightOctree, seen: &Frame, restored: &RadianceImage) -> ClippedLeaves {
     let clipped = seen.clipped();
     let mut sums: Vec<Vec<(Vec3, f32)>> = light.rgba.iter().map(|rows| vec![(Vec3::ZERO, 0.0); rows.len()]).collect();
     for (x, y) in (0..clipped.height()).flat_map(|y| (0..clipped.width()).map(move |x| (x, y))) {
@@ -149,12 +189,12 @@ struct Parts {
 impl Parts {
     fn of(light: &LightOctree, leaf: LeafNode, bounds: &Bounds) -> Self {
         let (own, open) = (lightness(light, leaf), light.unseen(leaf));
-        let Bounds { ref clipped, level, cap } = *bounds;
+        let Bounds { ref clipped, level, cap, limit } = *bounds;
         if clipped[leaf.depth as usize][leaf.row].is_some() {
             let beyond = open * (1.0 - level / own.max(level));
             return Self { seen: 1.0 - beyond, surface: 0.0, lamp: 0.0, clipped: beyond };
         }
-        let lamp = open * (own - cap).clamp(0.0, LIMIT * cap) / own.max(1e-6);
+        let lamp = open * (own - cap).clamp(0.0, limit * cap) / own.max(1e-6);
         Self { seen: 1.0 - open, surface: open - lamp, lamp, clipped: 0.0 }
     }
 }
@@ -174,7 +214,7 @@ fn lightness(light: &LightOctree, leaf: LeafNode) -> f32 {
     luminance(light.radiance(leaf).to_array())
 }
 
-fn problem(light: &LightOctree, places: &[Place], bounds: &Bounds) -> Problem {
+fn problem(light: &LightOctree, places: &[Place], bounds: &Bounds, prior: Prior) -> Problem {
     let coming_in = |of: &dyn Fn(Parts) -> Vec3| {
         let given = light.merged(|leaf| lightness(light, leaf) * of(Parts::of(light, leaf, bounds)));
         let tracer = tracer(&LightOctree { rgba: light.rows_with(|depth, row, _| given[depth][row]), ..light.clone() });
@@ -194,6 +234,7 @@ fn problem(light: &LightOctree, places: &[Place], bounds: &Bounds) -> Problem {
         surfaces: all.iter().map(|light| light.y).collect(),
         lamps: all.iter().map(|light| light.z).collect(),
         clipped_lamps: clipped_lamps.iter().map(|light| light.x).collect(),
+        prior,
     }
 }
 
@@ -252,7 +293,7 @@ mod tests {
     #[test]
     fn a_lamp_that_is_guessed_too_dark_gets_as_bright_as_the_wall_says() {
         let (mut light, frame) = room(12.0);
-        let fit = fit_lamps(&mut light, &frame, Vec3::Y);
+        let fit = fit_lamps(&mut light, &frame, Vec3::Y, LampGuess::Averaged);
         let tracer = ConeTracer::new(&light, Settings::default()).unwrap();
         let cone = Cone { origin: Vec3::new(0.0, 0.6, -1.0), direction: Vec3::NEG_X, tan_half_angle: 0.05 };
         let radiance = tracer.trace(&cone).radiance[1];
@@ -272,7 +313,7 @@ mod tests {
         let (light, frame) = room(12.0);
         let (places, cap) = (places(&frame, &frame.normals(), &frame.radiance()), cap(&light));
         let clipped = clipped_leaves(&light, &frame, &frame.radiance());
-        let problem = problem(&light, &places, &Bounds { clipped, level: 1.0, cap });
+        let problem = problem(&light, &places, &Bounds { clipped, level: 1.0, cap, limit: LIMIT }, Prior::AVERAGED);
         let (mut sum, mut expected) = (0.0, 0.0);
         for (place, light) in places.iter().zip(&problem.lamps) {
             let point = place.position_m;
@@ -310,7 +351,7 @@ mod tests {
     fn a_clipped_lamp_asks_for_no_light_and_gets_what_such_lamps_have() {
         let (mut light, mut frame) = room(0.1);
         with_clipped_lamp(&mut light, &mut frame, 0.9);
-        let fit = fit_lamps(&mut light, &frame, Vec3::Y);
+        let fit = fit_lamps(&mut light, &frame, Vec3::Y, LampGuess::Averaged);
         // As a white surface it would ask for E = π, ten times what there is.
         assert!((0.9..1.1).contains(&fit.surfaces), "{fit:?}");
         // The lamp lies in the wall that is seen, and does not light it.
@@ -326,7 +367,7 @@ mod tests {
     fn even_light_stays() {
         let (mut light, frame) = room(0.1);
         let before = light.clone();
-        let fit = fit_lamps(&mut light, &frame, Vec3::Y);
+        let fit = fit_lamps(&mut light, &frame, Vec3::Y, LampGuess::Averaged);
         assert!(fit.lamps_share < 1e-6 && (0.91..1.1).contains(&fit.surfaces), "{fit:?}");
         assert_eq!(fit.warning(), None);
         for (after, before) in light.rgba.iter().flatten().zip(before.rgba.iter().flatten()) {
@@ -338,7 +379,7 @@ mod tests {
     fn lobes_are_taken_as_they_are_seen() {
         let (mut light, frame) = room(12.0);
         light.lobes = Some(light.rgba.iter().map(|rows| vec![[0.1, 0.0, 0.0]; rows.len()]).collect());
-        assert!(fit_lamps(&mut light, &frame, Vec3::Y).lamps > 1.5 && light.lobes.is_none());
+        assert!(fit_lamps(&mut light, &frame, Vec3::Y, LampGuess::Averaged).lamps > 1.5 && light.lobes.is_none());
     }
 
     #[test]
@@ -346,7 +387,7 @@ mod tests {
         let (mut light, mut frame) = room(12.0);
         frame.depth_m.pixels_mut().fill(0.0);
         let before = light.clone();
-        assert_eq!((fit_lamps(&mut light, &frame, Vec3::Y), light), (LampFit::default(), before));
+        assert_eq!((fit_lamps(&mut light, &frame, Vec3::Y, LampGuess::Averaged), light), (LampFit::default(), before));
     }
 
     #[test]
@@ -355,6 +396,6 @@ mod tests {
         with_clipped_lamp(&mut light, &mut frame, 0.9);
         frame.depth_m = DepthMap::from_fn(240, 160, |_, _| HALF_M);
         let before = light.clone();
-        assert_eq!((fit_lamps(&mut light, &frame, Vec3::Y), light), (LampFit::default(), before));
+        assert_eq!((fit_lamps(&mut light, &frame, Vec3::Y, LampGuess::Averaged), light), (LampFit::default(), before));
     }
 }

@@ -23,6 +23,8 @@ pub(crate) struct Problem {
     pub lamps: Vec<f32>,
     /// Irradiance by what is guessed of lamps beyond what the photo can tell of them.
     pub clipped_lamps: Vec<f32>,
+    /// What is known of the factors before the photo is looked at.
+    pub prior: Prior,
 }
 
 /// What explains it: factors on what was guessed.
@@ -52,6 +54,9 @@ const MAX_LOG_ALBEDO: f32 = -1.25;
 const SURFACES: (f32, f32) = (0.0, 0.2);
 const LAMPS: (f32, f32) = (1.5, 0.5);
 
+/// The same of lamps that are as bright as is expected.
+const EXPECTED_LAMPS: (f32, f32) = (0.0, 0.3);
+
 /// The same of clipped lamps: the error of [`crate::recover_highlights`].
 const CLIPPED_LAMPS: (f32, f32) = (0.1, 0.8);
 
@@ -64,8 +69,25 @@ const MAX_STEP: f32 = 1.0;
 const STEPS: usize = 25;
 
 /// Means, and precisions, of the logarithms of the factors of surfaces, lamps and clipped lamps.
-const MEANS: Vec3 = Vec3::new(SURFACES.0, LAMPS.0, CLIPPED_LAMPS.0);
-const PRECISIONS: Vec3 = Vec3::new(precision(SURFACES), precision(LAMPS), precision(CLIPPED_LAMPS));
+#[derive(Clone, Copy)]
+pub(crate) struct Prior {
+    means: Vec3,
+    precisions: Vec3,
+}
+
+impl Prior {
+    /// Where a network averaged lamps away.
+    pub const AVERAGED: Self = Self::with_lamps(LAMPS);
+    /// Where lamps are as bright as is expected.
+    pub const EXPECTED: Self = Self::with_lamps(EXPECTED_LAMPS);
+
+    const fn with_lamps(lamps: (f32, f32)) -> Self {
+        Self {
+            means: Vec3::new(SURFACES.0, lamps.0, CLIPPED_LAMPS.0),
+            precisions: Vec3::new(precision(SURFACES), precision(lamps), precision(CLIPPED_LAMPS)),
+        }
+    }
+}
 
 const fn precision((_, deviation): (f32, f32)) -> f32 {
     1.0 / (deviation * deviation)
@@ -155,8 +177,8 @@ impl Problem {
             sum += self.weights[i] * huber(above(*residual) / NOISE);
         }
         sum += segments.iter().map(|segment| 0.5 * (segment.albedo / LOG_ALBEDO.1).powi(2)).sum::<f32>();
-        let away = logs - MEANS;
-        TRUST * sum + 0.5 * PRECISIONS.dot(away * away)
+        let away = logs - self.prior.means;
+        TRUST * sum + 0.5 * self.prior.precisions.dot(away * away)
     }
 }
 
@@ -172,7 +194,7 @@ fn huber(deviations: f32) -> f32 {
 
 /// Gauss-Newton steps from what is likeliest without the photo, with the albedos eliminated.
 pub(crate) fn solve(problem: &Problem) -> Solution {
-    let mut logs = MEANS;
+    let mut logs = problem.prior.means;
     let mut cost = problem.cost(logs);
     for _ in 0..STEPS {
         let step = step(problem, logs);
@@ -224,8 +246,8 @@ fn step(problem: &Problem, logs: Vec3) -> Vec3 {
     };
     let with_all = |a: &[f32]| Vec3::from(columns.each_ref().map(|column| product(a, column)));
     let [surfaces, lamps, clipped_lamps] = columns.each_ref().map(|column| with_all(column));
-    let matrix = Mat3::from_cols(surfaces, lamps, clipped_lamps) + Mat3::from_diagonal(PRECISIONS);
-    let right = with_all(&rows) - PRECISIONS * (logs - MEANS);
+    let matrix = Mat3::from_cols(surfaces, lamps, clipped_lamps) + Mat3::from_diagonal(problem.prior.precisions);
+    let right = with_all(&rows) - problem.prior.precisions * (logs - problem.prior.means);
     // All precisions are above 0, so that there is an inverse.
     (matrix.inverse() * right).clamp(Vec3::splat(-MAX_STEP), Vec3::splat(MAX_STEP))
 }
@@ -264,6 +286,7 @@ mod tests {
             surfaces: vec![0.1; count],
             lamps: lamp.iter().map(|lamp| guess * lamp).collect(),
             clipped_lamps: vec![0.0; count],
+            prior: Prior::AVERAGED,
         }
     }
 
@@ -325,7 +348,8 @@ mod tests {
             surfaces: vec![],
             lamps: vec![],
             clipped_lamps: vec![],
+            prior: Prior::AVERAGED,
         };
-        assert_eq!(solve(&empty), solution(MEANS));
+        assert_eq!(solve(&empty), solution(Prior::AVERAGED.means));
     }
 }

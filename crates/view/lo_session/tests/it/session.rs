@@ -254,7 +254,7 @@ fn lights_reach_the_picture_and_a_scene_keeps_them() {
     // As `insert` would light it.
     let mut lit = ROOM.scene.clone();
     lit.light_edits = session.state().lights.clone();
-    lightoctree::light_up(&mut lit, true).unwrap();
+    lightoctree::light_up(&mut lit, lightoctree::LightMode::Plausible, &lightoctree::LightTuning::default()).unwrap();
     assert_eq!(*scenes.of(session.state()).unwrap(), lit);
 }
 

@@ -1,0 +1,95 @@
+//! Which guessed light a scene is lit by: options that `insert`, `envmap`, `probes` and `export` share.
+
+use clap::ValueEnum;
+use lightoctree::scene::Scene;
+use lightoctree::{LightMode, LightTuning};
+
+use super::parse;
+use crate::progress::Stages;
+use crate::usage::Usage;
+
+/// Names of lights.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LightArg {
+    /// The likeliest radiance: lamps and windows that no photo shows vanish
+    Even,
+    /// The expected energy: right on average, softer than rooms are
+    Expected,
+    /// The expected energy gathered into lamps and windows: contrast and shadows of rooms
+    Plausible,
+}
+
+/// Options of guessed light.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub struct LightArgs {
+    /// Light of what no photo shows [default: plausible for insert and export, expected for envmap and probes]
+    #[arg(long, value_name = "LIGHT")]
+    pub light: Option<LightArg>,
+
+    /// Contrast of plausible light, as a factor on that of similar rooms in stops
+    #[arg(long, value_name = "FACTOR", value_parser = parse::contrast)]
+    pub contrast: Option<f64>,
+
+    /// Stops by which guessed light is redder than estimated; below 0 bluer
+    #[arg(long, value_name = "EV", allow_hyphen_values = true, value_parser = parse::warmth)]
+    pub warmth: Option<f64>,
+
+    /// This pixel of the photo shows something white: guessed light gets the colour that it has there
+    #[arg(long, value_name = "U,V", value_parser = parse::pixel)]
+    pub white: Option<[f64; 2]>,
+
+    /// The former name of --light plausible
+    #[arg(long, hide = true, conflicts_with_all = ["light", "no_lamp"])]
+    lamp: bool,
+
+    /// The former name of --light even
+    #[arg(long, hide = true, conflicts_with = "light")]
+    no_lamp: bool,
+}
+
+/// Gives a scene plausible light, and reports what was fitted.
+pub fn fit_lamps(scene: &mut Scene, stages: &mut Stages) {
+    let report = stages.stage("lights", || lightoctree::fit_lamps(scene));
+    report.warning().iter().for_each(|warning| stages.warn(warning));
+}
+
+impl LightArgs {
+    /// The light asked for.
+    ///
+    /// # Errors
+    /// Options that have no effect on it.
+    pub fn mode(&self, usual: LightMode) -> anyhow::Result<(LightMode, LightTuning)> {
+        let mode = match self.light {
+            _ if self.lamp => LightMode::Plausible,
+            _ if self.no_lamp => LightMode::Even,
+            None => usual,
+            Some(LightArg::Even) => LightMode::Even,
+            Some(LightArg::Expected) => LightMode::Expected,
+            Some(LightArg::Plausible) => LightMode::Plausible,
+        };
+        if self.contrast.is_some() && mode != LightMode::Plausible {
+            return Err(Usage("--contrast: only plausible light has one; add --light plausible".into()).into());
+        }
+        if (self.warmth.is_some() || self.white.is_some()) && mode == LightMode::Even {
+            return Err(Usage("--warmth and --white change expected and plausible light, not even light".into()).into());
+        }
+        let usual = LightTuning::default();
+        let tuning = LightTuning {
+            contrast: self.contrast.map_or(usual.contrast, |contrast| contrast as f32),
+            warmth_ev: self.warmth.map_or(usual.warmth_ev, |warmth| warmth as f32),
+            white: self.white,
+        };
+        Ok((mode, tuning))
+    }
+
+    /// Lights a scene as options and its edits say, and reports what was fitted.
+    ///
+    /// # Errors
+    /// Options without effect; edits of lights that there are not.
+    pub fn light_up(&self, scene: &mut Scene, usual: LightMode, stages: &mut Stages) -> anyhow::Result<()> {
+        let (mode, tuning) = self.mode(usual)?;
+        let report = stages.stage("lights", || lightoctree::light_up(scene, mode, &tuning))?;
+        report.fit.warning().iter().for_each(|warning| stages.warn(warning));
+        Ok(())
+    }
+}

@@ -1,0 +1,248 @@
+//! Losses that compare energy: the irradiance that a panorama gives to surfaces of all facings.
+
+use std::f32::consts::PI;
+use std::sync::OnceLock;
+
+use burn::tensor::{Tensor, TensorData};
+use lo_geometry::{Camera, Vec3, pixel_direction, pixel_solid_angle_sr};
+use lo_imaging::{RadianceImage, luminance, resize, sample_equirectangular};
+use lo_random::Stream;
+
+use super::network::{ExpectedLightNet, LOSS_HEIGHT, LUMINANCE};
+use super::statistics::PhotoStatistics;
+
+/// Surfaces whose irradiance is compared.
+const FACINGS: usize = 96;
+
+/// Pixels of the panorama that losses compare.
+const PIXELS: usize = 2 * LOSS_HEIGHT * LOSS_HEIGHT;
+
+/// Rows of the panorama that the truth is integrated on.
+const TRUTH_HEIGHT: usize = 64;
+
+/// Share of the mean irradiance that is added before logarithms: what is that dark lights nothing.
+const DARK: f32 = 0.05;
+
+/// Largest squared logarithm that counts.
+const MAX_SQUARE: f32 = 4.0;
+
+/// What a photo's statistics are to tell.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExpectedTruth {
+    /// Share of each pixel, `PIXELS` of them, that the photo does not show.
+    open: Vec<f32>,
+    /// Irradiance by what the photo does not show: linear RGB of each facing.
+    irradiance: Vec<[f32; 3]>,
+    /// log2 of the largest over the smallest irradiance by all that there is.
+    contrast_stops: f32,
+}
+
+/// The parts of the loss.
+#[derive(Clone, Debug)]
+pub struct ExpectedLosses {
+    /// Mean squared difference of the logarithms of irradiance.
+    pub log_irradiance: Tensor<1>,
+    /// Root mean square difference after the best scale, over the mean irradiance: where light comes from.
+    pub scale_invariant: Tensor<1>,
+    /// Mean angle between the colours of irradiance, about radians.
+    pub colour: Tensor<1>,
+    /// Mean squared difference of the contrast, stops.
+    pub contrast: Tensor<1>,
+}
+
+impl ExpectedLosses {
+    /// Their weighted sum.
+    pub fn total(&self) -> Tensor<1> {
+        self.log_irradiance.clone() * 0.5
+            + self.scale_invariant.clone()
+            + self.colour.clone() * 2.0
+            + self.contrast.clone() * 0.02
+    }
+}
+
+/// Directions on a Fibonacci sphere.
+fn facings() -> Vec<Vec3> {
+    let golden_rad = PI * (3.0 - 5f32.sqrt());
+    let facing = |i: usize| {
+        let y = 1.0 - 2.0 * (i as f32 + 0.5) / FACINGS as f32;
+        let (sine, cosine) = (i as f32 * golden_rad).sin_cos();
+        let radius = (1.0 - y * y).sqrt();
+        Vec3::new(radius * cosine, y, radius * sine)
+    };
+    (0..FACINGS).map(facing).collect()
+}
+
+/// `[pixels, FACINGS]`: what a pixel of radiance 1 adds to the irradiance of each facing, over π.
+fn cosines(height: usize) -> Vec<f32> {
+    let facings = facings();
+    let of_pixel = |i: usize| {
+        let (x, y) = (i % (2 * height), i / (2 * height));
+        let direction = pixel_direction(x, y, 2 * height, height);
+        let solid_angle = pixel_solid_angle_sr(y, 2 * height, height);
+        facings.iter().map(move |facing| facing.dot(direction).max(0.0) * solid_angle / PI).collect::<Vec<f32>>()
+    };
+    (0..2 * height * height).flat_map(of_pixel).collect()
+}
+
+fn truth_cosines() -> &'static [f32] {
+    static COSINES: OnceLock<Vec<f32>> = OnceLock::new();
+    COSINES.get_or_init(|| cosines(TRUTH_HEIGHT))
+}
+
+fn loss_cosines() -> &'static [f32] {
+    static COSINES: OnceLock<Vec<f32>> = OnceLock::new();
+    COSINES.get_or_init(|| cosines(LOSS_HEIGHT))
+}
+
+impl ExpectedTruth {
+    /// Of the true panorama at the camera, its centre along the view and in the photo's units; `mirrored` for the mirror image of the level frame.
+    pub fn new(panorama: &RadianceImage, camera: &Camera, statistics: &PhotoStatistics, mirrored: bool) -> Self {
+        let (width, height) = (2 * TRUTH_HEIGHT, TRUTH_HEIGHT);
+        let panorama = if panorama.height() > height { &resize(panorama, width, height) } else { panorama };
+        let mut open = vec![(0.0f32, 0.0f32); PIXELS];
+        let (mut unseen, mut all) = ([[0.0f32; 3]; FACINGS], [0.0f32; FACINGS]);
+        for (i, cosines) in truth_cosines().chunks_exact(FACINGS).enumerate() {
+            let (x, y) = (i % width, i / width);
+            let mut level = pixel_direction(x, y, width, height);
+            if mirrored {
+                level.x = -level.x;
+            }
+            let direction = statistics.camera_from_level * level;
+            let seen = camera.project(direction).is_some_and(|(u, v, _)| camera.contains(u, v));
+            let radiance = sample_equirectangular(panorama, direction).map(|c| c.max(0.0));
+            let solid_angle = pixel_solid_angle_sr(y, width, height);
+            let scale = TRUTH_HEIGHT / LOSS_HEIGHT;
+            let (sum, total) = &mut open[y / scale * 2 * LOSS_HEIGHT + x / scale];
+            *total += solid_angle;
+            let light = luminance(radiance);
+            all.iter_mut().zip(cosines).for_each(|(sum, cosine)| *sum += cosine * light);
+            if !seen {
+                *sum += solid_angle;
+                for (sum, cosine) in unseen.iter_mut().zip(cosines) {
+                    (0..3).for_each(|c| sum[c] += cosine * radiance[c]);
+                }
+            }
+        }
+        let (least, most) = all.iter().fold((f32::MAX, 0.0f32), |(low, high), &e| (low.min(e), high.max(e)));
+        Self {
+            open: open.into_iter().map(|(sum, total)| sum / total).collect(),
+            irradiance: unseen.to_vec(),
+            contrast_stops: (most.max(1e-6) / least.max(1e-6)).log2().min(8.0),
+        }
+    }
+}
+
+/// Losses of a network on some photos; `stream` draws what is left out of a step.
+pub fn expected_losses(
+    net: &ExpectedLightNet,
+    examples: &[(&PhotoStatistics, &ExpectedTruth)],
+    stream: Option<&mut Stream>,
+) -> ExpectedLosses {
+    let photos: Vec<&PhotoStatistics> = examples.iter().map(|&(statistics, _)| statistics).collect();
+    let told = net.told(&photos, stream, LOSS_HEIGHT);
+    let device = told.contrast_stops.device();
+    let count = examples.len();
+    let rows =
+        |width: usize, values: Vec<f32>| Tensor::<2>::from_data(TensorData::new(values, [count, width]), &device);
+    let of_truth =
+        |of: &dyn Fn(&ExpectedTruth) -> Vec<f32>| examples.iter().flat_map(|&(_, truth)| of(truth)).collect();
+    let open = rows(PIXELS, of_truth(&|truth| truth.open.clone()));
+    let cosines = Tensor::<2>::from_data(TensorData::new(loss_cosines().to_vec(), [PIXELS, FACINGS]), &device);
+    let got = told.channels.map(|channel| (channel * open.clone()).matmul(cosines.clone()));
+    let truth = [0, 1, 2]
+        .map(|c| rows(FACINGS, of_truth(&|truth: &ExpectedTruth| truth.irradiance.iter().map(|e| e[c]).collect())));
+    let light = |[r, g, b]: &[Tensor<2>; 3]| {
+        let [kr, kg, kb] = LUMINANCE;
+        r.clone() * kr + g.clone() * kg + b.clone() * kb
+    };
+    let (got_light, true_light) = (light(&got), light(&truth));
+    let mean = true_light.clone().mean_dim(1) + 1e-6;
+    let log = |light: &Tensor<2>| (light.clone() + mean.clone() * DARK).log();
+    let log_irradiance = (log(&got_light) - log(&true_light)).square().clamp_max(MAX_SQUARE).mean();
+    let squares = got_light.clone().square().sum_dim(1) + 1e-9;
+    let scale = (got_light.clone() * true_light.clone()).sum_dim(1) / squares;
+    let scaled = (got_light * scale - true_light) / mean;
+    let scale_invariant = (scaled.square().mean_dim(1) + 1e-4).sqrt().mean();
+    let dot = |a: &[Tensor<2>; 3], b: &[Tensor<2>; 3]| {
+        a[0].clone() * b[0].clone() + a[1].clone() * b[1].clone() + a[2].clone() * b[2].clone()
+    };
+    let lengths = (dot(&got, &got) * dot(&truth, &truth) + 1e-12).sqrt();
+    // The chord between unit vectors: the angle, where it is small.
+    let colour = ((dot(&got, &truth) / lengths).neg() + (1.0 + 1e-5)).clamp_min(1e-6).mul_scalar(2.0).sqrt().mean();
+    let stops = rows(1, of_truth(&|truth| vec![truth.contrast_stops]));
+    let contrast = (told.contrast_stops - stops).square().mean();
+    ExpectedLosses { log_irradiance, scale_invariant, colour, contrast }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use lo_imaging::DepthMap;
+
+    use super::*;
+    use crate::Adam;
+    use crate::testing::{numbers, recording_device};
+
+    fn statistics() -> (PhotoStatistics, Camera) {
+        let photo = RadianceImage::from_fn(48, 32, |x, _| [0.2 + 0.01 * x as f32, 0.3, 0.3]);
+        let camera = Camera::from_hfov_deg(75.0, 48, 32).unwrap();
+        let depth_m = DepthMap::from_fn(48, 32, |x, _| 2.0 + 0.02 * x as f32);
+        (PhotoStatistics::new(&photo, &depth_m, &camera, Vec3::Y), camera)
+    }
+
+    /// Even light of 0.5, and a lamp of 6° to the right of and above the camera.
+    fn panorama(lamp: f32) -> RadianceImage {
+        let towards = Vec3::new(0.8, 0.6, 0.0);
+        RadianceImage::from_fn(256, 128, |x, y| {
+            let bright = pixel_direction(x, y, 256, 128).dot(towards) > 6f32.to_radians().cos();
+            [if bright { lamp } else { 0.5 }; 3]
+        })
+    }
+
+    #[test]
+    fn irradiance_of_even_light_and_a_lamp_is_the_closed_form() {
+        let (statistics, camera) = statistics();
+        let even = ExpectedTruth::new(&panorama(0.5), &camera, &statistics, false);
+        // 480 × 320 at 75°: what is seen is a twelfth of the sphere; above the camera nothing is missing.
+        let up = facings().iter().position(|facing| facing.y > 0.9).unwrap();
+        assert!((even.irradiance[up][1] - 0.5).abs() < 0.06, "{:?}", even.irradiance[up]);
+        assert!(even.contrast_stops.abs() < 0.05, "{}", even.contrast_stops);
+        let lit = ExpectedTruth::new(&panorama(60.0), &camera, &statistics, false);
+        // A cap of 6° has 0.0344 sr: 59.5 · 0.0344 / π more where a surface faces it.
+        let most = lit.irradiance.iter().map(|e| e[1]).fold(0.0, f32::max);
+        assert!((most - (0.5 + 0.652)).abs() < 0.08, "{most}");
+        let mirrored = ExpectedTruth::new(&panorama(60.0), &camera, &statistics, true);
+        let brightest = |truth: &ExpectedTruth| {
+            let at = (0..FACINGS).max_by(|&a, &b| truth.irradiance[a][1].total_cmp(&truth.irradiance[b][1]));
+            facings()[at.unwrap()]
+        };
+        assert!(brightest(&lit).x > 0.5 && brightest(&mirrored).x < -0.5);
+        let open: f32 = even.open.iter().sum::<f32>() / PIXELS as f32;
+        assert!((0.85..0.97).contains(&open), "{open}");
+    }
+
+    #[test]
+    fn a_lamp_is_learned_in_place_level_and_contrast() {
+        let (statistics, camera) = statistics();
+        let truths = [false, true].map(|mirrored| ExpectedTruth::new(&panorama(60.0), &camera, &statistics, mirrored));
+        let photos = [statistics.clone(), statistics.mirrored()];
+        let examples = [(&photos[0], &truths[0]), (&photos[1], &truths[1])];
+        let mut net = ExpectedLightNet::new(1, &recording_device());
+        let mut adam = Adam::default();
+        let loss = |net: &ExpectedLightNet| expected_losses(net, &examples, None).total();
+        let before = numbers(loss(&net))[0];
+        for _ in 0..150 {
+            let gradients = loss(&net).backward();
+            net = adam.step(net, &gradients, 5e-3);
+        }
+        let after = numbers(loss(&net))[0];
+        assert!(after < 0.35 * before, "{before} {after}");
+        use burn::module::Module;
+        let guess = net.valid().guess(&statistics);
+        let brightest =
+            (0..64 * 32).max_by(|&a, &b| guess.radiance.pixels()[a][1].total_cmp(&guess.radiance.pixels()[b][1]));
+        let towards = brightest.map(|i| pixel_direction(i % 64, i / 64, 64, 32)).unwrap();
+        assert!(towards.dot(Vec3::new(0.8, 0.6, 0.0)) > 0.85, "{towards}");
+        assert!((guess.contrast_stops - truths[0].contrast_stops).abs() < 0.5);
+    }
+}
