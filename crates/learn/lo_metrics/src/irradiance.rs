@@ -1,7 +1,8 @@
 //! Light that a panorama throws on objects, against the true one.
 //!
-//! Irradiance is taken at 512 normals, the directions of a 16 × 32 equirectangular grid, each of which counts alike, and is stated over π: the radiance of
-//! a matte white surface. Panoramas are brought to 128 × 64 pixels; 64 × 32 would move contrasts by up to 0.5 %, those of small lamps by 3 %.
+//! Irradiance is taken at 512 normals, the directions of a 16 × 32 equirectangular grid, each of which counts alike,
+//! and is stated over π: the radiance of a matte white surface. Panoramas are brought to 128 × 64 pixels; 64 × 32 would
+//! move contrasts by up to 0.5 %, those of small lamps by 3 %.
 
 use std::sync::LazyLock;
 
@@ -41,14 +42,16 @@ pub struct LightOnObjects {
     pub vector_deg: Option<f64>,
     /// `|log₂|` of the ratio of mean luminance irradiances.
     pub level_log2: f64,
-    /// RMSE of the unseen part's irradiance, scaled to be least ([`si_rmse`]), over the mean of the true one. `None` without unseen light.
+    /// RMSE of the unseen part's irradiance, scaled to be least ([`si_rmse`]), over the mean of the true one. `None`
+    /// without unseen light.
     pub unseen_relative_si_rmse: Option<f64>,
     /// Mean angle between the colours of the unseen part's irradiance, degrees ([`angular_error_deg`]).
     pub unseen_angular_deg: Option<f64>,
 }
 
 impl LightOnObjects {
-    /// Compares panoramas of one size; `seen` says of every pixel, row by row, whether the photo shows it, where that is known. Negative radiance is 0.
+    /// Compares panoramas of one size; `seen` says of every pixel, row by row, whether the photo shows it, where that
+    /// is known. Negative radiance is 0.
     ///
     /// `None` where one panorama is black.
     ///
@@ -113,8 +116,8 @@ fn lanes(map: &RadianceImage, seen: Option<&[bool]>) -> Vec<Lanes> {
         .collect()
 }
 
-/// Row of normals → row of the panorama → columns to the right of the normal's first one → cosine × solid angle / π. A turn of the normal by one
-/// column turns the panorama by [`STEP`], so that one column of normals stands for all.
+/// Row of normals → row of the panorama → columns to the right of the normal's first one → cosine × solid angle / π. A
+/// turn of the normal by one column turns the panorama by [`STEP`], so that one column of normals stands for all.
 static COSINES: LazyLock<Vec<Vec<[f32; MAP[0]]>>> = LazyLock::new(|| {
     let row_of_normals = |n: usize| {
         let normal = pixel_direction(0, n, NORMALS[0], NORMALS[1]);
@@ -248,7 +251,8 @@ mod tests {
         got.pixels_mut()[MAP[0] * MAP[1] / 2..].fill([0.0, 0.0, 9.0]);
         let figures = LightOnObjects::of(&truth, &got, Some(&seen)).unwrap();
         assert!((figures.unseen_angular_deg.unwrap() - 45.0).abs() < 1e-4, "{figures:?}");
-        // Irradiance is h (1, 0, 0) and α h (1, 1, 0), α = 1/2: the error is RMS(h) / √6, the mean h / 3; h = (1 + cos) / 2 with the mean of cos² 1/2.
+        // Irradiance is h (1, 0, 0) and α h (1, 1, 0), α = 1/2: the error is RMS(h) / √6, the mean h / 3; h = (1 + cos)
+        // / 2 with the mean of cos² 1/2.
         assert!((figures.unseen_relative_si_rmse.unwrap() - 1.5).abs() < 2e-3, "{figures:?}");
         let figures = LightOnObjects::of(&truth, &got, Some(&vec![true; MAP[0] * MAP[1]])).unwrap();
         assert_eq!((figures.unseen_relative_si_rmse, figures.unseen_angular_deg), (None, None));
@@ -267,7 +271,8 @@ mod tests {
         let seen = |index: usize| (40..88).contains(&(index % MAP[0])) && (20..44).contains(&(index / MAP[0]));
         let seen: Vec<bool> = (0..MAP[0] * MAP[1]).map(seen).collect();
         let figures = LightOnObjects::of(&map(0.3, 60.0, 30), &map(0.5, 20.0, 50), Some(&seen)).unwrap();
-        // `light` and `unseen` of the project's check light_contrast.py, whose solid angles are those of the rows' middles.
+        // `light` and `unseen` of the project's check light_contrast.py, whose solid angles are those of the rows'
+        // middles.
         let pairs = [
             (figures.contrast_stops, 0.487_619),
             (figures.true_contrast_stops, 1.037_512),

@@ -3,8 +3,8 @@
 use lightoctree::cone::Viewers;
 use lightoctree::scene::{Completion, Frame, PosedFrame, Scene};
 use lightoctree::{EstimateOptions, Estimator, Exposures, Input};
-use lo_dataset::{Generator, GeneratorConfig, NovelView, Record, Sample, Shot};
-use lo_eval::{Estimate, Light, Scorer, Scores, Sight, coherence, seen_mask};
+use lo_dataset::{Generator, GeneratorConfig, NovelView, Record, Sample, Shot, seen_mask};
+use lo_eval::{Estimate, Light, Scorer, Scores, Sight, coherence};
 use lo_geometry::{Quat, RigidTransform, Vec3};
 use lo_imaging::{Photo, RadianceImage, luminance};
 use lo_metrics::{PsnrCurve, log_rmse, psnr_db, solid_angles_sr};
