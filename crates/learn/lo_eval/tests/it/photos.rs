@@ -87,7 +87,7 @@ fn true_exposures(record: &Record) -> Vec<f32> {
 fn scores(record: &Record, scene: Scene) -> Scores {
     let sight = Sight::Octree(Viewers::new(&scene.light));
     let light = Light::Octree { octree: Box::new(scene.light), sight };
-    let estimate = Estimate { light, depth_m: None, up: None, prior: None };
+    let estimate = Estimate::of_light(light);
     let sample = record.sample(0);
     let panoramas = Scorer::panoramas(&sample, &estimate);
     let of_view = |(view, got)| of_view(&sample, view, got);
@@ -101,7 +101,7 @@ fn scores(record: &Record, scene: Scene) -> Scores {
 fn ceiling(record: &Record, scene: Scene) -> Scores {
     let sight = Sight::Octree(Viewers::new(&scene.light));
     let light = Light::Octree { octree: Box::new(scene.light), sight };
-    let estimate = Estimate { light, depth_m: None, up: None, prior: None };
+    let estimate = Estimate::of_light(light);
     let sample = record.sample(0);
     let first = &record.shots[0];
     let of_view = |(view, mut known): (&NovelView, RadianceImage)| {
