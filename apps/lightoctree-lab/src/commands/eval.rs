@@ -66,17 +66,17 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     samples: Option<u32>,
 
-    /// Methods, separated by commas [default: all that the options suffice for, but for network-lamps and panorama-…; the protocol insertion has its own]
+    /// Methods, separated by commas [default: all that the options suffice for, but for network-expected, network-lamps and panorama-…; the protocol insertion has its own]
     ///
     /// With one that knows a panorama of the room, every method is scored on the panoramas 0.7 m or more from it alone.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     methods: Vec<String>,
 
-    /// Trained weights, for network, network-sensor, network-true and single-map [default: those of the program]
+    /// Trained weights, for network, network-sensor, network-true, network-cubed and single-map [default: those of the program]
     #[arg(long, value_name = "FILE")]
     weights: Option<PathBuf>,
 
-    /// The training set's mean vertical profile, for profile
+    /// The training set's mean vertical profile, for profile and fixed-shape
     #[arg(long, value_name = "FILE.json")]
     profile: Option<PathBuf>,
 
@@ -252,7 +252,8 @@ fn usage(error: EvalError) -> anyhow::Error {
 fn check_tools(methods: &[Method], tools: &Tools) -> Result<(), Usage> {
     let lacking = methods.iter().find(|method| !method.has_tools(tools));
     lacking.map_or(Ok(()), |method| {
-        let needed = if *method == Method::Profile { "--profile FILE.json" } else { "--weights FILE" };
+        let is_profile = matches!(method, Method::Profile | Method::FixedShape);
+        let needed = if is_profile { "--profile FILE.json" } else { "--weights FILE" };
         Err(Usage(format!("the method {} needs {needed}", method.name())))
     })
 }

@@ -211,6 +211,8 @@ fn figures(found: &[Figure]) -> String {
             "photo_alone_psnr_db" => db("photo alone"),
             "true_octree_psnr_db" => db("true octree"),
             "shell_psnr_db" => db("shell"),
+            "contrast_stops" => format!("  contrast {value:.2} stops"),
+            "unseen_irradiance_relative_si_rmse" => format!("  unseen irradiance {value:.3}"),
             "split_accuracy" => format!("  splits {:.1} %", 100.0 * value),
             _ => return None,
         })

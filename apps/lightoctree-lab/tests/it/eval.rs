@@ -30,13 +30,13 @@ fn every_method_has_its_line_and_threads_change_nothing() {
     run(&["-o", "two", "--threads", "2", "--methods", "profile,shell-sensor,network,true-octree"]);
     let read = |file: &str| std::fs::read_to_string(at.join(file)).unwrap();
     let (one, two) = (read("one/scenes.csv"), read("two/scenes.csv"));
-    assert_eq!((one.lines().count(), two.lines().count()), (1 + 2 * 10, 1 + 2 * 4));
+    assert_eq!((one.lines().count(), two.lines().count()), (1 + 2 * 12, 1 + 2 * 4));
     assert!(two.lines().all(|line| one.lines().any(|other| other == line)), "{one}{two}");
     let methods = summary["methods"].as_array().unwrap();
     let names: Vec<&str> = methods.iter().map(|method| method["method"].as_str().unwrap()).collect();
     let all = [
-        ["mean-colour", "profile", "mirrored", "single-map", "shell-sensor"],
-        ["shell-true", "network", "network-sensor", "network-true", "true-octree"],
+        ["mean-colour", "profile", "fixed-shape", "mirrored", "single-map", "network-cubed"],
+        ["shell-sensor", "shell-true", "network", "network-sensor", "network-true", "true-octree"],
     ];
     assert_eq!(names, all.concat());
     for method in methods {
@@ -45,13 +45,17 @@ fn every_method_has_its_line_and_threads_change_nothing() {
     }
     // only the networks alone have to find depth
     let figure = |method: usize, name: &str| methods[method]["figures"][name]["mean"].as_f64();
-    assert_eq!(figure(9, "split_accuracy"), Some(1.0));
-    assert!(figure(6, "depth_abs_rel").unwrap() > 0.01 && figure(8, "depth_abs_rel").unwrap() < 1e-3);
-    assert!(figure(8, "split_accuracy").is_some() && figure(0, "split_accuracy").is_none());
+    assert_eq!(figure(11, "split_accuracy"), Some(1.0));
+    assert!(figure(8, "depth_abs_rel").unwrap() > 0.01 && figure(10, "depth_abs_rel").unwrap() < 1e-3);
+    assert!(figure(10, "split_accuracy").is_some() && figure(0, "split_accuracy").is_none());
+    assert!(figure(5, "contrast_stops") > figure(8, "contrast_stops"), "a cube has more contrast");
     let text = read("one/summary.md");
     assert!(text.contains("| true-octree | 2 |") && text.contains("### Scenes won, unseen_si_rmse"), "{text}");
+    assert!(
+        text.contains("### Light on objects") && text.contains("### Scenes won, unseen_irradiance_relative_si_rmse")
+    );
     let sheet = imaging::read_photo(at.join("one/sheet.png")).unwrap().photo;
-    assert_eq!((sheet.width(), sheet.height()), (8 + 192 + 11 * 260, 4 + 2 * 132));
+    assert_eq!((sheet.width(), sheet.height()), (8 + 192 + 13 * 260, 4 + 2 * 132));
     // its own results are replaced, other things are not
     run(&["-o", "one", "--samples", "1", "--methods", "mirrored"]);
     assert_eq!(read("one/scenes.csv").lines().count(), 2);
@@ -110,7 +114,8 @@ fn panoramas_and_published_protocols() {
 fn what_is_missing_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    std::fs::write(at.join("bad.json"), r#"{"format_version":1,"samples":1,"dataset":"x","factors":[]}"#).unwrap();
+    let profile = |factors: &str| format!(r#"{{"format_version":1,"samples":1,"dataset":"x","factors":{factors}}}"#);
+    std::fs::write(at.join("bad.json"), profile("[]")).unwrap();
     let refusal = |code: i32, more: &[&str]| refused(at, code, &[&["eval", "rooms", "-o", "report"], more].concat());
     let message = refusal(2, &["--methods", "profile"]);
     assert!(message.contains("the method profile needs --profile FILE.json"), "{message}");

@@ -2,7 +2,8 @@
 
 use lo_dataset::Sample;
 use lo_geometry::{Vec2, Vec3, direction_from_uv, pixel_direction};
-use lo_imaging::{RadianceImage, linear_from_srgb8, resize_equirectangular};
+use lo_imaging::{RadianceImage, linear_from_srgb8, luminance, resize_equirectangular};
+use lo_metrics::solid_angles_sr;
 
 use crate::profile::{Profile, mean_colour};
 
@@ -22,6 +23,45 @@ pub(crate) fn profile_map(sample: &Sample, profile: &Profile) -> RadianceImage {
     RadianceImage::from_fn(width, height, |x, y| {
         let factor = profile.at(pixel_direction(x, y, width, height), up);
         mean.map(|v| v * factor)
+    })
+}
+
+/// The linear profile times the photo's mean luminance, with half of its mean colour's chroma; about the vertical that
+/// [`profile_map`] takes.
+///
+/// `None` where the profile is of logarithms alone.
+pub(crate) fn fixed_shape_map(sample: &Sample, profile: &Profile) -> Option<RadianceImage> {
+    let [width, height] = MAP;
+    let (mean, up) = (mean_colour(sample), sample.up.unwrap_or(Vec3::Y));
+    let colour = half_chroma(mean).map(|v| v * luminance(mean));
+    profile.linear_at(up, up)?;
+    Some(RadianceImage::from_fn(width, height, |x, y| {
+        let factor = profile.linear_at(pixel_direction(x, y, width, height), up).unwrap_or(0.0);
+        colour.map(|v| v * factor)
+    }))
+}
+
+/// Least radiance, and ratio of a channel to luminance, that has a root and a cube.
+const LEAST: f32 = 1e-6;
+
+/// Half of a colour's chroma, as an exponent, with luminance 1: the channels over luminance to the power of 1/2.
+fn half_chroma(rgb: [f32; 3]) -> [f32; 3] {
+    let of = luminance(rgb).max(f32::MIN_POSITIVE);
+    let root = rgb.map(|v| (v / of).max(LEAST).sqrt());
+    root.map(|v| v / luminance(root))
+}
+
+/// A panorama with its luminance cubed, ∫ L dω as before, and half of its chroma.
+pub(crate) fn cubed(panorama: &RadianceImage) -> RadianceImage {
+    let light = |rgb: &[f32; 3]| f64::from(luminance(rgb.map(|v| v.max(LEAST))));
+    let angles = solid_angles_sr(panorama.width(), panorama.height());
+    let power = |exponent: i32| -> f64 {
+        panorama.pixels().iter().zip(&angles).map(|(rgb, &angle)| light(rgb).powi(exponent) * f64::from(angle)).sum()
+    };
+    let gain = power(1) / power(3);
+    panorama.map(|rgb| {
+        let cube = (gain * light(rgb).powi(3)) as f32;
+        half_chroma(rgb.map(|v| v.max(LEAST))).map(|v| v * cube)
     })
 }
 
@@ -62,7 +102,7 @@ fn folded(angle: f32, half: f32) -> f32 {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::testing;
+    use crate::{ProfileBuilder, testing};
     use lo_imaging::Image;
 
     #[test]
@@ -85,6 +125,35 @@ mod tests {
 
     fn column_at(map: &RadianceImage, degrees: f32) -> [f32; 3] {
         map[(((0.5 + degrees / 360.0) * 256.0) as usize, 64)]
+    }
+
+    #[test]
+    fn a_cube_keeps_the_integral_and_half_of_the_chroma() {
+        let (dim, bright) = ([0.4, 0.1, 0.1], [1.6, 0.4, 0.4]);
+        let map = RadianceImage::from_fn(64, 32, |x, _| if x < 32 { dim } else { bright });
+        let got = cubed(&map);
+        // Luminances 1 and 4 in some unit become 1 and 64, times 5 / 65.
+        let expected = [5.0 / 65.0, 64.0 * 5.0 / 65.0].map(|v| v * luminance(dim));
+        for (x, expected) in [(3, expected[0]), (40, expected[1])] {
+            let rgb = got[(x, 9)];
+            assert!((luminance(rgb) / expected - 1.0).abs() < 1e-4, "{rgb:?} {expected}");
+            assert!((rgb[0] / rgb[1] - 2.0).abs() < 1e-4, "{rgb:?}");
+        }
+    }
+
+    #[test]
+    fn a_fixed_shape_is_as_bright_as_the_photo_and_half_as_colourful() {
+        let mut sample = testing::box_room();
+        let mut builder = ProfileBuilder::default();
+        builder.add(&sample);
+        let profile = builder.finish("one room").unwrap();
+        sample.photo = Image::new(96, 64, vec![[200, 200, 100]; 96 * 64]);
+        let (map, mean) = (fixed_shape_map(&sample, &profile).unwrap(), mean_colour(&sample));
+        let angles = solid_angles_sr(map.width(), map.height());
+        let power: f32 = map.pixels().iter().zip(&angles).map(|(&rgb, angle)| luminance(rgb) * angle).sum();
+        assert!((power / (4.0 * std::f32::consts::PI * luminance(mean)) - 1.0).abs() < 0.01, "{power} {mean:?}");
+        let [r, _, b] = map[(7, 7)];
+        assert!((r / b - (mean[0] / mean[2]).sqrt()).abs() < 1e-4);
     }
 
     #[test]

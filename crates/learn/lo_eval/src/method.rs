@@ -2,7 +2,7 @@
 
 use lightoctree::cone::{self, Cone, Viewers};
 use lightoctree::scene::{Completion, Frame, FrameError, Scene};
-use lightoctree::{EstimateError, EstimateOptions, Estimator, Input, PanoramaError, SharpViewers};
+use lightoctree::{EstimateError, EstimateOptions, Estimator, LightMode, LightTuning, Input, PanoramaError, SharpViewers};
 use lo_dataset::{NovelView, Sample, TrueLeaves};
 use lo_geometry::{Cube, Vec3};
 use lo_imaging::{DepthMap, Photo, RadianceImage, sample_equirectangular};
@@ -25,7 +25,9 @@ pub enum DepthInput {
 pub enum Method {
     /// The networks, from the photo alone or with depth.
     Network(Option<DepthInput>),
-    /// The same with lamps as bright as objects are lit by.
+    /// The same with the expected energy, as `envmap` shows it.
+    Expected(Option<DepthInput>),
+    /// The same with plausible lamps, as objects are lit.
     FittedLamps(Option<DepthInput>),
     /// Completion by planes.
     Shell(DepthInput),
@@ -33,10 +35,15 @@ pub enum Method {
     MeanColour,
     /// The training set's mean vertical profile times the photo's mean colour.
     Profile,
+    /// The training set's mean linear vertical profile as bright as the photo, with half of the chroma of its mean
+    /// colour.
+    FixedShape,
     /// The photo mirrored until the sphere is full.
     Mirrored,
     /// The one panorama that the global decoder makes of the photo, wherever the probe is (Gardner et al. 2017's kind).
     SingleMap,
+    /// The networks' panorama from the photo alone with its luminance cubed, its integral kept and half of its chroma.
+    NetworkCubed,
     /// The true octree: what a perfect network of this depth would reach.
     TrueOctree,
     /// The networks, from the photo alone or with depth, and a panorama of the room from another place than those that are scored.
@@ -59,9 +66,9 @@ pub enum PriorPanorama {
 /// What methods need beside the photo.
 #[derive(Clone, Copy, Debug)]
 pub struct Tools<'a> {
-    /// `Network` and `SingleMap` need one with networks.
+    /// `Network`, `NetworkCubed` and `SingleMap` need one with networks.
     pub estimator: &'a Estimator,
-    /// For `Profile`.
+    /// For `Profile` and `FixedShape`.
     pub profile: Option<&'a Profile>,
     /// Depth of the octrees; those of networks are at least as deep as these say.
     pub octree_depth: u32,
@@ -106,6 +113,8 @@ pub struct Estimate {
     pub up: Option<Vec3>,
     /// How the panorama that it knows was laid.
     pub prior: Option<LaidPrior>,
+    /// Whether its panoramas are cubed, as those of [`Method::NetworkCubed`] are.
+    pub is_cubed: bool,
 }
 
 /// Light around every point.
@@ -131,11 +140,13 @@ pub enum Sight {
 
 impl Method {
     /// All that need no panorama of the room, in the order of the tables: those that run where nothing else is said.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 12] = [
         Self::MeanColour,
         Self::Profile,
+        Self::FixedShape,
         Self::Mirrored,
         Self::SingleMap,
+        Self::NetworkCubed,
         Self::Shell(DepthInput::Sensor),
         Self::Shell(DepthInput::True),
         Self::Network(None),
@@ -154,8 +165,11 @@ impl Method {
         Self::PanoramaPrior(None, PriorPanorama::OfAnotherRoom),
     ];
 
-    /// Those with lamps as objects are lit by.
-    pub const WITH_LAMPS: [Self; 3] = [
+    /// Those with another light than the octree's own.
+    pub const WITH_LAMPS: [Self; 6] = [
+        Self::Expected(None),
+        Self::Expected(Some(DepthInput::Sensor)),
+        Self::Expected(Some(DepthInput::True)),
         Self::FittedLamps(None),
         Self::FittedLamps(Some(DepthInput::Sensor)),
         Self::FittedLamps(Some(DepthInput::True)),
@@ -167,6 +181,9 @@ impl Method {
             Self::Network(None) => "network",
             Self::Network(Some(DepthInput::Sensor)) => "network-sensor",
             Self::Network(Some(DepthInput::True)) => "network-true",
+            Self::Expected(None) => "network-expected",
+            Self::Expected(Some(DepthInput::Sensor)) => "network-expected-sensor",
+            Self::Expected(Some(DepthInput::True)) => "network-expected-true",
             Self::FittedLamps(None) => "network-lamps",
             Self::FittedLamps(Some(DepthInput::Sensor)) => "network-lamps-sensor",
             Self::FittedLamps(Some(DepthInput::True)) => "network-lamps-true",
@@ -174,8 +191,10 @@ impl Method {
             Self::Shell(DepthInput::True) => "shell-true",
             Self::MeanColour => "mean-colour",
             Self::Profile => "profile",
+            Self::FixedShape => "fixed-shape",
             Self::Mirrored => "mirrored",
             Self::SingleMap => "single-map",
+            Self::NetworkCubed => "network-cubed",
             Self::TrueOctree => "true-octree",
             Self::PanoramaEverywhere => "panorama-everywhere",
             Self::PanoramaPrior(_, PriorPanorama::OfAnotherRoom) => "panorama-of-another-room",
@@ -201,10 +220,13 @@ impl Method {
     /// Whether the tools at hand suffice, whatever the sample has.
     pub fn has_tools(self, tools: &Tools) -> bool {
         match self {
-            Self::Network(_) | Self::FittedLamps(_) | Self::SingleMap | Self::PanoramaPrior(..) => {
-                tools.estimator.networks().is_some()
-            }
-            Self::Profile => tools.profile.is_some(),
+            Self::Network(_)
+            | Self::NetworkCubed
+            | Self::Expected(_)
+            | Self::FittedLamps(_)
+            | Self::SingleMap
+            | Self::PanoramaPrior(..) => tools.estimator.networks().is_some(),
+            Self::Profile | Self::FixedShape => tools.profile.is_some(),
             _ => true,
         }
     }
@@ -213,6 +235,7 @@ impl Method {
     pub fn takes(self, sample: &Sample) -> bool {
         match self {
             Self::Network(Some(input))
+            | Self::Expected(Some(input))
             | Self::FittedLamps(Some(input))
             | Self::PanoramaPrior(Some(input), _)
             | Self::Shell(input) => match input {
@@ -229,10 +252,12 @@ impl Method {
     /// # Errors
     /// What the sample or the tools lack; estimates that fail.
     pub fn estimate(self, sample: &Sample, tools: &Tools) -> Result<Estimate, MethodError> {
-        let map = |map: RadianceImage| Ok(Estimate { light: Light::Map(map), depth_m: None, up: None, prior: None });
+        let map = |map: RadianceImage| Ok(Estimate::of_light(Light::Map(map)));
+        let profile = || tools.profile.ok_or(MethodError::Needs("a profile"));
         match self {
             Self::MeanColour => map(baseline::mean_colour_map(sample)),
-            Self::Profile => map(baseline::profile_map(sample, tools.profile.ok_or(MethodError::Needs("a profile"))?)),
+            Self::Profile => map(baseline::profile_map(sample, profile()?)),
+            Self::FixedShape => map(baseline::fixed_shape_map(sample, profile()?).ok_or(MethodError::Needs(LINEAR))?),
             Self::Mirrored => map(baseline::mirrored_map(sample)),
             Self::SingleMap => {
                 let networks = tools.estimator.networks().ok_or(MethodError::Needs("weights"))?;
@@ -245,12 +270,12 @@ impl Method {
                 let input = Input::MeasuredDepth(frame(sample, input)?);
                 Ok(Estimate::of_scene(estimator.estimate(input, &options, &mut lightoctree::events::ignore)?))
             }
-            Self::Network(input) => Ok(Estimate::of_scene(estimate_scene(sample, input, tools)?)),
-            Self::FittedLamps(input) => {
-                let mut scene = estimate_scene(sample, input, tools)?;
-                lightoctree::fit_lamps(&mut scene);
-                Ok(Estimate::of_scene(scene))
+            Self::NetworkCubed => {
+                Ok(Estimate { is_cubed: true, ..Estimate::of_scene(estimate_scene(sample, None, tools)?) })
             }
+            Self::Network(input) => Ok(Estimate::of_scene(estimate_scene(sample, input, tools)?)),
+            Self::Expected(input) => lit_scene(sample, input, tools, LightMode::Expected),
+            Self::FittedLamps(input) => lit_scene(sample, input, tools, LightMode::Plausible),
             Self::PanoramaEverywhere => {
                 let known = tools.known.filter(|known| !known.is_scored);
                 let known = known.ok_or(MethodError::Needs("another panorama than the one that is scored"))?;
@@ -262,17 +287,38 @@ impl Method {
     }
 }
 
+/// The part of a profile that `FixedShape` needs.
+const LINEAR: &str = "linear_factors in the profile, which --make-profile writes";
+
+/// The networks' scene by the light of a mode.
+fn lit_scene(
+    sample: &Sample,
+    input: Option<DepthInput>,
+    tools: &Tools,
+    mode: LightMode,
+) -> Result<Estimate, MethodError> {
+    let mut scene = estimate_scene(sample, input, tools)?;
+    let lit = lightoctree::light_up(&mut scene, mode, &LightTuning::default());
+    lit.expect("neither edits nor a white pixel are asked for");
+    Ok(Estimate::of_scene(scene))
+}
+
 impl Estimate {
     fn of_scene(scene: Scene) -> Self {
         let sight = Sight::Scene(Box::new(SharpViewers::new(&scene)));
         let light = Light::Octree { octree: Box::new(scene.light), sight };
         let up = scene.room.map(|room| room.up);
-        Self { light, depth_m: Some(scene.frame.depth_m), up, prior: None }
+        Self { depth_m: Some(scene.frame.depth_m), up, ..Self::of_light(light) }
     }
 
     fn of_octree(octree: LightOctree) -> Self {
         let sight = Sight::Octree(Viewers::new(&octree));
-        Self { light: Light::Octree { octree: Box::new(octree), sight }, depth_m: None, up: None, prior: None }
+        Self::of_light(Light::Octree { octree: Box::new(octree), sight })
+    }
+
+    /// Wraps light of which no more is known.
+    pub fn of_light(light: Light) -> Self {
+        Self { light, depth_m: None, up: None, prior: None, is_cubed: false }
     }
 
     /// The panorama at a view's place, in its orientation and of its size.
@@ -290,7 +336,7 @@ impl Estimate {
         turn: impl Fn(Vec3) -> Vec3,
     ) -> RadianceImage {
         let direction = |x: usize, y: usize| turn(lo_geometry::pixel_direction(x, y, width, height));
-        match &self.light {
+        let panorama = match &self.light {
             Light::Map(map) => {
                 RadianceImage::from_fn(width, height, |x, y| sample_equirectangular(map, direction(x, y)))
             }
@@ -304,7 +350,8 @@ impl Estimate {
                 let samples = traced(sight, position_m, &cones);
                 RadianceImage::new(width, height, samples.iter().map(|sample| sample.radiance).collect())
             }
-        }
+        };
+        if self.is_cubed { baseline::cubed(&panorama) } else { panorama }
     }
 }
 

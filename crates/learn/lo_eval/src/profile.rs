@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use lo_dataset::{Dataset, DatasetError, Sample};
 use lo_events::{Cancelled, OnEvent, Stage, Steps};
 use lo_geometry::{Vec3, pixel_direction};
-use lo_imaging::{linear_from_srgb8, luminance};
+use lo_imaging::{RadianceImage, linear_from_srgb8, luminance};
+use lo_metrics::solid_angles_sr;
 use serde::{Deserialize, Serialize};
 
 /// Bands of equal height in elevation, from straight down to straight up.
@@ -25,6 +26,10 @@ pub struct Profile {
     dataset: String,
     /// From −90° to 90°: `exp(mean ln(1 + ratio)) − 1`, the constant that a log-L2 loss (`docs/method.md` §6) would choose.
     factors: Vec<f32>,
+    /// From −90° to 90°: mean luminance where each panorama's own mean is 1, the constant that a squared error would
+    /// choose. Files of former versions lack it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    linear_factors: Option<Vec<f32>>,
 }
 
 /// Why there is no profile.
@@ -61,8 +66,16 @@ pub enum ProfileError {
 /// Adds up the profiles of many samples.
 #[derive(Clone, Debug, Default)]
 pub struct ProfileBuilder {
-    sums: Vec<[f64; 2]>,
+    sums: Vec<BandSums>,
     samples: usize,
+}
+
+/// Sums over one band, weighted by solid angle.
+#[derive(Clone, Copy, Debug, Default)]
+struct BandSums {
+    log_ratio: f64,
+    linear: f64,
+    angle: f64,
 }
 
 impl ProfileBuilder {
@@ -73,18 +86,21 @@ impl ProfileBuilder {
             return;
         }
         self.samples += 1;
-        self.sums.resize(BANDS, [0.0; 2]);
+        self.sums.resize(BANDS, BandSums::default());
         let up = sample.up.unwrap_or(Vec3::Y);
         for view in &sample.views {
             let (width, height) = (view.radiance.width(), view.radiance.height());
+            let own_mean = mean_luminance(&view.radiance);
             for y in 0..height {
                 let angle = f64::from(lo_geometry::pixel_solid_angle_sr(y, width, height));
                 for x in 0..width {
                     let direction = view.rotation * pixel_direction(x, y, width, height);
                     let band = (height_of(direction, up) * BANDS as f32) as usize;
-                    let ratio = f64::from(luminance(view.radiance[(x, y)]).max(0.0) / mean);
+                    let light = f64::from(luminance(view.radiance[(x, y)]).max(0.0));
                     let sums = &mut self.sums[band.min(BANDS - 1)];
-                    *sums = [sums[0] + angle * ratio.ln_1p(), sums[1] + angle];
+                    sums.log_ratio += angle * (light / f64::from(mean)).ln_1p();
+                    sums.linear += angle * light / own_mean;
+                    sums.angle += angle;
                 }
             }
         }
@@ -92,14 +108,13 @@ impl ProfileBuilder {
 
     /// The profile; `None` where no sample had a panorama. Bands that small panoramas left out take their neighbour's value.
     pub fn finish(self, dataset: &str) -> Option<Profile> {
-        let covered = |band: &usize| self.sums[*band][1] > 0.0;
+        let covered = |band: &usize| self.sums[*band].angle > 0.0;
         let nearest = |band: usize| (0..self.sums.len()).filter(covered).min_by_key(|other| other.abs_diff(band));
-        let factors: Vec<f32> = (0..self.sums.len())
-            .filter_map(nearest)
-            .map(|band| (self.sums[band][0] / self.sums[band][1]).exp_m1() as f32)
-            .collect();
-        let dataset = dataset.to_owned();
-        (!factors.is_empty()).then_some(Profile { format_version: 1, samples: self.samples, dataset, factors })
+        let bands: Vec<BandSums> = (0..self.sums.len()).filter_map(nearest).map(|band| self.sums[band]).collect();
+        let factors: Vec<f32> = bands.iter().map(|sums| (sums.log_ratio / sums.angle).exp_m1() as f32).collect();
+        let linear_factors = Some(bands.iter().map(|sums| (sums.linear / sums.angle) as f32).collect());
+        let (samples, dataset) = (self.samples, dataset.to_owned());
+        (!factors.is_empty()).then_some(Profile { format_version: 1, samples, dataset, factors, linear_factors })
     }
 }
 
@@ -147,25 +162,44 @@ impl Profile {
         if profile.format_version != 1 {
             return Err(ProfileError::Version(profile.format_version));
         }
-        if profile.factors.is_empty() || !profile.factors.iter().all(|v| v.is_finite() && *v >= 0.0) {
+        let is_wrong = |factors: &Vec<f32>| factors.is_empty() || !factors.iter().all(|v| v.is_finite() && *v >= 0.0);
+        if is_wrong(&profile.factors) || profile.linear_factors.as_ref().is_some_and(is_wrong) {
             return Err(ProfileError::Factors);
         }
         Ok(profile)
     }
 
-    /// Factor in a unit direction, between the bands' middles by interpolation.
+    /// Factor of the photo's mean luminance in a unit direction, between the bands' middles by interpolation.
     pub fn at(&self, direction: Vec3, up: Vec3) -> f32 {
-        let last = self.factors.len() - 1;
-        let position = (height_of(direction, up) * self.factors.len() as f32 - 0.5).clamp(0.0, last as f32);
-        let first = position as usize;
-        let share = position - first as f32;
-        self.factors[first] * (1.0 - share) + self.factors[(first + 1).min(last)] * share
+        interpolated(&self.factors, direction, up)
+    }
+
+    /// Luminance in a unit direction, whose mean over the sphere is about 1; `None` where the file has no linear
+    /// profile.
+    pub fn linear_at(&self, direction: Vec3, up: Vec3) -> Option<f32> {
+        self.linear_factors.as_ref().map(|factors| interpolated(factors, direction, up))
     }
 
     /// Photos that it is the mean of.
     pub fn samples(&self) -> usize {
         self.samples
     }
+}
+
+/// Value of bands of elevation in a unit direction.
+fn interpolated(factors: &[f32], direction: Vec3, up: Vec3) -> f32 {
+    let last = factors.len() - 1;
+    let position = (height_of(direction, up) * factors.len() as f32 - 0.5).clamp(0.0, last as f32);
+    let first = position as usize;
+    let share = position - first as f32;
+    factors[first] * (1.0 - share) + factors[(first + 1).min(last)] * share
+}
+
+/// Mean luminance of a panorama over the sphere, above 0.
+fn mean_luminance(panorama: &RadianceImage) -> f64 {
+    let angles = solid_angles_sr(panorama.width(), panorama.height());
+    let weighted = panorama.pixels().iter().zip(&angles).map(|(&rgb, &angle)| luminance(rgb).max(0.0) * angle);
+    weighted.map(f64::from).sum::<f64>().max(f64::MIN_POSITIVE) / angles.iter().map(|v| f64::from(*v)).sum::<f64>()
 }
 
 /// Mean colour of a photo in linear light, clipped as the photo is.
@@ -189,7 +223,6 @@ mod tests {
     use crate::testing;
     use lo_dataset::NovelView;
     use lo_geometry::Quat;
-    use lo_imaging::{RadianceImage, linear_from_srgb8};
 
     #[test]
     fn a_known_profile_comes_back_however_the_camera_is_turned() {
@@ -209,11 +242,16 @@ mod tests {
         let expected = 21f32.sqrt() - 1.0;
         let at = |y: f32| profile.at(Vec3::new(0.0, y, 0.7).normalize(), Vec3::Y);
         assert!((at(0.6) - expected).abs() < 1e-3 && at(-0.6) < 1e-6, "{}", at(0.6));
+        // A panorama's own mean is half of its upper half.
+        let linear = |y: f32| profile.linear_at(Vec3::new(0.0, y, 0.7).normalize(), Vec3::Y).unwrap();
+        assert!((linear(0.6) - 2.0).abs() < 1e-3 && linear(-0.6) < 1e-6, "{}", linear(0.6));
         let copy = Profile::from_json(&serde_json::to_vec(&profile).unwrap()).unwrap();
         assert_eq!((copy.samples(), &copy), (2, &profile));
         assert!(Profile::from_json(b"{\"factors\":[]}").is_err());
         let wrong = serde_json::json!({"format_version": 1, "samples": 1, "dataset": "x", "factors": [-1.0]});
         assert!(Profile::from_json(wrong.to_string().as_bytes()).unwrap_err().to_string().contains("negative"));
         assert!(ProfileBuilder::default().finish("none").is_none());
+        let former = serde_json::json!({"format_version": 1, "samples": 1, "dataset": "x", "factors": [1.0]});
+        assert_eq!(Profile::from_json(former.to_string().as_bytes()).unwrap().linear_at(Vec3::Y, Vec3::Y), None);
     }
 }

@@ -1,16 +1,16 @@
 //! All figures of one method on one sample.
 
-use lo_dataset::{Sample, TrueLeaves, true_octree};
+use lo_dataset::{Sample, TrueLeaves, seen_mask, true_octree};
 use lo_geometry::Vec3;
 use lo_imaging::{RadianceImage, luminance};
 use lo_metrics::{
-    DepthErrors, MAX_PSNR_DB, PsnrCurve, angular_error_deg, log_rmse, psnr_db, relative_si_rmse, rmse, si_rmse,
-    solid_angles_sr,
+    DepthErrors, LightOnObjects, MAX_PSNR_DB, PsnrCurve, angular_error_deg, log_rmse, psnr_db, relative_si_rmse, rmse,
+    si_rmse, solid_angles_sr,
 };
 use serde::Serialize;
 
 use crate::spheres::{Material, SphereView, Transport, single_sphere};
-use crate::{Estimate, Light, ProtocolRenders, SplitAgreement, coherence, seen_mask};
+use crate::{Estimate, Light, ProtocolRenders, SplitAgreement, coherence};
 
 /// Named figures; what cannot be said of a sample is missing.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -92,7 +92,9 @@ impl Scorer {
             .map(|(view, got)| {
                 let mut scores = Scores::default();
                 let angles = solid_angles_sr(got.width(), got.height());
-                parts(&mut scores, &view.radiance, got, &angles, seen_mask(sample, view).as_deref());
+                let seen = seen_mask(sample, view);
+                parts(&mut scores, &view.radiance, got, &angles, seen.as_deref());
+                light_on_objects(&mut scores, &view.radiance, got, seen.as_deref());
                 for (name, sphere) in &self.spheres {
                     let (a, b) = (sphere.render(&view.radiance), sphere.render(got));
                     let ones = vec![1.0; a.pixels().len()];
@@ -137,6 +139,19 @@ fn parts(scores: &mut Scores, truth: &RadianceImage, got: &RadianceImage, angles
         scores.add(format!("{prefix}relative_si_rmse"), relative_si_rmse(truth, got, &weights));
         scores.add(format!("{prefix}angular_deg"), angular_error_deg(truth, got, &weights));
     }
+}
+
+/// Figures of the light that a panorama throws on objects.
+fn light_on_objects(scores: &mut Scores, truth: &RadianceImage, got: &RadianceImage, seen: Option<&[bool]>) {
+    let Some(light) = LightOnObjects::of(truth, got, seen) else { return };
+    scores.add("contrast_stops", Some(light.contrast_stops));
+    scores.add("true_contrast_stops", Some(light.true_contrast_stops));
+    scores.add("anisotropy", Some(light.anisotropy));
+    scores.add("true_anisotropy", Some(light.true_anisotropy));
+    scores.add("vector_deg", light.vector_deg);
+    scores.add("level_log2", Some(light.level_log2));
+    scores.add("unseen_irradiance_relative_si_rmse", light.unseen_relative_si_rmse);
+    scores.add("unseen_irradiance_angular_deg", light.unseen_angular_deg);
 }
 
 /// Figures of depth and of the octree's structure.
@@ -212,7 +227,13 @@ mod tests {
             assert!(figure(&octree, "coherence") < figure(scores, "coherence"));
             assert!(figure(&octree, "diffuse_rmse") < figure(scores, "diffuse_rmse"));
             assert!(figure(&octree, "diffuse_stops") < figure(scores, "diffuse_stops"));
+            assert!(figure(&octree, "level_log2") < figure(scores, "level_log2"));
+            let unseen = "unseen_irradiance_relative_si_rmse";
+            assert!(figure(&octree, unseen) < figure(scores, unseen));
         }
+        let contrast = |scores: &Scores| figure(scores, "contrast_stops");
+        assert!((contrast(&octree) / figure(&octree, "true_contrast_stops") - 1.0).abs() < 0.05, "{octree:?}");
+        assert!(contrast(&mean) < 2e-3 && mean.get("vector_deg").is_none() && figure(&octree, "vector_deg") < 5.0);
         // the true octree is split as itself, true depth has no error
         assert_eq!(octree.get("split_accuracy"), Some(1.0));
         assert!(figure(&shell, "split_accuracy") < 1.0, "it assumes other heights of floor and ceiling");

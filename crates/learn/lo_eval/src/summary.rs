@@ -57,7 +57,7 @@ struct Line<'a> {
 /// Heading of a table, and its columns: figure, head, digits.
 type Table = (&'static str, &'static [(&'static str, &'static str, usize)]);
 
-const TABLES: [Table; 10] = [
+const TABLES: [Table; 11] = [
     (
         "Panorama",
         &[
@@ -81,6 +81,19 @@ const TABLES: [Table; 10] = [
             ("unseen_si_rmse", "unseen si-RMSE ↓", 3),
             ("unseen_relative_si_rmse", "unseen relative ↓", 3),
             ("unseen_angular_deg", "unseen ° ↓", 2),
+        ],
+    ),
+    (
+        "Light on objects",
+        &[
+            ("contrast_stops", "contrast, stops: median (quartiles)", 2),
+            ("true_contrast_stops", "of the truth", 2),
+            ("anisotropy", "anisotropy: median", 2),
+            ("true_anisotropy", "of the truth", 2),
+            ("vector_deg", "direction °: median ↓", 1),
+            ("level_log2", "level, log₂: median ↓", 2),
+            ("unseen_irradiance_relative_si_rmse", "unseen irradiance, relative si-RMSE ↓", 3),
+            ("unseen_irradiance_angular_deg", "unseen irradiance ° ↓", 2),
         ],
     ),
     (
@@ -160,6 +173,8 @@ const TABLES: [Table; 10] = [
             ("shadow_diffuse_rms", "of the sphere ↓", 4),
             ("shadow_pole_rms", "of the pole ↓", 4),
             ("shadow_gradient_correlation", "correlation of its gradient ↑", 3),
+            ("shadow_strength_near", "strength, to 1 radius", 2),
+            ("shadow_strength_far", "strength, 1 to 6 radii", 2),
             ("dominant_deg", "direction ° (median) ↓", 1),
             ("dominant_log2_intensity", "|log₂ intensity| (median) ↓", 2),
         ],
@@ -177,14 +192,35 @@ const TABLES: [Table; 10] = [
 ];
 
 /// Figures whose medians over scenes stand in the tables: their means are those of few scenes.
-const MEDIANS: [&str; 2] = ["dominant_deg", "dominant_log2_intensity"];
+const MEDIANS: [&str; 8] = [
+    "contrast_stops",
+    "true_contrast_stops",
+    "anisotropy",
+    "true_anisotropy",
+    "vector_deg",
+    "level_log2",
+    "dominant_deg",
+    "dominant_log2_intensity",
+];
+
+/// Figures whose quartiles are given beside the median.
+const QUARTILES: [&str; 2] = ["contrast_stops", "true_contrast_stops"];
+
+/// Figures that are ratios of two others: in a scene of its sums, in the mean of the sums over all scenes, so that a
+/// scene with a small divisor counts for little.
+const RATIOS: [(&str, [&str; 2]); 2] = [
+    ("shadow_strength_near", ["shadow_darkening_near", "true_shadow_darkening_near"]),
+    ("shadow_strength_far", ["shadow_darkening_far", "true_shadow_darkening_far"]),
+];
 
 /// Figures for which scenes won are counted.
-const CONTESTS: [&str; 7] = [
+const CONTESTS: [&str; 9] = [
     "psnr_db",
     "unseen_si_rmse",
     "unseen_relative_si_rmse",
     "unseen_angular_deg",
+    "unseen_irradiance_relative_si_rmse",
+    "unseen_irradiance_angular_deg",
     "array_si_rmse",
     "object_diffuse_rmse",
     "shadow_rms",
@@ -246,9 +282,11 @@ impl Summary {
             let rows = lines.iter().filter(|line| shown.iter().any(|(figure, ..)| line.mean.get(figure).is_some()));
             let rows = rows.map(|line| {
                 let figures = shown.iter().map(|(figure, _, digits)| {
-                    let of_scenes = || line.scenes.iter().filter_map(|(_, scores)| scores.get(figure)).collect();
-                    let is_median = MEDIANS.contains(figure);
-                    number(if is_median { median(of_scenes()) } else { line.mean.get(figure) }, *digits)
+                    if !MEDIANS.contains(figure) {
+                        return number(line.mean.get(figure), *digits);
+                    }
+                    let [lower, middle, upper] = QUANTILES.map(|share| number(line.quantile(figure, share), *digits));
+                    if QUARTILES.contains(figure) { format!("{middle} ({lower}, {upper})") } else { middle }
                 });
                 [line.method.to_owned(), line.samples.to_string()].into_iter().chain(figures).collect()
             });
@@ -273,7 +311,7 @@ impl Summary {
         text
     }
 
-    /// The same as JSON: for every method its counts, means and medians over scenes, and cost.
+    /// The same as JSON: for every method its counts, means, medians and quartiles over scenes, and cost.
     pub fn json(&self) -> serde_json::Value {
         let methods: Vec<_> = self
             .lines(None)
@@ -283,8 +321,8 @@ impl Summary {
                     .mean
                     .iter()
                     .map(|(figure, mean)| {
-                        let values = line.scenes.iter().filter_map(|(_, scores)| scores.get(figure)).collect();
-                        (figure.to_owned(), json!({ "mean": mean, "median": median(values) }))
+                        let [lower, median, upper] = QUANTILES.map(|share| line.quantile(figure, share));
+                        (figure.to_owned(), json!({ "mean": mean, "median": median, "quartiles": [lower, upper] }))
                     })
                     .collect();
                 json!({
@@ -326,8 +364,10 @@ impl Summary {
             }
         }
         let samples = by_scene.iter().map(|(_, samples)| samples.len()).sum();
-        let scenes: Vec<_> = by_scene.into_iter().map(|(scene, samples)| (scene, Scores::mean(samples))).collect();
-        let mean = Scores::mean(scenes.iter().map(|(_, scores)| scores));
+        let mut scenes: Vec<_> = by_scene.into_iter().map(|(scene, samples)| (scene, Scores::mean(samples))).collect();
+        let mut mean = Scores::mean(scenes.iter().map(|(_, scores)| scores));
+        scenes.iter_mut().for_each(|(_, scores)| add_ratios(scores));
+        add_ratios(&mut mean);
         let costs = || own().filter(|outcome| outcome.scores.is_ok()).map(|outcome| outcome.cost);
         let cost = Cost {
             estimate_s: median(costs().map(|cost| cost.estimate_s).collect()).unwrap_or(0.0),
@@ -335,6 +375,21 @@ impl Summary {
             peak_mib: costs().filter_map(|cost| cost.peak_mib).max_by(f64::total_cmp),
         };
         Line { method, samples, failures, scenes, mean, cost }
+    }
+}
+
+/// Adds the ratios of means over one and the same samples: these are the ratios of their sums.
+fn add_ratios(mean: &mut Scores) {
+    for (figure, [dividend, divisor]) in RATIOS {
+        let both = mean.get(dividend).zip(mean.get(divisor));
+        mean.add(figure, both.filter(|(_, divisor)| *divisor > 0.0).map(|(dividend, divisor)| dividend / divisor));
+    }
+}
+
+impl Line<'_> {
+    /// A quantile of a figure over the scenes that have it.
+    fn quantile(&self, figure: &str, share: f64) -> Option<f64> {
+        quantile(self.scenes.iter().filter_map(|(_, scores)| scores.get(figure)).collect(), share)
     }
 }
 
@@ -385,11 +440,20 @@ fn number(value: Option<f64>, digits: usize) -> String {
     value.map_or_else(|| "–".to_owned(), |value| format!("{value:.digits$}"))
 }
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
+/// Lower quartile, median and upper quartile.
+const QUANTILES: [f64; 3] = [0.25, 0.5, 0.75];
+
+fn median(values: Vec<f64>) -> Option<f64> {
+    quantile(values, 0.5)
+}
+
+/// NumPy's default: linear between the two values beside `share` of the way from the least to the largest.
+fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
     values.sort_unstable_by(f64::total_cmp);
-    let middle = values.len() / 2;
-    let upper = values.get(middle).copied()?;
-    Some(if values.len() % 2 == 1 { upper } else { 0.5 * (values[middle - 1] + upper) })
+    let place = share * values.len().saturating_sub(1) as f64;
+    let lower = values.get(place as usize)?;
+    let upper = values.get(place.ceil() as usize)?;
+    Some(lower + place.fract() * (upper - lower))
 }
 
 #[cfg(test)]
@@ -425,7 +489,25 @@ mod tests {
     }
 
     #[test]
+    fn the_strength_of_shadows_is_a_ratio_of_sums() {
+        let mut summary = Summary::default();
+        // A room without any true shadow to speak of has a ratio of 50.
+        for (scene, number, got, truth) in [("a", 0, 1.0, 2.0), ("a", 1, 3.0, 6.0), ("b", 0, 0.5, 0.01)] {
+            let figures = [("shadow_darkening_near", got), ("true_shadow_darkening_near", truth)];
+            let scores = Scores::from_iter(figures.map(|(figure, value)| (figure.to_owned(), value)));
+            summary.add(Outcome { scores: Ok(scores), ..outcome(scene, number, "fitted", 0.0) });
+        }
+        let figure = &summary.json()["methods"][0]["figures"]["shadow_strength_near"];
+        assert!((figure["mean"].as_f64().unwrap() - 2.5 / 4.01).abs() < 1e-9, "{figure}");
+        // Of the rooms 0.5 and 50.
+        assert!((figure["median"].as_f64().unwrap() - 25.25).abs() < 1e-9, "{figure}");
+        assert!(summary.markdown().contains("| fitted | 3 | 0.62 |"), "{}", summary.markdown());
+    }
+
+    #[test]
     fn medians() {
         assert_eq!([median(vec![]), median(vec![3.0, 1.0, 2.0]), median(vec![4.0, 1.0])], [None, Some(2.0), Some(2.5)]);
+        // numpy.percentile([4, 1, 3, 2], [25, 75])
+        assert_eq!([0.25, 0.75].map(|share| quantile(vec![4.0, 1.0, 3.0, 2.0], share)), [Some(1.75), Some(3.25)]);
     }
 }

@@ -266,7 +266,7 @@ mod tests {
         // the same light as one map: its features stay where they are. Walls are 1.2 to 2.8 m away, a metre moves them by tens of pixels
         let view = &sample.views[0];
         let map = estimate.panorama_at(view.position_m, 256, 128, |direction| direction);
-        let single = Estimate { light: Light::Map(map), depth_m: None, up: None, prior: None };
+        let single = Estimate::of_light(Light::Map(map));
         let found = walk(&sample, &single).unwrap();
         assert!(found.largest_step_ratio.is_none() && found.parallax_px.unwrap() > 10.0, "{found:?}");
     }

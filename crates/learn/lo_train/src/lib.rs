@@ -34,6 +34,6 @@ pub use encoder_weights::{EncoderOrigin, published, read_encoder};
 pub use error::{ConfigError, Fault, TrainError};
 pub use phases::{DepthPhase, LightPhase, Schedule};
 pub use rays::{drawn_panorama_rays, panorama_rays};
-pub use report::ValidationReport;
+pub use report::{LightReport, ValidationReport};
 pub use run::{CHECKPOINT_FILE, LOG_FILE, Request, SHEET_FILE, Start, WEIGHTS_FILE, train};
 pub use style::StyleConfig;

@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 
 use lightoctree::{DEFAULT_OCTREE_DEPTH, EstimateOptions, Estimator, Input, SharpViewers, events};
 use lo_cone::{Cone, ConeSample, Viewers};
-use lo_dataset::{Dataset, NovelView, Sample, Split, indices_of};
+use lo_dataset::{Dataset, NovelView, Sample, Split, indices_of, seen_mask};
 use lo_events::Warning;
-use lo_geometry::{Perspective, Vec3};
+use lo_geometry::{Perspective, Quat, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
-use lo_metrics::{DepthErrors, panorama_psnr_db};
+use lo_metrics::{DepthErrors, LightOnObjects, panorama_psnr_db};
 use lo_nets::Networks;
 use lo_nets::conv::in_pool;
 use lo_nets::light::{Growth, LightNetConfig};
@@ -19,7 +19,7 @@ use crate::augmentation::Variation;
 use crate::example::{DepthExample, KnownDepth, Unusable, VariedRoom};
 use crate::learner::Learner;
 use crate::rays::panorama_rays;
-use crate::report::ValidationReport;
+use crate::report::{LightReport, ValidationReport};
 use crate::sheet::{Row, sheet};
 
 /// Seed of what is drawn for the light network, as of estimates where none is asked for.
@@ -121,6 +121,9 @@ struct Means {
     db: Vec<f64>,
     alone_db: Vec<f64>,
     splits: Vec<f64>,
+    /// Photo → panorama.
+    light: Vec<Vec<LightOnObjects>>,
+    global_light: Vec<Vec<LightOnObjects>>,
 }
 
 impl Means {
@@ -134,9 +137,29 @@ impl Means {
             psnr_db: of(&self.db),
             photo_alone_psnr_db: of(&self.alone_db),
             split_accuracy: of(&self.splits),
+            light_on_objects: light_report(&self.light),
+            global_light_on_objects: light_report(&self.global_light),
             ..ValidationReport::default()
         }
     }
+}
+
+/// Figures of the panoramas of photos; `None` without any.
+fn light_report(photos: &[Vec<LightOnObjects>]) -> Option<LightReport> {
+    type Of = fn(&LightOnObjects) -> Option<f64>;
+    let of_photos = |figure: Of| -> Vec<f64> {
+        photos.iter().filter_map(|panoramas| mean(panoramas.iter().filter_map(figure))).collect()
+    };
+    let middle = |figure: Of| median(of_photos(figure));
+    let average = |figure: Of| mean(of_photos(figure).into_iter()).map(narrow);
+    photos.iter().any(|panoramas| !panoramas.is_empty()).then(|| LightReport {
+        contrast_stops: middle(|light| Some(light.contrast_stops)),
+        true_contrast_stops: middle(|light| Some(light.true_contrast_stops)),
+        vector_deg: middle(|light| light.vector_deg),
+        level_log2: middle(|light| Some(light.level_log2)),
+        unseen_irradiance_relative_si_rmse: average(|light| light.unseen_relative_si_rmse),
+        unseen_irradiance_angular_deg: average(|light| light.unseen_angular_deg),
+    })
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
@@ -172,6 +195,9 @@ fn judge(estimator: &Estimator, sample: &Sample, lit: bool, means: &mut Means) -
     let global_panorama = networks.single_map(&sample.photo);
     let true_panorama = example.panorama?;
     means.global_db.extend(panorama_psnr_db(&true_panorama, &global_panorama));
+    let at_camera =
+        NovelView { position_m: Vec3::ZERO, rotation: Quat::IDENTITY, radiance: true_panorama.clone(), depth_m: None };
+    means.global_light.push(light_on_objects(sample, &at_camera, &global_panorama).into_iter().collect());
     let mut row = Row {
         photo: sample.photo.clone(),
         panoramas: [global_panorama, true_panorama],
@@ -179,7 +205,10 @@ fn judge(estimator: &Estimator, sample: &Sample, lit: bool, means: &mut Means) -
         octrees: None,
     };
     if lit {
-        means.alone_db.extend(scene_db(&alone, &sample.views));
+        let panoramas = scene_panoramas(&alone, &sample.views);
+        means.alone_db.extend(views_db(&sample.views, &panoramas));
+        let lights = sample.views.iter().zip(&panoramas).filter_map(|(view, got)| light_on_objects(sample, view, got));
+        means.light.push(lights.collect());
         let frame = Frame::new(photo(), true_m.clone(), sample.camera, 1.0).ok()?;
         let scene = estimated(Input::MeasuredDepth(frame))?;
         means.db.extend(scene_db(&scene, &sample.views));
@@ -229,18 +258,27 @@ type Trace<'a> = &'a dyn Fn(Vec3, &[Cone], &mut [ConeSample]);
 
 /// Mean PSNR of the panoramas of a scene at the true places, as evaluation has it.
 fn scene_db(scene: &Scene, views: &[NovelView]) -> Option<f64> {
-    let viewers = SharpViewers::new(scene);
-    views_db(&|eye, cones, samples| viewers.trace_batch(eye, cones, samples), views)
+    views_db(views, &scene_panoramas(scene, views))
 }
 
-/// The same of an octree alone.
+fn scene_panoramas(scene: &Scene, views: &[NovelView]) -> Vec<RadianceImage> {
+    let viewers = SharpViewers::new(scene);
+    views.iter().map(|view| seen_from(&|eye, cones, samples| viewers.trace_batch(eye, cones, samples), view)).collect()
+}
+
+/// Mean PSNR of the panoramas of an octree alone.
 fn octree_db(light: &LightOctree, views: &[NovelView]) -> Option<f64> {
     let viewers = Viewers::new(light);
-    views_db(&|eye, cones, samples| viewers.at(eye).trace_batch(cones, samples), views)
+    let panorama = |view| seen_from(&|eye, cones, samples| viewers.at(eye).trace_batch(cones, samples), view);
+    views_db(views, &views.iter().map(panorama).collect::<Vec<_>>())
 }
 
-fn views_db(trace: Trace<'_>, views: &[NovelView]) -> Option<f64> {
-    mean(views.iter().filter_map(|view| panorama_psnr_db(&view.radiance, &seen_from(trace, view))))
+fn views_db(views: &[NovelView], panoramas: &[RadianceImage]) -> Option<f64> {
+    mean(views.iter().zip(panoramas).filter_map(|(view, got)| panorama_psnr_db(&view.radiance, got)))
+}
+
+fn light_on_objects(sample: &Sample, view: &NovelView, got: &RadianceImage) -> Option<LightOnObjects> {
+    LightOnObjects::of(&view.radiance, got, seen_mask(sample, view).as_deref())
 }
 
 fn seen_from(trace: Trace<'_>, view: &NovelView) -> RadianceImage {

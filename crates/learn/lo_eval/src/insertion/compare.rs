@@ -31,14 +31,32 @@ pub(crate) fn object(truth: &Truth, got: &Composite) -> Option<[f64; 2]> {
     Some([rmse(&truth, &got, &ones)?, si_rmse(&truth, &got, &ones)?])
 }
 
-/// Of the shadow: root mean square of the ratio's error, and Pearson's correlation of the ratios' differences between neighbours.
+/// Figures of a shadow: root mean square of the ratio's error, Pearson's correlation of the ratios' differences between
+/// neighbours, and how dark it is.
 pub(crate) struct ShadowFigures {
     pub rms: f64,
     pub gradient_correlation: Option<f64>,
+    /// Within one radius of the object's foot, and from one to six.
+    pub darkening: [Darkening; 2],
+}
+
+/// Sums of 1 − ratio over the pixels of a shadow's part.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Darkening {
+    pub truth: f64,
+    pub got: f64,
+}
+
+impl std::ops::AddAssign for Darkening {
+    fn add_assign(&mut self, other: Self) {
+        *self = Self { truth: self.truth + other.truth, got: self.got + other.got };
+    }
 }
 
 /// Compares the shadow where the support is seen in both pictures.
-pub(crate) fn shadow(truth: &Truth, got: &Composite) -> Option<ShadowFigures> {
+///
+/// `radii` is the distance on the support between what a pixel shows and the object's foot.
+pub(crate) fn shadow(truth: &Truth, got: &Composite, radii: impl Fn([usize; 2]) -> f32) -> Option<ShadowFigures> {
     let shown: HashMap<[usize; 2], (f32, f32)> = truth
         .shadow
         .iter()
@@ -50,9 +68,12 @@ pub(crate) fn shadow(truth: &Truth, got: &Composite) -> Option<ShadowFigures> {
     }
     let sum: f64 = shown.values().map(|&(a, b)| f64::from(a - b).powi(2)).sum();
     let mut differences: Vec<(f64, f64)> = Vec::new();
+    let mut darkening = [Darkening::default(); 2];
     // In the order of the list, so that sums are the same each time.
     for &([x, y], _) in &truth.shadow {
         let Some(own) = shown.get(&[x, y]) else { continue };
+        let part = usize::from(radii([x, y]) > 1.0);
+        darkening[part] += Darkening { truth: 1.0 - f64::from(own.0), got: 1.0 - f64::from(own.1) };
         for neighbour in [[x + STRIDE, y], [x, y + STRIDE]] {
             if let Some(other) = shown.get(&neighbour) {
                 differences.push((f64::from(other.0 - own.0), f64::from(other.1 - own.1)));
@@ -60,7 +81,7 @@ pub(crate) fn shadow(truth: &Truth, got: &Composite) -> Option<ShadowFigures> {
         }
     }
     let rms = (sum / shown.len() as f64).sqrt();
-    Some(ShadowFigures { rms, gradient_correlation: correlation(&differences) })
+    Some(ShadowFigures { rms, gradient_correlation: correlation(&differences), darkening })
 }
 
 fn correlation(pairs: &[(f64, f64)]) -> Option<f64> {
@@ -125,15 +146,25 @@ mod tests {
         let truth = truth();
         let same = picture(2.0, |x, _| 1.0 - 0.05 * x as f32);
         assert!(object(&truth, &same).unwrap().iter().all(|error| *error < 1e-6));
-        let figures = shadow(&truth, &same).unwrap();
+        // The foot is in the corner, a radius is 6 pixels: columns 0, 3 and 6 within √(x² + y²) ≤ 6.
+        let radii = |[x, y]: [usize; 2]| (x as f32).hypot(y as f32) / 6.0;
+        let figures = shadow(&truth, &same, radii).unwrap();
+        let [near, far] = figures.darkening;
+        // Rows 0, 3 and 6 have 3, 2 and 1 pixels of them, of 6 rows with 0 + 0.15 + 0.3 each.
+        assert!(
+            (near.truth - (0.45 + 0.15)).abs() < 1e-5 && (far.truth - (6.0 * 0.45 - 0.6)).abs() < 1e-5,
+            "{near:?} {far:?}"
+        );
+        assert!((near.got - near.truth).abs() < 1e-5 && (far.got - far.truth).abs() < 1e-5);
         assert!(figures.rms < 1e-6 && figures.gradient_correlation.unwrap() > 0.999);
         let brighter = picture(3.0, |_, y| 1.0 - 0.05 * y as f32);
         let [rmse, si_rmse] = object(&truth, &brighter).unwrap();
         assert!((rmse - 1.0).abs() < 1e-6 && si_rmse < 1e-6);
         // A shadow that falls the other way.
-        let figures = shadow(&truth, &brighter).unwrap();
+        let figures = shadow(&truth, &brighter, radii).unwrap();
         assert!(figures.rms > 0.1 && figures.gradient_correlation.unwrap() < 0.1, "{}", figures.rms);
-        assert_eq!(shadow(&truth, &picture(2.0, |_, _| 1.0)).unwrap().gradient_correlation, Some(0.0));
+        let even = shadow(&truth, &picture(2.0, |_, _| 1.0), radii).unwrap();
+        assert_eq!((even.gradient_correlation, even.darkening[1].got), (Some(0.0), 0.0));
     }
 
     #[test]

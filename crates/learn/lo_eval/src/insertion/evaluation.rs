@@ -12,7 +12,7 @@ use lo_geometry::Vec3;
 use lo_imaging::{Image, Photo, linear_from_srgb8, srgb8_from_linear};
 use lo_synth::{CameraPose, Weather};
 
-use super::compare;
+use super::compare::{self, Darkening};
 use super::method::{InsertionMethod, Lit};
 use super::objects::Kind;
 use super::places::{Place, places};
@@ -239,7 +239,8 @@ impl<'a> InsertionEvaluation<'a> {
         // As large in the picture as in truth, whatever the depth.
         let true_m = room.camera.pose.rotation.inverse() * (place.base_m - room.camera.pose.position);
         let scale = place.radius_m * resting.position_m.length() / true_m.length();
-        let (mut shadow_rms, mut correlations) = (Vec::new(), Vec::new());
+        let radii = |pixel: [usize; 2]| place.radii_from_foot(&room.camera, pixel.map(|v| v as f64 + 0.5));
+        let (mut shadow_rms, mut correlations, mut darkening) = (Vec::new(), Vec::new(), [Darkening::default(); 2]);
         for (Object { kind, model, base }, truth) in self.objects.iter().zip(&room.truths[number]) {
             let placement = resting.scaled(scale).settled(&lit.scene, base);
             let composite = inserter.render(&[Instance::new(model, placement)], &mut lo_events::ignore)?;
@@ -248,11 +249,12 @@ impl<'a> InsertionEvaluation<'a> {
                 scores.add(format!("object_{}_si_rmse", kind.name()), Some(si_rmse));
             }
             if kind.casts()
-                && let Some(figures) = compare::shadow(truth, &composite)
+                && let Some(figures) = compare::shadow(truth, &composite, radii)
             {
                 scores.add(format!("shadow_{}_rms", kind.name()), Some(figures.rms));
                 shadow_rms.push(figures.rms);
                 correlations.extend(figures.gradient_correlation);
+                darkening.iter_mut().zip(figures.darkening).for_each(|(sum, part)| *sum += part);
             }
             if number == 0 && *kind == Kind::Diffuse {
                 *shown = Some(composite);
@@ -261,6 +263,12 @@ impl<'a> InsertionEvaluation<'a> {
         let mean = |values: &[f64]| (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64);
         scores.add("shadow_rms", mean(&shadow_rms));
         scores.add("shadow_gradient_correlation", mean(&correlations));
+        if !shadow_rms.is_empty() {
+            for (zone, Darkening { truth, got }) in ["near", "far"].into_iter().zip(darkening) {
+                scores.add(format!("shadow_darkening_{zone}"), Some(got));
+                scores.add(format!("true_shadow_darkening_{zone}"), Some(truth));
+            }
+        }
         let middle_m = resting.position_m + resting.up * scale;
         let panorama = lit.panorama(middle_m, view);
         if let Some((angle_deg, intensity)) = compare::lights(&in_photo_frame(view), &panorama) {

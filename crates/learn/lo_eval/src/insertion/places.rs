@@ -36,6 +36,17 @@ pub(crate) struct Place {
     pub radius_m: f32,
 }
 
+impl Place {
+    /// Distance in radii between the object's foot and the point of the level plane below it that the photo shows at a
+    /// place; infinite above the horizon.
+    pub fn radii_from_foot(&self, view: &CameraPose, [u, v]: [f64; 2]) -> f32 {
+        let direction = view.pose.rotation * view.camera.direction(u, v);
+        let along = (self.base_m.y - view.pose.position.y) / direction.y;
+        let point = view.pose.position + direction * along;
+        if along > 0.0 { (point - self.base_m).length() / self.radius_m } else { f32::INFINITY }
+    }
+}
+
 /// Up to three places of a photo; none where it shows no free level surface.
 ///
 /// `model` is the interior's.
@@ -127,6 +138,11 @@ mod tests {
                 let (u, v, axis_m) = view.camera.project(local).unwrap();
                 assert!((u - place.pixel[0]).abs() < 0.1 && (v - place.pixel[1]).abs() < 0.1, "{place:?}");
                 assert!((0.9..4.5).contains(&axis_m));
+                assert!(place.radii_from_foot(&view, place.pixel) < 0.05, "{place:?}");
+                let beside_m = place.base_m + 1.5 * place.radius_m * Vec3::new(0.6, 0.0, 0.8);
+                let beside = view.camera.project(view.pose.rotation.inverse() * (beside_m - view.pose.position));
+                let (u, v, _) = beside.unwrap();
+                assert!((place.radii_from_foot(&view, [u, v]) - 1.5).abs() < 0.01, "{place:?}");
                 assert!(interior.is_free(place.base_m + Vec3::Y * place.radius_m, 0.9 * place.radius_m));
             }
             for (i, a) in all.iter().enumerate() {

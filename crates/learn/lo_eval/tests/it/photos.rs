@@ -3,8 +3,8 @@
 use lightoctree::cone::Viewers;
 use lightoctree::scene::{Completion, Frame, PosedFrame, Scene};
 use lightoctree::{EstimateOptions, Estimator, Exposures, Input};
-use lo_dataset::{Generator, GeneratorConfig, NovelView, Record, Sample, Shot};
-use lo_eval::{Estimate, Light, Scorer, Scores, Sight, coherence, seen_mask};
+use lo_dataset::{Generator, GeneratorConfig, NovelView, Record, Sample, Shot, seen_mask};
+use lo_eval::{Estimate, Light, Scorer, Scores, Sight, coherence};
 use lo_geometry::{Quat, RigidTransform, Vec3};
 use lo_imaging::{Photo, RadianceImage, luminance};
 use lo_metrics::{PsnrCurve, log_rmse, psnr_db, solid_angles_sr};
@@ -87,7 +87,7 @@ fn true_exposures(record: &Record) -> Vec<f32> {
 fn scores(record: &Record, scene: Scene) -> Scores {
     let sight = Sight::Octree(Viewers::new(&scene.light));
     let light = Light::Octree { octree: Box::new(scene.light), sight };
-    let estimate = Estimate { light, depth_m: None, up: None, prior: None };
+    let estimate = Estimate::of_light(light);
     let sample = record.sample(0);
     let panoramas = Scorer::panoramas(&sample, &estimate);
     let of_view = |(view, got)| of_view(&sample, view, got);
@@ -101,7 +101,7 @@ fn scores(record: &Record, scene: Scene) -> Scores {
 fn ceiling(record: &Record, scene: Scene) -> Scores {
     let sight = Sight::Octree(Viewers::new(&scene.light));
     let light = Light::Octree { octree: Box::new(scene.light), sight };
-    let estimate = Estimate { light, depth_m: None, up: None, prior: None };
+    let estimate = Estimate::of_light(light);
     let sample = record.sample(0);
     let first = &record.shots[0];
     let of_view = |(view, mut known): (&NovelView, RadianceImage)| {

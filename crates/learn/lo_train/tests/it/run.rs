@@ -124,6 +124,10 @@ fn a_run_goes_on_as_if_it_had_not_stopped() {
     };
     assert!(found(0, "depth_abs_rel").is_some() && found(0, "psnr_db").is_none());
     assert!(found(4, "psnr_db").is_some() && found(4, "true_octree_psnr_db") > found(4, "psnr_db"), "{:?}", reports[4]);
+    assert!(found(0, "global_contrast_stops").is_some() && found(0, "contrast_stops").is_none());
+    for name in ["contrast_stops", "vector_deg", "level_log2", "unseen_irradiance_relative_si_rmse"] {
+        assert!(found(4, name).is_some_and(|value| value > 0.0), "{name}: {:?}", reports[4]);
+    }
 
     // In the middle of a phase, between two, and on another number of threads.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();

@@ -1,11 +1,12 @@
 //! Which part of a probe's panorama the photo shows.
 
-use lo_dataset::{NovelView, Sample};
 use lo_geometry::{Vec3, pixel_direction};
 use lo_imaging::DepthMap;
 
-/// A surface counts as seen where the photo's depth differs by no more than this, metres, and this share of the distance: a panorama's pixel covers
-/// some centimetres of a surface, more of an oblique one.
+use crate::{NovelView, Sample};
+
+/// A surface counts as seen where the photo's depth differs by no more than this, metres, and this share of the
+/// distance: a panorama's pixel covers some centimetres of a surface, more of an oblique one.
 const TOLERANCE_M: f64 = 0.1;
 const TOLERANCE_SHARE: f64 = 0.03;
 
@@ -14,8 +15,9 @@ const AT_CAMERA_M: f32 = 1e-3;
 
 /// For every pixel of the view's panorama, row by row: whether the photo shows what is there.
 ///
-/// With depth at both ends: the surface point lies in the picture and is the one that the photo's true depth says; open sky is seen where the
-/// photo has open sky in that direction. Without: the camera's own frustum, for a probe at the camera; for others nothing can be said (`None`).
+/// With depth at both ends: the surface point lies in the picture and is the one that the photo's true depth says; open
+/// sky is seen where the photo has open sky in that direction. Without: the camera's own frustum, for a probe at the
+/// camera; for others nothing can be said (`None`).
 pub fn seen_mask(sample: &Sample, view: &NovelView) -> Option<Vec<bool>> {
     let (width, height) = (view.radiance.width(), view.radiance.height());
     let directions = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
@@ -60,14 +62,39 @@ fn pixel_of(sample: &Sample, point: Vec3) -> Option<([f64; 2], f64)> {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::testing;
-    use lo_geometry::Quat;
-    use lo_imaging::RadianceImage;
-    use lo_metrics::solid_angles_sr;
+    use crate::Metadata;
+    use lo_geometry::{Camera, Quat, pixel_solid_angle_sr};
+    use lo_imaging::{Image, RadianceImage};
+
+    /// 65 degrees across, nothing but a photo.
+    fn sample() -> Sample {
+        Sample {
+            id: "room-0".to_owned(),
+            scene_id: "room".to_owned(),
+            photo: Image::new(96, 64, vec![[128; 3]; 96 * 64]),
+            camera: Camera::from_hfov_deg(65.0, 96, 64).unwrap(),
+            up: Some(Vec3::Y),
+            radiance: None,
+            depth_m: None,
+            sensor_depth_m: None,
+            normal: None,
+            albedo: None,
+            points: Vec::new(),
+            point_area_m2: None,
+            views: Vec::new(),
+            metadata: Metadata::new(),
+        }
+    }
+
+    /// Distance to the walls of a cube of 4 m around the origin.
+    fn distance_m(origin: Vec3, direction: Vec3) -> f32 {
+        let along = |o: f32, d: f32| if d == 0.0 { f32::INFINITY } else { (2f32.copysign(d) - o) / d };
+        along(origin.x, direction.x).min(along(origin.y, direction.y)).min(along(origin.z, direction.z))
+    }
 
     #[test]
     fn the_frustum_has_its_solid_angle() {
-        let sample = testing::sample();
+        let sample = sample();
         let view = NovelView {
             position_m: Vec3::ZERO,
             rotation: Quat::from_rotation_y(2.0),
@@ -75,8 +102,8 @@ mod tests {
             depth_m: None,
         };
         let mask = seen_mask(&sample, &view).unwrap();
-        let angles = solid_angles_sr(512, 256);
-        let got: f32 = mask.iter().zip(&angles).filter(|(seen, _)| **seen).map(|(_, angle)| angle).sum();
+        let angle = |(index, _): (usize, &bool)| pixel_solid_angle_sr(index / 512, 512, 256);
+        let got: f32 = mask.iter().enumerate().filter(|(_, seen)| **seen).map(angle).sum();
         // a centred rectangle a × b at distance 1: 4 asin(ab / √((1 + a²)(1 + b²)))
         let camera = sample.camera;
         let (a, b) = (camera.cx / camera.fx, camera.cy / camera.fy);
@@ -88,9 +115,16 @@ mod tests {
 
     #[test]
     fn with_depth_only_what_is_not_hidden_is_seen() {
-        // a box room 4 m wide, 4 m deep and high around the camera; the photo shows the wall at z = −2
-        let sample = testing::box_room();
-        let view = &sample.views[0];
+        // the photo shows the wall at z = −2 alone
+        let sample = Sample { depth_m: Some(DepthMap::new(96, 64, vec![2.0; 96 * 64])), ..sample() };
+        let position_m = Vec3::new(0.4, -0.2, -0.8);
+        let distance = |x, y| distance_m(position_m, pixel_direction(x, y, 64, 32));
+        let view = &NovelView {
+            position_m,
+            rotation: Quat::IDENTITY,
+            radiance: RadianceImage::new(64, 32, vec![[1.0; 3]; 64 * 32]),
+            depth_m: Some(DepthMap::from_fn(64, 32, distance)),
+        };
         let mask = seen_mask(&sample, view).unwrap();
         let (width, height) = (view.radiance.width(), view.radiance.height());
         for (index, &seen) in mask.iter().enumerate() {
