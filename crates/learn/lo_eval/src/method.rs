@@ -2,7 +2,9 @@
 
 use lightoctree::cone::{self, Cone, Viewers};
 use lightoctree::scene::{Completion, Frame, FrameError, Scene};
-use lightoctree::{EstimateError, EstimateOptions, Estimator, LightMode, LightTuning, Input, PanoramaError, SharpViewers};
+use lightoctree::{
+    EstimateError, EstimateOptions, Estimator, Input, LightMode, LightTuning, PanoramaError, SharpViewers,
+};
 use lo_dataset::{NovelView, Sample, TrueLeaves};
 use lo_geometry::{Cube, Vec3};
 use lo_imaging::{DepthMap, Photo, RadianceImage, sample_equirectangular};

@@ -195,7 +195,7 @@ fn trained_weights_begin_a_run() {
     assert!(matches!(train(&config, &request, &mut at_once), Err(TrainError::Cancelled(_))));
     // The light network begins with octrees of depth 4, without the finest stage of the one that was trained.
     let read = |file: &Path| {
-        let Networks { depth, light, config } = Networks::read(file).unwrap();
+        let Networks { depth, light, config, .. } = Networks::read(file).unwrap();
         let finest = &light.encoder[config.depth as usize - 4].blocks[0].first.weights;
         let weights = [light.global.weights.val(), finest.val()].map(|weights| weights.into_data());
         (config.depth, depth.decoder.output.weight.val().into_data(), weights)
