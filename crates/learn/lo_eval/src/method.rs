@@ -27,6 +27,8 @@ pub enum Method {
     Network(Option<DepthInput>),
     /// The same with lamps as bright as objects are lit by.
     FittedLamps(Option<DepthInput>),
+    /// The same with the photo's detail around what is inferred, as reflections of objects have it.
+    Detail(Option<DepthInput>),
     /// Completion by planes.
     Shell(DepthInput),
     /// The photo's mean colour in all directions.
@@ -161,6 +163,10 @@ impl Method {
         Self::FittedLamps(Some(DepthInput::True)),
     ];
 
+    /// Those with the photo's detail around what is inferred.
+    pub const WITH_DETAIL: [Self; 3] =
+        [Self::Detail(None), Self::Detail(Some(DepthInput::Sensor)), Self::Detail(Some(DepthInput::True))];
+
     /// Its name in tables and on the command line.
     pub fn name(self) -> &'static str {
         match self {
@@ -170,6 +176,9 @@ impl Method {
             Self::FittedLamps(None) => "network-lamps",
             Self::FittedLamps(Some(DepthInput::Sensor)) => "network-lamps-sensor",
             Self::FittedLamps(Some(DepthInput::True)) => "network-lamps-true",
+            Self::Detail(None) => "network-detail",
+            Self::Detail(Some(DepthInput::Sensor)) => "network-detail-sensor",
+            Self::Detail(Some(DepthInput::True)) => "network-detail-true",
             Self::Shell(DepthInput::Sensor) => "shell-sensor",
             Self::Shell(DepthInput::True) => "shell-true",
             Self::MeanColour => "mean-colour",
@@ -201,9 +210,11 @@ impl Method {
     /// Whether the tools at hand suffice, whatever the sample has.
     pub fn has_tools(self, tools: &Tools) -> bool {
         match self {
-            Self::Network(_) | Self::FittedLamps(_) | Self::SingleMap | Self::PanoramaPrior(..) => {
-                tools.estimator.networks().is_some()
-            }
+            Self::Network(_)
+            | Self::FittedLamps(_)
+            | Self::Detail(_)
+            | Self::SingleMap
+            | Self::PanoramaPrior(..) => tools.estimator.networks().is_some(),
             Self::Profile => tools.profile.is_some(),
             _ => true,
         }
@@ -214,6 +225,7 @@ impl Method {
         match self {
             Self::Network(Some(input))
             | Self::FittedLamps(Some(input))
+            | Self::Detail(Some(input))
             | Self::PanoramaPrior(Some(input), _)
             | Self::Shell(input) => match input {
                 DepthInput::True => sample.depth_m.is_some(),
@@ -251,6 +263,11 @@ impl Method {
                 lightoctree::fit_lamps(&mut scene);
                 Ok(Estimate::of_scene(scene))
             }
+            Self::Detail(input) => {
+                let scene = estimate_scene(sample, input, tools)?;
+                let viewers = SharpViewers::new(&scene).with_detail(&scene);
+                Ok(Estimate::seen_by(scene, viewers))
+            }
             Self::PanoramaEverywhere => {
                 let known = tools.known.filter(|known| !known.is_scored);
                 let known = known.ok_or(MethodError::Needs("another panorama than the one that is scored"))?;
@@ -264,7 +281,12 @@ impl Method {
 
 impl Estimate {
     fn of_scene(scene: Scene) -> Self {
-        let sight = Sight::Scene(Box::new(SharpViewers::new(&scene)));
+        let viewers = SharpViewers::new(&scene);
+        Self::seen_by(scene, viewers)
+    }
+
+    fn seen_by(scene: Scene, viewers: SharpViewers) -> Self {
+        let sight = Sight::Scene(Box::new(viewers));
         let light = Light::Octree { octree: Box::new(scene.light), sight };
         let up = scene.room.map(|room| room.up);
         Self { light, depth_m: Some(scene.frame.depth_m), up, prior: None }
