@@ -114,9 +114,9 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let rendered = level.height(height);
     let renderer = Renderer::new(&scene, [2 * rendered, rendered])?;
     let panorama = stages.stage("panorama", || level.panorama(renderer.at(at), height));
-    let detailed = args.detail.then(|| {
-        stages.stage("detail", || level.panorama(renderer.with_detail(&scene).at(at), height).radiance)
-    });
+    let detailed = args
+        .detail
+        .then(|| stages.stage("detail", || level.panorama(renderer.with_detail(&scene).at(at), height).radiance));
     stages.stage("write", || write(args, at, &level, &panorama, detailed.as_ref().unwrap_or(&panorama.radiance)))?;
     if args.out.json {
         return report::print_json(&json!({
@@ -133,8 +133,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
 /// `shown` is the picture to write; figures are the panorama's.
 fn write(args: &Args, at: Vec3, level: &Level, panorama: &Rendering, shown: &RadianceImage) -> anyhow::Result<()> {
     if args.cubemap {
-        let turned =
-            imaging::reorient(shown, Orientation::Lightoctree, args.panorama.file.orientation.preset());
+        let turned = imaging::reorient(shown, Orientation::Lightoctree, args.panorama.file.orientation.preset());
         let cube = imaging::cubemap_from_equirectangular(&turned, args.panorama.size[1] / 2);
         let options =
             environment::exr_options(&args.panorama.file, Some((at, level)), EnvironmentLayout::Cube, COMMAND);

@@ -153,7 +153,12 @@ fn named<T: Copy>(names: &[String], all: &[T], name: impl Fn(T) -> &'static str)
 }
 
 fn methods(args: &Args) -> Result<Vec<Method>, Usage> {
-    let all: Vec<Method> = Method::ALL.into_iter().chain(Method::WITH_LAMPS).chain(Method::WITH_DETAIL).chain(Method::WITH_PANORAMA).collect();
+    let all: Vec<Method> = Method::ALL
+        .into_iter()
+        .chain(Method::WITH_LAMPS)
+        .chain(Method::WITH_DETAIL)
+        .chain(Method::WITH_PANORAMA)
+        .collect();
     named(&args.methods, &all, Method::name)
 }
 

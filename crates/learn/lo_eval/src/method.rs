@@ -210,11 +210,9 @@ impl Method {
     /// Whether the tools at hand suffice, whatever the sample has.
     pub fn has_tools(self, tools: &Tools) -> bool {
         match self {
-            Self::Network(_)
-            | Self::FittedLamps(_)
-            | Self::Detail(_)
-            | Self::SingleMap
-            | Self::PanoramaPrior(..) => tools.estimator.networks().is_some(),
+            Self::Network(_) | Self::FittedLamps(_) | Self::Detail(_) | Self::SingleMap | Self::PanoramaPrior(..) => {
+                tools.estimator.networks().is_some()
+            }
             Self::Profile => tools.profile.is_some(),
             _ => true,
         }

@@ -12,8 +12,8 @@ const LEAST_BAND: f32 = 0.25;
 /// ceilings continue is not the horizon.
 const MOST_BAND: f32 = 0.6;
 
-/// Elevation of the photo's corners, and sine of its roll, up to which its columns are upright in the room.
-const LEVEL: (f32, f32) = (1.2, 0.5);
+/// Largest elevation that the photo shows, and sine of its roll, up to which its columns are upright in the room.
+const LEVEL: (f32, f32) = (1.05, 0.3);
 
 /// Elevations between which the mirrored photo is blurred away: all columns meet at the poles.
 const POLE_RAD: (f32, f32) = (0.8, 1.3);
@@ -27,8 +27,8 @@ pub(crate) struct Mirroring {
     camera: Camera,
     level_from_camera: Mat3,
     sides: Sides,
-    /// Elevations of the middles of the photo's bottom and top.
-    reach_rad: (f32, f32),
+    /// Elevations of the lower and upper ends of the photo's left and right side.
+    reach_rad: [(f32, f32); 2],
     /// Mirror images beside the photo, all around; an odd number, so that the last one ends at the photo's other side.
     panels: f32,
 }
@@ -58,8 +58,13 @@ impl Mirroring {
         let upright = Room { up, planes: Vec::new() };
         let level_from_camera = if is_level(&camera, up) { upright.level_from_camera() } else { Mat3::IDENTITY };
         let sides = Sides::new(&camera).turned(level_from_camera);
-        let reach_rad = sides.elevations_rad(0.0);
-        let (left, right) = sides.azimuths_rad(0.5 * (reach_rad.0 + reach_rad.1));
+        let elevation = |u: u32, v: u32| (level_from_camera * camera.direction(f64::from(u), f64::from(v))).y.asin();
+        let reach_rad = [0, camera.width].map(|u| {
+            let ends = (elevation(u, camera.height), elevation(u, 0));
+            (ends.0.min(ends.1), ends.0.max(ends.1))
+        });
+        let middle = 0.25 * reach_rad.iter().map(|(low, high)| low + high).sum::<f32>();
+        let (left, right) = sides.azimuths_rad([middle; 2]);
         let beside = (TAU - (right - left)) / (right - left);
         // The odd number that stretches least.
         let fewer = (2.0 * ((beside - 1.0) / 2.0).floor() + 1.0).max(1.0);
@@ -91,7 +96,7 @@ impl Mirroring {
 
     /// An azimuth mirrored into the photo, how far it is beside it, and the ratio of angles inside to those outside.
     fn folded_azimuth(&self, azimuth: f32, elevation: f32) -> (f32, f32, f32) {
-        let (left, right) = self.sides.azimuths_rad(elevation.clamp(self.reach_rad.0, self.reach_rad.1));
+        let (left, right) = self.sides.azimuths_rad(self.reach_rad.map(|(low, high)| elevation.clamp(low, high)));
         let width = right - left;
         if (left..=right).contains(&azimuth) {
             return (azimuth, 0.0, 1.0);
@@ -108,7 +113,8 @@ impl Mirroring {
     /// An elevation mirrored into the photo's column at an azimuth, and how far it is above or below it.
     fn folded_elevation(&self, elevation: f32, azimuth: f32) -> (f32, f32) {
         let (bottom, top) = self.sides.elevations_rad(azimuth);
-        let height = top - bottom;
+        // Their planes cross beside wide photos that are pitched.
+        let height = (top - bottom).max(1e-3);
         let band = |border: f32| (MOST_BAND * border).clamp(LEAST_BAND * height, MOST_BAND * height);
         if elevation > top {
             (top - wave(elevation - top, band(top)), elevation - top)
@@ -166,14 +172,14 @@ impl Sides {
         least.clamp(-1.0, 1.0).asin()
     }
 
-    /// Azimuths of the left and right side at an elevation: `nx sin a − nz cos a = −ny tan e`.
-    fn azimuths_rad(&self, elevation: f32) -> (f32, f32) {
-        let crossing = |normal: Vec3| {
+    /// Azimuths of the left and right side, each at an elevation: `nx sin a − nz cos a = −ny tan e`.
+    fn azimuths_rad(&self, elevations: [f32; 2]) -> (f32, f32) {
+        let crossing = |normal: Vec3, elevation: f32| {
             let across = Vec2::new(normal.x, -normal.z);
             let turned = (-normal.y * elevation.tan() / across.length().max(1e-6)).clamp(-1.0, 1.0).asin();
             (turned, across.y.atan2(across.x))
         };
-        let (left, right) = (crossing(self.left), crossing(self.right));
+        let (left, right) = (crossing(self.left, elevations[0]), crossing(self.right, elevations[1]));
         (left.0 - left.1, PI - right.0 - right.1)
     }
 
@@ -191,8 +197,9 @@ impl Sides {
 /// Whether azimuths about the vertical suit the photo: it is not rolled by much, and shows neither zenith nor nadir.
 fn is_level(camera: &Camera, up: Vec3) -> bool {
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));
-    let corners = [(0.0, 0.0), (width, 0.0), (0.0, height), (width, height)];
-    up.x.abs() < LEVEL.1 && corners.iter().all(|&(u, v)| camera.direction(u, v).dot(up).abs() < LEVEL.0.sin())
+    let grid = [0.0, 0.5, 1.0].map(|u| [0.0, 0.5, 1.0].map(|v| (u * width, v * height)));
+    let is_flat = |&(u, v): &(f64, f64)| camera.direction(u, v).dot(up).abs() < LEVEL.0.sin();
+    up.x.abs() < LEVEL.1 && grid.as_flattened().iter().all(is_flat)
 }
 
 /// A triangle wave: `x` mirrored at 0 and at `period` until it lies between.
@@ -222,10 +229,14 @@ mod tests {
         // 60°: five panels of 60° in the 300° beside the photo. Its middle is mirrored at ± 60°, and behind the camera is a middle again.
         let level = mirroring(60.0, 0.0, 0.0);
         assert_eq!(level.panels, 5.0);
-        for (azimuth_deg, expected_deg) in [(0.0f32, 0.0f32), (40.0, 20.0), (60.0, 0.0), (80.0, -20.0), (-40.0, -20.0)] {
+        for (azimuth_deg, expected_deg) in [(0.0f32, 0.0f32), (40.0, 20.0), (60.0, 0.0), (80.0, -20.0), (-40.0, -20.0)]
+        {
             let place = level.place(direction(azimuth_deg.to_radians(), 0.0), 0.0);
             let expected = 320.0 * (1.0 + expected_deg.to_radians().tan() / 30f32.to_radians().tan());
-            assert!((place.at.x - expected).abs() < 0.1 && (place.at.y - 240.0).abs() < 0.1, "{azimuth_deg}: {place:?}");
+            assert!(
+                (place.at.x - expected).abs() < 0.1 && (place.at.y - 240.0).abs() < 0.1,
+                "{azimuth_deg}: {place:?}"
+            );
         }
         let behind = level.place(direction(PI, 0.0), 0.0);
         assert!((behind.at.x - 320.0).abs() < 0.1, "{behind:?}");
@@ -250,7 +261,7 @@ mod tests {
     proptest! {
         #[test]
         fn inside_it_is_the_projection(
-            u in 0.01f64..0.99, v in 0.01f64..0.99, hfov_deg in 30.0f64..110.0, pitch in -0.6f32..0.6, roll in -0.3f32..0.3,
+            u in 0.01f64..0.99, v in 0.01f64..0.99, hfov_deg in 30.0f64..110.0, pitch in -1.5f32..1.5, roll in -0.7f32..0.7,
         ) {
             let mirroring = mirroring(hfov_deg, pitch, roll);
             let (u, v) = (640.0 * u, 480.0 * v);
@@ -262,8 +273,8 @@ mod tests {
         /// Neighbouring directions have neighbouring places: no seam at the photo's borders, between its mirror images, or behind the camera.
         #[test]
         fn it_is_continuous(
-            azimuth in -PI..PI, elevation in -1.0f32..1.0, turn in 0.0..TAU, hfov_deg in 30.0f64..110.0, pitch in -0.6f32..0.6,
-            roll in -0.3f32..0.3,
+            azimuth in -PI..PI, elevation in -1.0f32..1.0, turn in 0.0..TAU, hfov_deg in 30.0f64..110.0, pitch in -1.5f32..1.5,
+            roll in -0.7f32..0.7,
         ) {
             let mirroring = mirroring(hfov_deg, pitch, roll);
             let step = 1e-3;

@@ -114,7 +114,8 @@ fn with_and_without_detail(material: Material, quality: Quality) -> [lo_insert::
     };
     let with = Inserter::new(&scene, Lighting::Octree, quality).unwrap();
     let without = Inserter::new(&scene, Lighting::Octree, quality).unwrap().without_detail();
-    [with, without].map(|inserter| inserter.render(&[Instance::new(&model, placement)], &mut lo_events::ignore).unwrap())
+    [with, without]
+        .map(|inserter| inserter.render(&[Instance::new(&model, placement)], &mut lo_events::ignore).unwrap())
 }
 
 /// Deviation of the red of what the middle of the sphere mirrors, which lies behind the camera.

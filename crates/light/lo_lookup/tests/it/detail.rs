@@ -77,7 +77,7 @@ fn texture_goes_on_and_the_mean_stays() {
         let (mut sums, mut squares, mut count) = ([0.0f64; 2], 0.0, 0.0);
         for ((cone, plain), detailed) in cones.iter().zip(&plain).zip(&detailed) {
             if is_outside(origin + cone.direction * plain.distance_m) {
-                let [a, b] = [plain, detailed].map(|sample| f64::from(luminance(Vec3::from(sample.radiance))));
+                let [a, b] = [plain, detailed].map(|sample| f64::from(luminance(sample.radiance)));
                 sums[0] += a;
                 sums[1] += b;
                 squares += (b / a - 1.0).powi(2);
@@ -96,7 +96,7 @@ fn texture_goes_on_and_the_mean_stays() {
 fn wide_cones_see_no_detail() {
     let scene = scene(squares(8), Coverage::Inferred);
     let (plain, detailed) = traced(&scene, &cones(Vec3::ZERO, 0.5, 500));
-    for (plain, detailed) in plain.iter().zip(&detailed) {
+    for (plain, detailed) in plain.iter().zip(&detailed).filter(|(plain, _)| plain.opacity > 0.5) {
         let ratio = Vec3::from(detailed.radiance) / Vec3::from(plain.radiance);
         assert!((ratio - 1.0).abs().max_element() < 0.12, "{plain:?} {detailed:?}");
     }
@@ -165,7 +165,10 @@ fn nothing_changes_where_a_picture_answers() {
     let first_from_camera = RigidTransform { rotation: Quat::IDENTITY, translation_m: Vec3::X };
     several.other_photos.push(OtherPhoto { first_from_camera, camera: camera(), exposure: 1.0 });
     let (plain, detailed) = traced(&several, &cones(Vec3::new(0.3, 0.0, -0.5), 0.01, 2000));
-    assert_eq!(plain, detailed);
+    for (plain, detailed) in plain.iter().zip(&detailed) {
+        let off = (Vec3::from(plain.radiance) - Vec3::from(detailed.radiance)).abs().max_element();
+        assert!(off < 1e-4, "{plain:?} {detailed:?}");
+    }
 }
 
 proptest! {
