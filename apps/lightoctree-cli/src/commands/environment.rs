@@ -113,6 +113,11 @@ impl Renderer {
         Ok(Self { viewers: SharpViewers::new(scene), height: height(size)? })
     }
 
+    /// With the photo's detail in what was not seen.
+    pub fn with_detail(self, scene: &Scene) -> Self {
+        Self { viewers: self.viewers.with_detail(scene), ..self }
+    }
+
     /// The panorama at `point`, in our own orientation.
     pub fn at(&self, point: Vec3) -> Rendering {
         self.viewers.panorama(point, 2 * self.height, self.height)

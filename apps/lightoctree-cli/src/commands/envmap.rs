@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use lightoctree::LightMode;
 use lightoctree::cone::Rendering;
 use lightoctree::geometry::{Orientation, Vec3};
-use lightoctree::imaging::{self, EnvironmentLayout};
+use lightoctree::imaging::{self, EnvironmentLayout, RadianceImage};
 use lightoctree::insert;
 use serde_json::json;
 
@@ -40,6 +40,10 @@ pub struct Args {
     /// Light that surfaces reflect alone, without lamps, windows and added lights: for who relights the scene by lights
     #[arg(long, conflicts_with_all = ["light", "lamp", "no_lamp", "contrast", "warmth", "white"])]
     without_emitters: bool,
+
+    /// Continue the photo's texture where nothing was seen; --sh9, --main-light and --depth-out stay as they are without
+    #[arg(long)]
+    detail: bool,
 
     /// Above the surface seen at this pixel of the photo
     #[arg(long, value_name = "U,V", value_parser = parse::pixel)]
@@ -111,7 +115,10 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let rendered = level.height(height);
     let renderer = Renderer::new(&scene, [2 * rendered, rendered])?;
     let panorama = stages.stage("panorama", || level.panorama(renderer.at(at), height));
-    stages.stage("write", || write(args, at, &level, &panorama))?;
+    let detailed = args
+        .detail
+        .then(|| stages.stage("detail", || level.panorama(renderer.with_detail(&scene).at(at), height).radiance));
+    stages.stage("write", || write(args, at, &level, &panorama, detailed.as_ref().unwrap_or(&panorama.radiance)))?;
     if args.out.json {
         return report::print_json(&json!({
             "position_m": level.point(at).to_array(),
@@ -124,16 +131,16 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn write(args: &Args, at: Vec3, level: &Level, panorama: &Rendering) -> anyhow::Result<()> {
+/// `shown` is the picture to write; figures are the panorama's.
+fn write(args: &Args, at: Vec3, level: &Level, panorama: &Rendering, shown: &RadianceImage) -> anyhow::Result<()> {
     if args.cubemap {
-        let turned =
-            imaging::reorient(&panorama.radiance, Orientation::Lightoctree, args.panorama.file.orientation.preset());
+        let turned = imaging::reorient(shown, Orientation::Lightoctree, args.panorama.file.orientation.preset());
         let cube = imaging::cubemap_from_equirectangular(&turned, args.panorama.size[1] / 2);
         let options =
             environment::exr_options(&args.panorama.file, Some((at, level)), EnvironmentLayout::Cube, COMMAND);
         imaging::write_radiance(&args.out.output, &cube.strip(), &options)?;
     } else {
-        environment::write(&args.out.output, &panorama.radiance, Some((at, level)), &args.panorama.file, COMMAND)?;
+        environment::write(&args.out.output, shown, Some((at, level)), &args.panorama.file, COMMAND)?;
     }
     if let Some(path) = &args.depth_out {
         imaging::write_depth(path, &panorama.distance_m, &output::signature(COMMAND))?;

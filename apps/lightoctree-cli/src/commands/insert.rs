@@ -11,7 +11,7 @@ use lightoctree::geometry::{Orientation, Vec3};
 use lightoctree::imaging::{self, ExrOptions, Image, RadianceImage};
 use lightoctree::insert::{Composite, InsertError, Inserter, Instance, Layout, Lighting, Placement, Quality};
 use lightoctree::mesh::Material;
-use lightoctree::scene::ObjectsShown;
+use lightoctree::scene::{ObjectsShown, Scene};
 use lightoctree::{Event, LightMode, Models, Warning};
 use serde_json::json;
 
@@ -69,6 +69,10 @@ pub struct Args {
 
     #[command(flatten)]
     light: LightArgs,
+
+    /// Keep reflections of what the photo does not show smooth, instead of continuing the photo's texture there
+    #[arg(long)]
+    no_detail: bool,
 
     /// How polished the floor or table under an object is: above 0 it mirrors the objects as a clear coat of roughness 1 - G does [default: 0, or the scene's own with its own
     /// objects]
@@ -174,12 +178,16 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         args.light.light_up(&mut scene, LightMode::Plausible, &mut stages)?;
     }
     let floor_gloss = args.floor_gloss.map_or(shown.floor_gloss, |gloss| gloss as f32);
+    let inserter = |scene: &Scene, lighting: Lighting, quality: Quality| -> Result<Inserter, InsertError> {
+        let inserter = Inserter::new(scene, lighting, quality)?.with_floor_gloss(floor_gloss);
+        Ok(if args.no_detail { inserter.without_detail() } else { inserter })
+    };
     // What a high picture is replaced by when it is not waited for.
     let mut lesser = None;
     if quality == Quality::High && files.len() == 1 {
         lesser = stages
             .stage("picture of normal quality", || {
-                let inserter = Inserter::new(&scene, lighting.clone(), Quality::Normal)?.with_floor_gloss(floor_gloss);
+                let inserter = inserter(&scene, lighting.clone(), Quality::Normal)?;
                 let mut warnings = Vec::new();
                 let hear = &mut |event| {
                     if let Event::Warning(warning) = event {
@@ -194,8 +202,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             })
             .map_err(|error: InsertError| of_object(error, &names))?;
     }
-    let inserter =
-        stages.stage("prepare light", || Inserter::new(&scene, lighting, quality))?.with_floor_gloss(floor_gloss);
+    let inserter = stages.stage("prepare light", || inserter(&scene, lighting, quality))?;
     let progress = bar(global.quiet || files.len() == 1, files.len(), "frames");
     let size = (scene.frame.photo.width(), scene.frame.photo.height());
     let mut video =

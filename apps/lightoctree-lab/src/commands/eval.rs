@@ -66,7 +66,7 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     samples: Option<u32>,
 
-    /// Methods, separated by commas [default: all that the options suffice for, but for network-expected, network-lamps and panorama-…; the protocol insertion has its own]
+    /// Methods, separated by commas [default: all that the options suffice for, but for network-expected, network-lamps, network-detail and panorama-…; the protocol insertion has its own]
     ///
     /// With one that knows a panorama of the room, every method is scored on the panoramas 0.7 m or more from it alone.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
@@ -153,7 +153,12 @@ fn named<T: Copy>(names: &[String], all: &[T], name: impl Fn(T) -> &'static str)
 }
 
 fn methods(args: &Args) -> Result<Vec<Method>, Usage> {
-    let all: Vec<Method> = Method::ALL.into_iter().chain(Method::WITH_LAMPS).chain(Method::WITH_PANORAMA).collect();
+    let all: Vec<Method> = Method::ALL
+        .into_iter()
+        .chain(Method::WITH_LAMPS)
+        .chain(Method::WITH_DETAIL)
+        .chain(Method::WITH_PANORAMA)
+        .collect();
     named(&args.methods, &all, Method::name)
 }
 

@@ -31,6 +31,8 @@ pub enum Method {
     Expected(Option<DepthInput>),
     /// The same with plausible lamps, as objects are lit.
     FittedLamps(Option<DepthInput>),
+    /// The same with the photo's detail around what is inferred, as reflections of objects have it.
+    Detail(Option<DepthInput>),
     /// Completion by planes.
     Shell(DepthInput),
     /// The photo's mean colour in all directions.
@@ -177,6 +179,10 @@ impl Method {
         Self::FittedLamps(Some(DepthInput::True)),
     ];
 
+    /// Those with the photo's detail around what is inferred.
+    pub const WITH_DETAIL: [Self; 3] =
+        [Self::Detail(None), Self::Detail(Some(DepthInput::Sensor)), Self::Detail(Some(DepthInput::True))];
+
     /// Its name in tables and on the command line.
     pub fn name(self) -> &'static str {
         match self {
@@ -189,6 +195,9 @@ impl Method {
             Self::FittedLamps(None) => "network-lamps",
             Self::FittedLamps(Some(DepthInput::Sensor)) => "network-lamps-sensor",
             Self::FittedLamps(Some(DepthInput::True)) => "network-lamps-true",
+            Self::Detail(None) => "network-detail",
+            Self::Detail(Some(DepthInput::Sensor)) => "network-detail-sensor",
+            Self::Detail(Some(DepthInput::True)) => "network-detail-true",
             Self::Shell(DepthInput::Sensor) => "shell-sensor",
             Self::Shell(DepthInput::True) => "shell-true",
             Self::MeanColour => "mean-colour",
@@ -226,6 +235,7 @@ impl Method {
             | Self::NetworkCubed
             | Self::Expected(_)
             | Self::FittedLamps(_)
+            | Self::Detail(_)
             | Self::SingleMap
             | Self::PanoramaPrior(..) => tools.estimator.networks().is_some(),
             Self::Profile | Self::FixedShape => tools.profile.is_some(),
@@ -239,6 +249,7 @@ impl Method {
             Self::Network(Some(input))
             | Self::Expected(Some(input))
             | Self::FittedLamps(Some(input))
+            | Self::Detail(Some(input))
             | Self::PanoramaPrior(Some(input), _)
             | Self::Shell(input) => match input {
                 DepthInput::True => sample.depth_m.is_some(),
@@ -276,8 +287,13 @@ impl Method {
                 Ok(Estimate { is_cubed: true, ..Estimate::of_scene(estimate_scene(sample, None, tools)?) })
             }
             Self::Network(input) => Ok(Estimate::of_scene(estimate_scene(sample, input, tools)?)),
-            Self::Expected(input) => lit_scene(sample, input, tools, LightMode::Expected),
-            Self::FittedLamps(input) => lit_scene(sample, input, tools, LightMode::Plausible),
+            Self::Expected(input) => lit(sample, input, tools, LightMode::Expected).map(Estimate::of_scene),
+            Self::FittedLamps(input) => lit(sample, input, tools, LightMode::Plausible).map(Estimate::of_scene),
+            Self::Detail(input) => {
+                let scene = lit(sample, input, tools, LightMode::Expected)?;
+                let viewers = SharpViewers::new(&scene).with_detail(&scene);
+                Ok(Estimate::seen_by(scene, viewers))
+            }
             Self::PanoramaEverywhere => {
                 let known = tools.known.filter(|known| !known.is_scored);
                 let known = known.ok_or(MethodError::Needs("another panorama than the one that is scored"))?;
@@ -293,21 +309,21 @@ impl Method {
 const LINEAR: &str = "linear_factors in the profile, which --make-profile writes";
 
 /// The networks' scene by the light of a mode.
-fn lit_scene(
-    sample: &Sample,
-    input: Option<DepthInput>,
-    tools: &Tools,
-    mode: LightMode,
-) -> Result<Estimate, MethodError> {
+fn lit(sample: &Sample, input: Option<DepthInput>, tools: &Tools, mode: LightMode) -> Result<Scene, MethodError> {
     let mut scene = estimate_scene(sample, input, tools)?;
     let lit = lightoctree::light_up(&mut scene, mode, &LightTuning::default());
     lit.expect("neither edits nor a white pixel are asked for");
-    Ok(Estimate::of_scene(scene))
+    Ok(scene)
 }
 
 impl Estimate {
     fn of_scene(scene: Scene) -> Self {
-        let sight = Sight::Scene(Box::new(SharpViewers::new(&scene)));
+        let viewers = SharpViewers::new(&scene);
+        Self::seen_by(scene, viewers)
+    }
+
+    fn seen_by(scene: Scene, viewers: SharpViewers) -> Self {
+        let sight = Sight::Scene(Box::new(viewers));
         let light = Light::Octree { octree: Box::new(scene.light), sight };
         let up = scene.room.map(|room| room.up);
         Self { depth_m: Some(scene.frame.depth_m), up, ..Self::of_light(light) }

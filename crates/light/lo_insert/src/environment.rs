@@ -2,7 +2,7 @@ use lo_cone::{Cone, ConeSample, ConeTracer, Sampling, Settings};
 use lo_geometry::{Plane, Vec3};
 use lo_imaging::RadianceImage;
 use lo_lights::AnalyticLights;
-use lo_lookup::{PanoramaLookup, PhotoLookup, RadianceMap};
+use lo_lookup::{Detail, PanoramaLookup, PhotoLookup, RadianceMap};
 use lo_scene::Scene;
 
 use crate::lights::Lights;
@@ -35,8 +35,7 @@ enum Source {
         smooth: Box<ConeTracer>,
         /// Reads the rest between node centres: the cones start where the object is, and must not jump as it moves.
         dimmed: Box<ConeTracer>,
-        /// Where the photo, or a panorama of the room, shows what reflections meet.
-        pictures: Option<Box<(PhotoLookup, Option<PanoramaLookup>)>>,
+        pictures: Option<Box<Pictures>>,
         /// Lights that no octree holds: added ones.
         beside: Option<Box<AnalyticLights>>,
         leaf_edge_m: f32,
@@ -45,6 +44,22 @@ enum Source {
         whole: RadianceMap,
         dimmed: RadianceMap,
     },
+}
+
+/// What reflections show of what they meet, where the octree has blocks of some centimetres or smooth estimates.
+struct Pictures {
+    photo: PhotoLookup,
+    panorama: Option<PanoramaLookup>,
+    /// Of what neither of them shows.
+    detail: Option<Detail>,
+}
+
+impl Pictures {
+    fn new(scene: &Scene, tracer: &ConeTracer) -> Self {
+        let photo = PhotoLookup::new(scene, tracer);
+        let detail = Detail::new(scene, &photo);
+        Self { photo, panorama: PanoramaLookup::new(scene, tracer), detail }
+    }
 }
 
 /// A ray from a place that a light sample lights.
@@ -81,9 +96,7 @@ impl Environment {
         let tracer =
             |light: &lo_octree::LightOctree, settings: Settings| ConeTracer::new(light, settings).map(Box::new);
         let whole = tracer(light, Settings::default())?;
-        let pictures = counts
-            .photo_lookup
-            .then(|| Box::new((PhotoLookup::new(scene, &whole), PanoramaLookup::new(scene, &whole))));
+        let pictures = counts.photo_lookup.then(|| Box::new(Pictures::new(scene, &whole)));
         let interpolated = Settings { sampling: Sampling::Interpolated, ..Settings::default() };
         let smooth = tracer(light, interpolated)?;
         // The back of a closed room's shell looks into empty space: nothing is met there before the end of the cube.
@@ -109,6 +122,13 @@ impl Environment {
         let lights = Lights::sample(&patches, LIGHT_SAMPLES);
         let source = Source::Map { whole: RadianceMap::new(clean), dimmed: RadianceMap::new(dimmed) };
         Ok(Self { source, lights, lift_m: 0.0 })
+    }
+
+    /// Removes the detail of what was not seen from reflections.
+    pub fn remove_detail(&mut self) {
+        if let Source::Octree { pictures: Some(pictures), .. } = &mut self.source {
+            pictures.detail = None;
+        }
     }
 
     pub fn lights(&self) -> &Lights {
@@ -170,17 +190,20 @@ impl Environment {
         samples.iter().map(|sample| if near(sample) { Vec3::from(sample.radiance) } else { Vec3::ZERO }).collect()
     }
 
-    /// What each cone of a reflection sees with all lights ([`Environment::gather`]), and where the photo shows what is met, that. Cones begin at
+    /// What each cone of a reflection sees with all lights ([`Environment::gather`]), and where the photo shows what is met, that; where nothing was
+    /// seen, with the photo's detail. Cones begin at
     /// [lifted](Environment::lifted) places, and are lowered to the `apexes` that they were lifted from where the photo is looked up: it knows surfaces
     /// finer than the octree's leaves. Distances are from where the cones begin then.
     pub fn gather_reflected(&self, apexes: &[Vec3], cones: &mut [Cone], samples: &mut Vec<ConeSample>) {
         self.gather_room(Part::Whole, cones, samples);
         if let Source::Octree { pictures: Some(pictures), .. } = &self.source {
-            let (photo, panorama) = pictures.as_ref();
-            if let Some(panorama) = panorama {
+            if let Some(detail) = &pictures.detail {
+                detail.add(cones, samples);
+            }
+            if let Some(panorama) = &pictures.panorama {
                 panorama.sharpen(cones, samples);
             }
-            photo.sharpen_from(apexes, cones, samples);
+            pictures.photo.sharpen_from(apexes, cones, samples);
         }
         self.add_beside(cones, samples);
     }

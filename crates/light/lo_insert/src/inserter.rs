@@ -107,6 +107,13 @@ impl Inserter {
         Self { floor_gloss: floor_gloss.clamp(0.0, 1.0), ..self }
     }
 
+    /// Reflections without the photo's detail in what was not seen ([`Detail`](lo_lookup::Detail)): that is as smooth there as the octree has it.
+    #[must_use]
+    pub fn without_detail(mut self) -> Self {
+        self.environment.remove_detail();
+        self
+    }
+
     /// The same for the photo at another size; what is held of the scene does not depend on that.
     #[must_use]
     pub fn with_photo(mut self, photo: Photo) -> Self {

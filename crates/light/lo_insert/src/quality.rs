@@ -69,7 +69,7 @@ pub(crate) struct Counts {
     pub negligible: f32,
     /// Whether a light that all corners of the object's box see (or do not see) counts as seen (or not) everywhere on it.
     pub share_light_visibility: bool,
-    /// Whether reflections show the photo itself where it shows what they meet.
+    /// Whether reflections show the photo itself where it shows what they meet, and its detail where nothing was seen.
     pub photo_lookup: bool,
 }
 

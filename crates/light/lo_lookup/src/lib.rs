@@ -6,16 +6,20 @@
 //! [`PanoramaLookup`] does the same with a panorama of the room that somebody gave. [`SharpViewers`] makes panoramas of a scene with it.
 
 mod before;
+mod detail;
 mod edges;
 mod fade;
 mod guided;
 mod lookup;
 mod map;
+mod mirroring;
 mod panorama;
 mod photo;
+mod ratio;
 mod surface;
 mod viewers;
 
+pub use detail::Detail;
 pub use lookup::PhotoLookup;
 pub use map::RadianceMap;
 pub use panorama::PanoramaLookup;

@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use lo_cone::{Cone, ConeSample, ConeTracer};
 use lo_geometry::{Vec3, orthonormal_basis};
 use lo_lights::PictureChange;
@@ -37,7 +39,7 @@ const CONES_PER_TASK: usize = 1024;
 /// so in the photo, too.
 pub struct PhotoLookup {
     surface: Surface,
-    photo: PhotoPyramid,
+    photo: Arc<PhotoPyramid>,
     leaf_edge_m: f32,
 }
 
@@ -65,7 +67,12 @@ impl PhotoLookup {
             surface.usual_depth_m(),
             change.as_ref(),
         );
-        Self { surface, photo, leaf_edge_m }
+        Self { surface, photo: Arc::new(photo), leaf_edge_m }
+    }
+
+    /// The photo's radiance.
+    pub(crate) fn photo(&self) -> Arc<PhotoPyramid> {
+        Arc::clone(&self.photo)
     }
 
     /// Puts what the photo shows into samples of cones of the scene's octree: radiance, and with it distance and opacity.

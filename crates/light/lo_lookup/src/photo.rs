@@ -53,11 +53,22 @@ impl PhotoPyramid {
         if let Some(change) = change {
             change.photo(&mut finest, &frame.camera);
         }
+        Self::of(finest)
+    }
+
+    /// Of an image in linear values.
+    pub fn of(finest: RadianceImage) -> Self {
         let mut levels = vec![finest];
         while let Some(coarser) = levels.last().filter(|level| level.width().min(level.height()) >= 2).map(halved) {
             levels.push(coarser);
         }
         Self { levels }
+    }
+
+    /// The finest level whose longer side is at most `side` pixels.
+    pub fn level_within(&self, side: usize) -> &RadianceImage {
+        let fits = |level: &&RadianceImage| level.width().max(level.height()) <= side;
+        self.levels.iter().find(fits).unwrap_or(&self.levels[self.levels.len() - 1])
     }
 
     /// Width and height of the finest level.
@@ -203,7 +214,7 @@ fn halved(image: &RadianceImage) -> RadianceImage {
 }
 
 /// Blend of the four pixels around a position; pixel centres lie at +0.5, and the border goes on outside.
-fn bilinear(image: &RadianceImage, at: Vec2) -> Vec3 {
+pub(crate) fn bilinear(image: &RadianceImage, at: Vec2) -> Vec3 {
     let last = Vec2::new((image.width() - 1) as f32, (image.height() - 1) as f32);
     let at = (at - 0.5).min(last).max(Vec2::ZERO);
     let (x, y) = (at.x as usize, at.y as usize);

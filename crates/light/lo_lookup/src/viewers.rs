@@ -4,13 +4,14 @@ use lo_imaging::Image;
 use lo_lights::AnalyticLights;
 use lo_scene::Scene;
 
-use crate::{PanoramaLookup, PhotoLookup};
+use crate::{Detail, PanoramaLookup, PhotoLookup};
 
 /// What there is to see in a scene from any place: its octree, its photo or a panorama of the room where those show it, and lights that were added.
 pub struct SharpViewers {
     viewers: Viewers,
     photo: PhotoLookup,
     panorama: Option<PanoramaLookup>,
+    detail: Option<Detail>,
     /// Lights that no octree holds.
     lights: Option<AnalyticLights>,
 }
@@ -22,11 +23,20 @@ impl SharpViewers {
         let photo = PhotoLookup::new(scene, &viewers.at(Vec3::ZERO));
         let eye_m = scene.panorama.as_ref().map_or(Vec3::ZERO, |laid| laid.source.position_m);
         let panorama = PanoramaLookup::new(scene, &viewers.at(eye_m));
-        Self { viewers, photo, panorama, lights: AnalyticLights::of(scene) }
+        Self { viewers, photo, panorama, detail: None, lights: AnalyticLights::of(scene) }
+    }
+
+    /// Adds detail around what neither the photo nor a panorama of the room shows ([`Detail`]).
+    #[must_use]
+    pub fn with_detail(self, scene: &Scene) -> Self {
+        Self { detail: Detail::new(scene, &self.photo), ..self }
     }
 
     /// Puts what the panorama of the room shows, and before it what the photo does, into samples.
     fn sharpen(&self, cones: &[Cone], samples: &mut [ConeSample]) {
+        if let Some(detail) = &self.detail {
+            detail.add(cones, samples);
+        }
         if let Some(panorama) = &self.panorama {
             panorama.sharpen(cones, samples);
         }

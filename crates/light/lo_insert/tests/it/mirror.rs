@@ -92,3 +92,57 @@ fn chrome_mirrors_what_the_photo_shows() {
     assert!(pixels > 500, "{pixels}");
     assert!(normal < 0.6 * draft, "{normal} with the photo, {draft} without");
 }
+
+/// A room that is grey in the octree, of which the photo shows stripes.
+fn unseen_scene() -> Scene {
+    let scene = scene();
+    let rgba = |rows: &Vec<[f32; 4]>| rows.iter().map(|&[.., opacity]| [0.5, 0.5, 0.5, opacity]).collect();
+    let light = LightOctree { rgba: scene.light.rgba.iter().map(rgba).collect(), ..scene.light.clone() };
+    Scene { light, ..scene }
+}
+
+/// The sphere of a material, and what it changes of the photo, with and without detail.
+fn with_and_without_detail(material: Material, quality: Quality) -> [lo_insert::Composite; 2] {
+    let scene = unseen_scene();
+    let model = PreparedModel::new(Model::sphere(RADIUS, 6, material).unwrap());
+    let placement = Placement {
+        position_m: CENTRE - Vec3::Y * RADIUS,
+        scale: 1.0,
+        yaw_rad: 0.0,
+        up: Vec3::Y,
+        support: Some(Plane::through(Vec3::new(0.0, LOW.y, 0.0), Vec3::Y)),
+    };
+    let with = Inserter::new(&scene, Lighting::Octree, quality).unwrap();
+    let without = Inserter::new(&scene, Lighting::Octree, quality).unwrap().without_detail();
+    [with, without]
+        .map(|inserter| inserter.render(&[Instance::new(&model, placement)], &mut lo_events::ignore).unwrap())
+}
+
+/// Deviation of the red of what the middle of the sphere mirrors, which lies behind the camera.
+fn deviation(composite: &lo_insert::Composite) -> f32 {
+    let is_inside = |i: &usize| composite.alpha.pixels()[*i] == 1.0;
+    let reds: Vec<f32> = (0..640 * 480).filter(is_inside).map(|i| composite.object.pixels()[i][0]).collect();
+    let mean = reds.iter().sum::<f32>() / reds.len() as f32;
+    (reds.iter().map(|red| (red - mean).powi(2)).sum::<f32>() / reds.len() as f32).sqrt()
+}
+
+#[test]
+fn chrome_mirrors_detail_where_nothing_was_seen() {
+    let chrome = Material { base_color: [1.0; 4], metallic: 1.0, roughness: 0.0, ..Material::default() };
+    let [with, without] = with_and_without_detail(chrome.clone(), Quality::Normal);
+    let (with, without) = (deviation(&with), deviation(&without));
+    println!("{with} with detail, {without} without");
+    assert!(with > 1.5 * without, "{with} with detail, {without} without");
+    let [with, without] = with_and_without_detail(chrome, Quality::Draft);
+    assert_eq!(with.image, without.image);
+}
+
+#[test]
+fn diffuse_light_and_shadows_have_no_detail() {
+    let plaster = Material { base_color: [0.7, 0.7, 0.7, 1.0], metallic: 0.0, roughness: 1.0, ..Material::default() };
+    let [with, without] = with_and_without_detail(plaster, Quality::Normal);
+    assert_eq!(with.image, without.image);
+    let chrome = Material { base_color: [1.0; 4], metallic: 1.0, roughness: 0.0, ..Material::default() };
+    let [with, without] = with_and_without_detail(chrome, Quality::Normal);
+    assert_eq!(with.shadow_ratio, without.shadow_ratio);
+}
