@@ -79,4 +79,4 @@ pub use place::probe_grid;
 pub use probes::render_probes;
 #[doc(hidden)]
 pub use seen_frame::SeenFrame;
-pub use sun::{PhotoSun, sun_of_photo};
+pub use sun::{PhotoSun, ShadowError, sun_of_photo, supported_sun};

@@ -3,7 +3,7 @@ use std::ops::RangeInclusive;
 use lo_completion::irradiance_at;
 use lo_geometry::Vec3;
 use lo_imaging::luminance;
-use lo_lights::{SunEdge, Sunlit, color_temperature_k, rgb_of_color};
+use lo_lights::{ShadowSupport, SunEdge, Sunlit, color_temperature_k, rgb_of_color, shadow_support, sun_of_shadow};
 use lo_scene::{AnalyticLight, LightColor, LightShape, Scene};
 
 use crate::fit_lamps;
@@ -26,6 +26,32 @@ pub struct PhotoSun {
     pub lit_share: f32,
     /// Whether patches are clipped in the photo, so that the sun is at least as bright as this.
     pub clipped: bool,
+}
+
+/// Why a thing and its shadow give no sun.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum ShadowError {
+    /// Depth is missing at one of the two pixels, or the shadow does not lie below the thing.
+    #[error("by the scene's depth the shadow does not lie below the thing")]
+    NotBelow,
+    /// The photo's edges around the shadow do not support it.
+    #[error("no edge of a sun patch supports the shadow: of {} sharp edges {} are sunny", support.edges, support.sunny)]
+    Unsupported {
+        /// Unit vector towards the sun that the two pixels give.
+        direction: Vec3,
+        /// The edges around the shadow.
+        support: ShadowSupport,
+    },
+}
+
+/// Unit vector towards the sun in which the thing at one pixel of the photo casts its shadow on another one.
+///
+/// # Errors
+/// Where depth gives no direction, or the photo's edges do not support it ([`ShadowSupport::is_enough`]).
+pub fn supported_sun(scene: &Scene, thing: [f64; 2], shadow: [f64; 2]) -> Result<Vec3, ShadowError> {
+    let direction = sun_of_shadow(scene, thing, shadow).ok_or(ShadowError::NotBelow)?;
+    let support = shadow_support(scene, direction, shadow);
+    if support.is_enough() { Ok(direction) } else { Err(ShadowError::Unsupported { direction, support }) }
 }
 
 /// How bright the sun is that makes the patches of a scene's photo, by the light that the room gives to the shade beside them
@@ -121,6 +147,17 @@ mod tests {
         // 1.0 by 0.5 m of the floor, seen from 0.8 m above and 2 m away.
         assert!(!found.clipped && (0.02..0.1).contains(&found.lit_share), "{found:?}");
         assert!(matches!(found.light.shape, LightShape::Sun { direction: SUN, of_photo: true, .. }));
+    }
+
+    #[test]
+    fn a_shadow_without_an_edge_is_refused() {
+        let scene = room(Vec3::splat(4.0));
+        // The wall above, and the floor: no edge lies around the second pixel.
+        assert!(matches!(
+            supported_sun(&scene, [120.0, 40.0], [20.0, 150.0]),
+            Err(ShadowError::Unsupported { support: ShadowSupport { edges: 0, .. }, .. })
+        ));
+        assert_eq!(supported_sun(&scene, [20.0, 150.0], [120.0, 40.0]), Err(ShadowError::NotBelow));
     }
 
     #[test]

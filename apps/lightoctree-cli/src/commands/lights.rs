@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
+use lightoctree::ShadowError;
 use lightoctree::geometry::Vec3;
 use lightoctree::imaging::luminance;
-use lightoctree::lo_lights::{self, Kind, ListedLight, Origin};
+use lightoctree::lo_lights::{self, Kind, ListedLight, Origin, ShadowSupport};
 use lightoctree::scene::{
     AnalyticLight, LightChange, LightColor, LightEdits, LightShape, MAX_LIGHT_EDITS, MAX_LIGHT_SCALE, Scene,
 };
@@ -130,7 +131,7 @@ struct SunArgs {
     #[arg(long, value_name = "E", value_parser = elevation, allow_hyphen_values = true, requires = "azimuth")]
     elevation: Option<f64>,
 
-    /// Instead of the two: a pixel of the photo that shows a thing, such as the top of a chair or a corner of the window, and one that shows where its shadow falls
+    /// Instead of the two: a pixel of the photo that shows a thing, such as the top of a chair or a corner of the window, and one that shows where its shadow falls. Without --strength, refused where the photo has no edges of a sun patch there
     #[arg(long, value_name = "U,V,U,V", value_parser = parse::pixels, conflicts_with = "azimuth", required_unless_present = "azimuth")]
     shadow: Option<[[f64; 2]; 2]>,
 
@@ -317,7 +318,7 @@ fn full() -> anyhow::Error {
 
 fn sun(scene: &Scene, args: &SunArgs, stages: &Stages) -> anyhow::Result<AnalyticLight> {
     let direction = match (args.shadow, args.azimuth, args.elevation) {
-        (Some(shadow), ..) => by_shadow(scene, shadow)?,
+        (Some(shadow), ..) => by_shadow(scene, shadow, args.strength.is_some())?,
         (None, Some(azimuth), Some(elevation)) => lo_lights::sun_direction(scene, azimuth, elevation),
         _ => return Err(Usage("give --azimuth and --elevation, or --shadow".into()).into()),
     };
@@ -345,7 +346,9 @@ fn sun(scene: &Scene, args: &SunArgs, stages: &Stages) -> anyhow::Result<Analyti
 }
 
 /// The direction of the sun that casts the shadow of the thing at one pixel to another one.
-fn by_shadow(scene: &Scene, [thing, shadow]: [[f64; 2]; 2]) -> anyhow::Result<Vec3> {
+///
+/// The photo need not support a free sun.
+fn by_shadow(scene: &Scene, [thing, shadow]: [[f64; 2]; 2], is_free: bool) -> anyhow::Result<Vec3> {
     let camera = &scene.frame.camera;
     for [u, v] in [thing, shadow] {
         if !camera.contains(u, v) {
@@ -354,9 +357,33 @@ fn by_shadow(scene: &Scene, [thing, shadow]: [[f64; 2]; 2]) -> anyhow::Result<Ve
             return Err(Usage(message).into());
         }
     }
-    lo_lights::sun_of_shadow(scene, thing, shadow).ok_or_else(|| {
-        Usage("--shadow: by the scene's depth the shadow does not lie below the thing; name the thing's pixel first, then the shadow's".into()).into()
-    })
+    let found = if is_free {
+        lo_lights::sun_of_shadow(scene, thing, shadow).ok_or(ShadowError::NotBelow)
+    } else {
+        lightoctree::supported_sun(scene, thing, shadow)
+    };
+    found.map_err(|error| Usage(format!("--shadow: {}", no_shadow(scene, shadow, error))).into())
+}
+
+/// Why a shadow gives no sun, and what can be done.
+fn no_shadow(scene: &Scene, [u, v]: [f64; 2], error: ShadowError) -> String {
+    let ShadowError::Unsupported { direction, support } = error else {
+        return format!("{error}; name the thing's pixel first, then the shadow's");
+    };
+    let [azimuth, elevation] = lo_lights::sun_angles_deg(scene, direction);
+    let ShadowSupport { edges, sunny, explained, against, measured } = support;
+    let (least, share) = (ShadowSupport::MIN_SUNNY, 100.0 * ShadowSupport::MIN_SUNNY_SHARE);
+    let hidden = if measured {
+        format!("; by the measured depth, {explained} could be a shadow's in this sun and {against} could not")
+    } else {
+        String::new()
+    };
+    format!(
+        "no edge of a sun patch supports this sun (azimuth {azimuth:.0}°, elevation {elevation:.0}°). \
+         Sharp edges on surfaces that face it, around {u},{v}: {edges} pixels, {sunny} of them with the colour of \
+         sunlight; {least} and {share:.0} % are needed{hidden}. Name a shadow's edge beside a sun patch, give \
+         --azimuth and --elevation if the sun is known, or --strength to add it whatever the photo shows"
+    )
 }
 
 fn area(scene: &Scene, args: &AreaArgs) -> anyhow::Result<AnalyticLight> {

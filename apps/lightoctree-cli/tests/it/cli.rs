@@ -204,6 +204,8 @@ fn lights_are_listed_changed_and_reset() {
     let message = refused(at, 2, &sun(&["--shadow", "72,90,72,10"]));
     assert!(message.contains("name the thing's pixel first"), "{message}");
     let message = refused(at, 2, &sun(&["--shadow", "72,10,72,90"]));
+    assert!(message.contains("no edge of a sun patch") && message.contains("--strength"), "{message}");
+    let message = refused(at, 2, &sun(&["--azimuth", "10", "--elevation", "40"]));
     assert!(message.contains("no sun patches") && message.contains("--strength"), "{message}");
     let message = refused(at, 2, &sun(&["--azimuth", "10"]));
     assert!(message.contains("--elevation"), "{message}");

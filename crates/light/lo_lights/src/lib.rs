@@ -36,4 +36,4 @@ pub use picture::PictureChange;
 pub use shape::{ClusterShape, ClusterSurface, LeafSurface};
 pub use split::split_octree;
 pub use sun::{sun_angles_deg, sun_direction, sun_of_shadow};
-pub use sunlit::{SunEdge, Sunlit};
+pub use sunlit::{ShadowSupport, SunEdge, Sunlit, shadow_support};

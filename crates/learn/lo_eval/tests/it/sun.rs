@@ -1,13 +1,14 @@
 //! Where the sun shines in photos of sunny generated rooms, and how strong it is, told by the photo and where the sun stands.
 
-use lightoctree::lo_lights::Sunlit;
+use lightoctree::lo_lights::{Sunlit, sun_of_shadow};
 use lightoctree::mesh::PreparedModel;
 use lightoctree::scene::{Frame, Scene};
-use lightoctree::{EstimateOptions, Input, sun_of_photo};
+use lightoctree::{EstimateOptions, Input, sun_of_photo, supported_sun};
 use lo_dataset::{Generator, GeneratorConfig};
 use lo_geometry::{Ray, Vec3};
 use lo_imaging::{DepthMap, Image, Photo, luminance};
-use lo_synth::{CameraPose, Weather};
+use lo_random::RngExt;
+use lo_synth::{CameraPose, Interior, Weather};
 
 use crate::{median, shipped};
 
@@ -19,25 +20,32 @@ const STRIDE: usize = 4;
 /// Rooms in which the sun shines on less of the photo than this are passed over.
 const MIN_LIT: f64 = 0.005;
 
-/// Whether the sun shines on what a pixel shows; `None` where it shows nothing.
-fn is_lit(model: &PreparedModel, view: &CameraPose, sun: Vec3, (x, y): (usize, usize)) -> Option<bool> {
+/// The first surface but glass that a ray meets.
+fn meets(model: &PreparedModel, mut ray: Ray) -> Option<Vec3> {
     let is_glass = |triangle: u32| {
         let model = model.model();
         model.materials[model.triangle_materials[triangle as usize] as usize].transmission > 0.0
     };
-    let meets = |mut ray: Ray| {
-        for _ in 0..8 {
-            let hit = model.intersect_both_sides(&ray, FAR_M)?;
-            if !is_glass(hit.triangle) {
-                return Some(ray.origin + ray.direction * hit.distance_m);
-            }
-            ray.origin += ray.direction * (hit.distance_m + 1e-3);
+    for _ in 0..8 {
+        let hit = model.intersect_both_sides(&ray, FAR_M)?;
+        if !is_glass(hit.triangle) {
+            return Some(ray.origin + ray.direction * hit.distance_m);
         }
-        None
-    };
-    let direction = (view.pose.rotation * view.camera.direction(x as f64 + 0.5, y as f64 + 0.5)).normalize();
-    let point = meets(Ray { origin: view.pose.position, direction })?;
-    Some(meets(Ray { origin: point - direction * 2e-3, direction: sun }).is_none())
+        ray.origin += ray.direction * (hit.distance_m + 1e-3);
+    }
+    None
+}
+
+/// The place that a pixel shows, and what hides the sun from it; `None` where it shows nothing.
+fn shown(model: &PreparedModel, view: &CameraPose, sun: Vec3, (u, v): (f64, f64)) -> Option<(Vec3, Option<Vec3>)> {
+    let direction = (view.pose.rotation * view.camera.direction(u, v)).normalize();
+    let place = meets(model, Ray { origin: view.pose.position, direction })?;
+    Some((place, meets(model, Ray { origin: place - direction * 2e-3, direction: sun })))
+}
+
+/// Whether the sun shines on what a pixel shows; `None` where it shows nothing.
+fn is_lit(model: &PreparedModel, view: &CameraPose, sun: Vec3, (x, y): (usize, usize)) -> Option<bool> {
+    shown(model, view, sun, (x as f64 + 0.5, y as f64 + 0.5)).map(|(_, hidden_by)| hidden_by.is_none())
 }
 
 /// Intersection over union of what is in the sun and what is found to be; 0 where nothing is found.
@@ -57,7 +65,7 @@ fn overlap(truth: &Image<Option<bool>>, scene: &Scene, sun: Vec3) -> f64 {
 }
 
 #[test]
-#[ignore = "two minutes: cargo test --release -p lo_eval --test it sun:: -- --ignored --nocapture; SUN_SEED chooses other rooms"]
+#[ignore = "two minutes: cargo test --release -p lo_eval --test it sun::sun_patches -- --ignored --nocapture; SUN_SEED chooses other rooms"]
 fn sun_patches_of_generated_rooms() {
     let mut config = GeneratorConfig { shots: 1, ..GeneratorConfig::default() };
     config.room.crop_size = [480, 320];
@@ -110,5 +118,108 @@ fn sun_patches_of_generated_rooms() {
         let (overlap, strength) = (median(overlaps.clone()), median(strengths.clone()));
         println!("{name}: sun patches in {found} of {photos} photos, overlap {overlap:.2}, strength × {strength:.2}");
         assert!(overlap > 0.2 && (0.2..2.0).contains(&strength), "{name}");
+    }
+}
+
+/// A thing's pixel and its shadow's.
+type Shadow = [[f64; 2]; 2];
+
+/// Shadows of each kind that are tried in a photo, at most.
+const SHADOWS: usize = 5;
+
+/// Things that the photo shows and places beside sun patches from which they hide the sun.
+fn true_shadows(interior: &Interior, view: &CameraPose) -> Vec<Shadow> {
+    let Some(sun) = interior.world.outdoors.sun else { return Vec::new() };
+    let model = PreparedModel::new(interior.world.model.clone());
+    let camera = &view.camera;
+    let (columns, rows) = (camera.width as usize / STRIDE, camera.height as usize / STRIDE);
+    let at = |x: usize, y: usize| ((x * STRIDE) as f64 + 0.5, (y * STRIDE) as f64 + 0.5);
+    let places = Image::from_fn(columns, rows, |x, y| shown(&model, view, sun.direction, at(x, y)));
+    let is_lit = |x: usize, y: usize| places[(x, y)].is_some_and(|(_, hidden_by)| hidden_by.is_none());
+    let lit = places.pixels().iter().flatten().filter(|(_, hidden_by)| hidden_by.is_none()).count();
+    if (lit as f64) < MIN_LIT * (columns * rows) as f64 {
+        return Vec::new();
+    }
+    let pixels = (0..rows).flat_map(|y| (1..columns - 1).map(move |x| (x, y)));
+    let beside_patch = pixels.filter(|&(x, y)| is_lit(x - 1, y) || is_lit(x + 1, y));
+    let shadow = |(x, y): (usize, usize)| {
+        let thing = places[(x, y)]?.1?;
+        let (u, v, _) = camera.project(view.pose.rotation.inverse() * (thing - view.pose.position))?;
+        let seen = shown(&model, view, sun.direction, (u, v)).filter(|_| camera.contains(u, v))?.0;
+        ((seen - thing).length() < 0.1).then(|| [[u, v], at(x, y).into()])
+    };
+    let all: Vec<Shadow> = beside_patch.filter_map(shadow).filter(|shadow| is_far(camera.width, shadow)).collect();
+    all.iter().step_by(all.len().div_ceil(SHADOWS).max(1)).copied().collect()
+}
+
+/// Whether thing and shadow are far enough from each other to tell a direction.
+fn is_far(width: u32, [thing, shadow]: &Shadow) -> bool {
+    (thing[0] - shadow[0]).hypot(thing[1] - shadow[1]) > 0.06 * f64::from(width)
+}
+
+/// Pairs of any pixels of a scene's photo that give a direction. The second lies at an edge of brightness if `at_edges`.
+fn any_shadows(scene: &Scene, at_edges: bool, stream: &mut impl RngExt) -> Vec<Shadow> {
+    let (camera, radiance) = (scene.frame.camera, scene.frame.radiance());
+    let size = [f64::from(camera.width), f64::from(camera.height)];
+    let log = |u: f64, v: f64| {
+        let pixel = (u.clamp(0.0, size[0] - 1.0) as usize, v.clamp(0.0, size[1] - 1.0) as usize);
+        luminance(radiance[pixel]).max(2e-3).ln()
+    };
+    let mut any = || size.map(|size| stream.random_range(0.0..size));
+    let pairs = std::iter::repeat_with(|| [any(), any()]).take(3000);
+    let is_edge = |[u, v]: [f64; 2]| {
+        let across = [log(u - 4.0, v) - log(u + 4.0, v), log(u, v - 4.0) - log(u, v + 4.0)];
+        across.into_iter().any(|difference| difference.abs() > 0.7)
+    };
+    let usable = pairs.filter(|pair| is_far(camera.width, pair) && (!at_edges || is_edge(pair[1])));
+    usable.filter(|pair| sun_of_shadow(scene, pair[0], pair[1]).is_some()).take(SHADOWS).collect()
+}
+
+#[test]
+#[ignore = "five minutes: cargo test --release -p lo_eval --test it sun::shadows -- --ignored --nocapture"]
+fn shadows_of_generated_rooms() {
+    let mut config = GeneratorConfig { shots: 1, panoramas: 1, panorama_height: 16, ..GeneratorConfig::default() };
+    config.octree_depth = 4;
+    config.light.gather_rays = 24;
+    config.room.crop_size = [480, 320];
+    let weather = [(Weather::Clear, 0.5), (Weather::Sunset, 0.1), (Weather::Overcast, 0.2), (Weather::Night, 0.2)];
+    config.room.weather_weights = weather.into();
+    let seed = std::env::var("SUN_SEED").map_or(7103, |seed| seed.parse().unwrap());
+    let generator = Generator::new(seed, config).unwrap();
+    let estimator = shipped();
+    let kinds = ["true shadows", "no sun: any pixels", "no sun: edges", "sun: any pixels", "sun: edges"];
+    let depths = ["true depth", "photo alone"];
+    // By depth and kind: how many are asked for, and accepted.
+    let mut counts = [[[0u32; 2]; 5]; 2];
+    for index in 0..60 {
+        let interior = generator.interior(index).unwrap();
+        let view = interior.camera_poses(1)[0];
+        let sample = generator.record(index).unwrap().sample(0);
+        let photo = Photo::Srgb8(sample.photo.clone());
+        let frame = Frame::new(photo.clone(), sample.depth_m.clone().unwrap(), sample.camera, 1.0).unwrap();
+        let inputs = [Input::MeasuredDepth(frame), Input::Photo { photo, camera: sample.camera }];
+        let shadows = true_shadows(&interior, &view);
+        for (counts, input) in counts.iter_mut().zip(inputs) {
+            let options = EstimateOptions::default();
+            let scene = estimator.estimate(input, &options, &mut lightoctree::events::ignore).unwrap();
+            let mut stream = lo_random::stream(seed, "shadows", index);
+            let [any, edges] = [false, true].map(|at_edges| any_shadows(&scene, at_edges, &mut stream));
+            let other = if interior.world.outdoors.sun.is_some() { 3 } else { 1 };
+            for (kind, shadows) in [(0, &shadows), (other, &any), (other + 1, &edges)] {
+                for [thing, shadow] in shadows {
+                    let accepted = supported_sun(&scene, *thing, *shadow)
+                        .is_ok_and(|sun| sun_of_photo(&scene, sun, 0.27).is_some());
+                    counts[kind][0] += 1;
+                    counts[kind][1] += u32::from(accepted);
+                }
+            }
+        }
+    }
+    for (depth, counts) in depths.into_iter().zip(counts) {
+        for (kind, [asked, accepted]) in kinds.into_iter().zip(counts) {
+            println!("{depth}, {kind}: {accepted} of {asked} accepted");
+        }
+        let share = |kind: usize| f64::from(counts[kind][1]) / f64::from(counts[kind][0]);
+        assert!(share(0) > 0.4 && share(1) < 0.1 && share(2) < 0.15, "{depth}");
     }
 }

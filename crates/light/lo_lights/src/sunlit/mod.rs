@@ -5,6 +5,7 @@
 
 mod edges;
 mod label;
+mod support;
 
 use lo_geometry::{Camera, Vec2, Vec3};
 use lo_imaging::{DepthMap, Image};
@@ -13,6 +14,8 @@ use lo_scene::Frame;
 use crate::picture::bilinear;
 use edges::{Edge, edges, log_luminance};
 use label::label;
+
+pub use support::{ShadowSupport, shadow_support};
 
 /// Fewer edges are no sun patch.
 const MIN_EDGES: usize = 30;
