@@ -495,6 +495,27 @@ fn a_photo_alone_is_enough() {
     let summary = json(&done(at, &["inspect", "alone.scene", "--json"]));
     assert_eq!((&summary["completion"], &summary["predicted_depth"]), (&"network".into(), &true.into()));
     done(at, &["envmap", "alone.scene", "--at", "0,0,-1", "--size", "64x32", "--lamp", "-o", "lamp.exr"]);
+    let light = |name: &str, options: &[&str]| {
+        done(at, &[&["envmap", "alone.scene", "--at", "0,0,-1", "--size", "64x32", "-o", name], options].concat());
+        imaging::read_radiance(at.join(name)).unwrap()
+    };
+    let former = imaging::read_radiance(at.join("lamp.exr")).unwrap();
+    assert!(former == light("plausible.exr", &["--light", "plausible"]));
+    let (even, expected) = (light("even.exr", &["--light", "even"]), light("expected.exr", &[]));
+    assert!(even != expected && expected != former && expected == light("same.exr", &["--light", "expected"]));
+    let ratio = |image: &imaging::RadianceImage| {
+        let sum = image.pixels().iter().fold([0.0f32; 3], |sum, rgb| [0, 1, 2].map(|c| sum[c] + rgb[c]));
+        sum[0] / sum[2]
+    };
+    let warm = light("warm.exr", &["--warmth", "1"]);
+    assert!(ratio(&warm) > 1.5 * ratio(&expected), "{} {}", ratio(&warm), ratio(&expected));
+    light("white.exr", &["--white", "30,20"]);
+    let with =
+        |option: &[&'static str]| [&["envmap", "alone.scene", "--at", "0,0,-1", "-o", "no.exr"], option].concat();
+    let error = refused(at, 2, &with(&["--contrast", "2"]));
+    assert!(error.contains("--light plausible"), "{error}");
+    let error = refused(at, 1, &with(&["--white", "9999,1"]));
+    assert!(error.contains("white"), "{error}");
     done(at, &["estimate", "photo.png", "--depth", "depth.png", "-o", "measured.scene"]);
     let summary = json(&done(at, &["inspect", "measured.scene", "--json"]));
     assert_eq!((&summary["completion"], &summary["predicted_depth"]), (&"network".into(), &false.into()));

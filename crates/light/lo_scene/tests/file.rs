@@ -7,9 +7,9 @@ use lo_geometry::{Camera, Cube, Plane, Quat, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
 use lo_scene::{
-    AddedLight, AnalyticLight, CameraSource, Completion, EditedLight, EmitterEdit, Frame, LaidPanorama, LightChange,
-    LightColor, LightEdits, LightShape, MAX_LIGHT_EDITS, ObjectsShown, PanoramaPicture, PanoramaSource, Room,
-    RoomPlane, Scene, SceneError, SceneObjects, Side,
+    AddedLight, AnalyticLight, CameraSource, Completion, EditedLight, EmitterEdit, ExpectedLight, Frame, LaidPanorama,
+    LightChange, LightColor, LightEdits, LightShape, MAX_LIGHT_EDITS, ObjectsShown, PanoramaPicture, PanoramaSource,
+    Room, RoomPlane, Scene, SceneError, SceneObjects, Side,
 };
 use proptest::prelude::*;
 
@@ -136,6 +136,18 @@ fn what_a_panorama_gave_comes_back_and_leaves_other_files_as_they_are() {
     scene.panorama.as_mut().unwrap().source.confidence = 1.5;
     let error = Scene::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap_err().to_string();
     assert!(error.contains("confidence"), "{error}");
+}
+
+#[test]
+fn expected_light_comes_back_and_is_checked() {
+    let radiance = RadianceImage::from_fn(64, 32, |x, y| [0.1 + x as f32, 0.2 + y as f32, 0.0]);
+    let expected = ExpectedLight::new(&radiance, Quat::from_rotation_x(0.2), 3.25);
+    let mut scene = Scene { expected: Some(expected), ..scene(false) };
+    let back = Scene::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap();
+    assert_eq!(back.expected, scene.expected);
+    scene.expected.as_mut().unwrap().contrast_stops = 99.0;
+    let error = Scene::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap_err().to_string();
+    assert!(error.contains("contrast_stops"), "{error}");
 }
 
 fn edits() -> LightEdits {
