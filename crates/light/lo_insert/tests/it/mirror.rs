@@ -120,7 +120,9 @@ fn with_and_without_detail(material: Material, quality: Quality) -> [lo_insert::
 
 /// Deviation of the red of what the middle of the sphere mirrors, which lies behind the camera.
 fn deviation(composite: &lo_insert::Composite) -> f32 {
-    let is_inside = |i: &usize| composite.alpha.pixels()[*i] == 1.0;
+    let camera = Camera::from_hfov_deg(75.0, 640, 480).unwrap();
+    let (u, v, _) = camera.project(CENTRE).unwrap();
+    let is_inside = |i: &usize| ((*i % 640) as f64 - u).hypot((*i / 640) as f64 - v) < 45.0;
     let reds: Vec<f32> = (0..640 * 480).filter(is_inside).map(|i| composite.object.pixels()[i][0]).collect();
     let mean = reds.iter().sum::<f32>() / reds.len() as f32;
     (reds.iter().map(|red| (red - mean).powi(2)).sum::<f32>() / reds.len() as f32).sqrt()
@@ -141,7 +143,12 @@ fn chrome_mirrors_detail_where_nothing_was_seen() {
 fn diffuse_light_and_shadows_have_no_detail() {
     let plaster = Material { base_color: [0.7, 0.7, 0.7, 1.0], metallic: 0.0, roughness: 1.0, ..Material::default() };
     let [with, without] = with_and_without_detail(plaster, Quality::Normal);
-    assert_eq!(with.image, without.image);
+    assert_eq!(with.shadow_ratio, without.shadow_ratio);
+    // Its rough reflection, some hundredths of its light, is gathered by wide cones, which see the photo's means.
+    let pairs = with.object.pixels().iter().zip(without.object.pixels());
+    let off = pairs.map(|(a, b)| (Vec3::from(*a) - Vec3::from(*b)).abs().max_element()).fold(0.0, f32::max);
+    println!("plaster is off by {off}");
+    assert!(off < 0.01, "{off}");
     let chrome = Material { base_color: [1.0; 4], metallic: 1.0, roughness: 0.0, ..Material::default() };
     let [with, without] = with_and_without_detail(chrome, Quality::Normal);
     assert_eq!(with.shadow_ratio, without.shadow_ratio);
