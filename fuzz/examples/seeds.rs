@@ -12,8 +12,8 @@ use lightoctree::geometry::{Camera, Cube, Plane, Quat, Vec3};
 use lightoctree::imaging::{self, DepthMap, ExrOptions, Image, Photo, RadianceImage};
 use lightoctree::octree::{Coverage, LightOctree, RadiancePoint};
 use lightoctree::scene::{
-    AnalyticLight, Completion, EmitterEdit, Frame, LightChange, LightColor, LightEdits, LightShape, ObjectsShown, Room,
-    RoomPlane, Scene, SceneObjects, Side,
+    AnalyticLight, Completion, EmitterEdit, ExpectedLight, Frame, LightChange, LightColor, LightEdits, LightShape,
+    ObjectsShown, Room, RoomPlane, Scene, SceneObjects, Side,
 };
 use lo_dataset::{DatasetError, Metadata, NovelView, Record, Shot, write_shard};
 
@@ -127,6 +127,10 @@ fn scenes(folder: &Path) -> Result {
         let edited = Scene { light_edits: light_edits(name == "srgb8")?, ..plain };
         edited.write(&folder.join(format!("{name}_edited.scene")), "seeds")?;
         if name == "srgb8" {
+            let radiance = RadianceImage::from_fn(8, 4, |x, y| [0.5 + x as f32, 0.5 + y as f32, 1.0]);
+            let expected = Some(ExpectedLight::new(&radiance, Quat::IDENTITY, 3.0));
+            let guessed = Scene { completion: Completion::Network, expected, ..edited.clone() };
+            guessed.write(&folder.join("srgb8_expected.scene"), "seeds")?;
             Scene { objects: objects(), ..edited }.write(&folder.join("srgb8_objects.scene"), "seeds")?;
         }
     }

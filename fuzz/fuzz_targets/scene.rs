@@ -22,7 +22,9 @@ fuzz_target!(|bytes: &[u8]| {
     assert!(finite(&viewers.at(Vec3::ZERO).panorama(Vec3::ZERO, 8, 4).radiance));
     // Edits are carried out, or it is said why not.
     let mut edited = scene;
-    if !edited.light_edits.is_empty() && lightoctree::light_up(&mut edited, false).is_ok() {
+    let lit = !edited.light_edits.is_empty() || edited.expected.is_some();
+    let tuning = lightoctree::LightTuning::default();
+    if lit && lightoctree::light_up(&mut edited, lightoctree::LightMode::Expected, &tuning).is_ok() {
         assert!(edited.light.rgba.iter().flatten().flatten().all(|value| value.is_finite() && *value >= 0.0));
         if let Some(lights) = AnalyticLights::of(&edited) {
             let mut panorama = viewers.at(Vec3::ZERO).panorama(Vec3::ZERO, 8, 4);

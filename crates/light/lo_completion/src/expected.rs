@@ -35,6 +35,9 @@ const OPEN: f32 = 0.2;
 /// Guessed leaves change by a factor within these.
 const GAIN: [f32; 2] = [0.02, 50.0];
 
+/// Largest radiance that is expected or given.
+const MAX_RADIANCE: f32 = 65_504.0;
+
 /// Contrasts that are gathered, stops: the middle nine tenths of real rooms are 1.2 to 6.3.
 const CONTRAST_STOPS: [f32; 2] = [1.0, 6.0];
 
@@ -128,7 +131,7 @@ pub fn lay_expected(
         let gain = Vec3::from(sample_equirectangular(&gains, middle_m.normalize_or(Vec3::Y)));
         let lamp = lamps.iter().filter(|lamp| lamp.holds(light, leaf.depth, middle_m, &sphere));
         let lamp: Vec3 = lamp.map(|lamp| lamp.radiance).sum();
-        own * (1.0 + open * (gain - 1.0)) + open * lamp
+        (own * (1.0 + open * (gain - 1.0)) + open * lamp).min(Vec3::splat(MAX_RADIANCE))
     });
     report.contrast_stops = sphere.stops(report.gathered_share, &lamps);
     report.lamps = lamps
@@ -210,7 +213,8 @@ impl Sphere {
         let world_from_panorama = expected.picture.world_from_panorama;
         let wanted = |direction: &Vec3| {
             let local = world_from_panorama.conjugate() * *direction;
-            Vec3::from(sample_equirectangular(&expected.picture.radiance, local)) * Vec3::from(tint)
+            let radiance = sample_equirectangular(&expected.picture.radiance, local);
+            (Vec3::from(radiance) * Vec3::from(tint)).min(Vec3::splat(MAX_RADIANCE))
         };
         let expected: Vec<Vec3> = directions.iter().map(wanted).collect();
         let smooth = |values: &dyn Fn(usize) -> Vec3| -> Vec<Vec3> {
