@@ -40,7 +40,7 @@ pub struct Args {
     #[arg(long, conflicts_with = "lamp")]
     without_emitters: bool,
 
-    /// Continue the photo's texture where nothing was seen; --sh9, --main-light and --depth-out stay as they are without
+    /// Continue the photo's texture where nothing was seen; --sh9 and --main-light do not change
     #[arg(long)]
     detail: bool,
 

@@ -66,7 +66,8 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     samples: Option<u32>,
 
-    /// Methods, separated by commas [default: all that the options suffice for, but for network-lamps, network-detail and panorama-…; the protocol insertion has its own]
+    /// Methods, separated by commas [default: all that the options suffice for, but for network-lamps,
+    /// network-detail and panorama-…; the protocol insertion has its own]
     ///
     /// With one that knows a panorama of the room, every method is scored on the panoramas 0.7 m or more from it alone.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]

@@ -27,7 +27,7 @@ pub enum Method {
     Network(Option<DepthInput>),
     /// The same with lamps as bright as objects are lit by.
     FittedLamps(Option<DepthInput>),
-    /// The same with the photo's detail around what is inferred, as reflections of objects have it.
+    /// Networks, and the photo's detail around what is inferred, as reflections of objects have it.
     Detail(Option<DepthInput>),
     /// Completion by planes.
     Shell(DepthInput),
@@ -163,7 +163,7 @@ impl Method {
         Self::FittedLamps(Some(DepthInput::True)),
     ];
 
-    /// Those with the photo's detail around what is inferred.
+    /// Methods with the photo's detail around what is inferred.
     pub const WITH_DETAIL: [Self; 3] =
         [Self::Detail(None), Self::Detail(Some(DepthInput::Sensor)), Self::Detail(Some(DepthInput::True))];
 
