@@ -113,7 +113,7 @@ impl Renderer {
         Ok(Self { viewers: SharpViewers::new(scene), height: height(size)? })
     }
 
-    /// With the photo's detail in what was not seen.
+    /// Adds the photo's detail where nothing was seen.
     pub fn with_detail(self, scene: &Scene) -> Self {
         Self { viewers: self.viewers.with_detail(scene), ..self }
     }

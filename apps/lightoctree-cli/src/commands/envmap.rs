@@ -41,7 +41,7 @@ pub struct Args {
     #[arg(long, conflicts_with_all = ["light", "lamp", "no_lamp", "contrast", "warmth", "white"])]
     without_emitters: bool,
 
-    /// Continue the photo's texture where nothing was seen; --sh9, --main-light and --depth-out stay as they are without
+    /// Continue the photo's texture where nothing was seen; --sh9 and --main-light do not change
     #[arg(long)]
     detail: bool,
 

@@ -70,7 +70,7 @@ pub struct Args {
     #[command(flatten)]
     light: LightArgs,
 
-    /// Keep reflections of what the photo does not show smooth, instead of continuing the photo's texture there
+    /// Keep reflections smooth where nothing was seen, instead of continuing the photo's texture
     #[arg(long)]
     no_detail: bool,
 

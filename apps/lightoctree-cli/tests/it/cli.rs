@@ -155,6 +155,31 @@ fn probes_come_with_a_manifest() {
 }
 
 #[test]
+fn detail_is_for_the_eye() {
+    let folder = room_with_scene();
+    let at = folder.path();
+    let read = |name: &str| std::fs::read(at.join(name)).unwrap();
+    let panorama = |name: &str, more: &[&str]| {
+        let (map, figures) = (format!("{name}.pfm"), format!("{name}.json"));
+        let envmap = ["envmap", "room.scene", "--at", "0,-0.4,-1", "--size", "64x32", "-o", &map, "--sh9", &figures];
+        done(at, &[&envmap[..], more].concat());
+        (read(&map), read(&figures))
+    };
+    let (plain, detailed) = (panorama("plain", &[]), panorama("detailed", &["--detail"]));
+    assert!(plain.0 != detailed.0 && plain.1 == detailed.1);
+
+    write_mesh(at);
+    let insert = |name: &str, more: &[&str]| {
+        let insert = ["insert", "room.scene", "--mesh", "object.obj", "--height", "0.4", "--pixel", "72,80"];
+        done(at, &[&insert[..], &["--material", "chrome", "-o", name], more].concat());
+        read(name)
+    };
+    assert!(insert("with.png", &[]) != insert("without.png", &["--no-detail"]));
+    let draft = |name: &str, more: &[&str]| insert(name, &[&["--quality", "draft"][..], more].concat());
+    assert!(draft("draft.png", &[]) == draft("draft_without.png", &["--no-detail"]));
+}
+
+#[test]
 fn lights_are_listed_changed_and_reset() {
     let folder = room_with_scene();
     let at = folder.path();

@@ -31,7 +31,7 @@ pub enum Method {
     Expected(Option<DepthInput>),
     /// The same with plausible lamps, as objects are lit.
     FittedLamps(Option<DepthInput>),
-    /// The same with the photo's detail around what is inferred, as reflections of objects have it.
+    /// Networks, and the photo's detail around what is inferred, as reflections of objects have it.
     Detail(Option<DepthInput>),
     /// Completion by planes.
     Shell(DepthInput),
@@ -179,7 +179,7 @@ impl Method {
         Self::FittedLamps(Some(DepthInput::True)),
     ];
 
-    /// Those with the photo's detail around what is inferred.
+    /// Methods with the photo's detail around what is inferred.
     pub const WITH_DETAIL: [Self; 3] =
         [Self::Detail(None), Self::Detail(Some(DepthInput::Sensor)), Self::Detail(Some(DepthInput::True))];
 

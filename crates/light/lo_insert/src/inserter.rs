@@ -107,7 +107,8 @@ impl Inserter {
         Self { floor_gloss: floor_gloss.clamp(0.0, 1.0), ..self }
     }
 
-    /// Reflections without the photo's detail in what was not seen ([`Detail`](lo_lookup::Detail)): that is as smooth there as the octree has it.
+    /// Keeps reflections as smooth as the octree where nothing was seen, without the photo's
+    /// [`Detail`](lo_lookup::Detail).
     #[must_use]
     pub fn without_detail(mut self) -> Self {
         self.environment.remove_detail();

@@ -14,8 +14,8 @@ use crate::ratio::ratio_pyramid;
 /// Angle beside the photo over which its mirror image itself turns into detail around what the octree holds.
 const BLEND_RAD: f32 = 0.2;
 
-/// Angles beside the photo between which places on the octree's surfaces are replaced by places on the planes that close the room: the photo's border
-/// lies where surfaces are, and lines on walls are to be straight.
+/// Angles beside the photo between which places on the octree's surfaces are replaced by places on the planes that close
+/// the room. The photo's border lies where surfaces are, and lines on walls are to be straight.
 const STRAIGHT_RAD: (f32, f32) = (0.02, 0.2);
 
 /// Angle inside the photo's border over which the detail ends.
@@ -26,8 +26,9 @@ const CONES_PER_TASK: usize = 1024;
 
 /// The photo's texture, continued where nothing was seen: detail around the octree's smooth estimate.
 ///
-/// It belongs to places in the room, so that it stays where it is as objects and viewers move. Its mean is 1 in any neighbourhood. It is for the eye, and not
-/// for irradiance. Samples get it before [`PhotoLookup`] replaces what the photo shows.
+/// It belongs to places in the room, so that it stays where it is as objects and viewers move. Its mean is 1 in any
+/// neighbourhood. It is meant for the eye, not for irradiance. Samples get it before [`PhotoLookup`] replaces what the
+/// photo shows.
 pub struct Detail {
     mirroring: Mirroring,
     photo: Arc<PhotoPyramid>,
@@ -107,7 +108,8 @@ impl Detail {
         Some(own.lerp(radiance, 1.0 - smoothstep(0.0, 1.0, inside)))
     }
 
-    /// Direction from the camera of what a cone meets, with detail on the planes that close the room in place of the octree's uneven surfaces.
+    /// Direction from the camera of what a cone meets: on the planes that close the room instead of the octree's uneven
+    /// surfaces.
     fn straightened(&self, cone: &Cone, direction: Vec3) -> Vec3 {
         let share = smoothstep(STRAIGHT_RAD.0, STRAIGHT_RAD.1, self.mirroring.place(direction, 0.0).outside_rad);
         if share <= 0.0 {

@@ -8,8 +8,8 @@ use lo_scene::Room;
 /// Least share of the photo's height that is mirrored above and below it.
 const LEAST_BAND: f32 = 0.25;
 
-/// Largest share of the photo's height, and of the way from its border to the horizon, that is mirrored above and below it: what floors and
-/// ceilings continue is not the horizon.
+/// Largest share of the photo's height, and of the way from its border to the horizon, that is mirrored above and below
+/// it: floors and ceilings are not continued by the horizon.
 const MOST_BAND: f32 = 0.6;
 
 /// Largest elevation that the photo shows, and sine of its roll, up to which its columns are upright in the room.
@@ -21,8 +21,10 @@ const POLE_RAD: (f32, f32) = (0.8, 1.3);
 /// Half-width of the blur at the poles, radians.
 const POLE_BLUR_RAD: f32 = 0.5;
 
-/// Maps directions from the camera to places in its photo. Inside of the photo it is the projection. Outside, azimuths about the room's vertical are
-/// mirrored at the photo's sides, and elevations at its top and bottom; it is continuous on the whole sphere but for the poles.
+/// Maps directions from the camera to places in its photo.
+///
+/// Inside the photo it is the projection. Outside, azimuths about the room's vertical are mirrored at the photo's sides,
+/// and elevations at its top and bottom. It is continuous on the sphere except at the poles.
 pub(crate) struct Mirroring {
     camera: Camera,
     level_from_camera: Mat3,
@@ -226,7 +228,7 @@ mod tests {
 
     #[test]
     fn mirror_images_end_at_the_other_side() {
-        // 60°: five panels of 60° in the 300° beside the photo. Its middle is mirrored at ± 60°, and behind the camera is a middle again.
+        // 60°: five panels of 60° in the 300° beside the photo. The middle is mirrored at ± 60° and behind the camera.
         let level = mirroring(60.0, 0.0, 0.0);
         assert_eq!(level.panels, 5.0);
         for (azimuth_deg, expected_deg) in [(0.0f32, 0.0f32), (40.0, 20.0), (60.0, 0.0), (80.0, -20.0), (-40.0, -20.0)]
@@ -261,7 +263,8 @@ mod tests {
     proptest! {
         #[test]
         fn inside_it_is_the_projection(
-            u in 0.01f64..0.99, v in 0.01f64..0.99, hfov_deg in 30.0f64..110.0, pitch in -1.5f32..1.5, roll in -0.7f32..0.7,
+            u in 0.01f64..0.99, v in 0.01f64..0.99, hfov_deg in 30.0f64..110.0, pitch in -1.5f32..1.5,
+            roll in -0.7f32..0.7,
         ) {
             let mirroring = mirroring(hfov_deg, pitch, roll);
             let (u, v) = (640.0 * u, 480.0 * v);
@@ -270,11 +273,11 @@ mod tests {
             prop_assert!(place.outside_rad <= 0.0);
         }
 
-        /// Neighbouring directions have neighbouring places: no seam at the photo's borders, between its mirror images, or behind the camera.
+        /// Neighbouring directions have neighbouring places: there is no seam at borders or behind the camera.
         #[test]
         fn it_is_continuous(
-            azimuth in -PI..PI, elevation in -1.0f32..1.0, turn in 0.0..TAU, hfov_deg in 30.0f64..110.0, pitch in -1.5f32..1.5,
-            roll in -0.7f32..0.7,
+            azimuth in -PI..PI, elevation in -1.0f32..1.0, turn in 0.0..TAU, hfov_deg in 30.0f64..110.0,
+            pitch in -1.5f32..1.5, roll in -0.7f32..0.7,
         ) {
             let mirroring = mirroring(hfov_deg, pitch, roll);
             let step = 1e-3;
@@ -283,7 +286,7 @@ mod tests {
             let second = (first + (basis.x_axis * turn.cos() + basis.y_axis * turn.sin()) * step).normalize();
             let camera_from_level = mirroring.level_from_camera.transpose();
             let [a, b] = [first, second].map(|level| mirroring.place(camera_from_level * level, step));
-            // A degree in the photo's corner has more pixels than in its middle, and azimuths lie closer away from the horizon.
+            // A degree has more pixels in the photo's corners, and azimuths lie closer away from the horizon.
             let furthest = 100.0 * step * mirroring.camera.fx as f32;
             prop_assert!((a.at - b.at).length() < furthest, "{a:?} {b:?}");
             prop_assert!((a.outside_rad - b.outside_rad).abs() < 10.0 * step, "{a:?} {b:?}");

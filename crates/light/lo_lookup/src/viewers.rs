@@ -26,7 +26,7 @@ impl SharpViewers {
         Self { viewers, photo, panorama, detail: None, lights: AnalyticLights::of(scene) }
     }
 
-    /// Adds detail around what neither the photo nor a panorama of the room shows ([`Detail`]).
+    /// Adds [`Detail`] to what neither the photo nor a panorama of the room shows.
     #[must_use]
     pub fn with_detail(self, scene: &Scene) -> Self {
         Self { detail: Detail::new(scene, &self.photo), ..self }

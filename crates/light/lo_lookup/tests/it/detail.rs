@@ -174,7 +174,7 @@ fn nothing_changes_where_a_picture_answers() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// Whatever the photo shows: radiance stays finite and not negative, and below the brightest that was put in by the range of the ratio.
+    /// For any photo, radiance stays finite, not negative, and within the ratio's range of the brightest input.
     #[test]
     fn radiance_stays_in_range(
         values in prop::collection::vec(prop_oneof![Just(0.0f32), 0.0f32..1.0, Just(50.0f32)], 64),
