@@ -168,9 +168,8 @@ fn detail_is_for_the_eye() {
     let (plain, detailed) = (panorama("plain", &[]), panorama("detailed", &["--detail"]));
     assert!(plain.0 != detailed.0 && plain.1 == detailed.1);
 
-    write_mesh(at);
     let insert = |name: &str, more: &[&str]| {
-        let insert = ["insert", "room.scene", "--mesh", "object.obj", "--height", "0.4", "--pixel", "72,80"];
+        let insert = ["insert", "room.scene", "--mesh", "builtin:sphere", "--height", "0.4", "--pixel", "72,80"];
         done(at, &[&insert[..], &["--material", "chrome", "-o", name], more].concat());
         read(name)
     };
