@@ -14,6 +14,7 @@ use lo_dataset::{
     ContactSheet, CropModel, Dataset, DatasetError, Histogram, Layout, Loader, LoaderConfig, Sample, ShardCount,
     ShardFolder, Split, Summary, SummaryReport, convert_to_shards, evenly_spread,
 };
+use lo_metrics::LightDistribution;
 use serde_json::json;
 
 use crate::stage_bar::StageBar;
@@ -228,6 +229,7 @@ fn inspect(global: &Global, args: &InspectArgs) -> anyhow::Result<()> {
     let mut looked = 0;
     let mut look = |sample: &Sample| {
         summary.add(sample);
+        add_light(&mut summary, sample);
         progress.inc(1);
         looked += 1;
         !interrupt::asked()
@@ -260,6 +262,19 @@ fn inspect(global: &Global, args: &InspectArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// How the light of a sample's first panorama is distributed.
+fn add_light(summary: &mut Summary, sample: &Sample) {
+    let Some(light) = sample.views.first().and_then(|view| LightDistribution::of(&view.radiance)) else { return };
+    let figures = [
+        ("light: contrast of a matte sphere, stops", light.contrast_stops),
+        ("light: anisotropy", light.anisotropy),
+        ("light: upward component of its direction", light.upward),
+        ("light: from the brightest 1 % of the sphere, share", light.brightest_hundredth),
+        ("light: from the brightest 5 % of the sphere, share", light.brightest_twentieth),
+    ];
+    figures.iter().for_each(|&(name, value)| summary.figure(name, value as f32));
+}
+
 fn text(layout: Layout, dataset: &Arc<dyn Dataset>, found: &SummaryReport) -> String {
     let split = |name: &str, i: usize| {
         vec![name.to_owned(), found.scenes_by_split[i].to_string(), found.samples_by_split[i].to_string()]
@@ -273,8 +288,7 @@ fn text(layout: Layout, dataset: &Arc<dyn Dataset>, found: &SummaryReport) -> St
         .figures
         .iter()
         .map(|figure| {
-            let [low, middle, high] = figure.percentiles;
-            let numbers = [low, middle, high, figure.mean].map(|value| format!("{value:.3}"));
+            let numbers = figure.percentiles.iter().chain([&figure.mean]).map(|value| format!("{value:.3}"));
             std::iter::once(figure.name.to_owned()).chain(numbers).collect()
         })
         .collect();
@@ -288,7 +302,7 @@ fn text(layout: Layout, dataset: &Arc<dyn Dataset>, found: &SummaryReport) -> St
             found.points
         ),
         report::table(&["", "scenes", "samples"], &rows),
-        report::table(&["per sample", "5 %", "50 %", "95 %", "mean"], &figures),
+        report::table(&["per sample", "5 %", "25 %", "50 %", "75 %", "95 %", "mean"], &figures),
         chart("light, stops above the photo's white", &found.log2_luminance),
         chart("depth, m", &found.depth_m),
     ]

@@ -20,7 +20,7 @@ pub use equirectangular::{direction_from_uv, pixel_direction, pixel_solid_angle_
 pub use glam::{DMat3, DQuat, DVec3, Mat2, Mat3, Mat4, Quat, Vec2, Vec3, Vec4};
 pub use orientation::Orientation;
 pub use pattern::{cosine_hemisphere, fibonacci_sphere, orthonormal_basis, van_der_corput};
-pub use perspective_field::{FieldCell, Perspective, PerspectiveFit};
+pub use perspective_field::{FieldCell, LensGuess, Perspective, PerspectiveField, PerspectiveFit};
 pub use plane::Plane;
 pub use ray::Ray;
 pub use rigid::RigidTransform;

@@ -24,6 +24,37 @@ impl FieldCell {
     }
 }
 
+/// What a whole photo tells of its lens.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LensGuess {
+    /// Logarithm of [`Camera::half_extent`](crate::Camera::half_extent).
+    pub log_half_extent: f64,
+    /// Its standard deviation.
+    pub deviation: f64,
+}
+
+/// What a photo tells of its camera.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PerspectiveField {
+    /// At each place.
+    pub cells: Vec<FieldCell>,
+    /// As a whole.
+    pub lens: Option<LensGuess>,
+}
+
+impl PerspectiveField {
+    /// This field and that of the mirrored photo as one: the same witness twice.
+    #[must_use]
+    pub fn with_mirrored(mut self, mirrored: &Self) -> Self {
+        self.cells.extend(mirrored.cells.iter().map(FieldCell::mirrored));
+        self.lens = self.lens.zip(mirrored.lens).map(|(a, b)| LensGuess {
+            log_half_extent: 0.5 * (a.log_half_extent + b.log_half_extent),
+            deviation: 0.5 * (a.deviation + b.deviation),
+        });
+        self
+    }
+}
+
 /// How a camera is held, and its lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Perspective {
@@ -67,7 +98,13 @@ impl Perspective {
     }
 
     /// The camera that explains a field best, with the lens that is known, if one is; `None` without cells.
-    pub fn fit(cells: &[FieldCell], half_extent: Option<f64>) -> Option<PerspectiveFit> {
+    pub fn fit(field: &PerspectiveField, half_extent: Option<f64>) -> Option<PerspectiveFit> {
+        let cells = &field.cells;
+        let lens = match (half_extent, field.lens) {
+            (Some(_), _) => Lens::Known,
+            (None, None) => Lens::Unknown,
+            (None, Some(guess)) => Lens::Guessed(guess, witnesses(cells)),
+        };
         let middle = cells.iter().min_by(|a, b| length(a.at).total_cmp(&length(b.at)))?;
         // In the middle the field is the camera's own roll and pitch.
         let (roll, pitch) = (middle.up[0].atan2(middle.up[1]), middle.latitude_sin.clamp(-1.0, 1.0).asin());
@@ -75,12 +112,12 @@ impl Perspective {
             Some(known) => vec![known],
             None => FIRST_FOV_DEG.map(|deg| (0.5 * deg).to_radians().tan()).to_vec(),
         };
-        let fits = starts.into_iter().map(|start| descend(cells, [roll, pitch, start.ln()], half_extent.is_some()));
+        let fits = starts.into_iter().map(|start| descend(cells, [roll, pitch, start.ln()], lens));
         let (_, at) = fits.min_by(|a, b| a.0.total_cmp(&b.0))?;
         let [roll, pitch, log_extent] = at;
         let camera = Self::new(roll, pitch, half_extent.unwrap_or(log_extent.exp()));
-        let (_, normal) = slope(cells, at, half_extent.is_some());
-        let variance = normal.inverse() * (cells.len() as f64 / INDEPENDENT_CELLS).max(1.0);
+        let (_, normal) = slope(cells, at, lens);
+        let variance = normal.inverse() * witnesses(cells);
         let variance = [variance.x_axis.x * pitch.cos().powi(2), variance.y_axis.y, variance.z_axis.z];
         let [roll, pitch, log_extent] = variance.map(|value| if value.is_finite() { value.max(0.0) } else { f64::MAX });
         // The angle is twice the arc tangent of the extent.
@@ -92,6 +129,20 @@ impl Perspective {
             fov_deviation_deg: if half_extent.is_some() { 0.0 } else { within(fov) },
         })
     }
+}
+
+/// What is known of the lens beside the cells.
+#[derive(Clone, Copy)]
+enum Lens {
+    Known,
+    Unknown,
+    /// It counts as much as this many cells that are as certain.
+    Guessed(LensGuess, f64),
+}
+
+/// How many cells make one independent witness.
+fn witnesses(cells: &[FieldCell]) -> f64 {
+    (cells.len() as f64 / INDEPENDENT_CELLS).max(1.0)
 }
 
 fn length([x, y]: [f64; 2]) -> f64 {
@@ -124,12 +175,19 @@ fn robust(difference: f64) -> (f64, f64) {
     if size <= HUBER { (0.5 * size * size, 1.0) } else { (HUBER * (size - 0.5 * HUBER), HUBER / size) }
 }
 
-fn cost(cells: &[FieldCell], parameters: [f64; 3]) -> f64 {
-    cells.iter().flat_map(|cell| differences(cell, parameters)).map(|difference| robust(difference).0).sum()
+fn cost(cells: &[FieldCell], parameters: [f64; 3], lens: Lens) -> f64 {
+    let of_lens = match lens {
+        Lens::Guessed(guess, weight) => {
+            0.5 * weight * ((parameters[2] - guess.log_half_extent) / guess.deviation).powi(2)
+        }
+        Lens::Known | Lens::Unknown => 0.0,
+    };
+    let differences = cells.iter().flat_map(|cell| differences(cell, parameters));
+    of_lens + differences.map(|difference| robust(difference).0).sum::<f64>()
 }
 
 /// Gradient of the cost and the matrix of the normal equations.
-fn slope(cells: &[FieldCell], at: [f64; 3], lens_is_known: bool) -> (DVec3, DMat3) {
+fn slope(cells: &[FieldCell], at: [f64; 3], lens: Lens) -> (DVec3, DMat3) {
     /// Of central differences.
     const STEP: f64 = 1e-5;
     let mut normal = DMat3::ZERO;
@@ -152,24 +210,32 @@ fn slope(cells: &[FieldCell], at: [f64; 3], lens_is_known: bool) -> (DVec3, DMat
             normal += DMat3::from_cols(slope * slope.x, slope * slope.y, slope * slope.z) * weight;
         }
     }
-    if lens_is_known {
-        gradient.z = 0.0;
-        normal = DMat3::from_cols(
-            DVec3::new(normal.x_axis.x, normal.x_axis.y, 0.0),
-            DVec3::new(normal.y_axis.x, normal.y_axis.y, 0.0),
-            DVec3::Z,
-        );
+    match lens {
+        Lens::Known => {
+            gradient.z = 0.0;
+            normal = DMat3::from_cols(
+                DVec3::new(normal.x_axis.x, normal.x_axis.y, 0.0),
+                DVec3::new(normal.y_axis.x, normal.y_axis.y, 0.0),
+                DVec3::Z,
+            );
+        }
+        Lens::Guessed(guess, weight) => {
+            let certainty = weight / guess.deviation.powi(2);
+            gradient.z += certainty * (at[2] - guess.log_half_extent);
+            normal.z_axis.z += certainty;
+        }
+        Lens::Unknown => {}
     }
     (gradient, normal)
 }
 
 /// Levenberg and Marquardt's descent; gives the cost and the parameters.
-fn descend(cells: &[FieldCell], first: [f64; 3], lens_is_known: bool) -> (f64, [f64; 3]) {
+fn descend(cells: &[FieldCell], first: [f64; 3], lens: Lens) -> (f64, [f64; 3]) {
     let [least, most] = FOV_RANGE_DEG.map(|deg| (0.5 * deg).to_radians().tan().ln());
     let mut at = first;
-    let (mut value, mut damping) = (cost(cells, at), 1e-3);
+    let (mut value, mut damping) = (cost(cells, at, lens), 1e-3);
     for _ in 0..STEPS {
-        let (gradient, normal) = slope(cells, at, lens_is_known);
+        let (gradient, normal) = slope(cells, at, lens);
         let diagonal = DVec3::new(normal.x_axis.x, normal.y_axis.y, normal.z_axis.z);
         let damped = normal + DMat3::from_diagonal(diagonal * damping + DVec3::splat(1e-9));
         let step = -(damped.inverse() * gradient);
@@ -178,8 +244,8 @@ fn descend(cells: &[FieldCell], first: [f64; 3], lens_is_known: bool) -> (f64, [
         }
         let next =
             [at[0] + step.x, at[1] + step.y.clamp(-0.5, 0.5), (at[2] + step.z.clamp(-0.5, 0.5)).clamp(least, most)];
-        let next = if lens_is_known { [next[0], next[1], at[2]] } else { next };
-        let then = cost(cells, next);
+        let next = if matches!(lens, Lens::Known) { [next[0], next[1], at[2]] } else { next };
+        let then = cost(cells, next, lens);
         if then < value {
             let settled = value - then < 1e-9 * value.max(1e-12);
             (at, value, damping) = (next, then, (0.3 * damping).max(1e-9));
@@ -212,6 +278,10 @@ mod tests {
         places.map(cell).collect()
     }
 
+    fn fit(cells: &[FieldCell], half_extent: Option<f64>) -> Option<PerspectiveFit> {
+        Perspective::fit(&PerspectiveField { cells: cells.to_vec(), lens: None }, half_extent)
+    }
+
     fn angle_deg(a: Vec3, b: Vec3) -> f32 {
         a.angle_between(b).to_degrees()
     }
@@ -238,10 +308,10 @@ mod tests {
     fn a_mirrored_field_is_that_of_the_mirrored_camera() {
         let of = Perspective::new(0.3, 0.2, 0.7);
         let mirrored: Vec<_> = cells(of).iter().map(FieldCell::mirrored).collect();
-        let found = Perspective::fit(&mirrored, None).unwrap().camera;
+        let found = fit(&mirrored, None).unwrap().camera;
         assert!(angle_deg(found.up, Vec3::new(-of.up.x, of.up.y, of.up.z)) < 0.05, "{found:?}");
         let both = [cells(of), mirrored.iter().map(FieldCell::mirrored).collect()].concat();
-        let [once, twice] = [&cells(of), &both].map(|cells| Perspective::fit(cells, None).unwrap());
+        let [once, twice] = [&cells(of), &both].map(|cells| fit(cells, None).unwrap());
         assert!(
             (twice.up_deviation_deg / once.up_deviation_deg - 1.0).abs() < 0.01,
             "saying it twice is no second witness"
@@ -252,14 +322,46 @@ mod tests {
     fn cameras_are_found_from_their_fields() {
         for (roll, pitch, fov_deg) in [(0.0, 0.0, 60.0), (0.14, 0.7, 40.0), (-0.1, -0.65, 95.0), (1.6, 0.1, 70.0f64)] {
             let of = Perspective::new(roll, pitch, (0.5 * fov_deg).to_radians().tan());
-            let found = Perspective::fit(&cells(of), None).unwrap().camera;
+            let found = fit(&cells(of), None).unwrap().camera;
             assert!(angle_deg(found.up, of.up) < 0.05, "{of:?} {found:?}");
             // A level camera's field hardly changes with the lens, but it does.
             assert!((found.half_extent / of.half_extent - 1.0).abs() < 0.01, "{of:?} {found:?}");
-            let known = Perspective::fit(&cells(of), Some(of.half_extent)).unwrap().camera;
+            let known = fit(&cells(of), Some(of.half_extent)).unwrap().camera;
             assert!(angle_deg(known.up, of.up) < 0.05 && known.half_extent == of.half_extent, "{of:?} {known:?}");
         }
-        assert_eq!(Perspective::fit(&[], None), None);
+        assert_eq!(fit(&[], None), None);
+    }
+
+    #[test]
+    fn a_guess_of_the_lens_counts_as_much_as_it_is_certain() {
+        let of = Perspective::new(0.0, 0.2, 0.7);
+        let with = |log_half_extent: f64, deviation: f64| {
+            let field = PerspectiveField { cells: cells(of), lens: Some(LensGuess { log_half_extent, deviation }) };
+            Perspective::fit(&field, None).unwrap()
+        };
+        let alone = fit(&cells(of), None).unwrap();
+        let log_deviation = |fit: PerspectiveFit| {
+            let slope = 2.0 * fit.camera.half_extent / (1.0 + fit.camera.half_extent.powi(2));
+            fit.fov_deviation_deg.to_radians() / slope
+        };
+        let own = log_deviation(alone);
+        let unsure = with(1.0f64.ln(), 1e3);
+        assert!((unsure.camera.half_extent - 0.7).abs() < 1e-3, "{unsure:?}");
+        // As certain as the field is: about half way, and the deviation a √2 smaller.
+        let both = with(0.7f64.ln() + 0.1, own);
+        let moved = both.camera.half_extent.ln() - 0.7f64.ln();
+        assert!((0.03..0.07).contains(&moved), "{moved}");
+        assert!((log_deviation(both) / own - 0.5f64.sqrt()).abs() < 0.1, "{both:?} {alone:?}");
+        let sure = with(1.0f64.ln(), 1e-4);
+        assert!((sure.camera.half_extent - 1.0).abs() < 0.01, "{sure:?}");
+        let twice = PerspectiveField { cells: cells(of), lens: Some(LensGuess { log_half_extent: 0.2, deviation: 0.1 }) }
+            .with_mirrored(&PerspectiveField {
+                cells: cells(of),
+                lens: Some(LensGuess { log_half_extent: 0.4, deviation: 0.3 }),
+            });
+        let lens = twice.lens.unwrap();
+        assert!((lens.log_half_extent - 0.3).abs() < 1e-12 && (lens.deviation - 0.2).abs() < 1e-12);
+        assert_eq!(twice.cells[600], cells(of)[0].mirrored());
     }
 
     #[test]
@@ -273,7 +375,7 @@ mod tests {
                 cell.certainty = [1e-6; 2];
             }
         }
-        let found = Perspective::fit(&wrong, None).unwrap().camera;
+        let found = fit(&wrong, None).unwrap().camera;
         assert!(angle_deg(found.up, of.up) < 2.0, "{found:?}");
         assert!((found.half_extent / of.half_extent - 1.0).abs() < 0.08, "{found:?}");
     }
@@ -301,7 +403,7 @@ mod tests {
                 cell.up = [x * turned.cos() + y * turned.sin(), y * turned.cos() - x * turned.sin()];
                 cell.latitude_sin += higher;
             }
-            let found = Perspective::fit(&noisy, None).unwrap();
+            let found = fit(&noisy, None).unwrap();
             up += f64::from(angle_deg(found.camera.up, of.up)).powi(2) / 40.0;
             let deg = |camera: Perspective| 2.0 * camera.half_extent.atan().to_degrees();
             fov += (deg(found.camera) - deg(of)).powi(2) / 40.0;
@@ -311,7 +413,7 @@ mod tests {
             let ratio = (error / said).sqrt();
             assert!((0.6..1.7).contains(&ratio), "{what}: {:.2}° off, {:.2}° said", error.sqrt(), said.sqrt());
         }
-        let known = Perspective::fit(&cells(of), Some(of.half_extent)).unwrap();
+        let known = fit(&cells(of), Some(of.half_extent)).unwrap();
         assert!(known.fov_deviation_deg == 0.0 && known.up_deviation_deg < 5.0, "{known:?}");
     }
 }

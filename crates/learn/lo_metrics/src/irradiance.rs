@@ -91,6 +91,52 @@ impl LightOnObjects {
     }
 }
 
+/// How the light of a panorama is distributed over the sphere, by luminance.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct LightDistribution {
+    /// log₂ of the largest over the smallest irradiance, at most [`MAX_CONTRAST_STOPS`].
+    pub contrast_stops: f64,
+    /// `|∫ L ω dω| / ∫ L dω`, in `[0, 1]`.
+    pub anisotropy: f64,
+    /// Vertical component of the direction of `∫ L ω dω`, in `[−1, 1]`: 1 where light comes from above.
+    pub upward: f64,
+    /// Share of `∫ L dω` that comes from the brightest hundredth of the sphere.
+    pub brightest_hundredth: f64,
+    /// Share that comes from the brightest twentieth.
+    pub brightest_twentieth: f64,
+}
+
+impl LightDistribution {
+    /// The figures of a panorama; `None` where it is black. Negative radiance is 0.
+    pub fn of(panorama: &RadianceImage) -> Option<Self> {
+        let map = lanes(panorama, None);
+        let maps = [map.clone(), map];
+        let (contrast_stops, mean) = contrast(irradiance(&maps).iter().map(|lanes| f64::from(lanes[0][0])));
+        if mean <= 0.0 {
+            return None;
+        }
+        let (anisotropy, vector) = anisotropy(&maps[0]);
+        let [brightest_hundredth, brightest_twentieth] = [0.01, 0.05].map(|share| brightest(&maps[0], share));
+        let upward = f64::from(vector.y);
+        Some(Self { contrast_stops, anisotropy, upward, brightest_hundredth, brightest_twentieth })
+    }
+}
+
+/// Share of all light that comes from the brightest part of the sphere.
+fn brightest(map: &[Lanes], share: f64) -> f64 {
+    let solid_angle_sr = |index: usize| f64::from(pixel_solid_angle_sr(index / MAP[0], MAP[0], MAP[1]));
+    let mut pixels: Vec<(f64, f64)> =
+        map.iter().enumerate().map(|(index, lanes)| (f64::from(lanes[0]), solid_angle_sr(index))).collect();
+    pixels.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut left_sr = share * pixels.iter().map(|pixel| pixel.1).sum::<f64>();
+    let mut light = 0.0;
+    for (radiance, solid_angle_sr) in &pixels {
+        light += radiance * solid_angle_sr.min(left_sr);
+        left_sr = (left_sr - solid_angle_sr).max(0.0);
+    }
+    light / pixels.iter().map(|(radiance, solid_angle_sr)| radiance * solid_angle_sr).sum::<f64>()
+}
+
 /// Luminance of the whole, and radiance of the unseen part.
 type Lanes = [f32; 4];
 
@@ -204,6 +250,18 @@ mod tests {
         assert!((figures.level_log2 - 2.0).abs() < 1e-6);
         assert_eq!((figures.unseen_relative_si_rmse, figures.unseen_angular_deg), (None, None));
         assert_eq!(LightOnObjects::of(&even(1.0), &even(0.0), None), None);
+    }
+
+    #[test]
+    fn the_brightest_part_is_a_share_of_the_sphere() {
+        let figures = LightDistribution::of(&even(2.0)).unwrap();
+        assert!((figures.brightest_hundredth - 0.01).abs() < 1e-6, "{figures:?}");
+        // Light 9 and 1 in the two halves: a twentieth has 0.05 · 9 of 5, and the vector is (9 − 1) / 4 of 5.
+        let halves = panorama(MAP, |_, y| [if y < MAP[1] / 2 { 9.0 } else { 1.0 }; 3]);
+        let figures = LightDistribution::of(&halves).unwrap();
+        assert!((figures.brightest_twentieth - 0.09).abs() < 1e-5, "{figures:?}");
+        assert!((figures.upward - 1.0).abs() < 1e-4 && (figures.anisotropy - 0.4).abs() < 1e-3, "{figures:?}");
+        assert_eq!(LightDistribution::of(&even(0.0)), None);
     }
 
     #[test]

@@ -6,6 +6,7 @@ mod adam;
 pub mod checkpoint;
 pub mod conv;
 pub mod depth;
+mod energy;
 pub mod expected;
 mod flat;
 pub mod graph;

@@ -194,8 +194,8 @@ impl Networks {
             let second = self.depth.forward(&[&self.second_picture(photo)]);
             let depth_m = second_look::mean_depth(&output.depth_m(camera), &second.depth_m(camera));
             let depth_m = flattened(&second_look::without_grain(&depth_m), camera);
-            let cells = second_look::field(output.cells(), &second.cells());
-            let held = Perspective::fit(&cells, Some(camera.half_extent()));
+            let field = output.field().with_mirrored(&second.field());
+            let held = Perspective::fit(&field, Some(camera.half_extent()));
             PhotoGuess { depth_m, light: GlobalLight(output.global), held }
         })
     }
@@ -231,9 +231,9 @@ impl Networks {
     /// Where the photo has no pixels.
     pub fn light_and_camera(&self, photo: &Image<[u8; 3]>, half_extent: f64) -> (GlobalLight, Option<PerspectiveFit>) {
         in_pool(|| {
-            let (global, cells) = self.depth.beside_depth(&self.depth.network_input(photo));
+            let (global, field) = self.depth.beside_depth(&self.depth.network_input(photo));
             let second = self.depth.perspective_field(&self.second_picture(photo));
-            (GlobalLight(global), Perspective::fit(&second_look::field(cells, &second), Some(half_extent)))
+            (GlobalLight(global), Perspective::fit(&field.with_mirrored(&second), Some(half_extent)))
         })
     }
 
@@ -244,9 +244,9 @@ impl Networks {
     /// Where the photo has no pixels.
     pub fn perspective(&self, photo: &Image<[u8; 3]>, half_extent: Option<f64>) -> Option<PerspectiveFit> {
         in_pool(|| {
-            let cells = self.depth.perspective_field(&self.depth.network_input(photo));
+            let field = self.depth.perspective_field(&self.depth.network_input(photo));
             let second = self.depth.perspective_field(&self.second_picture(photo));
-            Perspective::fit(&second_look::field(cells, &second), half_extent)
+            Perspective::fit(&field.with_mirrored(&second), half_extent)
         })
     }
 

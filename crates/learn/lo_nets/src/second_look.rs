@@ -1,6 +1,5 @@
 //! A photo is looked at twice, the second time mirrored and a little coarser: two looks err less than one, as a mean of two networks does.
 
-use lo_geometry::FieldCell;
 use lo_imaging::{DepthMap, Image, resize_depth};
 use rayon::prelude::*;
 
@@ -42,11 +41,6 @@ pub(crate) fn without_grain(depth_m: &DepthMap) -> DepthMap {
         })
     });
     DepthMap::new(width, height, rows.collect())
-}
-
-/// What both looks say of the camera.
-pub(crate) fn field(first: Vec<FieldCell>, second: &[FieldCell]) -> Vec<FieldCell> {
-    first.into_iter().chain(second.iter().map(FieldCell::mirrored)).collect()
 }
 
 /// Left and right exchanged.

@@ -171,10 +171,14 @@ impl Learner {
             ));
         }
         let mut net = net.train();
-        if net.perspective.is_none() {
-            // Weights of before it was learned: it begins as it was drawn.
-            (net.perspective, average.perspective) =
-                (self.depth.net.perspective.take(), self.depth.average.perspective.take());
+        // What weights of before have not learned begins as it was drawn.
+        let own = [self.depth.net.perspective.take(), self.depth.average.perspective.take()];
+        for (head, own) in [&mut net.perspective, &mut average.perspective].into_iter().zip(own) {
+            match (head.as_mut(), own) {
+                (Some(head), Some(own)) if head.lens.is_none() => head.lens = own.lens,
+                (None, own) => *head = own,
+                _ => {}
+            }
         }
         let side = config.longer_side;
         (self.depth.net, self.depth.average) = (net.with_longer_side(side), average.with_longer_side(side));
@@ -319,19 +323,21 @@ impl Learner {
         let [log_depth, absolute, variance] = depth_losses(output.log_extent, &extents.iter().collect::<Vec<_>>());
         let made = self.depth.net.panorama.forward(output.global);
         let truths: Vec<_> = examples.iter().map(|example| example.panorama.as_ref()).collect();
-        let [panorama, panorama_tone] = panorama_loss(made.clone(), &truths);
+        let [panorama, panorama_tone, panorama_irradiance] = panorama_loss(made.clone(), &truths);
         let mut losses = vec![
             ("log_depth", scalar(&log_depth)),
             ("absolute", scalar(&absolute)),
             ("scale_invariant", scalar(&variance)),
             ("panorama", scalar(&panorama)),
             ("panorama_tone", scalar(&panorama_tone)),
+            ("panorama_irradiance", scalar(&panorama_irradiance)),
         ];
         let mut total = log_depth * weights.log_depth
             + absolute * weights.absolute
             + variance * weights.scale_invariant
             + panorama * weights.panorama
-            + panorama_tone * weights.panorama_tone;
+            + panorama_tone * weights.panorama_tone
+            + panorama_irradiance * weights.panorama_irradiance;
         if let Some(field) = &output.perspective {
             let cameras: Vec<_> = examples.iter().map(|example| example.perspective).collect();
             let perspective = perspective_loss(field, &cameras);
@@ -428,6 +434,7 @@ impl Learner {
             ("octree", &losses.octree),
             ("novel_radiance", &losses.novel.radiance),
             ("novel_tone", &losses.novel.tone),
+            ("novel_irradiance", &losses.novel_irradiance),
             ("novel_distance", &losses.novel.distance),
             ("visible_radiance", &losses.visible.radiance),
             ("visible_distance", &losses.visible.distance),

@@ -63,8 +63,8 @@ pub struct Distribution {
     pub count: usize,
     /// Mean.
     pub mean: f32,
-    /// 5th, 50th and 95th percentile.
-    pub percentiles: [f32; 3],
+    /// 5th, 25th, 50th, 75th and 95th percentile.
+    pub percentiles: [f32; 5],
 }
 
 #[derive(Clone, Debug, Default)]
@@ -138,7 +138,8 @@ impl Summary {
         }
     }
 
-    fn figure(&mut self, name: &'static str, value: f32) {
+    /// Takes in a figure of the caller's.
+    pub fn figure(&mut self, name: &'static str, value: f32) {
         self.figures.entry(name).or_default().push(value);
     }
 
@@ -170,7 +171,7 @@ fn distribution(name: &'static str, values: &[f32]) -> Distribution {
         name,
         count: values.len(),
         mean: values.iter().sum::<f32>() / values.len() as f32,
-        percentiles: [at(0.05), at(0.5), at(0.95)],
+        percentiles: [0.05, 0.25, 0.5, 0.75, 0.95].map(at),
     }
 }
 
@@ -217,7 +218,7 @@ mod tests {
         assert!((report.depth_m.shares.iter().sum::<f32>() - 1.0).abs() < 1e-5);
         let figure = |name: &str| report.figures.iter().find(|f| f.name.starts_with(name)).unwrap();
         assert!((figure("mean albedo").mean - 0.265).abs() < 1e-6, "half of 0.5, half of 0.03");
-        assert!((figure("horizontal").percentiles[1] - 70.0).abs() < 1e-3);
+        assert!((figure("horizontal").percentiles[2] - 70.0).abs() < 1e-3);
         // one column of six
         assert!((figure("pixels without").mean - 1.0 / 6.0).abs() < 1e-6);
         // median between the halves, brightest thousandth of 128 pixels: not the single one

@@ -55,6 +55,9 @@ const LOOKS: std::ops::Range<usize> = 8..60;
 /// A view of this score is taken without looking on.
 const GOOD_VIEW: f32 = 2.0;
 
+/// Heights of cameras near the floor, metres.
+const LOW_M: [f32; 2] = [0.1, 0.5];
+
 /// What a ray of the coarse picture meets.
 pub(crate) struct Seen {
     pub distance_m: f32,
@@ -110,12 +113,12 @@ impl Space<'_> {
             && self.solids.iter().all(|solid| solid.distance(p) >= margin_m)
     }
 
-    /// A camera that sees a good part of the room.
-    pub(crate) fn camera(&self, random: &mut Stream, config: &SynthConfig, upright: bool) -> CameraPose {
+    /// A camera that sees a good part of the room, on request from near the floor.
+    pub(crate) fn camera(&self, random: &mut Stream, config: &SynthConfig, upright: bool, low: bool) -> CameraPose {
         let camera = lens(random, config, upright);
         let mut best: Option<(f32, Pose)> = None;
         for attempt in 0..LOOKS.end {
-            let Some(position) = self.standpoint(random, config) else {
+            let Some(position) = self.standpoint(random, config, low) else {
                 continue;
             };
             let yaw = between(random, 0.0, std::f32::consts::TAU);
@@ -143,10 +146,11 @@ impl Space<'_> {
         CameraPose { pose, camera }
     }
 
-    fn standpoint(&self, random: &mut Stream, config: &SynthConfig) -> Option<Vec3> {
+    fn standpoint(&self, random: &mut Stream, config: &SynthConfig, low: bool) -> Option<Vec3> {
         let (least, most) = self.plan.extent();
-        let [low, high] = config.camera_height_m;
-        for margin in [0.35, 0.25, 0.2] {
+        let ([low, high], margins) =
+            if low { (LOW_M, [0.09; 3]) } else { (config.camera_height_m, [0.35, 0.25, 0.2]) };
+        for margin in margins {
             for _ in 0..30 {
                 // Eye height most of the time: the mean of two draws.
                 let height = 0.5 * (between(random, low, high) + between(random, low, high));

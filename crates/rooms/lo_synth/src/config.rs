@@ -30,6 +30,8 @@ pub struct SynthConfig {
     pub sloped_ceiling_share: f32,
     /// Share of rooms without windows (bathrooms and corridors have their own).
     pub windowless_share: f32,
+    /// Share of rooms (without bathrooms, corridors and cellars) one or two of whose walls are glazed almost from end to end and up to near the ceiling.
+    pub glazed_share: f32,
     /// Relative weights of what is outside; `panorama` is ignored here, see `panorama_share`.
     pub weather_weights: BTreeMap<Weather, f32>,
     /// A folder of outdoor equirectangular HDR panoramas (`.hdr`, `.exr`), Y up.
@@ -54,6 +56,8 @@ pub struct SynthConfig {
     pub dim_share: f32,
     /// Share of rooms by day (without those that show a panorama) into which the sun shines: their sky is clear, the sun stands before a window.
     pub sun_share: f32,
+    /// Share of rooms by day, with windows, in which no lamp burns, whatever the other shares say.
+    pub daylit_share: f32,
     /// Share of rooms with hardly anything lying about.
     pub clean_share: f32,
     /// Share of rooms full of things.
@@ -83,6 +87,8 @@ pub struct SynthConfig {
     /// Share of photos of things close by: from 0.4 to 1.5 m, looking down by 10 to 60° at what stands on tables and on the floor, or level at what
     /// stands high.
     pub close_up_share: f32,
+    /// Share of the other photos that are taken from 0.1 to 0.5 m above the floor.
+    pub low_camera_share: f32,
 }
 
 impl Default for SynthConfig {
@@ -106,6 +112,7 @@ impl Default for SynthConfig {
             l_shape_share: 0.2,
             sloped_ceiling_share: 0.15,
             windowless_share: 0.08,
+            glazed_share: 0.0,
             weather_weights: BTreeMap::from(weather),
             panorama_folder: None,
             panorama_share: 0.5,
@@ -118,6 +125,7 @@ impl Default for SynthConfig {
             mixed_light_share: 0.0,
             dim_share: 0.0,
             sun_share: 0.0,
+            daylit_share: 0.0,
             clean_share: 0.2,
             cluttered_share: 0.25,
             litter_share: 0.0,
@@ -132,6 +140,7 @@ impl Default for SynthConfig {
             crop_size: [480, 320],
             upright_share: 0.0,
             close_up_share: 0.0,
+            low_camera_share: 0.0,
         }
     }
 }
@@ -148,6 +157,7 @@ impl SynthConfig {
             ("l_shape_share", self.l_shape_share),
             ("sloped_ceiling_share", self.sloped_ceiling_share),
             ("windowless_share", self.windowless_share),
+            ("glazed_share", self.glazed_share),
             ("panorama_share", self.panorama_share),
             ("picture_share", self.picture_share),
             ("dark_share", self.dark_share),
@@ -157,6 +167,7 @@ impl SynthConfig {
             ("mixed_light_share", self.mixed_light_share),
             ("dim_share", self.dim_share),
             ("sun_share", self.sun_share),
+            ("daylit_share", self.daylit_share),
             ("clean_share", self.clean_share),
             ("cluttered_share", self.cluttered_share),
             ("litter_share", self.litter_share),
@@ -165,6 +176,7 @@ impl SynthConfig {
             ("people_share", self.people_share),
             ("upright_share", self.upright_share),
             ("close_up_share", self.close_up_share),
+            ("low_camera_share", self.low_camera_share),
         ];
         for (field, share) in shares {
             if !(0.0..=1.0).contains(&share) {

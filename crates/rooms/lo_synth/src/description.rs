@@ -58,6 +58,11 @@ impl RoomKind {
         Self::Empty,
     ];
 
+    /// Whether there are rooms of this kind with walls of glass.
+    pub(crate) fn may_be_glazed(self) -> bool {
+        !matches!(self, Self::Bathroom | Self::Corridor | Self::Cellar)
+    }
+
     /// Whether there are rooms of this kind that are much larger than usual.
     pub(crate) fn may_be_large(self) -> bool {
         use RoomKind::{Classroom, Empty, Hall, Laboratory, OpenPlan, Studio, Workshop};

@@ -80,7 +80,8 @@ impl Interior {
         style.rough = rough;
         let large = drawn("synth large", config.large_share).filter(|_| kind.may_be_large());
         let grown = large.map_or(1.0, |mut random| between(&mut random, 1.4f32.ln(), 3f32.ln()).exp());
-        let plan = Plan::draw(&mut lo_random::stream(seed, "synth plan", index), kind, config, grown);
+        let glazed = drawn("synth glazed", config.glazed_share).filter(|_| kind.may_be_glazed());
+        let plan = Plan::draw(&mut lo_random::stream(seed, "synth plan", index), kind, config, grown, glazed);
         let mut palette = Palette::new(seed, index, style);
         let litter = drawn("synth litter", config.litter_share).map(|mut random| between(&mut random, 0.4, 1.0));
         palette.printed = litter.is_some();
@@ -91,6 +92,9 @@ impl Interior {
         let mut lighting = draw_lighting(&mut random, config, weather, windows);
         if dim.is_some() && lighting == LampUse::OverLit {
             lighting = LampUse::Normal;
+        }
+        if drawn("synth daylit", config.daylit_share).is_some() && windows > 0 && weather != Weather::Night {
+            lighting = LampUse::Daylight;
         }
         stage.dim = dim.unwrap_or(1.0);
         stage.mixed_light = drawn("synth mixed light", config.mixed_light_share);
@@ -163,7 +167,10 @@ impl Interior {
             let near = drawn("near", k, self.config.close_up_share)
                 .then(|| space.close_up(&mut self.stream(&format!("synth close-up {k}")), &self.config, upright));
             let random = || self.stream(&format!("synth camera {k}"));
-            near.flatten().unwrap_or_else(|| space.camera(&mut random(), &self.config, upright))
+            near.flatten().unwrap_or_else(|| {
+                let low = drawn("low", k, self.config.low_camera_share);
+                space.camera(&mut random(), &self.config, upright, low)
+            })
         };
         (0..count as u64).map(camera).collect()
     }

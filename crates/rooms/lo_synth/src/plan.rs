@@ -96,8 +96,14 @@ impl Opening {
 }
 
 impl Plan {
-    /// Draws outline, height, doors and windows for a kind of room, so many times as long and wide as usual.
-    pub(crate) fn draw(random: &mut Stream, kind: RoomKind, config: &SynthConfig, grown: f32) -> Self {
+    /// Draws outline, height, doors and windows for a kind of room, so many times as long and wide as usual. `glazed` draws walls of glass.
+    pub(crate) fn draw(
+        random: &mut Stream,
+        kind: RoomKind,
+        config: &SynthConfig,
+        grown: f32,
+        glazed: Option<Stream>,
+    ) -> Self {
         let [narrow, wide, deep] = size_range(kind);
         let (a, b) = (between(random, narrow, wide), between(random, narrow.max(deep * 0.55), deep));
         let (a, b) = (grown * a, grown * b);
@@ -128,7 +134,10 @@ impl Plan {
             wall.thickness_m = between(random, 0.12, 0.42);
         }
         plan.open_doors(random, kind);
-        plan.open_windows(random, kind, config);
+        match glazed {
+            Some(mut random) => plan.glaze(&mut random),
+            None => plan.open_windows(random, kind, config),
+        }
         plan
     }
 

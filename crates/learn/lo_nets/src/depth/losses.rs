@@ -2,6 +2,7 @@ use burn::tensor::{Tensor, TensorData};
 use lo_imaging::{DepthMap, RadianceImage};
 use serde::{Deserialize, Serialize};
 
+use crate::energy::{self, FACINGS, Irradiance};
 use crate::tone::tone;
 
 /// Weights of the depth network's losses (`docs/method.md` §6). Every field has a default, so that a file need name only what differs.
@@ -19,6 +20,9 @@ pub struct DepthLossConfig {
     pub panorama: f32,
     /// Mean squared difference of the tone-mapped panorama: what is dark counts as it does to the eye, lamps hardly.
     pub panorama_tone: f32,
+    /// Difference of the irradiance under the panorama: squared, of its logarithm, and twice its angle in colour. Without it lamps, whose place is
+    /// uncertain, vanish.
+    pub panorama_irradiance: f32,
     /// The discriminator's opinion of the panorama.
     pub adversarial: f32,
     /// Negative logarithm of the likelihood of the true perspective field.
@@ -33,6 +37,7 @@ impl Default for DepthLossConfig {
             scale_invariant: 0.5,
             panorama: 1.0,
             panorama_tone: 0.0,
+            panorama_irradiance: 0.0,
             adversarial: 0.01,
             perspective: 0.1,
         }
@@ -67,21 +72,21 @@ pub fn depth_losses(log_depth: Tensor<4>, truths: &[&DepthMap]) -> [Tensor<1>; 3
     [mean_square.clone().mean(), absolute.mean(), (mean_square - square_mean).mean()]
 }
 
-/// Mean squared differences of log(1 + radiance) and of tone-mapped radiance over the sphere: rows count by their solid angle. The means over the panoramas
-/// whose truth is known.
+/// Mean squared differences of log(1 + radiance) and of tone-mapped radiance over the sphere, where rows count by their solid angle, and the difference of
+/// irradiance ([`DepthLossConfig::panorama_irradiance`]). The means over the panoramas whose truth is known.
 ///
 /// `panorama[3, pictures, height, width]`, of the same size as the `truths`.
 ///
 /// # Panics
 /// Where the sizes differ.
-pub fn panorama_loss(panorama: Tensor<4>, truths: &[Option<&RadianceImage>]) -> [Tensor<1>; 2] {
+pub fn panorama_loss(panorama: Tensor<4>, truths: &[Option<&RadianceImage>]) -> [Tensor<1>; 3] {
     let [_, pictures, height, width] = panorama.dims();
     let fits = |truth: &&RadianceImage| (truth.width(), truth.height()) == (width, height);
     let known: Vec<&RadianceImage> = truths.iter().copied().flatten().collect();
     assert!(truths.len() == pictures && known.iter().all(fits), "true panoramas have the size of the predicted ones");
     let device = panorama.device();
     if known.is_empty() {
-        return [(); 2].map(|()| Tensor::zeros([1], &device));
+        return [(); 3].map(|()| Tensor::zeros([1], &device));
     }
     let panorama = if known.len() == pictures {
         panorama
@@ -96,7 +101,26 @@ pub fn panorama_loss(panorama: Tensor<4>, truths: &[Option<&RadianceImage>]) -> 
     let weights = (0..height).map(|y| share * lo_geometry::pixel_solid_angle_sr(y, width, height) * height as f32);
     let weights = Tensor::<4>::from_data(TensorData::new::<f32, _>(weights.collect(), [1, 1, height, 1]), &device);
     let mean_square = |difference: Tensor<4>| (difference.square() * weights.clone()).mean();
-    [mean_square(panorama.clone().log1p() - truth.clone().log1p()), mean_square(tone(panorama) - tone(truth))]
+    let irradiance = |panorama: &Tensor<4>| panorama_irradiance(panorama.clone());
+    [
+        mean_square(panorama.clone().log1p() - truth.clone().log1p()),
+        mean_square(tone(panorama.clone()) - tone(truth.clone())),
+        energy::difference(&irradiance(&panorama), &irradiance(&truth)),
+    ]
+}
+
+/// Under equirectangular panoramas `[3, panoramas, height, width]`.
+fn panorama_irradiance(panorama: Tensor<4>) -> Irradiance {
+    let [_, panoramas, height, width] = panorama.dims();
+    let pixel = |i: usize| {
+        let (x, y) = (i % width, i / width);
+        let direction = lo_geometry::pixel_direction(x, y, width, height);
+        (direction, lo_geometry::pixel_solid_angle_sr(y, width, height))
+    };
+    let cosines = energy::cosines((0..width * height).map(pixel));
+    let size = [width * height, FACINGS];
+    let cosines = Tensor::<2>::from_data(TensorData::new(cosines, size), &panorama.device());
+    [0, 1, 2].map(|c| panorama.clone().narrow(0, c, 1).reshape([panoramas, width * height]).matmul(cosines.clone()))
 }
 
 #[cfg(test)]
@@ -104,7 +128,7 @@ mod tests {
     use super::*;
     use crate::testing::{numbers, recording_device};
 
-    fn log_of([log, _]: [Tensor<1>; 2]) -> f64 {
+    fn log_of([log, ..]: [Tensor<1>; 3]) -> f64 {
         numbers(log.inner())[0]
     }
 
@@ -113,7 +137,7 @@ mod tests {
         let of = |got: f32| {
             let truth = RadianceImage::from_fn(4, 2, |_, _| [0.1; 3]);
             let x = Tensor::<4>::from_data(TensorData::new(vec![got; 24], [3, 1, 2, 4]), &recording_device());
-            let [_, tone] = panorama_loss(x, &[Some(&truth)]);
+            let [_, tone, _] = panorama_loss(x, &[Some(&truth)]);
             numbers(tone.inner())[0].sqrt()
         };
         for got in [0.0f32, 0.02, 0.2, 0.5, 1.0] {
@@ -160,6 +184,16 @@ mod tests {
         assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-5, "{shares:?}");
         // sin(π/8)'s complement: the cap above 67.5° of latitude
         assert!((shares[0] - 0.5 * (1.0 - (std::f64::consts::PI * 0.375).sin())).abs() < 1e-5);
+    }
+
+    #[test]
+    fn irradiance_under_half_a_sphere_of_light_is_the_closed_form() {
+        let values = (0..3 * 32 * 64).map(|i| if i / 64 % 32 < 16 { 1.0 } else { 0.0 }).collect();
+        let x = Tensor::<4>::from_data(TensorData::new::<f32, _>(values, [3, 1, 32, 64]), &recording_device());
+        let found = numbers(panorama_irradiance(x)[1].clone().inner());
+        for (facing, found) in energy::facings().iter().zip(found) {
+            assert!((found - f64::from(0.5 * (1.0 + facing.y))).abs() < 3e-3, "{facing} {found}");
+        }
     }
 
     #[test]

@@ -19,4 +19,4 @@ pub use global::{GlobalEncoder, PanoramaDecoder};
 pub use losses::{DepthLossConfig, depth_losses, panorama_loss};
 pub use network::{DepthNet, DepthNetConfig, DepthOutput, LONGER_SIDE, panorama_image, photo_within, size_within};
 pub use patch_gan::PatchGan;
-pub use perspective::{PerspectiveHead, PerspectiveOutput, perspective_loss};
+pub use perspective::{LensHead, PerspectiveHead, PerspectiveOutput, perspective_loss};

@@ -1,7 +1,7 @@
 use burn::module::Module;
 use burn::tensor::ops::PadMode;
 use burn::tensor::{Device, Tensor, TensorData};
-use lo_geometry::{Camera, FieldCell};
+use lo_geometry::{Camera, PerspectiveField};
 use lo_imaging::{DepthMap, Image, RadianceImage, linear_from_srgb8, srgb8_from_linear};
 use serde::{Deserialize, Serialize};
 
@@ -51,6 +51,9 @@ pub struct DepthNetConfig {
     /// Whether it has learned the camera.
     #[serde(default)]
     pub perspective: bool,
+    /// Whether it has learned to tell the lens from the photo as a whole too.
+    #[serde(default)]
+    pub lens: bool,
     /// Most pixels on the longer side of photos.
     #[serde(default = "usual_longer_side")]
     pub longer_side: usize,
@@ -66,6 +69,9 @@ impl DepthNetConfig {
         let mut net = DepthNet::new(self.encoder, global_features, 0, device).with_longer_side(self.longer_side);
         if !self.perspective {
             net.perspective = None;
+        }
+        if let Some(head) = net.perspective.as_mut().filter(|_| !self.lens) {
+            head.lens = None;
         }
         net
     }
@@ -124,7 +130,7 @@ impl DepthNet {
             decoder: DepthDecoder::new(channels, stream, device),
             global: GlobalEncoder::new([channels[4], global_features], stream, device),
             panorama: PanoramaDecoder::new(global_features, stream, device),
-            perspective: Some(PerspectiveHead::new(EIGHTH_CHANNELS, stream, device)),
+            perspective: Some(PerspectiveHead::new([EIGHTH_CHANNELS, channels[4]], stream, device)),
             kind: encoder,
             longer_side: LONGER_SIDE,
         }
@@ -151,7 +157,12 @@ impl DepthNet {
 
     /// Which network it is.
     pub fn config(&self) -> DepthNetConfig {
-        DepthNetConfig { encoder: self.kind, perspective: self.perspective.is_some(), longer_side: self.longer_side }
+        DepthNetConfig {
+            encoder: self.kind,
+            perspective: self.perspective.is_some(),
+            lens: self.perspective.as_ref().is_some_and(|head| head.lens.is_some()),
+            longer_side: self.longer_side,
+        }
     }
 
     /// Which encoder it has.
@@ -168,9 +179,9 @@ impl DepthNet {
         let features = self.encoder.forward(self.input(photos));
         let global = self.global.forward(features[4].clone(), self.log_colour(photos));
         let [least, most] = EXTENT_RANGE_M.map(f64::ln);
-        let [half, quarter, ..] = features.clone();
+        let [half, quarter, .., last] = features.clone();
         let eighth = self.decoder.to_eighth(features);
-        let perspective = self.perspective.as_ref().map(|head| head.forward(eighth.clone(), [width, height]));
+        let perspective = self.perspective.as_ref().map(|head| head.forward(eighth.clone(), last, [width, height]));
         let log_extent = self.decoder.from_eighth(eighth, [quarter, half]).narrow(2, 0, height).narrow(3, 0, width);
         DepthOutput { log_extent: log_extent.clamp(least, most), global, perspective }
     }
@@ -179,23 +190,25 @@ impl DepthNet {
     ///
     /// # Panics
     /// Where the photo has no pixels.
-    pub fn perspective_field(&self, photo: &Image<[u8; 3]>) -> Vec<FieldCell> {
-        let Some(head) = &self.perspective else { return Vec::new() };
-        let eighth = self.decoder.to_eighth(self.encoder.forward(self.input(&[photo])));
-        head.forward(eighth, [photo.width(), photo.height()]).cells()
+    pub fn perspective_field(&self, photo: &Image<[u8; 3]>) -> PerspectiveField {
+        self.field(photo, self.encoder.forward(self.input(&[photo])))
+    }
+
+    /// The same from the encoder's features.
+    fn field(&self, photo: &Image<[u8; 3]>, features: [Tensor<4>; 5]) -> PerspectiveField {
+        let Some(head) = &self.perspective else { return PerspectiveField::default() };
+        let last = features[4].clone();
+        head.forward(self.decoder.to_eighth(features), last, [photo.width(), photo.height()]).field()
     }
 
     /// The global lighting feature, `[1, features]`, and the perspective field, where depth is known from elsewhere.
     ///
     /// # Panics
     /// Where the photo has no pixels.
-    pub fn beside_depth(&self, photo: &Image<[u8; 3]>) -> (Tensor<2>, Vec<FieldCell>) {
+    pub fn beside_depth(&self, photo: &Image<[u8; 3]>) -> (Tensor<2>, PerspectiveField) {
         let features = self.encoder.forward(self.input(&[photo]));
         let global = self.global.forward(features[4].clone(), self.log_colour(&[photo]));
-        let field = |head: &PerspectiveHead| {
-            head.forward(self.decoder.to_eighth(features), [photo.width(), photo.height()]).cells()
-        };
-        (global, self.perspective.as_ref().map(field).unwrap_or_default())
+        (global, self.field(photo, features))
     }
 
     /// The global lighting feature alone, `[1, features]`.
@@ -237,8 +250,8 @@ impl DepthNet {
 
 impl DepthOutput {
     /// What the first photo tells of its camera; nothing where the network has not learned it.
-    pub fn cells(&self) -> Vec<FieldCell> {
-        self.perspective.as_ref().map(PerspectiveOutput::cells).unwrap_or_default()
+    pub fn field(&self) -> PerspectiveField {
+        self.perspective.as_ref().map(PerspectiveOutput::field).unwrap_or_default()
     }
 
     /// The depth map of the first photo, which this camera made; metres along the optical axis.

@@ -1,18 +1,60 @@
 use burn::module::Module;
 use burn::nn::conv::Conv2d;
-use burn::tensor::{Device, Tensor, TensorData};
-use lo_geometry::{FieldCell, Perspective};
+use burn::tensor::{Device, Tensor, TensorData, activation::relu, module::adaptive_avg_pool2d};
+use lo_geometry::{FieldCell, LensGuess, Perspective, PerspectiveField};
 use lo_random::Stream;
 
 use crate::conv::conv2d;
 use crate::depth::decoder::ConvStage;
 use crate::depth::layers::conv;
+use crate::layers::Linear;
 
 /// Pixels of the photo along the edge of a cell of the field.
 pub(super) const CELL: usize = 8;
 const CHANNELS: usize = 32;
 /// Logarithms of the certainty that can be said: of differences from 1 down to half a degree.
 const LOG_CERTAINTY: [f64; 2] = [0.0, 4.7];
+
+/// Cells of the photo that tell the lens together, and channels of each.
+const LENS_CELLS: [usize; 2] = [4, 6];
+const LENS_CHANNELS: usize = 32;
+const LENS_HIDDEN: usize = 128;
+/// The logarithm of [`lo_geometry::Camera::half_extent`] of a lens of 70°, which is the likeliest where nothing is known,
+const LOG_HALF_EXTENT: f64 = -0.356_6;
+/// and the logarithms of the deviations that can be said: of 3 % and 45 %.
+const LOG_DEVIATION: [f64; 2] = [-3.5, -0.8];
+
+/// From the encoder's last features to the lens: things have sizes, and rooms proportions, that a field of directions does not show.
+#[derive(Module, Debug)]
+pub struct LensHead {
+    /// 1 × 1.
+    pub conv: Conv2d,
+    /// From all cells.
+    pub hidden: Linear,
+    /// To the two numbers of [`PerspectiveOutput::lens`].
+    pub output: Linear,
+}
+
+impl LensHead {
+    fn new(channels: usize, stream: &mut Stream, device: &Device) -> Self {
+        Self {
+            conv: conv([channels, LENS_CHANNELS], 1, 1, true, stream, device),
+            hidden: Linear::with_bias([LENS_CELLS[0] * LENS_CELLS[1] * LENS_CHANNELS, LENS_HIDDEN], stream, device),
+            output: Linear::constant(LENS_HIDDEN, &[LOG_HALF_EXTENT as f32, LOG_DEVIATION[1] as f32], device),
+        }
+    }
+
+    /// The encoder's last features `[channels, pictures, rows, columns]` → `[pictures, 2]`.
+    fn forward(&self, features: Tensor<4>) -> Tensor<2> {
+        let cells = adaptive_avg_pool2d(relu(conv2d(features, &self.conv)), LENS_CELLS);
+        let told = self.output.forward(relu(self.hidden.forward(cells.swap_dims(0, 1).flatten(1, 3))));
+        let log_deviation = told.clone().narrow(1, 1, 1);
+        let [least, most] = LOG_DEVIATION;
+        // As with certainties below.
+        let cut_off = (log_deviation.clone().clamp(least, most) - log_deviation.clone()).detach();
+        Tensor::cat(vec![told.narrow(1, 0, 1), log_deviation + cut_off], 1)
+    }
+}
 
 /// From the depth decoder's features at 1/8 to the photo's perspective field: which way is up at each place, how far above the horizon it is, and how
 /// sure that is (Jin et al., CVPR 2023; Veicht et al., ECCV 2024).
@@ -22,6 +64,8 @@ pub struct PerspectiveHead {
     pub stage: ConvStage,
     /// To the channels of [`PerspectiveOutput`].
     pub output: Conv2d,
+    /// What the photo as a whole tells; `None` in networks that have not learned it.
+    pub lens: Option<LensHead>,
 }
 
 /// A perspective field, each tensor `[channels, pictures, rows, columns]` with a cell of 8 × 8 pixels.
@@ -33,20 +77,23 @@ pub struct PerspectiveOutput {
     pub latitude_sin: Tensor<4>,
     /// Logarithm of the inverse of the difference that is expected of either: 2 channels.
     pub log_certainty: Tensor<4>,
+    /// Logarithm of [`lo_geometry::Camera::half_extent`], and that of its deviation, `[pictures, 2]`.
+    pub lens: Option<Tensor<2>>,
     size: [usize; 2],
 }
 
 impl PerspectiveHead {
-    /// For so many channels.
-    pub(super) fn new(channels: usize, stream: &mut Stream, device: &Device) -> Self {
+    /// For so many channels of the decoder, and of the encoder's last features.
+    pub(super) fn new([decoded, encoded]: [usize; 2], stream: &mut Stream, device: &Device) -> Self {
         Self {
-            stage: ConvStage::new([channels, CHANNELS], stream, device),
+            stage: ConvStage::new([decoded, CHANNELS], stream, device),
             output: conv([CHANNELS, 5], 3, 1, true, stream, device),
+            lens: Some(LensHead::new(encoded, stream, device)),
         }
     }
 
-    /// `features[channels, pictures, rows, columns]` of photos of `size`, width and height.
-    pub(super) fn forward(&self, features: Tensor<4>, size: [usize; 2]) -> PerspectiveOutput {
+    /// The decoder's `features[channels, pictures, rows, columns]` of photos of `size`, width and height, and the encoder's last ones.
+    pub(super) fn forward(&self, features: Tensor<4>, encoded: Tensor<4>, size: [usize; 2]) -> PerspectiveOutput {
         let [columns, rows] = size.map(|side| side.div_ceil(CELL));
         let x = conv2d(self.stage.forward(features), &self.output).narrow(2, 0, rows).narrow(3, 0, columns);
         let up = x.clone().narrow(0, 0, 2);
@@ -62,6 +109,7 @@ impl PerspectiveHead {
             up: up / norm,
             latitude_sin: x.narrow(0, 2, 1).tanh(),
             log_certainty: log_certainty + cut_off,
+            lens: self.lens.as_ref().map(|head| head.forward(encoded)),
             size,
         }
     }
@@ -75,8 +123,16 @@ fn place([width, height]: [usize; 2], column: usize, row: usize) -> [f64; 2] {
 }
 
 impl PerspectiveOutput {
-    /// The field of the first photo.
-    pub fn cells(&self) -> Vec<FieldCell> {
+    /// What the first photo tells.
+    pub fn field(&self) -> PerspectiveField {
+        let lens = self.lens.as_ref().map(|lens| {
+            let told: Vec<f32> = lens.clone().inner().narrow(0, 0, 1).into_data().iter().collect();
+            LensGuess { log_half_extent: told[0].into(), deviation: f64::from(told[1]).exp() }
+        });
+        PerspectiveField { cells: self.cells(), lens }
+    }
+
+    fn cells(&self) -> Vec<FieldCell> {
         let [_, _, rows, columns] = self.up.dims();
         let first =
             |tensor: &Tensor<4>| -> Vec<f32> { tensor.clone().inner().narrow(1, 0, 1).into_data().iter().collect() };
@@ -95,7 +151,8 @@ impl PerspectiveOutput {
 }
 
 /// Negative logarithm of the likelihood of true fields, where differences from what is predicted are distributed after Laplace as wide as is
-/// predicted: the mean over cells of the photos whose camera is known, direction and latitude together.
+/// predicted: the mean over cells of the photos whose camera is known, direction and latitude together. Where the lens is told as a whole, the negative
+/// logarithm of the likelihood of a normal distribution is added.
 ///
 /// # Panics
 /// Where there are not as many cameras as photos.
@@ -122,7 +179,23 @@ pub fn perspective_loss(output: &PerspectiveOutput, truths: &[Option<Perspective
     let of_latitude = (output.latitude_sin.clone() - latitude).abs();
     let differences = Tensor::cat(vec![of_up, of_latitude], 0);
     let likelihood = differences * output.log_certainty.clone().exp() - output.log_certainty.clone();
-    (likelihood * known).sum() / count
+    let field = (likelihood * known).sum() / count;
+    match &output.lens {
+        Some(lens) => field + lens_loss(lens, truths),
+        None => field,
+    }
+}
+
+fn lens_loss(lens: &Tensor<2>, truths: &[Option<Perspective>]) -> Tensor<1> {
+    let column = |value: &dyn Fn(&Perspective) -> f32| {
+        let values: Vec<f32> = truths.iter().map(|truth| truth.as_ref().map_or(0.0, value)).collect();
+        Tensor::<2>::from_data(TensorData::new(values, [truths.len(), 1]), &lens.device())
+    };
+    let (truth, known) = (column(&|truth| truth.half_extent.ln() as f32), column(&|_| 1.0));
+    let log_deviation = lens.clone().narrow(1, 1, 1);
+    let difference = (lens.clone().narrow(1, 0, 1) - truth) / log_deviation.clone().exp();
+    let likelihood = difference.square() * 0.5 + log_deviation;
+    (likelihood * known).sum() / truths.iter().flatten().count().max(1) as f32
 }
 
 #[cfg(test)]
@@ -153,6 +226,7 @@ mod tests {
             up: tensor([values(&|field| field.0[0]), values(&|field| field.0[1])].concat()),
             latitude_sin: tensor(values(&|field| field.1)),
             log_certainty: tensor(vec![certainty.ln(); 80]),
+            lens: None,
             size: SIZE,
         }
     }
@@ -160,7 +234,7 @@ mod tests {
     #[test]
     fn what_the_field_of_a_camera_says_is_that_camera() {
         let output = field(&true_camera(), 10.0, &Device::flex());
-        let found = Perspective::fit(&output.cells(), None).unwrap().camera;
+        let found = Perspective::fit(&output.field(), None).unwrap().camera;
         assert!(found.up.angle_between(true_camera().up) < 1e-3, "{found:?}");
         assert!((found.half_extent - 0.8).abs() < 0.01, "{found:?}");
         // The first cell's middle is 26 pixels left of the picture's middle and 16 above it.
@@ -184,7 +258,7 @@ mod tests {
     #[test]
     fn a_head_learns_a_camera_from_what_it_sees() {
         let device = Device::flex().autodiff();
-        let mut head = PerspectiveHead::new(4, &mut lo_random::stream(1, "test", 0), &device);
+        let mut head = PerspectiveHead::new([4, 4], &mut lo_random::stream(1, "test", 0), &device);
         let places: Vec<f32> = (0..4)
             .flat_map(|channel| {
                 (0..40).map(move |i| match channel {
@@ -197,12 +271,12 @@ mod tests {
         let features = Tensor::<4>::from_data(TensorData::new(places, [4, 1, 5, 8]), &device);
         let (mut adam, mut losses) = (Adam::default(), Vec::new());
         for _ in 0..60 {
-            let loss = perspective_loss(&head.forward(features.clone(), SIZE), &[Some(true_camera())]);
+            let loss = perspective_loss(&head.forward(features.clone(), features.clone(), SIZE), &[Some(true_camera())]);
             losses.push(numbers(loss.clone().inner())[0]);
             head = adam.step(head, &loss.backward(), 1e-2);
         }
         assert!(losses[59] < losses[0] - 2.0, "{losses:?}");
-        let found = Perspective::fit(&head.forward(features, SIZE).cells(), None).unwrap().camera;
+        let found = Perspective::fit(&head.forward(features.clone(), features, SIZE).field(), None).unwrap().camera;
         assert!(found.up.angle_between(true_camera().up).to_degrees() < 5.0, "{found:?}");
     }
 
@@ -212,17 +286,17 @@ mod tests {
         let features = Tensor::<4>::from_data(TensorData::new(vec![0.5f32; 160], [4, 1, 5, 8]), &device);
         // Of both channels: far below what can be said, where the answer is known; far above, where it is not.
         for (start, truths) in [(-0.5, [Some(true_camera()); 2]), (5.0, [true_camera(), upside_down()].map(Some))] {
-            let mut head = PerspectiveHead::new(4, &mut lo_random::stream(1, "test", 0), &device);
+            let mut head = PerspectiveHead::new([4, 4], &mut lo_random::stream(1, "test", 0), &device);
             let bias = head.output.bias.take().unwrap();
             let shift = Tensor::<1>::from_data(TensorData::new(vec![0.0, 0.0, 0.0, start, start], [5]), &device);
             head.output.bias = Some(bias.map(|bias| (bias * 0.0 + shift).detach().require_grad()));
             let certainties = |head: &PerspectiveHead| -> f64 {
-                numbers(head.forward(features.clone(), SIZE).log_certainty.inner()).iter().sum::<f64>() / 80.0
+                numbers(head.forward(features.clone(), features.clone(), SIZE).log_certainty.inner()).iter().sum::<f64>() / 80.0
             };
             let before = certainties(&head);
             let mut adam = Adam::default();
             for step in 0..60 {
-                let loss = perspective_loss(&head.forward(features.clone(), SIZE), &[truths[step % 2]]);
+                let loss = perspective_loss(&head.forward(features.clone(), features.clone(), SIZE), &[truths[step % 2]]);
                 head = adam.step(head, &loss.backward(), 1e-2);
             }
             let after = certainties(&head);

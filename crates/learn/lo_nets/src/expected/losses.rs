@@ -1,30 +1,21 @@
-//! Losses that compare energy: the irradiance that a panorama gives to surfaces of all facings.
+//! What expected light is told by: the irradiance of surfaces of all facings by what the photo does not show.
 
-use std::f32::consts::PI;
 use std::sync::OnceLock;
 
 use burn::tensor::{Tensor, TensorData};
-use lo_geometry::{Camera, Vec3, pixel_direction, pixel_solid_angle_sr};
+use lo_geometry::{Camera, pixel_direction, pixel_solid_angle_sr};
 use lo_imaging::{RadianceImage, luminance, resize, sample_equirectangular};
 use lo_random::Stream;
 
-use super::network::{ExpectedLightNet, LOSS_HEIGHT, LUMINANCE};
+use super::network::{ExpectedLightNet, LOSS_HEIGHT};
 use super::statistics::PhotoStatistics;
-
-/// Surfaces whose irradiance is compared.
-const FACINGS: usize = 96;
+use crate::energy::{self, FACINGS};
 
 /// Pixels of the panorama that losses compare.
 const PIXELS: usize = 2 * LOSS_HEIGHT * LOSS_HEIGHT;
 
 /// Rows of the panorama that the truth is integrated on.
 const TRUTH_HEIGHT: usize = 64;
-
-/// Share of the mean irradiance that is added before logarithms: what is that dark lights nothing.
-const DARK: f32 = 0.05;
-
-/// Largest squared logarithm that counts.
-const MAX_SQUARE: f32 = 4.0;
 
 /// What a photo's statistics are to tell.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,28 +51,12 @@ impl ExpectedLosses {
     }
 }
 
-/// Directions on a Fibonacci sphere.
-fn facings() -> Vec<Vec3> {
-    let golden_rad = PI * (3.0 - 5f32.sqrt());
-    let facing = |i: usize| {
-        let y = 1.0 - 2.0 * (i as f32 + 0.5) / FACINGS as f32;
-        let (sine, cosine) = (i as f32 * golden_rad).sin_cos();
-        let radius = (1.0 - y * y).sqrt();
-        Vec3::new(radius * cosine, y, radius * sine)
-    };
-    (0..FACINGS).map(facing).collect()
-}
-
-/// `[pixels, FACINGS]`: what a pixel of radiance 1 adds to the irradiance of each facing, over π.
+/// [`energy::cosines`] of the pixels of a panorama.
 fn cosines(height: usize) -> Vec<f32> {
-    let facings = facings();
-    let of_pixel = |i: usize| {
+    energy::cosines((0..2 * height * height).map(|i| {
         let (x, y) = (i % (2 * height), i / (2 * height));
-        let direction = pixel_direction(x, y, 2 * height, height);
-        let solid_angle = pixel_solid_angle_sr(y, 2 * height, height);
-        facings.iter().map(move |facing| facing.dot(direction).max(0.0) * solid_angle / PI).collect::<Vec<f32>>()
-    };
-    (0..2 * height * height).flat_map(of_pixel).collect()
+        (pixel_direction(x, y, 2 * height, height), pixel_solid_angle_sr(y, 2 * height, height))
+    }))
 }
 
 fn truth_cosines() -> &'static [f32] {
@@ -151,24 +126,14 @@ pub fn expected_losses(
     let got = told.channels.map(|channel| (channel * open.clone()).matmul(cosines.clone()));
     let truth = [0, 1, 2]
         .map(|c| rows(FACINGS, of_truth(&|truth: &ExpectedTruth| truth.irradiance.iter().map(|e| e[c]).collect())));
-    let light = |[r, g, b]: &[Tensor<2>; 3]| {
-        let [kr, kg, kb] = LUMINANCE;
-        r.clone() * kr + g.clone() * kg + b.clone() * kb
-    };
-    let (got_light, true_light) = (light(&got), light(&truth));
+    let log_irradiance = energy::log_difference(&got, &truth);
+    let (got_light, true_light) = (energy::light(&got), energy::light(&truth));
     let mean = true_light.clone().mean_dim(1) + 1e-6;
-    let log = |light: &Tensor<2>| (light.clone() + mean.clone() * DARK).log();
-    let log_irradiance = (log(&got_light) - log(&true_light)).square().clamp_max(MAX_SQUARE).mean();
     let squares = got_light.clone().square().sum_dim(1) + 1e-9;
     let scale = (got_light.clone() * true_light.clone()).sum_dim(1) / squares;
     let scaled = (got_light * scale - true_light) / mean;
     let scale_invariant = (scaled.square().mean_dim(1) + 1e-4).sqrt().mean();
-    let dot = |a: &[Tensor<2>; 3], b: &[Tensor<2>; 3]| {
-        a[0].clone() * b[0].clone() + a[1].clone() * b[1].clone() + a[2].clone() * b[2].clone()
-    };
-    let lengths = (dot(&got, &got) * dot(&truth, &truth) + 1e-12).sqrt();
-    // The chord between unit vectors: the angle, where it is small.
-    let colour = ((dot(&got, &truth) / lengths).neg() + (1.0 + 1e-5)).clamp_min(1e-6).mul_scalar(2.0).sqrt().mean();
+    let colour = energy::colour_difference(&got, &truth);
     let stops = rows(1, of_truth(&|truth| vec![truth.contrast_stops]));
     let contrast = (told.contrast_stops - stops).square().mean();
     ExpectedLosses { log_irradiance, scale_invariant, colour, contrast }
@@ -177,10 +142,12 @@ pub fn expected_losses(
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
+    use lo_geometry::Vec3;
     use lo_imaging::DepthMap;
 
     use super::*;
     use crate::Adam;
+    use crate::energy::facings;
     use crate::testing::{numbers, recording_device};
 
     fn statistics() -> (PhotoStatistics, Camera) {

@@ -10,6 +10,7 @@ use lo_random::{RngExt, Stream};
 
 use super::directions::ring_directions;
 use super::statistics::{PhotoStatistics, STATISTICS};
+use crate::energy::LUMINANCE;
 use crate::layers::Linear;
 
 /// Rows of the panorama that is told.
@@ -198,9 +199,6 @@ impl ExpectedLightNet {
         self.output.forward(x)
     }
 }
-
-/// Shares of the channels in luminance (Rec. 709).
-pub(super) const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
 #[cfg(test)]
 mod tests {

@@ -1,8 +1,12 @@
+use std::f32::consts::PI;
+
 use burn::tensor::{Tensor, TensorData, activation};
 use lo_cone::{Cone, Settings};
+use lo_geometry::Vec3;
 use lo_octree::LightOctree;
 use serde::{Deserialize, Serialize};
 
+use crate::energy::{self, FACINGS, Irradiance};
 use crate::light::{LightError, LightOutput, Rays};
 use crate::tone::tone;
 
@@ -17,6 +21,9 @@ pub struct LightLossConfig {
     /// Squared difference of tone-mapped radiance over rays of novel views. Not in the paper: under log(1 + radiance) a lamp that may be
     /// anywhere makes the whole room brighter.
     pub novel_tone: f32,
+    /// Difference of the irradiance at the novel views, integrated over the rays: squared, of its logarithm, and twice its angle in colour. Not in the
+    /// paper: under losses of logarithms and tone curves alone, lamps whose place is uncertain vanish.
+    pub novel_irradiance: f32,
     /// λ_ld: the same of log(1 + distance in metres).
     pub novel_distance: f32,
     /// `L_visible`: as λ_li, over rays of the photo.
@@ -36,6 +43,7 @@ impl Default for LightLossConfig {
             octree: 1.0,
             novel_radiance: 1.0,
             novel_tone: 0.0,
+            novel_irradiance: 0.0,
             novel_distance: 0.1,
             visible_radiance: 0.25,
             visible_distance: 0.025,
@@ -52,6 +60,8 @@ pub struct LightLosses {
     pub octree: Tensor<1>,
     /// Radiance and distance over rays of novel views.
     pub novel: RayLosses,
+    /// Irradiance at the novel views.
+    pub novel_irradiance: Tensor<1>,
     /// Radiance and distance over rays of the photo.
     pub visible: RayLosses,
     /// Radiance of the nodes.
@@ -94,6 +104,7 @@ impl LightLosses {
         Ok(Self {
             octree: octree_loss(output, truth),
             novel: seen(0, novel),
+            novel_irradiance: irradiance_loss(&samples, novel),
             visible: seen(novel.len(), visible),
             node_radiance,
             node_error,
@@ -105,12 +116,45 @@ impl LightLosses {
         self.octree.clone() * weights.octree
             + self.novel.radiance.clone() * weights.novel_radiance
             + self.novel.tone.clone() * weights.novel_tone
+            + self.novel_irradiance.clone() * weights.novel_irradiance
             + self.novel.distance.clone() * weights.novel_distance
             + self.visible.radiance.clone() * weights.visible_radiance
             + self.visible.distance.clone() * weights.visible_distance
             + self.node_radiance.clone() * weights.node_radiance
             + self.node_error.clone() * weights.node_error
     }
+}
+
+/// Of the first rays of `samples[_, 5]`, which cover the sphere around each of their origins evenly.
+fn irradiance_loss(samples: &Tensor<2>, rays: &Rays) -> Tensor<1> {
+    let mut origins: Vec<(Vec3, Vec<usize>)> = Vec::new();
+    for (i, cone) in rays.cones.iter().enumerate() {
+        match origins.iter_mut().find(|(origin, _)| *origin == cone.origin) {
+            Some((_, members)) => members.push(i),
+            None => origins.push((cone.origin, vec![i])),
+        }
+    }
+    if origins.is_empty() {
+        return zero(samples);
+    }
+    // A ray counts for the facings of its own place alone, which stand side by side.
+    let places = origins.len();
+    let mut cosines = vec![0.0f32; rays.len() * places * FACINGS];
+    for (place, (_, members)) in origins.iter().enumerate() {
+        let solid_angle_sr = 4.0 * PI / members.len() as f32;
+        let of_place = energy::cosines(members.iter().map(|&i| (rays.cones[i].direction, solid_angle_sr)));
+        for (&i, row) in members.iter().zip(of_place.chunks_exact(FACINGS)) {
+            cosines[(i * places + place) * FACINGS..][..FACINGS].copy_from_slice(row);
+        }
+    }
+    let cosines = constant(cosines, [rays.len(), places * FACINGS], samples);
+    let truth = constant(rays.radiance.as_flattened().to_vec(), [rays.len(), 3], samples);
+    let seen = samples.clone().narrow(0, 0, rays.len()).narrow(1, 0, 3);
+    let irradiance = |radiance: &Tensor<2>| -> Irradiance {
+        let all = radiance.clone().transpose().matmul(cosines.clone());
+        [0, 1, 2].map(|c| all.clone().narrow(0, c, 1).reshape([places, FACINGS]))
+    };
+    energy::difference(&irradiance(&seen), &irradiance(&truth))
 }
 
 fn constant<const D: usize>(values: Vec<f32>, size: [usize; D], like: &Tensor<2>) -> Tensor<D> {

@@ -74,6 +74,56 @@ impl Plan {
         }
     }
 
+    /// Glazes one wall or two from end to end, beside a door where there is one: down to the floor, above a sill, or, where the room is high, as a band
+    /// below the ceiling.
+    pub(super) fn glaze(&mut self, random: &mut Stream) {
+        let order = shuffled(random, (0..self.walls.len()).filter(|&w| self.walls[w].free).collect());
+        let walls = if chance(random, 0.35) { 2 } else { 1 };
+        let sill = match weighted(random, &[(0, 0.4), (1, 0.4), (2, 0.2)]) {
+            0 => 0.06,
+            2 if self.height_m > 3.6 => 0.55 * self.height_m,
+            _ => between(random, 0.4, 1.0),
+        };
+        let mut glazed = 0;
+        for wall in order {
+            if glazed == walls {
+                break;
+            }
+            let [left, right] = [(); 2].map(|()| between(random, 0.15, 0.6));
+            let below_ceiling_m = between(random, 0.1, 0.35);
+            let [from, to] = self.widest_gap(wall);
+            let s = [from + left, to - right];
+            if s[1] - s[0] < 1.2 {
+                continue;
+            }
+            let at = |q: u8| {
+                let along = s[0] + (s[1] - s[0]) * 0.25 * f32::from(q);
+                self.ceiling(self.walls[wall].start + self.walls[wall].along * along)
+            };
+            let top = (0..=4).map(at).fold(f32::INFINITY, f32::min) - below_ceiling_m;
+            if top > sill + 0.6 && self.open(wall, Opening { kind: OpeningKind::Window, s, h: [sill, top] }) {
+                glazed += 1;
+            }
+        }
+    }
+
+    /// The longest part of a wall without openings.
+    fn widest_gap(&self, wall: usize) -> [f32; 2] {
+        let Wall { length_m, ref openings, .. } = self.walls[wall];
+        let mut taken: Vec<[f32; 2]> = openings.iter().map(|opening| opening.s).collect();
+        taken.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        taken.push([length_m; 2]);
+        let mut from = 0.0;
+        let mut widest = [0.0; 2];
+        for [start, end] in taken {
+            if start - from > widest[1] - widest[0] {
+                widest = [from, start];
+            }
+            from = end.max(from);
+        }
+        widest
+    }
+
     /// Windows of one style along a wall: 0 single ones, 1 wide ones, 2 down to the floor, 3 a band.
     fn windows_in(&mut self, random: &mut Stream, wall: usize, kind: RoomKind, style: u32) -> bool {
         let length = self.walls[wall].length_m;
@@ -136,7 +186,8 @@ mod tests {
         for index in 0..300 {
             let mut random = lo_random::stream(5, "plan", index);
             let kind = RoomKind::ALL[index as usize % RoomKind::ALL.len()];
-            let plan = Plan::draw(&mut random, kind, &config, 1.0);
+            let glazed = (index % 2 == 1).then(|| lo_random::stream(5, "glazed", index));
+            let plan = Plan::draw(&mut random, kind, &config, 1.0, glazed);
             assert!((2.2..=if kind == RoomKind::Hall { 7.0 } else { 4.2 }).contains(&plan.height_m));
             assert!(plan.walls.iter().any(|w| w.openings.iter().any(|o| !o.is_window())), "{index} has no door");
             for wall in &plan.walls {

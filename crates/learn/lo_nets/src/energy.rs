@@ -1,0 +1,118 @@
+//! Losses that compare energy: the irradiance that surfaces of all facings get. It is linear in radiance, so that a lamp that may be in several places costs
+//! least where each of them has its share, and nothing where it is left out.
+
+use std::f32::consts::PI;
+
+use burn::tensor::Tensor;
+use lo_geometry::Vec3;
+
+/// Surfaces whose irradiance is compared.
+pub(crate) const FACINGS: usize = 96;
+
+/// Rec. 709.
+pub(crate) const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
+
+/// Share of the mean irradiance that is added before logarithms: what is that dark lights nothing.
+const DARK: f32 = 0.05;
+
+/// Largest squared logarithm that counts.
+const MAX_SQUARE: f32 = 4.0;
+
+/// How much the colour counts beside the logarithm.
+const COLOUR: f32 = 2.0;
+
+/// Irradiance over π of each facing under some panoramas: a channel each, `[panoramas, FACINGS]`.
+pub(crate) type Irradiance = [Tensor<2>; 3];
+
+/// Directions on a Fibonacci sphere.
+pub(crate) fn facings() -> Vec<Vec3> {
+    let golden_rad = PI * (3.0 - 5f32.sqrt());
+    let facing = |i: usize| {
+        let y = 1.0 - 2.0 * (i as f32 + 0.5) / FACINGS as f32;
+        let (sine, cosine) = (i as f32 * golden_rad).sin_cos();
+        let radius = (1.0 - y * y).sqrt();
+        Vec3::new(radius * cosine, y, radius * sine)
+    };
+    (0..FACINGS).map(facing).collect()
+}
+
+/// What radiance 1 from each direction, which stands for so much of the sphere, adds to the irradiance over π of each facing: `[directions, FACINGS]`.
+pub(crate) fn cosines(directions: impl Iterator<Item = (Vec3, f32)>) -> Vec<f32> {
+    let facings = facings();
+    let of = |(direction, solid_angle_sr): (Vec3, f32)| {
+        facings.iter().map(move |facing| facing.dot(direction).max(0.0) * solid_angle_sr / PI).collect::<Vec<_>>()
+    };
+    directions.flat_map(of).collect()
+}
+
+/// Luminance.
+pub(crate) fn light([r, g, b]: &Irradiance) -> Tensor<2> {
+    let [kr, kg, kb] = LUMINANCE;
+    r.clone() * kr + g.clone() * kg + b.clone() * kb
+}
+
+/// Mean squared difference of the logarithms of luminance.
+pub(crate) fn log_difference(got: &Irradiance, truth: &Irradiance) -> Tensor<1> {
+    let (got, truth) = (light(got), light(truth));
+    let mean = truth.clone().mean_dim(1) + 1e-6;
+    let log = |light: Tensor<2>| (light + mean.clone() * DARK).log();
+    (log(got) - log(truth)).square().clamp_max(MAX_SQUARE).mean()
+}
+
+/// Mean angle between the colours, about radians.
+pub(crate) fn colour_difference(got: &Irradiance, truth: &Irradiance) -> Tensor<1> {
+    let dot = |a: &Irradiance, b: &Irradiance| {
+        a[0].clone() * b[0].clone() + a[1].clone() * b[1].clone() + a[2].clone() * b[2].clone()
+    };
+    let lengths = (dot(got, got) * dot(truth, truth) + 1e-12).sqrt();
+    // The chord between unit vectors: the angle, where it is small.
+    ((dot(got, truth) / lengths).neg() + (1.0 + 1e-5)).clamp_min(1e-6).mul_scalar(2.0).sqrt().mean()
+}
+
+/// Both together.
+pub(crate) fn difference(got: &Irradiance, truth: &Irradiance) -> Tensor<1> {
+    log_difference(got, truth) + colour_difference(got, truth) * COLOUR
+}
+
+#[cfg(test)]
+mod tests {
+    use burn::tensor::TensorData;
+
+    use super::*;
+    use crate::testing::{numbers, recording_device};
+
+    #[test]
+    fn a_lamp_of_uncertain_place_is_not_left_out() {
+        // A lamp is in one of two places: of all panoramas that do not know which, the best has half of it in both.
+        let places = [Vec3::X, Vec3::NEG_X];
+        let sphere = lo_geometry::fibonacci_sphere(500);
+        let directions = sphere.iter().map(|&d| (d, 4.0 * PI / 500.0));
+        let device = recording_device();
+        let cosines = Tensor::<2>::from_data(TensorData::new(cosines(directions), [500, FACINGS]), &device);
+        let under = |lamps: [f32; 2]| -> Irradiance {
+            let radiance = |d: &Vec3| {
+                let lit = places.iter().zip(lamps).map(|(p, lamp)| if p.dot(*d) > 0.97 { lamp } else { 0.0 });
+                0.3 + lit.sum::<f32>()
+            };
+            let row = Tensor::<2>::from_data(
+                TensorData::new(sphere.iter().map(radiance).collect::<Vec<f32>>(), [1, 500]),
+                &device,
+            );
+            [0; 3].map(|_| row.clone().matmul(cosines.clone()))
+        };
+        let cost = |lamps: [f32; 2]| {
+            let truths = [[40.0, 0.0], [0.0, 40.0]];
+            truths.map(|truth| numbers(log_difference(&under(lamps), &under(truth)).inner())[0]).iter().sum::<f64>()
+        };
+        let spread = cost([20.0, 20.0]);
+        assert!(spread < 0.7 * cost([0.0, 0.0]) && spread < cost([40.0, 0.0]), "{spread}");
+        assert!(cost([8.0, 8.0]) < cost([1.0, 1.0]) && cost([20.0, 20.0]) < cost([80.0, 80.0]));
+        let [even, lit] = [under([0.0, 0.0]), under([40.0, 0.0])];
+        assert!(numbers(colour_difference(&even, &lit).inner())[0] < 0.01, "both are grey");
+        let red = [lit[0].clone(), lit[1].clone() * 0.0, lit[2].clone() * 0.0];
+        let angle = numbers(colour_difference(&red, &lit).inner())[0];
+        // Grey and red are arccos(1 / √3) apart: a chord of √(2 − 2 / √3).
+        assert!((angle - (2.0 - 2.0 / 3f64.sqrt()).sqrt()).abs() < 1e-3, "{angle}");
+        assert!(numbers(difference(&lit, &lit).inner())[0] < 0.02);
+    }
+}
