@@ -79,6 +79,16 @@ def view(panorama, size, hfov_deg, yaw_deg, pitch_deg, exposure):
     return path
 
 
+def smaller(photo, longer_side=1280):
+    """A copy of a photo of shared data, as it is but for its size."""
+    picture = Image.open(DATA / photo)
+    share = longer_side / max(picture.size)
+    path = WORK / f"small_{Path(photo).name}"
+    resized = picture.resize([round(side * share) for side in picture.size], Image.Resampling.LANCZOS)
+    resized.save(path, quality=95, exif=picture.getexif())
+    return path
+
+
 def insert(scene, *options):
     path = WORK / "composite.png"
     run(PROGRAM, "insert", scene, *options, "-o", path, "--force", "--quiet")
@@ -294,6 +304,40 @@ def lights():
     save(grid([parts]), "lights_panorama")
 
 
+# Photo, its lens where it is not told, where the white ball, the chrome ball and the tea set stand (shares of width and height), and the balls' height in
+# shares of their distance.
+TWELVE = [
+    (lambda: smaller("rgbd/library_color.jpg"), None, (0.40, 0.80), (0.54, 0.86), (0.74, 0.82), 0.14),
+    (lambda: DATA / "rgbd/tum_desk_color.png", None, (0.33, 0.50), (0.45, 0.52), (0.12, 0.85), 0.10),
+    (lambda: smaller("photos_more/desk_devices.jpg"), None, (0.28, 0.84), (0.42, 0.83), (0.70, 0.88), 0.14),
+    (lambda: smaller("photos_more/museum_court.jpg"), None, (0.25, 0.92), (0.42, 0.94), (0.70, 0.92), 0.12),
+    (lambda: smaller("photos_more/museum_whale.jpg"), None, (0.50, 0.90), (0.62, 0.90), (0.78, 0.93), 0.10),
+    (lambda: smaller("photos_more/parquet_pc.jpg"), None, (0.62, 0.86), (0.76, 0.83), (0.88, 0.62), 0.12),
+    (lambda: DATA / "rgbd_more/tum_fr2_hall_01_color.jpg", None, (0.50, 0.93), (0.62, 0.94), (0.35, 0.90), 0.10),
+    (lambda: DATA / "rgbd_more/tum_fr3_cabinet_01_color.jpg", None, (0.20, 0.70), (0.34, 0.90), (0.72, 0.86), 0.12),
+    (lambda: view("hdr/lebombo_1k.hdr", (960, 640), 75, 90, -14, 0.35), 75, (0.40, 0.86), (0.56, 0.90), (0.76, 0.92), 0.12),
+    (lambda: view("hdr/brown_photostudio_02_1k.hdr", (960, 640), 75, -90, -14, 0.8), 75, (0.40, 0.82), (0.54, 0.90), (0.26, 0.92), 0.12),
+    (lambda: view("hdr/st_fagans_interior_1k.hdr", (960, 640), 75, 90, -12, 0.55), 75, (0.30, 0.80), (0.46, 0.86), (0.66, 0.90), 0.10),
+    (lambda: view("hdr/autoshop_01_1k.hdr", (960, 640), 75, -90, -12, 0.9), 75, (0.34, 0.82), (0.48, 0.88), (0.66, 0.88), 0.10),
+]
+
+
+def sheet():
+    """Twelve photos of which nothing else is known: objects under even light, and under plausible light."""
+    pictures = []
+    for make, hfov_deg, *places, share in TWELVE:
+        photo = make()
+        file = scene(f"sheet_{photo.stem}", photo, *(("--hfov-deg", hfov_deg) if hfov_deg else ()))
+        width, height = Image.open(photo).size
+        depth_m = load_file(file)["depth_m"]
+        sizes = [share * depth_m[int(y * depth_m.shape[0]), int(x * depth_m.shape[1])] for x, y in places]
+        white, chrome, set_ = (f"{round(x * width)},{round(y * height)}" for x, y in places)
+        objects = (*sphere(white, f"{sizes[0]:.3f}", "matte-white"), *sphere(chrome, f"{sizes[1]:.3f}", "chrome"))
+        objects += ("--mesh", DATA / "meshes/tea_set_01/tea_set_01_1k.gltf", "--pixel", set_, "--height", f"{sizes[2] * 0.6:.3f}", "--yaw-deg", 30)
+        pictures.append([fitted(insert(file, *objects, "--light", light), 360) for light in ("even", "plausible")])
+    save(grid([pictures[i] + pictures[i + 1] for i in range(0, 12, 2)]), "sheet")
+
+
 def sunny():
     photo = view("hdr/lebombo_1k.hdr", (960, 640), 80, 80, -20, 0.266)
     file = scene("sunny", photo)
@@ -321,7 +365,7 @@ def lamp():
     save(grid([[cut(picture, (100, 100, 800, 660), 424) for picture in pictures]]), "lamp")
 
 
-ALL = [demo, real_photos, photo_alone, spheres, tea_set, spot, several, mattes, desk_panorama, chrome_lookup, networks, shadows, panorama_prior, lights, sunny, window, lamp]
+ALL = [demo, real_photos, sheet, photo_alone, spheres, tea_set, spot, several, mattes, desk_panorama, chrome_lookup, networks, shadows, panorama_prior, lights, sunny, window, lamp]
 
 
 def main():

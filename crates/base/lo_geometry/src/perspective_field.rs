@@ -354,11 +354,12 @@ mod tests {
         assert!((log_deviation(both) / own - 0.5f64.sqrt()).abs() < 0.1, "{both:?} {alone:?}");
         let sure = with(1.0f64.ln(), 1e-4);
         assert!((sure.camera.half_extent - 1.0).abs() < 0.01, "{sure:?}");
-        let twice = PerspectiveField { cells: cells(of), lens: Some(LensGuess { log_half_extent: 0.2, deviation: 0.1 }) }
-            .with_mirrored(&PerspectiveField {
-                cells: cells(of),
-                lens: Some(LensGuess { log_half_extent: 0.4, deviation: 0.3 }),
-            });
+        let twice =
+            PerspectiveField { cells: cells(of), lens: Some(LensGuess { log_half_extent: 0.2, deviation: 0.1 }) }
+                .with_mirrored(&PerspectiveField {
+                    cells: cells(of),
+                    lens: Some(LensGuess { log_half_extent: 0.4, deviation: 0.3 }),
+                });
         let lens = twice.lens.unwrap();
         assert!((lens.log_half_extent - 0.3).abs() < 1e-12 && (lens.deviation - 0.2).abs() < 1e-12);
         assert_eq!(twice.cells[600], cells(of)[0].mirrored());

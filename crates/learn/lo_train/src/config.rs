@@ -56,7 +56,7 @@ pub struct TrainConfig {
     /// Stage 3: both, the light network also on predicted depth.
     #[serde(deserialize_with = "joint_phases")]
     pub joint: Vec<LightPhase>,
-    /// Stage 4: the network of expected light, on photos of panoramas where there are some, with depth by the trained depth network.
+    /// Stage 4: the network of expected light, with depth by the trained depth network.
     #[serde(deserialize_with = "expected_phases")]
     pub expected: Vec<ExpectedPhase>,
 }
@@ -258,6 +258,7 @@ impl TrainConfig {
                 Phase::Expected(p) => {
                     inside("batch_size", p.batch_size as f64, 1.0, 4096.0)?;
                     inside("photos", p.photos as f64, 1.0, 1e6)?;
+                    p.augmentation.validate()?;
                 }
                 Phase::Light(p) | Phase::Joint(p) => {
                     inside("octree_depth", p.octree_depth.into(), shallowest, finest)?;
@@ -309,6 +310,9 @@ mod tests {
     fn what_lies_in_configs_is_valid() {
         let recipe: TrainConfig = toml::from_str(include_str!("../../../../configs/recipe.toml")).unwrap();
         assert_eq!(recipe.validate(), Ok(()));
+        let expected: TrainConfig = toml::from_str(include_str!("../../../../configs/expected.toml")).unwrap();
+        assert_eq!(expected.validate(), Ok(()));
+        assert_eq!(recipe.expected, expected.expected, "one stage, alone and in the recipe");
         let rooms = [include_str!("../../../../configs/rooms.toml"), include_str!("../../../../configs/photos.toml")];
         for text in rooms {
             assert!(toml::from_str::<GeneratorConfig>(text).unwrap().validate().is_ok());

@@ -302,13 +302,44 @@ impl Learner {
         let share = |name: &str| if name.starts_with("encoder.") { phase.encoder_lr_ratio } else { 1.0 };
         let examples: Vec<_> = examples.iter().collect();
         let photos: Vec<_> = examples.iter().map(|example| &example.photo).collect();
-        let (total, judged, mut progress) = self.depth_losses(self.depth.net.forward(&photos), &examples, config);
+        let (total, judged, mut progress) = if phase.decoder_only {
+            let (total, losses) = self.decoder_losses(self.depth.net.forward_detached(&photos), &examples, config);
+            (total, None, Progress { losses, norms: Vec::new() })
+        } else {
+            self.depth_losses(self.depth.net.forward(&photos), &examples, config)
+        };
         let mut gradients = total.backward();
         let norm = self.depth.descend("depth_net", &mut gradients, learning_rate, &share, config);
         progress.norms.push(("depth", norm.map_err(|fault| with_losses(fault, &progress))?));
         drop(gradients);
         self.discriminator_step(judged, learning_rate * config.discriminator_lr_ratio, &mut progress)?;
         Ok(progress)
+    }
+
+    /// The weighted sum of the losses of depth and camera, and each.
+    fn decoder_losses(
+        &self,
+        output: DepthOutput,
+        examples: &[&DepthExample],
+        config: &TrainConfig,
+    ) -> (Tensor<1>, Vec<(&'static str, f32)>) {
+        let weights = &config.depth_losses;
+        let extents: Vec<_> = examples.iter().map(|example| example.extent_m()).collect();
+        let [log_depth, absolute, variance] = depth_losses(output.log_extent, &extents.iter().collect::<Vec<_>>());
+        let mut losses = vec![
+            ("log_depth", scalar(&log_depth)),
+            ("absolute", scalar(&absolute)),
+            ("scale_invariant", scalar(&variance)),
+        ];
+        let mut total =
+            log_depth * weights.log_depth + absolute * weights.absolute + variance * weights.scale_invariant;
+        if let Some(field) = &output.perspective {
+            let cameras: Vec<_> = examples.iter().map(|example| example.perspective).collect();
+            let perspective = perspective_loss(field, &cameras);
+            losses.push(("perspective", scalar(&perspective)));
+            total = total + perspective * weights.perspective;
+        }
+        (total, losses)
     }
 
     /// The weighted sum of the depth network's losses, what the discriminator needs for its own step, and the losses.
@@ -319,31 +350,20 @@ impl Learner {
         config: &TrainConfig,
     ) -> (Tensor<1>, Option<Judged>, Progress) {
         let weights = &config.depth_losses;
-        let extents: Vec<_> = examples.iter().map(|example| example.extent_m()).collect();
-        let [log_depth, absolute, variance] = depth_losses(output.log_extent, &extents.iter().collect::<Vec<_>>());
-        let made = self.depth.net.panorama.forward(output.global);
+        let global = output.global.clone();
+        let (mut total, mut losses) = self.decoder_losses(output, examples, config);
+        let made = self.depth.net.panorama.forward(global);
         let truths: Vec<_> = examples.iter().map(|example| example.panorama.as_ref()).collect();
         let [panorama, panorama_tone, panorama_irradiance] = panorama_loss(made.clone(), &truths);
-        let mut losses = vec![
-            ("log_depth", scalar(&log_depth)),
-            ("absolute", scalar(&absolute)),
-            ("scale_invariant", scalar(&variance)),
+        losses.extend([
             ("panorama", scalar(&panorama)),
             ("panorama_tone", scalar(&panorama_tone)),
             ("panorama_irradiance", scalar(&panorama_irradiance)),
-        ];
-        let mut total = log_depth * weights.log_depth
-            + absolute * weights.absolute
-            + variance * weights.scale_invariant
+        ]);
+        total = total
             + panorama * weights.panorama
             + panorama_tone * weights.panorama_tone
             + panorama_irradiance * weights.panorama_irradiance;
-        if let Some(field) = &output.perspective {
-            let cameras: Vec<_> = examples.iter().map(|example| example.perspective).collect();
-            let perspective = perspective_loss(field, &cameras);
-            losses.push(("perspective", scalar(&perspective)));
-            total = total + perspective * weights.perspective;
-        }
         let mut judged = None;
         let truths: Option<Vec<_>> = truths.into_iter().collect();
         if weights.adversarial > 0.0

@@ -1,5 +1,7 @@
 //! The phases of a run: how long, how fast, on what.
 
+use crate::augmentation::AugmentationConfig;
+use crate::config::PanoramaData;
 use lo_events::{TrainedNetworks, TrainingPhase};
 use serde::de::{DeserializeOwned, Error};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -45,6 +47,8 @@ pub struct DepthPhase {
     pub frozen_statistics: bool,
     /// Learning rate of the encoder as a share of the others': what real pictures taught it is forgotten the more slowly.
     pub encoder_lr_ratio: f32,
+    /// Trains what tells depth and camera alone. Encoder, `f_L` and single map stay as they are, and with them a light network that was trained on them.
+    pub decoder_only: bool,
 }
 
 /// A part of stage 2 or 3; each step is of one photo. In a file its schedule stands beside the other fields.
@@ -79,15 +83,23 @@ pub struct ExpectedPhase {
     pub batch_size: usize,
     /// Photos that the steps are drawn from. They are made once, with the depth network's depth.
     pub photos: usize,
+    /// Panoramas that they are cut out of; where there are none, those of the run, or all of its data.
+    pub panoramas: Vec<PanoramaData>,
+    /// What they are varied by.
+    pub augmentation: AugmentationConfig,
 }
 
 impl ExpectedPhase {
-    /// What a file need not say.
-    pub const USUAL: Self = Self {
-        schedule: Schedule { steps: 1_200, learning_rate: 2e-3, warm_up_steps: 20, final_share: 0.02 },
-        batch_size: 64,
-        photos: 3_000,
-    };
+    /// What a file need not say. The lens is believed as it is.
+    pub fn usual() -> Self {
+        Self {
+            schedule: Schedule { steps: 1_200, learning_rate: 2e-3, warm_up_steps: 20, final_share: 0.02 },
+            batch_size: 64,
+            photos: 3_000,
+            panoramas: Vec::new(),
+            augmentation: AugmentationConfig { focal: 0.0, zoom: 1.2, variants: 0, ..AugmentationConfig::default() },
+        }
+    }
 }
 
 impl DepthPhase {
@@ -98,6 +110,7 @@ impl DepthPhase {
         photo_width: 240,
         frozen_statistics: false,
         encoder_lr_ratio: 1.0,
+        decoder_only: false,
     };
 }
 
@@ -164,7 +177,7 @@ pub(crate) fn joint_phases<'de, D: Deserializer<'de>>(deserializer: D) -> Result
 }
 
 pub(crate) fn expected_phases<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<ExpectedPhase>, D::Error> {
-    differing(deserializer, &ExpectedPhase::USUAL)
+    differing(deserializer, &ExpectedPhase::usual())
 }
 
 /// A part of a run, of whichever stage.

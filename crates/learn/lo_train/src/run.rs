@@ -114,11 +114,7 @@ fn open(config: &TrainConfig, seed: u64) -> Result<Sources, TrainError> {
             Arc::new(Generated::new(generator, data.generated_rooms))
         }
     };
-    let panoramas = data.panoramas.iter().map(|PanoramaData { folder, plans, crop }| {
-        let crop = CropModel { seed, ..*crop };
-        Ok(Arc::from(Layout::Panoramas.open_planned(folder, crop, plans.as_deref())?))
-    });
-    let panoramas: Arc<dyn Dataset> = Arc::new(Joined::new(panoramas.collect::<Result<_, TrainError>>()?));
+    let panoramas = open_panoramas(&data.panoramas, seed)?;
     let frames = data.frames.iter().map(|FramesData { list, repeats }| {
         Ok(Arc::new(Repeated::new(Frames::open(list)?, *repeats as usize)) as Arc<dyn Dataset>)
     });
@@ -130,6 +126,14 @@ fn open(config: &TrainConfig, seed: u64) -> Result<Sources, TrainError> {
         Arc::new(Joined::new([rooms.clone(), panoramas.clone()].into_iter().chain(frames).collect()))
     };
     Ok(Sources { all, rooms, panoramas })
+}
+
+fn open_panoramas(panoramas: &[PanoramaData], seed: u64) -> Result<Arc<dyn Dataset>, TrainError> {
+    let open = |PanoramaData { folder, plans, crop }: &PanoramaData| {
+        let crop = CropModel { seed, ..*crop };
+        Ok(Arc::from(Layout::Panoramas.open_planned(folder, crop, plans.as_deref())?))
+    };
+    Ok(Arc::new(Joined::new(panoramas.iter().map(open).collect::<Result<_, TrainError>>()?)))
 }
 
 struct Run<'a> {
@@ -389,8 +393,9 @@ impl<'a> Run<'a> {
     /// The photos that a phase of expected light learns from; `None` where the run is cancelled.
     fn expected_examples(&mut self, phase: &ExpectedPhase) -> Result<Option<Vec<ExpectedExample>>, TrainError> {
         let Sources { all, panoramas, .. } = &self.sources;
-        let dataset = if panoramas.is_empty() { all.clone() } else { panoramas.clone() };
-        let prepare = expected_examples(&self.config.augmentation, &self.learner, self.state.seed);
+        let own = open_panoramas(&phase.panoramas, self.state.seed)?;
+        let dataset = [&own, panoramas, all].into_iter().find(|data| !data.is_empty()).unwrap_or(all).clone();
+        let prepare = expected_examples(&phase.augmentation, &self.learner, self.state.seed);
         let feed =
             Feed::start(dataset, &self.config.data, self.state.seed, Vec::new(), LoaderState::default(), prepare);
         let mut feed = feed.map_err(TrainError::io(self.folder))?;

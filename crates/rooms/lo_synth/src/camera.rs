@@ -148,8 +148,7 @@ impl Space<'_> {
 
     fn standpoint(&self, random: &mut Stream, config: &SynthConfig, low: bool) -> Option<Vec3> {
         let (least, most) = self.plan.extent();
-        let ([low, high], margins) =
-            if low { (LOW_M, [0.09; 3]) } else { (config.camera_height_m, [0.35, 0.25, 0.2]) };
+        let ([low, high], margins) = if low { (LOW_M, [0.09; 3]) } else { (config.camera_height_m, [0.35, 0.25, 0.2]) };
         for margin in margins {
             for _ in 0..30 {
                 // Eye height most of the time: the mean of two draws.

@@ -175,8 +175,22 @@ impl DepthNet {
     /// # Panics
     /// Where there is no photo, a photo has no pixels or is of another size than the first.
     pub fn forward(&self, photos: &[&Image<[u8; 3]>]) -> DepthOutput {
+        self.decoded(photos, self.encoder.forward(self.input(photos)))
+    }
+
+    /// As [`DepthNet::forward`], but no slopes go into the encoder.
+    ///
+    /// # Panics
+    /// As [`DepthNet::forward`].
+    pub fn forward_detached(&self, photos: &[&Image<[u8; 3]>]) -> DepthOutput {
+        // `Tensor::detach` would do, but what is recorded before it is never freed.
+        let device = self.decoder.output.weight.lazy_device();
+        let features = self.encoder.valid().forward(self.input(photos).inner());
+        self.decoded(photos, features.map(|feature| Tensor::from_data(feature.into_data(), &device)))
+    }
+
+    fn decoded(&self, photos: &[&Image<[u8; 3]>], features: [Tensor<4>; 5]) -> DepthOutput {
         let (width, height) = (photos[0].width(), photos[0].height());
-        let features = self.encoder.forward(self.input(photos));
         let global = self.global.forward(features[4].clone(), self.log_colour(photos));
         let [least, most] = EXTENT_RANGE_M.map(f64::ln);
         let [half, quarter, .., last] = features.clone();

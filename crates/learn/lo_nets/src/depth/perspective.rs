@@ -271,7 +271,8 @@ mod tests {
         let features = Tensor::<4>::from_data(TensorData::new(places, [4, 1, 5, 8]), &device);
         let (mut adam, mut losses) = (Adam::default(), Vec::new());
         for _ in 0..60 {
-            let loss = perspective_loss(&head.forward(features.clone(), features.clone(), SIZE), &[Some(true_camera())]);
+            let loss =
+                perspective_loss(&head.forward(features.clone(), features.clone(), SIZE), &[Some(true_camera())]);
             losses.push(numbers(loss.clone().inner())[0]);
             head = adam.step(head, &loss.backward(), 1e-2);
         }
@@ -291,12 +292,16 @@ mod tests {
             let shift = Tensor::<1>::from_data(TensorData::new(vec![0.0, 0.0, 0.0, start, start], [5]), &device);
             head.output.bias = Some(bias.map(|bias| (bias * 0.0 + shift).detach().require_grad()));
             let certainties = |head: &PerspectiveHead| -> f64 {
-                numbers(head.forward(features.clone(), features.clone(), SIZE).log_certainty.inner()).iter().sum::<f64>() / 80.0
+                numbers(head.forward(features.clone(), features.clone(), SIZE).log_certainty.inner())
+                    .iter()
+                    .sum::<f64>()
+                    / 80.0
             };
             let before = certainties(&head);
             let mut adam = Adam::default();
             for step in 0..60 {
-                let loss = perspective_loss(&head.forward(features.clone(), features.clone(), SIZE), &[truths[step % 2]]);
+                let loss =
+                    perspective_loss(&head.forward(features.clone(), features.clone(), SIZE), &[truths[step % 2]]);
                 head = adam.step(head, &loss.backward(), 1e-2);
             }
             let after = certainties(&head);
