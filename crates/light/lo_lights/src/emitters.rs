@@ -21,8 +21,9 @@ const HALO_LAYERS: u8 = 2;
 /// Most emitters of a room; the weaker ones are surfaces.
 const MAX_EMITTERS: usize = 64;
 
-/// Least share of all light that an emitter gives.
+/// Least share of all light that an emitter gives, and that one gives which the photo shows: people look for what they see.
 const MIN_FLUX_SHARE: f32 = 1e-3;
+const MIN_SEEN_FLUX_SHARE: f32 = 1e-4;
 
 /// Least area of a window, in m², and its least colour temperature in kelvin: the photo's white is daylight, lamps are warmer.
 const MIN_WINDOW_M2: f32 = 0.25;
@@ -276,7 +277,8 @@ fn kind(scene: &Scene, surface: &ClusterSurface, radiance: Vec3) -> Kind {
 
 /// By falling flux, named by rank, without the negligible ones.
 fn ranked(mut found: Vec<Emitter>) -> Vec<Emitter> {
-    found.retain(|emitter| emitter.flux_share >= MIN_FLUX_SHARE);
+    let least = |origin| if origin == Origin::Seen { MIN_SEEN_FLUX_SHARE } else { MIN_FLUX_SHARE };
+    found.retain(|emitter| emitter.flux_share >= least(emitter.origin));
     found.sort_by(|a, b| b.flux_share.total_cmp(&a.flux_share));
     found.truncate(MAX_EMITTERS);
     for (rank, emitter) in found.iter_mut().enumerate() {
