@@ -123,7 +123,7 @@ impl Renderer {
     /// # Errors
     /// Edits that do not fit the scene; light that cannot be traced.
     pub fn prepare(&mut self, state: &State, step: Step) -> Result<(), SessionError> {
-        let lit = self.scenes.of(state)?;
+        let lit = if step == Step::Moving { self.scenes.draft_of(state)? } else { self.scenes.of(state)? };
         let floor_gloss = state.floor_gloss;
         let side = match step {
             Step::Moving => MOVING_SIDES[self.pace],

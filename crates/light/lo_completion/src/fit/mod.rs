@@ -110,8 +110,7 @@ pub fn fit_lamps(light: &mut LightOctree, seen: &Frame, up: Vec3, guess: LampGue
     if let Cow::Owned(seen) = light.seen_from(middle_m) {
         *light = seen;
     }
-    let clipped = brighten_clipped(light, seen, &restored);
-    let bounds = Bounds { clipped, level: seen.exposure, cap: cap(light), limit: guess.limit() };
+    let bounds = Bounds::of(light, seen, &restored, guess);
     let problem = problem(light, &places, &bounds, guess.prior());
     let solution = solve(&problem);
     let all = problem.irradiance(solution);
@@ -119,13 +118,26 @@ pub fn fit_lamps(light: &mut LightOctree, seen: &Frame, up: Vec3, guess: LampGue
     let share = |factor: f32, of: &[f32]| {
         of.iter().zip(&all).map(|(part, all)| factor * part / all).sum::<f32>() / places.len() as f32
     };
+    let (lamps_share, clipped_share) = (share(lamps, &problem.lamps), share(clipped_lamps, &problem.clipped_lamps));
+    let fit = LampFit { lamps, lamps_share, clipped_lamps, clipped_share, surfaces };
+    scale(light, &bounds, &fit);
+    fit
+}
+
+/// Gives an octree without lobes the factors that were fitted to another light in its nodes: a preview of [`fit_lamps`], which takes several times as long.
+pub fn scale_lamps(light: &mut LightOctree, seen: &Frame, up: Vec3, guess: LampGuess, fit: &LampFit) {
+    let restored = highlights::recover_shining(seen, &seen.normals(), up).0;
+    let bounds = Bounds::of(light, seen, &restored, guess);
+    scale(light, &bounds, fit);
+}
+
+fn scale(light: &mut LightOctree, bounds: &Bounds, fit: &LampFit) {
+    let LampFit { lamps, clipped_lamps, surfaces, .. } = *fit;
     light.change_leaves(|light, leaf| {
-        let Parts { surface, lamp, clipped, .. } = Parts::of(light, leaf, &bounds);
+        let Parts { surface, lamp, clipped, .. } = Parts::of(light, leaf, bounds);
         let more = surface * (surfaces - 1.0) + lamp * (lamps - 1.0) + clipped * (clipped_lamps - 1.0);
         light.radiance(leaf) * (1.0 + more)
     });
-    let (lamps_share, clipped_share) = (share(lamps, &problem.lamps), share(clipped_lamps, &problem.clipped_lamps));
-    LampFit { lamps, lamps_share, clipped_lamps, clipped_share, surfaces }
 }
 
 /// `[depth][row]` of the leaves in which clipped pixels lie: the mean of these, restored.
@@ -156,6 +168,14 @@ struct Bounds {
     cap: f32,
     /// Most that is fitted of a lamp, as a multiple of the cap.
     limit: f32,
+}
+
+impl Bounds {
+    /// Of an octree, whose clipped leaves get what such regions usually have.
+    fn of(light: &mut LightOctree, seen: &Frame, restored: &RadianceImage, guess: LampGuess) -> Self {
+        let clipped = brighten_clipped(light, seen, restored);
+        Self { clipped, level: seen.exposure, cap: cap(light), limit: guess.limit() }
+    }
 }
 
 fn clipped_leaves(light: &LightOctree, seen: &Frame, restored: &RadianceImage) -> ClippedLeaves {
@@ -293,7 +313,10 @@ mod tests {
     #[test]
     fn a_lamp_that_is_guessed_too_dark_gets_as_bright_as_the_wall_says() {
         let (mut light, frame) = room(12.0);
+        let mut scaled = light.clone();
         let fit = fit_lamps(&mut light, &frame, Vec3::Y, LampGuess::Averaged);
+        scale_lamps(&mut scaled, &frame, Vec3::Y, LampGuess::Averaged, &fit);
+        assert!(scaled == light, "the same factors on the same light");
         let tracer = ConeTracer::new(&light, Settings::default()).unwrap();
         let cone = Cone { origin: Vec3::new(0.0, 0.6, -1.0), direction: Vec3::NEG_X, tan_half_angle: 0.05 };
         let radiance = tracer.trace(&cone).radiance[1];
