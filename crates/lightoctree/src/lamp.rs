@@ -1,10 +1,10 @@
-use lo_completion::{LaidExpectation, LampFit, LampGuess, LayExpected};
+use lo_completion::{LaidExpectation, LampFit, LampGuess, LayExpected, SeenShading};
 use lo_geometry::Vec3;
 use lo_imaging::Photo;
 use lo_insert::InsertError;
 use lo_lights::LightsError;
 use lo_octree::LightOctree;
-use lo_scene::{ExpectedLight, Frame, GuessedLight, LightEffect, LightMode, LightTuning, Scene};
+use lo_scene::{ExpectedLight, GuessedLight, LightEffect, LightMode, LightTuning, Scene};
 
 /// What lighting a scene made of what was guessed.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -13,6 +13,21 @@ pub struct LightReport {
     pub laid: LaidExpectation,
     /// How bright these and others are by the photo's shading.
     pub fit: LampFit,
+}
+
+/// Why a scene cannot be lit as asked for.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LightingError {
+    /// An edit is of an emitter that there is not.
+    #[error(transparent)]
+    Edit(#[from] LightsError),
+    /// What is said to be white shows no surface.
+    #[error("what is said to be white: {0}")]
+    White(#[source] InsertError),
+    /// What is said to be white is clipped or black, and has no colour.
+    #[error("what is said to be white is {0} at ({1}, {2}): choose a pixel of another brightness")]
+    WhiteWithoutColour(&'static str, f64, f64),
 }
 
 /// Whether a pixel of a scene's photo can be said to be white.
@@ -37,9 +52,17 @@ pub(crate) fn lay_light(
     }
     let seen = seen_of(scene);
     let white = white_tint(scene, &seen, tuning.white)?;
-    let (light, report) = laid(scene, &seen, &guessed, white, None);
+    let (light, report) = laid(scene, &seen, &guessed, white, false);
     scene.light = light;
     Ok(report)
+}
+
+/// Why light as estimated can be laid.
+pub(crate) const NOTHING_WRONG: &str = "nothing is asked for that could be wrong";
+
+/// [`lay_light`] as estimated.
+pub(crate) fn lay_usual(scene: &mut Scene, mode: LightMode) -> LightReport {
+    lay_light(scene, mode, &LightTuning::default()).expect(NOTHING_WRONG)
 }
 
 /// Whether this light differs from what the scene's octree holds.
@@ -47,9 +70,9 @@ pub(crate) fn is_laid(scene: &Scene, guessed: &GuessedLight) -> bool {
     guessed.light != LightMode::Even && LightEffect::of(scene) != LightEffect::None
 }
 
-/// What light is laid by: the frame at the working resolution.
-pub(crate) fn seen_of(scene: &Scene) -> Frame {
-    scene.frame.working().without_flying_pixels()
+/// What light is laid by.
+pub(crate) fn seen_of(scene: &Scene) -> SeenShading {
+    SeenShading::new(scene.frame.working().without_flying_pixels(), scene.up())
 }
 
 /// Expected light, where it counts.
@@ -57,38 +80,37 @@ fn expected(scene: &Scene) -> Option<&ExpectedLight> {
     scene.expected.as_ref().filter(|_| LightEffect::of(scene) == LightEffect::Expected)
 }
 
-/// The scene's octree in a light that [is laid](is_laid): with lamps fitted, or by what was fitted `like` that. `white` as of [`white_tint`].
+/// The scene's octree in a light that [is laid](is_laid). `white` as of [`white_tint`].
 pub(crate) fn laid(
     scene: &Scene,
-    seen: &Frame,
+    seen: &SeenShading,
     guessed: &GuessedLight,
     white: [f32; 3],
-    like: Option<&LampFit>,
+    is_preview: bool,
 ) -> (LightOctree, LightReport) {
-    let (mut light, up, mut report) = (scene.light.clone(), scene.up(), LightReport::default());
+    let (mut light, mut report) = (scene.light.clone(), LightReport::default());
     let expected = expected(scene);
     let is_plausible = guessed.light == LightMode::Plausible;
     if let Some(expected) = expected {
         let warmth = warmth_tint(guessed.tuning.warmth_ev);
         let tint = std::array::from_fn(|c| white[c] * warmth[c]);
-        let how = LayExpected { contrast: is_plausible.then_some(guessed.tuning.contrast), tint };
-        report.laid = lo_completion::lay_expected(&mut light, expected, seen, up, &how);
+        let how = LayExpected { contrast: is_plausible.then_some(guessed.tuning.contrast), tint, is_preview };
+        report.laid = lo_completion::lay_expected(&mut light, expected, seen, &how);
     }
     if is_plausible {
         let guess = if expected.is_some() { LampGuess::Expected } else { LampGuess::Averaged };
-        report.fit = match like {
-            Some(fit) => {
-                lo_completion::scale_lamps(&mut light, seen, up, guess, fit);
-                *fit
-            }
-            None => lo_completion::fit_lamps(&mut light, seen, up, guess),
-        };
+        let fit = if is_preview { lo_completion::preview_lamps } else { lo_completion::fit_lamps };
+        report.fit = fit(&mut light, seen, guess);
     }
     (light, report)
 }
 
 /// Gains of guessed light by channel under which it has the photo's colour at a pixel that is said to be white; 1 without one.
-pub(crate) fn white_tint(scene: &Scene, seen: &Frame, white: Option<[f64; 2]>) -> Result<[f32; 3], LightingError> {
+pub(crate) fn white_tint(
+    scene: &Scene,
+    seen: &SeenShading,
+    white: Option<[f64; 2]>,
+) -> Result<[f32; 3], LightingError> {
     match (expected(scene), white) {
         (Some(expected), Some(white)) => tint_of_white(scene, expected, seen, white),
         _ => Ok([1.0; 3]),
@@ -112,18 +134,24 @@ fn white_surface(scene: &Scene, [u, v]: [f64; 2]) -> Result<((Vec3, Vec3), [f32;
     Ok((place, hue(colour_around(&scene.frame.photo, [u, v])?)))
 }
 
+/// Fixed-point steps to the tint of what is white: each takes away most of the rest.
+const WHITE_STEPS: usize = 4;
+
+/// Most that a channel's gain changes by for what is white.
+const MAX_TINT: f32 = 4.0;
+
 /// Gains under which light has the colour of the photo where that shows something white.
 fn tint_of_white(
     scene: &Scene,
     expected: &ExpectedLight,
-    seen: &Frame,
+    seen: &SeenShading,
     white: [f64; 2],
 ) -> Result<[f32; 3], LightingError> {
     let (place, shown) = white_surface(scene, white)?;
     let mut tint = [1.0; 3];
     for _ in 0..WHITE_STEPS {
         let mut light = scene.light.clone();
-        lo_completion::lay_expected(&mut light, expected, seen, scene.up(), &LayExpected { tint, contrast: None });
+        lo_completion::lay_expected(&mut light, expected, seen, &LayExpected { tint, ..LayExpected::default() });
         let irradiance = lo_completion::irradiance_at(&light, &[place]).first().copied().unwrap_or(Vec3::ONE);
         let got = hue(irradiance.to_array());
         for c in 0..3 {

@@ -1,9 +1,10 @@
 use std::borrow::Cow;
 
+use lo_completion::SeenShading;
 use lo_geometry::Vec3;
 use lo_lights::{Emitter, LightsError, ListedLight, emitters};
 use lo_octree::LightOctree;
-use lo_scene::{Frame, GuessedLight, LightEdits, LightMode, LightTuning, Scene};
+use lo_scene::{GuessedLight, LightEdits, LightMode, LightTuning, Scene};
 
 use crate::lamp::{NOTHING_WRONG, is_laid, laid, lay_light, lay_usual, seen_of, white_tint};
 use crate::{LightReport, LightingError};
@@ -13,8 +14,7 @@ use crate::{LightReport, LightingError};
 pub struct FittedLight {
     /// As it was read.
     scene: Scene,
-    /// Its frame at the working resolution.
-    seen: Frame,
+    seen: SeenShading,
     found: Vec<Emitter>,
     listed: Vec<ListedLight>,
     usual: LaidLight,
@@ -76,7 +76,8 @@ impl FittedLight {
         laid_in(&self.scene, &self.seen, &guessed, None)
     }
 
-    /// A preview of [`FittedLight::laid`] in a fraction of its time: lamps are as bright as they were fitted in another light.
+    /// A preview of [`FittedLight::laid`] in less time: lamps are sized and fitted with less accuracy, and the colour that makes a pixel white is that of `like` where it is of
+    /// the same pixel.
     ///
     /// # Errors
     /// As of [`FittedLight::laid`].
@@ -95,10 +96,10 @@ impl FittedLight {
     }
 }
 
-/// `like`: a light whose fit is taken, and whose gains where the same pixel is white.
+/// A preview where there is a light `like` it.
 fn laid_in(
     scene: &Scene,
-    seen: &Frame,
+    seen: &SeenShading,
     guessed: &GuessedLight,
     like: Option<&LaidLight>,
 ) -> Result<LaidLight, LightingError> {
@@ -110,7 +111,7 @@ fn laid_in(
     if !is_laid(scene, &guessed) {
         return Ok(LaidLight { guessed, white, light: scene.light.clone(), report: LightReport::default() });
     }
-    let (light, report) = laid(scene, seen, &guessed, white, like.map(|like| &like.report.fit));
+    let (light, report) = laid(scene, seen, &guessed, white, like.is_some());
     Ok(LaidLight { guessed, white, light, report })
 }
 

@@ -79,7 +79,8 @@ fn the_guessed_light_is_that_of_the_command_line() {
         page.hear("the scene", |message| message["type"] == "scene");
     }
     page.act(&json!({ "do": "add", "mesh": "builtin:sphere", "pixel": [70.25, 84.125] }));
-    let (plain, _) = page.hear("an object", |message| message["view"]["objects"].as_array().is_some_and(|a| a.len() == 1));
+    let (plain, _) =
+        page.hear("an object", |message| message["view"]["objects"].as_array().is_some_and(|a| a.len() == 1));
     assert_eq!(plain["view"]["guessed_light"]["effect"], "expected");
     assert!(!plain["view"]["command"].to_string().contains("--light"), "{plain}");
     let is_final = |change: u64| {
@@ -104,7 +105,9 @@ fn the_guessed_light_is_that_of_the_command_line() {
         (json!({ "do": "white", "pixel": [144, 3] }), "outside"),
     ] {
         page.act(&wrong);
-        page.hear("a refusal", |message| message["type"] == "refused" && message["why"].as_str().unwrap().contains(why));
+        page.hear("a refusal", |message| {
+            message["type"] == "refused" && message["why"].as_str().unwrap().contains(why)
+        });
     }
     page.act(&json!({ "do": "floor-gloss", "gloss": 0.25 }));
     let is_tuned = |message: &serde_json::Value| message["view"]["floor_gloss"] == 0.25;
@@ -125,7 +128,10 @@ fn the_guessed_light_is_that_of_the_command_line() {
     std::fs::write(folder.path().join("kept.scene"), &kept).unwrap();
     done(folder.path(), &["insert", "kept.scene", "--quality", "high", "-o", "own.png"]);
     assert!(std::fs::read(folder.path().join("own.png")).unwrap() == written);
-    done(folder.path(), &["insert", "kept.scene", "--light", "plausible", "--floor-gloss", "0", "--quality", "high", "-o", "usual.png"]);
+    done(
+        folder.path(),
+        &["insert", "kept.scene", "--light", "plausible", "--floor-gloss", "0", "--quality", "high", "-o", "usual.png"],
+    );
     assert!(std::fs::read(folder.path().join("usual.png")).unwrap() == usual, "an option replaces all of it");
     let told = done(folder.path(), &["inspect", "kept.scene"]);
     let words = "light    plausible, contrast 2.5, warmth -0.75 EV, white at 40.5,70.5";

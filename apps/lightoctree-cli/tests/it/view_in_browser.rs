@@ -232,7 +232,9 @@ fn a_person_chooses_the_guessed_light() {
     browser.wait(FINAL);
     let chosen = "viewer.page.view.guessed_light";
     let is_off = |browser: &mut Browser| {
-        browser.value("['guessed-light', 'contrast', 'warmth', 'pick-white'].map((id) => document.getElementById(id).disabled)")
+        browser.value(
+            "['guessed-light', 'contrast', 'warmth', 'pick-white'].map((id) => document.getElementById(id).disabled)",
+        )
     };
     assert_eq!(is_off(&mut browser), serde_json::json!([false, false, false, false]));
     // A slider is dragged: drafts come, its number goes along, and it is one step.
@@ -270,7 +272,10 @@ fn a_person_chooses_the_guessed_light() {
     let place = on_page(&mut browser, [40.7, 70.2]);
     let hint = "document.getElementById('pick-hint').hidden";
     click(&mut browser, "#pick-white");
-    assert_eq!((browser.value(hint), browser.value("document.getElementById('pick-white').ariaPressed")), (false.into(), "true".into()));
+    assert_eq!(
+        (browser.value(hint), browser.value("document.getElementById('pick-white').ariaPressed")),
+        (false.into(), "true".into())
+    );
     shot(&mut browser, "picking_white.png");
     browser.key("Escape", 0);
     assert_eq!(browser.value(hint), true);

@@ -13,7 +13,7 @@ const LAID: usize = 4;
 pub struct LitScenes {
     open: Arc<OpenScene>,
     last: Mutex<Option<Lit>>,
-    /// The last one whose lamps were not fitted.
+    /// The last one whose lamps are a preview.
     draft: Mutex<Option<Lit>>,
     /// The newest last.
     laid: Mutex<Vec<Arc<LaidLight>>>,
@@ -69,7 +69,7 @@ impl LitScenes {
         }
     }
 
-    /// As [`LitScenes::of`] where lamps are fitted in the state's light already; else lamps are as bright as in the last light, so that what moves does not wait.
+    /// As [`LitScenes::of`] where lamps are fitted in the state's light already; else with a preview of that, so that what moves does not wait.
     ///
     /// # Errors
     /// Those of [`LitScenes::of`].

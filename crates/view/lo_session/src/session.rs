@@ -244,7 +244,10 @@ impl Session {
                 }
                 return Ok(State { floor_gloss: *gloss, ..state });
             }
-            Command::GuessedLight { .. } | Command::Contrast { .. } | Command::Warmth { .. } | Command::White { .. } => {
+            Command::GuessedLight { .. }
+            | Command::Contrast { .. }
+            | Command::Warmth { .. }
+            | Command::White { .. } => {
                 state.lights.guessed = self.changed_guess(&state, command)?;
                 return Ok(state);
             }

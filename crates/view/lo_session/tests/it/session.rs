@@ -332,9 +332,9 @@ fn command(random: &mut Stream) -> Command {
         16 => Command::MoveKey { object, from_s: time_s, to_s: f64::from(share) },
         17 => Command::DeleteKey { object, time_s },
         18 => Command::Interpolate { object, interpolation: Interpolation::CatmullRom },
-        20 => {
-            Command::GuessedLight { light: [LightMode::Even, LightMode::Expected, LightMode::Plausible][object as usize % 3] }
-        }
+        20 => Command::GuessedLight {
+            light: [LightMode::Even, LightMode::Expected, LightMode::Plausible][object as usize % 3],
+        },
         21 => Command::Contrast { factor: 3.0 * share },
         22 => match random.random_range(0..3) {
             0 => Command::White { pixel: Some(pixel) },
