@@ -105,7 +105,8 @@ pub(crate) fn laid(
     (light, report)
 }
 
-/// Gains of guessed light by channel under which it has the photo's colour at a pixel that is said to be white; 1 without one.
+/// Gains of guessed light by channel under which it has the photo's colour at a pixel that is said to be white; 1
+/// without one.
 pub(crate) fn white_tint(
     scene: &Scene,
     seen: &SeenShading,

@@ -9,7 +9,8 @@ use lo_scene::{GuessedLight, LightEdits, LightMode, LightTuning, Scene};
 use crate::lamp::{NOTHING_WRONG, is_laid, laid, lay_light, lay_usual, seen_of, white_tint};
 use crate::{LightReport, LightingError};
 
-/// A scene to be lit by one choice of light and one set of edits after another: [`light_up`] without doing the same each time.
+/// A scene to be lit by one choice of light and one set of edits after another: [`light_up`] without doing the same
+/// each time.
 #[derive(Clone, Debug)]
 pub struct FittedLight {
     /// As it was read.
@@ -76,8 +77,8 @@ impl FittedLight {
         laid_in(&self.scene, &self.seen, &guessed, None)
     }
 
-    /// A preview of [`FittedLight::laid`] in less time: lamps are sized and fitted with less accuracy, and the colour that makes a pixel white is that of `like` where it is of
-    /// the same pixel.
+    /// A preview of [`FittedLight::laid`] in less time: lamps are sized and fitted with less accuracy, and the colour
+    /// that makes a pixel white is that of `like` where it is of the same pixel.
     ///
     /// # Errors
     /// As of [`FittedLight::laid`].
@@ -115,15 +116,16 @@ fn laid_in(
     Ok(LaidLight { guessed, white, light, report })
 }
 
-/// Where a scene's light differs by direction, that which comes to a place becomes the light of all directions: objects are lit by what comes to
-/// their middle. To be called before [`light_up`].
+/// Where a scene's light differs by direction, that which comes to a place becomes the light of all directions: objects
+/// are lit by what comes to their middle. To be called before [`light_up`].
 pub fn seen_from(scene: &mut Scene, at: Vec3) {
     if let Cow::Owned(seen) = scene.light.seen_from(at) {
         scene.light = seen;
     }
 }
 
-/// Lights a scene: by the light of `mode`, then with the changed and added lights of its edits ([`Scene::light_edits`]).
+/// Lights a scene: by the light of `mode`, then with the changed and added lights of its edits
+/// ([`Scene::light_edits`]).
 ///
 /// # Errors
 /// Where an edit is of an emitter that there is not, and where what is said to be white has no colour.
@@ -137,8 +139,8 @@ pub fn light_up(scene: &mut Scene, mode: LightMode, tuning: &LightTuning) -> Res
     Ok(laid.report)
 }
 
-/// Turns off everything that gives light in a scene as it was read: what is left is what surfaces reflect, for who relights it by lights. What somebody
-/// changed or added does not count.
+/// Turns off everything that gives light in a scene as it was read: what is left is what surfaces reflect, for who
+/// relights it by lights. What somebody changed or added does not count.
 pub fn without_emitters(scene: &mut Scene) {
     let before = scene.light.clone();
     lay_usual(scene, LightMode::Plausible);
@@ -147,7 +149,8 @@ pub fn without_emitters(scene: &mut Scene) {
     lo_lights::remove_emitters(scene, &found);
 }
 
-/// The lights of a scene as it was read, as bright as objects are lit by them in plausible light as estimated, and what somebody added.
+/// The lights of a scene as it was read, as bright as objects are lit by them in plausible light as estimated, and what
+/// somebody added.
 ///
 /// Emitters have the names of this list whichever light is chosen, and however it is tuned.
 pub fn list_lights(scene: &Scene) -> Vec<ListedLight> {

@@ -14,13 +14,14 @@ pub const WARMTHS_EV: RangeInclusive<f32> = -4.0..=4.0;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LightMode {
-    /// The likeliest radiance, in which lamps and windows of uncertain place vanish: what the scene file's octree holds.
+    /// The likeliest radiance, in which lamps and windows of uncertain place vanish: what the scene file's octree
+    /// holds.
     Even,
     /// The expected energy, spread over where lamps and windows may be: right on average, and softer than rooms are.
     #[default]
     Expected,
-    /// The expected energy gathered into lamps and windows where they are likeliest, as bright as the photo's shading asks for: for objects, whose lit and
-    /// dark sides and shadows are then those of rooms.
+    /// The expected energy gathered into lamps and windows where they are likeliest, as bright as the photo's shading
+    /// asks for: for objects, whose lit and dark sides and shadows are then those of rooms.
     Plausible,
 }
 
@@ -103,9 +104,11 @@ impl GuessedLight {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LightEffect {
-    /// Nothing: no network completed the scene, whose shell has a lamp of its own, or an HDR panorama, which knows the lamps, was laid onto it.
+    /// Nothing: no network completed the scene, whose shell has a lamp of its own, or an HDR panorama, which knows the
+    /// lamps, was laid onto it.
     None,
-    /// Plausible light has lamps fitted. No network expects light, or a panorama took its place: expected light is even, and tuning has no effect.
+    /// Plausible light has lamps fitted. No network expects light, or a panorama took its place: expected light is
+    /// even, and tuning has no effect.
     Fitted,
     /// Each light differs, and tuning changes it.
     Expected,

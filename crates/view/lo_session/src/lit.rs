@@ -69,7 +69,8 @@ impl LitScenes {
         }
     }
 
-    /// As [`LitScenes::of`] where lamps are fitted in the state's light already; else with a preview of that, so that what moves does not wait.
+    /// As [`LitScenes::of`] where lamps are fitted in the state's light already; else with a preview of that, so that
+    /// what moves does not wait.
     ///
     /// # Errors
     /// Those of [`LitScenes::of`].

@@ -3,7 +3,9 @@
 import { byId, element, fill, short } from "./dom.js";
 import { numberSlider } from "./slider.js";
 
-const LIGHTS = { even: "even", expected: "expected", plausible: "plausible" };
+const LIGHTS = ["even", "expected", "plausible"];
+const TITLE = "Even: without lamps that no photo shows. Expected: right on average, and soft. "
+  + "Plausible: gathered into lamps and windows.";
 
 /** Why a choice changes nothing. */
 const NOTES = {
@@ -15,15 +17,16 @@ const NOTES = {
 export function guessedLight(page, act) {
   const fields = element("div", { className: "fields" });
   const field = (text, id, control) => fields.append(element("label", { textContent: text, htmlFor: id }), control);
-  const choice = element("select", {
-    id: "guessed-light",
-    title: "Even: without lamps that no photo shows. Expected: right on average, and soft. Plausible: gathered into lamps and windows.",
-  }, ...Object.entries(LIGHTS).map(([value, textContent]) => element("option", { value, textContent })));
+  const options = LIGHTS.map((value) => element("option", { value, textContent: value }));
+  const choice = element("select", { id: "guessed-light", title: TITLE }, ...options);
   choice.onchange = () => act({ do: "guessed-light", light: choice.value });
-  const contrast = numberSlider(page, { id: "contrast", name: "Contrast", min: 0, max: 3, step: 0.05, command: (factor) => ({ do: "contrast", factor }) });
-  const warmth = numberSlider(page, { id: "warmth", name: "Warmth in stops", min: -4, max: 4, step: 0.1, command: (ev) => ({ do: "warmth", ev }) });
-  const pick = element("button", { type: "button", id: "pick-white", textContent: "Pick white", "aria-pressed": "false" });
-  const clear = element("button", { type: "button", id: "clear-white", textContent: "Clear", "aria-label": "Clear the white pixel", onclick: () => act({ do: "white", pixel: null }) });
+  const slider = (id, name, [min, max], step, command) => numberSlider(page, { id, name, min, max, step, command });
+  const contrast = slider("contrast", "Contrast", [0, 3], 0.05, (factor) => ({ do: "contrast", factor }));
+  const warmth = slider("warmth", "Warmth in stops", [-4, 4], 0.1, (ev) => ({ do: "warmth", ev }));
+  const button = (id, textContent, extra) => element("button", { type: "button", id, textContent, ...extra });
+  const pick = button("pick-white", "Pick white", { "aria-pressed": "false" });
+  const clear = button("clear-white", "Clear", { "aria-label": "Clear the white pixel" });
+  clear.onclick = () => act({ do: "white", pixel: null });
   const at = element("span", { className: "note", id: "white-at" });
   field("Light", choice.id, choice);
   field("Contrast", contrast.range.id, contrast.root);

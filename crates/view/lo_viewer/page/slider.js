@@ -3,8 +3,8 @@
 import { element, fill, short } from "./dom.js";
 
 /**
- * Builds one. `command(value)` is previewed while the slider moves and kept when it is let go; a typed number is done at once. The answer: `range`, which has the
- * `id`, `root` with both, `show(value)` and `enable(isOn)`.
+ * Builds one. `command(value)` is previewed while the slider moves and kept when it is let go; a typed number is done at
+ * once. The answer: `range`, which has the `id`, `root` with both, `show(value)` and `enable(isOn)`.
  */
 export function numberSlider(page, { id, name, min, max, step, command }) {
   const range = element("input", { type: "range", id, min, max, step });
