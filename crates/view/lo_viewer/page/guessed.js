@@ -31,7 +31,8 @@ export function guessedLight(page, act) {
   field("Light", choice.id, choice);
   field("Contrast", contrast.range.id, contrast.root);
   field("Warmth, EV", warmth.range.id, warmth.root);
-  field("White", pick.id, element("div", { className: "row" }, pick, clear, at));
+  field("White", pick.id, element("div", { className: "row" }, pick, clear));
+  fields.append(at);
   const note = element("p", { className: "note" });
 
   const hint = byId("pick-hint");
@@ -69,6 +70,7 @@ export function guessedLight(page, act) {
       pick.disabled = !isTuned;
       clear.disabled = !isTuned || !white;
       clear.hidden = !white;
+      at.hidden = !white;
       at.textContent = white ? `at ${white.map((position) => short(Math.floor(position))).join(", ")}` : "";
       note.hidden = effect === "expected";
       note.textContent = NOTES[effect] ?? "";

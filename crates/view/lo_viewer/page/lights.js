@@ -77,7 +77,7 @@ function lightRow(page, act, { id, kind, origin }) {
   };
   const shows = [];
   // Stops, as exposures are counted.
-  shows.push(slider("Brightness, EV", -4, 4, 0.1, () => Math.log2(Math.max(light.changed.scale, 1 / 16)),
+  shows.push(slider("Brightness", -4, 4, 0.1, () => Math.log2(Math.max(light.changed.scale, 1 / 16)),
     (stops) => change({ scale: Number((2 ** stops).toPrecision(4)) })));
   const color = field("Colour", element("input", { type: "color" }));
   color.addEventListener("input", () => page.preview(change({ color: { rgb: linearFromHex(color.value) } })));
