@@ -267,7 +267,7 @@ fn a_person_chooses_the_guessed_light() {
     typed(&mut browser, "warmth", "7");
     browser.wait("document.getElementById('messages').textContent.includes('the warmth must be from -4 to 4')");
     browser.value("document.activeElement.blur()");
-    assert_eq!(browser.value("document.getElementById('warmth').nextElementSibling.value"), "0.73");
+    browser.wait("document.getElementById('warmth').nextElementSibling.value === '0.73'");
     // White is picked, by a click that selects nothing. Esc picks nothing.
     let place = on_page(&mut browser, [40.7, 70.2]);
     let hint = "document.getElementById('pick-hint').hidden";
