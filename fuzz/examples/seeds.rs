@@ -159,7 +159,7 @@ fn light_edits(emitter: bool) -> Result<LightEdits> {
     };
     let edit = EmitterEdit { id: "L1".to_owned(), found_at_m: Vec3::new(1.6, 0.0, -0.4), change };
     let emitters = emitter.then_some(edit).into_iter().collect();
-    let mut edits = LightEdits { emitters, added: Vec::new() };
+    let mut edits = LightEdits { emitters, ..LightEdits::default() };
     let rectangle = LightShape::Rectangle {
         centre_m: Vec3::Y,
         direction: Vec3::NEG_Y,
@@ -426,6 +426,11 @@ fn messages(folder: &Path) -> Result {
         r#"{"do":"align","object":2,"align":"none"}"#,
         r##"{"do":"material","object":2,"material":{"base_color":"#c02020","metallic":1}}"##,
         r#"{"do":"floor-gloss","gloss":0.5}"#,
+        r#"{"do":"contrast","factor":0.7}"#,
+        r#"{"do":"guessed-light","light":"expected"}"#,
+        r#"{"do":"warmth","ev":-0.5}"#,
+        r#"{"do":"white","pixel":[2,2]}"#,
+        r#"{"do":"white","pixel":null}"#,
         r#"{"do":"set-light","light":"A1","change":{"on":true,"scale":2,"color":{"kelvin":3000},"at_m":[0,1,-1]}}"#,
         r#"{"do":"add-light","new":{"sun":{"azimuth_deg":20,"elevation_deg":45,"strength":2,"angle_deg":1,"kelvin":5500}}}"#,
         r#"{"do":"remove-light","light":"A2"}"#,
@@ -446,11 +451,13 @@ fn messages(folder: &Path) -> Result {
         r#"{"type":"commit"}"#,
         r#"{"type":"preview","sequence":2,"command":{"do":"turn","object":1,"yaw_deg":-90}}"#,
         r#"{"type":"cancel"}"#,
+        r#"{"type":"preview","sequence":3,"command":{"do":"warmth","ev":1.25}}"#,
+        r#"{"type":"commit"}"#,
         r#"{"type":"undo"}"#,
         r#"{"type":"redo"}"#,
         r#"{"type":"probe","pixel":[2,2],"lift_m":0.1,"exposure_ev":1}"#,
         r#"{"type":"overlay","what":"levels"}"#,
-        r#"{"type":"seek","time_s":0.5,"sequence":3}"#,
+        r#"{"type":"seek","time_s":0.5,"sequence":4}"#,
         r#"{"type":"stop-film"}"#,
         r#"{"type":"stop"}"#,
         r#"{"type":"close"}"#,

@@ -4,7 +4,9 @@
 use std::sync::{Arc, LazyLock};
 
 use libfuzzer_sys::fuzz_target;
-use lightoctree::scene::Scene;
+use lightoctree::geometry::Quat;
+use lightoctree::imaging::RadianceImage;
+use lightoctree::scene::{Completion, ExpectedLight, Scene};
 use lo_session::{OpenScene, Session, SessionError, overlay, probe_place};
 use lo_viewer::protocol::FromPage;
 
@@ -13,7 +15,10 @@ const MAX_MESSAGES: usize = 64;
 
 static ROOM: LazyLock<Arc<OpenScene>> = LazyLock::new(|| {
     let scene = Scene::from_bytes(include_bytes!("../corpus/scene/srgb8_edited.scene")).expect("a scene of the seeds");
-    Arc::new(OpenScene::new("room.scene", scene))
+    // With expected light, so that its choice is one.
+    let radiance = RadianceImage::from_fn(8, 4, |x, y| [0.5 + x as f32, 0.5 + y as f32, 1.0]);
+    let expected = Some(ExpectedLight::new(&radiance, Quat::IDENTITY, 3.0));
+    Arc::new(OpenScene::new("room.scene", Scene { completion: Completion::Network, expected, ..scene }))
 });
 
 fuzz_target!(|text: &str| {
@@ -63,6 +68,10 @@ fuzz_target!(|text: &str| {
         if let Ok(layout) = state.layout() {
             assert_eq!(layout.objects().len(), state.objects.len());
         }
+    }
+    // Whatever light was chosen can be laid.
+    if session.state().lights.guessed.is_some() {
+        session.open().fitted.laid(&session.state().guessed()).expect("what cannot be white is refused");
     }
     while session.undo() {}
     // What time one looks at is none of the history.

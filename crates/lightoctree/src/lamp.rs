@@ -1,53 +1,10 @@
-use lo_completion::{LaidExpectation, LampFit, LampGuess, LayExpected};
+use lo_completion::{LaidExpectation, LampFit, LampGuess, LayExpected, SeenShading};
 use lo_geometry::Vec3;
 use lo_imaging::Photo;
 use lo_insert::InsertError;
 use lo_lights::LightsError;
-use lo_scene::{Completion, ExpectedLight, Frame, Scene};
-
-/// Which light a scene is lit by.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum LightMode {
-    /// The likeliest radiance, in which lamps and windows of uncertain place vanish: what the scene file's octree holds.
-    Even,
-    /// The expected energy, spread over where lamps and windows may be: right on average, and softer than rooms are.
-    #[default]
-    Expected,
-    /// The expected energy gathered into lamps and windows where they are likeliest, as bright as the photo's shading asks for: for objects, whose lit and
-    /// dark sides and shadows are then those of rooms.
-    Plausible,
-}
-
-/// How guessed light differs from what is estimated.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LightTuning {
-    /// Factor on the contrast of plausible light, in stops; 1 is what rooms like this one have.
-    pub contrast: f32,
-    /// Stops by which red exceeds blue more than is estimated; luminance stays.
-    pub warmth_ev: f32,
-    /// A pixel of the photo that shows something white: guessed light gets the colour that it has there.
-    pub white: Option<[f64; 2]>,
-}
-
-impl Default for LightTuning {
-    /// As estimated.
-    fn default() -> Self {
-        Self { contrast: 1.0, warmth_ev: 0.0, white: None }
-    }
-}
-
-impl LightTuning {
-    /// Gains of red, green and blue that leave the luminance of white.
-    fn tint(&self) -> [f32; 3] {
-        hue([0.5 * self.warmth_ev, 0.0, -0.5 * self.warmth_ev].map(f32::exp2))
-    }
-}
-
-/// A colour of luminance 1.
-fn hue(colour: [f32; 3]) -> [f32; 3] {
-    let level = lo_imaging::luminance(colour).max(1e-6);
-    colour.map(|c| c / level)
-}
+use lo_octree::LightOctree;
+use lo_scene::{ExpectedLight, GuessedLight, LightEffect, LightMode, LightTuning, Scene};
 
 /// What lighting a scene made of what was guessed.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -56,43 +13,6 @@ pub struct LightReport {
     pub laid: LaidExpectation,
     /// How bright these and others are by the photo's shading.
     pub fit: LampFit,
-}
-
-/// Gives a scene's octree the light of `mode`.
-///
-/// Scenes that no network completed stay as they are: the shell has a lamp of its own. So do those onto which an HDR panorama was laid: it knows the lamps.
-/// A clipped one does not know how bright they are: plausible light has these fitted. Where no network expects light, plausible light has what was guessed
-/// of lamps fitted, and expected light is even.
-pub(crate) fn lay_light(
-    scene: &mut Scene,
-    mode: LightMode,
-    tuning: &LightTuning,
-) -> Result<LightReport, LightingError> {
-    let knows_lamps = scene.panorama.as_ref().is_some_and(|laid| !laid.source.clipped);
-    if mode == LightMode::Even || scene.completion != Completion::Network || knows_lamps {
-        return Ok(LightReport::default());
-    }
-    let (seen, up) = (scene.frame.working().without_flying_pixels(), scene.up());
-    let mut report = LightReport::default();
-    let expected = scene.expected.as_ref().filter(|_| scene.panorama.is_none());
-    if let Some(expected) = expected {
-        let contrast = (mode == LightMode::Plausible).then_some(tuning.contrast);
-        let mut how = LayExpected { contrast, tint: tuning.tint() };
-        if let Some(white) = tuning.white {
-            how.tint = tint_of_white(scene, expected, &seen, &how, white)?;
-        }
-        report.laid = lo_completion::lay_expected(&mut scene.light, expected, &seen, up, &how);
-    }
-    if mode == LightMode::Plausible {
-        let guess = if expected.is_some() { LampGuess::Expected } else { LampGuess::Averaged };
-        report.fit = lo_completion::fit_lamps(&mut scene.light, &seen, up, guess);
-    }
-    Ok(report)
-}
-
-/// [`lay_light`] as estimated.
-pub(crate) fn lay_usual(scene: &mut Scene, mode: LightMode) -> LightReport {
-    lay_light(scene, mode, &LightTuning::default()).expect("nothing is asked for that could be wrong")
 }
 
 /// Why a scene cannot be lit as asked for.
@@ -110,6 +30,111 @@ pub enum LightingError {
     WhiteWithoutColour(&'static str, f64, f64),
 }
 
+/// Whether a pixel of a scene's photo can be said to be white.
+///
+/// # Errors
+/// Where it lies outside of the photo, shows no surface, or is clipped or black.
+pub fn check_white(scene: &Scene, pixel: [f64; 2]) -> Result<(), LightingError> {
+    white_surface(scene, pixel).map(|_| ())
+}
+
+/// Gives a scene's octree the light of `mode`, as far as that has an effect ([`LightEffect`]).
+///
+/// A clipped panorama does not know how bright lamps are: plausible light has these fitted.
+pub(crate) fn lay_light(
+    scene: &mut Scene,
+    mode: LightMode,
+    tuning: &LightTuning,
+) -> Result<LightReport, LightingError> {
+    let guessed = GuessedLight { light: mode, tuning: *tuning };
+    if !is_laid(scene, &guessed) {
+        return Ok(LightReport::default());
+    }
+    let seen = seen_of(scene);
+    let white = white_tint(scene, &seen, tuning.white)?;
+    let (light, report) = laid(scene, &seen, &guessed, white, false);
+    scene.light = light;
+    Ok(report)
+}
+
+/// Why light as estimated can be laid.
+pub(crate) const NOTHING_WRONG: &str = "nothing is asked for that could be wrong";
+
+/// [`lay_light`] as estimated.
+pub(crate) fn lay_usual(scene: &mut Scene, mode: LightMode) -> LightReport {
+    lay_light(scene, mode, &LightTuning::default()).expect(NOTHING_WRONG)
+}
+
+/// Whether this light differs from what the scene's octree holds.
+pub(crate) fn is_laid(scene: &Scene, guessed: &GuessedLight) -> bool {
+    guessed.light != LightMode::Even && LightEffect::of(scene) != LightEffect::None
+}
+
+/// What light is laid by.
+pub(crate) fn seen_of(scene: &Scene) -> SeenShading {
+    SeenShading::new(scene.frame.working().without_flying_pixels(), scene.up())
+}
+
+/// Expected light, where it counts.
+fn expected(scene: &Scene) -> Option<&ExpectedLight> {
+    scene.expected.as_ref().filter(|_| LightEffect::of(scene) == LightEffect::Expected)
+}
+
+/// The scene's octree in a light that [is laid](is_laid). `white` as of [`white_tint`].
+pub(crate) fn laid(
+    scene: &Scene,
+    seen: &SeenShading,
+    guessed: &GuessedLight,
+    white: [f32; 3],
+    is_preview: bool,
+) -> (LightOctree, LightReport) {
+    let (mut light, mut report) = (scene.light.clone(), LightReport::default());
+    let expected = expected(scene);
+    let is_plausible = guessed.light == LightMode::Plausible;
+    if let Some(expected) = expected {
+        let warmth = warmth_tint(guessed.tuning.warmth_ev);
+        let tint = std::array::from_fn(|c| white[c] * warmth[c]);
+        let how = LayExpected { contrast: is_plausible.then_some(guessed.tuning.contrast), tint, is_preview };
+        report.laid = lo_completion::lay_expected(&mut light, expected, seen, &how);
+    }
+    if is_plausible {
+        let guess = if expected.is_some() { LampGuess::Expected } else { LampGuess::Averaged };
+        let fit = if is_preview { lo_completion::preview_lamps } else { lo_completion::fit_lamps };
+        report.fit = fit(&mut light, seen, guess);
+    }
+    (light, report)
+}
+
+/// Gains of guessed light by channel under which it has the photo's colour at a pixel that is said to be white; 1
+/// without one.
+pub(crate) fn white_tint(
+    scene: &Scene,
+    seen: &SeenShading,
+    white: Option<[f64; 2]>,
+) -> Result<[f32; 3], LightingError> {
+    match (expected(scene), white) {
+        (Some(expected), Some(white)) => tint_of_white(scene, expected, seen, white),
+        _ => Ok([1.0; 3]),
+    }
+}
+
+/// Gains of red, green and blue that leave the luminance of white.
+fn warmth_tint(warmth_ev: f32) -> [f32; 3] {
+    hue([0.5 * warmth_ev, 0.0, -0.5 * warmth_ev].map(f32::exp2))
+}
+
+/// A colour of luminance 1.
+fn hue(colour: [f32; 3]) -> [f32; 3] {
+    let level = lo_imaging::luminance(colour).max(1e-6);
+    colour.map(|c| c / level)
+}
+
+/// The surface that a pixel shows, and its colour, of luminance 1.
+fn white_surface(scene: &Scene, [u, v]: [f64; 2]) -> Result<((Vec3, Vec3), [f32; 3]), LightingError> {
+    let place = lo_insert::surface_at_pixel(scene, u, v).map_err(LightingError::White)?;
+    Ok((place, hue(colour_around(&scene.frame.photo, [u, v])?)))
+}
+
 /// Fixed-point steps to the tint of what is white: each takes away most of the rest.
 const WHITE_STEPS: usize = 4;
 
@@ -120,16 +145,14 @@ const MAX_TINT: f32 = 4.0;
 fn tint_of_white(
     scene: &Scene,
     expected: &ExpectedLight,
-    seen: &Frame,
-    how: &LayExpected,
-    [u, v]: [f64; 2],
+    seen: &SeenShading,
+    white: [f64; 2],
 ) -> Result<[f32; 3], LightingError> {
-    let place = lo_insert::surface_at_pixel(scene, u, v).map_err(LightingError::White)?;
-    let shown = hue(colour_around(&scene.frame.photo, [u, v])?);
-    let mut tint = how.tint;
+    let (place, shown) = white_surface(scene, white)?;
+    let mut tint = [1.0; 3];
     for _ in 0..WHITE_STEPS {
         let mut light = scene.light.clone();
-        lo_completion::lay_expected(&mut light, expected, seen, scene.up(), &LayExpected { tint, contrast: None });
+        lo_completion::lay_expected(&mut light, expected, seen, &LayExpected { tint, ..LayExpected::default() });
         let irradiance = lo_completion::irradiance_at(&light, &[place]).first().copied().unwrap_or(Vec3::ONE);
         let got = hue(irradiance.to_array());
         for c in 0..3 {

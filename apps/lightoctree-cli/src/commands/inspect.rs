@@ -9,6 +9,7 @@ use lightoctree::octree::LightOctree;
 use lightoctree::scene::{LightEdits, Scene};
 use serde::Serialize;
 
+use super::light;
 use crate::report;
 
 /// Options of `inspect`.
@@ -307,8 +308,11 @@ fn print_tables(summary: &Summary) {
         100.0 * summary.seen_share,
         100.0 * summary.inferred_share
     ));
-    let LightEdits { emitters, added } = &summary.light_edits;
-    if !summary.light_edits.is_empty() {
+    let LightEdits { emitters, added, guessed } = &summary.light_edits;
+    if let Some(guessed) = guessed {
+        report::print(&format!("light    {}, as chosen in the viewer", light::words(guessed)));
+    }
+    if summary.light_edits.has_lights() {
         let names = |ids: Vec<&str>| if ids.is_empty() { "none".to_owned() } else { ids.join(", ") };
         report::print(&format!(
             "lights   edited: {}; added: {} (`lightoctree lights` tells more; all above is the estimate)",

@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 use lightoctree::scene::Scene;
-use lightoctree::{LightMode, LightTuning};
+use lightoctree::{GuessedLight, LightEffect, LightMode, LightTuning};
 
 use super::parse;
 use crate::progress::Stages;
@@ -22,7 +22,7 @@ pub enum LightArg {
 /// Options of guessed light.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub struct LightArgs {
-    /// Light of what no photo shows [default: plausible for insert and export, expected for envmap and probes]
+    /// Light of what no photo shows [default: what the viewer saved, else plausible for insert and export, expected for envmap and probes]
     #[arg(long, value_name = "LIGHT")]
     pub light: Option<LightArg>,
 
@@ -47,6 +47,19 @@ pub struct LightArgs {
     no_lamp: bool,
 }
 
+/// A choice of light in words, with what differs from the estimate.
+pub fn words(guessed: &GuessedLight) -> String {
+    let GuessedLight { light, tuning: LightTuning { contrast, warmth_ev, white } } = guessed.in_effect();
+    let usual = LightTuning::default();
+    let parts = [
+        Some(light.name().to_owned()),
+        (contrast != usual.contrast).then(|| format!("contrast {contrast}")),
+        (warmth_ev != usual.warmth_ev).then(|| format!("warmth {warmth_ev:+} EV")),
+        white.map(|[u, v]| format!("white at {u},{v}")),
+    ];
+    parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
+}
+
 /// Gives a scene plausible light, and reports what was fitted.
 pub fn fit_lamps(scene: &mut Scene, stages: &mut Stages) {
     let report = stages.stage("lights", || lightoctree::fit_lamps(scene));
@@ -54,11 +67,18 @@ pub fn fit_lamps(scene: &mut Scene, stages: &mut Stages) {
 }
 
 impl LightArgs {
-    /// The light asked for.
+    /// The light asked for; without any option that which was chosen in the viewer, or the usual one.
     ///
     /// # Errors
     /// Options that have no effect on it.
-    pub fn mode(&self, usual: LightMode) -> anyhow::Result<(LightMode, LightTuning)> {
+    fn chosen(&self, scene: &Scene, usual: LightMode) -> anyhow::Result<(LightMode, LightTuning)> {
+        let tunes = self.contrast.is_some() || self.warmth.is_some() || self.white.is_some();
+        if let (None, false, Some(saved)) =
+            (self.light, self.lamp || self.no_lamp || tunes, scene.light_edits.guessed.as_ref())
+        {
+            let GuessedLight { light, tuning } = saved.in_effect();
+            return Ok((light, tuning));
+        }
         let mode = match self.light {
             _ if self.lamp => LightMode::Plausible,
             _ if self.no_lamp => LightMode::Even,
@@ -87,7 +107,10 @@ impl LightArgs {
     /// # Errors
     /// Options without effect; edits of lights that there are not.
     pub fn light_up(&self, scene: &mut Scene, usual: LightMode, stages: &mut Stages) -> anyhow::Result<()> {
-        let (mode, tuning) = self.mode(usual)?;
+        let (mode, tuning) = self.chosen(scene, usual)?;
+        if tuning != LightTuning::default() && LightEffect::of(scene) != LightEffect::Expected {
+            stages.note("the scene has no expected light: contrast, warmth and white change nothing");
+        }
         let report = stages.stage("lights", || lightoctree::light_up(scene, mode, &tuning))?;
         report.fit.warning().iter().for_each(|warning| stages.warn(warning));
         Ok(())

@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
-use lightoctree::geometry::{Camera, Plane, Ray, Vec3};
+use lightoctree::geometry::{Camera, Plane, Quat, Ray, Vec3};
 use lightoctree::imaging::{self, DepthMap, Image};
 use lightoctree::nets::checkpoint::{Checkpoint, Precision};
+use lightoctree::scene::{Completion, ExpectedLight, Scene};
 use tempfile::TempDir;
 
 use crate::support::weights::write_weights;
@@ -37,6 +38,21 @@ pub fn room_with_scene() -> TempDir {
     let folder = room();
     let estimate = ["estimate", "photo.png", "--depth", "depth.png", "--hfov-deg", "65", "--completion", "shell"];
     done(folder.path(), &[&estimate[..], &["-o", "room.scene"]].concat());
+    folder
+}
+
+/// [`room_with_scene`] as a network would have completed it that expects light from above to the right.
+pub fn room_with_expected_light() -> TempDir {
+    let folder = room_with_scene();
+    let path = folder.path().join("room.scene");
+    let plain = Scene::read(&path).unwrap();
+    let radiance = imaging::RadianceImage::from_fn(64, 32, |x, y| {
+        let near = (-0.02 * ((x as f32 - 44.0).powi(2) + (y as f32 - 8.0).powi(2))).exp();
+        [0.2 + 6.0 * near, 0.2 + 5.0 * near, 0.2 + 3.5 * near]
+    });
+    let expected = Some(ExpectedLight::new(&radiance, Quat::IDENTITY, 3.0));
+    let scene = Scene { completion: Completion::Network, expected, ..plain };
+    scene.write(&path, "lightoctree estimate").unwrap();
     folder
 }
 

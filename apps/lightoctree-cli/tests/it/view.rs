@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use crate::cli::{room, room_with_scene, write_mesh};
+use crate::cli::{room, room_with_expected_light, room_with_scene, write_mesh};
 use crate::support::view::Viewer;
 use crate::support::{done, refused};
 
@@ -40,8 +40,25 @@ fn the_final_picture_is_that_of_the_command_line_that_is_shown() {
             && message["change"].as_u64() >= state["change"].as_u64()
     };
     let (frame, shown) = page.hear("the final picture", is_final);
-    // As a shell would take it: words without spaces, but for what is quoted.
-    let words: Vec<String> = command
+    let words = words(&command);
+    done(folder.path(), &words.iter().map(String::as_str).collect::<Vec<_>>());
+    let written = std::fs::read(folder.path().join("picture.png")).unwrap();
+    let (status, downloaded) = viewer.get("download/picture.png");
+    assert_eq!(status, 200, "{}", String::from_utf8_lossy(&downloaded));
+    assert!(downloaded == written, "{command}");
+    assert!(shown == written, "{frame}");
+    // The layers, too.
+    let layers = [&words[..], &["--layers".into(), "layers.exr".into(), "--force".into()]].concat();
+    done(folder.path(), &layers.iter().map(String::as_str).collect::<Vec<_>>());
+    let read = |bytes: &[u8]| lightoctree::imaging::exr_channels_from_bytes(bytes, "layers.exr").unwrap();
+    let (_, downloaded) = viewer.get("download/layers.exr");
+    assert_eq!(read(&downloaded).channels, read(&std::fs::read(folder.path().join("layers.exr")).unwrap()).channels);
+}
+
+/// What a shell passes on of a command line, without its first word.
+fn words(command: &str) -> Vec<String> {
+    // Words without spaces, but for what is quoted.
+    let all: Vec<String> = command
         .split('\'')
         .enumerate()
         .flat_map(|(i, part)| match i % 2 {
@@ -49,19 +66,96 @@ fn the_final_picture_is_that_of_the_command_line_that_is_shown() {
             _ => vec![part.to_owned()],
         })
         .collect();
-    assert_eq!(words[0], "lightoctree");
-    done(folder.path(), &words[1..].iter().map(String::as_str).collect::<Vec<_>>());
+    assert_eq!(all[0], "lightoctree");
+    all[1..].to_vec()
+}
+
+#[test]
+fn the_guessed_light_is_that_of_the_command_line() {
+    let folder = room_with_expected_light();
+    let viewer = Viewer::start(folder.path(), &["room.scene"]);
+    let (mut page, mut other) = (viewer.page(), viewer.page());
+    for page in [&mut page, &mut other] {
+        page.hear("the scene", |message| message["type"] == "scene");
+    }
+    page.act(&json!({ "do": "add", "mesh": "builtin:sphere", "pixel": [70.25, 84.125] }));
+    let (plain, _) =
+        page.hear("an object", |message| message["view"]["objects"].as_array().is_some_and(|a| a.len() == 1));
+    assert_eq!(plain["view"]["guessed_light"]["effect"], "expected");
+    assert!(!plain["view"]["command"].to_string().contains("--light"), "{plain}");
+    let is_final = |change: u64| {
+        move |message: &serde_json::Value| {
+            message["type"] == "frame" && message["step"] == "final" && message["change"].as_u64() >= Some(change)
+        }
+    };
+    let change_of = |state: &serde_json::Value| state["change"].as_u64().unwrap();
+    let (_, usual) = page.hear("the picture in the usual light", is_final(change_of(&plain)));
+    // A drag of the contrast, a number, a pixel.
+    for (sequence, factor) in [0.5, 1.75, 2.5].into_iter().enumerate() {
+        let command = json!({ "do": "contrast", "factor": factor });
+        page.say(&json!({ "type": "preview", "sequence": sequence, "command": command }));
+    }
+    page.say(&json!({ "type": "commit" }));
+    page.act(&json!({ "do": "white", "pixel": [40.5, 70.5] }));
+    page.act(&json!({ "do": "warmth", "ev": -0.75 }));
+    // What is refused is told to who asked, and changes nothing.
+    for (wrong, why) in [
+        (json!({ "do": "contrast", "factor": 4 }), "from 0 to 3"),
+        (json!({ "do": "warmth", "ev": 1e39 }), "from -4 to 4"),
+        (json!({ "do": "white", "pixel": [144, 3] }), "outside"),
+    ] {
+        page.act(&wrong);
+        page.hear("a refusal", |message| {
+            message["type"] == "refused" && message["why"].as_str().unwrap().contains(why)
+        });
+    }
+    page.act(&json!({ "do": "floor-gloss", "gloss": 0.25 }));
+    let is_tuned = |message: &serde_json::Value| message["view"]["floor_gloss"] == 0.25;
+    let (state, _) = page.hear("the light", is_tuned);
+    let tuned = json!({ "light": "plausible", "contrast": 2.5, "warmth_ev": -0.75, "white": [40.5, 70.5], "effect": "expected" });
+    assert_eq!(state["view"]["guessed_light"], tuned);
+    assert_eq!(other.hear("the light", is_tuned).0["view"]["guessed_light"], tuned);
+    let (_, shown) = page.hear("the final picture", is_final(change_of(&state)));
+    let command = state["view"]["command"].as_str().unwrap();
+    assert!(command.contains(" --light plausible --contrast 2.5 --warmth -0.75 --white 40.5,70.5 "), "{command}");
+    let command = words(command);
+    done(folder.path(), &command.iter().map(String::as_str).collect::<Vec<_>>());
     let written = std::fs::read(folder.path().join("picture.png")).unwrap();
-    let (status, downloaded) = viewer.get("download/picture.png");
-    assert_eq!(status, 200, "{}", String::from_utf8_lossy(&downloaded));
-    assert!(downloaded == written, "{command}");
-    assert!(shown == written, "{frame}");
-    // The layers, too.
-    let layers = [&words[1..], &["--layers".into(), "layers.exr".into(), "--force".into()]].concat();
-    done(folder.path(), &layers.iter().map(String::as_str).collect::<Vec<_>>());
-    let read = |bytes: &[u8]| lightoctree::imaging::exr_channels_from_bytes(bytes, "layers.exr").unwrap();
-    let (_, downloaded) = viewer.get("download/layers.exr");
-    assert_eq!(read(&downloaded).channels, read(&std::fs::read(folder.path().join("layers.exr")).unwrap()).channels);
+    assert!(shown == written && viewer.get("download/picture.png").1 == written && usual != written);
+
+    // The scene that is saved holds it: for `insert`, and for other commands and the viewer.
+    let (_, kept) = viewer.get("download/room.scene");
+    std::fs::write(folder.path().join("kept.scene"), &kept).unwrap();
+    done(folder.path(), &["insert", "kept.scene", "--quality", "high", "-o", "own.png"]);
+    assert!(std::fs::read(folder.path().join("own.png")).unwrap() == written);
+    done(
+        folder.path(),
+        &["insert", "kept.scene", "--light", "plausible", "--floor-gloss", "0", "--quality", "high", "-o", "usual.png"],
+    );
+    assert!(std::fs::read(folder.path().join("usual.png")).unwrap() == usual, "an option replaces all of it");
+    let told = done(folder.path(), &["inspect", "kept.scene"]);
+    let words = "light    plausible, contrast 2.5, warmth -0.75 EV, white at 40.5,70.5";
+    assert!(told.contains(words), "{told}");
+    let (_, light) = viewer.get("download/light.exr?u=70&v=80&lift=0.1");
+    std::fs::write(folder.path().join("light.exr"), light).unwrap();
+    let envmap = ["envmap", "kept.scene", "--pixel", "70,80", "--lift", "0.1", "--size", "1024x512", "-o", "b.exr"];
+    done(folder.path(), &envmap);
+    let read = |name: &str| lightoctree::imaging::read_radiance(folder.path().join(name)).unwrap();
+    assert!(read("light.exr") == read("b.exr"));
+    done(folder.path(), &["lights", "reset", "kept.scene", "-o", "reset.scene"]);
+    assert!(!done(folder.path(), &["inspect", "reset.scene"]).contains("contrast"));
+    let again = Viewer::start(folder.path(), &["kept.scene"]);
+    let (reopened, _) = again.page().hear("the light", |message| message["type"] == "state");
+    assert_eq!(reopened["view"]["guessed_light"], tuned);
+    // Undo goes back through all of it.
+    for _ in 0..4 {
+        page.say(&json!({ "type": "undo" }));
+    }
+    let is_usual = |message: &serde_json::Value| message["view"]["guessed_light"]["contrast"] == 1.0;
+    let (undone, _) = page.hear("the usual light", is_usual);
+    assert_eq!(undone["view"]["command"], plain["view"]["command"]);
+    let (_, back) = page.hear("its picture", is_final(change_of(&undone)));
+    assert!(back == usual);
 }
 
 #[test]

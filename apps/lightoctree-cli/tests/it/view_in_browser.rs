@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde_json::Value;
 
-use crate::cli::room_with_scene;
+use crate::cli::{room_with_expected_light, room_with_scene};
 use crate::support::browser::Browser;
 use crate::support::done;
 use crate::support::view::Viewer;
@@ -217,6 +217,108 @@ fn a_person_moves_objects_and_light() {
     // The broken mesh's answer is an error of the network's to the browser.
     let faults: Vec<_> = faults.into_iter().filter(|fault| !fault.contains("/upload/mesh")).collect();
     assert_eq!(faults, Vec::<String>::new());
+}
+
+#[test]
+fn a_person_chooses_the_guessed_light() {
+    let Some(mut browser) = Browser::start("the viewer's choice of light") else { return };
+    let folder = room_with_expected_light();
+    let viewer = Viewer::start(folder.path(), &["room.scene"]);
+    browser.open(&viewer.address, [1280, 720]);
+    browser.wait("document.body.dataset.at === 'scene'");
+    press(&mut browser, "Chrome sphere");
+    browser.wait("viewer.page.view.objects.length === 1 && viewer.page.selectedId === 1");
+    browser.key("Escape", 0);
+    browser.wait(FINAL);
+    let chosen = "viewer.page.view.guessed_light";
+    let is_off = |browser: &mut Browser| {
+        browser.value(
+            "['guessed-light', 'contrast', 'warmth', 'pick-white'].map((id) => document.getElementById(id).disabled)",
+        )
+    };
+    assert_eq!(is_off(&mut browser), serde_json::json!([false, false, false, false]));
+    // A slider is dragged: drafts come, its number goes along, and it is one step.
+    let slide = |browser: &mut Browser, id: &str, values: &[f64]| {
+        for value in values {
+            browser.value(&format!(
+                "(() => {{ const field = document.getElementById('{id}'); field.value = '{value}'; field.dispatchEvent(new Event('input')); }})()"
+            ));
+            browser.wait(&format!("Object.values({chosen}).includes({value})"));
+        }
+        browser.value(&format!("document.getElementById('{id}').dispatchEvent(new Event('change'))"));
+    };
+    browser.value("viewer.figures.latencies_ms.length = 0");
+    slide(&mut browser, "contrast", &[1.3, 1.9, 2.5]);
+    browser.wait("viewer.figures.latencies_ms.length > 0");
+    browser.wait("document.getElementById('contrast').nextElementSibling.value === '2.5'");
+    browser.key("z", 2);
+    browser.wait(&format!("{chosen}.contrast === 1"));
+    browser.key("z", 2 | 8);
+    browser.wait(&format!("{chosen}.contrast === 2.5"));
+    // A number is typed; one that cannot be does not stay.
+    let typed = |browser: &mut Browser, id: &str, value: &str| {
+        browser.value(&format!(
+            "(() => {{ const field = document.getElementById('{id}').nextElementSibling; field.focus(); field.value = '{value}';
+               field.dispatchEvent(new Event('change')); }})()"
+        ));
+    };
+    typed(&mut browser, "warmth", "0.73");
+    browser.wait(&format!("{chosen}.warmth_ev === 0.73"));
+    typed(&mut browser, "warmth", "7");
+    browser.wait("document.getElementById('messages').textContent.includes('the warmth must be from -4 to 4')");
+    browser.value("document.activeElement.blur()");
+    browser.wait("document.getElementById('warmth').nextElementSibling.value === '0.73'");
+    // White is picked, by a click that selects nothing. Esc picks nothing.
+    let place = on_page(&mut browser, [40.7, 70.2]);
+    let hint = "document.getElementById('pick-hint').hidden";
+    click(&mut browser, "#pick-white");
+    assert_eq!(
+        (browser.value(hint), browser.value("document.getElementById('pick-white').ariaPressed")),
+        (false.into(), "true".into())
+    );
+    shot(&mut browser, "picking_white.png");
+    browser.key("Escape", 0);
+    assert_eq!(browser.value(hint), true);
+    browser.mouse("mousePressed", place);
+    browser.mouse("mouseReleased", place);
+    click(&mut browser, "#view-room");
+    click(&mut browser, "#pick-white");
+    assert_eq!(browser.value("viewer.outside.isOn"), false);
+    browser.mouse("mouseMoved", place);
+    browser.mouse("mousePressed", place);
+    browser.mouse("mouseReleased", place);
+    browser.wait(&format!("{chosen}.white?.join() === '40.5,70.5'"));
+    assert_eq!(browser.value(hint), true);
+    browser.wait("document.getElementById('white-at').textContent === 'at 40, 70'");
+    browser.wait(FINAL);
+    shot(&mut browser, "guessed_light.png");
+    let mark = "(() => { const canvas = document.getElementById('handles'); const scale = canvas.width / viewer.page.scene.camera.width;
+       return [...canvas.getContext('2d').getImageData(40.5 * scale, 70.5 * scale, 1, 1).data]; })()";
+    assert_eq!(browser.value(mark), serde_json::json!([255, 255, 255, 255]));
+    click(&mut browser, "#clear-white");
+    browser.wait(&format!("!{chosen}.white"));
+    browser.wait("document.getElementById('clear-white').hidden");
+    // What has no effect cannot be moved.
+    let choose = |browser: &mut Browser, light: &str| {
+        browser.value(&format!(
+            "(() => {{ const field = document.getElementById('guessed-light'); field.value = '{light}'; field.dispatchEvent(new Event('change')); }})()"
+        ));
+        browser.wait(&format!("{chosen}.light === '{light}'"));
+    };
+    choose(&mut browser, "expected");
+    browser.wait("document.getElementById('contrast').disabled");
+    assert_eq!(is_off(&mut browser), serde_json::json!([false, true, false, false]));
+    choose(&mut browser, "even");
+    browser.wait("document.getElementById('warmth').disabled");
+    assert_eq!(is_off(&mut browser), serde_json::json!([false, true, true, true]));
+    assert_eq!(browser.faults, Vec::<String>::new());
+    // A scene without a network's guess says so.
+    let plain = room_with_scene();
+    let viewer = Viewer::start(plain.path(), &["room.scene"]);
+    browser.open(&viewer.address, [1280, 720]);
+    browser.wait("document.querySelector('.guessed > .note')?.textContent.includes('nothing to choose')");
+    assert_eq!(is_off(&mut browser), serde_json::json!([true, true, true, true]));
+    shot(&mut browser, "no_guessed_light.png");
 }
 
 /// What the page shows of the room from outside is finished.

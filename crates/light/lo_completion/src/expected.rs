@@ -9,9 +9,9 @@ use std::f32::consts::PI;
 use lo_geometry::{Vec3, pixel_direction, pixel_solid_angle_sr};
 use lo_imaging::{DepthMap, RadianceImage, luminance, sample_equirectangular};
 use lo_octree::LightOctree;
-use lo_scene::{ExpectedLight, Frame};
+use lo_scene::ExpectedLight;
 
-use crate::fit::{ClippedLeaves, restore_clipped};
+use crate::fit::{ClippedLeaves, SeenShading, restore_clipped};
 use crate::irradiance::tracer;
 
 /// Rows of the panorama that light is balanced on.
@@ -65,12 +65,14 @@ pub struct LayExpected {
     pub contrast: Option<f32>,
     /// Gain of each channel on guessed light.
     pub tint: [f32; 3],
+    /// Whether a quarter of the rays is enough to tell how large lamps are.
+    pub is_preview: bool,
 }
 
 impl Default for LayExpected {
     /// The expectation.
     fn default() -> Self {
-        Self { contrast: None, tint: [1.0; 3] }
+        Self { contrast: None, tint: [1.0; 3], is_preview: false }
     }
 }
 
@@ -96,27 +98,26 @@ pub struct LaidExpectation {
 
 /// Lays expected light onto the leaves that the photo did not see, and gives clipped ones what such regions usually have. What was seen unclipped stays.
 ///
-/// `seen` is the frame at the working resolution ([`Frame::working`]) without flying pixels, `up` the direction against gravity in its camera's
-/// frame. Where nodes have lobes, the octree becomes what is seen of it from the camera.
+/// Where nodes have lobes, the octree becomes what is seen of it from the camera.
 pub fn lay_expected(
     light: &mut LightOctree,
     expected: &ExpectedLight,
-    seen: &Frame,
-    up: Vec3,
+    seen: &SeenShading,
     how: &LayExpected,
 ) -> LaidExpectation {
     if let std::borrow::Cow::Owned(from_camera) = light.seen_from(Vec3::ZERO) {
         *light = from_camera;
     }
-    let clipped = restore_clipped(light, seen, up);
+    let clipped = restore_clipped(light, seen);
     let sphere = Sphere::new(light, &clipped, expected, how.tint);
     let mut report = LaidExpectation::default();
     let mut lamps = Vec::new();
     let mut rest = 1.0;
     if let Some(contrast) = how.contrast {
         let wanted = (expected.contrast_stops * contrast).clamp(CONTRAST_STOPS[0], CONTRAST_STOPS[1]);
-        lamps = sphere.peaks(up).into_iter().map(|peak| Lamp { peak, share: 0.0, radiance: Vec3::ZERO }).collect();
-        size_lamps(light, &clipped, &sphere, &mut lamps);
+        lamps = sphere.peaks(seen.up).into_iter().map(|peak| Lamp { peak, share: 0.0, radiance: Vec3::ZERO }).collect();
+        let height = if how.is_preview { LAMP_HEIGHT / 2 } else { LAMP_HEIGHT };
+        size_lamps(light, &clipped, &sphere, &mut lamps, height);
         report.gathered_share = sphere.gather(&mut lamps, wanted);
         rest = 1.0 - report.gathered_share;
     }
@@ -335,8 +336,9 @@ impl Sphere {
     }
 }
 
-/// Finds out how large lamps are as seen from the camera: their radiance becomes that of a flux of 1. Lamps without leaves are dropped.
-fn size_lamps(light: &LightOctree, clipped: &ClippedLeaves, sphere: &Sphere, lamps: &mut Vec<Lamp>) {
+/// Finds out how large lamps are as seen from the camera: their radiance becomes that of a flux of 1. Lamps without leaves are dropped. `height`
+/// rows of rays.
+fn size_lamps(light: &LightOctree, clipped: &ClippedLeaves, sphere: &Sphere, lamps: &mut Vec<Lamp>, height: usize) {
     let own = light.merged(|leaf| {
         if clipped[leaf.depth as usize][leaf.row].is_some() {
             return Vec3::ZERO;
@@ -346,13 +348,13 @@ fn size_lamps(light: &LightOctree, clipped: &ClippedLeaves, sphere: &Sphere, lam
         light.unseen(leaf) * Vec3::from_array([0, 1, 2].map(|n| f32::from(holds(n))))
     });
     let masks = LightOctree { rgba: light.rows_with(|depth, row, _| own[depth][row]), ..light.clone() };
-    let seen = tracer(&masks).panorama(Vec3::ZERO, 2 * LAMP_HEIGHT, LAMP_HEIGHT);
+    let seen = tracer(&masks).panorama(Vec3::ZERO, 2 * height, height);
     let mut solid_angles = Vec3::ZERO;
-    for ((_, solid_angle), &share) in directions(LAMP_HEIGHT).zip(seen.radiance.pixels()) {
+    for ((_, solid_angle), &share) in directions(height).zip(seen.radiance.pixels()) {
         solid_angles += solid_angle * Vec3::from(share);
     }
     // Less than a pixel is none.
-    let least_sr = pixel_solid_angle_sr(LAMP_HEIGHT / 2, 2 * LAMP_HEIGHT, LAMP_HEIGHT);
+    let least_sr = pixel_solid_angle_sr(height / 2, 2 * height, height);
     let mut n = 0;
     lamps.retain_mut(|lamp| {
         let solid_angle = solid_angles[n];
@@ -369,6 +371,7 @@ mod tests {
     use lo_geometry::{Camera, Cube, Quat};
     use lo_imaging::Photo;
     use lo_octree::{Coverage, RadiancePoint};
+    use lo_scene::Frame;
 
     use super::*;
 
@@ -376,7 +379,7 @@ mod tests {
     const HALF_M: f32 = 2.0;
 
     /// A grey cubic room around a camera that looks at its far wall, which it sees.
-    fn room() -> (LightOctree, Frame) {
+    fn room() -> (LightOctree, SeenShading) {
         let mut points = Vec::new();
         for face in 0..6 {
             let at = |i: usize| HALF_M * ((i as f32 + 0.5) / 48.0 - 1.0);
@@ -394,7 +397,7 @@ mod tests {
         let camera = Camera::from_hfov_deg(77.0, 480, 320).unwrap();
         let photo = Photo::Linear(RadianceImage::from_fn(480, 320, |_, _| [0.3; 3]));
         let frame = Frame::new(photo, DepthMap::from_fn(480, 320, |_, _| HALF_M), camera, 1.0).unwrap();
-        (light, frame)
+        (light, SeenShading::new(frame, Vec3::Y))
     }
 
     /// Where most of the expected light comes from: above to the right.
@@ -444,7 +447,7 @@ mod tests {
     fn guessed_leaves_have_the_expected_energy_and_seen_ones_stay() {
         let (mut light, frame) = room();
         let before = light.clone();
-        let report = lay_expected(&mut light, &expected(), &frame, Vec3::Y, &LayExpected::default());
+        let report = lay_expected(&mut light, &expected(), &frame, &LayExpected::default());
         assert!(report.lamps.is_empty() && report.gathered_share == 0.0);
         for (got, wanted) in irradiance(&panorama(&light)).iter().zip(wanted()) {
             assert!((got / wanted - 1.0).abs() < 0.1, "{got} {wanted}");
@@ -461,7 +464,7 @@ mod tests {
         for contrast in [0.9, 1.2] {
             let (mut light, frame) = room();
             let how = LayExpected { contrast: Some(contrast), ..LayExpected::default() };
-            let report = lay_expected(&mut light, &expected(), &frame, Vec3::Y, &how);
+            let report = lay_expected(&mut light, &expected(), &frame, &how);
             assert!(report.lamps[0].direction.dot(towards()) > 0.97, "{report:?}");
             let got = irradiance(&panorama(&light));
             assert!(plain < 2.5 && (stops(&got) - 3.0 * contrast).abs() < 0.35, "{} {report:?}", stops(&got));
@@ -476,8 +479,8 @@ mod tests {
         let (mut light, frame) = room();
         let (mut plain, seen) = (light.clone(), light.seen.clone());
         let how = LayExpected { tint: [1.2, 1.0, 0.8], ..LayExpected::default() };
-        lay_expected(&mut light, &expected(), &frame, Vec3::Y, &how);
-        lay_expected(&mut plain, &expected(), &frame, Vec3::Y, &LayExpected::default());
+        lay_expected(&mut light, &expected(), &frame, &how);
+        lay_expected(&mut plain, &expected(), &frame, &LayExpected::default());
         let finest = light.octree.depth() as usize;
         let ratios = light.rgba[finest].iter().zip(&plain.rgba[finest]).zip(&seen[finest]);
         for ((tinted, plain), seen) in ratios {

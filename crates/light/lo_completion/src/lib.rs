@@ -17,7 +17,7 @@ mod shell;
 mod visibility;
 
 pub use expected::{GatheredLamp, LaidExpectation, LayExpected, lay_expected};
-pub use fit::{LampFit, LampGuess, fit_lamps};
+pub use fit::{LampFit, LampGuess, SeenShading, fit_lamps, preview_lamps};
 pub use gravity::{up_from_predicted_depth, up_near};
 pub use highlights::HighlightReport;
 pub use irradiance::irradiance_at;

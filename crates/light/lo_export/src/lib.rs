@@ -274,7 +274,7 @@ mod tests {
         };
         let of_lamp = |change: LightChange| {
             let edit = EmitterEdit { id: "L1".to_owned(), found_at_m: Vec3::new(0.0, 1.75, 0.0), change };
-            edited(LightEdits { emitters: vec![edit], added: Vec::new() })
+            edited(LightEdits { emitters: vec![edit], ..LightEdits::default() })
         };
         let off = of_lamp(LightChange { on: false, ..LightChange::NONE });
         assert_eq!(text(&off, Format::Usda).0, 0);

@@ -72,6 +72,18 @@ impl Inserter {
     /// Where the environment map is empty or black, or the octree cannot be traced: where its nodes have lobes, give it as it is seen
     /// from the objects ([`LightOctree::seen_from`](lo_octree::LightOctree::seen_from)).
     pub fn new(scene: &Scene, lighting: Lighting, quality: Quality) -> Result<Self, InsertError> {
+        let inserter = Self::unprepared(scene, lighting, quality)?;
+        if quality == Quality::Draft {
+            inserter.prepare();
+        }
+        Ok(inserter)
+    }
+
+    /// The same without gathering light before it is needed: for a single picture in this light.
+    ///
+    /// # Errors
+    /// As of [`Inserter::new`].
+    pub fn unprepared(scene: &Scene, lighting: Lighting, quality: Quality) -> Result<Self, InsertError> {
         let counts = quality.counts();
         let environment = Environment::new(scene, lighting, &counts)?;
         // Readings between two surfaces are no receivers of light, but without them an occluder's edge would have gaps.
@@ -83,10 +95,6 @@ impl Inserter {
         let floor = scene.room.as_ref().and_then(|room| room.floor());
         let field = |side| ShadowField::new(surfaces.resampled(&clean, side), up, floor, &counts);
         let (coarse, fine) = (field(counts.coarse_shadow_side), field(counts.shadow_side));
-        if quality == Quality::Draft {
-            coarse.prepare(&environment);
-            fine.prepare(&environment);
-        }
         Ok(Self {
             frame: scene.frame.clone(),
             environment,
@@ -98,6 +106,12 @@ impl Inserter {
             cube: scene.light.cube,
             floor_gloss: 0.0,
         })
+    }
+
+    /// Gathers the light on all real surfaces now, so that no picture has to.
+    pub fn prepare(&self) {
+        self.coarse.prepare(&self.environment);
+        self.fine.prepare(&self.environment);
     }
 
     /// The same with a glossy support: a clear coat of perceptual roughness 1 − `floor_gloss` that mirrors the objects. With 0, as without this, it

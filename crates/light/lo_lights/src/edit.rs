@@ -38,15 +38,15 @@ pub enum LightsError {
 }
 
 /// Carries out a scene's edits: [`Scene::light`] becomes the edited light, and [`Scene::edited`] says how it differs. `found` are the
-/// [`emitters`](crate::emitters) of the scene, of this light or of one with other radiances in the same nodes. A scene without edits stays as it is, to
-/// the bit.
+/// [`emitters`](crate::emitters) of the scene, of this light or of one with other radiances in the same nodes. A scene without edits of lights stays as it is,
+/// to the bit.
 ///
 /// An edit changes what an emitter gives directly. Light that the room reflects is that of the estimate.
 ///
 /// # Errors
 /// Where an edit is of an emitter that there is not.
 pub fn apply_edits(scene: &mut Scene, found: &[Emitter]) -> Result<(), LightsError> {
-    if scene.light_edits.is_empty() {
+    if !scene.light_edits.has_lights() {
         return Ok(());
     }
     let mut edited = Vec::new();

@@ -30,7 +30,7 @@ pub use edit::{LightsError, apply_edits, remove_emitters};
 pub use emitters::{Emitter, emitters};
 pub use free::free_share;
 pub use kind::{Kind, Origin};
-pub use list::{ListedLight, list};
+pub use list::{ListedLight, list, listed};
 pub use patch::{LightPatch, PatchShape};
 pub use picture::PictureChange;
 pub use shape::{ClusterShape, ClusterSurface, LeafSurface};

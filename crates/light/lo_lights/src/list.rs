@@ -65,6 +65,11 @@ pub fn list(scene: &Scene) -> Vec<ListedLight> {
     found.chain(scene.light_edits.added.iter().map(ListedLight::of_added)).collect()
 }
 
+/// Emitters as a list, without changes.
+pub fn listed(found: &[Emitter]) -> Vec<ListedLight> {
+    found.iter().map(|emitter| of_emitter(emitter, None)).collect()
+}
+
 fn of_emitter(emitter: &Emitter, change: Option<LightChange>) -> ListedLight {
     let Emitter { id, origin, kind, surface, radiance, flux_share, certainty, .. } = emitter;
     let (direction, size_m, radius_m) = match surface.shape {

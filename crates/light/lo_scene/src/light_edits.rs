@@ -3,6 +3,8 @@ use std::f32::consts::{PI, TAU};
 use lo_geometry::Vec3;
 use serde::{Deserialize, Serialize};
 
+use crate::GuessedLight;
+
 /// Most emitters with changes, and most added lights, of one scene.
 pub const MAX_LIGHT_EDITS: usize = 256;
 
@@ -39,6 +41,9 @@ pub struct LightEdits {
     /// Lights that it does not have.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub added: Vec<AddedLight>,
+    /// Which light the scene is lit by; where nobody chose it, each command has its own default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub guessed: Option<GuessedLight>,
 }
 
 /// What is changed of one emitter of the estimate.
@@ -140,7 +145,12 @@ pub enum LightShape {
 impl LightEdits {
     /// Whether there is nothing to do.
     pub fn is_empty(&self) -> bool {
-        self.emitters.is_empty() && self.added.is_empty()
+        !self.has_lights() && self.guessed.is_none()
+    }
+
+    /// Whether emitters are changed or lights added.
+    pub fn has_lights(&self) -> bool {
+        !(self.emitters.is_empty() && self.added.is_empty())
     }
 
     /// What is changed of a light; [`LightChange::NONE`] where nothing is.
@@ -185,6 +195,9 @@ impl LightEdits {
 
     /// The first thing that is wrong.
     pub(crate) fn check(&self) -> Result<(), String> {
+        if let Some(what) = self.guessed.and_then(|guessed| guessed.tuning.wrong()) {
+            return Err(format!("guessed light: {what} is out of range"));
+        }
         let count = self.emitters.len().max(self.added.len());
         if count > MAX_LIGHT_EDITS {
             return Err(format!("{count} edited lights, at most {MAX_LIGHT_EDITS} are kept"));

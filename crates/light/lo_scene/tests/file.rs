@@ -7,9 +7,9 @@ use lo_geometry::{Camera, Cube, Plane, Quat, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
 use lo_scene::{
-    AddedLight, AnalyticLight, CameraSource, Completion, EditedLight, EmitterEdit, ExpectedLight, Frame, LaidPanorama,
-    LightChange, LightColor, LightEdits, LightShape, MAX_LIGHT_EDITS, ObjectsShown, PanoramaPicture, PanoramaSource,
-    Room, RoomPlane, Scene, SceneError, SceneObjects, Side,
+    AddedLight, AnalyticLight, CameraSource, Completion, EditedLight, EmitterEdit, ExpectedLight, Frame, GuessedLight,
+    LaidPanorama, LightChange, LightColor, LightEdits, LightMode, LightShape, LightTuning, MAX_LIGHT_EDITS,
+    ObjectsShown, PanoramaPicture, PanoramaSource, Room, RoomPlane, Scene, SceneError, SceneObjects, Side,
 };
 use proptest::prelude::*;
 
@@ -178,6 +178,10 @@ fn edits() -> LightEdits {
             added("A2", sun, [1e5, 1e5, 9e4]),
             added("A3", of_photo, [1e5; 3]),
         ],
+        guessed: Some(GuessedLight {
+            light: LightMode::Expected,
+            tuning: LightTuning { contrast: 0.7, warmth_ev: -0.5, white: Some([1.5, 0.25]) },
+        }),
     }
 }
 
@@ -208,6 +212,12 @@ fn edits_out_of_range_are_named() {
         let message = message(change);
         assert!(message.contains(what), "{message}");
     };
+    let guessed = |edits: &mut LightEdits, tuning: LightTuning| {
+        edits.guessed = Some(GuessedLight { light: LightMode::Plausible, tuning });
+    };
+    let usual = LightTuning::default();
+    wrong(&|edits| guessed(edits, LightTuning { contrast: 3.5, ..usual }), "guessed light: the contrast");
+    wrong(&|edits| guessed(edits, LightTuning { warmth_ev: -5.0, ..usual }), "guessed light: the warmth");
     wrong(&|edits| edits.emitters[0].change.scale = -1.0, "edited light L1: the scale");
     wrong(&|edits| edits.emitters[0].change.color = Some(LightColor::Kelvin(1.0)), "edited light L1: the colour");
     wrong(&|edits| edits.emitters[0].change.color = Some(LightColor::Rgb([0.0; 3])), "edited light L1: the colour");

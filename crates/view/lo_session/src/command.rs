@@ -1,3 +1,4 @@
+use lightoctree::LightMode;
 use lightoctree::insert::{Align, Interpolation};
 use lightoctree::scene::LightChange;
 use serde::{Deserialize, Serialize};
@@ -120,6 +121,27 @@ pub enum Command {
     FloorGloss {
         /// From 0 to 1.
         gloss: f32,
+    },
+    /// Chooses the light of what no photo shows.
+    GuessedLight {
+        /// Which.
+        light: LightMode,
+    },
+    /// Tunes the contrast of plausible light.
+    Contrast {
+        /// Factor on that of similar rooms in stops, from 0 to 3.
+        factor: f32,
+    },
+    /// Tunes the colour of expected and plausible light.
+    Warmth {
+        /// Stops by which it is redder than estimated, from −4 to 4.
+        ev: f32,
+    },
+    /// Says what is white: expected and plausible light get the colour that it has in the photo.
+    White {
+        /// A pixel that shows it, or none.
+        #[serde(default)]
+        pixel: Option<[f64; 2]>,
     },
     /// Changes a light of the list.
     SetLight {

@@ -1,6 +1,7 @@
 //! The `lightoctree insert` that makes a session's picture.
 
 use lightoctree::insert::{Align, LayoutObject};
+use lightoctree::{GuessedLight, LightTuning};
 
 use crate::{Object, State};
 
@@ -23,6 +24,7 @@ pub fn insert_words(scene_file: &str, state: &State) -> Option<Vec<String>> {
         if state.floor_gloss > 0.0 {
             words.extend(["--floor-gloss".into(), state.floor_gloss.to_string()]);
         }
+        words.extend(of_light(state));
         words.extend(["-o", "video.y4m"].map(str::to_owned));
         return Some(words);
     }
@@ -30,14 +32,33 @@ pub fn insert_words(scene_file: &str, state: &State) -> Option<Vec<String>> {
     if state.floor_gloss > 0.0 {
         words.extend(["--floor-gloss".into(), state.floor_gloss.to_string()]);
     }
+    words.extend(of_light(state));
     words.extend(["--quality", "high", "-o", "picture.png"].map(str::to_owned));
     Some(words)
 }
 
-fn of_object(object: &LayoutObject) -> Vec<String> {
-    fn list<const N: usize>(numbers: [f64; N]) -> String {
-        numbers.map(|number| number.to_string()).join(",")
+/// The light that was chosen, with all of its options that differ from their defaults: one of them makes `insert` forget what the scene's file says.
+fn of_light(state: &State) -> Vec<String> {
+    if state.lights.guessed.is_none() {
+        return Vec::new();
     }
+    let GuessedLight { light, tuning: LightTuning { contrast, warmth_ev, white } } = state.guessed();
+    let usual = LightTuning::default();
+    let changed = |value: f32, usual: f32| (value != usual).then(|| value.to_string());
+    let options = [
+        ("--light", Some(light.name().to_owned())),
+        ("--contrast", changed(contrast, usual.contrast)),
+        ("--warmth", changed(warmth_ev, usual.warmth_ev)),
+        ("--white", white.map(list)),
+    ];
+    options.into_iter().filter_map(|(option, value)| Some([option.to_owned(), value?])).flatten().collect()
+}
+
+fn list<const N: usize>(numbers: [f64; N]) -> String {
+    numbers.map(|number| number.to_string()).join(",")
+}
+
+fn of_object(object: &LayoutObject) -> Vec<String> {
     let align = object.align.map(|align| match align {
         Align::Gravity => "gravity",
         Align::Surface => "surface",

@@ -42,6 +42,12 @@ pub enum SessionError {
     /// Something out of its range.
     #[error("{0} is out of range")]
     Range(&'static str),
+    /// What the light at hand does not depend on.
+    #[error("{0}")]
+    NoEffect(&'static str),
+    /// The scene cannot be lit so.
+    #[error(transparent)]
+    Lighting(#[from] lightoctree::LightingError),
     /// Numbers of a sequence that are out of range.
     #[error("{0}")]
     Shown(&'static str),

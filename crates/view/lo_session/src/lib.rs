@@ -48,4 +48,4 @@ pub use renderer::{MOVING_SIDES, RESTING_SIDE, Renderer, Step};
 pub use sequence::Sequence;
 pub use session::Session;
 pub use state::State;
-pub use view::{LightView, ObjectView, SessionView, TimelineView};
+pub use view::{GuessedLightView, LightView, ObjectView, SessionView, TimelineView};

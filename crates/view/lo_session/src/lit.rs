@@ -1,15 +1,24 @@
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use lightoctree::FittedLight;
 use lightoctree::geometry::Vec3;
 use lightoctree::scene::{LightEdits, Scene};
+use lightoctree::{FittedLight, GuessedLight, LaidLight};
 
 use crate::{OpenScene, SessionError, State};
+
+/// Choices of light that are held: undo and redo go from one to another.
+const LAID: usize = 4;
 
 /// A scene as its edits light it, the last one held: relighting takes longer than many pictures.
 pub struct LitScenes {
     open: Arc<OpenScene>,
     last: Mutex<Option<Lit>>,
+    /// The last one whose lamps are a preview.
+    draft: Mutex<Option<Lit>>,
+    /// The newest last.
+    laid: Mutex<Vec<Arc<LaidLight>>>,
+    /// Held while lamps are fitted.
+    fitting: Mutex<()>,
 }
 
 struct Lit {
@@ -22,7 +31,8 @@ struct Lit {
 impl LitScenes {
     /// Of one scene.
     pub fn new(open: Arc<OpenScene>) -> Self {
-        Self { open, last: Mutex::default() }
+        let laid = Mutex::new(vec![Arc::new(open.fitted.usual().clone())]);
+        Self { open, last: Mutex::default(), draft: Mutex::default(), laid, fitting: Mutex::default() }
     }
 
     /// The scene.
@@ -43,27 +53,80 @@ impl LitScenes {
     /// Lit as a state says, as `insert` lights it.
     ///
     /// # Errors
-    /// Where an edit is of an emitter that there is not.
+    /// Where an edit is of an emitter that there is not, and where what is said to be white has no colour.
     pub fn of(&self, state: &State) -> Result<Arc<Scene>, SessionError> {
-        let seen_from = match self.open.scene.light.lobes {
-            Some(_) => Some(self.middle(state)?),
-            None => None,
-        };
-        // Who comes second waits for the first, and does not do the same beside.
-        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(lit) = last.as_ref().filter(|lit| lit.edits == state.lights && lit.seen_from == seen_from) {
-            return Ok(lit.scene.clone());
-        }
-        let scene = match seen_from {
-            None => self.open.fitted.lit(&state.lights)?,
-            Some(at) => {
+        match self.seen_from(state)? {
+            None => {
+                let laid = self.laid(&state.guessed())?;
+                lit(&self.last, state, None, || Ok(self.open.fitted.lit(&laid, &state.lights)?))
+            }
+            Some(at) => lit(&self.last, state, Some(at), || {
                 let mut scene = self.open.scene.clone();
                 lightoctree::seen_from(&mut scene, at);
-                FittedLight::new(scene).lit(&state.lights)?
-            }
-        };
-        let scene = Arc::new(scene);
-        *last = Some(Lit { edits: state.lights.clone(), seen_from, scene: scene.clone() });
-        Ok(scene)
+                let fitted = FittedLight::new(scene);
+                Ok(fitted.lit(&fitted.laid(&state.guessed())?, &state.lights)?)
+            }),
+        }
     }
+
+    /// As [`LitScenes::of`] where lamps are fitted in the state's light already; else with a preview of that, so that
+    /// what moves does not wait.
+    ///
+    /// # Errors
+    /// Those of [`LitScenes::of`].
+    pub fn draft_of(&self, state: &State) -> Result<Arc<Scene>, SessionError> {
+        let guessed = state.guessed();
+        if self.seen_from(state)?.is_some() || self.known(&guessed).is_some() {
+            return self.of(state);
+        }
+        lit(&self.draft, state, None, || {
+            let like = locked(&self.laid).last().cloned();
+            let fitted = &self.open.fitted;
+            let laid = fitted.drafted(&guessed, like.as_deref().unwrap_or(fitted.usual()))?;
+            Ok(fitted.lit(&laid, &state.lights)?)
+        })
+    }
+
+    fn seen_from(&self, state: &State) -> Result<Option<Vec3>, SessionError> {
+        self.open.scene.light.lobes.as_ref().map(|_| self.middle(state)).transpose()
+    }
+
+    fn known(&self, guessed: &GuessedLight) -> Option<Arc<LaidLight>> {
+        locked(&self.laid).iter().find(|laid| laid.guessed() == guessed).cloned()
+    }
+
+    fn laid(&self, guessed: &GuessedLight) -> Result<Arc<LaidLight>, SessionError> {
+        // Concurrent callers share one result.
+        let _fitting = locked(&self.fitting);
+        if let Some(laid) = self.known(guessed) {
+            return Ok(laid);
+        }
+        let new = Arc::new(self.open.fitted.laid(guessed)?);
+        let mut laid = locked(&self.laid);
+        if laid.len() >= LAID {
+            laid.remove(0);
+        }
+        laid.push(new.clone());
+        Ok(new)
+    }
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// What is held, where it is of the state, or else something new. Concurrent callers share one result.
+fn lit(
+    held: &Mutex<Option<Lit>>,
+    state: &State,
+    seen_from: Option<Vec3>,
+    make: impl FnOnce() -> Result<Scene, SessionError>,
+) -> Result<Arc<Scene>, SessionError> {
+    let mut held = locked(held);
+    if let Some(lit) = held.as_ref().filter(|lit| lit.edits == state.lights && lit.seen_from == seen_from) {
+        return Ok(lit.scene.clone());
+    }
+    let scene = Arc::new(make()?);
+    *held = Some(Lit { edits: state.lights.clone(), seen_from, scene: scene.clone() });
+    Ok(scene)
 }

@@ -4,7 +4,7 @@ use lightoctree::FittedLight;
 use lightoctree::geometry::Vec3;
 use lightoctree::insert::{Ground, SeenSurfaces};
 use lightoctree::lo_lights::ListedLight;
-use lightoctree::scene::{LightEdits, Room, Scene};
+use lightoctree::scene::{Room, Scene};
 use serde::Serialize;
 
 /// A scene, made ready for a session.
@@ -13,10 +13,8 @@ pub struct OpenScene {
     pub file: String,
     /// As it was read or estimated.
     pub scene: Scene,
-    /// With the lamps that objects need.
+    /// To be lit.
     pub fitted: FittedLight,
-    /// Its lights, without changes.
-    pub lights: Vec<ListedLight>,
     /// The surfaces that the photo sees.
     pub surfaces: SeenSurfaces,
     /// Depth of the farthest of them, metres.
@@ -40,7 +38,12 @@ impl OpenScene {
         let fitted = FittedLight::new(scene.clone());
         let surfaces = SeenSurfaces::new(&scene);
         let far_m = surfaces.depth_m().pixels().iter().fold(0.0f32, |far, &z| far.max(z));
-        Self { file: file.into(), lights: fitted.list(&LightEdits::default()), fitted, surfaces, far_m, scene }
+        Self { file: file.into(), fitted, surfaces, far_m, scene }
+    }
+
+    /// Its lights, without changes.
+    pub fn lights(&self) -> &[ListedLight] {
+        self.fitted.listed()
     }
 
     /// What objects stand on.

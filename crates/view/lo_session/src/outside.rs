@@ -125,7 +125,7 @@ impl Outside {
         is_passed: &(dyn Fn() -> bool + Sync),
     ) -> Result<Option<Image<[u8; 3]>>, SessionError> {
         let (camera, world_from_camera) = view.camera(self.scenes.open().up())?;
-        let scene = self.scenes.of(state)?;
+        let scene = if view.still { self.scenes.of(state)? } else { self.scenes.draft_of(state)? };
         let room = match self.room.take() {
             Some(room) if room.octree == scene.light.octree => room,
             _ => Room::of(&scene, DepthRange::of(self.scenes.open().surfaces.depth_m())),

@@ -64,6 +64,8 @@ struct Ready {
     floor_gloss: f32,
     side: usize,
     inserter: Inserter,
+    /// Whether the next picture in this light is to gather all of it first.
+    is_unprepared: bool,
 }
 
 impl Renderer {
@@ -123,7 +125,7 @@ impl Renderer {
     /// # Errors
     /// Edits that do not fit the scene; light that cannot be traced.
     pub fn prepare(&mut self, state: &State, step: Step) -> Result<(), SessionError> {
-        let lit = self.scenes.of(state)?;
+        let lit = if step == Step::Moving { self.scenes.draft_of(state)? } else { self.scenes.of(state)? };
         let floor_gloss = state.floor_gloss;
         let side = match step {
             Step::Moving => MOVING_SIDES[self.pace],
@@ -132,11 +134,20 @@ impl Renderer {
         };
         let mut ready = match self.ready.remove(&step) {
             Some(ready) if Arc::ptr_eq(&ready.lit, &lit) => ready,
-            _ => {
-                let inserter = Inserter::new(&at_side(&lit, side), Lighting::Octree, step.quality())?;
-                Ready { lit, floor_gloss: 0.0, side, inserter }
+            last => {
+                // While the light changes, each is of one picture.
+                let is_unprepared = last.is_some() && step == Step::Moving;
+                let new = if is_unprepared { Inserter::unprepared } else { Inserter::new };
+                let inserter = new(&at_side(&lit, side), Lighting::Octree, step.quality())?;
+                let ready =
+                    Ready { lit, floor_gloss, side, inserter: inserter.with_floor_gloss(floor_gloss), is_unprepared };
+                self.ready.insert(step, ready);
+                return Ok(());
             }
         };
+        if std::mem::take(&mut ready.is_unprepared) {
+            ready.inserter.prepare();
+        }
         if ready.floor_gloss != floor_gloss {
             ready.inserter = ready.inserter.with_floor_gloss(floor_gloss);
             ready.floor_gloss = floor_gloss;

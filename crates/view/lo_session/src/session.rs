@@ -1,10 +1,11 @@
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use lightoctree::insert::{Align, Layout, Placement};
 use lightoctree::mesh::Model;
-use lightoctree::scene::{LightEdits, MAX_LIGHT_EDITS, ObjectsShown};
-use lightoctree::{BUILTIN_MODELS, BUILTIN_PREFIX};
+use lightoctree::scene::{CONTRASTS, LightEdits, MAX_LIGHT_EDITS, ObjectsShown, WARMTHS_EV};
+use lightoctree::{BUILTIN_MODELS, BUILTIN_PREFIX, GuessedLight, LightEffect, LightMode};
 
 use crate::drag::dragged;
 use crate::{Command, Files, Mesh, Object, ObjectMaterial, OpenScene, Place, SessionError, Size, State};
@@ -17,6 +18,11 @@ const HEIGHT_M: f64 = 0.3;
 
 /// Extents in which a mesh is taken to be in metres.
 const METRES: std::ops::RangeInclusive<f32> = 0.02..=3.0;
+
+/// Why a choice of light is refused.
+const NO_CHOICE: &str = "the light of this scene is no guess of a network: all choices are the same";
+const NO_EXPECTATION: &str =
+    "this scene has no expected light: contrast, warmth and white change nothing; estimate it anew, without a panorama";
 
 /// Objects and lights of one scene while somebody changes them.
 ///
@@ -238,6 +244,13 @@ impl Session {
                 }
                 return Ok(State { floor_gloss: *gloss, ..state });
             }
+            Command::GuessedLight { .. }
+            | Command::Contrast { .. }
+            | Command::Warmth { .. }
+            | Command::White { .. } => {
+                state.lights.guessed = self.changed_guess(&state, command)?;
+                return Ok(state);
+            }
             _ => {
                 self.change_lights(&mut state.lights, command)?;
                 return Ok(state);
@@ -262,13 +275,52 @@ impl Session {
         begun.is_ok_and(|object| object.placement.support.is_none() && matches!(object.place, Place::Position(_)))
     }
 
+    /// Another choice of light; none where that is what it is without one.
+    fn changed_guess(&self, state: &State, command: &Command) -> Result<Option<GuessedLight>, SessionError> {
+        let scene = &self.open.scene;
+        let within = |name, needed, range: RangeInclusive<f32>, value: f32| {
+            let found = f64::from(value);
+            if range.contains(&value) { Ok(value) } else { Err(SessionError::Number { name, needed, found }) }
+        };
+        let mut guessed = state.lights.guessed.unwrap_or_default();
+        let no_effect = match (LightEffect::of(scene), command) {
+            (LightEffect::None, _) => Some(NO_CHOICE),
+            (_, Command::GuessedLight { .. }) => None,
+            (LightEffect::Fitted, _) => Some(NO_EXPECTATION),
+            (_, Command::Contrast { .. }) => {
+                (guessed.light != LightMode::Plausible).then_some("only plausible light has a contrast")
+            }
+            _ => (guessed.light == LightMode::Even)
+                .then_some("warmth and white change expected and plausible light, not even light"),
+        };
+        if let Some(why) = no_effect {
+            return Err(SessionError::NoEffect(why));
+        }
+        let tuning = &mut guessed.tuning;
+        match *command {
+            Command::GuessedLight { light } => guessed.light = light,
+            Command::Contrast { factor } => {
+                tuning.contrast = within("the contrast", "from 0 to 3", CONTRASTS, factor)?;
+            }
+            Command::Warmth { ev } => tuning.warmth_ev = within("the warmth", "from -4 to 4 stops", WARMTHS_EV, ev)?,
+            Command::White { pixel } => {
+                pixel.map_or(Ok(()), |pixel| lightoctree::check_white(scene, pixel))?;
+                tuning.white = pixel;
+            }
+            _ => {}
+        }
+        // A scene that came with a choice keeps one, so that the command line says it.
+        let is_needed = guessed != GuessedLight::default() || scene.light_edits.guessed.is_some();
+        Ok(is_needed.then_some(guessed))
+    }
+
     fn change_lights(&self, lights: &mut LightEdits, command: &Command) -> Result<(), SessionError> {
         let full = SessionError::Full { what: "changed lights", limit: MAX_LIGHT_EDITS };
         let scene = &self.open.scene;
         match command {
             Command::SetLight { light, change } => {
                 change.wrong().map_or(Ok(()), |what| Err(SessionError::Range(what)))?;
-                let listed = self.open.lights.iter().find(|listed| listed.id == *light);
+                let listed = self.open.lights().iter().find(|listed| listed.id == *light);
                 if listed.is_none() && !lights.added.iter().any(|added| added.id == *light) {
                     return Err(SessionError::NoLight(light.clone()));
                 }

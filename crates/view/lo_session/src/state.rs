@@ -1,3 +1,4 @@
+use lightoctree::GuessedLight;
 use lightoctree::insert::{Ground, InsertError, Layout};
 use lightoctree::scene::{LightEdits, ObjectsShown};
 
@@ -35,6 +36,11 @@ impl State {
     /// Where there is none.
     pub fn object(&self, id: u32) -> Result<&Object, SessionError> {
         self.objects.iter().find(|object| object.id == id).ok_or(SessionError::NoObject(id))
+    }
+
+    /// The light that it is lit by.
+    pub fn guessed(&self) -> GuessedLight {
+        self.lights.guessed.unwrap_or_default().in_effect()
     }
 
     /// The same at another time.

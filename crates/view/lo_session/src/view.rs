@@ -1,6 +1,7 @@
 use lightoctree::insert::{Align, Path};
 use lightoctree::lo_lights::{ListedLight, sun_angles_deg};
-use lightoctree::scene::{AddedLight, LightChange, LightShape};
+use lightoctree::scene::{AddedLight, LightChange, LightEdits, LightShape};
+use lightoctree::{GuessedLight, LightEffect};
 use serde::Serialize;
 
 use crate::{ObjectMaterial, Place, Session, Size, insert_command};
@@ -10,6 +11,8 @@ use crate::{ObjectMaterial, Place, Session, Size, insert_command};
 pub struct SessionView {
     /// What stands in the photo.
     pub objects: Vec<ObjectView>,
+    /// Which light it is lit by.
+    pub guessed_light: GuessedLightView,
     /// What gives light.
     pub lights: Vec<LightView>,
     /// How polished what carries the objects is.
@@ -20,7 +23,7 @@ pub struct SessionView {
     pub can_redo: bool,
     /// The command line that makes the final picture; none without objects.
     pub command: Option<String>,
-    /// Whether the scene's light is edited otherwise than its file says.
+    /// Whether the command line needs the scene saved first: its light is edited otherwise than its file says.
     pub edited: bool,
     /// Names of the meshes that objects can be made of.
     pub meshes: Vec<String>,
@@ -76,6 +79,16 @@ pub struct ObjectView {
     pub rests: bool,
 }
 
+/// The light of what no photo shows.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct GuessedLightView {
+    /// Which, and how it is tuned.
+    #[serde(flatten)]
+    pub chosen: GuessedLight,
+    /// What another choice would change.
+    pub effect: LightEffect,
+}
+
 /// One light.
 #[derive(Clone, Debug, Serialize)]
 pub struct LightView {
@@ -109,7 +122,7 @@ impl Session {
             scale: object.placement.scale,
             rests: object.placement.support.is_some(),
         });
-        let found = open.lights.iter().map(|listed| LightView {
+        let found = open.lights().iter().map(|listed| LightView {
             changed: state.lights.change_of(&listed.id),
             listed: ListedLight { change: None, ..listed.clone() },
             sun_deg: None,
@@ -125,12 +138,16 @@ impl Session {
         let [can_undo, can_redo] = self.can_undo_and_redo();
         SessionView {
             objects: objects.collect(),
+            guessed_light: GuessedLightView {
+                chosen: state.lights.guessed.unwrap_or_default(),
+                effect: LightEffect::of(&open.scene),
+            },
             lights: found.chain(state.lights.added.iter().map(added)).collect(),
             floor_gloss: state.floor_gloss,
             can_undo,
             can_redo,
             command: insert_command(&open.file, state),
-            edited: state.lights != open.scene.light_edits,
+            edited: is_edited(&state.lights, &open.scene.light_edits),
             meshes: self.mesh_names(),
             timeline: TimelineView {
                 time_s: state.time_s,
@@ -141,4 +158,11 @@ impl Session {
             },
         }
     }
+}
+
+/// Whether lights differ from those of the scene's file in a way that the options of `insert` do not tell.
+fn is_edited(lights: &LightEdits, of_file: &LightEdits) -> bool {
+    // The options tell a choice, and nothing of what the file has where there is none.
+    let guessed = lights.guessed.or(of_file.guessed);
+    LightEdits { guessed, ..of_file.clone() } != *lights
 }

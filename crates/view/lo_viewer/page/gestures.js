@@ -7,7 +7,8 @@ const DEGREES = 180 / Math.PI;
 
 /**
  * Listens to the stage. `page` has: `scene`, `view`, `selected()`, `select(id)`, `send(message)`, `preview(command)`, `hover(pixel)`, `redraw()`,
- * `photoPosition(event)`, `reach()` (how near to a handle counts, photo pixels), `keys` (functions by key).
+ * `photoPosition(event)`, `reach()` (how near to a handle counts, photo pixels), `keys` (functions by key), `picking` (gets the pixel that is clicked next, or null
+ * where none is to be; null where nothing is to be picked).
  */
 export function listen(stage, page) {
   let gesture = null;
@@ -16,6 +17,13 @@ export function listen(stage, page) {
   stage.addEventListener("pointerdown", (event) => {
     if (event.button !== 0 || !page.scene) return;
     const pixel = page.photoPosition(event);
+    if (page.picking) {
+      const { width, height } = page.scene.camera;
+      const isInside = pixel[0] >= 0 && pixel[1] >= 0 && pixel[0] < width && pixel[1] < height;
+      if (isInside) page.picking(pixel.map((position) => Math.floor(position) + 0.5));
+      event.preventDefault();
+      return;
+    }
     const selected = page.selected();
     const handle = selected && handleAt(page.scene.camera, selected, pixel, page.reach());
     const object = handle ? selected : objectAt(page, pixel);
@@ -40,8 +48,8 @@ export function listen(stage, page) {
       return;
     }
     const selected = page.selected();
-    const handle = selected && handleAt(page.scene.camera, selected, pixel, page.reach());
-    page.hovered = handle ? selected : objectAt(page, pixel);
+    const handle = !page.picking && selected && handleAt(page.scene.camera, selected, pixel, page.reach());
+    page.hovered = page.picking ? null : handle ? selected : objectAt(page, pixel);
     stage.style.cursor = handle ? "grab" : page.hovered ? "move" : "crosshair";
     page.hover(pixel);
     page.redraw();
@@ -65,7 +73,8 @@ export function listen(stage, page) {
     const isTyping = event.target.closest?.("input:not([type=range]):not([type=checkbox]), select, dialog[open]");
     if (!page.scene || isTyping) return;
     if (event.key === "Escape") {
-      if (gesture) end(false);
+      if (page.picking) page.picking(null);
+      else if (gesture) end(false);
       else page.select(null);
       return;
     }

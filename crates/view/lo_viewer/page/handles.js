@@ -1,4 +1,4 @@
-// The selected object's handles, drawn in perspective over the picture: box, ring to turn, arrow to lift, corner to scale.
+// What is drawn over the picture: the selected object's handles in perspective (box, ring to turn, arrow to lift, corner to scale), and the white pixel.
 
 import { add, axes, corners, project, times } from "./camera.js";
 
@@ -86,6 +86,25 @@ export function drawHandles(context, scale, rem, camera, selected, hovered, acti
   knob(handles.turn, "turn");
   arrow(handles.lift, handles.top);
   knob(handles.size, "size");
+}
+
+/** Marks the pixel that is said to be white. */
+export function drawWhite(context, scale, rem, [u, v]) {
+  const centre = [u * scale, v * scale];
+  const ring = (radius, width, color) => {
+    context.beginPath();
+    context.arc(...centre, radius * rem, 0, 2 * Math.PI);
+    context.strokeStyle = color;
+    context.lineWidth = width * rem;
+    context.stroke();
+  };
+  context.setLineDash([]);
+  ring(0.5, 0.3, "#000b");
+  ring(0.5, 0.14, "#fff");
+  context.beginPath();
+  context.arc(...centre, 0.1 * rem, 0, 2 * Math.PI);
+  context.fillStyle = "#fff";
+  context.fill();
 }
 
 /** Name of the handle near a photo position, if any; `reach` in photo pixels. */

@@ -1,6 +1,8 @@
-// The panel of lights: what gives light in the room, what is changed of it, what somebody added.
+// The panel of lights: which light the room is guessed to have, what gives light in it, what is changed of it, what somebody added.
 
 import { byId, element, fill, hexFromLinear, linearFromHex, short } from "./dom.js";
+import { guessedLight } from "./guessed.js";
+import { numberSlider } from "./slider.js";
 
 const KINDS = { lamp: "lamp", window: "window", "bright-surface": "bright surface", area: "lamp", sun: "sun" };
 const ORIGINS = { seen: "seen", panorama: "by the panorama", guessed: "guessed", added: "added" };
@@ -15,7 +17,8 @@ export function lightsPanel(page) {
   const none = element("p", { className: "note", textContent: "Nothing here is much brighter than the rest of the room." });
   const button = (text, onclick) => element("button", { type: "button", textContent: text, onclick });
   const sun = { sun: { azimuth_deg: -40, elevation_deg: 40, strength: 3, angle_deg: 1, kelvin: 5500 } };
-  panel.append(list, none, element("div", { className: "row" },
+  const guessed = guessedLight(page, act);
+  panel.append(guessed.root, list, none, element("div", { className: "row" },
     button("Add sun", () => act({ do: "add-light", new: sun })),
     button("Add lamp", () => act({ do: "add-light", new: { sphere: { at_m: overhead(page), radius_m: 0.08, radiance: 40, kelvin: 3500 } } })),
     button("Reset all", () => act({ do: "reset-lights" }))));
@@ -25,6 +28,7 @@ export function lightsPanel(page) {
   const rows = new Map();
   return () => {
     const { lights } = page.view;
+    guessed.show();
     none.hidden = lights.length > 0;
     for (const [id, row] of rows) {
       if (!lights.some((light) => light.id === id)) {
@@ -66,17 +70,14 @@ function lightRow(page, act, { id, kind, origin }) {
     return control;
   };
   const slider = (text, min, max, step, read, command) => {
-    const control = field(text, element("input", { type: "range", min, max, step }));
-    control.addEventListener("input", () => page.preview(command(control.valueAsNumber)));
-    control.addEventListener("change", () => page.send({ type: "commit" }));
-    return () => {
-      fill(control, read());
-      control.title = control.value;
-    };
+    const controlId = `light-${id}-${text.replace(/\W/g, "")}`;
+    const made = numberSlider(page, { id: controlId, name: `${text} of light ${id}`, min, max, step, command });
+    fields.append(element("label", { textContent: text, htmlFor: controlId }), made.root);
+    return () => made.show(read());
   };
   const shows = [];
   // Stops, as exposures are counted.
-  shows.push(slider("Brightness", -4, 4, 0.1, () => short(Math.log2(Math.max(light.changed.scale, 1 / 16))),
+  shows.push(slider("Brightness", -4, 4, 0.1, () => Math.log2(Math.max(light.changed.scale, 1 / 16)),
     (stops) => change({ scale: Number((2 ** stops).toPrecision(4)) })));
   const color = field("Colour", element("input", { type: "color" }));
   color.addEventListener("input", () => page.preview(change({ color: { rgb: linearFromHex(color.value) } })));
@@ -91,9 +92,9 @@ function lightRow(page, act, { id, kind, origin }) {
       light: id,
       new: { sun: { azimuth_deg: light.sun_deg[0], elevation_deg: light.sun_deg[1], strength: light.irradiance, angle_deg: 2 * light.angular_radius_deg, kelvin: light.color_temperature_k ?? 5500, ...part } },
     });
-    shows.push(slider("From right, °", -180, 180, 1, () => short(light.sun_deg[0]), (value) => now({ azimuth_deg: value })));
-    shows.push(slider("Height, °", -10, 90, 1, () => short(light.sun_deg[1]), (value) => now({ elevation_deg: value })));
-    shows.push(slider("Width, °", 0.2, 20, 0.1, () => short(2 * light.angular_radius_deg), (value) => now({ angle_deg: value })));
+    shows.push(slider("From right, °", -180, 180, 1, () => light.sun_deg[0], (value) => now({ azimuth_deg: value })));
+    shows.push(slider("Height, °", -10, 90, 1, () => light.sun_deg[1], (value) => now({ elevation_deg: value })));
+    shows.push(slider("Width, °", 0.2, 20, 0.1, () => 2 * light.angular_radius_deg, (value) => now({ angle_deg: value })));
   } else {
     const axes = ["x", "y", "z"].map((axis) => element("input", { type: "number", step: 0.05, "aria-label": `${axis} of light ${id}, metres` }));
     fields.append(element("label", { textContent: "Place, m" }), element("div", { className: "row" }, ...axes));

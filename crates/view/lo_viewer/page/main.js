@@ -2,7 +2,7 @@
 
 import { byId, element, say } from "./dom.js";
 import { listen } from "./gestures.js";
-import { drawHandles } from "./handles.js";
+import { drawHandles, drawWhite } from "./handles.js";
 import { lightsPanel } from "./lights.js";
 import { objectsPanel } from "./objects.js";
 import { outsideView } from "./outside.js";
@@ -26,6 +26,7 @@ const page = {
   materials: [],
   selectedId: null,
   hovered: null,
+  picking: null,
   exposure: 0,
   selected: () => page.view?.objects.find((object) => object.id === page.selectedId) ?? null,
   isOpen: () => page.scene !== null,
@@ -104,7 +105,10 @@ page.redraw = () => {
     const active = gesture?.handle ?? null;
     const scale = handles.width / page.scene.camera.width;
     const hovered = gesture ? null : page.view?.objects.find((object) => object.id === page.hovered?.id);
-    drawHandles(handles.getContext("2d"), scale, rem() * ratio, page.scene.camera, page.selected(), hovered, active);
+    const context = handles.getContext("2d");
+    drawHandles(context, scale, rem() * ratio, page.scene.camera, page.selected(), hovered, active);
+    const { white, light, effect } = page.view?.guessed_light ?? {};
+    if (white && light !== "even" && effect === "expected") drawWhite(context, scale, rem() * ratio, white);
     outside.draw();
   });
 };
@@ -205,6 +209,7 @@ function openScene(scene) {
   setAt("scene");
   if (isNew) {
     page.selectedId = null;
+    page.picking?.(null);
     picture.forget();
     probe.shown_m = null;
     outside.reset();

@@ -96,7 +96,7 @@ impl Source {
             }
         };
         let open = OpenScene::new(file, scene);
-        notes.extend(open.fitted.report().warning().iter().map(|warning| (words.warning)(warning, &[])));
+        notes.extend(open.fitted.usual().report().fit.warning().iter().map(|warning| (words.warning)(warning, &[])));
         Ok(Opened { open, is_saved, notes })
     }
 }

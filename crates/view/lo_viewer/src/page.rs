@@ -7,13 +7,14 @@ use axum::response::{IntoResponse, Response};
 const INDEX: &str = include_str!("../page/index.html");
 
 /// Name, media type and content of what the page is made of.
-const FILES: [(&str, &str, &str); 15] = [
+const FILES: [(&str, &str, &str); 17] = [
     ("icon.svg", "image/svg+xml", include_str!("../page/icon.svg")),
     ("style.css", "text/css; charset=utf-8", include_str!("../page/style.css")),
     ("main.js", SCRIPT, include_str!("../page/main.js")),
     ("camera.js", SCRIPT, include_str!("../page/camera.js")),
     ("dom.js", SCRIPT, include_str!("../page/dom.js")),
     ("gestures.js", SCRIPT, include_str!("../page/gestures.js")),
+    ("guessed.js", SCRIPT, include_str!("../page/guessed.js")),
     ("handles.js", SCRIPT, include_str!("../page/handles.js")),
     ("lights.js", SCRIPT, include_str!("../page/lights.js")),
     ("objects.js", SCRIPT, include_str!("../page/objects.js")),
@@ -21,6 +22,7 @@ const FILES: [(&str, &str, &str); 15] = [
     ("picture.js", SCRIPT, include_str!("../page/picture.js")),
     ("probe.js", SCRIPT, include_str!("../page/probe.js")),
     ("server.js", SCRIPT, include_str!("../page/server.js")),
+    ("slider.js", SCRIPT, include_str!("../page/slider.js")),
     ("timeline.js", SCRIPT, include_str!("../page/timeline.js")),
     ("uploads.js", SCRIPT, include_str!("../page/uploads.js")),
 ];

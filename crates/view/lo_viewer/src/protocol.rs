@@ -288,6 +288,8 @@ pub(crate) fn encoded(message: &ToPage, pictures: &[&[u8]]) -> Encoded {
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
+    use lightoctree::LightMode;
+
     use super::*;
 
     #[test]
@@ -296,12 +298,26 @@ mod tests {
         let drag = read(r#"{"type":"preview","sequence":3,"command":{"do":"drag","object":1,"to":[4.5,6]}}"#).unwrap();
         assert_eq!(drag, FromPage::Preview { command: Command::Drag { object: 1, to: [4.5, 6.0] }, sequence: 3 });
         assert_eq!(read(r#"{"type":"undo"}"#).unwrap(), FromPage::Undo);
+        let command = |text: &str| match read(&format!(r#"{{"type":"command","command":{text}}}"#)).unwrap() {
+            FromPage::Command { command } => command,
+            other => panic!("{other:?}"),
+        };
+        let light = LightMode::Expected;
+        assert_eq!(command(r#"{"do":"guessed-light","light":"expected"}"#), Command::GuessedLight { light });
+        assert_eq!(command(r#"{"do":"contrast","factor":0.7}"#), Command::Contrast { factor: 0.7 });
+        assert_eq!(command(r#"{"do":"warmth","ev":-0.5}"#), Command::Warmth { ev: -0.5 });
+        assert_eq!(command(r#"{"do":"white","pixel":[4.5,6]}"#), Command::White { pixel: Some([4.5, 6.0]) });
+        assert_eq!(command(r#"{"do":"white","pixel":null}"#), Command::White { pixel: None });
         for wrong in [
             r#"{"type":"shutdown"}"#,
             r#"{"type":"command","command":{"do":"drag","object":-1,"to":[4.5,6]}}"#,
             r#"{"type":"outside","sequence":1,"view":{"eye_m":[0,0,1],"target_m":[0,0,-1],"fov_deg":40,"width":-8,"height":8,"exposure_ev":0,"show":null,"still":true}}"#,
             r#"{"type":"outside","sequence":1,"view":{"eye_m":[0,0,1],"target_m":[0,0],"fov_deg":40,"width":8,"height":8,"exposure_ev":0,"show":null,"still":true}}"#,
             r#"{"type":"command","command":{"do":"material","object":1,"material":{"base_color_texture":"/etc/passwd"}}}"#,
+            r#"{"type":"command","command":{"do":"guessed-light","light":"bright"}}"#,
+            r#"{"type":"command","command":{"do":"contrast"}}"#,
+            r#"{"type":"command","command":{"do":"warmth","ev":"red"}}"#,
+            r#"{"type":"command","command":{"do":"white","pixel":[1]}}"#,
             "{}",
             "",
         ] {

@@ -32,6 +32,9 @@ const LIMIT: f32 = 4.0;
 /// Lamps that give less than this share of the light on what is seen are none.
 const MIN_SHARE: f32 = 0.02;
 
+/// A preview looks at one of so many places.
+const PREVIEW: usize = 7;
+
 /// Logarithms of factors up to this size are not worth a word.
 const NOTABLE: f32 = 0.1;
 
@@ -95,14 +98,42 @@ impl LampGuess {
     }
 }
 
+/// What the photo tells of the light on what it shows, for one light after another.
+#[derive(Clone, Debug)]
+pub struct SeenShading {
+    pub(crate) frame: Frame,
+    pub(crate) up: Vec3,
+    /// The photo's radiance with clipped regions as bright as these usually are ([`highlights::recover_shining`]).
+    restored: RadianceImage,
+    places: Vec<Place>,
+}
+
+impl SeenShading {
+    /// `frame` at the working resolution ([`Frame::working`]) without flying pixels, `up` the direction against gravity in its camera's frame.
+    pub fn new(frame: Frame, up: Vec3) -> Self {
+        let normals = frame.normals();
+        let restored = highlights::recover_shining(&frame, &normals, up).0;
+        let places = places(&frame, &normals, &restored);
+        Self { frame, up, restored, places }
+    }
+}
+
 /// Makes guessed and clipped lamps and windows as bright as seen surfaces are shaded, and scales guessed surfaces; what is seen unclipped stays.
 ///
-/// `seen` is the frame at the working resolution ([`Frame::working`]) without flying pixels, `up` the direction against gravity in its camera's
-/// frame. Where nodes have lobes, the octree becomes what is seen of it from the middle of the view.
-pub fn fit_lamps(light: &mut LightOctree, seen: &Frame, up: Vec3, guess: LampGuess) -> LampFit {
-    let normals = seen.normals();
-    let restored = highlights::recover_shining(seen, &normals, up).0;
-    let places = places(seen, &normals, &restored);
+/// Where nodes have lobes, the octree becomes what is seen of it from the middle of the view.
+pub fn fit_lamps(light: &mut LightOctree, seen: &SeenShading, guess: LampGuess) -> LampFit {
+    fit(light, seen, guess, 1)
+}
+
+/// A preview of [`fit_lamps`] by a fraction of the places on seen surfaces, in a fraction of the time.
+pub fn preview_lamps(light: &mut LightOctree, seen: &SeenShading, guess: LampGuess) -> LampFit {
+    fit(light, seen, guess, PREVIEW)
+}
+
+/// By one of `step` places, which stands for the others.
+fn fit(light: &mut LightOctree, seen: &SeenShading, guess: LampGuess, step: usize) -> LampFit {
+    let thinned = |place: &Place| Place { weight: step as f32 * place.weight, ..*place };
+    let places: Vec<Place> = seen.places.iter().step_by(step).map(thinned).collect();
     if places.is_empty() {
         return LampFit::default();
     }
@@ -110,8 +141,12 @@ pub fn fit_lamps(light: &mut LightOctree, seen: &Frame, up: Vec3, guess: LampGue
     if let Cow::Owned(seen) = light.seen_from(middle_m) {
         *light = seen;
     }
-    let clipped = brighten_clipped(light, seen, &restored);
-    let bounds = Bounds { clipped, level: seen.exposure, cap: cap(light), limit: guess.limit() };
+    let bounds = Bounds {
+        clipped: restore_clipped(light, seen),
+        level: seen.frame.exposure,
+        cap: cap(light),
+        limit: guess.limit(),
+    };
     let problem = problem(light, &places, &bounds, guess.prior());
     let solution = solve(&problem);
     let all = problem.irradiance(solution);
@@ -131,15 +166,10 @@ pub fn fit_lamps(light: &mut LightOctree, seen: &Frame, up: Vec3, guess: LampGue
 /// `[depth][row]` of the leaves in which clipped pixels lie: the mean of these, restored.
 pub(crate) type ClippedLeaves = Vec<Vec<Option<Vec3>>>;
 
-/// Gives leaves with clipped pixels at least the radiance that such regions usually have ([`highlights::recover_shining`]), and says which they are.
-pub(crate) fn restore_clipped(light: &mut LightOctree, seen: &Frame, up: Vec3) -> ClippedLeaves {
-    let (restored, _) = highlights::recover_shining(seen, &seen.normals(), up);
-    brighten_clipped(light, seen, &restored)
-}
-
-/// Networks may guess less than the photo can tell.
-fn brighten_clipped(light: &mut LightOctree, seen: &Frame, restored: &RadianceImage) -> ClippedLeaves {
-    let clipped = clipped_leaves(light, seen, restored);
+/// Gives leaves with clipped pixels at least the radiance that such regions usually have, and says which they are: networks may guess less than the photo can
+/// tell.
+pub(crate) fn restore_clipped(light: &mut LightOctree, seen: &SeenShading) -> ClippedLeaves {
+    let clipped = clipped_leaves(light, &seen.frame, &seen.restored);
     light.change_leaves(|light, leaf| {
         let (own, open) = (light.radiance(leaf), light.unseen(leaf));
         clipped[leaf.depth as usize][leaf.row].map_or(own, |restored| own.max(own.lerp(restored, open)))
@@ -252,6 +282,10 @@ mod tests {
     const HALF_M: f32 = 2.0;
     const ALBEDO: f32 = 0.6;
 
+    fn shading(frame: &Frame) -> SeenShading {
+        SeenShading::new(frame.clone(), Vec3::Y)
+    }
+
     /// A cubic room around a camera that looks at its far wall, and a square lamp of this radiance in the left wall, which is not seen; the octree is
     /// told of a tenth of it. Everything else gives even light.
     fn room(lamp_radiance: f32) -> (LightOctree, Frame) {
@@ -293,7 +327,11 @@ mod tests {
     #[test]
     fn a_lamp_that_is_guessed_too_dark_gets_as_bright_as_the_wall_says() {
         let (mut light, frame) = room(12.0);
-        let fit = fit_lamps(&mut light, &frame, Vec3::Y, LampGuess::Averaged);
+        let mut previewed = light.clone();
+        let fit = fit_lamps(&mut light, &shading(&frame), LampGuess::Averaged);
+        let preview = preview_lamps(&mut previewed, &shading(&frame), LampGuess::Averaged);
+        let ratios = [preview.lamps / fit.lamps, preview.surfaces / fit.surfaces];
+        assert!(ratios.iter().all(|ratio| (ratio.ln()).abs() < 0.1), "{preview:?} {fit:?}");
         let tracer = ConeTracer::new(&light, Settings::default()).unwrap();
         let cone = Cone { origin: Vec3::new(0.0, 0.6, -1.0), direction: Vec3::NEG_X, tan_half_angle: 0.05 };
         let radiance = tracer.trace(&cone).radiance[1];
@@ -351,7 +389,7 @@ mod tests {
     fn a_clipped_lamp_asks_for_no_light_and_gets_what_such_lamps_have() {
         let (mut light, mut frame) = room(0.1);
         with_clipped_lamp(&mut light, &mut frame, 0.9);
-        let fit = fit_lamps(&mut light, &frame, Vec3::Y, LampGuess::Averaged);
+        let fit = fit_lamps(&mut light, &shading(&frame), LampGuess::Averaged);
         // As a white surface it would ask for E = π, ten times what there is.
         assert!((0.9..1.1).contains(&fit.surfaces), "{fit:?}");
         // The lamp lies in the wall that is seen, and does not light it.
@@ -367,7 +405,7 @@ mod tests {
     fn even_light_stays() {
         let (mut light, frame) = room(0.1);
         let before = light.clone();
-        let fit = fit_lamps(&mut light, &frame, Vec3::Y, LampGuess::Averaged);
+        let fit = fit_lamps(&mut light, &shading(&frame), LampGuess::Averaged);
         assert!(fit.lamps_share < 1e-6 && (0.91..1.1).contains(&fit.surfaces), "{fit:?}");
         assert_eq!(fit.warning(), None);
         for (after, before) in light.rgba.iter().flatten().zip(before.rgba.iter().flatten()) {
@@ -379,7 +417,7 @@ mod tests {
     fn lobes_are_taken_as_they_are_seen() {
         let (mut light, frame) = room(12.0);
         light.lobes = Some(light.rgba.iter().map(|rows| vec![[0.1, 0.0, 0.0]; rows.len()]).collect());
-        assert!(fit_lamps(&mut light, &frame, Vec3::Y, LampGuess::Averaged).lamps > 1.5 && light.lobes.is_none());
+        assert!(fit_lamps(&mut light, &shading(&frame), LampGuess::Averaged).lamps > 1.5 && light.lobes.is_none());
     }
 
     #[test]
@@ -387,7 +425,7 @@ mod tests {
         let (mut light, mut frame) = room(12.0);
         frame.depth_m.pixels_mut().fill(0.0);
         let before = light.clone();
-        assert_eq!((fit_lamps(&mut light, &frame, Vec3::Y, LampGuess::Averaged), light), (LampFit::default(), before));
+        assert_eq!((fit_lamps(&mut light, &shading(&frame), LampGuess::Averaged), light), (LampFit::default(), before));
     }
 
     #[test]
@@ -396,6 +434,6 @@ mod tests {
         with_clipped_lamp(&mut light, &mut frame, 0.9);
         frame.depth_m = DepthMap::from_fn(240, 160, |_, _| HALF_M);
         let before = light.clone();
-        assert_eq!((fit_lamps(&mut light, &frame, Vec3::Y, LampGuess::Averaged), light), (LampFit::default(), before));
+        assert_eq!((fit_lamps(&mut light, &shading(&frame), LampGuess::Averaged), light), (LampFit::default(), before));
     }
 }

@@ -222,6 +222,17 @@ fn results_do_not_depend_on_threads() {
 }
 
 #[test]
+fn light_that_is_gathered_when_it_is_needed_gives_the_same_picture() {
+    let scene = linear_scene();
+    let render = |inserter: &Inserter| alone(inserter, &sphere(matte()), on_floor(0.0, -2.5, 0.25));
+    let prepared = render(&Inserter::new(&scene, Lighting::Octree, Quality::Draft).unwrap());
+    let inserter = Inserter::unprepared(&scene, Lighting::Octree, Quality::Draft).unwrap();
+    assert_eq!(render(&inserter).image, prepared.image);
+    inserter.prepare();
+    assert_eq!(render(&inserter).image, prepared.image);
+}
+
+#[test]
 fn real_surfaces_in_front_hide_the_object_and_holes_follow_the_photo() {
     let mut scene = linear_scene();
     // A board at 1.5 m covers the left half of the picture, with a hole of the depth map in it. The photo shows no edge around that.

@@ -7,14 +7,16 @@ use lightoctree::imaging::{DepthMap, Image, Photo};
 use lightoctree::insert::{Align, Interpolation, Quality};
 use lightoctree::mesh::{LoadOptions, Model};
 use lightoctree::scene::{Completion, Frame, LightChange, Scene, SceneObjects};
-use lightoctree::{EstimateOptions, Estimator, Input, events};
+use lightoctree::{EstimateOptions, Estimator, Input, LightMode, events};
 use lo_random::{RngExt, Stream};
 use lo_session::{
     Command, Files, LitScenes, NewLight, ObjectMaterial, OpenScene, Overlay, Place, Probe, Renderer, Sequence, Session,
     SessionError, Size, State, Step, insert_words, outputs, overlay, probe_place,
 };
 
-const SIZE: (usize, usize) = (144, 96);
+use crate::guessed::GUESSED;
+
+pub const SIZE: (usize, usize) = (144, 96);
 /// The camera is this high above the floor and the table's top.
 const FLOOR_M: f32 = 1.2;
 const TABLE_M: f32 = 0.7;
@@ -32,7 +34,7 @@ fn depth_m(camera: &Camera, x: usize, y: usize) -> f32 {
     [table, floor, wall].into_iter().flatten().map(|point| -point.z).fold(f32::INFINITY, f32::min)
 }
 
-static ROOM: LazyLock<Arc<OpenScene>> = LazyLock::new(|| {
+pub static ROOM: LazyLock<Arc<OpenScene>> = LazyLock::new(|| {
     let (width, height) = SIZE;
     let camera = Camera::from_hfov_deg(65.0, width as u32, height as u32).unwrap();
     let depth_m = DepthMap::from_fn(width, height, |x, y| depth_m(&camera, x, y));
@@ -50,7 +52,7 @@ fn session() -> Session {
     Session::new(ROOM.clone()).unwrap()
 }
 
-fn add(mesh: &str, pixel: [f64; 2]) -> Command {
+pub fn add(mesh: &str, pixel: [f64; 2]) -> Command {
     Command::Add { mesh: mesh.to_owned(), pixel: Some(pixel), material: None }
 }
 
@@ -254,7 +256,7 @@ fn lights_reach_the_picture_and_a_scene_keeps_them() {
     // As `insert` would light it.
     let mut lit = ROOM.scene.clone();
     lit.light_edits = session.state().lights.clone();
-    lightoctree::light_up(&mut lit, lightoctree::LightMode::Plausible, &lightoctree::LightTuning::default()).unwrap();
+    lightoctree::light_up(&mut lit, LightMode::Plausible, &lightoctree::LightTuning::default()).unwrap();
     assert_eq!(*scenes.of(session.state()).unwrap(), lit);
 }
 
@@ -311,7 +313,7 @@ fn command(random: &mut Stream) -> Command {
     let pixel = [random.random_range(0.0..150.0), random.random_range(30.0..96.0)];
     let share = random.random_range(-0.2..1.2f32);
     let time_s = f64::from(random.random_range(-1..8i32)) / 2.0;
-    match random.random_range(0..20) {
+    match random.random_range(0..23) {
         0 | 1 => add("builtin:sphere", pixel),
         2 => Command::Duplicate { object },
         3 => Command::Delete { object },
@@ -330,6 +332,15 @@ fn command(random: &mut Stream) -> Command {
         16 => Command::MoveKey { object, from_s: time_s, to_s: f64::from(share) },
         17 => Command::DeleteKey { object, time_s },
         18 => Command::Interpolate { object, interpolation: Interpolation::CatmullRom },
+        20 => Command::GuessedLight {
+            light: [LightMode::Even, LightMode::Expected, LightMode::Plausible][object as usize % 3],
+        },
+        21 => Command::Contrast { factor: 3.0 * share },
+        22 => match random.random_range(0..3) {
+            0 => Command::White { pixel: Some(pixel) },
+            1 => Command::White { pixel: None },
+            _ => Command::Warmth { ev: 10.0 * share - 5.0 },
+        },
         19 => Command::Frames { frames: Some(random.random_range(0..9)), fps: random.random_range(0..30) },
         _ => match random.random_range(0..3) {
             0 => Command::AddLight {
@@ -352,7 +363,7 @@ fn all_that_was_done_can_be_undone_and_done_again() {
     let (mut done, mut refused) = (0, 0);
     for index in 0..60 {
         let mut random = lo_random::stream(11, "session", index);
-        let mut session = session();
+        let mut session = Session::new(if index % 2 == 0 { ROOM.clone() } else { GUESSED.clone() }).unwrap();
         let beginning = session.state().clone();
         for _ in 0..random.random_range(1..40) {
             let before = session.state().clone();
@@ -396,6 +407,7 @@ fn all_that_was_done_can_be_undone_and_done_again() {
             // Names tell objects apart, and every state can be told on a command line.
             let state = session.state();
             assert!(state.objects.is_empty() || state.layout().is_ok(), "{state:?}");
+            assert!(state.lights.guessed.is_none_or(|guessed| guessed.tuning.wrong().is_none()), "{state:?}");
         }
         session.commit();
         while session.redo() {}

@@ -1,0 +1,238 @@
+//! The choice of the light that no photo shows.
+
+use std::sync::{Arc, LazyLock};
+
+use lightoctree::geometry::Quat;
+use lightoctree::imaging::{Image, Photo, RadianceImage};
+use lightoctree::scene::{Completion, ExpectedLight, Frame, LightChange, Scene};
+use lightoctree::{GuessedLight, LightEffect, LightMode, LightTuning};
+use lo_session::{Command, LitScenes, OpenScene, Session, SessionError, insert_command, insert_words, outputs};
+
+use crate::session::{ROOM, SIZE, add};
+
+/// The walls of the session's room with light from above to the right, as a network expects it. The photo's left corner is black, the right one clipped.
+pub static GUESSED: LazyLock<Arc<OpenScene>> =
+    LazyLock::new(|| Arc::new(OpenScene::new("room.scene", scene(Some(expected())))));
+
+fn expected() -> ExpectedLight {
+    let radiance = RadianceImage::from_fn(64, 32, |x, y| {
+        let near = (-0.02 * ((x as f32 - 44.0).powi(2) + (y as f32 - 8.0).powi(2))).exp();
+        [0.2 + 6.0 * near, 0.2 + 5.0 * near, 0.2 + 3.5 * near]
+    });
+    ExpectedLight::new(&radiance, Quat::IDENTITY, 3.0)
+}
+
+fn scene(expected: Option<ExpectedLight>) -> Scene {
+    let plain = ROOM.scene.clone();
+    let Photo::Srgb8(photo) = &plain.frame.photo else { panic!("it is an 8-bit photo") };
+    let photo = Image::from_fn(SIZE.0, SIZE.1, |x, y| match (x, y) {
+        (0..8, 0..8) => [0; 3],
+        (136.., 0..8) => [255; 3],
+        at => photo[at],
+    });
+    let frame = Frame { photo: Photo::Srgb8(photo), ..plain.frame.clone() };
+    Scene { frame, completion: Completion::Network, expected, ..plain }
+}
+
+fn session() -> Session {
+    Session::new(GUESSED.clone()).unwrap()
+}
+
+fn chosen(session: &Session) -> GuessedLight {
+    session.view().guessed_light.chosen
+}
+
+/// Each message with the value that it leads to, one after the other.
+fn steps() -> [(Command, GuessedLight); 6] {
+    let usual = LightTuning::default();
+    let white = Some([60.5, 80.5]);
+    let plausible = |tuning| GuessedLight { light: LightMode::Plausible, tuning };
+    let tuned = LightTuning { contrast: 0.7, warmth_ev: -0.5, white };
+    [
+        (Command::Contrast { factor: 0.7 }, plausible(LightTuning { contrast: 0.7, ..usual })),
+        (Command::Warmth { ev: -0.5 }, plausible(LightTuning { contrast: 0.7, warmth_ev: -0.5, ..usual })),
+        (Command::White { pixel: white }, plausible(tuned)),
+        (
+            Command::GuessedLight { light: LightMode::Expected },
+            GuessedLight { light: LightMode::Expected, tuning: tuned },
+        ),
+        (
+            Command::White { pixel: None },
+            GuessedLight { light: LightMode::Expected, tuning: LightTuning { white: None, ..tuned } },
+        ),
+        (
+            Command::GuessedLight { light: LightMode::Even },
+            GuessedLight { light: LightMode::Even, tuning: LightTuning { white: None, ..tuned } },
+        ),
+    ]
+}
+
+#[test]
+fn each_message_is_a_step_of_the_history() {
+    let mut session = session();
+    assert_eq!(
+        (chosen(&session), session.view().guessed_light.effect),
+        (GuessedLight::default(), LightEffect::Expected)
+    );
+    for (command, wanted) in steps() {
+        let before = session.state().clone();
+        session.preview(&command).unwrap();
+        assert_eq!(chosen(&session), wanted, "{command:?}");
+        session.cancel();
+        assert_eq!(session.state(), &before);
+        session.apply(&command).unwrap();
+        assert_eq!(chosen(&session), wanted, "{command:?}");
+        assert!(session.undo());
+        assert_eq!(session.state(), &before);
+        assert!(session.redo());
+        assert_eq!(chosen(&session), wanted, "{command:?}");
+    }
+    // What was tuned comes back with the light that it has an effect on.
+    session.apply(&Command::GuessedLight { light: LightMode::Plausible }).unwrap();
+    assert_eq!(session.state().guessed().tuning.contrast, 0.7);
+    session.apply(&Command::ResetLights).unwrap();
+    assert_eq!((chosen(&session), session.state().lights.is_empty()), (GuessedLight::default(), true));
+    // A whole drag is one step, and one that comes back is none.
+    for factor in [1.2, 1.6, 2.0] {
+        session.preview(&Command::Contrast { factor }).unwrap();
+    }
+    session.commit();
+    session.preview(&Command::Contrast { factor: 0.0 }).unwrap();
+    session.preview(&Command::Contrast { factor: 2.0 }).unwrap();
+    session.commit();
+    assert_eq!(chosen(&session).tuning.contrast, 2.0);
+    assert!(session.undo());
+    assert_eq!(session.state().lights.guessed, None);
+}
+
+#[test]
+fn what_cannot_be_chosen_is_refused_and_changes_nothing() {
+    let refused = |session: &mut Session, command: Command, why: &str| {
+        let before = session.state().clone();
+        for tried in [session.preview(&command), session.apply(&command)] {
+            let error = tried.unwrap_err().to_string();
+            assert!(error.contains(why), "{command:?}: {error}");
+        }
+        assert_eq!(session.state(), &before, "{command:?}");
+    };
+    let white = |u: f64, v: f64| Command::White { pixel: Some([u, v]) };
+    let mut guessed = session();
+    for factor in [-0.1, 3.01, f32::NAN, f32::INFINITY] {
+        refused(&mut guessed, Command::Contrast { factor }, "the contrast must be from 0 to 3");
+    }
+    for ev in [-4.1, 4.1, f32::NAN, f32::NEG_INFINITY] {
+        refused(&mut guessed, Command::Warmth { ev }, "the warmth must be from -4 to 4 stops");
+    }
+    for (u, v) in [(-0.5, 3.0), (SIZE.0 as f64, 3.0), (3.0, SIZE.1 as f64), (f64::NAN, 3.0), (3.0, f64::INFINITY)] {
+        refused(&mut guessed, white(u, v), "outside of the");
+    }
+    refused(&mut guessed, white(2.5, 2.5), "black at (2.5, 2.5)");
+    refused(&mut guessed, white(141.5, 2.5), "clipped at (141.5, 2.5)");
+    guessed.apply(&white(60.5, 80.5)).unwrap();
+    refused(&mut guessed, white(2.5, 2.5), "black");
+    guessed.apply(&Command::GuessedLight { light: LightMode::Expected }).unwrap();
+    refused(&mut guessed, Command::Contrast { factor: 2.0 }, "only plausible light");
+    guessed.apply(&Command::GuessedLight { light: LightMode::Even }).unwrap();
+    for command in [Command::Warmth { ev: 1.0 }, white(60.5, 80.5), Command::White { pixel: None }] {
+        refused(&mut guessed, command, "not even light");
+    }
+    // An older scene of a network, and one without a network.
+    let mut older = Session::new(Arc::new(OpenScene::new("room.scene", scene(None)))).unwrap();
+    assert_eq!(older.view().guessed_light.effect, LightEffect::Fitted);
+    for command in [Command::Contrast { factor: 2.0 }, Command::Warmth { ev: 1.0 }, white(60.5, 80.5)] {
+        refused(&mut older, command, "no expected light");
+    }
+    older.apply(&Command::GuessedLight { light: LightMode::Even }).unwrap();
+    let mut shell = Session::new(ROOM.clone()).unwrap();
+    assert_eq!(shell.view().guessed_light.effect, LightEffect::None);
+    refused(&mut shell, Command::GuessedLight { light: LightMode::Even }, "all choices are the same");
+}
+
+/// Lit as the command line does it.
+fn lit(session: &Session) -> Scene {
+    let GuessedLight { light, tuning } = session.state().guessed();
+    let mut scene = GUESSED.scene.clone();
+    scene.light_edits = session.state().lights.clone();
+    lightoctree::light_up(&mut scene, light, &tuning).unwrap();
+    scene
+}
+
+#[test]
+fn scenes_are_lit_as_by_the_command_line() {
+    let mut session = session();
+    let scenes = LitScenes::new(GUESSED.clone());
+    assert!(*scenes.of(session.state()).unwrap() == lit(&session));
+    for (command, _) in steps() {
+        let before = scenes.of(session.state()).unwrap();
+        session.apply(&command).unwrap();
+        let after = scenes.of(session.state()).unwrap();
+        assert!(*after == lit(&session), "{command:?}");
+        assert!(after.light != before.light, "{command:?}");
+    }
+    // With edits of lights, too, whose names do not depend on the choice.
+    session.apply(&Command::GuessedLight { light: LightMode::Plausible }).unwrap();
+    let names = |session: &Session| session.view().lights.into_iter().map(|light| light.listed.id).collect::<Vec<_>>();
+    let light = names(&session)[0].clone();
+    let change = LightChange { on: false, ..LightChange::NONE };
+    session.apply(&Command::SetLight { light, change }).unwrap();
+    for factor in [0.0, 1.0, 3.0] {
+        let known = names(&session);
+        session.apply(&Command::Contrast { factor }).unwrap();
+        assert_eq!(names(&session), known);
+        assert!(*scenes.of(session.state()).unwrap() == lit(&session), "{factor}");
+    }
+}
+
+#[test]
+fn a_draft_previews_what_is_fitted_later() {
+    let mut session = session();
+    let scenes = LitScenes::new(GUESSED.clone());
+    session.apply(&Command::Contrast { factor: 2.0 }).unwrap();
+    let draft = scenes.draft_of(session.state()).unwrap();
+    assert!(Arc::ptr_eq(&draft, &scenes.draft_of(session.state()).unwrap()), "it is held");
+    let fitted = scenes.of(session.state()).unwrap();
+    assert!(Arc::ptr_eq(&fitted, &scenes.draft_of(session.state()).unwrap()), "what is fitted is better");
+    // Half a stop: a preview shows the contrast that was asked for.
+    let sum = |scene: &Scene| scene.light.rgba.last().unwrap().iter().map(|rgba| rgba[1]).sum::<f32>();
+    let [draft, fitted] = [sum(&draft), sum(&fitted)];
+    assert!((draft / fitted).log2().abs() < 0.5, "{draft} {fitted}");
+}
+
+#[test]
+fn the_scene_and_the_command_line_keep_the_choice() {
+    let mut session = session();
+    session.apply(&add("builtin:sphere", [125.5, 90.5])).unwrap();
+    let plain = insert_command("room.scene", session.state()).unwrap();
+    let options = |session: &Session| {
+        let words = insert_words("room.scene", session.state()).unwrap();
+        let from = words.iter().position(|word| word == "--light").unwrap_or(words.len());
+        words[from..].iter().take_while(|word| *word != "--quality").cloned().collect::<Vec<_>>().join(" ")
+    };
+    assert!(!plain.contains("--light"));
+    let wanted = [
+        "--light plausible --contrast 0.7",
+        "--light plausible --contrast 0.7 --warmth -0.5",
+        "--light plausible --contrast 0.7 --warmth -0.5 --white 60.5,80.5",
+        "--light expected --warmth -0.5 --white 60.5,80.5",
+        "--light expected --warmth -0.5",
+        "--light even",
+    ];
+    for ((command, _), wanted) in steps().into_iter().zip(wanted) {
+        session.apply(&command).unwrap();
+        assert_eq!(options(&session), wanted);
+        assert!(!session.view().edited, "the options tell all of it");
+    }
+    session.apply(&Command::GuessedLight { light: LightMode::Plausible }).unwrap();
+    let saved = Scene::from_bytes(&outputs::scene(&GUESSED, session.state()).unwrap()).unwrap();
+    assert_eq!(saved.light_edits.guessed, Some(chosen(&session)));
+    let mut again = Session::new(Arc::new(OpenScene::new("room.scene", saved))).unwrap();
+    assert_eq!((chosen(&again), again.view().edited), (chosen(&session), false));
+    // Against a file that has a choice, the options say even the usual light; without a choice the file is to be saved first.
+    for command in [Command::Contrast { factor: 1.0 }, Command::Warmth { ev: 0.0 }] {
+        again.apply(&command).unwrap();
+    }
+    assert_eq!((options(&again).as_str(), again.view().edited), ("--light plausible", false));
+    again.apply(&Command::ResetLights).unwrap();
+    assert_eq!((options(&again).as_str(), again.view().edited), ("", true));
+    assert!(matches!(again.apply(&Command::Contrast { factor: 9.0 }), Err(SessionError::Number { .. })));
+}

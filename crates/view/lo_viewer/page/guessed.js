@@ -1,0 +1,80 @@
+// The light of what no photo shows: which one, its contrast and warmth, and a pixel that shows something white.
+
+import { byId, element, fill, short } from "./dom.js";
+import { numberSlider } from "./slider.js";
+
+const LIGHTS = ["even", "expected", "plausible"];
+const TITLE = "Even: without lamps that no photo shows. Expected: right on average, and soft. "
+  + "Plausible: gathered into lamps and windows.";
+
+/** Why a choice changes nothing. */
+const NOTES = {
+  none: "The light of this scene is no guess of a network: there is nothing to choose.",
+  fitted: "This scene has no expected light: contrast, warmth and white change nothing, and expected light is even.",
+};
+
+/** Builds the controls; the answer has their `root`, and `show()` for a new state. */
+export function guessedLight(page, act) {
+  const fields = element("div", { className: "fields" });
+  const field = (text, id, control) => fields.append(element("label", { textContent: text, htmlFor: id }), control);
+  const options = LIGHTS.map((value) => element("option", { value, textContent: value }));
+  const choice = element("select", { id: "guessed-light", title: TITLE }, ...options);
+  choice.onchange = () => act({ do: "guessed-light", light: choice.value });
+  const slider = (id, name, [min, max], step, command) => numberSlider(page, { id, name, min, max, step, command });
+  const contrast = slider("contrast", "Contrast", [0, 3], 0.05, (factor) => ({ do: "contrast", factor }));
+  const warmth = slider("warmth", "Warmth in stops", [-4, 4], 0.1, (ev) => ({ do: "warmth", ev }));
+  const button = (id, textContent, extra) => element("button", { type: "button", id, textContent, ...extra });
+  const pick = button("pick-white", "Pick white", { "aria-pressed": "false" });
+  const clear = button("clear-white", "Clear", { "aria-label": "Clear the white pixel" });
+  clear.onclick = () => act({ do: "white", pixel: null });
+  const at = element("span", { className: "note", id: "white-at" });
+  field("Light", choice.id, choice);
+  field("Contrast", contrast.range.id, contrast.root);
+  field("Warmth, EV", warmth.range.id, warmth.root);
+  field("White", pick.id, element("div", { className: "row" }, pick, clear));
+  fields.append(at);
+  const note = element("p", { className: "note" });
+
+  const hint = byId("pick-hint");
+  const picking = (isOn) => {
+    page.picking = isOn ? picked : null;
+    pick.setAttribute("aria-pressed", String(isOn));
+    hint.hidden = !isOn;
+  };
+  /** A pixel was clicked, or none. */
+  const picked = (pixel) => {
+    picking(false);
+    if (pixel) act({ do: "white", pixel });
+  };
+  pick.onclick = () => {
+    if (page.picking) {
+      picked(null);
+      return;
+    }
+    byId("view-photo").click();
+    byId("stage").focus();
+    picking(true);
+  };
+
+  return {
+    root: element("div", { className: "guessed" }, fields, note),
+    show() {
+      const { light, contrast: factor, warmth_ev, white, effect } = page.view.guessed_light;
+      const isTuned = effect === "expected" && light !== "even";
+      fill(choice, light);
+      choice.disabled = effect === "none";
+      contrast.show(factor);
+      contrast.enable(isTuned && light === "plausible");
+      warmth.show(warmth_ev);
+      warmth.enable(isTuned);
+      pick.disabled = !isTuned;
+      clear.disabled = !isTuned || !white;
+      clear.hidden = !white;
+      at.hidden = !white;
+      at.textContent = white ? `at ${white.map((position) => short(Math.floor(position))).join(", ")}` : "";
+      note.hidden = effect === "expected";
+      note.textContent = NOTES[effect] ?? "";
+      if (!isTuned && page.picking) picked(null);
+    },
+  };
+}
