@@ -608,16 +608,38 @@ fn drag_for(browser: &mut Browser, seconds: f64) -> (f64, f64, f64) {
         browser.mouse("mouseMoved", place);
         std::thread::sleep(std::time::Duration::from_millis(8));
     }
+    let measured = measured(browser);
+    browser.mouse("mouseReleased", place);
+    measured
+}
+
+/// Pictures a second, and latency in the median and in nine of ten, of the movement at hand.
+fn measured(browser: &mut Browser) -> (f64, f64, f64) {
     let numbers = |browser: &mut Browser, list: &str| -> Vec<f64> {
         let list = browser.value(&format!("viewer.figures.{list}"));
         list.as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
     };
     let at = numbers(browser, "frames_at_ms");
     let mut latencies = numbers(browser, "latencies_ms");
-    browser.mouse("mouseReleased", place);
     latencies.sort_by(f64::total_cmp);
     let rate = 1e3 * (at.len() - 1) as f64 / (at[at.len() - 1] - at[0]);
     (rate, latencies[latencies.len() / 2], latencies[latencies.len() * 9 / 10])
+}
+
+/// The same while a slider moves.
+fn slide_for(browser: &mut Browser, id: &str, seconds: f64) -> (f64, f64, f64) {
+    browser.value("viewer.figures.latencies_ms.length = viewer.figures.frames_at_ms.length = 0");
+    let begun = std::time::Instant::now();
+    while begun.elapsed().as_secs_f64() < seconds {
+        let value = 1.0 + 0.8 * (2.0 * begun.elapsed().as_secs_f64()).sin();
+        browser.value(&format!(
+            "(() => {{ const field = document.getElementById('{id}'); field.value = '{value}'; field.dispatchEvent(new Event('input')); }})()"
+        ));
+        std::thread::sleep(std::time::Duration::from_millis(8));
+    }
+    let measured = measured(browser);
+    browser.value(&format!("document.getElementById('{id}').dispatchEvent(new Event('change'))"));
+    measured
 }
 
 /// Pictures a second while the room is turned, how long the program works at one (median), and at one of a view that is still.
@@ -696,6 +718,17 @@ fn view_figures() {
             shot(&mut browser, &format!("figures_{}.png", name.replace(' ', "_")));
             browser.wait(FINAL);
             shot(&mut browser, &format!("figures_{}_final.png", name.replace(' ', "_")));
+        }
+        for (name, id) in
+            [("contrast", "contrast"), ("warmth", "warmth"), ("brightness of a lamp", "light-L1-Brightness")]
+        {
+            if browser.value(&format!("document.getElementById('{id}') === null")) == true {
+                continue;
+            }
+            let (rate, median_ms, ninth_ms) = slide_for(&mut browser, id, 8.0);
+            println!("{what}, {name}: {rate:.1} pictures/s, {median_ms:.0} ms median, {ninth_ms:.0} ms in nine of ten");
+            browser.wait(FINAL);
+            shot(&mut browser, &format!("figures_{id}.png"));
         }
         let (rate, median_ms, still_ms) = turn_for(&mut browser, 8.0);
         println!(
