@@ -308,11 +308,11 @@ def lights():
 # shares of their distance.
 TWELVE = [
     (lambda: smaller("rgbd/library_color.jpg"), None, (0.40, 0.80), (0.54, 0.86), (0.74, 0.82), 0.14),
-    (lambda: DATA / "rgbd/tum_desk_color.png", None, (0.33, 0.50), (0.45, 0.52), (0.12, 0.85), 0.10),
+    (lambda: DATA / "rgbd/tum_desk_color.png", None, (0.33, 0.51), (0.45, 0.53), (0.66, 0.57), 0.10),
     (lambda: smaller("photos_more/desk_devices.jpg"), None, (0.28, 0.84), (0.42, 0.83), (0.70, 0.88), 0.14),
-    (lambda: smaller("photos_more/museum_court.jpg"), None, (0.25, 0.92), (0.42, 0.94), (0.70, 0.92), 0.12),
+    (lambda: smaller("photos_more/museum_court.jpg"), None, (0.20, 0.96), (0.80, 0.96), (0.62, 0.94), 0.06),
     (lambda: smaller("photos_more/museum_whale.jpg"), None, (0.50, 0.90), (0.62, 0.90), (0.78, 0.93), 0.10),
-    (lambda: smaller("photos_more/parquet_pc.jpg"), None, (0.62, 0.86), (0.76, 0.83), (0.88, 0.62), 0.12),
+    (lambda: smaller("photos_more/parquet_pc.jpg"), None, (0.78, 0.92), (0.91, 0.84), (0.60, 0.95), 0.10),
     (lambda: DATA / "rgbd_more/tum_fr2_hall_01_color.jpg", None, (0.50, 0.93), (0.62, 0.94), (0.35, 0.90), 0.10),
     (lambda: DATA / "rgbd_more/tum_fr3_cabinet_01_color.jpg", None, (0.20, 0.70), (0.34, 0.90), (0.72, 0.86), 0.12),
     (lambda: view("hdr/lebombo_1k.hdr", (960, 640), 75, 90, -14, 0.35), 75, (0.40, 0.86), (0.56, 0.90), (0.76, 0.92), 0.12),
