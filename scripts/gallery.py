@@ -342,7 +342,7 @@ def sunny():
     photo = view("hdr/lebombo_1k.hdr", (960, 640), 80, 80, -20, 0.266)
     file = scene("sunny", photo)
     lit = WORK / "sunny_lit.scene"
-    run(PROGRAM, "lights", "add", "sun", file, "--shadow", "435,98,543,207", "-o", lit, "--force", "--quiet")
+    run(PROGRAM, "lights", "add", "sun", file, "--azimuth", -109, "--elevation", 44, "-o", lit, "--force", "--quiet")
     mesh = ("--mesh", DATA / "meshes/suzanne.glb", "--height", 0.3, "--pixel", "640,560", "--yaw-deg", 20)
     near, far = (("--mesh", "builtin:sphere", "--height", 0.22, "--pixel", pixel) for pixel in ("330,560", "760,480"))
     options = (*mesh, *near, *far, "--quality", "high")
