@@ -22,10 +22,10 @@ pub enum LightingError {
     /// An edit is of an emitter that there is not.
     #[error(transparent)]
     Edit(#[from] LightsError),
-    /// What is said to be white shows no surface.
+    /// The white pixel shows no surface.
     #[error("what is said to be white: {0}")]
     White(#[source] InsertError),
-    /// What is said to be white is clipped or black, and has no colour.
+    /// The white pixel is clipped or black, so it has no colour.
     #[error("what is said to be white is {0} at ({1}, {2}): choose a pixel of another brightness")]
     WhiteWithoutColour(&'static str, f64, f64),
 }

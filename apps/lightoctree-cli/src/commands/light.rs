@@ -73,9 +73,8 @@ impl LightArgs {
     /// Options that have no effect on it.
     fn chosen(&self, scene: &Scene, usual: LightMode) -> anyhow::Result<(LightMode, LightTuning)> {
         let tunes = self.contrast.is_some() || self.warmth.is_some() || self.white.is_some();
-        if let (None, false, Some(saved)) =
-            (self.light, self.lamp || self.no_lamp || tunes, scene.light_edits.guessed.as_ref())
-        {
+        let is_asked = self.light.is_some() || self.lamp || self.no_lamp || tunes;
+        if let Some(saved) = scene.light_edits.guessed.filter(|_| !is_asked) {
             let GuessedLight { light, tuning } = saved.in_effect();
             return Ok((light, tuning));
         }

@@ -467,7 +467,8 @@ fn row(light: &ListedLight) -> Vec<String> {
         radiance,
         or_none(light.color_temperature_k.map(|kelvin| format!("{:.0} K", (kelvin / 10.0).round() * 10.0))),
         or_none(light.flux_share.map(|share| {
-            if share < 1e-3 { format!("{:.2} %", 100.0 * share) } else { format!("{:.1} %", 100.0 * share) }
+            let digits = if share < 1e-3 { 2 } else { 1 };
+            format!("{:.digits$} %", 100.0 * share)
         })),
         or_none(light.certainty.map(|certainty| format!("{certainty:.2}"))),
         or_none(light.change.map(changed)),

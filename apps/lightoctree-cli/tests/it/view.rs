@@ -55,7 +55,7 @@ fn the_final_picture_is_that_of_the_command_line_that_is_shown() {
     assert_eq!(read(&downloaded).channels, read(&std::fs::read(folder.path().join("layers.exr")).unwrap()).channels);
 }
 
-/// What a shell passes on of a command line, without its first word.
+/// Arguments of a command line as a shell splits it, without the program's name.
 fn words(command: &str) -> Vec<String> {
     // Words without spaces, but for what is quoted.
     let all: Vec<String> = command

@@ -240,9 +240,7 @@ fn a_person_chooses_the_guessed_light() {
     // A slider is dragged: drafts come, its number goes along, and it is one step.
     let slide = |browser: &mut Browser, id: &str, values: &[f64]| {
         for value in values {
-            browser.value(&format!(
-                "(() => {{ const field = document.getElementById('{id}'); field.value = '{value}'; field.dispatchEvent(new Event('input')); }})()"
-            ));
+            set_field(browser, id, value, "input");
             browser.wait(&format!("Object.values({chosen}).includes({value})"));
         }
         browser.value(&format!("document.getElementById('{id}').dispatchEvent(new Event('change'))"));
@@ -300,9 +298,7 @@ fn a_person_chooses_the_guessed_light() {
     browser.wait("document.getElementById('clear-white').hidden");
     // What has no effect cannot be moved.
     let choose = |browser: &mut Browser, light: &str| {
-        browser.value(&format!(
-            "(() => {{ const field = document.getElementById('guessed-light'); field.value = '{light}'; field.dispatchEvent(new Event('change')); }})()"
-        ));
+        set_field(browser, "guessed-light", light, "change");
         browser.wait(&format!("{chosen}.light === '{light}'"));
     };
     choose(&mut browser, "expected");
@@ -626,15 +622,20 @@ fn measured(browser: &mut Browser) -> (f64, f64, f64) {
     (rate, latencies[latencies.len() / 2], latencies[latencies.len() * 9 / 10])
 }
 
-/// The same while a slider moves.
+/// Gives a field of the page a value, and the page this event of it.
+fn set_field(browser: &mut Browser, id: &str, value: impl std::fmt::Display, event: &str) {
+    browser.value(&format!(
+        "(() => {{ const field = document.getElementById('{id}'); field.value = '{value}'; field.dispatchEvent(new Event('{event}')); }})()"
+    ));
+}
+
+/// Measures pictures while a slider moves.
 fn slide_for(browser: &mut Browser, id: &str, seconds: f64) -> (f64, f64, f64) {
     browser.value("viewer.figures.latencies_ms.length = viewer.figures.frames_at_ms.length = 0");
     let begun = std::time::Instant::now();
     while begun.elapsed().as_secs_f64() < seconds {
         let value = 1.0 + 0.8 * (2.0 * begun.elapsed().as_secs_f64()).sin();
-        browser.value(&format!(
-            "(() => {{ const field = document.getElementById('{id}'); field.value = '{value}'; field.dispatchEvent(new Event('input')); }})()"
-        ));
+        set_field(browser, id, value, "input");
         std::thread::sleep(std::time::Duration::from_millis(8));
     }
     let measured = measured(browser);

@@ -24,7 +24,7 @@ impl FieldCell {
     }
 }
 
-/// What a whole photo tells of its lens.
+/// Estimate of the lens from the photo as a whole.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LensGuess {
     /// Logarithm of [`Camera::half_extent`](crate::Camera::half_extent).
@@ -33,12 +33,12 @@ pub struct LensGuess {
     pub deviation: f64,
 }
 
-/// What a photo tells of its camera.
+/// Evidence of a photo's camera.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PerspectiveField {
-    /// At each place.
+    /// Perspective field, cell by cell.
     pub cells: Vec<FieldCell>,
-    /// As a whole.
+    /// Estimate from the whole photo, if the network makes one.
     pub lens: Option<LensGuess>,
 }
 
@@ -134,12 +134,12 @@ impl Perspective {
     }
 }
 
-/// What is known of the lens beside the cells.
+/// Knowledge of the lens in addition to the cells.
 #[derive(Clone, Copy)]
 enum Lens {
     Known,
     Unknown,
-    /// It counts as much as this many cells that are as certain.
+    /// With the number of equally certain cells that it counts as.
     Guessed(LensGuess, f64),
 }
 

@@ -4,7 +4,7 @@
 use std::f32::consts::PI;
 
 use burn::tensor::Tensor;
-use lo_geometry::Vec3;
+use lo_geometry::{Vec3, fibonacci_sphere, pixel_direction, pixel_solid_angle_sr};
 
 /// Surfaces whose irradiance is compared.
 pub(crate) const FACINGS: usize = 96;
@@ -24,25 +24,22 @@ const COLOUR: f32 = 2.0;
 /// Irradiance over π of each facing under some panoramas: a channel each, `[panoramas, FACINGS]`.
 pub(crate) type Irradiance = [Tensor<2>; 3];
 
-/// Directions on a Fibonacci sphere.
-pub(crate) fn facings() -> Vec<Vec3> {
-    let golden_rad = PI * (3.0 - 5f32.sqrt());
-    let facing = |i: usize| {
-        let y = 1.0 - 2.0 * (i as f32 + 0.5) / FACINGS as f32;
-        let (sine, cosine) = (i as f32 * golden_rad).sin_cos();
-        let radius = (1.0 - y * y).sqrt();
-        Vec3::new(radius * cosine, y, radius * sine)
-    };
-    (0..FACINGS).map(facing).collect()
-}
-
-/// What radiance 1 from each direction, which stands for so much of the sphere, adds to the irradiance over π of each facing: `[directions, FACINGS]`.
+/// Irradiance over π at each facing of [`fibonacci_sphere`] by radiance 1 from each direction, given with the solid angle that it represents:
+/// `[directions, FACINGS]`.
 pub(crate) fn cosines(directions: impl Iterator<Item = (Vec3, f32)>) -> Vec<f32> {
-    let facings = facings();
+    let facings = fibonacci_sphere(FACINGS);
     let of = |(direction, solid_angle_sr): (Vec3, f32)| {
         facings.iter().map(move |facing| facing.dot(direction).max(0.0) * solid_angle_sr / PI).collect::<Vec<_>>()
     };
     directions.flat_map(of).collect()
+}
+
+/// [`cosines`] of the pixels of an equirectangular panorama of this size.
+pub(crate) fn panorama_cosines(width: usize, height: usize) -> Vec<f32> {
+    cosines((0..width * height).map(|i| {
+        let (x, y) = (i % width, i / width);
+        (pixel_direction(x, y, width, height), pixel_solid_angle_sr(y, width, height))
+    }))
 }
 
 /// Luminance.
@@ -85,7 +82,7 @@ mod tests {
     fn a_lamp_of_uncertain_place_is_not_left_out() {
         // A lamp is in one of two places: of all panoramas that do not know which, the best has half of it in both.
         let places = [Vec3::X, Vec3::NEG_X];
-        let sphere = lo_geometry::fibonacci_sphere(500);
+        let sphere = fibonacci_sphere(500);
         let directions = sphere.iter().map(|&d| (d, 4.0 * PI / 500.0));
         let device = recording_device();
         let cosines = Tensor::<2>::from_data(TensorData::new(cosines(directions), [500, FACINGS]), &device);

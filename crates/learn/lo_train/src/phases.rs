@@ -85,12 +85,12 @@ pub struct ExpectedPhase {
     pub photos: usize,
     /// Panoramas that they are cut out of; where there are none, those of the run, or all of its data.
     pub panoramas: Vec<PanoramaData>,
-    /// What they are varied by.
+    /// Augmentation of these photos.
     pub augmentation: AugmentationConfig,
 }
 
 impl ExpectedPhase {
-    /// What a file need not say. The lens is believed as it is.
+    /// Defaults; focal lengths are not varied.
     pub fn usual() -> Self {
         Self {
             schedule: Schedule { steps: 1_200, learning_rate: 2e-3, warm_up_steps: 20, final_share: 0.02 },

@@ -190,8 +190,8 @@ impl Environment {
         samples.iter().map(|sample| if near(sample) { Vec3::from(sample.radiance) } else { Vec3::ZERO }).collect()
     }
 
-    /// What each cone of a reflection sees with all lights ([`Environment::gather`]), and where the photo shows what is
-    /// met, that. Where nothing was seen, the photo's detail is added. Cones begin at
+    /// Radiance along the cones of a reflection with all lights ([`Environment::gather`]). Where the photo shows the surface
+    /// that is met, the photo's radiance is used; where nothing was seen, the photo's detail is added. Cones begin at
     /// [lifted](Environment::lifted) places, and are lowered to the `apexes` that they were lifted from where the photo is looked up: it knows surfaces
     /// finer than the octree's leaves. Distances are from where the cones begin then.
     pub fn gather_reflected(&self, apexes: &[Vec3], cones: &mut [Cone], samples: &mut Vec<ConeSample>) {

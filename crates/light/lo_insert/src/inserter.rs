@@ -79,7 +79,7 @@ impl Inserter {
         Ok(inserter)
     }
 
-    /// The same without gathering light before it is needed: for a single picture in this light.
+    /// [`Inserter::new`] that gathers light only when a picture needs it: for a single picture in this light.
     ///
     /// # Errors
     /// As of [`Inserter::new`].

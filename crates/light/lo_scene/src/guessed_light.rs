@@ -57,7 +57,7 @@ impl Default for LightTuning {
 }
 
 impl LightTuning {
-    /// What is out of range, if anything. Whether a pixel lies in the photo depends on the scene.
+    /// Names a value that is out of range. The white pixel is not compared with the size of a photo.
     pub fn wrong(&self) -> Option<&'static str> {
         if !CONTRASTS.contains(&self.contrast) {
             return Some("the contrast");
@@ -80,14 +80,14 @@ pub struct GuessedLight {
 }
 
 impl Default for GuessedLight {
-    /// What objects are lit by.
+    /// Plausible light, the default for inserted objects.
     fn default() -> Self {
         Self { light: LightMode::Plausible, tuning: LightTuning::default() }
     }
 }
 
 impl GuessedLight {
-    /// The same light without tuning that has no effect on it.
+    /// A copy in which tuning without effect on this light is reset.
     #[must_use]
     pub fn in_effect(&self) -> Self {
         let usual = LightTuning::default();
@@ -100,7 +100,7 @@ impl GuessedLight {
     }
 }
 
-/// What a choice of light changes in a scene.
+/// Effect that the choice of light has in a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LightEffect {

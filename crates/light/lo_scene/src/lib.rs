@@ -25,8 +25,8 @@
 //! `depth-model`, `default`, or `network` with `deviation_deg`), and where a network told which way is up, `up_deviation_deg` how far off that is expected to be. Where a panorama
 //! was given there is also `panorama`: `file`, `position_m`, `yaw_deg`, `pitch_deg`, `roll_deg`, `exposure_ev`, `confidence`, `clipped`
 //! ([`PanoramaSource`]); of expected light `expected_light` has `scale`, `world_from_panorama` and `contrast_stops` ([`ExpectedLight`]). With a panorama comes also `panorama_picture` with `scale` (values of the tensor times it are radiance) and `world_from_panorama` (rotation `x y z w`). Where the scene is from several photos, `other_photos` has of each but the first
-//! `first_from_camera` (`rotation` x y z w, `translation_m`), `camera` and `exposure`. Where somebody edited the light, `light_edits` has `emitters`,
-//! `added` and `guessed` ([`LightEdits`]); the octree's tensors are the estimate all the same. Where somebody stood objects into the photo, `objects` has `floor_gloss`, `frames` (only where
+//! `first_from_camera` (`rotation` x y z w, `translation_m`), `camera` and `exposure`. Edits of light are in `light_edits`: `emitters`,
+//! `added` and `guessed` ([`LightEdits`]); the octree's tensors remain the unedited estimate. Inserted objects are in `objects`, with `floor_gloss`, `frames` (only where
 //! somebody chose their number), `fps`, `time_s` ([`ObjectsShown`]) and `files`, the names of what `objects.0` … hold ([`SceneObjects`]). In Python:
 //!
 //! ```python

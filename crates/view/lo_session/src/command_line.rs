@@ -21,20 +21,20 @@ pub fn insert_words(scene_file: &str, state: &State) -> Option<Vec<String>> {
     if state.span_s().is_some() {
         let (frames, fps) = (state.sequence_frames().to_string(), state.fps.to_string());
         words.extend(["--layout", "objects.json", "--frames", &frames, "--fps", &fps].map(str::to_owned));
-        if state.floor_gloss > 0.0 {
-            words.extend(["--floor-gloss".into(), state.floor_gloss.to_string()]);
-        }
-        words.extend(of_light(state));
+        words.extend(of_scene(state));
         words.extend(["-o", "video.y4m"].map(str::to_owned));
         return Some(words);
     }
     state.objects.iter().map(Object::to_layout).for_each(|object| words.extend(of_object(&object)));
-    if state.floor_gloss > 0.0 {
-        words.extend(["--floor-gloss".into(), state.floor_gloss.to_string()]);
-    }
-    words.extend(of_light(state));
+    words.extend(of_scene(state));
     words.extend(["--quality", "high", "-o", "picture.png"].map(str::to_owned));
     Some(words)
+}
+
+/// Options that concern all objects: the polish of the floor, and the light.
+fn of_scene(state: &State) -> Vec<String> {
+    let gloss = (state.floor_gloss > 0.0).then(|| ["--floor-gloss".to_owned(), state.floor_gloss.to_string()]);
+    gloss.into_iter().flatten().chain(of_light(state)).collect()
 }
 
 /// The light that was chosen, with all of its options that differ from their defaults: one of them makes `insert` forget what the scene's file says.

@@ -112,12 +112,7 @@ pub fn panorama_loss(panorama: Tensor<4>, truths: &[Option<&RadianceImage>]) -> 
 /// Under equirectangular panoramas `[3, panoramas, height, width]`.
 fn panorama_irradiance(panorama: Tensor<4>) -> Irradiance {
     let [_, panoramas, height, width] = panorama.dims();
-    let pixel = |i: usize| {
-        let (x, y) = (i % width, i / width);
-        let direction = lo_geometry::pixel_direction(x, y, width, height);
-        (direction, lo_geometry::pixel_solid_angle_sr(y, width, height))
-    };
-    let cosines = energy::cosines((0..width * height).map(pixel));
+    let cosines = energy::panorama_cosines(width, height);
     let size = [width * height, FACINGS];
     let cosines = Tensor::<2>::from_data(TensorData::new(cosines, size), &panorama.device());
     [0, 1, 2].map(|c| panorama.clone().narrow(0, c, 1).reshape([panoramas, width * height]).matmul(cosines.clone()))
@@ -191,7 +186,7 @@ mod tests {
         let values = (0..3 * 32 * 64).map(|i| if i / 64 % 32 < 16 { 1.0 } else { 0.0 }).collect();
         let x = Tensor::<4>::from_data(TensorData::new::<f32, _>(values, [3, 1, 32, 64]), &recording_device());
         let found = numbers(panorama_irradiance(x)[1].clone().inner());
-        for (facing, found) in energy::facings().iter().zip(found) {
+        for (facing, found) in lo_geometry::fibonacci_sphere(FACINGS).iter().zip(found) {
             assert!((found - f64::from(0.5 * (1.0 + facing.y))).abs() < 3e-3, "{facing} {found}");
         }
     }

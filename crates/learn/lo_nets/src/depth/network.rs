@@ -208,7 +208,7 @@ impl DepthNet {
         self.field(photo, self.encoder.forward(self.input(&[photo])))
     }
 
-    /// The same from the encoder's features.
+    /// [`DepthNet::perspective_field`] from features of the encoder.
     fn field(&self, photo: &Image<[u8; 3]>, features: [Tensor<4>; 5]) -> PerspectiveField {
         let Some(head) = &self.perspective else { return PerspectiveField::default() };
         let last = features[4].clone();

@@ -64,7 +64,7 @@ pub struct PerspectiveHead {
     pub stage: ConvStage,
     /// To the channels of [`PerspectiveOutput`].
     pub output: Conv2d,
-    /// What the photo as a whole tells; `None` in networks that have not learned it.
+    /// Estimate of the lens from the whole photo; `None` in networks that have not learned it.
     pub lens: Option<LensHead>,
 }
 
@@ -123,7 +123,7 @@ fn place([width, height]: [usize; 2], column: usize, row: usize) -> [f64; 2] {
 }
 
 impl PerspectiveOutput {
-    /// What the first photo tells.
+    /// Field and lens of the first photo.
     pub fn field(&self) -> PerspectiveField {
         let lens = self.lens.as_ref().map(|lens| {
             let told: Vec<f32> = lens.clone().inner().narrow(0, 0, 1).into_data().iter().collect();

@@ -1,4 +1,4 @@
-//! What expected light is told by: the irradiance of surfaces of all facings by what the photo does not show.
+//! Losses of expected light: irradiance by what the photo does not show, at surfaces of all facings.
 
 use std::sync::OnceLock;
 
@@ -51,22 +51,14 @@ impl ExpectedLosses {
     }
 }
 
-/// [`energy::cosines`] of the pixels of a panorama.
-fn cosines(height: usize) -> Vec<f32> {
-    energy::cosines((0..2 * height * height).map(|i| {
-        let (x, y) = (i % (2 * height), i / (2 * height));
-        (pixel_direction(x, y, 2 * height, height), pixel_solid_angle_sr(y, 2 * height, height))
-    }))
-}
-
 fn truth_cosines() -> &'static [f32] {
     static COSINES: OnceLock<Vec<f32>> = OnceLock::new();
-    COSINES.get_or_init(|| cosines(TRUTH_HEIGHT))
+    COSINES.get_or_init(|| energy::panorama_cosines(2 * TRUTH_HEIGHT, TRUTH_HEIGHT))
 }
 
 fn loss_cosines() -> &'static [f32] {
     static COSINES: OnceLock<Vec<f32>> = OnceLock::new();
-    COSINES.get_or_init(|| cosines(LOSS_HEIGHT))
+    COSINES.get_or_init(|| energy::panorama_cosines(2 * LOSS_HEIGHT, LOSS_HEIGHT))
 }
 
 impl ExpectedTruth {
@@ -142,12 +134,11 @@ pub fn expected_losses(
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
-    use lo_geometry::Vec3;
+    use lo_geometry::{Vec3, fibonacci_sphere};
     use lo_imaging::DepthMap;
 
     use super::*;
     use crate::Adam;
-    use crate::energy::facings;
     use crate::testing::{numbers, recording_device};
 
     fn statistics() -> (PhotoStatistics, Camera) {
@@ -171,7 +162,7 @@ mod tests {
         let (statistics, camera) = statistics();
         let even = ExpectedTruth::new(&panorama(0.5), &camera, &statistics, false);
         // 480 × 320 at 75°: what is seen is a twelfth of the sphere; above the camera nothing is missing.
-        let up = facings().iter().position(|facing| facing.y > 0.9).unwrap();
+        let up = fibonacci_sphere(FACINGS).iter().position(|facing| facing.y > 0.9).unwrap();
         assert!((even.irradiance[up][1] - 0.5).abs() < 0.06, "{:?}", even.irradiance[up]);
         assert!(even.contrast_stops.abs() < 0.05, "{}", even.contrast_stops);
         let lit = ExpectedTruth::new(&panorama(60.0), &camera, &statistics, false);
@@ -181,7 +172,7 @@ mod tests {
         let mirrored = ExpectedTruth::new(&panorama(60.0), &camera, &statistics, true);
         let brightest = |truth: &ExpectedTruth| {
             let at = (0..FACINGS).max_by(|&a, &b| truth.irradiance[a][1].total_cmp(&truth.irradiance[b][1]));
-            facings()[at.unwrap()]
+            fibonacci_sphere(FACINGS)[at.unwrap()]
         };
         assert!(brightest(&lit).x > 0.5 && brightest(&mirrored).x < -0.5);
         let open: f32 = even.open.iter().sum::<f32>() / PIXELS as f32;

@@ -125,7 +125,7 @@ impl LightLosses {
     }
 }
 
-/// Of the first rays of `samples[_, 5]`, which cover the sphere around each of their origins evenly.
+/// Difference of irradiance by the first rays of `samples[_, 5]`, which cover the sphere around each origin evenly.
 fn irradiance_loss(samples: &Tensor<2>, rays: &Rays) -> Tensor<1> {
     let mut origins: Vec<(Vec3, Vec<usize>)> = Vec::new();
     for (i, cone) in rays.cones.iter().enumerate() {

@@ -98,7 +98,7 @@ impl LampGuess {
     }
 }
 
-/// What the photo tells of the light on what it shows, for one light after another.
+/// Shading of seen surfaces, prepared once to fit several lights to it.
 #[derive(Clone, Debug)]
 pub struct SeenShading {
     pub(crate) frame: Frame,

@@ -96,15 +96,17 @@ impl Plan {
             if s[1] - s[0] < 1.2 {
                 continue;
             }
-            let at = |q: u8| {
-                let along = s[0] + (s[1] - s[0]) * 0.25 * f32::from(q);
-                self.ceiling(self.walls[wall].start + self.walls[wall].along * along)
-            };
-            let top = (0..=4).map(at).fold(f32::INFINITY, f32::min) - below_ceiling_m;
+            let top = self.lowest_ceiling(wall, s[0], s[1] - s[0]) - below_ceiling_m;
             if top > sill + 0.6 && self.open(wall, Opening { kind: OpeningKind::Window, s, h: [sill, top] }) {
                 glazed += 1;
             }
         }
+    }
+
+    /// Least height of the ceiling over a part of a wall.
+    fn lowest_ceiling(&self, wall: usize, from: f32, width: f32) -> f32 {
+        let Wall { start, along, .. } = self.walls[wall];
+        (0..=4).map(|q| self.ceiling(start + along * (from + width * 0.25 * q as f32))).fold(f32::INFINITY, f32::min)
     }
 
     /// The longest part of a wall without openings.
@@ -147,10 +149,8 @@ impl Plan {
         let mut any = false;
         for k in 0..number {
             let s = start + k as f32 * (width + pier);
-            let low_ceiling = (0..=4)
-                .map(|q| self.ceiling(self.walls[wall].start + self.walls[wall].along * (s + width * 0.25 * q as f32)))
-                .fold(f32::INFINITY, f32::min);
-            let top = (low_ceiling - between(random, 0.12, 0.5)).min(between(random, 2.05, 2.5).max(sill + 0.5));
+            let top = (self.lowest_ceiling(wall, s, width) - between(random, 0.12, 0.5))
+                .min(between(random, 2.05, 2.5).max(sill + 0.5));
             if top > sill + 0.45 {
                 let opening = Opening { kind: OpeningKind::Window, s: [s, s + width], h: [sill, top] };
                 any |= self.open(wall, opening);
@@ -161,13 +161,10 @@ impl Plan {
 
     /// Makes a hole where the wall is whole and high enough.
     fn open(&mut self, wall: usize, opening: Opening) -> bool {
-        let Wall { start, along, length_m, ref openings, .. } = self.walls[wall];
+        let Wall { length_m, ref openings, .. } = self.walls[wall];
         let clear = openings.iter().all(|o| opening.s[0] > o.s[1] + 0.2 || opening.s[1] < o.s[0] - 0.2);
         let inside = opening.s[0] > 0.1 && opening.s[1] < length_m - 0.1;
-        let high = (0..=4).all(|q| {
-            let s = opening.s[0] + opening.width_m() * 0.25 * q as f32;
-            self.ceiling(start + along * s) > opening.h[1] + 0.08
-        });
+        let high = self.lowest_ceiling(wall, opening.s[0], opening.width_m()) > opening.h[1] + 0.08;
         let fits = clear && inside && high;
         if fits {
             self.walls[wall].openings.push(opening);
