@@ -125,8 +125,7 @@ impl Learner {
         let (start, average) = (Networks::read(path)?, Networks::read(path)?);
         let own = &start.config;
         let wanted = config.network_of(own.depth);
-        // It says what the light network is given, not of which shape it is.
-        if (LightNetConfig { map_share: wanted.map_share, ..own.clone() }) != wanted {
+        if *own != wanted {
             return Err(not_this_run(
                 path,
                 "its networks are of another shape than [network] of the configuration says",

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::graph::type_channels_of;
 use crate::light::channels::{LOBE_CHANNELS, NODE_FEATURES, RAW_CHANNELS};
 use crate::light::error::LightConfigError;
-use crate::light::{LightInput, MapGuess};
+use crate::light::LightInput;
 
 /// Shape of the light network. Every field has a default, so that a file need name only what differs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,8 +31,10 @@ pub struct LightNetConfig {
     pub global_features: usize,
     /// Channels that `f_L` is projected to before it joins the other features of a node.
     pub global_channels: usize,
-    /// Share of the single map in the first guess of what is not seen, beside the ambient light's, 0 to 1 ([`MapGuess`](super::MapGuess)).
-    pub map_share: f32,
+    /// Share of the single map in the first guess of what is not seen, beside the ambient light's, 0 to 1. By default the network gives a share for each node;
+    /// networks trained before that have a fixed one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub map_share: Option<f32>,
     /// Whether each node has a spherical Gaussian lobe beside its radiance (variant "SG" of the paper).
     pub lobes: bool,
     /// Greatest number of nodes of a graph that the network may grow to by its own predictions (and a family of eight for each depth beyond). Growth along a
@@ -53,7 +55,7 @@ impl Default for LightNetConfig {
             channels_per_group: 4,
             global_features: 64,
             global_channels: 8,
-            map_share: 0.4,
+            map_share: None,
             lobes: false,
             max_nodes: None,
         }
@@ -84,8 +86,8 @@ impl LightNetConfig {
         {
             return Err(LightConfigError::OutOfRange { field, value, min, max });
         }
-        if !(0.0..=1.0).contains(&self.map_share) {
-            return Err(LightConfigError::MapShare(self.map_share));
+        if let Some(share) = self.map_share.filter(|share| !(0.0..=1.0).contains(share)) {
+            return Err(LightConfigError::MapShare(share));
         }
         let widths = self.stages().map(|depth| self.stage_channels(depth)).chain([self.head_channels]);
         for width in widths.flat_map(|width| [width, width / self.bottleneck]) {
@@ -98,7 +100,7 @@ impl LightNetConfig {
 
     /// An input with what the network is told beside points: the unit vector against gravity, and the single map.
     pub fn told(&self, input: LightInput, up: Vec3, single_map: RadianceImage) -> LightInput {
-        input.with_up(up).with_map(MapGuess { radiance: single_map, share: self.map_share })
+        input.with_up(up).with_map(single_map)
     }
 
     /// Number of weights of the network.
@@ -135,7 +137,8 @@ impl LightNetConfig {
 
     /// Outputs of the regression module.
     pub(crate) fn raw_channels(&self) -> usize {
-        RAW_CHANNELS + if self.lobes { LOBE_CHANNELS } else { 0 }
+        let share = usize::from(self.map_share.is_none());
+        RAW_CHANNELS - 1 + share + if self.lobes { LOBE_CHANNELS } else { 0 }
     }
 
     /// Depths of the stages, the coarsest first.
@@ -161,7 +164,7 @@ mod tests {
     #[test]
     fn shares_are_checked() {
         let refusal = |map_share| {
-            let config = LightNetConfig { map_share, ..LightNetConfig::default() };
+            let config = LightNetConfig { map_share: Some(map_share), ..LightNetConfig::default() };
             config.validate().map_err(|error| error.to_string())
         };
         assert_eq!((refusal(0.0), refusal(1.0)), (Ok(()), Ok(())));

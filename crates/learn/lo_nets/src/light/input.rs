@@ -31,26 +31,10 @@ pub struct LightInput {
     pub visible: LightOctree,
     /// A first guess of what is not seen, from the visible points: linear RGB, above 0; 0.2 where there are none.
     pub ambient: [f32; 3],
-    /// What the single map says of that; without it the first guess is `ambient` alone.
-    pub map: Option<MapGuess>,
+    /// What the single map shows there: a panorama at the first camera, turned as the octrees' frame is. Without it the first guess is `ambient` alone.
+    pub map: Option<RadianceImage>,
     /// What the photos show to be empty.
     pub free: FreeSpace,
-}
-
-/// The single map as a first guess of light that is not seen.
-#[derive(Clone, Debug)]
-pub struct MapGuess {
-    /// A panorama at the first camera, turned as the octrees' frame is.
-    pub radiance: RadianceImage,
-    /// Its share of the first guess's logarithm, beside the ambient light's.
-    pub share: f32,
-}
-
-impl MapGuess {
-    /// Linear RGB in a direction, above 0.
-    pub fn towards(&self, direction: Vec3) -> [f32; 3] {
-        sample_equirectangular(&self.radiance, direction).map(|c| c.clamp(MIN_AMBIENT, MAX_RADIANCE))
-    }
 }
 
 impl LightInput {
@@ -113,8 +97,8 @@ impl LightInput {
 
     /// With a single map: nodes that carry `f_L` show what it has in their direction, and what is not seen begins between it and the ambient light.
     #[must_use]
-    pub fn with_map(mut self, map: MapGuess) -> Self {
-        self.tell_carriers(0, |place_m| map.towards(place_m).map(f32::ln_1p));
+    pub fn with_map(mut self, map: RadianceImage) -> Self {
+        self.tell_carriers(0, |place_m| towards(&map, place_m).map(f32::ln_1p));
         self.map = Some(map);
         self
     }
@@ -139,17 +123,19 @@ impl LightInput {
         }
     }
 
-    /// A first guess of what is not seen at a place of the octrees' frame: linear RGB, above 0.
-    pub fn first_guess(&self, place_m: Vec3) -> [f32; 3] {
-        let Some(map) = &self.map else { return self.ambient };
-        let shown = map.towards(place_m);
-        std::array::from_fn(|c| self.ambient[c].powf(1.0 - map.share) * shown[c].powf(map.share))
+    /// What the single map shows in the direction of a place of the octrees' frame, linear RGB above 0: `ambient` where there is no map.
+    pub fn map_towards(&self, place_m: Vec3) -> [f32; 3] {
+        self.map.as_ref().map_or(self.ambient, |map| towards(map, place_m))
     }
 
     /// Part of the world that the octrees cover.
     pub fn cube(&self) -> Cube {
         self.visible.cube
     }
+}
+
+fn towards(map: &RadianceImage, direction: Vec3) -> [f32; 3] {
+    sample_equirectangular(map, direction).map(|c| c.clamp(MIN_AMBIENT, MAX_RADIANCE))
 }
 
 /// What light is like where nothing is seen of it, at a first guess: as bright as the middle half of the points by brightness, their log average (as
@@ -280,7 +266,8 @@ mod tests {
             if lo_geometry::pixel_direction(x, y, 32, 16).x > 0.0 { [4.0, 2.0, 1.0] } else { [0.5; 3] }
         });
         let ambient = plain.ambient;
-        let input = plain.with_map(MapGuess { radiance, share: 0.25 });
+        assert_eq!(plain.map_towards(Vec3::X), ambient);
+        let input = plain.with_map(radiance);
         let mut shown = 0;
         for (row, before) in input.features.chunks_exact(NODE_FEATURES).zip(features.chunks_exact(NODE_FEATURES)) {
             assert_eq!(row[3..], before[3..]);
@@ -292,9 +279,8 @@ mod tests {
             assert!(row[..3].iter().zip(expected).all(|(a, b)| (a - b.ln_1p()).abs() < 1e-5), "{row:?}");
         }
         assert!(shown > 100, "{shown} leaves of carriers");
-        let right = input.first_guess(Vec3::new(2.0, 0.0, 0.1));
-        let expected = [4.0f32, 2.0, 1.0].iter().zip(ambient).map(|(m, a)| a.powf(0.75) * m.powf(0.25));
-        assert!(right.iter().zip(expected).all(|(a, b)| (a / b - 1.0).abs() < 1e-5), "{right:?}");
+        let right = input.map_towards(Vec3::new(2.0, 0.0, 0.1));
+        assert!(right.iter().zip([4.0, 2.0, 1.0]).all(|(a, b)| (a / b - 1.0).abs() < 1e-5), "{right:?}");
     }
 
     #[test]

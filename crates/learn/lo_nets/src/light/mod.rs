@@ -21,7 +21,7 @@ pub use config::LightNetConfig;
 pub use error::{LightConfigError, LightError};
 pub use free_space::FreeSpace;
 pub use growth::Growth;
-pub use input::{LightInput, MapGuess, ambient_light};
+pub use input::{LightInput, ambient_light};
 pub use losses::{LightLossConfig, LightLosses, RayLosses};
 pub use network::{LightNet, Stage};
 pub use output::{LevelOutput, LightOutput};

@@ -43,6 +43,8 @@ pub struct LightNet {
     pub regression: Vec<Head>,
     full_depth: usize,
     max_nodes: usize,
+    /// What a node's share of the single map is a sigmoid of, where the network does not give it.
+    fixed_map_share: Option<f64>,
 }
 
 /// ResBlock(n, c): n residual blocks of c channels.
@@ -79,7 +81,9 @@ impl LightNet {
         let width = |depth| config.stage_channels(depth);
         let stages: Vec<u32> = config.stages().collect();
         let inputs = NODE_FEATURES + config.global_channels;
-        let raw_bias: Vec<f32> = RAW_BIAS.into_iter().chain([0.0; LOBE_CHANNELS]).take(config.raw_channels()).collect();
+        let own = if config.map_share.is_some() { RAW_CHANNELS - 1 } else { RAW_CHANNELS };
+        let raw_bias: Vec<f32> =
+            RAW_BIAS[..own].iter().copied().chain([0.0; LOBE_CHANNELS]).take(config.raw_channels()).collect();
         let head = |depth, bias: &[f32], stream: &mut Stream| {
             Head::new([width(depth), config.head_channels], bias, groups, stream, device)
         };
@@ -99,6 +103,10 @@ impl LightNet {
             regression: stages.iter().map(|&depth| head(depth, &raw_bias, stream)).collect(),
             full_depth: config.full_depth as usize,
             max_nodes: config.node_budget(),
+            fixed_map_share: config.map_share.map(|share| {
+                let share = f64::from(share).clamp(1e-6, 1.0 - 1e-6);
+                (share / (1.0 - share)).ln()
+            }),
         })
     }
 
@@ -207,6 +215,10 @@ impl LightNet {
             let occupied = (0..nonempty.len() as u32).filter(|&node| nonempty[node as usize]);
             let raw = select_rows(own, &RowMap::new(occupied.map(Some), finest.len()));
             let raw = self.regression[stage].forward(raw);
+            let raw = match self.fixed_map_share {
+                Some(share) => with_column(raw, RAW_CHANNELS - 1, share),
+                None => raw,
+            };
             let mut light = NodeLight(known.clone()).apply(raw.clone().narrow(1, 0, RAW_CHANNELS));
             if raw.dims()[1] > RAW_CHANNELS {
                 light = Tensor::cat(vec![light, lobes(raw.narrow(1, RAW_CHANNELS, LOBE_CHANNELS), &known)], 1);
@@ -219,6 +231,15 @@ impl LightNet {
         }
         Ok(LightOutput { octree, cube: input.cube(), levels, warnings })
     }
+}
+
+/// `x[rows, columns]` with a column of `value` put in before column `at`.
+fn with_column(x: Tensor<2>, at: usize, value: f64) -> Tensor<2> {
+    let [rows, columns] = x.dims();
+    let column = Tensor::full([rows, 1], value, (&x.device(), x.dtype()));
+    let before = x.clone().narrow(1, 0, at);
+    let parts = if columns > at { vec![before, column, x.narrow(1, at, columns - at)] } else { vec![before, column] };
+    Tensor::cat(parts, 1)
 }
 
 /// Which nodes of one octree's graph are which of another's: for the skip connections.
@@ -244,6 +265,7 @@ mod tests {
     use lo_cone::{Cone, ConeTracer, Settings};
     use lo_events::Warning;
     use lo_geometry::{Camera, Cube, Vec3};
+    use lo_imaging::RadianceImage;
     use lo_octree::{Coverage, LightOctree, MAX_ALPHA, RadiancePoint};
 
     use super::*;
@@ -435,7 +457,9 @@ mod tests {
     fn gradients_of_the_whole_network_are_differences() {
         let config = LightNetConfig { channels: 4, max_channels: 8, ..config(5) };
         gradients_are_differences(&config);
-        gradients_are_differences(&LightNetConfig { lobes: true, ..config });
+        gradients_are_differences(&LightNetConfig { map_share: Some(0.25), ..config.clone() });
+        gradients_are_differences(&LightNetConfig { lobes: true, ..config.clone() });
+        gradients_are_differences(&LightNetConfig { lobes: true, map_share: Some(0.25), ..config });
     }
 
     fn gradients_are_differences(config: &LightNetConfig) {
@@ -491,6 +515,22 @@ mod tests {
             })
         };
         assert_eq!(run(1), run(3));
+    }
+
+    #[test]
+    fn a_fixed_share_of_the_map_is_that_share() {
+        let learned = config(5);
+        let (input, truth) = input(&learned);
+        let map = RadianceImage::from_fn(16, 8, |x, _| [0.5 + x as f32; 3]);
+        let input = input.with_map(map);
+        let light = |map_share| {
+            let config = LightNetConfig { map_share, ..learned.clone() };
+            let net = LightNet::new(&config, 3, &Device::flex()).unwrap();
+            numbers(net.forward(&input, None, Growth::Truth(&truth.octree)).unwrap().levels.pop().unwrap().light)
+        };
+        let close = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-3 * (1.0 + b.abs()));
+        assert!(close(&light(None), &light(Some(0.4))), "what a network begins with");
+        assert!(!close(&light(None), &light(Some(0.9))));
     }
 
     #[test]
