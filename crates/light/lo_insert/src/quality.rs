@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use crate::visibility::Thrift;
+use crate::shade::visibility::Thrift;
 
 /// How much work goes into a composite.
 ///

@@ -8,12 +8,12 @@ use lo_geometry::{Ray, Vec3};
 use lo_lights::luminance;
 use rayon::prelude::*;
 
-use crate::environment::{Environment, LightRay, Part};
-use crate::lights::{Incidence, LightSample};
-use crate::object::Object;
-use crate::objects::{ObjectHit, Objects};
-use crate::radiosity::Radiosity;
-use crate::shadow_ratio::ShadowRatio;
+use crate::light::environment::{Environment, LightRay, Part};
+use crate::light::radiosity::Radiosity;
+use crate::light::samples::{Incidence, LightSample};
+use crate::objects::object::Object;
+use crate::objects::tracing::{ObjectHit, Objects};
+use crate::shadow::ratio::ShadowRatio;
 
 /// Distance from a surface at which rays against the object start, as a share of the object's radius.
 const RAY_START: f32 = 2e-4;

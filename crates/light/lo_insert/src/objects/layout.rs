@@ -8,7 +8,7 @@ use lo_scene::Scene;
 use serde::{Deserialize, Deserializer, Serialize, de};
 use serde_json::Value;
 
-use crate::path::frame_times_s;
+use crate::objects::path::frame_times_s;
 use crate::{Align, Base, Ground, InsertError, Instance, Path, Placement, Spot, Stance};
 
 /// Objects that are inserted together, read from JSON.

@@ -5,9 +5,9 @@
 
 use lo_geometry::Vec3;
 
-use crate::gather::Gathered;
-use crate::look::Look;
-use crate::visibility::Fragment;
+use crate::light::gather::Gathered;
+use crate::shade::look::Look;
+use crate::shade::visibility::Fragment;
 
 const NONE: u32 = u32::MAX;
 

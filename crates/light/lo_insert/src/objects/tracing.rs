@@ -3,7 +3,7 @@ use std::ops::Index;
 use lo_geometry::Ray;
 use lo_mesh::{Hit, SurfacePoint};
 
-use crate::object::Object;
+use crate::objects::object::Object;
 use crate::{InsertError, Instance};
 
 /// Surface points of an object that are asked whether they lie in another.

@@ -13,19 +13,19 @@ use lo_geometry::{Plane, Ray, Vec3};
 use lo_imaging::Image;
 use rayon::prelude::*;
 
-use crate::backdrop::Backdrop;
 use crate::batches::Batches;
-use crate::cap::Cap;
-use crate::environment::{Environment, LightRay};
-use crate::irradiance::{Lit, RoomIrradiance};
-use crate::lights::Incidence;
-use crate::objects::Objects;
+use crate::light::environment::{Environment, LightRay};
+use crate::light::irradiance::{Lit, RoomIrradiance};
+use crate::light::radiosity::Radiosity;
+use crate::light::samples::Incidence;
+use crate::objects::tracing::Objects;
 use crate::quality::Counts;
-use crate::radiosity::Radiosity;
-use crate::receivers::{PATTERNS, Receivers, pattern_at};
-use crate::shadow_ratio::ShadowRatio;
-use crate::silhouette::Silhouettes;
-use crate::surface::{Surface, SurfaceMap};
+use crate::shadow::backdrop::Backdrop;
+use crate::shadow::cap::Cap;
+use crate::shadow::ratio::ShadowRatio;
+use crate::shadow::silhouette::Silhouettes;
+use crate::surface::receivers::{PATTERNS, Receivers, pattern_at};
+use crate::surface::seen_surfaces::{Surface, SurfaceMap};
 
 /// Real surfaces as receivers of shadow, with the light that they get without the object.
 pub(crate) struct ShadowField {

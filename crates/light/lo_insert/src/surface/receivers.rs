@@ -4,8 +4,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use lo_geometry::{Plane, Vec3};
 use lo_imaging::Image;
 
-use crate::holes;
-use crate::surface::{Surface, SurfaceMap};
+use crate::surface::holes;
+use crate::surface::seen_surfaces::{Surface, SurfaceMap};
 
 /// Patterns of the interleaving (Keller and Heidrich 2001): the pixels of a 4 × 4 block use as many disjoint sample patterns, and a
 /// filter over [`Receivers::neighbours`] takes each in equal parts on a plane, which leaves no pattern and no noise.

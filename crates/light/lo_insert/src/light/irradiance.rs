@@ -10,12 +10,12 @@ use lo_geometry::Vec3;
 use lo_imaging::Image;
 use rayon::prelude::*;
 
-use crate::aperture::cone_tangent;
 use crate::batches::Batches;
-use crate::environment::{Environment, LightRay, Part};
-use crate::lights::Incidence;
-use crate::receivers::{PATTERNS, Receivers, pattern_at};
-use crate::surface::Surface;
+use crate::light::aperture::cone_tangent;
+use crate::light::environment::{Environment, LightRay, Part};
+use crate::light::samples::Incidence;
+use crate::surface::receivers::{PATTERNS, Receivers, pattern_at};
+use crate::surface::seen_surfaces::Surface;
 
 /// Longer side of the grid on which irradiance is gathered; the octree holds nothing finer than a few of its pixels.
 const SIDE: usize = 160;

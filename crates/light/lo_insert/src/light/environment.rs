@@ -5,10 +5,10 @@ use lo_lights::AnalyticLights;
 use lo_lookup::{Detail, PanoramaLookup, PhotoLookup, RadianceMap};
 use lo_scene::Scene;
 
-use crate::lights::Lights;
-use crate::map;
+use crate::light::map;
+use crate::light::samples::Lights;
 use crate::quality::Counts;
-use crate::surface::Surface;
+use crate::surface::seen_surfaces::Surface;
 use crate::{InsertError, Lighting};
 
 /// Light samples that are kept; subsets of them are used.

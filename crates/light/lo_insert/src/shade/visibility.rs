@@ -3,11 +3,11 @@
 use lo_geometry::{Camera, Ray, Vec2, Vec3};
 use lo_mesh::SurfacePoint;
 
-use crate::matte::Matte;
-use crate::object::Object;
-use crate::objects::{ObjectHit, Objects};
-use crate::occluders::Occluders;
+use crate::matte::alpha::Matte;
+use crate::objects::object::Object;
+use crate::objects::tracing::{ObjectHit, Objects};
 use crate::pattern::hammersley;
+use crate::surface::occluders::Occluders;
 
 /// Side of the square tiles that one task renders.
 pub(crate) const TILE: usize = 32;

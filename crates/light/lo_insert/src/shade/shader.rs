@@ -9,14 +9,14 @@ use lo_events::{Cancelled, OnEvent, Stage};
 use lo_geometry::{Mat3, Ray, Vec3, smoothstep};
 use rayon::prelude::*;
 
-use crate::aperture::{cone_tangent, quantised};
 use crate::batches::Batches;
-use crate::blocks::Blocks;
-use crate::environment::Part;
-use crate::gather::{Gatherer, RECEIVERS_PER_TASK, Receiver};
-use crate::look::Look;
+use crate::light::aperture::{cone_tangent, quantised};
+use crate::light::environment::Part;
+use crate::light::gather::{Gatherer, RECEIVERS_PER_TASK, Receiver};
 use crate::pattern::hammersley;
-use crate::visibility::Fragment;
+use crate::shade::blocks::Blocks;
+use crate::shade::look::Look;
+use crate::shade::visibility::Fragment;
 
 /// Perceptual roughness below which reflections are gathered from the whole environment, and above which light samples take over
 /// the lights; in between both are mixed. Both give the same; the first needs narrow cones, the second wide reflections.

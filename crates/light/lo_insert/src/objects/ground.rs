@@ -3,7 +3,7 @@ use std::borrow::Cow;
 use lo_geometry::Vec3;
 use lo_scene::Scene;
 
-use crate::surface::SurfaceMap;
+use crate::surface::seen_surfaces::SurfaceMap;
 use crate::{InsertError, SeenSurfaces, surface_at_pixel};
 
 /// A scene whose real surfaces carry objects. Made of the scene alone, it looks at the surfaces around each place anew; with [`SeenSurfaces`], which says

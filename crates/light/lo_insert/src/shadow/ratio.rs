@@ -1,8 +1,8 @@
 use lo_geometry::Vec3;
 use lo_imaging::Image;
 
-use crate::receivers::{Receivers, SAME_SURFACE};
-use crate::surface::bilinear;
+use crate::surface::receivers::{Receivers, SAME_SURFACE};
+use crate::surface::seen_surfaces::bilinear;
 
 /// Factors that differ by less than this need no look at the surfaces that they belong to: half a level of an 8-bit picture.
 const ALIKE: f32 = 0.004;

@@ -5,7 +5,7 @@ use lo_imaging::{ChannelGroup, Image, Photo, RadianceImage, linear_from_srgb8};
 use lo_scene::Frame;
 use rayon::prelude::*;
 
-use crate::visibility::{Hidden, TileView};
+use crate::shade::visibility::{Hidden, TileView};
 
 /// A photo with objects in it, and the layers that it was made of; all of the photo's size.
 #[derive(Clone, Debug)]

@@ -9,11 +9,11 @@
 use lo_geometry::{Camera, Ray, Vec3};
 use rayon::prelude::*;
 
-use crate::colour_sides::ColourSides;
-use crate::nearest::nearest_seeds;
-use crate::object::Object;
-use crate::occluders::Occluders;
-use crate::walk::{Open, walked};
+use crate::matte::colour_sides::ColourSides;
+use crate::matte::nearest::nearest_seeds;
+use crate::matte::walk::{Open, walked};
+use crate::objects::object::Object;
+use crate::surface::occluders::Occluders;
 
 /// Half width of the band in depth pixels, and at least, in photo pixels.
 const BAND: (f32, f32) = (3.0, 4.0);

@@ -67,7 +67,7 @@ impl DepthSteps {
             let own = ((u as usize).min(width - 1), (v as usize).min(height - 1));
             let Some((near, far)) = self.sides[own] else { return depth_m[(x, y)] };
             let mut sum = (0.0, 0.0);
-            for (px, py, weight) in crate::surface::bilinear(u - 0.5, v - 0.5, width, height) {
+            for (px, py, weight) in crate::surface::seen_surfaces::bilinear(u - 0.5, v - 0.5, width, height) {
                 // Where three surfaces meet, the third one is as near or as far as the other two.
                 let inverse = self.inverse_m[(px, py)];
                 if inverse > 0.0 {

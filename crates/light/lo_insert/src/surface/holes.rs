@@ -3,7 +3,7 @@
 use lo_geometry::{Plane, Ray, Vec3};
 use lo_imaging::Image;
 
-use crate::surface::SurfaceMap;
+use crate::surface::seen_surfaces::SurfaceMap;
 
 /// How far into a hole a surface that faces up is known, in metres: floors and tables that mirror or swallow a sensor's light go on.
 const LEVEL_REACH_M: f32 = 1.0;

@@ -3,8 +3,8 @@
 use lo_geometry::{Camera, Plane, Vec3};
 use lo_scene::Frame;
 
-use crate::depth_steps::DepthSteps;
-use crate::surface::{Surface, SurfaceMap};
+use crate::surface::depth_steps::DepthSteps;
+use crate::surface::seen_surfaces::{Surface, SurfaceMap};
 
 /// Long side at which the photo's depth hides the object; above it, a depth pixel serves several photo pixels.
 const LONG_SIDE: usize = 2048;

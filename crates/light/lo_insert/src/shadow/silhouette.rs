@@ -6,8 +6,8 @@
 use lo_geometry::{Ray, Vec3, orthonormal_basis};
 use rayon::prelude::*;
 
-use crate::lights::{LightSample, Lights, Origin};
-use crate::object::Object;
+use crate::light::samples::{LightSample, Lights, Origin};
+use crate::objects::object::Object;
 
 /// A light nearer to the object than this multiple of its radius needs rays of its own.
 const NEAREST: f32 = 1.5;

@@ -6,7 +6,7 @@ use lo_geometry::Vec3;
 use lo_imaging::{Image, RadianceImage};
 use lo_lights::{LightPatch, PatchShape, cap_luminance, excess, luminance};
 
-/// Splits a map at the cap (see [`crate::lights`]): patches of light, and the map without their excess.
+/// Splits a map at the cap (see [`crate::light::samples`]): patches of light, and the map without their excess.
 pub(crate) fn split(map: &RadianceImage) -> (Vec<LightPatch>, RadianceImage) {
     let (width, height) = (map.width(), map.height());
     let solid_angle = |y: usize| lo_geometry::pixel_solid_angle_sr(y, width, height);

@@ -9,8 +9,8 @@ use lo_geometry::{Vec2, Vec3};
 use lo_imaging::Image;
 use rayon::prelude::*;
 
-use crate::environment::{Environment, Part};
-use crate::surface::bilinear;
+use crate::light::environment::{Environment, Part};
+use crate::surface::seen_surfaces::bilinear;
 
 /// Distances beyond this count as this, in metres; those of a map at infinity too.
 const FARTHEST_M: f32 = 1e4;

@@ -6,11 +6,11 @@ use lo_geometry::{Camera, Mat3, Plane, Ray, Vec3};
 use lo_imaging::Image;
 use rayon::prelude::*;
 
-use crate::environment::{Environment, Part};
-use crate::objects::Objects;
-use crate::occluders::Occluders;
+use crate::light::environment::{Environment, Part};
+use crate::light::radiosity::Radiosity;
+use crate::objects::tracing::Objects;
 use crate::pattern::hammersley;
-use crate::radiosity::Radiosity;
+use crate::surface::occluders::Occluders;
 
 /// Most of a pixel's radiance that can be the reflection which the object hides.
 const MAX_REFLECTED: f32 = 0.8;

@@ -1,6 +1,6 @@
 use lo_geometry::{Camera, Plane, Ray, Vec3};
 
-use crate::object::Object;
+use crate::objects::object::Object;
 use crate::{Base, InsertError, Instance, Placement};
 
 /// A surface of the carrier that faces up by less than this (cosine) is a side: what is put there stands on top of it.

@@ -2,10 +2,10 @@
 
 use lo_geometry::Vec3;
 
-use crate::gather::{Gatherer, Receiver};
-use crate::object::Object;
-use crate::objects::Objects;
-use crate::radiosity::{Radiosity, diffuse_look};
+use crate::light::gather::{Gatherer, Receiver};
+use crate::light::radiosity::{Radiosity, diffuse_look};
+use crate::objects::object::Object;
+use crate::objects::tracing::Objects;
 
 /// A point of an object's surface with what it reflects.
 pub(crate) struct Patch {

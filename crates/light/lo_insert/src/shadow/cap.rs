@@ -2,9 +2,9 @@ use std::f32::consts::{PI, TAU};
 
 use lo_geometry::{Mat3, Vec3};
 
-use crate::object::Object;
-use crate::receivers::PATTERNS;
-use crate::surface::Surface;
+use crate::objects::object::Object;
+use crate::surface::receivers::PATTERNS;
+use crate::surface::seen_surfaces::Surface;
 
 /// The cap of directions from a surface point that holds the whole object.
 pub(crate) struct Cap {

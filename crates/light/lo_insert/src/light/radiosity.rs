@@ -4,7 +4,7 @@ use lo_bsdf::{MetallicRoughness, specular_albedo, transmitted};
 use lo_geometry::{Ray, Vec3};
 use lo_mesh::{Hit, SurfacePoint};
 
-use crate::object::Object;
+use crate::objects::object::Object;
 
 /// Cells along the longest edge of the object's box.
 const CELLS: f32 = 8.0;

@@ -85,7 +85,7 @@ impl ColourSides {
     /// Logarithm of how much likelier the first side has this colour at a pixel; 0 where nothing is known.
     pub fn log_ratio(&self, x: usize, y: usize, colour: Vec3) -> f32 {
         let at = |position: usize| (position as f32 + 0.5) / self.cell as f32 - 0.5;
-        let taps = crate::surface::bilinear(at(x), at(y), self.columns, self.rows);
+        let taps = crate::surface::seen_surfaces::bilinear(at(x), at(y), self.columns, self.rows);
         taps.iter()
             .map(|&(x, y, weight)| {
                 let Discriminant { direction, offset } = self.discriminants[y * self.columns + x];
