@@ -7,7 +7,7 @@ use std::sync::Arc;
 use anyhow::Context;
 #[cfg(feature = "depth-models")]
 use lo_viewer::ReadDepthModel;
-use lo_viewer::{MakeEstimator, NamedFile, Options, PhotoSource, Source, Words};
+use lo_viewer::{EventText, MakeEstimator, NamedFile, Options, PhotoSource, PublicOrigin, Source};
 
 #[cfg(feature = "depth-models")]
 use super::depth_model::DepthModelArgs;
@@ -59,6 +59,10 @@ pub struct Args {
     #[arg(long, value_name = "ADDRESS", requires = "token")]
     bind: Option<IpAddr>,
 
+    /// The address of a proxy or tunnel through which browsers reach the page, such as https://light.example
+    #[arg(long, value_name = "URL")]
+    public_origin: Option<PublicOrigin>,
+
     /// The token in the address, 16 letters, digits and hyphens at least [default: a random one]
     #[arg(long, value_name = "TOKEN", value_parser = token)]
     token: Option<String>,
@@ -77,7 +81,8 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         bind: args.bind.unwrap_or(Options::LOOPBACK),
         port: args.port.unwrap_or(0),
         token: args.token.clone(),
-        words: Words { stage: stage_label, warning: warning_text },
+        text: EventText { stage: stage_label, warning: warning_text },
+        public_origin: args.public_origin.clone(),
         estimator,
         source,
     };

@@ -8,7 +8,7 @@ export function connect(hear, lost) {
   let wait = 250;
   const open = () => {
     const address = new URL("socket", location.href);
-    address.protocol = "ws:";
+    address.protocol = location.protocol === "https:" ? "wss:" : "ws:";
     socket = new WebSocket(address);
     socket.binaryType = "arraybuffer";
     socket.onopen = () => { wait = 250; };

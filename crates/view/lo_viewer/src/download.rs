@@ -9,20 +9,21 @@ use lightoctree::export::Format;
 use lightoctree::geometry::Vec3;
 use lo_session::{Probe, SessionError, outputs, probe_place};
 
-use crate::film::{self, Kind};
-use crate::server::App;
-use crate::work::{Work, guarded};
+use crate::app::App;
+use crate::failure::guarded;
+use crate::sequence::{self, Kind};
+use crate::worker::Worker;
 
 /// Height of the HDR panorama, pixels.
 const PANORAMA_HEIGHT: usize = 512;
 
 /// Makes a file.
 pub(crate) async fn download(State(app): State<App>, Path((_, file)): Path<(String, String)>, uri: Uri) -> Response {
-    let Some(work) = app.desk.current() else {
+    let Some(work) = app.session.current() else {
         return (StatusCode::CONFLICT, "no scene is open").into_response();
     };
     if let Some(kind) = Kind::of(&file) {
-        return film::download(&work, kind, &file);
+        return sequence::download(&work, kind, &file);
     }
     let query = uri.query().unwrap_or_default().to_owned();
     let name = file.clone();
@@ -34,12 +35,12 @@ pub(crate) async fn download(State(app): State<App>, Path((_, file)): Path<(Stri
         }
         Ok(Ok(None)) => (StatusCode::NOT_FOUND, "there is no such file").into_response(),
         Ok(Err(why)) => (StatusCode::CONFLICT, why).into_response(),
-        Err(_) => (StatusCode::INTERNAL_SERVER_ERROR, "it could not be made by a fault of the program").into_response(),
+        Err(_) => (StatusCode::INTERNAL_SERVER_ERROR, "internal error; see the terminal output").into_response(),
     }
 }
 
 /// Media type and content of a file; `None` where there is none of that name.
-fn made(work: &Arc<Work>, file: &str, query: &str) -> Result<Option<(&'static str, Vec<u8>)>, String> {
+fn made(work: &Arc<Worker>, file: &str, query: &str) -> Result<Option<(&'static str, Vec<u8>)>, String> {
     let (scenes, state) = (&work.scenes, work.state());
     let open = scenes.open();
     let told = |result: Result<Vec<u8>, SessionError>| guarded(|| result).map_err(|failure| failure.to_string());
@@ -75,7 +76,7 @@ fn made(work: &Arc<Work>, file: &str, query: &str) -> Result<Option<(&'static st
 }
 
 /// The place of the probe, where the query names one: `u=…&v=…&lift=…`.
-fn place(work: &Arc<Work>, query: &str) -> Result<Option<Vec3>, String> {
+fn place(work: &Arc<Worker>, query: &str) -> Result<Option<Vec3>, String> {
     let number = |name: &str| {
         let value = query.split('&').find_map(|pair| pair.strip_prefix(name)?.strip_prefix('='))?;
         value.parse::<f64>().ok().filter(|value| value.is_finite())
@@ -89,7 +90,7 @@ fn place(work: &Arc<Work>, query: &str) -> Result<Option<Vec3>, String> {
 fn archive(files: &[(String, Vec<u8>)]) -> std::io::Result<Vec<u8>> {
     let mut archive = tar::Builder::new(Vec::new());
     for (name, bytes) in files {
-        film::append(&mut archive, name, bytes)?;
+        sequence::append(&mut archive, name, bytes)?;
     }
     archive.into_inner()
 }

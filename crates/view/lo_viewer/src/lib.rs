@@ -6,18 +6,23 @@
 //!
 //! [`protocol`] is what page and server say to each other.
 
-mod desk;
+mod app;
 mod download;
+mod failure;
 mod film;
 mod guard;
 mod opening;
+mod origin;
 mod outbox;
 mod outside;
 mod page;
+mod pool;
 pub mod protocol;
+mod sequence;
 mod server;
+mod session_actor;
 mod upload;
-mod work;
+mod worker;
 
 use std::borrow::Cow;
 use std::net::{IpAddr, Ipv4Addr};
@@ -27,14 +32,15 @@ use lightoctree::{Stage, Warning};
 #[cfg(feature = "depth-models")]
 pub use opening::ReadDepthModel;
 pub use opening::{MakeEstimator, NamedFile, PhotoSource, Source};
+pub use origin::PublicOrigin;
 pub use server::run;
 
-/// The command line's words for what the library says.
+/// Formats what the library reports.
 #[derive(Clone, Copy)]
-pub struct Words {
-    /// What a stage is called.
+pub struct EventText {
+    /// A stage's name.
     pub stage: fn(&Stage) -> Cow<'static, str>,
-    /// A warning in words, with the names of the objects.
+    /// A warning as a sentence, given the names of the objects.
     pub warning: fn(&Warning, &[String]) -> String,
 }
 
@@ -46,8 +52,10 @@ pub struct Options {
     pub port: u16,
     /// The token in the address; a random one where none is given.
     pub token: Option<String>,
-    /// The words of messages.
-    pub words: Words,
+    /// The text of stages and warnings.
+    pub text: EventText,
+    /// The address of a proxy through which browsers reach the page.
+    pub public_origin: Option<PublicOrigin>,
     /// What estimates the scenes of photos; without it only scenes can be opened.
     pub estimator: Option<MakeEstimator>,
     /// What is opened first.

@@ -10,7 +10,7 @@ use lightoctree::scene::{Frame, Scene};
 use lightoctree::{EstimateOptions, Estimator, Event, Input, OnEvent, PanoramaPrior};
 use lo_session::OpenScene;
 
-use crate::Words;
+use crate::EventText;
 
 /// What the command line calls a scene that is in no file yet.
 const NEW_SCENE: &str = "room.scene";
@@ -78,7 +78,7 @@ impl Source {
         }
     }
 
-    pub(crate) fn open(self, words: &Words, on_event: OnEvent<'_>) -> Result<Opened, String> {
+    pub(crate) fn open(self, text: &EventText, on_event: OnEvent<'_>) -> Result<Opened, String> {
         let mut notes = Vec::new();
         let (scene, file, is_saved) = match self {
             Self::Scene { file, bytes, is_saved } => {
@@ -88,7 +88,7 @@ impl Source {
             Self::Photo(source) => {
                 let hear = &mut |event: Event| {
                     if let Event::Warning(warning) = &event {
-                        notes.push((words.warning)(warning, &[]));
+                        notes.push((text.warning)(warning, &[]));
                     }
                     on_event(event)
                 };
@@ -96,7 +96,7 @@ impl Source {
             }
         };
         let open = OpenScene::new(file, scene);
-        notes.extend(open.fitted.usual().report().fit.warning().iter().map(|warning| (words.warning)(warning, &[])));
+        notes.extend(open.fitted.usual().report().fit.warning().iter().map(|warning| (text.warning)(warning, &[])));
         Ok(Opened { open, is_saved, notes })
     }
 }

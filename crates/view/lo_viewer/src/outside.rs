@@ -7,12 +7,12 @@ use std::time::Instant;
 use lightoctree::imaging;
 use lo_session::{LitScenes, Outside, OutsideView, State};
 
+use crate::failure::guarded;
 use crate::outbox::{Outbox, tell};
-use crate::protocol::ToPage;
-use crate::work::{MOVING_QUALITY, guarded};
+use crate::protocol::{MOVING_QUALITY, ToPage};
 
 /// What a page asks for.
-pub(crate) struct Look {
+pub(crate) struct OutsideRequest {
     pub outbox: Arc<Outbox>,
     pub sequence: u64,
     pub view: OutsideView,
@@ -21,24 +21,24 @@ pub(crate) struct Look {
 
 /// What the pages wait for, one picture each, whoever has waited longest first.
 #[derive(Default)]
-pub(crate) struct Looks {
+pub(crate) struct OutsideQueue {
     waiting: Mutex<Waiting>,
     changed: Condvar,
 }
 
 #[derive(Default)]
 struct Waiting {
-    looks: VecDeque<Look>,
+    looks: VecDeque<OutsideRequest>,
     is_over: bool,
 }
 
-impl Looks {
+impl OutsideQueue {
     fn lock(&self) -> MutexGuard<'_, Waiting> {
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Asks for a picture; it takes the place of the last one that the page asked for.
-    pub fn ask(&self, look: Look) {
+    pub fn ask(&self, look: OutsideRequest) {
         let mut waiting = self.lock();
         match waiting.looks.iter_mut().find(|other| Arc::ptr_eq(&other.outbox, &look.outbox)) {
             Some(last) => *last = look,
@@ -47,13 +47,13 @@ impl Looks {
         self.changed.notify_all();
     }
 
-    /// Ends [`Looks::serve`].
+    /// Ends [`OutsideQueue::serve`].
     pub fn end(&self) {
         self.lock().is_over = true;
         self.changed.notify_all();
     }
 
-    fn next(&self) -> Option<Look> {
+    fn next(&self) -> Option<OutsideRequest> {
         let mut waiting = self.lock();
         loop {
             if waiting.is_over {
@@ -74,7 +74,7 @@ impl Looks {
     /// Draws what the pages ask for, until the end.
     pub fn serve(&self, scenes: &Arc<LitScenes>) {
         let mut outside = Outside::new(scenes.clone());
-        while let Some(Look { outbox, sequence, view, state }) = self.next() {
+        while let Some(OutsideRequest { outbox, sequence, view, state }) = self.next() {
             let begun = Instant::now();
             let why = match guarded(|| outside.picture(&state, &view, &|| self.is_passed(&outbox))) {
                 Ok(None) => continue,

@@ -10,6 +10,9 @@ use lightoctree::geometry::Camera;
 use lo_session::{Command, OutsideView, Overlay, RoomExtent, SessionView, Step};
 use serde::{Deserialize, Serialize};
 
+/// JPEG quality of pictures of what moves.
+pub(crate) const MOVING_QUALITY: u8 = 88;
+
 /// Longest message from a page, bytes.
 pub const MAX_MESSAGE: usize = 64 << 10;
 
@@ -40,7 +43,7 @@ pub enum FromPage {
     Undo,
     /// Takes the last undone step again.
     Redo,
-    /// Looks at another time.
+    /// OutsideQueue at another time.
     Seek {
         /// When, seconds.
         time_s: f64,

@@ -1,5 +1,6 @@
 use std::fmt::Write;
-use std::sync::{Arc, Mutex};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Router;
@@ -11,29 +12,19 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{any, get, post};
 use tokio::net::TcpListener;
 
-use crate::desk::Desk;
+use crate::app::App;
 use crate::guard::guard;
 use crate::outbox::tell;
+use crate::pool::MAX_UPLOAD;
 use crate::protocol::{Encoded, FromPage, MAX_MESSAGE, ToPage};
-use crate::upload::{MAX_UPLOAD, Pool};
-use crate::{MakeEstimator, Options, ViewError, download, page, upload};
+use crate::session_actor::SessionHandle;
+use crate::{Options, ViewError, download, page, upload};
 
 /// Most pages at a time.
 const MAX_PAGES: usize = 16;
 
 /// How often one looks whether the program is to end.
 const LOOK: Duration = Duration::from_millis(100);
-
-/// What the answers to requests share.
-#[derive(Clone)]
-pub(crate) struct App {
-    pub desk: Arc<Desk>,
-    pub token: Arc<str>,
-    pub port: u16,
-    pub estimator: Option<MakeEstimator>,
-    /// Files that wait for the one that names them.
-    pub pool: Arc<Mutex<Pool>>,
-}
 
 /// Serves the page until `is_over`; `on_ready` hears its address.
 ///
@@ -48,18 +39,22 @@ pub fn run(
         Some(token) => token.clone(),
         None => random_token()?,
     };
-    let desk = Desk::start(options.words, options.estimator.is_some())?;
+    let session = SessionHandle::start(options.text, options.estimator.is_some())?;
     if let Some(source) = options.source {
-        desk.open(source);
+        session.open(source);
     }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
     runtime.block_on(async move {
         let failed = |source| ViewError::Bind { address: format!("{}:{}", options.bind, options.port), source };
         let listener = TcpListener::bind((options.bind, options.port)).await.map_err(failed)?;
         let address = listener.local_addr()?;
-        on_ready(&format!("http://{address}/{token}/"));
+        let public_origin = options.public_origin.map(Arc::new);
+        on_ready(&match &public_origin {
+            Some(origin) => format!("{origin}/{token}/"),
+            None => format!("http://{}/{token}/", reachable(address)),
+        });
         let app =
-            App { desk, token: token.into(), port: address.port(), estimator: options.estimator, pool: Arc::default() };
+            App { session, token: token.into(), public_origin, estimator: options.estimator, pool: Arc::default() };
         let ended = async {
             while !is_over() {
                 tokio::time::sleep(LOOK).await;
@@ -85,6 +80,17 @@ fn router(app: App) -> Router {
         .with_state(app)
 }
 
+/// An address that a browser can open: where all interfaces are listened at, this machine's own.
+fn reachable(mut address: SocketAddr) -> SocketAddr {
+    if address.ip().is_unspecified() {
+        address.set_ip(match address.ip() {
+            IpAddr::V4(_) => IpAddr::V4(Ipv4Addr::LOCALHOST),
+            IpAddr::V6(_) => IpAddr::V6(Ipv6Addr::LOCALHOST),
+        });
+    }
+    address
+}
+
 /// 128 bits in hexadecimal digits.
 fn random_token() -> Result<String, ViewError> {
     let mut bytes = [0; 16];
@@ -97,7 +103,7 @@ fn random_token() -> Result<String, ViewError> {
 }
 
 async fn socket(State(app): State<App>, upgrade: WebSocketUpgrade) -> Response {
-    if app.desk.pages.count() >= MAX_PAGES {
+    if app.session.pages.count() >= MAX_PAGES {
         return (StatusCode::SERVICE_UNAVAILABLE, "too many pages are open").into_response();
     }
     upgrade.max_message_size(MAX_MESSAGE).max_frame_size(MAX_MESSAGE).on_upgrade(move |socket| talk(app, socket))
@@ -105,12 +111,12 @@ async fn socket(State(app): State<App>, upgrade: WebSocketUpgrade) -> Response {
 
 /// Carries messages between one page and the desk.
 async fn talk(app: App, mut socket: WebSocket) {
-    let outbox = app.desk.join();
+    let outbox = app.session.join();
     loop {
         tokio::select! {
             heard = socket.recv() => match heard {
                 Some(Ok(Message::Text(text))) => match serde_json::from_str::<FromPage>(&text) {
-                    Ok(message) => app.desk.say(message, &outbox),
+                    Ok(message) => app.session.say(message, &outbox),
                     Err(error) => tell(&outbox, &ToPage::Refused { why: format!("not understood: {error}") }, &[]),
                 },
                 Some(Ok(Message::Binary(_))) => {
@@ -130,5 +136,5 @@ async fn talk(app: App, mut socket: WebSocket) {
             }
         }
     }
-    app.desk.pages.leave(&outbox);
+    app.session.pages.leave(&outbox);
 }

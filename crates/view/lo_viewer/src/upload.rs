@@ -1,7 +1,6 @@
 //! What a page brings: meshes with the files that they name, scenes, photos with depth and panoramas.
 
 use std::cell::RefCell;
-use std::collections::HashMap;
 use std::sync::PoisonError;
 
 use axum::body::Bytes;
@@ -12,40 +11,12 @@ use lightoctree::mesh::{LoadOptions, Model};
 use lo_session::Files;
 use percent_encoding::percent_decode_str;
 
-use crate::desk::UploadedMesh;
-use crate::server::App;
+use crate::app::App;
+use crate::session_actor::UploadedMesh;
 use crate::{NamedFile, PhotoSource, Source};
-
-/// Most bytes of one file.
-pub(crate) const MAX_UPLOAD: usize = 256 << 20;
-
-/// Most bytes of all files that wait for the one that names them.
-const MAX_POOL: usize = 512 << 20;
-
-/// Most of these files.
-const MAX_POOL_FILES: usize = 64;
 
 /// The header with a file's name, percent-encoded. Pages of other sites cannot set it without being asked whether they may.
 const NAME: &str = "x-file-name";
-
-/// Files that wait for the one that names them.
-#[derive(Default)]
-pub(crate) struct Pool {
-    files: HashMap<String, Vec<u8>>,
-}
-
-impl Pool {
-    fn put(&mut self, name: String, bytes: Vec<u8>) -> Result<(), &'static str> {
-        self.files.remove(&name);
-        let held: usize = self.files.values().map(Vec::len).sum();
-        if self.files.len() >= MAX_POOL_FILES || held + bytes.len() > MAX_POOL {
-            self.files.clear();
-            return Err("too many files for one object: at most 64 files of 512 MB in all");
-        }
-        self.files.insert(name, bytes);
-        Ok(())
-    }
-}
 
 /// Takes one file in; the answer is empty, or says why not.
 pub(crate) async fn upload(
@@ -76,11 +47,11 @@ pub(crate) async fn upload(
             }
         }
         "mesh" => {
-            if app.desk.current().is_none() {
+            if app.session.current().is_none() {
                 return refused("open a photo or a scene first".to_owned());
             }
-            let parts = std::mem::take(&mut pool().files);
-            let desk = app.desk.clone();
+            let parts = std::mem::take(&mut *pool()).files;
+            let session = app.session.clone();
             let read = tokio::task::spawn_blocking(move || {
                 // What the mesh names goes with it into the scene's file.
                 let named: RefCell<Files> = RefCell::default();
@@ -95,29 +66,29 @@ pub(crate) async fn upload(
                 let model = model.map_err(|error| error.to_string())?;
                 let warnings = model.warnings.iter().map(|warning| format!("{name}: {warning}")).collect();
                 let (content, parts) = (bytes.into(), named.into_inner());
-                desk.stand(UploadedMesh { file: name, content, parts, model, warnings });
+                session.stand(UploadedMesh { file: name, content, parts, model, warnings });
                 Ok::<_, String>(())
             });
             match read.await {
                 Ok(Ok(())) => StatusCode::NO_CONTENT.into_response(),
                 Ok(Err(why)) => refused(why),
-                Err(_) => refused("it could not be read by a fault of the program".to_owned()),
+                Err(_) => refused("internal error; see the terminal output".to_owned()),
             }
         }
         "scene" => {
-            app.desk.open(Source::Scene { file: name, bytes, is_saved: true });
+            app.session.open(Source::Scene { file: name, bytes, is_saved: true });
             StatusCode::NO_CONTENT.into_response()
         }
         "photo" => {
             let Some(estimator) = app.estimator.clone() else {
                 return refused("this program was built without weights: it opens scenes alone".to_owned());
             };
-            let mut files = std::mem::take(&mut pool().files);
+            let mut files = std::mem::take(&mut *pool()).files;
             let mut given = |kind: &str| {
                 let key = files.keys().find(|key| key.starts_with(kind)).cloned()?;
                 Some(NamedFile { bytes: files.remove(&key)?, name: key[kind.len()..].to_owned() })
             };
-            app.desk.open(Source::Photo(PhotoSource {
+            app.session.open(Source::Photo(PhotoSource {
                 photo: NamedFile { name, bytes },
                 depth: given("depth/"),
                 #[cfg(feature = "depth-models")]

@@ -11,18 +11,19 @@ use lightoctree::mesh::{Material, Model};
 use lightoctree::{Event, OnEvent};
 use lo_session::{Files, OpenScene, Session, SessionError, overlay};
 
-use crate::Words;
+use crate::EventText;
+use crate::failure::{Failure, guarded, stage_of};
 use crate::opening::{Opened, Source};
 use crate::outbox::{Outbox, Pages, tell};
-use crate::outside::Look;
+use crate::outside::OutsideRequest;
 use crate::protocol::{FromPage, Preset, SceneInfo, ToPage};
-use crate::work::{Change, Place, Work, guarded, stage_of};
+use crate::worker::{Change, ProbeRequest, Worker};
 
 /// Most messages that wait to be carried out.
 const QUEUE: usize = 256;
 
 /// What the desk hears.
-enum Heard {
+enum Message {
     /// A page says something.
     Page(FromPage, Arc<Outbox>),
     /// A mesh was uploaded, which is to stand in the photo.
@@ -45,33 +46,33 @@ pub(crate) struct UploadedMesh {
 }
 
 /// The desk, as other threads know it.
-pub(crate) struct Desk {
-    heard: SyncSender<Heard>,
+pub(crate) struct SessionHandle {
+    messages: SyncSender<Message>,
     pub pages: Arc<Pages>,
     /// The open scene's pictures.
-    current: Mutex<Option<Arc<Work>>>,
+    current: Mutex<Option<Arc<Worker>>>,
 }
 
-impl Desk {
+impl SessionHandle {
     /// Starts the desk's thread.
     ///
     /// # Errors
     /// Where the system has no threads left.
-    pub fn start(words: Words, can_estimate: bool) -> std::io::Result<Arc<Self>> {
-        let (heard, hears) = sync_channel(QUEUE);
-        let desk = Arc::new(Self { heard, pages: Arc::default(), current: Mutex::default() });
-        let clerk = Clerk {
-            desk: desk.clone(),
-            words,
+    pub fn start(text: EventText, can_estimate: bool) -> std::io::Result<Arc<Self>> {
+        let (messages, receiver) = sync_channel(QUEUE);
+        let handle = Arc::new(Self { messages, pages: Arc::default(), current: Mutex::default() });
+        let actor = SessionActor {
+            handle: handle.clone(),
+            text,
             can_estimate,
-            at: At::Nothing { error: None },
+            status: Status::Nothing { error: None },
             attempt: 0,
             change: 0,
             sequence: 0,
         };
-        desk.pages.tell(&clerk.situation(), &[]);
-        std::thread::Builder::new().name("desk".into()).spawn(move || clerk.serve(&hears))?;
-        Ok(desk)
+        handle.pages.tell(&actor.situation(), &[]);
+        std::thread::Builder::new().name("session".into()).spawn(move || actor.serve(&receiver))?;
+        Ok(handle)
     }
 
     /// A page came; it is told all that is.
@@ -87,35 +88,35 @@ impl Desk {
     /// A page says something. What a newer message takes the place of is dropped where too much waits.
     pub fn say(&self, message: FromPage, outbox: &Arc<Outbox>) {
         if message.is_passing() {
-            match self.heard.try_send(Heard::Page(message, outbox.clone())) {
+            match self.messages.try_send(Message::Page(message, outbox.clone())) {
                 Ok(()) | Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => {}
             }
         } else {
-            self.hear(Heard::Page(message, outbox.clone()));
+            self.send(Message::Page(message, outbox.clone()));
         }
     }
 
     /// Opens a scene.
     pub fn open(&self, source: Source) {
-        self.hear(Heard::Open(source));
+        self.send(Message::Open(source));
     }
 
     /// Stands a mesh into the photo.
     pub fn stand(&self, mesh: UploadedMesh) {
-        self.hear(Heard::Mesh(Box::new(mesh)));
+        self.send(Message::Mesh(Box::new(mesh)));
     }
 
     /// The open scene's pictures.
-    pub fn current(&self) -> Option<Arc<Work>> {
+    pub fn current(&self) -> Option<Arc<Worker>> {
         self.current.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    fn hear(&self, heard: Heard) {
+    fn send(&self, message: Message) {
         // The thread ends with the program alone.
-        let _ = self.heard.send(heard);
+        let _ = self.messages.send(message);
     }
 
-    fn set_current(&self, work: Option<Arc<Work>>) {
+    fn set_current(&self, work: Option<Arc<Worker>>) {
         let before = std::mem::replace(&mut *self.current.lock().unwrap_or_else(PoisonError::into_inner), work);
         if let Some(before) = before {
             before.end();
@@ -124,11 +125,11 @@ impl Desk {
 }
 
 /// Who sits at the desk.
-struct Clerk {
-    desk: Arc<Desk>,
-    words: Words,
+struct SessionActor {
+    handle: Arc<SessionHandle>,
+    text: EventText,
     can_estimate: bool,
-    at: At,
+    status: Status,
     /// Number of the last scene that was to be opened.
     attempt: u64,
     /// Number of the last change.
@@ -138,48 +139,47 @@ struct Clerk {
 }
 
 /// What is open.
-enum At {
+enum Status {
     Nothing { error: Option<String> },
     Opening { file: String, stop: Arc<AtomicBool> },
-    Scene { session: Box<Session>, work: Arc<Work>, info: Box<SceneInfo> },
+    Scene { session: Box<Session>, work: Arc<Worker>, info: Box<SceneInfo> },
 }
 
-impl Clerk {
-    fn serve(mut self, hears: &Receiver<Heard>) {
-        while let Ok(first) = hears.recv() {
+impl SessionActor {
+    fn serve(mut self, receiver: &Receiver<Message>) {
+        while let Ok(first) = receiver.recv() {
             let mut waiting = vec![first];
-            waiting.extend(hears.try_iter().take(QUEUE));
+            waiting.extend(receiver.try_iter().take(QUEUE));
             for index in 0..waiting.len() {
                 // Of several previews in a row only the last one is shown.
                 let passed = matches!(
                     (&waiting[index], waiting.get(index + 1)),
                     (
-                        Heard::Page(FromPage::Preview { command, .. }, _),
-                        Some(Heard::Page(FromPage::Preview { command: next, .. }, _)),
+                        Message::Page(FromPage::Preview { command, .. }, _),
+                        Some(Message::Page(FromPage::Preview { command: next, .. }, _)),
                     ) if std::mem::discriminant(command) == std::mem::discriminant(next)
                 ) || matches!(
                     (&waiting[index], waiting.get(index + 1)),
-                    (Heard::Page(FromPage::Seek { .. }, _), Some(Heard::Page(FromPage::Seek { .. }, _)))
+                    (Message::Page(FromPage::Seek { .. }, _), Some(Message::Page(FromPage::Seek { .. }, _)))
                 );
                 if passed {
                     continue;
                 }
-                let heard = std::mem::replace(&mut waiting[index], Heard::Page(FromPage::Stop, Arc::default()));
-                if catch_unwind(AssertUnwindSafe(|| self.do_heard(heard))).is_err() {
-                    let why = "this failed by a fault of the program; what the terminal says of it helps to mend it";
-                    self.desk.pages.tell(&ToPage::Refused { why: why.into() }, &[]);
+                let message = std::mem::replace(&mut waiting[index], Message::Page(FromPage::Stop, Arc::default()));
+                if catch_unwind(AssertUnwindSafe(|| self.handle_message(message))).is_err() {
+                    self.handle.pages.tell(&ToPage::Refused { why: Failure::Panic.to_string() }, &[]);
                 }
             }
         }
     }
 
-    fn do_heard(&mut self, heard: Heard) {
-        match heard {
-            Heard::Page(message, outbox) => self.do_message(message, &outbox),
-            Heard::Mesh(mesh) => self.stand(*mesh),
-            Heard::Open(source) => self.open(source),
-            Heard::Opened(attempt, opened) => {
-                let is_awaited = matches!(self.at, At::Opening { .. }) && attempt == self.attempt;
+    fn handle_message(&mut self, message: Message) {
+        match message {
+            Message::Page(message, outbox) => self.handle_page(message, &outbox),
+            Message::Mesh(mesh) => self.stand(*mesh),
+            Message::Open(source) => self.open(source),
+            Message::Opened(attempt, opened) => {
+                let is_awaited = matches!(self.status, Status::Opening { .. }) && attempt == self.attempt;
                 if is_awaited {
                     self.opened(opened);
                 }
@@ -188,30 +188,30 @@ impl Clerk {
     }
 
     fn situation(&self) -> ToPage {
-        match &self.at {
-            At::Nothing { error } => ToPage::Empty { error: error.clone(), can_estimate: self.can_estimate },
-            At::Opening { file, .. } => ToPage::Opening { file: file.clone(), stage: String::new(), done: None },
-            At::Scene { info, .. } => ToPage::Scene((**info).clone()),
+        match &self.status {
+            Status::Nothing { error } => ToPage::Empty { error: error.clone(), can_estimate: self.can_estimate },
+            Status::Opening { file, .. } => ToPage::Opening { file: file.clone(), stage: String::new(), done: None },
+            Status::Scene { info, .. } => ToPage::Scene((**info).clone()),
         }
     }
 
-    fn do_message(&mut self, message: FromPage, outbox: &Arc<Outbox>) {
+    fn handle_page(&mut self, message: FromPage, outbox: &Arc<Outbox>) {
         match message {
             FromPage::Stop => {
-                if let At::Opening { stop, .. } = &self.at {
+                if let Status::Opening { stop, .. } = &self.status {
                     stop.store(true, Ordering::SeqCst);
                 }
                 return;
             }
             FromPage::Close => {
-                self.desk.set_current(None);
-                self.at = At::Nothing { error: None };
-                self.desk.pages.tell(&self.situation(), &[]);
+                self.handle.set_current(None);
+                self.status = Status::Nothing { error: None };
+                self.handle.pages.tell(&self.situation(), &[]);
                 return;
             }
             _ => {}
         }
-        let At::Scene { session, work, .. } = &mut self.at else { return };
+        let Status::Scene { session, work, .. } = &mut self.status else { return };
         let done = match message {
             FromPage::Command { command } => session.apply(&command),
             FromPage::Preview { command, sequence } => {
@@ -245,13 +245,15 @@ impl Clerk {
             FromPage::Probe { pixel, lift_m, exposure_ev } => {
                 let usable = lift_m.is_finite() && crate::protocol::EXPOSURES_EV.contains(&exposure_ev);
                 if usable {
-                    work.look(Place { pixel, lift_m: lift_m.clamp(0.0, 10.0), exposure_ev });
+                    work.look(ProbeRequest { pixel, lift_m: lift_m.clamp(0.0, 10.0), exposure_ev });
                 }
                 return;
             }
             FromPage::Outside { sequence, view } => {
                 match view.check(session.open().up()) {
-                    Ok(()) => work.outside.ask(Look { outbox: outbox.clone(), sequence, view, state: work.state() }),
+                    Ok(()) => {
+                        work.outside.ask(OutsideRequest { outbox: outbox.clone(), sequence, view, state: work.state() })
+                    }
                     Err(error) => tell(outbox, &ToPage::Refused { why: error.to_string() }, &[]),
                 }
                 return;
@@ -281,36 +283,36 @@ impl Clerk {
 
     /// Tells all pages what stands there now, and asks for its picture.
     fn changed(&mut self) {
-        let At::Scene { session, work, .. } = &self.at else { return };
+        let Status::Scene { session, work, .. } = &self.status else { return };
         self.change += 1;
         let (view, state) = (Box::new(session.view()), Arc::new(session.state().clone()));
         // First: who has been told of a change and downloads something, gets it changed.
         work.show(Change { number: self.change, sequence: self.sequence, state });
-        self.desk.pages.tell(&ToPage::State { change: self.change, view }, &[]);
+        self.handle.pages.tell(&ToPage::State { change: self.change, view }, &[]);
     }
 
     fn stand(&mut self, mesh: UploadedMesh) {
         let UploadedMesh { file, content, parts, model, warnings } = mesh;
-        let At::Scene { session, .. } = &mut self.at else { return };
+        let Status::Scene { session, .. } = &mut self.status else { return };
         let stood = session
             .add_mesh(&file, model, content, parts)
             .and_then(|mesh| session.apply(&lo_session::Command::Add { mesh, pixel: None, material: None }));
         for why in warnings.into_iter().chain(stood.err().map(|error: SessionError| error.to_string())) {
-            self.desk.pages.tell(&ToPage::Refused { why }, &[]);
+            self.handle.pages.tell(&ToPage::Refused { why }, &[]);
         }
         self.changed();
     }
 
     fn open(&mut self, source: Source) {
-        if let At::Opening { stop, .. } = &self.at {
+        if let Status::Opening { stop, .. } = &self.status {
             stop.store(true, Ordering::SeqCst);
         }
-        self.desk.set_current(None);
+        self.handle.set_current(None);
         self.attempt += 1;
         let (attempt, file, stop) = (self.attempt, source.file(), Arc::new(AtomicBool::new(false)));
-        self.at = At::Opening { file: file.clone(), stop: stop.clone() };
-        self.desk.pages.tell(&self.situation(), &[]);
-        let (desk, words) = (self.desk.clone(), self.words);
+        self.status = Status::Opening { file: file.clone(), stop: stop.clone() };
+        self.handle.pages.tell(&self.situation(), &[]);
+        let (handle, text) = (self.handle.clone(), self.text);
         let work = move || {
             let mut said = Instant::now();
             let mut last = None;
@@ -320,19 +322,19 @@ impl Clerk {
                     && (last.as_ref() != Some(&stage) || said.elapsed() > Duration::from_millis(100))
                 {
                     said = Instant::now();
-                    let text = (words.stage)(&stage).into_owned();
+                    let label = (text.stage)(&stage).into_owned();
                     last = Some(stage);
-                    desk.pages.tell(&ToPage::Opening { file: file.clone(), stage: text, done: Some(done) }, &[]);
+                    handle.pages.tell(&ToPage::Opening { file: file.clone(), stage: label, done: Some(done) }, &[]);
                 }
                 if stop.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             };
-            let opened = catch_unwind(AssertUnwindSafe(|| source.open(&words, &mut hear as OnEvent<'_>)));
-            let opened = opened.unwrap_or_else(|_| Err("it could not be opened by a fault of the program".to_owned()));
-            desk.hear(Heard::Opened(attempt, opened.map(Box::new)));
+            let opened = catch_unwind(AssertUnwindSafe(|| source.open(&text, &mut hear as OnEvent<'_>)));
+            let opened = opened.unwrap_or_else(|_| Err("internal error; see the terminal output".to_owned()));
+            handle.send(Message::Opened(attempt, opened.map(Box::new)));
         };
         if let Err(error) = std::thread::Builder::new().name("opening".into()).spawn(work) {
-            self.at = At::Nothing { error: Some(error.to_string()) };
-            self.desk.pages.tell(&self.situation(), &[]);
+            self.status = Status::Nothing { error: Some(error.to_string()) };
+            self.handle.pages.tell(&self.situation(), &[]);
         }
     }
 
@@ -353,21 +355,21 @@ impl Clerk {
             };
             let session = Session::new(open.clone()).map_err(|error| format!("{}: {error}", open.file))?;
             let change = Change { number: self.change, sequence: 0, state: Arc::new(session.state().clone()) };
-            let work = Work::start(open, change, self.desk.pages.clone(), self.words).map_err(|e| e.to_string())?;
-            Ok(At::Scene { session: Box::new(session), work, info: Box::new(info) })
+            let work = Worker::start(open, change, self.handle.pages.clone(), self.text).map_err(|e| e.to_string())?;
+            Ok(Status::Scene { session: Box::new(session), work, info: Box::new(info) })
         });
         match started {
             Ok(at) => {
-                if let At::Scene { work, .. } = &at {
-                    self.desk.set_current(Some(work.clone()));
+                if let Status::Scene { work, .. } = &at {
+                    self.handle.set_current(Some(work.clone()));
                 }
-                self.at = at;
-                self.desk.pages.tell(&self.situation(), &[]);
+                self.status = at;
+                self.handle.pages.tell(&self.situation(), &[]);
                 self.changed();
             }
             Err(error) => {
-                self.at = At::Nothing { error: Some(error) };
-                self.desk.pages.tell(&self.situation(), &[]);
+                self.status = Status::Nothing { error: Some(error) };
+                self.handle.pages.tell(&self.situation(), &[]);
             }
         }
     }

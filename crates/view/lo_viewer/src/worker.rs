@@ -2,7 +2,6 @@
 //! each kind wins.
 
 use std::ops::ControlFlow;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -11,17 +10,15 @@ use lightoctree::insert::Composite;
 use lightoctree::{Event, Warning};
 use lo_session::{LitScenes, OpenScene, Part, Probe, Renderer, SessionError, State, Step, outputs, probe_place};
 
-use crate::Words;
+use crate::EventText;
+use crate::failure::{Failure, guarded, stage_of};
 use crate::film::Film;
 use crate::outbox::Pages;
-use crate::outside::Looks;
-use crate::protocol::ToPage;
+use crate::outside::OutsideQueue;
+use crate::protocol::{MOVING_QUALITY, ToPage};
 
 /// Nothing changes for this long: it rests.
 const REST: Duration = Duration::from_millis(150);
-
-/// JPEG quality of pictures of what moves.
-pub(crate) const MOVING_QUALITY: u8 = 88;
 
 /// Height of a probe's panorama, pixels.
 const PROBE_HEIGHT: usize = 96;
@@ -38,21 +35,21 @@ pub(crate) struct Change {
 
 /// A place whose light is asked for.
 #[derive(Clone, Copy)]
-pub(crate) struct Place {
+pub(crate) struct ProbeRequest {
     pub pixel: [f64; 2],
     pub lift_m: f32,
     pub exposure_ev: f32,
 }
 
 /// What the threads share.
-pub(crate) struct Work {
+pub(crate) struct Worker {
     pub scenes: Arc<LitScenes>,
     /// Who looks at the room from outside.
-    pub outside: Looks,
+    pub outside: OutsideQueue,
     /// What is being taken away frame by frame.
     pub film: Film,
     pub pages: Arc<Pages>,
-    words: Words,
+    text: EventText,
     wanted: Mutex<Wanted>,
     changed: Condvar,
 }
@@ -66,24 +63,29 @@ struct Wanted {
     last: Option<(u64, Arc<Composite>)>,
     /// Why there is none.
     failed: Option<(u64, String)>,
-    place: Option<Place>,
+    place: Option<ProbeRequest>,
     is_over: bool,
 }
 
-impl Work {
+impl Worker {
     /// Starts the threads.
     ///
     /// # Errors
     /// Where the system has no threads left.
-    pub fn start(open: Arc<OpenScene>, change: Change, pages: Arc<Pages>, words: Words) -> std::io::Result<Arc<Self>> {
+    pub fn start(
+        open: Arc<OpenScene>,
+        change: Change,
+        pages: Arc<Pages>,
+        text: EventText,
+    ) -> std::io::Result<Arc<Self>> {
         let (moved, since) = (change.number, Instant::now());
         let wanted = Wanted { change, since, moved, last: None, failed: None, place: None, is_over: false };
         let work = Arc::new(Self {
             scenes: Arc::new(LitScenes::new(open)),
-            outside: Looks::default(),
+            outside: OutsideQueue::default(),
             film: Film::default(),
             pages,
-            words,
+            text,
             wanted: Mutex::new(wanted),
             changed: Condvar::new(),
         });
@@ -115,7 +117,7 @@ impl Work {
     }
 
     /// The light of another place is to be shown.
-    pub fn look(&self, place: Place) {
+    pub fn look(&self, place: ProbeRequest) {
         self.lock().place = Some(place);
         self.changed.notify_all();
     }
@@ -235,7 +237,7 @@ impl Work {
                     && said.elapsed() > Duration::from_millis(100)
                 {
                     said = Instant::now();
-                    let stage = (self.words.stage)(stage).into_owned();
+                    let stage = (self.text.stage)(stage).into_owned();
                     self.pages.tell(&ToPage::Progress { change: change.number, step, stage, done }, &[]);
                 }
                 if let Event::Warning(warning) = event {
@@ -252,7 +254,7 @@ impl Work {
                 Ok(composite) => {
                     self.send(change, step, &composite, begun);
                     let names: Vec<String> = change.state.objects.iter().map(|object| object.name.clone()).collect();
-                    let notes = warnings.iter().map(|warning| (self.words.warning)(warning, &names)).collect();
+                    let notes = warnings.iter().map(|warning| (self.text.warning)(warning, &names)).collect();
                     self.pages.tell(&ToPage::Notes { change: change.number, notes }, &[]);
                     if step == Step::Final {
                         self.lock().last = Some((change.number, Arc::new(composite)));
@@ -345,36 +347,5 @@ impl Work {
                 Err(error) => self.pages.tell(&ToPage::Refused { why: error.to_string() }, &[]),
             }
         }
-    }
-}
-
-/// Why there is no result.
-pub(crate) enum Failure {
-    Session(SessionError),
-    /// A fault of the program's own.
-    Panic,
-}
-
-impl std::fmt::Display for Failure {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Session(error) => error.fmt(f),
-            Self::Panic => {
-                f.write_str("this failed by a fault of the program; what the terminal says of it helps to mend it")
-            }
-        }
-    }
-}
-
-/// One picture's failure is not the program's end.
-pub(crate) fn guarded<T>(work: impl FnOnce() -> Result<T, SessionError>) -> Result<T, Failure> {
-    catch_unwind(AssertUnwindSafe(work)).map_err(|_| Failure::Panic)?.map_err(Failure::Session)
-}
-
-/// The stage that an event is of.
-pub(crate) fn stage_of(event: &Event) -> Option<&lightoctree::Stage> {
-    match event {
-        Event::Begun(stage) | Event::Progress { stage, .. } | Event::Done { stage, .. } => Some(stage),
-        _ => None,
     }
 }
