@@ -13,7 +13,7 @@ use lightoctree::imaging::{self, DepthMap, ExrOptions, Image, Photo, RadianceIma
 use lightoctree::octree::{Coverage, LightOctree, RadiancePoint};
 use lightoctree::scene::{
     AnalyticLight, Completion, EmitterEdit, ExpectedLight, Frame, LightChange, LightColor, LightEdits, LightShape,
-    ObjectsShown, Room, RoomPlane, Scene, SceneObjects, Side,
+    Estimate, EstimateOrigin, ObjectsShown, Room, RoomPlane, SceneFile, SceneObjects, Side,
 };
 use lo_dataset::{DatasetError, Metadata, NovelView, Record, Shot, write_shard};
 
@@ -122,16 +122,19 @@ fn scenes(folder: &Path) -> Result {
         let plane = Plane { normal: Vec3::Y, offset_m: -1.5 };
         let room = Room { up: Vec3::Y, planes: vec![RoomPlane { side: Side::Floor, plane, measured: true }] };
         let sources = vec!["photo.jpg".to_owned()];
-        let plain = Scene { completion: Completion::Shell, room: Some(room), sources, ..Scene::as_seen(light, frame) };
+        let origin = EstimateOrigin { completion: Completion::Shell, sources, ..EstimateOrigin::default() };
+        let plain = SceneFile::from(Estimate { room: Some(room), origin, ..Estimate::as_seen(light, frame) });
         plain.write(&folder.join(format!("{name}.scene")), "seeds")?;
-        let edited = Scene { light_edits: light_edits(name == "srgb8")?, ..plain };
+        let edited = SceneFile { light_edits: light_edits(name == "srgb8")?, ..plain };
         edited.write(&folder.join(format!("{name}_edited.scene")), "seeds")?;
         if name == "srgb8" {
             let radiance = RadianceImage::from_fn(8, 4, |x, y| [0.5 + x as f32, 0.5 + y as f32, 1.0]);
             let expected = Some(ExpectedLight::new(&radiance, Quat::IDENTITY, 3.0));
-            let guessed = Scene { completion: Completion::Network, expected, ..edited.clone() };
+            let mut guessed = edited.clone();
+            let estimate = Arc::make_mut(&mut guessed.estimate);
+            (estimate.origin.completion, estimate.expected) = (Completion::Network, expected);
             guessed.write(&folder.join("srgb8_expected.scene"), "seeds")?;
-            Scene { objects: objects(), ..edited }.write(&folder.join("srgb8_objects.scene"), "seeds")?;
+            SceneFile { objects: objects(), ..edited }.write(&folder.join("srgb8_objects.scene"), "seeds")?;
         }
     }
     Ok(())

@@ -6,25 +6,22 @@ use lightoctree::cone::Viewers;
 use lightoctree::geometry::Vec3;
 use lightoctree::imaging::RadianceImage;
 use lightoctree::lo_lights::AnalyticLights;
-use lightoctree::scene::Scene;
+use lightoctree::{Document, LightPurpose};
 
 fuzz_target!(|bytes: &[u8]| {
-    let Ok(scene) = Scene::from_bytes(bytes) else { return };
-    let again =
-        Scene::from_bytes(&scene.to_bytes("fuzz").expect("a valid scene can be written")).expect("and read back");
-    assert_eq!(scene, again);
-    // What stands in it is a layout with its meshes, or it is said what is wrong.
-    if let Ok(Some(layout)) = lightoctree::scene_layout(&scene) {
-        let _ = lightoctree::Models::of_scene(&layout, &scene);
+    let Ok(document) = Document::from_bytes(bytes) else { return };
+    let written = document.to_bytes("fuzz").expect("a valid document can be written");
+    assert_eq!(document, Document::from_bytes(&written).expect("and read back"));
+    // Its meshes can be read, or the error says what is wrong.
+    if let Some(layout) = &document.layout {
+        let _ = document.models(layout);
     }
     let finite = |radiance: &RadianceImage| radiance.pixels().iter().flatten().all(|value| value.is_finite());
-    let viewers = Viewers::new(&scene.light);
+    let viewers = Viewers::new(&document.estimate.light);
     assert!(finite(&viewers.at(Vec3::ZERO).panorama(Vec3::ZERO, 8, 4).radiance));
-    // Edits are carried out, or it is said why not.
-    let mut edited = scene;
-    let lit = !edited.light_edits.is_empty() || edited.expected.is_some();
-    let tuning = lightoctree::LightTuning::default();
-    if lit && lightoctree::light_up(&mut edited, lightoctree::LightMode::Expected, &tuning).is_ok() {
+    // Edits are applied, or the error says why not.
+    let is_changed = !document.light_edits.is_empty() || document.estimate.expected.is_some();
+    if is_changed && let Ok(edited) = document.lit(LightPurpose::Panorama) {
         assert!(edited.light.rgba.iter().flatten().flatten().all(|value| value.is_finite() && *value >= 0.0));
         if let Some(lights) = AnalyticLights::of(&edited) {
             let mut panorama = viewers.at(Vec3::ZERO).panorama(Vec3::ZERO, 8, 4);

@@ -6,7 +6,8 @@ use std::sync::{Arc, LazyLock};
 use libfuzzer_sys::fuzz_target;
 use lightoctree::geometry::Quat;
 use lightoctree::imaging::RadianceImage;
-use lightoctree::scene::{Completion, ExpectedLight, Scene};
+use lightoctree::Document;
+use lightoctree::scene::{Completion, ExpectedLight};
 use lo_session::{OpenScene, Session, SessionError, overlay, probe_place};
 use lo_viewer::protocol::FromPage;
 
@@ -14,11 +15,13 @@ use lo_viewer::protocol::FromPage;
 const MAX_MESSAGES: usize = 64;
 
 static ROOM: LazyLock<Arc<OpenScene>> = LazyLock::new(|| {
-    let scene = Scene::from_bytes(include_bytes!("../corpus/scene/srgb8_edited.scene")).expect("a scene of the seeds");
+    let mut document = Document::from_bytes(include_bytes!("../corpus/scene/srgb8_edited.scene")).expect("a scene of the seeds");
     // With expected light, so that its choice is one.
     let radiance = RadianceImage::from_fn(8, 4, |x, y| [0.5 + x as f32, 0.5 + y as f32, 1.0]);
     let expected = Some(ExpectedLight::new(&radiance, Quat::IDENTITY, 3.0));
-    Arc::new(OpenScene::new("room.scene", Scene { completion: Completion::Network, expected, ..scene }))
+    let estimate = Arc::make_mut(&mut document.estimate);
+    (estimate.origin.completion, estimate.expected) = (Completion::Network, expected);
+    Arc::new(OpenScene::new("room.scene", document))
 });
 
 fuzz_target!(|text: &str| {

@@ -5,10 +5,9 @@
 use std::error::Error;
 use std::path::Path;
 
-use lightoctree::SharpViewers;
 use lightoctree::geometry::Vec3;
 use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions};
-use lightoctree::scene::Scene;
+use lightoctree::{Document, LightPurpose, SharpViewers};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut args = std::env::args().skip(1);
@@ -18,10 +17,12 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// Reads, renders, writes.
 pub fn run(scene: &Path, panorama: &Path) -> Result<(), Box<dyn Error>> {
-    let scene = Scene::read(scene)?;
+    let document = Document::read(scene)?;
+    // The expected light of the room, with what the user edited.
+    let lit = document.lit(LightPurpose::Panorama)?;
     // Metres: +X right, +Y up, and the camera in the origin looks along −Z. This is a metre and a half before it.
     let point = Vec3::new(0.0, 0.0, -1.5);
-    let rendering = SharpViewers::new(&scene).panorama(point, 512, 256);
+    let rendering = SharpViewers::new(&lit).panorama(point, 512, 256);
     let options = ExrOptions {
         generator: "example envmap".to_owned(),
         environment: Some(EnvironmentLayout::LatitudeLongitude),

@@ -4,7 +4,7 @@ use std::error::Error;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use lightoctree::{EstimateOptions, Estimator, Event, Input, imaging};
+use lightoctree::{Document, EstimateOptions, Estimator, Event, Input, imaging};
 
 const PHOTO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../apps/lightoctree-cli/assets/library_color.jpg");
 
@@ -30,6 +30,6 @@ pub fn run(photo: &Path, scene: &Path) -> Result<(), Box<dyn Error>> {
         }
         ControlFlow::Continue(())
     };
-    let estimated = estimator.estimate(input, &EstimateOptions::default(), &mut on_event)?;
-    Ok(estimated.write(scene, "example estimate")?)
+    let estimate = estimator.estimate(input, &EstimateOptions::default(), &mut on_event)?;
+    Ok(Document::new(estimate).write(scene, "example estimate")?)
 }

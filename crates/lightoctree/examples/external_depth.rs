@@ -4,7 +4,7 @@ use std::error::Error;
 use std::path::Path;
 
 use lightoctree::scene::Frame;
-use lightoctree::{EstimateOptions, Estimator, Input, events, imaging};
+use lightoctree::{Document, EstimateOptions, Estimator, Input, events, imaging};
 
 const PHOTO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../apps/lightoctree-cli/assets/library_color.jpg");
 const DEPTH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../apps/lightoctree-cli/assets/library_lidar_depth.png");
@@ -25,6 +25,6 @@ pub fn run(photo: &Path, depth: &Path, scene: &Path) -> Result<(), Box<dyn Error
     let frame = Frame::new(photo.photo, depth_m, camera, 1.0)?;
     // A network's depth is `Input::PredictedDepth`: its floors are wavy, and so it is trusted less.
     let input = Input::MeasuredDepth(frame);
-    let estimated = estimator.estimate(input, &EstimateOptions::default(), &mut events::ignore)?;
-    Ok(estimated.write(scene, "example external_depth")?)
+    let estimate = estimator.estimate(input, &EstimateOptions::default(), &mut events::ignore)?;
+    Ok(Document::new(estimate).write(scene, "example external_depth")?)
 }

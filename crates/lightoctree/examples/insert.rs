@@ -7,8 +7,7 @@ use std::path::Path;
 
 use lightoctree::insert::{Align, Base, Inserter, Instance, Lighting, Placement, Quality};
 use lightoctree::mesh::{LoadOptions, Model, PreparedModel};
-use lightoctree::scene::Scene;
-use lightoctree::{events, fit_lamps, imaging};
+use lightoctree::{Document, LightPurpose, events, imaging};
 
 const MESH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/suzanne.glb");
 
@@ -20,16 +19,17 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// Reads, renders, writes.
 pub fn run(scene: &Path, mesh: &Path, picture: &Path) -> Result<(), Box<dyn Error>> {
-    let mut scene = Scene::read(scene)?;
-    // Lamps that the photo does not show, but that what it shows asks for.
-    fit_lamps(&mut scene);
+    let document = Document::read(scene)?;
+    let estimate = &*document.estimate;
     let model = PreparedModel::new(Model::load(mesh, &LoadOptions::default())?);
     // Half a metre high, on what is seen in the lower middle of the photo.
-    let (width, height) = (scene.frame.photo.width() as f64, scene.frame.photo.height() as f64);
-    let place = Placement::rest_on_pixel(&scene, 0.53 * width, 0.79 * height, Align::Gravity)?
+    let (width, height) = (estimate.frame.photo.width() as f64, estimate.frame.photo.height() as f64);
+    let place = Placement::rest_on_pixel(estimate, 0.53 * width, 0.79 * height, Align::Gravity)?
         .scaled(0.5 / model.bounds().size().y)
-        .settled(&scene, &Base::new(&model));
-    let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Draft)?;
+        .settled(estimate, &Base::new(&model));
+    // Plausible light, with lamps that the photo does not show but whose shading it does.
+    let lit = document.lit(LightPurpose::Objects { at_m: place.position_m })?;
+    let inserter = Inserter::new(&lit, Lighting::Octree, Quality::Draft)?;
     let composite = inserter.render(&[Instance::new(&model, place)], &mut events::ignore)?;
     Ok(imaging::write_photo(picture, &composite.image, "example insert")?)
 }

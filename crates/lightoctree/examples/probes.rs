@@ -7,8 +7,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use lightoctree::imaging::{self, ExrOptions};
-use lightoctree::scene::Scene;
-use lightoctree::{Event, probe_grid, render_probes};
+use lightoctree::{Document, Event, LightPurpose, probe_grid, render_probes};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut args = std::env::args().skip(1);
@@ -18,9 +17,9 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// Reads, renders, writes.
 pub fn run(scene: &Path, folder: &Path) -> Result<(), Box<dyn Error>> {
-    let scene = Scene::read(scene)?;
+    let document = Document::read(scene)?;
     std::fs::create_dir_all(folder)?;
-    let points = probe_grid(&scene, [2, 1, 2]);
+    let points = probe_grid(&document.estimate, [2, 1, 2]);
     let write = |index: usize, rendering: lightoctree::cone::Rendering| -> Result<(), Box<dyn Error>> {
         let options = ExrOptions { generator: "example probes".to_owned(), ..ExrOptions::default() };
         let file = folder.join(format!("probe_{index}.exr"));
@@ -33,5 +32,6 @@ pub fn run(scene: &Path, folder: &Path) -> Result<(), Box<dyn Error>> {
         }
         ControlFlow::Continue(())
     };
-    render_probes(&scene, &points, 64, write, &mut on_event)
+    let lit = document.lit(LightPurpose::Panorama)?;
+    render_probes(&lit, &points, 64, write, &mut on_event)
 }

@@ -2,6 +2,8 @@
 
 use lo_mesh::{Material, MeshError, Model};
 
+use crate::ModelError;
+
 /// Names of the models that [`builtin_model`] knows.
 pub const BUILTIN_MODELS: [&str; 3] = ["sphere", "suzanne", "tea-set"];
 
@@ -42,4 +44,11 @@ mod tests {
         let tea_set = builtin_model("tea-set").unwrap().unwrap();
         assert!(tea_set.warnings.is_empty() && tea_set.textures.len() == 3, "{:?}", tea_set.warnings);
     }
+}
+
+/// The model of a name that begins with [`BUILTIN_PREFIX`]; `None` for other names.
+pub(crate) fn builtin_mesh(name: &str) -> Result<Option<Model>, ModelError> {
+    let Some(name) = name.strip_prefix(BUILTIN_PREFIX) else { return Ok(None) };
+    let model = builtin_model(name).ok_or_else(|| ModelError::Builtin { name: name.to_owned() })??;
+    Ok(Some(model))
 }

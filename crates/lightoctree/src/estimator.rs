@@ -5,7 +5,7 @@ use lo_geometry::Vec3;
 use lo_nets::Networks;
 use lo_nets::checkpoint::CheckpointError;
 use lo_octree::check_depths;
-use lo_scene::{Completion, ExpectedLight, Frame, Scene};
+use lo_scene::{Completion, Estimate, EstimateOrigin, ExpectedLight, Frame};
 
 use crate::completed::{Completed, as_seen, by_network, closed};
 use crate::panorama::laid;
@@ -64,7 +64,7 @@ impl Estimator {
         input: Input,
         options: &EstimateOptions,
         on_event: OnEvent<'_>,
-    ) -> Result<Scene, EstimateError> {
+    ) -> Result<Estimate, EstimateError> {
         let (completion, octree_depth) = self.plan(options)?;
         let mut view = View::new(input, self.networks(), on_event)?;
         let prior = options.panorama.as_ref();
@@ -92,21 +92,16 @@ impl Estimator {
         let Completed { light, room, confidence } = completed;
         let (other_photos, View { frame, predicted_depth, model: depth_model, .. }) = (view.other_photos(), view);
         let (completion, sources) = (completion.into(), options.sources.clone());
-        let estimated = Scene::as_seen(light, frame);
-        Ok(Scene {
+        let origin = EstimateOrigin {
             completion,
             camera_source: options.camera_source,
             up_deviation_deg: told.and_then(|(_, deviation_deg)| deviation_deg).map(|deg| deg as f32),
-            room,
             sources,
             predicted_depth,
             depth_model,
-            confidence,
-            expected,
-            panorama,
-            other_photos,
-            ..estimated
-        })
+        };
+        let observed = Estimate::as_seen(light, frame);
+        Ok(Estimate { room, confidence, expected, panorama, other_photos, origin, ..observed })
     }
 
     /// How, and down to which depth: the options are checked before any work, since the shell's closing points grow with 4^depth.

@@ -1,16 +1,24 @@
 //! Indoor lighting from one photo: the public Rust API.
 //!
 //! ```no_run
-//! use lightoctree::{EstimateOptions, Estimator, Input, SharpViewers, events, geometry::Vec3, imaging};
+//! use lightoctree::{
+//!     Document, EstimateOptions, Estimator, Input, LightPurpose, SharpViewers, events, geometry::Vec3, imaging,
+//! };
 //!
 //! let photo = imaging::read_photo("room.jpg")?;
 //! let estimator = Estimator::shipped()?;
 //! let (camera, _source) = estimator.camera_of(&photo)?;
 //! let input = Input::Photo { photo: photo.photo, camera };
-//! let scene = estimator.estimate(input, &EstimateOptions::default(), &mut events::ignore)?;
-//! let panorama = SharpViewers::new(&scene).panorama(Vec3::NEG_Z, 256, 128);
+//! let estimate = estimator.estimate(input, &EstimateOptions::default(), &mut events::ignore)?;
+//! let document = Document::new(estimate);
+//! document.write("room.scene".as_ref(), "my program")?;
+//! let lit = document.lit(LightPurpose::Panorama)?;
+//! let panorama = SharpViewers::new(&lit).panorama(Vec3::NEG_Z, 256, 128);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+//!
+//! An [`Estimator`] makes an [`Estimate`] of photos. A [`Document`] is an estimate with the user's edits: only it saves. A [`LitScene`] is a document in the
+//! light for a purpose: only it renders.
 //!
 //! With depth, [`Input::MeasuredDepth`] takes a [`scene::Frame`] of photo and depth map. With the feature `depth-models`, `Estimator::predict_depth` takes a depth
 //! network of others as an ONNX file. What the program says on its way comes as
@@ -25,11 +33,13 @@ mod camera;
 mod completed;
 #[cfg(feature = "depth-models")]
 mod depth_model;
+mod document;
 mod error;
 mod estimator;
+mod fitted_light;
 mod input;
-mod lamp;
-mod lights;
+mod lighting;
+mod model_error;
 mod models;
 mod options;
 mod panorama;
@@ -43,14 +53,16 @@ mod tests;
 mod view;
 #[cfg(feature = "weights")]
 mod weights;
+mod white;
 
 pub use builtin::{BUILTIN_MODELS, BUILTIN_PREFIX, builtin_model};
 pub use camera::DEFAULT_HFOV_DEG;
+pub use document::{Document, DocumentError, LightPurpose};
 pub use error::EstimateError;
 pub use estimator::Estimator;
+pub use fitted_light::{FittedLight, LaidLight};
 pub use input::{Exposures, Input, PredictedDepth};
-pub use lamp::{LightReport, LightingError, check_white, fit_lamps};
-pub use lights::{FittedLight, LaidLight, light_up, list_lights, seen_from, without_emitters};
+pub use lighting::{LightReport, LightingError};
 pub use lo_completion as completion;
 pub use lo_completion::{PanoramaError, PanoramaPrior};
 pub use lo_cone as cone;
@@ -72,11 +84,13 @@ pub use lo_nets::checkpoint::CheckpointError;
 pub use lo_nets::light::LightError;
 pub use lo_octree as octree;
 pub use lo_scene as scene;
-pub use lo_scene::{CameraSource, GuessedLight, LightEffect, LightMode, LightTuning};
-pub use models::{ModelError, Models, scene_layout, scene_mesh};
+pub use lo_scene::{CameraSource, Estimate, GuessedLight, LightEffect, LightMode, LightTuning, LitScene};
+pub use model_error::ModelError;
+pub use models::Models;
 pub use options::{DEFAULT_OCTREE_DEPTH, EstimateOptions};
 pub use place::probe_grid;
 pub use probes::render_probes;
 #[doc(hidden)]
 pub use seen_frame::SeenFrame;
 pub use sun::{PhotoSun, ShadowError, sun_of_photo, supported_sun};
+pub use white::check_white;

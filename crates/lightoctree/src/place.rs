@@ -1,11 +1,11 @@
 use lo_geometry::{Vec3, orthonormal_basis};
-use lo_scene::{Scene, Side};
+use lo_scene::{Estimate, Side};
 
 /// The centres of `counts` cells that divide the inside of the room, x fastest, then y, then z.
 ///
 /// The inside is what the room's planes enclose along its own axes; without planes, the box around the occupied leaves.
-pub fn probe_grid(scene: &Scene, counts: [usize; 3]) -> Vec<Vec3> {
-    let (axes, low, high) = inside(scene);
+pub fn probe_grid(estimate: &Estimate, counts: [usize; 3]) -> Vec<Vec3> {
+    let (axes, low, high) = inside(estimate);
     let mut points = Vec::with_capacity(counts.iter().product());
     let at = |axis: usize, i: usize| low[axis] + (high[axis] - low[axis]) * (i as f32 + 0.5) / counts[axis] as f32;
     for k in 0..counts[2] {
@@ -19,9 +19,9 @@ pub fn probe_grid(scene: &Scene, counts: [usize; 3]) -> Vec<Vec3> {
 }
 
 /// Axes of the room as columns (y is up), and the lowest and highest coordinate along each.
-fn inside(scene: &Scene) -> (lo_geometry::Mat3, Vec3, Vec3) {
-    let occupied = occupied_corners(scene);
-    let Some(room) = &scene.room else {
+fn inside(estimate: &Estimate) -> (lo_geometry::Mat3, Vec3, Vec3) {
+    let occupied = occupied_corners(estimate);
+    let Some(room) = &estimate.room else {
         let (low, high) = bounds(occupied.into_iter());
         return (lo_geometry::Mat3::IDENTITY, low, high);
     };
@@ -45,8 +45,8 @@ fn inside(scene: &Scene) -> (lo_geometry::Mat3, Vec3, Vec3) {
 }
 
 /// Lowest and highest corner of every occupied finest leaf, world frame.
-fn occupied_corners(scene: &Scene) -> Vec<Vec3> {
-    let light = &scene.light;
+fn occupied_corners(estimate: &Estimate) -> Vec<Vec3> {
+    let light = &estimate.light;
     let depth = light.octree.depth();
     let edge_m = light.cube.node_edge_m(depth);
     let level = &light.octree.levels()[depth as usize];

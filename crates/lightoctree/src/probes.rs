@@ -2,7 +2,7 @@ use lo_cone::Rendering;
 use lo_events::{Cancelled, OnEvent, Stage, progress, stage_of_steps};
 use lo_geometry::Vec3;
 use lo_lookup::SharpViewers;
-use lo_scene::Scene;
+use lo_scene::LitScene;
 
 /// Renders the panorama at each point, `2 × height` pixels wide and in our own orientation, and hands it to `keep` with the point's index.
 ///
@@ -12,7 +12,7 @@ use lo_scene::Scene;
 /// # Panics
 /// Where `height` is 0.
 pub fn render_probes<E: From<Cancelled>>(
-    scene: &Scene,
+    scene: &LitScene,
     points: &[Vec3],
     height: usize,
     mut keep: impl FnMut(usize, Rendering) -> Result<(), E>,

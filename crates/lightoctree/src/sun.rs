@@ -1,12 +1,13 @@
 use std::ops::RangeInclusive;
+use std::sync::Arc;
 
 use lo_completion::irradiance_at;
 use lo_geometry::Vec3;
 use lo_imaging::luminance;
 use lo_lights::{ShadowSupport, SunEdge, Sunlit, color_temperature_k, rgb_of_color, shadow_support, sun_of_shadow};
-use lo_scene::{AnalyticLight, LightColor, LightShape, Scene};
+use lo_scene::{AnalyticLight, Estimate, LightColor, LightShape};
 
-use crate::fit_lamps;
+use crate::lighting::plausible;
 
 /// Share of the edges of sun patches that must not be clipped in a channel for the photo to tell how much of it the sun has.
 const MIN_UNCLIPPED: f32 = 0.3;
@@ -48,21 +49,19 @@ pub enum ShadowError {
 ///
 /// # Errors
 /// Where depth gives no direction, or the photo's edges do not support it ([`ShadowSupport::is_enough`]).
-pub fn supported_sun(scene: &Scene, thing: [f64; 2], shadow: [f64; 2]) -> Result<Vec3, ShadowError> {
-    let direction = sun_of_shadow(scene, thing, shadow).ok_or(ShadowError::NotBelow)?;
-    let support = shadow_support(scene, direction, shadow);
+pub fn supported_sun(estimate: &Estimate, thing: [f64; 2], shadow: [f64; 2]) -> Result<Vec3, ShadowError> {
+    let direction = sun_of_shadow(estimate, thing, shadow).ok_or(ShadowError::NotBelow)?;
+    let support = shadow_support(estimate, direction, shadow);
     if support.is_enough() { Ok(direction) } else { Err(ShadowError::Unsupported { direction, support }) }
 }
 
 /// How bright the sun is that makes the patches of a scene's photo, by the light that the room gives to the shade beside them
-/// ([`crate::list_lights`]'s). `None` where no surface that faces it has any.
+/// ([`Document::lights`](crate::Document::lights)). `None` where no surface that faces it has any.
 ///
 /// At an edge of a patch the radiances in the sun and in the shade have the ratio (E + S cos θ) / E, on any diffuse surface.
-pub fn sun_of_photo(scene: &Scene, direction: Vec3, angular_radius_deg: f32) -> Option<PhotoSun> {
-    let seen = scene.frame.working().without_flying_pixels();
-    let sunlit = Sunlit::new(&seen, direction)?;
-    let mut lit = scene.clone();
-    fit_lamps(&mut lit);
+pub fn sun_of_photo(estimate: &Arc<Estimate>, direction: Vec3, angular_radius_deg: f32) -> Option<PhotoSun> {
+    let sunlit = Sunlit::new(estimate.surface(), direction)?;
+    let (lit, _) = plausible(estimate);
     let faces = |edge: &&SunEdge| edge.normal.dot(direction) > MIN_COSINE;
     let edges: Vec<&SunEdge> = sunlit.edges().iter().filter(faces).collect();
     let places: Vec<(Vec3, Vec3)> = edges.iter().map(|edge| (edge.shaded_m, edge.normal)).collect();
@@ -113,7 +112,7 @@ mod tests {
 
     /// A room whose surfaces all give off 0.2, so that each place gets 0.2 π. Its floor of albedo 0.5 has a patch that a sun of this strength makes, by
     /// channel; the camera looks down at it.
-    fn room(strength: Vec3) -> Scene {
+    fn room(strength: Vec3) -> Arc<Estimate> {
         let (width, height) = (240, 160);
         let points = lo_geometry::fibonacci_sphere(200_000).into_iter().map(|direction| {
             let far = (2.5 / direction.abs()).min_element();
@@ -135,7 +134,7 @@ mod tests {
             (light * (0.5 / PI)).to_array()
         });
         let depth_m = DepthMap::from_fn(width, height, |x, y| -shown(x, y).z);
-        Scene::as_seen(light, Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap())
+        Arc::new(Estimate::as_seen(light, Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap()))
     }
 
     #[test]

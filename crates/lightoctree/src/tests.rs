@@ -13,11 +13,14 @@ use lo_nets::checkpoint::Checkpoint;
 use lo_nets::depth::EncoderKind;
 use lo_nets::light::LightNetConfig;
 use lo_nets::{Device, Networks};
-use lo_scene::{Completion, Frame, Scene};
+use lo_scene::{Completion, Frame};
 
 use lo_completion::LampFit;
 
-use crate::{CameraSource, Cancelled, EstimateError, EstimateOptions, Estimator, Input, fit_lamps};
+use crate::{
+    CameraSource, Cancelled, Document, Estimate, EstimateError, EstimateOptions, Estimator, Input, LightPurpose,
+    LitScene,
+};
 
 /// A wall two metres away, grey, 96 × 64 pixels.
 fn grey_wall() -> Frame {
@@ -127,7 +130,7 @@ fn options() -> EstimateOptions {
     EstimateOptions { completion: Some(Completion::Network), ..EstimateOptions::default() }
 }
 
-fn estimated(frame: Frame, estimator: &Estimator) -> (Scene, Vec<Event>) {
+fn estimated(frame: Frame, estimator: &Estimator) -> (Estimate, Vec<Event>) {
     let mut events = Vec::new();
     let hear = &mut |event| {
         events.push(event);
@@ -137,13 +140,13 @@ fn estimated(frame: Frame, estimator: &Estimator) -> (Scene, Vec<Event>) {
 }
 
 /// Closed by planes.
-fn closed(input: Input, estimator: &Estimator) -> Scene {
+fn closed(input: Input, estimator: &Estimator) -> Estimate {
     let options = EstimateOptions { completion: Some(Completion::Shell), ..EstimateOptions::default() };
     estimator.estimate(input, &options, &mut lo_events::ignore).unwrap()
 }
 
 /// From the camera, the wall is where it is and as the photo shows it at these pixels.
-fn assert_seen(scene: &Scene, pixels: &[(usize, usize)]) {
+fn assert_seen(scene: &Estimate, pixels: &[(usize, usize)]) {
     let view = ConeTracer::new(&scene.light, lo_cone::Settings::default()).unwrap().perspective(&camera());
     let (wall, radiance) = (wall(), scene.frame.radiance());
     for &(x, y) in pixels {
@@ -159,16 +162,19 @@ fn what_the_photo_saw_is_in_the_scene() {
     let (scene, events) =
         estimated(wall(), &estimator(&config(), &[("light_net.regression.3.output.weights", &[8, 8], 0.5)]));
     let frame = &scene.frame;
-    assert_eq!((&frame.photo, scene.completion, scene.light.octree.depth()), (&photo(), Completion::Network, 7));
+    assert_eq!((&frame.photo, scene.origin.completion, scene.light.octree.depth()), (&photo(), Completion::Network, 7));
     // A leaf is 6 cm: four pixels.
     assert_seen(&scene, &[(10, 10), (20, 50), (30, 20), (70, 12), (85, 55)]);
     let (seen, confidence) = (scene.light.seen.last().unwrap(), scene.confidence.as_ref().unwrap());
     assert!(seen.contains(&255) && seen.contains(&0), "seen, and clipped");
-    assert!(!scene.predicted_depth && confidence.iter().map(Vec::len).eq(scene.light.rgba.iter().map(Vec::len)));
+    assert!(!scene.origin.predicted_depth && confidence.iter().map(Vec::len).eq(scene.light.rgba.iter().map(Vec::len)));
     let stages = events.iter().filter(|event| matches!(event, Event::Done { .. })).count();
     assert_eq!(stages, 3);
     assert!((scene.room.as_ref().unwrap().up.y - 1.0).abs() < 0.1);
-    assert_eq!(Scene::from_bytes(&scene.to_bytes("tests").unwrap()).unwrap(), scene);
+    assert_eq!(
+        Document::from_bytes(&Document::new(scene.clone()).to_bytes("tests").unwrap()).unwrap(),
+        Document::new(scene)
+    );
 }
 
 #[test]
@@ -193,15 +199,15 @@ fn objects_get_the_light_that_what_is_seen_asks_for() {
     let others: [(&str, &[usize], f32); 2] =
         [("light_net.regression.3.output.bias", &[1, 8], -4.0), ("depth_net.panorama.output.bias", &[3], -9.0)];
     let dark = estimator(&config(), &others);
-    let (mut scene, _) = estimated(wall(), &dark);
-    let before = scene.clone();
-    let report = fit_lamps(&mut scene);
-    assert!(report.surfaces > 1.5 && scene.light != before.light, "{report:?}");
+    let objects = LightPurpose::Objects { at_m: Vec3::ZERO };
+    let (before, _) = estimated(wall(), &dark);
+    let (scene, report) = Document::new(before.clone()).lit_with_report(objects).unwrap();
+    assert!(report.fit.surfaces > 1.5 && scene.light != before.light, "{report:?}");
     let darker = |(a, b): (&[f32; 4], &[f32; 4])| (0..3).any(|c| a[c] < b[c]) || a[3] != b[3];
     assert!(!scene.light.rgba.iter().flatten().zip(before.light.rgba.iter().flatten()).any(darker));
-    let mut shell = closed(Input::MeasuredDepth(wall()), &dark);
-    let before = shell.clone();
-    assert_eq!((fit_lamps(&mut shell), shell), (LampFit::default(), before));
+    let shell = closed(Input::MeasuredDepth(wall()), &dark);
+    let (lit, report) = Document::new(shell.clone()).lit_with_report(objects).unwrap();
+    assert_eq!((report.fit, lit), (LampFit::default(), LitScene::as_estimated(shell)));
 }
 
 #[test]
@@ -211,8 +217,10 @@ fn the_same_photo_gives_the_same_bytes_on_any_number_of_threads() {
     let run = |threads, seed| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let options = EstimateOptions { seed, ..options() };
-        let bytes =
-            |input| estimator.estimate(input, &options, &mut lo_events::ignore).unwrap().to_bytes("tests").unwrap();
+        let bytes = |input| {
+            let estimate = estimator.estimate(input, &options, &mut lo_events::ignore).unwrap();
+            Document::new(estimate).to_bytes("tests").unwrap()
+        };
         pool.install(|| [bytes(Input::MeasuredDepth(wall())), bytes(alone())])
     };
     let first = run(2, 1);
@@ -231,10 +239,13 @@ fn a_photo_alone_gets_its_depth() {
     let scene = estimator.estimate(alone(), &options(), hear).unwrap();
     let depth_m = &scene.frame.depth_m;
     assert_eq!((depth_m.width(), depth_m.height()), SIZE);
-    assert!(scene.predicted_depth && scene.confidence.is_some());
+    assert!(scene.origin.predicted_depth && scene.confidence.is_some());
     // Completion does not ask where depth comes from.
     let shell = closed(alone(), &estimator);
-    assert_eq!((&shell.frame, shell.completion, shell.predicted_depth), (&scene.frame, Completion::Shell, true));
+    assert_eq!(
+        (&shell.frame, shell.origin.completion, shell.origin.predicted_depth),
+        (&scene.frame, Completion::Shell, true)
+    );
     assert_eq!((shell.light.octree.depth(), shell.confidence), (7, None));
     assert!(events.contains(&Event::Warning(Warning::PredictedDepth)));
     // Of the ways to hold a camera.
@@ -255,7 +266,7 @@ fn networks_that_have_learned_the_camera_tell_it_where_nobody_else_does() {
     let film = FocalLength { equivalent_35mm: Some(28.0), ..FocalLength::default() };
     assert_eq!(estimator.camera_of(&file(film)).unwrap().1, CameraSource::Exif);
 
-    let up_of = |scene: &Scene| scene.room.as_ref().unwrap().up;
+    let up_of = |scene: &Estimate| scene.room.as_ref().unwrap().up;
     let closed = |up| {
         let options = EstimateOptions { completion: Some(Completion::Shell), up, ..options() };
         estimator.estimate(alone(), &options, &mut lo_events::ignore).unwrap()
@@ -263,12 +274,12 @@ fn networks_that_have_learned_the_camera_tell_it_where_nobody_else_does() {
     let held = estimator.networks().unwrap().perspective(&srgb8, Some(camera().half_extent())).unwrap();
     let scene = closed(None);
     assert!(up_of(&scene).angle_between(held.camera.up) < 1e-3, "{} {}", up_of(&scene), held.camera.up);
-    assert_eq!(scene.up_deviation_deg, Some(held.up_deviation_deg as f32));
+    assert_eq!(scene.origin.up_deviation_deg, Some(held.up_deviation_deg as f32));
     let level = closed(Some(Vec3::Y));
-    assert_eq!((up_of(&level), level.up_deviation_deg), (Vec3::Y, None));
+    assert_eq!((up_of(&level), level.origin.up_deviation_deg), (Vec3::Y, None));
     // What a sensor measured tells up itself.
     let measured = Input::MeasuredDepth(grey_wall());
-    assert_eq!(estimator.estimate(measured, &options(), &mut lo_events::ignore).unwrap().up_deviation_deg, None);
+    assert_eq!(estimator.estimate(measured, &options(), &mut lo_events::ignore).unwrap().origin.up_deviation_deg, None);
 }
 
 #[test]
@@ -319,11 +330,11 @@ fn depth_of_another_network_gets_what_the_own_gets() {
     assert!(warned && other == own);
     // A sensor's is believed.
     let (measured, warned) = estimate(Input::MeasuredDepth(own.frame.clone()));
-    assert!(!warned && !measured.predicted_depth);
+    assert!(!warned && !measured.origin.predicted_depth);
     // Finer depth of the same surfaces has the same say in which way is up.
     let depth_m = lo_imaging::resize_depth(&own.frame.depth_m, 10 * SIZE.0, 10 * SIZE.1);
     let (fine, _) = estimate(Input::PredictedDepth(Frame { depth_m, ..own.frame.clone() }.into()));
-    let up = |scene: &Scene| scene.room.as_ref().unwrap().up;
+    let up = |scene: &Estimate| scene.room.as_ref().unwrap().up;
     assert!(up(&fine).dot(up(&own)) > 5f32.to_radians().cos(), "{} {}", up(&fine), up(&own));
 }
 
@@ -332,7 +343,7 @@ fn defaults_are_the_network_where_there_is_one() {
     let default = EstimateOptions::default();
     let with = |estimator: &Estimator| {
         let scene = estimator.estimate(Input::MeasuredDepth(wall()), &default, &mut lo_events::ignore).unwrap();
-        scene.completion
+        scene.origin.completion
     };
     assert_eq!(with(&estimator(&config(), &[])), Completion::Network);
     assert_eq!(with(&Estimator::without_networks()), Completion::Shell);

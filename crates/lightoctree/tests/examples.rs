@@ -4,8 +4,7 @@
 
 use std::path::Path;
 
-use lightoctree::imaging;
-use lightoctree::scene::Scene;
+use lightoctree::{Document, imaging};
 
 #[path = "../examples/envmap.rs"]
 mod envmap;
@@ -26,11 +25,11 @@ fn examples_do_what_they_say() {
     let at = |name: &str| folder.path().join(name);
 
     estimate::run(&photo, &at("alone.scene")).unwrap();
-    assert!(Scene::read(&at("alone.scene")).unwrap().predicted_depth);
+    assert!(Document::read(&at("alone.scene")).unwrap().estimate.origin.predicted_depth);
 
     external_depth::run(&photo, &assets.join("library_lidar_depth.png"), &at("room.scene")).unwrap();
-    let scene = Scene::read(&at("room.scene")).unwrap();
-    assert!(!scene.predicted_depth && scene.confidence.is_some(), "by the network");
+    let scene = Document::read(&at("room.scene")).unwrap().estimate;
+    assert!(!scene.origin.predicted_depth && scene.confidence.is_some(), "by the network");
 
     envmap::run(&at("room.scene"), &at("panorama.exr")).unwrap();
     let panorama = imaging::read_radiance(at("panorama.exr")).unwrap();

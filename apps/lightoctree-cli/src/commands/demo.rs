@@ -4,13 +4,12 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::Context;
-use lightoctree::cone::{ConeTracer, Settings};
 use lightoctree::geometry::Camera;
 use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, Photo, ToneCurve};
 use lightoctree::insert::{self, Align, Base, Inserter, Instance, Lighting, Placement, Quality, Stance};
 use lightoctree::mesh::{MaterialSpec, PreparedModel};
-use lightoctree::scene::{Frame, Scene};
-use lightoctree::{EstimateOptions, Estimator, Input};
+use lightoctree::scene::Frame;
+use lightoctree::{Document, Estimate, EstimateOptions, Estimator, Input, LightPurpose, LitScene, SharpViewers};
 use serde_json::json;
 
 use super::environment;
@@ -69,12 +68,12 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     if estimator.networks().is_some() {
         stages.note("first from the photo alone");
         let alone = Input::Photo { photo: frame.photo.clone(), camera: frame.camera };
-        let mut scene = estimate(&mut stages, alone, &estimator)?;
-        let base = placement(&scene)?;
-        files.extend(write_panorama(&mut stages, &scene, &base, &file("alone_panorama"))?);
+        let document = Document::new(estimate(&mut stages, alone, &estimator)?);
+        let base = placement(&document.estimate)?;
+        files.extend(write_panorama(&mut stages, &document, &base, &file("alone_panorama"))?);
         let gold = model("gold")?;
-        super::light::fit_lamps(&mut scene, &mut stages);
-        let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Draft)?;
+        let lit = lit_for(&document, &base, &mut stages)?;
+        let inserter = Inserter::new(&lit, Lighting::Octree, Quality::Draft)?;
         let composite = stages.stage("insert, gold", || {
             inserter.render(&[Instance::new(&gold, base.scaled(scale(&gold)))], &mut |_| interrupt::go_on())
         })?;
@@ -82,21 +81,26 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         files.push(file("alone_object.png"));
         stages.note("then from photo and LiDAR depth");
     }
-    let mut scene = estimate(&mut stages, Input::MeasuredDepth(frame), &estimator)?;
-    stages.stage("write scene", || scene.write(&file("library.scene"), &output::signature(COMMAND)))?;
-    imaging::write_photo(file("photo.png"), &scene.frame.photo, &output::signature(COMMAND))?;
+    let document = Document::new(estimate(&mut stages, Input::MeasuredDepth(frame), &estimator)?);
+    stages.stage("write scene", || document.write(&file("library.scene"), &output::signature(COMMAND)))?;
+    imaging::write_photo(file("photo.png"), &document.estimate.frame.photo, &output::signature(COMMAND))?;
     files.extend([file("library.scene"), file("photo.png")]);
-    let base = placement(&scene)?;
-    files.extend(write_panorama(&mut stages, &scene, &base, &file("panorama"))?);
-    super::light::fit_lamps(&mut scene, &mut stages);
-    files.extend(insert_objects(global, &mut stages, &scene, &base, &args.out)?);
+    let base = placement(&document.estimate)?;
+    files.extend(write_panorama(&mut stages, &document, &base, &file("panorama"))?);
+    let lit = lit_for(&document, &base, &mut stages)?;
+    files.extend(insert_objects(global, &mut stages, &lit, &base, &args.out)?);
     finish(args, &files, &stages)
 }
 
 /// Where the object stands.
-fn placement(scene: &Scene) -> anyhow::Result<Placement> {
+fn placement(estimate: &Estimate) -> anyhow::Result<Placement> {
     let [u, v] = PIXEL;
-    Ok(Placement::rest_on_pixel(scene, u, v, Align::Gravity)?)
+    Ok(Placement::rest_on_pixel(estimate, u, v, Align::Gravity)?)
+}
+
+/// The light that the object is inserted in.
+fn lit_for(document: &Document, base: &Placement, stages: &mut Stages) -> anyhow::Result<LitScene> {
+    super::light::lit(document, LightPurpose::Objects { at_m: base.position_m }, stages)
 }
 
 /// Metres per unit of the object.
@@ -105,11 +109,16 @@ fn scale(object: &PreparedModel) -> f32 {
 }
 
 /// The panorama in the middle of the object, as `.exr` and `.png` of this name.
-fn write_panorama(stages: &mut Stages, scene: &Scene, base: &Placement, name: &Path) -> anyhow::Result<[PathBuf; 2]> {
+fn write_panorama(
+    stages: &mut Stages,
+    document: &Document,
+    base: &Placement,
+    name: &Path,
+) -> anyhow::Result<[PathBuf; 2]> {
     let at = base.position_m + base.up * (0.5 * HEIGHT_M);
-    let tracer =
-        stages.stage("prepare cone tracing", || ConeTracer::new(&scene.light.seen_from(at), Settings::default()))?;
-    let panorama = stages.stage("panorama 512 × 256", || tracer.panorama(at, 512, 256));
+    let lit = super::light::lit(document, LightPurpose::Panorama, stages)?;
+    let renderer = stages.stage("prepare panoramas", || SharpViewers::new(&lit));
+    let panorama = stages.stage("panorama 512 × 256", || renderer.panorama(at, 512, 256));
     let options = ExrOptions {
         generator: output::signature(COMMAND),
         environment: Some(EnvironmentLayout::LatitudeLongitude),
@@ -138,7 +147,7 @@ fn halved(frame: Frame) -> Frame {
 }
 
 /// The scene of the carried photo: by networks where there are any, else by the shell.
-pub fn estimate(stages: &mut Stages, input: Input, estimator: &Estimator) -> anyhow::Result<Scene> {
+pub fn estimate(stages: &mut Stages, input: Input, estimator: &Estimator) -> anyhow::Result<Estimate> {
     let mut sources = vec!["library_color.jpg".into()];
     sources.extend(matches!(input, Input::MeasuredDepth(_)).then(|| "library_lidar_depth.png".into()));
     let options = EstimateOptions { sources, ..EstimateOptions::default() };
@@ -155,7 +164,7 @@ pub fn model(material: &str) -> anyhow::Result<PreparedModel> {
 fn insert_objects(
     global: &Global,
     stages: &mut Stages,
-    scene: &Scene,
+    scene: &LitScene,
     base: &Placement,
     out: &Path,
 ) -> anyhow::Result<Vec<PathBuf>> {

@@ -4,11 +4,10 @@ use std::path::Path;
 
 use anyhow::Context;
 use clap::ValueEnum;
-use lightoctree::SharpViewers;
 use lightoctree::cone::Rendering;
 use lightoctree::geometry::{Orientation, Vec3};
 use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, RadianceImage};
-use lightoctree::scene::Scene;
+use lightoctree::{LitScene, SharpViewers};
 
 use super::level::{Level, LevelArgs};
 use crate::output::signature;
@@ -109,12 +108,12 @@ pub struct Renderer {
 impl Renderer {
     /// # Errors
     /// A size that is no equirectangular map's.
-    pub fn new(scene: &Scene, size: [usize; 2]) -> anyhow::Result<Self> {
+    pub fn new(scene: &LitScene, size: [usize; 2]) -> anyhow::Result<Self> {
         Ok(Self { viewers: SharpViewers::new(scene), height: height(size)? })
     }
 
     /// Adds the photo's detail where nothing was seen.
-    pub fn with_detail(self, scene: &Scene) -> Self {
+    pub fn with_detail(self, scene: &LitScene) -> Self {
         Self { viewers: self.viewers.with_detail(scene), ..self }
     }
 
@@ -134,7 +133,7 @@ pub fn height([width, height]: [usize; 2]) -> anyhow::Result<usize> {
 }
 
 /// Whether a point lies inside of a surface's leaf or outside of the cube; both give a panorama, but hardly the one wanted.
-pub fn odd_place(scene: &Scene, point: Vec3) -> Option<&'static str> {
+pub fn odd_place(scene: &LitScene, point: Vec3) -> Option<&'static str> {
     let light = &scene.light;
     if !light.cube.contains(point) {
         return Some("outside of the octree's cube");

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use lightoctree::LightMode;
+use lightoctree::LightPurpose;
 use lightoctree::cone::Rendering;
 use lightoctree::geometry::{Orientation, Vec3};
 use lightoctree::imaging::{self, EnvironmentLayout, RadianceImage};
@@ -93,12 +93,9 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         output::check_replaceable(path, COMMAND, args.out.force)?;
     }
     let mut stages = Stages::new(global.quiet);
-    let mut scene = stages.stage("read scene", || super::read_scene(&args.scene))?;
-    if args.without_emitters {
-        stages.stage("lights", || lightoctree::without_emitters(&mut scene));
-    } else {
-        args.light.light_up(&mut scene, LightMode::Expected, &mut stages)?;
-    }
+    let mut document = stages.stage("read scene", || super::read_scene(&args.scene))?;
+    let purpose = if args.without_emitters { LightPurpose::IndirectOnly } else { LightPurpose::Panorama };
+    let scene = args.light.lit(&mut document, purpose, &mut stages)?;
     let at = match (args.at, args.pixel) {
         (Some(at), _) => at,
         (None, Some([u, v])) => {

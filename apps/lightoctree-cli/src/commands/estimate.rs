@@ -8,8 +8,8 @@ use clap::ValueEnum;
 use lightoctree::depth_models::DepthModel;
 use lightoctree::geometry::{Camera, Vec3};
 use lightoctree::imaging;
-use lightoctree::scene::{Completion, Frame, Scene};
-use lightoctree::{CameraSource, EstimateError, EstimateOptions, Estimator, Input, PanoramaPrior};
+use lightoctree::scene::{Completion, Frame};
+use lightoctree::{CameraSource, Document, Estimate, EstimateError, EstimateOptions, Estimator, Input, PanoramaPrior};
 
 #[cfg(feature = "depth-models")]
 use super::depth_model::DepthModelArgs;
@@ -173,8 +173,9 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     if let Some(laid) = &scene.panorama {
         stages.note(&panorama_prior::found(&laid.source));
     }
-    stages.stage("write", || scene.write(&args.out.output, &output::signature(COMMAND)))?;
-    say(args, &scene, &stages)
+    let document = Document::new(scene);
+    stages.stage("write", || document.write(&args.out.output, &output::signature(COMMAND)))?;
+    say(args, &document.estimate, &stages)
 }
 
 /// A photo, with the depth of a file where one is given.
@@ -299,7 +300,7 @@ fn note_camera(camera: &Camera, source: &str, stages: &mut Stages) {
     stages.note(&format!("camera of {:.1} degrees across ({source})", camera.hfov_deg()));
 }
 
-fn say(args: &Args, scene: &Scene, stages: &Stages) -> anyhow::Result<()> {
+fn say(args: &Args, scene: &Estimate, stages: &Stages) -> anyhow::Result<()> {
     let leaves = scene.light.leaves().count();
     let bytes = std::fs::metadata(&args.out.output).map_or(0, |metadata| metadata.len());
     if args.out.json {

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::ValueEnum;
-use lightoctree::LightMode;
+use lightoctree::LightPurpose;
 use lightoctree::export::{self, Content, Format, LightProbe, Options};
 use lightoctree::geometry::Vec3;
 use serde_json::json;
@@ -78,8 +78,8 @@ const COMMAND: &str = "export";
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     output::check_replaceable(&args.out.output, COMMAND, args.out.force)?;
     let mut stages = Stages::new(global.quiet);
-    let mut scene = stages.stage("read scene", || super::read_scene(&args.scene))?;
-    args.light.light_up(&mut scene, LightMode::Plausible, &mut stages)?;
+    let mut document = stages.stage("read scene", || super::read_scene(&args.scene))?;
+    let scene = args.light.lit(&mut document, LightPurpose::Export, &mut stages)?;
     let renderer = Renderer::new(&scene, [PROBE_WIDTH, PROBE_WIDTH / 2])?;
     let mut panoramas = Vec::new();
     for &at in &args.probe_at {

@@ -5,14 +5,13 @@ mod objects;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
 use clap::ValueEnum;
 use lightoctree::geometry::{Orientation, Vec3};
 use lightoctree::imaging::{self, ExrOptions, Image, RadianceImage};
 use lightoctree::insert::{Composite, InsertError, Inserter, Instance, Layout, Lighting, Placement, Quality};
 use lightoctree::mesh::Material;
-use lightoctree::scene::{ObjectsShown, Scene};
-use lightoctree::{Event, LightMode, Models, Warning};
+use lightoctree::scene::ObjectsShown;
+use lightoctree::{Event, LightPurpose, LitScene, Models, Warning};
 use serde_json::json;
 
 use self::objects::ObjectArgs;
@@ -134,30 +133,31 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
             let nothing = || {
                 Usage(format!("say what to insert: --mesh or --layout; nothing stands in {} itself", scene.display()))
             };
-            let layout = lightoctree::scene_layout(&read).with_context(|| format!("{}", scene.display()))?;
+            let layout = read.layout.clone().ok_or_else(nothing)?;
             own = Some(read);
-            (layout.ok_or_else(nothing)?, None)
+            (layout, None)
         }
     };
-    let shown = own.as_ref().map(|scene| scene.objects.shown).unwrap_or_default();
+    let shown = own.as_ref().map(|document| document.shown).unwrap_or_default();
     let frames = frames(args, &layout, own.as_ref().map(|_| shown))?;
     let files = output_files(args, output, frames, layout.moves())?;
     let lighting = lighting(&args.lighting, args.orientation)?;
     let names: Vec<String> = layout.objects().iter().map(|object| object.name().to_owned()).collect();
     let mut stages = Stages::new(global.quiet);
     stages.name_objects(&names);
-    let mut scene = match own {
-        Some(scene) => scene,
+    let mut document = match own {
+        Some(document) => document,
         None => stages.stage("read scene", || super::read_scene(scene))?,
     };
     let meshes = if names.len() > 1 { "read meshes" } else { "read mesh" };
     let models = stages.stage(meshes, || match &folder {
         Some(folder) => Models::load(&layout, folder),
-        None => Models::of_scene(&layout, &scene),
+        None => document.models(&layout),
     })?;
     models.warnings().for_each(|warning| stages.note(&warning.to_string()));
     let models = models.of_objects();
-    let placements = layout.placements(&scene, &models, files.len()).map_err(|error| of_object(error, &names))?;
+    let placements =
+        layout.placements(&*document.estimate, &models, files.len()).map_err(|error| of_object(error, &names))?;
     let instances = |frame: usize| -> Vec<Instance> {
         models.iter().zip(&placements).map(|(model, places)| Instance::new(model, places[frame])).collect()
     };
@@ -171,14 +171,13 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         QualityArg::Normal => Quality::Normal,
         QualityArg::High => Quality::High,
     };
-    // Where light differs by direction, that which comes to the objects' middle counts.
     let middle = placements.iter().map(|places| places[0].position_m).sum::<Vec3>() / placements.len() as f32;
-    if matches!(lighting, Lighting::Octree) {
-        lightoctree::seen_from(&mut scene, middle);
-        args.light.light_up(&mut scene, LightMode::Plausible, &mut stages)?;
-    }
+    let scene = match lighting {
+        Lighting::Octree => args.light.lit(&mut document, LightPurpose::Objects { at_m: middle }, &mut stages)?,
+        Lighting::EnvironmentMap(_) => LitScene::as_estimated(document.estimate),
+    };
     let floor_gloss = args.floor_gloss.map_or(shown.floor_gloss, |gloss| gloss as f32);
-    let inserter = |scene: &Scene, lighting: Lighting, quality: Quality| -> Result<Inserter, InsertError> {
+    let inserter = |scene: &LitScene, lighting: Lighting, quality: Quality| -> Result<Inserter, InsertError> {
         let inserter = Inserter::new(scene, lighting, quality)?.with_floor_gloss(floor_gloss);
         Ok(if args.no_detail { inserter.without_detail() } else { inserter })
     };

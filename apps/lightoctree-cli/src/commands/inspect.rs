@@ -3,10 +3,11 @@
 use std::path::PathBuf;
 
 use anyhow::Context;
+use lightoctree::Document;
 use lightoctree::geometry::Vec3;
 use lightoctree::imaging::luminance;
 use lightoctree::octree::LightOctree;
-use lightoctree::scene::{LightEdits, Scene};
+use lightoctree::scene::LightEdits;
 use serde::Serialize;
 
 use super::light;
@@ -135,10 +136,9 @@ struct RadianceSummary {
 
 /// Reads and prints.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let scene = super::read_scene(&args.scene)?;
+    let document = super::read_scene(&args.scene)?;
     let bytes = std::fs::metadata(&args.scene).with_context(|| format!("{}", args.scene.display()))?.len();
-    let mut summary = summarise(&scene, bytes);
-    summary.objects = objects(&scene).with_context(|| format!("{}", args.scene.display()))?;
+    let summary = summarise(&document, bytes);
     if args.json {
         return report::print_json(&summary);
     }
@@ -146,18 +146,18 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What stands in the photo, if anything does.
-fn objects(scene: &Scene) -> anyhow::Result<Option<ObjectsSummary>> {
-    let Some(layout) = lightoctree::scene_layout(scene)? else { return Ok(None) };
-    let files = &scene.objects.files;
-    Ok(Some(ObjectsSummary {
+/// The objects in the photo, if there are any.
+fn objects(document: &Document) -> Option<ObjectsSummary> {
+    let files = &document.meshes;
+    document.layout.as_ref().map(|layout| ObjectsSummary {
         names: layout.objects().iter().map(|object| object.name().to_owned()).collect(),
         files: files.keys().cloned().collect(),
         bytes: files.values().map(|bytes| bytes.len()).sum(),
-    }))
+    })
 }
 
-fn summarise(scene: &Scene, bytes: u64) -> Summary {
+fn summarise(document: &Document, bytes: u64) -> Summary {
+    let (scene, origin) = (&document.estimate, &document.estimate.origin);
     let light = &scene.light;
     let levels = light.octree.levels().iter().enumerate().map(|(depth, level)| LevelSummary {
         depth: depth as u32,
@@ -198,21 +198,21 @@ fn summarise(scene: &Scene, bytes: u64) -> Summary {
             depth_height: depth_m.height(),
             depth_readings_share: readings as f64 / depth_m.pixels().len().max(1) as f64,
         },
-        camera_source: scene.camera_source,
-        up_deviation_deg: scene.up_deviation_deg,
+        camera_source: origin.camera_source,
+        up_deviation_deg: origin.up_deviation_deg,
         exposure: scene.frame.exposure,
-        completion: scene.completion,
+        completion: origin.completion,
         room: scene.room.clone(),
-        sources: scene.sources.clone(),
+        sources: origin.sources.clone(),
         bytes,
         radiance: percentiles(light),
         seen_share,
         inferred_share: if light.leaves().next().is_some() { 1.0 - known_share } else { 0.0 },
-        predicted_depth: scene.predicted_depth,
-        depth_model: scene.depth_model.clone(),
+        predicted_depth: origin.predicted_depth,
+        depth_model: origin.depth_model.clone(),
         other_photos: scene.other_photos.clone(),
-        light_edits: scene.light_edits.clone(),
-        objects: None,
+        light_edits: document.light_edits.clone(),
+        objects: objects(document),
         mean_confidence: scene.confidence.as_ref().map(|confidence| mean_share(light, confidence)),
         panorama,
     }

@@ -1,9 +1,9 @@
 //! `--level`: panoramas with gravity straight down, whatever way the camera was held.
 
+use lightoctree::Estimate;
 use lightoctree::cone::Rendering;
 use lightoctree::geometry::{Quat, Vec3};
 use lightoctree::imaging;
-use lightoctree::scene::Scene;
 use serde_json::json;
 
 use crate::usage::Usage;
@@ -27,11 +27,11 @@ pub struct Level {
 impl Level {
     /// # Errors
     /// Where the scene does not know which way is up.
-    pub fn new(scene: &Scene, args: LevelArgs) -> anyhow::Result<Self> {
+    pub fn new(estimate: &Estimate, args: LevelArgs) -> anyhow::Result<Self> {
         if !args.level {
             return Ok(Self { output_from_camera: None });
         }
-        let room = scene.room.as_ref().ok_or_else(|| {
+        let room = estimate.room.as_ref().ok_or_else(|| {
             Usage("--level: the scene does not know which way is up; estimate it anew, or with --up".into())
         })?;
         Ok(Self { output_from_camera: Some(Quat::from_mat3(&room.level_from_camera()).normalize()) })

@@ -1,8 +1,7 @@
 //! Which guessed light a scene is lit by: options that `insert`, `envmap`, `probes` and `export` share.
 
 use clap::ValueEnum;
-use lightoctree::scene::Scene;
-use lightoctree::{GuessedLight, LightEffect, LightMode, LightTuning};
+use lightoctree::{Document, GuessedLight, LightEffect, LightMode, LightPurpose, LightTuning, LitScene};
 
 use super::parse;
 use crate::progress::Stages;
@@ -60,23 +59,25 @@ pub fn words(guessed: &GuessedLight) -> String {
     parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
-/// Gives a scene plausible light, and reports what was fitted.
-pub fn fit_lamps(scene: &mut Scene, stages: &mut Stages) {
-    let report = stages.stage("lights", || lightoctree::fit_lamps(scene));
-    report.warning().iter().for_each(|warning| stages.warn(warning));
+/// A document in the light for a purpose; reports how lamps were fitted.
+///
+/// # Errors
+/// Edits of lights that do not exist, and a white pixel without a colour.
+pub fn lit(document: &Document, purpose: LightPurpose, stages: &mut Stages) -> anyhow::Result<LitScene> {
+    let (lit, report) = stages.stage("lights", || document.lit_with_report(purpose))?;
+    report.fit.warning().iter().for_each(|warning| stages.warn(warning));
+    Ok(lit)
 }
 
 impl LightArgs {
-    /// The light asked for; without any option that which was chosen in the viewer, or the usual one.
+    /// The light asked for; `None` without any option.
     ///
     /// # Errors
     /// Options that have no effect on it.
-    fn chosen(&self, scene: &Scene, usual: LightMode) -> anyhow::Result<(LightMode, LightTuning)> {
+    fn chosen(&self, usual: LightMode) -> anyhow::Result<Option<GuessedLight>> {
         let tunes = self.contrast.is_some() || self.warmth.is_some() || self.white.is_some();
-        let is_asked = self.light.is_some() || self.lamp || self.no_lamp || tunes;
-        if let Some(saved) = scene.light_edits.guessed.filter(|_| !is_asked) {
-            let GuessedLight { light, tuning } = saved.in_effect();
-            return Ok((light, tuning));
+        if !(self.light.is_some() || self.lamp || self.no_lamp || tunes) {
+            return Ok(None);
         }
         let mode = match self.light {
             _ if self.lamp => LightMode::Plausible,
@@ -98,20 +99,21 @@ impl LightArgs {
             warmth_ev: self.warmth.map_or(usual.warmth_ev, |warmth| warmth as f32),
             white: self.white,
         };
-        Ok((mode, tuning))
+        Ok(Some(GuessedLight { light: mode, tuning }))
     }
 
-    /// Lights a scene as options and its edits say, and reports what was fitted.
+    /// A document in the light that options, its own choice or the purpose ask for, in this order.
     ///
     /// # Errors
-    /// Options without effect; edits of lights that there are not.
-    pub fn light_up(&self, scene: &mut Scene, usual: LightMode, stages: &mut Stages) -> anyhow::Result<()> {
-        let (mode, tuning) = self.chosen(scene, usual)?;
-        if tuning != LightTuning::default() && LightEffect::of(scene) != LightEffect::Expected {
+    /// Options without effect, edits of lights that do not exist, and a white pixel without a colour.
+    pub fn lit(&self, document: &mut Document, purpose: LightPurpose, stages: &mut Stages) -> anyhow::Result<LitScene> {
+        if let Some(chosen) = self.chosen(purpose.default_light())? {
+            document.light_edits.guessed = Some(chosen);
+        }
+        let tuning = document.guessed_light(purpose).in_effect().tuning;
+        if tuning != LightTuning::default() && LightEffect::of(&document.estimate) != LightEffect::Expected {
             stages.note("the scene has no expected light: contrast, warmth and white change nothing");
         }
-        let report = stages.stage("lights", || lightoctree::light_up(scene, mode, &tuning))?;
-        report.fit.warning().iter().for_each(|warning| stages.warn(warning));
-        Ok(())
+        lit(document, purpose, stages)
     }
 }

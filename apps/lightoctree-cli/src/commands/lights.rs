@@ -1,14 +1,15 @@
 //! `lightoctree lights SCENE`: what gives light in a scene, and how it is to be changed.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
-use lightoctree::ShadowError;
 use lightoctree::geometry::Vec3;
 use lightoctree::imaging::luminance;
 use lightoctree::lo_lights::{self, Kind, ListedLight, Origin, ShadowSupport};
 use lightoctree::scene::{
-    AnalyticLight, LightChange, LightColor, LightEdits, LightShape, MAX_LIGHT_EDITS, MAX_LIGHT_SCALE, Scene,
+    AnalyticLight, LightChange, LightColor, LightEdits, LightShape, MAX_LIGHT_EDITS, MAX_LIGHT_SCALE,
 };
+use lightoctree::{Document, Estimate, ShadowError};
 use serde_json::json;
 
 use super::parse;
@@ -227,8 +228,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let (path, file) = match &args.change {
         None => {
             let path = args.scene.as_ref().ok_or_else(|| Usage("a scene is needed".into()))?;
-            let scene = super::read_scene(path)?;
-            return say(&scene, args.json);
+            return say(&super::read_scene(path)?, args.json);
         }
         Some(Change::Set(args)) => (&args.scene, &args.file),
         Some(Change::Add(AddArgs::Sun(args))) => (&args.scene, &args.file),
@@ -240,29 +240,29 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     if let Some(output) = &file.output {
         output::check_replaceable(output, SCENE_COMMAND, file.force)?;
     }
-    let mut scene = super::read_scene(path)?;
+    let mut document = super::read_scene(path)?;
     match &args.change {
         None => {}
-        Some(Change::Set(args)) => set(&mut scene, args)?,
+        Some(Change::Set(args)) => set(&mut document, args)?,
         Some(Change::Add(AddArgs::Sun(args))) => {
-            let sun = sun(&scene, args, &Stages::new(global.quiet))?;
-            add(&mut scene, sun)?;
+            let sun = sun(&document.estimate, args, &Stages::new(global.quiet))?;
+            add(&mut document, sun)?;
         }
         Some(Change::Add(AddArgs::Area(args))) => {
-            let area = area(&scene, args)?;
-            add(&mut scene, area)?;
+            let area = area(&document.estimate, args)?;
+            add(&mut document, area)?;
         }
-        Some(Change::Remove(args)) => remove(&mut scene, &args.id)?,
-        Some(Change::Reset(args)) => reset(&mut scene, args.id.as_deref())?,
+        Some(Change::Remove(args)) => remove(&mut document, &args.id)?,
+        Some(Change::Reset(args)) => reset(&mut document, args.id.as_deref())?,
     }
-    scene.write(out, &output::signature(SCENE_COMMAND))?;
-    say(&scene, file.json)
+    document.write(out, &output::signature(SCENE_COMMAND))?;
+    say(&document, file.json)
 }
 
-fn set(scene: &mut Scene, args: &SetArgs) -> anyhow::Result<()> {
-    let lights = lightoctree::list_lights(scene);
+fn set(document: &mut Document, args: &SetArgs) -> anyhow::Result<()> {
+    let lights = document.lights();
     let light = find(&lights, &args.id)?;
-    let mut change = scene.light_edits.change_of(&args.id);
+    let mut change = document.light_edits.change_of(&args.id);
     change.scale = args.scale.unwrap_or(change.scale);
     change.color = args.color.or(change.color);
     change.at_m = args.at.or(change.at_m);
@@ -272,32 +272,32 @@ fn set(scene: &mut Scene, args: &SetArgs) -> anyhow::Result<()> {
     }
     check(change.wrong())?;
     let found_at_m = light.position_m.unwrap_or(Vec3::ZERO);
-    if scene.light_edits.change(&args.id, found_at_m, change) { Ok(()) } else { Err(full()) }
+    if document.light_edits.change(&args.id, found_at_m, change) { Ok(()) } else { Err(full()) }
 }
 
-fn add(scene: &mut Scene, light: AnalyticLight) -> anyhow::Result<()> {
+fn add(document: &mut Document, light: AnalyticLight) -> anyhow::Result<()> {
     check(light.wrong())?;
-    scene.light_edits.add(light).map(|_| ()).ok_or_else(full)
+    document.light_edits.add(light).map(|_| ()).ok_or_else(full)
 }
 
-fn remove(scene: &mut Scene, id: &str) -> anyhow::Result<()> {
-    if scene.light_edits.remove(id) {
+fn remove(document: &mut Document, id: &str) -> anyhow::Result<()> {
+    if document.light_edits.remove(id) {
         return Ok(());
     }
-    find(&lightoctree::list_lights(scene), id)?;
+    find(&document.lights(), id)?;
     Err(Usage(format!("{id} was not added, it is of the estimate; `lights set {id} --off` turns it off")).into())
 }
 
-fn reset(scene: &mut Scene, id: Option<&str>) -> anyhow::Result<()> {
+fn reset(document: &mut Document, id: Option<&str>) -> anyhow::Result<()> {
     let Some(id) = id else {
-        scene.light_edits = LightEdits::default();
+        document.light_edits = LightEdits::default();
         return Ok(());
     };
     // A light that is no longer there can be reset all the same.
-    if !scene.light_edits.emitters.iter().any(|edit| edit.id == id) {
-        find(&lightoctree::list_lights(scene), id)?;
+    if !document.light_edits.emitters.iter().any(|edit| edit.id == id) {
+        find(&document.lights(), id)?;
     }
-    let _ = scene.light_edits.change(id, Vec3::ZERO, LightChange::NONE);
+    let _ = document.light_edits.change(id, Vec3::ZERO, LightChange::NONE);
     Ok(())
 }
 
@@ -316,10 +316,10 @@ fn full() -> anyhow::Error {
     Usage(format!("the scene has {MAX_LIGHT_EDITS} such lights already, and no more are kept")).into()
 }
 
-fn sun(scene: &Scene, args: &SunArgs, stages: &Stages) -> anyhow::Result<AnalyticLight> {
+fn sun(estimate: &Arc<Estimate>, args: &SunArgs, stages: &Stages) -> anyhow::Result<AnalyticLight> {
     let direction = match (args.shadow, args.azimuth, args.elevation) {
-        (Some(shadow), ..) => by_shadow(scene, shadow, args.strength.is_some())?,
-        (None, Some(azimuth), Some(elevation)) => lo_lights::sun_direction(scene, azimuth, elevation),
+        (Some(shadow), ..) => by_shadow(estimate, shadow, args.strength.is_some())?,
+        (None, Some(azimuth), Some(elevation)) => lo_lights::sun_direction(estimate, azimuth, elevation),
         _ => return Err(Usage("give --azimuth and --elevation, or --shadow".into()).into()),
     };
     let angular_radius_deg = 0.5 * args.angle as f32;
@@ -328,9 +328,9 @@ fn sun(scene: &Scene, args: &SunArgs, stages: &Stages) -> anyhow::Result<Analyti
         let color = args.color.unwrap_or(LightColor::Rgb([1.0; 3]));
         return Ok(of_luminance(shape, color, |extent| strength as f32 / extent));
     }
-    let [azimuth, elevation] = lo_lights::sun_angles_deg(scene, direction);
+    let [azimuth, elevation] = lo_lights::sun_angles_deg(estimate, direction);
     let place = format!("azimuth {azimuth:.0}°, elevation {elevation:.0}°");
-    let found = lightoctree::sun_of_photo(scene, direction, angular_radius_deg).ok_or_else(|| {
+    let found = lightoctree::sun_of_photo(estimate, direction, angular_radius_deg).ok_or_else(|| {
         Usage(format!(
             "the photo shows no sun patches with sharp edges on what faces this sun ({place}); with --strength it shines in through all that the photo does not show"
         ))
@@ -348,8 +348,8 @@ fn sun(scene: &Scene, args: &SunArgs, stages: &Stages) -> anyhow::Result<Analyti
 /// The direction of the sun that casts the shadow of the thing at one pixel to another one.
 ///
 /// The photo need not support a free sun.
-fn by_shadow(scene: &Scene, [thing, shadow]: [[f64; 2]; 2], is_free: bool) -> anyhow::Result<Vec3> {
-    let camera = &scene.frame.camera;
+fn by_shadow(estimate: &Estimate, [thing, shadow]: [[f64; 2]; 2], is_free: bool) -> anyhow::Result<Vec3> {
+    let camera = &estimate.frame.camera;
     for [u, v] in [thing, shadow] {
         if !camera.contains(u, v) {
             let (width, height) = (camera.width, camera.height);
@@ -358,19 +358,19 @@ fn by_shadow(scene: &Scene, [thing, shadow]: [[f64; 2]; 2], is_free: bool) -> an
         }
     }
     let found = if is_free {
-        lo_lights::sun_of_shadow(scene, thing, shadow).ok_or(ShadowError::NotBelow)
+        lo_lights::sun_of_shadow(estimate, thing, shadow).ok_or(ShadowError::NotBelow)
     } else {
-        lightoctree::supported_sun(scene, thing, shadow)
+        lightoctree::supported_sun(estimate, thing, shadow)
     };
-    found.map_err(|error| Usage(format!("--shadow: {}", no_shadow(scene, shadow, error))).into())
+    found.map_err(|error| Usage(format!("--shadow: {}", no_shadow(estimate, shadow, error))).into())
 }
 
 /// Why a shadow gives no sun, and what can be done.
-fn no_shadow(scene: &Scene, [u, v]: [f64; 2], error: ShadowError) -> String {
+fn no_shadow(estimate: &Estimate, [u, v]: [f64; 2], error: ShadowError) -> String {
     let ShadowError::Unsupported { direction, support } = error else {
         return format!("{error}; name the thing's pixel first, then the shadow's");
     };
-    let [azimuth, elevation] = lo_lights::sun_angles_deg(scene, direction);
+    let [azimuth, elevation] = lo_lights::sun_angles_deg(estimate, direction);
     let ShadowSupport { edges, sunny, explained, against, measured } = support;
     let (least, share) = (ShadowSupport::MIN_SUNNY, 100.0 * ShadowSupport::MIN_SUNNY_SHARE);
     let hidden = if measured {
@@ -386,8 +386,8 @@ fn no_shadow(scene: &Scene, [u, v]: [f64; 2], error: ShadowError) -> String {
     )
 }
 
-fn area(scene: &Scene, args: &AreaArgs) -> anyhow::Result<AnalyticLight> {
-    let up = scene.up();
+fn area(estimate: &Estimate, args: &AreaArgs) -> anyhow::Result<AnalyticLight> {
+    let up = estimate.up();
     let shape = match (args.size, args.direction, args.radius) {
         (Some(size_m), Some(direction), _) => lo_lights::rectangle(args.at, direction, up, size_m, args.two_sided),
         (_, _, Some(radius)) => LightShape::Sphere { centre_m: args.at, radius_m: radius as f32 },
@@ -407,8 +407,8 @@ fn of_luminance(shape: LightShape, color: LightColor, luminance: impl Fn(f32) ->
     AnalyticLight { radiance: radiance.to_array(), ..dark }
 }
 
-fn say(scene: &Scene, as_json: bool) -> anyhow::Result<()> {
-    let lights = lightoctree::list_lights(scene);
+fn say(document: &Document, as_json: bool) -> anyhow::Result<()> {
+    let lights = document.lights();
     if as_json {
         return report::print_json(&json!({ "lights": lights }));
     }

@@ -25,12 +25,11 @@ mod photos;
 use std::path::Path;
 
 use anyhow::Context;
-use lightoctree::Estimator;
-use lightoctree::scene::Scene;
+use lightoctree::{Document, Estimator};
 
 /// Reads a scene file; errors name it.
-fn read_scene(path: &Path) -> anyhow::Result<Scene> {
-    Scene::read(path).with_context(|| format!("{}", path.display()))
+fn read_scene(path: &Path) -> anyhow::Result<Document> {
+    Document::read(path).with_context(|| format!("{}", path.display()))
 }
 
 /// With the networks of a file of weights, or those that the program carries.

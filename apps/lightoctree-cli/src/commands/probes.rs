@@ -7,8 +7,7 @@ use anyhow::Context;
 use lightoctree::cone::Rendering;
 use lightoctree::geometry::Vec3;
 use lightoctree::insert::{self, Stance};
-use lightoctree::scene::Scene;
-use lightoctree::{Cancelled, LightMode};
+use lightoctree::{Cancelled, Estimate, LightPurpose};
 use serde_json::json;
 
 use super::environment::{self, PanoramaArgs};
@@ -91,12 +90,9 @@ pub struct Probe {
 /// Renders every probe, then writes the manifest.
 pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let mut stages = Stages::new(global.quiet);
-    let mut scene = stages.stage("read scene", || super::read_scene(&args.scene))?;
-    if args.without_emitters {
-        stages.stage("lights", || lightoctree::without_emitters(&mut scene));
-    } else {
-        args.light.light_up(&mut scene, LightMode::Expected, &mut stages)?;
-    }
+    let mut document = stages.stage("read scene", || super::read_scene(&args.scene))?;
+    let purpose = if args.without_emitters { LightPurpose::IndirectOnly } else { LightPurpose::Panorama };
+    let scene = args.light.lit(&mut document, purpose, &mut stages)?;
     let probes = probes(args, &scene)?;
     let level = Level::new(&scene, args.panorama.level)?;
     let height = environment::height(args.panorama.size)?;
@@ -150,7 +146,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn probes(args: &Args, scene: &Scene) -> anyhow::Result<Vec<Probe>> {
+fn probes(args: &Args, estimate: &Estimate) -> anyhow::Result<Vec<Probe>> {
     let numbered = |points: Vec<Vec3>| {
         points
             .into_iter()
@@ -161,11 +157,11 @@ fn probes(args: &Args, scene: &Scene) -> anyhow::Result<Vec<Probe>> {
     let probes: Vec<Probe> = if let Some(counts) = args.grid {
         let total = counts.iter().product::<usize>();
         check_count(total)?;
-        numbered(lightoctree::probe_grid(scene, counts))
+        numbered(lightoctree::probe_grid(estimate, counts))
     } else if let (Some(path), Some(frames)) = (&args.path, args.frames) {
         let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
         let path = insert::Path::from_json(&text).with_context(|| format!("{}", path.display()))?;
-        let placements = path.placements(scene, &Stance::default(), frames as usize)?;
+        let placements = path.placements(estimate, &Stance::default(), frames as usize)?;
         numbered(placements.into_iter().map(|placement| placement.position_m).collect())
     } else if let Some(path) = &args.points {
         read_points(path)?

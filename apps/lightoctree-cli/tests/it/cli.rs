@@ -1,12 +1,14 @@
 //! The program as a user runs it: every command, what it writes, what it refuses and how.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use assert_cmd::Command;
+use lightoctree::Document;
 use lightoctree::geometry::{Camera, Plane, Quat, Ray, Vec3};
 use lightoctree::imaging::{self, DepthMap, Image};
 use lightoctree::nets::checkpoint::{Checkpoint, Precision};
-use lightoctree::scene::{Completion, ExpectedLight, Scene};
+use lightoctree::scene::{Completion, ExpectedLight};
 use tempfile::TempDir;
 
 use crate::support::weights::write_weights;
@@ -45,14 +47,15 @@ pub fn room_with_scene() -> TempDir {
 pub fn room_with_expected_light() -> TempDir {
     let folder = room_with_scene();
     let path = folder.path().join("room.scene");
-    let plain = Scene::read(&path).unwrap();
+    let mut document = Document::read(&path).unwrap();
     let radiance = imaging::RadianceImage::from_fn(64, 32, |x, y| {
         let near = (-0.02 * ((x as f32 - 44.0).powi(2) + (y as f32 - 8.0).powi(2))).exp();
         [0.2 + 6.0 * near, 0.2 + 5.0 * near, 0.2 + 3.5 * near]
     });
     let expected = Some(ExpectedLight::new(&radiance, Quat::IDENTITY, 3.0));
-    let scene = Scene { completion: Completion::Network, expected, ..plain };
-    scene.write(&path, "lightoctree estimate").unwrap();
+    let estimate = Arc::make_mut(&mut document.estimate);
+    (estimate.origin.completion, estimate.expected) = (Completion::Network, expected);
+    document.write(&path, "lightoctree estimate").unwrap();
     folder
 }
 
@@ -588,7 +591,8 @@ fn library_and_program_write_the_same_bytes() {
     let library = |input: Input, sources: &[&str]| {
         let sources = sources.iter().map(|&name| name.to_owned()).collect();
         let options = EstimateOptions { sources, camera_source: Some(source), ..EstimateOptions::default() };
-        estimator.estimate(input, &options, &mut events::ignore).unwrap().to_bytes("lightoctree estimate").unwrap()
+        let estimate = estimator.estimate(input, &options, &mut events::ignore).unwrap();
+        Document::new(estimate).to_bytes("lightoctree estimate").unwrap()
     };
     let both = ["library_color.jpg", "library_lidar_depth.png"];
     let alone = library(Input::Photo { photo: photo.photo, camera }, &both[..1]);

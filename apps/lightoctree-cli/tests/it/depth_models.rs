@@ -2,9 +2,10 @@
 //! the files are.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use lightoctree::imaging::{self, Image};
-use lightoctree::scene::Scene;
+use lightoctree::{Document, Estimate};
 use tempfile::TempDir;
 
 use crate::support::view::Viewer;
@@ -33,8 +34,8 @@ fn estimate<'a>(model: &'a str, more: &[&'a str]) -> Vec<&'a str> {
 }
 
 /// The scene's depth against `1 / z`; `u` and `v` run from 0 to 1 across the photo. All that is read is within a percent, and most is read.
-fn assert_plane(folder: &Path, inverse: impl Fn(f64, f64) -> f64) -> Scene {
-    let scene = Scene::read(&folder.join("room.scene")).unwrap();
+fn assert_plane(folder: &Path, inverse: impl Fn(f64, f64) -> f64) -> Arc<Estimate> {
+    let scene = Document::read(&folder.join("room.scene")).unwrap().estimate;
     let depth_m = &scene.frame.depth_m;
     let (width, height) = (depth_m.width(), depth_m.height());
     let mut read = 0;
@@ -66,7 +67,7 @@ fn the_plane_that_a_model_knows_is_in_the_scene() {
         done(folder, &estimate(&fixture(model), more));
         let scene = assert_plane(folder, plane);
         assert!((scene.frame.camera.hfov_deg() - 50.0).abs() < 1e-6);
-        assert!(scene.predicted_depth, "it was no sensor");
+        assert!(scene.origin.predicted_depth, "it was no sensor");
     }
     // Metric3D sees the photo in the middle of a wider picture, and its depth goes by the lens: 60 degrees is what makes it the plane.
     done(folder, &estimate(&fixture("plane_metric3d.onnx"), &["--hfov-deg", "60"]));
@@ -159,7 +160,7 @@ fn the_viewer_takes_depth_models() {
         assert_eq!(status, 200);
         std::fs::write(folder.join("room.scene"), bytes).unwrap();
         let scene = assert_plane(folder, plane);
-        assert!(scene.sources.contains(&source.to_owned()), "{:?}", scene.sources);
+        assert!(scene.origin.sources.contains(&source.to_owned()), "{:?}", scene.origin.sources);
         page.say(&serde_json::json!({ "type": "close" }));
         page.hear("the drop zone", |message| message["type"] == "empty");
     }

@@ -1,11 +1,12 @@
 //! Several photos of a room: a folder as Record3D exports it, and what goes wrong.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use lightoctree::cone::Viewers;
 use lightoctree::geometry::{Camera, Plane, Quat, Ray, RigidTransform, Vec3};
 use lightoctree::imaging::{self, DepthMap, Image, srgb8_from_linear};
-use lightoctree::scene::Scene;
+use lightoctree::{Document, Estimate};
 use tempfile::TempDir;
 
 use crate::support::{done, json, refused};
@@ -97,10 +98,10 @@ fn record3d() -> TempDir {
 const PHOTOS: [&str; 3] = ["rgb/0.jpg", "rgb/2.jpg", "rgb/4.jpg"];
 const DEPTHS: [&str; 3] = ["depth/0.exr", "depth/2.exr", "depth/4.exr"];
 
-fn estimate(folder: &Path, rest: &[&str]) -> Scene {
+fn estimate(folder: &Path, rest: &[&str]) -> Arc<Estimate> {
     let args = [&["estimate"][..], &PHOTOS, &["--depth"], &DEPTHS, &["--poses", "metadata.json"], rest];
     done(folder, &[&args.concat()[..], &["-o", "room.scene", "--force"]].concat());
-    Scene::read(&folder.join("room.scene")).unwrap()
+    Document::read(&folder.join("room.scene")).unwrap().estimate
 }
 
 #[test]
@@ -108,7 +109,7 @@ fn a_folder_of_record3d_makes_a_scene_that_shows_all_that_was_seen() {
     let folder = record3d();
     for completion in ["shell", "none"] {
         let scene = estimate(folder.path(), &["--exposures", "0,-1,0.585", "--completion", completion]);
-        assert_eq!(scene.sources, ["0.jpg", "2.jpg", "4.jpg", "0.exr", "2.exr", "4.exr", "metadata.json"]);
+        assert_eq!(scene.origin.sources, ["0.jpg", "2.jpg", "4.jpg", "0.exr", "2.exr", "4.exr", "metadata.json"]);
         assert_eq!(scene.other_photos.len(), 2);
         // From the middle of the room in the direction of each photo: the light of the sides as they are, whoever saw them.
         let viewers = Viewers::new(&scene.light);
@@ -207,5 +208,5 @@ fn options_may_stand_before_the_photos() {
     assert_eq!(read("before.scene"), read("room.scene"));
     let one = ["estimate", "--depth", "depth/0.exr", "rgb/0.jpg", "--completion", "none", "-o", "one.scene"];
     done(folder.path(), &one);
-    assert_eq!(Scene::read(&folder.path().join("one.scene")).unwrap().sources, ["0.jpg", "0.exr"]);
+    assert_eq!(Document::read(&folder.path().join("one.scene")).unwrap().estimate.origin.sources, ["0.jpg", "0.exr"]);
 }

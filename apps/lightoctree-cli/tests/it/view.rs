@@ -380,33 +380,6 @@ fn others_are_refused_with_a_reason() {
     assert!(refused(folder.path(), 1, &["view", "no.scene"]).contains("no.scene"));
 }
 
-#[test]
-fn a_page_that_does_not_read_costs_no_memory() {
-    let folder = room_with_scene();
-    let mut viewer = Viewer::start(folder.path(), &["room.scene"]);
-    let mut lazy = viewer.page();
-    let mut page = viewer.page();
-    page.hear("the scene", |message| message["type"] == "scene");
-    lazy.say(&json!({ "type": "undo" }));
-    page.act(&json!({ "do": "add", "mesh": "builtin:sphere", "pixel": [70, 80] }));
-    page.hear("its picture", |message| message["type"] == "frame" && message["step"] == "final");
-    let drag = |page: &mut crate::support::view::Page, count: u64| {
-        for i in 0..count {
-            let to = [40.0 + (i % 60) as f64, 80.0];
-            let command = json!({ "do": "drag", "object": 1, "to": to });
-            page.say(&json!({ "type": "preview", "sequence": i, "command": command }));
-            page.hear("its picture", |message| message["type"] == "frame" && message["sequence"] == i);
-        }
-    };
-    drag(&mut page, 60);
-    let before_mb = viewer.memory_mb();
-    drag(&mut page, 240);
-    let after_mb = viewer.memory_mb();
-    // What 240 states and pictures would take if they were kept for the lazy page is more than this.
-    assert!(after_mb < before_mb + 50.0, "{before_mb} MB, then {after_mb} MB");
-    assert!(viewer.is_alive());
-}
-
 /// Minutes of dragging before memory is measured first, and last.
 const LOAD_MIN: [f64; 2] = [1.0, 10.0];
 

@@ -1,9 +1,10 @@
 //! What is compared: the networks, the shell, and baselines.
 
 use lightoctree::cone::{self, Cone, Viewers};
-use lightoctree::scene::{Completion, Frame, FrameError, Scene};
+use lightoctree::scene::{Completion, Frame, FrameError, LitScene};
 use lightoctree::{
-    EstimateError, EstimateOptions, Estimator, Input, LightMode, LightTuning, PanoramaError, SharpViewers,
+    Document, EstimateError, EstimateOptions, Estimator, GuessedLight, Input, LightMode, LightPurpose, LightTuning,
+    PanoramaError, SharpViewers,
 };
 use lo_dataset::{NovelView, Sample, TrueLeaves};
 use lo_geometry::{Cube, Vec3};
@@ -281,12 +282,14 @@ impl Method {
                 let estimator = Estimator::without_networks();
                 let options = EstimateOptions { octree_depth: Some(tools.octree_depth), ..EstimateOptions::default() };
                 let input = Input::MeasuredDepth(frame(sample, input)?);
-                Ok(Estimate::of_scene(estimator.estimate(input, &options, &mut lightoctree::events::ignore)?))
+                Ok(Estimate::as_estimated(
+                    estimator.estimate(input, &options, &mut lightoctree::events::ignore)?.into(),
+                ))
             }
             Self::NetworkCubed => {
-                Ok(Estimate { is_cubed: true, ..Estimate::of_scene(estimate_scene(sample, None, tools)?) })
+                Ok(Estimate { is_cubed: true, ..Estimate::as_estimated(estimate_scene(sample, None, tools)?) })
             }
-            Self::Network(input) => Ok(Estimate::of_scene(estimate_scene(sample, input, tools)?)),
+            Self::Network(input) => Ok(Estimate::as_estimated(estimate_scene(sample, input, tools)?)),
             Self::Expected(input) => lit(sample, input, tools, LightMode::Expected).map(Estimate::of_scene),
             Self::FittedLamps(input) => lit(sample, input, tools, LightMode::Plausible).map(Estimate::of_scene),
             Self::Detail(input) => {
@@ -309,24 +312,28 @@ impl Method {
 const LINEAR: &str = "linear_factors in the profile, which --make-profile writes";
 
 /// The networks' scene by the light of a mode.
-fn lit(sample: &Sample, input: Option<DepthInput>, tools: &Tools, mode: LightMode) -> Result<Scene, MethodError> {
-    let mut scene = estimate_scene(sample, input, tools)?;
-    let lit = lightoctree::light_up(&mut scene, mode, &LightTuning::default());
-    lit.expect("neither edits nor a white pixel are asked for");
-    Ok(scene)
+fn lit(sample: &Sample, input: Option<DepthInput>, tools: &Tools, mode: LightMode) -> Result<LitScene, MethodError> {
+    let mut document = estimate_scene(sample, input, tools)?;
+    document.light_edits.guessed = Some(GuessedLight { light: mode, tuning: LightTuning::default() });
+    Ok(document.lit(LightPurpose::Panorama).expect("neither edits nor a white pixel are asked for"))
 }
 
 impl Estimate {
-    fn of_scene(scene: Scene) -> Self {
+    /// In the even light of the octree.
+    fn as_estimated(document: Document) -> Self {
+        Self::of_scene(LitScene::as_estimated(document.estimate))
+    }
+
+    fn of_scene(scene: LitScene) -> Self {
         let viewers = SharpViewers::new(&scene);
         Self::seen_by(scene, viewers)
     }
 
-    fn seen_by(scene: Scene, viewers: SharpViewers) -> Self {
+    fn seen_by(scene: LitScene, viewers: SharpViewers) -> Self {
         let sight = Sight::Scene(Box::new(viewers));
+        let (up, depth_m) = (scene.room.as_ref().map(|room| room.up), scene.frame.depth_m.clone());
         let light = Light::Octree { octree: Box::new(scene.light), sight };
-        let up = scene.room.map(|room| room.up);
-        Self { depth_m: Some(scene.frame.depth_m), up, ..Self::of_light(light) }
+        Self { depth_m: Some(depth_m), up, ..Self::of_light(light) }
     }
 
     fn of_octree(octree: LightOctree) -> Self {
@@ -397,9 +404,13 @@ pub(crate) fn in_photo_frame(view: &NovelView) -> RadianceImage {
 ///
 /// # Errors
 /// What the sample or the tools lack; estimates that fail.
-pub(crate) fn estimate_scene(sample: &Sample, input: Option<DepthInput>, tools: &Tools) -> Result<Scene, MethodError> {
+pub(crate) fn estimate_scene(
+    sample: &Sample,
+    input: Option<DepthInput>,
+    tools: &Tools,
+) -> Result<Document, MethodError> {
     let options = network_options(tools)?;
-    Ok(tools.estimator.estimate(input_of(sample, input)?, &options, &mut lightoctree::events::ignore)?)
+    Ok(tools.estimator.estimate(input_of(sample, input)?, &options, &mut lightoctree::events::ignore)?.into())
 }
 
 fn network_options(tools: &Tools) -> Result<EstimateOptions, MethodError> {
@@ -451,7 +462,7 @@ fn with_panorama(
         is_warned,
         seen_unchanged,
     });
-    Ok(Estimate { prior, ..Estimate::of_scene(scene) })
+    Ok(Estimate { prior, ..Estimate::as_estimated(scene.into()) })
 }
 
 fn frame(sample: &Sample, input: DepthInput) -> Result<Frame, MethodError> {

@@ -13,7 +13,7 @@ use lo_nets::Networks;
 use lo_nets::conv::in_pool;
 use lo_nets::light::{Growth, LightNetConfig};
 use lo_octree::LightOctree;
-use lo_scene::{Completion, Frame, Scene};
+use lo_scene::{Completion, Estimate, Frame, LitScene};
 
 use crate::augmentation::Variation;
 use crate::example::{DepthExample, KnownDepth, Unusable, VariedRoom};
@@ -216,7 +216,7 @@ fn judge(estimator: &Estimator, sample: &Sample, lit: bool, means: &mut Means) -
         let truth = room.truth(&networks.config).ok()?;
         means.splits.extend(split_accuracy(networks, sample, &room, &truth));
         if let Some(view) = sample.views.first() {
-            let viewers = SharpViewers::new(&scene);
+            let viewers = SharpViewers::new(&LitScene::as_estimated(scene.clone()));
             let panorama = seen_from(&|eye, cones, samples| viewers.trace_batch(eye, cones, samples), view);
             row.panoramas = [panorama, view.radiance.clone()];
         }
@@ -257,12 +257,12 @@ fn bounds(sample: &Sample, network: &LightNetConfig, octree_depth: u32) -> [Opti
 type Trace<'a> = &'a dyn Fn(Vec3, &[Cone], &mut [ConeSample]);
 
 /// Mean PSNR of the panoramas of a scene at the true places, as evaluation has it.
-fn scene_db(scene: &Scene, views: &[NovelView]) -> Option<f64> {
+fn scene_db(scene: &Estimate, views: &[NovelView]) -> Option<f64> {
     views_db(views, &scene_panoramas(scene, views))
 }
 
-fn scene_panoramas(scene: &Scene, views: &[NovelView]) -> Vec<RadianceImage> {
-    let viewers = SharpViewers::new(scene);
+fn scene_panoramas(scene: &Estimate, views: &[NovelView]) -> Vec<RadianceImage> {
+    let viewers = SharpViewers::new(&LitScene::as_estimated(scene.clone()));
     views.iter().map(|view| seen_from(&|eye, cones, samples| viewers.trace_batch(eye, cones, samples), view)).collect()
 }
 

@@ -37,7 +37,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use lo_imaging::{ExrOptions, Photo, RadianceImage};
-use lo_scene::Scene;
+use lo_scene::LitScene;
 
 pub use content::Content;
 pub use error::ExportError;
@@ -84,7 +84,7 @@ pub struct Report {
 /// # Errors
 /// Where the scene has nothing to show or holds values that are not finite, where the result is too large for the format,
 /// where it shall be level and gravity is unknown, or where a file cannot be written.
-pub fn write(scene: &Scene, options: &Options, path: &Path) -> Result<Report, ExportError> {
+pub fn write(scene: &LitScene, options: &Options, path: &Path) -> Result<Report, ExportError> {
     let Options { format, content, .. } = *options;
     let panorama = scene.panorama.as_ref();
     let leaves = free_space::leaves(&scene.light, panorama.map(|laid| &laid.share[..]));
@@ -163,7 +163,7 @@ pub fn write(scene: &Scene, options: &Options, path: &Path) -> Result<Report, Ex
 /// The stage of the room, by `encode`; its textures are written here. `restored` is the photo's radiance where it is more than
 /// the photo says.
 fn usda_room(
-    scene: &Scene,
+    scene: &LitScene,
     mut room: room_mesh::RoomMesh,
     restored: Option<RadianceImage>,
     path: &Path,
@@ -171,7 +171,7 @@ fn usda_room(
     report: &mut Report,
 ) -> Result<String, ExportError> {
     let frame = &scene.frame;
-    room.put_behind(&frame.working().without_flying_pixels());
+    room.put_behind(scene.surface());
     let floor = scene.room.as_ref().and_then(lo_scene::Room::floor);
     let photo = photo_mesh::from_frame(frame, floor);
 
@@ -260,16 +260,16 @@ mod tests {
     #[test]
     fn edited_and_added_lights_are_written() {
         let folder = tempfile::tempdir().unwrap();
-        let text = |scene: &Scene, format: Format| {
+        let text = |scene: &LitScene, format: Format| {
             let path = folder.path().join(format!("room.{format}"));
             let options = Options { format, content: Content::Leaves, level: false, probes: &[] };
             let report = write(scene, &options, &path).unwrap();
             (report.lamps, fs::read(&path).unwrap())
         };
         let edited = |light_edits: LightEdits| {
-            let mut scene = Scene { light_edits, ..box_room() };
+            let mut scene = box_room();
             let found = lo_lights::emitters(&scene);
-            lo_lights::apply_edits(&mut scene, &found).unwrap();
+            lo_lights::apply_edits(&mut scene, &light_edits, &found).unwrap();
             scene
         };
         let of_lamp = |change: LightChange| {

@@ -95,7 +95,7 @@ mod tests {
 
     #[test]
     fn photo_points_lie_where_the_photo_sees_them() {
-        let frame = box_room().frame;
+        let frame = box_room().frame.clone();
         let points = from_photo(&frame);
         assert_eq!(points.len(), 47);
         // Row by row, without the hole at (0, 0).

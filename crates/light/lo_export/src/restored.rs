@@ -5,13 +5,13 @@ use std::collections::HashMap;
 use lo_imaging::RadianceImage;
 use lo_lights::PictureChange;
 use lo_octree::{LightOctree, xyz_from_key};
-use lo_scene::{Frame, Scene};
+use lo_scene::{Frame, LitScene};
 
 use crate::free_space::{self, Leaf};
 use crate::sources::Kept;
 
 /// [`radiance`] of a scene, with its emitters as they were edited.
-pub(crate) fn of_scene(scene: &Scene, leaves: &[Leaf], kept: &[Kept]) -> Option<RadianceImage> {
+pub(crate) fn of_scene(scene: &LitScene, leaves: &[Leaf], kept: &[Kept]) -> Option<RadianceImage> {
     let Some(change) = scene.edited.as_ref().and_then(|edited| edited.octree.as_ref()) else {
         return radiance(&scene.frame, &scene.light, leaves, kept);
     };

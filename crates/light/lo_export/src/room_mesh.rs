@@ -148,7 +148,7 @@ mod tests {
 
     #[test]
     fn what_the_photo_sees_is_drawn_behind_it() {
-        let frame = box_room().frame;
+        let frame = box_room().frame.clone();
         let before = mesh();
         let mut mesh = before.clone();
         mesh.put_behind(&frame);

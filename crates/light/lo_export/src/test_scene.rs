@@ -3,7 +3,7 @@
 use lo_geometry::{Camera, Cube, Vec3};
 use lo_imaging::{Image, Photo};
 use lo_octree::{LightOctree, key_from_xyz};
-use lo_scene::{Frame, Scene};
+use lo_scene::{Frame, LitScene};
 
 /// An octree from cells of its finest level with their RGBα, all seen.
 pub(crate) fn light_of(cells: &[([u32; 3], [f32; 4])], cube: Cube, depth: u32) -> LightOctree {
@@ -17,7 +17,7 @@ pub(crate) fn light_of(cells: &[([u32; 3], [f32; 4])], cube: Cube, depth: u32) -
 /// A closed room about the camera: the shell of 8³ cells of 0.5 m with radiance 0.5, and a lamp of 2 × 2 cells with
 /// (10, 8, 6) in the middle of the ceiling. The photo has 8 × 6 pixels, one without a reading, and a principal point
 /// half a pixel to the right and a quarter above the centre.
-pub(crate) fn box_room() -> Scene {
+pub(crate) fn box_room() -> LitScene {
     let cells: Vec<_> = (0..512)
         .map(|i| [i / 64, i / 8 % 8, i % 8])
         .filter(|xyz| xyz.iter().any(|c| *c == 0 || *c == 7))
@@ -30,7 +30,7 @@ pub(crate) fn box_room() -> Scene {
     depth_m[(0, 0)] = 0.0;
     let photo = Photo::Srgb8(Image::from_fn(8, 6, |x, y| [(x * 30) as u8, (y * 40) as u8, 128]));
     let camera = Camera::new(5.0, 5.0, 4.5, 2.75, 8, 6).expect("the test's camera is valid");
-    Scene::as_seen(
+    LitScene::as_seen(
         light_of(&cells, Cube::centred(Vec3::ZERO, 4.0), 3),
         Frame::new(photo, depth_m, camera, 1.0).expect("the test's frame is valid"),
     )

@@ -8,7 +8,7 @@ use lo_imaging::{Image, Photo, RadianceImage};
 use lo_insert::{Inserter, Instance, Lighting, Placement, Quality};
 use lo_mesh::{LoadOptions, Material, Model, PreparedModel};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
-use lo_scene::{Frame, Scene};
+use lo_scene::{Frame, LitScene};
 
 const LOW: Vec3 = Vec3::new(-2.0, -1.0, -4.0);
 const HIGH: Vec3 = Vec3::new(2.0, 1.5, 1.0);
@@ -32,7 +32,7 @@ fn wall_radiance(p: Vec3) -> [f32; 3] {
     if lamp { [12.0, 11.0, 10.0] } else { [0.3 + 0.1 * (3.0 * p.x).sin(), 0.4, 0.3 + 0.1 * (2.0 * p.z).cos()] }
 }
 
-fn scene() -> Scene {
+fn scene() -> LitScene {
     let middle = 0.5 * (LOW + HIGH);
     let points: Vec<RadiancePoint> = lo_geometry::fibonacci_sphere(1_500_000)
         .into_iter()
@@ -47,7 +47,7 @@ fn scene() -> Scene {
     let photo: RadianceImage = Image::from_fn(WIDTH, HEIGHT, |x, y| wall_radiance(seen(x, y)));
     let depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| -seen(x, y).z);
     let frame = Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).expect("photo and depth have one size");
-    Scene::as_seen(light, frame)
+    LitScene::as_seen(light, frame)
 }
 
 /// A sphere of 32 × 64 quads, glossy like gold or matte.
@@ -79,7 +79,7 @@ fn placement() -> Placement {
     Placement { position_m: CENTRE - RADIUS_M * Vec3::Y, scale: 1.0, yaw_rad: 0.0, up: Vec3::Y, support }
 }
 
-fn inserter(scene: &Scene, quality: Quality) -> Inserter {
+fn inserter(scene: &LitScene, quality: Quality) -> Inserter {
     Inserter::new(scene, Lighting::Octree, quality).expect("the room can be traced")
 }
 

@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 use lo_events::{Cancelled, OnEvent, Stage, Warning, progress, stage, stage_of_steps, warn};
 use lo_geometry::{Ray, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
-use lo_scene::{Frame, Scene};
+use lo_scene::{Frame, LitScene};
 use rayon::prelude::*;
 
 use crate::light::aperture::cone_tangent;
@@ -71,7 +71,7 @@ impl Inserter {
     /// # Errors
     /// Where the environment map is empty or black, or the octree cannot be traced: where its nodes have lobes, give it as it is seen
     /// from the objects ([`LightOctree::seen_from`](lo_octree::LightOctree::seen_from)).
-    pub fn new(scene: &Scene, lighting: Lighting, quality: Quality) -> Result<Self, InsertError> {
+    pub fn new(scene: &LitScene, lighting: Lighting, quality: Quality) -> Result<Self, InsertError> {
         let inserter = Self::unprepared(scene, lighting, quality)?;
         if quality == Quality::Draft {
             inserter.prepare();
@@ -83,14 +83,14 @@ impl Inserter {
     ///
     /// # Errors
     /// As of [`Inserter::new`].
-    pub fn unprepared(scene: &Scene, lighting: Lighting, quality: Quality) -> Result<Self, InsertError> {
+    pub fn unprepared(scene: &LitScene, lighting: Lighting, quality: Quality) -> Result<Self, InsertError> {
         let counts = quality.counts();
         let environment = Environment::new(scene, lighting, &counts)?;
         // Readings between two surfaces are no receivers of light, but without them an occluder's edge would have gaps.
         let given = without_photo(&scene.frame);
         let clean = given.without_flying_pixels();
         let surfaces = SurfaceMap::new(&clean);
-        let occluders = Occluders::new(&surfaces, &given, scene.predicted_depth);
+        let occluders = Occluders::new(&surfaces, &given, scene.origin.predicted_depth);
         let up = scene.up();
         let floor = scene.room.as_ref().and_then(|room| room.floor());
         let field = |side| ShadowField::new(surfaces.resampled(&clean, side), up, floor, &counts);

@@ -1,9 +1,8 @@
-use std::cell::LazyCell;
 use std::f32::consts::{PI, TAU};
 
 use lo_cone::{Cone, ConeSample, ConeTracer, Rendering};
 use lo_geometry::{Mat3, Vec3, orthonormal_basis};
-use lo_scene::{AnalyticLight, LightShape, Scene};
+use lo_scene::{AnalyticLight, LightShape, LitScene};
 use rayon::prelude::*;
 
 use crate::emitters::tracer;
@@ -38,12 +37,11 @@ pub struct AnalyticLights {
 
 impl AnalyticLights {
     /// Those of a scene whose edits were carried out; `None` where it has none.
-    pub fn of(scene: &Scene) -> Option<Self> {
+    pub fn of(scene: &LitScene) -> Option<Self> {
         let edited = scene.edited.as_ref().filter(|edited| !edited.lights.is_empty())?;
-        let seen = LazyCell::new(|| scene.frame.working().without_flying_pixels());
         let sun = |light: &AnalyticLight| match light.shape {
             LightShape::Sun { direction, of_photo, .. } => {
-                Some((direction, if of_photo { Sunlit::new(&seen, direction) } else { None }))
+                Some((direction, if of_photo { Sunlit::new(scene.surface(), direction) } else { None }))
             }
             _ => None,
         };

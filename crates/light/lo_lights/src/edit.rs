@@ -3,8 +3,8 @@
 use lo_geometry::Vec3;
 use lo_octree::{Ancestor, LeafRows, LightOctree};
 use lo_scene::{
-    AnalyticLight, EditedLight, LightChange, LightShape, MAX_LIGHT_RADIANCE, MAX_LIGHT_SIZE_M, MIN_LIGHT_SIZE_M,
-    OctreeChange, Scene,
+    AnalyticLight, EditedLight, LightChange, LightEdits, LightShape, LitScene, MAX_LIGHT_RADIANCE, MAX_LIGHT_SIZE_M,
+    MIN_LIGHT_SIZE_M, OctreeChange,
 };
 
 use crate::colour::gain_to_color;
@@ -37,7 +37,7 @@ pub enum LightsError {
     },
 }
 
-/// Carries out a scene's edits: [`Scene::light`] becomes the edited light, and [`Scene::edited`] says how it differs. `found` are the
+/// Carries out a scene's edits: [`LitScene::light`] becomes the edited light, and [`LitScene::edited`] says how it differs. `found` are the
 /// [`emitters`](crate::emitters) of the scene, of this light or of one with other radiances in the same nodes. A scene without edits of lights stays as it is,
 /// to the bit.
 ///
@@ -45,12 +45,12 @@ pub enum LightsError {
 ///
 /// # Errors
 /// Where an edit is of an emitter that there is not.
-pub fn apply_edits(scene: &mut Scene, found: &[Emitter]) -> Result<(), LightsError> {
-    if !scene.light_edits.has_lights() {
+pub fn apply_edits(scene: &mut LitScene, edits: &LightEdits, found: &[Emitter]) -> Result<(), LightsError> {
+    if !edits.has_lights() {
         return Ok(());
     }
     let mut edited = Vec::new();
-    for edit in &scene.light_edits.emitters {
+    for edit in &edits.emitters {
         let away_m = |emitter: &Emitter| (emitter.surface.centre_m - edit.found_at_m).length();
         let is_there = |emitter: &&Emitter| away_m(emitter) <= SAME_M + 0.5 * emitter.surface.area_m2.sqrt();
         // Names go by flux: of those at the place the one of that name, or the nearest.
@@ -68,7 +68,7 @@ pub fn apply_edits(scene: &mut Scene, found: &[Emitter]) -> Result<(), LightsErr
         edited.push((emitter, edit.change));
     }
     let moved = edited.iter().filter_map(|(emitter, change)| moved(&scene.light, emitter, change));
-    let added = scene.light_edits.added.iter().filter_map(|added| changed(&added.light, &added.change));
+    let added = edits.added.iter().filter_map(|added| changed(&added.light, &added.change));
     let lights: Vec<AnalyticLight> = moved.chain(added).collect();
     let octree = change_octree(scene, &edited);
     let sun = lights.iter().any(|light| matches!(light.shape, LightShape::Sun { .. }));
@@ -78,7 +78,7 @@ pub fn apply_edits(scene: &mut Scene, found: &[Emitter]) -> Result<(), LightsErr
 }
 
 /// Turns off all emitters of a scene: what is left is light that surfaces reflect. `found` is as in [`apply_edits`]; the scene's own edits do not count.
-pub fn remove_emitters(scene: &mut Scene, found: &[Emitter]) {
+pub fn remove_emitters(scene: &mut LitScene, found: &[Emitter]) {
     let off = LightChange { on: false, ..LightChange::NONE };
     let edited: Vec<(&Emitter, LightChange)> = found.iter().map(|emitter| (emitter, off)).collect();
     let octree = change_octree(scene, &edited);
@@ -96,7 +96,7 @@ fn gain(emitter: &Emitter, change: &LightChange) -> Vec3 {
 }
 
 /// Changes the rows of the scene's light; `None` where there is nothing to change.
-fn change_octree(scene: &mut Scene, edited: &[(&Emitter, LightChange)]) -> Option<OctreeChange> {
+fn change_octree(scene: &mut LitScene, edited: &[(&Emitter, LightChange)]) -> Option<OctreeChange> {
     let in_place: Vec<(&Emitter, Vec3)> = edited
         .iter()
         .filter(|(_, change)| *change != LightChange::NONE)

@@ -6,7 +6,7 @@ use std::f32::consts::PI;
 use lo_cone::{Cone, ConeTracer, Settings};
 use lo_geometry::Vec3;
 use lo_octree::LightOctree;
-use lo_scene::{Scene, Side};
+use lo_scene::{LitScene, Side};
 
 use crate::cap::{cap_of, luminance};
 use crate::colour::color_temperature_k;
@@ -81,7 +81,7 @@ impl Part {
 ///
 /// An emitter is a group of touching leaves above the cap. It gives what these, and the two layers of leaves around them, have beyond what is two leaves
 /// further off. The same octree gives the same emitters and names.
-pub fn emitters(scene: &Scene) -> Vec<Emitter> {
+pub fn emitters(scene: &LitScene) -> Vec<Emitter> {
     let light = without_lobes(&scene.light);
     let tracer = tracer(&light);
     let leaves = Leaves::of(&light, &tracer);
@@ -208,7 +208,7 @@ fn median(leaves: &Leaves) -> Vec3 {
 }
 
 /// Of the leaves that make its shape and all that it shines in; `None` where it has no surface in the room.
-fn emitter(scene: &Scene, leaves: &Leaves, core: &[usize], parts: Vec<Part>) -> Option<Emitter> {
+fn emitter(scene: &LitScene, leaves: &Leaves, core: &[usize], parts: Vec<Part>) -> Option<Emitter> {
     let members = || core.iter().map(|&i| &leaves.all[i]);
     let surfaces: Vec<LeafSurface> = members().map(|leaf| leaf.surface).collect();
     let surface = ClusterSurface::of(&surfaces)?;
@@ -236,7 +236,7 @@ fn emitter(scene: &Scene, leaves: &Leaves, core: &[usize], parts: Vec<Part>) -> 
 }
 
 /// Share of the leaves' surface that the photo shows, with a depth reading or without: what lies in the picture and nothing before it.
-fn shown_share(scene: &Scene, leaves: &Leaves, core: &[usize], tracer: &ConeTracer) -> f32 {
+fn shown_share(scene: &LitScene, leaves: &Leaves, core: &[usize], tracer: &ConeTracer) -> f32 {
     let camera = &scene.frame.camera;
     let mut shares = (0.0, 0.0);
     for leaf in core.iter().map(|&i| &leaves.all[i]) {
@@ -255,7 +255,7 @@ fn shown_share(scene: &Scene, leaves: &Leaves, core: &[usize], tracer: &ConeTrac
 }
 
 /// A window is large, upright and day-like; a lamp is small, or shines down. Everything else is a bright surface.
-fn kind(scene: &Scene, surface: &ClusterSurface, radiance: Vec3) -> Kind {
+fn kind(scene: &LitScene, surface: &ClusterSurface, radiance: Vec3) -> Kind {
     let up = scene.up();
     let ClusterShape::Panel { direction, .. } = surface.shape else {
         return if surface.area_m2 <= MAX_LAMP_M2 { Kind::Lamp } else { Kind::BrightSurface };

@@ -1,5 +1,5 @@
 use lo_geometry::Vec3;
-use lo_scene::{AddedLight, EmitterEdit, LightChange, LightShape, Scene};
+use lo_scene::{AddedLight, EmitterEdit, LightChange, LightEdits, LightShape, LitScene};
 use serde::Serialize;
 
 use crate::cap::luminance;
@@ -55,14 +55,14 @@ pub struct ListedLight {
 }
 
 /// The lights of a scene whose edits were not applied, and what was added.
-pub fn list(scene: &Scene) -> Vec<ListedLight> {
+pub fn list(scene: &LitScene, edits: &LightEdits) -> Vec<ListedLight> {
     let change = |id: &str| {
-        let edit = scene.light_edits.emitters.iter().find(|edit| edit.id == id);
+        let edit = edits.emitters.iter().find(|edit| edit.id == id);
         edit.map(|EmitterEdit { change, .. }| *change)
     };
     let found = emitters(scene);
     let found = found.iter().map(|emitter| of_emitter(emitter, change(&emitter.id)));
-    found.chain(scene.light_edits.added.iter().map(ListedLight::of_added)).collect()
+    found.chain(edits.added.iter().map(ListedLight::of_added)).collect()
 }
 
 /// Emitters as a list, without changes.

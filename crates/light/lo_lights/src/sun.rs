@@ -1,15 +1,15 @@
 use lo_geometry::Vec3;
-use lo_scene::Scene;
+use lo_scene::Estimate;
 
 /// Unit direction towards a sun: degrees to the right of where the camera looks, about the vertical, and above the horizon.
-pub fn sun_direction(scene: &Scene, azimuth_deg: f64, elevation_deg: f64) -> Vec3 {
+pub fn sun_direction(scene: &Estimate, azimuth_deg: f64, elevation_deg: f64) -> Vec3 {
     let (azimuth, elevation) = (azimuth_deg.to_radians() as f32, elevation_deg.to_radians() as f32);
     let level = Vec3::new(azimuth.sin() * elevation.cos(), elevation.sin(), -azimuth.cos() * elevation.cos());
     scene.room.as_ref().map_or(level, |room| room.level_from_camera().transpose() * level).normalize()
 }
 
 /// Azimuth and elevation of a direction, as [`sun_direction`] takes them.
-pub fn sun_angles_deg(scene: &Scene, direction: Vec3) -> [f64; 2] {
+pub fn sun_angles_deg(scene: &Estimate, direction: Vec3) -> [f64; 2] {
     let level = scene.room.as_ref().map_or(direction, |room| room.level_from_camera() * direction);
     let azimuth = f64::from(level.x).atan2(-f64::from(level.z));
     let elevation = f64::from(level.y).clamp(-1.0, 1.0).asin();
@@ -18,7 +18,7 @@ pub fn sun_angles_deg(scene: &Scene, direction: Vec3) -> [f64; 2] {
 
 /// Unit direction towards a sun in which the thing at one pixel of the photo casts its shadow on what another one shows; `None` where depth is missing, or
 /// the shadow would fall upwards.
-pub fn sun_of_shadow(scene: &Scene, thing: [f64; 2], shadow: [f64; 2]) -> Option<Vec3> {
+pub fn sun_of_shadow(scene: &Estimate, thing: [f64; 2], shadow: [f64; 2]) -> Option<Vec3> {
     let up = scene.up();
     let direction = (point(scene, thing)? - point(scene, shadow)?).try_normalize()?;
     (direction.dot(up) > 0.0).then_some(direction)
@@ -28,7 +28,7 @@ pub fn sun_of_shadow(scene: &Scene, thing: [f64; 2], shadow: [f64; 2]) -> Option
 const AROUND: isize = 2;
 
 /// The nearest surface at a pixel of the photo.
-fn point(scene: &Scene, [u, v]: [f64; 2]) -> Option<Vec3> {
+fn point(scene: &Estimate, [u, v]: [f64; 2]) -> Option<Vec3> {
     let (depth_m, camera) = (&scene.frame.depth_m, &scene.frame.camera);
     let at = |share: f64, size: usize| (share * size as f64) as isize;
     let x = at(u / f64::from(camera.width), depth_m.width());
@@ -62,9 +62,9 @@ mod tests {
             depth_m: Image::new(4, 4, vec![1.0; 16]),
             exposure: 1.0,
         };
-        let level = Scene::as_seen(light, frame);
+        let level = Estimate::as_seen(light, frame);
         let up = Vec3::new(0.1, 0.9, 0.3).normalize();
-        let tilted = Scene { room: Some(Room { up, planes: Vec::new() }), ..level.clone() };
+        let tilted = Estimate { room: Some(Room { up, planes: Vec::new() }), ..level.clone() };
         for (azimuth, elevation) in [(0.0, 0.0), (-60.0, 35.0), (170.0, -20.0)] {
             for scene in [&level, &tilted] {
                 let [back, above] = sun_angles_deg(scene, sun_direction(scene, azimuth, elevation));
@@ -98,7 +98,7 @@ mod tests {
             exposure: 1.0,
         };
         let (light, _) = LightOctree::from_points(&[], Cube::centred(Vec3::ZERO, 4.0), 3, 2).expect("an empty octree");
-        let mut scene = Scene::as_seen(light, frame);
+        let mut scene = Estimate::as_seen(light, frame);
         let found = sun_of_shadow(&scene, pixel(top), pixel(end)).expect("it falls down");
         assert!(found.angle_between(top - end).to_degrees() < 0.1, "{found}");
         assert_eq!(sun_of_shadow(&scene, pixel(end), pixel(top)), None, "upwards");

@@ -5,11 +5,11 @@ use lo_geometry::{Camera, Cube, Vec3};
 use lo_imaging::{Image, Photo};
 use lo_lights::{apply_edits, emitters, list, remove_emitters};
 use lo_octree::{LightOctree, key_from_xyz};
-use lo_scene::{EmitterEdit, Frame, LightChange, LightColor, Scene};
+use lo_scene::{EmitterEdit, Frame, LightChange, LightColor, LightEdits, LitScene};
 use proptest::prelude::*;
 
 /// A scene of these cells of a cube of 16³ with their radiance; what has an even x the photo saw.
-fn scene(cells: &[([u32; 3], [f32; 3])]) -> Scene {
+fn scene(cells: &[([u32; 3], [f32; 3])]) -> LitScene {
     let seen = |xyz: [u32; 3]| if xyz[0].is_multiple_of(2) { 255 } else { 0 };
     let mut rows: Vec<(u32, [f32; 4], u8)> =
         cells.iter().map(|&(xyz, [r, g, b])| (key_from_xyz(xyz), [r, g, b, 0.95], seen(xyz))).collect();
@@ -21,30 +21,30 @@ fn scene(cells: &[([u32; 3], [f32; 3])]) -> Scene {
     let light = LightOctree::from_leaves(keys, rgba, seen, Cube::centred(Vec3::ZERO, 4.0), 4, 2).unwrap();
     let camera = Camera::from_hfov_deg(70.0, 8, 6).unwrap();
     let photo = Photo::Srgb8(Image::from_fn(8, 6, |x, y| [(x * 30) as u8, (y * 40) as u8, 128]));
-    Scene::as_seen(light, Frame::new(photo, Image::new(8, 6, vec![1.5; 48]), camera, 1.0).unwrap())
+    LitScene::as_seen(light, Frame::new(photo, Image::new(8, 6, vec![1.5; 48]), camera, 1.0).unwrap())
 }
 
 /// The shell of the cube, of this radiance, with a lamp of four leaves in the ceiling.
-fn room(wall: f32, lamp: [f32; 3]) -> Scene {
+fn room(wall: f32, lamp: [f32; 3]) -> LitScene {
     let shell = (0..16u32.pow(3)).map(|i| [i / 256, i / 16 % 16, i % 16]);
     let shell = shell.filter(|xyz| xyz.iter().any(|c| *c == 0 || *c == 15));
     let radiance = |xyz: [u32; 3]| if matches!(xyz, [7..=8, 15, 7..=8]) { lamp } else { [wall; 3] };
     scene(&shell.map(|xyz| (xyz, radiance(xyz))).collect::<Vec<_>>())
 }
 
-fn edited(scene: &Scene, id: &str, change: LightChange) -> Scene {
+fn edited(scene: &LitScene, id: &str, change: LightChange) -> LitScene {
     let mut scene = scene.clone();
     let found = emitters(&scene);
     let found_at_m = found.iter().find(|emitter| emitter.id == id).unwrap().surface.centre_m;
-    scene.light_edits.emitters.push(EmitterEdit { id: id.to_owned(), found_at_m, change });
-    apply_edits(&mut scene, &found).unwrap();
+    let emitters = vec![EmitterEdit { id: id.to_owned(), found_at_m, change }];
+    apply_edits(&mut scene, &LightEdits { emitters, ..LightEdits::default() }, &found).unwrap();
     scene
 }
 
 #[test]
 fn a_lamp_is_split_into_wall_and_light() {
     let scene = room(0.5, [10.0, 8.0, 6.0]);
-    let lights = list(&scene);
+    let lights = list(&scene, &LightEdits::default());
     assert_eq!(lights.len(), 1);
     assert!((lights[0].area_m2.unwrap() - 0.25).abs() < 1e-5);
     assert_eq!(lights[0].position_m.unwrap(), Vec3::new(0.0, 1.875, 0.0));
@@ -66,10 +66,10 @@ fn a_lamp_is_split_into_wall_and_light() {
 #[test]
 fn nothing_is_an_emitter_in_a_room_of_one_radiance() {
     let mut scene = room(0.5, [0.5; 3]);
-    assert!(list(&scene).is_empty());
+    assert!(list(&scene, &LightEdits::default()).is_empty());
     let before = scene.clone();
     remove_emitters(&mut scene, &[]);
-    apply_edits(&mut scene, &[]).unwrap();
+    apply_edits(&mut scene, &LightEdits::default(), &[]).unwrap();
     assert!(scene == before);
 }
 
@@ -100,8 +100,8 @@ fn emitters_of_brighter_light_are_edited_by_their_share() {
     assert!(emitters(&dim).is_empty() && found.len() == 1);
     let found_at_m = found[0].surface.centre_m;
     let change = LightChange { on: false, ..LightChange::NONE };
-    dim.light_edits.emitters.push(EmitterEdit { id: "L1".to_owned(), found_at_m, change });
-    apply_edits(&mut dim, &found).unwrap();
+    let emitters = vec![EmitterEdit { id: "L1".to_owned(), found_at_m, change }];
+    apply_edits(&mut dim, &LightEdits { emitters, ..LightEdits::default() }, &found).unwrap();
     // A twentieth of what it has is the wall's.
     let darkest = dim.light.rgba[4].iter().map(|row| row[0]).fold(f32::INFINITY, f32::min);
     assert!((darkest - 0.05).abs() < 1e-4, "{darkest}");
@@ -111,7 +111,7 @@ proptest! {
     #[test]
     fn any_edit_of_any_octree_is_finite_and_keeps_its_nodes(cells in cells(), change in change()) {
         let scene = scene(&cells);
-        for light in list(&scene) {
+        for light in list(&scene, &LightEdits::default()) {
             let after = edited(&scene, &light.id, change);
             prop_assert!(after.light.octree == scene.light.octree && after.light.seen == scene.light.seen);
             for (now, before) in after.light.rgba.iter().flatten().zip(scene.light.rgba.iter().flatten()) {
@@ -127,7 +127,7 @@ proptest! {
     fn leaves_are_linear_in_the_scale(cells in cells(), scale in 0.0f32..8.0) {
         let scene = scene(&cells);
         let scaled = |id: &str, scale| edited(&scene, id, LightChange { scale, ..LightChange::NONE }).light.rgba;
-        for light in list(&scene) {
+        for light in list(&scene, &LightEdits::default()) {
             let (off, after) = (scaled(&light.id, 0.0), scaled(&light.id, scale));
             prop_assert!(scaled(&light.id, 1.0) == scene.light.rgba);
             for ((off, one), after) in off[4].iter().zip(&scene.light.rgba[4]).zip(&after[4]) {

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use lo_cone::{Cone, ConeSample, ConeTracer, Settings};
 use lo_geometry::{Plane, Vec3, smoothstep};
 use lo_octree::LightOctree;
-use lo_scene::Scene;
+use lo_scene::LitScene;
 use rayon::prelude::*;
 
 use crate::PhotoLookup;
@@ -42,7 +42,7 @@ pub struct Detail {
 
 impl Detail {
     /// Prepares a scene's photo, as `lookup` has it. A scene with a panorama of the room needs no detail.
-    pub fn new(scene: &Scene, lookup: &PhotoLookup) -> Option<Self> {
+    pub fn new(scene: &LitScene, lookup: &PhotoLookup) -> Option<Self> {
         if scene.panorama.is_some() {
             return None;
         }

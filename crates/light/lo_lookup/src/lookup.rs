@@ -3,7 +3,7 @@ use std::sync::Arc;
 use lo_cone::{Cone, ConeSample, ConeTracer};
 use lo_geometry::{Vec3, orthonormal_basis};
 use lo_lights::PictureChange;
-use lo_scene::Scene;
+use lo_scene::LitScene;
 use rayon::prelude::*;
 
 use crate::before::light_before;
@@ -54,7 +54,7 @@ struct Found {
 impl PhotoLookup {
     /// Of the scene's first photo; `tracer` is of the scene's light as it is seen from that photo's camera. Takes some tenths of a second for large
     /// photos.
-    pub fn new(scene: &Scene, tracer: &ConeTracer) -> Self {
+    pub fn new(scene: &LitScene, tracer: &ConeTracer) -> Self {
         let leaf_edge_m = scene.light.cube.node_edge_m(scene.light.octree.depth());
         let surface = Surface::new(&scene.frame, tracer);
         let change = scene.edited.as_ref().and_then(|edited| edited.octree.as_ref());

@@ -3,7 +3,7 @@ use lo_geometry::{Quat, Vec2, Vec3};
 use lo_imaging::Image;
 use lo_lights::PictureChange;
 use lo_octree::LightOctree;
-use lo_scene::{LaidPanorama, Scene};
+use lo_scene::{LaidPanorama, LitScene};
 use rayon::prelude::*;
 
 use crate::fade::fade;
@@ -50,7 +50,7 @@ pub struct PanoramaLookup {
 
 impl PanoramaLookup {
     /// Of the scene's panorama, if it has one; `tracer` is of the scene's light as it is seen from that panorama's place.
-    pub fn new(scene: &Scene, tracer: &ConeTracer) -> Option<Self> {
+    pub fn new(scene: &LitScene, tracer: &ConeTracer) -> Option<Self> {
         let laid = scene.panorama.as_ref()?;
         let picture = laid.picture.as_ref()?;
         let place_m = laid.source.position_m;

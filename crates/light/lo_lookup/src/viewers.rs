@@ -2,7 +2,7 @@ use lo_cone::{Cone, ConeSample, Rendering, Viewers};
 use lo_geometry::Vec3;
 use lo_imaging::Image;
 use lo_lights::AnalyticLights;
-use lo_scene::Scene;
+use lo_scene::LitScene;
 
 use crate::{Detail, PanoramaLookup, PhotoLookup};
 
@@ -18,7 +18,7 @@ pub struct SharpViewers {
 
 impl SharpViewers {
     /// Prepares a scene, which is not needed after. Takes some tenths of a second for large photos.
-    pub fn new(scene: &Scene) -> Self {
+    pub fn new(scene: &LitScene) -> Self {
         let viewers = Viewers::new(&scene.light);
         let photo = PhotoLookup::new(scene, &viewers.at(Vec3::ZERO));
         let eye_m = scene.panorama.as_ref().map_or(Vec3::ZERO, |laid| laid.source.position_m);
@@ -28,7 +28,7 @@ impl SharpViewers {
 
     /// Adds [`Detail`] to what neither the photo nor a panorama of the room shows.
     #[must_use]
-    pub fn with_detail(self, scene: &Scene) -> Self {
+    pub fn with_detail(self, scene: &LitScene) -> Self {
         Self { detail: Detail::new(scene, &self.photo), ..self }
     }
 

@@ -121,9 +121,6 @@ pub enum SceneError {
     /// Photo, depth and camera do not belong together.
     #[error(transparent)]
     Frame(#[from] FrameError),
-    /// The light is no longer the estimate.
-    #[error("the scene's light was edited in memory, and its file holds the estimate with the edits beside it")]
-    Edited,
     /// What stands in the photo is damaged.
     #[error("the scene's objects: {0}")]
     Objects(String),

@@ -2,7 +2,7 @@ use std::ops::RangeInclusive;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Completion, Scene};
+use crate::{Completion, Estimate};
 
 /// Factors on the contrast of plausible light, in stops.
 pub const CONTRASTS: RangeInclusive<f32> = 0.0..=3.0;
@@ -115,12 +115,12 @@ pub enum LightEffect {
 }
 
 impl LightEffect {
-    /// In this scene.
-    pub fn of(scene: &Scene) -> Self {
-        let knows_lamps = scene.panorama.as_ref().is_some_and(|laid| !laid.source.clipped);
-        if scene.completion != Completion::Network || knows_lamps {
+    /// The effect on this estimate.
+    pub fn of(estimate: &Estimate) -> Self {
+        let knows_lamps = estimate.panorama.as_ref().is_some_and(|laid| !laid.source.clipped);
+        if estimate.origin.completion != Completion::Network || knows_lamps {
             Self::None
-        } else if scene.expected.is_none() || scene.panorama.is_some() {
+        } else if estimate.expected.is_none() || estimate.panorama.is_some() {
             Self::Fitted
         } else {
             Self::Expected

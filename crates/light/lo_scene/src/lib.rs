@@ -1,4 +1,4 @@
-//! The scene: a lighting octree together with the photo, depth and camera that object insertion needs, and its file.
+//! What is inferred of a room ([`Estimate`]), the same in the light that renders it ([`LitScene`]), and the scene file.
 //!
 //! # The scene file
 //!
@@ -38,13 +38,16 @@
 //! The same scene gives the same bytes. Reading checks everything and names what is wrong.
 
 mod camera_source;
+mod derived;
+mod document_file;
 mod edited_light;
 mod error;
+mod estimate;
 mod expected;
-mod file;
 mod frame;
 mod guessed_light;
 mod light_edits;
+mod lit_scene;
 mod overlap;
 mod panorama;
 mod placement;
@@ -56,14 +59,12 @@ mod scene_objects;
 mod seen_photo;
 mod surfel;
 
-use lo_geometry::Vec3;
-use lo_octree::LightOctree;
-
 pub use camera_source::CameraSource;
+pub use document_file::{FORMAT_VERSION, SceneFile};
 pub use edited_light::{EditedLight, OctreeChange};
 pub use error::{FrameError, SceneError};
+pub use estimate::{Estimate, EstimateOrigin};
 pub use expected::ExpectedLight;
-pub use file::FORMAT_VERSION;
 pub use frame::Frame;
 pub use guessed_light::{CONTRASTS, GuessedLight, LightEffect, LightMode, LightTuning, WARMTHS_EV};
 pub use light_edits::{
@@ -71,6 +72,7 @@ pub use light_edits::{
     MAX_LIGHT_EDITS, MAX_LIGHT_PLACE_M, MAX_LIGHT_RADIANCE, MAX_LIGHT_SCALE, MAX_LIGHT_SIZE_M, MAX_SUN_RADIUS_DEG,
     MIN_KELVIN, MIN_LIGHT_SIZE_M, MIN_SUN_RADIUS_DEG,
 };
+pub use lit_scene::LitScene;
 pub use overlap::{ExposureRatio, Overlap, overlap};
 pub use panorama::{LaidPanorama, PanoramaPicture, PanoramaSource};
 pub use placement::place_cube;
@@ -82,70 +84,3 @@ pub use scene_objects::{
 };
 pub use seen_photo::SeenPhoto;
 pub use surfel::Surfel;
-
-/// Everything that `estimate` knows about a room; self-contained.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Scene {
-    /// Radiance of the whole room.
-    pub light: LightOctree,
-    /// The photo with its depth and camera.
-    pub frame: Frame,
-    /// How the unseen part was completed.
-    pub completion: Completion,
-    /// Where the camera's intrinsics come from, if anybody said so.
-    pub camera_source: Option<CameraSource>,
-    /// Gravity and the closing planes, where they are known.
-    pub room: Option<Room>,
-    /// How far off the room's up is expected to be, degrees, where a network told it.
-    pub up_deviation_deg: Option<f32>,
-    /// Names of the files that the scene was made from, without folders.
-    pub sources: Vec<String>,
-    /// Whether the frame's depth was predicted from the photo instead of measured.
-    pub predicted_depth: bool,
-    /// Name of the depth model that predicted it, where it is not the program's own.
-    pub depth_model: Option<String>,
-    /// What a network says of its own work: `confidence[d][row]` of each row of [`LightOctree::rgba`], 255 · e^−ε with the expected
-    /// error ε of log(1 + radiance).
-    pub confidence: Option<Vec<Vec<u8>>>,
-    /// The energy of the light around the camera, where a network expects it.
-    pub expected: Option<ExpectedLight>,
-    /// What a panorama of the room gave, where somebody had one.
-    pub panorama: Option<LaidPanorama>,
-    /// Photos beside the frame's that the light comes from, too.
-    pub other_photos: Vec<OtherPhoto>,
-    /// What somebody wants changed of the light. [`Scene::light`] of a scene that was read is the estimate, without.
-    pub light_edits: LightEdits,
-    /// What somebody stood into the photo.
-    pub objects: SceneObjects,
-    /// What the edits made of the light, where they were carried out.
-    pub edited: Option<Box<EditedLight>>,
-}
-
-impl Scene {
-    /// Of measured depth, with no more light than `light` holds: nothing completed, no sources named.
-    pub fn as_seen(light: LightOctree, frame: Frame) -> Self {
-        Self {
-            light,
-            frame,
-            completion: Completion::None,
-            camera_source: None,
-            room: None,
-            up_deviation_deg: None,
-            sources: Vec::new(),
-            predicted_depth: false,
-            depth_model: None,
-            confidence: None,
-            expected: None,
-            panorama: None,
-            other_photos: Vec::new(),
-            light_edits: LightEdits::default(),
-            objects: SceneObjects::default(),
-            edited: None,
-        }
-    }
-
-    /// Unit vector against gravity, world frame; the camera's up where no room is known.
-    pub fn up(&self) -> Vec3 {
-        self.room.as_ref().map_or(Vec3::Y, |room| room.up)
-    }
-}

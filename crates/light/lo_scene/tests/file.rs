@@ -7,13 +7,14 @@ use lo_geometry::{Camera, Cube, Plane, Quat, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
 use lo_scene::{
-    AddedLight, AnalyticLight, CameraSource, Completion, EditedLight, EmitterEdit, ExpectedLight, Frame, GuessedLight,
-    LaidPanorama, LightChange, LightColor, LightEdits, LightMode, LightShape, LightTuning, MAX_LIGHT_EDITS,
-    ObjectsShown, PanoramaPicture, PanoramaSource, Room, RoomPlane, Scene, SceneError, SceneObjects, Side,
+    AddedLight, AnalyticLight, CameraSource, Completion, EmitterEdit, Estimate, EstimateOrigin, ExpectedLight, Frame,
+    GuessedLight, LaidPanorama, LightChange, LightColor, LightEdits, LightMode, LightShape, LightTuning,
+    MAX_LIGHT_EDITS, ObjectsShown, PanoramaPicture, PanoramaSource, Room, RoomPlane, SceneError, SceneFile,
+    SceneObjects, Side,
 };
 use proptest::prelude::*;
 
-fn scene(linear: bool) -> Scene {
+fn scene(linear: bool) -> SceneFile {
     let (width, height) = (12, 8);
     let photo = if linear {
         Photo::Linear(Image::from_fn(width, height, |x, y| [x as f32 * 0.37, y as f32, 3.25]))
@@ -32,12 +33,13 @@ fn scene(linear: bool) -> Scene {
     let light = LightOctree::from_points(&points, Cube::centred(Vec3::ZERO, 5.3), 4, 2).unwrap().0;
     let plane = Plane { normal: Vec3::Y, offset_m: -1.51 };
     let room = Room { up: Vec3::Y, planes: vec![RoomPlane { side: Side::Floor, plane, measured: true }] };
-    Scene {
-        completion: Completion::Shell,
-        room: Some(room),
-        sources: vec!["/home/somebody/photo.jpg".to_owned(), "C:\\pictures\\depth.png".to_owned()],
-        ..Scene::as_seen(light, frame)
-    }
+    let sources = vec!["/home/somebody/photo.jpg".to_owned(), "C:\\pictures\\depth.png".to_owned()];
+    let origin = EstimateOrigin { completion: Completion::Shell, sources, ..EstimateOrigin::default() };
+    Estimate { room: Some(room), origin, ..Estimate::as_seen(light, frame) }.into()
+}
+
+fn estimate_of(scene: &mut SceneFile) -> &mut Estimate {
+    Arc::make_mut(&mut scene.estimate)
 }
 
 #[test]
@@ -45,9 +47,11 @@ fn a_scene_comes_back_and_gives_the_same_bytes() {
     for linear in [false, true] {
         let scene = scene(linear);
         let bytes = scene.to_bytes(lo_imaging::GENERATOR).unwrap();
-        let back = Scene::from_bytes(&bytes).unwrap();
-        assert_eq!(back.sources, ["photo.jpg", "depth.png"]);
-        assert_eq!(Scene { sources: scene.sources.clone(), ..back.clone() }, scene);
+        let back = SceneFile::from_bytes(&bytes).unwrap();
+        assert_eq!(back.estimate.origin.sources, ["photo.jpg", "depth.png"]);
+        let mut same = back.clone();
+        estimate_of(&mut same).origin.sources.clone_from(&scene.estimate.origin.sources);
+        assert_eq!(same, scene);
         assert_eq!(back.to_bytes(lo_imaging::GENERATOR).unwrap(), bytes);
         assert_eq!(scene.to_bytes(lo_imaging::GENERATOR).unwrap(), bytes);
     }
@@ -59,8 +63,8 @@ fn files_appear_whole_and_errors_name_the_path() {
     let path = folder.path().join("room.safetensors");
     let scene = scene(false);
     scene.write(&path, lo_imaging::GENERATOR).unwrap();
-    assert_eq!(Scene::read(&path).unwrap().light, scene.light);
-    let missing = Scene::read(&folder.path().join("none")).unwrap_err().to_string();
+    assert_eq!(SceneFile::read(&path).unwrap().estimate.light, scene.estimate.light);
+    let missing = SceneFile::read(&folder.path().join("none")).unwrap_err().to_string();
     assert!(missing.contains("none"), "{missing}");
     assert!(scene.write(&folder.path().join("no/folder.safetensors"), lo_imaging::GENERATOR).is_err());
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
@@ -69,34 +73,38 @@ fn files_appear_whole_and_errors_name_the_path() {
 #[test]
 fn where_the_camera_comes_from_comes_back() {
     let mut scene = scene(false);
-    scene.up_deviation_deg = Some(2.5);
+    estimate_of(&mut scene).origin.up_deviation_deg = Some(2.5);
     for source in [CameraSource::Exif, CameraSource::Network { deviation_deg: 4.5 }] {
-        scene.camera_source = Some(source);
+        estimate_of(&mut scene).origin.camera_source = Some(source);
         let bytes = scene.to_bytes(lo_imaging::GENERATOR).unwrap();
-        let back = Scene::from_bytes(&bytes).unwrap();
-        assert_eq!((back.camera_source, back.up_deviation_deg), (Some(source), Some(2.5)));
+        let back = SceneFile::from_bytes(&bytes).unwrap();
+        assert_eq!(
+            (back.estimate.origin.camera_source, back.estimate.origin.up_deviation_deg),
+            (Some(source), Some(2.5))
+        );
     }
-    scene.up_deviation_deg = Some(-1.0);
+    estimate_of(&mut scene).origin.up_deviation_deg = Some(-1.0);
     let bytes = scene.to_bytes(lo_imaging::GENERATOR).unwrap();
-    assert!(Scene::from_bytes(&bytes).unwrap_err().to_string().contains("a deviation that is no angle"));
+    assert!(SceneFile::from_bytes(&bytes).unwrap_err().to_string().contains("a deviation that is no angle"));
 }
 
 #[test]
 fn what_networks_say_of_their_work_comes_back() {
     let mut scene = scene(false);
-    let rows = scene.light.rgba.iter().map(Vec::len);
+    let rows = scene.estimate.light.rgba.iter().map(Vec::len);
     let confidence = rows.map(|rows| (0..rows).map(|row| (7 * row) as u8).collect()).collect();
-    (scene.predicted_depth, scene.confidence) = (true, Some(confidence));
+    let estimate = estimate_of(&mut scene);
+    (estimate.origin.predicted_depth, estimate.confidence) = (true, Some(confidence));
     let bytes = scene.to_bytes(lo_imaging::GENERATOR).unwrap();
-    let back = Scene::from_bytes(&bytes).unwrap();
-    assert_eq!((back.predicted_depth, &back.confidence), (true, &scene.confidence));
+    let back = SceneFile::from_bytes(&bytes).unwrap().estimate;
+    assert_eq!((back.origin.predicted_depth, &back.confidence), (true, &scene.estimate.confidence));
     // in the metadata the quotes are escaped
     let missing = bytes.windows(12).position(|window| window == b"\"confidence\"").unwrap();
     let mut damaged = bytes.clone();
     damaged[missing + 3] = b'x';
-    assert!(matches!(Scene::from_bytes(&damaged), Err(SceneError::MissingTensor("confidence"))));
-    scene.confidence.as_mut().unwrap()[2].pop();
-    let error = Scene::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap_err().to_string();
+    assert!(matches!(SceneFile::from_bytes(&damaged), Err(SceneError::MissingTensor("confidence"))));
+    estimate_of(&mut scene).confidence.as_mut().unwrap()[2].pop();
+    let error = SceneFile::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap_err().to_string();
     assert!(error.contains("confidence") && error.contains("feature rows"), "{error}");
 }
 
@@ -105,7 +113,8 @@ fn what_a_panorama_gave_comes_back_and_leaves_other_files_as_they_are() {
     let plain = scene(false);
     let without = plain.to_bytes(lo_imaging::GENERATOR).unwrap();
     assert!(!without.windows(8).any(|window| window == b"panorama"));
-    let share = plain.light.rgba.iter().map(|rows| (0..rows.len()).map(|row| (11 * row) as u8).collect()).collect();
+    let share =
+        plain.estimate.light.rgba.iter().map(|rows| (0..rows.len()).map(|row| (11 * row) as u8).collect()).collect();
     let source = PanoramaSource {
         file: "/home/somebody/theta.hdr".to_owned(),
         position_m: Vec3::new(0.25, -0.1, -1.3),
@@ -119,10 +128,11 @@ fn what_a_panorama_gave_comes_back_and_leaves_other_files_as_they_are() {
     // Brighter than half precision goes, and dim.
     let radiance = RadianceImage::from_fn(32, 16, |x, y| [1e6 / (1 + x * x + y * y) as f32, 0.1, 0.0]);
     let picture = Some(PanoramaPicture::new(&radiance, Quat::from_rotation_y(0.3)));
-    let mut scene = Scene { panorama: Some(LaidPanorama { source, share, picture }), ..plain };
+    let mut scene = plain;
+    estimate_of(&mut scene).panorama = Some(LaidPanorama { source, share, picture });
     let bytes = scene.to_bytes(lo_imaging::GENERATOR).unwrap();
-    let back = Scene::from_bytes(&bytes).unwrap().panorama.unwrap();
-    let laid = scene.panorama.as_mut().unwrap();
+    let back = SceneFile::from_bytes(&bytes).unwrap().estimate.panorama.clone().unwrap();
+    let laid = estimate_of(&mut scene).panorama.as_mut().unwrap();
     assert_eq!((&back.share, &back.source.file[..]), (&laid.share, "theta.hdr"));
     laid.source.file = "theta.hdr".to_owned();
     assert_eq!(back.source, laid.source);
@@ -131,10 +141,10 @@ fn what_a_panorama_gave_comes_back_and_leaves_other_files_as_they_are() {
     let same = |a: &f32, b: &f32| (a - b).abs() <= 1e-3 * b.abs();
     assert!(kept.pixels().as_flattened().iter().zip(radiance.pixels().as_flattened()).all(|(a, b)| same(a, b)));
     laid.share[3].pop();
-    let error = Scene::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap_err().to_string();
+    let error = SceneFile::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap_err().to_string();
     assert!(error.contains("panorama_share") && error.contains("feature rows"), "{error}");
-    scene.panorama.as_mut().unwrap().source.confidence = 1.5;
-    let error = Scene::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap_err().to_string();
+    estimate_of(&mut scene).panorama.as_mut().unwrap().source.confidence = 1.5;
+    let error = SceneFile::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap_err().to_string();
     assert!(error.contains("confidence"), "{error}");
 }
 
@@ -142,11 +152,12 @@ fn what_a_panorama_gave_comes_back_and_leaves_other_files_as_they_are() {
 fn expected_light_comes_back_and_is_checked() {
     let radiance = RadianceImage::from_fn(64, 32, |x, y| [0.1 + x as f32, 0.2 + y as f32, 0.0]);
     let expected = ExpectedLight::new(&radiance, Quat::from_rotation_x(0.2), 3.25);
-    let mut scene = Scene { expected: Some(expected), ..scene(false) };
-    let back = Scene::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap();
-    assert_eq!(back.expected, scene.expected);
-    scene.expected.as_mut().unwrap().contrast_stops = 99.0;
-    let error = Scene::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap_err().to_string();
+    let mut scene = scene(false);
+    estimate_of(&mut scene).expected = Some(expected);
+    let back = SceneFile::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap();
+    assert_eq!(back.estimate.expected, scene.estimate.expected);
+    estimate_of(&mut scene).expected.as_mut().unwrap().contrast_stops = 99.0;
+    let error = SceneFile::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap_err().to_string();
     assert!(error.contains("contrast_stops"), "{error}");
 }
 
@@ -189,15 +200,13 @@ fn edits() -> LightEdits {
 fn edits_of_light_lie_beside_the_estimate() {
     let plain = scene(false);
     let without = plain.to_bytes(lo_imaging::GENERATOR).unwrap();
-    let scene = Scene { light_edits: edits(), ..plain.clone() };
+    let scene = SceneFile { light_edits: edits(), ..plain.clone() };
     let bytes = scene.to_bytes(lo_imaging::GENERATOR).unwrap();
-    let mut back = Scene::from_bytes(&bytes).unwrap();
-    assert_eq!((&back.light_edits, &back.light), (&scene.light_edits, &plain.light));
+    let mut back = SceneFile::from_bytes(&bytes).unwrap();
+    assert_eq!((&back.light_edits, &back.estimate), (&scene.light_edits, &plain.estimate));
     assert_eq!(back.to_bytes(lo_imaging::GENERATOR).unwrap(), bytes);
     back.light_edits = LightEdits::default();
     assert!(back.to_bytes(lo_imaging::GENERATOR).unwrap() == without, "without edits the file is as it was");
-    back.edited = Some(Box::new(EditedLight { octree: None, lights: Vec::new(), hides_suns: None }));
-    assert!(matches!(back.to_bytes(lo_imaging::GENERATOR), Err(SceneError::Edited)));
 }
 
 #[test]
@@ -205,8 +214,8 @@ fn edits_out_of_range_are_named() {
     let message = |change: &dyn Fn(&mut LightEdits)| {
         let mut light_edits = edits();
         change(&mut light_edits);
-        let scene = Scene { light_edits, ..scene(false) };
-        Scene::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap_err().to_string()
+        let scene = SceneFile { light_edits, ..scene(false) };
+        SceneFile::from_bytes(&scene.to_bytes(lo_imaging::GENERATOR).unwrap()).unwrap_err().to_string()
     };
     let wrong = |change: &dyn Fn(&mut LightEdits), what: &str| {
         let message = message(change);
@@ -249,10 +258,10 @@ fn objects_lie_beside_the_rest_and_leave_other_files_as_they_are() {
     let plain = scene(false);
     let without = plain.to_bytes(lo_imaging::GENERATOR).unwrap();
     assert!(!without.windows(7).any(|window| window == b"objects"));
-    let scene = Scene { objects: objects(), ..plain.clone() };
+    let scene = SceneFile { objects: objects(), ..plain.clone() };
     let bytes = scene.to_bytes(lo_imaging::GENERATOR).unwrap();
-    let mut back = Scene::from_bytes(&bytes).unwrap();
-    assert_eq!((&back.objects, &back.light), (&scene.objects, &plain.light));
+    let mut back = SceneFile::from_bytes(&bytes).unwrap();
+    assert_eq!((&back.objects, &back.estimate), (&scene.objects, &plain.estimate));
     assert_eq!(back.to_bytes(lo_imaging::GENERATOR).unwrap(), bytes);
     back.objects = SceneObjects::default();
     assert!(back.to_bytes(lo_imaging::GENERATOR).unwrap() == without, "without objects the file is as it was");
@@ -267,7 +276,7 @@ fn objects_that_are_damaged_are_named() {
     let refused = |change: &dyn Fn(&mut SceneObjects), what: &str| {
         let mut objects = objects();
         change(&mut objects);
-        let error = Scene { objects, ..scene(false) }.to_bytes(lo_imaging::GENERATOR).unwrap_err().to_string();
+        let error = SceneFile { objects, ..scene(false) }.to_bytes(lo_imaging::GENERATOR).unwrap_err().to_string();
         assert!(error.contains("objects") && error.contains(what), "{error}");
     };
     refused(&|objects| objects.shown.floor_gloss = f32::NAN, "gloss");
@@ -280,7 +289,7 @@ fn objects_that_are_damaged_are_named() {
     let many =
         |objects: &mut SceneObjects| objects.files = (0..1001).map(|i| (i.to_string(), Arc::from(&b""[..]))).collect();
     refused(&many, "1001 files");
-    let bytes = Scene { objects: objects(), ..scene(false) }.to_bytes(lo_imaging::GENERATOR).unwrap();
+    let bytes = SceneFile { objects: objects(), ..scene(false) }.to_bytes(lo_imaging::GENERATOR).unwrap();
     for (from, to, what) in [
         ("\"objects.1\":", "\"objects.9\":", "objects.1 with a.obj/a.mtl is missing"),
         ("\"objects\":{\"dtype", "\"objectx\":{\"dtype", "their layout is missing"),
@@ -291,7 +300,7 @@ fn objects_that_are_damaged_are_named() {
         let mut bytes = bytes.clone();
         let at = bytes.windows(from.len()).position(|window| window == from.as_bytes()).expect(from);
         bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
-        match Scene::from_bytes(&bytes) {
+        match SceneFile::from_bytes(&bytes) {
             Err(error) => assert!(error.to_string().contains(what), "{error}"),
             // What a layout says is not this crate's.
             Ok(scene) => assert!(what.is_empty() && scene.objects.layout.contains('\u{7f}')),
@@ -300,7 +309,7 @@ fn objects_that_are_damaged_are_named() {
     let mut bytes = bytes.clone();
     let at = bytes.windows(8).position(|window| window == b"[{\"mesh\"").unwrap();
     bytes[at] = 0xff;
-    assert!(Scene::from_bytes(&bytes).unwrap_err().to_string().contains("UTF-8"));
+    assert!(SceneFile::from_bytes(&bytes).unwrap_err().to_string().contains("UTF-8"));
 }
 
 /// A second reader, from the safetensors format's own description: 8 bytes of length, JSON, data.
@@ -328,15 +337,15 @@ fn the_layout_is_what_the_documentation_says() {
     assert_eq!(header["depth_m"]["shape"], serde_json::json!([4, 6]));
     assert_eq!(data("depth_m")[4 * 5..4 * 6], 1.5f32.to_le_bytes());
     let leaves = data("octree.4.rgba");
-    assert_eq!(leaves.len(), scene.light.rgba[4].len() * 16);
-    assert_eq!(leaves[..4], scene.light.rgba[4][0][0].to_le_bytes());
+    assert_eq!(leaves.len(), scene.estimate.light.rgba[4].len() * 16);
+    assert_eq!(leaves[..4], scene.estimate.light.rgba[4][0][0].to_le_bytes());
 }
 
 #[test]
 fn truncated_files_are_errors_at_every_length() {
     let bytes = scene(false).to_bytes(lo_imaging::GENERATOR).unwrap();
     for length in (0..bytes.len()).step_by(7).chain([bytes.len() - 1]) {
-        assert!(Scene::from_bytes(&bytes[..length]).is_err(), "{length} of {} bytes", bytes.len());
+        assert!(SceneFile::from_bytes(&bytes[..length]).is_err(), "{length} of {} bytes", bytes.len());
     }
 }
 
@@ -348,7 +357,7 @@ fn wrong_headers_are_named() {
         let mut bytes = bytes.clone();
         let at = bytes.windows(from.len()).position(|window| window == from.as_bytes()).expect(from);
         bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
-        Scene::from_bytes(&bytes).unwrap_err().to_string()
+        SceneFile::from_bytes(&bytes).unwrap_err().to_string()
     };
     let cases = [
         ("{\\\"format_version\\\":1", "{\\\"format_version\\\":7", "version"),
@@ -367,9 +376,9 @@ fn wrong_headers_are_named() {
         assert!(error.contains(word), "{from} → {to}: {error}");
     }
     let huge = [u64::MAX.to_le_bytes().as_slice(), b"{}"].concat();
-    assert!(matches!(Scene::from_bytes(&huge), Err(SceneError::Container(_))));
+    assert!(matches!(SceneFile::from_bytes(&huge), Err(SceneError::Container(_))));
     let empty = [2u64.to_le_bytes().as_slice(), b"{}"].concat();
-    assert!(matches!(Scene::from_bytes(&empty), Err(SceneError::NoMetadata { .. })));
+    assert!(matches!(SceneFile::from_bytes(&empty), Err(SceneError::NoMetadata { .. })));
 }
 
 proptest! {
@@ -383,13 +392,13 @@ proptest! {
             bytes[at % reach] ^= 1 << bit;
         }
         // Either the damage shows, or it hit a value that may have any content; then the scene must be writable again.
-        if let Ok(scene) = Scene::from_bytes(&bytes) {
+        if let Ok(scene) = SceneFile::from_bytes(&bytes) {
             prop_assert!(scene.to_bytes(lo_imaging::GENERATOR).is_ok());
         }
     }
 
     #[test]
     fn noise_is_an_error(noise in prop::collection::vec(any::<u8>(), 0..400)) {
-        prop_assert!(Scene::from_bytes(&noise).is_err());
+        prop_assert!(SceneFile::from_bytes(&noise).is_err());
     }
 }

@@ -42,7 +42,7 @@ fn several(
     photos: Vec<PosedFrame>,
     how: Completion,
     estimator: &Estimator,
-) -> (Result<Scene, EstimateError>, Vec<Event>) {
+) -> (Result<Estimate, EstimateError>, Vec<Event>) {
     let mut events = Vec::new();
     let hear = &mut |event| {
         events.push(event);
@@ -114,7 +114,10 @@ fn what_any_photo_saw_is_in_the_scene_in_one_measure() {
                 assert!((sample.distance_m / distance_m - 1.0).abs() < 0.12, "{} {distance_m}", sample.distance_m);
             }
         }
-        assert_eq!(Scene::from_bytes(&scene.to_bytes("tests").unwrap()).unwrap(), scene);
+        assert_eq!(
+            Document::from_bytes(&Document::new(scene.clone()).to_bytes("tests").unwrap()).unwrap(),
+            Document::new(scene)
+        );
     }
 }
 

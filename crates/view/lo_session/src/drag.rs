@@ -27,7 +27,7 @@ const FARTHEST: f32 = 1.5;
 /// where it cannot go.
 pub fn dragged(open: &OpenScene, object: &Object, is_lifted: bool, [u, v]: [f64; 2]) -> Option<Place> {
     let from = object.placement;
-    let camera = open.scene.frame.camera;
+    let camera = open.estimate().frame.camera;
     if !camera.contains(u, v) {
         return None;
     }
@@ -58,13 +58,13 @@ fn carries(open: &OpenScene, normal: Vec3) -> bool {
 }
 
 fn level_reach_m(open: &OpenScene, at: Vec3) -> f32 {
-    let (least_m, per_m) = LEVEL_REACH[usize::from(open.scene.predicted_depth)];
+    let (least_m, per_m) = LEVEL_REACH[usize::from(open.estimate().origin.predicted_depth)];
     least_m + per_m * -at.z
 }
 
 /// Whether the level of a placement goes on around it as far as the object reaches.
 fn goes_on(open: &OpenScene, object: &Object, rests: &Placement, [u, v]: [f64; 2]) -> bool {
-    let camera = open.scene.frame.camera;
+    let camera = open.estimate().frame.camera;
     let size = object.mesh.size();
     let reach_m = 0.5 * f64::from(size.x.max(size.z) * rests.scale);
     let longer = f64::from(camera.width.max(camera.height));

@@ -82,7 +82,7 @@ pub enum SessionError {
     Image(#[from] ImageError),
     /// The scene cannot be written.
     #[error(transparent)]
-    Scene(#[from] lightoctree::scene::SceneError),
+    Document(#[from] lightoctree::DocumentError),
     /// The scene cannot be exported.
     #[error(transparent)]
     Export(#[from] lightoctree::export::ExportError),

@@ -1,6 +1,7 @@
+use lightoctree::Estimate;
 use lightoctree::geometry::Vec3;
 use lightoctree::lo_lights::{rgb_of_color, sun_direction};
-use lightoctree::scene::{AnalyticLight, LightColor, LightShape, Scene};
+use lightoctree::scene::{AnalyticLight, LightColor, LightShape};
 use serde::{Deserialize, Serialize};
 
 use crate::SessionError;
@@ -38,7 +39,7 @@ pub enum NewLight {
 impl NewLight {
     /// # Errors
     /// Numbers out of range.
-    pub fn analytic(self, scene: &Scene) -> Result<AnalyticLight, SessionError> {
+    pub fn analytic(self, estimate: &Estimate) -> Result<AnalyticLight, SessionError> {
         let color = |kelvin: f32| {
             let known = (lightoctree::scene::MIN_KELVIN..=lightoctree::scene::MAX_KELVIN).contains(&kelvin);
             if known { Ok(rgb_of_color(LightColor::Kelvin(kelvin))) } else { Err(SessionError::Range("the colour")) }
@@ -48,7 +49,7 @@ impl NewLight {
                 if !(azimuth_deg.is_finite() && (-90.0..=90.0).contains(&elevation_deg)) {
                     return Err(SessionError::Range("the direction"));
                 }
-                let direction = sun_direction(scene, azimuth_deg.into(), elevation_deg.into());
+                let direction = sun_direction(estimate, azimuth_deg.into(), elevation_deg.into());
                 let shape = LightShape::Sun { direction, angular_radius_deg: 0.5 * angle_deg, of_photo: false };
                 let extent = AnalyticLight { shape, radiance: [0.0; 3] }.extent();
                 (shape, strength / extent, color(kelvin)?)

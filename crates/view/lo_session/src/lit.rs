@@ -1,8 +1,8 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use lightoctree::geometry::Vec3;
-use lightoctree::scene::{LightEdits, Scene};
-use lightoctree::{FittedLight, GuessedLight, LaidLight};
+use lightoctree::scene::LightEdits;
+use lightoctree::{FittedLight, GuessedLight, LaidLight, LitScene};
 
 use crate::{OpenScene, SessionError, State};
 
@@ -25,7 +25,7 @@ struct Lit {
     edits: LightEdits,
     /// From where, where light differs by direction.
     seen_from: Option<Vec3>,
-    scene: Arc<Scene>,
+    scene: Arc<LitScene>,
 }
 
 impl LitScenes {
@@ -54,16 +54,14 @@ impl LitScenes {
     ///
     /// # Errors
     /// Where an edit is of an emitter that there is not, and where what is said to be white has no colour.
-    pub fn of(&self, state: &State) -> Result<Arc<Scene>, SessionError> {
+    pub fn of(&self, state: &State) -> Result<Arc<LitScene>, SessionError> {
         match self.seen_from(state)? {
             None => {
                 let laid = self.laid(&state.guessed())?;
                 lit(&self.last, state, None, || Ok(self.open.fitted.lit(&laid, &state.lights)?))
             }
             Some(at) => lit(&self.last, state, Some(at), || {
-                let mut scene = self.open.scene.clone();
-                lightoctree::seen_from(&mut scene, at);
-                let fitted = FittedLight::new(scene);
+                let fitted = FittedLight::seen_from(&self.open.document.estimate, at);
                 Ok(fitted.lit(&fitted.laid(&state.guessed())?, &state.lights)?)
             }),
         }
@@ -74,7 +72,7 @@ impl LitScenes {
     ///
     /// # Errors
     /// Those of [`LitScenes::of`].
-    pub fn draft_of(&self, state: &State) -> Result<Arc<Scene>, SessionError> {
+    pub fn draft_of(&self, state: &State) -> Result<Arc<LitScene>, SessionError> {
         let guessed = state.guessed();
         if self.seen_from(state)?.is_some() || self.known(&guessed).is_some() {
             return self.of(state);
@@ -88,7 +86,7 @@ impl LitScenes {
     }
 
     fn seen_from(&self, state: &State) -> Result<Option<Vec3>, SessionError> {
-        self.open.scene.light.lobes.as_ref().map(|_| self.middle(state)).transpose()
+        self.open.estimate().light.lobes.as_ref().map(|_| self.middle(state)).transpose()
     }
 
     fn known(&self, guessed: &GuessedLight) -> Option<Arc<LaidLight>> {
@@ -120,8 +118,8 @@ fn lit(
     held: &Mutex<Option<Lit>>,
     state: &State,
     seen_from: Option<Vec3>,
-    make: impl FnOnce() -> Result<Scene, SessionError>,
-) -> Result<Arc<Scene>, SessionError> {
+    make: impl FnOnce() -> Result<LitScene, SessionError>,
+) -> Result<Arc<LitScene>, SessionError> {
     let mut held = locked(held);
     if let Some(lit) = held.as_ref().filter(|lit| lit.edits == state.lights && lit.seen_from == seen_from) {
         return Ok(lit.scene.clone());

@@ -6,8 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use lightoctree::geometry::Vec3;
 use lightoctree::insert::Base;
 use lightoctree::mesh::{MaterialSpec, Model, PreparedModel};
-use lightoctree::scene::Scene;
-use lightoctree::{BUILTIN_PREFIX, builtin_model, scene_mesh};
+use lightoctree::{BUILTIN_PREFIX, Document, builtin_model};
 use serde::{Deserialize, Serialize};
 
 use crate::SessionError;
@@ -91,15 +90,15 @@ impl Mesh {
         Self { files, ..self }
     }
 
-    /// Of a scene's own objects, or one that the library carries.
+    /// A mesh of a document, or one that the library carries.
     ///
     /// # Errors
-    /// Where the scene does not hold it, or it cannot be read.
-    pub fn of_scene(scene: &Scene, name: &str) -> Result<Self, SessionError> {
+    /// A mesh that is in neither, or that cannot be read.
+    pub fn of_document(document: &Document, name: &str) -> Result<Self, SessionError> {
         let own = |file: &&String| file.as_str() == name || file.strip_prefix(name).is_some_and(|r| r.starts_with('/'));
-        let files = scene.objects.files.iter().filter(|(file, _)| own(file));
+        let files = document.meshes.iter().filter(|(file, _)| own(file));
         let files = files.map(|(file, bytes)| (file.clone(), bytes.clone())).collect();
-        Ok(Self::new(name.to_owned(), scene_mesh(scene, name)?).with_files(files))
+        Ok(Self::new(name.to_owned(), document.mesh(name)?).with_files(files))
     }
 
     /// Its file and those that it names, under the names that a scene holds them by.

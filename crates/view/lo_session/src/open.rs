@@ -1,10 +1,10 @@
 use std::path::Path;
 
-use lightoctree::FittedLight;
 use lightoctree::geometry::Vec3;
 use lightoctree::insert::{Ground, SeenSurfaces};
 use lightoctree::lo_lights::ListedLight;
-use lightoctree::scene::{Room, Scene};
+use lightoctree::scene::Room;
+use lightoctree::{Document, Estimate, FittedLight};
 use serde::Serialize;
 
 /// A scene, made ready for a session.
@@ -12,7 +12,7 @@ pub struct OpenScene {
     /// What the command line calls its file.
     pub file: String,
     /// As it was read or estimated.
-    pub scene: Scene,
+    pub document: Document,
     /// To be lit.
     pub fitted: FittedLight,
     /// The surfaces that the photo sees.
@@ -34,11 +34,17 @@ pub struct RoomExtent {
 
 impl OpenScene {
     /// Makes a scene ready; takes some tenths of a second, most of it for the lamps.
-    pub fn new(file: impl Into<String>, scene: Scene) -> Self {
-        let fitted = FittedLight::new(scene.clone());
-        let surfaces = SeenSurfaces::new(&scene);
+    pub fn new(file: impl Into<String>, document: impl Into<Document>) -> Self {
+        let document = document.into();
+        let fitted = FittedLight::new(document.estimate.clone());
+        let surfaces = SeenSurfaces::new(&document.estimate);
         let far_m = surfaces.depth_m().pixels().iter().fold(0.0f32, |far, &z| far.max(z));
-        Self { file: file.into(), fitted, surfaces, far_m, scene }
+        Self { file: file.into(), fitted, surfaces, far_m, document }
+    }
+
+    /// What was inferred of the room.
+    pub fn estimate(&self) -> &Estimate {
+        &self.document.estimate
     }
 
     /// Its lights, without changes.
@@ -48,17 +54,17 @@ impl OpenScene {
 
     /// What objects stand on.
     pub fn ground(&self) -> Ground<'_> {
-        Ground::new(&self.scene, &self.surfaces)
+        Ground::new(self.estimate(), &self.surfaces)
     }
 
     /// Unit vector against gravity.
     pub fn up(&self) -> Vec3 {
-        self.scene.up()
+        self.estimate().up()
     }
 
     /// About where the room is: of what the photo saw and its camera, without the two hundredths that lie farthest out on each side.
     pub fn extent(&self) -> RoomExtent {
-        let light = &self.scene.light;
+        let light = &self.estimate().light;
         let up = self.up();
         let level = Room { up, planes: Vec::new() }.level_from_camera();
         let mut sides: [Vec<f32>; 3] = std::array::from_fn(|_| Vec::new());
@@ -77,7 +83,7 @@ impl OpenScene {
             low[axis] = side.get(last / 50).map_or(0.0, |along| along.min(0.0));
             high[axis] = side.get(last - last / 50).map_or(0.0, |along| along.max(0.0));
         }
-        let floor = self.scene.room.as_ref().and_then(Room::floor);
+        let floor = self.estimate().room.as_ref().and_then(Room::floor);
         RoomExtent {
             middle_m: (level.transpose() * (0.5 * (low + high))).to_array(),
             radius_m: (0.5 * (high - low).length()).max(0.5),

@@ -5,7 +5,6 @@ use lightoctree::export::{self, Content, Format, LightProbe};
 use lightoctree::geometry::Vec3;
 use lightoctree::imaging::{self, ExrOptions};
 use lightoctree::insert::Composite;
-use lightoctree::scene::Scene;
 
 use crate::lit::LitScenes;
 use crate::{OpenScene, SessionError, State};
@@ -36,9 +35,7 @@ pub fn layers(composite: &Composite) -> Result<Vec<u8>, SessionError> {
 /// # Errors
 /// Numbers that are not finite, or more files than a scene holds.
 pub fn scene(open: &OpenScene, state: &State) -> Result<Vec<u8>, SessionError> {
-    let (light_edits, objects) = (state.lights.clone(), state.to_scene_objects()?);
-    let scene = Scene { light_edits, objects, ..open.scene.clone() };
-    Ok(scene.to_bytes("lightoctree estimate")?)
+    Ok(state.to_document(&open.document)?.to_bytes("lightoctree estimate")?)
 }
 
 /// What `lightoctree insert --layout` reads.

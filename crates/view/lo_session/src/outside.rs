@@ -1,11 +1,11 @@
 use std::sync::Arc;
 
+use lightoctree::LitScene;
 use lightoctree::export::RoomFaces;
 use lightoctree::geometry::{Camera, Mat3, Ray, Vec3};
 use lightoctree::imaging::{self, Image, ToneCurve};
 use lightoctree::mesh::{Hit, Material, Model, PlacedModel, PreparedModel};
 use lightoctree::octree::{LeafNode, Octree};
-use lightoctree::scene::Scene;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -165,7 +165,7 @@ fn mean(colors: [[u8; 3]; 4]) -> [u8; 3] {
 }
 
 impl Room {
-    fn of(scene: &Scene, depth_range_m: DepthRange) -> Self {
+    fn of(scene: &LitScene, depth_range_m: DepthRange) -> Self {
         let all = RoomFaces::of(&scene.light);
         let faces = single_sided(&all.positions_m, &all.quads);
         let is_visible = visible(&faces, &all.quads, &scene.frame.camera);
@@ -191,7 +191,7 @@ pub(crate) fn single_sided(positions_m: &[Vec3], quads: &[[u32; 4]]) -> Prepared
 
 /// What rays are sent into.
 struct Seen<'a> {
-    scene: &'a Scene,
+    scene: &'a LitScene,
     room: &'a Room,
     objects: &'a [PlacedModel<'a>],
     view: &'a OutsideView,

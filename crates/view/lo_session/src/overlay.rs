@@ -1,9 +1,9 @@
 //! What is known of the room, as pictures over the photo.
 
+use lightoctree::Estimate;
 use lightoctree::cone::{ConeTracer, Settings};
 use lightoctree::geometry::Vec3;
 use lightoctree::imaging::{DepthMap, Image};
-use lightoctree::scene::Scene;
 use serde::{Deserialize, Serialize};
 
 use crate::{OpenScene, SessionError};
@@ -58,8 +58,8 @@ pub fn overlay(open: &OpenScene, what: Overlay) -> Result<OverlayPicture, Sessio
     Ok(match what {
         Overlay::Depth => depth(open.surfaces.depth_m()),
         Overlay::Normals => normals(open.surfaces.normals()),
-        Overlay::Levels => levels(&open.scene)?,
-        Overlay::Origins => origins(&open.scene)?,
+        Overlay::Levels => levels(open.estimate())?,
+        Overlay::Origins => origins(open.estimate())?,
     })
 }
 
@@ -109,24 +109,25 @@ pub(crate) fn level_color(depth: u32) -> [u8; 3] {
     LEVEL_COLORS[(depth.saturating_sub(FIRST_LEVEL) as usize).min(LEVEL_COLORS.len() - 1)]
 }
 
-fn levels(scene: &Scene) -> Result<OverlayPicture, SessionError> {
-    let depth = scene.light.octree.depth();
-    let image = through(scene, |direction, distance_m| {
-        leaf(scene, Vec3::ZERO, direction, distance_m).map(|(depth, _)| level_color(depth))
+fn levels(estimate: &Estimate) -> Result<OverlayPicture, SessionError> {
+    let depth = estimate.light.octree.depth();
+    let image = through(estimate, |direction, distance_m| {
+        leaf(estimate, Vec3::ZERO, direction, distance_m).map(|(depth, _)| level_color(depth))
     })?;
-    let text = |depth: u32| format!("depth {depth}, {:.1} cm", 100.0 * scene.light.cube.node_edge_m(depth));
+    let text = |depth: u32| format!("depth {depth}, {:.1} cm", 100.0 * estimate.light.cube.node_edge_m(depth));
     let legend = (FIRST_LEVEL.min(depth)..=depth).map(|depth| (level_color(depth), text(depth))).collect();
     Ok(OverlayPicture { image, legend })
 }
 
-fn origins(scene: &Scene) -> Result<OverlayPicture, SessionError> {
-    let image = through(scene, |direction, distance_m| match origin_of(scene, Vec3::ZERO, direction, distance_m) {
-        Origin::Nothing => None,
-        origin => Some(origin_color(origin)),
-    })?;
+fn origins(estimate: &Estimate) -> Result<OverlayPicture, SessionError> {
+    let image =
+        through(estimate, |direction, distance_m| match origin_of(estimate, Vec3::ZERO, direction, distance_m) {
+            Origin::Nothing => None,
+            origin => Some(origin_color(origin)),
+        })?;
     let all =
         [(Origin::Photo, "the photo shows it"), (Origin::Panorama, "a panorama gave it"), (Origin::Guess, "guessed")];
-    let shown = all.into_iter().filter(|(origin, _)| *origin != Origin::Panorama || scene.panorama.is_some());
+    let shown = all.into_iter().filter(|(origin, _)| *origin != Origin::Panorama || estimate.panorama.is_some());
     Ok(OverlayPicture { image, legend: shown.map(|(origin, text)| (origin_color(origin), text.to_owned())).collect() })
 }
 
@@ -140,16 +141,17 @@ pub(crate) fn origin_color(origin: Origin) -> [u8; 3] {
 }
 
 /// Who says what lies at a distance along a direction.
-pub(crate) fn origin_of(scene: &Scene, from: Vec3, direction: Vec3, distance_m: f32) -> Origin {
-    leaf(scene, from, direction, distance_m).map_or(Origin::Nothing, |(depth, row)| origin_of_leaf(scene, depth, row))
+pub(crate) fn origin_of(estimate: &Estimate, from: Vec3, direction: Vec3, distance_m: f32) -> Origin {
+    leaf(estimate, from, direction, distance_m)
+        .map_or(Origin::Nothing, |(depth, row)| origin_of_leaf(estimate, depth, row))
 }
 
 /// Who says what the leaf of this depth and row is.
-pub(crate) fn origin_of_leaf(scene: &Scene, depth: u32, row: usize) -> Origin {
+pub(crate) fn origin_of_leaf(estimate: &Estimate, depth: u32, row: usize) -> Origin {
     let share = |shares: &[Vec<u8>]| shares[depth as usize][row];
-    if share(&scene.light.seen) >= 128 {
+    if share(&estimate.light.seen) >= 128 {
         Origin::Photo
-    } else if scene.panorama.as_ref().is_some_and(|laid| share(&laid.share) >= 128) {
+    } else if estimate.panorama.as_ref().is_some_and(|laid| share(&laid.share) >= 128) {
         Origin::Panorama
     } else {
         Origin::Guess
@@ -157,13 +159,13 @@ pub(crate) fn origin_of_leaf(scene: &Scene, depth: u32, row: usize) -> Origin {
 }
 
 /// Depth and row of the leaf that a ray meets at about a distance.
-fn leaf(scene: &Scene, from: Vec3, direction: Vec3, distance_m: f32) -> Option<(u32, usize)> {
+fn leaf(estimate: &Estimate, from: Vec3, direction: Vec3, distance_m: f32) -> Option<(u32, usize)> {
     /// The distance is a mean over a cone: the leaf may begin this many of the finest leaves before or behind it.
     const STEPS: [f32; 6] = [0.0, 0.5, -0.5, 1.0, 1.5, 2.0];
     if !distance_m.is_finite() {
         return None;
     }
-    let light = &scene.light;
+    let light = &estimate.light;
     let edge_m = light.cube.node_edge_m(light.octree.depth());
     STEPS.iter().find_map(|step| {
         let point = from + direction * (distance_m + step * edge_m);
@@ -174,12 +176,12 @@ fn leaf(scene: &Scene, from: Vec3, direction: Vec3, distance_m: f32) -> Option<(
 }
 
 /// A picture of what the camera sees in the octree.
-fn through(scene: &Scene, color: impl Fn(Vec3, f32) -> Option<[u8; 3]>) -> Result<Image<[u8; 4]>, SessionError> {
-    let camera = scene.frame.camera;
+fn through(estimate: &Estimate, color: impl Fn(Vec3, f32) -> Option<[u8; 3]>) -> Result<Image<[u8; 4]>, SessionError> {
+    let camera = estimate.frame.camera;
     let scale = (SIDE / f64::from(camera.width.max(camera.height))).min(1.0);
     let scaled = |side: u32| ((f64::from(side) * scale).round() as u32).max(1);
     let camera = camera.resized(scaled(camera.width), scaled(camera.height));
-    let tracer = ConeTracer::new(&scene.light.seen_from(Vec3::ZERO), Settings::default())?;
+    let tracer = ConeTracer::new(&estimate.light.seen_from(Vec3::ZERO), Settings::default())?;
     let distance_m = tracer.perspective(&camera).distance_m;
     Ok(Image::from_fn(camera.width as usize, camera.height as usize, |x, y| {
         let direction = camera.direction(x as f64 + 0.5, y as f64 + 0.5);

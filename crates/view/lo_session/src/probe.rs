@@ -1,10 +1,9 @@
 use std::sync::Arc;
 
-use lightoctree::SharpViewers;
 use lightoctree::cone::Rendering;
 use lightoctree::geometry::{Vec3, pixel_direction};
 use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, Image, RadianceImage, ToneCurve};
-use lightoctree::scene::Scene;
+use lightoctree::{LitScene, SharpViewers};
 use rayon::prelude::*;
 
 use crate::lit::LitScenes;
@@ -15,7 +14,7 @@ use crate::{OpenScene, RESTING_SIDE, SessionError, State};
 /// The light at places of one scene.
 pub struct Probe {
     scenes: Arc<LitScenes>,
-    ready: Option<(Arc<Scene>, SharpViewers)>,
+    ready: Option<(Arc<LitScene>, SharpViewers)>,
 }
 
 /// What a probe shows, for a screen.
@@ -40,7 +39,7 @@ impl Probe {
         Self { scenes, ready: None }
     }
 
-    fn viewers(&mut self, state: &State) -> Result<&(Arc<Scene>, SharpViewers), SessionError> {
+    fn viewers(&mut self, state: &State) -> Result<&(Arc<LitScene>, SharpViewers), SessionError> {
         let lit = self.scenes.of(state)?;
         let ready = match self.ready.take() {
             Some(ready) if Arc::ptr_eq(&ready.0, &lit) => ready,

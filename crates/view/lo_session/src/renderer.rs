@@ -7,7 +7,8 @@ use lightoctree::OnEvent;
 use lightoctree::imaging::{self, Image, Photo};
 use lightoctree::insert::{Composite, Inserter, Instance, Lighting, Quality};
 use lightoctree::mesh::PreparedModel;
-use lightoctree::scene::{Frame, Scene, SceneObjects, resized_photo};
+use lightoctree::scene::{Frame, resized_photo};
+use lightoctree::{Estimate, LitScene};
 use serde::Serialize;
 
 use crate::enlarged::{Part, enlarged};
@@ -60,7 +61,7 @@ pub struct Renderer {
 
 /// An inserter, and what it was made for.
 struct Ready {
-    lit: Arc<Scene>,
+    lit: Arc<LitScene>,
     floor_gloss: f32,
     side: usize,
     inserter: Inserter,
@@ -96,7 +97,7 @@ impl Renderer {
 
     /// The photo that parts of moving pictures lie on: at most [`RESTING_SIDE`] pixels along the longer side, as it is shown.
     pub fn photo(&mut self) -> &Image<[u8; 3]> {
-        let photo = &self.scenes.open().scene.frame.photo;
+        let photo = &self.scenes.open().estimate().frame.photo;
         self.photo.get_or_insert_with(|| match photo_at_side(photo, RESTING_SIDE) {
             Photo::Srgb8(image) => image,
             Photo::Linear(image) => image.map(|rgb| rgb.map(imaging::srgb8_from_linear)),
@@ -116,7 +117,7 @@ impl Renderer {
         } else if took < FAST {
             self.pace = self.pace.saturating_sub(1);
         }
-        let exposure = self.scenes.open().scene.frame.exposure;
+        let exposure = self.scenes.open().estimate().frame.exposure;
         Ok(enlarged(self.photo(), &composite, exposure))
     }
 
@@ -162,7 +163,7 @@ impl Renderer {
 }
 
 /// The scene with a photo of at most `side` pixels along the longer side.
-pub(crate) fn at_side(scene: &Scene, side: usize) -> Cow<'_, Scene> {
+pub(crate) fn at_side(scene: &LitScene, side: usize) -> Cow<'_, LitScene> {
     let photo = &scene.frame.photo;
     if photo.width().max(photo.height()) <= side {
         return Cow::Borrowed(scene);
@@ -171,24 +172,14 @@ pub(crate) fn at_side(scene: &Scene, side: usize) -> Cow<'_, Scene> {
     let camera = scene.frame.camera.resized(photo.width() as u32, photo.height() as u32);
     let frame = Frame { camera, photo, depth_m: scene.frame.depth_m.clone(), exposure: scene.frame.exposure };
     // Part by part, so that the large photo is not cloned.
-    Cow::Owned(Scene {
-        frame,
-        light: scene.light.clone(),
-        completion: scene.completion,
-        camera_source: scene.camera_source,
+    let estimate = Estimate {
         room: scene.room.clone(),
-        up_deviation_deg: scene.up_deviation_deg,
-        sources: scene.sources.clone(),
-        predicted_depth: scene.predicted_depth,
-        depth_model: scene.depth_model.clone(),
-        confidence: None,
-        expected: scene.expected.clone(),
         panorama: scene.panorama.clone(),
         other_photos: scene.other_photos.clone(),
-        light_edits: scene.light_edits.clone(),
-        objects: SceneObjects::default(),
-        edited: scene.edited.clone(),
-    })
+        origin: scene.origin.clone(),
+        ..Estimate::as_seen(scene.light.clone(), frame)
+    };
+    Cow::Owned(LitScene { estimate: estimate.into(), light: scene.light.clone(), edited: scene.edited.clone() })
 }
 
 /// A photo of at most `side` pixels along the longer side, of the same kind.

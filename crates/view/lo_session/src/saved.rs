@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use lightoctree::Document;
 use lightoctree::insert::{Ground, LayoutObject, PathSource, Placement};
-use lightoctree::scene::{ObjectsShown, SceneObjects};
-use lightoctree::scene_layout;
+use lightoctree::scene::ObjectsShown;
 
 use crate::{Mesh, Object, ObjectMaterial, Place, SessionError, Size, State};
 
@@ -13,37 +13,37 @@ use crate::{Mesh, Object, ObjectMaterial, Place, SessionError, Size, State};
 type Meshes = BTreeMap<String, Arc<Mesh>>;
 
 impl State {
-    /// What a scene's file holds of it beside the light.
+    /// The document with this state's edits and objects.
     ///
     /// # Errors
     /// None that a state of a session could cause.
-    pub fn to_scene_objects(&self) -> Result<SceneObjects, SessionError> {
-        let layout = if self.objects.is_empty() { String::new() } else { serde_json::to_string(&self.layout()?)? };
-        let files = self.objects.iter().flat_map(|object| object.mesh.files());
-        Ok(SceneObjects {
+    pub fn to_document(&self, of: &Document) -> Result<Document, SessionError> {
+        let layout = if self.objects.is_empty() { None } else { Some(self.layout()?) };
+        let meshes = self.objects.iter().flat_map(|object| object.mesh.files());
+        Ok(Document {
+            estimate: of.estimate.clone(),
+            light_edits: self.lights.clone(),
             layout,
-            files: files.map(|(name, bytes)| (name.clone(), bytes.clone())).collect(),
+            meshes: meshes.map(|(name, bytes)| (name.clone(), bytes.clone())).collect(),
             shown: self.shown(),
         })
     }
 
-    /// As a scene's file left it, and the meshes of its objects, whose numbers are 1, 2, ….
+    /// The state that a document was left in, and the meshes of its objects, whose numbers are 1, 2, ….
     ///
     /// # Errors
-    /// Where an object cannot stand there, or is told in a way that a session does not know.
-    pub fn of_scene<'a>(ground: impl Into<Ground<'a>>) -> Result<(Self, Meshes), SessionError> {
-        let ground = ground.into();
-        let scene = ground.scene;
-        let ObjectsShown { floor_gloss, frames, fps, time_s } = scene.objects.shown;
-        let lights = scene.light_edits.clone();
+    /// Where an object cannot stand there, or is described in a way that a session does not support.
+    pub fn of_document(document: &Document, ground: Ground<'_>) -> Result<(Self, Meshes), SessionError> {
+        let ObjectsShown { floor_gloss, frames, fps, time_s } = document.shown;
+        let lights = document.light_edits.clone();
         let mut state = Self { objects: Vec::new(), lights, floor_gloss, frames, fps, time_s };
         let mut meshes = Meshes::new();
-        let Some(layout) = scene_layout(scene)? else { return Ok((state, meshes)) };
+        let Some(layout) = &document.layout else { return Ok((state, meshes)) };
         for (object, id) in layout.objects().iter().zip(1..) {
             let name = object.mesh.to_string_lossy().into_owned();
             let mesh = match meshes.get(&name) {
                 Some(mesh) => mesh.clone(),
-                None => Arc::new(Mesh::of_scene(scene, &name)?),
+                None => Arc::new(Mesh::of_document(document, &name)?),
             };
             meshes.insert(name, mesh.clone());
             state.objects.push(placed(ground, id, object, mesh, time_s)?);
@@ -90,7 +90,7 @@ fn placed(
         path,
         align,
         material,
-        placement: Placement::at(ground.scene, Default::default(), align),
+        placement: Placement::at(ground.estimate, Default::default(), align),
     };
     object.placed(ground, time_s)
 }

@@ -42,9 +42,9 @@ impl Session {
     /// At a scene as its file left it: with its objects and the edits of its light.
     ///
     /// # Errors
-    /// Those of [`State::of_scene`].
+    /// Those of [`State::of_document`].
     pub fn new(open: Arc<OpenScene>) -> Result<Self, SessionError> {
-        let (state, meshes) = State::of_scene(open.ground())?;
+        let (state, meshes) = State::of_document(&open.document, open.ground())?;
         let next_id = state.objects.len() as u32 + 1;
         Ok(Self { open, meshes, state, preview: None, undo: Vec::new(), redo: Vec::new(), next_id })
     }
@@ -277,13 +277,13 @@ impl Session {
 
     /// Another choice of light; none where that is what it is without one.
     fn changed_guess(&self, state: &State, command: &Command) -> Result<Option<GuessedLight>, SessionError> {
-        let scene = &self.open.scene;
+        let estimate = self.open.estimate();
         let within = |name, needed, range: RangeInclusive<f32>, value: f32| {
             let found = f64::from(value);
             if range.contains(&value) { Ok(value) } else { Err(SessionError::Number { name, needed, found }) }
         };
         let mut guessed = state.lights.guessed.unwrap_or_default();
-        let no_effect = match (LightEffect::of(scene), command) {
+        let no_effect = match (LightEffect::of(estimate), command) {
             (LightEffect::None, _) => Some(NO_CHOICE),
             (_, Command::GuessedLight { .. }) => None,
             (LightEffect::Fitted, _) => Some(NO_EXPECTATION),
@@ -304,19 +304,19 @@ impl Session {
             }
             Command::Warmth { ev } => tuning.warmth_ev = within("the warmth", "from -4 to 4 stops", WARMTHS_EV, ev)?,
             Command::White { pixel } => {
-                pixel.map_or(Ok(()), |pixel| lightoctree::check_white(scene, pixel))?;
+                pixel.map_or(Ok(()), |pixel| lightoctree::check_white(estimate, pixel))?;
                 tuning.white = pixel;
             }
             _ => {}
         }
         // A scene that came with a choice keeps one, so that the command line says it.
-        let is_needed = guessed != GuessedLight::default() || scene.light_edits.guessed.is_some();
+        let is_needed = guessed != GuessedLight::default() || self.open.document.light_edits.guessed.is_some();
         Ok(is_needed.then_some(guessed))
     }
 
     fn change_lights(&self, lights: &mut LightEdits, command: &Command) -> Result<(), SessionError> {
         let full = SessionError::Full { what: "changed lights", limit: MAX_LIGHT_EDITS };
-        let scene = &self.open.scene;
+        let estimate = self.open.estimate();
         match command {
             Command::SetLight { light, change } => {
                 change.wrong().map_or(Ok(()), |what| Err(SessionError::Range(what)))?;
@@ -327,9 +327,9 @@ impl Session {
                 let found_at_m = listed.and_then(|listed| listed.position_m).unwrap_or_default();
                 if lights.change(light, found_at_m, *change) { Ok(()) } else { Err(full) }
             }
-            Command::AddLight { new } => lights.add(new.analytic(scene)?).map(|_| ()).ok_or(full),
+            Command::AddLight { new } => lights.add(new.analytic(estimate)?).map(|_| ()).ok_or(full),
             Command::ReplaceLight { light, new } => {
-                let new = new.analytic(scene)?;
+                let new = new.analytic(estimate)?;
                 let added = lights.added.iter_mut().find(|added| added.id == *light);
                 added.ok_or_else(|| SessionError::NoLight(light.clone()))?.light = new;
                 Ok(())
@@ -379,7 +379,7 @@ impl Session {
             path: None,
             align: Align::default(),
             material,
-            placement: Placement::at(&self.open.scene, Default::default(), Align::Gravity),
+            placement: Placement::at(self.open.estimate(), Default::default(), Align::Gravity),
         };
         let new = new.placed(self.open.ground(), self.state().time_s)?;
         self.next_id += 1;
@@ -391,7 +391,7 @@ impl Session {
         let new = Object { id: self.next_id, name: self.free_name(&of.name), path: None, ..of.clone() };
         // Beside it, where there is something to stand on; else at the same place.
         let size = of.mesh.size() * of.placement.scale;
-        let camera = self.open.scene.frame.camera;
+        let camera = self.open.estimate().frame.camera;
         let beside = camera.project(of.placement.position_m).and_then(|(u, v, z)| {
             let step = 1.2 * camera.fx * f64::from(size.x) / z;
             [step, -step].into_iter().find_map(|step| dragged(&self.open, of, self.is_lifted(of.id), [u + step, v]))
@@ -416,7 +416,7 @@ impl Session {
         /// Places along the width and the height at which one looks.
         const COLUMNS: [f64; 7] = [0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8];
         const ROWS: [f64; 5] = [0.75, 0.82, 0.68, 0.9, 0.6];
-        let camera = self.open.scene.frame.camera;
+        let camera = self.open.estimate().frame.camera;
         let (width, height) = (f64::from(camera.width), f64::from(camera.height));
         let up = self.open.up();
         let free = |[u, v]: [f64; 2]| {

@@ -131,7 +131,7 @@ impl Session {
             listed: ListedLight { change: None, ..ListedLight::of_added(added) },
             changed: added.change,
             sun_deg: match added.light.shape {
-                LightShape::Sun { direction, .. } => Some(sun_angles_deg(&open.scene, direction)),
+                LightShape::Sun { direction, .. } => Some(sun_angles_deg(open.estimate(), direction)),
                 _ => None,
             },
         };
@@ -140,14 +140,14 @@ impl Session {
             objects: objects.collect(),
             guessed_light: GuessedLightView {
                 chosen: state.lights.guessed.unwrap_or_default(),
-                effect: LightEffect::of(&open.scene),
+                effect: LightEffect::of(open.estimate()),
             },
             lights: found.chain(state.lights.added.iter().map(added)).collect(),
             floor_gloss: state.floor_gloss,
             can_undo,
             can_redo,
             command: insert_command(&open.file, state),
-            edited: is_edited(&state.lights, &open.scene.light_edits),
+            edited: is_edited(&state.lights, &open.document.light_edits),
             meshes: self.mesh_names(),
             timeline: TimelineView {
                 time_s: state.time_s,

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use lightoctree::depth_models::DepthModel;
 use lightoctree::geometry::Camera;
 use lightoctree::imaging;
-use lightoctree::scene::{Frame, Scene};
-use lightoctree::{EstimateOptions, Estimator, Event, Input, OnEvent, PanoramaPrior};
+use lightoctree::scene::Frame;
+use lightoctree::{Document, Estimate, EstimateOptions, Estimator, Event, Input, OnEvent, PanoramaPrior};
 use lo_session::OpenScene;
 
 use crate::EventText;
@@ -80,10 +80,10 @@ impl Source {
 
     pub(crate) fn open(self, text: &EventText, on_event: OnEvent<'_>) -> Result<Opened, String> {
         let mut notes = Vec::new();
-        let (scene, file, is_saved) = match self {
+        let (document, file, is_saved) = match self {
             Self::Scene { file, bytes, is_saved } => {
-                let scene = Scene::from_bytes(&bytes).map_err(|error| format!("{file}: {error}"))?;
-                (scene, file, is_saved)
+                let document = Document::from_bytes(&bytes).map_err(|error| format!("{file}: {error}"))?;
+                (document, file, is_saved)
             }
             Self::Photo(source) => {
                 let hear = &mut |event: Event| {
@@ -92,16 +92,16 @@ impl Source {
                     }
                     on_event(event)
                 };
-                (estimated(source, hear)?, NEW_SCENE.to_owned(), false)
+                (estimated(source, hear)?.into(), NEW_SCENE.to_owned(), false)
             }
         };
-        let open = OpenScene::new(file, scene);
+        let open = OpenScene::new(file, document);
         notes.extend(open.fitted.usual().report().fit.warning().iter().map(|warning| (text.warning)(warning, &[])));
         Ok(Opened { open, is_saved, notes })
     }
 }
 
-fn estimated(source: PhotoSource, on_event: OnEvent<'_>) -> Result<Scene, String> {
+fn estimated(source: PhotoSource, on_event: OnEvent<'_>) -> Result<Estimate, String> {
     let PhotoSource { photo: NamedFile { name, bytes }, depth, panorama, intrinsics, estimator, .. } = source;
     let photo = imaging::photo_from_bytes(&bytes, &name).map_err(|error| error.to_string())?;
     drop(bytes);

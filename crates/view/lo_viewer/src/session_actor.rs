@@ -346,11 +346,11 @@ impl SessionActor {
                 scene: self.attempt,
                 file: open.file.clone(),
                 is_saved,
-                camera: open.scene.frame.camera,
+                camera: open.estimate().frame.camera,
                 up: open.up().to_array(),
                 extent: open.extent(),
-                predicted_depth: open.scene.predicted_depth,
-                has_panorama: open.scene.panorama.is_some(),
+                predicted_depth: open.estimate().origin.predicted_depth,
+                has_panorama: open.estimate().panorama.is_some(),
                 notes,
             };
             let session = Session::new(open.clone()).map_err(|error| format!("{}: {error}", open.file))?;

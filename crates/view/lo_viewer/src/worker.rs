@@ -289,7 +289,7 @@ impl Worker {
 
     /// Without objects the picture is the photo.
     fn send_photo(&self, change: &Change, begun: Instant) {
-        let photo = &self.scenes.open().scene.frame.photo;
+        let photo = &self.scenes.open().estimate().frame.photo;
         if let Ok(bytes) = imaging::encode_photo("photo.jpg", photo, "lightoctree view") {
             self.tell_frame(change, Step::Final, "image/jpeg", None, &bytes, begun);
         }

@@ -10,7 +10,7 @@ use lightoctree::imaging::{Image, Photo};
 use lightoctree::insert::{Align, Inserter, Instance, Lighting, Placement, Quality};
 use lightoctree::octree::{self, Coverage, LightOctree, RadiancePoint};
 use lightoctree::scene::Frame;
-use lightoctree::{Estimator, Input, events};
+use lightoctree::{Estimator, Input, LitScene, events};
 use lightoctree_cli::commands::demo;
 use lightoctree_cli::progress::Stages;
 use lo_train::peer_cases::{self, Work};
@@ -201,7 +201,7 @@ fn insert_draft() -> anyhow::Result<Prepared> {
         demo::estimate(&mut Stages::new(true), Input::MeasuredDepth(demo::frame()?), &Estimator::without_networks())?;
     scene.frame = cropped(&scene.frame.at_resolution(480, 360), 320)?;
     let model = demo::model("gold")?;
-    let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Draft)?;
+    let inserter = Inserter::new(&LitScene::as_estimated(scene.clone()), Lighting::Octree, Quality::Draft)?;
     let mut turn = 0.0;
     let base = Placement::rest_on_pixel(&scene, 240.0, 250.0, Align::Gravity)?.scaled(INSERT_SCALE);
     let run = move || {

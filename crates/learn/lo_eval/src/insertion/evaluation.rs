@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
+use lightoctree::Document;
 use lightoctree::insert::{Align, Base, Composite, InsertError, Inserter, Instance, Lighting, Placement, Quality};
 use lightoctree::mesh::{MeshError, PreparedModel};
-use lightoctree::scene::Scene;
 use lo_dataset::{DatasetError, Generator, Sample, evenly_spread};
 use lo_events::{OnEvent, Stage, Steps};
 use lo_geometry::Vec3;
@@ -59,7 +59,7 @@ struct Room {
 /// What the networks make of a room's photo and of one kind of depth.
 struct Estimated {
     input: Option<DepthInput>,
-    scene: Result<Scene, String>,
+    document: Result<Document, String>,
     seconds: f64,
 }
 
@@ -172,8 +172,8 @@ impl<'a> InsertionEvaluation<'a> {
 
     fn estimated(&self, room: &Room, input: Option<DepthInput>) -> Estimated {
         let begun = Instant::now();
-        let scene = estimate_scene(&room.sample, input, &self.tools).map_err(|error| error.to_string());
-        Estimated { input, scene, seconds: begun.elapsed().as_secs_f64() }
+        let document = estimate_scene(&room.sample, input, &self.tools).map_err(|error| error.to_string());
+        Estimated { input, document, seconds: begun.elapsed().as_secs_f64() }
     }
 
     /// One outcome for each place, and a picture of the first object at the first place.
@@ -193,8 +193,8 @@ impl<'a> InsertionEvaluation<'a> {
             cost,
         };
         let insertion = |error: &dyn std::error::Error| MethodError::Insertion(error.to_string());
-        let scene = estimated.scene.as_ref().map_err(|reason| MethodError::Insertion(reason.clone()));
-        let lit = scene.and_then(|scene| Lit::new(method, &room.sample, scene, &self.tools)).and_then(|lit| {
+        let document = estimated.document.as_ref().map_err(|reason| MethodError::Insertion(reason.clone()));
+        let lit = document.and_then(|document| Lit::new(method, &room.sample, document, &self.tools)).and_then(|lit| {
             let inserter = lit.lighting().map(|lighting| Inserter::new(&lit.scene, lighting, self.quality));
             Ok((inserter.transpose().map_err(|error| insertion(&error))?, lit))
         });

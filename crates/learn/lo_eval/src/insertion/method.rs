@@ -2,8 +2,8 @@
 
 use lightoctree::completion::light_from_above;
 use lightoctree::insert::Lighting;
-use lightoctree::scene::Scene;
-use lightoctree::{SharpViewers, fit_lamps};
+use lightoctree::scene::LitScene;
+use lightoctree::{Document, LightPurpose, SharpViewers};
 use lo_dataset::{NovelView, Sample};
 use lo_geometry::{Vec3, pixel_direction};
 use lo_imaging::{RadianceImage, sample_equirectangular};
@@ -81,7 +81,7 @@ impl InsertionMethod {
 
 /// Light on objects, and the scene that they stand in.
 pub(crate) struct Lit {
-    pub scene: Scene,
+    pub scene: LitScene,
     light: Light,
 }
 
@@ -98,20 +98,25 @@ impl Lit {
     ///
     /// # Errors
     /// What the sample or the tools lack.
-    pub fn new(method: InsertionMethod, sample: &Sample, scene: &Scene, tools: &Tools) -> Result<Self, MethodError> {
-        let mut scene = scene.clone();
+    pub fn new(
+        method: InsertionMethod,
+        sample: &Sample,
+        document: &Document,
+        tools: &Tools,
+    ) -> Result<Self, MethodError> {
+        let mut scene = LitScene::as_estimated(document.estimate.clone());
         let light = match method {
             InsertionMethod::Network(_, lamps) => {
                 match lamps {
                     Lamps::None => {}
                     Lamps::Overhead => lamp_above(&mut scene),
-                    Lamps::Fitted => drop(fit_lamps(&mut scene)),
+                    Lamps::Fitted => scene = plausible(document),
                 }
                 Light::Octree(Box::new(SharpViewers::new(&scene)))
             }
             InsertionMethod::TrueOctree => {
                 scene.light = true_octree(sample, tools)?;
-                scene.confidence = None;
+                scene.estimate_mut().confidence = None;
                 Light::Octree(Box::new(SharpViewers::new(&scene)))
             }
             InsertionMethod::SingleMap => {
@@ -146,9 +151,15 @@ impl Lit {
 }
 
 /// The baseline of one lamp above the middle of the view.
-fn lamp_above(scene: &mut Scene) {
-    if let Some(room) = &scene.room {
-        let seen = scene.frame.working().without_flying_pixels();
+fn lamp_above(scene: &mut LitScene) {
+    if let Some(room) = &scene.estimate.room {
+        let seen = scene.estimate.surface();
         light_from_above(&mut scene.light, &seen.surfels(&seen.radiance()), room.up);
     }
+}
+
+/// The estimate in plausible light.
+fn plausible(document: &Document) -> LitScene {
+    let at_m = Vec3::ZERO;
+    document.lit(LightPurpose::Objects { at_m }).expect("a document without edits can be lit")
 }

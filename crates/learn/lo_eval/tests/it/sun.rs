@@ -1,9 +1,11 @@
 //! Where the sun shines in photos of sunny generated rooms, and how strong it is, told by the photo and where the sun stands.
 
+use std::sync::Arc;
+
 use lightoctree::lo_lights::{Sunlit, sun_of_shadow};
 use lightoctree::mesh::PreparedModel;
-use lightoctree::scene::{Frame, Scene};
-use lightoctree::{EstimateOptions, Input, sun_of_photo, supported_sun};
+use lightoctree::scene::Frame;
+use lightoctree::{Estimate, EstimateOptions, Input, sun_of_photo, supported_sun};
 use lo_dataset::{Generator, GeneratorConfig};
 use lo_geometry::{Ray, Vec3};
 use lo_imaging::{DepthMap, Image, Photo, luminance};
@@ -49,8 +51,8 @@ fn is_lit(model: &PreparedModel, view: &CameraPose, sun: Vec3, (x, y): (usize, u
 }
 
 /// Intersection over union of what is in the sun and what is found to be; 0 where nothing is found.
-fn overlap(truth: &Image<Option<bool>>, scene: &Scene, sun: Vec3) -> f64 {
-    let Some(found) = Sunlit::new(&scene.frame.working().without_flying_pixels(), sun) else { return 0.0 };
+fn overlap(truth: &Image<Option<bool>>, scene: &Estimate, sun: Vec3) -> f64 {
+    let Some(found) = Sunlit::new(scene.surface(), sun) else { return 0.0 };
     let lit = found.lit();
     let (mut both, mut one) = (0.0, 0.0);
     for y in 0..truth.height() {
@@ -102,7 +104,7 @@ fn sun_patches_of_generated_rooms() {
         print!("room {index}: {:.1} % in the sun, strength {strength:.1}", 100.0 * share);
         for (way, input) in inputs.into_iter().enumerate() {
             let options = EstimateOptions::default();
-            let scene = estimator.estimate(input, &options, &mut lightoctree::events::ignore).unwrap();
+            let scene = Arc::new(estimator.estimate(input, &options, &mut lightoctree::events::ignore).unwrap());
             overlaps[way].push(overlap(&truth, &scene, direction));
             print!("; {}: overlap {:.2}", names[way], overlaps[way].last().unwrap());
             if let Some(found) = sun_of_photo(&scene, direction, 0.27) {
@@ -158,7 +160,7 @@ fn is_far(width: u32, [thing, shadow]: &Shadow) -> bool {
 }
 
 /// Pairs of any pixels of a scene's photo that give a direction. The second lies at an edge of brightness if `at_edges`.
-fn any_shadows(scene: &Scene, at_edges: bool, stream: &mut impl RngExt) -> Vec<Shadow> {
+fn any_shadows(scene: &Estimate, at_edges: bool, stream: &mut impl RngExt) -> Vec<Shadow> {
     let (camera, radiance) = (scene.frame.camera, scene.frame.radiance());
     let size = [f64::from(camera.width), f64::from(camera.height)];
     let log = |u: f64, v: f64| {
@@ -201,7 +203,7 @@ fn shadows_of_generated_rooms() {
         let shadows = true_shadows(&interior, &view);
         for (counts, input) in counts.iter_mut().zip(inputs) {
             let options = EstimateOptions::default();
-            let scene = estimator.estimate(input, &options, &mut lightoctree::events::ignore).unwrap();
+            let scene = Arc::new(estimator.estimate(input, &options, &mut lightoctree::events::ignore).unwrap());
             let mut stream = lo_random::stream(seed, "shadows", index);
             let [any, edges] = [false, true].map(|at_edges| any_shadows(&scene, at_edges, &mut stream));
             let other = if interior.world.outdoors.sun.is_some() { 3 } else { 1 };

@@ -3,7 +3,7 @@ use lo_geometry::{Plane, Vec3};
 use lo_imaging::RadianceImage;
 use lo_lights::AnalyticLights;
 use lo_lookup::{Detail, PanoramaLookup, PhotoLookup, RadianceMap};
-use lo_scene::Scene;
+use lo_scene::LitScene;
 
 use crate::light::map;
 use crate::light::samples::Lights;
@@ -55,7 +55,7 @@ struct Pictures {
 }
 
 impl Pictures {
-    fn new(scene: &Scene, tracer: &ConeTracer) -> Self {
+    fn new(scene: &LitScene, tracer: &ConeTracer) -> Self {
         let photo = PhotoLookup::new(scene, tracer);
         let detail = Detail::new(scene, &photo);
         Self { photo, panorama: PanoramaLookup::new(scene, tracer), detail }
@@ -83,14 +83,14 @@ pub(crate) enum Part {
 }
 
 impl Environment {
-    pub fn new(scene: &Scene, lighting: Lighting, counts: &Counts) -> Result<Self, InsertError> {
+    pub fn new(scene: &LitScene, lighting: Lighting, counts: &Counts) -> Result<Self, InsertError> {
         match lighting {
             Lighting::Octree => Self::from_octree(scene, counts),
             Lighting::EnvironmentMap(map) => Self::from_map(map),
         }
     }
 
-    fn from_octree(scene: &Scene, counts: &Counts) -> Result<Self, InsertError> {
+    fn from_octree(scene: &LitScene, counts: &Counts) -> Result<Self, InsertError> {
         let light = &scene.light;
         let leaf_edge_m = light.cube.node_edge_m(light.octree.depth());
         let tracer =

@@ -4,7 +4,7 @@ use std::path::{Path as FilePath, PathBuf};
 
 use lo_geometry::Vec3;
 use lo_mesh::{MaterialSpec, PreparedModel};
-use lo_scene::Scene;
+use lo_scene::Estimate;
 use serde::{Deserialize, Deserializer, Serialize, de};
 use serde_json::Value;
 
@@ -138,6 +138,14 @@ impl Layout {
         Self::new(list.into_iter().enumerate().map(object).collect::<Result<_, _>>()?)
     }
 
+    /// The layout as JSON, as [`Layout::from_json`] reads it.
+    ///
+    /// # Errors
+    /// Only if a file name is not UTF-8.
+    pub fn to_json(&self) -> Result<String, InsertError> {
+        serde_json::to_string(self).map_err(|error| InsertError::Layout(error.to_string()))
+    }
+
     /// The same with the keyframes that `read` finds in the files of paths.
     ///
     /// # Errors
@@ -212,7 +220,7 @@ impl Layout {
         for (i, (object, model)) in self.objects.iter().zip(models).enumerate() {
             let carrier = object.on.as_deref().and_then(|on| self.objects[..i].iter().position(|o| o.name() == on));
             let placed = match carrier {
-                Some(carrier) => object.carried(ground.scene, model, models[carrier], &placements[carrier]),
+                Some(carrier) => object.carried(ground.estimate, model, models[carrier], &placements[carrier]),
                 None => object.placements(ground, model, times_s),
             };
             placements.push(placed.map_err(|error| error.of(i))?);
@@ -294,7 +302,7 @@ impl LayoutObject {
         }
         let placed = |placement: Placement| placement.scaled(scale).turned(self.yaw_rad());
         let placement = match (self.position_m, self.pixel) {
-            (Some(position_m), _) => placed(Placement::at(ground.scene, point(position_m), align)),
+            (Some(position_m), _) => placed(Placement::at(ground.estimate, point(position_m), align)),
             (None, Some([u, v])) => placed(Placement::rest_on_pixel(ground, u, v, align)?).settled(ground, &base),
             (None, None) => return Err(InsertError::Layout("it has no place".into())),
         };
@@ -304,7 +312,7 @@ impl LayoutObject {
     /// On another object, with which it moves.
     fn carried(
         &self,
-        scene: &Scene,
+        scene: &Estimate,
         model: &PreparedModel,
         carrier: &PreparedModel,
         places: &[Placement],

@@ -71,7 +71,7 @@ impl Stance<'_> {
         match (key.position_m, key.pixel) {
             (Some(position), _) => {
                 let position_m = Vec3::from_array(position.map(|x| x as f32));
-                Ok(Placement::at(ground.scene, position_m, self.align).scaled(self.scale))
+                Ok(Placement::at(ground.estimate, position_m, self.align).scaled(self.scale))
             }
             (None, Some([u, v])) => {
                 let resting = Placement::rest_on_pixel(ground, u, v, self.align)?

@@ -1,6 +1,6 @@
 use lo_geometry::{Plane, Quat, Vec2, Vec3};
 use lo_mesh::Bounds;
-use lo_scene::Scene;
+use lo_scene::Estimate;
 use serde::{Deserialize, Serialize};
 
 use crate::{Base, Ground, InsertError};
@@ -55,7 +55,7 @@ pub struct Placement {
 impl Placement {
     /// At a world position; the floor supports it if it is near. No surface is looked for, so that [`Align::Surface`] is as
     /// [`Align::Gravity`].
-    pub fn at(scene: &Scene, position_m: Vec3, align: Align) -> Self {
+    pub fn at(scene: &Estimate, position_m: Vec3, align: Align) -> Self {
         let up = match align {
             Align::Gravity | Align::Surface => scene.up(),
             Align::None => Vec3::Y,
@@ -74,7 +74,7 @@ impl Placement {
     /// Outside of the photo, and where the depth map has no reading.
     pub fn rest_on_pixel<'a>(ground: impl Into<Ground<'a>>, u: f64, v: f64, align: Align) -> Result<Self, InsertError> {
         let ground = ground.into();
-        let (scene, (position_m, normal)) = (ground.scene, ground.surface_at_pixel(u, v)?);
+        let (scene, (position_m, normal)) = (ground.estimate, ground.surface_at_pixel(u, v)?);
         let gravity = scene.up();
         let tilt_deg = normal.dot(gravity).clamp(-1.0, 1.0).acos().to_degrees();
         let level_deg = if scene.room.is_some() { LEVEL_DEG } else { 0.0 };
@@ -83,7 +83,7 @@ impl Placement {
             Align::Gravity | Align::Surface => gravity,
             Align::None => Vec3::Y,
         };
-        let standing_deg = if scene.predicted_depth { PREDICTED_STANDING_DEG } else { STANDING_DEG };
+        let standing_deg = if scene.origin.predicted_depth { PREDICTED_STANDING_DEG } else { STANDING_DEG };
         let support = (tilt_deg < standing_deg).then(|| Plane::through(position_m, up));
         Ok(Self { position_m, scale: 1.0, yaw_rad: 0.0, up, support })
     }
@@ -113,7 +113,7 @@ impl Placement {
         }
         // Once more among those near the middle: less of what stands or lies about.
         let middle_m = median(heights_m.clone());
-        let reach_m = 0.5 * self.patch_reach_m(ground.scene);
+        let reach_m = 0.5 * self.patch_reach_m(ground.estimate);
         let height_m = median(heights_m.into_iter().filter(|h| (h - middle_m).abs() <= reach_m).collect());
         // Along the line of sight, so that the base stays where it is seen.
         let sight = self.position_m.normalize_or(Vec3::NEG_Z);
@@ -136,8 +136,8 @@ impl Placement {
         (Quat::from_rotation_arc(Vec3::Y, self.up) * Quat::from_rotation_y(self.yaw_rad)).normalize()
     }
 
-    fn patch_reach_m(&self, scene: &Scene) -> f32 {
-        let (least_m, per_m) = PATCH_REACH[usize::from(scene.predicted_depth)];
+    fn patch_reach_m(&self, scene: &Estimate) -> f32 {
+        let (least_m, per_m) = PATCH_REACH[usize::from(scene.origin.predicted_depth)];
         least_m + per_m * -self.position_m.z
     }
 
@@ -148,7 +148,7 @@ impl Placement {
         let spots: Vec<Vec3> = spots.collect();
         let map = ground.around(&spots);
         let local_from_world = rotation.conjugate();
-        let reach_m = self.patch_reach_m(ground.scene);
+        let reach_m = self.patch_reach_m(ground.estimate);
         let least_cosine = PREDICTED_STANDING_DEG.to_radians().cos();
         let below = |(x, y): (usize, usize)| {
             let surface = map.pixel(x, y)?;

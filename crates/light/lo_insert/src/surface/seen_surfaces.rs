@@ -2,7 +2,7 @@ use std::ops::Range;
 
 use lo_geometry::{Camera, Vec3};
 use lo_imaging::{DepthMap, Image, Photo};
-use lo_scene::{Frame, Scene};
+use lo_scene::{Estimate, Frame};
 use rayon::prelude::*;
 
 use crate::InsertError;
@@ -173,7 +173,7 @@ fn widened(places: &[(f64, f64)], (width, height): (usize, usize), reach: usize)
 ///
 /// # Errors
 /// Outside of the photo, and where the depth map has no reading.
-pub fn surface_at_pixel(scene: &Scene, u: f64, v: f64) -> Result<(Vec3, Vec3), InsertError> {
+pub fn surface_at_pixel(scene: &Estimate, u: f64, v: f64) -> Result<(Vec3, Vec3), InsertError> {
     let (width, height) = (scene.frame.photo.width(), scene.frame.photo.height());
     let inside = (0.0..width as f64).contains(&u) && (0.0..height as f64).contains(&v);
     if !inside {
@@ -194,7 +194,7 @@ pub struct SeenSurfaces {
 
 impl SeenSurfaces {
     /// Those of a scene, which is not needed after.
-    pub fn new(scene: &Scene) -> Self {
+    pub fn new(scene: &Estimate) -> Self {
         let map = SurfaceMap::new(&without_photo(&scene.frame).without_flying_pixels());
         Self { map, photo: (scene.frame.photo.width(), scene.frame.photo.height()) }
     }

@@ -10,7 +10,7 @@ use lo_insert::{Composite, Inserter, Instance, Lighting, Placement, Quality};
 use lo_lights::{apply_edits, emitters, list};
 use lo_mesh::{Material, Model, PreparedModel};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
-use lo_scene::{AddedLight, AnalyticLight, EmitterEdit, Frame, LightChange, LightShape, Scene};
+use lo_scene::{AddedLight, AnalyticLight, EmitterEdit, Frame, LightChange, LightEdits, LightShape, LitScene};
 
 const LOW: Vec3 = Vec3::new(-2.0, -1.0, -4.0);
 const HIGH: Vec3 = Vec3::new(2.0, 1.5, 1.0);
@@ -32,12 +32,12 @@ fn radiance(p: Vec3) -> [f32; 3] {
 }
 
 /// The photo shows the floor and the wall behind it.
-fn scene() -> Scene {
-    static SCENE: OnceLock<Scene> = OnceLock::new();
+fn scene() -> LitScene {
+    static SCENE: OnceLock<LitScene> = OnceLock::new();
     SCENE.get_or_init(new_scene).clone()
 }
 
-fn new_scene() -> Scene {
+fn new_scene() -> LitScene {
     let camera = Camera::from_hfov_deg(65.0, WIDTH as u32, HEIGHT as u32).unwrap();
     let point = |direction: Vec3| {
         let position_m = wall(0.5 * (LOW + HIGH), direction);
@@ -50,24 +50,24 @@ fn new_scene() -> Scene {
     let seen = |x: usize, y: usize| wall(Vec3::ZERO, camera.direction(x as f64 + 0.5, y as f64 + 0.5));
     let photo = Photo::Linear(Image::from_fn(WIDTH, HEIGHT, |x, y| radiance(seen(x, y))));
     let depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| -seen(x, y).z);
-    Scene::as_seen(light, Frame::new(photo, depth_m, camera, 1.0).unwrap())
+    LitScene::as_seen(light, Frame::new(photo, depth_m, camera, 1.0).unwrap())
 }
 
-fn with(shape: LightShape, radiance: f32) -> Scene {
+fn with(shape: LightShape, radiance: f32) -> LitScene {
     added(scene(), shape, radiance)
 }
 
 /// The scene with another light.
-fn added(mut scene: Scene, shape: LightShape, radiance: f32) -> Scene {
+fn added(mut scene: LitScene, shape: LightShape, radiance: f32) -> LitScene {
     let found = emitters(&scene);
     let light = AnalyticLight { shape, radiance: [radiance; 3] };
-    scene.light_edits.added.push(AddedLight { id: "A1".to_owned(), light, change: LightChange::NONE });
-    apply_edits(&mut scene, &found).unwrap();
+    let added = vec![AddedLight { id: "A1".to_owned(), light, change: LightChange::NONE }];
+    apply_edits(&mut scene, &LightEdits { added, ..LightEdits::default() }, &found).unwrap();
     scene
 }
 
 /// The room with a square sun patch of this middle on the wall behind.
-fn with_patch(middle: Vec3) -> Scene {
+fn with_patch(middle: Vec3) -> LitScene {
     let mut scene = scene();
     let camera = scene.frame.camera;
     let photo = Image::from_fn(WIDTH, HEIGHT, |x, y| {
@@ -75,7 +75,7 @@ fn with_patch(middle: Vec3) -> Scene {
         let lit = seen.z < LOW.z + 0.01 && (seen - middle).abs().max_element() < 0.35;
         radiance(seen).map(|value| if lit { 5.0 * value } else { value })
     });
-    scene.frame.photo = Photo::Linear(photo);
+    scene.estimate_mut().frame.photo = Photo::Linear(photo);
     scene
 }
 
@@ -85,11 +85,11 @@ fn sphere() -> PreparedModel {
     PreparedModel::new(Model::sphere(1.0, 5, material).unwrap())
 }
 
-fn render(scene: &Scene) -> Composite {
+fn render(scene: &LitScene) -> Composite {
     render_at(scene, Quality::High)
 }
 
-fn render_at(scene: &Scene, quality: Quality) -> Composite {
+fn render_at(scene: &LitScene, quality: Quality) -> Composite {
     let support = Some(Plane { normal: Vec3::Y, offset_m: LOW.y });
     let position_m = CENTRE - Vec3::Y * RADIUS;
     let placement = Placement { position_m, scale: RADIUS, yaw_rad: 0.0, up: Vec3::Y, support };
@@ -97,7 +97,7 @@ fn render_at(scene: &Scene, quality: Quality) -> Composite {
     inserter.render(&[Instance::new(&sphere(), placement)], &mut lo_events::ignore).unwrap()
 }
 
-fn pixel(scene: &Scene, point: Vec3) -> (usize, usize) {
+fn pixel(scene: &LitScene, point: Vec3) -> (usize, usize) {
     let (u, v, _) = scene.frame.camera.project(point).unwrap();
     (u as usize, v as usize)
 }
@@ -107,7 +107,7 @@ fn the_photos_own_sun_lights_what_stands_in_its_patches_alone() {
     let direction = Vec3::new(0.3, 0.05, 0.8).normalize();
     let sun = |of_photo| LightShape::Sun { direction, angular_radius_deg: 0.27, of_photo };
     let radiance = 6.0 / AnalyticLight { shape: sun(true), radiance: [1.0; 3] }.extent();
-    let render = |scene: &Scene| render_at(scene, Quality::Normal);
+    let render = |scene: &LitScene| render_at(scene, Quality::Normal);
     // Where the middle of the sphere casts its shadow, and beside it.
     let shadow = CENTRE - direction * ((CENTRE.z - LOW.z) / direction.z);
     let free = render(&with(sun(false), radiance));
@@ -191,10 +191,10 @@ fn a_lamp_that_is_off_lights_nothing_and_one_of_twice_the_scale_twice() {
     let changed = |change: LightChange| {
         let mut scene = scene();
         let found = emitters(&scene);
-        let lamp = list(&scene).remove(0);
+        let lamp = list(&scene, &LightEdits::default()).remove(0);
         let found_at_m = lamp.position_m.unwrap();
-        scene.light_edits.emitters.push(EmitterEdit { id: lamp.id, found_at_m, change });
-        apply_edits(&mut scene, &found).unwrap();
+        let emitters = vec![EmitterEdit { id: lamp.id, found_at_m, change }];
+        apply_edits(&mut scene, &LightEdits { emitters, ..LightEdits::default() }, &found).unwrap();
         scene
     };
     let off = changed(LightChange { on: false, ..LightChange::NONE });

@@ -12,7 +12,7 @@ use lo_insert::{
     Stance,
 };
 use lo_mesh::{AlphaMode, Material, PreparedModel};
-use lo_scene::{Room, RoomPlane, Scene, Side};
+use lo_scene::{LitScene, Room, RoomPlane, Side};
 use proptest::prelude::*;
 
 fn stance(scale: f32) -> Stance<'static> {
@@ -140,8 +140,9 @@ fn shadows_go_on_where_depth_ends() {
     // The right half of the picture below the horizon has no readings.
     let hole = |x: usize, y: usize| x >= 70 && y > HEIGHT / 2;
     let depth_m = &whole.frame.depth_m;
-    holed.frame.depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| if hole(x, y) { 0.0 } else { depth_m[(x, y)] });
-    let ratio = |scene: &Scene| {
+    holed.estimate_mut().frame.depth_m =
+        Image::from_fn(WIDTH, HEIGHT, |x, y| if hole(x, y) { 0.0 } else { depth_m[(x, y)] });
+    let ratio = |scene: &LitScene| {
         let inserter = Inserter::new(scene, Lighting::Octree, Quality::Normal).unwrap();
         let placed = on_floor(0.15, -2.4, 0.3);
         alone(&inserter, &sphere(matte()), placed).shadow_ratio
@@ -237,7 +238,7 @@ fn real_surfaces_in_front_hide_the_object_and_holes_follow_the_photo() {
     let mut scene = linear_scene();
     // A board at 1.5 m covers the left half of the picture, with a hole of the depth map in it. The photo shows no edge around that.
     let hole = |x: usize, y: usize| (20..26).contains(&x) && (38..44).contains(&y);
-    scene.frame.depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| match x {
+    scene.estimate_mut().frame.depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| match x {
         _ if hole(x, y) => 0.0,
         0..60 => 1.5,
         _ => scene.frame.depth_m[(x, y)],
@@ -264,13 +265,13 @@ fn where_depth_and_photo_differ_by_pixels_the_photo_tells_the_edge() {
     let mut scene = linear_scene();
     // A red board before grey; the sensor sees its edge some pixels to the left, or leaves a hole there.
     let edge = 62;
-    scene.frame.photo = Photo::Linear(Image::from_fn(WIDTH, HEIGHT, |x, y| {
+    scene.estimate_mut().frame.photo = Photo::Linear(Image::from_fn(WIDTH, HEIGHT, |x, y| {
         let texture = 0.02 * ((x * 7 + y * 13) % 5) as f32;
         if x < edge { [0.4 + texture, 0.05, 0.05] } else { [0.3 + texture; 3] }
     }));
     let room = scene.frame.depth_m.clone();
     for (board, hole) in [(edge - 2, edge - 2), (edge, edge), (edge + 2, edge + 2), (edge - 8, edge)] {
-        scene.frame.depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| match x {
+        scene.estimate_mut().frame.depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| match x {
             _ if x < board => 1.5,
             _ if x < hole => 0.0,
             _ => room[(x, y)],
@@ -349,12 +350,12 @@ fn a_handler_can_end_a_picture_between_its_steps() {
 fn predicted_depth_hides_only_what_is_well_behind_it() {
     let mut scene = linear_scene();
     // All is 8 % nearer than it is, which lifts the floor below the object by 8 cm; on the left stands a board, a third nearer than the object.
-    scene.frame.depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| match x {
+    scene.estimate_mut().frame.depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| match x {
         0..40 => 1.6,
         _ => scene.frame.depth_m[(x, y)] * 0.92,
     });
     let mut hidden = |predicted_depth: bool, x: f32| {
-        scene.predicted_depth = predicted_depth;
+        scene.estimate_mut().origin.predicted_depth = predicted_depth;
         let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Draft).unwrap();
         let composite = alone(&inserter, &sphere(matte()), on_floor(x, -2.5, 0.1));
         let [hidden, shown] = [&composite.occlusion, &composite.alpha].map(|image| image.pixels().iter().sum::<f32>());
@@ -584,7 +585,7 @@ fn resting_on_a_pixel_meets_the_surface() {
     let placement = Placement::rest_on_pixel(&scene, u, v, Align::Gravity).unwrap();
     assert!((placement.position_m.y - LOW.y).abs() < 0.01, "{placement:?}");
     assert!(placement.up.dot(Vec3::Y) > 0.999);
-    scene.frame.depth_m[(70, 70)] = 0.0;
+    scene.estimate_mut().frame.depth_m[(70, 70)] = 0.0;
     let error = Placement::rest_on_pixel(&scene, u, v, Align::Gravity).unwrap_err();
     assert!(error.to_string().contains("70.5"), "{error}");
 }
@@ -596,18 +597,18 @@ fn noise(x: usize, y: usize) -> f32 {
 }
 
 /// The box room with a table of 1 × 0.6 m, 0.4 m over the floor; gravity is known.
-fn scene_with_table() -> Scene {
+fn scene_with_table() -> LitScene {
     let mut scene = linear_scene();
     let camera = scene.frame.camera;
     let room = scene.frame.depth_m.clone();
-    scene.frame.depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| {
+    scene.estimate_mut().frame.depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| {
         let direction = camera.direction(x as f64 + 0.5, y as f64 + 0.5);
         let top = direction * ((LOW.y + 0.4) / direction.y);
         let on_top = direction.y < 0.0 && top.x.abs() < 0.5 && (-2.6..-2.0).contains(&top.z);
         if on_top { -top.z } else { room[(x, y)] }
     });
     let floor = RoomPlane { side: Side::Floor, plane: Plane { normal: Vec3::Y, offset_m: LOW.y }, measured: true };
-    scene.room = Some(Room { up: Vec3::Y, planes: vec![floor] });
+    scene.estimate_mut().room = Some(Room { up: Vec3::Y, planes: vec![floor] });
     scene
 }
 
@@ -618,10 +619,11 @@ fn objects_stand_upright_on_the_patch_below_them_however_noisy_its_depth() {
     let (u, v, _) = scene.frame.camera.project(Vec3::new(0.1, LOW.y + 0.4, -2.3)).unwrap();
     let (u, v) = (u.floor() + 0.5, v.floor() + 0.5);
     for (predicted_depth, share) in [(false, 0.006), (true, 0.025)] {
-        scene.predicted_depth = predicted_depth;
-        scene.frame.depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| clean[(x, y)] * (1.0 + share * noise(x, y)));
+        scene.estimate_mut().origin.predicted_depth = predicted_depth;
+        scene.estimate_mut().frame.depth_m =
+            Image::from_fn(WIDTH, HEIGHT, |x, y| clean[(x, y)] * (1.0 + share * noise(x, y)));
         // The reading at the pixel itself is as wrong as it can be.
-        scene.frame.depth_m[(u as usize, v as usize)] = clean[(u as usize, v as usize)] * (1.0 + share);
+        scene.estimate_mut().frame.depth_m[(u as usize, v as usize)] = clean[(u as usize, v as usize)] * (1.0 + share);
         let base = Base::new(&slab(0.4, 0.3));
         let pixel = Placement::rest_on_pixel(&scene, u, v, Align::Gravity).unwrap().turned(0.4);
         let settled = pixel.settled(&scene, &base);
@@ -645,8 +647,8 @@ fn objects_stand_upright_on_the_patch_below_them_however_noisy_its_depth() {
     }
     // Other ways up: the picture's, and the surface's where that is tilted.
     let turned = Vec3::new(0.2, 0.9, 0.3).normalize();
-    scene.room.as_mut().unwrap().up = turned;
-    scene.frame.depth_m = clean;
+    scene.estimate_mut().room.as_mut().unwrap().up = turned;
+    scene.estimate_mut().frame.depth_m = clean;
     let up = |align| Placement::rest_on_pixel(&scene, u, v, align).unwrap().up;
     assert_eq!((up(Align::Gravity), up(Align::None)), (turned, Vec3::Y));
     assert!(up(Align::Surface).dot(Vec3::Y) > 0.99, "22° from gravity, the surface's normal counts");

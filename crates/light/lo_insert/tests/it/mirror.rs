@@ -5,7 +5,7 @@ use lo_imaging::{Image, Photo, RadianceImage};
 use lo_insert::{Inserter, Instance, Lighting, Placement, Quality};
 use lo_mesh::{Material, Model, PreparedModel};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
-use lo_scene::{Frame, Scene};
+use lo_scene::{Frame, LitScene};
 
 const LOW: Vec3 = Vec3::new(-1.5, -1.0, -3.5);
 const HIGH: Vec3 = Vec3::new(1.5, 1.4, 0.6);
@@ -20,7 +20,7 @@ fn room(origin: Vec3, direction: Vec3) -> (Vec3, [f32; 3]) {
     (point, [0.5 + 0.35 * wave, 0.5, 0.5 - 0.35 * wave])
 }
 
-fn scene() -> Scene {
+fn scene() -> LitScene {
     let camera = Camera::from_hfov_deg(75.0, 640, 480).unwrap();
     let ray = |x: usize, y: usize| room(Vec3::ZERO, camera.direction(x as f64 + 0.5, y as f64 + 0.5));
     let photo = RadianceImage::from_fn(640, 480, |x, y| ray(x, y).1);
@@ -32,7 +32,7 @@ fn scene() -> Scene {
     // Leaves of 8 cm
     let cube = Cube::centred(Vec3::new(0.0, 0.0, -1.5), 5.1);
     let light = LightOctree::from_points(&points.collect::<Vec<_>>(), cube, 6, 4).unwrap().0;
-    Scene::as_seen(light, Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap())
+    LitScene::as_seen(light, Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap())
 }
 
 /// Places along a pixel's sides at which the truth is taken.
@@ -53,7 +53,7 @@ fn mirrored(camera: &Camera, x: usize, y: usize, place: usize) -> Option<Vec3> {
 }
 
 /// Mean error of the pixels that mirror a place that the photo shows, away from the sphere's shadow; and how many they are.
-fn error(scene: &Scene, quality: Quality) -> (f32, usize) {
+fn error(scene: &LitScene, quality: Quality) -> (f32, usize) {
     let camera = scene.frame.camera;
     let chrome = Material { base_color: [1.0; 4], metallic: 1.0, roughness: 0.0, ..Material::default() };
     let model = PreparedModel::new(Model::sphere(RADIUS, 6, chrome).unwrap());
@@ -94,11 +94,11 @@ fn chrome_mirrors_what_the_photo_shows() {
 }
 
 /// A room that is grey in the octree, of which the photo shows stripes.
-fn unseen_scene() -> Scene {
+fn unseen_scene() -> LitScene {
     let scene = scene();
     let rgba = |rows: &Vec<[f32; 4]>| rows.iter().map(|&[.., opacity]| [0.5, 0.5, 0.5, opacity]).collect();
     let light = LightOctree { rgba: scene.light.rgba.iter().map(rgba).collect(), ..scene.light.clone() };
-    Scene { light, ..scene }
+    LitScene { light, ..scene }
 }
 
 /// The sphere of a material, and what it changes of the photo, with and without detail.

@@ -8,7 +8,7 @@ use lo_geometry::{Plane, Vec3};
 use lo_imaging::{Image, Photo};
 use lo_insert::{Composite, InsertError, Inserter, Instance, Layout, Lighting, Placement, Quality};
 use lo_mesh::{AlphaMode, Material, PreparedModel};
-use lo_scene::Scene;
+use lo_scene::LitScene;
 use proptest::prelude::*;
 
 fn shining(base_color: [f32; 3]) -> PreparedModel {
@@ -38,7 +38,7 @@ fn warnings(inserter: &Inserter, instances: &[Instance]) -> Vec<Warning> {
     warnings
 }
 
-fn direction(scene: &Scene, i: usize) -> Vec3 {
+fn direction(scene: &LitScene, i: usize) -> Vec3 {
     scene.frame.camera.direction((i % WIDTH) as f64 + 0.5, (i / WIDTH) as f64 + 0.5)
 }
 
@@ -374,8 +374,8 @@ fn each_edge_hides_its_own_object() {
     // A board at 2 m covers the left half; one object before it, one behind it.
     let mut scene = linear_scene();
     let room = scene.frame.depth_m.clone();
-    scene.frame.depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| if x < 60 { 2.0 } else { room[(x, y)] });
-    if let Photo::Linear(photo) = &mut scene.frame.photo {
+    scene.estimate_mut().frame.depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| if x < 60 { 2.0 } else { room[(x, y)] });
+    if let Photo::Linear(photo) = &mut scene.estimate_mut().frame.photo {
         *photo = Image::from_fn(WIDTH, HEIGHT, |x, y| if x < 60 { [0.9, 0.1, 0.1] } else { photo[(x, y)] });
     }
     let inserter = Inserter::new(&scene, Lighting::Octree, Quality::Normal).unwrap();

@@ -6,7 +6,7 @@ use lo_imaging::{Image, Photo, RadianceImage};
 use lo_insert::{Composite, Inserter, Instance, Lighting, Placement, Quality};
 use lo_mesh::{LoadOptions, Material, Model, PreparedModel};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
-use lo_scene::{Frame, Scene};
+use lo_scene::{Frame, LitScene};
 use rayon::prelude::*;
 
 fn room() -> Room {
@@ -24,7 +24,7 @@ fn to_f64(v: Vec3) -> V {
 }
 
 /// Octree of `depth` of the empty room, photo and depth of the camera.
-fn scene_of(solution: &Solution, depth: u32, width: u32, height: u32) -> Scene {
+fn scene_of(solution: &Solution, depth: u32, width: u32, height: u32) -> LitScene {
     let room = solution.room;
     let cube = Cube::centred(Vec3::new(0.03, 0.11, -1.87), 5.6);
     // Three points per leaf edge
@@ -61,7 +61,7 @@ fn scene_of(solution: &Solution, depth: u32, width: u32, height: u32) -> Scene {
     let depth_m = hits.iter().map(|hit| -hit.position[2] as f32).collect();
     let frame =
         Frame::new(Photo::Linear(RadianceImage::new(w, h, photo)), Image::new(w, h, depth_m), camera, 1.0).unwrap();
-    Scene::as_seen(light, frame)
+    LitScene::as_seen(light, frame)
 }
 
 fn pixel_direction(camera: &Camera, x: usize, y: usize) -> V {
@@ -119,7 +119,7 @@ const CONTACT_M: f64 = 0.06;
 
 /// Compares every `stride`-th pixel of every `stride`-th row with `paths` paths a pixel.
 fn compare(
-    scene: &Scene,
+    scene: &LitScene,
     solution: &Solution,
     bodies: &[(Body, Finish)],
     composite: &Composite,

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use lo_geometry::{Camera, Vec3};
 use lo_imaging::{DepthMap, RadianceImage};
-use lo_scene::{Frame, Scene};
+use lo_scene::{Estimate, Frame};
 
 use super::CLIPPED;
 use super::edges::{Edge, Side, edges, log_luminance};
@@ -67,8 +67,8 @@ impl ShadowSupport {
 ///
 /// The ray from the dark side of a shadow's edge to the sun meets what casts the shadow.
 /// The ray from the bright side passes beside it.
-pub fn shadow_support(scene: &Scene, sun: Vec3, shadow: [f64; 2]) -> ShadowSupport {
-    let seen = scene.frame.working().without_flying_pixels();
+pub fn shadow_support(scene: &Estimate, sun: Vec3, shadow: [f64; 2]) -> ShadowSupport {
+    let seen = scene.surface();
     let (radiance, normals) = (seen.radiance(), seen.normals());
     if (radiance.width(), radiance.height()) != (normals.width(), normals.height()) {
         return ShadowSupport::default();
@@ -77,10 +77,11 @@ pub fn shadow_support(scene: &Scene, sun: Vec3, shadow: [f64; 2]) -> ShadowSuppo
     let scale = width / scene.frame.camera.width as f32;
     let [x, y] = shadow.map(|along| along as f32 * scale);
     let is_near = |edge: &Edge| (edge.lit.pixel.0 as f32 - x).hypot(edge.lit.pixel.1 as f32 - y) < NEAR * width;
-    let mut near = edges(&seen, &log_luminance(&radiance), &normals, sun);
+    let mut near = edges(seen, &log_luminance(&radiance), &normals, sun);
     near.retain(is_near);
-    let counted = ShadowSupport { edges: near.len(), measured: !scene.predicted_depth, ..ShadowSupport::default() };
-    near.retain(|edge| is_sunny(edge, &seen, &radiance));
+    let counted =
+        ShadowSupport { edges: near.len(), measured: !scene.origin.predicted_depth, ..ShadowSupport::default() };
+    near.retain(|edge| is_sunny(edge, seen, &radiance));
     let view = View { depth_m: &seen.depth_m, camera: seen.depth_camera() };
     let supports = around(sun).into_iter().map(|sun| view.support(&near, sun));
     let best = supports.max_by_key(|[explained, against]| *explained as isize - *against as isize);
@@ -156,6 +157,7 @@ mod tests {
     use lo_geometry::Cube;
     use lo_imaging::Photo;
     use lo_octree::LightOctree;
+    use lo_scene::EstimateOrigin;
 
     use super::*;
 
@@ -186,7 +188,7 @@ mod tests {
     }
 
     /// A sunny floor of which the board shades a part. `light` is the sun's by channel, where the shade has 1.
-    fn scene(light: [f32; 3], predicted_depth: bool) -> Scene {
+    fn scene(light: [f32; 3], predicted_depth: bool) -> Estimate {
         let photo = RadianceImage::from_fn(WIDTH, HEIGHT, |x, y| {
             let at = shown(x, y);
             if at.y > FLOOR_M + 1e-3 {
@@ -199,7 +201,8 @@ mod tests {
         let depth_m = DepthMap::from_fn(WIDTH, HEIGHT, |x, y| -shown(x, y).z);
         let frame = Frame::new(Photo::Linear(photo), depth_m, camera(), 1.0).unwrap();
         let (octree, _) = LightOctree::from_points(&[], Cube::centred(Vec3::ZERO, 8.0), 3, 2).unwrap();
-        Scene { predicted_depth, ..Scene::as_seen(octree, frame) }
+        let origin = EstimateOrigin { predicted_depth, ..EstimateOrigin::default() };
+        Estimate { origin, ..Estimate::as_seen(octree, frame) }
     }
 
     /// The pixel of the shadow of a corner of the board.

@@ -5,7 +5,7 @@ use lo_geometry::{Camera, Cube, Quat, RigidTransform, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage, luminance};
 use lo_lookup::{Detail, PhotoLookup, SharpViewers};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
-use lo_scene::{Frame, LaidPanorama, OtherPhoto, PanoramaSource, Scene};
+use lo_scene::{Frame, LaidPanorama, LitScene, OtherPhoto, PanoramaSource};
 use proptest::prelude::*;
 
 const LOW: Vec3 = Vec3::new(-2.0, -1.5, -3.4);
@@ -28,7 +28,7 @@ fn squares(side: usize) -> impl Fn(usize, usize) -> f32 {
     move |x, y| if (x / side + y / side).is_multiple_of(2) { 1.6 } else { 0.4 }
 }
 
-fn scene(texture: impl Fn(usize, usize) -> f32, coverage: Coverage) -> Scene {
+fn scene(texture: impl Fn(usize, usize) -> f32, coverage: Coverage) -> LitScene {
     let camera = camera();
     let photo = RadianceImage::from_fn(320, 240, |x, y| SMOOTH.map(|v| v * texture(x, y)));
     let depth_m = Image::from_fn(320, 240, |x, y| {
@@ -41,11 +41,11 @@ fn scene(texture: impl Fn(usize, usize) -> f32, coverage: Coverage) -> Scene {
     });
     let cube = Cube { origin_m: Vec3::new(-4.0, -4.0, -4.0), edge_m: 8.0 };
     let light = LightOctree::from_points(&points.collect::<Vec<_>>(), cube, 6, 4).unwrap().0;
-    Scene::as_seen(light, Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap())
+    LitScene::as_seen(light, Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap())
 }
 
 /// What cones from a place see without detail, and with it.
-fn traced(scene: &Scene, cones: &[Cone]) -> (Vec<ConeSample>, Vec<ConeSample>) {
+fn traced(scene: &LitScene, cones: &[Cone]) -> (Vec<ConeSample>, Vec<ConeSample>) {
     let tracer = ConeTracer::new(&scene.light, Settings::default()).unwrap();
     let detail = Detail::new(scene, &PhotoLookup::new(scene, &tracer)).unwrap();
     let mut plain = vec![ConeSample::default(); cones.len()];
@@ -158,12 +158,13 @@ fn nothing_changes_where_a_picture_answers() {
         clipped: false,
     };
     let share = scene.light.rgba.iter().map(|rows| vec![255; rows.len()]).collect();
-    let given = Scene { panorama: Some(LaidPanorama { source, share, picture: None }), ..scene.clone() };
+    let mut given = scene.clone();
+    given.estimate_mut().panorama = Some(LaidPanorama { source, share, picture: None });
     let tracer = ConeTracer::new(&scene.light, Settings::default()).unwrap();
     assert!(Detail::new(&given, &PhotoLookup::new(&given, &tracer)).is_none());
     let mut several = self::scene(squares(16), Coverage::Seen);
     let first_from_camera = RigidTransform { rotation: Quat::IDENTITY, translation_m: Vec3::X };
-    several.other_photos.push(OtherPhoto { first_from_camera, camera: camera(), exposure: 1.0 });
+    several.estimate_mut().other_photos.push(OtherPhoto { first_from_camera, camera: camera(), exposure: 1.0 });
     let (plain, detailed) = traced(&several, &cones(Vec3::new(0.3, 0.0, -0.5), 0.01, 2000));
     for (plain, detailed) in plain.iter().zip(&detailed) {
         let off = (Vec3::from(plain.radiance) - Vec3::from(detailed.radiance)).abs().max_element();

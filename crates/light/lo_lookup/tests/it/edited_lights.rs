@@ -7,7 +7,9 @@ use lo_imaging::{Image, Photo, RadianceImage, luminance};
 use lo_lights::{Kind, Origin, apply_edits, emitters, list, remove_emitters};
 use lo_lookup::SharpViewers;
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
-use lo_scene::{AddedLight, AnalyticLight, EmitterEdit, Frame, LightChange, LightColor, LightShape, Scene};
+use lo_scene::{
+    AddedLight, AnalyticLight, EmitterEdit, Frame, LightChange, LightColor, LightEdits, LightShape, LitScene,
+};
 
 /// Leaves of 6.25 cm.
 const CUBE: Cube = Cube { origin_m: Vec3::new(-4.0, -4.0, -4.0), edge_m: 8.0 };
@@ -37,8 +39,8 @@ fn truth(origin: Vec3, direction: Vec3) -> Vec3 {
     origin + direction * a.max(b).min_element()
 }
 
-fn scene() -> Scene {
-    static SCENE: OnceLock<Scene> = OnceLock::new();
+fn scene() -> LitScene {
+    static SCENE: OnceLock<LitScene> = OnceLock::new();
     let make = || {
         let camera = Camera::from_hfov_deg(90.0, 480, 360).unwrap();
         let ray = |x: usize, y: usize| truth(Vec3::ZERO, camera.direction(x as f64 + 0.5, y as f64 + 0.5));
@@ -59,39 +61,40 @@ fn scene() -> Scene {
         let points: Vec<RadiancePoint> =
             eyes.into_iter().flat_map(|eye| (0..600 * 300).map(move |i| point(eye, i))).collect();
         let light = LightOctree::from_points(&points, CUBE, 7, 4).unwrap().0;
-        Scene::as_seen(light, frame)
+        LitScene::as_seen(light, frame)
     };
     SCENE.get_or_init(make).clone()
 }
 
 /// The scene with one emitter changed.
-fn edited(id: &str, change: LightChange) -> Scene {
+fn edited(id: &str, change: LightChange) -> LitScene {
     let mut scene = scene();
     let found = emitters(&scene);
-    let found_at_m = list(&scene).iter().find(|light| light.id == id).unwrap().position_m.unwrap();
-    scene.light_edits.emitters.push(EmitterEdit { id: id.to_owned(), found_at_m, change });
-    apply_edits(&mut scene, &found).unwrap();
+    let found_at_m =
+        list(&scene, &LightEdits::default()).iter().find(|light| light.id == id).unwrap().position_m.unwrap();
+    let emitters = vec![EmitterEdit { id: id.to_owned(), found_at_m, change }];
+    apply_edits(&mut scene, &LightEdits { emitters, ..LightEdits::default() }, &found).unwrap();
     scene
 }
 
-fn added(shape: LightShape, radiance: [f32; 3], change: LightChange) -> Scene {
+fn added(shape: LightShape, radiance: [f32; 3], change: LightChange) -> LitScene {
     let mut scene = scene();
     let found = emitters(&scene);
     let light = AnalyticLight { shape, radiance };
-    scene.light_edits.added.push(AddedLight { id: "A1".to_owned(), light, change });
-    apply_edits(&mut scene, &found).unwrap();
+    let added = vec![AddedLight { id: "A1".to_owned(), light, change }];
+    apply_edits(&mut scene, &LightEdits { added, ..LightEdits::default() }, &found).unwrap();
     scene
 }
 
 const WIDTH: usize = 256;
 const HEIGHT: usize = 128;
 
-fn panorama(scene: &Scene, eye: Vec3) -> RadianceImage {
+fn panorama(scene: &LitScene, eye: Vec3) -> RadianceImage {
     SharpViewers::new(scene).panorama(eye, WIDTH, HEIGHT).radiance
 }
 
 /// At each of [`EYES`].
-fn panoramas(scene: &Scene) -> Vec<RadianceImage> {
+fn panoramas(scene: &LitScene) -> Vec<RadianceImage> {
     let viewers = SharpViewers::new(scene);
     EYES.iter().map(|&eye| viewers.panorama(eye, WIDTH, HEIGHT).radiance).collect()
 }
@@ -118,7 +121,7 @@ fn irradiance(map: &RadianceImage, normal: Vec3) -> Vec3 {
 #[test]
 fn what_shines_is_listed_with_place_size_and_kind() {
     let scene = scene();
-    let lights = list(&scene);
+    let lights = list(&scene, &LightEdits::default());
     assert_eq!(lights.iter().map(|light| &light.id[..]).collect::<Vec<_>>(), ["L1", "L2", "L3"]);
     let found = |place: Vec3| lights.iter().find(|light| (light.position_m.unwrap() - place).length() < 0.1).unwrap();
     let window = found(Vec3::new(LOW.x, 0.2, -2.2));
@@ -149,7 +152,7 @@ fn what_shines_is_listed_with_place_size_and_kind() {
 #[test]
 fn twice_the_scale_is_twice_the_light_at_every_probe() {
     let plain = panoramas(&scene());
-    for light in list(&scene()) {
+    for light in list(&scene(), &LightEdits::default()) {
         let [off, one, two] = [OFF, LightChange::NONE, scaled(2.0)].map(|change| panoramas(&edited(&light.id, change)));
         assert!(one == plain, "no change is none");
         for ((off, one), two) in off.iter().zip(&one).zip(&two) {
@@ -175,7 +178,7 @@ fn twice_the_scale_is_twice_the_light_at_every_probe() {
 
 #[test]
 fn a_lamp_that_is_off_leaves_no_rim() {
-    for light in list(&scene()) {
+    for light in list(&scene(), &LightEdits::default()) {
         let scene = edited(&light.id, OFF);
         for (eye, map) in EYES.into_iter().zip(panoramas(&scene)) {
             let off = |i: usize| {
@@ -206,7 +209,9 @@ fn without_emitters_there_are_walls_alone() {
 
 #[test]
 fn another_colour_keeps_the_luminance() {
-    let lamp = list(&scene()).into_iter().find(|light| light.kind == Kind::Lamp && light.origin == Origin::Seen);
+    let lamp = list(&scene(), &LightEdits::default())
+        .into_iter()
+        .find(|light| light.kind == Kind::Lamp && light.origin == Origin::Seen);
     let lamp = lamp.unwrap();
     let change = LightChange { color: Some(LightColor::Kelvin(6500.0)), ..LightChange::NONE };
     let eye = EYES[1];
@@ -221,7 +226,9 @@ fn another_colour_keeps_the_luminance() {
 
 #[test]
 fn a_lamp_that_is_moved_gives_its_light_elsewhere() {
-    let lamp = list(&scene()).into_iter().find(|light| light.kind == Kind::Lamp && light.origin == Origin::Seen);
+    let lamp = list(&scene(), &LightEdits::default())
+        .into_iter()
+        .find(|light| light.kind == Kind::Lamp && light.origin == Origin::Seen);
     let lamp = lamp.unwrap();
     let at_m = Vec3::new(-0.4, 0.1, -2.0);
     let moved = edited(&lamp.id, LightChange { at_m: Some(at_m), ..LightChange::NONE });
@@ -302,12 +309,13 @@ fn nothing_is_seen_through_walls() {
 fn edits_of_what_is_not_there_are_refused() {
     let mut scene = scene();
     let (before, found) = (scene.light.clone(), emitters(&scene));
-    let edit = |id: &str, found_at_m| EmitterEdit { id: id.to_owned(), found_at_m, change: OFF };
-    scene.light_edits.emitters = vec![edit("L7", Vec3::ZERO)];
-    let message = apply_edits(&mut scene, &found).unwrap_err().to_string();
+    let edit = |id: &str, found_at_m| LightEdits {
+        emitters: vec![EmitterEdit { id: id.to_owned(), found_at_m, change: OFF }],
+        ..LightEdits::default()
+    };
+    let message = apply_edits(&mut scene, &edit("L7", Vec3::ZERO), &found).unwrap_err().to_string();
     assert_eq!(message, "the scene has no light L7; it has L1, L2, L3");
-    scene.light_edits.emitters = vec![edit("L1", Vec3::new(1.9, -1.4, 0.9))];
-    let message = apply_edits(&mut scene, &found).unwrap_err().to_string();
+    let message = apply_edits(&mut scene, &edit("L1", Vec3::new(1.9, -1.4, 0.9)), &found).unwrap_err().to_string();
     assert!(message.starts_with("light L1 lies") && message.ends_with("reset it"), "{message}");
     assert!(scene.light.rgba == before.rgba && scene.edited.is_none());
 }

@@ -5,7 +5,7 @@ use lo_geometry::{Camera, Cube, Quat, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_lookup::{PhotoLookup, SharpViewers};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
-use lo_scene::{Frame, LaidPanorama, PanoramaPicture, PanoramaSource, Scene};
+use lo_scene::{Frame, LaidPanorama, LitScene, PanoramaPicture, PanoramaSource};
 use proptest::prelude::*;
 
 /// Leaves of 6.25 cm.
@@ -41,7 +41,7 @@ fn camera() -> Camera {
 }
 
 /// The photo, its true depth, and the octree of the room's surfaces.
-fn scene(pillar: bool) -> Scene {
+fn scene(pillar: bool) -> LitScene {
     let camera = camera();
     let ray = |x: usize, y: usize| truth(Vec3::ZERO, camera.direction(x as f64 + 0.5, y as f64 + 0.5), pillar);
     let photo = RadianceImage::from_fn(480, 360, |x, y| ray(x, y).1);
@@ -58,7 +58,7 @@ fn scene(pillar: bool) -> Scene {
     let points: Vec<RadiancePoint> =
         eyes.into_iter().flat_map(|eye| (0..900 * 450).map(move |i| point(eye, i))).collect();
     let light = LightOctree::from_points(&points, CUBE, DEPTH, 4).unwrap().0;
-    Scene::as_seen(light, frame)
+    LitScene::as_seen(light, frame)
 }
 
 /// Whether the photo shows a point: in the picture, and nothing before it.
@@ -195,7 +195,7 @@ fn lamps_are_as_bright_as_in_the_octree() {
     let points: Vec<RadiancePoint> = (0..480 * 360).map(point).collect();
     let light = LightOctree::from_points(&points, CUBE, DEPTH, 4).unwrap().0;
     let photo = Photo::Linear(RadianceImage::from_fn(480, 360, |x, y| [kind(x, y).min(1.0); 3]));
-    let scene = Scene::as_seen(light, Frame::new(photo, depth_m, camera, 1.0).unwrap());
+    let scene = LitScene::as_seen(light, Frame::new(photo, depth_m, camera, 1.0).unwrap());
     let octree = Viewers::new(&scene.light).at(Vec3::ZERO).panorama(Vec3::ZERO, 1024, 512).radiance;
     let sharp = SharpViewers::new(&scene).panorama(Vec3::ZERO, 1024, 512).radiance;
     let flux = |map: &RadianceImage, columns: std::ops::Range<usize>| -> f32 {
@@ -227,7 +227,7 @@ proptest! {
         let surfels = frame.surfels(&frame.radiance());
         let points: Vec<RadiancePoint> = surfels.into_iter().map(RadiancePoint::from).collect();
         let light = LightOctree::from_points(&points, CUBE, 6, 3).unwrap().0;
-        let scene = Scene::as_seen(light, frame);
+        let scene = LitScene::as_seen(light, frame);
         let tracer = ConeTracer::new(&scene.light, Settings::default()).unwrap();
         let lookup = PhotoLookup::new(&scene, &tracer);
         let turn = lo_geometry::Quat::from_rotation_y(seed as f32);
@@ -269,8 +269,9 @@ fn unseen_errors(place_m: Vec3, eye: Vec3) -> (f32, f32) {
     // As if it had given all light.
     let share = plain.light.rgba.iter().map(|rows| vec![255; rows.len()]).collect();
     let picture = Some(PanoramaPicture::new(&radiance, rotation));
-    let given = Scene { panorama: Some(LaidPanorama { source, share, picture }), ..plain.clone() };
-    let error = |scene: &Scene| {
+    let mut given = plain.clone();
+    given.estimate_mut().panorama = Some(LaidPanorama { source, share, picture });
+    let error = |scene: &LitScene| {
         let found = SharpViewers::new(scene).panorama(eye, 512, 256).radiance;
         let (mut sum, mut count) = (0.0, 0);
         for (i, got) in found.pixels().iter().enumerate() {

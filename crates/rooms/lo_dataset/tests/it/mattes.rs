@@ -8,7 +8,7 @@ use lo_imaging::{DepthMap, Image, Photo};
 use lo_insert::{Inserter, Instance, Lighting, Placement, Quality};
 use lo_mesh::{LoadOptions, Material, Model, PreparedModel};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
-use lo_scene::{Frame, Scene};
+use lo_scene::{Frame, LitScene};
 use rayon::prelude::*;
 
 /// Share of its depth that the card keeps from surfaces whose edges are measured: what is nearer to it may be hidden or not.
@@ -50,7 +50,7 @@ fn occlusion(sample: &Sample, depth_m: DepthMap, z_m: f32) -> Image<f32> {
         .map(|d| RadiancePoint { position_m: 9.0 * d, radiance: [0.5; 3], coverage: Coverage::Inferred })
         .collect();
     let light = LightOctree::from_points(&points, Cube::centred(Vec3::ZERO, 20.0), 3, 2).unwrap().0;
-    let inserter = Inserter::new(&Scene::as_seen(light, frame), Lighting::Octree, Quality::Draft).unwrap();
+    let inserter = Inserter::new(&LitScene::as_seen(light, frame), Lighting::Octree, Quality::Draft).unwrap();
     let (model, placement) = card(sample, z_m);
     inserter.render(&[Instance::new(&model, placement)], &mut lo_events::ignore).unwrap().occlusion
 }

@@ -4,8 +4,8 @@ use std::sync::{Arc, LazyLock};
 
 use lightoctree::geometry::Quat;
 use lightoctree::imaging::{Image, Photo, RadianceImage};
-use lightoctree::scene::{Completion, ExpectedLight, Frame, LightChange, Scene};
-use lightoctree::{GuessedLight, LightEffect, LightMode, LightTuning};
+use lightoctree::scene::{Completion, EstimateOrigin, ExpectedLight, Frame, LightChange};
+use lightoctree::{Document, Estimate, GuessedLight, LightEffect, LightMode, LightPurpose, LightTuning, LitScene};
 use lo_session::{Command, LitScenes, OpenScene, Session, SessionError, insert_command, insert_words, outputs};
 
 use crate::session::{ROOM, SIZE, add};
@@ -22,8 +22,8 @@ fn expected() -> ExpectedLight {
     ExpectedLight::new(&radiance, Quat::IDENTITY, 3.0)
 }
 
-fn scene(expected: Option<ExpectedLight>) -> Scene {
-    let plain = ROOM.scene.clone();
+fn scene(expected: Option<ExpectedLight>) -> Estimate {
+    let plain = ROOM.estimate().clone();
     let Photo::Srgb8(photo) = &plain.frame.photo else { panic!("it is an 8-bit photo") };
     let photo = Image::from_fn(SIZE.0, SIZE.1, |x, y| match (x, y) {
         (0..8, 0..8) => [0; 3],
@@ -31,7 +31,8 @@ fn scene(expected: Option<ExpectedLight>) -> Scene {
         at => photo[at],
     });
     let frame = Frame { photo: Photo::Srgb8(photo), ..plain.frame.clone() };
-    Scene { frame, completion: Completion::Network, expected, ..plain }
+    let origin = EstimateOrigin { completion: Completion::Network, ..plain.origin.clone() };
+    Estimate { frame, origin, expected, ..plain }
 }
 
 fn session() -> Session {
@@ -149,12 +150,11 @@ fn what_cannot_be_chosen_is_refused_and_changes_nothing() {
 }
 
 /// Lit as the command line does it.
-fn lit(session: &Session) -> Scene {
-    let GuessedLight { light, tuning } = session.state().guessed();
-    let mut scene = GUESSED.scene.clone();
-    scene.light_edits = session.state().lights.clone();
-    lightoctree::light_up(&mut scene, light, &tuning).unwrap();
-    scene
+fn lit(session: &Session) -> LitScene {
+    let mut document = GUESSED.document.clone();
+    document.light_edits = session.state().lights.clone();
+    document.light_edits.guessed = Some(session.state().guessed());
+    document.lit(LightPurpose::Objects { at_m: Default::default() }).unwrap()
 }
 
 #[test]
@@ -193,7 +193,7 @@ fn a_draft_previews_what_is_fitted_later() {
     let fitted = scenes.of(session.state()).unwrap();
     assert!(Arc::ptr_eq(&fitted, &scenes.draft_of(session.state()).unwrap()), "what is fitted is better");
     // Half a stop: a preview shows the contrast that was asked for.
-    let sum = |scene: &Scene| scene.light.rgba.last().unwrap().iter().map(|rgba| rgba[1]).sum::<f32>();
+    let sum = |scene: &LitScene| scene.light.rgba.last().unwrap().iter().map(|rgba| rgba[1]).sum::<f32>();
     let [draft, fitted] = [sum(&draft), sum(&fitted)];
     assert!((draft / fitted).log2().abs() < 0.5, "{draft} {fitted}");
 }
@@ -223,7 +223,7 @@ fn the_scene_and_the_command_line_keep_the_choice() {
         assert!(!session.view().edited, "the options tell all of it");
     }
     session.apply(&Command::GuessedLight { light: LightMode::Plausible }).unwrap();
-    let saved = Scene::from_bytes(&outputs::scene(&GUESSED, session.state()).unwrap()).unwrap();
+    let saved = Document::from_bytes(&outputs::scene(&GUESSED, session.state()).unwrap()).unwrap();
     assert_eq!(saved.light_edits.guessed, Some(chosen(&session)));
     let mut again = Session::new(Arc::new(OpenScene::new("room.scene", saved))).unwrap();
     assert_eq!((chosen(&again), again.view().edited), (chosen(&session), false));

@@ -3,11 +3,12 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use lightoctree::Estimate;
 use lightoctree::export::RoomFaces;
 use lightoctree::geometry::{Camera, Cube, Vec3};
 use lightoctree::imaging::{Image, Photo, srgb8_from_linear};
 use lightoctree::octree::{LightOctree, key_from_xyz};
-use lightoctree::scene::{Frame, LightChange, Scene};
+use lightoctree::scene::{Frame, LightChange};
 use lo_session::{
     Command, LitScenes, OpenScene, Outside, OutsideView, Overlay, Place, Session, SessionError, Size, State, overlay,
 };
@@ -32,7 +33,7 @@ fn scene(mut cells: Vec<(u32, [f32; 4], u8)>, cube: Cube, depth: u32) -> Arc<Ope
     let photo = Photo::Srgb8(Image::new(8, 6, vec![[120; 3]; 48]));
     let camera = Camera::new(5.0, 5.0, 4.0, 3.0, 8, 6).unwrap();
     let frame = Frame::new(photo, Image::new(8, 6, vec![1.5; 48]), camera, 1.0).unwrap();
-    Arc::new(OpenScene::new("room.scene", Scene::as_seen(light, frame)))
+    Arc::new(OpenScene::new("room.scene", Estimate::as_seen(light, frame)))
 }
 
 fn room() -> Arc<OpenScene> {
@@ -133,7 +134,7 @@ fn a_hole_in_a_wall_does_not_show_the_walls_from_behind() {
     });
     let open = scene(cells.collect(), Cube::centred(Vec3::ZERO, 8.0), 5);
     // Air comes to the outer sides, too: 6 × 14² faces are within.
-    assert!(RoomFaces::of(&open.scene.light).quads.len() > 2 * 6 * 14 * 14);
+    assert!(RoomFaces::of(&open.estimate().light).quads.len() > 2 * 6 * 14 * 14);
     for (eye_m, far_wall) in [([0.0, 0.0, 6.0], AHEAD), ([0.0, 0.0, -6.0], BEHIND), ([-6.0, -0.3, -0.9], REST)] {
         assert_eq!(picture(&open, &State::default(), &view(eye_m))[MIDDLE], code(far_wall), "{eye_m:?}");
     }

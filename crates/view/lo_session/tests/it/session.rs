@@ -6,8 +6,8 @@ use lightoctree::geometry::{Camera, Plane, Ray, Vec3};
 use lightoctree::imaging::{DepthMap, Image, Photo};
 use lightoctree::insert::{Align, Interpolation, Quality};
 use lightoctree::mesh::{LoadOptions, Model};
-use lightoctree::scene::{Completion, Frame, LightChange, Scene, SceneObjects};
-use lightoctree::{EstimateOptions, Estimator, Input, LightMode, events};
+use lightoctree::scene::{Completion, Frame, LightChange, SceneFile, SceneObjects};
+use lightoctree::{Document, EstimateOptions, Estimator, Input, LightMode, LightPurpose, events};
 use lo_random::{RngExt, Stream};
 use lo_session::{
     Command, Files, LitScenes, NewLight, ObjectMaterial, OpenScene, Overlay, Place, Probe, Renderer, Sequence, Session,
@@ -130,7 +130,7 @@ fn a_dragged_object_keeps_to_its_level_at_depth_edges() {
     }
     session.commit();
     // Onto the table: at its edge it stays on the floor's level, in its middle it stands on the top.
-    let camera = ROOM.scene.frame.camera;
+    let camera = ROOM.estimate().frame.camera;
     let table = |x: f32, z: f32| camera.project(Vec3::new(x, -TABLE_M, z)).unwrap();
     let (edge_u, edge_v, _) = table(-0.48, -1.9);
     let at_edge = drag(&mut session, edge_u, edge_v);
@@ -157,7 +157,7 @@ fn a_lifted_object_stays_as_high_as_it_is() {
         session.preview(&Command::Drag { object: 1, to: [u, v] }).unwrap();
         let moved = session.state().objects[0].placement.position_m;
         assert!((moved.y - at.y).abs() < 1e-3, "{moved}");
-        let (seen_u, seen_v, _) = ROOM.scene.frame.camera.project(moved).unwrap();
+        let (seen_u, seen_v, _) = ROOM.estimate().frame.camera.project(moved).unwrap();
         assert!((seen_u - u).abs() < 0.1 && (seen_v - v).abs() < 0.1, "{seen_u} {seen_v}");
     }
 }
@@ -249,14 +249,14 @@ fn lights_reach_the_picture_and_a_scene_keeps_them() {
     let after = mean(&mut renderer, session.state());
     assert!(after > 1.2 * before, "{before} {after}");
     let bytes = outputs::scene(&ROOM, session.state()).unwrap();
-    let scene = Scene::from_bytes(&bytes).unwrap();
+    let scene = Document::from_bytes(&bytes).unwrap();
     let reopened = Session::new(Arc::new(OpenScene::new("room.scene", scene))).unwrap();
     assert_eq!(reopened.state().lights, session.state().lights);
     assert!(!reopened.view().edited);
     // As `insert` would light it.
-    let mut lit = ROOM.scene.clone();
-    lit.light_edits = session.state().lights.clone();
-    lightoctree::light_up(&mut lit, LightMode::Plausible, &lightoctree::LightTuning::default()).unwrap();
+    let mut document = ROOM.document.clone();
+    document.light_edits = session.state().lights.clone();
+    let lit = document.lit(LightPurpose::Objects { at_m: Vec3::ZERO }).unwrap();
     assert_eq!(*scenes.of(session.state()).unwrap(), lit);
 }
 
@@ -383,7 +383,7 @@ fn all_that_was_done_can_be_undone_and_done_again() {
                     session.commit();
                     let kept = session.state().clone();
                     let sought = session.seek(random.random_range(-0.2..4.0));
-                    let back = session.state().at(kept.time_s, &ROOM.scene).unwrap();
+                    let back = session.state().at(kept.time_s, ROOM.estimate()).unwrap();
                     assert_eq!(back, kept, "looking at another time changes nothing");
                     if sought.is_err() {
                         assert_eq!(session.state(), &kept);
@@ -417,7 +417,7 @@ fn all_that_was_done_can_be_undone_and_done_again() {
             steps.push(session.state().clone());
         }
         // The time that is looked at is no step.
-        assert_eq!(session.state().at(beginning.time_s, &ROOM.scene).unwrap(), beginning);
+        assert_eq!(session.state().at(beginning.time_s, ROOM.estimate()).unwrap(), beginning);
         for step in steps.iter().rev() {
             assert_eq!(session.state(), step);
             assert!(session.redo());
@@ -425,7 +425,7 @@ fn all_that_was_done_can_be_undone_and_done_again() {
         assert_eq!(session.state(), &end);
         // Placements are what the places come to.
         for object in &end.objects {
-            assert_eq!(&object.clone().placed(&ROOM.scene, end.time_s).unwrap(), object);
+            assert_eq!(&object.clone().placed(ROOM.estimate(), end.time_s).unwrap(), object);
         }
     }
     assert!(done > 300 && refused > 100, "{done} done, {refused} refused");
@@ -461,8 +461,8 @@ fn a_scene_opens_again_as_it_was() {
     session.apply(&Command::Frames { frames: Some(9), fps: 12 }).unwrap();
     session.seek(0.75).unwrap();
     let bytes = outputs::scene(&ROOM, session.state()).unwrap();
-    let scene = Scene::from_bytes(&bytes).unwrap();
-    assert_eq!(scene.objects.files.keys().collect::<Vec<_>>(), ["a.obj", "a.obj/a.mtl"]);
+    let scene = Document::from_bytes(&bytes).unwrap();
+    assert_eq!(scene.meshes.keys().collect::<Vec<_>>(), ["a.obj", "a.obj/a.mtl"]);
     let open = Arc::new(OpenScene::new("room.scene", scene));
     let mut again = Session::new(open.clone()).unwrap();
     // All but the meshes' places in memory.
@@ -484,7 +484,7 @@ fn a_scene_opens_again_as_it_was() {
     again.apply(&Command::FloorGloss { gloss: 0.0 }).unwrap();
     again.apply(&Command::Frames { frames: None, fps: 24 }).unwrap();
     again.seek(0.0).unwrap();
-    assert!(outputs::scene(&open, again.state()).unwrap() == ROOM.scene.to_bytes("lightoctree estimate").unwrap());
+    assert!(outputs::scene(&open, again.state()).unwrap() == ROOM.document.to_bytes("lightoctree estimate").unwrap());
 }
 
 #[test]
@@ -492,11 +492,13 @@ fn objects_that_a_scene_cannot_have_are_named() {
     let wrong = |change: &dyn Fn(&mut SceneObjects), what: &str| {
         let mut session = with_sphere();
         add_obj(&mut session);
-        let mut scene = ROOM.scene.clone();
-        scene.objects = session.state().to_scene_objects().unwrap();
-        change(&mut scene.objects);
-        let Err(error) = Session::new(Arc::new(OpenScene::new("room.scene", scene))) else { panic!("{what}") };
-        assert!(error.to_string().contains(what), "{error}");
+        let mut file = SceneFile::from_bytes(&outputs::scene(&ROOM, session.state()).unwrap()).unwrap();
+        change(&mut file.objects);
+        let error = match Document::from_bytes(&file.to_bytes("tests").unwrap()) {
+            Ok(document) => Session::new(Arc::new(OpenScene::new("room.scene", document))).err().unwrap().to_string(),
+            Err(error) => error.to_string(),
+        };
+        assert!(error.contains(what), "{error}");
     };
     wrong(&|objects| drop(objects.files.remove("a.obj")), "a needs a.obj");
     wrong(&|objects| objects.layout = "[".into(), "the scene's objects: layout");
@@ -531,7 +533,7 @@ fn keyframes_are_what_the_command_line_reads() {
     let state = session.state().clone();
     assert_eq!((state.span_s(), state.sequence_frames()), (Some([0.0, 2.0]), 5));
     let models = [&**state.objects[0].mesh.plain()];
-    let frames = state.layout().unwrap().placements(&ROOM.scene, &models, 5).unwrap();
+    let frames = state.layout().unwrap().placements(ROOM.estimate(), &models, 5).unwrap();
     for (frame, time_s) in [0.0, 0.5, 1.0, 1.5, 2.0].into_iter().enumerate() {
         session.seek(time_s).unwrap();
         assert_eq!(session.state().objects[0].placement, frames[0][frame]);

@@ -6,7 +6,7 @@ use lo_imaging::{Image, Photo, RadianceImage};
 use lo_insert::{Composite, Inserter, Instance, Placement};
 use lo_mesh::{LoadOptions, Material, Model, PreparedModel};
 use lo_octree::{Coverage, LightOctree, RadiancePoint};
-use lo_scene::{Frame, Scene};
+use lo_scene::{Frame, LitScene};
 
 pub const LOW: Vec3 = Vec3::new(-2.0, -1.0, -4.0);
 pub const HIGH: Vec3 = Vec3::new(2.0, 1.5, 1.0);
@@ -25,7 +25,7 @@ pub fn wall_radiance(p: Vec3) -> [f32; 3] {
 }
 
 /// A box room with a lamp; the photo is made by `photo` from the radiance image.
-pub fn scene(photo: impl Fn(RadianceImage) -> Photo) -> Scene {
+pub fn scene(photo: impl Fn(RadianceImage) -> Photo) -> LitScene {
     room(photo, wall_radiance, wall_radiance)
 }
 
@@ -34,7 +34,7 @@ pub fn room(
     photo: impl Fn(RadianceImage) -> Photo,
     known: impl Fn(Vec3) -> [f32; 3],
     seen: impl Fn(Vec3) -> [f32; 3],
-) -> Scene {
+) -> LitScene {
     let points: Vec<RadiancePoint> = lo_geometry::fibonacci_sphere(400_000)
         .into_iter()
         .map(|direction| {
@@ -53,10 +53,10 @@ pub fn room(
     let radiance = Image::from_fn(WIDTH, HEIGHT, |x, y| seen(point(x, y)));
     let depth_m = Image::from_fn(WIDTH, HEIGHT, |x, y| -point(x, y).z);
     let frame = Frame::new(photo(radiance), depth_m, camera, 1.0).unwrap();
-    Scene::as_seen(light, frame)
+    LitScene::as_seen(light, frame)
 }
 
-pub fn linear_scene() -> Scene {
+pub fn linear_scene() -> LitScene {
     scene(Photo::Linear)
 }
 

@@ -16,8 +16,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera_source::is_deviation;
 use crate::{
-    CameraSource, Completion, ExpectedLight, Frame, LaidPanorama, LightEdits, ObjectsShown, OtherPhoto,
-    PanoramaPicture, PanoramaSource, Room, Scene, SceneError, SceneObjects,
+    CameraSource, Completion, Estimate, EstimateOrigin, ExpectedLight, Frame, LaidPanorama, LightEdits, ObjectsShown,
+    OtherPhoto, PanoramaPicture, PanoramaSource, Room, SceneError, SceneObjects,
 };
 
 /// Version of the file's layout that this crate writes and reads.
@@ -115,7 +115,25 @@ impl PictureHeader {
     }
 }
 
-impl Scene {
+/// The content of a scene file: an estimate with the user's light edits and objects.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneFile {
+    /// The estimate, which edits leave as it is.
+    pub estimate: Arc<Estimate>,
+    /// The user's changes of its light.
+    pub light_edits: LightEdits,
+    /// The objects in its photo.
+    pub objects: SceneObjects,
+}
+
+impl From<Estimate> for SceneFile {
+    /// An estimate without edits and objects.
+    fn from(estimate: Estimate) -> Self {
+        Self { estimate: estimate.into(), light_edits: LightEdits::default(), objects: SceneObjects::default() }
+    }
+}
+
+impl SceneFile {
     /// Writes the scene file, and in it `generator`, the name of the writing program; it appears whole or not at all.
     ///
     /// # Errors
@@ -128,7 +146,7 @@ impl Scene {
     /// Reads a scene file.
     ///
     /// # Errors
-    /// Of the file system, naming the path, and all of [`Scene::from_bytes`].
+    /// Of the file system, naming the path, and all of [`SceneFile::from_bytes`].
     pub fn read(path: &Path) -> Result<Self, SceneError> {
         let named = |source| SceneError::Read { path: path.display().to_string(), source };
         let file = File::open(path).map_err(named)?;
@@ -145,19 +163,19 @@ impl Scene {
     /// The bytes of the scene file. The same scene gives the same bytes. `generator` names the writing program in them.
     ///
     /// # Errors
-    /// Where the scene is larger than the format can hold, holds edited light in the place of the estimate, or objects that would not be read.
+    /// Where the scene is larger than the format can hold, or has objects that would not be read.
     pub fn to_bytes(&self, generator: &str) -> Result<Vec<u8>, SceneError> {
-        if self.edited.is_some() {
-            return Err(SceneError::Edited);
-        }
-        let objects = (!self.objects.is_empty()).then_some(&self.objects);
+        let Self { estimate, light_edits, objects } = self;
+        let EstimateOrigin { completion, camera_source, up_deviation_deg, sources, predicted_depth, depth_model } =
+            &estimate.origin;
+        let objects = (!objects.is_empty()).then_some(objects);
         if let Some(wrong) = objects.and_then(SceneObjects::wrong) {
             return Err(SceneError::Objects(wrong));
         }
-        let (octree, octree_tensors) = write_tensors(&self.light);
-        let picture = self.panorama.as_ref().and_then(|laid| laid.picture.as_ref());
+        let (octree, octree_tensors) = write_tensors(&estimate.light);
+        let picture = estimate.panorama.as_ref().and_then(|laid| laid.picture.as_ref());
         let picture_header = picture.map(PictureHeader::of);
-        let expected_header = self.expected.as_ref().map(|expected| ExpectedHeader {
+        let expected_header = estimate.expected.as_ref().map(|expected| ExpectedHeader {
             picture: PictureHeader::of(&expected.picture),
             contrast_stops: expected.contrast_stops,
         });
@@ -165,21 +183,21 @@ impl Scene {
             format_version: FORMAT_VERSION,
             program: format!("{generator} {}", env!("CARGO_PKG_VERSION")),
             octree,
-            camera: self.frame.camera,
-            camera_source: self.camera_source,
-            exposure: self.frame.exposure,
-            completion: self.completion,
-            room: self.room.clone(),
-            up_deviation_deg: self.up_deviation_deg,
-            sources: self.sources.iter().map(|name| file_name(name)).collect(),
-            predicted_depth: self.predicted_depth,
-            depth_model: self.depth_model.clone(),
-            confidence: self.confidence.is_some(),
-            panorama: self.panorama.as_ref().map(|laid| laid.source.clone()),
+            camera: estimate.frame.camera,
+            camera_source: *camera_source,
+            exposure: estimate.frame.exposure,
+            completion: *completion,
+            room: estimate.room.clone(),
+            up_deviation_deg: *up_deviation_deg,
+            sources: sources.iter().map(|name| file_name(name)).collect(),
+            predicted_depth: *predicted_depth,
+            depth_model: depth_model.clone(),
+            confidence: estimate.confidence.is_some(),
+            panorama: estimate.panorama.as_ref().map(|laid| laid.source.clone()),
             panorama_picture: picture_header,
             expected_light: expected_header,
-            other_photos: self.other_photos.clone(),
-            light_edits: self.light_edits.clone(),
+            other_photos: estimate.other_photos.clone(),
+            light_edits: light_edits.clone(),
             objects: objects.map(|SceneObjects { shown, files, .. }| ObjectsHeader {
                 shown: *shown,
                 files: files.keys().cloned().collect(),
@@ -188,10 +206,10 @@ impl Scene {
         let json = serde_json::to_string(&metadata).map_err(|e| SceneError::Metadata(e.to_string()))?;
         let mut tensors: Vec<(String, Tensor)> =
             octree_tensors.into_iter().map(|tensor| (tensor.name.clone(), Tensor::Octree(tensor))).collect();
-        let depth = &self.frame.depth_m;
+        let depth = &estimate.frame.depth_m;
         tensors.push(("depth_m".to_owned(), Tensor::floats(vec![depth.height(), depth.width()], depth.pixels())));
-        let shape = vec![self.frame.photo.height(), self.frame.photo.width(), 3];
-        let photo = match &self.frame.photo {
+        let shape = vec![estimate.frame.photo.height(), estimate.frame.photo.width(), 3];
+        let photo = match &estimate.frame.photo {
             Photo::Srgb8(image) => {
                 Tensor::Plain { dtype: Dtype::U8, shape, bytes: Cow::Borrowed(image.pixels().as_flattened()) }
             }
@@ -199,8 +217,8 @@ impl Scene {
         };
         tensors.push(("photo".to_owned(), photo));
         let shares = [
-            ("confidence", self.confidence.as_ref()),
-            (PANORAMA_SHARE, self.panorama.as_ref().map(|laid| &laid.share)),
+            ("confidence", estimate.confidence.as_ref()),
+            (PANORAMA_SHARE, estimate.panorama.as_ref().map(|laid| &laid.share)),
         ];
         for (name, shares) in shares {
             if let Some(shares) = shares {
@@ -212,7 +230,7 @@ impl Scene {
         if let (Some(picture), Some(header)) = (picture, picture_header) {
             tensors.push((PANORAMA.to_owned(), Tensor::picture(picture, header.scale)));
         }
-        if let (Some(expected), Some(header)) = (&self.expected, expected_header) {
+        if let (Some(expected), Some(header)) = (&estimate.expected, expected_header) {
             tensors.push((EXPECTED.to_owned(), Tensor::picture(&expected.picture, header.picture.scale)));
         }
         if let Some(SceneObjects { layout, files, .. }) = objects {
@@ -288,24 +306,11 @@ impl Scene {
         let objects = objects.map(|header| read_objects(&tensors, header)).transpose()?.unwrap_or_default();
         let panorama =
             panorama.map(|source| read_panorama(&tensors, source, panorama_picture, &light.rgba)).transpose()?;
-        Ok(Self {
-            light,
-            frame,
-            completion,
-            camera_source,
-            room,
-            up_deviation_deg,
-            sources,
-            predicted_depth,
-            depth_model,
-            confidence,
-            expected,
-            panorama,
-            other_photos,
-            light_edits,
-            objects,
-            edited: None,
-        })
+        let origin =
+            EstimateOrigin { completion, camera_source, up_deviation_deg, sources, predicted_depth, depth_model };
+        let observed = Estimate::as_seen(light, frame);
+        let estimate = Estimate { room, confidence, expected, panorama, other_photos, origin, ..observed };
+        Ok(Self { estimate: estimate.into(), light_edits, objects })
     }
 }
 

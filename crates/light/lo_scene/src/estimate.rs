@@ -1,0 +1,74 @@
+use lo_geometry::Vec3;
+use lo_octree::LightOctree;
+
+use crate::derived::Derived;
+use crate::{CameraSource, Completion, ExpectedLight, Frame, LaidPanorama, OtherPhoto, Room};
+
+/// What is inferred of a room from photos: its radiance, and what was observed of it. Self-contained.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimate {
+    /// Radiance of the whole room, without the user's edits of the light.
+    pub light: LightOctree,
+    /// The photo with its depth and camera.
+    pub frame: Frame,
+    /// Gravity and the closing planes, where they are known.
+    pub room: Option<Room>,
+    /// The light network's confidence: `confidence[d][row]` of each row of [`LightOctree::rgba`], 255 · e^−ε with the
+    /// expected error ε of log(1 + radiance).
+    pub confidence: Option<Vec<Vec<u8>>>,
+    /// The expected energy of the light around the camera, where a network predicts it.
+    pub expected: Option<ExpectedLight>,
+    /// A panorama of the room, and what its light contributed.
+    pub panorama: Option<LaidPanorama>,
+    /// Further photos that the light comes from.
+    pub other_photos: Vec<OtherPhoto>,
+    /// How all this was obtained.
+    pub origin: EstimateOrigin,
+    /// Values computed once and kept.
+    #[doc(hidden)]
+    pub derived: Derived,
+}
+
+/// How an estimate was obtained. By default: measured depth, nothing completed, no sources named.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct EstimateOrigin {
+    /// How unobserved regions were completed.
+    pub completion: Completion,
+    /// Where the camera's intrinsics come from, where that is known.
+    pub camera_source: Option<CameraSource>,
+    /// Expected error of the room's up, degrees, where a network predicted it.
+    pub up_deviation_deg: Option<f32>,
+    /// Names of the input files, without folders.
+    pub sources: Vec<String>,
+    /// Whether the frame's depth was predicted from the photo instead of measured.
+    pub predicted_depth: bool,
+    /// Name of the third-party depth model that predicted it.
+    pub depth_model: Option<String>,
+}
+
+impl Estimate {
+    /// Measured depth with no more light than `light` holds: nothing completed, no sources named.
+    pub fn as_seen(light: LightOctree, frame: Frame) -> Self {
+        Self {
+            light,
+            frame,
+            room: None,
+            confidence: None,
+            expected: None,
+            panorama: None,
+            other_photos: Vec::new(),
+            origin: EstimateOrigin::default(),
+            derived: Derived::default(),
+        }
+    }
+
+    /// Unit vector against gravity, world frame; the camera's up where no room is known.
+    pub fn up(&self) -> Vec3 {
+        self.room.as_ref().map_or(Vec3::Y, |room| room.up)
+    }
+
+    /// The observed surface: the frame at working resolution without flying pixels. Computed once.
+    pub fn surface(&self) -> &Frame {
+        self.derived.surface.get_or_init(|| self.frame.working().without_flying_pixels())
+    }
+}
