@@ -1,4 +1,4 @@
-//! Where photos are taken from, and where light probes may be asked for.
+//! Viewpoints of photos and positions of light probes.
 
 use lo_geometry::{Camera, Quat, Ray, Vec2, Vec3};
 use lo_mesh::PreparedModel;
@@ -11,16 +11,16 @@ use crate::object::Object;
 use crate::plan::Plan;
 use crate::stage::Support;
 
-/// A photo's camera and place.
+/// Camera of a photo: pose and intrinsics.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraPose {
-    /// Where it stands and looks.
+    /// Position and rotation.
     pub pose: Pose,
-    /// Lens and size.
+    /// Intrinsics and image size.
     pub camera: Camera,
 }
 
-/// A box around one solid, for asking whether a point is free.
+/// Oriented bounding box of a solid, for clearance tests.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SolidBox {
     pub center: Vec3,
@@ -29,45 +29,45 @@ pub(crate) struct SolidBox {
 }
 
 impl SolidBox {
-    /// Distance from a point; 0 inside.
+    /// Distance to a point, metres; 0 inside.
     pub(crate) fn distance(&self, p: Vec3) -> f32 {
         let local = self.rotation.inverse() * (p - self.center);
         (local.abs() - self.half).max(Vec3::ZERO).length()
     }
 }
 
-/// What is needed to choose viewpoints.
+/// Draws viewpoints and probe positions in the free space of a room.
 pub(crate) struct Space<'a> {
     pub plan: &'a Plan,
     pub solids: &'a [SolidBox],
     pub model: &'a PreparedModel,
-    /// What the model consists of, in the order of its triangles; the shell comes first.
+    /// Objects of the model in triangle order, the shell first.
     pub objects: &'a [Object],
 }
 
-/// Rays of a coarse picture.
+/// Grid of rays with which a candidate view is scored.
 const COLUMNS: usize = 9;
 const ROWS: usize = 6;
 
-/// Views that are looked at before one is taken: at least so many, at most so many.
+/// Minimum and maximum number of candidate views.
 const LOOKS: std::ops::Range<usize> = 8..60;
 
-/// A view of this score is taken without looking on.
+/// Score at which the search stops after the minimum number of candidates.
 const GOOD_VIEW: f32 = 2.0;
 
-/// Heights of cameras near the floor, metres.
+/// Height range of cameras near the floor, metres.
 const LOW_M: [f32; 2] = [0.1, 0.5];
 
-/// What a ray of the coarse picture meets.
+/// First surface along a ray.
 pub(crate) struct Seen {
     pub distance_m: f32,
-    /// Number of the object, 0 for the shell and for nothing.
+    /// Index of the object; 0 for the shell and for a miss.
     pub object: usize,
-    /// Which of the shell's walls, by the direction that it faces: eight sectors; none for floor, ceiling and things.
+    /// Octant of directions that a wall of the shell faces; `None` for other surfaces.
     wall: Option<u8>,
 }
 
-/// Directions of a coarse picture's rays in the camera's axes.
+/// Directions of the scoring rays in camera axes.
 pub(crate) fn coarse_rays(camera: &Camera) -> impl Iterator<Item = Vec3> {
     (0..COLUMNS * ROWS).map(|k| {
         let u = (f64::from((k % COLUMNS) as u32) + 0.5) / COLUMNS as f64 * f64::from(camera.width);
@@ -76,7 +76,7 @@ pub(crate) fn coarse_rays(camera: &Camera) -> impl Iterator<Item = Vec3> {
     })
 }
 
-/// A lens of the configured fields of view; `upright` turns the picture by a right angle.
+/// Draws intrinsics from the configured field of view; `upright` swaps width and height.
 pub(crate) fn lens(random: &mut Stream, config: &SynthConfig, upright: bool) -> Camera {
     let ([low, high], [width, height]) = (config.hfov_deg, config.crop_size);
     let hfov = f64::from(between(random, low, high));
@@ -106,14 +106,14 @@ impl Space<'_> {
         let floor = Vec2::new(p.x, p.z);
         self.plan.contains(floor, margin_m)
             && p.y > margin_m
-            // Steep ceilings come near sideways.
+            // A sloped ceiling can be nearest to the side.
             && [Vec2::ZERO, Vec2::X, Vec2::NEG_X, Vec2::Y, Vec2::NEG_Y]
                 .into_iter()
                 .all(|d| p.y < self.plan.ceiling(floor + d * margin_m) - margin_m)
             && self.solids.iter().all(|solid| solid.distance(p) >= margin_m)
     }
 
-    /// A camera that sees a good part of the room, on request from near the floor.
+    /// Draws a camera that sees a good part of the room; `low` puts it near the floor.
     pub(crate) fn camera(&self, random: &mut Stream, config: &SynthConfig, upright: bool, low: bool) -> CameraPose {
         let camera = lens(random, config, upright);
         let mut best: Option<(f32, Pose)> = None;
@@ -151,7 +151,7 @@ impl Space<'_> {
         let ([low, high], margins) = if low { (LOW_M, [0.09; 3]) } else { (config.camera_height_m, [0.35, 0.25, 0.2]) };
         for margin in margins {
             for _ in 0..30 {
-                // Eye height most of the time: the mean of two draws.
+                // The mean of two draws favours eye height.
                 let height = 0.5 * (between(random, low, high) + between(random, low, high));
                 let (x, z) = (between(random, least.x, most.x), between(random, least.y, most.y));
                 let p = Vec3::new(x, height, z);
@@ -163,15 +163,17 @@ impl Space<'_> {
         None
     }
 
-    /// How well a view shows the room, as people frame rooms: far to the middle of what is seen, several things, a corner or a window,
-    /// nothing right before the lens, and no single wall that fills the picture.
+    /// Scores a view by how people frame rooms.
+    ///
+    /// Rewards a large median distance, several objects, a corner and a window. Penalises surfaces close to the camera
+    /// and a single wall that fills the image.
     fn score(&self, camera: &Camera, pose: &Pose) -> f32 {
         let rays = coarse_rays(camera).map(|direction| self.look(pose.position, pose.rotation * direction));
         let mut seen: Vec<Seen> = rays.collect();
         seen.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
         let number = seen.len() as f32;
         let share = |count: usize| count as f32 / number;
-        // In a small room half of its length is far.
+        // Half the diagonal of the room, within limits, counts as far.
         let (least, most) = self.plan.extent();
         let far = 0.5 * (most - least).length().clamp(2.0, 8.0);
         let distance = (seen[seen.len() / 2].distance_m / far).min(1.0);
@@ -198,12 +200,12 @@ impl Space<'_> {
             - 2.0 * (bare - 0.35).max(0.0)
     }
 
-    /// A free point that the photo sees: in its frustum, before the surface at its pixel, not nearer than `margin_m` to anything.
+    /// Draws a free point in the camera's frustum, in front of the visible surface and clear of all solids.
     pub(crate) fn probe(&self, random: &mut Stream, view: &CameraPose) -> Option<Vec3> {
         let (camera, pose) = (&view.camera, &view.pose);
         for margin in [0.15, 0.15, 0.15, 0.1] {
             for _ in 0..60 {
-                // Not at the very border, where half of the probe's surroundings are unseen anyway.
+                // Near the image border, half of the probe's surroundings would be unobserved.
                 let u = f64::from(between(random, 0.06, 0.94)) * f64::from(camera.width);
                 let v = f64::from(between(random, 0.06, 0.94)) * f64::from(camera.height);
                 let direction = pose.rotation * camera.direction(u, v);

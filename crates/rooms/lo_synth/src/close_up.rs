@@ -1,4 +1,4 @@
-//! Photos of things close by: on tables, desks, shelves and the floor.
+//! Close-up viewpoints: objects on tables, desks, shelves and the floor.
 
 use std::f32::consts::TAU;
 
@@ -12,26 +12,26 @@ use crate::config::SynthConfig;
 use crate::object::Object;
 use crate::stage::Support;
 
-/// From the lens to the thing, metres; uniform in logarithms.
+/// Range of the distance from the camera to the target, metres; log-uniform.
 const DISTANCE_M: [f32; 2] = [0.4, 1.5];
-/// Phones are not held nearer to anything than this,
+/// Minimum clearance around the camera, metres.
 const FREE_M: f32 = 0.1;
-/// and nothing in the picture is nearer than this.
+/// Minimum distance of anything in the image, metres.
 const NEAREST_M: f32 = 0.22;
-/// How far down one looks at things, degrees,
+/// Range of the downward pitch towards the target, degrees.
 const DOWN_DEG: [f32; 2] = [10.0, 60.0];
-/// and at what stands higher than this, metres.
+/// Height above which a target counts as high, metres.
 const HIGH_M: f32 = 1.1;
 const HIGH_DOWN_DEG: [f32; 2] = [-12.0, 20.0];
-/// Heights at which phones are held, metres.
+/// Range of camera heights, metres.
 const HELD_M: [f32; 2] = [0.35, 2.1];
-/// Views that are looked at; the best one is taken.
+/// Number of candidate views; the best one is returned.
 const LOOKS: usize = 40;
-/// A view of this score is taken without looking on.
+/// Score at which the search stops.
 const GOOD_VIEW: f32 = 1.5;
 
 impl Space<'_> {
-    /// A camera that looks at a thing from near by; `None` where there is nothing to look at, or no place to look from.
+    /// Draws a close-up of an object. Returns `None` if the room has no suitable object or no free camera position.
     pub(crate) fn close_up(&self, random: &mut Stream, config: &SynthConfig, upright: bool) -> Option<CameraPose> {
         let things: Vec<(usize, f32)> = (0..self.objects.len()).map(|k| (k, interest(&self.objects[k]))).collect();
         if things.iter().all(|thing| thing.1 == 0.0) {
@@ -48,7 +48,7 @@ impl Space<'_> {
             let (down, turn) = (between(random, low, high).to_radians(), between(random, 0.0, TAU));
             let from = Vec3::new(turn.cos() * down.cos(), down.sin(), turn.sin() * down.cos());
             let position = target + from * distance;
-            // The thing need not be in the middle of the picture.
+            // The target may be off centre.
             let aside = [(); 2].map(|()| between(random, -0.25, 0.25) / camera.half_extent().max(0.5) as f32);
             let roll = between(random, -config.roll_deg, config.roll_deg).to_radians();
             let [low, high] = HELD_M;
@@ -67,7 +67,7 @@ impl Space<'_> {
         best.map(|(_, pose)| CameraPose { pose, camera })
     }
 
-    /// Somewhere in the middle half of one of an object's solids.
+    /// Draws a point in the central half of one of an object's parts.
     fn place_on(&self, random: &mut Stream, object: usize) -> Vec3 {
         let parts = &self.objects[object].parts;
         let part = &parts[((between(random, 0.0, 1.0) * parts.len() as f32) as usize).min(parts.len() - 1)];
@@ -81,7 +81,9 @@ impl Space<'_> {
         least + (most - least) * share
     }
 
-    /// How full the picture is of things near by, and of how many; `None` where something is right before the lens or hides what is looked at.
+    /// Scores a view by the share of near surfaces and the number of objects.
+    ///
+    /// Returns `None` if something is too close to the camera or hides the target.
     fn score_close_up(&self, camera: &Camera, pose: &Pose, object: usize, target: Vec3) -> Option<f32> {
         let to = target - pose.position;
         let met = self.look(pose.position, to.normalize());
@@ -104,7 +106,7 @@ impl Space<'_> {
     }
 }
 
-/// How likely an object is looked at: small things most, then what they stand on, then the rest of the furniture; nothing of the building.
+/// Weight of an object as a target: small objects first, then furniture, never the building.
 fn interest(object: &Object) -> f32 {
     match object.support {
         _ if object.parts.is_empty() => 0.0,
@@ -115,7 +117,9 @@ fn interest(object: &Object) -> f32 {
     }
 }
 
-/// Turn of a camera that sees `direction` not in the middle of its picture but `aside` of it (tangents to the right and up), rolled.
+/// Camera rotation that puts `direction` at an offset from the image centre, then rolls.
+///
+/// `aside` holds the tangents of the offset to the right and up.
 fn towards(direction: Vec3, aside: [f32; 2], roll_rad: f32) -> Quat {
     let yaw = (-direction.x).atan2(-direction.z) + aside[0].atan();
     let pitch = direction.y.clamp(-1.0, 1.0).asin() - aside[1].atan();

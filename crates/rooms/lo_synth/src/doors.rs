@@ -1,4 +1,4 @@
-//! Doors: linings, architraves, leaves, handles, and the hallway behind an open one.
+//! Doors: linings, architraves, leaves, handles, and the hallway behind an open door.
 
 use lo_geometry::{Quat, Vec2, Vec3};
 
@@ -35,7 +35,7 @@ pub(crate) fn build(stage: &mut Stage) {
     }
 }
 
-/// The boards around the opening.
+/// Adds the boards around an opening.
 fn architrave(stage: &mut Stage, wall: usize, opening: &Opening) {
     let paint = stage.palette.paint(Finish::DoorLeaf);
     let ([a, b], top) = (opening.s, opening.h[1]);
@@ -48,7 +48,7 @@ fn architrave(stage: &mut Stage, wall: usize, opening: &Opening) {
     stage.fix_to_wall("architrave", Support::Building, &shape, wall);
 }
 
-/// A leaf with panels and handles, its hinge at x = 0, from z = −0.04 to 0.
+/// Builds a leaf with panels and handles: hinge at x = 0, z from −0.04 to 0.
 fn leaf(width: f32, height: f32, panels: usize, paint: Paint, metal: Paint) -> Shape {
     let mut shape = Shape::default();
     shape.board(Vec3::new(0.0, 0.0, -0.04), Vec3::new(width, height, 0.0), paint);
@@ -75,14 +75,14 @@ fn leaf(width: f32, height: f32, panels: usize, paint: Paint, metal: Paint) -> S
 fn closed_leaf(stage: &mut Stage, wall: usize, opening: &Opening) {
     let (paint, metal) = (stage.palette.paint(Finish::DoorLeaf), stage.palette.paint(Finish::Metal));
     let panels = crate::chance::count(&mut stage.random, 0, 3);
-    // Wider than the hole by a little on each side: no light passes.
+    // Slightly wider than the opening, so that no light leaks.
     let door = leaf(opening.width_m() + 0.012, opening.h[1] + 0.008, panels, paint, metal);
     let mut shape = Shape::default();
     shape.add_at(&door, Vec3::new(opening.s[0] - 0.006, 0.0, -0.03));
     stage.fix_to_wall("door", Support::Building, &shape, wall);
 }
 
-/// The leaf turned into the room, as far as there is room for it.
+/// Adds a leaf swung into the room at an angle at which it fits.
 fn open_leaf(stage: &mut Stage, wall: usize, opening: &Opening, glazed: bool) {
     let (paint, metal) = (stage.palette.paint(Finish::DoorLeaf), stage.palette.paint(Finish::Metal));
     let panels = if glazed { 0 } else { crate::chance::count(&mut stage.random, 0, 3) };
@@ -90,7 +90,7 @@ fn open_leaf(stage: &mut Stage, wall: usize, opening: &Opening, glazed: bool) {
     let door = leaf(width, opening.h[1] - 0.012, panels, paint, metal);
     let (origin, base) = {
         let w = &stage.plan.walls[wall];
-        // Clear of the architrave; the pin of the hinge stands out as much.
+        // Clear of the architrave, as far as the hinge pin protrudes.
         (w.point(opening.s[0] + 0.004, 0.006, 0.024), w.yaw_rad())
     };
     for _ in 0..8 {
@@ -99,7 +99,7 @@ fn open_leaf(stage: &mut Stage, wall: usize, opening: &Opening, glazed: bool) {
         let at = Vec2::new(origin.x, origin.z);
         let (least, most) = door.bounds();
         let footprint = Footprint::of_box(least, most, yaw, at);
-        // It stands in the free space of its own door.
+        // The kept-free volume in front of its own door may overlap the leaf.
         if stage.plan.contains(at + turned(Vec2::new(width, 0.0), yaw), 0.05)
             && stage.layout.is_clear(&stage.plan, &footprint.grown(-0.03), [0.0, opening.h[1]])
             && stage.layout.leaves_passages(&footprint, [0.0, opening.h[1]])
@@ -111,13 +111,13 @@ fn open_leaf(stage: &mut Stage, wall: usize, opening: &Opening, glazed: bool) {
     }
 }
 
-/// A plain corridor behind the door; what is seen of it is dim or has its own lamp.
+/// Adds a plain hallway behind an open door, with a lamp if `lit`.
 fn hallway(stage: &mut Stage, wall: usize, opening: &Opening, lit: bool) {
     let w = &stage.plan.walls[wall];
     let (length, t) = (w.length_m, w.thickness_m);
     let mut left = (opening.s[0] - between(&mut stage.random, 0.15, 1.5)).max(0.0);
     let mut right = (opening.s[1] + between(&mut stage.random, 0.15, 1.5)).min(length);
-    // It must not stand before a window or another door.
+    // Must not reach a window or another door.
     for other in &w.openings {
         if other.s[1] < opening.s[0] {
             left = left.max(other.s[1] + 0.05);
@@ -139,7 +139,7 @@ fn hallway(stage: &mut Stage, wall: usize, opening: &Opening, lit: bool) {
     shape.polygon(&[p(left, 0.0, back), p(right, 0.0, back), p(right, high, back), p(left, high, back)], walls);
     shape.polygon(&[p(left, 0.0, -t), p(left, 0.0, back), p(left, high, back), p(left, high, -t)], walls);
     shape.polygon(&[p(right, 0.0, back), p(right, 0.0, -t), p(right, high, -t), p(right, high, back)], walls);
-    // The back of our own wall, around the opening.
+    // The back of the room's wall around the opening.
     let [a, b] = opening.s;
     let top = opening.h[1];
     let mut front = |x: [f32; 2], y: [f32; 2]| {

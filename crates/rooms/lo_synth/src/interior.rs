@@ -1,4 +1,4 @@
-//! One room, from its seed.
+//! Generation of one room from its seed.
 
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -21,31 +21,31 @@ use crate::plan::Plan;
 use crate::stage::Stage;
 use crate::{doors, furniture, lighting, outdoors, shell, windows};
 
-/// A furnished room with its lamps and what is outside.
+/// A generated room with furniture, lamps and outdoors.
 #[derive(Debug)]
 pub struct Interior {
-    /// Names the room for good: `synth-SEED-INDEX`.
+    /// Permanent id of the room: `synth-SEED-INDEX`.
     pub id: String,
-    /// What light transport needs.
+    /// Input of light transport.
     pub world: World,
-    /// Figures for statistics.
+    /// Statistics of the room.
     pub description: Description,
-    /// What the model consists of, in the order of its triangles.
+    /// Objects of the model in triangle order.
     pub objects: Vec<Object>,
     seed: u64,
     index: u64,
     config: SynthConfig,
     plan: Plan,
     solids: Vec<SolidBox>,
-    /// Of the bare triangles, for questions about space; made when first asked.
+    /// Bare triangles for ray queries, prepared on first use.
     prepared: OnceLock<PreparedModel>,
 }
 
 impl Interior {
-    /// Makes room number `index` of `seed`. The same three arguments give the same bytes, whatever was made before.
+    /// Generates room number `index` of `seed`. Equal arguments give identical bytes.
     ///
     /// # Errors
-    /// Settings out of range; a folder or file of outdoor panoramas that cannot be read.
+    /// If the config is out of range, or if a folder or file of outdoor panoramas or pictures cannot be read.
     pub fn generate(seed: u64, index: u64, config: &SynthConfig) -> Result<Self, SynthError> {
         config.validate()?;
         let mut random = lo_random::stream(seed, "synth room", index);
@@ -103,7 +103,7 @@ impl Interior {
         doors::build(&mut stage);
         let portals = windows::build(&mut stage, weather == Weather::Night);
         stage.random = lo_random::stream(seed, "synth furniture", index);
-        // As many times over as it is longer, so that a large room is emptier than a small one.
+        // Repeats by length, not by area, so that large rooms are emptier.
         for _ in 0..grown.round() as usize {
             furniture::furnish(&mut stage, kind, clutter, lighting);
         }
@@ -113,7 +113,7 @@ impl Interior {
         stage.random = lo_random::stream(seed, "synth lamps", index);
         lighting::light(&mut stage, kind, lighting);
         let outdoors = if portals.is_empty() {
-            // A world without portals lies open; a room without windows must not.
+            // A world without portals would see the outdoors everywhere, so a room without windows gets black outdoors.
             Outdoors { radiance: RadianceImage::new(1, 1, vec![[0.0; 3]]), sun: None }
         } else {
             outdoors::make(
@@ -155,8 +155,7 @@ impl Interior {
         })
     }
 
-    /// The first `count` cameras of this room: in free space, seeing a good part of it. A camera does not depend on how many
-    /// are asked for.
+    /// Returns the first `count` cameras of the room, in free space. Each camera is independent of `count`.
     pub fn camera_poses(&self, count: usize) -> Vec<CameraPose> {
         let space = self.space();
         let drawn = |name: &str, k: u64, share: f32| {
@@ -175,8 +174,9 @@ impl Interior {
         (0..count as u64).map(camera).collect()
     }
 
-    /// Up to `count` points of free space that a photo sees: inside of its frustum, before the surface seen there, 15 cm from
-    /// everything (10 cm in narrow places). Fewer where there are no more.
+    /// Returns up to `count` free points in a photo's frustum, in front of the visible surfaces.
+    ///
+    /// Points keep 15 cm from all surfaces, 10 cm in narrow places. Fewer are returned if no more are found.
     pub fn probe_positions(&self, view: &CameraPose, count: usize) -> Vec<Vec3> {
         let space = self.space();
         let p = view.pose.position;
@@ -229,7 +229,7 @@ fn draw_clutter(random: &mut Stream, config: &SynthConfig) -> f32 {
     }
 }
 
-/// By day most rooms need no lamp; by night and without windows they do.
+/// Draws which lamps are on. Rooms with windows often need none by day.
 fn draw_lighting(random: &mut Stream, config: &SynthConfig, weather: Weather, windows: usize) -> LampUse {
     let single = (LampUse::SingleLamp, config.single_lamp_share);
     let over = (LampUse::OverLit, config.over_lit_share);
@@ -271,7 +271,7 @@ fn objects(stage: &Stage) -> Vec<Object> {
     placed.map(|o| Object { name: o.name, support: o.support, parts: parts(&o.parts) }).collect()
 }
 
-/// Boxes around all solids but the shell itself.
+/// Oriented boxes of all solids except the building's shell.
 fn solids(stage: &Stage) -> Vec<SolidBox> {
     let enclosing = ["shell", "hallway", "reveal", "cornice"];
     let objects = stage.objects.iter().filter(|o| !enclosing.contains(&o.name));

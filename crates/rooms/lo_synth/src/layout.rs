@@ -1,20 +1,20 @@
-//! Where there is room: footprints on the floor, passages, and what is free of them.
+//! Occupied space: footprints on the floor and passages that must stay free.
 
 use lo_geometry::{Vec2, Vec3};
 
 use crate::plan::Plan;
 
-/// A rectangle seen from above.
+/// A rectangle in the floor plane (x, z).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Footprint {
     pub center: Vec2,
-    /// Unit direction of the first half extent; the second is at right angles to it.
+    /// Unit direction of the first half extent; the second is perpendicular.
     pub along: Vec2,
     pub half: Vec2,
 }
 
 impl Footprint {
-    /// Of the box `least … most` (x, z) after a turn about +Y and a move.
+    /// Footprint of the box `least … most`, rotated about +Y and then translated.
     pub(crate) fn of_box(least: Vec3, most: Vec3, yaw_rad: f32, offset: Vec2) -> Self {
         let middle = (least + most) * 0.5;
         let half = (most - least) * 0.5;
@@ -34,7 +34,7 @@ impl Footprint {
         [self.center - a - b, self.center + a - b, self.center + a + b, self.center - a + b]
     }
 
-    /// Grown by `margin` on every side.
+    /// Footprint expanded by `margin` on every side.
     pub(crate) fn grown(&self, margin: f32) -> Self {
         Self { half: self.half + Vec2::splat(margin), ..*self }
     }
@@ -44,7 +44,7 @@ impl Footprint {
         d.dot(self.along).abs() <= self.half.x && d.dot(self.across()).abs() <= self.half.y
     }
 
-    /// Whether two rectangles share more than an edge (separating axes).
+    /// Whether two rectangles overlap by more than an edge (separating axes).
     pub(crate) fn overlaps(&self, other: &Self) -> bool {
         let distance = other.center - self.center;
         [self.along, self.across(), other.along, other.across()].into_iter().all(|axis| {
@@ -54,24 +54,24 @@ impl Footprint {
     }
 }
 
-/// A turn about +Y, seen from above.
+/// Rotates a point (x, z) about +Y.
 pub(crate) fn turned(p: Vec2, yaw_rad: f32) -> Vec2 {
     let (sin, cos) = yaw_rad.sin_cos();
     Vec2::new(p.x * cos + p.y * sin, p.y * cos - p.x * sin)
 }
 
-/// A piece of space that is taken.
+/// A volume that is occupied or kept free.
 #[derive(Clone, Copy, Debug)]
 struct Block {
     footprint: Footprint,
     y: [f32; 2],
-    /// Taken by a thing; otherwise kept free of things, as before a door.
+    /// Whether an object occupies it; otherwise it is kept free, as in front of a door.
     solid: bool,
-    /// The object that takes it, if things may be put into or onto it.
+    /// The occupying object, if it can carry others.
     owner: Option<usize>,
 }
 
-/// What stands on the floor and where one can still walk.
+/// Occupied volumes and walkable floor of a room.
 #[derive(Clone, Debug)]
 pub(crate) struct Layout {
     blocks: Vec<Block>,
@@ -83,7 +83,7 @@ impl Layout {
         let mut layout = Self { blocks: Vec::new(), grid: WalkGrid::new(plan) };
         for wall in &plan.walls {
             for opening in wall.openings.iter().filter(|o| !o.is_window()) {
-                // The swing of the leaf and a step more.
+                // The swing of the leaf and one step.
                 let middle = wall.start + wall.along * (0.5 * (opening.s[0] + opening.s[1]));
                 let deep = opening.width_m().max(0.8);
                 let half = Vec2::new(0.5 * opening.width_m() + 0.08, 0.5 * deep);
@@ -95,17 +95,17 @@ impl Layout {
         layout
     }
 
-    /// Nothing that stands there may be put in the way later.
+    /// Keeps a volume free of objects placed later.
     pub(crate) fn keep_free(&mut self, footprint: Footprint, y: [f32; 2]) {
         self.blocks.push(Block { footprint, y, solid: false, owner: None });
     }
 
-    /// Takes the space.
+    /// Marks a volume as occupied.
     pub(crate) fn take(&mut self, footprint: Footprint, y: [f32; 2]) {
         self.take_for(footprint, y, None);
     }
 
-    /// Takes the space for an object that carries others.
+    /// Marks a volume as occupied by an object that can carry others.
     pub(crate) fn take_for(&mut self, footprint: Footprint, y: [f32; 2], owner: Option<usize>) {
         if in_the_way(y) {
             self.grid.mark(&footprint);
@@ -113,17 +113,17 @@ impl Layout {
         self.blocks.push(Block { footprint, y, solid: true, owner });
     }
 
-    /// Whether a thing can be there: inside the room, below the ceiling, in nothing else and in no passage.
+    /// Whether a volume lies in the room, below the ceiling, outside all objects and outside kept-free volumes.
     pub(crate) fn fits(&self, plan: &Plan, footprint: &Footprint, y: [f32; 2]) -> bool {
         self.fits_beside(plan, footprint, y, true, None)
     }
 
-    /// As [`Layout::fits`], for space that must be free but may be kept free for others as well.
+    /// Like [`Layout::fits`], but allows overlap with kept-free volumes.
     pub(crate) fn is_clear(&self, plan: &Plan, footprint: &Footprint, y: [f32; 2]) -> bool {
         self.fits_beside(plan, footprint, y, false, None)
     }
 
-    /// As [`Layout::is_clear`], for a thing on or in the object `carrier`.
+    /// Like [`Layout::is_clear`], for an object on or in the object `carrier`.
     pub(crate) fn is_clear_on(&self, plan: &Plan, footprint: &Footprint, y: [f32; 2], carrier: usize) -> bool {
         self.fits_beside(plan, footprint, y, false, Some(carrier))
     }
@@ -143,7 +143,7 @@ impl Layout {
             })
     }
 
-    /// Whether one can still get from every door to nearly all of the free floor with a thing standing there.
+    /// Whether every door still reaches most of the free floor with an object at this place.
     pub(crate) fn leaves_passages(&self, footprint: &Footprint, y: [f32; 2]) -> bool {
         if !in_the_way(y) {
             return true;
@@ -154,7 +154,7 @@ impl Layout {
     }
 }
 
-/// Rugs are walked on, lamps and cupboards walked under.
+/// Whether an object of this vertical extent blocks walking: rugs and hanging lamps do not.
 fn in_the_way([low, high]: [f32; 2]) -> bool {
     high > 0.05 && low < 1.9
 }
@@ -168,7 +168,7 @@ fn inside(plan: &Plan, footprint: &Footprint, top: f32) -> bool {
         && !plan.walls.iter().any(|wall| footprint.grown(-0.002).contains(wall.start))
 }
 
-/// Cells of floor that a person's middle can be in.
+/// Floor cells that the centre of a person can occupy.
 #[derive(Clone, Debug)]
 struct WalkGrid {
     origin: Vec2,
@@ -179,9 +179,9 @@ struct WalkGrid {
 
 impl WalkGrid {
     const CELL_M: f32 = 0.1;
-    /// Half of the breadth that a person needs.
+    /// Half the width of a person.
     const PERSON_M: f32 = 0.24;
-    /// Share of the free cells that must be reachable: corners behind chairs may be lost.
+    /// Share of the free cells that must be reachable; corners behind chairs may be cut off.
     const REACHABLE: f32 = 0.75;
 
     fn new(plan: &Plan) -> Self {
@@ -281,7 +281,7 @@ mod tests {
                 b.contains(p)
             });
             both[usize::from(common)] += 1;
-            // Sampling every few centimetres misses slivers, never finds what is not there.
+            // Sampling can miss slivers but gives no false positives.
             assert!(!common || a.overlaps(&b));
             assert!(
                 common

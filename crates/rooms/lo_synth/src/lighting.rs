@@ -1,4 +1,4 @@
-//! Lamps: what hangs from the ceiling, what stands about, and which of it burns.
+//! Lamps: ceiling fixtures, floor, table and wall lamps, and which of them are on.
 
 mod fixtures;
 
@@ -12,7 +12,7 @@ use crate::photometry::Glow;
 use crate::stage::{Along, Stage, Support};
 use fixtures::Lamp;
 
-/// What the ceiling has.
+/// Type of ceiling fixture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Ceiling {
     Panels,
@@ -23,10 +23,10 @@ enum Ceiling {
     Spots,
 }
 
-/// Share of a lamp's light that reaches the plane of use in an ordinary room.
+/// Utilisation factor: share of the lamps' flux that reaches the working plane.
 const UTILISATION: f32 = 0.45;
 
-/// Puts up lamps and switches on those that the lighting asks for.
+/// Adds lamps and switches on those that `lighting` asks for.
 pub(crate) fn light(stage: &mut Stage, kind: RoomKind, lighting: LampUse) {
     let kelvin = match kind {
         RoomKind::Office | RoomKind::Classroom | RoomKind::Laboratory | RoomKind::Workshop | RoomKind::Hall => {
@@ -58,12 +58,12 @@ pub(crate) fn light(stage: &mut Stage, kind: RoomKind, lighting: LampUse) {
     let before = stage.lamps_on;
     ceiling_lamps(stage, kind, kelvin, main, lighting);
     if main && stage.lamps_on == before {
-        // Furniture or a slope left no place.
+        // Furniture or a slope left no room on the ceiling.
         wall_lamp(stage, &mut Switch { burn: 1.0, ..switch });
     }
 }
 
-/// Illuminance that the use asks for (EN 12464-1 and common practice at home), lux.
+/// Range of illuminance for a room's purpose (EN 12464-1 and common practice in homes), lux.
 fn usual_lux(kind: RoomKind) -> [f32; 2] {
     match kind {
         RoomKind::Office | RoomKind::Classroom | RoomKind::Laboratory | RoomKind::Workshop => [300.0, 600.0],
@@ -107,7 +107,7 @@ fn ceiling_lamps(stage: &mut Stage, kind: RoomKind, kelvin: f32, burns: bool, li
     }
 }
 
-/// Where the ceiling's lamps are, seen from above.
+/// Draws the positions (x, z) of the ceiling fixtures.
 fn places(stage: &mut Stage, ceiling: Ceiling) -> Vec<Vec2> {
     let spacing = match ceiling {
         Ceiling::Downlights => between(&mut stage.random, 1.1, 1.8),
@@ -153,7 +153,7 @@ fn mount(stage: &mut Stage, ceiling: Ceiling, at: Vec2, glow: Option<Glow>) {
                 let (least, most) = if o.name == "dining table" { stage.box_of(k) } else { (Vec3::MAX, Vec3::MIN) };
                 at.x > least.x && at.x < most.x && at.y > least.z && at.y < most.z
             });
-            // Above a table it hangs low; elsewhere one walks under it.
+            // Low above a table; elsewhere with headroom for walking.
             let low = if over_table { between(&mut stage.random, 1.4, 1.6) } else { 2.0 };
             fixtures::pendant(stage, (top - low).max(0.25), glow)
         }
@@ -161,7 +161,7 @@ fn mount(stage: &mut Stage, ceiling: Ceiling, at: Vec2, glow: Option<Glow>) {
     let top = stage.plan.ceiling(at);
     let (least, most) = lamp.shape.bounds();
     let footprint = Footprint::of_box(least, most, 0.0, at);
-    // A pendant may hang from a slope; what is fixed flat may not.
+    // Pendants can hang from a slope, flat fixtures cannot.
     let pendant = ceiling == Ceiling::Pendant;
     let low = (top + least.y).min(top - 0.012);
     let y = [low, if pendant { low + 0.3 } else { top - 0.01 }];
@@ -172,7 +172,7 @@ fn mount(stage: &mut Stage, ceiling: Ceiling, at: Vec2, glow: Option<Glow>) {
     }
 }
 
-/// Adds a lamp and counts it.
+/// Adds a lamp and updates the counts.
 fn fix(stage: &mut Stage, lamp: &Lamp, support: Support, rotation: Quat, offset: Vec3) {
     stage.fix(lamp.name, support, &lamp.shape, rotation, offset);
     stage.lamps += 1;
@@ -182,20 +182,20 @@ fn fix(stage: &mut Stage, lamp: &Lamp, support: Support, rotation: Quat, offset:
     }
 }
 
-/// Which of the small lamps burn.
+/// Decides which small lamps are on.
 struct Switch {
-    /// Probability of each.
+    /// Probability that a lamp is on.
     burn: f32,
-    /// Exactly the first one instead.
+    /// Whether only the first lamp is on, regardless of the probability.
     single: bool,
     gain: f32,
     kelvin: f32,
-    /// How many burn already.
+    /// Number of lamps switched on so far.
     on: usize,
 }
 
 impl Switch {
-    /// Counts a lamp that stands, and lights it or not.
+    /// Counts a lamp of the room and switches it on or leaves it off.
     fn throw(&mut self, stage: &mut Stage, object: usize, [low, high]: [f32; 2]) {
         let burns = if self.single { self.on == 0 } else { chance(&mut stage.random, self.burn) };
         let flux_lm = between(&mut stage.random, low, high) * self.gain * stage.dim;
@@ -210,7 +210,7 @@ impl Switch {
     }
 }
 
-/// Floor lamps, lamps on tables and desks, sconces.
+/// Adds floor lamps, table and desk lamps, and sconces.
 fn small_lamps(stage: &mut Stage, kind: RoomKind, switch: &mut Switch) {
     let homely = !matches!(
         kind,

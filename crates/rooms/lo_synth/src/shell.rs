@@ -1,4 +1,4 @@
-//! Floor, ceiling, walls with holes, skirting boards.
+//! The shell of a room: floor, ceiling, walls with openings, skirting boards and cornices.
 
 use lo_geometry::{Quat, Vec2, Vec3};
 
@@ -8,7 +8,7 @@ use crate::plan::{Plan, Wall};
 use crate::solids::{Paint, Shape};
 use crate::stage::{Stage, Support};
 
-/// Builds what encloses the room; the openings stay open.
+/// Builds the shell and leaves doors and windows open.
 pub(crate) fn build(stage: &mut Stage) {
     let floor = stage.palette.paint(Finish::Floor);
     let ceiling = stage.palette.paint(Finish::Ceiling);
@@ -20,7 +20,7 @@ pub(crate) fn build(stage: &mut Stage) {
         None
     };
     let upper = stage.palette.paint(Finish::Wall);
-    // Bathrooms are tiled to a height, or all over.
+    // Bathrooms are tiled up to this height, or completely.
     let tiled_m = if style.wet && chance(&mut stage.random, 0.6) { between(&mut stage.random, 1.2, 2.1) } else { 99.0 };
     let mut shape = Shape::default();
     for [a, b] in &stage.plan.rectangles {
@@ -53,7 +53,7 @@ fn build_ceiling(shape: &mut Shape, plan: &Plan, paint: Paint) {
             let (mut low, mut high) = (*a, *b);
             low[axis] = pair[0];
             high[axis] = pair[1];
-            // At a bend both sides have the same height.
+            // Adjacent strips share the height at a bend.
             let corner = |x: f32, z: f32| Vec3::new(x, plan.ceiling(Vec2::new(x, z)), z);
             let corners = [corner(low.x, low.y), corner(high.x, low.y), corner(high.x, high.y), corner(low.x, high.y)];
             shape.polygon(&corners, paint);
@@ -61,7 +61,7 @@ fn build_ceiling(shape: &mut Shape, plan: &Plan, paint: Paint) {
     }
 }
 
-/// A wall as columns between the edges of its openings and the bends of the ceiling.
+/// Builds a wall from columns between the edges of its openings and the bends of the ceiling.
 fn build_wall(shape: &mut Shape, plan: &Plan, wall: &Wall, [paint, upper]: [Paint; 2], tiled_m: f32) {
     let mut lines = vec![0.0, wall.length_m];
     for opening in &wall.openings {
@@ -101,7 +101,7 @@ fn build_wall(shape: &mut Shape, plan: &Plan, wall: &Wall, [paint, upper]: [Pain
     }
 }
 
-/// One quadrilateral of a wall with a level lower edge; texture coordinates run along the whole wall.
+/// Adds one quadrilateral of a wall with a level lower edge. Texture coordinates are continuous along the wall.
 fn wall_piece(shape: &mut Shape, wall: &Wall, [left, right]: [f32; 2], low: f32, top: [f32; 2], paint: Paint) {
     let corners = [
         wall.point(left, low, 0.0),
@@ -116,7 +116,7 @@ fn wall_piece(shape: &mut Shape, wall: &Wall, [left, right]: [f32; 2], low: f32,
     }
 }
 
-/// Intervals of a wall that no door interrupts.
+/// Intervals of a wall between its doors.
 fn between_doors(wall: &Wall, margin: f32) -> Vec<[f32; 2]> {
     let mut doors: Vec<[f32; 2]> = wall.openings.iter().filter(|o| o.h[0] < 0.1).map(|o| o.s).collect();
     doors.sort_by(|a, b| a[0].total_cmp(&b[0]));
@@ -150,7 +150,7 @@ fn cornice(stage: &mut Stage) {
     for index in 0..stage.plan.walls.len() {
         let length = stage.plan.walls[index].length_m;
         let mut shape = Shape::default();
-        // A hollow moulding, its profile from the wall up to the ceiling.
+        // A concave moulding from the wall up to the ceiling.
         let rows = 6;
         shape.grid([1, rows], Vec2::new(length, size * 1.5), paint, |u, v| {
             let angle = v * std::f32::consts::FRAC_PI_2;

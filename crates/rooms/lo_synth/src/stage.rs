@@ -1,4 +1,4 @@
-//! The room as it is being furnished.
+//! The room under construction: placement of furniture without collisions.
 
 use std::f32::consts::PI;
 use std::ops::Range;
@@ -12,45 +12,45 @@ use crate::palette::Palette;
 use crate::plan::Plan;
 use crate::solids::Shape;
 
-/// What an object rests on.
+/// The surface that carries an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Support {
-    /// It stands or lies on the floor.
+    /// Standing or lying on the floor.
     Floor,
-    /// It is fixed to a wall.
+    /// Fixed to a wall.
     Wall,
-    /// It hangs from the ceiling.
+    /// Hanging from the ceiling.
     Ceiling,
-    /// It lies on the object of this number.
+    /// Standing or lying on the object with this index.
     Object(usize),
-    /// It is part of the building.
+    /// Part of the building.
     Building,
 }
 
-/// A thing in the room while it is made.
+/// An object of the room under construction.
 #[derive(Clone, Debug)]
 pub(crate) struct Placed {
     pub name: &'static str,
     pub support: Support,
-    /// Of the stage's shape.
+    /// Indices into [`Shape::parts`] of the room's shape.
     pub parts: Range<usize>,
 }
 
-/// A level surface on which small things can stand, in the frame of its piece.
+/// A level surface that can carry small objects, in the frame of its piece.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Top {
     pub center: Vec3,
     pub half: Vec2,
-    /// Free height above it.
+    /// Free height above the surface.
     pub headroom_m: f32,
 }
 
-/// Something that can be put into a room: x to the right, y up, its front towards z.
+/// An object that stands on a floor or a surface: x to the right, y up, front towards +z.
 #[derive(Clone, Debug)]
 pub(crate) struct Piece {
     pub name: &'static str,
     pub shape: Shape,
-    /// Free floor that its use needs in front of it.
+    /// Depth of the floor that must stay free in front of it.
     pub front_m: f32,
     pub tops: Vec<Top>,
 }
@@ -70,20 +70,20 @@ impl Piece {
     }
 }
 
-/// Pieces that belong together: place and turn of each.
+/// Pieces placed together, each with its position (x, z) and yaw in radians.
 pub(crate) type Group = Vec<(Piece, Vec2, f32)>;
 
-/// Where along the walls something is looked for.
+/// Preferred position along a wall.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Along {
     Anywhere,
-    /// Ends of walls first.
+    /// Near the ends of a wall.
     Corner,
-    /// Middles of walls first.
+    /// Near the middle of a wall.
     Middle,
 }
 
-/// A top with its place in the room.
+/// A support surface at its position in the room.
 #[derive(Clone, Debug)]
 pub(crate) struct PlacedTop {
     pub object: usize,
@@ -95,7 +95,7 @@ pub(crate) struct PlacedTop {
     pub taken: Vec<Footprint>,
 }
 
-/// Everything that is known of the room while it is made.
+/// Places objects in a room and keeps doors and passages free.
 #[derive(Debug)]
 pub(crate) struct Stage {
     pub plan: Plan,
@@ -105,13 +105,13 @@ pub(crate) struct Stage {
     pub shape: Shape,
     pub objects: Vec<Placed>,
     pub tops: Vec<PlacedTop>,
-    /// Lamps, burning or not: number, number that burn, their light.
+    /// Number of lamps, on or off.
     pub lamps: usize,
     pub lamps_on: usize,
     pub flux_lm: f32,
-    /// Share of their usual light that lamps give.
+    /// Factor on the luminous flux of every lamp.
     pub dim: f32,
-    /// Where lamps are of different colours.
+    /// Random stream for colour temperatures, if lamps differ in colour.
     pub mixed_light: Option<Stream>,
 }
 
@@ -134,7 +134,7 @@ impl Stage {
         }
     }
 
-    /// Colour temperature of the next lamp, which is `usual` where all are alike.
+    /// Draws the colour temperature of the next lamp; returns `usual` if all lamps have one colour.
     pub(crate) fn kelvin(&mut self, usual: f32) -> f32 {
         match &mut self.mixed_light {
             None => usual,
@@ -146,21 +146,21 @@ impl Stage {
         }
     }
 
-    /// Adds a shape given in the room's frame or that of a wall, without looking whether there is room.
+    /// Adds a shape at a position in the room, without a collision test.
     pub(crate) fn fix(&mut self, name: &'static str, support: Support, shape: &Shape, rotation: Quat, offset: Vec3) {
         let first = self.shape.parts.len();
         self.shape.add(shape, rotation, offset);
         self.objects.push(Placed { name, support, parts: first..self.shape.parts.len() });
     }
 
-    /// Adds a shape given in the frame of a wall (x along it, y up, z into the room).
+    /// Adds a shape given in the frame of a wall: x along it, y up, z into the room.
     pub(crate) fn fix_to_wall(&mut self, name: &'static str, support: Support, shape: &Shape, wall: usize) {
         let wall = &self.plan.walls[wall];
         let (rotation, offset) = (Quat::from_rotation_y(wall.yaw_rad()), wall.point(0.0, 0.0, 0.0));
         self.fix(name, support, shape, rotation, offset);
     }
 
-    /// Adds a piece and its tops.
+    /// Adds a piece and its support surfaces, without a collision test. Returns the object's index.
     pub(crate) fn put(&mut self, piece: &Piece, support: Support, yaw_rad: f32, offset: Vec3) -> usize {
         self.fix(piece.name, support, &piece.shape, Quat::from_rotation_y(yaw_rad), offset);
         let object = self.objects.len() - 1;
@@ -177,11 +177,11 @@ impl Stage {
         object
     }
 
-    /// Puts a group with its back to a wall where it fits. Gives the numbers of its objects.
+    /// Places a group with its back to a random wall. Returns the indices of its objects, or `None` if nothing fits.
     pub(crate) fn against_wall(&mut self, group: &Group, along: Along) -> Option<Vec<usize>> {
         let (least, most) = bounds(group);
         let front_m = group.iter().map(|(piece, ..)| piece.front_m).fold(0.0, f32::max);
-        // Skirting boards keep furniture a little off the wall.
+        // Clears the skirting boards.
         const GAP_M: f32 = 0.022;
         for _ in 0..28 {
             let wall_index = count(&mut self.random, 0, self.plan.walls.len() - 1);
@@ -210,7 +210,7 @@ impl Stage {
         None
     }
 
-    /// Puts a group somewhere free, parallel to the walls; `near` draws it to a place.
+    /// Places a group at a free position parallel to the walls, close to `near` if given.
     pub(crate) fn freely(&mut self, group: &Group, near: Option<Vec2>, margin_m: f32) -> Option<Vec<usize>> {
         let (least, most) = self.plan.extent();
         for attempt in 0..28 {
@@ -239,7 +239,7 @@ impl Stage {
         None
     }
 
-    /// Puts a group at a place if it fits there.
+    /// Places a group at `origin` if it fits there.
     pub(crate) fn try_at(&mut self, group: &Group, yaw_rad: f32, origin: Vec3, front_m: f32) -> Option<Vec<usize>> {
         let (least, most) = bounds(group);
         let at = Vec2::new(origin.x, origin.z);
@@ -265,12 +265,12 @@ impl Stage {
             self.layout.take_for(own, [least.y.max(0.0), most.y], Some(object));
             placed.push(object);
         }
-        // Nothing is squeezed in between them.
+        // Keeps later objects out of the gaps inside the group.
         self.layout.keep_free(footprint, y);
         Some(placed)
     }
 
-    /// Middle of what an object covers, seen from above, and its extent in the room's axes.
+    /// Axis-aligned bounds of an object: minimum and maximum corner.
     pub(crate) fn box_of(&self, object: usize) -> (Vec3, Vec3) {
         let mut bounds = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for part in &self.shape.parts[self.objects[object].parts.clone()] {
@@ -285,7 +285,7 @@ impl Stage {
     }
 }
 
-/// Box around a group in its own frame.
+/// Bounds of a group in its own frame: minimum and maximum corner.
 pub(crate) fn bounds(group: &Group) -> (Vec3, Vec3) {
     group.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(least, most), (piece, offset, yaw)| {
         let (low, high) = piece.shape.bounds();

@@ -10,7 +10,7 @@ use crate::plan::{Opening, Wall};
 use crate::solids::Shape;
 use crate::stage::{Piece, Stage, Support};
 
-/// Builds all windows and gives the portals through which daylight comes.
+/// Builds all windows and returns the portals through which daylight enters.
 pub(crate) fn build(stage: &mut Stage, night: bool) -> Vec<Portal> {
     let mut portals = Vec::new();
     let dressing = weighted(
@@ -55,7 +55,7 @@ fn portal(wall: &Wall, opening: &Opening) -> Portal {
     Portal { corner, edges: [along, up] }
 }
 
-/// The four sides of the hole, seen from inside.
+/// Adds the four sides of an opening, seen from inside.
 pub(crate) fn reveal(stage: &mut Stage, wall: usize, opening: &Opening) {
     let paint = stage.palette.paint(Finish::Trim);
     let deep = -stage.plan.walls[wall].thickness_m;
@@ -70,7 +70,7 @@ pub(crate) fn reveal(stage: &mut Stage, wall: usize, opening: &Opening) {
     stage.fix_to_wall("reveal", Support::Building, &shape, wall);
 }
 
-/// Frame, glazing bars, one pane per field, and a sill.
+/// Adds the frame, glazing bars, the pane and a sill. `shelf` lets small objects stand on the sill.
 fn frame(stage: &mut Stage, wall: usize, opening: &Opening, [columns, rows]: [usize; 2], shelf: bool) {
     let paint = stage.palette.paint(Finish::WindowFrame);
     let glass = stage.palette.paint(Finish::Glass);
@@ -83,7 +83,7 @@ fn frame(stage: &mut Stage, wall: usize, opening: &Opening, [columns, rows]: [us
     let mut beam = |x: [f32; 2], y: [f32; 2]| {
         shape.board(Vec3::new(x[0], y[0], back), Vec3::new(x[1], y[1], front), paint);
     };
-    // The outer bars reach into the wall, so that no light passes beside them.
+    // The outer bars reach into the wall, so that no light leaks beside them.
     beam([a - 0.01, a + bar], [low - 0.01, high + 0.01]);
     beam([b - bar, b + 0.01], [low - 0.01, high + 0.01]);
     beam([a, b], [low - 0.01, low + bar]);
@@ -109,7 +109,7 @@ fn frame(stage: &mut Stage, wall: usize, opening: &Opening, [columns, rows]: [us
         let mut sill = Shape::default();
         sill.board(Vec3::new(a - 0.03, low - 0.03, 0.001), Vec3::new(b + 0.03, low, reach), paint);
         stage.fix_to_wall("sill edge", Support::Building, &sill, wall);
-        // The board in the reveal, in its own frame about its middle, where flower pots stand.
+        // The board in the reveal, which carries flower pots; its frame is centred.
         let half = Vec2::new(0.5 * (b - a), -0.5 * front);
         let mut board = Shape::default();
         board.cuboid(Vec3::new(-half.x, -0.006, -half.y), Vec3::new(half.x, 0.0, half.y), paint);
@@ -123,7 +123,7 @@ fn frame(stage: &mut Stage, wall: usize, opening: &Opening, [columns, rows]: [us
     }
 }
 
-/// Space in front of a wall in its frame, so that no furniture gets into it.
+/// Marks a box in the frame of a wall as occupied, so that no furniture intersects it.
 fn take(stage: &mut Stage, wall: usize, least: Vec3, most: Vec3) {
     let origin = stage.plan.walls[wall].point(0.0, 0.0, 0.0);
     let yaw = stage.plan.walls[wall].yaw_rad();
@@ -131,7 +131,7 @@ fn take(stage: &mut Stage, wall: usize, least: Vec3, most: Vec3) {
     stage.layout.take(footprint, [least.y, most.y]);
 }
 
-/// A rod with a curtain to either side, drawn more or less, sometimes with a net behind.
+/// Adds a rod with a curtain on either side, partly drawn, and sometimes a net curtain behind.
 fn curtains(stage: &mut Stage, wall: usize, opening: &Opening, night: bool) {
     let length = stage.plan.walls[wall].length_m;
     let over = between(&mut stage.random, 0.12, 0.3);
@@ -197,7 +197,7 @@ fn curtains(stage: &mut Stage, wall: usize, opening: &Opening, night: bool) {
     }
 }
 
-/// How far a blind is let down, as a share of the window.
+/// Draws how far a blind is lowered, as a share of the window.
 fn let_down(stage: &mut Stage, night: bool) -> f32 {
     match weighted(
         &mut stage.random,
@@ -209,7 +209,7 @@ fn let_down(stage: &mut Stage, night: bool) -> f32 {
     }
 }
 
-/// A cloth rolled up at the top of the reveal.
+/// Adds a roller blind at the top of the reveal.
 fn roller(stage: &mut Stage, wall: usize, opening: &Opening, night: bool) {
     let share = let_down(stage, night);
     let cloth = stage.palette.paint(Finish::Blind);
@@ -235,7 +235,7 @@ fn roller(stage: &mut Stage, wall: usize, opening: &Opening, night: bool) {
     stage.fix_to_wall("roller blind", Support::Wall, &shape, wall);
 }
 
-/// A Venetian blind: slats of 25 mm, turned together.
+/// Adds a Venetian blind with 25 mm slats of a common tilt.
 fn slats(stage: &mut Stage, wall: usize, opening: &Opening, night: bool) {
     let share = let_down(stage, night);
     let metal = stage.palette.paint(Finish::Lacquer);
@@ -257,7 +257,7 @@ fn slats(stage: &mut Stage, wall: usize, opening: &Opening, night: bool) {
     stage.fix_to_wall("venetian blind", Support::Wall, &shape, wall);
 }
 
-/// A panel or column radiator below the sill.
+/// Adds a panel or column radiator below the sill.
 fn radiator(stage: &mut Stage, wall: usize, opening: &Opening) {
     let width = (opening.width_m() - 0.1).min(between(&mut stage.random, 0.6, 1.6));
     let middle = 0.5 * (opening.s[0] + opening.s[1]);

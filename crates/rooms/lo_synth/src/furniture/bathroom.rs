@@ -1,4 +1,4 @@
-//! Bath, shower, basin, toilet.
+//! Bathroom furniture: bath, shower, washstand, toilet.
 
 use std::f32::consts::TAU;
 
@@ -10,13 +10,13 @@ use crate::palette::Finish;
 use crate::solids::{Paint, Shape};
 use crate::stage::{Piece, Stage};
 
-/// A tub of 170 × 75 cm, 56 cm high, its long side at z = 0.
+/// Builds a bathtub of 170 × 75 cm, 56 cm high; long side at z = 0.
 pub(super) fn bath(stage: &mut Stage) -> Piece {
     let white = stage.palette.paint(Finish::Ceramic);
     let (half, depth, high) = (Vec2::new(0.85, 0.375), 0.4, 0.56);
     let mut shape = Shape::default();
     let p = Vec3::new;
-    // The apron: four sides; the basin is let in from above.
+    // Four sides; the basin closes the top.
     let (a, b) = (p(-half.x, 0.0, 0.0), p(half.x, high, 0.75));
     let first = shape.triangles.len();
     shape.polygon(&[p(a.x, 0.0, b.z), p(b.x, 0.0, b.z), p(b.x, high, b.z), p(a.x, high, b.z)], white);
@@ -30,10 +30,10 @@ pub(super) fn bath(stage: &mut Stage) -> Piece {
     Piece::new("bath", shape).with_front(0.5)
 }
 
-/// A rim from a rectangle of `outer` to an oval of `inner` half extents, and the oval hollow below it. Open below.
+/// Adds a basin, open below: a rim from a rectangle of `outer` to an oval of `inner` half extents and the hollow.
 fn basin(shape: &mut Shape, at: Vec3, outer: Vec2, inner: Vec2, depth: f32, paint: Paint) {
     let direction = |u: f32| Vec2::new((TAU * u).cos(), -(TAU * u).sin());
-    // A superellipse of exponent 4 for the hollow, the rectangle for the rim.
+    // The hollow is a superellipse of exponent 4.
     let oval = move |u: f32| {
         let d = direction(u);
         d / (d.x.abs().powi(4) + d.y.abs().powi(4)).powf(0.25) * inner
@@ -59,7 +59,7 @@ fn basin(shape: &mut Shape, at: Vec3, outer: Vec2, inner: Vec2, depth: f32, pain
     });
 }
 
-/// A tray of 90 × 90 cm with glass on one or two sides, its back and left side at walls.
+/// Builds a shower with a tray of 90 × 90 cm and glass on two sides; back at z = 0.
 pub(super) fn shower(stage: &mut Stage) -> Piece {
     let white = stage.palette.paint(Finish::Ceramic);
     let glass = stage.palette.paint(Finish::Glass);
@@ -82,7 +82,7 @@ pub(super) fn shower(stage: &mut Stage) -> Piece {
     Piece::new("shower", shape).with_front(0.5)
 }
 
-/// A toilet with its cistern at z = 0; seat at 42 cm.
+/// Builds a toilet with the seat at 42 cm; cistern at z = 0.
 pub(super) fn toilet(stage: &mut Stage) -> Piece {
     let white = stage.palette.paint(Finish::Ceramic);
     let metal = stage.palette.paint(Finish::Metal);
@@ -99,7 +99,7 @@ pub(super) fn toilet(stage: &mut Stage) -> Piece {
     Piece::new("toilet", shape).with_front(0.5)
 }
 
-/// Scales a shape that was not turned.
+/// Scales an unrotated shape along the axes.
 fn stretch(shape: &mut Shape, factor: Vec3) {
     for p in &mut shape.positions {
         *p *= factor;
@@ -109,7 +109,7 @@ fn stretch(shape: &mut Shape, factor: Vec3) {
     }
 }
 
-/// A basin on a cupboard, its rim at 85 cm.
+/// Builds a washstand: a basin on a cupboard, 83 cm high.
 pub(super) fn washstand(stage: &mut Stage) -> Piece {
     let white = stage.palette.paint(Finish::Ceramic);
     let front = stage.palette.paint(Finish::Fronts);

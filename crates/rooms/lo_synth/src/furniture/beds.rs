@@ -9,7 +9,7 @@ use crate::stage::{Piece, Stage};
 use crate::texture::Noise;
 use lo_random::RngExt;
 
-/// A bed of 90–180 × 200 cm, its head at z = 0; mattress at 45–58 cm.
+/// Builds a bed of 90–180 × 200 cm with the mattress at 44–58 cm; head at z = 0.
 pub(super) fn bed(stage: &mut Stage, wide: bool) -> Piece {
     let width =
         if wide { pick(&mut stage.random, &[1.4, 1.6, 1.8]) } else { pick(&mut stage.random, &[0.9, 1.0, 1.2]) };
@@ -52,7 +52,7 @@ pub(super) fn bed(stage: &mut Stage, wide: bool) -> Piece {
     Piece::new("bed", shape).with_front(0.0)
 }
 
-/// A cover over the mattress that hangs down at the sides and the foot.
+/// Adds a cover over the mattress that hangs down at the sides and the foot.
 fn duvet(stage: &mut Stage, shape: &mut Shape, half: f32, z: [f32; 2], [low, top]: [f32; 2], paint: Paint) {
     let noise = Noise::new(stage.random.random());
     let thick = between(&mut stage.random, 0.035, 0.07);
@@ -60,7 +60,7 @@ fn duvet(stage: &mut Stage, shape: &mut Shape, half: f32, z: [f32; 2], [low, top
     let first = shape.triangles.len();
     let (across, along) = (2.0 * (half + hang), z[1] - z[0] + hang);
     let radius = 0.05;
-    // Beyond the flat top the cloth runs over a quarter circle and hangs; at the corners in a cone.
+    // Beyond the flat top, the cloth follows a quarter circle and hangs down, in a cone at the corners.
     let flat = Vec2::new(half + 0.045 - radius, z[1] - z[0] + 0.025 - radius);
     let arc = radius * std::f32::consts::FRAC_PI_2;
     let fall = move |s: f32| -> (f32, f32) {
@@ -79,7 +79,7 @@ fn duvet(stage: &mut Stage, shape: &mut Shape, half: f32, z: [f32; 2], [low, top
         let swell = thick * (1.0 + 0.9 * wrinkle);
         let ripple = if down > radius { 0.015 * wrinkle } else { 0.0 };
         let p = edge + beyond.normalize_or_zero() * (out + ripple);
-        // The open edge lies on the sheet.
+        // The open edge rests on the sheet.
         let lip = (s.y / 0.08).min(1.0);
         Vec3::new(p.x, top + swell * lip - down, z[0] + p.y)
     });

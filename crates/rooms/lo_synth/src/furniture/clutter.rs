@@ -1,4 +1,4 @@
-//! Small things on tops: bottles, bowls, books, screens, cups.
+//! Small objects on support surfaces: bottles, bowls, books, computers, cups.
 
 use lo_geometry::{Quat, Vec2, Vec3};
 
@@ -9,7 +9,7 @@ use crate::palette::Finish;
 use crate::solids::Shape;
 use crate::stage::{Piece, Stage, Support};
 
-/// Puts things on all tops that there are; `amount` 0 … 1.
+/// Places small objects on all support surfaces; `amount` in [0, 1].
 pub(super) fn scatter(stage: &mut Stage, amount: f32) {
     for top in 0..stage.tops.len() {
         let name = stage.tops[top].name;
@@ -47,7 +47,9 @@ fn thing_for(stage: &mut Stage, name: &str) -> Piece {
     }
 }
 
-/// Puts a thing on a top, at a place of the top's frame or wherever there is room. Gives whether there was.
+/// Places an object on a support surface. Returns whether it fitted.
+///
+/// `at` is its position and yaw in the surface's frame; without it, free positions are drawn.
 pub(crate) fn put_on(stage: &mut Stage, top: usize, thing: &Piece, at: Option<(Vec2, f32)>) -> bool {
     let (least, most) = thing.shape.bounds();
     let place = &stage.tops[top];
@@ -70,7 +72,7 @@ pub(crate) fn put_on(stage: &mut Stage, top: usize, thing: &Piece, at: Option<(V
             place.taken.push(footprint);
             let moved = turned(offset, yaw);
             let origin = center + Vec3::new(moved.x, 0.0, moved.y);
-            // Tall things on tables and sills can reach into curtains and lamps.
+            // Tall objects could reach into curtains and lamps.
             let world = Footprint::of_box(least, most, yaw + turn, Vec2::new(origin.x, origin.z));
             let y = [origin.y + 0.01, origin.y + most.y];
             let on_sill = stage.tops[top].name == "window sill";
@@ -233,7 +235,7 @@ fn small_box(stage: &mut Stage) -> Piece {
     Piece::new("box", shape)
 }
 
-/// Screen, keyboard and mouse, or a laptop.
+/// Builds a monitor with keyboard and mouse, or a laptop.
 pub(super) fn computer(stage: &mut Stage, on: bool) -> Piece {
     let black = stage.palette.paint(Finish::Matte).tinted([0.03; 3]);
     let grey = stage.palette.paint(Finish::Metal);

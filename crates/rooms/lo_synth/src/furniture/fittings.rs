@@ -1,4 +1,4 @@
-//! What hangs and stands about where people work: pipes, tools, ladders, barrels, tripods, pillars.
+//! Fittings of work rooms: pipes, tool boards, ladders, barrels, tripods, pillars.
 
 use std::f32::consts::TAU;
 
@@ -12,7 +12,7 @@ use crate::palette::Finish;
 use crate::solids::Shape;
 use crate::stage::{Piece, Stage};
 
-/// One to three pipes along a wall, held by clamps.
+/// Builds one to three clamped pipes along a wall.
 pub(super) fn pipes(stage: &mut Stage) -> Hanging {
     let half = between(&mut stage.random, 0.6, 2.4);
     let (metal, white) = (stage.palette.paint(Finish::Metal), stage.palette.paint(Finish::Gloss));
@@ -38,7 +38,7 @@ pub(super) fn pipes(stage: &mut Stage) -> Hanging {
     Hanging { name: "pipes", shape }
 }
 
-/// A board with tools hung up on it.
+/// Builds a board with hanging tools.
 pub(super) fn tool_wall(stage: &mut Stage) -> Hanging {
     let board = if chance(&mut stage.random, 0.5) { stage.palette.paint(Finish::Wood) } else { paint_of(stage) };
     let (metal, black) = (stage.palette.paint(Finish::Metal), dark(stage));
@@ -57,7 +57,7 @@ pub(super) fn tool_wall(stage: &mut Stage) -> Hanging {
             let long = between(&mut stage.random, 0.16, 0.28);
             match count(&mut stage.random, 0, 4) {
                 0 => {
-                    // A hammer.
+                    // Hammer.
                     shape.bar(p(0.0, 0.02), p(0.0, long), [0.011, 0.014], 10, grip);
                     shape.rounded(p(-0.05, 0.035) - Vec3::Z * 0.014, p(0.05, 0.0) + Vec3::Z * 0.014, 0.004, 1, black);
                     x += 0.05;
@@ -72,7 +72,7 @@ pub(super) fn tool_wall(stage: &mut Stage) -> Hanging {
                     x += 0.07;
                 }
                 2 => {
-                    // A saw.
+                    // Saw.
                     let teeth = [p(0.0, 0.09), p(0.3, 0.06), p(0.3, 0.03), p(0.0, 0.0)];
                     if x + 0.32 < half.x - 0.02 {
                         let first = shape.triangles.len();
@@ -128,7 +128,7 @@ pub(super) fn ladder(stage: &mut Stage) -> Piece {
     Piece::new("ladder", shape)
 }
 
-/// A barrel or a bucket.
+/// Builds a barrel or a bucket.
 pub(super) fn barrel(stage: &mut Stage) -> Piece {
     let paint = stage.palette.paint(Finish::Gloss).tinted(tint(stage));
     let mut shape = Shape::default();
@@ -151,7 +151,7 @@ pub(super) fn barrel(stage: &mut Stage) -> Piece {
     Piece::new("barrel", shape)
 }
 
-/// Three legs with a camera or a lamp's head on them.
+/// Builds a tripod with a camera.
 pub(super) fn tripod(stage: &mut Stage) -> Piece {
     let black = dark(stage);
     let height = between(&mut stage.random, 1.1, 1.6);
@@ -170,7 +170,7 @@ pub(super) fn tripod(stage: &mut Stage) -> Piece {
     Piece::new("tripod", shape)
 }
 
-/// From the floor to the ceiling.
+/// Builds a pillar from the floor to the ceiling.
 pub(super) fn pillar(stage: &mut Stage) -> Piece {
     let paint = stage.palette.paint(if chance(&mut stage.random, 0.5) { Finish::Wall } else { Finish::Trim });
     let top = stage.plan.height_m - 0.008;

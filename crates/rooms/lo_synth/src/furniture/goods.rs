@@ -1,4 +1,4 @@
-//! Small things that are bought, read, eaten and played with.
+//! Small everyday objects: papers, books, packages, devices, toys.
 
 use lo_geometry::{Quat, Vec2, Vec3};
 
@@ -17,13 +17,13 @@ pub(super) fn dark(stage: &mut Stage) -> Paint {
     stage.palette.paint(Finish::Matte).tinted([grey; 3])
 }
 
-/// A sheet or a few, or a pile of them.
+/// Builds a few sheets of paper, sometimes on a pile.
 pub(super) fn papers(stage: &mut Stage) -> Piece {
     let white = stage.palette.paint(Finish::Matte).tinted([0.78, 0.77, 0.74]);
     let small = chance(&mut stage.random, 0.25);
     let half = if small { Vec2::new(0.074, 0.105) } else { Vec2::new(0.105, 0.148) };
     let mut shape = Shape::default();
-    // Paper never lies quite flat.
+    // Paper is never perfectly flat.
     let mut y = 0.0003;
     for k in 0..count(&mut stage.random, 1, 4) {
         let pile = k == 0 && chance(&mut stage.random, 0.35);
@@ -40,7 +40,7 @@ pub(super) fn papers(stage: &mut Stage) -> Piece {
     Piece::new("papers", shape)
 }
 
-/// Lying, its front up.
+/// Builds a book lying with its front up.
 pub(super) fn book(stage: &mut Stage) -> Piece {
     let front = stage.palette.front(&mut stage.random);
     let body = stage.palette.paint(Finish::Matte).tinted(tint(stage));
@@ -58,7 +58,7 @@ pub(super) fn book(stage: &mut Stage) -> Piece {
     Piece::new("book", shape)
 }
 
-/// A printed box, standing or lying; `size` times as large as those on tables.
+/// Builds a printed box, `size` times as large as those on tables.
 pub(super) fn package(stage: &mut Stage, size: f32) -> Piece {
     let body = stage.palette.paint(Finish::Matte).tinted(tint(stage));
     let fronts = [(); 2].map(|()| stage.palette.front(&mut stage.random));
@@ -83,7 +83,7 @@ pub(super) fn package(stage: &mut Stage, size: f32) -> Piece {
     Piece::new("package", shape)
 }
 
-/// A tin, or a plastic bottle that stands on its foot.
+/// Builds a tin or a plastic bottle.
 pub(super) fn can(stage: &mut Stage) -> Piece {
     let front = stage.palette.front(&mut stage.random);
     let mut shape = Shape::default();
@@ -108,7 +108,7 @@ pub(super) fn can(stage: &mut Stage) -> Piece {
     Piece::new("can", shape)
 }
 
-/// A phone or a tablet, lying; its screen dark or lit.
+/// Builds a phone or a tablet, lying, with its screen on or off.
 pub(super) fn handset(stage: &mut Stage) -> Piece {
     let body = if chance(&mut stage.random, 0.6) { dark(stage) } else { stage.palette.paint(Finish::Metal) };
     let (half, thick) = if chance(&mut stage.random, 0.7) {
@@ -125,7 +125,7 @@ pub(super) fn handset(stage: &mut Stage) -> Piece {
     Piece::new("handset", shape)
 }
 
-/// A pot of pens, or one alone.
+/// Builds a pot of pens or a single pen.
 pub(super) fn pens(stage: &mut Stage) -> Piece {
     let mut shape = Shape::default();
     let gloss = stage.palette.paint(Finish::Gloss);
@@ -159,7 +159,7 @@ pub(super) fn keyboard(stage: &mut Stage) -> Piece {
     Piece::new("keyboard", shape)
 }
 
-/// A game controller, or a mouse.
+/// Builds a game controller or a mouse.
 pub(super) fn controller(stage: &mut Stage) -> Piece {
     let paint = if chance(&mut stage.random, 0.6) {
         dark(stage)
@@ -184,7 +184,7 @@ pub(super) fn controller(stage: &mut Stage) -> Piece {
     Piece::new("controller", shape)
 }
 
-/// Adhesive tape, lying.
+/// Builds a roll of adhesive tape, lying.
 pub(super) fn roll(stage: &mut Stage) -> Piece {
     let paint = stage.palette.paint(Finish::Gloss).tinted(tint(stage));
     let (outer, high) = (between(&mut stage.random, 0.035, 0.06), between(&mut stage.random, 0.015, 0.05));
@@ -194,7 +194,7 @@ pub(super) fn roll(stage: &mut Stage) -> Piece {
     Piece::new("tape", shape)
 }
 
-/// A cordless drill, lying on its side.
+/// Builds a cordless drill lying on its side.
 pub(super) fn drill(stage: &mut Stage) -> Piece {
     let colors = [[0.5, 0.02, 0.02], [0.02, 0.16, 0.2], [0.6, 0.35, 0.02], [0.02, 0.06, 0.3]];
     let body = stage.palette.paint(Finish::Gloss).tinted(pick(&mut stage.random, &colors));
@@ -233,7 +233,7 @@ pub(super) fn fruit(stage: &mut Stage) -> Piece {
     Piece::new("fruit", shape)
 }
 
-/// A sitting bear.
+/// Builds a sitting teddy bear.
 pub(super) fn toy(stage: &mut Stage) -> Piece {
     let cloth = stage.palette.dress(&mut stage.random).tinted([0.8, 0.6, 0.45]);
     let black = dark(stage);
@@ -255,7 +255,7 @@ pub(super) fn toy(stage: &mut Stage) -> Piece {
     Piece::new("toy", shape)
 }
 
-/// Lying on their side.
+/// Builds headphones lying on their side.
 pub(super) fn headphones(stage: &mut Stage) -> Piece {
     let paint = dark(stage);
     let mut shape = Shape::default();
@@ -289,7 +289,7 @@ pub(super) fn shoes(stage: &mut Stage) -> Piece {
     Piece::new("shoes", shape)
 }
 
-/// A waste bin with paper in it.
+/// Builds a waste bin with paper.
 pub(super) fn bin(stage: &mut Stage) -> Piece {
     let paint = stage.palette.paint(Finish::Gloss).tinted(tint(stage));
     let white = stage.palette.paint(Finish::Matte).tinted([0.7; 3]);
@@ -306,7 +306,7 @@ pub(super) fn bin(stage: &mut Stage) -> Piece {
     Piece::new("bin", shape)
 }
 
-/// A computer's case.
+/// Builds a computer case.
 pub(super) fn tower(stage: &mut Stage) -> Piece {
     let body = if chance(&mut stage.random, 0.7) {
         dark(stage)

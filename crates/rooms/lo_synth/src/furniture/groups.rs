@@ -1,4 +1,4 @@
-//! Pieces that stand together.
+//! Groups of furniture that are placed together.
 
 use lo_geometry::{Vec2, Vec3};
 
@@ -17,7 +17,7 @@ pub(super) fn center(stage: &Stage, object: usize) -> Vec2 {
     Vec2::new(0.5 * (least.x + most.x), 0.5 * (least.z + most.z))
 }
 
-/// A table with chairs, most of them pushed under it, some drawn out.
+/// Places a table with chairs, most of them pushed in.
 pub(super) fn dining_group(stage: &mut Stage) {
     let round = chance(&mut stage.random, 0.25);
     let large = stage.plan.area_m2() > 12.0;
@@ -31,7 +31,7 @@ pub(super) fn dining_group(stage: &mut Stage) {
     let chair = seating::chair(stage, style);
     let table = tables::dining_table(stage, half, round);
     let mut group = alone(table);
-    // The seat's middle from the edge of the table: its front is 10 to 15 cm below the top.
+    // Distance of the seat's centre from the table's edge; a pushed-in seat reaches 7 to 14 cm under the top.
     let out = |stage: &mut Stage| {
         if chance(&mut stage.random, 0.2) {
             between(&mut stage.random, 0.2, 0.35)
@@ -44,7 +44,7 @@ pub(super) fn dining_group(stage: &mut Stage) {
         for k in 0..number {
             let angle = std::f32::consts::TAU * (k as f32 + 0.25) / number as f32;
             let direction = Vec2::new(angle.sin(), angle.cos());
-            // The chair's front (z) looks to the middle.
+            // The chair faces the centre.
             group.push((chair.clone(), direction * (half.x + out(stage)), angle + std::f32::consts::PI));
         }
     } else {
@@ -102,7 +102,7 @@ pub(super) fn desk_group(stage: &mut Stage, on: bool) {
     }
 }
 
-/// A rug about a place, as large as the walls allow; furniture stands on it.
+/// Adds a rug centred near `at`, limited by the walls. Furniture may stand on it.
 pub(super) fn rug(stage: &mut Stage, at: Vec2, half: Vec2) {
     let (least, most) = stage.plan.extent();
     let half = half.min((most - least) * 0.5 - Vec2::splat(0.25));

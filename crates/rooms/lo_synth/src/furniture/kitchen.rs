@@ -1,4 +1,4 @@
-//! Kitchen lines: base units with a worktop at 90 cm, sink, hob, oven, wall units, a refrigerator.
+//! Kitchen lines: base units with a worktop at 90 cm, sink, hob, oven, wall units and a refrigerator.
 
 use lo_geometry::{Vec2, Vec3};
 
@@ -13,7 +13,7 @@ const UNIT_M: f32 = 0.6;
 const DEPTH_M: f32 = 0.6;
 const TOP_M: f32 = 0.9;
 
-/// Materials of all units.
+/// Materials shared by all units.
 #[derive(Clone, Copy)]
 struct Looks {
     front: Paint,
@@ -22,7 +22,7 @@ struct Looks {
     black: Paint,
 }
 
-/// A line of `units` of 60 cm with its back at z = 0; with wall units it hides the wall up to 2.1 m.
+/// Builds a line of `units` 60 cm wide; back at z = 0. `upper` adds wall units, `strip` a light strip below them.
 pub(super) fn line(stage: &mut Stage, units: usize, upper: bool, strip: bool) -> Piece {
     let looks = Looks {
         front: stage.palette.paint(Finish::Fronts),
@@ -95,7 +95,7 @@ fn base_unit(stage: &mut Stage, shape: &mut Shape, x: f32, looks: Looks, oven: b
     }
 }
 
-/// The slab with a hole for the basin, the basin and the tap.
+/// Adds the worktop with a cut-out, the basin and the tap.
 fn worktop(shape: &mut Shape, [left, right]: [f32; 2], sink: f32, looks: Looks) {
     let (hole_x, hole_z) = ([sink + 0.06, sink + 0.54], [0.12, 0.5]);
     let (low, high) = (TOP_M - 0.04, TOP_M);
@@ -123,7 +123,7 @@ fn worktop(shape: &mut Shape, [left, right]: [f32; 2], sink: f32, looks: Looks) 
     tap(shape, Vec3::new(0.5 * (hole_x[0] + hole_x[1]), high, 0.07), 0.28, m);
 }
 
-/// A bent pipe with a lever.
+/// Adds a tap: a bent pipe with a lever.
 pub(super) fn tap(shape: &mut Shape, at: Vec3, height: f32, paint: Paint) {
     shape.bar(at, at + Vec3::Y * 0.03, [0.026, 0.022], 12, paint);
     let reach = 0.55 * height;
@@ -156,7 +156,7 @@ fn hob_plates(stage: &mut Stage, shape: &mut Shape, x: f32, looks: Looks) {
         }
     }
     if chance(&mut stage.random, 0.45) {
-        // A pot.
+        // Pot.
         let lift = if gas { 0.037 } else { 0.007 };
         let at = Vec3::new(x + 0.16, TOP_M + lift, 0.41);
         let (r, h) = (0.1, between(&mut stage.random, 0.08, 0.16));
@@ -172,7 +172,7 @@ fn wall_units(stage: &mut Stage, shape: &mut Shape, [left, units]: [f32; 2], hob
     for k in 0..units as usize {
         let x = left + k as f32 * UNIT_M;
         if k == hob {
-            // The extractor hood: a body and a flue.
+            // Extractor hood: body and flue.
             shape.rounded(
                 Vec3::new(x + 0.005, low + 0.1, 0.0),
                 Vec3::new(x + 0.595, low + 0.18, 0.48),
@@ -197,7 +197,7 @@ fn wall_units(stage: &mut Stage, shape: &mut Shape, [left, units]: [f32; 2], hob
     }
 }
 
-/// A strip of light emitting diodes under the wall units.
+/// Adds an LED strip, switched on, under the wall units.
 fn under_light(stage: &mut Stage, shape: &mut Shape, [left, right]: [f32; 2]) {
     let paint = stage.palette.paint(Finish::Metal);
     shape.cuboid(Vec3::new(left + 0.05, 1.439, 0.05), Vec3::new(right - 0.05, 1.448, 0.075), paint);

@@ -1,4 +1,4 @@
-//! What lies about in rooms that are lived and worked in: papers, packages, devices, cables.
+//! Litter in lived-in rooms: papers, packages, devices, cables, posters.
 
 use std::f32::consts::TAU;
 
@@ -17,10 +17,10 @@ use crate::palette::Finish;
 use crate::solids::{Paint, Shape};
 use crate::stage::{Piece, Stage, Support};
 
-/// Cables are thinner than what things press into one another.
+/// Range of cable radii, metres: below the tolerance of contact between objects.
 const CABLE_M: [f32; 2] = [0.0018, 0.0029];
 
-/// Strews things over tables, shelves and floor, and cables between them; `amount` 0 … 1.
+/// Scatters litter over tables, shelves, floor and walls; `amount` in [0, 1].
 pub(super) fn strew(stage: &mut Stage, amount: f32) {
     for top in 0..stage.tops.len() {
         let name = stage.tops[top].name;
@@ -102,7 +102,7 @@ fn thing_on_floor(stage: &mut Stage) -> Piece {
     }
 }
 
-/// Paper on the wall, without a frame.
+/// Builds a poster without a frame.
 fn poster(stage: &mut Stage) -> walls::Hanging {
     use lo_random::RngExt;
     let half = pick(
@@ -130,7 +130,7 @@ fn cable_paint(stage: &mut Stage) -> Paint {
     stage.palette.paint(Finish::Gloss).tinted(pick(&mut stage.random, &colors))
 }
 
-/// A line that winds from `a` to `b` on a plane at the height of half a cable.
+/// Draws a winding line from `a` to `b` at the height of a cable's axis.
 fn winding(stage: &mut Stage, [a, b]: [Vec2; 2], radius: f32) -> Vec<Vec3> {
     let along = b - a;
     let aside = Vec2::new(-along.y, along.x);
@@ -148,7 +148,7 @@ fn winding(stage: &mut Stage, [a, b]: [Vec2; 2], radius: f32) -> Vec<Vec3> {
         .collect()
 }
 
-/// Across a table from somewhere on it; what stands there may stand on it.
+/// Adds a cable across a support surface. Other objects may stand on it.
 fn cable_on(stage: &mut Stage, top: usize) {
     let (half, object) = (stage.tops[top].half, stage.tops[top].object);
     if half.min_element() < 0.12 {
@@ -173,7 +173,7 @@ fn cable_on(stage: &mut Stage, top: usize) {
     stage.fix("cable", Support::Object(object), &shape, Quat::from_rotation_y(yaw), center);
 }
 
-/// On the floor, from a wall into the room or along it; under furniture and through between its legs.
+/// Adds a cable on the floor from a wall into the room, ignoring furniture.
 fn cable_on_floor(stage: &mut Stage) {
     let paint = cable_paint(stage);
     let radius = between(&mut stage.random, 0.0024, 0.0035);

@@ -1,4 +1,4 @@
-//! Furniture by use of the room: what stands where, by simple rules of use.
+//! Furniture: pieces by type, and rules that place them by room kind.
 
 mod bathroom;
 mod beds;
@@ -29,7 +29,7 @@ use crate::chance::{between, chance, count};
 use crate::description::{LampUse, RoomKind};
 use crate::stage::{Along, Stage};
 
-/// Fills the room; `clutter` 0 … 1.
+/// Furnishes a room; `clutter` in [0, 1].
 pub(crate) fn furnish(stage: &mut Stage, kind: RoomKind, clutter: f32, lighting: LampUse) {
     let screens = lighting != LampUse::SingleLamp && lighting != LampUse::Daylight;
     let screens = chance(&mut stage.random, if screens { 0.5 } else { 0.25 });
@@ -61,7 +61,7 @@ pub(crate) fn furnish(stage: &mut Stage, kind: RoomKind, clutter: f32, lighting:
     clutter::scatter(stage, clutter);
 }
 
-/// Things left lying about, `amount` 0 … 1, and people, where they are wanted.
+/// Adds people, and litter of an `amount` in [0, 1].
 pub(crate) fn live_in(stage: &mut Stage, amount: Option<f32>, with_people: bool) {
     if with_people {
         people::people(stage);
@@ -71,7 +71,7 @@ pub(crate) fn live_in(stage: &mut Stage, amount: Option<f32>, with_people: bool)
     }
 }
 
-/// Plants, boxes, pictures, towels: whatever the use.
+/// Adds plants, boxes, pictures and other objects common to all room kinds.
 fn extras(stage: &mut Stage, kind: RoomKind, clutter: f32) {
     if kind == RoomKind::Bathroom {
         for _ in 0..count(&mut stage.random, 1, 2) {

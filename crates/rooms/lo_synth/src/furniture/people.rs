@@ -1,4 +1,4 @@
-//! Figures of people, built from round bars and balls: what stands and sits in the way in photos.
+//! Figures of people, built from round bars and balls.
 
 use std::f32::consts::TAU;
 
@@ -11,7 +11,7 @@ use crate::palette::Finish;
 use crate::solids::{Paint, Shape};
 use crate::stage::{Along, Piece, Stage};
 
-/// Puts some people into the room, where there is room for them.
+/// Places one to three people where they fit.
 pub(super) fn people(stage: &mut Stage) {
     for _ in 0..count(&mut stage.random, 1, 3) {
         let figure = if chance(&mut stage.random, 0.55) { standing(stage) } else { seated(stage) };
@@ -21,7 +21,7 @@ pub(super) fn people(stage: &mut Stage) {
     }
 }
 
-/// What somebody wears, and looks like.
+/// Appearance of a person.
 struct Look {
     skin: Paint,
     hair: Paint,
@@ -54,7 +54,7 @@ fn look(stage: &mut Stage) -> Look {
     }
 }
 
-/// A limb through three joints with a radius at each.
+/// Adds a limb through three joints with a radius at each.
 fn limb(shape: &mut Shape, joints: [Vec3; 3], radii: [f32; 3], paints: [Paint; 2]) {
     for k in 0..2 {
         shape.bar(joints[k], joints[k + 1], [radii[k], radii[k + 1]], 14, paints[k]);
@@ -63,7 +63,7 @@ fn limb(shape: &mut Shape, joints: [Vec3; 3], radii: [f32; 3], paints: [Paint; 2
     shape.ball(joints[2], [radii[2], radii[2]], 12, paints[1]);
 }
 
-/// Torso, neck, head and arms above hips at the origin; hands at these places.
+/// Builds torso, neck, head and arms. The hips are at the origin, the hands at `hands`.
 fn upper_body(stage: &mut Stage, look: &Look, hands: [Vec3; 2]) -> Shape {
     let mut shape = Shape::default();
     let wide = between(&mut stage.random, 0.9, 1.15);
@@ -82,7 +82,7 @@ fn upper_body(stage: &mut Stage, look: &Look, hands: [Vec3; 2]) -> Shape {
     shape.add_at(&torso.squashed(Vec3::new(1.08 * wide, 1.0, 0.68 * wide)), Vec3::ZERO);
     for (side, hand) in [-1.0, 1.0].into_iter().zip(hands) {
         let shoulder = Vec3::new(0.185 * side * wide, 0.455, 0.0);
-        // The elbow hangs below the middle between shoulder and hand, outwards and back.
+        // The elbow is below, outside and behind the midpoint of shoulder and hand.
         let elbow = (shoulder + hand) * 0.5 + Vec3::new(0.06 * side, -0.09, -0.04);
         let sleeve = if look.long_sleeves { look.upper } else { look.skin };
         limb(&mut shape, [shoulder, elbow, hand], [0.062, 0.045, 0.034], [look.upper, sleeve]);
@@ -116,7 +116,7 @@ fn shoe(shape: &mut Shape, ankle: Vec3, turn: f32, paint: Paint) {
     shape.add(&shoe, Quat::from_rotation_y(turn), Vec3::new(ankle.x, 0.0, ankle.z));
 }
 
-/// 1.5 to 1.95 m tall, turned anywhere.
+/// Builds a standing person, 1.5 to 1.95 m tall, with a random yaw.
 fn standing(stage: &mut Stage) -> Piece {
     let look = look(stage);
     let scale = between(&mut stage.random, 0.88, 1.13);
@@ -149,7 +149,7 @@ fn standing(stage: &mut Stage) -> Piece {
     Piece::new("person", shape)
 }
 
-/// On a chair of their own.
+/// Builds a person seated on a chair.
 fn seated(stage: &mut Stage) -> Piece {
     let look = look(stage);
     let style = seating::chair_style(stage);

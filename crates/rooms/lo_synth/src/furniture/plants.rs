@@ -1,4 +1,4 @@
-//! Plants in pots.
+//! Potted plants.
 
 use lo_geometry::{Vec2, Vec3};
 
@@ -7,7 +7,7 @@ use crate::palette::Finish;
 use crate::solids::Shape;
 use crate::stage::{Piece, Stage};
 
-/// A plant up to `height` metres high, pot included.
+/// Builds a potted plant up to `height` metres high, including the pot.
 pub(super) fn potted(stage: &mut Stage, height: f32) -> Piece {
     let mut shape = Shape::default();
     let pot_h = (0.28 * height).clamp(0.06, 0.34);
@@ -25,7 +25,7 @@ pub(super) fn potted(stage: &mut Stage, height: f32) -> Piece {
     let first = shape.triangles.len();
     match weighted(&mut stage.random, &[(0, 0.4), (1, 0.25), (2, 0.35)]) {
         0 => {
-            // A rosette of arching leaves.
+            // Rosette of arching leaves.
             for k in 0..count(&mut stage.random, 14, 30) {
                 let angle = 2.4 * k as f32 + between(&mut stage.random, -0.3, 0.3);
                 let out = between(&mut stage.random, 0.25, 0.8) * free * 0.8;
@@ -37,7 +37,7 @@ pub(super) fn potted(stage: &mut Stage, height: f32) -> Piece {
             }
         }
         1 => {
-            // Upright swords.
+            // Upright sword-shaped leaves.
             for k in 0..count(&mut stage.random, 7, 14) {
                 let angle = 2.4 * k as f32;
                 let foot = Vec2::new(angle.cos(), angle.sin()) * 0.5 * inner;
@@ -54,7 +54,7 @@ pub(super) fn potted(stage: &mut Stage, height: f32) -> Piece {
             }
         }
         _ => {
-            // A stem with leaves about its head.
+            // Stem with leaves around its top.
             let wood = stage.palette.paint(Finish::Wood);
             let top = base + Vec3::new(0.03, 0.55 * free, 0.02);
             shape.bar(base - Vec3::Y * 0.01, top, [0.06 * r + 0.006, 0.004 + 0.03 * r], 8, wood);

@@ -1,4 +1,4 @@
-//! What stands in a room of each use.
+//! Furnishing of homes, offices and classrooms by room kind.
 
 use lo_geometry::{Vec2, Vec3};
 
@@ -223,7 +223,7 @@ pub(super) fn corridor(stage: &mut Stage, clutter: f32) {
 pub(super) fn classroom(stage: &mut Stage) {
     let (least, most) = stage.plan.extent();
     let board = walls::school_board(stage);
-    // The pupils look along −z or −x, at a wall that is free for the board.
+    // Pupils face a wall that is free for the board.
     let order = crate::chance::shuffled(&mut stage.random, vec![0, 1, 2, 3]);
     let length = |stage: &Stage, w: usize| stage.plan.walls[w].length_m;
     let wall = order.iter().copied().find(|&w| {

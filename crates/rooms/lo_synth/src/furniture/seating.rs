@@ -1,4 +1,4 @@
-//! Chairs, sofas, armchairs: seats 42–48 cm high.
+//! Chairs, sofas and armchairs with seats 42–48 cm high.
 
 use lo_geometry::{Quat, Vec2, Vec3};
 
@@ -8,7 +8,7 @@ use crate::palette::Finish;
 use crate::solids::{Paint, Shape};
 use crate::stage::{Piece, Stage};
 
-/// Looks of dining chairs; all of a set are alike.
+/// Style of a set of dining chairs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ChairStyle {
     Slats,
@@ -17,7 +17,7 @@ pub(super) enum ChairStyle {
     Board,
 }
 
-/// Draws a look.
+/// Draws a chair style.
 pub(super) fn chair_style(stage: &mut Stage) -> ChairStyle {
     let styles = [
         (ChairStyle::Slats, 0.35),
@@ -28,7 +28,7 @@ pub(super) fn chair_style(stage: &mut Stage) -> ChairStyle {
     weighted(&mut stage.random, &styles)
 }
 
-/// A chair for a table: 44 cm wide, seat at 46 cm, its front towards z, the seat about the origin.
+/// Builds a dining chair: 43 cm wide, seat at 46 cm, front towards +z, seat centred on the origin.
 pub(super) fn chair(stage: &mut Stage, style: ChairStyle) -> Piece {
     let wood = stage.palette.paint(Finish::Wood);
     let cloth = stage.palette.paint(Finish::SecondUpholstery);
@@ -78,7 +78,7 @@ fn stage_tint(stage: &mut Stage) -> [f32; 3] {
     stage.palette.tint(&mut stage.random)
 }
 
-/// A swivel chair on a star of five.
+/// Builds a swivel chair on a five-star base.
 pub(super) fn office_chair(stage: &mut Stage) -> Piece {
     let cloth = stage.palette.paint(if chance(&mut stage.random, 0.7) { Finish::Upholstery } else { Finish::Leather });
     let black = stage.palette.paint(Finish::Matte).tinted([0.035; 3]);
@@ -106,7 +106,7 @@ pub(super) fn office_chair(stage: &mut Stage) -> Piece {
     Piece::new("office chair", shape)
 }
 
-/// A sofa for `seats`, or an armchair for one; back at z = 0. Loose cushions belong to it.
+/// Builds a sofa with cushions for `seats` people, or an armchair for one; back at z = 0.
 pub(super) fn sofa(stage: &mut Stage, seats: usize) -> Piece {
     let leather = chance(&mut stage.random, 0.2);
     let cloth = stage.palette.paint(if leather { Finish::Leather } else { Finish::Upholstery });
@@ -162,7 +162,7 @@ pub(super) fn sofa(stage: &mut Stage, seats: usize) -> Piece {
     Piece::new(if seats == 1 { "armchair" } else { "sofa" }, shape).with_front(0.35)
 }
 
-/// A cushion that leans against a back.
+/// Adds a cushion that leans against the back.
 fn throw_cushion(stage: &mut Stage, shape: &mut Shape, at: Vec3, size: f32, paint: Paint) {
     let mut cushion = Shape::default();
     let thick = between(&mut stage.random, 0.11, 0.17);
@@ -175,7 +175,7 @@ fn lighter(stage: &mut Stage) -> [f32; 3] {
     [between(&mut stage.random, 0.6, 1.0); 3]
 }
 
-/// A blanket over an arm rest, close to it all around.
+/// Adds a blanket over an armrest.
 fn blanket(stage: &mut Stage, shape: &mut Shape, inner: f32, top: f32, depth: f32) {
     let paint = stage.palette.paint(Finish::SecondUpholstery).tinted(lighter(stage));
     let first = shape.triangles.len();
@@ -183,7 +183,7 @@ fn blanket(stage: &mut Stage, shape: &mut Shape, inner: f32, top: f32, depth: f3
     let z0 = between(&mut stage.random, 0.25, depth - wide - 0.05);
     let drop = between(&mut stage.random, 0.1, 0.2);
     shape.grid([16, 6], Vec2::new(0.6, wide), paint, |u, v| {
-        // Down the inner side, over the arm: a quarter circle between.
+        // Up the inner side, then a quarter circle over the arm.
         let r = 0.05;
         let s = u * (drop + 0.1);
         let z = z0 + (1.0 - v) * wide + 0.01 * (14.0 * u).sin();
@@ -198,7 +198,7 @@ fn blanket(stage: &mut Stage, shape: &mut Shape, inner: f32, top: f32, depth: f3
     shape.close_part(first);
 }
 
-/// A low seat without a back.
+/// Builds a low seat without a back.
 pub(super) fn pouf(stage: &mut Stage) -> Piece {
     let cloth = stage.palette.paint(Finish::SecondUpholstery);
     let (r, h) = (between(&mut stage.random, 0.2, 0.3), between(&mut stage.random, 0.36, 0.45));

@@ -1,4 +1,4 @@
-//! Shelves, wardrobes, chests, boxes.
+//! Storage furniture: shelves, wardrobes, chests, boxes.
 
 use lo_geometry::{Quat, Vec2, Vec3};
 
@@ -8,7 +8,7 @@ use crate::palette::Finish;
 use crate::solids::Shape;
 use crate::stage::{Piece, Stage};
 
-/// A shelf with books and things; back at z = 0.
+/// Builds a shelf with books and other objects; back at z = 0.
 pub(super) fn shelf(stage: &mut Stage, fill: f32) -> Piece {
     let width = between(&mut stage.random, 0.6, 1.3);
     let height = pick(&mut stage.random, &[0.8, 1.1, 1.5, 1.8, 2.0, 2.1]) + between(&mut stage.random, -0.05, 0.05);
@@ -40,7 +40,7 @@ pub(super) fn shelf(stage: &mut Stage, fill: f32) -> Piece {
     if height < 1.6 { piece.with_top(top, Vec2::new(half - 0.05, 0.5 * depth - 0.05), 0.6) } else { piece }
 }
 
-/// Books in a row, lying books, boxes, vases: within `inside`.
+/// Fills a shelf level with rows and piles of books, boxes and vases.
 fn fill_shelf(stage: &mut Stage, shape: &mut Shape, [least, most]: [Vec3; 2], fill: f32) {
     let free = most.y - least.y - 0.015;
     let matte = stage.palette.paint(Finish::Matte);
@@ -53,7 +53,7 @@ fn fill_shelf(stage: &mut Stage, shape: &mut Shape, [least, most]: [Vec3; 2], fi
         }
         match count(&mut stage.random, 0, 9) {
             0 => {
-                // A pile of lying books.
+                // Pile of books.
                 let (w, d) = (between(&mut stage.random, 0.18, 0.26), (most.z - least.z) * 0.75);
                 if x + w > end {
                     break;
@@ -96,7 +96,7 @@ fn fill_shelf(stage: &mut Stage, shape: &mut Shape, [least, most]: [Vec3; 2], fi
     }
 }
 
-/// A row of standing books from `x` on, the last one leaning. Gives its end.
+/// Adds a row of standing books from `x` on, the last one leaning. Returns the end of the row.
 fn book_row(stage: &mut Stage, shape: &mut Shape, [least, most]: [Vec3; 2], mut x: f32, free: f32) -> f32 {
     let matte = stage.palette.paint(Finish::Matte);
     let (usual, deep) = (between(&mut stage.random, 0.19, 0.27), between(&mut stage.random, 0.14, 0.2));
@@ -111,7 +111,7 @@ fn book_row(stage: &mut Stage, shape: &mut Shape, [least, most]: [Vec3; 2], mut 
         let tint = stage.palette.tint(&mut stage.random);
         shape.cuboid(Vec3::new(x, least.y, z - d), Vec3::new(x + thick, least.y + h, z), matte.tinted(tint));
         if stage.palette.printed && chance(&mut stage.random, 0.6) {
-            // Titles run up the spine.
+            // Titles run up the spine, so the picture is rotated.
             let spine = stage.palette.front(&mut stage.random);
             let p = |x: f32, y: f32| Vec3::new(x, least.y + y, z + 0.0004);
             let right = x + thick;
@@ -125,7 +125,7 @@ fn book_row(stage: &mut Stage, shape: &mut Shape, [least, most]: [Vec3; 2], mut 
         let mut book = Shape::default();
         let tint = stage.palette.tint(&mut stage.random);
         book.cuboid(Vec3::new(0.0, 0.0, -0.16), Vec3::new(thick, h, 0.0), matte.tinted(tint));
-        // It leans back on its neighbours: its lower right corner is on the board.
+        // The book leans on its neighbours; its lower right corner rests on the board.
         let at = Vec3::new(x + h * lean.sin(), least.y, most.z - 0.03);
         shape.add(&book, Quat::from_rotation_z(lean), at);
         x += width;
@@ -133,7 +133,7 @@ fn book_row(stage: &mut Stage, shape: &mut Shape, [least, most]: [Vec3; 2], mut 
     x
 }
 
-/// 58–62 cm deep, up to 2.3 m high, doors with handles or a mirror.
+/// Builds a wardrobe, 56–62 cm deep and up to 2.25 m high, sometimes with a mirror; back at z = 0.
 pub(super) fn wardrobe(stage: &mut Stage) -> Piece {
     let doors = count(&mut stage.random, 2, 4);
     let width = doors as f32 * between(&mut stage.random, 0.42, 0.55);
@@ -163,7 +163,7 @@ pub(super) fn wardrobe(stage: &mut Stage) -> Piece {
     Piece::new("wardrobe", shape).with_front(0.6)
 }
 
-/// Drawers or doors below a top: a chest, a sideboard, a television's bench.
+/// Builds a cabinet with drawers: a chest, a sideboard, a night table, a television bench; back at z = 0.
 pub(super) fn chest(stage: &mut Stage, name: &'static str, width: f32, height: f32, depth: f32) -> Piece {
     let body = stage.palette.paint(if chance(&mut stage.random, 0.55) { Finish::Wood } else { Finish::Lacquer });
     let front = if chance(&mut stage.random, 0.5) { body } else { stage.palette.paint(Finish::Fronts) };
@@ -196,7 +196,7 @@ pub(super) fn chest(stage: &mut Stage, name: &'static str, width: f32, height: f
     Piece::new(name, shape).with_front(0.45).with_top(center, Vec2::new(half - 0.06, 0.5 * depth - 0.05), 0.8)
 }
 
-/// Cardboard boxes, one upon another.
+/// Builds a stack of one to three cardboard boxes.
 pub(super) fn boxes(stage: &mut Stage) -> Piece {
     let paint = stage.palette.paint(Finish::Cardboard);
     let tape = stage.palette.paint(Finish::Gloss).tinted([0.5, 0.4, 0.25]);

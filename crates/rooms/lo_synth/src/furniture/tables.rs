@@ -7,7 +7,7 @@ use crate::palette::Finish;
 use crate::solids::{Paint, Shape};
 use crate::stage::{Piece, Stage};
 
-/// Four legs, square or tapered, at the corners of `half`, up to `height`.
+/// Adds four legs, square or round and tapered, at the corners of `half`, up to `height`.
 pub(super) fn legs(shape: &mut Shape, half: Vec2, height: f32, thick: f32, round: bool, paint: Paint) {
     for (x, z) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
         let p = Vec3::new(x * (half.x - thick), 0.0, z * (half.y - thick));
@@ -21,7 +21,7 @@ pub(super) fn legs(shape: &mut Shape, half: Vec2, height: f32, thick: f32, round
     }
 }
 
-/// A dining table for `seats` at its long sides and ends, 74–76 cm high; round ones on a foot.
+/// Builds a dining table of half extents `half`, 74–76 cm high. Round tables stand on a foot.
 pub(super) fn dining_table(stage: &mut Stage, half: Vec2, round: bool) -> Piece {
     let wood = stage.palette.paint(Finish::Wood);
     let height = between(&mut stage.random, 0.735, 0.76);
@@ -60,7 +60,7 @@ fn shape_top(stage: &mut Stage, height: f32, thick: f32, half: Vec2) -> Shape {
     shape
 }
 
-/// Before a sofa: 38–46 cm high; wood, glass or stone top.
+/// Builds a coffee table, 38–46 cm high, with a wooden or stone top.
 pub(super) fn coffee_table(stage: &mut Stage) -> Piece {
     let height = between(&mut stage.random, 0.38, 0.46);
     let kind = weighted(&mut stage.random, &[(0, 0.5), (1, 0.3), (2, 0.2)]);
@@ -82,7 +82,7 @@ pub(super) fn coffee_table(stage: &mut Stage) -> Piece {
     let (least, most) = (Vec3::new(-half.x, height - 0.03, -half.y), Vec3::new(half.x, height, half.y));
     shape.rounded(least, most, 0.005, 1, wood);
     if kind == 2 {
-        // A block with a shelf inside.
+        // Side panels with a shelf between them.
         for side in [-1.0f32, 1.0] {
             let x = [side * half.x, side * (half.x - 0.025)];
             shape.board(
@@ -100,7 +100,7 @@ pub(super) fn coffee_table(stage: &mut Stage) -> Piece {
     Piece::new("coffee table", shape).with_top(Vec3::Y * height, half - Vec2::splat(0.05), 1.0)
 }
 
-/// Beside a sofa or a bed.
+/// Builds a small round table for the side of a sofa.
 pub(super) fn side_table(stage: &mut Stage) -> Piece {
     let height = between(&mut stage.random, 0.42, 0.58);
     let r = between(&mut stage.random, 0.18, 0.25);
@@ -112,7 +112,7 @@ pub(super) fn side_table(stage: &mut Stage) -> Piece {
     Piece::new("side table", shape).with_top(Vec3::Y * height, Vec2::splat(0.6 * r), 1.0)
 }
 
-/// A desk with drawers on one side; back at z = 0, 72–75 cm high.
+/// Builds a desk, 72–75 cm high, sometimes with drawers on one side; back at z = 0.
 pub(super) fn desk(stage: &mut Stage, width: f32) -> Piece {
     let height = between(&mut stage.random, 0.72, 0.75);
     let depth = between(&mut stage.random, 0.6, 0.8);
@@ -146,7 +146,7 @@ pub(super) fn desk(stage: &mut Stage, width: f32) -> Piece {
     Piece::new("desk", shape).with_front(0.0).with_top(center, Vec2::new(half - 0.05, 0.5 * depth - 0.05), 0.9)
 }
 
-/// A bar handle on a front at z.
+/// Adds a bar handle on a front that faces +z.
 pub(super) fn handle(shape: &mut Shape, at: Vec3, width: f32, paint: Paint) {
     let half = Vec3::new(0.5 * width, 0.0, 0.0);
     let out = Vec3::Z * 0.025;
@@ -156,7 +156,7 @@ pub(super) fn handle(shape: &mut Shape, at: Vec3, width: f32, paint: Paint) {
     }
 }
 
-/// A school desk for two.
+/// Builds a school desk for two.
 pub(super) fn school_desk(stage: &mut Stage) -> Piece {
     let top = stage.palette.paint(Finish::Wood);
     let metal = stage.palette.paint(Finish::Metal);

@@ -1,4 +1,4 @@
-//! Rooms that are worked in, kept things in, or stand empty.
+//! Furnishing of laboratories, workshops, cellars, halls and empty rooms.
 
 use lo_geometry::Vec2;
 
@@ -8,7 +8,7 @@ use super::{fittings, seating, storage, walls, works};
 use crate::chance::{between, chance, count};
 use crate::stage::{Along, Piece, Stage};
 
-/// Puts pieces along the walls while they fit.
+/// Places `number` pieces along the walls, skipping those that do not fit.
 fn along_walls(stage: &mut Stage, number: usize, mut piece: impl FnMut(&mut Stage) -> Piece) {
     for _ in 0..number {
         let piece = piece(stage);
@@ -16,7 +16,7 @@ fn along_walls(stage: &mut Stage, number: usize, mut piece: impl FnMut(&mut Stag
     }
 }
 
-/// As many as one for every `each` square metres of floor, at least one.
+/// One per `each` square metres of floor, from 1 to 7.
 fn per_area(stage: &Stage, each: f32) -> usize {
     ((stage.plan.area_m2() / each) as usize).clamp(1, 7)
 }
@@ -97,7 +97,7 @@ pub(super) fn cellar(stage: &mut Stage, clutter: f32) {
     pipes(stage, 5);
 }
 
-/// A few large things in much space.
+/// Furnishes a hall sparsely.
 pub(super) fn hall(stage: &mut Stage, clutter: f32, screens: bool) {
     for _ in 0..count(&mut stage.random, 0, 4) {
         let pillar = fittings::pillar(stage);
@@ -119,7 +119,7 @@ pub(super) fn hall(stage: &mut Stage, clutter: f32, screens: bool) {
     pipes(stage, 4);
 }
 
-/// What somebody left behind, or is about to paint with.
+/// Adds a few left-over objects to an empty room.
 pub(super) fn empty(stage: &mut Stage) {
     let number = count(&mut stage.random, 0, 2);
     loose(stage, number);
@@ -130,7 +130,7 @@ pub(super) fn empty(stage: &mut Stage) {
     }
 }
 
-/// Ladders, barrels, cartons.
+/// Places ladders, barrels and boxes.
 fn loose(stage: &mut Stage, most: usize) {
     for _ in 0..count(&mut stage.random, 0, most) {
         let piece = match count(&mut stage.random, 0, 3) {

@@ -1,4 +1,4 @@
-//! What hangs on walls: pictures, mirrors, clocks, boards, wall shelves, televisions.
+//! Objects on walls: pictures, mirrors, clocks, boards, wall shelves, televisions, towels.
 
 use lo_geometry::{Vec2, Vec3};
 use lo_random::RngExt;
@@ -9,13 +9,13 @@ use crate::palette::Finish;
 use crate::solids::{Paint, Shape};
 use crate::stage::{Stage, Support};
 
-/// A piece for a wall, centred on x = 0, y = 0, its back at z = 0.
+/// An object for a wall: centred on x = 0 and y = 0, back at z = 0.
 pub(crate) struct Hanging {
     pub name: &'static str,
     pub shape: Shape,
 }
 
-/// A flat thing with a frame around it.
+/// Builds a framed panel. `whole` maps the texture once over the panel.
 fn framed(stage: &mut Stage, name: &'static str, half: Vec2, content: Paint, whole: bool) -> Hanging {
     let frame = match count(&mut stage.random, 0, 3) {
         0 => stage.palette.paint(Finish::Wood),
@@ -57,7 +57,7 @@ pub(super) fn mirror(stage: &mut Stage) -> Hanging {
     framed(stage, "mirror", half, content, false)
 }
 
-/// A white or a black board with its chalk rail.
+/// Builds a whiteboard or a blackboard with a rail.
 pub(super) fn school_board(stage: &mut Stage) -> Hanging {
     let white = chance(&mut stage.random, 0.5);
     let content = if white {
@@ -72,7 +72,7 @@ pub(super) fn school_board(stage: &mut Stage) -> Hanging {
     board
 }
 
-/// A flat screen; when it is on its white has about 250 cd/m².
+/// Builds a flat-screen television.
 pub(super) fn television(stage: &mut Stage, half_width: f32, on: bool) -> Hanging {
     let black = stage.palette.paint(Finish::Gloss).tinted([0.02; 3]);
     let half = Vec2::new(half_width, half_width * 9.0 / 16.0);
@@ -83,7 +83,7 @@ pub(super) fn television(stage: &mut Stage, half_width: f32, on: bool) -> Hangin
     Hanging { name: "television", shape }
 }
 
-/// A picture of light before a dark panel.
+/// Adds a screen centred at `center`, at depth `z`. White has 120–350 cd/m² if `on`.
 pub(super) fn screen(stage: &mut Stage, shape: &mut Shape, half: Vec2, center: Vec2, z: f32, on: bool) {
     let content = if on {
         let seed = stage.random.random();
@@ -119,7 +119,7 @@ pub(super) fn clock(stage: &mut Stage) -> Hanging {
     Hanging { name: "clock", shape }
 }
 
-/// A board with things on it.
+/// Builds a shelf board with books.
 pub(super) fn wall_shelf(stage: &mut Stage) -> Hanging {
     let wood = stage.palette.paint(Finish::Wood);
     let half = between(&mut stage.random, 0.3, 0.6);
@@ -162,7 +162,9 @@ pub(super) fn towel(stage: &mut Stage) -> Hanging {
     Hanging { name: "towel", shape }
 }
 
-/// Hangs a thing where a wall is free, its middle at height `y`; above `over` (an object's box) where that is given.
+/// Hangs an object on a free stretch of wall at height `y`. Returns whether it fitted.
+///
+/// With `over`, the bounds of another object, only the position above that object is tried.
 pub(crate) fn hang(stage: &mut Stage, hanging: &Hanging, y: f32, over: Option<(Vec3, Vec3)>) -> bool {
     let (least, most) = hanging.shape.bounds();
     for _ in 0..14 {
@@ -195,7 +197,7 @@ pub(crate) fn hang(stage: &mut Stage, hanging: &Hanging, y: f32, over: Option<(V
     false
 }
 
-/// Hangs a thing at a place of a wall if it is free there.
+/// Hangs an object at `s` along the wall `index` and height `y` if it fits there.
 pub(super) fn place(stage: &mut Stage, hanging: &Hanging, index: usize, s: f32, y: f32) -> bool {
     let (least, most) = hanging.shape.bounds();
     let wall = &stage.plan.walls[index];
@@ -239,7 +241,7 @@ fn nearest_wall(stage: &Stage, (least, most): (Vec3, Vec3)) -> usize {
     (0..stage.plan.walls.len()).fold(0, |best, k| if distance(k) < distance(best) { k } else { best })
 }
 
-/// A row or cloud of pictures.
+/// Hangs pictures and mirrors at random places.
 pub(super) fn pictures(stage: &mut Stage, number: usize) {
     for _ in 0..number {
         let one = if chance(&mut stage.random, 0.85) { picture(stage) } else { mirror(stage) };

@@ -1,4 +1,4 @@
-//! What stands in laboratories, workshops and cellars: benches, racks, machines.
+//! Equipment of laboratories, workshops and cellars: benches, racks, instruments, machines, appliances.
 
 use std::f32::consts::TAU;
 
@@ -18,7 +18,7 @@ pub(super) fn paint_of(stage: &mut Stage) -> Paint {
     stage.palette.paint(Finish::Gloss).tinted(pick(&mut stage.random, &colors))
 }
 
-/// Packages, tins and cartons side by side between `least` and `most`, none higher than fits.
+/// Fills a box with packages, tins, crates and cartons in a row.
 fn fill_level(stage: &mut Stage, shape: &mut Shape, [least, most]: [Vec3; 2], fill: f32) {
     let carton = stage.palette.paint(Finish::Cardboard);
     let plastic = stage.palette.paint(Finish::Gloss);
@@ -75,7 +75,7 @@ fn fill_level(stage: &mut Stage, shape: &mut Shape, [least, most]: [Vec3; 2], fi
     }
 }
 
-/// Steel shelving, full of things; back at z = 0.
+/// Builds steel shelving filled with packages; back at z = 0.
 pub(super) fn rack(stage: &mut Stage, fill: f32) -> Piece {
     let paint = if chance(&mut stage.random, 0.5) { stage.palette.paint(Finish::Metal) } else { paint_of(stage) };
     let half = 0.5 * between(&mut stage.random, 0.8, 1.8);
@@ -101,7 +101,7 @@ pub(super) fn rack(stage: &mut Stage, fill: f32) -> Piece {
     Piece::new("rack", shape).with_front(0.5)
 }
 
-/// A heavy table of wood with a vice and a board below; back at z = 0.
+/// Builds a heavy wooden workbench with a vice and a lower board; back at z = 0.
 pub(super) fn workbench(stage: &mut Stage) -> Piece {
     let wood = stage.palette.paint(Finish::Wood);
     let steel = paint_of(stage);
@@ -118,7 +118,7 @@ pub(super) fn workbench(stage: &mut Stage) -> Piece {
     shape.board(Vec3::new(-half + 0.1, 0.16, 0.06), Vec3::new(half - 0.1, 0.18, depth - 0.06), wood);
     let below = [Vec3::new(-half + 0.15, 0.181, 0.08), Vec3::new(half - 0.15, height - 0.1, depth - 0.08)];
     fill_level(stage, &mut shape, below, 0.6);
-    // The vice's own place.
+    // The vice.
     let x = -half + 0.16;
     let cast = paint_of(stage);
     shape.rounded(
@@ -161,7 +161,7 @@ pub(super) fn workbench(stage: &mut Stage) -> Piece {
     Piece::new("workbench", shape).with_front(0.5).with_top(Vec3::new(0.14, height, 0.5 * depth), free, 0.6)
 }
 
-/// Cupboards under a hard top with a shelf above it; back at z = 0.
+/// Builds a laboratory bench with cupboards and a shelf above; back at z = 0.
 pub(super) fn laboratory_bench(stage: &mut Stage) -> Piece {
     let front = stage.palette.paint(Finish::Gloss).tinted([between(&mut stage.random, 0.45, 0.85); 3]);
     let grey = between(&mut stage.random, 0.03, 0.7);
@@ -196,7 +196,7 @@ pub(super) fn laboratory_bench(stage: &mut Stage) -> Piece {
     Piece::new("bench", shape).with_front(0.5).with_top(Vec3::new(0.0, height, 0.5 * depth + 0.03), free, 0.45)
 }
 
-/// An instrument with a display, knobs and sockets; stands on benches and in racks.
+/// Builds an instrument with a display, knobs and sockets, for benches and racks.
 pub(super) fn instrument(stage: &mut Stage) -> Piece {
     let greys = [[0.6, 0.59, 0.54], [0.3, 0.31, 0.33], [0.08; 3], [0.55, 0.6, 0.66]];
     let body = stage.palette.paint(Finish::Matte).tinted(pick(&mut stage.random, &greys));
@@ -225,7 +225,7 @@ pub(super) fn instrument(stage: &mut Stage) -> Piece {
     Piece::new("instrument", shape)
 }
 
-/// A tall cabinet of units one above the other.
+/// Builds a tall cabinet of rack-mounted electronics; back at z = 0.
 pub(super) fn electronics(stage: &mut Stage) -> Piece {
     let frame = dark(stage);
     let (w, d) = (0.3, between(&mut stage.random, 0.5, 0.8));
@@ -251,7 +251,7 @@ pub(super) fn electronics(stage: &mut Stage) -> Piece {
     Piece::new("electronics", shape).with_front(0.5)
 }
 
-/// A drill on a column, or a machine in a case with a panel.
+/// Builds a pillar drill or a cased machine with a control panel; back at z = 0.
 pub(super) fn machine(stage: &mut Stage) -> Piece {
     let (body, metal) = (paint_of(stage), stage.palette.paint(Finish::Metal));
     let black = dark(stage);
@@ -299,7 +299,7 @@ pub(super) fn machine(stage: &mut Stage) -> Piece {
     Piece::new("machine", shape).with_front(0.5)
 }
 
-/// A washing machine or a boiler.
+/// Builds a washing machine or a boiler.
 pub(super) fn appliance(stage: &mut Stage) -> Piece {
     let white = stage.palette.paint(Finish::Gloss).tinted([between(&mut stage.random, 0.6, 0.85); 3]);
     let metal = stage.palette.paint(Finish::Metal);

@@ -1,4 +1,4 @@
-//! Lamps as solids. What hangs has its fixing at the origin, what stands its foot.
+//! Geometry of lamps. The origin is the mounting point of hanging lamps and the foot of standing ones.
 
 use lo_geometry::{Quat, Vec2, Vec3};
 
@@ -9,30 +9,30 @@ use crate::photometry::{self, Glow};
 use crate::solids::{Paint, Shape};
 use crate::stage::{Piece, Stage};
 
-/// A lamp; it burns where it has a glow.
+/// A lamp, which is on if it has a glow.
 pub(super) struct Lamp {
     pub name: &'static str,
     pub shape: Shape,
     pub glow: Option<Glow>,
 }
 
-/// Name of the material of what gives light when the lamp burns.
+/// Names of the materials that emit when a lamp is on.
 const GLOWING: [&str; 2] = ["bulb", "shade"];
-/// Share of a shaded lamp's light that passes through the shade; the bulb gives the rest out of its ends.
+/// Share of a shaded lamp's flux that passes through the shade. The rest leaves the open ends.
 const THROUGH_SHADE: f32 = 0.45;
 
 fn opal(stage: &mut Stage) -> Paint {
     stage.palette.paint(Finish::Matte).tinted([0.85, 0.84, 0.8])
 }
 
-/// Makes the triangles since `first` glow, or leaves them as they are.
+/// Makes the triangles from `first` on emit, if there is a glow.
 fn glow_since(stage: &mut Stage, shape: &mut Shape, first: usize, glow: Option<Glow>) {
     if let Some(glow) = glow {
         photometry::light(&mut stage.palette, shape, first, &glow);
     }
 }
 
-/// A flat panel let into or put under the ceiling.
+/// Builds a flat panel in or under the ceiling.
 pub(super) fn panel(stage: &mut Stage, half: Vec2, glow: Option<Glow>) -> Lamp {
     let metal = stage.palette.paint(Finish::Gloss).tinted([0.85; 3]);
     let (white, drop) = (opal(stage), 0.03);
@@ -45,7 +45,7 @@ pub(super) fn panel(stage: &mut Stage, half: Vec2, glow: Option<Glow>) -> Lamp {
     Lamp { name: "ceiling panel", shape, glow }
 }
 
-/// A small round lamp let into the ceiling.
+/// Builds a small round recessed ceiling lamp.
 pub(super) fn downlight(stage: &mut Stage, glow: Option<Glow>) -> Lamp {
     let metal = stage.palette.paint(Finish::Metal);
     let white = opal(stage);
@@ -58,7 +58,7 @@ pub(super) fn downlight(stage: &mut Stage, glow: Option<Glow>) -> Lamp {
     Lamp { name: "downlight", shape, glow }
 }
 
-/// A bowl of opal glass under the ceiling.
+/// Builds a bowl of opal glass under the ceiling.
 pub(super) fn dome(stage: &mut Stage, glow: Option<Glow>) -> Lamp {
     let metal = stage.palette.paint(Finish::Metal);
     let white = opal(stage);
@@ -79,7 +79,7 @@ pub(super) fn dome(stage: &mut Stage, glow: Option<Glow>) -> Lamp {
     Lamp { name: "ceiling lamp", shape, glow }
 }
 
-/// A bar with three to four heads, each a short can with a bright disc.
+/// Builds a bar with three or four spotlights, each a short can with a bright disc.
 pub(super) fn spots(stage: &mut Stage, glow: Option<Glow>) -> Lamp {
     let metal = stage.palette.paint(Finish::SecondMetal);
     let white = opal(stage);
@@ -103,7 +103,7 @@ pub(super) fn spots(stage: &mut Stage, glow: Option<Glow>) -> Lamp {
     Lamp { name: "spots", shape, glow }
 }
 
-/// On a cord, `length` below the ceiling: a ball of opal glass, a shade, or a bell of metal.
+/// Builds a pendant that reaches `length` below the ceiling: an opal ball, a shade or a metal bell.
 pub(super) fn pendant(stage: &mut Stage, length: f32, glow: Option<Glow>) -> Lamp {
     let black = stage.palette.paint(Finish::Matte).tinted([0.05; 3]);
     let metal = stage.palette.paint(Finish::SecondMetal);
@@ -139,7 +139,7 @@ pub(super) fn pendant(stage: &mut Stage, length: f32, glow: Option<Glow>) -> Lam
     Lamp { name: "pendant", shape, glow }
 }
 
-/// The inside of a profile from its top down, `t` thinner, and its outside up again.
+/// Closed profile of thickness `t`: down the inside, up the outside.
 fn profile_shell(outside: &[[f32; 2]], t: f32) -> Vec<[f32; 2]> {
     let mut inside: Vec<[f32; 2]> =
         outside.iter().map(|&[r, y]| [(r - t).max(0.0), y - if r == 0.0 { t } else { 0.0 }]).collect();
@@ -155,7 +155,7 @@ fn bulb(stage: &mut Stage, shape: &mut Shape, at: Vec3, r: f32, glow: Option<Glo
     glow_since(stage, shape, first, glow);
 }
 
-/// A cloth shade open above and below, radii at its rims and height, around a bulb.
+/// Adds a cloth shade, open above and below, around a bulb. The array holds its lower and upper radius and height.
 fn shaded_bulb(stage: &mut Stage, shape: &mut Shape, at: Vec3, [low, high, h]: [f32; 3], glow: Option<Glow>) {
     let paint = stage.palette.named("shade", [0.75, 0.72, 0.65]);
     let first = shape.triangles.len();
@@ -167,7 +167,7 @@ fn shaded_bulb(stage: &mut Stage, shape: &mut Shape, at: Vec3, [low, high, h]: [
     bulb(stage, shape, at + Vec3::Y * 0.45 * h, 0.03, rest);
 }
 
-/// Stands 140–175 cm high: a shade or a ball on a stem. It does not burn yet.
+/// Builds a floor lamp, 140–175 cm high and off: a shade or a ball on a stem.
 pub(super) fn floor_lamp(stage: &mut Stage) -> Piece {
     let metal = stage.palette.paint(Finish::SecondMetal);
     let h = between(&mut stage.random, 1.4, 1.75);
@@ -188,7 +188,7 @@ pub(super) fn floor_lamp(stage: &mut Stage) -> Piece {
     Piece::new("floor lamp", shape)
 }
 
-/// Three wires that carry a shade.
+/// Adds the three wires that carry a shade.
 fn spider(shape: &mut Shape, at: Vec3, r: f32, paint: Paint) {
     for k in 0..3 {
         let angle = std::f32::consts::TAU * k as f32 / 3.0;
@@ -196,7 +196,7 @@ fn spider(shape: &mut Shape, at: Vec3, r: f32, paint: Paint) {
     }
 }
 
-/// A shade on a foot, 35–50 cm high. It does not burn yet.
+/// Builds a table lamp, 34–50 cm high and off: a shade on a foot.
 pub(super) fn table_lamp(stage: &mut Stage) -> Piece {
     let gloss = stage.palette.paint(Finish::Gloss).tinted(stage.palette.tint(&mut stage.random));
     let h = between(&mut stage.random, 0.34, 0.5);
@@ -217,7 +217,7 @@ pub(super) fn table_lamp(stage: &mut Stage) -> Piece {
     Piece::new("table lamp", shape)
 }
 
-/// A jointed arm with a small bell. It does not burn yet.
+/// Builds a desk lamp, off: a jointed arm with a small bell.
 pub(super) fn desk_lamp(stage: &mut Stage) -> Piece {
     let metal = stage.palette.paint(Finish::SecondMetal);
     let mut shape = Shape::default();
@@ -234,14 +234,14 @@ pub(super) fn desk_lamp(stage: &mut Stage) -> Piece {
     Piece::new("desk lamp", shape)
 }
 
-/// A bell closed by its inner side.
+/// Profile of a bell closed by its inner side.
 fn profile_inner(outside: &[[f32; 2]]) -> Vec<[f32; 2]> {
     let mut profile = vec![[0.0, -0.02], [0.03, -0.03]];
     profile.extend_from_slice(outside);
     profile
 }
 
-/// A bowl on the wall that shines up and into the room. It does not burn yet.
+/// Builds a wall lamp, off.
 pub(super) fn sconce(stage: &mut Stage) -> Hanging {
     let metal = stage.palette.paint(Finish::Metal);
     let white = stage.palette.named("bulb", [0.85; 3]);
@@ -252,7 +252,7 @@ pub(super) fn sconce(stage: &mut Stage) -> Hanging {
     Hanging { name: "wall lamp", shape }
 }
 
-/// Lights a lamp that stands already: its bulb and, where it has one, its shade.
+/// Switches on a lamp of the room: its bulb and its shade, if it has one.
 pub(super) fn ignite(stage: &mut Stage, object: usize, glow: &Glow) {
     let parts = stage.objects[object].parts.clone();
     let of = |stage: &Stage, name: &str| -> Vec<std::ops::Range<usize>> {

@@ -1,20 +1,20 @@
-//! Houses and trees as bodies that rays can meet.
+//! Houses and trees with ray intersection.
 
 use lo_geometry::{Vec2, Vec3};
 use lo_random::Stream;
 
 use crate::chance::{between, chance, count, tone};
 
-/// Four walls under a flat or a pitched roof.
+/// A house: four walls under a flat or a pitched roof.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct House {
-    /// Foot of the walls and height of the eaves.
+    /// Minimum and maximum corner of the walls; `most.y` is the height of the eaves.
     pub least: Vec3,
     pub most: Vec3,
-    /// Ball around all of it.
+    /// Bounding sphere.
     center: Vec3,
     radius: f32,
-    /// Outward normals and offsets: the four walls, then the flat roof or the two slopes of a pitched one.
+    /// Outward normals and offsets of the four walls and of the two roof slopes (equal for a flat roof).
     planes: [(Vec3, f32); 6],
     pub wall: [f32; 3],
     pub roof: [f32; 3],
@@ -25,21 +25,21 @@ pub(super) struct House {
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tree {
-    /// Around all of the crown.
+    /// Bounding sphere of the crown.
     pub center: Vec3,
     pub radius: f32,
-    /// Centres and radii of the balls that make up the crown.
+    /// Centres and radii of the spheres that form the crown.
     pub crown: [(Vec3, f32); BALLS],
     pub leaves: [f32; 3],
 }
 
-/// Balls of a crown.
+/// Number of spheres in a crown.
 const BALLS: usize = 9;
 
 impl House {
-    /// Distance and normal where a ray from outside meets it.
+    /// Distance and normal where a ray from outside hits the house.
     pub(super) fn enter(&self, origin: Vec3, direction: Vec3) -> Option<(f32, Vec3)> {
-        // most rays miss even the ball around it
+        // Most rays miss the bounding sphere.
         let to = self.center - origin;
         let (along, squared) = (to.dot(direction), self.radius * self.radius);
         let behind = along < 0.0 && to.length_squared() > squared;
@@ -57,7 +57,7 @@ impl House {
         let walls = [(Vec3::NEG_X, least), (Vec3::X, most), (Vec3::NEG_Z, least), (Vec3::Z, most)];
         let pitched = chance(random, if rural { 0.9 } else { 0.55 });
         let pitch = between(random, 28.0_f32, 48.0).to_radians();
-        // The ridge runs along the longer side; a flat roof is the same plane twice.
+        // The ridge runs along the longer side. A flat roof is one plane, stored twice.
         let across = if half.x > half.y { Vec3::Z } else { Vec3::X };
         let slope = |side: f32| if pitched { across * side * pitch.sin() + Vec3::Y * pitch.cos() } else { Vec3::Y };
         let slopes = [(slope(-1.0), Vec3::new(least.x, tall, least.z)), (slope(1.0), most)];
@@ -84,14 +84,14 @@ impl House {
 }
 
 impl Tree {
-    /// A crown 3 to 9 m wide whose lower end is at 1.5 to 3 m.
+    /// Draws a tree with a crown about 3 to 9 m wide whose lower end is at 1.5 to 3 m.
     pub(super) fn draw(random: &mut Stream, at: Vec2) -> Self {
         let radius = between(random, 1.5, 4.5);
         let stretch = between(random, 0.9, 1.5);
         let center = Vec3::new(at.x, between(random, 1.5, 3.0) + radius * stretch, at.y);
         let mut reach: f32 = 0.0;
         let crown = std::array::from_fn(|k| {
-            // around the trunk by the golden angle, higher with each
+            // Successive spheres turn by the golden angle and rise.
             let turn = 2.4 * k as f32 + between(random, -0.6, 0.6);
             let height = (k as f32 + 0.5) / BALLS as f32 * 2.0 - 1.0;
             let out = (1.0 - height * height).sqrt() * between(random, 0.35, 0.6);
@@ -105,7 +105,7 @@ impl Tree {
     }
 }
 
-/// Distance and normal where a ray from outside enters the convex body behind some planes (outward normal, offset).
+/// Distance and normal where a ray from outside enters a convex body, given by planes (outward normal, offset).
 fn enter_convex(origin: Vec3, direction: Vec3, planes: &[(Vec3, f32)]) -> Option<(f32, Vec3)> {
     let (mut near, mut far, mut normal) = (0.0, f32::INFINITY, Vec3::ZERO);
     for &(outward, offset) in planes {
@@ -163,20 +163,20 @@ mod tests {
         let mut random = lo_random::stream(3, "house", 0);
         for _ in 0..50 {
             let house = House::draw(&mut random, Vec2::new(20.0, 0.0), Vec2::new(4.0, 6.0), true);
-            // level, at half of the walls' height: the near wall, as of a box
+            // A horizontal ray at half the walls' height hits the near wall.
             let eye = Vec3::new(0.0, 0.5 * house.most.y, 0.3);
             let (distance, normal) = house.enter(eye, Vec3::X).unwrap_or_default();
             assert!((distance - 16.0).abs() < 1e-4 && normal == Vec3::NEG_X, "{distance} {normal}");
-            // from above: the roof, no lower than the eaves and no steeper than it may be
+            // A vertical ray hits the roof, above the eaves and within the maximum pitch.
             let above = Vec3::new(21.0, 50.0, 1.0);
             let (distance, normal) = house.enter(above, Vec3::NEG_Y).unwrap_or_default();
             assert!(50.0 - distance >= house.most.y - 1e-3 && normal.y > 48.1f32.to_radians().cos(), "{normal}");
             assert!(house.enter(eye, Vec3::NEG_X).is_none(), "it lies behind");
             assert!(house.enter(eye, Vec3::Z).is_none(), "beside it");
-            // the ball around it cuts nothing off
+            // The bounding sphere rejects no hit.
             for k in 0..200 {
                 let direction = Vec3::new(1.0, 0.006 * k as f32 - 0.3, 0.31 * (0.7 * k as f32).sin()).normalize();
-                // under the ground the walls go on
+                // The planes continue below the ground.
                 let above = |hit: &(f32, Vec3)| eye.y + hit.0 * direction.y > 0.0;
                 let exact = enter_convex(eye, direction, &house.planes).filter(above);
                 assert_eq!(house.enter(eye, direction).filter(above), exact);

@@ -1,4 +1,4 @@
-//! What is outside of the windows, as a panorama of absolute radiance and a sun.
+//! The outdoors behind the windows: a panorama of absolute radiance and a sun.
 
 mod bodies;
 mod panorama;
@@ -23,7 +23,7 @@ use surroundings::{SunLight, Surroundings};
 
 const HEIGHT: usize = 256;
 
-/// Makes the outdoors of a room whose windows are known. With `into`, a stream, the sun stands before a window.
+/// Generates the outdoors of a room. With the stream `into`, the sun is in front of a window.
 pub(crate) fn make(
     random: &mut Stream,
     weather: Weather,
@@ -56,7 +56,7 @@ pub(crate) fn make(
             let turbidity = between(random, 2.2, if low { 4.0 } else { 6.0 });
             let radiance = sun_radiance(elevation, turbidity);
             let solid_angle = std::f32::consts::PI * SUN_RADIUS_RAD * SUN_RADIUS_RAD;
-            // A white cloud scatters back most of what falls on it.
+            // A white cloud scatters back most of the incident light.
             let cloud = radiance.map(|c| c * solid_angle / std::f32::consts::PI * 0.6 + 12.0);
             let cover = if chance(random, 0.55) { between(random, 0.1, 0.8) } else { 0.0 };
             let sky = Sky::clear(direction, turbidity, Clouds { noise, cover, radiance: cloud });
@@ -66,7 +66,7 @@ pub(crate) fn make(
     Ok(Outdoors { radiance: paint(&sky, &surroundings, sun), sun })
 }
 
-/// Towards a window half of the time, so that the sun shines into rooms as often as into lived-in ones.
+/// Draws the sun's azimuth: in front of a window in at least half of the rooms, as in real homes.
 fn azimuth(random: &mut Stream, plan: &Plan) -> Vec3 {
     let outward = windows_outward(plan);
     let angle = between(random, 0.0, std::f32::consts::TAU);
@@ -77,7 +77,7 @@ fn azimuth(random: &mut Stream, plan: &Plan) -> Vec3 {
     lo_geometry::Quat::from_rotation_y(between(random, -1.1, 1.1)) * wall
 }
 
-/// From which the sun falls through a window, not too much aside.
+/// Draws an azimuth within ±0.85 rad of a window's outward normal; `None` without windows.
 fn before_a_window(random: &mut Stream, plan: &Plan) -> Option<Vec3> {
     let outward = windows_outward(plan);
     (!outward.is_empty()).then(|| {
@@ -101,7 +101,7 @@ fn paint(sky: &Sky, surroundings: &Surroundings, sun: Option<Sun>) -> RadianceIm
     });
     let (width, height) = (2 * HEIGHT, HEIGHT);
     RadianceImage::from_fn(width, height, |x, y| {
-        // Detail lies about the horizon: four samples there, one elsewhere.
+        // Four samples per pixel near the horizon, where the detail is, one elsewhere.
         let fine = if y > height / 4 && y < height * 7 / 8 { 2 } else { 1 };
         let mut sum = [0.0; 3];
         for (i, j) in (0..fine).flat_map(|i| (0..fine).map(move |j| (i, j))) {

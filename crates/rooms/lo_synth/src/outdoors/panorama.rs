@@ -11,10 +11,10 @@ use crate::folder::files_in;
 use crate::photometry::SUN_RADIUS_RAD;
 
 const HEIGHT: usize = 256;
-/// Brighter than this many times the sky's mean is the sun: no cloud is.
+/// Ratio to the sky's median luminance above which a pixel belongs to the sun; clouds stay below it.
 const SUN_RATIO: f32 = 60.0;
 
-/// One of the folder's panoramas, turned about the vertical, its sky as bright as skies are by day.
+/// Draws one of the folder's panoramas, rotates it about the vertical and scales its sky to daytime luminance.
 pub(super) fn pick(random: &mut Stream, folder: &Path) -> Result<Outdoors, SynthError> {
     let failed = |source| SynthError::Folder { path: folder.to_owned(), source };
     let files = files_in(folder, &["hdr", "exr"]).map_err(failed)?;
@@ -32,11 +32,11 @@ pub(super) fn pick(random: &mut Stream, folder: &Path) -> Result<Outdoors, Synth
     let turned = RadianceImage::from_fn(2 * HEIGHT, HEIGHT, |x, y| {
         small[((x + shift) % (2 * HEIGHT), y)].map(|c| if c.is_finite() { c.max(0.0) } else { 0.0 })
     });
-    // Panoramas are relative: a sky of 1,500 to 6,000 cd/m².
+    // Panoramas hold relative radiance; a daytime sky has 1,500 to 6,000 cd/m².
     Ok(with_sun(turned, between(random, 15.0, 60.0)))
 }
 
-/// Scales the upper half (without the sun) to a mean luminance and takes the sun out as a disc of the same power.
+/// Scales the upper half (without the sun) to the mean luminance `sky` and moves the sun into a disc of equal power.
 fn with_sun(mut image: RadianceImage, sky: f32) -> Outdoors {
     let (width, height) = (image.width(), image.height());
     let weight = |y: usize| pixel_solid_angle_sr(y, width, height);
@@ -86,7 +86,7 @@ mod tests {
         let outdoors = with_sun(image.clone(), 20.0);
         let sun = outdoors.sun.unwrap();
         assert!((sun.direction - pixel_direction(40, 8, 64, 32)).length() < 1e-3);
-        // The same power in both: what was in the picture is in the disc and the pixel that is left.
+        // Power is conserved: the disc and the clipped pixel sum to the original pixel.
         let weight = pixel_solid_angle_sr(8, 64, 32);
         let scale = outdoors.radiance[(0, 0)][0] / 0.5;
         let disc = std::f32::consts::PI * sun.angular_radius_rad.powi(2);

@@ -8,42 +8,42 @@ use crate::texture::{Noise, scaled};
 use super::bodies::{House, Tree, enter_ball, enter_box};
 use super::sky::Sky;
 
-/// What stands around the house: simple solids on level ground, lit by the sky, the sun and street lamps.
+/// The surroundings of the house: simple solids on level ground, lit by sky, sun and street lamps.
 #[derive(Clone, Debug)]
 pub(crate) struct Surroundings {
-    /// Height of the eye above the ground, metres.
+    /// Height of the viewpoint above the ground, metres.
     pub eye_m: f32,
     ground: [f32; 3],
-    /// Road: distance of its near edge and width, along x or z.
+    /// Road: perpendicular axis (0: x, 1: z) and positions of its two edges on that axis.
     road: Option<(usize, [f32; 2])>,
     skyline: Skyline,
     houses: Vec<House>,
     trees: Vec<Tree>,
     lamps: Vec<Vec3>,
-    /// Of luminance 1.
+    /// Colour of street lamps at luminance 1.
     lamp_color: [f32; 3],
     /// Share of windows that are lit.
     lit: f32,
     noise: Noise,
 }
 
-/// Hedges, woods and roofs where the eye cannot tell them apart any more: a rugged band all around.
+/// Distant hedges, woods and roofs: a rugged band along the horizon.
 #[derive(Clone, Copy, Debug)]
 struct Skyline {
     distance_m: f32,
-    /// Least and greatest height above the ground, metres.
+    /// Minimum and maximum height above the ground, metres.
     height_m: [f32; 2],
     albedo: [f32; 3],
 }
 
-/// Sun for shading: direction and irradiance on a surface facing it, over π.
+/// The sun as a directional light: direction and normal irradiance / π.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SunLight {
     pub direction: Vec3,
     pub radiosity: [f32; 3],
 }
 
-/// A point of the surroundings.
+/// A surface point of the surroundings.
 struct Found {
     distance: f32,
     position: Vec3,
@@ -53,7 +53,7 @@ struct Found {
 }
 
 impl Surroundings {
-    /// A street, a garden, a park or the roofs of a town.
+    /// Draws a street, a garden, a park or the roofs of a town.
     pub(crate) fn draw(random: &mut Stream, night: bool) -> Self {
         let storey = count(random, 0, 4);
         let eye_m = 1.4 + 3.0 * storey as f32;
@@ -109,7 +109,7 @@ impl Surroundings {
         }
     }
 
-    /// Radiance from a direction; `ambient` is the sky's mean radiance.
+    /// Radiance from a direction. `ambient` is the sky's mean radiance.
     pub(crate) fn radiance(&self, direction: Vec3, sky: &Sky, ambient: [f32; 3], sun: Option<SunLight>) -> [f32; 3] {
         let eye = Vec3::new(0.0, self.eye_m, 0.0);
         if let Some(glow) = self.lamp_glow(eye, direction) {
@@ -118,7 +118,7 @@ impl Surroundings {
         let Some(found) = self.find(eye, direction) else {
             return sky.radiance(Vec3::new(direction.x, direction.y.max(0.0), direction.z));
         };
-        // A wall sees half of the sky, and as much of the ground.
+        // A wall sees half of the sky and half of the ground.
         let up = 0.5 + 0.5 * found.normal.y;
         let mut light = ambient.map(|c| c * (up + (1.0 - up) * 0.2));
         if let Some(sun) = sun {
@@ -131,7 +131,7 @@ impl Surroundings {
         for lamp in &self.lamps {
             let to = *lamp - found.position;
             let squared = to.length_squared();
-            // 6,000 lm into the lower half: about 950 cd.
+            // 6,000 lm into the lower hemisphere: about 950 cd.
             let lux = 950.0 * found.normal.dot(to / squared.sqrt()).max(0.0) / squared.max(1.0);
             let gain = lux / (std::f32::consts::PI * UNIT_CD_M2);
             light = std::array::from_fn(|c| light[c] + self.lamp_color[c] * gain);
@@ -143,7 +143,7 @@ impl Surroundings {
         })
     }
 
-    /// The nearest surface.
+    /// Nearest surface along a ray.
     fn find(&self, eye: Vec3, direction: Vec3) -> Option<Found> {
         let mut best: Option<Found> = None;
         let mut offer = |found: Found| {
@@ -189,7 +189,7 @@ impl Surroundings {
         best
     }
 
-    /// Where a ray meets a crown: leaves that face about as the ball does, with gaps towards its rim.
+    /// Intersects a crown: leaves roughly aligned with its spheres, with gaps towards their rims.
     fn crown(&self, tree: &Tree, eye: Vec3, direction: Vec3) -> Option<Found> {
         enter_ball(eye, direction, tree.center, tree.radius)?;
         let hits = tree.crown.iter().filter_map(|&(center, radius)| {
@@ -201,16 +201,16 @@ impl Surroundings {
             (clump > 0.2 + 0.35 * rim * rim).then_some((distance, position, normal, clump))
         });
         let (distance, position, normal, clump) = hits.min_by(|a, b| a.0.total_cmp(&b.0))?;
-        // Leaves face about as the ball does, about as the whole crown does, and anywhere.
+        // Mixes the normals of the sphere and of the whole crown with noise.
         let stray = Vec3::new(clump, self.clumps(position + 7.0), self.clumps(position + 13.0)) * 2.0 - 1.0;
         let normal = (normal + (position - tree.center) / tree.radius + stray).normalize_or(Vec3::Y);
-        // Deep in the crown, low in it and between the clumps little light comes.
+        // Darkens the depth of the crown, its lower part and the gaps between clumps.
         let height = ((position.y - tree.center.y) / tree.radius).clamp(-1.0, 1.0);
         let albedo = scaled(tree.leaves, (0.1 + 1.8 * clump) * (0.75 + 0.35 * height));
         Some(Found { distance, position, normal, albedo, emission: [0.0; 3] })
     }
 
-    /// Twigs with leaves, some 40 cm large and smaller; in [0, 1], mean ½.
+    /// Noise of leaf clumps, 40 cm and smaller, in [0, 1] with mean ½.
     fn clumps(&self, p: Vec3) -> f32 {
         let p = p / 25.6;
         let planes = [(p.x, p.y, 0), (p.y, p.z, 1), (p.z, p.x, 2)];
@@ -264,7 +264,7 @@ impl Surroundings {
             return (scaled(house.roof, mottle), [0.0; 3]);
         }
         if p.y > house.most.y - 0.5 {
-            // eaves and gables
+            // Eaves and gables have no windows.
             return (scaled(house.wall, 0.8), [0.0; 3]);
         }
         let across = if normal.x.abs() > 0.5 { p.z - house.least.z } else { p.x - house.least.x };
@@ -286,7 +286,7 @@ impl Surroundings {
     fn lamp_glow(&self, eye: Vec3, direction: Vec3) -> Option<[f32; 3]> {
         self.lamps.iter().find_map(|lamp| {
             enter_ball(eye, direction, *lamp, 0.25)?;
-            // 6,000 lm from the lower half of a ball of 25 cm.
+            // 6,000 lm from the lower half of a sphere of radius 25 cm.
             Some(self.lamp_color.map(|c| c * 6000.0 / (std::f32::consts::PI * 0.39) / UNIT_CD_M2))
         })
     }

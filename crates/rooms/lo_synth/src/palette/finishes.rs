@@ -1,4 +1,4 @@
-//! What each finish is made of.
+//! Materials of the finishes.
 
 use lo_mesh::Material;
 use lo_random::{RngExt, Stream};
@@ -200,7 +200,7 @@ impl Palette {
             Finish::Matte => self.plain("matt paint", 0.8, [0.9; 3]),
             Finish::Gloss => self.plain("gloss", 0.2, [0.9; 3]),
             Finish::Leaf => {
-                // The lightest leaf; each leaf is tinted darker.
+                // The lightest leaf; single leaves are tinted darker.
                 let color = tone(between(random, 85.0, 130.0), between(random, 0.5, 0.75), between(random, 0.07, 0.19));
                 let [r, g, b] = color;
                 let base_color = [r, g, b, 1.0];
@@ -213,7 +213,7 @@ impl Palette {
     }
 
     fn metal(&mut self, random: &mut Stream) -> u32 {
-        // Base colours of steel, chromium, brass, aluminium (physicallybased.info); black powder coating is a paint.
+        // Base colours of metals from physicallybased.info; black powder coating is a paint.
         let [r, g, b] = match weighted(random, &[(0, 0.35), (1, 0.2), (2, 0.12), (3, 0.33)]) {
             0 => [0.67, 0.64, 0.6],
             1 => [0.65, 0.69, 0.72],

@@ -1,4 +1,4 @@
-//! Worn, patterned and rough versions of the finishes.
+//! Wear, patterns and relief of the finishes.
 
 use lo_mesh::{Texture, TextureRef};
 use lo_random::RngExt;
@@ -8,12 +8,12 @@ use crate::chance::{between, chance, tone};
 use crate::texture;
 
 impl Palette {
-    /// Wears the materials that were made since there were `first`, where the room's surfaces are worn.
+    /// Applies wear to the materials from index `first` on, if the room is worn.
     pub(super) fn wear_since(&mut self, first: usize, finish: Finish) {
         let Some(amount) = self.wear else { return };
         for material in first..self.materials.len() {
             let made = &self.materials[material];
-            // Wood that serves as another finish has been through this already.
+            // A material shared with another finish is worn already.
             if made.normal_texture.is_none() && made.metallic == 0.0 && made.transmission == 0.0 {
                 self.wear_one(material, finish, amount);
             }
@@ -46,9 +46,9 @@ impl Palette {
         let Some(color) = self.materials[index].base_color_texture.clone() else { return };
         let levels = &self.textures[color.texture].levels;
         let worn = texture::worn(&levels[0], seed ^ 1, amount);
-        // Single texels are no bumps: the relief is of the next coarser level.
+        // The next coarser level is used, because single texels are noise.
         let clean = &levels[1.min(levels.len() - 1)];
-        // A texture's transform is one over its size in metres.
+        // The texture transform holds the inverse of the size in metres.
         let [width_m, height_m] =
             [color.uv_transform[0], color.uv_transform[4]].map(|scale| 1.0 / scale.abs().max(1e-3));
         let texel_m = [width_m / clean.width() as f32, height_m / clean.height() as f32];
@@ -59,7 +59,7 @@ impl Palette {
     }
 }
 
-/// How deep the relief of a finish is, metres, and how often it has a pattern; nothing for what is not worn.
+/// Relief depth in metres and share of patterned surfaces of a finish; `None` for finishes without wear.
 fn character(finish: Finish, name: &str) -> Option<(f32, f32)> {
     Some(match finish {
         Finish::Wall | Finish::AccentWall => {

@@ -2,11 +2,11 @@ use lo_geometry::Vec3;
 
 use super::{Paint, Shape};
 
-/// Radius of the edges of boards and doors: what sanded wood and folded metal have.
+/// Edge radius of boards and doors, metres, as of sanded wood and folded metal.
 const EDGE: f32 = 0.003;
 
 impl Shape {
-    /// A box with sharp edges.
+    /// Adds a box with sharp edges.
     pub(crate) fn cuboid(&mut self, least: Vec3, most: Vec3, paint: Paint) {
         let first = self.triangles.len();
         for axis in 0..3 {
@@ -29,12 +29,12 @@ impl Shape {
         self.close_part(first);
     }
 
-    /// A box whose edges and corners are round with `radius` (less where the box is thin), in `segments` steps.
+    /// Adds a box with edges and corners rounded to `radius` (less if the box is thin) in `segments` steps.
     pub(crate) fn rounded(&mut self, least: Vec3, most: Vec3, radius: f32, segments: usize, paint: Paint) {
         self.bulging(least, most, radius, segments, 0.0, paint);
     }
 
-    /// A rounded box whose top rises by `bulge` in the middle: a seat cushion, a mattress.
+    /// Adds a rounded box whose top rises by `bulge` in the middle, as of a seat cushion or a mattress.
     pub(crate) fn bulging(&mut self, least: Vec3, most: Vec3, radius: f32, segments: usize, bulge: f32, paint: Paint) {
         let first = self.triangles.len();
         let size = most - least;
@@ -47,12 +47,12 @@ impl Shape {
             p.y += bulge * ((p.y - least.y) / size.y).max(0.0) * (1.0 - x * x) * (1.0 - z * z);
             p
         };
-        // A crown needs points between the edges.
+        // The bulge needs vertices between the edges.
         let inner = if bulge > 0.0 { 4 } else { 1 };
         let lines = |axis: usize| -> Vec<f32> {
             let arc = |k: usize| radius * (1.0 - (k as f32 / segments as f32 * std::f32::consts::FRAC_PI_4).tan());
             let (a, b) = (core_least[axis], core_most[axis]);
-            // Equal angles of the arc; `arc(0)` is where it begins, `arc(segments)` the box's middle plane through the edge.
+            // Equal angles: `arc(0)` is the start of the arc, `arc(segments)` the bisecting plane of the edge.
             let mut lines: Vec<f32> =
                 (0..=segments).flat_map(|k| [least[axis] + arc(k), most[axis] - arc(k)]).collect();
             lines.extend((1..inner).map(|k| a + (b - a) * k as f32 / inner as f32));
@@ -90,19 +90,19 @@ impl Shape {
         self.close_part(first);
     }
 
-    /// A board, a door, a carcass: a box with barely broken edges.
+    /// Adds a box with slightly rounded edges: a board, a door, a carcass.
     pub(crate) fn board(&mut self, least: Vec3, most: Vec3, paint: Paint) {
         self.rounded(least, most, EDGE, 1, paint);
     }
 }
 
-/// The axes of a box's face, so that the first × the second points outwards.
+/// The axes of a box's face, such that first × second points outwards.
 fn face_axes(axis: usize, side: f32) -> (usize, usize) {
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     if side > 0.0 { (u, v) } else { (v, u) }
 }
 
-/// Wood runs along the longer of x and y (v of the texture); tops are seen from above.
+/// Texture coordinates of a box face. The grain of wood (v) is vertical, and along z on level faces.
 fn box_uv(p: Vec3, axis: usize) -> [f32; 2] {
     match axis {
         0 => [p.z, -p.y],
@@ -111,7 +111,7 @@ fn box_uv(p: Vec3, axis: usize) -> [f32; 2] {
     }
 }
 
-/// Normal of the surface that `crown` makes of a surface through `p` with normal `n`.
+/// Normal at `p` after the deformation `crown` of a surface with normal `n`.
 fn crown_normal(crown: &impl Fn(Vec3) -> Vec3, p: Vec3, n: Vec3) -> Vec3 {
     let basis = lo_geometry::orthonormal_basis(n);
     let step = 1e-3;

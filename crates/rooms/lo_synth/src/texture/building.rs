@@ -1,4 +1,4 @@
-//! Floors and walls.
+//! Textures of floors and walls.
 
 use lo_geometry::smoothstep;
 
@@ -6,7 +6,7 @@ use super::{Noise, Swatch, mix, scaled};
 
 const SIZE: usize = 256;
 
-/// Floor boards or parquet along v, `width_m` wide each, in bond.
+/// Floor boards or parquet along v, each `width_m` wide, staggered.
 pub(crate) fn planks(seed: u64, color: [f32; 3], width_m: f32) -> Swatch {
     let noise = Noise::new(seed);
     let (across, along) = (8, 2);
@@ -41,7 +41,7 @@ pub(crate) fn planks(seed: u64, color: [f32; 3], width_m: f32) -> Swatch {
     })
 }
 
-/// Tiles of `tile_m` with joints; `variation` of colour between and within tiles (0 … 1).
+/// Tiles of size `tile_m` with joints. `variation` in [0, 1] is the colour variation between and within tiles.
 pub(crate) fn tiles(seed: u64, color: [f32; 3], tile_m: [f32; 2], variation: f32) -> Swatch {
     let noise = Noise::new(seed);
     let number = [4i32, 4];
@@ -69,7 +69,7 @@ pub(crate) fn tiles(seed: u64, color: [f32; 3], tile_m: [f32; 2], variation: f32
     .with_roughness(move |u, v| 1.0 - 0.72 * smoothstep(joint_m * 0.5, joint_m, at(u, v).2))
 }
 
-/// Painted plaster: hardly any pattern, some unevenness from the roller and from age.
+/// Painted plaster: nearly uniform, uneven from the roller and from age.
 pub(crate) fn plaster(seed: u64, color: [f32; 3]) -> Swatch {
     let noise = Noise::new(seed);
     Swatch::new([SIZE, SIZE], [2.0, 2.0], move |u, v| {
@@ -79,7 +79,7 @@ pub(crate) fn plaster(seed: u64, color: [f32; 3]) -> Swatch {
     })
 }
 
-/// Wallpaper: stripes, a lattice of ornaments, or a fine weave of two colours.
+/// Wallpaper in two colours: stripes, ornaments, waves or a fine weave.
 pub(crate) fn wallpaper(seed: u64, color: [f32; 3], second: [f32; 3]) -> Swatch {
     let noise = Noise::new(seed);
     let kind = (noise.at(5, 5) * 4.0) as u32;
@@ -107,7 +107,7 @@ pub(crate) fn wallpaper(seed: u64, color: [f32; 3], second: [f32; 3]) -> Swatch 
     })
 }
 
-/// Marble with veins, granite with grains or terrazzo with chips.
+/// Stone: marble with veins, granite with grains or terrazzo with chips.
 pub(crate) fn stone(seed: u64, color: [f32; 3]) -> Swatch {
     let noise = Noise::new(seed);
     let kind = (noise.at(3, 3) * 3.0) as u32;

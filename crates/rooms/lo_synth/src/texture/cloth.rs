@@ -1,4 +1,4 @@
-//! Furniture: wood, cloth, leather, carpets.
+//! Textures of furniture and carpets: wood, cloth, leather, pile.
 
 use lo_geometry::smoothstep;
 
@@ -6,7 +6,7 @@ use super::{Noise, Swatch, mix, scaled};
 
 const SIZE: usize = 256;
 
-/// Veneer or solid wood, grain along v.
+/// Veneer or solid wood with the grain along v.
 pub(crate) fn wood(seed: u64, color: [f32; 3]) -> Swatch {
     let noise = Noise::new(seed);
     let dark = scaled(color, 0.62);
@@ -36,7 +36,7 @@ pub(crate) fn weave(seed: u64, color: [f32; 3], thread_m: f32) -> Swatch {
     })
 }
 
-/// Pile carpet: speckled, with broad differences of how the pile lies.
+/// Pile carpet: speckled, with broad variation in the lie of the pile.
 pub(crate) fn carpet(seed: u64, color: [f32; 3]) -> Swatch {
     let noise = Noise::new(seed);
     Swatch::new([SIZE, SIZE], [1.2, 1.2], move |u, v| {
@@ -60,7 +60,7 @@ pub(crate) fn leather(seed: u64, color: [f32; 3]) -> Swatch {
     .with_roughness(move |u, v| 1.0 - 0.25 * crease(u, v))
 }
 
-/// A whole rug, `size_m` large: plain, striped, chequered, with a border, or with a medallion.
+/// A whole rug of size `size_m`: plain, striped, chequered, with diamonds or with a medallion.
 pub(crate) fn rug(seed: u64, size_m: [f32; 2], colors: [[f32; 3]; 3]) -> Swatch {
     let noise = Noise::new(seed);
     let kind = (noise.at(2, 9) * 5.0) as u32;

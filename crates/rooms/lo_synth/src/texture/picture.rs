@@ -1,4 +1,4 @@
-//! What hangs on walls and shines from screens.
+//! Textures of paintings and screens.
 
 use lo_geometry::smoothstep;
 
@@ -7,8 +7,9 @@ use crate::chance::tone;
 
 const SIZE: usize = 128;
 
-/// A picture for a frame, covering `[0, 1]²`: landscape, stripes of colour, shapes, a dark portrait, or ink on paper, with or
-/// without a mount.
+/// A painting over `[0, 1]²`, with or without a mount.
+///
+/// Shows a landscape, stripes of colour, shapes, a dark portrait or ink on paper.
 pub(crate) fn painting(seed: u64) -> Swatch {
     let noise = Noise::new(seed);
     let kind = (noise.at(1, 1) * 5.0) as u32;
@@ -68,7 +69,7 @@ pub(crate) fn painting(seed: u64) -> Swatch {
     })
 }
 
-/// What a monitor or television shows, 0 … 0.88 of its white.
+/// Content of a monitor or television, from 0 to 0.88 of its white.
 pub(crate) fn screen(seed: u64) -> Swatch {
     let noise = Noise::new(seed);
     let hue = 360.0 * noise.at(1, 2);

@@ -1,4 +1,4 @@
-//! What is printed: pages, covers, labels, keys. Pictures over `[0, 1]²`.
+//! Textures of printed matter over `[0, 1]²`: pages, covers, labels, keys, clothes.
 
 use super::{Noise, Swatch, mix, scaled};
 use crate::chance::tone;
@@ -7,7 +7,9 @@ const SIZE: usize = 128;
 const PAPER: [f32; 3] = [0.8, 0.79, 0.76];
 const INK: [f32; 3] = [0.04, 0.04, 0.05];
 
-/// Whether a letter's stroke lies here: three by five dots a letter, `letters` of them over `u` in [0, 1].
+/// Whether a stroke of random lettering covers `(u, v)`.
+///
+/// A letter has three by five dots; `letters` of them cover `u` in [0, 1].
 fn stroke(noise: Noise, line: i32, letters: f32, u: f32, v: f32) -> bool {
     if !(0.0..1.0).contains(&u) || !(0.0..1.0).contains(&v) {
         return false;
@@ -18,7 +20,7 @@ fn stroke(noise: Noise, line: i32, letters: f32, u: f32, v: f32) -> bool {
     a < 3 && (noise.at(letter * 4 + a, line * 8 + b) < 0.6 || a == 0)
 }
 
-/// A printed or written page, one and a half times as high as wide.
+/// A printed or handwritten page, 1.5 times as high as wide.
 pub(crate) fn page(seed: u64) -> Swatch {
     let noise = Noise::new(seed);
     let columns = if noise.at(1, 1) < 0.3 { 2.0 } else { 1.0 };
@@ -51,7 +53,7 @@ pub(crate) fn page(seed: u64) -> Swatch {
     })
 }
 
-/// The front of a package, a book or a magazine: fields of strong colour, a name in large letters, small print.
+/// Front of a package, a book or a magazine: areas of strong colour, large lettering, small print.
 pub(crate) fn cover(seed: u64) -> Swatch {
     let noise = Noise::new(seed);
     let hue = 360.0 * noise.at(1, 1);
@@ -82,7 +84,7 @@ pub(crate) fn cover(seed: u64) -> Swatch {
     })
 }
 
-/// Keys of a keyboard on a ground of `color`, 15 across and 5 down.
+/// Keys of a keyboard in `color`, 15 columns by 5 rows.
 pub(crate) fn keys(seed: u64, color: [f32; 3]) -> Swatch {
     let noise = Noise::new(seed);
     let dark = lo_imaging::luminance(color) < 0.2;
@@ -104,7 +106,7 @@ pub(crate) fn keys(seed: u64, color: [f32; 3]) -> Swatch {
     })
 }
 
-/// Cloth of clothes: plain, striped, chequered or printed in front.
+/// Cloth of clothes: plain, striped, chequered or dotted.
 pub(crate) fn dress(seed: u64, colors: [[f32; 3]; 2]) -> Swatch {
     let noise = Noise::new(seed);
     let kind = (noise.at(1, 1) * 4.0) as u32;
