@@ -9,7 +9,7 @@ use crate::chance::between;
 use crate::config::{SynthConfig, Tilt};
 use crate::object::Object;
 use crate::plan::Plan;
-use crate::stage::Support;
+use crate::room_builder::Support;
 
 /// Camera of a photo: pose and intrinsics.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,7 +37,7 @@ impl SolidBox {
 }
 
 /// Draws viewpoints and probe positions in the free space of a room.
-pub(crate) struct Space<'a> {
+pub(crate) struct ViewpointSampler<'a> {
     pub plan: &'a Plan,
     pub solids: &'a [SolidBox],
     pub model: &'a PreparedModel,
@@ -46,48 +46,48 @@ pub(crate) struct Space<'a> {
 }
 
 /// Grid of rays with which a candidate view is scored.
-const COLUMNS: usize = 9;
-const ROWS: usize = 6;
+const RAY_COLUMNS: usize = 9;
+const RAY_ROWS: usize = 6;
 
 /// Minimum and maximum number of candidate views.
-const LOOKS: std::ops::Range<usize> = 8..60;
+const CANDIDATES: std::ops::Range<usize> = 8..60;
 
 /// Score at which the search stops after the minimum number of candidates.
-const GOOD_VIEW: f32 = 2.0;
+const GOOD_SCORE: f32 = 2.0;
 
 /// Height range of cameras near the floor, metres.
-const LOW_M: [f32; 2] = [0.1, 0.5];
+const LOW_CAMERA_HEIGHT_M: [f32; 2] = [0.1, 0.5];
 
 /// First surface along a ray.
-pub(crate) struct Seen {
+pub(crate) struct RayHit {
     pub distance_m: f32,
     /// Index of the object; 0 for the shell and for a miss.
     pub object: usize,
-    /// Octant of directions that a wall of the shell faces; `None` for other surfaces.
+    /// Sector (one of eight, by azimuth) that a wall of the shell faces; `None` for other surfaces.
     wall: Option<u8>,
 }
 
 /// Directions of the scoring rays in camera axes.
-pub(crate) fn coarse_rays(camera: &Camera) -> impl Iterator<Item = Vec3> {
-    (0..COLUMNS * ROWS).map(|k| {
-        let u = (f64::from((k % COLUMNS) as u32) + 0.5) / COLUMNS as f64 * f64::from(camera.width);
-        let v = (f64::from((k / COLUMNS) as u32) + 0.5) / ROWS as f64 * f64::from(camera.height);
+pub(crate) fn scoring_rays(camera: &Camera) -> impl Iterator<Item = Vec3> {
+    (0..RAY_COLUMNS * RAY_ROWS).map(|k| {
+        let u = (f64::from((k % RAY_COLUMNS) as u32) + 0.5) / RAY_COLUMNS as f64 * f64::from(camera.width);
+        let v = (f64::from((k / RAY_COLUMNS) as u32) + 0.5) / RAY_ROWS as f64 * f64::from(camera.height);
         camera.direction(u, v)
     })
 }
 
 /// Draws intrinsics from the configured field of view; `upright` swaps width and height.
-pub(crate) fn lens(random: &mut Stream, config: &SynthConfig, upright: bool) -> Camera {
+pub(crate) fn draw_intrinsics(random: &mut Stream, config: &SynthConfig, upright: bool) -> Camera {
     let ([low, high], [width, height]) = (config.hfov_deg, config.crop_size);
     let hfov = f64::from(between(random, low, high));
     let camera = Camera::from_hfov_deg(hfov, width, height).expect("the range was checked");
     if upright { Camera { cx: camera.cy, cy: camera.cx, width: height, height: width, ..camera } } else { camera }
 }
 
-impl Space<'_> {
-    pub(crate) fn look(&self, origin: Vec3, direction: Vec3) -> Seen {
+impl ViewpointSampler<'_> {
+    pub(crate) fn cast_ray(&self, origin: Vec3, direction: Vec3) -> RayHit {
         let Some(hit) = self.model.intersect_both_sides(&Ray { origin, direction }, 100.0) else {
-            return Seen { distance_m: 100.0, object: 0, wall: None };
+            return RayHit { distance_m: 100.0, object: 0, wall: None };
         };
         let starts = |object: &Object| object.parts.first().is_none_or(|part| part.start <= hit.triangle as usize);
         let object = self.objects.partition_point(starts).saturating_sub(1);
@@ -98,7 +98,7 @@ impl Space<'_> {
             let turn = normal.z.atan2(normal.x) / std::f32::consts::TAU;
             (8.0 * turn).round().rem_euclid(8.0) as u8
         });
-        Seen { distance_m: hit.distance_m, object, wall }
+        RayHit { distance_m: hit.distance_m, object, wall }
     }
 
     /// Whether a point is inside the room and at least `margin_m` from all solids, walls, floor and ceiling.
@@ -115,10 +115,10 @@ impl Space<'_> {
 
     /// Draws a camera that sees a good part of the room; `low` puts it near the floor.
     pub(crate) fn camera(&self, random: &mut Stream, config: &SynthConfig, upright: bool, low: bool) -> CameraPose {
-        let camera = lens(random, config, upright);
+        let camera = draw_intrinsics(random, config, upright);
         let mut best: Option<(f32, Pose)> = None;
-        for attempt in 0..LOOKS.end {
-            let Some(position) = self.standpoint(random, config, low) else {
+        for attempt in 0..CANDIDATES.end {
+            let Some(position) = self.draw_position(random, config, low) else {
                 continue;
             };
             let yaw = between(random, 0.0, std::f32::consts::TAU);
@@ -135,7 +135,7 @@ impl Space<'_> {
             if best.as_ref().is_none_or(|b| score > b.0) {
                 best = Some((score, pose));
             }
-            if attempt + 1 >= LOOKS.start && best.as_ref().is_some_and(|b| b.0 > GOOD_VIEW) {
+            if attempt + 1 >= CANDIDATES.start && best.as_ref().is_some_and(|b| b.0 > GOOD_SCORE) {
                 break;
             }
         }
@@ -146,9 +146,10 @@ impl Space<'_> {
         CameraPose { pose, camera }
     }
 
-    fn standpoint(&self, random: &mut Stream, config: &SynthConfig, low: bool) -> Option<Vec3> {
+    fn draw_position(&self, random: &mut Stream, config: &SynthConfig, low: bool) -> Option<Vec3> {
         let (least, most) = self.plan.extent();
-        let ([low, high], margins) = if low { (LOW_M, [0.09; 3]) } else { (config.camera_height_m, [0.35, 0.25, 0.2]) };
+        let ([low, high], margins) =
+            if low { (LOW_CAMERA_HEIGHT_M, [0.09; 3]) } else { (config.camera_height_m, [0.35, 0.25, 0.2]) };
         for margin in margins {
             for _ in 0..30 {
                 // The mean of two draws favours eye height.
@@ -168,28 +169,28 @@ impl Space<'_> {
     /// Rewards a large median distance, several objects, a corner and a window. Penalises surfaces close to the camera
     /// and a single wall that fills the image.
     fn score(&self, camera: &Camera, pose: &Pose) -> f32 {
-        let rays = coarse_rays(camera).map(|direction| self.look(pose.position, pose.rotation * direction));
-        let mut seen: Vec<Seen> = rays.collect();
-        seen.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
-        let number = seen.len() as f32;
+        let rays = scoring_rays(camera).map(|direction| self.cast_ray(pose.position, pose.rotation * direction));
+        let mut hits: Vec<RayHit> = rays.collect();
+        hits.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
+        let number = hits.len() as f32;
         let share = |count: usize| count as f32 / number;
         // Half the diagonal of the room, within limits, counts as far.
         let (least, most) = self.plan.extent();
         let far = 0.5 * (most - least).length().clamp(2.0, 8.0);
-        let distance = (seen[seen.len() / 2].distance_m / far).min(1.0);
-        let (nearer, farther) = (seen[seen.len() / 10].distance_m, seen[seen.len() * 9 / 10].distance_m);
+        let distance = (hits[hits.len() / 2].distance_m / far).min(1.0);
+        let (nearer, farther) = (hits[hits.len() / 10].distance_m, hits[hits.len() * 9 / 10].distance_m);
         let variety = (farther.min(10.0) / nearer.max(0.3)).log2().clamp(0.0, 2.0) / 2.0;
-        let mut things: Vec<usize> = seen.iter().map(|ray| ray.object).filter(|&object| object > 0).collect();
-        let bulk = share(things.len()).min(0.4) / 0.4;
-        things.sort_unstable();
-        things.dedup();
-        let window = things.iter().any(|&thing| self.objects[thing].name == "pane");
-        let furniture = things.iter().filter(|&&thing| self.objects[thing].support != Support::Building).count();
+        let mut visible: Vec<usize> = hits.iter().map(|ray| ray.object).filter(|&object| object > 0).collect();
+        let bulk = share(visible.len()).min(0.4) / 0.4;
+        visible.sort_unstable();
+        visible.dedup();
+        let window = visible.iter().any(|&object| self.objects[object].name == "pane");
+        let furniture = visible.iter().filter(|&&object| self.objects[object].support != Support::Building).count();
         let mut walls = [0; 8];
-        seen.iter().filter_map(|ray| ray.wall).for_each(|wall| walls[usize::from(wall)] += 1);
+        hits.iter().filter_map(|ray| ray.wall).for_each(|wall| walls[usize::from(wall)] += 1);
         let corner = walls.iter().filter(|&&count| count >= 3).count() >= 2;
         let bare = share(walls.into_iter().max().unwrap_or(0));
-        let near = share(seen.iter().filter(|ray| ray.distance_m < 0.7).count());
+        let near = share(hits.iter().filter(|ray| ray.distance_m < 0.7).count());
         distance
             + 0.4 * variety
             + 0.3 * bulk
@@ -209,7 +210,7 @@ impl Space<'_> {
                 let u = f64::from(between(random, 0.06, 0.94)) * f64::from(camera.width);
                 let v = f64::from(between(random, 0.06, 0.94)) * f64::from(camera.height);
                 let direction = pose.rotation * camera.direction(u, v);
-                let depth = self.look(pose.position, direction).distance_m.min(8.0);
+                let depth = self.cast_ray(pose.position, direction).distance_m.min(8.0);
                 if depth < 0.6 {
                     continue;
                 }

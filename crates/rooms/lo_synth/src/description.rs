@@ -59,12 +59,12 @@ impl RoomKind {
     ];
 
     /// Whether rooms of this kind can have glazed walls.
-    pub(crate) fn may_be_glazed(self) -> bool {
+    pub(crate) fn can_be_glazed(self) -> bool {
         !matches!(self, Self::Bathroom | Self::Corridor | Self::Cellar)
     }
 
     /// Whether rooms of this kind can be much larger than usual.
-    pub(crate) fn may_be_large(self) -> bool {
+    pub(crate) fn can_be_large(self) -> bool {
         use RoomKind::{Classroom, Empty, Hall, Laboratory, OpenPlan, Studio, Workshop};
         matches!(self, Classroom | Empty | Hall | Laboratory | OpenPlan | Studio | Workshop)
     }
@@ -101,7 +101,7 @@ pub enum Weather {
 /// Which lamps are on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum LampUse {
+pub enum LightingMode {
     /// No lamp: daylight only.
     Daylight,
     /// Ceiling lamps, at the illuminance recommended for the room's purpose.
@@ -134,7 +134,7 @@ pub struct Description {
     /// Outdoor conditions.
     pub weather: Weather,
     /// Which lamps are on.
-    pub lighting: LampUse,
+    pub lighting: LightingMode,
     /// Amount of small objects: 0 bare … 1 cluttered.
     pub clutter: f32,
     /// Whether walls and furniture are dark.

@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 
 /// Lists the files of a folder with one of `extensions` (lower case), ignoring case.
 ///
-/// Sorted, because the order of directory entries differs between machines.
+/// The list is sorted, because the order of directory entries differs between machines.
 pub(crate) fn files_in(folder: &Path, extensions: &[&str]) -> io::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder)? {

@@ -32,7 +32,7 @@ impl Interior {
     /// If the file would exceed 4 GiB.
     pub fn to_glb(&self, generator: &str, cameras: &[CameraPose]) -> Result<Vec<u8>, GlbTooLarge> {
         let mut model = self.world.model.clone();
-        model.materials.iter_mut().for_each(let_pass);
+        model.materials.iter_mut().for_each(make_alpha_blended);
         let mut objects: Vec<(String, Vec<usize>)> = self
             .objects
             .iter()
@@ -65,7 +65,7 @@ impl Interior {
 }
 
 /// Turns a transmissive material into an alpha-blended one of equal transmittance.
-fn let_pass(material: &mut Material) {
+fn make_alpha_blended(material: &mut Material) {
     if material.transmission > 0.0 {
         material.base_color[3] *= 1.0 - material.transmission;
         material.transmission = 0.0;

@@ -19,8 +19,8 @@ impl Footprint {
         let middle = (least + most) * 0.5;
         let half = (most - least) * 0.5;
         Self {
-            center: offset + turned(Vec2::new(middle.x, middle.z), yaw_rad),
-            along: turned(Vec2::X, yaw_rad),
+            center: offset + rotated_yaw(Vec2::new(middle.x, middle.z), yaw_rad),
+            along: rotated_yaw(Vec2::X, yaw_rad),
             half: Vec2::new(half.x, half.z),
         }
     }
@@ -35,7 +35,7 @@ impl Footprint {
     }
 
     /// Footprint expanded by `margin` on every side.
-    pub(crate) fn grown(&self, margin: f32) -> Self {
+    pub(crate) fn expanded(&self, margin: f32) -> Self {
         Self { half: self.half + Vec2::splat(margin), ..*self }
     }
 
@@ -55,14 +55,14 @@ impl Footprint {
 }
 
 /// Rotates a point (x, z) about +Y.
-pub(crate) fn turned(p: Vec2, yaw_rad: f32) -> Vec2 {
+pub(crate) fn rotated_yaw(p: Vec2, yaw_rad: f32) -> Vec2 {
     let (sin, cos) = yaw_rad.sin_cos();
     Vec2::new(p.x * cos + p.y * sin, p.y * cos - p.x * sin)
 }
 
 /// A volume that is occupied or kept free.
 #[derive(Clone, Copy, Debug)]
-struct Block {
+struct Volume {
     footprint: Footprint,
     y: [f32; 2],
     /// Whether an object occupies it; otherwise it is kept free, as in front of a door.
@@ -74,13 +74,13 @@ struct Block {
 /// Occupied volumes and walkable floor of a room.
 #[derive(Clone, Debug)]
 pub(crate) struct Layout {
-    blocks: Vec<Block>,
+    volumes: Vec<Volume>,
     grid: WalkGrid,
 }
 
 impl Layout {
     pub(crate) fn new(plan: &Plan) -> Self {
-        let mut layout = Self { blocks: Vec::new(), grid: WalkGrid::new(plan) };
+        let mut layout = Self { volumes: Vec::new(), grid: WalkGrid::new(plan) };
         for wall in &plan.walls {
             for opening in wall.openings.iter().filter(|o| !o.is_window()) {
                 // The swing of the leaf and one step.
@@ -97,20 +97,20 @@ impl Layout {
 
     /// Keeps a volume free of objects placed later.
     pub(crate) fn keep_free(&mut self, footprint: Footprint, y: [f32; 2]) {
-        self.blocks.push(Block { footprint, y, solid: false, owner: None });
+        self.volumes.push(Volume { footprint, y, solid: false, owner: None });
     }
 
     /// Marks a volume as occupied.
-    pub(crate) fn take(&mut self, footprint: Footprint, y: [f32; 2]) {
-        self.take_for(footprint, y, None);
+    pub(crate) fn occupy(&mut self, footprint: Footprint, y: [f32; 2]) {
+        self.occupy_for(footprint, y, None);
     }
 
     /// Marks a volume as occupied by an object that can carry others.
-    pub(crate) fn take_for(&mut self, footprint: Footprint, y: [f32; 2], owner: Option<usize>) {
-        if in_the_way(y) {
+    pub(crate) fn occupy_for(&mut self, footprint: Footprint, y: [f32; 2], owner: Option<usize>) {
+        if blocks_walking(y) {
             self.grid.mark(&footprint);
         }
-        self.blocks.push(Block { footprint, y, solid: true, owner });
+        self.volumes.push(Volume { footprint, y, solid: true, owner });
     }
 
     /// Whether a volume lies in the room, below the ceiling, outside all objects and outside kept-free volumes.
@@ -137,15 +137,15 @@ impl Layout {
         carrier: Option<usize>,
     ) -> bool {
         inside(plan, footprint, y[1])
-            && self.blocks.iter().all(|block| {
-                let counts = (block.solid || passages) && (carrier.is_none() || block.owner != carrier);
-                !counts || y[0] >= block.y[1] || y[1] <= block.y[0] || !block.footprint.overlaps(footprint)
+            && self.volumes.iter().all(|volume| {
+                let counts = (volume.solid || passages) && (carrier.is_none() || volume.owner != carrier);
+                !counts || y[0] >= volume.y[1] || y[1] <= volume.y[0] || !volume.footprint.overlaps(footprint)
             })
     }
 
     /// Whether every door still reaches most of the free floor with an object at this place.
     pub(crate) fn leaves_passages(&self, footprint: &Footprint, y: [f32; 2]) -> bool {
-        if !in_the_way(y) {
+        if !blocks_walking(y) {
             return true;
         }
         let mut grid = self.grid.clone();
@@ -155,7 +155,7 @@ impl Layout {
 }
 
 /// Whether an object of this vertical extent blocks walking: rugs and hanging lamps do not.
-fn in_the_way([low, high]: [f32; 2]) -> bool {
+fn blocks_walking([low, high]: [f32; 2]) -> bool {
     high > 0.05 && low < 1.9
 }
 
@@ -165,7 +165,7 @@ fn inside(plan: &Plan, footprint: &Footprint, top: f32) -> bool {
     ends.into_iter().all(below)
         && (0..4).all(|k| below((ends[k] + ends[(k + 1) % 4]) * 0.5))
         && below(footprint.center)
-        && !plan.walls.iter().any(|wall| footprint.grown(-0.002).contains(wall.start))
+        && !plan.walls.iter().any(|wall| footprint.expanded(-0.002).contains(wall.start))
 }
 
 /// Floor cells that the centre of a person can occupy.
@@ -180,16 +180,16 @@ struct WalkGrid {
 impl WalkGrid {
     const CELL_M: f32 = 0.1;
     /// Half the width of a person.
-    const PERSON_M: f32 = 0.24;
+    const PERSON_HALF_WIDTH_M: f32 = 0.24;
     /// Share of the free cells that must be reachable; corners behind chairs may be cut off.
-    const REACHABLE: f32 = 0.75;
+    const MIN_REACHABLE_SHARE: f32 = 0.75;
 
     fn new(plan: &Plan) -> Self {
         let (least, most) = plan.extent();
         let size = (most - least) / Self::CELL_M;
         let size = [size.x.ceil() as usize, size.y.ceil() as usize];
         let mut grid = Self { origin: least, size, free: Vec::new(), doors: Vec::new() };
-        grid.free = (0..size[0] * size[1]).map(|k| plan.contains(grid.cell(k), Self::PERSON_M)).collect();
+        grid.free = (0..size[0] * size[1]).map(|k| plan.contains(grid.cell(k), Self::PERSON_HALF_WIDTH_M)).collect();
         grid
     }
 
@@ -199,8 +199,8 @@ impl WalkGrid {
     }
 
     fn mark(&mut self, footprint: &Footprint) {
-        let grown = footprint.grown(Self::PERSON_M);
-        let corners = grown.corners();
+        let expanded = footprint.expanded(Self::PERSON_HALF_WIDTH_M);
+        let corners = expanded.corners();
         let least = corners.into_iter().fold(Vec2::INFINITY, Vec2::min) - self.origin;
         let most = corners.into_iter().fold(Vec2::NEG_INFINITY, Vec2::max) - self.origin;
         let range = |axis: usize| {
@@ -210,7 +210,7 @@ impl WalkGrid {
         for y in range(1) {
             for x in range(0) {
                 let k = y * self.size[0] + x;
-                if grown.contains(self.cell(k)) {
+                if expanded.contains(self.cell(k)) {
                     self.free[k] = false;
                 }
             }
@@ -226,10 +226,10 @@ impl WalkGrid {
         let Some(&start) = doors.first() else {
             return true;
         };
-        let mut seen = vec![false; self.free.len()];
+        let mut visited = vec![false; self.free.len()];
         let mut stack = vec![start];
         let mut reached = 0;
-        seen[start] = true;
+        visited[start] = true;
         while let Some(k) = stack.pop() {
             if !self.free[k] {
                 continue;
@@ -237,7 +237,7 @@ impl WalkGrid {
             reached += 1;
             let (x, y) = (k % self.size[0], k / self.size[0]);
             let mut visit = |next: usize| {
-                if !std::mem::replace(&mut seen[next], true) {
+                if !std::mem::replace(&mut visited[next], true) {
                     stack.push(next);
                 }
             };
@@ -255,7 +255,7 @@ impl WalkGrid {
             }
         }
         let all = self.free.iter().filter(|&&free| free).count();
-        doors.iter().all(|&door| seen[door]) && reached as f32 >= Self::REACHABLE * all as f32
+        doors.iter().all(|&door| visited[door]) && reached as f32 >= Self::MIN_REACHABLE_SHARE * all as f32
     }
 }
 
@@ -272,7 +272,7 @@ mod tests {
                 let mut r = |low, high| crate::chance::between(&mut random, low, high);
                 let half = Vec2::new(r(0.1, 1.0), r(0.1, 1.0));
                 let center = Vec2::new(r(-1.5, 1.5), r(-1.5, 1.5));
-                Footprint { center, along: turned(Vec2::X, r(0.0, 3.0)), half }
+                Footprint { center, along: rotated_yaw(Vec2::X, r(0.0, 3.0)), half }
             };
             let (a, b) = (draw(), draw());
             let common = (0..60 * 60).any(|k| {
@@ -295,6 +295,6 @@ mod tests {
     #[test]
     fn turns_seen_from_above_are_those_in_space() {
         let p = lo_geometry::Quat::from_rotation_y(0.7) * Vec3::new(1.0, 0.0, 2.0);
-        assert!((turned(Vec2::new(1.0, 2.0), 0.7) - Vec2::new(p.x, p.z)).length() < 1e-6);
+        assert!((rotated_yaw(Vec2::new(1.0, 2.0), 0.7) - Vec2::new(p.x, p.z)).length() < 1e-6);
     }
 }

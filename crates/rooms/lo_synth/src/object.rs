@@ -1,6 +1,6 @@
 use std::ops::Range;
 
-use crate::stage::Support;
+use crate::room_builder::Support;
 
 /// An object of a room: a piece of furniture, a lamp or a part of the building.
 #[derive(Clone, Debug, PartialEq)]

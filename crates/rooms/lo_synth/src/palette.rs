@@ -15,7 +15,7 @@ use lo_mesh::{Material, Texture, TextureRef, Wrap};
 use lo_random::{RngExt, Stream};
 
 use crate::chance::{between, chance, count, pick, tone, weighted};
-use crate::pictures::{Pictures, printed};
+use crate::pictures::{Pictures, print_reflectance};
 use crate::solids::Paint;
 use crate::texture::{self, Swatch};
 
@@ -70,12 +70,12 @@ pub(crate) struct Palette {
     seed: u64,
     index: u64,
     style: Style,
-    known: BTreeMap<Finish, u32>,
+    finishes: BTreeMap<Finish, u32>,
     /// Materials of prints (pages, covers, …) by kind and number.
     prints: BTreeMap<(&'static str, usize), u32>,
     pub pictures: Pictures,
     /// Whether books and keyboards have printed textures.
-    pub printed: bool,
+    pub has_prints: bool,
     /// Degree of wear in [0, 1]; worn surfaces also have normal maps.
     pub wear: Option<f32>,
     pub materials: Vec<Material>,
@@ -122,10 +122,10 @@ impl Palette {
             seed,
             index,
             style,
-            known: BTreeMap::new(),
+            finishes: BTreeMap::new(),
             prints: BTreeMap::new(),
             pictures: Pictures::default(),
-            printed: false,
+            has_prints: false,
             wear: None,
             materials: Vec::new(),
             textures: Vec::new(),
@@ -138,14 +138,14 @@ impl Palette {
 
     /// Returns the material of a finish, independent of the order of requests.
     pub(crate) fn paint(&mut self, finish: Finish) -> Paint {
-        let material = match self.known.get(&finish) {
+        let material = match self.finishes.get(&finish) {
             Some(&known) => known,
             None => {
                 let mut random = lo_random::stream(self.seed, &format!("synth finish {finish:?}"), self.index);
                 let first = self.materials.len();
-                let material = self.make(finish, &mut random);
-                self.wear_since(first, finish);
-                self.known.insert(finish, material);
+                let material = self.create(finish, &mut random);
+                self.apply_wear_from(first, finish);
+                self.finishes.insert(finish, material);
                 material
             }
         };
@@ -173,13 +173,13 @@ impl Palette {
         let material = match screen_radiance {
             None => {
                 let mut material = matte("picture");
-                self.cover(&mut material, real.map_or_else(|| texture::painting(seed), |real| on_paper(&real)));
+                self.apply_swatch(&mut material, real.map_or_else(|| texture::painting(seed), |real| on_paper(&real)));
                 material
             }
             Some(white) => {
                 let mut material = Material { base_color: [0.02, 0.02, 0.02, 1.0], roughness: 0.25, ..matte("screen") };
-                let shown = |real: Image<[u8; 3]>| Swatch::of_picture(real.map(|&[r, g, b]| [r, g, b, 255]));
-                self.cover(&mut material, real.map_or_else(|| texture::screen(seed), shown));
+                let shown = |real: Image<[u8; 3]>| Swatch::from_image(real.map(|&[r, g, b]| [r, g, b, 255]));
+                self.apply_swatch(&mut material, real.map_or_else(|| texture::screen(seed), shown));
                 material.emissive_texture = material.base_color_texture.take();
                 material.emissive = [white; 3];
                 material
@@ -194,10 +194,10 @@ impl Palette {
     }
 
     /// Returns the front of a package, a book or a magazine over `[0, 1]²`.
-    pub(crate) fn front(&mut self, random: &mut Stream) -> Paint {
+    pub(crate) fn printed_front(&mut self, random: &mut Stream) -> Paint {
         self.print("front", count(random, 0, 9), |palette, random| {
             let real = palette.pictures.crop(random, 1.0);
-            let swatch = real.map_or_else(|| texture::cover(random.random()), |real| on_paper(&real));
+            let swatch = real.map_or_else(|| texture::package_front(random.random()), |real| on_paper(&real));
             (between(random, 0.25, 0.7), swatch)
         })
     }
@@ -211,13 +211,13 @@ impl Palette {
     }
 
     /// Returns the cloth of a person's clothes.
-    pub(crate) fn dress(&mut self, random: &mut Stream) -> Paint {
+    pub(crate) fn clothing(&mut self, random: &mut Stream) -> Paint {
         self.print("dress", count(random, 0, 9), |_, random| {
             let color = |random: &mut Stream| {
                 tone(between(random, 0.0, 360.0), between(random, 0.0, 0.8), between(random, 0.03, 0.6))
             };
             let colors = [color(random), color(random)];
-            (0.95, texture::dress(random.random(), colors))
+            (0.95, texture::clothing(random.random(), colors))
         })
     }
 
@@ -235,7 +235,7 @@ impl Palette {
             None => {
                 let mut random = lo_random::stream(self.seed, &format!("synth {kind} {number}"), self.index);
                 let (roughness, swatch) = make(self, &mut random);
-                let material = self.covered(kind, roughness, swatch);
+                let material = self.textured(kind, roughness, swatch);
                 self.prints.insert((kind, number), material);
                 material
             }
@@ -251,7 +251,7 @@ impl Palette {
         let second = tone(hue + between(random, -60.0, 60.0), 0.4, between(random, 0.05, 0.4));
         let third = tone(hue + 180.0, 0.2, between(random, 0.3, 0.55));
         let mut material = matte("rug");
-        self.cover(&mut material, texture::rug(random.random(), size_m, [base, second, third]));
+        self.apply_swatch(&mut material, texture::rug(random.random(), size_m, [base, second, third]));
         Paint { material: self.push(material), tint: [1.0; 3] }
     }
 
@@ -272,7 +272,7 @@ impl Palette {
     }
 
     /// Assigns a swatch's textures to a material, for texture coordinates in metres.
-    fn cover(&mut self, material: &mut Material, swatch: Swatch) {
+    fn apply_swatch(&mut self, material: &mut Material, swatch: Swatch) {
         let [width, height] = swatch.size_m;
         let reference = |texture| TextureRef {
             uv_transform: [1.0 / width, 0.0, 0.0, 0.0, 1.0 / height, 0.0],
@@ -289,9 +289,9 @@ impl Palette {
         }
     }
 
-    fn covered(&mut self, name: &str, roughness: f32, swatch: Swatch) -> u32 {
+    fn textured(&mut self, name: &str, roughness: f32, swatch: Swatch) -> u32 {
         let mut material = Material { roughness, ..matte(name) };
-        self.cover(&mut material, swatch);
+        self.apply_swatch(&mut material, swatch);
         self.push(material)
     }
 
@@ -301,7 +301,7 @@ impl Palette {
 }
 
 fn on_paper(picture: &Image<[u8; 3]>) -> Swatch {
-    Swatch::of_picture(printed(picture))
+    Swatch::from_image(print_reflectance(picture))
 }
 
 /// Matt white material.

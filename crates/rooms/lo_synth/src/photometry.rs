@@ -23,13 +23,13 @@ pub(crate) struct Glow {
 }
 
 /// Makes the triangles from `first` on emit the lamp's flux as a uniform Lambertian surface.
-pub(crate) fn light(palette: &mut Palette, shape: &mut Shape, first: usize, glow: &Glow) {
+pub(crate) fn emit_from(palette: &mut Palette, shape: &mut Shape, first: usize, glow: &Glow) {
     let end = shape.triangles.len();
-    light_range(palette, shape, first..end, glow);
+    emit_range(palette, shape, first..end, glow);
 }
 
 /// Makes a range of triangles emit the lamp's flux as a uniform Lambertian surface.
-pub(crate) fn light_range(palette: &mut Palette, shape: &mut Shape, range: Range<usize>, glow: &Glow) {
+pub(crate) fn emit_range(palette: &mut Palette, shape: &mut Shape, range: Range<usize>, glow: &Glow) {
     let area_m2 = shape.area(range.clone()).max(1e-6);
     let luminance = glow.flux_lm / (std::f32::consts::PI * area_m2);
     let radiance = luminance_color(glow.kelvin).map(|c| c * luminance / UNIT_CD_M2);
@@ -87,7 +87,7 @@ mod tests {
         let mut shape = Shape::default();
         let paint = palette.paint(crate::palette::Finish::Matte);
         shape.ball(lo_geometry::Vec3::ZERO, [0.15, 0.15], 48, paint);
-        light(&mut palette, &mut shape, 0, &Glow { flux_lm: 800.0, kelvin: 2700.0 });
+        emit_from(&mut palette, &mut shape, 0, &Glow { flux_lm: 800.0, kelvin: 2700.0 });
         let emissive = palette.materials.last().unwrap().emissive;
         // A ball of radius 0.15 m has 0.2827 m² (the polyhedron slightly less): 800 / (π · 0.2827) = 900.7 cd/m².
         assert!((lo_imaging::luminance(emissive) - 9.007).abs() < 0.15);

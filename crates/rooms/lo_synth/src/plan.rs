@@ -18,7 +18,7 @@ pub(crate) struct Plan {
     pub walls: Vec<Wall>,
     pub height_m: f32,
     /// Factor on the usual length and width of rooms of this kind.
-    pub grown: f32,
+    pub size_factor: f32,
     pub slope: Option<Slope>,
 }
 
@@ -42,7 +42,7 @@ pub(crate) struct Wall {
     pub length_m: f32,
     pub thickness_m: f32,
     /// Whether no other wing of the room is behind it, so that it can have windows and doors.
-    pub free: bool,
+    pub can_have_openings: bool,
     pub openings: Vec<Opening>,
 }
 
@@ -96,21 +96,21 @@ impl Opening {
 }
 
 impl Plan {
-    /// Draws the plan of a kind of room, `grown` times as long and wide as usual.
+    /// Draws the plan of a kind of room, `size_factor` times as long and wide as usual.
     ///
     /// With the stream `glazed`, walls of glass replace the windows.
     pub(crate) fn draw(
         random: &mut Stream,
         kind: RoomKind,
         config: &SynthConfig,
-        grown: f32,
+        size_factor: f32,
         glazed: Option<Stream>,
     ) -> Self {
         let [narrow, wide, deep] = size_range(kind);
         let (a, b) = (between(random, narrow, wide), between(random, narrow.max(deep * 0.55), deep));
-        let (a, b) = (grown * a, grown * b);
+        let (a, b) = (size_factor * a, size_factor * b);
         let (width, depth) = if chance(random, 0.5) { (a, b) } else { (b, a) };
-        let height_m = height(random, kind) * grown.sqrt();
+        let height_m = height(random, kind) * size_factor.sqrt();
         let outline = match kind {
             RoomKind::OpenPlan => Outline::OpenPlan,
             RoomKind::Corridor | RoomKind::Bathroom | RoomKind::Classroom => Outline::Rectangle,
@@ -120,7 +120,7 @@ impl Plan {
         let cut = outline == Outline::LShape || outline == Outline::OpenPlan && chance(random, 0.5);
         let mut plan = if cut { l_shape(random, width, depth) } else { rectangle(width, depth) };
         plan.outline = outline;
-        plan.grown = grown;
+        plan.size_factor = size_factor;
         plan.height_m = height_m;
         let may_slope = outline == Outline::Rectangle
             && matches!(kind, RoomKind::Bedroom | RoomKind::Living | RoomKind::Office | RoomKind::Studio);
@@ -259,12 +259,12 @@ fn from_corners(corners: &[Vec2], rectangles: Vec<[Vec2; 2]>, inner: &[usize]) -
                 along: (b - a).normalize(),
                 length_m: a.distance(b),
                 thickness_m: 0.2,
-                free: !inner.contains(&k),
+                can_have_openings: !inner.contains(&k),
                 openings: Vec::new(),
             }
         })
         .collect();
-    Plan { outline: Outline::Rectangle, rectangles, walls, height_m: 2.5, grown: 1.0, slope: None }
+    Plan { outline: Outline::Rectangle, rectangles, walls, height_m: 2.5, size_factor: 1.0, slope: None }
 }
 
 #[cfg(test)]

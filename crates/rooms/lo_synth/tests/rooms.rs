@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use lo_geometry::{Quat, Ray, Vec3, fibonacci_sphere};
 use lo_mesh::PreparedModel;
-use lo_synth::{Interior, LampUse, Object, RoomKind, Support, SynthConfig, Tilt, Weather};
+use lo_synth::{Interior, LightingMode, Object, RoomKind, Support, SynthConfig, Tilt, Weather};
 
 /// Tolerance of contact between objects, metres; the pile of carpets gives way.
 const TOUCH_M: f32 = 0.012;
@@ -206,7 +206,10 @@ fn check_supported(room: &Room) {
             Support::Building => {}
             Support::Floor => assert!((-0.002..0.012).contains(&least.y), "{id}: {name} floats at {}", least.y),
             Support::Ceiling => {
-                assert!(near(Vec3::Y, 0.03, &|hit| room.is_building(hit)), "{id}: {name} at {most} is not fixed to the ceiling");
+                assert!(
+                    near(Vec3::Y, 0.03, &|hit| room.is_building(hit)),
+                    "{id}: {name} at {most} is not fixed to the ceiling"
+                );
             }
             Support::Wall => {
                 let sides = [Vec3::X, Vec3::NEG_X, Vec3::Z, Vec3::NEG_Z, Vec3::Y];
@@ -288,7 +291,11 @@ fn check_views(room: &Room) {
     assert_eq!(views[0], room.interior.camera_poses(1)[0], "{id}: a camera depends on the number of cameras");
     for view in &views {
         let p = view.pose.position;
-        assert!((0.79..2.01).contains(&p.y) && clearance(p) > 0.15, "{id}: camera at {p} has a clearance of {}", clearance(p));
+        assert!(
+            (0.79..2.01).contains(&p.y) && clearance(p) > 0.15,
+            "{id}: camera at {p} has a clearance of {}",
+            clearance(p)
+        );
         let forward = view.pose.rotation * Vec3::NEG_Z;
         assert!(forward.y.asin().to_degrees().abs() < 15.1 && (49.9..90.1).contains(&view.camera.hfov_deg()));
         let probes = room.interior.probe_positions(view, 6);
@@ -361,7 +368,11 @@ fn check_portals(room: &Room) {
             let p = portal.corner + portal.edges[0] * a + portal.edges[1] * b;
             let hit = room.hit(p - normal * 0.05, normal, 0.6).unwrap();
             let name = room.interior.objects[hit.0].name;
-            assert!(["pane", "window frame", "reveal"].contains(&name), "{}: {name} in front of a portal", room.interior.id);
+            assert!(
+                ["pane", "window frame", "reveal"].contains(&name),
+                "{}: {name} in front of a portal",
+                room.interior.id
+            );
         }
     }
 }
@@ -372,7 +383,7 @@ const ROOMS: u64 = 100;
 /// Asserts that a lamp is on unless the room is lit by daylight only.
 fn check_lit(room: &Room) {
     let about = &room.interior.description;
-    let lit = about.lighting == LampUse::Daylight || (about.lamps_on > 0 && about.flux_lm > 0.0);
+    let lit = about.lighting == LightingMode::Daylight || (about.lamps_on > 0 && about.flux_lm > 0.0);
     assert!(lit, "{}: {:?}, but no lamp is on", room.interior.id, about.lighting);
 }
 
@@ -386,7 +397,11 @@ fn rooms_keep_the_rules() {
         framings.iter().filter(|view| test(view)).count() as f32 / framings.len() as f32
     };
     let (near, bare) = (share(&|view| view.0 < 1.3), share(&|view| view.1 < 2));
-    eprintln!("{:.1} % have a median distance below 1.3 m, {:.1} % show fewer than two objects", 100.0 * near, 100.0 * bare);
+    eprintln!(
+        "{:.1} % have a median distance below 1.3 m, {:.1} % show fewer than two objects",
+        100.0 * near,
+        100.0 * bare
+    );
     assert!(near < 0.03 && bare < 0.08, "{near} {bare}");
 }
 

@@ -7,12 +7,12 @@ use lo_geometry::{Vec2, Vec3};
 use super::kitchen::tap;
 use crate::chance::{between, chance};
 use crate::palette::Finish;
+use crate::room_builder::{Piece, RoomBuilder};
 use crate::solids::{Paint, Shape};
-use crate::stage::{Piece, Stage};
 
 /// Builds a bathtub of 170 × 75 cm, 56 cm high; long side at z = 0.
-pub(super) fn bath(stage: &mut Stage) -> Piece {
-    let white = stage.palette.paint(Finish::Ceramic);
+pub(super) fn bath(builder: &mut RoomBuilder) -> Piece {
+    let white = builder.palette.paint(Finish::Ceramic);
     let (half, depth, high) = (Vec2::new(0.85, 0.375), 0.4, 0.56);
     let mut shape = Shape::default();
     let p = Vec3::new;
@@ -25,7 +25,7 @@ pub(super) fn bath(stage: &mut Stage) -> Piece {
     shape.polygon(&[p(b.x, 0.0, b.z), p(b.x, 0.0, a.z), p(b.x, high, a.z), p(b.x, high, b.z)], white);
     basin(&mut shape, p(0.0, high, 0.375), half, half - Vec2::splat(0.06), depth, white);
     shape.close_part(first);
-    let metal = stage.palette.paint(Finish::Metal);
+    let metal = builder.palette.paint(Finish::Metal);
     tap(&mut shape, p(-0.3, high, 0.03), 0.16, metal);
     Piece::new("bath", shape).with_front(0.5)
 }
@@ -60,10 +60,10 @@ fn basin(shape: &mut Shape, at: Vec3, outer: Vec2, inner: Vec2, depth: f32, pain
 }
 
 /// Builds a shower with a tray of 90 × 90 cm and glass on two sides; back at z = 0.
-pub(super) fn shower(stage: &mut Stage) -> Piece {
-    let white = stage.palette.paint(Finish::Ceramic);
-    let glass = stage.palette.paint(Finish::Glass);
-    let metal = stage.palette.paint(Finish::Metal);
+pub(super) fn shower(builder: &mut RoomBuilder) -> Piece {
+    let white = builder.palette.paint(Finish::Ceramic);
+    let glass = builder.palette.paint(Finish::Glass);
+    let metal = builder.palette.paint(Finish::Metal);
     let (half, deep, high) = (0.45, 0.9, 1.95);
     let mut shape = Shape::default();
     shape.rounded(Vec3::new(-half, 0.0, 0.0), Vec3::new(half, 0.05, deep), 0.01, 1, white);
@@ -83,9 +83,9 @@ pub(super) fn shower(stage: &mut Stage) -> Piece {
 }
 
 /// Builds a toilet with the seat at 42 cm; cistern at z = 0.
-pub(super) fn toilet(stage: &mut Stage) -> Piece {
-    let white = stage.palette.paint(Finish::Ceramic);
-    let metal = stage.palette.paint(Finish::Metal);
+pub(super) fn toilet(builder: &mut RoomBuilder) -> Piece {
+    let white = builder.palette.paint(Finish::Ceramic);
+    let metal = builder.palette.paint(Finish::Metal);
     let mut shape = Shape::default();
     shape.rounded(Vec3::new(-0.19, 0.36, 0.0), Vec3::new(0.19, 0.78, 0.17), 0.03, 2, white);
     shape.bar(Vec3::new(0.0, 0.779, 0.085), Vec3::new(0.0, 0.79, 0.085), [0.025; 2], 14, metal);
@@ -110,11 +110,11 @@ fn stretch(shape: &mut Shape, factor: Vec3) {
 }
 
 /// Builds a washstand: a basin on a cupboard, 83 cm high.
-pub(super) fn washstand(stage: &mut Stage) -> Piece {
-    let white = stage.palette.paint(Finish::Ceramic);
-    let front = stage.palette.paint(Finish::Fronts);
-    let metal = stage.palette.paint(Finish::Metal);
-    let half = between(&mut stage.random, 0.3, 0.55);
+pub(super) fn washstand(builder: &mut RoomBuilder) -> Piece {
+    let white = builder.palette.paint(Finish::Ceramic);
+    let front = builder.palette.paint(Finish::Fronts);
+    let metal = builder.palette.paint(Finish::Metal);
+    let half = between(&mut builder.random, 0.3, 0.55);
     let depth = 0.48;
     let mut shape = Shape::default();
     let low = 0.3;
@@ -133,9 +133,9 @@ pub(super) fn washstand(stage: &mut Stage) -> Piece {
     shape.add_at(&bowl, Vec3::new(0.0, 0.825, 0.25));
     tap(&mut shape, Vec3::new(0.0, 0.825, 0.03), 0.26, metal);
     let piece = Piece::new("washstand", shape).with_front(0.5);
-    if half > 0.42 && chance(&mut stage.random, 0.8) {
+    if half > 0.42 && chance(&mut builder.random, 0.8) {
         let center = Vec3::new(half - 0.12, 0.825, 0.25);
-        piece.with_top(center, Vec2::new(0.09, 0.16), 0.4)
+        piece.with_surface(center, Vec2::new(0.09, 0.16), 0.4)
     } else {
         piece
     }

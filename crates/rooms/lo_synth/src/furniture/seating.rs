@@ -2,11 +2,12 @@
 
 use lo_geometry::{Quat, Vec2, Vec3};
 
+use super::small_objects::random_tint;
 use super::tables::legs;
 use crate::chance::{between, chance, count, weighted};
 use crate::palette::Finish;
+use crate::room_builder::{Piece, RoomBuilder};
 use crate::solids::{Paint, Shape};
-use crate::stage::{Piece, Stage};
 
 /// Style of a set of dining chairs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,21 +19,21 @@ pub(super) enum ChairStyle {
 }
 
 /// Draws a chair style.
-pub(super) fn chair_style(stage: &mut Stage) -> ChairStyle {
+pub(super) fn chair_style(builder: &mut RoomBuilder) -> ChairStyle {
     let styles = [
         (ChairStyle::Slats, 0.35),
         (ChairStyle::Upholstered, 0.3),
         (ChairStyle::ShellSeat, 0.2),
         (ChairStyle::Board, 0.15),
     ];
-    weighted(&mut stage.random, &styles)
+    weighted(&mut builder.random, &styles)
 }
 
 /// Builds a dining chair: 43 cm wide, seat at 46 cm, front towards +z, seat centred on the origin.
-pub(super) fn chair(stage: &mut Stage, style: ChairStyle) -> Piece {
-    let wood = stage.palette.paint(Finish::Wood);
-    let cloth = stage.palette.paint(Finish::SecondUpholstery);
-    let metal = stage.palette.paint(Finish::SecondMetal);
+pub(super) fn chair(builder: &mut RoomBuilder, style: ChairStyle) -> Piece {
+    let wood = builder.palette.paint(Finish::Wood);
+    let cloth = builder.palette.paint(Finish::SecondUpholstery);
+    let metal = builder.palette.paint(Finish::SecondMetal);
     let seat = 0.46;
     let (hx, hz) = (0.215, 0.21);
     let mut shape = Shape::default();
@@ -56,7 +57,7 @@ pub(super) fn chair(stage: &mut Stage, style: ChairStyle) -> Piece {
             back.rounded(Vec3::new(-hx, -0.03, -0.03), Vec3::new(hx, 0.46, 0.03), 0.028, 2, cloth);
         }
         ChairStyle::ShellSeat => {
-            let shell = stage.palette.paint(Finish::Gloss).tinted(stage_tint(stage));
+            let shell = builder.palette.paint(Finish::Gloss).tinted(random_tint(builder));
             legs(&mut shape, Vec2::new(hx, hz), seat - 0.01, 0.012, true, metal);
             shape.rounded(Vec3::new(-hx, seat - 0.018, -hz), Vec3::new(hx, seat, hz), 0.008, 2, shell);
             back.rounded(Vec3::new(-hx, 0.0, -0.007), Vec3::new(hx, 0.36, 0.007), 0.006, 2, shell);
@@ -74,15 +75,12 @@ pub(super) fn chair(stage: &mut Stage, style: ChairStyle) -> Piece {
     Piece::new("chair", shape)
 }
 
-fn stage_tint(stage: &mut Stage) -> [f32; 3] {
-    stage.palette.tint(&mut stage.random)
-}
-
 /// Builds a swivel chair on a five-star base.
-pub(super) fn office_chair(stage: &mut Stage) -> Piece {
-    let cloth = stage.palette.paint(if chance(&mut stage.random, 0.7) { Finish::Upholstery } else { Finish::Leather });
-    let black = stage.palette.paint(Finish::Matte).tinted([0.035; 3]);
-    let turn = between(&mut stage.random, 0.0, 1.2);
+pub(super) fn office_chair(builder: &mut RoomBuilder) -> Piece {
+    let cloth =
+        builder.palette.paint(if chance(&mut builder.random, 0.7) { Finish::Upholstery } else { Finish::Leather });
+    let black = builder.palette.paint(Finish::Matte).tinted([0.035; 3]);
+    let turn = between(&mut builder.random, 0.0, 1.2);
     let mut shape = Shape::default();
     for k in 0..5 {
         let angle = turn + std::f32::consts::TAU * k as f32 / 5.0;
@@ -97,7 +95,7 @@ pub(super) fn office_chair(stage: &mut Stage) -> Piece {
     back.rounded(Vec3::new(-0.22, 0.1, -0.03), Vec3::new(0.22, 0.6, 0.03), 0.028, 2, cloth);
     back.board(Vec3::new(-0.03, -0.05, -0.05), Vec3::new(0.03, 0.3, -0.028), black);
     shape.add(&back, Quat::from_rotation_x(-0.12), Vec3::new(0.0, 0.47, -0.22));
-    if chance(&mut stage.random, 0.6) {
+    if chance(&mut builder.random, 0.6) {
         for x in [-0.27, 0.27] {
             shape.board(Vec3::new(x - 0.02, 0.44, -0.05), Vec3::new(x + 0.02, 0.66, -0.01), black);
             shape.rounded(Vec3::new(x - 0.03, 0.655, -0.16), Vec3::new(x + 0.03, 0.685, 0.12), 0.012, 1, black);
@@ -107,20 +105,20 @@ pub(super) fn office_chair(stage: &mut Stage) -> Piece {
 }
 
 /// Builds a sofa with cushions for `seats` people, or an armchair for one; back at z = 0.
-pub(super) fn sofa(stage: &mut Stage, seats: usize) -> Piece {
-    let leather = chance(&mut stage.random, 0.2);
-    let cloth = stage.palette.paint(if leather { Finish::Leather } else { Finish::Upholstery });
-    let foot = stage.palette.paint(if chance(&mut stage.random, 0.5) { Finish::Wood } else { Finish::Metal });
-    let seat_width = between(&mut stage.random, 0.56, 0.74);
-    let arm = between(&mut stage.random, 0.09, 0.22);
-    let depth = between(&mut stage.random, 0.82, 0.96);
-    let seat = between(&mut stage.random, 0.42, 0.46);
-    let back_top = between(&mut stage.random, 0.74, 0.9);
-    let arm_top = between(&mut stage.random, 0.52, 0.66);
-    let soft = between(&mut stage.random, 0.02, 0.06);
+pub(super) fn sofa(builder: &mut RoomBuilder, seats: usize) -> Piece {
+    let leather = chance(&mut builder.random, 0.2);
+    let cloth = builder.palette.paint(if leather { Finish::Leather } else { Finish::Upholstery });
+    let foot = builder.palette.paint(if chance(&mut builder.random, 0.5) { Finish::Wood } else { Finish::Metal });
+    let seat_width = between(&mut builder.random, 0.56, 0.74);
+    let arm = between(&mut builder.random, 0.09, 0.22);
+    let depth = between(&mut builder.random, 0.82, 0.96);
+    let seat = between(&mut builder.random, 0.42, 0.46);
+    let back_top = between(&mut builder.random, 0.74, 0.9);
+    let arm_top = between(&mut builder.random, 0.52, 0.66);
+    let soft = between(&mut builder.random, 0.02, 0.06);
     let width = seat_width * seats as f32 + 2.0 * arm;
     let half = 0.5 * width;
-    let legs_m = between(&mut stage.random, 0.04, 0.14);
+    let legs_m = between(&mut builder.random, 0.04, 0.14);
     let mut shape = Shape::default();
     for x in [-half + 0.07, half - 0.07] {
         for z in [0.08, depth - 0.08] {
@@ -147,41 +145,41 @@ pub(super) fn sofa(stage: &mut Stage, seats: usize) -> Piece {
         let tilt = Quat::from_rotation_x(-0.2);
         shape.add(&cushion, tilt, Vec3::new(0.5 * (a + b), seat - 0.02, 0.3));
     }
-    let second = stage.palette.paint(Finish::SecondUpholstery);
-    let linen = stage.palette.paint(Finish::Linen);
-    for k in 0..count(&mut stage.random, 0, seats + 1) {
-        let size = between(&mut stage.random, 0.38, 0.5);
-        let paint = if chance(&mut stage.random, 0.6) { second } else { linen };
-        let place = (k as f32 + between(&mut stage.random, 0.2, 0.8)) / (seats + 1) as f32;
+    let second = builder.palette.paint(Finish::SecondUpholstery);
+    let linen = builder.palette.paint(Finish::Linen);
+    for k in 0..count(&mut builder.random, 0, seats + 1) {
+        let size = between(&mut builder.random, 0.38, 0.5);
+        let paint = if chance(&mut builder.random, 0.6) { second } else { linen };
+        let place = (k as f32 + between(&mut builder.random, 0.2, 0.8)) / (seats + 1) as f32;
         let x = (-half + arm + 0.5 * size) + place * (width - 2.0 * arm - size);
-        throw_cushion(stage, &mut shape, Vec3::new(x, seat, 0.44), size, paint);
+        throw_cushion(builder, &mut shape, Vec3::new(x, seat, 0.44), size, paint);
     }
-    if !leather && chance(&mut stage.random, 0.2) {
-        blanket(stage, &mut shape, half - arm, arm_top, depth);
+    if !leather && chance(&mut builder.random, 0.2) {
+        blanket(builder, &mut shape, half - arm, arm_top, depth);
     }
     Piece::new(if seats == 1 { "armchair" } else { "sofa" }, shape).with_front(0.35)
 }
 
 /// Adds a cushion that leans against the back.
-fn throw_cushion(stage: &mut Stage, shape: &mut Shape, at: Vec3, size: f32, paint: Paint) {
+fn throw_cushion(builder: &mut RoomBuilder, shape: &mut Shape, at: Vec3, size: f32, paint: Paint) {
     let mut cushion = Shape::default();
-    let thick = between(&mut stage.random, 0.11, 0.17);
-    cushion.pillow(Vec3::ZERO, Vec3::new(size, thick, size), 10, paint.tinted(lighter(stage)));
-    let lean = Quat::from_rotation_x(1.15) * Quat::from_rotation_y(between(&mut stage.random, -0.15, 0.15));
+    let thick = between(&mut builder.random, 0.11, 0.17);
+    cushion.pillow(Vec3::ZERO, Vec3::new(size, thick, size), 10, paint.tinted(lighter(builder)));
+    let lean = Quat::from_rotation_x(1.15) * Quat::from_rotation_y(between(&mut builder.random, -0.15, 0.15));
     shape.add(&cushion, lean, at + Vec3::Y * (0.46 * size - 0.02));
 }
 
-fn lighter(stage: &mut Stage) -> [f32; 3] {
-    [between(&mut stage.random, 0.6, 1.0); 3]
+fn lighter(builder: &mut RoomBuilder) -> [f32; 3] {
+    [between(&mut builder.random, 0.6, 1.0); 3]
 }
 
 /// Adds a blanket over an armrest.
-fn blanket(stage: &mut Stage, shape: &mut Shape, inner: f32, top: f32, depth: f32) {
-    let paint = stage.palette.paint(Finish::SecondUpholstery).tinted(lighter(stage));
+fn blanket(builder: &mut RoomBuilder, shape: &mut Shape, inner: f32, top: f32, depth: f32) {
+    let paint = builder.palette.paint(Finish::SecondUpholstery).tinted(lighter(builder));
     let first = shape.triangles.len();
-    let wide = between(&mut stage.random, 0.25, 0.45);
-    let z0 = between(&mut stage.random, 0.25, depth - wide - 0.05);
-    let drop = between(&mut stage.random, 0.1, 0.2);
+    let wide = between(&mut builder.random, 0.25, 0.45);
+    let z0 = between(&mut builder.random, 0.25, depth - wide - 0.05);
+    let drop = between(&mut builder.random, 0.1, 0.2);
     shape.grid([16, 6], Vec2::new(0.6, wide), paint, |u, v| {
         // Up the inner side, then a quarter circle over the arm.
         let r = 0.05;
@@ -199,9 +197,9 @@ fn blanket(stage: &mut Stage, shape: &mut Shape, inner: f32, top: f32, depth: f3
 }
 
 /// Builds a low seat without a back.
-pub(super) fn pouf(stage: &mut Stage) -> Piece {
-    let cloth = stage.palette.paint(Finish::SecondUpholstery);
-    let (r, h) = (between(&mut stage.random, 0.2, 0.3), between(&mut stage.random, 0.36, 0.45));
+pub(super) fn pouf(builder: &mut RoomBuilder) -> Piece {
+    let cloth = builder.palette.paint(Finish::SecondUpholstery);
+    let (r, h) = (between(&mut builder.random, 0.2, 0.3), between(&mut builder.random, 0.36, 0.45));
     let mut shape = Shape::default();
     let profile = [[0.9 * r, 0.0], [r, 0.04], [1.03 * r, 0.5 * h], [r, h - 0.04], [0.88 * r, h - 0.005], [0.6 * r, h]];
     shape.lathe(Vec3::ZERO, &profile, 28, cloth);

@@ -15,7 +15,7 @@ impl Plan {
             RoomKind::OpenPlan | RoomKind::Living => count(random, 1, 3),
             _ => count(random, 1, 2),
         };
-        let order = shuffled(random, (0..self.walls.len()).filter(|&w| self.walls[w].free).collect());
+        let order = shuffled(random, (0..self.walls.len()).filter(|&w| self.walls[w].can_have_openings).collect());
         for k in 0..number {
             let wall = order[k % order.len()];
             let (width, top) = (pick(random, &[0.8, 0.86, 0.9]), between(random, 2.0, 2.1));
@@ -60,7 +60,7 @@ impl Plan {
         if chance(random, without) {
             return;
         }
-        let order = shuffled(random, (0..self.walls.len()).filter(|&w| self.walls[w].free).collect());
+        let order = shuffled(random, (0..self.walls.len()).filter(|&w| self.walls[w].can_have_openings).collect());
         let walls = if chance(random, 0.35) { 2 } else { 1 };
         let style = weighted(random, &[(0, 0.5), (1, 0.2), (2, 0.18), (3, 0.12)]);
         let mut served = 0;
@@ -78,7 +78,7 @@ impl Plan {
     ///
     /// The glass reaches the floor, stands on a sill, or forms a band below the ceiling of a high room.
     pub(super) fn glaze(&mut self, random: &mut Stream) {
-        let order = shuffled(random, (0..self.walls.len()).filter(|&w| self.walls[w].free).collect());
+        let order = shuffled(random, (0..self.walls.len()).filter(|&w| self.walls[w].can_have_openings).collect());
         let walls = if chance(random, 0.35) { 2 } else { 1 };
         let sill = match weighted(random, &[(0, 0.4), (1, 0.4), (2, 0.2)]) {
             0 => 0.06,
@@ -190,7 +190,10 @@ mod tests {
             assert!(plan.walls.iter().any(|w| w.openings.iter().any(|o| !o.is_window())), "{index} has no door");
             for wall in &plan.walls {
                 for o in &wall.openings {
-                    assert!(wall.free && o.s[0] > 0.0 && o.s[1] < wall.length_m && o.h[0] < o.h[1], "{index} {o:?}");
+                    assert!(
+                        wall.can_have_openings && o.s[0] > 0.0 && o.s[1] < wall.length_m && o.h[0] < o.h[1],
+                        "{index} {o:?}"
+                    );
                     for s in o.s {
                         assert!(plan.ceiling(wall.start + wall.along * s) > o.h[1], "{index}");
                     }

@@ -24,7 +24,7 @@ impl Paint {
 
 /// A solid or an open sheet of a shape, with the orientation of its bounding box.
 #[derive(Clone, Debug)]
-pub(crate) struct Part {
+pub(crate) struct ShapePart {
     pub triangles: Range<usize>,
     pub rotation: Quat,
 }
@@ -39,7 +39,7 @@ pub(crate) struct Shape {
     pub tints: Vec<[f32; 3]>,
     pub triangles: Vec<[u32; 3]>,
     pub materials: Vec<u32>,
-    pub parts: Vec<Part>,
+    pub parts: Vec<ShapePart>,
 }
 
 impl Shape {
@@ -52,7 +52,7 @@ impl Shape {
         self.tints.extend_from_slice(&other.tints);
         self.triangles.extend(other.triangles.iter().map(|t| t.map(|v| v + vertices)));
         self.materials.extend_from_slice(&other.materials);
-        self.parts.extend(other.parts.iter().map(|part| Part {
+        self.parts.extend(other.parts.iter().map(|part| ShapePart {
             triangles: part.triangles.start + triangles..part.triangles.end + triangles,
             rotation: rotation * part.rotation,
         }));
@@ -164,7 +164,7 @@ impl Shape {
     /// Groups the triangles from `first` on into one part.
     pub(crate) fn close_part(&mut self, first: usize) {
         if self.triangles.len() > first {
-            self.parts.push(Part { triangles: first..self.triangles.len(), rotation: Quat::IDENTITY });
+            self.parts.push(ShapePart { triangles: first..self.triangles.len(), rotation: Quat::IDENTITY });
         }
     }
 }

@@ -4,7 +4,7 @@ use super::*;
 const PAINT: Paint = Paint { material: 0, tint: [1.0; 3] };
 
 /// Volume by the divergence theorem: positive where the triangles face outwards.
-fn volume(shape: &Shape, part: &Part) -> f32 {
+fn volume(shape: &Shape, part: &ShapePart) -> f32 {
     shape.triangles[part.triangles.clone()]
         .iter()
         .map(|t| {

@@ -48,7 +48,7 @@ impl Shape {
     }
 
     /// Scales the shape along the axes.
-    pub(crate) fn squashed(mut self, by: Vec3) -> Self {
+    pub(crate) fn scaled_by(mut self, by: Vec3) -> Self {
         self.positions.iter_mut().for_each(|p| *p *= by);
         self.normals.iter_mut().for_each(|n| *n = (*n / by).normalize_or(Vec3::Y));
         self

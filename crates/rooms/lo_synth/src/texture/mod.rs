@@ -14,8 +14,8 @@ pub(crate) use building::{bricks, concrete, planks, plaster, stone, tiles, wallp
 pub(crate) use cloth::{carpet, leather, rug, weave, wood};
 pub(crate) use noise::Noise;
 pub(crate) use picture::{painting, screen};
-pub(crate) use print::{cover, dress, keys, page};
-pub(crate) use wear::{coat, pattern, relief, worn};
+pub(crate) use print::{clothing, keys, package_front, page};
+pub(crate) use wear::{apply_wear, normal_map, painted, pattern};
 
 /// A texture and its physical size.
 pub(crate) struct Swatch {
@@ -41,7 +41,7 @@ impl Swatch {
     }
 
     /// Creates a swatch from an image in sRGB codes, over `[0, 1]²`.
-    pub(crate) fn of_picture(color: Image<[u8; 4]>) -> Self {
+    pub(crate) fn from_image(color: Image<[u8; 4]>) -> Self {
         Self { color, roughness: None, size_m: [1.0; 2] }
     }
 

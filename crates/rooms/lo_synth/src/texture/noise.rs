@@ -10,7 +10,7 @@ impl Noise {
     }
 
     /// Returns an independent noise, derived from this one.
-    pub(crate) fn other(self, number: u32) -> Self {
+    pub(crate) fn derived(self, number: u32) -> Self {
         Self { seed: self.seed.wrapping_add(number.wrapping_mul(0x9e37_79b9)) }
     }
 
@@ -51,7 +51,7 @@ impl Noise {
         let (mut sum, mut weight, mut total) = (0.0, 1.0, 0.0);
         for octave in 0..octaves {
             let fine = cells.map(|c| c << octave);
-            sum += weight * self.other(octave).smooth(u, v, fine);
+            sum += weight * self.derived(octave).smooth(u, v, fine);
             total += weight;
             weight *= 0.5;
         }

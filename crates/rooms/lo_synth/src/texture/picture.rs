@@ -20,11 +20,11 @@ pub(crate) fn painting(seed: u64) -> Swatch {
         if u.min(1.0 - u).min(v.min(1.0 - v)) < mount {
             return [0.72, 0.71, 0.68];
         }
-        let cloud = noise.other(9).octaves(u, v, [4, 4], 5);
+        let cloud = noise.derived(9).octaves(u, v, [4, 4], 5);
         match kind {
             0 => {
                 let ridge =
-                    |n: u32, base: f32, height: f32| v > base - height * noise.other(n).octaves(u, 0.3, [3, 1], 4);
+                    |n: u32, base: f32, height: f32| v > base - height * noise.derived(n).octaves(u, 0.3, [3, 1], 4);
                 let sky = mix(tone(210.0, 0.5, 0.35), tone(35.0, 0.3, 0.6), smoothstep(0.0, 0.6, v + 0.3 * cloud));
                 if ridge(1, 0.85, 0.25) {
                     scaled(tone(hue, 0.5, 0.08), 0.6 + cloud)
@@ -77,7 +77,7 @@ pub(crate) fn screen(seed: u64) -> Swatch {
     Swatch::new([SIZE, SIZE], [1.0, 1.0], move |u, v| {
         if film {
             let light = noise.octaves(u, v, [2, 2], 5);
-            return scaled(tone(hue + 120.0 * noise.other(2).smooth(u, v, [2, 2]), 0.6, 0.45), light * light * 1.8);
+            return scaled(tone(hue + 120.0 * noise.derived(2).smooth(u, v, [2, 2]), 0.6, 0.45), light * light * 1.8);
         }
         if v < 0.05 {
             return tone(hue, 0.6, 0.2);

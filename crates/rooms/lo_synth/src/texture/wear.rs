@@ -46,13 +46,13 @@ pub(crate) fn pattern(seed: u64, colors: [[f32; 3]; 3], cell_m: f32) -> Swatch {
                 }]
             }
         };
-        let grain = noise.other(7).octaves(u, v, [96, 96], 2) - 0.5;
+        let grain = noise.derived(7).octaves(u, v, [96, 96], 2) - 0.5;
         scaled(color, 1.0 + 0.12 * grain)
     })
 }
 
 /// A plain colour with traces of brush and roller.
-pub(crate) fn coat(seed: u64, color: [f32; 3]) -> Swatch {
+pub(crate) fn painted(seed: u64, color: [f32; 3]) -> Swatch {
     let noise = Noise::new(seed);
     Swatch::new([SIZE, SIZE], [1.6, 1.6], move |u, v| {
         let grain = noise.octaves(u, v, [110, 110], 2) - 0.5;
@@ -61,7 +61,7 @@ pub(crate) fn coat(seed: u64, color: [f32; 3]) -> Swatch {
 }
 
 /// Adds stains, dirt and scratches to an image of sRGB codes; `amount` in [0, 1].
-pub(crate) fn worn(picture: &Image<[u8; 4]>, seed: u64, amount: f32) -> Image<[u8; 4]> {
+pub(crate) fn apply_wear(picture: &Image<[u8; 4]>, seed: u64, amount: f32) -> Image<[u8; 4]> {
     let noise = Noise::new(seed);
     let (width, height) = (picture.width(), picture.height());
     let least = 0.72 - 0.18 * amount;
@@ -80,9 +80,9 @@ pub(crate) fn worn(picture: &Image<[u8; 4]>, seed: u64, amount: f32) -> Image<[u
         let stain = smoothstep(least, least + 0.12, cloud);
         // Dried water leaves a dark rim.
         let rim = smoothstep(0.03, 0.0, (cloud - least).abs());
-        let speck = smoothstep(0.9, 0.97, noise.other(11).smooth(u, v, [70, 70]));
-        let fading = 1.0 + 0.25 * amount * (noise.other(12).octaves(u, v, [2, 2], 2) - 0.5);
-        let dirt = amount * (0.3 * stain + 0.2 * rim * noise.other(13).smooth(u, v, [5, 5]) + 0.5 * speck);
+        let speck = smoothstep(0.9, 0.97, noise.derived(11).smooth(u, v, [70, 70]));
+        let fading = 1.0 + 0.25 * amount * (noise.derived(12).octaves(u, v, [2, 2], 2) - 0.5);
+        let dirt = amount * (0.3 * stain + 0.2 * rim * noise.derived(13).smooth(u, v, [5, 5]) + 0.5 * speck);
         let [r, g, b] =
             mix(scaled(clean, fading), DIRT, dirt.min(0.8)).map(|c| srgb8_from_linear(c.clamp(0.003, 0.88)));
         [r, g, b, alpha]
@@ -105,7 +105,7 @@ pub(crate) fn worn(picture: &Image<[u8; 4]>, seed: u64, amount: f32) -> Image<[u
 /// Tangent-space normal map (+Y up) of an image used as a height map, with light parts above dark ones.
 ///
 /// `depth_m` is the maximum height difference from the mean, `texel_m` the width and height of a texel.
-pub(crate) fn relief(picture: &Image<[u8; 4]>, texel_m: [f32; 2], depth_m: f32) -> Image<[u8; 4]> {
+pub(crate) fn normal_map(picture: &Image<[u8; 4]>, texel_m: [f32; 2], depth_m: f32) -> Image<[u8; 4]> {
     let (width, height) = (picture.width(), picture.height());
     let light = picture.map(|&[r, g, b, _]| luminance([r, g, b].map(linear_from_srgb8)));
     let mean = (light.pixels().iter().sum::<f32>() / (width * height) as f32).max(1e-3);
@@ -134,14 +134,14 @@ mod tests {
                 32,
                 |x, _| if (12..20).contains(&x) { [220u8, 220, 220, 255] } else { [90, 90, 90, 255] },
             );
-        let normals = relief(&ridge, [0.004, 0.004], 0.004);
+        let normals = normal_map(&ridge, [0.004, 0.004], 0.004);
         assert_eq!(normals[(16, 5)], [128, 128, 255, 255]);
         // The left side faces left, the right side faces right, equally steep.
         let (left, right) = (normals[(12, 5)], normals[(19, 5)]);
         assert!(left[0] < 110 && right[0] > 146 && left[0].abs_diff(255 - right[0]) <= 1, "{left:?} {right:?}");
         // A step that is light above and dark below faces down: less green.
         let step = Image::from_fn(32, 32, |_, y| if y < 16 { [220u8, 220, 220, 255] } else { [90, 90, 90, 255] });
-        assert!(relief(&step, [0.004, 0.004], 0.004)[(8, 15)][1] < 110);
+        assert!(normal_map(&step, [0.004, 0.004], 0.004)[(8, 15)][1] < 110);
     }
 
     #[test]
@@ -149,10 +149,10 @@ mod tests {
         let white = Image::new(256, 256, vec![[220u8, 220, 220, 255]; 256 * 256]);
         let mut share = 0.0;
         for seed in 0..6 {
-            let old = worn(&white, seed, 0.8);
+            let old = apply_wear(&white, seed, 0.8);
             share += old.pixels().iter().filter(|p| p[0] < 195).count() as f32 / (6.0 * 65536.0);
         }
         assert!((0.005..0.4).contains(&share), "{share}");
-        assert_eq!(worn(&white, 3, 0.8), worn(&white, 3, 0.8));
+        assert_eq!(apply_wear(&white, 3, 0.8), apply_wear(&white, 3, 0.8));
     }
 }

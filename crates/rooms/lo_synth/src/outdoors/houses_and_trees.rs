@@ -29,16 +29,16 @@ pub(super) struct Tree {
     pub center: Vec3,
     pub radius: f32,
     /// Centres and radii of the spheres that form the crown.
-    pub crown: [(Vec3, f32); BALLS],
+    pub crown: [(Vec3, f32); CROWN_SPHERES],
     pub leaves: [f32; 3],
 }
 
 /// Number of spheres in a crown.
-const BALLS: usize = 9;
+const CROWN_SPHERES: usize = 9;
 
 impl House {
     /// Distance and normal where a ray from outside hits the house.
-    pub(super) fn enter(&self, origin: Vec3, direction: Vec3) -> Option<(f32, Vec3)> {
+    pub(super) fn intersect(&self, origin: Vec3, direction: Vec3) -> Option<(f32, Vec3)> {
         // Most rays miss the bounding sphere.
         let to = self.center - origin;
         let (along, squared) = (to.dot(direction), self.radius * self.radius);
@@ -46,7 +46,7 @@ impl House {
         if behind || to.length_squared() - along * along > squared {
             return None;
         }
-        enter_convex(origin, direction, &self.planes)
+        intersect_convex(origin, direction, &self.planes)
     }
 
     pub(super) fn draw(random: &mut Stream, at: Vec2, half: Vec2, rural: bool) -> Self {
@@ -93,7 +93,7 @@ impl Tree {
         let crown = std::array::from_fn(|k| {
             // Successive spheres turn by the golden angle and rise.
             let turn = 2.4 * k as f32 + between(random, -0.6, 0.6);
-            let height = (k as f32 + 0.5) / BALLS as f32 * 2.0 - 1.0;
+            let height = (k as f32 + 0.5) / CROWN_SPHERES as f32 * 2.0 - 1.0;
             let out = (1.0 - height * height).sqrt() * between(random, 0.35, 0.6);
             let offset = Vec3::new(turn.cos() * out, height * stretch * 0.6, turn.sin() * out) * radius;
             let ball = radius * between(random, 0.35, 0.6);
@@ -106,7 +106,7 @@ impl Tree {
 }
 
 /// Distance and normal where a ray from outside enters a convex body, given by planes (outward normal, offset).
-fn enter_convex(origin: Vec3, direction: Vec3, planes: &[(Vec3, f32)]) -> Option<(f32, Vec3)> {
+fn intersect_convex(origin: Vec3, direction: Vec3, planes: &[(Vec3, f32)]) -> Option<(f32, Vec3)> {
     let (mut near, mut far, mut normal) = (0.0, f32::INFINITY, Vec3::ZERO);
     for &(outward, offset) in planes {
         let (above, towards) = (outward.dot(origin) - offset, outward.dot(direction));
@@ -125,7 +125,7 @@ fn enter_convex(origin: Vec3, direction: Vec3, planes: &[(Vec3, f32)]) -> Option
 }
 
 /// Distance and normal where a ray from outside enters a box.
-pub(super) fn enter_box(origin: Vec3, direction: Vec3, least: Vec3, most: Vec3) -> Option<(f32, Vec3)> {
+pub(super) fn intersect_box(origin: Vec3, direction: Vec3, least: Vec3, most: Vec3) -> Option<(f32, Vec3)> {
     let inverse = direction.recip();
     let (a, b) = ((least - origin) * inverse, (most - origin) * inverse);
     let (near, far) = (a.min(b), a.max(b));
@@ -145,7 +145,7 @@ pub(super) fn enter_box(origin: Vec3, direction: Vec3, least: Vec3, most: Vec3) 
     Some((distance, normal))
 }
 
-pub(super) fn enter_ball(origin: Vec3, direction: Vec3, center: Vec3, radius: f32) -> Option<f32> {
+pub(super) fn intersect_sphere(origin: Vec3, direction: Vec3, center: Vec3, radius: f32) -> Option<f32> {
     let to = center - origin;
     let along = to.dot(direction);
     let squared = to.length_squared() - along * along;
@@ -165,21 +165,21 @@ mod tests {
             let house = House::draw(&mut random, Vec2::new(20.0, 0.0), Vec2::new(4.0, 6.0), true);
             // A horizontal ray at half the walls' height hits the near wall.
             let eye = Vec3::new(0.0, 0.5 * house.most.y, 0.3);
-            let (distance, normal) = house.enter(eye, Vec3::X).unwrap_or_default();
+            let (distance, normal) = house.intersect(eye, Vec3::X).unwrap_or_default();
             assert!((distance - 16.0).abs() < 1e-4 && normal == Vec3::NEG_X, "{distance} {normal}");
             // A vertical ray hits the roof, above the eaves and within the maximum pitch.
             let above = Vec3::new(21.0, 50.0, 1.0);
-            let (distance, normal) = house.enter(above, Vec3::NEG_Y).unwrap_or_default();
+            let (distance, normal) = house.intersect(above, Vec3::NEG_Y).unwrap_or_default();
             assert!(50.0 - distance >= house.most.y - 1e-3 && normal.y > 48.1f32.to_radians().cos(), "{normal}");
-            assert!(house.enter(eye, Vec3::NEG_X).is_none(), "it lies behind");
-            assert!(house.enter(eye, Vec3::Z).is_none(), "beside it");
+            assert!(house.intersect(eye, Vec3::NEG_X).is_none(), "it lies behind");
+            assert!(house.intersect(eye, Vec3::Z).is_none(), "beside it");
             // The bounding sphere rejects no hit.
             for k in 0..200 {
                 let direction = Vec3::new(1.0, 0.006 * k as f32 - 0.3, 0.31 * (0.7 * k as f32).sin()).normalize();
                 // The planes continue below the ground.
                 let above = |hit: &(f32, Vec3)| eye.y + hit.0 * direction.y > 0.0;
-                let exact = enter_convex(eye, direction, &house.planes).filter(above);
-                assert_eq!(house.enter(eye, direction).filter(above), exact);
+                let exact = intersect_convex(eye, direction, &house.planes).filter(above);
+                assert_eq!(house.intersect(eye, direction).filter(above), exact);
             }
         }
     }

@@ -7,7 +7,7 @@ use lo_geometry::{Quat, Vec2, Vec3};
 use lo_random::Stream;
 
 use crate::chance::{between, count, weighted};
-use crate::layout::{Footprint, Layout, turned};
+use crate::layout::{Footprint, Layout, rotated_yaw};
 use crate::palette::Palette;
 use crate::plan::Plan;
 use crate::solids::Shape;
@@ -29,7 +29,7 @@ pub enum Support {
 
 /// An object of the room under construction.
 #[derive(Clone, Debug)]
-pub(crate) struct Placed {
+pub(crate) struct PlacedObject {
     pub name: &'static str,
     pub support: Support,
     /// Indices into [`Shape::parts`] of the room's shape.
@@ -38,7 +38,7 @@ pub(crate) struct Placed {
 
 /// A level surface that can carry small objects, in the frame of its piece.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Top {
+pub(crate) struct SupportSurface {
     pub center: Vec3,
     pub half: Vec2,
     /// Free height above the surface.
@@ -52,20 +52,20 @@ pub(crate) struct Piece {
     pub shape: Shape,
     /// Depth of the floor that must stay free in front of it.
     pub front_m: f32,
-    pub tops: Vec<Top>,
+    pub surfaces: Vec<SupportSurface>,
 }
 
 impl Piece {
     pub(crate) fn new(name: &'static str, shape: Shape) -> Self {
-        Self { name, shape, front_m: 0.0, tops: Vec::new() }
+        Self { name, shape, front_m: 0.0, surfaces: Vec::new() }
     }
 
     pub(crate) fn with_front(self, front_m: f32) -> Self {
         Self { front_m, ..self }
     }
 
-    pub(crate) fn with_top(mut self, center: Vec3, half: Vec2, headroom_m: f32) -> Self {
-        self.tops.push(Top { center, half, headroom_m });
+    pub(crate) fn with_surface(mut self, center: Vec3, half: Vec2, headroom_m: f32) -> Self {
+        self.surfaces.push(SupportSurface { center, half, headroom_m });
         self
     }
 }
@@ -75,7 +75,7 @@ pub(crate) type Group = Vec<(Piece, Vec2, f32)>;
 
 /// Preferred position along a wall.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Along {
+pub(crate) enum WallPosition {
     Anywhere,
     /// Near the ends of a wall.
     Corner,
@@ -85,7 +85,7 @@ pub(crate) enum Along {
 
 /// A support surface at its position in the room.
 #[derive(Clone, Debug)]
-pub(crate) struct PlacedTop {
+pub(crate) struct PlacedSurface {
     pub object: usize,
     pub name: &'static str,
     pub center: Vec3,
@@ -97,25 +97,25 @@ pub(crate) struct PlacedTop {
 
 /// Places objects in a room and keeps doors and passages free.
 #[derive(Debug)]
-pub(crate) struct Stage {
+pub(crate) struct RoomBuilder {
     pub plan: Plan,
     pub palette: Palette,
     pub random: Stream,
     pub layout: Layout,
     pub shape: Shape,
-    pub objects: Vec<Placed>,
-    pub tops: Vec<PlacedTop>,
+    pub objects: Vec<PlacedObject>,
+    pub surfaces: Vec<PlacedSurface>,
     /// Number of lamps, on or off.
     pub lamps: usize,
     pub lamps_on: usize,
     pub flux_lm: f32,
     /// Factor on the luminous flux of every lamp.
-    pub dim: f32,
+    pub dimming: f32,
     /// Random stream for colour temperatures, if lamps differ in colour.
     pub mixed_light: Option<Stream>,
 }
 
-impl Stage {
+impl RoomBuilder {
     pub(crate) fn new(plan: Plan, palette: Palette, random: Stream) -> Self {
         let layout = Layout::new(&plan);
         Self {
@@ -125,17 +125,17 @@ impl Stage {
             layout,
             shape: Shape::default(),
             objects: Vec::new(),
-            tops: Vec::new(),
+            surfaces: Vec::new(),
             lamps: 0,
             lamps_on: 0,
             flux_lm: 0.0,
-            dim: 1.0,
+            dimming: 1.0,
             mixed_light: None,
         }
     }
 
     /// Draws the colour temperature of the next lamp; returns `usual` if all lamps have one colour.
-    pub(crate) fn kelvin(&mut self, usual: f32) -> f32 {
+    pub(crate) fn lamp_kelvin(&mut self, usual: f32) -> f32 {
         match &mut self.mixed_light {
             None => usual,
             Some(own) => {
@@ -147,39 +147,46 @@ impl Stage {
     }
 
     /// Adds a shape at a position in the room, without a collision test.
-    pub(crate) fn fix(&mut self, name: &'static str, support: Support, shape: &Shape, rotation: Quat, offset: Vec3) {
+    pub(crate) fn add_shape(
+        &mut self,
+        name: &'static str,
+        support: Support,
+        shape: &Shape,
+        rotation: Quat,
+        offset: Vec3,
+    ) {
         let first = self.shape.parts.len();
         self.shape.add(shape, rotation, offset);
-        self.objects.push(Placed { name, support, parts: first..self.shape.parts.len() });
+        self.objects.push(PlacedObject { name, support, parts: first..self.shape.parts.len() });
     }
 
     /// Adds a shape given in the frame of a wall: x along it, y up, z into the room.
-    pub(crate) fn fix_to_wall(&mut self, name: &'static str, support: Support, shape: &Shape, wall: usize) {
+    pub(crate) fn add_to_wall(&mut self, name: &'static str, support: Support, shape: &Shape, wall: usize) {
         let wall = &self.plan.walls[wall];
         let (rotation, offset) = (Quat::from_rotation_y(wall.yaw_rad()), wall.point(0.0, 0.0, 0.0));
-        self.fix(name, support, shape, rotation, offset);
+        self.add_shape(name, support, shape, rotation, offset);
     }
 
     /// Adds a piece and its support surfaces, without a collision test. Returns the object's index.
-    pub(crate) fn put(&mut self, piece: &Piece, support: Support, yaw_rad: f32, offset: Vec3) -> usize {
-        self.fix(piece.name, support, &piece.shape, Quat::from_rotation_y(yaw_rad), offset);
+    pub(crate) fn add_piece(&mut self, piece: &Piece, support: Support, yaw_rad: f32, offset: Vec3) -> usize {
+        self.add_shape(piece.name, support, &piece.shape, Quat::from_rotation_y(yaw_rad), offset);
         let object = self.objects.len() - 1;
         let rotation = Quat::from_rotation_y(yaw_rad);
-        self.tops.extend(piece.tops.iter().map(|top| PlacedTop {
+        self.surfaces.extend(piece.surfaces.iter().map(|surface| PlacedSurface {
             object,
             name: piece.name,
-            center: rotation * top.center + offset,
-            half: top.half,
+            center: rotation * surface.center + offset,
+            half: surface.half,
             yaw_rad,
-            headroom_m: top.headroom_m,
+            headroom_m: surface.headroom_m,
             taken: Vec::new(),
         }));
         object
     }
 
     /// Places a group with its back to a random wall. Returns the indices of its objects, or `None` if nothing fits.
-    pub(crate) fn against_wall(&mut self, group: &Group, along: Along) -> Option<Vec<usize>> {
-        let (least, most) = bounds(group);
+    pub(crate) fn place_against_wall(&mut self, group: &Group, along: WallPosition) -> Option<Vec<usize>> {
+        let (least, most) = group_bounds(group);
         let front_m = group.iter().map(|(piece, ..)| piece.front_m).fold(0.0, f32::max);
         // Clears the skirting boards.
         const GAP_M: f32 = 0.022;
@@ -192,9 +199,9 @@ impl Stage {
                 continue;
             }
             let from = match along {
-                Along::Anywhere => between(&mut self.random, 0.0, room),
-                Along::Corner => weighted(&mut self.random, &[(0.0, 0.4), (room, 0.4), (room * 0.15, 0.2)]),
-                Along::Middle => room * between(&mut self.random, 0.3, 0.7),
+                WallPosition::Anywhere => between(&mut self.random, 0.0, room),
+                WallPosition::Corner => weighted(&mut self.random, &[(0.0, 0.4), (room, 0.4), (room * 0.15, 0.2)]),
+                WallPosition::Middle => room * between(&mut self.random, 0.3, 0.7),
             } + GAP_M;
             let hides_window = wall.openings.iter().any(|o| {
                 o.is_window() && from < o.s[1] + 0.05 && from + width > o.s[0] - 0.05 && most.y > o.h[0] + 0.02
@@ -203,7 +210,7 @@ impl Stage {
                 continue;
             }
             let origin = wall.point(from - least.x, 0.0, GAP_M - least.z);
-            if let Some(placed) = self.try_at(group, wall.yaw_rad(), origin, front_m) {
+            if let Some(placed) = self.try_place(group, wall.yaw_rad(), origin, front_m) {
                 return Some(placed);
             }
         }
@@ -211,7 +218,7 @@ impl Stage {
     }
 
     /// Places a group at a free position parallel to the walls, close to `near` if given.
-    pub(crate) fn freely(&mut self, group: &Group, near: Option<Vec2>, margin_m: f32) -> Option<Vec<usize>> {
+    pub(crate) fn place_freely(&mut self, group: &Group, near: Option<Vec2>, margin_m: f32) -> Option<Vec<usize>> {
         let (least, most) = self.plan.extent();
         for attempt in 0..28 {
             let spread = 0.15 + 0.08 * attempt as f32;
@@ -227,12 +234,12 @@ impl Stage {
                 }
             };
             let yaw = 0.5 * PI * count(&mut self.random, 0, 3) as f32;
-            let (low, high) = bounds(group);
-            let footprint = Footprint::of_box(low, high, yaw, p).grown(margin_m);
+            let (low, high) = group_bounds(group);
+            let footprint = Footprint::of_box(low, high, yaw, p).expanded(margin_m);
             if !self.layout.fits(&self.plan, &footprint, [low.y.max(0.0), high.y]) {
                 continue;
             }
-            if let Some(placed) = self.try_at(group, yaw, Vec3::new(p.x, 0.0, p.y), 0.0) {
+            if let Some(placed) = self.try_place(group, yaw, Vec3::new(p.x, 0.0, p.y), 0.0) {
                 return Some(placed);
             }
         }
@@ -240,8 +247,8 @@ impl Stage {
     }
 
     /// Places a group at `origin` if it fits there.
-    pub(crate) fn try_at(&mut self, group: &Group, yaw_rad: f32, origin: Vec3, front_m: f32) -> Option<Vec<usize>> {
-        let (least, most) = bounds(group);
+    pub(crate) fn try_place(&mut self, group: &Group, yaw_rad: f32, origin: Vec3, front_m: f32) -> Option<Vec<usize>> {
+        let (least, most) = group_bounds(group);
         let at = Vec2::new(origin.x, origin.z);
         let footprint = Footprint::of_box(least, most, yaw_rad, at);
         let y = [least.y.max(0.0), most.y];
@@ -258,11 +265,11 @@ impl Stage {
         }
         let mut placed = Vec::with_capacity(group.len());
         for (piece, offset, yaw) in group {
-            let moved = at + turned(*offset, yaw_rad);
-            let object = self.put(piece, Support::Floor, yaw_rad + yaw, Vec3::new(moved.x, 0.0, moved.y));
+            let moved = at + rotated_yaw(*offset, yaw_rad);
+            let object = self.add_piece(piece, Support::Floor, yaw_rad + yaw, Vec3::new(moved.x, 0.0, moved.y));
             let (least, most) = piece.shape.bounds();
             let own = Footprint::of_box(least, most, yaw_rad + yaw, moved);
-            self.layout.take_for(own, [least.y.max(0.0), most.y], Some(object));
+            self.layout.occupy_for(own, [least.y.max(0.0), most.y], Some(object));
             placed.push(object);
         }
         // Keeps later objects out of the gaps inside the group.
@@ -271,7 +278,7 @@ impl Stage {
     }
 
     /// Axis-aligned bounds of an object: minimum and maximum corner.
-    pub(crate) fn box_of(&self, object: usize) -> (Vec3, Vec3) {
+    pub(crate) fn object_bounds(&self, object: usize) -> (Vec3, Vec3) {
         let mut bounds = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for part in &self.shape.parts[self.objects[object].parts.clone()] {
             for t in &self.shape.triangles[part.triangles.clone()] {
@@ -286,7 +293,7 @@ impl Stage {
 }
 
 /// Bounds of a group in its own frame: minimum and maximum corner.
-pub(crate) fn bounds(group: &Group) -> (Vec3, Vec3) {
+pub(crate) fn group_bounds(group: &Group) -> (Vec3, Vec3) {
     group.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(least, most), (piece, offset, yaw)| {
         let (low, high) = piece.shape.bounds();
         let corners = Footprint::of_box(low, high, *yaw, *offset).corners();

@@ -6,24 +6,24 @@ use lo_random::RngExt;
 use crate::chance::{between, chance, count, pick};
 use crate::layout::Footprint;
 use crate::palette::Finish;
+use crate::room_builder::{RoomBuilder, Support};
 use crate::solids::{Paint, Shape};
-use crate::stage::{Stage, Support};
 
 /// An object for a wall: centred on x = 0 and y = 0, back at z = 0.
-pub(crate) struct Hanging {
+pub(crate) struct WallObject {
     pub name: &'static str,
     pub shape: Shape,
 }
 
 /// Builds a framed panel. `whole` maps the texture once over the panel.
-fn framed(stage: &mut Stage, name: &'static str, half: Vec2, content: Paint, whole: bool) -> Hanging {
-    let frame = match count(&mut stage.random, 0, 3) {
-        0 => stage.palette.paint(Finish::Wood),
-        1 => stage.palette.paint(Finish::SecondMetal),
-        2 => stage.palette.paint(Finish::Matte).tinted([0.04; 3]),
-        _ => stage.palette.paint(Finish::Trim),
+fn framed(builder: &mut RoomBuilder, name: &'static str, half: Vec2, content: Paint, whole: bool) -> WallObject {
+    let frame = match count(&mut builder.random, 0, 3) {
+        0 => builder.palette.paint(Finish::Wood),
+        1 => builder.palette.paint(Finish::SecondMetal),
+        2 => builder.palette.paint(Finish::Matte).tinted([0.04; 3]),
+        _ => builder.palette.paint(Finish::Trim),
     };
-    let (bar, thick) = (between(&mut stage.random, 0.012, 0.045), between(&mut stage.random, 0.015, 0.035));
+    let (bar, thick) = (between(&mut builder.random, 0.012, 0.045), between(&mut builder.random, 0.015, 0.035));
     let mut shape = Shape::default();
     let outer = half + Vec2::splat(bar);
     for [x0, x1] in [[-outer.x, -half.x], [half.x, outer.x]] {
@@ -41,58 +41,58 @@ fn framed(stage: &mut Stage, name: &'static str, half: Vec2, content: Paint, who
         shape.uvs[first.1..].copy_from_slice(&[[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]);
     }
     shape.close_part(first.0);
-    Hanging { name, shape }
+    WallObject { name, shape }
 }
 
-pub(super) fn picture(stage: &mut Stage) -> Hanging {
-    let seed = stage.random.random();
-    let (w, h) = (between(&mut stage.random, 0.12, 0.5), between(&mut stage.random, 0.14, 0.42));
-    let content = stage.palette.picture(seed, w / h, None);
-    framed(stage, "picture", Vec2::new(w, h), content, true)
+pub(super) fn picture(builder: &mut RoomBuilder) -> WallObject {
+    let seed = builder.random.random();
+    let (w, h) = (between(&mut builder.random, 0.12, 0.5), between(&mut builder.random, 0.14, 0.42));
+    let content = builder.palette.picture(seed, w / h, None);
+    framed(builder, "picture", Vec2::new(w, h), content, true)
 }
 
-pub(super) fn mirror(stage: &mut Stage) -> Hanging {
-    let content = stage.palette.paint(Finish::Mirror);
-    let half = Vec2::new(between(&mut stage.random, 0.2, 0.5), between(&mut stage.random, 0.3, 0.6));
-    framed(stage, "mirror", half, content, false)
+pub(super) fn mirror(builder: &mut RoomBuilder) -> WallObject {
+    let content = builder.palette.paint(Finish::Mirror);
+    let half = Vec2::new(between(&mut builder.random, 0.2, 0.5), between(&mut builder.random, 0.3, 0.6));
+    framed(builder, "mirror", half, content, false)
 }
 
 /// Builds a whiteboard or a blackboard with a rail.
-pub(super) fn school_board(stage: &mut Stage) -> Hanging {
-    let white = chance(&mut stage.random, 0.5);
+pub(super) fn school_board(builder: &mut RoomBuilder) -> WallObject {
+    let white = chance(&mut builder.random, 0.5);
     let content = if white {
-        stage.palette.paint(Finish::Gloss).tinted([0.9; 3])
+        builder.palette.paint(Finish::Gloss).tinted([0.9; 3])
     } else {
-        stage.palette.paint(Finish::Matte).tinted([0.03, 0.06, 0.045])
+        builder.palette.paint(Finish::Matte).tinted([0.03, 0.06, 0.045])
     };
-    let half = Vec2::new(between(&mut stage.random, 1.2, 1.9), 0.6);
-    let mut board = framed(stage, "school board", half, content, false);
-    let metal = stage.palette.paint(Finish::Metal);
+    let half = Vec2::new(between(&mut builder.random, 1.2, 1.9), 0.6);
+    let mut board = framed(builder, "school board", half, content, false);
+    let metal = builder.palette.paint(Finish::Metal);
     board.shape.board(Vec3::new(-half.x, -half.y - 0.05, 0.002), Vec3::new(half.x, -half.y - 0.03, 0.08), metal);
     board
 }
 
 /// Builds a flat-screen television.
-pub(super) fn television(stage: &mut Stage, half_width: f32, on: bool) -> Hanging {
-    let black = stage.palette.paint(Finish::Gloss).tinted([0.02; 3]);
+pub(super) fn television(builder: &mut RoomBuilder, half_width: f32, on: bool) -> WallObject {
+    let black = builder.palette.paint(Finish::Gloss).tinted([0.02; 3]);
     let half = Vec2::new(half_width, half_width * 9.0 / 16.0);
     let mut shape = Shape::default();
     shape.board(Vec3::new(-half.x, -half.y, 0.03), Vec3::new(half.x, half.y, 0.065), black);
     shape.board(Vec3::new(-0.2, -0.12, 0.001), Vec3::new(0.2, 0.12, 0.031), black);
-    screen(stage, &mut shape, half - Vec2::splat(0.01), Vec2::ZERO, 0.0655, on);
-    Hanging { name: "television", shape }
+    screen(builder, &mut shape, half - Vec2::splat(0.01), Vec2::ZERO, 0.0655, on);
+    WallObject { name: "television", shape }
 }
 
 /// Adds a screen centred at `center`, at depth `z`. White has 120–350 cd/m² if `on`.
-pub(super) fn screen(stage: &mut Stage, shape: &mut Shape, half: Vec2, center: Vec2, z: f32, on: bool) {
+pub(super) fn screen(builder: &mut RoomBuilder, shape: &mut Shape, half: Vec2, center: Vec2, z: f32, on: bool) {
     let content = if on {
-        let seed = stage.random.random();
-        let white = between(&mut stage.random, 1.2, 3.5);
-        stage.lamps += 1;
-        stage.lamps_on += 1;
-        stage.palette.picture(seed, half.x / half.y, Some(white))
+        let seed = builder.random.random();
+        let white = between(&mut builder.random, 1.2, 3.5);
+        builder.lamps += 1;
+        builder.lamps_on += 1;
+        builder.palette.picture(seed, half.x / half.y, Some(white))
     } else {
-        stage.palette.paint(Finish::Gloss).tinted([0.015; 3])
+        builder.palette.paint(Finish::Gloss).tinted([0.015; 3])
     };
     let first = (shape.triangles.len(), shape.uvs.len());
     let corners = [(-half.x, -half.y), (half.x, -half.y), (half.x, half.y), (-half.x, half.y)];
@@ -101,50 +101,50 @@ pub(super) fn screen(stage: &mut Stage, shape: &mut Shape, half: Vec2, center: V
     shape.close_part(first.0);
 }
 
-pub(super) fn clock(stage: &mut Stage) -> Hanging {
-    let r = between(&mut stage.random, 0.11, 0.2);
-    let rim = stage.palette.paint(Finish::SecondMetal);
-    let face = stage.palette.paint(Finish::Matte);
+pub(super) fn clock(builder: &mut RoomBuilder) -> WallObject {
+    let r = between(&mut builder.random, 0.11, 0.2);
+    let rim = builder.palette.paint(Finish::SecondMetal);
+    let face = builder.palette.paint(Finish::Matte);
     let black = face.tinted([0.03; 3]);
     let mut shape = Shape::default();
     shape.bar(Vec3::Z * 0.002, Vec3::Z * 0.035, [r; 2], 32, rim);
     shape.bar(Vec3::Z * 0.03, Vec3::Z * 0.037, [0.92 * r; 2], 32, face);
     for (angle, long) in [
-        (between(&mut stage.random, 0.0, std::f32::consts::TAU), 0.5),
-        (between(&mut stage.random, 0.0, std::f32::consts::TAU), 0.8),
+        (between(&mut builder.random, 0.0, std::f32::consts::TAU), 0.5),
+        (between(&mut builder.random, 0.0, std::f32::consts::TAU), 0.8),
     ] {
         let tip = Vec3::new(angle.sin(), angle.cos(), 0.0) * long * r;
         shape.bar(Vec3::Z * 0.04, tip + Vec3::Z * 0.04, [0.004; 2], 6, black);
     }
-    Hanging { name: "clock", shape }
+    WallObject { name: "clock", shape }
 }
 
 /// Builds a shelf board with books.
-pub(super) fn wall_shelf(stage: &mut Stage) -> Hanging {
-    let wood = stage.palette.paint(Finish::Wood);
-    let half = between(&mut stage.random, 0.3, 0.6);
-    let depth = between(&mut stage.random, 0.18, 0.25);
+pub(super) fn wall_shelf(builder: &mut RoomBuilder) -> WallObject {
+    let wood = builder.palette.paint(Finish::Wood);
+    let half = between(&mut builder.random, 0.3, 0.6);
+    let depth = between(&mut builder.random, 0.18, 0.25);
     let mut shape = Shape::default();
     shape.board(Vec3::new(-half, -0.03, 0.001), Vec3::new(half, 0.0, depth), wood);
-    let matte = stage.palette.paint(Finish::Matte);
+    let matte = builder.palette.paint(Finish::Matte);
     let mut x = -half + 0.03;
     while x < half - 0.1 {
-        if chance(&mut stage.random, 0.7) {
-            let thick = between(&mut stage.random, 0.015, 0.05);
-            let high = between(&mut stage.random, 0.12, 0.26);
-            let tint = stage.palette.tint(&mut stage.random);
+        if chance(&mut builder.random, 0.7) {
+            let thick = between(&mut builder.random, 0.015, 0.05);
+            let high = between(&mut builder.random, 0.12, 0.26);
+            let tint = builder.palette.tint(&mut builder.random);
             shape.cuboid(Vec3::new(x, 0.0, 0.02), Vec3::new(x + thick, high, 0.17), matte.tinted(tint));
             x += thick + 0.001;
         } else {
-            x += between(&mut stage.random, 0.03, 0.2);
+            x += between(&mut builder.random, 0.03, 0.2);
         }
     }
-    Hanging { name: "wall shelf", shape }
+    WallObject { name: "wall shelf", shape }
 }
 
-pub(super) fn towel(stage: &mut Stage) -> Hanging {
-    let metal = stage.palette.paint(Finish::Metal);
-    let cloth = stage.palette.paint(Finish::Linen).tinted(stage.palette.tint(&mut stage.random));
+pub(super) fn towel(builder: &mut RoomBuilder) -> WallObject {
+    let metal = builder.palette.paint(Finish::Metal);
+    let cloth = builder.palette.paint(Finish::Linen).tinted(builder.palette.tint(&mut builder.random));
     let mut shape = Shape::default();
     shape.bar(Vec3::new(-0.3, 0.0, 0.06), Vec3::new(0.3, 0.0, 0.06), [0.008; 2], 8, metal);
     for x in [-0.28, 0.28] {
@@ -159,20 +159,20 @@ pub(super) fn towel(stage: &mut Stage) -> Hanging {
         Vec3::new(x, 0.014 - s.abs() + 0.02 * (1.0 - (s * 20.0).tanh().abs()) * 0.2, z)
     });
     shape.close_part(first);
-    Hanging { name: "towel", shape }
+    WallObject { name: "towel", shape }
 }
 
 /// Hangs an object on a free stretch of wall at height `y`. Returns whether it fitted.
 ///
 /// With `over`, the bounds of another object, only the position above that object is tried.
-pub(crate) fn hang(stage: &mut Stage, hanging: &Hanging, y: f32, over: Option<(Vec3, Vec3)>) -> bool {
-    let (least, most) = hanging.shape.bounds();
+pub(crate) fn hang(builder: &mut RoomBuilder, object: &WallObject, y: f32, over: Option<(Vec3, Vec3)>) -> bool {
+    let (least, most) = object.shape.bounds();
     for _ in 0..14 {
         let index = match over {
-            Some(bounds) => nearest_wall(stage, bounds),
-            None => count(&mut stage.random, 0, stage.plan.walls.len() - 1),
+            Some(bounds) => nearest_wall(builder, bounds),
+            None => count(&mut builder.random, 0, builder.plan.walls.len() - 1),
         };
-        let wall = &stage.plan.walls[index];
+        let wall = &builder.plan.walls[index];
         let margin = 0.05;
         let room = wall.length_m - (most.x - least.x) - 2.0 * margin;
         if room <= 0.0 {
@@ -185,9 +185,9 @@ pub(crate) fn hang(stage: &mut Stage, hanging: &Hanging, y: f32, over: Option<(V
                 let s = (Vec2::new(middle.x, middle.z) - start).dot(along);
                 s.clamp(margin - least.x, wall.length_m - margin - most.x)
             }
-            None => margin - least.x + room * between(&mut stage.random, 0.0, 1.0),
+            None => margin - least.x + room * between(&mut builder.random, 0.0, 1.0),
         };
-        if place(stage, hanging, index, s, y) {
+        if hang_at(builder, object, index, s, y) {
             return true;
         }
         if over.is_some() {
@@ -198,9 +198,9 @@ pub(crate) fn hang(stage: &mut Stage, hanging: &Hanging, y: f32, over: Option<(V
 }
 
 /// Hangs an object at `s` along the wall `index` and height `y` if it fits there.
-pub(super) fn place(stage: &mut Stage, hanging: &Hanging, index: usize, s: f32, y: f32) -> bool {
-    let (least, most) = hanging.shape.bounds();
-    let wall = &stage.plan.walls[index];
+pub(super) fn hang_at(builder: &mut RoomBuilder, object: &WallObject, index: usize, s: f32, y: f32) -> bool {
+    let (least, most) = object.shape.bounds();
+    let wall = &builder.plan.walls[index];
     let (from, to) = (s + least.x, s + most.x);
     let blocked = wall
         .openings
@@ -218,34 +218,35 @@ pub(super) fn place(stage: &mut Stage, hanging: &Hanging, index: usize, s: f32, 
     if blocked || from < 0.02 || to > wall.length_m - 0.02 || heights[0] < 0.12 {
         return false;
     }
-    if !stage.layout.fits(&stage.plan, &footprint, heights) || !stage.layout.leaves_passages(&footprint, heights) {
+    if !builder.layout.fits(&builder.plan, &footprint, heights) || !builder.layout.leaves_passages(&footprint, heights)
+    {
         return false;
     }
-    stage.layout.take(footprint, heights);
+    builder.layout.occupy(footprint, heights);
     let rotation = lo_geometry::Quat::from_rotation_y(yaw);
-    stage.fix(hanging.name, Support::Wall, &hanging.shape, rotation, origin + Vec3::Y * y);
+    builder.add_shape(object.name, Support::Wall, &object.shape, rotation, origin + Vec3::Y * y);
     true
 }
 
-fn nearest_wall(stage: &Stage, (least, most): (Vec3, Vec3)) -> usize {
+fn nearest_wall(builder: &RoomBuilder, (least, most): (Vec3, Vec3)) -> usize {
     let middle = (least + most) * 0.5;
     let half = (most - least) * 0.5;
     let p = Vec2::new(middle.x, middle.z);
     let distance = |k: usize| {
-        let wall = &stage.plan.walls[k];
+        let wall = &builder.plan.walls[k];
         let reach = half.x * wall.inward().x.abs() + half.z * wall.inward().y.abs();
         let s = (p - wall.start).dot(wall.along);
         let beside = (s - s.clamp(0.0, wall.length_m)).abs();
         ((p - wall.start).dot(wall.inward()) - reach).abs() + beside
     };
-    (0..stage.plan.walls.len()).fold(0, |best, k| if distance(k) < distance(best) { k } else { best })
+    (0..builder.plan.walls.len()).fold(0, |best, k| if distance(k) < distance(best) { k } else { best })
 }
 
 /// Hangs pictures and mirrors at random places.
-pub(super) fn pictures(stage: &mut Stage, number: usize) {
+pub(super) fn pictures(builder: &mut RoomBuilder, number: usize) {
     for _ in 0..number {
-        let one = if chance(&mut stage.random, 0.85) { picture(stage) } else { mirror(stage) };
-        let y = pick(&mut stage.random, &[1.45, 1.5, 1.55, 1.7]);
-        hang(stage, &one, y, None);
+        let one = if chance(&mut builder.random, 0.85) { picture(builder) } else { mirror(builder) };
+        let y = pick(&mut builder.random, &[1.45, 1.5, 1.55, 1.7]);
+        hang(builder, &one, y, None);
     }
 }
