@@ -147,14 +147,14 @@ impl ViewpointSampler<'_> {
     }
 
     fn draw_position(&self, random: &mut Stream, config: &SynthConfig, low: bool) -> Option<Vec3> {
-        let (least, most) = self.plan.extent();
+        let (min, max) = self.plan.extent();
         let ([low, high], margins) =
             if low { (LOW_CAMERA_HEIGHT_M, [0.09; 3]) } else { (config.camera_height_m, [0.35, 0.25, 0.2]) };
         for margin in margins {
             for _ in 0..30 {
                 // The mean of two draws favours eye height.
                 let height = 0.5 * (between(random, low, high) + between(random, low, high));
-                let (x, z) = (between(random, least.x, most.x), between(random, least.y, most.y));
+                let (x, z) = (between(random, min.x, max.x), between(random, min.y, max.y));
                 let p = Vec3::new(x, height, z);
                 if self.is_free(p, margin) {
                     return Some(p);
@@ -175,8 +175,8 @@ impl ViewpointSampler<'_> {
         let number = hits.len() as f32;
         let share = |count: usize| count as f32 / number;
         // Half the diagonal of the room, within limits, counts as far.
-        let (least, most) = self.plan.extent();
-        let far = 0.5 * (most - least).length().clamp(2.0, 8.0);
+        let (min, max) = self.plan.extent();
+        let far = 0.5 * (max - min).length().clamp(2.0, 8.0);
         let distance = (hits[hits.len() / 2].distance_m / far).min(1.0);
         let (nearer, farther) = (hits[hits.len() / 10].distance_m, hits[hits.len() * 9 / 10].distance_m);
         let variety = (farther.min(10.0) / nearer.max(0.3)).log2().clamp(0.0, 2.0) / 2.0;

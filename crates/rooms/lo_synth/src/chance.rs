@@ -51,8 +51,8 @@ pub(crate) fn tone(hue_deg: f32, saturation: f32, albedo: f32) -> [f32; 3] {
     });
     let mixed = pure.map(|p| 1.0 - saturation + saturation * p * p);
     let scale = albedo / lo_imaging::luminance(mixed).max(0.01);
-    let most = mixed.iter().copied().fold(0.0, f32::max) * scale;
-    let limit = if most > 0.88 { 0.88 / most } else { 1.0 };
+    let max = mixed.iter().copied().fold(0.0, f32::max) * scale;
+    let limit = if max > 0.88 { 0.88 / max } else { 1.0 };
     mixed.map(|m| (m * scale * limit).max(0.005))
 }
 

@@ -73,13 +73,13 @@ impl ViewpointSampler<'_> {
         let parts = &self.objects[object].parts;
         let part = &parts[((between(random, 0.0, 1.0) * parts.len() as f32) as usize).min(parts.len() - 1)];
         let model = self.model.model();
-        let (least, most) = model.triangles[part.clone()]
+        let (min, max) = model.triangles[part.clone()]
             .iter()
             .flatten()
             .map(|&v| model.positions[v as usize])
             .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
         let share = Vec3::from_array([(); 3].map(|()| between(random, 0.25, 0.75)));
-        least + (most - least) * share
+        min + (max - min) * share
     }
 
     /// Scores a view by the share of near surfaces and the number of objects.

@@ -209,12 +209,12 @@ impl SynthConfig {
         if self.weather_weights.values().any(bad) || known.filter(weather).count() == 0 {
             return wrong("weather_weights", "must have a positive weight besides `panorama` and no negative ones");
         }
-        let range = |[low, high]: [f32; 2], least: f32, most: f32| least <= low && low <= high && high <= most;
+        let range = |[low, high]: [f32; 2], min: f32, max: f32| min <= low && low <= high && high <= max;
         if !range(self.hfov_deg, 10.0, 150.0) {
-            return wrong("hfov_deg", "must be a range from least to greatest within 10 to 150");
+            return wrong("hfov_deg", "must be a range, minimum first, within 10 to 150");
         }
         if !range(self.camera_height_m, 0.2, 2.1) {
-            return wrong("camera_height_m", "must be a range from least to greatest within 0.2 to 2.1");
+            return wrong("camera_height_m", "must be a range, minimum first, within 0.2 to 2.1");
         }
         if !(0.0..=60.0).contains(&self.pitch_deg) {
             return wrong("pitch_deg", "must be between 0 and 60");

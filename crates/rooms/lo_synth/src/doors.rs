@@ -56,8 +56,8 @@ fn leaf(width: f32, height: f32, panels: usize, paint: Paint, metal: Paint) -> S
         let span = (height - 0.35) / panels as f32;
         let low = 0.18 + k as f32 * span;
         for [z0, z1] in [[-0.004, 0.007], [-0.047, -0.036]] {
-            let (least, most) = (Vec3::new(0.14, low, z0), Vec3::new(width - 0.14, low + span - 0.1, z1));
-            shape.rounded(least, most, 0.006, 1, paint);
+            let (min, max) = (Vec3::new(0.14, low, z0), Vec3::new(width - 0.14, low + span - 0.1, z1));
+            shape.rounded(min, max, 0.006, 1, paint);
         }
     }
     for side in [1.0f32, -1.0] {
@@ -97,8 +97,8 @@ fn open_leaf(builder: &mut RoomBuilder, wall: usize, opening: &Opening, glazed: 
         let angle = between(&mut builder.random, 60.0_f32, 100.0).to_radians();
         let yaw = base - angle;
         let at = Vec2::new(origin.x, origin.z);
-        let (least, most) = door.bounds();
-        let footprint = Footprint::of_box(least, most, yaw, at);
+        let (min, max) = door.bounds();
+        let footprint = Footprint::of_box(min, max, yaw, at);
         // The kept-free volume in front of its own door may overlap the leaf.
         if builder.plan.contains(at + rotated_yaw(Vec2::new(width, 0.0), yaw), 0.05)
             && builder.layout.is_clear(&builder.plan, &footprint.expanded(-0.03), [0.0, opening.h[1]])

@@ -296,9 +296,9 @@ fn solids(builder: &RoomBuilder) -> Vec<SolidBox> {
 fn solid_box(builder: &RoomBuilder, part: &crate::solids::ShapePart) -> SolidBox {
     let back = part.rotation.inverse();
     let corners = builder.shape.triangles[part.triangles.clone()].iter().flatten();
-    let (least, most) = corners.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(least, most), &v| {
+    let (min, max) = corners.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), &v| {
         let p = back * builder.shape.positions[v as usize];
-        (least.min(p), most.max(p))
+        (min.min(p), max.max(p))
     });
-    SolidBox { center: part.rotation * ((least + most) * 0.5), rotation: part.rotation, half: (most - least) * 0.5 }
+    SolidBox { center: part.rotation * ((min + max) * 0.5), rotation: part.rotation, half: (max - min) * 0.5 }
 }

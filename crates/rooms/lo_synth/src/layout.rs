@@ -14,10 +14,10 @@ pub(crate) struct Footprint {
 }
 
 impl Footprint {
-    /// Footprint of the box `least … most`, rotated about +Y and then translated.
-    pub(crate) fn of_box(least: Vec3, most: Vec3, yaw_rad: f32, offset: Vec2) -> Self {
-        let middle = (least + most) * 0.5;
-        let half = (most - least) * 0.5;
+    /// Footprint of the box `min … max`, rotated about +Y and then translated.
+    pub(crate) fn of_box(min: Vec3, max: Vec3, yaw_rad: f32, offset: Vec2) -> Self {
+        let middle = (min + max) * 0.5;
+        let half = (max - min) * 0.5;
         Self {
             center: offset + rotated_yaw(Vec2::new(middle.x, middle.z), yaw_rad),
             along: rotated_yaw(Vec2::X, yaw_rad),
@@ -185,10 +185,10 @@ impl WalkGrid {
     const MIN_REACHABLE_SHARE: f32 = 0.75;
 
     fn new(plan: &Plan) -> Self {
-        let (least, most) = plan.extent();
-        let size = (most - least) / Self::CELL_M;
+        let (min, max) = plan.extent();
+        let size = (max - min) / Self::CELL_M;
         let size = [size.x.ceil() as usize, size.y.ceil() as usize];
-        let mut grid = Self { origin: least, size, free: Vec::new(), doors: Vec::new() };
+        let mut grid = Self { origin: min, size, free: Vec::new(), doors: Vec::new() };
         grid.free = (0..size[0] * size[1]).map(|k| plan.contains(grid.cell(k), Self::PERSON_HALF_WIDTH_M)).collect();
         grid
     }
@@ -201,11 +201,11 @@ impl WalkGrid {
     fn mark(&mut self, footprint: &Footprint) {
         let expanded = footprint.expanded(Self::PERSON_HALF_WIDTH_M);
         let corners = expanded.corners();
-        let least = corners.into_iter().fold(Vec2::INFINITY, Vec2::min) - self.origin;
-        let most = corners.into_iter().fold(Vec2::NEG_INFINITY, Vec2::max) - self.origin;
+        let min = corners.into_iter().fold(Vec2::INFINITY, Vec2::min) - self.origin;
+        let max = corners.into_iter().fold(Vec2::NEG_INFINITY, Vec2::max) - self.origin;
         let range = |axis: usize| {
             let index = |x: f32| ((x / Self::CELL_M).max(0.0) as usize).min(self.size[axis] - 1);
-            index(least[axis])..=index(most[axis])
+            index(min[axis])..=index(max[axis])
         };
         for y in range(1) {
             for x in range(0) {

@@ -128,8 +128,8 @@ fn fixture_positions(builder: &mut RoomBuilder, fixture: CeilingFixture) -> Vec<
     let table = builder.objects.iter().position(|o| o.name == "dining table");
     let mut positions = Vec::new();
     if let (CeilingFixture::Pendant, Some(table)) = (fixture, table) {
-        let (least, most) = builder.object_bounds(table);
-        positions.push(Vec2::new(0.5 * (least.x + most.x), 0.5 * (least.z + most.z)));
+        let (min, max) = builder.object_bounds(table);
+        positions.push(Vec2::new(0.5 * (min.x + max.x), 0.5 * (min.z + max.z)));
         if builder.plan.area_m2() < 16.0 {
             return positions;
         }
@@ -161,9 +161,9 @@ fn mount_fixture(builder: &mut RoomBuilder, fixture: CeilingFixture, at: Vec2, g
         CeilingFixture::Pendant => {
             let top = builder.plan.ceiling(at);
             let over_table = builder.objects.iter().enumerate().any(|(k, o)| {
-                let (least, most) =
+                let (min, max) =
                     if o.name == "dining table" { builder.object_bounds(k) } else { (Vec3::MAX, Vec3::MIN) };
-                at.x > least.x && at.x < most.x && at.y > least.z && at.y < most.z
+                at.x > min.x && at.x < max.x && at.y > min.z && at.y < max.z
             });
             // Low above a table; elsewhere with headroom for walking.
             let low = if over_table { between(&mut builder.random, 1.4, 1.6) } else { 2.0 };
@@ -171,11 +171,11 @@ fn mount_fixture(builder: &mut RoomBuilder, fixture: CeilingFixture, at: Vec2, g
         }
     };
     let top = builder.plan.ceiling(at);
-    let (least, most) = lamp.shape.bounds();
-    let footprint = Footprint::of_box(least, most, 0.0, at);
+    let (min, max) = lamp.shape.bounds();
+    let footprint = Footprint::of_box(min, max, 0.0, at);
     // Pendants can hang from a slope, flat fixtures cannot.
     let pendant = fixture == CeilingFixture::Pendant;
-    let low = (top + least.y).min(top - 0.012);
+    let low = (top + min.y).min(top - 0.012);
     let y = [low, if pendant { low + 0.3 } else { top - 0.01 }];
     let level = footprint.corners().iter().all(|&c| builder.plan.ceiling(c) > top - 0.01);
     if (pendant || level) && builder.layout.is_clear(&builder.plan, &footprint, y) {

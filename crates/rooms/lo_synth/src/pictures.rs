@@ -138,8 +138,8 @@ fn tone_mapped(radiance: &RadianceImage) -> Image<[u8; 3]> {
 fn random_crop(random: &mut Stream, image: &Image<[u8; 3]>, width: usize, height: usize) -> Image<[u8; 3]> {
     let (whole_x, whole_y) = (image.width() as f32, image.height() as f32);
     let aspect = width as f32 / height as f32;
-    let most = (whole_x / aspect).min(whole_y);
-    let rows = most * between(random, 0.35, 1.0);
+    let max = (whole_x / aspect).min(whole_y);
+    let rows = max * between(random, 0.35, 1.0);
     let size = [(rows * aspect).max(1.0) as usize, rows.max(1.0) as usize];
     let from = [image.width() - size[0], image.height() - size[1]].map(|room| count(random, 0, room));
     let part =

@@ -148,9 +148,9 @@ impl Plan {
         let Some(slope) = self.slope else {
             return self.height_m;
         };
-        let (least, most) = self.extent();
-        let from_low = p[slope.axis] - least[slope.axis];
-        let from_high = most[slope.axis] - p[slope.axis];
+        let (min, max) = self.extent();
+        let from_low = p[slope.axis] - min[slope.axis];
+        let from_high = max[slope.axis] - p[slope.axis];
         let distance = if slope.both_ends { from_low.min(from_high) } else { from_low };
         (slope.knee_m + slope.rise * distance.max(0.0)).min(self.height_m)
     }
@@ -160,8 +160,8 @@ impl Plan {
         let Some(slope) = self.slope else {
             return Vec::new();
         };
-        let (least, most) = self.extent();
-        let (low, high) = (least[slope.axis], most[slope.axis]);
+        let (min, max) = self.extent();
+        let (low, high) = (min[slope.axis], max[slope.axis]);
         let reach = (self.height_m - slope.knee_m) / slope.rise;
         let mut bends = Vec::new();
         if slope.both_ends {
@@ -177,7 +177,7 @@ impl Plan {
     pub(crate) fn extent(&self) -> (Vec2, Vec2) {
         self.rectangles
             .iter()
-            .fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(least, most), [a, b]| (least.min(*a), most.max(*b)))
+            .fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(min, max), [a, b]| (min.min(*a), max.max(*b)))
     }
 
     pub(crate) fn area_m2(&self) -> f32 {

@@ -186,14 +186,14 @@ impl RoomBuilder {
 
     /// Places a group with its back to a random wall. Returns the indices of its objects, or `None` if nothing fits.
     pub(crate) fn place_against_wall(&mut self, group: &Group, along: WallPosition) -> Option<Vec<usize>> {
-        let (least, most) = group_bounds(group);
+        let (min, max) = group_bounds(group);
         let front_m = group.iter().map(|(piece, ..)| piece.front_m).fold(0.0, f32::max);
         // Clears the skirting boards.
         const GAP_M: f32 = 0.022;
         for _ in 0..28 {
             let wall_index = count(&mut self.random, 0, self.plan.walls.len() - 1);
             let wall = self.plan.walls[wall_index].clone();
-            let width = most.x - least.x;
+            let width = max.x - min.x;
             let room = wall.length_m - width - 2.0 * GAP_M;
             if room < 0.0 {
                 continue;
@@ -204,12 +204,12 @@ impl RoomBuilder {
                 WallPosition::Middle => room * between(&mut self.random, 0.3, 0.7),
             } + GAP_M;
             let hides_window = wall.openings.iter().any(|o| {
-                o.is_window() && from < o.s[1] + 0.05 && from + width > o.s[0] - 0.05 && most.y > o.h[0] + 0.02
+                o.is_window() && from < o.s[1] + 0.05 && from + width > o.s[0] - 0.05 && max.y > o.h[0] + 0.02
             });
             if hides_window {
                 continue;
             }
-            let origin = wall.point(from - least.x, 0.0, GAP_M - least.z);
+            let origin = wall.point(from - min.x, 0.0, GAP_M - min.z);
             if let Some(placed) = self.try_place(group, wall.yaw_rad(), origin, front_m) {
                 return Some(placed);
             }
@@ -219,7 +219,7 @@ impl RoomBuilder {
 
     /// Places a group at a free position parallel to the walls, close to `near` if given.
     pub(crate) fn place_freely(&mut self, group: &Group, near: Option<Vec2>, margin_m: f32) -> Option<Vec<usize>> {
-        let (least, most) = self.plan.extent();
+        let (min, max) = self.plan.extent();
         for attempt in 0..28 {
             let spread = 0.15 + 0.08 * attempt as f32;
             let p = match near {
@@ -229,9 +229,7 @@ impl RoomBuilder {
                         between(&mut self.random, -spread, spread),
                     )
                 }
-                None => {
-                    Vec2::new(between(&mut self.random, least.x, most.x), between(&mut self.random, least.y, most.y))
-                }
+                None => Vec2::new(between(&mut self.random, min.x, max.x), between(&mut self.random, min.y, max.y)),
             };
             let yaw = 0.5 * PI * count(&mut self.random, 0, 3) as f32;
             let (low, high) = group_bounds(group);
@@ -248,16 +246,16 @@ impl RoomBuilder {
 
     /// Places a group at `origin` if it fits there.
     pub(crate) fn try_place(&mut self, group: &Group, yaw_rad: f32, origin: Vec3, front_m: f32) -> Option<Vec<usize>> {
-        let (least, most) = group_bounds(group);
+        let (min, max) = group_bounds(group);
         let at = Vec2::new(origin.x, origin.z);
-        let footprint = Footprint::of_box(least, most, yaw_rad, at);
-        let y = [least.y.max(0.0), most.y];
+        let footprint = Footprint::of_box(min, max, yaw_rad, at);
+        let y = [min.y.max(0.0), max.y];
         if !self.layout.fits(&self.plan, &footprint, y) || !self.layout.leaves_passages(&footprint, y) {
             return None;
         }
         if front_m > 0.0 {
-            let before = Vec3::new(least.x, 0.0, most.z);
-            let front = Footprint::of_box(before, Vec3::new(most.x, 0.0, most.z + front_m), yaw_rad, at);
+            let before = Vec3::new(min.x, 0.0, max.z);
+            let front = Footprint::of_box(before, Vec3::new(max.x, 0.0, max.z + front_m), yaw_rad, at);
             if !self.layout.is_clear(&self.plan, &front, [0.02, 1.6]) {
                 return None;
             }
@@ -267,9 +265,9 @@ impl RoomBuilder {
         for (piece, offset, yaw) in group {
             let moved = at + rotated_yaw(*offset, yaw_rad);
             let object = self.add_piece(piece, Support::Floor, yaw_rad + yaw, Vec3::new(moved.x, 0.0, moved.y));
-            let (least, most) = piece.shape.bounds();
-            let own = Footprint::of_box(least, most, yaw_rad + yaw, moved);
-            self.layout.occupy_for(own, [least.y.max(0.0), most.y], Some(object));
+            let (min, max) = piece.shape.bounds();
+            let own = Footprint::of_box(min, max, yaw_rad + yaw, moved);
+            self.layout.occupy_for(own, [min.y.max(0.0), max.y], Some(object));
             placed.push(object);
         }
         // Keeps later objects out of the gaps inside the group.
@@ -294,10 +292,10 @@ impl RoomBuilder {
 
 /// Bounds of a group in its own frame: minimum and maximum corner.
 pub(crate) fn group_bounds(group: &Group) -> (Vec3, Vec3) {
-    group.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(least, most), (piece, offset, yaw)| {
+    group.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), (piece, offset, yaw)| {
         let (low, high) = piece.shape.bounds();
         let corners = Footprint::of_box(low, high, *yaw, *offset).corners();
         let flat = |p: Vec2, y: f32| Vec3::new(p.x, y, p.y);
-        corners.into_iter().fold((least, most), |(a, b), p| (a.min(flat(p, low.y)), b.max(flat(p, high.y))))
+        corners.into_iter().fold((min, max), |(a, b), p| (a.min(flat(p, low.y)), b.max(flat(p, high.y))))
     })
 }

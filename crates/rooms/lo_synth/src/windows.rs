@@ -129,11 +129,11 @@ fn frame(builder: &mut RoomBuilder, wall: usize, opening: &Opening, [columns, ro
 }
 
 /// Marks a box in the frame of a wall as occupied, so that no furniture intersects it.
-fn occupy(builder: &mut RoomBuilder, wall: usize, least: Vec3, most: Vec3) {
+fn occupy(builder: &mut RoomBuilder, wall: usize, min: Vec3, max: Vec3) {
     let origin = builder.plan.walls[wall].point(0.0, 0.0, 0.0);
     let yaw = builder.plan.walls[wall].yaw_rad();
-    let footprint = Footprint::of_box(least, most, yaw, Vec2::new(origin.x, origin.z));
-    builder.layout.occupy(footprint, [least.y, most.y]);
+    let footprint = Footprint::of_box(min, max, yaw, Vec2::new(origin.x, origin.z));
+    builder.layout.occupy(footprint, [min.y, max.y]);
 }
 
 /// Adds a rod with a curtain on either side, partly drawn, and sometimes a net curtain behind.
@@ -292,8 +292,8 @@ fn radiator(builder: &mut RoomBuilder, wall: usize, opening: &Opening) {
     shape.bar(Vec3::new(pipe_x, 0.0, 0.07), Vec3::new(pipe_x, bottom + 0.02, 0.07), [0.009; 2], 8, paint);
     let origin = builder.plan.walls[wall].point(0.0, 0.0, 0.0);
     let yaw = builder.plan.walls[wall].yaw_rad();
-    let (least, most) = (Vec3::new(a, 0.0, 0.0), Vec3::new(b, top, 0.16));
-    let footprint = Footprint::of_box(least, most, yaw, Vec2::new(origin.x, origin.z));
+    let (min, max) = (Vec3::new(a, 0.0, 0.0), Vec3::new(b, top, 0.16));
+    let footprint = Footprint::of_box(min, max, yaw, Vec2::new(origin.x, origin.z));
     if builder.layout.fits(&builder.plan, &footprint.expanded(-0.002), [0.0, top]) {
         builder.layout.occupy(footprint, [0.0, top]);
         builder.add_to_wall("radiator", Support::Wall, &shape, wall);

@@ -44,8 +44,8 @@ impl Room {
     }
 
     /// Object index and distance of the first hit.
-    fn hit(&self, origin: Vec3, direction: Vec3, most: f32) -> Option<(usize, f32)> {
-        let hit = self.model.intersect_both_sides(&Ray { origin, direction }, most)?;
+    fn hit(&self, origin: Vec3, direction: Vec3, max: f32) -> Option<(usize, f32)> {
+        let hit = self.model.intersect_both_sides(&Ray { origin, direction }, max)?;
         Some((self.owner[hit.triangle as usize], hit.distance_m))
     }
 
@@ -94,8 +94,8 @@ fn check_numbers(room: &Room) {
     assert!(model.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-3), "{id}: normals are not unit vectors");
     assert!(room.interior.world.outdoors.radiance.pixels().iter().flatten().all(|c| c.is_finite() && *c >= 0.0));
     // Large halls, up to a thousand square metres, have more.
-    let most = if room.interior.description.area_m2 > 150.0 { 300_000 } else { 150_000 };
-    assert!(model.triangles.len() < most, "{id}: {} triangles", model.triangles.len());
+    let max = if room.interior.description.area_m2 > 150.0 { 300_000 } else { 150_000 };
+    assert!(model.triangles.len() < max, "{id}: {} triangles", model.triangles.len());
     for (k, t) in model.triangles.iter().enumerate() {
         let [a, b, c] = t.map(|v| model.positions[v as usize]);
         let face = (b - a).cross(c - a);
@@ -105,8 +105,8 @@ fn check_numbers(room: &Room) {
     }
     // glTF requires vertex colours within [0, 1].
     assert!(model.colors.iter().flatten().all(|c| (0.0..=1.0).contains(c)), "{id}: vertex colours are out of range");
-    let mut least = model.textures.iter().map(|t| t.levels.last().unwrap()[(0, 0)]);
-    assert!(least.all(|mean| mean[3] == 255));
+    let mut min = model.textures.iter().map(|t| t.levels.last().unwrap()[(0, 0)]);
+    assert!(min.all(|mean| mean[3] == 255));
     for (t, &m) in model.triangles.iter().zip(&model.triangle_materials) {
         let material = &model.materials[m as usize];
         for v in t {
@@ -180,7 +180,7 @@ fn check_apart(room: &Room) {
 fn check_supported(room: &Room) {
     let id = &room.interior.id;
     for (k, object) in room.interior.objects.iter().enumerate() {
-        let (least, most) = room.bounds(object);
+        let (min, max) = room.bounds(object);
         let name = object.name;
         let near = |direction: Vec3, limit: f32, accept: &dyn Fn(usize) -> bool| {
             object.parts.iter().any(|part| {
@@ -204,24 +204,24 @@ fn check_supported(room: &Room) {
         };
         match object.support {
             Support::Building => {}
-            Support::Floor => assert!((-0.002..0.012).contains(&least.y), "{id}: {name} floats at {}", least.y),
+            Support::Floor => assert!((-0.002..0.012).contains(&min.y), "{id}: {name} floats at {}", min.y),
             Support::Ceiling => {
                 assert!(
                     near(Vec3::Y, 0.03, &|hit| room.is_building(hit)),
-                    "{id}: {name} at {most} is not fixed to the ceiling"
+                    "{id}: {name} at {max} is not fixed to the ceiling"
                 );
             }
             Support::Wall => {
                 let sides = [Vec3::X, Vec3::NEG_X, Vec3::Z, Vec3::NEG_Z, Vec3::Y];
                 let held = sides.iter().any(|&d| near(d, 0.03, &|hit| room.is_building(hit)));
-                assert!(held, "{id}: {name} at {least} to {most} is not fixed to a wall");
+                assert!(held, "{id}: {name} at {min} to {max} is not fixed to a wall");
             }
             Support::Object(carrier) => {
                 assert!(carrier < k, "{id}: the object that carries {name} comes later");
                 let down = near(Vec3::NEG_Y, TOUCH_M, &|hit| hit == carrier);
                 let up = near(Vec3::Y, 0.04, &|hit| hit == carrier);
                 let on = room.interior.objects[carrier].name;
-                assert!(down || up, "{id}: {name} at {least} floats above {on}");
+                assert!(down || up, "{id}: {name} at {min} floats above {on}");
             }
         }
     }
@@ -231,10 +231,10 @@ fn check_supported(room: &Room) {
 fn check_passages(room: &Room) {
     const CELL: f32 = 0.15;
     let shell = &room.interior.objects[0];
-    let (least, most) = room.bounds(shell);
-    let size = [((most.x - least.x) / CELL) as usize + 1, ((most.z - least.z) / CELL) as usize + 1];
+    let (min, max) = room.bounds(shell);
+    let size = [((max.x - min.x) / CELL) as usize + 1, ((max.z - min.z) / CELL) as usize + 1];
     let center =
-        |k: usize| least + Vec3::new(((k % size[0]) as f32 + 0.5) * CELL, 0.0, ((k / size[0]) as f32 + 0.5) * CELL);
+        |k: usize| min + Vec3::new(((k % size[0]) as f32 + 0.5) * CELL, 0.0, ((k / size[0]) as f32 + 0.5) * CELL);
     let free: Vec<bool> = (0..size[0] * size[1])
         .map(|k| {
             let p = center(k);
@@ -255,14 +255,14 @@ fn check_passages(room: &Room) {
         })
         .collect();
     let all = free.iter().filter(|f| **f).count();
-    let mut seen = vec![false; free.len()];
+    let mut visited = vec![false; free.len()];
     let mut largest = 0;
     for start in 0..free.len() {
-        if !free[start] || seen[start] {
+        if !free[start] || visited[start] {
             continue;
         }
         let (mut stack, mut count) = (vec![start], 0);
-        seen[start] = true;
+        visited[start] = true;
         while let Some(k) = stack.pop() {
             count += 1;
             let (x, y) = ((k % size[0]) as i32, (k / size[0]) as i32);
@@ -270,7 +270,7 @@ fn check_passages(room: &Room) {
                 let (nx, ny) = (x + dx, y + dy);
                 if nx >= 0 && ny >= 0 && (nx as usize) < size[0] && (ny as usize) < size[1] {
                     let next = ny as usize * size[0] + nx as usize;
-                    if free[next] && !std::mem::replace(&mut seen[next], true) {
+                    if free[next] && !std::mem::replace(&mut visited[next], true) {
                         stack.push(next);
                     }
                 }
@@ -314,7 +314,7 @@ fn check_views(room: &Room) {
 
 /// Median distance of the visible surfaces in metres and number of objects, for each of two photos.
 fn framing(room: &Room) -> Vec<(f32, usize)> {
-    let look = |view: &lo_synth::CameraPose| {
+    let measure = |view: &lo_synth::CameraPose| {
         let rays = (0..16 * 12).map(|k| (f64::from(k % 16) * 30.0 + 15.0, f64::from(k / 16) * 26.0 + 17.0));
         let hits: Vec<_> = rays
             .filter_map(|(u, v)| room.hit(view.pose.position, view.pose.rotation * view.camera.direction(u, v), 50.0))
@@ -324,7 +324,7 @@ fn framing(room: &Room) -> Vec<(f32, usize)> {
         let things: HashSet<usize> = hits.iter().map(|hit| hit.0).filter(|&object| !room.is_building(object)).collect();
         (distances[distances.len() / 2], things.len())
     };
-    room.interior.camera_poses(2).iter().map(look).collect()
+    room.interior.camera_poses(2).iter().map(measure).collect()
 }
 
 /// Asserts that rays leave the room through portals only.
@@ -407,10 +407,10 @@ fn rooms_keep_the_rules() {
 
 #[test]
 fn rooms_that_are_lived_and_worked_in_keep_the_rules() {
-    let trades = [RoomKind::Laboratory, RoomKind::Cellar, RoomKind::Workshop, RoomKind::Empty, RoomKind::Hall];
+    let kinds = [RoomKind::Laboratory, RoomKind::Cellar, RoomKind::Workshop, RoomKind::Empty, RoomKind::Hall];
     let mut config = SynthConfig { litter_share: 1.0, people_share: 0.6, ..SynthConfig::default() };
     keep_the_rules(12, ROOMS / 4, &config);
-    config.room_weights = trades.into_iter().zip([1.0, 1.0, 1.0, 0.4, 0.4]).collect();
+    config.room_weights = kinds.into_iter().zip([1.0, 1.0, 1.0, 0.4, 0.4]).collect();
     config.large_share = 0.4;
     keep_the_rules(13, ROOMS / 3, &config);
 }
@@ -430,7 +430,7 @@ fn keep_the_rules(seed: u64, rooms: u64, config: &SynthConfig) -> Vec<(f32, usiz
     let next = AtomicU64::new(0);
     let failed = Mutex::new(Vec::new());
     let framings = Mutex::new(Vec::new());
-    let look = || {
+    let check_rooms = || {
         while let Some(index) = Some(next.fetch_add(1, Ordering::Relaxed)).filter(|&index| index < rooms) {
             let room = Room::new(seed, index, config);
             framings.lock().unwrap().extend(framing(&room));
@@ -446,7 +446,7 @@ fn keep_the_rules(seed: u64, rooms: u64, config: &SynthConfig) -> Vec<(f32, usiz
     };
     std::thread::scope(|scope| {
         for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
-            scope.spawn(look);
+            scope.spawn(check_rooms);
         }
     });
     let failed = failed.into_inner().unwrap();
@@ -536,13 +536,13 @@ fn close_ups_show_things_within_reach_and_stand_in_nothing() {
                 directions.iter().filter_map(|&d| room.hit(p, d, 50.0)).map(|hit| hit.1).fold(50.0, f32::min);
             assert!(room.interior.is_free(p, 0.09) && clearance > 0.09, "camera at {p} has a clearance of {clearance}");
             let pixels = (0..16 * 12).map(|k| (f64::from(k % 16) * 30.0 + 15.0, f64::from(k / 16) * 26.0 + 17.0));
-            let mut seen: Vec<f32> = pixels
+            let mut visible: Vec<f32> = pixels
                 .filter_map(|(u, v)| room.hit(p, view.pose.rotation * view.camera.direction(u, v), 50.0))
                 .map(|hit| hit.1)
                 .collect();
-            seen.sort_unstable_by(f32::total_cmp);
-            assert!(seen[0] > 0.12, "a surface at {} m is too close to the camera", seen[0]);
-            distances.push(seen[seen.len() / 2]);
+            visible.sort_unstable_by(f32::total_cmp);
+            assert!(visible[0] > 0.12, "a surface at {} m is too close to the camera", visible[0]);
+            distances.push(visible[visible.len() / 2]);
             down.push((view.pose.rotation * Vec3::NEG_Z).y);
         }
     }

@@ -27,13 +27,13 @@ pub(super) fn bed(builder: &mut RoomBuilder, wide: bool) -> Piece {
         }
     }
     let edge = if upholstered { 0.02 } else { 0.004 };
-    let (least, most) =
+    let (min, max) =
         (Vec3::new(-half - 0.03, base[0], head_m), Vec3::new(half + 0.03, base[1] + 0.04, head_m + length + 0.03));
-    shape.rounded(least, most, edge, 2, frame);
+    shape.rounded(min, max, edge, 2, frame);
     let head = between(&mut builder.random, 0.75, 1.2).max(top + 0.25);
     if chance(&mut builder.random, 0.9) {
-        let (least, most) = (Vec3::new(-half - 0.03, 0.1, 0.0), Vec3::new(half + 0.03, head, head_m));
-        shape.rounded(least, most, edge, 2, frame);
+        let (min, max) = (Vec3::new(-half - 0.03, 0.1, 0.0), Vec3::new(half + 0.03, head, head_m));
+        shape.rounded(min, max, edge, 2, frame);
     }
     let mattress = [Vec3::new(-half, base[1], head_m + 0.005), Vec3::new(half, top, head_m + length)];
     shape.rounded(mattress[0], mattress[1], 0.05, 3, linen);

@@ -14,8 +14,8 @@ pub(super) fn scatter(builder: &mut RoomBuilder, amount: f32) {
     for surface in 0..builder.surfaces.len() {
         let name = builder.surfaces[surface].name;
         let area = 4.0 * builder.surfaces[surface].half.x * builder.surfaces[surface].half.y;
-        let most = (amount * (2.0 + 9.0 * area)).ceil() as usize;
-        let number = count(&mut builder.random, 0, most.min(12));
+        let max = (amount * (2.0 + 9.0 * area)).ceil() as usize;
+        let number = count(&mut builder.random, 0, max.min(12));
         for _ in 0..number {
             let piece = object_for_surface(builder, name);
             put_on(builder, surface, &piece, None);
@@ -51,9 +51,9 @@ fn object_for_surface(builder: &mut RoomBuilder, name: &str) -> Piece {
 ///
 /// `at` is its position and yaw in the surface's frame; without it, free positions are drawn.
 pub(crate) fn put_on(builder: &mut RoomBuilder, surface: usize, piece: &Piece, at: Option<(Vec2, f32)>) -> bool {
-    let (least, most) = piece.shape.bounds();
+    let (min, max) = piece.shape.bounds();
     let place = &builder.surfaces[surface];
-    if most.y > place.headroom_m || builder.plan.height_m < place.center.y + most.y + 0.05 {
+    if max.y > place.headroom_m || builder.plan.height_m < place.center.y + max.y + 0.05 {
         return false;
     }
     let (center, yaw, half, object) = (place.center, place.yaw_rad, place.half, place.object);
@@ -65,7 +65,7 @@ pub(crate) fn put_on(builder: &mut RoomBuilder, surface: usize, piece: &Piece, a
                 between(r, 0.0, std::f32::consts::TAU),
             )
         });
-        let footprint = Footprint::of_box(least, most, turn, offset);
+        let footprint = Footprint::of_box(min, max, turn, offset);
         let inside = footprint.corners().iter().all(|c| c.abs().cmple(half + Vec2::splat(0.04)).all());
         let place = &mut builder.surfaces[surface];
         if inside && !place.taken.iter().any(|t| t.overlaps(&footprint.expanded(0.005))) {
@@ -73,8 +73,8 @@ pub(crate) fn put_on(builder: &mut RoomBuilder, surface: usize, piece: &Piece, a
             let moved = rotated_yaw(offset, yaw);
             let origin = center + Vec3::new(moved.x, 0.0, moved.y);
             // Tall objects could reach into curtains and lamps.
-            let world = Footprint::of_box(least, most, yaw + turn, Vec2::new(origin.x, origin.z));
-            let y = [origin.y + 0.01, origin.y + most.y];
+            let world = Footprint::of_box(min, max, yaw + turn, Vec2::new(origin.x, origin.z));
+            let y = [origin.y + 0.01, origin.y + max.y];
             let on_sill = builder.surfaces[surface].name == "window sill";
             if !on_sill && !builder.layout.is_clear_on(&builder.plan, &world, y, object) {
                 continue;

@@ -19,11 +19,11 @@ pub(super) fn machine_paint(builder: &mut RoomBuilder) -> Paint {
 }
 
 /// Fills a box with packages, tins, crates and cartons in a row.
-fn fill_level(builder: &mut RoomBuilder, shape: &mut Shape, [least, most]: [Vec3; 2], fill: f32) {
+fn fill_level(builder: &mut RoomBuilder, shape: &mut Shape, [min, max]: [Vec3; 2], fill: f32) {
     let carton = builder.palette.paint(Finish::Cardboard);
     let plastic = builder.palette.paint(Finish::Gloss);
-    let (deep, free) = (most.z - least.z, most.y - least.y - 0.02);
-    let mut x = least.x;
+    let (deep, free) = (max.z - min.z, max.y - min.y - 0.02);
+    let mut x = min.x;
     loop {
         if !chance(&mut builder.random, fill) {
             x += between(&mut builder.random, 0.08, 0.3);
@@ -64,12 +64,12 @@ fn fill_level(builder: &mut RoomBuilder, shape: &mut Shape, [least, most]: [Vec3
         }
         let (low, high) = one.bounds();
         let width = high.x - low.x;
-        if x + width > most.x {
+        if x + width > max.x {
             return;
         }
         if high.y < free {
-            let z = between(&mut builder.random, least.z - low.z, (most.z - high.z).max(least.z - low.z));
-            shape.add_at(&one, Vec3::new(x - low.x, least.y, z));
+            let z = between(&mut builder.random, min.z - low.z, (max.z - high.z).max(min.z - low.z));
+            shape.add_at(&one, Vec3::new(x - low.x, min.y, z));
         }
         x += width + between(&mut builder.random, 0.005, 0.06);
     }

@@ -13,8 +13,8 @@ pub(super) fn single(piece: Piece) -> Group {
 }
 
 pub(super) fn center(builder: &RoomBuilder, object: usize) -> Vec2 {
-    let (least, most) = builder.object_bounds(object);
-    Vec2::new(0.5 * (least.x + most.x), 0.5 * (least.z + most.z))
+    let (min, max) = builder.object_bounds(object);
+    Vec2::new(0.5 * (min.x + max.x), 0.5 * (min.z + max.z))
 }
 
 /// Places a table with chairs, most of them pushed in.
@@ -107,12 +107,12 @@ pub(super) fn desk_group(builder: &mut RoomBuilder, on: bool) {
 
 /// Adds a rug centred near `at`, limited by the walls. Furniture may stand on it.
 pub(super) fn rug(builder: &mut RoomBuilder, at: Vec2, half: Vec2) {
-    let (least, most) = builder.plan.extent();
-    let half = half.min((most - least) * 0.5 - Vec2::splat(0.25));
+    let (min, max) = builder.plan.extent();
+    let half = half.min((max - min) * 0.5 - Vec2::splat(0.25));
     if half.min_element() < 0.4 {
         return;
     }
-    let at = at.clamp(least + half + Vec2::splat(0.2), most - half - Vec2::splat(0.2));
+    let at = at.clamp(min + half + Vec2::splat(0.2), max - half - Vec2::splat(0.2));
     let footprint = Footprint { center: at, along: Vec2::X, half };
     let corners = footprint.corners();
     if !corners.iter().all(|&c| builder.plan.contains(c, 0.1)) {

@@ -203,9 +203,8 @@ fn wall_units(
             continue;
         }
         shape.cuboid(Vec3::new(x, low, 0.0), Vec3::new(x + UNIT_M, high, depth - 0.02), materials.front);
-        let (least, most) =
-            (Vec3::new(x + 0.002, low - 0.01, depth - 0.02), Vec3::new(x + UNIT_M - 0.002, high, depth));
-        shape.board(least, most, materials.front);
+        let (min, max) = (Vec3::new(x + 0.002, low - 0.01, depth - 0.02), Vec3::new(x + UNIT_M - 0.002, high, depth));
+        shape.board(min, max, materials.front);
         handle(shape, Vec3::new(x + 0.5, low + 0.04, depth), 0.12, materials.metal);
     }
 }

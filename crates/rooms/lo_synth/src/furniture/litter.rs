@@ -28,8 +28,8 @@ pub(super) fn scatter(builder: &mut RoomBuilder, amount: f32) {
             continue;
         }
         let half = builder.surfaces[surface].half;
-        let most = ((amount * (6.0 + 130.0 * half.x * half.y)).ceil() as usize).min(32);
-        let number = count(&mut builder.random, most / 2, most);
+        let max = ((amount * (6.0 + 130.0 * half.x * half.y)).ceil() as usize).min(32);
+        let number = count(&mut builder.random, max / 2, max);
         for _ in 0..number {
             let piece = random_object(builder);
             put_on(builder, surface, &piece, None);
@@ -39,8 +39,8 @@ pub(super) fn scatter(builder: &mut RoomBuilder, amount: f32) {
         }
     }
     let area = builder.plan.area_m2();
-    let most = ((amount * (2.0 + 0.25 * area)) as usize).min(9);
-    for _ in 0..count(&mut builder.random, most / 2, most) {
+    let max = ((amount * (2.0 + 0.25 * area)) as usize).min(9);
+    for _ in 0..count(&mut builder.random, max / 2, max) {
         let piece = random_floor_object(builder);
         builder.place_freely(&single(piece), None, 0.02);
     }

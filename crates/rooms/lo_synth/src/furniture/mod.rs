@@ -91,8 +91,8 @@ fn add_common_objects(builder: &mut RoomBuilder, kind: RoomKind, clutter: f32) {
             wall_objects::hang(builder, &shelf, 1.35, None);
         }
     }
-    let plants_most = if kind == RoomKind::Bathroom { 1 } else { 3 };
-    for _ in 0..count(&mut builder.random, 0, plants_most) {
+    let max_plants = if kind == RoomKind::Bathroom { 1 } else { 3 };
+    for _ in 0..count(&mut builder.random, 0, max_plants) {
         let height = between(&mut builder.random, 0.5, 1.6);
         let plant = plants::potted(builder, height);
         builder.place_against_wall(&single(plant), WallPosition::Corner);

@@ -135,8 +135,8 @@ pub(super) fn living(builder: &mut RoomBuilder, clutter: f32, screens: bool) {
 pub(super) fn kitchen_room(builder: &mut RoomBuilder, lighting: LightingMode) {
     let strip = !matches!(lighting, LightingMode::Daylight) && chance(&mut builder.random, 0.3);
     let longest = builder.plan.walls.iter().map(|w| w.length_m).fold(0.0, f32::max);
-    let most = ((longest - 0.1) / 0.6).floor().clamp(3.0, 7.0) as usize;
-    for units in (3..=most).rev() {
+    let max = ((longest - 0.1) / 0.6).floor().clamp(3.0, 7.0) as usize;
+    for units in (3..=max).rev() {
         let upper = chance(&mut builder.random, 0.75);
         let line = kitchen::line(builder, units, upper && builder.plan.height_m > 2.25, strip);
         if builder.place_against_wall(&single(line), WallPosition::Corner).is_some() {
@@ -215,15 +215,15 @@ pub(super) fn corridor(builder: &mut RoomBuilder, clutter: f32) {
     }
     let mirror = wall_objects::mirror(builder);
     wall_objects::hang(builder, &mirror, 1.5, None);
-    let (least, most) = builder.plan.extent();
-    let half = (most - least) * 0.5;
+    let (min, max) = builder.plan.extent();
+    let half = (max - min) * 0.5;
     if chance(&mut builder.random, 0.4) {
-        rug(builder, (least + most) * 0.5, (half - Vec2::splat(0.35)).min(Vec2::splat(1.6)));
+        rug(builder, (min + max) * 0.5, (half - Vec2::splat(0.35)).min(Vec2::splat(1.6)));
     }
 }
 
 pub(super) fn classroom(builder: &mut RoomBuilder) {
-    let (least, most) = builder.plan.extent();
+    let (min, max) = builder.plan.extent();
     let board = wall_objects::school_board(builder);
     // Pupils face a wall that is free for the board.
     let order = crate::chance::shuffled(&mut builder.random, vec![0, 1, 2, 3]);
@@ -235,9 +235,9 @@ pub(super) fn classroom(builder: &mut RoomBuilder) {
     let facing = wall.unwrap_or(0);
     let (inward, yaw) =
         (builder.plan.walls[facing].inward(), builder.plan.walls[facing].yaw_rad() + std::f32::consts::PI);
-    let middle = (least + most) * 0.5;
+    let middle = (min + max) * 0.5;
     let along = builder.plan.walls[facing].along;
-    let size = most - least;
+    let size = max - min;
     let (deep, wide) = (size.dot(inward.abs()), size.dot(along.abs()));
     let teacher = tables::desk(builder, 1.4);
     let start = middle - inward * (0.5 * deep - 1.3);

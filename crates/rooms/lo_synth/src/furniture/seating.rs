@@ -129,16 +129,16 @@ pub(super) fn sofa(builder: &mut RoomBuilder, seats: usize) -> Piece {
     shape.rounded(Vec3::new(-half, low, 0.0), Vec3::new(half, seat - 0.13, depth), 0.02, 1, cloth);
     for side in [-1.0f32, 1.0] {
         let [a, b] = [side * half, side * (half - arm)];
-        let (least, most) = (Vec3::new(a.min(b), low, 0.0), Vec3::new(a.max(b), arm_top, depth));
-        shape.rounded(least, most, soft.min(0.4 * arm), 3, cloth);
+        let (min, max) = (Vec3::new(a.min(b), low, 0.0), Vec3::new(a.max(b), arm_top, depth));
+        shape.rounded(min, max, soft.min(0.4 * arm), 3, cloth);
     }
-    let (least, most) = (Vec3::new(-half + 0.5 * arm, low, 0.0), Vec3::new(half - 0.5 * arm, back_top - 0.06, 0.2));
-    shape.rounded(least, most, soft, 3, cloth);
+    let (min, max) = (Vec3::new(-half + 0.5 * arm, low, 0.0), Vec3::new(half - 0.5 * arm, back_top - 0.06, 0.2));
+    shape.rounded(min, max, soft, 3, cloth);
     let gap = 0.004;
     for k in 0..seats {
         let [a, b] = [0.0, 1.0].map(|e| -half + arm + seat_width * (k as f32 + e));
-        let (least, most) = (Vec3::new(a + gap, seat - 0.14, 0.16), Vec3::new(b - gap, seat - 0.02, depth + 0.01));
-        shape.bulging(least, most, 0.045, 3, 0.03, cloth);
+        let (min, max) = (Vec3::new(a + gap, seat - 0.14, 0.16), Vec3::new(b - gap, seat - 0.02, depth + 0.01));
+        shape.bulging(min, max, 0.045, 3, 0.03, cloth);
         let mut cushion = Shape::default();
         let (w, h) = (0.5 * (b - a) - gap, back_top - seat + 0.02);
         cushion.rounded(Vec3::new(-w, 0.0, -0.085), Vec3::new(w, h, 0.085), 0.06, 3, cloth);

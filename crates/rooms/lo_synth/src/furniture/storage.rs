@@ -41,11 +41,11 @@ pub(super) fn shelf(builder: &mut RoomBuilder, fill: f32) -> Piece {
 }
 
 /// Fills a shelf level with rows and piles of books, boxes and vases.
-fn fill_shelf(builder: &mut RoomBuilder, shape: &mut Shape, [least, most]: [Vec3; 2], fill: f32) {
-    let free = most.y - least.y - 0.015;
+fn fill_shelf(builder: &mut RoomBuilder, shape: &mut Shape, [min, max]: [Vec3; 2], fill: f32) {
+    let free = max.y - min.y - 0.015;
     let matte = builder.palette.paint(Finish::Matte);
-    let mut x = least.x + between(&mut builder.random, 0.0, 0.1);
-    let end = most.x;
+    let mut x = min.x + between(&mut builder.random, 0.0, 0.1);
+    let end = max.x;
     while x < end - 0.06 {
         if !chance(&mut builder.random, fill) {
             x += between(&mut builder.random, 0.08, 0.3);
@@ -54,18 +54,18 @@ fn fill_shelf(builder: &mut RoomBuilder, shape: &mut Shape, [least, most]: [Vec3
         match count(&mut builder.random, 0, 9) {
             0 => {
                 // Pile of books.
-                let (w, d) = (between(&mut builder.random, 0.18, 0.26), (most.z - least.z) * 0.75);
+                let (w, d) = (between(&mut builder.random, 0.18, 0.26), (max.z - min.z) * 0.75);
                 if x + w > end {
                     break;
                 }
-                let mut y = least.y;
+                let mut y = min.y;
                 for _ in 0..count(&mut builder.random, 1, 5) {
                     let thick = between(&mut builder.random, 0.015, 0.04);
-                    if y + thick > least.y + free {
+                    if y + thick > min.y + free {
                         break;
                     }
                     let tint = builder.palette.tint(&mut builder.random);
-                    let z = most.z - d - between(&mut builder.random, 0.005, 0.03);
+                    let z = max.z - d - between(&mut builder.random, 0.005, 0.03);
                     shape.cuboid(Vec3::new(x, y, z), Vec3::new(x + w, y + thick, z + d), matte.tinted(tint));
                     y += thick;
                 }
@@ -76,7 +76,7 @@ fn fill_shelf(builder: &mut RoomBuilder, shape: &mut Shape, [least, most]: [Vec3
                 let h = (free * between(&mut builder.random, 0.4, 0.8)).min(0.3);
                 if w > 0.1 {
                     let tint = builder.palette.tint(&mut builder.random);
-                    let (a, b) = (Vec3::new(x, least.y, least.z + 0.02), Vec3::new(x + w, least.y + h, most.z - 0.02));
+                    let (a, b) = (Vec3::new(x, min.y, min.z + 0.02), Vec3::new(x + w, min.y + h, max.z - 0.02));
                     shape.rounded(a, b, 0.008, 1, matte.tinted(tint));
                 }
                 x += w + 0.03;
@@ -86,34 +86,34 @@ fn fill_shelf(builder: &mut RoomBuilder, shape: &mut Shape, [least, most]: [Vec3
                 if r > 0.03 {
                     let paint = builder.palette.paint(Finish::Gloss).tinted(builder.palette.tint(&mut builder.random));
                     let h = (free * between(&mut builder.random, 0.4, 0.9)).min(0.3);
-                    let at = Vec3::new(x + r, least.y, 0.5 * (least.z + most.z));
+                    let at = Vec3::new(x + r, min.y, 0.5 * (min.z + max.z));
                     shape.lathe(at, &[[0.6 * r, 0.0], [r, 0.45 * h], [0.5 * r, 0.85 * h], [0.6 * r, h]], 16, paint);
                 }
                 x += 2.0 * r.max(0.02) + 0.03;
             }
-            _ => x = book_row(builder, shape, [least, most], x, free) + 0.01,
+            _ => x = book_row(builder, shape, [min, max], x, free) + 0.01,
         }
     }
 }
 
 /// Adds a row of standing books from `x` on, the last one leaning. Returns the end of the row.
-fn book_row(builder: &mut RoomBuilder, shape: &mut Shape, [least, most]: [Vec3; 2], mut x: f32, free: f32) -> f32 {
+fn book_row(builder: &mut RoomBuilder, shape: &mut Shape, [min, max]: [Vec3; 2], mut x: f32, free: f32) -> f32 {
     let matte = builder.palette.paint(Finish::Matte);
     let (usual, deep) = (between(&mut builder.random, 0.19, 0.27), between(&mut builder.random, 0.14, 0.2));
     for _ in 0..count(&mut builder.random, 4, 16) {
         let thick = between(&mut builder.random, 0.012, 0.045);
-        if x + thick > most.x {
+        if x + thick > max.x {
             return x;
         }
         let h = (usual * between(&mut builder.random, 0.8, 1.15)).min(free);
-        let d = (deep * between(&mut builder.random, 0.85, 1.15)).min(most.z - least.z - 0.02);
-        let z = most.z - between(&mut builder.random, 0.015, 0.04);
+        let d = (deep * between(&mut builder.random, 0.85, 1.15)).min(max.z - min.z - 0.02);
+        let z = max.z - between(&mut builder.random, 0.015, 0.04);
         let tint = builder.palette.tint(&mut builder.random);
-        shape.cuboid(Vec3::new(x, least.y, z - d), Vec3::new(x + thick, least.y + h, z), matte.tinted(tint));
+        shape.cuboid(Vec3::new(x, min.y, z - d), Vec3::new(x + thick, min.y + h, z), matte.tinted(tint));
         if builder.palette.has_prints && chance(&mut builder.random, 0.6) {
             // Titles run up the spine, so the picture is rotated.
             let spine = builder.palette.printed_front(&mut builder.random);
-            let p = |x: f32, y: f32| Vec3::new(x, least.y + y, z + 0.0004);
+            let p = |x: f32, y: f32| Vec3::new(x, min.y + y, z + 0.0004);
             let right = x + thick;
             shape.picture([p(right, 0.02 * h), p(right, 0.98 * h), p(x, 0.98 * h), p(x, 0.02 * h)], spine);
         }
@@ -121,12 +121,12 @@ fn book_row(builder: &mut RoomBuilder, shape: &mut Shape, [least, most]: [Vec3; 
     }
     let (thick, h, lean) = (0.025, usual.min(free) * 0.95, 0.22f32);
     let width = thick * lean.cos() + h * lean.sin();
-    if x + width < most.x && h * lean.cos() + thick * lean.sin() < free {
+    if x + width < max.x && h * lean.cos() + thick * lean.sin() < free {
         let mut book = Shape::default();
         let tint = builder.palette.tint(&mut builder.random);
         book.cuboid(Vec3::new(0.0, 0.0, -0.16), Vec3::new(thick, h, 0.0), matte.tinted(tint));
         // The book leans on its neighbours; its lower right corner rests on the board.
-        let at = Vec3::new(x + h * lean.sin(), least.y, most.z - 0.03);
+        let at = Vec3::new(x + h * lean.sin(), min.y, max.z - 0.03);
         shape.add(&book, Quat::from_rotation_z(lean), at);
         x += width;
     }
@@ -147,12 +147,12 @@ pub(super) fn wardrobe(builder: &mut RoomBuilder) -> Piece {
     shape.board(Vec3::new(-half, 0.0, 0.0), Vec3::new(half, height, depth - 0.022), front);
     for k in 0..doors {
         let [a, b] = [0.0, 1.0].map(|e| -half + width * (k as f32 + e) / doors as f32);
-        let (least, most) = (Vec3::new(a + 0.0015, 0.07, depth - 0.02), Vec3::new(b - 0.0015, height - 0.01, depth));
-        shape.board(least, most, front);
+        let (min, max) = (Vec3::new(a + 0.0015, 0.07, depth - 0.02), Vec3::new(b - 0.0015, height - 0.01, depth));
+        shape.board(min, max, front);
         if mirrored && k == doors / 2 {
             let mirror = builder.palette.paint(Finish::Mirror);
-            let (least, most) = (Vec3::new(a + 0.02, 0.1, depth), Vec3::new(b - 0.02, height - 0.03, depth + 0.004));
-            shape.cuboid(least, most, mirror);
+            let (min, max) = (Vec3::new(a + 0.02, 0.1, depth), Vec3::new(b - 0.02, height - 0.03, depth + 0.004));
+            shape.cuboid(min, max, mirror);
         }
         let x = if k % 2 == 0 { b - 0.04 } else { a + 0.04 };
         shape.bar(Vec3::new(x, 0.95, depth + 0.025), Vec3::new(x, 1.12, depth + 0.025), [0.006; 2], 8, metal);
@@ -177,18 +177,18 @@ pub(super) fn chest(builder: &mut RoomBuilder, name: &'static str, width: f32, h
         }
     }
     shape.board(Vec3::new(-half, foot, 0.0), Vec3::new(half, height - 0.02, depth - 0.02), body);
-    let (least, most) = (Vec3::new(-half - 0.005, height - 0.022, 0.0), Vec3::new(half + 0.005, height, depth));
-    shape.rounded(least, most, 0.004, 1, body);
+    let (min, max) = (Vec3::new(-half - 0.005, height - 0.022, 0.0), Vec3::new(half + 0.005, height, depth));
+    shape.rounded(min, max, 0.004, 1, body);
     let columns = (width / 0.55).round().max(1.0) as usize;
     let rows = ((height - foot) / between(&mut builder.random, 0.18, 0.3)).round().max(1.0) as usize;
     for (c, r) in (0..columns).flat_map(|c| (0..rows).map(move |r| (c, r))) {
         let x = [0.0, 1.0].map(|e| -half + width * (c as f32 + e) / columns as f32);
         let y = [0.0, 1.0].map(|e| foot + (height - 0.022 - foot) * (r as f32 + e) / rows as f32);
-        let (least, most) = (
+        let (min, max) = (
             Vec3::new(x[0] + 0.003, y[0] + 0.003, depth - 0.021),
             Vec3::new(x[1] - 0.003, y[1] - 0.003, depth - 0.003),
         );
-        shape.board(least, most, front);
+        shape.board(min, max, front);
         let at = Vec3::new(0.5 * (x[0] + x[1]), y[1] - 0.3 * (y[1] - y[0]), depth - 0.003);
         handle(&mut shape, at, 0.1, metal);
     }

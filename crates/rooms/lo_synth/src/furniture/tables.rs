@@ -55,8 +55,8 @@ pub(super) fn dining_table(builder: &mut RoomBuilder, half: Vec2, round: bool) -
 fn shape_top(builder: &mut RoomBuilder, height: f32, thick: f32, half: Vec2) -> Shape {
     let paint = builder.palette.paint(Finish::Wood);
     let mut shape = Shape::default();
-    let (least, most) = (Vec3::new(-half.x, height - thick, -half.y), Vec3::new(half.x, height, half.y));
-    shape.rounded(least, most, 0.006, 2, paint);
+    let (min, max) = (Vec3::new(-half.x, height - thick, -half.y), Vec3::new(half.x, height, half.y));
+    shape.rounded(min, max, 0.006, 2, paint);
     shape
 }
 
@@ -80,8 +80,8 @@ pub(super) fn coffee_table(builder: &mut RoomBuilder) -> Piece {
         return Piece::new("coffee table", shape).with_surface(Vec3::Y * height, Vec2::splat(0.6 * r), 1.0);
     }
     let half = Vec2::new(between(&mut builder.random, 0.45, 0.65), between(&mut builder.random, 0.25, 0.35));
-    let (least, most) = (Vec3::new(-half.x, height - 0.03, -half.y), Vec3::new(half.x, height, half.y));
-    shape.rounded(least, most, 0.005, 1, wood);
+    let (min, max) = (Vec3::new(-half.x, height - 0.03, -half.y), Vec3::new(half.x, height, half.y));
+    shape.rounded(min, max, 0.005, 1, wood);
     if kind == 2 {
         // Side panels with a shelf between them.
         for side in [-1.0f32, 1.0] {
@@ -92,8 +92,8 @@ pub(super) fn coffee_table(builder: &mut RoomBuilder) -> Piece {
                 wood,
             );
         }
-        let (least, most) = (Vec3::new(-half.x + 0.025, 0.1, -half.y), Vec3::new(half.x - 0.025, 0.125, half.y));
-        shape.board(least, most, wood);
+        let (min, max) = (Vec3::new(-half.x + 0.025, 0.1, -half.y), Vec3::new(half.x - 0.025, 0.125, half.y));
+        shape.board(min, max, wood);
     } else {
         let round = chance(&mut builder.random, 0.6);
         legs(&mut shape, half - Vec2::splat(0.03), height - 0.03, 0.02, round, wood);
@@ -121,15 +121,15 @@ pub(super) fn desk(builder: &mut RoomBuilder, width: f32) -> Piece {
     let leg = builder.palette.paint(Finish::Metal);
     let (half, thick) = (0.5 * width, 0.025);
     let mut shape = Shape::default();
-    let (least, most) = (Vec3::new(-half, height - thick, 0.0), Vec3::new(half, height, depth));
-    shape.rounded(least, most, 0.004, 1, top);
+    let (min, max) = (Vec3::new(-half, height - thick, 0.0), Vec3::new(half, height, depth));
+    shape.rounded(min, max, 0.004, 1, top);
     for x in [-half + 0.05, half - 0.05] {
         for z in [0.05, depth - 0.05] {
-            let (least, most) = (Vec3::new(x - 0.02, 0.0, z - 0.02), Vec3::new(x + 0.02, height - thick, z + 0.02));
-            shape.board(least, most, leg);
+            let (min, max) = (Vec3::new(x - 0.02, 0.0, z - 0.02), Vec3::new(x + 0.02, height - thick, z + 0.02));
+            shape.board(min, max, leg);
         }
-        let (least, most) = (Vec3::new(x - 0.015, 0.05, 0.05), Vec3::new(x + 0.015, 0.08, depth - 0.05));
-        shape.board(least, most, leg);
+        let (min, max) = (Vec3::new(x - 0.015, 0.05, 0.05), Vec3::new(x + 0.015, 0.08, depth - 0.05));
+        shape.board(min, max, leg);
     }
     if chance(&mut builder.random, 0.5) {
         let front = builder.palette.paint(Finish::Fronts);

@@ -166,7 +166,7 @@ pub(super) fn towel(builder: &mut RoomBuilder) -> WallObject {
 ///
 /// With `over`, the bounds of another object, only the position above that object is tried.
 pub(crate) fn hang(builder: &mut RoomBuilder, object: &WallObject, y: f32, over: Option<(Vec3, Vec3)>) -> bool {
-    let (least, most) = object.shape.bounds();
+    let (min, max) = object.shape.bounds();
     for _ in 0..14 {
         let index = match over {
             Some(bounds) => nearest_wall(builder, bounds),
@@ -174,7 +174,7 @@ pub(crate) fn hang(builder: &mut RoomBuilder, object: &WallObject, y: f32, over:
         };
         let wall = &builder.plan.walls[index];
         let margin = 0.05;
-        let room = wall.length_m - (most.x - least.x) - 2.0 * margin;
+        let room = wall.length_m - (max.x - min.x) - 2.0 * margin;
         if room <= 0.0 {
             continue;
         }
@@ -183,9 +183,9 @@ pub(crate) fn hang(builder: &mut RoomBuilder, object: &WallObject, y: f32, over:
             Some((a, b)) => {
                 let middle = (a + b) * 0.5;
                 let s = (Vec2::new(middle.x, middle.z) - start).dot(along);
-                s.clamp(margin - least.x, wall.length_m - margin - most.x)
+                s.clamp(margin - min.x, wall.length_m - margin - max.x)
             }
-            None => margin - least.x + room * between(&mut builder.random, 0.0, 1.0),
+            None => margin - min.x + room * between(&mut builder.random, 0.0, 1.0),
         };
         if hang_at(builder, object, index, s, y) {
             return true;
@@ -199,22 +199,22 @@ pub(crate) fn hang(builder: &mut RoomBuilder, object: &WallObject, y: f32, over:
 
 /// Hangs an object at `s` along the wall `index` and height `y` if it fits there.
 pub(super) fn hang_at(builder: &mut RoomBuilder, object: &WallObject, index: usize, s: f32, y: f32) -> bool {
-    let (least, most) = object.shape.bounds();
+    let (min, max) = object.shape.bounds();
     let wall = &builder.plan.walls[index];
-    let (from, to) = (s + least.x, s + most.x);
+    let (from, to) = (s + min.x, s + max.x);
     let blocked = wall
         .openings
         .iter()
-        .any(|o| from < o.s[1] + 0.1 && to > o.s[0] - 0.1 && y + least.y < o.h[1] + 0.1 && y + most.y > o.h[0] - 0.05);
+        .any(|o| from < o.s[1] + 0.1 && to > o.s[0] - 0.1 && y + min.y < o.h[1] + 0.1 && y + max.y > o.h[0] - 0.05);
     let origin = wall.point(s, 0.0, 0.0);
     let yaw = wall.yaw_rad();
     let footprint = Footprint::of_box(
-        Vec3::new(least.x, 0.0, 0.003),
-        Vec3::new(most.x, 0.0, most.z.max(0.03)),
+        Vec3::new(min.x, 0.0, 0.003),
+        Vec3::new(max.x, 0.0, max.z.max(0.03)),
         yaw,
         Vec2::new(origin.x, origin.z),
     );
-    let heights = [y + least.y, y + most.y];
+    let heights = [y + min.y, y + max.y];
     if blocked || from < 0.02 || to > wall.length_m - 0.02 || heights[0] < 0.12 {
         return false;
     }
@@ -228,9 +228,9 @@ pub(super) fn hang_at(builder: &mut RoomBuilder, object: &WallObject, index: usi
     true
 }
 
-fn nearest_wall(builder: &RoomBuilder, (least, most): (Vec3, Vec3)) -> usize {
-    let middle = (least + most) * 0.5;
-    let half = (most - least) * 0.5;
+fn nearest_wall(builder: &RoomBuilder, (min, max): (Vec3, Vec3)) -> usize {
+    let middle = (min + max) * 0.5;
+    let half = (max - min) * 0.5;
     let p = Vec2::new(middle.x, middle.z);
     let distance = |k: usize| {
         let wall = &builder.plan.walls[k];

@@ -131,8 +131,8 @@ pub(super) fn empty(builder: &mut RoomBuilder) {
 }
 
 /// Places ladders, barrels and boxes.
-fn loose_objects(builder: &mut RoomBuilder, most: usize) {
-    for _ in 0..count(&mut builder.random, 0, most) {
+fn loose_objects(builder: &mut RoomBuilder, max: usize) {
+    for _ in 0..count(&mut builder.random, 0, max) {
         let piece = match count(&mut builder.random, 0, 3) {
             0 => fittings::ladder(builder),
             1 => storage::boxes(builder),
@@ -146,8 +146,8 @@ fn loose_objects(builder: &mut RoomBuilder, most: usize) {
     }
 }
 
-fn pipes(builder: &mut RoomBuilder, most: usize) {
-    for _ in 0..count(&mut builder.random, 1, most) {
+fn pipes(builder: &mut RoomBuilder, max: usize) {
+    for _ in 0..count(&mut builder.random, 1, max) {
         let one = fittings::pipes(builder);
         let top = builder.plan.height_m - one.shape.bounds().1.y - 0.05;
         let y = if chance(&mut builder.random, 0.7) { top } else { between(&mut builder.random, 0.2, top) };

@@ -8,9 +8,9 @@ use crate::chance::{between, chance, count, tone};
 /// A house: four walls under a flat or a pitched roof.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct House {
-    /// Minimum and maximum corner of the walls; `most.y` is the height of the eaves.
-    pub least: Vec3,
-    pub most: Vec3,
+    /// Minimum and maximum corner of the walls; `max.y` is the height of the eaves.
+    pub min: Vec3,
+    pub max: Vec3,
     /// Bounding sphere.
     center: Vec3,
     radius: f32,
@@ -51,24 +51,24 @@ impl House {
 
     pub(super) fn draw(random: &mut Stream, at: Vec2, half: Vec2, rural: bool) -> Self {
         let tall = if rural { between(random, 3.0, 6.5) } else { between(random, 6.0, 20.0) };
-        let least = Vec3::new(at.x - half.x, 0.0, at.y - half.y);
-        let most = Vec3::new(at.x + half.x, tall, at.y + half.y);
+        let min = Vec3::new(at.x - half.x, 0.0, at.y - half.y);
+        let max = Vec3::new(at.x + half.x, tall, at.y + half.y);
         let plane = |normal: Vec3, point: Vec3| (normal, normal.dot(point));
-        let walls = [(Vec3::NEG_X, least), (Vec3::X, most), (Vec3::NEG_Z, least), (Vec3::Z, most)];
+        let walls = [(Vec3::NEG_X, min), (Vec3::X, max), (Vec3::NEG_Z, min), (Vec3::Z, max)];
         let pitched = chance(random, if rural { 0.9 } else { 0.55 });
         let pitch = between(random, 28.0_f32, 48.0).to_radians();
         // The ridge runs along the longer side. A flat roof is one plane, stored twice.
         let across = if half.x > half.y { Vec3::Z } else { Vec3::X };
         let slope = |side: f32| if pitched { across * side * pitch.sin() + Vec3::Y * pitch.cos() } else { Vec3::Y };
-        let slopes = [(slope(-1.0), Vec3::new(least.x, tall, least.z)), (slope(1.0), most)];
+        let slopes = [(slope(-1.0), Vec3::new(min.x, tall, min.z)), (slope(1.0), max)];
         let [a, b, c, d] = walls.map(|(normal, point)| plane(normal, point));
         let [e, f] = slopes.map(|(normal, point)| plane(normal, point));
         let ridge = if pitched { half.min_element() * pitch.tan() } else { 0.0 };
-        let span = most + Vec3::Y * ridge - least;
+        let span = max + Vec3::Y * ridge - min;
         Self {
-            least,
-            most,
-            center: least + 0.5 * span,
+            min,
+            max,
+            center: min + 0.5 * span,
             radius: 0.5 * span.length(),
             planes: [a, b, c, d, e, f],
             wall: tone(between(random, 10.0, 50.0), between(random, 0.0, 0.4), between(random, 0.25, 0.65)),
@@ -125,9 +125,9 @@ fn intersect_convex(origin: Vec3, direction: Vec3, planes: &[(Vec3, f32)]) -> Op
 }
 
 /// Distance and normal where a ray from outside enters a box.
-pub(super) fn intersect_box(origin: Vec3, direction: Vec3, least: Vec3, most: Vec3) -> Option<(f32, Vec3)> {
+pub(super) fn intersect_box(origin: Vec3, direction: Vec3, min: Vec3, max: Vec3) -> Option<(f32, Vec3)> {
     let inverse = direction.recip();
-    let (a, b) = ((least - origin) * inverse, (most - origin) * inverse);
+    let (a, b) = ((min - origin) * inverse, (max - origin) * inverse);
     let (near, far) = (a.min(b), a.max(b));
     let distance = near.max_element();
     if !(distance > 0.0 && distance <= far.min_element()) {
@@ -164,13 +164,13 @@ mod tests {
         for _ in 0..50 {
             let house = House::draw(&mut random, Vec2::new(20.0, 0.0), Vec2::new(4.0, 6.0), true);
             // A horizontal ray at half the walls' height hits the near wall.
-            let eye = Vec3::new(0.0, 0.5 * house.most.y, 0.3);
+            let eye = Vec3::new(0.0, 0.5 * house.max.y, 0.3);
             let (distance, normal) = house.intersect(eye, Vec3::X).unwrap_or_default();
             assert!((distance - 16.0).abs() < 1e-4 && normal == Vec3::NEG_X, "{distance} {normal}");
             // A vertical ray hits the roof, above the eaves and within the maximum pitch.
             let above = Vec3::new(21.0, 50.0, 1.0);
             let (distance, normal) = house.intersect(above, Vec3::NEG_Y).unwrap_or_default();
-            assert!(50.0 - distance >= house.most.y - 1e-3 && normal.y > 48.1f32.to_radians().cos(), "{normal}");
+            assert!(50.0 - distance >= house.max.y - 1e-3 && normal.y > 48.1f32.to_radians().cos(), "{normal}");
             assert!(house.intersect(eye, Vec3::NEG_X).is_none(), "it lies behind");
             assert!(house.intersect(eye, Vec3::Z).is_none(), "beside it");
             // The bounding sphere rejects no hit.

@@ -178,8 +178,8 @@ impl Surroundings {
             }
             let foot = Vec3::new(tree.center.x, 0.0, tree.center.z);
             let thick = Vec3::new(0.03, 0.0, 0.03) * tree.radius;
-            let most = foot + thick + Vec3::Y * tree.center.y;
-            if let Some((distance, normal)) = intersect_box(eye, direction, foot - thick, most) {
+            let max = foot + thick + Vec3::Y * tree.center.y;
+            if let Some((distance, normal)) = intersect_box(eye, direction, foot - thick, max) {
                 let position = eye + direction * distance;
                 offer(SurfaceHit { distance, position, normal, albedo: [0.08, 0.06, 0.045], emission: [0.0; 3] });
             }
@@ -263,11 +263,11 @@ impl Surroundings {
             let mottle = 0.75 + 0.5 * self.noise.octaves(p.x / 64.0, (p.z + p.y) / 64.0, [128, 128], 2);
             return (scaled(house.roof, mottle), [0.0; 3]);
         }
-        if p.y > house.most.y - 0.5 {
+        if p.y > house.max.y - 0.5 {
             // Eaves and gables have no windows.
             return (scaled(house.wall, 0.8), [0.0; 3]);
         }
-        let across = if normal.x.abs() > 0.5 { p.z - house.least.z } else { p.x - house.least.x };
+        let across = if normal.x.abs() > 0.5 { p.z - house.min.z } else { p.x - house.min.x };
         let (column, row) = ((across / house.bay[0]).floor(), (p.y / house.bay[1]).floor());
         let (fx, fy) = (across / house.bay[0] - column, p.y / house.bay[1] - row);
         if (fx - 0.5).abs() < 0.22 && (fy - 0.55).abs() < 0.24 {

@@ -68,9 +68,7 @@ impl Shape {
         if self.positions.is_empty() {
             return (Vec3::ZERO, Vec3::ZERO);
         }
-        self.positions
-            .iter()
-            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(least, most), &p| (least.min(p), most.max(p)))
+        self.positions.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), &p| (min.min(p), max.max(p)))
     }
 
     /// Area of a range of triangles, square metres.

@@ -32,10 +32,10 @@ impl Shape {
         self.close_part(first.0);
     }
 
-    /// Adds a picture lying over `[least, most]` (x, z) at height `y`, its upper edge towards −z.
-    pub(crate) fn picture_on(&mut self, least: Vec2, most: Vec2, y: f32, paint: Paint) {
+    /// Adds a picture lying over `[min, max]` (x, z) at height `y`, its upper edge towards −z.
+    pub(crate) fn picture_on(&mut self, min: Vec2, max: Vec2, y: f32, paint: Paint) {
         let p = |x: f32, z: f32| Vec3::new(x, y, z);
-        self.picture([p(least.x, most.y), p(most.x, most.y), p(most.x, least.y), p(least.x, least.y)], paint);
+        self.picture([p(min.x, max.y), p(max.x, max.y), p(max.x, min.y), p(min.x, min.y)], paint);
     }
 
     /// Adds a picture wrapped once around the vertical through `base`, `high` metres high.

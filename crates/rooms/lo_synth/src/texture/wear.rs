@@ -64,7 +64,7 @@ pub(crate) fn painted(seed: u64, color: [f32; 3]) -> Swatch {
 pub(crate) fn apply_wear(picture: &Image<[u8; 4]>, seed: u64, amount: f32) -> Image<[u8; 4]> {
     let noise = Noise::new(seed);
     let (width, height) = (picture.width(), picture.height());
-    let least = 0.72 - 0.18 * amount;
+    let stain_threshold = 0.72 - 0.18 * amount;
     // Scratches are short lines: start, direction, length.
     let scratches: Vec<[f32; 5]> = (0..(30.0 * amount) as i32)
         .map(|k| {
@@ -77,9 +77,9 @@ pub(crate) fn apply_wear(picture: &Image<[u8; 4]>, seed: u64, amount: f32) -> Im
         let [r, g, b, alpha] = picture[(x, y)];
         let clean = [r, g, b].map(linear_from_srgb8);
         let cloud = noise.octaves(u, v, [2, 2], 4);
-        let stain = smoothstep(least, least + 0.12, cloud);
+        let stain = smoothstep(stain_threshold, stain_threshold + 0.12, cloud);
         // Dried water leaves a dark rim.
-        let rim = smoothstep(0.03, 0.0, (cloud - least).abs());
+        let rim = smoothstep(0.03, 0.0, (cloud - stain_threshold).abs());
         let speck = smoothstep(0.9, 0.97, noise.derived(11).smooth(u, v, [70, 70]));
         let fading = 1.0 + 0.25 * amount * (noise.derived(12).octaves(u, v, [2, 2], 2) - 0.5);
         let dirt = amount * (0.3 * stain + 0.2 * rim * noise.derived(13).smooth(u, v, [5, 5]) + 0.5 * speck);
