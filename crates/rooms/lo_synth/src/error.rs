@@ -46,7 +46,7 @@ pub enum SynthError {
     #[error("cannot read an outdoor panorama: {0}")]
     Panorama(#[from] lo_imaging::ImageError),
     /// An outdoor panorama is not twice as wide as high.
-    #[error("{} is {width} × {height} pixels; an equirectangular panorama must be twice as wide as high", path.display())]
+    #[error("{} is {width} × {height} pixels; equirectangular panoramas are twice as wide as high", path.display())]
     NotEquirectangular {
         /// The file.
         path: PathBuf,
