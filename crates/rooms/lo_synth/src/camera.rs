@@ -1,4 +1,4 @@
-//! Where photos are taken from, and where light probes may be asked for.
+//! Viewpoints of photos and positions of light probes.
 
 use lo_geometry::{Camera, Quat, Ray, Vec2, Vec3};
 use lo_mesh::PreparedModel;
@@ -9,18 +9,18 @@ use crate::chance::between;
 use crate::config::{SynthConfig, Tilt};
 use crate::object::Object;
 use crate::plan::Plan;
-use crate::stage::Support;
+use crate::room_builder::Support;
 
-/// A photo's camera and place.
+/// Camera of a photo: pose and intrinsics.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraPose {
-    /// Where it stands and looks.
+    /// Position and rotation.
     pub pose: Pose,
-    /// Lens and size.
+    /// Intrinsics and image size.
     pub camera: Camera,
 }
 
-/// A box around one solid, for asking whether a point is free.
+/// Oriented bounding box of a solid, for clearance tests.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SolidBox {
     pub center: Vec3,
@@ -29,65 +29,65 @@ pub(crate) struct SolidBox {
 }
 
 impl SolidBox {
-    /// Distance from a point; 0 inside.
+    /// Distance to a point, metres; 0 inside.
     pub(crate) fn distance(&self, p: Vec3) -> f32 {
         let local = self.rotation.inverse() * (p - self.center);
         (local.abs() - self.half).max(Vec3::ZERO).length()
     }
 }
 
-/// What is needed to choose viewpoints.
-pub(crate) struct Space<'a> {
+/// Draws viewpoints and probe positions in the free space of a room.
+pub(crate) struct ViewpointSampler<'a> {
     pub plan: &'a Plan,
     pub solids: &'a [SolidBox],
     pub model: &'a PreparedModel,
-    /// What the model consists of, in the order of its triangles; the shell comes first.
+    /// Objects of the model in triangle order, the shell first.
     pub objects: &'a [Object],
 }
 
-/// Rays of a coarse picture.
-const COLUMNS: usize = 9;
-const ROWS: usize = 6;
+/// Grid of rays with which a candidate view is scored.
+const RAY_COLUMNS: usize = 9;
+const RAY_ROWS: usize = 6;
 
-/// Views that are looked at before one is taken: at least so many, at most so many.
-const LOOKS: std::ops::Range<usize> = 8..60;
+/// Minimum and maximum number of candidate views.
+const CANDIDATES: std::ops::Range<usize> = 8..60;
 
-/// A view of this score is taken without looking on.
-const GOOD_VIEW: f32 = 2.0;
+/// Score at which the search stops after the minimum number of candidates.
+const GOOD_SCORE: f32 = 2.0;
 
-/// Heights of cameras near the floor, metres.
-const LOW_M: [f32; 2] = [0.1, 0.5];
+/// Height range of cameras near the floor, metres.
+const LOW_CAMERA_HEIGHT_M: [f32; 2] = [0.1, 0.5];
 
-/// What a ray of the coarse picture meets.
-pub(crate) struct Seen {
+/// First surface along a ray.
+pub(crate) struct RayHit {
     pub distance_m: f32,
-    /// Number of the object, 0 for the shell and for nothing.
+    /// Index of the object; 0 for the shell and for a miss.
     pub object: usize,
-    /// Which of the shell's walls, by the direction that it faces: eight sectors; none for floor, ceiling and things.
+    /// Sector (one of eight, by azimuth) that a wall of the shell faces; `None` for other surfaces.
     wall: Option<u8>,
 }
 
-/// Directions of a coarse picture's rays in the camera's axes.
-pub(crate) fn coarse_rays(camera: &Camera) -> impl Iterator<Item = Vec3> {
-    (0..COLUMNS * ROWS).map(|k| {
-        let u = (f64::from((k % COLUMNS) as u32) + 0.5) / COLUMNS as f64 * f64::from(camera.width);
-        let v = (f64::from((k / COLUMNS) as u32) + 0.5) / ROWS as f64 * f64::from(camera.height);
+/// Directions of the scoring rays in camera axes.
+pub(crate) fn scoring_rays(camera: &Camera) -> impl Iterator<Item = Vec3> {
+    (0..RAY_COLUMNS * RAY_ROWS).map(|k| {
+        let u = (f64::from((k % RAY_COLUMNS) as u32) + 0.5) / RAY_COLUMNS as f64 * f64::from(camera.width);
+        let v = (f64::from((k / RAY_COLUMNS) as u32) + 0.5) / RAY_ROWS as f64 * f64::from(camera.height);
         camera.direction(u, v)
     })
 }
 
-/// A lens of the configured fields of view; `upright` turns the picture by a right angle.
-pub(crate) fn lens(random: &mut Stream, config: &SynthConfig, upright: bool) -> Camera {
+/// Draws intrinsics from the configured field of view; `upright` swaps width and height.
+pub(crate) fn draw_intrinsics(random: &mut Stream, config: &SynthConfig, upright: bool) -> Camera {
     let ([low, high], [width, height]) = (config.hfov_deg, config.crop_size);
     let hfov = f64::from(between(random, low, high));
     let camera = Camera::from_hfov_deg(hfov, width, height).expect("the range was checked");
     if upright { Camera { cx: camera.cy, cy: camera.cx, width: height, height: width, ..camera } } else { camera }
 }
 
-impl Space<'_> {
-    pub(crate) fn look(&self, origin: Vec3, direction: Vec3) -> Seen {
+impl ViewpointSampler<'_> {
+    pub(crate) fn cast_ray(&self, origin: Vec3, direction: Vec3) -> RayHit {
         let Some(hit) = self.model.intersect_both_sides(&Ray { origin, direction }, 100.0) else {
-            return Seen { distance_m: 100.0, object: 0, wall: None };
+            return RayHit { distance_m: 100.0, object: 0, wall: None };
         };
         let starts = |object: &Object| object.parts.first().is_none_or(|part| part.start <= hit.triangle as usize);
         let object = self.objects.partition_point(starts).saturating_sub(1);
@@ -98,7 +98,7 @@ impl Space<'_> {
             let turn = normal.z.atan2(normal.x) / std::f32::consts::TAU;
             (8.0 * turn).round().rem_euclid(8.0) as u8
         });
-        Seen { distance_m: hit.distance_m, object, wall }
+        RayHit { distance_m: hit.distance_m, object, wall }
     }
 
     /// Whether a point is inside the room and at least `margin_m` from all solids, walls, floor and ceiling.
@@ -106,19 +106,19 @@ impl Space<'_> {
         let floor = Vec2::new(p.x, p.z);
         self.plan.contains(floor, margin_m)
             && p.y > margin_m
-            // Steep ceilings come near sideways.
+            // A sloped ceiling can be nearest to the side.
             && [Vec2::ZERO, Vec2::X, Vec2::NEG_X, Vec2::Y, Vec2::NEG_Y]
                 .into_iter()
                 .all(|d| p.y < self.plan.ceiling(floor + d * margin_m) - margin_m)
             && self.solids.iter().all(|solid| solid.distance(p) >= margin_m)
     }
 
-    /// A camera that sees a good part of the room, on request from near the floor.
+    /// Draws a camera that sees a good part of the room; `low` puts it near the floor.
     pub(crate) fn camera(&self, random: &mut Stream, config: &SynthConfig, upright: bool, low: bool) -> CameraPose {
-        let camera = lens(random, config, upright);
+        let camera = draw_intrinsics(random, config, upright);
         let mut best: Option<(f32, Pose)> = None;
-        for attempt in 0..LOOKS.end {
-            let Some(position) = self.standpoint(random, config, low) else {
+        for attempt in 0..CANDIDATES.end {
+            let Some(position) = self.draw_position(random, config, low) else {
                 continue;
             };
             let yaw = between(random, 0.0, std::f32::consts::TAU);
@@ -135,7 +135,7 @@ impl Space<'_> {
             if best.as_ref().is_none_or(|b| score > b.0) {
                 best = Some((score, pose));
             }
-            if attempt + 1 >= LOOKS.start && best.as_ref().is_some_and(|b| b.0 > GOOD_VIEW) {
+            if attempt + 1 >= CANDIDATES.start && best.as_ref().is_some_and(|b| b.0 > GOOD_SCORE) {
                 break;
             }
         }
@@ -146,14 +146,15 @@ impl Space<'_> {
         CameraPose { pose, camera }
     }
 
-    fn standpoint(&self, random: &mut Stream, config: &SynthConfig, low: bool) -> Option<Vec3> {
-        let (least, most) = self.plan.extent();
-        let ([low, high], margins) = if low { (LOW_M, [0.09; 3]) } else { (config.camera_height_m, [0.35, 0.25, 0.2]) };
+    fn draw_position(&self, random: &mut Stream, config: &SynthConfig, low: bool) -> Option<Vec3> {
+        let (min, max) = self.plan.extent();
+        let ([low, high], margins) =
+            if low { (LOW_CAMERA_HEIGHT_M, [0.09; 3]) } else { (config.camera_height_m, [0.35, 0.25, 0.2]) };
         for margin in margins {
             for _ in 0..30 {
-                // Eye height most of the time: the mean of two draws.
+                // The mean of two draws favours eye height.
                 let height = 0.5 * (between(random, low, high) + between(random, low, high));
-                let (x, z) = (between(random, least.x, most.x), between(random, least.y, most.y));
+                let (x, z) = (between(random, min.x, max.x), between(random, min.y, max.y));
                 let p = Vec3::new(x, height, z);
                 if self.is_free(p, margin) {
                     return Some(p);
@@ -163,31 +164,33 @@ impl Space<'_> {
         None
     }
 
-    /// How well a view shows the room, as people frame rooms: far to the middle of what is seen, several things, a corner or a window,
-    /// nothing right before the lens, and no single wall that fills the picture.
+    /// Scores a view by how people frame rooms.
+    ///
+    /// Rewards a large median distance, several objects, a corner and a window. Penalises surfaces close to the camera
+    /// and a single wall that fills the image.
     fn score(&self, camera: &Camera, pose: &Pose) -> f32 {
-        let rays = coarse_rays(camera).map(|direction| self.look(pose.position, pose.rotation * direction));
-        let mut seen: Vec<Seen> = rays.collect();
-        seen.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
-        let number = seen.len() as f32;
+        let rays = scoring_rays(camera).map(|direction| self.cast_ray(pose.position, pose.rotation * direction));
+        let mut hits: Vec<RayHit> = rays.collect();
+        hits.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
+        let number = hits.len() as f32;
         let share = |count: usize| count as f32 / number;
-        // In a small room half of its length is far.
-        let (least, most) = self.plan.extent();
-        let far = 0.5 * (most - least).length().clamp(2.0, 8.0);
-        let distance = (seen[seen.len() / 2].distance_m / far).min(1.0);
-        let (nearer, farther) = (seen[seen.len() / 10].distance_m, seen[seen.len() * 9 / 10].distance_m);
+        // Half the diagonal of the room, within limits, counts as far.
+        let (min, max) = self.plan.extent();
+        let far = 0.5 * (max - min).length().clamp(2.0, 8.0);
+        let distance = (hits[hits.len() / 2].distance_m / far).min(1.0);
+        let (nearer, farther) = (hits[hits.len() / 10].distance_m, hits[hits.len() * 9 / 10].distance_m);
         let variety = (farther.min(10.0) / nearer.max(0.3)).log2().clamp(0.0, 2.0) / 2.0;
-        let mut things: Vec<usize> = seen.iter().map(|ray| ray.object).filter(|&object| object > 0).collect();
-        let bulk = share(things.len()).min(0.4) / 0.4;
-        things.sort_unstable();
-        things.dedup();
-        let window = things.iter().any(|&thing| self.objects[thing].name == "pane");
-        let furniture = things.iter().filter(|&&thing| self.objects[thing].support != Support::Building).count();
+        let mut visible: Vec<usize> = hits.iter().map(|ray| ray.object).filter(|&object| object > 0).collect();
+        let bulk = share(visible.len()).min(0.4) / 0.4;
+        visible.sort_unstable();
+        visible.dedup();
+        let window = visible.iter().any(|&object| self.objects[object].name == "pane");
+        let furniture = visible.iter().filter(|&&object| self.objects[object].support != Support::Building).count();
         let mut walls = [0; 8];
-        seen.iter().filter_map(|ray| ray.wall).for_each(|wall| walls[usize::from(wall)] += 1);
+        hits.iter().filter_map(|ray| ray.wall).for_each(|wall| walls[usize::from(wall)] += 1);
         let corner = walls.iter().filter(|&&count| count >= 3).count() >= 2;
         let bare = share(walls.into_iter().max().unwrap_or(0));
-        let near = share(seen.iter().filter(|ray| ray.distance_m < 0.7).count());
+        let near = share(hits.iter().filter(|ray| ray.distance_m < 0.7).count());
         distance
             + 0.4 * variety
             + 0.3 * bulk
@@ -198,16 +201,16 @@ impl Space<'_> {
             - 2.0 * (bare - 0.35).max(0.0)
     }
 
-    /// A free point that the photo sees: in its frustum, before the surface at its pixel, not nearer than `margin_m` to anything.
+    /// Draws a free point in the camera's frustum, in front of the visible surface and clear of all solids.
     pub(crate) fn probe(&self, random: &mut Stream, view: &CameraPose) -> Option<Vec3> {
         let (camera, pose) = (&view.camera, &view.pose);
         for margin in [0.15, 0.15, 0.15, 0.1] {
             for _ in 0..60 {
-                // Not at the very border, where half of the probe's surroundings are unseen anyway.
+                // Near the image border, half of the probe's surroundings would be unobserved.
                 let u = f64::from(between(random, 0.06, 0.94)) * f64::from(camera.width);
                 let v = f64::from(between(random, 0.06, 0.94)) * f64::from(camera.height);
                 let direction = pose.rotation * camera.direction(u, v);
-                let depth = self.look(pose.position, direction).distance_m.min(8.0);
+                let depth = self.cast_ray(pose.position, direction).distance_m.min(8.0);
                 if depth < 0.6 {
                     continue;
                 }

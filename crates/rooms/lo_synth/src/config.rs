@@ -1,4 +1,4 @@
-//! What a user can set.
+//! Configuration of the generator.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -8,86 +8,93 @@ use serde::{Deserialize, Serialize};
 use crate::description::{RoomKind, Weather};
 use crate::error::SynthError;
 
-/// How the pitch of cameras is distributed within [`SynthConfig::pitch_deg`].
+/// Distribution of camera pitch within ±[`SynthConfig::pitch_deg`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Tilt {
-    /// Nearly level most of the time: the mean of two uniform draws.
+    /// Mean of two uniform draws: mostly near level.
     Level,
-    /// All pitches alike, as phones are held.
+    /// Uniform, as with hand-held phones.
     Uniform,
 }
 
-/// How generated rooms are distributed. Every field has a default; shares are probabilities from 0 to 1.
+/// Distribution of generated rooms and cameras. Every field has a default; shares are probabilities in [0, 1].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SynthConfig {
-    /// Relative weights of the uses; kinds that are not named do not occur.
+    /// Relative weights of room kinds; omitted kinds do not occur.
     pub room_weights: BTreeMap<RoomKind, f32>,
     /// Share of L-shaped rooms among those large enough.
     pub l_shape_share: f32,
-    /// Share of sloped ceilings among rectangular bedrooms, living rooms, offices and studios.
+    /// Share of rooms with a sloped ceiling among rectangular bedrooms, living rooms, offices and studios.
     pub sloped_ceiling_share: f32,
-    /// Share of rooms without windows (bathrooms and corridors have their own).
+    /// Share of rooms without windows; bathrooms, corridors and cellars have fixed shares.
     pub windowless_share: f32,
-    /// Share of rooms (without bathrooms, corridors and cellars) one or two of whose walls are glazed almost from end to end and up to near the ceiling.
+    /// Share of rooms with one or two walls glazed almost from end to end and nearly up to the ceiling.
+    ///
+    /// Never applies to bathrooms, corridors and cellars.
     pub glazed_share: f32,
-    /// Relative weights of what is outside; `panorama` is ignored here, see `panorama_share`.
+    /// Relative weights of outdoor conditions; `panorama` is ignored, see `panorama_share`.
     pub weather_weights: BTreeMap<Weather, f32>,
-    /// A folder of outdoor equirectangular HDR panoramas (`.hdr`, `.exr`), Y up.
+    /// Folder of outdoor equirectangular HDR panoramas (`.hdr`, `.exr`), Y up.
     pub panorama_folder: Option<PathBuf>,
-    /// Share of rooms whose windows show one of these panoramas, where a folder is given.
+    /// Share of rooms whose windows show one of these panoramas, if a folder is given.
     pub panorama_share: f32,
-    /// Folders of pictures (`.jpg`, `.png`, `.webp`; equirectangular `.hdr` and `.exr`, of which views are cut) for posters, screens, covers.
+    /// Folders of images for posters, screens and covers: `.jpg`, `.png`, `.webp`, `.hdr` and `.exr`.
+    ///
+    /// Equirectangular images are cropped to perspective views.
     pub picture_folders: Vec<PathBuf>,
-    /// Share of such things that show one of these pictures, where folders are given; the rest is drawn.
+    /// Share of posters, screens and covers that show one of these images; the others are procedural.
     pub picture_share: f32,
     /// Share of rooms with dark walls and furniture.
     pub dark_share: f32,
-    /// Share of rooms with light walls and furniture; the rest lies between.
+    /// Share of rooms with light walls and furniture; the rest is in between.
     pub light_share: f32,
     /// Share of rooms lit by a single lamp.
     pub single_lamp_share: f32,
     /// Share of rooms lit by far more lamps than needed.
     pub over_lit_share: f32,
-    /// Share of rooms whose lamps are of different colours.
+    /// Share of rooms whose lamps differ in colour temperature.
     pub mixed_light_share: f32,
-    /// Share of rooms after dark with a thirtieth to a quarter of the usual light.
+    /// Share of rooms at night with 1/30 to 1/4 of the usual light.
     pub dim_share: f32,
-    /// Share of rooms by day (without those that show a panorama) into which the sun shines: their sky is clear, the sun stands before a window.
+    /// Share of daytime rooms with a clear sky and the sun in front of a window.
+    ///
+    /// Rooms that show a panorama are excluded.
     pub sun_share: f32,
-    /// Share of rooms by day, with windows, in which no lamp burns, whatever the other shares say.
+    /// Share of daytime rooms with windows in which all lamps are off. Overrides the other lighting shares.
     pub daylit_share: f32,
-    /// Share of rooms with hardly anything lying about.
+    /// Share of rooms with hardly any small objects.
     pub clean_share: f32,
-    /// Share of rooms full of things.
+    /// Share of rooms full of small objects.
     pub cluttered_share: f32,
-    /// Share of rooms in which papers, packages, devices and cables lie about and posters hang.
+    /// Share of rooms with scattered papers, packages, devices and cables, and with posters.
     pub litter_share: f32,
-    /// Share of rooms whose surfaces are worn, stained, now and then patterned, and have a relief (normal maps).
+    /// Share of rooms whose surfaces are worn, stained, sometimes patterned, and have normal maps.
     pub worn_share: f32,
-    /// Share of halls, workshops, studios, class rooms, laboratories, open plans and empty rooms that are 1.4 to 3 times as long and as wide, and higher.
+    /// Share of enlarged rooms: 1.4 to 3 times as long and wide, and higher.
+    ///
+    /// Applies to halls, workshops, studios, classrooms, laboratories, open plans and empty rooms.
     pub large_share: f32,
-    /// Share of rooms with one to three people in them.
+    /// Share of rooms with one to three people.
     pub people_share: f32,
-    /// Least and greatest horizontal field of view of crops, degrees.
+    /// Range of the horizontal field of view of photos, degrees.
     pub hfov_deg: [f32; 2],
-    /// Least and greatest height of cameras above the floor, metres.
+    /// Range of camera heights above the floor, metres.
     pub camera_height_m: [f32; 2],
-    /// Greatest pitch of cameras, degrees.
+    /// Maximum camera pitch, degrees.
     pub pitch_deg: f32,
-    /// Distribution of their pitch.
+    /// Distribution of camera pitch.
     pub tilt: Tilt,
-    /// Greatest roll of cameras, degrees.
+    /// Maximum camera roll, degrees.
     pub roll_deg: f32,
-    /// Width and height of crops, pixels.
+    /// Width and height of photos, pixels.
     pub crop_size: [u32; 2],
-    /// Share of photos held the other way: width and height change places, the field of view stays along the longer side.
+    /// Share of photos with width and height swapped; the field of view stays along the longer side.
     pub upright_share: f32,
-    /// Share of photos of things close by: from 0.4 to 1.5 m, looking down by 10 to 60° at what stands on tables and on the floor, or level at what
-    /// stands high.
+    /// Share of close-ups: objects at 0.4 to 1.5 m, seen from 10 to 60° above, or about level if they stand high.
     pub close_up_share: f32,
-    /// Share of the other photos that are taken from 0.1 to 0.5 m above the floor.
+    /// Share of the other photos taken from 0.1 to 0.5 m above the floor.
     pub low_camera_share: f32,
 }
 
@@ -146,10 +153,10 @@ impl Default for SynthConfig {
 }
 
 impl SynthConfig {
-    /// Checks what types cannot say.
+    /// Checks ranges and sums that the types do not enforce.
     ///
     /// # Errors
-    /// [`SynthError::Config`] names the field.
+    /// [`SynthError::Config`] with the name of the invalid field.
     pub fn validate(&self) -> Result<(), SynthError> {
         let wrong =
             |field: &str, what: &str| Err(SynthError::Config { field: field.to_owned(), what: what.to_owned() });
@@ -180,43 +187,43 @@ impl SynthConfig {
         ];
         for (field, share) in shares {
             if !(0.0..=1.0).contains(&share) {
-                return wrong(field, "is not between 0 and 1");
+                return wrong(field, "must be between 0 and 1");
             }
         }
         let sums = [
-            ("light_share", self.dark_share + self.light_share),
-            ("over_lit_share", self.single_lamp_share + self.over_lit_share),
-            ("cluttered_share", self.clean_share + self.cluttered_share),
+            ("light_share", "dark_share", self.dark_share + self.light_share),
+            ("over_lit_share", "single_lamp_share", self.single_lamp_share + self.over_lit_share),
+            ("cluttered_share", "clean_share", self.clean_share + self.cluttered_share),
         ];
-        for (field, sum) in sums {
+        for (field, other, sum) in sums {
             if sum > 1.0 {
-                return wrong(field, "and the share that excludes it are more than 1 together");
+                return wrong(field, &format!("and `{other}` must not sum to more than 1"));
             }
         }
         let bad = |weight: &f32| !(weight.is_finite() && *weight >= 0.0);
         if self.room_weights.values().any(bad) || !self.room_weights.values().any(|&w| w > 0.0) {
-            return wrong("room_weights", "needs a positive weight, none negative");
+            return wrong("room_weights", "must have a positive weight and no negative ones");
         }
         let weather = |w: &&f32| **w > 0.0;
         let known = self.weather_weights.iter().filter(|(w, _)| **w != Weather::Panorama).map(|(_, w)| w);
         if self.weather_weights.values().any(bad) || known.filter(weather).count() == 0 {
-            return wrong("weather_weights", "needs a positive weight besides `panorama`, none negative");
+            return wrong("weather_weights", "must have a positive weight besides `panorama` and no negative ones");
         }
-        let range = |[low, high]: [f32; 2], least: f32, most: f32| least <= low && low <= high && high <= most;
+        let range = |[low, high]: [f32; 2], min: f32, max: f32| min <= low && low <= high && high <= max;
         if !range(self.hfov_deg, 10.0, 150.0) {
-            return wrong("hfov_deg", "is no range within 10 to 150");
+            return wrong("hfov_deg", "must be a range, minimum first, within 10 to 150");
         }
         if !range(self.camera_height_m, 0.2, 2.1) {
-            return wrong("camera_height_m", "is no range within 0.2 to 2.1");
+            return wrong("camera_height_m", "must be a range, minimum first, within 0.2 to 2.1");
         }
         if !(0.0..=60.0).contains(&self.pitch_deg) {
-            return wrong("pitch_deg", "is not between 0 and 60");
+            return wrong("pitch_deg", "must be between 0 and 60");
         }
         if !(0.0..=45.0).contains(&self.roll_deg) {
-            return wrong("roll_deg", "is not between 0 and 45");
+            return wrong("roll_deg", "must be between 0 and 45");
         }
         if self.crop_size.iter().any(|s| !(8..=8192).contains(s)) {
-            return wrong("crop_size", "is not between 8 and 8192");
+            return wrong("crop_size", "must be between 8 and 8192");
         }
         Ok(())
     }
@@ -228,7 +235,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_may_set_some_fields_and_misspelt_ones_are_told() {
+    fn omitted_fields_have_defaults_and_unknown_ones_are_errors() {
         let config: SynthConfig = toml::from_str("dark_share = 0.5\nroom_weights = { kitchen = 1 }").unwrap();
         assert_eq!((config.dark_share, config.room_weights.len(), config.pitch_deg), (0.5, 1, 15.0));
         assert!(config.validate().is_ok());
@@ -237,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn values_out_of_range_are_named() {
+    fn errors_name_the_field_out_of_range() {
         let field = |config: SynthConfig| match config.validate() {
             Err(SynthError::Config { field, .. }) => field,
             other => panic!("{other:?}"),

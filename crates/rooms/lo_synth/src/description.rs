@@ -1,45 +1,45 @@
-//! What a generated room is, in words and figures.
+//! Categories and statistics of a generated room.
 
 use serde::{Deserialize, Serialize};
 
-/// Use of a room.
+/// Purpose of a room.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RoomKind {
-    /// Bed, wardrobe, night tables.
+    /// A bed, a wardrobe, night tables.
     Bedroom,
-    /// Sofas around a low table, a television, shelves.
+    /// Sofas around a coffee table, a television, shelves.
     Living,
-    /// Kitchen line with worktop and wall cupboards, a small table.
+    /// A kitchen line with worktop and wall cupboards, a small table.
     Kitchen,
     /// Desks with screens, shelves.
     Office,
     /// A large table with chairs, a sideboard.
     Dining,
-    /// Bath or shower, basin, toilet.
+    /// A bath or a shower, a basin, a toilet.
     Bathroom,
-    /// Narrow, with many doors.
+    /// A narrow room with many doors.
     Corridor,
-    /// One large room for living, sleeping and work, or an atelier.
+    /// A large room for living, sleeping and work.
     Studio,
-    /// Rows of desks before a board.
+    /// Rows of desks in front of a board.
     Classroom,
-    /// Kitchen, table and sofas in one large room.
+    /// A kitchen, a dining table and sofas in one large room.
     OpenPlan,
-    /// Benches with instruments, racks of electronics.
+    /// Benches with instruments, cabinets of electronics.
     Laboratory,
-    /// Low, with racks, boxes, pipes, a boiler or a washing machine.
+    /// A low room with racks, boxes, pipes, a boiler or a washing machine.
     Cellar,
-    /// Workbenches under tools, machines, racks.
+    /// Workbenches below tool boards, machines, racks.
     Workshop,
-    /// Large and high, with few things in it.
+    /// A large, high room with few objects.
     Hall,
-    /// Nothing in it, or hardly anything.
+    /// An empty or nearly empty room.
     Empty,
 }
 
 impl RoomKind {
-    /// All of them, in the order of their names above.
+    /// All kinds, in declaration order.
     pub const ALL: [Self; 15] = [
         Self::Bedroom,
         Self::Living,
@@ -58,19 +58,19 @@ impl RoomKind {
         Self::Empty,
     ];
 
-    /// Whether there are rooms of this kind with walls of glass.
-    pub(crate) fn may_be_glazed(self) -> bool {
+    /// Whether rooms of this kind can have glazed walls.
+    pub(crate) fn can_be_glazed(self) -> bool {
         !matches!(self, Self::Bathroom | Self::Corridor | Self::Cellar)
     }
 
-    /// Whether there are rooms of this kind that are much larger than usual.
-    pub(crate) fn may_be_large(self) -> bool {
+    /// Whether rooms of this kind can be much larger than usual.
+    pub(crate) fn can_be_large(self) -> bool {
         use RoomKind::{Classroom, Empty, Hall, Laboratory, OpenPlan, Studio, Workshop};
         matches!(self, Classroom | Empty | Hall | Laboratory | OpenPlan | Studio | Workshop)
     }
 }
 
-/// Shape of the floor.
+/// Shape of the floor plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outline {
@@ -78,39 +78,39 @@ pub enum Outline {
     Rectangle,
     /// Six walls.
     LShape,
-    /// Several uses in one large room.
+    /// A large room with several purposes.
     OpenPlan,
 }
 
-/// What is to be seen through the windows, and what comes in.
+/// Outdoor conditions behind the windows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Weather {
-    /// Blue sky and sun.
+    /// A blue sky with sun.
     Clear,
-    /// Grey sky, no sun.
+    /// A grey sky without sun.
     Overcast,
-    /// The sun stands low.
+    /// A clear sky with a low sun.
     Sunset,
-    /// After dark: street lamps and lit windows.
+    /// Night with street lamps and lit windows.
     Night,
-    /// A panorama of the user's.
+    /// A user-supplied panorama.
     Panorama,
 }
 
-/// Which lamps burn.
+/// Which lamps are on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum LampUse {
-    /// None: daylight alone.
+pub enum LightingMode {
+    /// No lamp: daylight only.
     Daylight,
-    /// The ceiling's, at the level that the use asks for.
+    /// Ceiling lamps, at the illuminance recommended for the room's purpose.
     Normal,
-    /// Every lamp there is, bright ones: far more than needed.
+    /// All lamps, far brighter than needed.
     OverLit,
-    /// A single floor or desk lamp, candles' worth of a screen or a strip.
+    /// A single floor, table or desk lamp; screens and kitchen strips may add a little light.
     SingleLamp,
-    /// Several small lamps, none on the ceiling.
+    /// Several small lamps, no ceiling lamp.
     Mixed,
 }
 
@@ -118,28 +118,28 @@ fn is_zero(number: &usize) -> bool {
     *number == 0
 }
 
-/// Figures of one room, for statistics.
+/// Statistics of one room.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Description {
-    /// Its use.
+    /// Purpose of the room.
     pub kind: RoomKind,
-    /// Shape of its floor.
+    /// Shape of the floor plan.
     pub outline: Outline,
     /// Floor area, square metres.
     pub area_m2: f32,
-    /// Greatest height, metres.
+    /// Maximum height, metres.
     pub height_m: f32,
-    /// Whether the ceiling comes down somewhere.
+    /// Whether the ceiling is sloped.
     pub sloped: bool,
-    /// What is outside.
+    /// Outdoor conditions.
     pub weather: Weather,
-    /// Which lamps burn.
-    pub lighting: LampUse,
-    /// How full of things it is: 0 bare … 1 cluttered.
+    /// Which lamps are on.
+    pub lighting: LightingMode,
+    /// Amount of small objects: 0 bare … 1 cluttered.
     pub clutter: f32,
-    /// Dark walls and furniture.
+    /// Whether walls and furniture are dark.
     pub dark: bool,
-    /// Area of the window openings over that of the floor.
+    /// Area of the window openings divided by the floor area.
     pub window_share: f32,
     /// Number of windows.
     pub windows: usize,
@@ -148,13 +148,13 @@ pub struct Description {
     /// Number of people.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub people: usize,
-    /// Number of lamps, burning or not.
+    /// Number of lamps, on or off.
     pub lamps: usize,
-    /// Number of lamps that burn.
+    /// Number of lamps that are on.
     pub lamps_on: usize,
-    /// Light of all burning lamps, lumen.
+    /// Luminous flux of all lamps that are on, lumens.
     pub flux_lm: f32,
-    /// Number of pieces of furniture, fittings and small things.
+    /// Number of objects: furniture, fittings, small objects and parts of the building.
     pub objects: usize,
     /// Number of triangles.
     pub triangles: usize,

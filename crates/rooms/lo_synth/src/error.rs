@@ -1,58 +1,58 @@
 use std::path::PathBuf;
 
-/// Why a room could not be made.
+/// Errors of generating a room.
 #[derive(Debug, thiserror::Error)]
 pub enum SynthError {
-    /// A setting that makes no sense.
-    #[error("setting `{field}` {what}")]
+    /// A field of the config has an invalid value.
+    #[error("field `{field}` of the room config {what}")]
     Config {
-        /// Its name.
+        /// Name of the field.
         field: String,
-        /// What is wrong.
+        /// What is wrong with its value.
         what: String,
     },
     /// The folder of outdoor panoramas cannot be listed.
-    #[error("cannot list the outdoor panoramas in {}: {source}", path.display())]
+    #[error("cannot list the folder of outdoor panoramas {}: {source}", path.display())]
     Folder {
         /// The folder.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// The folder has no picture of the right kind.
-    #[error("{} holds no .hdr or .exr panorama", path.display())]
+    /// The folder of outdoor panoramas holds no `.hdr` or `.exr` file.
+    #[error("no .hdr or .exr panorama in {}", path.display())]
     NoPanorama {
         /// The folder.
         path: PathBuf,
     },
-    /// A folder of pictures cannot be listed.
-    #[error("cannot list the pictures in {}: {source}", path.display())]
+    /// A picture folder cannot be listed.
+    #[error("cannot list the picture folder {}: {source}", path.display())]
     PictureFolder {
         /// The folder.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// The folder has no picture of the right kind.
-    #[error("{} holds no picture (.jpg, .jpeg, .png, .webp, .hdr, .exr)", path.display())]
+    /// A picture folder holds no readable image.
+    #[error("no image (.jpg, .jpeg, .png, .webp, .hdr, .exr) in the picture folder {}", path.display())]
     NoPicture {
         /// The folder.
         path: PathBuf,
     },
-    /// A picture cannot be read.
-    #[error("picture: {0}")]
+    /// An image of a picture folder cannot be read.
+    #[error("cannot read an image of a picture folder: {0}")]
     Picture(lo_imaging::ImageError),
-    /// A panorama cannot be read.
-    #[error("outdoor panorama: {0}")]
+    /// An outdoor panorama cannot be read.
+    #[error("cannot read an outdoor panorama: {0}")]
     Panorama(#[from] lo_imaging::ImageError),
-    /// A panorama is not twice as wide as high.
-    #[error("{} is {width} × {height} pixels; an equirectangular panorama is twice as wide as high", path.display())]
+    /// An outdoor panorama is not twice as wide as high.
+    #[error("{} is {width} × {height} pixels; equirectangular panoramas are twice as wide as high", path.display())]
     NotEquirectangular {
         /// The file.
         path: PathBuf,
-        /// Its width in pixels.
+        /// Width in pixels.
         width: usize,
-        /// Its height in pixels.
+        /// Height in pixels.
         height: usize,
     },
 }

@@ -1,7 +1,9 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Files of a folder with one of these extensions, in lower case, whichever case they have, sorted: the order of a directory differs from machine to machine.
+/// Lists the files of a folder with one of `extensions` (lower case), ignoring case.
+///
+/// The list is sorted, because the order of directory entries differs between machines.
 pub(crate) fn files_in(folder: &Path, extensions: &[&str]) -> io::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder)? {

@@ -1,4 +1,4 @@
-//! A room as glTF for other programs: one mesh per object, sky, sun and cameras.
+//! Export of a room as glTF: one mesh per object, sky, sun and cameras.
 
 use std::f32::consts::PI;
 
@@ -12,28 +12,27 @@ use crate::camera::CameraPose;
 use crate::interior::Interior;
 use crate::photometry::UNIT_CD_M2;
 
-/// The sky is this far away, in metres: seen from the whole room, the sun stays in its gap.
+/// Radius of the sky sphere: large enough that the sun stays in the sky's gap from anywhere in the room.
 const SKY_RADIUS_M: f32 = 1000.0;
 
-/// Cosine of the angle from the sun up to which the sky is open, 4°: the sun is farther away.
+/// Cosine of the half angle (4°) of the gap in the sky through which the directional light shines.
 const SUN_GAP: f32 = 0.997_56;
 
-/// Faces of the sky around and from top to bottom.
+/// Faces of the sky sphere, around and from top to bottom.
 const SKY_COLUMNS: usize = 96;
 const SKY_ROWS: usize = 48;
 
 impl Interior {
-    /// The room as glTF 2.0 binary: a mesh for each object, the sky as a sphere that emits, the sun as a directional light, these
-    /// cameras. `generator` names the writing program.
+    /// Encodes the room as binary glTF 2.0. `generator` names the writing program.
     ///
-    /// Panes are sheets that let light pass straight, by alpha: renderers take transmitting ones for solid glass, which throws
-    /// a shadow.
+    /// The file holds a mesh per object, the sky as an emissive sphere, the sun as a directional light and `cameras`.
+    /// Window panes are alpha-blended sheets: renderers take transmissive sheets for solid glass, which casts a shadow.
     ///
     /// # Errors
-    /// A file of more than 4 GiB.
+    /// If the file would exceed 4 GiB.
     pub fn to_glb(&self, generator: &str, cameras: &[CameraPose]) -> Result<Vec<u8>, GlbTooLarge> {
         let mut model = self.world.model.clone();
-        model.materials.iter_mut().for_each(let_pass);
+        model.materials.iter_mut().for_each(make_alpha_blended);
         let mut objects: Vec<(String, Vec<usize>)> = self
             .objects
             .iter()
@@ -65,8 +64,8 @@ impl Interior {
     }
 }
 
-/// A pane becomes a sheet that covers as much as it does not transmit.
-fn let_pass(material: &mut Material) {
+/// Turns a transmissive material into an alpha-blended one of equal transmittance.
+fn make_alpha_blended(material: &mut Material) {
     if material.transmission > 0.0 {
         material.base_color[3] *= 1.0 - material.transmission;
         material.transmission = 0.0;
@@ -74,7 +73,7 @@ fn let_pass(material: &mut Material) {
     }
 }
 
-/// Irradiance of a disc of constant radiance, ∫ L cos θ dω = π L sin² r.
+/// Converts the sun's disc to a directional light of irradiance ∫ L cos θ dω = π L sin² r.
 fn sun(sun: &Sun) -> GlbSun {
     let factor = PI * sun.angular_radius_rad.sin().powi(2);
     GlbSun {
@@ -84,7 +83,7 @@ fn sun(sun: &Sun) -> GlbSun {
     }
 }
 
-/// A sphere around the room, seen from inside, that emits the outdoors; open where the sun shines through.
+/// Adds an inward-facing sphere that emits the outdoors, with a gap at the sun.
 fn add_sky(model: &mut Model, outdoors: &Outdoors) {
     let (sun, outdoors) = (outdoors.sun, &outdoors.radiance);
     let brightest = outdoors.pixels().iter().flatten().copied().fold(f32::MIN_POSITIVE, f32::max);
@@ -120,7 +119,7 @@ fn add_sky(model: &mut Model, outdoors: &Outdoors) {
     for (row, column) in (0..SKY_ROWS).flat_map(|row| (0..SKY_COLUMNS).map(move |column| (row, column))) {
         let [a, b, c, d] =
             [corner(row, column), corner(row + 1, column), corner(row + 1, column + 1), corner(row, column + 1)];
-        // Columns go to the right as seen from inside. At the poles one of the two has no area.
+        // Columns run to the right as seen from inside. At the poles one of the two triangles is degenerate.
         let triangles = [(row + 1 < SKY_ROWS, [a, b, c]), (row > 0, [a, c, d])];
         for (has_area, triangle) in triangles {
             if has_area && !covers_sun(model, triangle) {
@@ -158,7 +157,7 @@ mod tests {
             let [a, b, c] = triangle.map(|v| model.positions[v as usize]);
             assert!((b - a).cross(c - a).dot(a + b + c) < 0.0, "seen from inside");
         }
-        // Texture coordinates are the equirectangular convention's, so that each direction shows its own pixel.
+        // Texture coordinates follow the equirectangular convention: each direction shows its own pixel.
         for (position, uv) in model.positions.iter().zip(&model.uvs[0]) {
             if position.x.hypot(position.z) > 1.0 {
                 let expected = lo_geometry::uv_from_direction(*position);
@@ -182,7 +181,7 @@ mod tests {
         let open = |direction: Vec3, origin: Vec3| sky.intersect_both_sides(&Ray { origin, direction }, 2e3).is_none();
         for origin in [Vec3::ZERO, Vec3::new(9.0, 2.0, -9.0), Vec3::new(-9.0, 0.0, 5.0)] {
             assert!(open(direction, origin));
-            // Ten degrees beside it there is sky.
+            // The sky is closed ten degrees beside the sun.
             assert!(!open((direction + 0.18 * direction.any_orthonormal_vector()).normalize(), origin));
         }
     }
@@ -202,20 +201,20 @@ mod tests {
             Err(std::io::Error::other("no files"))
         })
         .unwrap();
-        // The sky lacks a few triangles where the sun is.
+        // The gap at the sun removes a few triangles.
         let sky = model.triangles.len() - room.world.model.triangles.len();
         let whole = if room.world.portals.is_empty() { 0 } else { 2 * SKY_COLUMNS * (SKY_ROWS - 1) };
         assert!(sky <= whole && sky + 20 >= whole, "{sky} of {whole}");
         assert!(model.materials.iter().all(|m| m.transmission == 0.0));
     }
 
-    /// Whether a ray goes through an opening.
+    /// Whether a ray passes through a portal.
     fn through(portal: &Portal, ray: &Ray) -> bool {
         let [u, v] = portal.edges;
         let normal = u.cross(v);
         let t = normal.dot(portal.corner - ray.origin) / normal.dot(ray.direction);
         let at = ray.origin + ray.direction * t - portal.corner;
-        // A few centimetres of frame and reveal around the opening.
+        // Tolerates a few centimetres of frame and reveal around the opening.
         let within = |edge: Vec3| {
             let slack = 0.05 / edge.length();
             (-slack..=1.0 + slack).contains(&(at.dot(edge) / edge.length_squared()))

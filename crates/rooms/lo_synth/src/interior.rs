@@ -1,4 +1,4 @@
-//! One room, from its seed.
+//! Generation of one room from its seed.
 
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -9,43 +9,43 @@ use lo_mesh::{Material, Model, PreparedModel};
 use lo_random::Stream;
 use lo_transport::{Outdoors, World};
 
-use crate::camera::{CameraPose, SolidBox, Space};
+use crate::camera::{CameraPose, SolidBox, ViewpointSampler};
 use crate::chance::{between, chance, weighted};
 use crate::config::SynthConfig;
-use crate::description::{Description, LampUse, RoomKind, Weather};
+use crate::description::{Description, LightingMode, RoomKind, Weather};
 use crate::error::SynthError;
 use crate::object::Object;
 use crate::palette::{Mood, Palette, Style};
 use crate::pictures::Pictures;
 use crate::plan::Plan;
-use crate::stage::Stage;
+use crate::room_builder::RoomBuilder;
 use crate::{doors, furniture, lighting, outdoors, shell, windows};
 
-/// A furnished room with its lamps and what is outside.
+/// A generated room with furniture, lamps and outdoors.
 #[derive(Debug)]
 pub struct Interior {
-    /// Names the room for good: `synth-SEED-INDEX`.
+    /// Permanent id of the room: `synth-SEED-INDEX`.
     pub id: String,
-    /// What light transport needs.
+    /// Input of light transport.
     pub world: World,
-    /// Figures for statistics.
+    /// Statistics of the room.
     pub description: Description,
-    /// What the model consists of, in the order of its triangles.
+    /// Objects of the model in triangle order.
     pub objects: Vec<Object>,
     seed: u64,
     index: u64,
     config: SynthConfig,
     plan: Plan,
     solids: Vec<SolidBox>,
-    /// Of the bare triangles, for questions about space; made when first asked.
+    /// Bare triangles for ray queries, prepared on first use.
     prepared: OnceLock<PreparedModel>,
 }
 
 impl Interior {
-    /// Makes room number `index` of `seed`. The same three arguments give the same bytes, whatever was made before.
+    /// Generates room number `index` of `seed`. Equal arguments give identical bytes.
     ///
     /// # Errors
-    /// Settings out of range; a folder or file of outdoor panoramas that cannot be read.
+    /// If the config is out of range, or if a folder or file of outdoor panoramas or pictures cannot be read.
     pub fn generate(seed: u64, index: u64, config: &SynthConfig) -> Result<Self, SynthError> {
         config.validate()?;
         let mut random = lo_random::stream(seed, "synth room", index);
@@ -78,57 +78,57 @@ impl Interior {
             rough || matches!(kind, RoomKind::Office | RoomKind::Classroom | RoomKind::Corridor | RoomKind::Laboratory);
         let mut style = Style::draw(&mut random, mood, wet, sober);
         style.rough = rough;
-        let large = drawn("synth large", config.large_share).filter(|_| kind.may_be_large());
-        let grown = large.map_or(1.0, |mut random| between(&mut random, 1.4f32.ln(), 3f32.ln()).exp());
-        let glazed = drawn("synth glazed", config.glazed_share).filter(|_| kind.may_be_glazed());
-        let plan = Plan::draw(&mut lo_random::stream(seed, "synth plan", index), kind, config, grown, glazed);
+        let large = drawn("synth large", config.large_share).filter(|_| kind.can_be_large());
+        let size_factor = large.map_or(1.0, |mut random| between(&mut random, 1.4f32.ln(), 3f32.ln()).exp());
+        let glazed = drawn("synth glazed", config.glazed_share).filter(|_| kind.can_be_glazed());
+        let plan = Plan::draw(&mut lo_random::stream(seed, "synth plan", index), kind, config, size_factor, glazed);
         let mut palette = Palette::new(seed, index, style);
         let litter = drawn("synth litter", config.litter_share).map(|mut random| between(&mut random, 0.4, 1.0));
-        palette.printed = litter.is_some();
+        palette.has_prints = litter.is_some();
         palette.wear = drawn("synth worn", config.worn_share).map(|mut random| between(&mut random, 0.2, 1.0));
         palette.pictures = Pictures::load(&mut lo_random::stream(seed, "synth pictures", index), config)?;
-        let mut stage = Stage::new(plan, palette, lo_random::stream(seed, "synth stage", index));
-        let windows = stage.plan.walls.iter().flat_map(|w| &w.openings).filter(|o| o.is_window()).count();
+        let mut builder = RoomBuilder::new(plan, palette, lo_random::stream(seed, "synth stage", index));
+        let windows = builder.plan.walls.iter().flat_map(|w| &w.openings).filter(|o| o.is_window()).count();
         let mut lighting = draw_lighting(&mut random, config, weather, windows);
-        if dim.is_some() && lighting == LampUse::OverLit {
-            lighting = LampUse::Normal;
+        if dim.is_some() && lighting == LightingMode::OverLit {
+            lighting = LightingMode::Normal;
         }
         if drawn("synth daylit", config.daylit_share).is_some() && windows > 0 && weather != Weather::Night {
-            lighting = LampUse::Daylight;
+            lighting = LightingMode::Daylight;
         }
-        stage.dim = dim.unwrap_or(1.0);
-        stage.mixed_light = drawn("synth mixed light", config.mixed_light_share);
+        builder.dimming = dim.unwrap_or(1.0);
+        builder.mixed_light = drawn("synth mixed light", config.mixed_light_share);
 
-        shell::build(&mut stage);
-        doors::build(&mut stage);
-        let portals = windows::build(&mut stage, weather == Weather::Night);
-        stage.random = lo_random::stream(seed, "synth furniture", index);
-        // As many times over as it is longer, so that a large room is emptier than a small one.
-        for _ in 0..grown.round() as usize {
-            furniture::furnish(&mut stage, kind, clutter, lighting);
+        shell::build(&mut builder);
+        doors::build(&mut builder);
+        let portals = windows::build(&mut builder, weather == Weather::Night);
+        builder.random = lo_random::stream(seed, "synth furniture", index);
+        // Repeats by length, not by area, so that large rooms are emptier.
+        for _ in 0..size_factor.round() as usize {
+            furniture::furnish(&mut builder, kind, clutter, lighting);
         }
         let people = drawn("synth people", config.people_share).is_some() && kind != RoomKind::Bathroom;
-        stage.random = lo_random::stream(seed, "synth life", index);
-        furniture::live_in(&mut stage, litter, people);
-        stage.random = lo_random::stream(seed, "synth lamps", index);
-        lighting::light(&mut stage, kind, lighting);
+        builder.random = lo_random::stream(seed, "synth life", index);
+        furniture::add_people_and_litter(&mut builder, litter, people);
+        builder.random = lo_random::stream(seed, "synth lamps", index);
+        lighting::add_lamps(&mut builder, kind, lighting);
         let outdoors = if portals.is_empty() {
-            // A world without portals lies open; a room without windows must not.
+            // A world without portals would see the outdoors everywhere, so a room without windows gets black outdoors.
             Outdoors { radiance: RadianceImage::new(1, 1, vec![[0.0; 3]]), sun: None }
         } else {
-            outdoors::make(
+            outdoors::generate(
                 &mut lo_random::stream(seed, "synth outdoors", index),
                 weather,
-                &stage.plan,
+                &builder.plan,
                 config,
                 sun.as_mut(),
             )?
         };
 
-        let description = describe(&stage, kind, weather, lighting, clutter);
-        let solids = solids(&stage);
-        let objects = objects(&stage);
-        let Stage { plan, palette, shape, .. } = stage;
+        let description = describe(&builder, kind, weather, lighting, clutter);
+        let solids = solids(&builder);
+        let objects = objects(&builder);
+        let RoomBuilder { plan, palette, shape, .. } = builder;
         let mut model = Model {
             positions: shape.positions,
             normals: shape.normals,
@@ -155,48 +155,48 @@ impl Interior {
         })
     }
 
-    /// The first `count` cameras of this room: in free space, seeing a good part of it. A camera does not depend on how many
-    /// are asked for.
+    /// Returns the first `count` cameras of the room, in free space. Each camera is independent of `count`.
     pub fn camera_poses(&self, count: usize) -> Vec<CameraPose> {
-        let space = self.space();
+        let sampler = self.sampler();
         let drawn = |name: &str, k: u64, share: f32| {
             share > 0.0 && chance(&mut self.stream(&format!("synth {name} {k}")), share)
         };
         let camera = |k: u64| {
             let upright = drawn("upright", k, self.config.upright_share);
             let near = drawn("near", k, self.config.close_up_share)
-                .then(|| space.close_up(&mut self.stream(&format!("synth close-up {k}")), &self.config, upright));
+                .then(|| sampler.close_up(&mut self.stream(&format!("synth close-up {k}")), &self.config, upright));
             let random = || self.stream(&format!("synth camera {k}"));
             near.flatten().unwrap_or_else(|| {
                 let low = drawn("low", k, self.config.low_camera_share);
-                space.camera(&mut random(), &self.config, upright, low)
+                sampler.camera(&mut random(), &self.config, upright, low)
             })
         };
         (0..count as u64).map(camera).collect()
     }
 
-    /// Up to `count` points of free space that a photo sees: inside of its frustum, before the surface seen there, 15 cm from
-    /// everything (10 cm in narrow places). Fewer where there are no more.
+    /// Returns up to `count` free points in a photo's frustum, in front of the visible surfaces.
+    ///
+    /// Points keep 15 cm from all surfaces, 10 cm in narrow places. Fewer are returned if no more are found.
     pub fn probe_positions(&self, view: &CameraPose, count: usize) -> Vec<Vec3> {
-        let space = self.space();
+        let sampler = self.sampler();
         let p = view.pose.position;
         let q = view.pose.rotation;
         let numbers = [p.x, p.y, p.z, q.x, q.y, q.z, q.w, view.camera.fx as f32];
         let bytes: Vec<u8> = numbers.iter().flat_map(|n| n.to_le_bytes()).collect();
         let mut random = self.stream(&format!("synth probes {}", lo_random::hash(&bytes)));
-        (0..count).filter_map(|_| space.probe(&mut random, view)).collect()
+        (0..count).filter_map(|_| sampler.probe(&mut random, view)).collect()
     }
 
     /// Whether a point is inside the room and at least `margin_m` from all surfaces.
     pub fn is_free(&self, point: Vec3, margin_m: f32) -> bool {
-        self.space().is_free(point, margin_m)
+        self.sampler().is_free(point, margin_m)
     }
 
     fn stream(&self, name: &str) -> Stream {
         lo_random::stream(self.seed, name, self.index)
     }
 
-    fn space(&self) -> Space<'_> {
+    fn sampler(&self) -> ViewpointSampler<'_> {
         let model = self.prepared.get_or_init(|| {
             let bare = Model {
                 positions: self.world.model.positions.clone(),
@@ -207,7 +207,7 @@ impl Interior {
             };
             PreparedModel::new(bare)
         });
-        Space { plan: &self.plan, solids: &self.solids, model, objects: &self.objects }
+        ViewpointSampler { plan: &self.plan, solids: &self.solids, model, objects: &self.objects }
     }
 }
 
@@ -229,61 +229,76 @@ fn draw_clutter(random: &mut Stream, config: &SynthConfig) -> f32 {
     }
 }
 
-/// By day most rooms need no lamp; by night and without windows they do.
-fn draw_lighting(random: &mut Stream, config: &SynthConfig, weather: Weather, windows: usize) -> LampUse {
-    let single = (LampUse::SingleLamp, config.single_lamp_share);
-    let over = (LampUse::OverLit, config.over_lit_share);
+/// Draws which lamps are on. Rooms with windows often need none by day.
+fn draw_lighting(random: &mut Stream, config: &SynthConfig, weather: Weather, windows: usize) -> LightingMode {
+    let single = (LightingMode::SingleLamp, config.single_lamp_share);
+    let over = (LightingMode::OverLit, config.over_lit_share);
     let rest = 1.0 - single.1 - over.1;
     let dark_outside = weather == Weather::Night || windows == 0;
     let shares = if dark_outside { [0.0, 0.65, 0.35] } else { [0.5, 0.35, 0.15] };
     let [daylight, normal, mixed] = shares.map(|s| s * rest);
-    weighted(random, &[(LampUse::Daylight, daylight), (LampUse::Normal, normal), (LampUse::Mixed, mixed), single, over])
+    weighted(
+        random,
+        &[
+            (LightingMode::Daylight, daylight),
+            (LightingMode::Normal, normal),
+            (LightingMode::Mixed, mixed),
+            single,
+            over,
+        ],
+    )
 }
 
-fn describe(stage: &Stage, kind: RoomKind, weather: Weather, lighting: LampUse, clutter: f32) -> Description {
-    let openings = || stage.plan.walls.iter().flat_map(|w| &w.openings);
+fn describe(
+    builder: &RoomBuilder,
+    kind: RoomKind,
+    weather: Weather,
+    lighting: LightingMode,
+    clutter: f32,
+) -> Description {
+    let openings = || builder.plan.walls.iter().flat_map(|w| &w.openings);
     let window_area: f32 = openings().filter(|o| o.is_window()).map(|o| o.width_m() * (o.h[1] - o.h[0])).sum();
     Description {
         kind,
-        outline: stage.plan.outline,
-        area_m2: stage.plan.area_m2(),
-        height_m: stage.plan.height_m,
-        sloped: stage.plan.slope.is_some(),
+        outline: builder.plan.outline,
+        area_m2: builder.plan.area_m2(),
+        height_m: builder.plan.height_m,
+        sloped: builder.plan.slope.is_some(),
         weather,
         lighting,
         clutter,
-        dark: stage.palette.style().mood == Mood::Dark,
-        window_share: window_area.max(0.0) / stage.plan.area_m2(),
+        dark: builder.palette.style().mood == Mood::Dark,
+        window_share: window_area.max(0.0) / builder.plan.area_m2(),
         windows: openings().filter(|o| o.is_window()).count(),
         doors: openings().filter(|o| !o.is_window()).count(),
-        people: stage.objects.iter().filter(|object| object.name == "person").count(),
-        lamps: stage.lamps,
-        lamps_on: stage.lamps_on,
-        flux_lm: stage.flux_lm,
-        objects: stage.objects.len(),
-        triangles: stage.shape.triangles.len(),
+        people: builder.objects.iter().filter(|object| object.name == "person").count(),
+        lamps: builder.lamps,
+        lamps_on: builder.lamps_on,
+        flux_lm: builder.flux_lm,
+        objects: builder.objects.len(),
+        triangles: builder.shape.triangles.len(),
     }
 }
 
-fn objects(stage: &Stage) -> Vec<Object> {
-    let placed = stage.objects.iter();
-    let parts = |parts: &Range<usize>| stage.shape.parts[parts.clone()].iter().map(|p| p.triangles.clone()).collect();
+fn objects(builder: &RoomBuilder) -> Vec<Object> {
+    let placed = builder.objects.iter();
+    let parts = |parts: &Range<usize>| builder.shape.parts[parts.clone()].iter().map(|p| p.triangles.clone()).collect();
     placed.map(|o| Object { name: o.name, support: o.support, parts: parts(&o.parts) }).collect()
 }
 
-/// Boxes around all solids but the shell itself.
-fn solids(stage: &Stage) -> Vec<SolidBox> {
+/// Oriented boxes of all solids except the building's shell.
+fn solids(builder: &RoomBuilder) -> Vec<SolidBox> {
     let enclosing = ["shell", "hallway", "reveal", "cornice"];
-    let objects = stage.objects.iter().filter(|o| !enclosing.contains(&o.name));
-    objects.flat_map(|o| stage.shape.parts[o.parts.clone()].iter()).map(|part| solid_box(stage, part)).collect()
+    let objects = builder.objects.iter().filter(|o| !enclosing.contains(&o.name));
+    objects.flat_map(|o| builder.shape.parts[o.parts.clone()].iter()).map(|part| solid_box(builder, part)).collect()
 }
 
-fn solid_box(stage: &Stage, part: &crate::solids::Part) -> SolidBox {
+fn solid_box(builder: &RoomBuilder, part: &crate::solids::ShapePart) -> SolidBox {
     let back = part.rotation.inverse();
-    let corners = stage.shape.triangles[part.triangles.clone()].iter().flatten();
-    let (least, most) = corners.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(least, most), &v| {
-        let p = back * stage.shape.positions[v as usize];
-        (least.min(p), most.max(p))
+    let corners = builder.shape.triangles[part.triangles.clone()].iter().flatten();
+    let (min, max) = corners.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), &v| {
+        let p = back * builder.shape.positions[v as usize];
+        (min.min(p), max.max(p))
     });
-    SolidBox { center: part.rotation * ((least + most) * 0.5), rotation: part.rotation, half: (most - least) * 0.5 }
+    SolidBox { center: part.rotation * ((min + max) * 0.5), rotation: part.rotation, half: (max - min) * 0.5 }
 }

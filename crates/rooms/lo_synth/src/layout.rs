@@ -1,26 +1,26 @@
-//! Where there is room: footprints on the floor, passages, and what is free of them.
+//! Occupied space: footprints on the floor and passages that must stay free.
 
 use lo_geometry::{Vec2, Vec3};
 
 use crate::plan::Plan;
 
-/// A rectangle seen from above.
+/// A rectangle in the floor plane (x, z).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Footprint {
     pub center: Vec2,
-    /// Unit direction of the first half extent; the second is at right angles to it.
+    /// Unit direction of the first half extent; the second is perpendicular.
     pub along: Vec2,
     pub half: Vec2,
 }
 
 impl Footprint {
-    /// Of the box `least … most` (x, z) after a turn about +Y and a move.
-    pub(crate) fn of_box(least: Vec3, most: Vec3, yaw_rad: f32, offset: Vec2) -> Self {
-        let middle = (least + most) * 0.5;
-        let half = (most - least) * 0.5;
+    /// Footprint of the box `min … max`, rotated about +Y and then translated.
+    pub(crate) fn of_box(min: Vec3, max: Vec3, yaw_rad: f32, offset: Vec2) -> Self {
+        let middle = (min + max) * 0.5;
+        let half = (max - min) * 0.5;
         Self {
-            center: offset + turned(Vec2::new(middle.x, middle.z), yaw_rad),
-            along: turned(Vec2::X, yaw_rad),
+            center: offset + rotated_yaw(Vec2::new(middle.x, middle.z), yaw_rad),
+            along: rotated_yaw(Vec2::X, yaw_rad),
             half: Vec2::new(half.x, half.z),
         }
     }
@@ -34,8 +34,8 @@ impl Footprint {
         [self.center - a - b, self.center + a - b, self.center + a + b, self.center - a + b]
     }
 
-    /// Grown by `margin` on every side.
-    pub(crate) fn grown(&self, margin: f32) -> Self {
+    /// Footprint expanded by `margin` on every side.
+    pub(crate) fn expanded(&self, margin: f32) -> Self {
         Self { half: self.half + Vec2::splat(margin), ..*self }
     }
 
@@ -44,7 +44,7 @@ impl Footprint {
         d.dot(self.along).abs() <= self.half.x && d.dot(self.across()).abs() <= self.half.y
     }
 
-    /// Whether two rectangles share more than an edge (separating axes).
+    /// Whether two rectangles overlap by more than an edge (separating axes).
     pub(crate) fn overlaps(&self, other: &Self) -> bool {
         let distance = other.center - self.center;
         [self.along, self.across(), other.along, other.across()].into_iter().all(|axis| {
@@ -54,36 +54,36 @@ impl Footprint {
     }
 }
 
-/// A turn about +Y, seen from above.
-pub(crate) fn turned(p: Vec2, yaw_rad: f32) -> Vec2 {
+/// Rotates a point (x, z) about +Y.
+pub(crate) fn rotated_yaw(p: Vec2, yaw_rad: f32) -> Vec2 {
     let (sin, cos) = yaw_rad.sin_cos();
     Vec2::new(p.x * cos + p.y * sin, p.y * cos - p.x * sin)
 }
 
-/// A piece of space that is taken.
+/// A volume that is occupied or kept free.
 #[derive(Clone, Copy, Debug)]
-struct Block {
+struct Volume {
     footprint: Footprint,
     y: [f32; 2],
-    /// Taken by a thing; otherwise kept free of things, as before a door.
+    /// Whether an object occupies it; otherwise it is kept free, as in front of a door.
     solid: bool,
-    /// The object that takes it, if things may be put into or onto it.
+    /// The occupying object, if it can carry others.
     owner: Option<usize>,
 }
 
-/// What stands on the floor and where one can still walk.
+/// Occupied volumes and walkable floor of a room.
 #[derive(Clone, Debug)]
 pub(crate) struct Layout {
-    blocks: Vec<Block>,
+    volumes: Vec<Volume>,
     grid: WalkGrid,
 }
 
 impl Layout {
     pub(crate) fn new(plan: &Plan) -> Self {
-        let mut layout = Self { blocks: Vec::new(), grid: WalkGrid::new(plan) };
+        let mut layout = Self { volumes: Vec::new(), grid: WalkGrid::new(plan) };
         for wall in &plan.walls {
             for opening in wall.openings.iter().filter(|o| !o.is_window()) {
-                // The swing of the leaf and a step more.
+                // The swing of the leaf and one step.
                 let middle = wall.start + wall.along * (0.5 * (opening.s[0] + opening.s[1]));
                 let deep = opening.width_m().max(0.8);
                 let half = Vec2::new(0.5 * opening.width_m() + 0.08, 0.5 * deep);
@@ -95,35 +95,35 @@ impl Layout {
         layout
     }
 
-    /// Nothing that stands there may be put in the way later.
+    /// Keeps a volume free of objects placed later.
     pub(crate) fn keep_free(&mut self, footprint: Footprint, y: [f32; 2]) {
-        self.blocks.push(Block { footprint, y, solid: false, owner: None });
+        self.volumes.push(Volume { footprint, y, solid: false, owner: None });
     }
 
-    /// Takes the space.
-    pub(crate) fn take(&mut self, footprint: Footprint, y: [f32; 2]) {
-        self.take_for(footprint, y, None);
+    /// Marks a volume as occupied.
+    pub(crate) fn occupy(&mut self, footprint: Footprint, y: [f32; 2]) {
+        self.occupy_for(footprint, y, None);
     }
 
-    /// Takes the space for an object that carries others.
-    pub(crate) fn take_for(&mut self, footprint: Footprint, y: [f32; 2], owner: Option<usize>) {
-        if in_the_way(y) {
+    /// Marks a volume as occupied by an object that can carry others.
+    pub(crate) fn occupy_for(&mut self, footprint: Footprint, y: [f32; 2], owner: Option<usize>) {
+        if blocks_walking(y) {
             self.grid.mark(&footprint);
         }
-        self.blocks.push(Block { footprint, y, solid: true, owner });
+        self.volumes.push(Volume { footprint, y, solid: true, owner });
     }
 
-    /// Whether a thing can be there: inside the room, below the ceiling, in nothing else and in no passage.
+    /// Whether a volume lies in the room, below the ceiling, outside all objects and outside kept-free volumes.
     pub(crate) fn fits(&self, plan: &Plan, footprint: &Footprint, y: [f32; 2]) -> bool {
         self.fits_beside(plan, footprint, y, true, None)
     }
 
-    /// As [`Layout::fits`], for space that must be free but may be kept free for others as well.
+    /// Like [`Layout::fits`], but allows overlap with kept-free volumes.
     pub(crate) fn is_clear(&self, plan: &Plan, footprint: &Footprint, y: [f32; 2]) -> bool {
         self.fits_beside(plan, footprint, y, false, None)
     }
 
-    /// As [`Layout::is_clear`], for a thing on or in the object `carrier`.
+    /// Like [`Layout::is_clear`], for an object on or in the object `carrier`.
     pub(crate) fn is_clear_on(&self, plan: &Plan, footprint: &Footprint, y: [f32; 2], carrier: usize) -> bool {
         self.fits_beside(plan, footprint, y, false, Some(carrier))
     }
@@ -137,15 +137,15 @@ impl Layout {
         carrier: Option<usize>,
     ) -> bool {
         inside(plan, footprint, y[1])
-            && self.blocks.iter().all(|block| {
-                let counts = (block.solid || passages) && (carrier.is_none() || block.owner != carrier);
-                !counts || y[0] >= block.y[1] || y[1] <= block.y[0] || !block.footprint.overlaps(footprint)
+            && self.volumes.iter().all(|volume| {
+                let counts = (volume.solid || passages) && (carrier.is_none() || volume.owner != carrier);
+                !counts || y[0] >= volume.y[1] || y[1] <= volume.y[0] || !volume.footprint.overlaps(footprint)
             })
     }
 
-    /// Whether one can still get from every door to nearly all of the free floor with a thing standing there.
+    /// Whether every door still reaches most of the free floor with an object at this place.
     pub(crate) fn leaves_passages(&self, footprint: &Footprint, y: [f32; 2]) -> bool {
-        if !in_the_way(y) {
+        if !blocks_walking(y) {
             return true;
         }
         let mut grid = self.grid.clone();
@@ -154,8 +154,8 @@ impl Layout {
     }
 }
 
-/// Rugs are walked on, lamps and cupboards walked under.
-fn in_the_way([low, high]: [f32; 2]) -> bool {
+/// Whether an object of this vertical extent blocks walking: rugs and hanging lamps do not.
+fn blocks_walking([low, high]: [f32; 2]) -> bool {
     high > 0.05 && low < 1.9
 }
 
@@ -165,10 +165,10 @@ fn inside(plan: &Plan, footprint: &Footprint, top: f32) -> bool {
     ends.into_iter().all(below)
         && (0..4).all(|k| below((ends[k] + ends[(k + 1) % 4]) * 0.5))
         && below(footprint.center)
-        && !plan.walls.iter().any(|wall| footprint.grown(-0.002).contains(wall.start))
+        && !plan.walls.iter().any(|wall| footprint.expanded(-0.002).contains(wall.start))
 }
 
-/// Cells of floor that a person's middle can be in.
+/// Floor cells that the centre of a person can occupy.
 #[derive(Clone, Debug)]
 struct WalkGrid {
     origin: Vec2,
@@ -179,17 +179,17 @@ struct WalkGrid {
 
 impl WalkGrid {
     const CELL_M: f32 = 0.1;
-    /// Half of the breadth that a person needs.
-    const PERSON_M: f32 = 0.24;
-    /// Share of the free cells that must be reachable: corners behind chairs may be lost.
-    const REACHABLE: f32 = 0.75;
+    /// Half the width of a person.
+    const PERSON_HALF_WIDTH_M: f32 = 0.24;
+    /// Share of the free cells that must be reachable; corners behind chairs may be cut off.
+    const MIN_REACHABLE_SHARE: f32 = 0.75;
 
     fn new(plan: &Plan) -> Self {
-        let (least, most) = plan.extent();
-        let size = (most - least) / Self::CELL_M;
+        let (min, max) = plan.extent();
+        let size = (max - min) / Self::CELL_M;
         let size = [size.x.ceil() as usize, size.y.ceil() as usize];
-        let mut grid = Self { origin: least, size, free: Vec::new(), doors: Vec::new() };
-        grid.free = (0..size[0] * size[1]).map(|k| plan.contains(grid.cell(k), Self::PERSON_M)).collect();
+        let mut grid = Self { origin: min, size, free: Vec::new(), doors: Vec::new() };
+        grid.free = (0..size[0] * size[1]).map(|k| plan.contains(grid.cell(k), Self::PERSON_HALF_WIDTH_M)).collect();
         grid
     }
 
@@ -199,18 +199,18 @@ impl WalkGrid {
     }
 
     fn mark(&mut self, footprint: &Footprint) {
-        let grown = footprint.grown(Self::PERSON_M);
-        let corners = grown.corners();
-        let least = corners.into_iter().fold(Vec2::INFINITY, Vec2::min) - self.origin;
-        let most = corners.into_iter().fold(Vec2::NEG_INFINITY, Vec2::max) - self.origin;
+        let expanded = footprint.expanded(Self::PERSON_HALF_WIDTH_M);
+        let corners = expanded.corners();
+        let min = corners.into_iter().fold(Vec2::INFINITY, Vec2::min) - self.origin;
+        let max = corners.into_iter().fold(Vec2::NEG_INFINITY, Vec2::max) - self.origin;
         let range = |axis: usize| {
             let index = |x: f32| ((x / Self::CELL_M).max(0.0) as usize).min(self.size[axis] - 1);
-            index(least[axis])..=index(most[axis])
+            index(min[axis])..=index(max[axis])
         };
         for y in range(1) {
             for x in range(0) {
                 let k = y * self.size[0] + x;
-                if grown.contains(self.cell(k)) {
+                if expanded.contains(self.cell(k)) {
                     self.free[k] = false;
                 }
             }
@@ -226,10 +226,10 @@ impl WalkGrid {
         let Some(&start) = doors.first() else {
             return true;
         };
-        let mut seen = vec![false; self.free.len()];
+        let mut visited = vec![false; self.free.len()];
         let mut stack = vec![start];
         let mut reached = 0;
-        seen[start] = true;
+        visited[start] = true;
         while let Some(k) = stack.pop() {
             if !self.free[k] {
                 continue;
@@ -237,7 +237,7 @@ impl WalkGrid {
             reached += 1;
             let (x, y) = (k % self.size[0], k / self.size[0]);
             let mut visit = |next: usize| {
-                if !std::mem::replace(&mut seen[next], true) {
+                if !std::mem::replace(&mut visited[next], true) {
                     stack.push(next);
                 }
             };
@@ -255,7 +255,7 @@ impl WalkGrid {
             }
         }
         let all = self.free.iter().filter(|&&free| free).count();
-        doors.iter().all(|&door| seen[door]) && reached as f32 >= Self::REACHABLE * all as f32
+        doors.iter().all(|&door| visited[door]) && reached as f32 >= Self::MIN_REACHABLE_SHARE * all as f32
     }
 }
 
@@ -272,7 +272,7 @@ mod tests {
                 let mut r = |low, high| crate::chance::between(&mut random, low, high);
                 let half = Vec2::new(r(0.1, 1.0), r(0.1, 1.0));
                 let center = Vec2::new(r(-1.5, 1.5), r(-1.5, 1.5));
-                Footprint { center, along: turned(Vec2::X, r(0.0, 3.0)), half }
+                Footprint { center, along: rotated_yaw(Vec2::X, r(0.0, 3.0)), half }
             };
             let (a, b) = (draw(), draw());
             let common = (0..60 * 60).any(|k| {
@@ -281,7 +281,7 @@ mod tests {
                 b.contains(p)
             });
             both[usize::from(common)] += 1;
-            // Sampling every few centimetres misses slivers, never finds what is not there.
+            // Sampling can miss slivers but gives no false positives.
             assert!(!common || a.overlaps(&b));
             assert!(
                 common
@@ -295,6 +295,6 @@ mod tests {
     #[test]
     fn turns_seen_from_above_are_those_in_space() {
         let p = lo_geometry::Quat::from_rotation_y(0.7) * Vec3::new(1.0, 0.0, 2.0);
-        assert!((turned(Vec2::new(1.0, 2.0), 0.7) - Vec2::new(p.x, p.z)).length() < 1e-6);
+        assert!((rotated_yaw(Vec2::new(1.0, 2.0), 0.7) - Vec2::new(p.x, p.z)).length() < 1e-6);
     }
 }

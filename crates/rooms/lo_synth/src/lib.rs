@@ -1,7 +1,7 @@
-//! Procedural indoor scenes: rooms, furniture, lamps and what is outside of the windows, from a seed.
+//! Procedural indoor scenes generated from a seed: rooms, furniture, lamps and the outdoors behind the windows.
 //!
-//! [`Interior::generate`] gives a room as a [`lo_transport::World`]; [`Interior::camera_poses`] and
-//! [`Interior::probe_positions`] say where to look at it from. Radiance is absolute: one unit is [`UNIT_CD_M2`].
+//! [`Interior::generate`] returns a room as a [`lo_transport::World`]. [`Interior::camera_poses`] and
+//! [`Interior::probe_positions`] return viewpoints inside it. Radiance is absolute: one unit is [`UNIT_CD_M2`].
 
 mod camera;
 mod chance;
@@ -22,17 +22,17 @@ mod palette;
 mod photometry;
 mod pictures;
 mod plan;
+mod room_builder;
 mod shell;
 mod solids;
-mod stage;
 mod texture;
 mod windows;
 
 pub use camera::CameraPose;
 pub use config::{SynthConfig, Tilt};
-pub use description::{Description, LampUse, Outline, RoomKind, Weather};
+pub use description::{Description, LightingMode, Outline, RoomKind, Weather};
 pub use error::SynthError;
 pub use interior::Interior;
 pub use object::Object;
 pub use photometry::UNIT_CD_M2;
-pub use stage::Support;
+pub use room_builder::Support;

@@ -1,20 +1,20 @@
-//! Lamps: what hangs from the ceiling, what stands about, and which of it burns.
+//! Lamps: ceiling fixtures, floor, table and wall lamps, and which of them are on.
 
 mod fixtures;
 
 use lo_geometry::{Quat, Vec2, Vec3};
 
 use crate::chance::{between, chance, count, pick, weighted};
-use crate::description::{LampUse, RoomKind};
+use crate::description::{LightingMode, RoomKind};
 use crate::furniture::{hang, put_on};
 use crate::layout::Footprint;
 use crate::photometry::Glow;
-use crate::stage::{Along, Stage, Support};
+use crate::room_builder::{RoomBuilder, Support, WallPosition};
 use fixtures::Lamp;
 
-/// What the ceiling has.
+/// Type of ceiling fixture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Ceiling {
+enum CeilingFixture {
     Panels,
     Tubes,
     Downlights,
@@ -23,47 +23,47 @@ enum Ceiling {
     Spots,
 }
 
-/// Share of a lamp's light that reaches the plane of use in an ordinary room.
-const UTILISATION: f32 = 0.45;
+/// Utilisation factor: share of the lamps' flux that reaches the working plane.
+const UTILISATION_FACTOR: f32 = 0.45;
 
-/// Puts up lamps and switches on those that the lighting asks for.
-pub(crate) fn light(stage: &mut Stage, kind: RoomKind, lighting: LampUse) {
+/// Adds lamps and switches on those that `lighting` asks for.
+pub(crate) fn add_lamps(builder: &mut RoomBuilder, kind: RoomKind, lighting: LightingMode) {
     let kelvin = match kind {
         RoomKind::Office | RoomKind::Classroom | RoomKind::Laboratory | RoomKind::Workshop | RoomKind::Hall => {
-            between(&mut stage.random, 3500.0, 5200.0)
+            between(&mut builder.random, 3500.0, 5200.0)
         }
         _ => {
-            weighted(&mut stage.random, &[(2700.0, 0.5), (3000.0, 0.3), (4000.0, 0.2)])
-                + between(&mut stage.random, -150.0, 150.0)
+            weighted(&mut builder.random, &[(2700.0, 0.5), (3000.0, 0.3), (4000.0, 0.2)])
+                + between(&mut builder.random, -150.0, 150.0)
         }
     };
-    let burn = match lighting {
-        LampUse::Daylight | LampUse::SingleLamp => 0.0,
-        LampUse::Normal => 0.3,
-        LampUse::OverLit | LampUse::Mixed => 1.0,
+    let on_probability = match lighting {
+        LightingMode::Daylight | LightingMode::SingleLamp => 0.0,
+        LightingMode::Normal => 0.3,
+        LightingMode::OverLit | LightingMode::Mixed => 1.0,
     };
-    let mut switch = Switch {
-        burn,
-        single: lighting == LampUse::SingleLamp,
-        gain: if lighting == LampUse::OverLit { 2.0 } else { 1.0 },
+    let mut switch = LampSwitch {
+        on_probability,
+        single: lighting == LightingMode::SingleLamp,
+        gain: if lighting == LightingMode::OverLit { 2.0 } else { 1.0 },
         kelvin: kelvin.min(3200.0),
-        on: 0,
+        on_count: 0,
     };
-    small_lamps(stage, kind, &mut switch);
+    small_lamps(builder, kind, &mut switch);
     let main = match lighting {
-        LampUse::Normal | LampUse::OverLit => true,
-        LampUse::Mixed | LampUse::SingleLamp => switch.on == 0,
-        LampUse::Daylight => false,
+        LightingMode::Normal | LightingMode::OverLit => true,
+        LightingMode::Mixed | LightingMode::SingleLamp => switch.on_count == 0,
+        LightingMode::Daylight => false,
     };
-    let before = stage.lamps_on;
-    ceiling_lamps(stage, kind, kelvin, main, lighting);
-    if main && stage.lamps_on == before {
-        // Furniture or a slope left no place.
-        wall_lamp(stage, &mut Switch { burn: 1.0, ..switch });
+    let before = builder.lamps_on;
+    ceiling_lamps(builder, kind, kelvin, main, lighting);
+    if main && builder.lamps_on == before {
+        // Furniture or a slope left no room on the ceiling.
+        wall_lamp(builder, &mut LampSwitch { on_probability: 1.0, ..switch });
     }
 }
 
-/// Illuminance that the use asks for (EN 12464-1 and common practice at home), lux.
+/// Range of illuminance for a room's purpose (EN 12464-1 and common practice in homes), lux.
 fn usual_lux(kind: RoomKind) -> [f32; 2] {
     match kind {
         RoomKind::Office | RoomKind::Classroom | RoomKind::Laboratory | RoomKind::Workshop => [300.0, 600.0],
@@ -74,144 +74,156 @@ fn usual_lux(kind: RoomKind) -> [f32; 2] {
     }
 }
 
-fn ceiling_lamps(stage: &mut Stage, kind: RoomKind, kelvin: f32, burns: bool, lighting: LampUse) {
-    let sloped = stage.plan.slope.is_some();
-    let kinds: &[(Ceiling, f32)] = match kind {
+fn ceiling_lamps(builder: &mut RoomBuilder, kind: RoomKind, kelvin: f32, on: bool, lighting: LightingMode) {
+    let sloped = builder.plan.slope.is_some();
+    let kinds: &[(CeilingFixture, f32)] = match kind {
         RoomKind::Workshop | RoomKind::Hall => {
-            &[(Ceiling::Tubes, 0.7), (Ceiling::Panels, 0.15), (Ceiling::Pendant, 0.15)]
+            &[(CeilingFixture::Tubes, 0.7), (CeilingFixture::Panels, 0.15), (CeilingFixture::Pendant, 0.15)]
         }
-        RoomKind::Cellar => &[(Ceiling::Tubes, 0.4), (Ceiling::Dome, 0.4), (Ceiling::Pendant, 0.2)],
+        RoomKind::Cellar => {
+            &[(CeilingFixture::Tubes, 0.4), (CeilingFixture::Dome, 0.4), (CeilingFixture::Pendant, 0.2)]
+        }
         RoomKind::Office | RoomKind::Classroom | RoomKind::Laboratory => {
-            &[(Ceiling::Panels, 0.5), (Ceiling::Tubes, 0.4), (Ceiling::Downlights, 0.1)]
+            &[(CeilingFixture::Panels, 0.5), (CeilingFixture::Tubes, 0.4), (CeilingFixture::Downlights, 0.1)]
         }
-        RoomKind::Kitchen | RoomKind::Bathroom | RoomKind::Corridor => {
-            &[(Ceiling::Downlights, 0.4), (Ceiling::Dome, 0.35), (Ceiling::Spots, 0.15), (Ceiling::Panels, 0.1)]
-        }
-        _ => &[(Ceiling::Pendant, 0.45), (Ceiling::Dome, 0.2), (Ceiling::Spots, 0.15), (Ceiling::Downlights, 0.2)],
+        RoomKind::Kitchen | RoomKind::Bathroom | RoomKind::Corridor => &[
+            (CeilingFixture::Downlights, 0.4),
+            (CeilingFixture::Dome, 0.35),
+            (CeilingFixture::Spots, 0.15),
+            (CeilingFixture::Panels, 0.1),
+        ],
+        _ => &[
+            (CeilingFixture::Pendant, 0.45),
+            (CeilingFixture::Dome, 0.2),
+            (CeilingFixture::Spots, 0.15),
+            (CeilingFixture::Downlights, 0.2),
+        ],
     };
-    let ceiling = if sloped { Ceiling::Pendant } else { weighted(&mut stage.random, kinds) };
+    let fixture = if sloped { CeilingFixture::Pendant } else { weighted(&mut builder.random, kinds) };
     let [low, high] = usual_lux(kind);
-    let lux = between(&mut stage.random, low, high)
+    let lux = between(&mut builder.random, low, high)
         * match lighting {
-            LampUse::OverLit => between(&mut stage.random, 3.0, 6.0),
-            LampUse::SingleLamp => 0.3,
+            LightingMode::OverLit => between(&mut builder.random, 3.0, 6.0),
+            LightingMode::SingleLamp => 0.3,
             _ => 1.0,
         };
-    let places = places(stage, ceiling);
-    let number = if lighting == LampUse::SingleLamp { 1 } else { places.len().max(1) };
-    let flux_lm = (lux * stage.plan.area_m2() / UTILISATION / number as f32).clamp(120.0, 12_000.0) * stage.dim;
-    for (index, place) in places.into_iter().enumerate() {
-        let burning = burns && index < number;
-        let glow = burning.then(|| Glow { flux_lm, kelvin: stage.kelvin(kelvin) });
-        mount(stage, ceiling, place, glow);
+    let positions = fixture_positions(builder, fixture);
+    let number = if lighting == LightingMode::SingleLamp { 1 } else { positions.len().max(1) };
+    let flux_lm =
+        (lux * builder.plan.area_m2() / UTILISATION_FACTOR / number as f32).clamp(120.0, 12_000.0) * builder.dimming;
+    for (index, position) in positions.into_iter().enumerate() {
+        let lit = on && index < number;
+        let glow = lit.then(|| Glow { flux_lm, kelvin: builder.lamp_kelvin(kelvin) });
+        mount_fixture(builder, fixture, position, glow);
     }
 }
 
-/// Where the ceiling's lamps are, seen from above.
-fn places(stage: &mut Stage, ceiling: Ceiling) -> Vec<Vec2> {
-    let spacing = match ceiling {
-        Ceiling::Downlights => between(&mut stage.random, 1.1, 1.8),
-        Ceiling::Panels | Ceiling::Tubes => between(&mut stage.random, 2.0, 2.8),
+/// Draws the positions (x, z) of the ceiling fixtures.
+fn fixture_positions(builder: &mut RoomBuilder, fixture: CeilingFixture) -> Vec<Vec2> {
+    let spacing = match fixture {
+        CeilingFixture::Downlights => between(&mut builder.random, 1.1, 1.8),
+        CeilingFixture::Panels | CeilingFixture::Tubes => between(&mut builder.random, 2.0, 2.8),
         _ => 4.2,
-    } * stage.plan.grown;
-    let table = stage.objects.iter().position(|o| o.name == "dining table");
-    let mut places = Vec::new();
-    if let (Ceiling::Pendant, Some(table)) = (ceiling, table) {
-        let (least, most) = stage.box_of(table);
-        places.push(Vec2::new(0.5 * (least.x + most.x), 0.5 * (least.z + most.z)));
-        if stage.plan.area_m2() < 16.0 {
-            return places;
+    } * builder.plan.size_factor;
+    let table = builder.objects.iter().position(|o| o.name == "dining table");
+    let mut positions = Vec::new();
+    if let (CeilingFixture::Pendant, Some(table)) = (fixture, table) {
+        let (min, max) = builder.object_bounds(table);
+        positions.push(Vec2::new(0.5 * (min.x + max.x), 0.5 * (min.z + max.z)));
+        if builder.plan.area_m2() < 16.0 {
+            return positions;
         }
     }
-    for [a, b] in stage.plan.rectangles.clone() {
+    for [a, b] in builder.plan.rectangles.clone() {
         let size = b - a;
         let cells = (size / spacing).round().max(Vec2::ONE);
         for (i, j) in (0..cells.x as usize).flat_map(|i| (0..cells.y as usize).map(move |j| (i, j))) {
             let p = a + size * Vec2::new((i as f32 + 0.5) / cells.x, (j as f32 + 0.5) / cells.y);
-            if places.iter().all(|q: &Vec2| q.distance(p) > 0.9) {
-                places.push(p);
+            if positions.iter().all(|q: &Vec2| q.distance(p) > 0.9) {
+                positions.push(p);
             }
         }
     }
-    places.truncate(24);
-    places
+    positions.truncate(24);
+    positions
 }
 
-fn mount(stage: &mut Stage, ceiling: Ceiling, at: Vec2, glow: Option<Glow>) {
-    let lamp = match ceiling {
-        Ceiling::Panels => fixtures::panel(stage, Vec2::splat(0.3), glow),
-        Ceiling::Tubes => {
-            let half = pick(&mut stage.random, &[Vec2::new(0.62, 0.06), Vec2::new(0.75, 0.1)]);
-            fixtures::panel(stage, half, glow)
+fn mount_fixture(builder: &mut RoomBuilder, fixture: CeilingFixture, at: Vec2, glow: Option<Glow>) {
+    let lamp = match fixture {
+        CeilingFixture::Panels => fixtures::panel(builder, Vec2::splat(0.3), glow),
+        CeilingFixture::Tubes => {
+            let half = pick(&mut builder.random, &[Vec2::new(0.62, 0.06), Vec2::new(0.75, 0.1)]);
+            fixtures::panel(builder, half, glow)
         }
-        Ceiling::Downlights => fixtures::downlight(stage, glow),
-        Ceiling::Dome => fixtures::dome(stage, glow),
-        Ceiling::Spots => fixtures::spots(stage, glow),
-        Ceiling::Pendant => {
-            let top = stage.plan.ceiling(at);
-            let over_table = stage.objects.iter().enumerate().any(|(k, o)| {
-                let (least, most) = if o.name == "dining table" { stage.box_of(k) } else { (Vec3::MAX, Vec3::MIN) };
-                at.x > least.x && at.x < most.x && at.y > least.z && at.y < most.z
+        CeilingFixture::Downlights => fixtures::downlight(builder, glow),
+        CeilingFixture::Dome => fixtures::dome(builder, glow),
+        CeilingFixture::Spots => fixtures::spots(builder, glow),
+        CeilingFixture::Pendant => {
+            let top = builder.plan.ceiling(at);
+            let over_table = builder.objects.iter().enumerate().any(|(k, o)| {
+                let (min, max) =
+                    if o.name == "dining table" { builder.object_bounds(k) } else { (Vec3::MAX, Vec3::MIN) };
+                at.x > min.x && at.x < max.x && at.y > min.z && at.y < max.z
             });
-            // Above a table it hangs low; elsewhere one walks under it.
-            let low = if over_table { between(&mut stage.random, 1.4, 1.6) } else { 2.0 };
-            fixtures::pendant(stage, (top - low).max(0.25), glow)
+            // Low above a table; elsewhere with headroom for walking.
+            let low = if over_table { between(&mut builder.random, 1.4, 1.6) } else { 2.0 };
+            fixtures::pendant(builder, (top - low).max(0.25), glow)
         }
     };
-    let top = stage.plan.ceiling(at);
-    let (least, most) = lamp.shape.bounds();
-    let footprint = Footprint::of_box(least, most, 0.0, at);
-    // A pendant may hang from a slope; what is fixed flat may not.
-    let pendant = ceiling == Ceiling::Pendant;
-    let low = (top + least.y).min(top - 0.012);
+    let top = builder.plan.ceiling(at);
+    let (min, max) = lamp.shape.bounds();
+    let footprint = Footprint::of_box(min, max, 0.0, at);
+    // Pendants can hang from a slope, flat fixtures cannot.
+    let pendant = fixture == CeilingFixture::Pendant;
+    let low = (top + min.y).min(top - 0.012);
     let y = [low, if pendant { low + 0.3 } else { top - 0.01 }];
-    let level = footprint.corners().iter().all(|&c| stage.plan.ceiling(c) > top - 0.01);
-    if (pendant || level) && stage.layout.is_clear(&stage.plan, &footprint, y) {
-        stage.layout.take(footprint, y);
-        fix(stage, &lamp, Support::Ceiling, Quat::IDENTITY, Vec3::new(at.x, top, at.y));
+    let level = footprint.corners().iter().all(|&c| builder.plan.ceiling(c) > top - 0.01);
+    if (pendant || level) && builder.layout.is_clear(&builder.plan, &footprint, y) {
+        builder.layout.occupy(footprint, y);
+        add_lamp(builder, &lamp, Support::Ceiling, Quat::IDENTITY, Vec3::new(at.x, top, at.y));
     }
 }
 
-/// Adds a lamp and counts it.
-fn fix(stage: &mut Stage, lamp: &Lamp, support: Support, rotation: Quat, offset: Vec3) {
-    stage.fix(lamp.name, support, &lamp.shape, rotation, offset);
-    stage.lamps += 1;
+/// Adds a lamp and updates the counts.
+fn add_lamp(builder: &mut RoomBuilder, lamp: &Lamp, support: Support, rotation: Quat, offset: Vec3) {
+    builder.add_shape(lamp.name, support, &lamp.shape, rotation, offset);
+    builder.lamps += 1;
     if let Some(glow) = lamp.glow {
-        stage.lamps_on += 1;
-        stage.flux_lm += glow.flux_lm;
+        builder.lamps_on += 1;
+        builder.flux_lm += glow.flux_lm;
     }
 }
 
-/// Which of the small lamps burn.
-struct Switch {
-    /// Probability of each.
-    burn: f32,
-    /// Exactly the first one instead.
+/// Decides which small lamps are on.
+struct LampSwitch {
+    /// Probability that a lamp is on.
+    on_probability: f32,
+    /// Whether only the first lamp is on, regardless of the probability.
     single: bool,
     gain: f32,
     kelvin: f32,
-    /// How many burn already.
-    on: usize,
+    /// Number of lamps switched on so far.
+    on_count: usize,
 }
 
-impl Switch {
-    /// Counts a lamp that stands, and lights it or not.
-    fn throw(&mut self, stage: &mut Stage, object: usize, [low, high]: [f32; 2]) {
-        let burns = if self.single { self.on == 0 } else { chance(&mut stage.random, self.burn) };
-        let flux_lm = between(&mut stage.random, low, high) * self.gain * stage.dim;
-        stage.lamps += 1;
-        if burns {
-            let kelvin = stage.kelvin(self.kelvin);
-            fixtures::ignite(stage, object, &Glow { flux_lm, kelvin });
-            self.on += 1;
-            stage.lamps_on += 1;
-            stage.flux_lm += flux_lm;
+impl LampSwitch {
+    /// Counts a lamp of the room and switches it on or leaves it off.
+    fn apply(&mut self, builder: &mut RoomBuilder, object: usize, [low, high]: [f32; 2]) {
+        let on = if self.single { self.on_count == 0 } else { chance(&mut builder.random, self.on_probability) };
+        let flux_lm = between(&mut builder.random, low, high) * self.gain * builder.dimming;
+        builder.lamps += 1;
+        if on {
+            let kelvin = builder.lamp_kelvin(self.kelvin);
+            fixtures::switch_on(builder, object, &Glow { flux_lm, kelvin });
+            self.on_count += 1;
+            builder.lamps_on += 1;
+            builder.flux_lm += flux_lm;
         }
     }
 }
 
-/// Floor lamps, lamps on tables and desks, sconces.
-fn small_lamps(stage: &mut Stage, kind: RoomKind, switch: &mut Switch) {
+/// Adds floor lamps, table and desk lamps, and sconces.
+fn small_lamps(builder: &mut RoomBuilder, kind: RoomKind, switch: &mut LampSwitch) {
     let homely = !matches!(
         kind,
         RoomKind::Bathroom
@@ -223,42 +235,45 @@ fn small_lamps(stage: &mut Stage, kind: RoomKind, switch: &mut Switch) {
             | RoomKind::Workshop
             | RoomKind::Hall
     );
-    if homely && (switch.single || chance(&mut stage.random, 0.6)) {
-        for _ in 0..count(&mut stage.random, 1, 2) {
-            let lamp = fixtures::floor_lamp(stage);
-            if let Some(object) = stage.against_wall(&vec![(lamp, Vec2::ZERO, 0.0)], Along::Corner) {
-                switch.throw(stage, object[0], [500.0, 1500.0]);
+    if homely && (switch.single || chance(&mut builder.random, 0.6)) {
+        for _ in 0..count(&mut builder.random, 1, 2) {
+            let lamp = fixtures::floor_lamp(builder);
+            if let Some(object) = builder.place_against_wall(&vec![(lamp, Vec2::ZERO, 0.0)], WallPosition::Corner) {
+                switch.apply(builder, object[0], [500.0, 1500.0]);
             }
         }
     }
-    for top in 0..stage.tops.len() {
-        let name = stage.tops[top].name;
+    for surface in 0..builder.surfaces.len() {
+        let name = builder.surfaces[surface].name;
         let share = match name {
             "night table" => 0.75,
             "desk" | "workbench" => 0.5,
             "side table" | "sideboard" | "chest" => 0.35,
             _ => 0.0,
         };
-        if !chance(&mut stage.random, share) {
+        if !chance(&mut builder.random, share) {
             continue;
         }
-        let lamp =
-            if matches!(name, "desk" | "workbench") { fixtures::desk_lamp(stage) } else { fixtures::table_lamp(stage) };
-        if put_on(stage, top, &lamp, None) {
-            let object = stage.objects.len() - 1;
-            switch.throw(stage, object, [250.0, 800.0]);
+        let lamp = if matches!(name, "desk" | "workbench") {
+            fixtures::desk_lamp(builder)
+        } else {
+            fixtures::table_lamp(builder)
+        };
+        if put_on(builder, surface, &lamp, None) {
+            let object = builder.objects.len() - 1;
+            switch.apply(builder, object, [250.0, 800.0]);
         }
     }
     let share = if kind == RoomKind::Bathroom { 0.6 } else { 0.2 };
-    if (homely || kind == RoomKind::Bathroom) && chance(&mut stage.random, share) {
-        wall_lamp(stage, switch);
+    if (homely || kind == RoomKind::Bathroom) && chance(&mut builder.random, share) {
+        wall_lamp(builder, switch);
     }
 }
 
-fn wall_lamp(stage: &mut Stage, switch: &mut Switch) {
-    let sconce = fixtures::sconce(stage);
-    if hang(stage, &sconce, 1.95, None) {
-        let object = stage.objects.len() - 1;
-        switch.throw(stage, object, [300.0, 900.0]);
+fn wall_lamp(builder: &mut RoomBuilder, switch: &mut LampSwitch) {
+    let sconce = fixtures::sconce(builder);
+    if hang(builder, &sconce, 1.95, None) {
+        let object = builder.objects.len() - 1;
+        switch.apply(builder, object, [300.0, 900.0]);
     }
 }

@@ -1,14 +1,14 @@
 use std::ops::Range;
 
-use crate::stage::Support;
+use crate::room_builder::Support;
 
-/// A thing in a room: a piece of furniture, a lamp, a part of the building.
+/// An object of a room: a piece of furniture, a lamp or a part of the building.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Object {
-    /// What it is.
+    /// Kind of object, in English.
     pub name: &'static str,
-    /// What it rests on.
+    /// The surface that carries it.
     pub support: Support,
-    /// Triangles of each of its solids (or open sheets).
+    /// Triangle range of each of its solids or open sheets.
     pub parts: Vec<Range<usize>>,
 }

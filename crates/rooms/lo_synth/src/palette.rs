@@ -1,8 +1,8 @@
-//! The materials of one room: chosen once, made when first used.
+//! The materials of one room, created on first use.
 //!
-//! Diffuse reflectances lie in measured ranges: white paint 0.75–0.88, light plaster 0.4–0.8, concrete 0.2–0.4, brick
-//! 0.1–0.35, light wood 0.3–0.45, oak 0.15–0.3, walnut and mahogany 0.06–0.15, carpets 0.05–0.4 (IES Lighting Handbook, 10th
-//! ed., tables of reflectances; CIE 97:2005); soils and plants 0.05–0.2; metals' base colours as published by
+//! Diffuse reflectances are within measured ranges: white paint 0.75–0.88, light plaster 0.4–0.8, concrete 0.2–0.4,
+//! brick 0.1–0.35, light wood 0.3–0.45, oak 0.15–0.3, walnut and mahogany 0.06–0.15, carpets 0.05–0.4 (IES Lighting
+//! Handbook, 10th ed., tables of reflectances; CIE 97:2005); soils and plants 0.05–0.2. Base colours of metals are from
 //! physicallybased.info. EN 12464-1 recommends ceilings of 0.7–0.9, walls of 0.5–0.8 and floors of 0.2–0.6.
 
 mod finishes;
@@ -15,17 +15,19 @@ use lo_mesh::{Material, Texture, TextureRef, Wrap};
 use lo_random::{RngExt, Stream};
 
 use crate::chance::{between, chance, count, pick, tone, weighted};
-use crate::pictures::{Pictures, printed};
+use crate::pictures::{Pictures, print_reflectance};
 use crate::solids::Paint;
 use crate::texture::{self, Swatch};
 
-/// What something is made of, in the terms of an interior; each room has its own idea of each.
+/// Surface finish in the terms of interior design. Each room draws its own material for a finish.
+///
+/// Variant names are part of the names of random streams: renaming one changes generated rooms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Finish {
     Wall,
-    /// One wall of another colour or paper.
+    /// A single wall of another colour or wallpaper.
     AccentWall,
-    /// Tiles of bathrooms and over worktops.
+    /// Tiles of bathrooms and above worktops.
     WallTiles,
     Ceiling,
     Floor,
@@ -49,9 +51,9 @@ pub(crate) enum Finish {
     Mirror,
     Ceramic,
     Worktop,
-    /// White to be tinted, matt.
+    /// Matt white, for tinting.
     Matte,
-    /// White to be tinted, shining.
+    /// Glossy white, for tinting.
     Gloss,
     Leaf,
     Soil,
@@ -62,44 +64,44 @@ pub(crate) enum Finish {
     Shade,
 }
 
-/// Materials and textures as the model will have them.
+/// Materials and textures of the room's model.
 #[derive(Debug)]
 pub(crate) struct Palette {
     seed: u64,
     index: u64,
     style: Style,
-    known: BTreeMap<Finish, u32>,
-    /// Pages, covers and the like that were made, by kind and number.
+    finishes: BTreeMap<Finish, u32>,
+    /// Materials of prints (pages, covers, …) by kind and number.
     prints: BTreeMap<(&'static str, usize), u32>,
     pub pictures: Pictures,
-    /// Whether books and keyboards bear print.
-    pub printed: bool,
-    /// How worn surfaces are, 0 … 1, where they are; then they have a relief too.
+    /// Whether books and keyboards have printed textures.
+    pub has_prints: bool,
+    /// Degree of wear in [0, 1]; worn surfaces also have normal maps.
     pub wear: Option<f32>,
     pub materials: Vec<Material>,
     pub textures: Vec<Texture>,
 }
 
-/// How light and how coloured a room is done.
+/// Overall lightness of a room's colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Mood {
     /// White walls, light wood.
     Light,
-    /// Colours of middling reflectance.
+    /// Colours of medium reflectance.
     Warm,
     /// Dark walls and furniture.
     Dark,
 }
 
-/// Choices that several finishes share.
+/// Choices shared by several finishes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Style {
     pub mood: Mood,
-    /// Tiles and washable walls instead of carpets.
+    /// Bathrooms: tiles and washable walls instead of carpets.
     pub wet: bool,
     /// Offices and classrooms: hard floors, plain walls.
     pub sober: bool,
-    /// Workshops and cellars: bare masonry, screed.
+    /// Workshops, cellars and halls: bare masonry, screed.
     pub rough: bool,
     hue_deg: f32,
     accent_deg: f32,
@@ -120,10 +122,10 @@ impl Palette {
             seed,
             index,
             style,
-            known: BTreeMap::new(),
+            finishes: BTreeMap::new(),
             prints: BTreeMap::new(),
             pictures: Pictures::default(),
-            printed: false,
+            has_prints: false,
             wear: None,
             materials: Vec::new(),
             textures: Vec::new(),
@@ -134,49 +136,50 @@ impl Palette {
         self.style
     }
 
-    /// The material of a finish. It does not depend on which finishes were asked for before.
+    /// Returns the material of a finish, independent of the order of requests.
     pub(crate) fn paint(&mut self, finish: Finish) -> Paint {
-        let material = match self.known.get(&finish) {
+        let material = match self.finishes.get(&finish) {
             Some(&known) => known,
             None => {
                 let mut random = lo_random::stream(self.seed, &format!("synth finish {finish:?}"), self.index);
                 let first = self.materials.len();
-                let material = self.make(finish, &mut random);
-                self.wear_since(first, finish);
-                self.known.insert(finish, material);
+                let material = self.create(finish, &mut random);
+                self.apply_wear_from(first, finish);
+                self.finishes.insert(finish, material);
                 material
             }
         };
         Paint { material, tint: [1.0; 3] }
     }
 
-    /// A lamp's surface, of linear RGB radiance.
+    /// Creates an emissive material of linear RGB `radiance`.
     pub(crate) fn emitter(&mut self, name: &str, radiance: [f32; 3]) -> Paint {
         let material = Material { emissive: radiance, base_color: [0.7, 0.7, 0.7, 1.0], ..matte(name) };
         Paint { material: self.push(material), tint: [1.0; 3] }
     }
 
-    /// A matt material of its own name and colour, for what may be found again by the name.
+    /// Returns the matt material called `name`, created on first use, so that surfaces can be found by name.
     pub(crate) fn named(&mut self, name: &str, color: [f32; 3]) -> Paint {
         let known = self.materials.iter().position(|m| m.name == name).map(|m| m as u32);
         let material = known.unwrap_or_else(|| self.plain(name, 0.8, color));
         Paint { material, tint: [1.0; 3] }
     }
 
-    /// A picture over texture coordinates `[0, 1]²`, `aspect` times as wide as high, shown by reflection or, with a radiance of its white, as a
-    /// screen.
+    /// Creates the material of a picture over texture coordinates `[0, 1]²`, `aspect` times as wide as high.
+    ///
+    /// With `screen_radiance`, the radiance of white, it is an emissive screen.
     pub(crate) fn picture(&mut self, seed: u64, aspect: f32, screen_radiance: Option<f32>) -> Paint {
         let real = self.pictures.crop(&mut lo_random::stream(seed, "synth real picture", 0), aspect);
         let material = match screen_radiance {
             None => {
                 let mut material = matte("picture");
-                self.cover(&mut material, real.map_or_else(|| texture::painting(seed), |real| on_paper(&real)));
+                self.apply_swatch(&mut material, real.map_or_else(|| texture::painting(seed), |real| on_paper(&real)));
                 material
             }
             Some(white) => {
                 let mut material = Material { base_color: [0.02, 0.02, 0.02, 1.0], roughness: 0.25, ..matte("screen") };
-                let shown = |real: Image<[u8; 3]>| Swatch::of_picture(real.map(|&[r, g, b]| [r, g, b, 255]));
-                self.cover(&mut material, real.map_or_else(|| texture::screen(seed), shown));
+                let shown = |real: Image<[u8; 3]>| Swatch::from_image(real.map(|&[r, g, b]| [r, g, b, 255]));
+                self.apply_swatch(&mut material, real.map_or_else(|| texture::screen(seed), shown));
                 material.emissive_texture = material.base_color_texture.take();
                 material.emissive = [white; 3];
                 material
@@ -185,21 +188,21 @@ impl Palette {
         Paint { material: self.push(material), tint: [1.0; 3] }
     }
 
-    /// A printed page over `[0, 1]²`.
+    /// Returns a printed page over `[0, 1]²`.
     pub(crate) fn page(&mut self, random: &mut Stream) -> Paint {
         self.print("page", count(random, 0, 4), |_, random| (0.8, texture::page(random.random())))
     }
 
-    /// The front of a package, a book, a magazine over `[0, 1]²`.
-    pub(crate) fn front(&mut self, random: &mut Stream) -> Paint {
+    /// Returns the front of a package, a book or a magazine over `[0, 1]²`.
+    pub(crate) fn printed_front(&mut self, random: &mut Stream) -> Paint {
         self.print("front", count(random, 0, 9), |palette, random| {
             let real = palette.pictures.crop(random, 1.0);
-            let swatch = real.map_or_else(|| texture::cover(random.random()), |real| on_paper(&real));
+            let swatch = real.map_or_else(|| texture::package_front(random.random()), |real| on_paper(&real));
             (between(random, 0.25, 0.7), swatch)
         })
     }
 
-    /// A keyboard's keys over `[0, 1]²`.
+    /// Returns the keys of a keyboard over `[0, 1]²`.
     pub(crate) fn keys(&mut self, random: &mut Stream) -> Paint {
         self.print("keys", count(random, 0, 1), |_, random| {
             let albedo = weighted(random, &[(0.03, 0.6), (0.6, 0.4)]);
@@ -207,18 +210,20 @@ impl Palette {
         })
     }
 
-    /// Cloth of somebody's clothes.
-    pub(crate) fn dress(&mut self, random: &mut Stream) -> Paint {
+    /// Returns the cloth of a person's clothes.
+    pub(crate) fn clothing(&mut self, random: &mut Stream) -> Paint {
         self.print("dress", count(random, 0, 9), |_, random| {
             let color = |random: &mut Stream| {
                 tone(between(random, 0.0, 360.0), between(random, 0.0, 0.8), between(random, 0.03, 0.6))
             };
             let colors = [color(random), color(random)];
-            (0.95, texture::dress(random.random(), colors))
+            (0.95, texture::clothing(random.random(), colors))
         })
     }
 
-    /// Number `number` of a kind of prints, made when first asked for.
+    /// Returns print number `number` of a kind, created on first use.
+    ///
+    /// `kind` is part of the random stream's name.
     fn print(
         &mut self,
         kind: &'static str,
@@ -230,7 +235,7 @@ impl Palette {
             None => {
                 let mut random = lo_random::stream(self.seed, &format!("synth {kind} {number}"), self.index);
                 let (roughness, swatch) = make(self, &mut random);
-                let material = self.covered(kind, roughness, swatch);
+                let material = self.textured(kind, roughness, swatch);
                 self.prints.insert((kind, number), material);
                 material
             }
@@ -238,7 +243,7 @@ impl Palette {
         Paint { material, tint: [1.0; 3] }
     }
 
-    /// A rug of its own, its texture coordinates in metres from a corner.
+    /// Creates the material of a rug, with texture coordinates in metres from a corner.
     pub(crate) fn rug(&mut self, random: &mut Stream, size_m: [f32; 2]) -> Paint {
         let dark = self.style.mood == Mood::Dark;
         let hue = if chance(random, 0.5) { self.style.accent_deg } else { self.style.hue_deg };
@@ -246,11 +251,11 @@ impl Palette {
         let second = tone(hue + between(random, -60.0, 60.0), 0.4, between(random, 0.05, 0.4));
         let third = tone(hue + 180.0, 0.2, between(random, 0.3, 0.55));
         let mut material = matte("rug");
-        self.cover(&mut material, texture::rug(random.random(), size_m, [base, second, third]));
+        self.apply_swatch(&mut material, texture::rug(random.random(), size_m, [base, second, third]));
         Paint { material: self.push(material), tint: [1.0; 3] }
     }
 
-    /// Some colour for a small thing of a matt or shining white finish.
+    /// Draws a tint for a small object with a matt or glossy white finish.
     pub(crate) fn tint(&self, random: &mut Stream) -> [f32; 3] {
         let near = [self.style.hue_deg, self.style.accent_deg, between(random, 0.0, 360.0)];
         let hue = pick(random, &near);
@@ -266,8 +271,8 @@ impl Palette {
         self.materials.len() as u32 - 1
     }
 
-    /// Gives the material a swatch's picture; texture coordinates are metres.
-    fn cover(&mut self, material: &mut Material, swatch: Swatch) {
+    /// Assigns a swatch's textures to a material, for texture coordinates in metres.
+    fn apply_swatch(&mut self, material: &mut Material, swatch: Swatch) {
         let [width, height] = swatch.size_m;
         let reference = |texture| TextureRef {
             uv_transform: [1.0 / width, 0.0, 0.0, 0.0, 1.0 / height, 0.0],
@@ -284,9 +289,9 @@ impl Palette {
         }
     }
 
-    fn covered(&mut self, name: &str, roughness: f32, swatch: Swatch) -> u32 {
+    fn textured(&mut self, name: &str, roughness: f32, swatch: Swatch) -> u32 {
         let mut material = Material { roughness, ..matte(name) };
-        self.cover(&mut material, swatch);
+        self.apply_swatch(&mut material, swatch);
         self.push(material)
     }
 
@@ -296,10 +301,10 @@ impl Palette {
 }
 
 fn on_paper(picture: &Image<[u8; 3]>) -> Swatch {
-    Swatch::of_picture(printed(picture))
+    Swatch::from_image(print_reflectance(picture))
 }
 
-/// Matt, seen from both sides, to be given a colour.
+/// Matt white material.
 fn matte(name: &str) -> Material {
     Material { name: name.to_owned(), base_color: [1.0; 4], ..Material::default() }
 }

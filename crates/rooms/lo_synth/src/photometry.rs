@@ -1,7 +1,7 @@
-//! Light in absolute units.
+//! Absolute photometric units and emission of lamps.
 //!
-//! One unit of radiance (of the luminance of linear RGB) stands for 100 cd/m². A wall of reflectance 0.7 under 300 lx has
-//! 67 cd/m², 0.67 units; ceiling panels 20–60, bare bulbs 100–1,000, an overcast sky 10–60, the sun's disc some 10⁷ units.
+//! One unit of radiance (luminance of linear RGB) is 100 cd/m². A wall of reflectance 0.7 under 300 lx has 67 cd/m² or
+//! 0.67 units. Ceiling panels have 20–60 units, bare bulbs 100–1,000, an overcast sky 10–60, the sun's disc about 10⁷.
 
 use std::ops::Range;
 
@@ -11,10 +11,10 @@ use crate::solids::Shape;
 /// Luminance of one unit of radiance, cd/m².
 pub const UNIT_CD_M2: f32 = 100.0;
 
-/// Angular radius of the sun's disc.
+/// Angular radius of the sun's disc, radians.
 pub(crate) const SUN_RADIUS_RAD: f32 = 0.004_65;
 
-/// A burning lamp.
+/// Light of a lamp that is on.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Glow {
     pub flux_lm: f32,
@@ -22,14 +22,14 @@ pub(crate) struct Glow {
     pub kelvin: f32,
 }
 
-/// Makes all triangles of a shape since `first` give off the lamp's flux evenly, as a Lambertian surface does.
-pub(crate) fn light(palette: &mut Palette, shape: &mut Shape, first: usize, glow: &Glow) {
+/// Makes the triangles from `first` on emit the lamp's flux as a uniform Lambertian surface.
+pub(crate) fn emit_from(palette: &mut Palette, shape: &mut Shape, first: usize, glow: &Glow) {
     let end = shape.triangles.len();
-    light_range(palette, shape, first..end, glow);
+    emit_range(palette, shape, first..end, glow);
 }
 
-/// As [`light`], for some of the triangles.
-pub(crate) fn light_range(palette: &mut Palette, shape: &mut Shape, range: Range<usize>, glow: &Glow) {
+/// Makes a range of triangles emit the lamp's flux as a uniform Lambertian surface.
+pub(crate) fn emit_range(palette: &mut Palette, shape: &mut Shape, range: Range<usize>, glow: &Glow) {
     let area_m2 = shape.area(range.clone()).max(1e-6);
     let luminance = glow.flux_lm / (std::f32::consts::PI * area_m2);
     let radiance = luminance_color(glow.kelvin).map(|c| c * luminance / UNIT_CD_M2);
@@ -39,7 +39,7 @@ pub(crate) fn light_range(palette: &mut Palette, shape: &mut Shape, range: Range
     }
 }
 
-/// Linear RGB of luminance 1 and the chromaticity of a black body (Krystek 1985 in CIE 1960 u, v; 1,000–15,000 K).
+/// Linear RGB of a black body at luminance 1 (Krystek 1985 in CIE 1960 u, v; 1,000–15,000 K).
 pub(crate) fn luminance_color(kelvin: f32) -> [f32; 3] {
     let t = f64::from(kelvin.clamp(1000.0, 15_000.0));
     let u = (0.860_117_757 + 1.541_182_54e-4 * t + 1.286_412_12e-7 * t * t)
@@ -50,7 +50,7 @@ pub(crate) fn luminance_color(kelvin: f32) -> [f32; 3] {
     from_xyz([x / y, 1.0, (1.0 - x - y) / y])
 }
 
-/// Linear Rec. 709 of CIE XYZ; colours outside the gamut lose what is negative, at constant luminance.
+/// Converts CIE XYZ to linear Rec. 709. Negative channels are clipped at constant luminance.
 pub(crate) fn from_xyz([x, y, z]: [f64; 3]) -> [f32; 3] {
     let rgb = [
         3.240_969_94 * x - 1.537_383_18 * y - 0.498_610_76 * z,
@@ -70,10 +70,10 @@ mod tests {
 
     #[test]
     fn black_bodies_have_their_colours() {
-        // 6504 K is nearly the white of Rec. 709 (D65 lies a little off the black body's curve).
+        // 6504 K is close to D65, which lies slightly off the Planckian locus.
         let white = luminance_color(6504.0);
         assert!(white.iter().all(|c| (c - 1.0).abs() < 0.06), "{white:?}");
-        // Charity's table of black-body colours (D65 white) has #ffa957 for 2,700 K: linear 1, 0.397, 0.095.
+        // Charity's table of black-body colours (D65 white) gives #ffa957 for 2,700 K: linear 1, 0.397, 0.095.
         let bulb = luminance_color(2700.0);
         assert!((bulb[1] / bulb[0] - 0.397).abs() < 0.04 && (bulb[2] / bulb[0] - 0.095).abs() < 0.03, "{bulb:?}");
         assert!((lo_imaging::luminance(bulb) - 1.0).abs() < 1e-4);
@@ -87,9 +87,9 @@ mod tests {
         let mut shape = Shape::default();
         let paint = palette.paint(crate::palette::Finish::Matte);
         shape.ball(lo_geometry::Vec3::ZERO, [0.15, 0.15], 48, paint);
-        light(&mut palette, &mut shape, 0, &Glow { flux_lm: 800.0, kelvin: 2700.0 });
+        emit_from(&mut palette, &mut shape, 0, &Glow { flux_lm: 800.0, kelvin: 2700.0 });
         let emissive = palette.materials.last().unwrap().emissive;
-        // A ball of radius 0.15 m: 0.2827 m² (the polyhedron has a little less), 800 / (π · 0.2827) = 900.7 cd/m².
+        // A ball of radius 0.15 m has 0.2827 m² (the polyhedron slightly less): 800 / (π · 0.2827) = 900.7 cd/m².
         assert!((lo_imaging::luminance(emissive) - 9.007).abs() < 0.15);
     }
 }

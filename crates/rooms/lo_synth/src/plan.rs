@@ -1,4 +1,4 @@
-//! The room's outline, ceiling and openings, before anything is built.
+//! The floor plan: outline, ceiling and openings of a room.
 
 mod openings;
 
@@ -9,50 +9,50 @@ use crate::chance::{between, chance, weighted};
 use crate::config::SynthConfig;
 use crate::description::{Outline, RoomKind};
 
-/// An outline of walls, seen from above (x to the right, z towards the viewer), and what lies above it.
+/// Floor plan in the (x, z) plane, x to the right and z towards the viewer, with ceiling and openings.
 #[derive(Clone, Debug)]
 pub(crate) struct Plan {
     pub outline: Outline,
-    /// Rectangles (least and greatest corner) that make up the floor; they share edges alone.
+    /// Rectangles (minimum and maximum corner) that tile the floor; they share edges only.
     pub rectangles: Vec<[Vec2; 2]>,
     pub walls: Vec<Wall>,
     pub height_m: f32,
-    /// How many times as long and wide as rooms of its kind usually are.
-    pub grown: f32,
+    /// Factor on the usual length and width of rooms of this kind.
+    pub size_factor: f32,
     pub slope: Option<Slope>,
 }
 
-/// A ceiling that comes down towards one or both ends of an axis of the (rectangular) room.
+/// A ceiling that slopes down to one or both ends of an axis of a rectangular room.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Slope {
-    /// 0: along x, 1: along z.
+    /// Axis of the slope: 0 for x, 1 for z.
     pub axis: usize,
-    /// Height at the low end.
+    /// Height at the low end, metres.
     pub knee_m: f32,
     /// Rise per metre.
     pub rise: f32,
     pub both_ends: bool,
 }
 
-/// One straight wall; `start + along · s` for s in [0, length], the room on the side of `inward()`.
+/// A straight wall: `start + along · s` for s in [0, length], with the room on the side of `inward()`.
 #[derive(Clone, Debug)]
 pub(crate) struct Wall {
     pub start: Vec2,
     pub along: Vec2,
     pub length_m: f32,
     pub thickness_m: f32,
-    /// Nothing of this room lies behind it: it may have windows and doors.
-    pub free: bool,
+    /// Whether no other wing of the room is behind it, so that it can have windows and doors.
+    pub can_have_openings: bool,
     pub openings: Vec<Opening>,
 }
 
-/// A hole in a wall.
+/// An opening in a wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Opening {
     pub kind: OpeningKind,
-    /// From and to along the wall.
+    /// Extent along the wall, metres.
     pub s: [f32; 2],
-    /// From and to above the floor.
+    /// Extent above the floor, metres.
     pub h: [f32; 2],
 }
 
@@ -60,7 +60,7 @@ pub(crate) struct Opening {
 pub(crate) enum OpeningKind {
     Window,
     ClosedDoor,
-    /// The leaf stands open, or there is none.
+    /// A door with an open leaf, or without a leaf.
     OpenDoor {
         leaf: bool,
         lit: bool,
@@ -69,17 +69,17 @@ pub(crate) enum OpeningKind {
 
 impl Wall {
     pub(crate) fn inward(&self) -> Vec2 {
-        // along × up, seen from above.
+        // along × up in the (x, z) plane.
         Vec2::new(-self.along.y, self.along.x)
     }
 
-    /// World point at `s` along the wall, `h` above the floor, `out` metres into the room.
+    /// Point at `s` along the wall, `h` above the floor and `out` into the room, metres.
     pub(crate) fn point(&self, s: f32, h: f32, out: f32) -> Vec3 {
         let p = self.start + self.along * s + self.inward() * out;
         Vec3::new(p.x, h, p.y)
     }
 
-    /// Turn about +Y that takes x to `along` and z to `inward`.
+    /// Rotation about +Y that maps x to `along` and z to `inward`.
     pub(crate) fn yaw_rad(&self) -> f32 {
         (-self.along.y).atan2(self.along.x)
     }
@@ -96,19 +96,21 @@ impl Opening {
 }
 
 impl Plan {
-    /// Draws outline, height, doors and windows for a kind of room, so many times as long and wide as usual. `glazed` draws walls of glass.
+    /// Draws the plan of a kind of room, `size_factor` times as long and wide as usual.
+    ///
+    /// With the stream `glazed`, walls of glass replace the windows.
     pub(crate) fn draw(
         random: &mut Stream,
         kind: RoomKind,
         config: &SynthConfig,
-        grown: f32,
+        size_factor: f32,
         glazed: Option<Stream>,
     ) -> Self {
         let [narrow, wide, deep] = size_range(kind);
         let (a, b) = (between(random, narrow, wide), between(random, narrow.max(deep * 0.55), deep));
-        let (a, b) = (grown * a, grown * b);
+        let (a, b) = (size_factor * a, size_factor * b);
         let (width, depth) = if chance(random, 0.5) { (a, b) } else { (b, a) };
-        let height_m = height(random, kind) * grown.sqrt();
+        let height_m = height(random, kind) * size_factor.sqrt();
         let outline = match kind {
             RoomKind::OpenPlan => Outline::OpenPlan,
             RoomKind::Corridor | RoomKind::Bathroom | RoomKind::Classroom => Outline::Rectangle,
@@ -118,7 +120,7 @@ impl Plan {
         let cut = outline == Outline::LShape || outline == Outline::OpenPlan && chance(random, 0.5);
         let mut plan = if cut { l_shape(random, width, depth) } else { rectangle(width, depth) };
         plan.outline = outline;
-        plan.grown = grown;
+        plan.size_factor = size_factor;
         plan.height_m = height_m;
         let may_slope = outline == Outline::Rectangle
             && matches!(kind, RoomKind::Bedroom | RoomKind::Living | RoomKind::Office | RoomKind::Studio);
@@ -141,25 +143,25 @@ impl Plan {
         plan
     }
 
-    /// Height of the ceiling above a point of the floor.
+    /// Height of the ceiling above a point of the floor, metres.
     pub(crate) fn ceiling(&self, p: Vec2) -> f32 {
         let Some(slope) = self.slope else {
             return self.height_m;
         };
-        let (least, most) = self.extent();
-        let from_low = p[slope.axis] - least[slope.axis];
-        let from_high = most[slope.axis] - p[slope.axis];
+        let (min, max) = self.extent();
+        let from_low = p[slope.axis] - min[slope.axis];
+        let from_high = max[slope.axis] - p[slope.axis];
         let distance = if slope.both_ends { from_low.min(from_high) } else { from_low };
         (slope.knee_m + slope.rise * distance.max(0.0)).min(self.height_m)
     }
 
-    /// Places along the slope's axis where the ceiling bends.
+    /// Coordinates on the slope's axis at which the ceiling bends.
     pub(crate) fn bends(&self) -> Vec<f32> {
         let Some(slope) = self.slope else {
             return Vec::new();
         };
-        let (least, most) = self.extent();
-        let (low, high) = (least[slope.axis], most[slope.axis]);
+        let (min, max) = self.extent();
+        let (low, high) = (min[slope.axis], max[slope.axis]);
         let reach = (self.height_m - slope.knee_m) / slope.rise;
         let mut bends = Vec::new();
         if slope.both_ends {
@@ -171,18 +173,18 @@ impl Plan {
         bends
     }
 
-    /// Least and greatest corner of the outline.
+    /// Minimum and maximum corner of the outline.
     pub(crate) fn extent(&self) -> (Vec2, Vec2) {
         self.rectangles
             .iter()
-            .fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(least, most), [a, b]| (least.min(*a), most.max(*b)))
+            .fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(min, max), [a, b]| (min.min(*a), max.max(*b)))
     }
 
     pub(crate) fn area_m2(&self) -> f32 {
         self.rectangles.iter().map(|[a, b]| (b.x - a.x) * (b.y - a.y)).sum()
     }
 
-    /// Whether a point lies inside, at least `margin` from every wall.
+    /// Whether a point is inside and at least `margin` from every wall.
     pub(crate) fn contains(&self, p: Vec2, margin: f32) -> bool {
         let inside = self.rectangles.iter().any(|[a, b]| p.cmpge(*a).all() && p.cmple(*b).all());
         inside
@@ -193,7 +195,7 @@ impl Plan {
     }
 }
 
-/// Least, greatest width and greatest depth of a kind of room, metres.
+/// Minimum width, maximum width and maximum depth of a kind of room, metres.
 fn size_range(kind: RoomKind) -> [f32; 3] {
     match kind {
         RoomKind::Bedroom => [2.8, 4.2, 5.2],
@@ -232,7 +234,7 @@ fn rectangle(width: f32, depth: f32) -> Plan {
     from_corners(&corners, vec![[Vec2::ZERO, Vec2::new(width, depth)]], &[])
 }
 
-/// A rectangle without one of its corners.
+/// Builds a rectangle with one corner cut out.
 fn l_shape(random: &mut Stream, width: f32, depth: f32) -> Plan {
     let (x, z) = (width * between(random, 0.4, 0.68), depth * between(random, 0.4, 0.68));
     let corners = [
@@ -244,7 +246,7 @@ fn l_shape(random: &mut Stream, width: f32, depth: f32) -> Plan {
         Vec2::new(0.0, depth),
     ];
     let rectangles = vec![[Vec2::ZERO, Vec2::new(width, z)], [Vec2::new(0.0, z), Vec2::new(x, depth)]];
-    // Behind the two walls of the cut-out corner lies the other wing.
+    // The other wing is behind the two walls of the cut-out corner.
     from_corners(&corners, rectangles, &[2, 3])
 }
 
@@ -257,12 +259,12 @@ fn from_corners(corners: &[Vec2], rectangles: Vec<[Vec2; 2]>, inner: &[usize]) -
                 along: (b - a).normalize(),
                 length_m: a.distance(b),
                 thickness_m: 0.2,
-                free: !inner.contains(&k),
+                can_have_openings: !inner.contains(&k),
                 openings: Vec::new(),
             }
         })
         .collect();
-    Plan { outline: Outline::Rectangle, rectangles, walls, height_m: 2.5, grown: 1.0, slope: None }
+    Plan { outline: Outline::Rectangle, rectangles, walls, height_m: 2.5, size_factor: 1.0, slope: None }
 }
 
 #[cfg(test)]
@@ -273,7 +275,7 @@ mod tests {
     fn walls_run_around_with_the_room_on_their_inner_side() {
         let mut random = lo_random::stream(1, "plan", 0);
         for plan in [rectangle(4.0, 3.0), l_shape(&mut random, 6.0, 5.0)] {
-            // Green's theorem: the area that the walls enclose is that of the rectangles.
+            // The enclosed area by Green's theorem must match the rectangles.
             let area: f32 = plan
                 .walls
                 .iter()

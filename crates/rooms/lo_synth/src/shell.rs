@@ -1,45 +1,47 @@
-//! Floor, ceiling, walls with holes, skirting boards.
+//! The shell of a room: floor, ceiling, walls with openings, skirting boards and cornices.
 
 use lo_geometry::{Quat, Vec2, Vec3};
 
 use crate::chance::{between, chance, count};
 use crate::palette::{Finish, Mood};
 use crate::plan::{Plan, Wall};
+use crate::room_builder::{RoomBuilder, Support};
 use crate::solids::{Paint, Shape};
-use crate::stage::{Stage, Support};
 
-/// Builds what encloses the room; the openings stay open.
-pub(crate) fn build(stage: &mut Stage) {
-    let floor = stage.palette.paint(Finish::Floor);
-    let ceiling = stage.palette.paint(Finish::Ceiling);
-    let style = stage.palette.style();
-    let plain = stage.palette.paint(if style.wet { Finish::WallTiles } else { Finish::Wall });
-    let accent = if style.mood != Mood::Dark && !style.wet && chance(&mut stage.random, 0.25) {
-        Some(count(&mut stage.random, 0, stage.plan.walls.len() - 1))
+/// Builds the shell and leaves doors and windows open.
+pub(crate) fn build(builder: &mut RoomBuilder) {
+    let floor = builder.palette.paint(Finish::Floor);
+    let ceiling = builder.palette.paint(Finish::Ceiling);
+    let style = builder.palette.style();
+    let plain = builder.palette.paint(if style.wet { Finish::WallTiles } else { Finish::Wall });
+    let accent = if style.mood != Mood::Dark && !style.wet && chance(&mut builder.random, 0.25) {
+        Some(count(&mut builder.random, 0, builder.plan.walls.len() - 1))
     } else {
         None
     };
-    let upper = stage.palette.paint(Finish::Wall);
-    // Bathrooms are tiled to a height, or all over.
-    let tiled_m = if style.wet && chance(&mut stage.random, 0.6) { between(&mut stage.random, 1.2, 2.1) } else { 99.0 };
+    let upper = builder.palette.paint(Finish::Wall);
+    // Bathrooms are tiled up to this height, or completely.
+    let tiled_m =
+        if style.wet && chance(&mut builder.random, 0.6) { between(&mut builder.random, 1.2, 2.1) } else { 99.0 };
     let mut shape = Shape::default();
-    for [a, b] in &stage.plan.rectangles {
+    for [a, b] in &builder.plan.rectangles {
         let corner = |x: f32, z: f32| Vec3::new(x, 0.0, z);
         shape.polygon(&[corner(a.x, b.y), corner(b.x, b.y), corner(b.x, a.y), corner(a.x, a.y)], floor);
     }
-    build_ceiling(&mut shape, &stage.plan, ceiling);
-    for (index, wall) in stage.plan.walls.iter().enumerate() {
-        let paint = if accent == Some(index) { stage.palette.paint(Finish::AccentWall) } else { plain };
-        build_wall(&mut shape, &stage.plan, wall, [paint, upper], tiled_m);
+    build_ceiling(&mut shape, &builder.plan, ceiling);
+    for (index, wall) in builder.plan.walls.iter().enumerate() {
+        let paint = if accent == Some(index) { builder.palette.paint(Finish::AccentWall) } else { plain };
+        build_wall(&mut shape, &builder.plan, wall, [paint, upper], tiled_m);
     }
     let first = 0;
     shape.close_part(first);
-    stage.fix("shell", Support::Building, &shape, Quat::IDENTITY, Vec3::ZERO);
+    builder.add_shape("shell", Support::Building, &shape, Quat::IDENTITY, Vec3::ZERO);
     if !style.wet {
-        skirting(stage);
+        skirting(builder);
     }
-    if stage.plan.slope.is_none() && stage.plan.height_m > 2.55 && !style.sober && chance(&mut stage.random, 0.25) {
-        cornice(stage);
+    if builder.plan.slope.is_none() && builder.plan.height_m > 2.55 && !style.sober && chance(&mut builder.random, 0.25)
+    {
+        cornice(builder);
     }
 }
 
@@ -53,7 +55,7 @@ fn build_ceiling(shape: &mut Shape, plan: &Plan, paint: Paint) {
             let (mut low, mut high) = (*a, *b);
             low[axis] = pair[0];
             high[axis] = pair[1];
-            // At a bend both sides have the same height.
+            // Adjacent strips share the height at a bend.
             let corner = |x: f32, z: f32| Vec3::new(x, plan.ceiling(Vec2::new(x, z)), z);
             let corners = [corner(low.x, low.y), corner(high.x, low.y), corner(high.x, high.y), corner(low.x, high.y)];
             shape.polygon(&corners, paint);
@@ -61,7 +63,7 @@ fn build_ceiling(shape: &mut Shape, plan: &Plan, paint: Paint) {
     }
 }
 
-/// A wall as columns between the edges of its openings and the bends of the ceiling.
+/// Builds a wall from columns between the edges of its openings and the bends of the ceiling.
 fn build_wall(shape: &mut Shape, plan: &Plan, wall: &Wall, [paint, upper]: [Paint; 2], tiled_m: f32) {
     let mut lines = vec![0.0, wall.length_m];
     for opening in &wall.openings {
@@ -101,7 +103,7 @@ fn build_wall(shape: &mut Shape, plan: &Plan, wall: &Wall, [paint, upper]: [Pain
     }
 }
 
-/// One quadrilateral of a wall with a level lower edge; texture coordinates run along the whole wall.
+/// Adds one quadrilateral of a wall with a level lower edge. Texture coordinates are continuous along the wall.
 fn wall_piece(shape: &mut Shape, wall: &Wall, [left, right]: [f32; 2], low: f32, top: [f32; 2], paint: Paint) {
     let corners = [
         wall.point(left, low, 0.0),
@@ -116,7 +118,7 @@ fn wall_piece(shape: &mut Shape, wall: &Wall, [left, right]: [f32; 2], low: f32,
     }
 }
 
-/// Intervals of a wall that no door interrupts.
+/// Intervals of a wall between its doors.
 fn between_doors(wall: &Wall, margin: f32) -> Vec<[f32; 2]> {
     let mut doors: Vec<[f32; 2]> = wall.openings.iter().filter(|o| o.h[0] < 0.1).map(|o| o.s).collect();
     doors.sort_by(|a, b| a[0].total_cmp(&b[0]));
@@ -131,26 +133,26 @@ fn between_doors(wall: &Wall, margin: f32) -> Vec<[f32; 2]> {
     intervals
 }
 
-fn skirting(stage: &mut Stage) {
-    let paint = stage.palette.paint(Finish::Trim);
-    let (height, depth) = (between(&mut stage.random, 0.05, 0.11), between(&mut stage.random, 0.01, 0.016));
-    for index in 0..stage.plan.walls.len() {
+fn skirting(builder: &mut RoomBuilder) {
+    let paint = builder.palette.paint(Finish::Trim);
+    let (height, depth) = (between(&mut builder.random, 0.05, 0.11), between(&mut builder.random, 0.01, 0.016));
+    for index in 0..builder.plan.walls.len() {
         let mut shape = Shape::default();
-        for [a, b] in between_doors(&stage.plan.walls[index], 0.09) {
+        for [a, b] in between_doors(&builder.plan.walls[index], 0.09) {
             shape.cuboid(Vec3::new(a, 0.0, 0.0), Vec3::new(b, height, depth), paint);
         }
-        stage.fix_to_wall("skirting board", Support::Building, &shape, index);
+        builder.add_to_wall("skirting board", Support::Building, &shape, index);
     }
 }
 
-fn cornice(stage: &mut Stage) {
-    let paint = stage.palette.paint(Finish::Ceiling);
-    let size = between(&mut stage.random, 0.05, 0.12);
-    let top = stage.plan.height_m;
-    for index in 0..stage.plan.walls.len() {
-        let length = stage.plan.walls[index].length_m;
+fn cornice(builder: &mut RoomBuilder) {
+    let paint = builder.palette.paint(Finish::Ceiling);
+    let size = between(&mut builder.random, 0.05, 0.12);
+    let top = builder.plan.height_m;
+    for index in 0..builder.plan.walls.len() {
+        let length = builder.plan.walls[index].length_m;
         let mut shape = Shape::default();
-        // A hollow moulding, its profile from the wall up to the ceiling.
+        // A concave moulding from the wall up to the ceiling.
         let rows = 6;
         shape.grid([1, rows], Vec2::new(length, size * 1.5), paint, |u, v| {
             let angle = v * std::f32::consts::FRAC_PI_2;
@@ -158,6 +160,6 @@ fn cornice(stage: &mut Stage) {
         });
         let first = 0;
         shape.close_part(first);
-        stage.fix_to_wall("cornice", Support::Building, &shape, index);
+        builder.add_to_wall("cornice", Support::Building, &shape, index);
     }
 }

@@ -1,4 +1,4 @@
-//! What must hold in every room, checked on the triangles, not on what the placement believes.
+//! Invariants of every room, checked on its triangles and independent of the placement code.
 #![allow(clippy::unwrap_used)]
 
 use std::collections::HashSet;
@@ -7,15 +7,15 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use lo_geometry::{Quat, Ray, Vec3, fibonacci_sphere};
 use lo_mesh::PreparedModel;
-use lo_synth::{Interior, LampUse, Object, RoomKind, Support, SynthConfig, Tilt, Weather};
+use lo_synth::{Interior, LightingMode, Object, RoomKind, Support, SynthConfig, Tilt, Weather};
 
-/// What lies on a thing or leans on it may touch it; carpets give way by their pile.
+/// Tolerance of contact between objects, metres; the pile of carpets gives way.
 const TOUCH_M: f32 = 0.012;
 
 struct Room {
     interior: Interior,
     model: PreparedModel,
-    /// Object of each triangle.
+    /// Index of the object that each triangle belongs to.
     owner: Vec<usize>,
 }
 
@@ -29,7 +29,7 @@ impl Room {
                 owner[part.clone()].fill(k);
             }
         }
-        assert!(owner.iter().all(|&o| o != usize::MAX), "{}: triangles of nothing", interior.id);
+        assert!(owner.iter().all(|&o| o != usize::MAX), "{}: triangles without an object", interior.id);
         Self { interior, model, owner }
     }
 
@@ -43,9 +43,9 @@ impl Room {
         all.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)))
     }
 
-    /// Object and distance of the first hit.
-    fn hit(&self, origin: Vec3, direction: Vec3, most: f32) -> Option<(usize, f32)> {
-        let hit = self.model.intersect_both_sides(&Ray { origin, direction }, most)?;
+    /// Object index and distance of the first hit.
+    fn hit(&self, origin: Vec3, direction: Vec3, max: f32) -> Option<(usize, f32)> {
+        let hit = self.model.intersect_both_sides(&Ray { origin, direction }, max)?;
         Some((self.owner[hit.triangle as usize], hit.distance_m))
     }
 
@@ -53,7 +53,7 @@ impl Room {
         self.interior.objects[object].support == Support::Building
     }
 
-    /// A closed part: its vector areas sum to nothing.
+    /// Whether a part is closed: its vector areas sum to zero.
     fn is_closed(&self, part: &std::ops::Range<usize>) -> bool {
         let model = &self.interior.world.model;
         let (sum, total) = model.triangles[part.clone()].iter().fold((Vec3::ZERO, 0.0), |(sum, total), t| {
@@ -64,7 +64,7 @@ impl Room {
         sum.length() < 1e-3 * total
     }
 
-    /// Whether a point lies inside of a closed part, by the parity of crossings (Möller & Trumbore 1997).
+    /// Whether a point is inside a closed part, by the parity of ray crossings (Möller & Trumbore 1997).
     fn inside(&self, part: &std::ops::Range<usize>, p: Vec3) -> bool {
         let model = &self.interior.world.model;
         let direction = Vec3::new(0.5121, 0.6971, 0.4874).normalize();
@@ -90,12 +90,12 @@ fn check_numbers(room: &Room) {
     let id = &room.interior.id;
     let model = &room.interior.world.model;
     assert!(model.positions.iter().chain(&model.normals).all(|p| p.is_finite()), "{id}: not finite");
-    assert!(model.uvs[0].iter().flatten().all(|x| x.is_finite()), "{id}: texture coordinates");
-    assert!(model.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-3), "{id}: normals are units");
+    assert!(model.uvs[0].iter().flatten().all(|x| x.is_finite()), "{id}: texture coordinates are not finite");
+    assert!(model.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-3), "{id}: normals are not unit vectors");
     assert!(room.interior.world.outdoors.radiance.pixels().iter().flatten().all(|c| c.is_finite() && *c >= 0.0));
-    // Halls of up to a thousand square metres hold more.
-    let most = if room.interior.description.area_m2 > 150.0 { 300_000 } else { 150_000 };
-    assert!(model.triangles.len() < most, "{id}: {} triangles", model.triangles.len());
+    // Large halls, up to a thousand square metres, have more.
+    let max = if room.interior.description.area_m2 > 150.0 { 300_000 } else { 150_000 };
+    assert!(model.triangles.len() < max, "{id}: {} triangles", model.triangles.len());
     for (k, t) in model.triangles.iter().enumerate() {
         let [a, b, c] = t.map(|v| model.positions[v as usize]);
         let face = (b - a).cross(c - a);
@@ -103,16 +103,16 @@ fn check_numbers(room: &Room) {
         let object = room.interior.objects[room.owner[k]].name;
         assert!(face.length() > 0.0 && sum.dot(face) > 0.0, "{id}: {object} faces inwards: {face} {sum}");
     }
-    // glTF wants vertex colours within [0, 1].
-    assert!(model.colors.iter().flatten().all(|c| (0.0..=1.0).contains(c)), "{id}: vertex colours");
-    let mut least = model.textures.iter().map(|t| t.levels.last().unwrap()[(0, 0)]);
-    assert!(least.all(|mean| mean[3] == 255));
+    // glTF requires vertex colours within [0, 1].
+    assert!(model.colors.iter().flatten().all(|c| (0.0..=1.0).contains(c)), "{id}: vertex colours are out of range");
+    let mut min = model.textures.iter().map(|t| t.levels.last().unwrap()[(0, 0)]);
+    assert!(min.all(|mean| mean[3] == 255));
     for (t, &m) in model.triangles.iter().zip(&model.triangle_materials) {
         let material = &model.materials[m as usize];
         for v in t {
             let tint = model.colors[*v as usize];
             let albedo = (0..3).map(|c| material.base_color[c] * tint[c]).fold(0.0, f32::max);
-            // Textures are absolute and hold at most 0.88.
+            // Textures hold absolute albedo of at most 0.88.
             let whole = albedo * if material.base_color_texture.is_some() { 0.88 } else { 1.0 };
             assert!(whole <= 0.9 || material.transmission > 0.0, "{id}: {} reflects {whole}", material.name);
         }
@@ -136,7 +136,7 @@ fn check_outwards(room: &Room) {
     }
 }
 
-/// Points of a thing, drawn a little towards the middles of its solids, lie in no solid of another thing.
+/// Asserts that objects do not intersect: points just inside each solid are in no solid of another object.
 fn check_apart(room: &Room) {
     let objects = &room.interior.objects;
     let boxes: Vec<(Vec3, Vec3)> = objects.iter().map(|o| room.bounds(o)).collect();
@@ -161,7 +161,7 @@ fn check_apart(room: &Room) {
                         let (a, b) = room
                             .corners(solid)
                             .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), q| (a.min(q), b.max(q)));
-                        // Deeper than things press into one another where they touch.
+                        // Deeper than the tolerance of contact.
                         let deep = p.cmpgt(a + TOUCH_M * 0.5).all() && p.cmplt(b - TOUCH_M * 0.5).all();
                         assert!(
                             !(deep && room.inside(solid, p)),
@@ -180,12 +180,12 @@ fn check_apart(room: &Room) {
 fn check_supported(room: &Room) {
     let id = &room.interior.id;
     for (k, object) in room.interior.objects.iter().enumerate() {
-        let (least, most) = room.bounds(object);
+        let (min, max) = room.bounds(object);
         let name = object.name;
         let near = |direction: Vec3, limit: f32, accept: &dyn Fn(usize) -> bool| {
             object.parts.iter().any(|part| {
                 room.corners(part).any(|p| {
-                    // From a little before the point, past what belongs to the thing itself.
+                    // Starts slightly before the point and skips hits on the object itself.
                     let mut origin = p - direction * 0.006;
                     let mut left = limit + 0.006;
                     for _ in 0..20 {
@@ -204,41 +204,44 @@ fn check_supported(room: &Room) {
         };
         match object.support {
             Support::Building => {}
-            Support::Floor => assert!((-0.002..0.012).contains(&least.y), "{id}: {name} floats at {}", least.y),
+            Support::Floor => assert!((-0.002..0.012).contains(&min.y), "{id}: {name} floats at {}", min.y),
             Support::Ceiling => {
-                assert!(near(Vec3::Y, 0.03, &|hit| room.is_building(hit)), "{id}: {name} hangs on nothing at {most}");
+                assert!(
+                    near(Vec3::Y, 0.03, &|hit| room.is_building(hit)),
+                    "{id}: {name} at {max} is not fixed to the ceiling"
+                );
             }
             Support::Wall => {
                 let sides = [Vec3::X, Vec3::NEG_X, Vec3::Z, Vec3::NEG_Z, Vec3::Y];
                 let held = sides.iter().any(|&d| near(d, 0.03, &|hit| room.is_building(hit)));
-                assert!(held, "{id}: {name} is not at a wall, {least} {most}");
+                assert!(held, "{id}: {name} at {min} to {max} is not fixed to a wall");
             }
             Support::Object(carrier) => {
-                assert!(carrier < k, "{id}: {name} lies on what comes later");
+                assert!(carrier < k, "{id}: the object that carries {name} comes later");
                 let down = near(Vec3::NEG_Y, TOUCH_M, &|hit| hit == carrier);
                 let up = near(Vec3::Y, 0.04, &|hit| hit == carrier);
                 let on = room.interior.objects[carrier].name;
-                assert!(down || up, "{id}: {name} floats above {on}, {least}");
+                assert!(down || up, "{id}: {name} at {min} floats above {on}");
             }
         }
     }
 }
 
-/// One can walk from a door to most of the free floor: cells of 15 cm, a body 44 cm wide felt for with rays.
+/// Asserts that most of the free floor is connected: cells of 15 cm, a body 42 cm wide probed with rays.
 fn check_passages(room: &Room) {
     const CELL: f32 = 0.15;
     let shell = &room.interior.objects[0];
-    let (least, most) = room.bounds(shell);
-    let size = [((most.x - least.x) / CELL) as usize + 1, ((most.z - least.z) / CELL) as usize + 1];
+    let (min, max) = room.bounds(shell);
+    let size = [((max.x - min.x) / CELL) as usize + 1, ((max.z - min.z) / CELL) as usize + 1];
     let center =
-        |k: usize| least + Vec3::new(((k % size[0]) as f32 + 0.5) * CELL, 0.0, ((k / size[0]) as f32 + 0.5) * CELL);
+        |k: usize| min + Vec3::new(((k % size[0]) as f32 + 0.5) * CELL, 0.0, ((k / size[0]) as f32 + 0.5) * CELL);
     let free: Vec<bool> = (0..size[0] * size[1])
         .map(|k| {
             let p = center(k);
             let on_floor = {
                 let hit =
                     room.model.intersect_both_sides(&Ray { origin: p + Vec3::Y * 1.7, direction: Vec3::NEG_Y }, 2.0);
-                // What lies lower than 3 cm is walked on.
+                // Objects lower than 3 cm can be walked on.
                 hit.is_some_and(|hit| hit.distance_m > 1.67)
             };
             on_floor
@@ -252,14 +255,14 @@ fn check_passages(room: &Room) {
         })
         .collect();
     let all = free.iter().filter(|f| **f).count();
-    let mut seen = vec![false; free.len()];
+    let mut visited = vec![false; free.len()];
     let mut largest = 0;
     for start in 0..free.len() {
-        if !free[start] || seen[start] {
+        if !free[start] || visited[start] {
             continue;
         }
         let (mut stack, mut count) = (vec![start], 0);
-        seen[start] = true;
+        visited[start] = true;
         while let Some(k) = stack.pop() {
             count += 1;
             let (x, y) = ((k % size[0]) as i32, (k / size[0]) as i32);
@@ -267,7 +270,7 @@ fn check_passages(room: &Room) {
                 let (nx, ny) = (x + dx, y + dy);
                 if nx >= 0 && ny >= 0 && (nx as usize) < size[0] && (ny as usize) < size[1] {
                     let next = ny as usize * size[0] + nx as usize;
-                    if free[next] && !std::mem::replace(&mut seen[next], true) {
+                    if free[next] && !std::mem::replace(&mut visited[next], true) {
                         stack.push(next);
                     }
                 }
@@ -275,7 +278,7 @@ fn check_passages(room: &Room) {
         }
         largest = largest.max(count);
     }
-    // Islands behind tables are lost; the room as a whole is one.
+    // Islands behind tables may be cut off.
     assert!(all > 0 && largest as f32 > 0.6 * all as f32, "{}: {largest} of {all} cells", room.interior.id);
 }
 
@@ -288,26 +291,30 @@ fn check_views(room: &Room) {
     assert_eq!(views[0], room.interior.camera_poses(1)[0], "{id}: a camera depends on the number of cameras");
     for view in &views {
         let p = view.pose.position;
-        assert!((0.79..2.01).contains(&p.y) && clearance(p) > 0.15, "{id}: camera at {p} has {}", clearance(p));
+        assert!(
+            (0.79..2.01).contains(&p.y) && clearance(p) > 0.15,
+            "{id}: camera at {p} has a clearance of {}",
+            clearance(p)
+        );
         let forward = view.pose.rotation * Vec3::NEG_Z;
         assert!(forward.y.asin().to_degrees().abs() < 15.1 && (49.9..90.1).contains(&view.camera.hfov_deg()));
         let probes = room.interior.probe_positions(view, 6);
-        assert_eq!(probes.len(), 6, "{id}: not enough probes");
+        assert_eq!(probes.len(), 6, "{id}: too few probes");
         for probe in probes {
             let local = view.pose.rotation.inverse() * (probe - p);
             let (u, v, _) = view.camera.project(local).unwrap();
-            assert!((0.0..480.0).contains(&u) && (0.0..320.0).contains(&v), "{id}: probe beside the picture");
+            assert!((0.0..480.0).contains(&u) && (0.0..320.0).contains(&v), "{id}: probe outside the image");
             let distance = probe.distance(p);
             assert!(room.hit(p, (probe - p) / distance, distance).is_none(), "{id}: probe is hidden");
-            assert!(clearance(probe) > 0.095, "{id}: probe has {}", clearance(probe));
+            assert!(clearance(probe) > 0.095, "{id}: probe has a clearance of {}", clearance(probe));
         }
         check_closed(room, p, &directions);
     }
 }
 
-/// Of each of two photos: distance to the middle of what is seen, metres, and how many pieces of furniture are in it.
+/// Median distance of the visible surfaces in metres and number of objects, for each of two photos.
 fn framing(room: &Room) -> Vec<(f32, usize)> {
-    let look = |view: &lo_synth::CameraPose| {
+    let measure = |view: &lo_synth::CameraPose| {
         let rays = (0..16 * 12).map(|k| (f64::from(k % 16) * 30.0 + 15.0, f64::from(k / 16) * 26.0 + 17.0));
         let hits: Vec<_> = rays
             .filter_map(|(u, v)| room.hit(view.pose.position, view.pose.rotation * view.camera.direction(u, v), 50.0))
@@ -317,10 +324,10 @@ fn framing(room: &Room) -> Vec<(f32, usize)> {
         let things: HashSet<usize> = hits.iter().map(|hit| hit.0).filter(|&object| !room.is_building(object)).collect();
         (distances[distances.len() / 2], things.len())
     };
-    room.interior.camera_poses(2).iter().map(look).collect()
+    room.interior.camera_poses(2).iter().map(measure).collect()
 }
 
-/// No ray leaves but through a portal.
+/// Asserts that rays leave the room through portals only.
 fn check_closed(room: &Room, from: Vec3, directions: &[Vec3]) {
     let world = &room.interior.world;
     for &direction in directions {
@@ -352,7 +359,7 @@ fn check_closed(room: &Room, from: Vec3, directions: &[Vec3]) {
     }
 }
 
-/// Behind every portal is glass or a frame, and the portal faces the room.
+/// Asserts that every portal faces the room and has a pane or a frame in front.
 fn check_portals(room: &Room) {
     for portal in &room.interior.world.portals {
         let normal = portal.edges[0].cross(portal.edges[1]).normalize();
@@ -361,19 +368,23 @@ fn check_portals(room: &Room) {
             let p = portal.corner + portal.edges[0] * a + portal.edges[1] * b;
             let hit = room.hit(p - normal * 0.05, normal, 0.6).unwrap();
             let name = room.interior.objects[hit.0].name;
-            assert!(["pane", "window frame", "reveal"].contains(&name), "{}: {name} in a portal", room.interior.id);
+            assert!(
+                ["pane", "window frame", "reveal"].contains(&name),
+                "{}: {name} in front of a portal",
+                room.interior.id
+            );
         }
     }
 }
 
-/// A tenth of a second each in release, half a second as tests are built.
+/// Number of rooms: each takes 0.1 s in release builds and 0.5 s in test builds.
 const ROOMS: u64 = 100;
 
-/// Where daylight is not meant to be alone, a lamp burns.
+/// Asserts that a lamp is on unless the room is lit by daylight only.
 fn check_lit(room: &Room) {
     let about = &room.interior.description;
-    let lit = about.lighting == LampUse::Daylight || (about.lamps_on > 0 && about.flux_lm > 0.0);
-    assert!(lit, "{}: {:?}, but no lamp burns", room.interior.id, about.lighting);
+    let lit = about.lighting == LightingMode::Daylight || (about.lamps_on > 0 && about.flux_lm > 0.0);
+    assert!(lit, "{}: {:?}, but no lamp is on", room.interior.id, about.lighting);
 }
 
 type Check = (&'static str, fn(&Room));
@@ -381,26 +392,30 @@ type Check = (&'static str, fn(&Room));
 #[test]
 fn rooms_keep_the_rules() {
     let framings = keep_the_rules(11, ROOMS, &SynthConfig::default());
-    // Photos of rooms look into them: few at a wall close by, few at nothing but walls.
+    // Few photos show a nearby wall or nothing but walls.
     let share = |test: &dyn Fn(&(f32, usize)) -> bool| {
         framings.iter().filter(|view| test(view)).count() as f32 / framings.len() as f32
     };
     let (near, bare) = (share(&|view| view.0 < 1.3), share(&|view| view.1 < 2));
-    eprintln!("{:.1} % look at something within 1.3 m, {:.1} % at no two things", 100.0 * near, 100.0 * bare);
+    eprintln!(
+        "{:.1} % have a median distance below 1.3 m, {:.1} % show fewer than two objects",
+        100.0 * near,
+        100.0 * bare
+    );
     assert!(near < 0.03 && bare < 0.08, "{near} {bare}");
 }
 
 #[test]
 fn rooms_that_are_lived_and_worked_in_keep_the_rules() {
-    let trades = [RoomKind::Laboratory, RoomKind::Cellar, RoomKind::Workshop, RoomKind::Empty, RoomKind::Hall];
+    let kinds = [RoomKind::Laboratory, RoomKind::Cellar, RoomKind::Workshop, RoomKind::Empty, RoomKind::Hall];
     let mut config = SynthConfig { litter_share: 1.0, people_share: 0.6, ..SynthConfig::default() };
     keep_the_rules(12, ROOMS / 4, &config);
-    config.room_weights = trades.into_iter().zip([1.0, 1.0, 1.0, 0.4, 0.4]).collect();
+    config.room_weights = kinds.into_iter().zip([1.0, 1.0, 1.0, 0.4, 0.4]).collect();
     config.large_share = 0.4;
     keep_the_rules(13, ROOMS / 3, &config);
 }
 
-/// Checks rooms and gives what their photos show, see [`framing`].
+/// Checks rooms and returns the [`framing`] of their photos.
 fn keep_the_rules(seed: u64, rooms: u64, config: &SynthConfig) -> Vec<(f32, usize)> {
     let checks: [Check; 8] = [
         ("numbers", check_numbers),
@@ -415,14 +430,14 @@ fn keep_the_rules(seed: u64, rooms: u64, config: &SynthConfig) -> Vec<(f32, usiz
     let next = AtomicU64::new(0);
     let failed = Mutex::new(Vec::new());
     let framings = Mutex::new(Vec::new());
-    let look = || {
+    let check_rooms = || {
         while let Some(index) = Some(next.fetch_add(1, Ordering::Relaxed)).filter(|&index| index < rooms) {
             let room = Room::new(seed, index, config);
             framings.lock().unwrap().extend(framing(&room));
-            // Walking is felt for with many rays.
+            // The walking test is slow, so it runs on every fourth room.
             let number = if index % 4 == 0 { checks.len() } else { checks.len() - 1 };
             for (name, check) in &checks[..number] {
-                // All rooms are looked at, so that one sees how many break a rule.
+                // Collects failures of all rooms instead of stopping at the first.
                 if std::panic::catch_unwind(|| check(&room)).is_err() {
                     failed.lock().unwrap().push((index, *name));
                 }
@@ -431,7 +446,7 @@ fn keep_the_rules(seed: u64, rooms: u64, config: &SynthConfig) -> Vec<(f32, usiz
     };
     std::thread::scope(|scope| {
         for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
-            scope.spawn(look);
+            scope.spawn(check_rooms);
         }
     });
     let failed = failed.into_inner().unwrap();
@@ -439,14 +454,14 @@ fn keep_the_rules(seed: u64, rooms: u64, config: &SynthConfig) -> Vec<(f32, usiz
     framings.into_inner().unwrap()
 }
 
-/// Bytes of the triangles and materials.
 #[test]
 fn a_wall_lamp_burns_where_the_ceiling_has_no_place() {
-    // A bedroom without windows: its wardrobe reaches to where the one lamp would hang.
+    // A windowless bedroom whose wardrobe occupies the place of its only ceiling lamp.
     let interior = Interior::generate(100, 418, &SynthConfig::default()).unwrap();
     assert_eq!((interior.description.windows, interior.description.lamps_on), (0, 1));
 }
 
+/// Hash of the geometry, materials, textures and outdoors.
 fn fingerprint(interior: &Interior) -> u64 {
     let model = &interior.world.model;
     let mut bytes: Vec<u8> = Vec::new();
@@ -484,7 +499,7 @@ fn a_thousand_seeds_give_a_thousand_layouts() {
     let mut layouts = HashSet::new();
     for seed in 0..1000 {
         let interior = Interior::generate(seed, 0, &config).unwrap();
-        // Where things are, to the centimetre, without what they look like.
+        // Positions of the objects to the centimetre, without their appearance.
         let mut bytes = Vec::new();
         for object in &interior.objects {
             let first = interior.world.model.triangles.get(object.parts.first().map_or(0, |p| p.start)).unwrap()[0];
@@ -492,7 +507,7 @@ fn a_thousand_seeds_give_a_thousand_layouts() {
             bytes.extend(p.to_array().iter().flat_map(|x| (x.round() as i32).to_le_bytes()));
             bytes.extend(object.name.as_bytes());
         }
-        assert!(layouts.insert(lo_random::hash(&bytes)), "seed {seed} has a layout that was there before");
+        assert!(layouts.insert(lo_random::hash(&bytes)), "seed {seed} repeats a layout");
     }
 }
 
@@ -519,22 +534,22 @@ fn close_ups_show_things_within_reach_and_stand_in_nothing() {
             let p = view.pose.position;
             let clearance =
                 directions.iter().filter_map(|&d| room.hit(p, d, 50.0)).map(|hit| hit.1).fold(50.0, f32::min);
-            assert!(room.interior.is_free(p, 0.09) && clearance > 0.09, "{p} has {clearance}");
+            assert!(room.interior.is_free(p, 0.09) && clearance > 0.09, "camera at {p} has a clearance of {clearance}");
             let pixels = (0..16 * 12).map(|k| (f64::from(k % 16) * 30.0 + 15.0, f64::from(k / 16) * 26.0 + 17.0));
-            let mut seen: Vec<f32> = pixels
+            let mut visible: Vec<f32> = pixels
                 .filter_map(|(u, v)| room.hit(p, view.pose.rotation * view.camera.direction(u, v), 50.0))
                 .map(|hit| hit.1)
                 .collect();
-            seen.sort_unstable_by(f32::total_cmp);
-            assert!(seen[0] > 0.12, "{} right before the lens", seen[0]);
-            distances.push(seen[seen.len() / 2]);
+            visible.sort_unstable_by(f32::total_cmp);
+            assert!(visible[0] > 0.12, "a surface at {} m is too close to the camera", visible[0]);
+            distances.push(visible[visible.len() / 2]);
             down.push((view.pose.rotation * Vec3::NEG_Z).y);
         }
     }
     distances.sort_unstable_by(f32::total_cmp);
     let below = down.iter().filter(|&&y| y < -0.17).count();
-    eprintln!("middles at {distances:.2?} m, {below} of {} look down", down.len());
-    // Two or three rooms of twelve have hardly a thing to look at.
+    eprintln!("median distances {distances:.2?} m, {below} of {} look down", down.len());
+    // Two or three of the twelve rooms have hardly any targets.
     assert!(distances[distances.len() / 2] < 1.5 && distances[distances.len() / 8] > 0.4, "{distances:?}");
     assert!(below as f32 > 0.6 * down.len() as f32);
 }
@@ -545,10 +560,10 @@ fn upright_photos_have_the_same_lens_across_the_longer_side() {
     let interior = Interior::generate(11, 2, &config).unwrap();
     let views = interior.camera_poses(40);
     let upright = views.iter().filter(|view| view.camera.height > view.camera.width).count();
-    // 20 expected, deviation 3.2
+    // 20 expected, standard deviation 3.2.
     assert!((10..=30).contains(&upright), "{upright}");
     let steep = |view: &lo_synth::CameraPose| (view.pose.rotation * Vec3::NEG_Z).y.asin().to_degrees().abs();
-    // uniform to 40°: half above 20, but steep views of rooms are less often good ones
+    // A uniform pitch up to 40° puts half above 20°, but steep views score lower.
     assert!(views.iter().all(|view| steep(view) < 40.1) && views.iter().filter(|view| steep(view) > 20.0).count() > 6);
     for view in &views {
         let long = 2.0 * view.camera.half_extent().atan().to_degrees();
@@ -577,12 +592,12 @@ fn the_sun_shines_in_where_it_is_asked_to() {
         days += 1;
         let sun = interior.world.outdoors.sun.unwrap().direction;
         let faces = |portal: &lo_transport::Portal| {
-            // The edges' product points into the room: the sun's light must go the same way.
+            // The cross product of the edges points into the room, and so must the sunlight.
             let inward = portal.edges[0].cross(portal.edges[1]).normalize();
             let level = Vec3::new(-sun.x, 0.0, -sun.z).normalize();
             level.dot(inward) > 0.65
         };
-        assert!(interior.world.portals.iter().any(faces), "{}: the sun stands behind the house", interior.id);
+        assert!(interior.world.portals.iter().any(faces), "{}: the sun is not in front of a window", interior.id);
     }
     assert!(days > 12 && nights > 1, "{days} {nights}");
 }
@@ -609,7 +624,7 @@ fn dim_rooms_are_dark_and_mixed_light_has_several_colours() {
     let (usual, few) = figures(&night);
     let (dim, _) = figures(&SynthConfig { dim_share: 1.0, ..night.clone() });
     let (_, many) = figures(&SynthConfig { mixed_light_share: 1.0, ..night });
-    // e^−1.4 to e^−3.4
+    // Factors from e^−3.4 to e^−1.4.
     assert!(dim < 0.3 * usual && dim > 0.02 * usual, "{dim} of {usual} lm/m²");
     assert!(many > few + 4, "{many} rooms with more than two colours, {few} usually");
 }
@@ -623,7 +638,7 @@ fn worn_surfaces_have_a_relief_and_others_none() {
         let reliefs = worn.materials.iter().filter(|m| m.normal_texture.is_some()).count();
         assert!(reliefs > 4 && worn.tangents.len() == worn.positions.len(), "{reliefs}");
         assert!(usual.materials.iter().all(|m| m.normal_texture.is_none()) && usual.tangents.is_empty());
-        // The same things stand in the same places.
+        // Wear does not change the geometry.
         assert_eq!(worn.triangles.len(), usual.triangles.len());
     }
 }

@@ -1,4 +1,4 @@
-//! Bath, shower, basin, toilet.
+//! Bathroom furniture: bath, shower, washstand, toilet.
 
 use std::f32::consts::TAU;
 
@@ -7,16 +7,16 @@ use lo_geometry::{Vec2, Vec3};
 use super::kitchen::tap;
 use crate::chance::{between, chance};
 use crate::palette::Finish;
+use crate::room_builder::{Piece, RoomBuilder};
 use crate::solids::{Paint, Shape};
-use crate::stage::{Piece, Stage};
 
-/// A tub of 170 × 75 cm, 56 cm high, its long side at z = 0.
-pub(super) fn bath(stage: &mut Stage) -> Piece {
-    let white = stage.palette.paint(Finish::Ceramic);
+/// Builds a bathtub of 170 × 75 cm, 56 cm high; long side at z = 0.
+pub(super) fn bath(builder: &mut RoomBuilder) -> Piece {
+    let white = builder.palette.paint(Finish::Ceramic);
     let (half, depth, high) = (Vec2::new(0.85, 0.375), 0.4, 0.56);
     let mut shape = Shape::default();
     let p = Vec3::new;
-    // The apron: four sides; the basin is let in from above.
+    // Four sides; the basin closes the top.
     let (a, b) = (p(-half.x, 0.0, 0.0), p(half.x, high, 0.75));
     let first = shape.triangles.len();
     shape.polygon(&[p(a.x, 0.0, b.z), p(b.x, 0.0, b.z), p(b.x, high, b.z), p(a.x, high, b.z)], white);
@@ -25,15 +25,15 @@ pub(super) fn bath(stage: &mut Stage) -> Piece {
     shape.polygon(&[p(b.x, 0.0, b.z), p(b.x, 0.0, a.z), p(b.x, high, a.z), p(b.x, high, b.z)], white);
     basin(&mut shape, p(0.0, high, 0.375), half, half - Vec2::splat(0.06), depth, white);
     shape.close_part(first);
-    let metal = stage.palette.paint(Finish::Metal);
+    let metal = builder.palette.paint(Finish::Metal);
     tap(&mut shape, p(-0.3, high, 0.03), 0.16, metal);
     Piece::new("bath", shape).with_front(0.5)
 }
 
-/// A rim from a rectangle of `outer` to an oval of `inner` half extents, and the oval hollow below it. Open below.
+/// Adds a basin, open below: a rim from a rectangle of `outer` to an oval of `inner` half extents and the hollow.
 fn basin(shape: &mut Shape, at: Vec3, outer: Vec2, inner: Vec2, depth: f32, paint: Paint) {
     let direction = |u: f32| Vec2::new((TAU * u).cos(), -(TAU * u).sin());
-    // A superellipse of exponent 4 for the hollow, the rectangle for the rim.
+    // The hollow is a superellipse of exponent 4.
     let oval = move |u: f32| {
         let d = direction(u);
         d / (d.x.abs().powi(4) + d.y.abs().powi(4)).powf(0.25) * inner
@@ -59,11 +59,11 @@ fn basin(shape: &mut Shape, at: Vec3, outer: Vec2, inner: Vec2, depth: f32, pain
     });
 }
 
-/// A tray of 90 × 90 cm with glass on one or two sides, its back and left side at walls.
-pub(super) fn shower(stage: &mut Stage) -> Piece {
-    let white = stage.palette.paint(Finish::Ceramic);
-    let glass = stage.palette.paint(Finish::Glass);
-    let metal = stage.palette.paint(Finish::Metal);
+/// Builds a shower with a tray of 90 × 90 cm and glass on two sides; back at z = 0.
+pub(super) fn shower(builder: &mut RoomBuilder) -> Piece {
+    let white = builder.palette.paint(Finish::Ceramic);
+    let glass = builder.palette.paint(Finish::Glass);
+    let metal = builder.palette.paint(Finish::Metal);
     let (half, deep, high) = (0.45, 0.9, 1.95);
     let mut shape = Shape::default();
     shape.rounded(Vec3::new(-half, 0.0, 0.0), Vec3::new(half, 0.05, deep), 0.01, 1, white);
@@ -82,10 +82,10 @@ pub(super) fn shower(stage: &mut Stage) -> Piece {
     Piece::new("shower", shape).with_front(0.5)
 }
 
-/// A toilet with its cistern at z = 0; seat at 42 cm.
-pub(super) fn toilet(stage: &mut Stage) -> Piece {
-    let white = stage.palette.paint(Finish::Ceramic);
-    let metal = stage.palette.paint(Finish::Metal);
+/// Builds a toilet with the seat at 42 cm; cistern at z = 0.
+pub(super) fn toilet(builder: &mut RoomBuilder) -> Piece {
+    let white = builder.palette.paint(Finish::Ceramic);
+    let metal = builder.palette.paint(Finish::Metal);
     let mut shape = Shape::default();
     shape.rounded(Vec3::new(-0.19, 0.36, 0.0), Vec3::new(0.19, 0.78, 0.17), 0.03, 2, white);
     shape.bar(Vec3::new(0.0, 0.779, 0.085), Vec3::new(0.0, 0.79, 0.085), [0.025; 2], 14, metal);
@@ -99,7 +99,7 @@ pub(super) fn toilet(stage: &mut Stage) -> Piece {
     Piece::new("toilet", shape).with_front(0.5)
 }
 
-/// Scales a shape that was not turned.
+/// Scales an unrotated shape along the axes.
 fn stretch(shape: &mut Shape, factor: Vec3) {
     for p in &mut shape.positions {
         *p *= factor;
@@ -109,12 +109,12 @@ fn stretch(shape: &mut Shape, factor: Vec3) {
     }
 }
 
-/// A basin on a cupboard, its rim at 85 cm.
-pub(super) fn washstand(stage: &mut Stage) -> Piece {
-    let white = stage.palette.paint(Finish::Ceramic);
-    let front = stage.palette.paint(Finish::Fronts);
-    let metal = stage.palette.paint(Finish::Metal);
-    let half = between(&mut stage.random, 0.3, 0.55);
+/// Builds a washstand: a basin on a cupboard, 83 cm high.
+pub(super) fn washstand(builder: &mut RoomBuilder) -> Piece {
+    let white = builder.palette.paint(Finish::Ceramic);
+    let front = builder.palette.paint(Finish::Fronts);
+    let metal = builder.palette.paint(Finish::Metal);
+    let half = between(&mut builder.random, 0.3, 0.55);
     let depth = 0.48;
     let mut shape = Shape::default();
     let low = 0.3;
@@ -133,9 +133,9 @@ pub(super) fn washstand(stage: &mut Stage) -> Piece {
     shape.add_at(&bowl, Vec3::new(0.0, 0.825, 0.25));
     tap(&mut shape, Vec3::new(0.0, 0.825, 0.03), 0.26, metal);
     let piece = Piece::new("washstand", shape).with_front(0.5);
-    if half > 0.42 && chance(&mut stage.random, 0.8) {
+    if half > 0.42 && chance(&mut builder.random, 0.8) {
         let center = Vec3::new(half - 0.12, 0.825, 0.25);
-        piece.with_top(center, Vec2::new(0.09, 0.16), 0.4)
+        piece.with_surface(center, Vec2::new(0.09, 0.16), 0.4)
     } else {
         piece
     }

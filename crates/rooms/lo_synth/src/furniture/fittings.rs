@@ -1,29 +1,29 @@
-//! What hangs and stands about where people work: pipes, tools, ladders, barrels, tripods, pillars.
+//! Fittings of work rooms: pipes, tool boards, ladders, barrels, tripods, pillars.
 
 use std::f32::consts::TAU;
 
 use lo_geometry::{Quat, Vec2, Vec3};
 
-use super::goods::{dark, tint};
-use super::walls::Hanging;
-use super::works::paint_of;
+use super::equipment::machine_paint;
+use super::small_objects::{dark_paint, random_tint};
+use super::wall_objects::WallObject;
 use crate::chance::{between, chance, count};
 use crate::palette::Finish;
+use crate::room_builder::{Piece, RoomBuilder};
 use crate::solids::Shape;
-use crate::stage::{Piece, Stage};
 
-/// One to three pipes along a wall, held by clamps.
-pub(super) fn pipes(stage: &mut Stage) -> Hanging {
-    let half = between(&mut stage.random, 0.6, 2.4);
-    let (metal, white) = (stage.palette.paint(Finish::Metal), stage.palette.paint(Finish::Gloss));
+/// Builds one to three clamped pipes along a wall.
+pub(super) fn pipes(builder: &mut RoomBuilder) -> WallObject {
+    let half = between(&mut builder.random, 0.6, 2.4);
+    let (metal, white) = (builder.palette.paint(Finish::Metal), builder.palette.paint(Finish::Gloss));
     let mut shape = Shape::default();
     let mut y = 0.0;
-    for _ in 0..count(&mut stage.random, 1, 3) {
-        let r = between(&mut stage.random, 0.01, 0.055);
-        let paint = match count(&mut stage.random, 0, 2) {
+    for _ in 0..count(&mut builder.random, 1, 3) {
+        let r = between(&mut builder.random, 0.01, 0.055);
+        let paint = match count(&mut builder.random, 0, 2) {
             0 => metal,
-            1 => white.tinted([between(&mut stage.random, 0.5, 0.8); 3]),
-            _ => white.tinted(tint(stage)),
+            1 => white.tinted([between(&mut builder.random, 0.5, 0.8); 3]),
+            _ => white.tinted(random_tint(builder)),
         };
         y += r;
         let z = r + 0.03;
@@ -33,17 +33,18 @@ pub(super) fn pipes(stage: &mut Stage) -> Hanging {
             let low = Vec3::new(x - 0.012, y - r - 0.003, 0.0);
             shape.cuboid(low, Vec3::new(x + 0.012, y + r + 0.003, 2.0 * r + 0.033), metal);
         }
-        y += r + between(&mut stage.random, 0.02, 0.07);
+        y += r + between(&mut builder.random, 0.02, 0.07);
     }
-    Hanging { name: "pipes", shape }
+    WallObject { name: "pipes", shape }
 }
 
-/// A board with tools hung up on it.
-pub(super) fn tool_wall(stage: &mut Stage) -> Hanging {
-    let board = if chance(&mut stage.random, 0.5) { stage.palette.paint(Finish::Wood) } else { paint_of(stage) };
-    let (metal, black) = (stage.palette.paint(Finish::Metal), dark(stage));
-    let gloss = stage.palette.paint(Finish::Gloss);
-    let half = Vec2::new(between(&mut stage.random, 0.5, 1.0), between(&mut stage.random, 0.35, 0.55));
+/// Builds a board with hanging tools.
+pub(super) fn tool_wall(builder: &mut RoomBuilder) -> WallObject {
+    let board =
+        if chance(&mut builder.random, 0.5) { builder.palette.paint(Finish::Wood) } else { machine_paint(builder) };
+    let (metal, black) = (builder.palette.paint(Finish::Metal), dark_paint(builder));
+    let gloss = builder.palette.paint(Finish::Gloss);
+    let half = Vec2::new(between(&mut builder.random, 0.5, 1.0), between(&mut builder.random, 0.35, 0.55));
     let mut shape = Shape::default();
     shape.board(Vec3::new(-half.x, -half.y, 0.001), Vec3::new(half.x, half.y, 0.02), board);
     let z = 0.035;
@@ -53,11 +54,11 @@ pub(super) fn tool_wall(stage: &mut Stage) -> Hanging {
         let mut x = -half.x + 0.06;
         while x < half.x - 0.12 {
             let p = |dx: f32, dy: f32| Vec3::new(x + dx, top - dy, z);
-            let grip = gloss.tinted(tint(stage));
-            let long = between(&mut stage.random, 0.16, 0.28);
-            match count(&mut stage.random, 0, 4) {
+            let grip = gloss.tinted(random_tint(builder));
+            let long = between(&mut builder.random, 0.16, 0.28);
+            match count(&mut builder.random, 0, 4) {
                 0 => {
-                    // A hammer.
+                    // Hammer.
                     shape.bar(p(0.0, 0.02), p(0.0, long), [0.011, 0.014], 10, grip);
                     shape.rounded(p(-0.05, 0.035) - Vec3::Z * 0.014, p(0.05, 0.0) + Vec3::Z * 0.014, 0.004, 1, black);
                     x += 0.05;
@@ -72,7 +73,7 @@ pub(super) fn tool_wall(stage: &mut Stage) -> Hanging {
                     x += 0.07;
                 }
                 2 => {
-                    // A saw.
+                    // Saw.
                     let teeth = [p(0.0, 0.09), p(0.3, 0.06), p(0.3, 0.03), p(0.0, 0.0)];
                     if x + 0.32 < half.x - 0.02 {
                         let first = shape.triangles.len();
@@ -102,15 +103,15 @@ pub(super) fn tool_wall(stage: &mut Stage) -> Hanging {
                     x += 0.05;
                 }
             }
-            x += between(&mut stage.random, 0.06, 0.14);
+            x += between(&mut builder.random, 0.06, 0.14);
         }
     }
-    Hanging { name: "tools", shape }
+    WallObject { name: "tools", shape }
 }
 
-pub(super) fn ladder(stage: &mut Stage) -> Piece {
-    let metal = stage.palette.paint(Finish::Metal);
-    let height = between(&mut stage.random, 0.9, 1.9).min(stage.plan.height_m - 0.3);
+pub(super) fn ladder(builder: &mut RoomBuilder) -> Piece {
+    let metal = builder.palette.paint(Finish::Metal);
+    let height = between(&mut builder.random, 0.9, 1.9).min(builder.plan.height_m - 0.3);
     let spread = 0.24 * height;
     let mut shape = Shape::default();
     for side in [-1.0f32, 1.0] {
@@ -128,12 +129,12 @@ pub(super) fn ladder(stage: &mut Stage) -> Piece {
     Piece::new("ladder", shape)
 }
 
-/// A barrel or a bucket.
-pub(super) fn barrel(stage: &mut Stage) -> Piece {
-    let paint = stage.palette.paint(Finish::Gloss).tinted(tint(stage));
+/// Builds a barrel or a bucket.
+pub(super) fn barrel(builder: &mut RoomBuilder) -> Piece {
+    let paint = builder.palette.paint(Finish::Gloss).tinted(random_tint(builder));
     let mut shape = Shape::default();
-    if chance(&mut stage.random, 0.5) {
-        let (r, h) = (between(&mut stage.random, 0.2, 0.29), between(&mut stage.random, 0.6, 0.88));
+    if chance(&mut builder.random, 0.5) {
+        let (r, h) = (between(&mut builder.random, 0.2, 0.29), between(&mut builder.random, 0.6, 0.88));
         let mut profile = vec![[0.97 * r, 0.0]];
         for k in 0..3 {
             let y = h * (0.02 + 0.47 * k as f32);
@@ -142,8 +143,8 @@ pub(super) fn barrel(stage: &mut Stage) -> Piece {
         profile.push([0.96 * r, h]);
         shape.lathe(Vec3::ZERO, &profile, 32, paint);
     } else {
-        let (r, h) = (between(&mut stage.random, 0.09, 0.16), between(&mut stage.random, 0.12, 0.32));
-        let front = stage.palette.front(&mut stage.random);
+        let (r, h) = (between(&mut builder.random, 0.09, 0.16), between(&mut builder.random, 0.12, 0.32));
+        let front = builder.palette.printed_front(&mut builder.random);
         let t = 0.003;
         shape.lathe(Vec3::ZERO, &[[r, 0.0], [r, h], [r - t, h], [r - t, 0.6 * h], [0.0, 0.6 * h]], 28, paint);
         shape.label(Vec3::Y * 0.2 * h, r + 0.0006, 0.55 * h, 28, front);
@@ -151,10 +152,10 @@ pub(super) fn barrel(stage: &mut Stage) -> Piece {
     Piece::new("barrel", shape)
 }
 
-/// Three legs with a camera or a lamp's head on them.
-pub(super) fn tripod(stage: &mut Stage) -> Piece {
-    let black = dark(stage);
-    let height = between(&mut stage.random, 1.1, 1.6);
+/// Builds a tripod with a camera.
+pub(super) fn tripod(builder: &mut RoomBuilder) -> Piece {
+    let black = dark_paint(builder);
+    let height = between(&mut builder.random, 1.1, 1.6);
     let mut shape = Shape::default();
     for k in 0..3 {
         let angle = TAU * k as f32 / 3.0;
@@ -162,7 +163,7 @@ pub(super) fn tripod(stage: &mut Stage) -> Piece {
         shape.bar(foot, Vec3::Y * (height - 0.1), [0.009, 0.014], 8, black);
     }
     shape.bar(Vec3::Y * (height - 0.3), Vec3::Y * height, [0.012; 2], 10, black);
-    let turn = Quat::from_rotation_y(between(&mut stage.random, 0.0, TAU));
+    let turn = Quat::from_rotation_y(between(&mut builder.random, 0.0, TAU));
     let mut head = Shape::default();
     head.rounded(Vec3::new(-0.07, 0.0, -0.04), Vec3::new(0.07, 0.1, 0.04), 0.012, 1, black);
     head.bar(Vec3::new(0.0, 0.05, 0.03), Vec3::new(0.0, 0.05, 0.12), [0.036, 0.04], 18, black.tinted([0.02; 3]));
@@ -170,13 +171,13 @@ pub(super) fn tripod(stage: &mut Stage) -> Piece {
     Piece::new("tripod", shape)
 }
 
-/// From the floor to the ceiling.
-pub(super) fn pillar(stage: &mut Stage) -> Piece {
-    let paint = stage.palette.paint(if chance(&mut stage.random, 0.5) { Finish::Wall } else { Finish::Trim });
-    let top = stage.plan.height_m - 0.008;
-    let r = between(&mut stage.random, 0.12, 0.3);
+/// Builds a pillar from the floor to the ceiling.
+pub(super) fn pillar(builder: &mut RoomBuilder) -> Piece {
+    let paint = builder.palette.paint(if chance(&mut builder.random, 0.5) { Finish::Wall } else { Finish::Trim });
+    let top = builder.plan.height_m - 0.008;
+    let r = between(&mut builder.random, 0.12, 0.3);
     let mut shape = Shape::default();
-    if chance(&mut stage.random, 0.4) {
+    if chance(&mut builder.random, 0.4) {
         shape.lathe(Vec3::ZERO, &[[r, 0.0], [r, top]], 32, paint);
     } else {
         shape.board(Vec3::new(-r, 0.0, -r), Vec3::new(r, top, r), paint);

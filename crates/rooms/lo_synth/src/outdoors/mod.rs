@@ -1,6 +1,6 @@
-//! What is outside of the windows, as a panorama of absolute radiance and a sun.
+//! The outdoors behind the windows: a panorama of absolute radiance and a sun.
 
-mod bodies;
+mod houses_and_trees;
 mod panorama;
 mod sky;
 mod surroundings;
@@ -23,16 +23,16 @@ use surroundings::{SunLight, Surroundings};
 
 const HEIGHT: usize = 256;
 
-/// Makes the outdoors of a room whose windows are known. With `into`, a stream, the sun stands before a window.
-pub(crate) fn make(
+/// Generates the outdoors of a room. With `sun_stream`, the sun is in front of a window.
+pub(crate) fn generate(
     random: &mut Stream,
     weather: Weather,
     plan: &Plan,
     config: &SynthConfig,
-    into: Option<&mut Stream>,
+    sun_stream: Option<&mut Stream>,
 ) -> Result<Outdoors, SynthError> {
     if let (Weather::Panorama, Some(folder)) = (weather, &config.panorama_folder) {
-        return panorama::pick(random, folder);
+        return panorama::load_random(random, folder);
     }
     let night = weather == Weather::Night;
     let surroundings = Surroundings::draw(random, night);
@@ -50,25 +50,25 @@ pub(crate) fn make(
         _ => {
             let low = weather == Weather::Sunset;
             let elevation = if low { between(random, 2.0, 10.0) } else { between(random, 15.0, 62.0) }.to_radians();
-            let usual = azimuth(random, plan);
-            let azimuth = into.and_then(|own| before_a_window(own, plan)).unwrap_or(usual);
+            let usual = draw_azimuth(random, plan);
+            let azimuth = sun_stream.and_then(|own| azimuth_facing_window(own, plan)).unwrap_or(usual);
             let direction = Vec3::new(azimuth.x * elevation.cos(), elevation.sin(), azimuth.z * elevation.cos());
             let turbidity = between(random, 2.2, if low { 4.0 } else { 6.0 });
             let radiance = sun_radiance(elevation, turbidity);
             let solid_angle = std::f32::consts::PI * SUN_RADIUS_RAD * SUN_RADIUS_RAD;
-            // A white cloud scatters back most of what falls on it.
+            // A white cloud scatters back most of the incident light.
             let cloud = radiance.map(|c| c * solid_angle / std::f32::consts::PI * 0.6 + 12.0);
             let cover = if chance(random, 0.55) { between(random, 0.1, 0.8) } else { 0.0 };
             let sky = Sky::clear(direction, turbidity, Clouds { noise, cover, radiance: cloud });
             (sky, Some(Sun { direction, angular_radius_rad: SUN_RADIUS_RAD, radiance }))
         }
     };
-    Ok(Outdoors { radiance: paint(&sky, &surroundings, sun), sun })
+    Ok(Outdoors { radiance: render(&sky, &surroundings, sun), sun })
 }
 
-/// Towards a window half of the time, so that the sun shines into rooms as often as into lived-in ones.
-fn azimuth(random: &mut Stream, plan: &Plan) -> Vec3 {
-    let outward = windows_outward(plan);
+/// Draws the sun's azimuth: in front of a window in at least half of the rooms, as in real homes.
+fn draw_azimuth(random: &mut Stream, plan: &Plan) -> Vec3 {
+    let outward = window_normals(plan);
     let angle = between(random, 0.0, std::f32::consts::TAU);
     if outward.is_empty() || chance(random, 0.5) {
         return Vec3::new(angle.cos(), 0.0, angle.sin());
@@ -77,9 +77,9 @@ fn azimuth(random: &mut Stream, plan: &Plan) -> Vec3 {
     lo_geometry::Quat::from_rotation_y(between(random, -1.1, 1.1)) * wall
 }
 
-/// From which the sun falls through a window, not too much aside.
-fn before_a_window(random: &mut Stream, plan: &Plan) -> Option<Vec3> {
-    let outward = windows_outward(plan);
+/// Draws an azimuth within ±0.85 rad of a window's outward normal; `None` without windows.
+fn azimuth_facing_window(random: &mut Stream, plan: &Plan) -> Option<Vec3> {
+    let outward = window_normals(plan);
     (!outward.is_empty()).then(|| {
         let wall = pick(random, &outward);
         lo_geometry::Quat::from_rotation_y(between(random, -0.85, 0.85)) * wall
@@ -87,12 +87,12 @@ fn before_a_window(random: &mut Stream, plan: &Plan) -> Option<Vec3> {
 }
 
 /// Outward normals of the walls that have windows.
-fn windows_outward(plan: &Plan) -> Vec<Vec3> {
+fn window_normals(plan: &Plan) -> Vec<Vec3> {
     let with_windows = plan.walls.iter().filter(|wall| wall.openings.iter().any(|o| o.is_window()));
     with_windows.map(|wall| Vec3::new(-wall.inward().x, 0.0, -wall.inward().y)).collect()
 }
 
-fn paint(sky: &Sky, surroundings: &Surroundings, sun: Option<Sun>) -> RadianceImage {
+fn render(sky: &Sky, surroundings: &Surroundings, sun: Option<Sun>) -> RadianceImage {
     let ambient = sky.mean_radiance();
     let light = sun.map(|sun| {
         let solid_angle = std::f32::consts::PI * sun.angular_radius_rad * sun.angular_radius_rad;
@@ -101,7 +101,7 @@ fn paint(sky: &Sky, surroundings: &Surroundings, sun: Option<Sun>) -> RadianceIm
     });
     let (width, height) = (2 * HEIGHT, HEIGHT);
     RadianceImage::from_fn(width, height, |x, y| {
-        // Detail lies about the horizon: four samples there, one elsewhere.
+        // Four samples per pixel near the horizon, where the detail is, one elsewhere.
         let fine = if y > height / 4 && y < height * 7 / 8 { 2 } else { 1 };
         let mut sum = [0.0; 3];
         for (i, j) in (0..fine).flat_map(|i| (0..fine).map(move |j| (i, j))) {

@@ -11,11 +11,11 @@ use crate::folder::files_in;
 use crate::photometry::SUN_RADIUS_RAD;
 
 const HEIGHT: usize = 256;
-/// Brighter than this many times the sky's mean is the sun: no cloud is.
+/// Ratio to the sky's median luminance above which a pixel belongs to the sun; clouds stay below it.
 const SUN_RATIO: f32 = 60.0;
 
-/// One of the folder's panoramas, turned about the vertical, its sky as bright as skies are by day.
-pub(super) fn pick(random: &mut Stream, folder: &Path) -> Result<Outdoors, SynthError> {
+/// Draws one of the folder's panoramas, rotates it about the vertical and scales its sky to daytime luminance.
+pub(super) fn load_random(random: &mut Stream, folder: &Path) -> Result<Outdoors, SynthError> {
     let failed = |source| SynthError::Folder { path: folder.to_owned(), source };
     let files = files_in(folder, &["hdr", "exr"]).map_err(failed)?;
     if files.is_empty() {
@@ -32,12 +32,12 @@ pub(super) fn pick(random: &mut Stream, folder: &Path) -> Result<Outdoors, Synth
     let turned = RadianceImage::from_fn(2 * HEIGHT, HEIGHT, |x, y| {
         small[((x + shift) % (2 * HEIGHT), y)].map(|c| if c.is_finite() { c.max(0.0) } else { 0.0 })
     });
-    // Panoramas are relative: a sky of 1,500 to 6,000 cd/m².
-    Ok(with_sun(turned, between(random, 15.0, 60.0)))
+    // Panoramas hold relative radiance; a daytime sky has 1,500 to 6,000 cd/m².
+    Ok(extract_sun(turned, between(random, 15.0, 60.0)))
 }
 
-/// Scales the upper half (without the sun) to a mean luminance and takes the sun out as a disc of the same power.
-fn with_sun(mut image: RadianceImage, sky: f32) -> Outdoors {
+/// Scales the upper half (without the sun) to the mean luminance `sky` and moves the sun into a disc of equal power.
+fn extract_sun(mut image: RadianceImage, sky: f32) -> Outdoors {
     let (width, height) = (image.width(), image.height());
     let weight = |y: usize| pixel_solid_angle_sr(y, width, height);
     let mut order: Vec<f32> = image.pixels()[..width * height / 2].iter().map(|&p| luminance(p)).collect();
@@ -83,10 +83,10 @@ mod tests {
     fn the_sun_is_taken_out_with_its_power() {
         let mut image = RadianceImage::from_fn(64, 32, |_, y| if y < 16 { [0.5; 3] } else { [0.1; 3] });
         image[(40, 8)] = [5000.0; 3];
-        let outdoors = with_sun(image.clone(), 20.0);
+        let outdoors = extract_sun(image.clone(), 20.0);
         let sun = outdoors.sun.unwrap();
         assert!((sun.direction - pixel_direction(40, 8, 64, 32)).length() < 1e-3);
-        // The same power in both: what was in the picture is in the disc and the pixel that is left.
+        // Power is conserved: the disc and the clipped pixel sum to the original pixel.
         let weight = pixel_solid_angle_sr(8, 64, 32);
         let scale = outdoors.radiance[(0, 0)][0] / 0.5;
         let disc = std::f32::consts::PI * sun.angular_radius_rad.powi(2);
@@ -97,7 +97,7 @@ mod tests {
     #[test]
     fn an_empty_folder_is_named() {
         let folder = tempfile::tempdir().unwrap();
-        let error = pick(&mut lo_random::stream(1, "", 0), folder.path()).unwrap_err();
+        let error = load_random(&mut lo_random::stream(1, "", 0), folder.path()).unwrap_err();
         assert!(matches!(error, SynthError::NoPanorama { .. }));
     }
 }

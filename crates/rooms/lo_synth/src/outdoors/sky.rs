@@ -5,18 +5,20 @@ use lo_geometry::{Vec3, smoothstep};
 use crate::photometry::{UNIT_CD_M2, from_xyz};
 use crate::texture::{Noise, mix};
 
-/// Radiance of the sky without the sun's disc.
+/// Radiance model of the sky without the sun's disc.
 #[derive(Clone, Debug)]
 pub(crate) enum Sky {
-    /// Preetham, Shirley & Smits 1999, "A practical analytic model for daylight", with some clouds.
+    /// Clear sky (Preetham, Shirley & Smits 1999, "A practical analytic model for daylight") with a cloud layer.
     Clear { perez: [[f32; 5]; 3], zenith: [f32; 3], sun: Vec3, clouds: Clouds },
-    /// CIE overcast sky (CIE S 011:2003, type 1 in its Moon–Spencer form): thrice as bright above as at the horizon.
+    /// CIE overcast sky (CIE S 011:2003, type 1 in its Moon–Spencer form).
+    ///
+    /// The zenith is three times as bright as the horizon.
     Overcast { zenith: f32, clouds: Clouds },
-    /// A town's glow under clouds or stars.
+    /// Night sky with the glow of a town.
     Night { glow: [f32; 3] },
 }
 
-/// A layer of cloud: share of the sky that it covers, and its light.
+/// A cloud layer: coverage in [0, 1] and radiance.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Clouds {
     pub noise: Noise,
@@ -28,7 +30,7 @@ pub(crate) struct Clouds {
 const SUN_CD_M2: f32 = 1.96e9;
 
 impl Sky {
-    /// A clear sky of the given turbidity (2 clean … 10 hazy) around a sun above the horizon.
+    /// Clear sky of a turbidity (2 clean … 10 hazy) with the sun above the horizon.
     pub(crate) fn clear(sun: Vec3, turbidity: f32, clouds: Clouds) -> Self {
         let t = turbidity;
         let perez = [
@@ -75,13 +77,13 @@ impl Sky {
         Self::Clear { perez, zenith: [luminance * 1000.0, x, y], sun, clouds }
     }
 
-    /// An overcast sky that gives `illuminance_lx` on level ground.
+    /// Overcast sky that gives a horizontal illuminance of `illuminance_lx`.
     pub(crate) fn overcast(illuminance_lx: f32, noise: Noise) -> Self {
         let zenith = 9.0 / (7.0 * PI) * illuminance_lx / UNIT_CD_M2;
         Self::Overcast { zenith, clouds: Clouds { noise, cover: 1.0, radiance: [1.0; 3] } }
     }
 
-    /// Radiance in a direction at or above the horizon.
+    /// Radiance from a direction at or above the horizon.
     pub(crate) fn radiance(&self, direction: Vec3) -> [f32; 3] {
         match self {
             Self::Clear { perez, zenith, sun, clouds } => {
@@ -111,12 +113,12 @@ impl Sky {
         }
     }
 
-    /// Mean radiance that a surface facing up would be lit by: irradiance / π, without the sun's disc.
+    /// Cosine-weighted mean radiance: horizontal irradiance / π, without the sun's disc.
     pub(crate) fn mean_radiance(&self) -> [f32; 3] {
         let directions = lo_geometry::cosine_hemisphere(256);
         let mut sum = [0.0; 3];
         for direction in &directions {
-            // The pattern is about +Z.
+            // `cosine_hemisphere` is centred on +Z.
             let radiance = self.radiance(Vec3::new(direction.y, direction.z, direction.x));
             for c in 0..3 {
                 sum[c] += radiance[c] / directions.len() as f32;
@@ -132,7 +134,7 @@ impl Clouds {
         self.noise.octaves(direction.x * scale + 0.5, direction.z * scale + 0.5, [32, 32], 5)
     }
 
-    /// 0 where the sky is blue, 1 in the thick of a cloud.
+    /// Cloud density: 0 in blue sky, 1 in dense cloud.
     fn density(&self, direction: Vec3) -> f32 {
         if self.cover <= 0.0 {
             return 0.0;
@@ -142,8 +144,9 @@ impl Clouds {
     }
 }
 
-/// Radiance of the sun's disc after its way through the atmosphere (Preetham et al. 1999, appendix A.1: Rayleigh and
-/// aerosol extinction at 610, 550 and 465 nm).
+/// Radiance of the sun's disc after atmospheric extinction.
+///
+/// Rayleigh and aerosol extinction at 610, 550 and 465 nm (Preetham et al. 1999, appendix A.1).
 pub(crate) fn sun_radiance(elevation_rad: f32, turbidity: f32) -> [f32; 3] {
     let degrees = elevation_rad.to_degrees().max(0.0);
     // Relative optical mass (Kasten & Young 1965).
@@ -167,7 +170,7 @@ mod tests {
     #[test]
     fn the_overcast_sky_gives_its_illuminance() {
         let mean = Sky::overcast(10_000.0, Noise::new(3)).mean_radiance();
-        // E / π in units; the clouds' pattern has a mean near one.
+        // E / π in units of radiance; the cloud pattern has a mean near one.
         let expected = 10_000.0 / PI / UNIT_CD_M2;
         assert!((lo_imaging::luminance(mean) / expected - 1.0).abs() < 0.08, "{mean:?}");
     }
@@ -176,8 +179,8 @@ mod tests {
     fn the_clear_sky_is_as_bright_as_measured_ones() {
         let sun = Vec3::new(0.0, 45.0_f32.to_radians().sin(), 45.0_f32.to_radians().cos());
         let sky = Sky::clear(sun, 3.0, still());
-        // Clear skies were measured to give 8 to 20 klx at 45° sun (CIE 108); Preetham's is known to be too bright about the
-        // sun, by up to a half (Zotti, Wilkie & Purgathofer 2007).
+        // Measured clear skies give 8 to 20 klx at 45° sun (CIE 108). Preetham's model is up to 50 % too bright near
+        // the sun (Zotti, Wilkie & Purgathofer 2007).
         let lux = lo_imaging::luminance(sky.mean_radiance()) * PI * UNIT_CD_M2;
         assert!((8_000.0..30_000.0).contains(&lux), "{lux}");
         let (above, opposite) = (sky.radiance(Vec3::Y), sky.radiance(Vec3::new(0.0, 0.5, -0.87).normalize()));
@@ -187,7 +190,7 @@ mod tests {
 
     #[test]
     fn the_sun_lights_the_ground_as_it_does() {
-        // Direct normal illuminance of a high sun through clear air: 90 to 105 klx (Perez et al. 1990).
+        // Direct normal illuminance of a high sun in clear air: 90 to 105 klx (Perez et al. 1990).
         let solid_angle = PI * 0.004_65f32.powi(2);
         let lux = |elevation: f32| lo_imaging::luminance(sun_radiance(elevation, 2.5)) * UNIT_CD_M2 * solid_angle;
         assert!((80_000.0..115_000.0).contains(&lux(1.2)), "{}", lux(1.2));

@@ -5,46 +5,46 @@ use crate::chance::{between, chance, count, pick, tone};
 use crate::photometry::{UNIT_CD_M2, luminance_color};
 use crate::texture::{Noise, scaled};
 
-use super::bodies::{House, Tree, enter_ball, enter_box};
+use super::houses_and_trees::{House, Tree, intersect_box, intersect_sphere};
 use super::sky::Sky;
 
-/// What stands around the house: simple solids on level ground, lit by the sky, the sun and street lamps.
+/// The surroundings of the house: simple solids on level ground, lit by sky, sun and street lamps.
 #[derive(Clone, Debug)]
 pub(crate) struct Surroundings {
-    /// Height of the eye above the ground, metres.
+    /// Height of the viewpoint above the ground, metres.
     pub eye_m: f32,
     ground: [f32; 3],
-    /// Road: distance of its near edge and width, along x or z.
+    /// Road: perpendicular axis (0: x, 1: z) and positions of its two edges on that axis.
     road: Option<(usize, [f32; 2])>,
     skyline: Skyline,
     houses: Vec<House>,
     trees: Vec<Tree>,
     lamps: Vec<Vec3>,
-    /// Of luminance 1.
+    /// Colour of street lamps at luminance 1.
     lamp_color: [f32; 3],
     /// Share of windows that are lit.
     lit: f32,
     noise: Noise,
 }
 
-/// Hedges, woods and roofs where the eye cannot tell them apart any more: a rugged band all around.
+/// Distant hedges, woods and roofs: a rugged band along the horizon.
 #[derive(Clone, Copy, Debug)]
 struct Skyline {
     distance_m: f32,
-    /// Least and greatest height above the ground, metres.
+    /// Minimum and maximum height above the ground, metres.
     height_m: [f32; 2],
     albedo: [f32; 3],
 }
 
-/// Sun for shading: direction and irradiance on a surface facing it, over π.
+/// The sun as a directional light: direction and normal irradiance / π.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SunLight {
     pub direction: Vec3,
     pub radiosity: [f32; 3],
 }
 
-/// A point of the surroundings.
-struct Found {
+/// A surface point of the surroundings.
+struct SurfaceHit {
     distance: f32,
     position: Vec3,
     normal: Vec3,
@@ -53,7 +53,7 @@ struct Found {
 }
 
 impl Surroundings {
-    /// A street, a garden, a park or the roofs of a town.
+    /// Draws a street, a garden, a park or the roofs of a town.
     pub(crate) fn draw(random: &mut Stream, night: bool) -> Self {
         let storey = count(random, 0, 4);
         let eye_m = 1.4 + 3.0 * storey as f32;
@@ -109,53 +109,51 @@ impl Surroundings {
         }
     }
 
-    /// Radiance from a direction; `ambient` is the sky's mean radiance.
+    /// Radiance from a direction. `ambient` is the sky's mean radiance.
     pub(crate) fn radiance(&self, direction: Vec3, sky: &Sky, ambient: [f32; 3], sun: Option<SunLight>) -> [f32; 3] {
         let eye = Vec3::new(0.0, self.eye_m, 0.0);
         if let Some(glow) = self.lamp_glow(eye, direction) {
             return glow;
         }
-        let Some(found) = self.find(eye, direction) else {
+        let Some(hit) = self.nearest_hit(eye, direction) else {
             return sky.radiance(Vec3::new(direction.x, direction.y.max(0.0), direction.z));
         };
-        // A wall sees half of the sky, and as much of the ground.
-        let up = 0.5 + 0.5 * found.normal.y;
+        // A wall sees half of the sky and half of the ground.
+        let up = 0.5 + 0.5 * hit.normal.y;
         let mut light = ambient.map(|c| c * (up + (1.0 - up) * 0.2));
         if let Some(sun) = sun {
-            let cosine = found.normal.dot(sun.direction);
-            let start = found.position + found.normal * 0.02;
-            if cosine > 0.0 && !self.shades(start, sun.direction) {
+            let cosine = hit.normal.dot(sun.direction);
+            let start = hit.position + hit.normal * 0.02;
+            if cosine > 0.0 && !self.is_shadowed(start, sun.direction) {
                 light = std::array::from_fn(|c| light[c] + sun.radiosity[c] * cosine);
             }
         }
         for lamp in &self.lamps {
-            let to = *lamp - found.position;
+            let to = *lamp - hit.position;
             let squared = to.length_squared();
-            // 6,000 lm into the lower half: about 950 cd.
-            let lux = 950.0 * found.normal.dot(to / squared.sqrt()).max(0.0) / squared.max(1.0);
+            // 6,000 lm into the lower hemisphere: about 950 cd.
+            let lux = 950.0 * hit.normal.dot(to / squared.sqrt()).max(0.0) / squared.max(1.0);
             let gain = lux / (std::f32::consts::PI * UNIT_CD_M2);
             light = std::array::from_fn(|c| light[c] + self.lamp_color[c] * gain);
         }
-        let haze = (1.0 - (-found.distance / 900.0).exp()).min(0.6);
+        let haze = (1.0 - (-hit.distance / 900.0).exp()).min(0.6);
         let horizon = sky.radiance(Vec3::new(direction.x, 0.02, direction.z).normalize_or(Vec3::X));
-        std::array::from_fn(|c| {
-            (found.albedo[c] * light[c] + found.emission[c]) * (1.0 - haze) + horizon[c] * haze * 0.8
-        })
+        std::array::from_fn(|c| (hit.albedo[c] * light[c] + hit.emission[c]) * (1.0 - haze) + horizon[c] * haze * 0.8)
     }
 
-    /// The nearest surface.
-    fn find(&self, eye: Vec3, direction: Vec3) -> Option<Found> {
-        let mut best: Option<Found> = None;
-        let mut offer = |found: Found| {
-            if best.as_ref().is_none_or(|b| found.distance < b.distance) {
-                best = Some(found);
+    /// Nearest surface along a ray.
+    fn nearest_hit(&self, eye: Vec3, direction: Vec3) -> Option<SurfaceHit> {
+        let mut best: Option<SurfaceHit> = None;
+        let mut offer = |hit: SurfaceHit| {
+            if best.as_ref().is_none_or(|b| hit.distance < b.distance) {
+                best = Some(hit);
             }
         };
         if direction.y < -1e-3 {
             let distance = -eye.y / direction.y;
             if distance < 4000.0 {
                 let position = eye + direction * distance;
-                offer(Found {
+                offer(SurfaceHit {
                     distance,
                     position,
                     normal: Vec3::Y,
@@ -164,36 +162,36 @@ impl Surroundings {
                 });
             }
         }
-        if let Some(found) = self.skyline_at(eye, direction) {
-            offer(found);
+        if let Some(hit) = self.intersect_skyline(eye, direction) {
+            offer(hit);
         }
         for house in &self.houses {
-            if let Some((distance, normal)) = house.enter(eye, direction) {
+            if let Some((distance, normal)) = house.intersect(eye, direction) {
                 let position = eye + direction * distance;
                 let (albedo, emission) = self.facade(house, position, normal);
-                offer(Found { distance, position, normal, albedo, emission });
+                offer(SurfaceHit { distance, position, normal, albedo, emission });
             }
         }
         for tree in &self.trees {
-            if let Some(found) = self.crown(tree, eye, direction) {
-                offer(found);
+            if let Some(hit) = self.intersect_crown(tree, eye, direction) {
+                offer(hit);
             }
             let foot = Vec3::new(tree.center.x, 0.0, tree.center.z);
             let thick = Vec3::new(0.03, 0.0, 0.03) * tree.radius;
-            let most = foot + thick + Vec3::Y * tree.center.y;
-            if let Some((distance, normal)) = enter_box(eye, direction, foot - thick, most) {
+            let max = foot + thick + Vec3::Y * tree.center.y;
+            if let Some((distance, normal)) = intersect_box(eye, direction, foot - thick, max) {
                 let position = eye + direction * distance;
-                offer(Found { distance, position, normal, albedo: [0.08, 0.06, 0.045], emission: [0.0; 3] });
+                offer(SurfaceHit { distance, position, normal, albedo: [0.08, 0.06, 0.045], emission: [0.0; 3] });
             }
         }
         best
     }
 
-    /// Where a ray meets a crown: leaves that face about as the ball does, with gaps towards its rim.
-    fn crown(&self, tree: &Tree, eye: Vec3, direction: Vec3) -> Option<Found> {
-        enter_ball(eye, direction, tree.center, tree.radius)?;
+    /// Intersects a crown: leaves roughly aligned with its spheres, with gaps towards their rims.
+    fn intersect_crown(&self, tree: &Tree, eye: Vec3, direction: Vec3) -> Option<SurfaceHit> {
+        intersect_sphere(eye, direction, tree.center, tree.radius)?;
         let hits = tree.crown.iter().filter_map(|&(center, radius)| {
-            let distance = enter_ball(eye, direction, center, radius)?;
+            let distance = intersect_sphere(eye, direction, center, radius)?;
             let position = eye + direction * distance;
             let normal = (position - center) / radius;
             let clump = self.clumps(position);
@@ -201,24 +199,24 @@ impl Surroundings {
             (clump > 0.2 + 0.35 * rim * rim).then_some((distance, position, normal, clump))
         });
         let (distance, position, normal, clump) = hits.min_by(|a, b| a.0.total_cmp(&b.0))?;
-        // Leaves face about as the ball does, about as the whole crown does, and anywhere.
+        // Mixes the normals of the sphere and of the whole crown with noise.
         let stray = Vec3::new(clump, self.clumps(position + 7.0), self.clumps(position + 13.0)) * 2.0 - 1.0;
         let normal = (normal + (position - tree.center) / tree.radius + stray).normalize_or(Vec3::Y);
-        // Deep in the crown, low in it and between the clumps little light comes.
+        // Darkens the depth of the crown, its lower part and the gaps between clumps.
         let height = ((position.y - tree.center.y) / tree.radius).clamp(-1.0, 1.0);
         let albedo = scaled(tree.leaves, (0.1 + 1.8 * clump) * (0.75 + 0.35 * height));
-        Some(Found { distance, position, normal, albedo, emission: [0.0; 3] })
+        Some(SurfaceHit { distance, position, normal, albedo, emission: [0.0; 3] })
     }
 
-    /// Twigs with leaves, some 40 cm large and smaller; in [0, 1], mean ½.
+    /// Noise of leaf clumps, 40 cm and smaller, in [0, 1] with mean ½.
     fn clumps(&self, p: Vec3) -> f32 {
         let p = p / 25.6;
         let planes = [(p.x, p.y, 0), (p.y, p.z, 1), (p.z, p.x, 2)];
-        let sum: f32 = planes.iter().map(|&(u, v, k)| self.noise.other(k + 9).octaves(u, v, [64, 64], 3)).sum();
+        let sum: f32 = planes.iter().map(|&(u, v, k)| self.noise.derived(k + 9).octaves(u, v, [64, 64], 3)).sum();
         (0.5 + 1.5 * (sum / 3.0 - 0.5)).clamp(0.0, 1.0)
     }
 
-    fn skyline_at(&self, eye: Vec3, direction: Vec3) -> Option<Found> {
+    fn intersect_skyline(&self, eye: Vec3, direction: Vec3) -> Option<SurfaceHit> {
         let level = Vec2::new(direction.x, direction.z);
         let distance = self.skyline.distance_m / level.length().max(1e-3);
         let position = eye + direction * distance;
@@ -231,14 +229,16 @@ impl Surroundings {
         let normal = Vec3::new(-direction.x, 0.3, -direction.z).normalize_or(Vec3::Y);
         let mottle = 0.6 + 0.8 * self.noise.octaves(turn, position.y / 64.0, [512, 64], 2);
         let albedo = scaled(self.skyline.albedo, mottle);
-        Some(Found { distance, position, normal, albedo, emission: [0.0; 3] })
+        Some(SurfaceHit { distance, position, normal, albedo, emission: [0.0; 3] })
     }
 
-    fn shades(&self, start: Vec3, direction: Vec3) -> bool {
-        self.houses.iter().any(|h| h.enter(start, direction).is_some())
+    fn is_shadowed(&self, start: Vec3, direction: Vec3) -> bool {
+        self.houses.iter().any(|h| h.intersect(start, direction).is_some())
             || self.trees.iter().any(|t| {
-                enter_ball(start, direction, t.center, t.radius).is_some()
-                    && t.crown.iter().any(|&(center, radius)| enter_ball(start, direction, center, radius).is_some())
+                intersect_sphere(start, direction, t.center, t.radius).is_some()
+                    && t.crown
+                        .iter()
+                        .any(|&(center, radius)| intersect_sphere(start, direction, center, radius).is_some())
             })
     }
 
@@ -263,18 +263,18 @@ impl Surroundings {
             let mottle = 0.75 + 0.5 * self.noise.octaves(p.x / 64.0, (p.z + p.y) / 64.0, [128, 128], 2);
             return (scaled(house.roof, mottle), [0.0; 3]);
         }
-        if p.y > house.most.y - 0.5 {
-            // eaves and gables
+        if p.y > house.max.y - 0.5 {
+            // Eaves and gables have no windows.
             return (scaled(house.wall, 0.8), [0.0; 3]);
         }
-        let across = if normal.x.abs() > 0.5 { p.z - house.least.z } else { p.x - house.least.x };
+        let across = if normal.x.abs() > 0.5 { p.z - house.min.z } else { p.x - house.min.x };
         let (column, row) = ((across / house.bay[0]).floor(), (p.y / house.bay[1]).floor());
         let (fx, fy) = (across / house.bay[0] - column, p.y / house.bay[1] - row);
         if (fx - 0.5).abs() < 0.22 && (fy - 0.55).abs() < 0.24 {
             let side = if normal.x.abs() > 0.5 { 7 } else { 0 } + if normal.x + normal.z > 0.0 { 3 } else { 0 };
-            let draw = self.noise.other(house.seed).at(column as i32 * 16 + side, row as i32);
+            let draw = self.noise.derived(house.seed).at(column as i32 * 16 + side, row as i32);
             if draw < self.lit {
-                let bright = 0.15 + 1.5 * self.noise.other(house.seed + 1).at(column as i32, row as i32 + side);
+                let bright = 0.15 + 1.5 * self.noise.derived(house.seed + 1).at(column as i32, row as i32 + side);
                 return ([0.1; 3], luminance_color(2400.0 + 1500.0 * draw / self.lit).map(|c| c * bright));
             }
             return ([0.05, 0.055, 0.06], [0.0; 3]);
@@ -285,8 +285,8 @@ impl Surroundings {
 
     fn lamp_glow(&self, eye: Vec3, direction: Vec3) -> Option<[f32; 3]> {
         self.lamps.iter().find_map(|lamp| {
-            enter_ball(eye, direction, *lamp, 0.25)?;
-            // 6,000 lm from the lower half of a ball of 25 cm.
+            intersect_sphere(eye, direction, *lamp, 0.25)?;
+            // 6,000 lm from the lower half of a sphere of radius 25 cm.
             Some(self.lamp_color.map(|c| c * 6000.0 / (std::f32::consts::PI * 0.39) / UNIT_CD_M2))
         })
     }

@@ -1,4 +1,4 @@
-//! What each finish is made of.
+//! Materials of the finishes.
 
 use lo_mesh::Material;
 use lo_random::{RngExt, Stream};
@@ -56,26 +56,26 @@ impl Palette {
                 let color = self.wood_color(random);
                 let width = pick(random, &[0.07, 0.12, 0.14, 0.19]);
                 let roughness = between(random, 0.25, 0.6);
-                self.covered("floor boards", roughness, texture::planks(seed, color, width))
+                self.textured("floor boards", roughness, texture::planks(seed, color, width))
             }
             1 => {
                 let size = pick(random, &[[0.3, 0.3], [0.6, 0.3], [0.6, 0.6], [0.2, 0.2], [0.45, 0.45]]);
                 let color = tone(pick(random, &[30.0, 40.0, 210.0]), between(random, 0.0, 0.3), albedo * 1.2);
                 let variation = between(random, 0.1, 0.8);
                 let roughness = between(random, 0.15, 0.6);
-                self.covered("floor tiles", roughness, texture::tiles(seed, color, size, variation))
+                self.textured("floor tiles", roughness, texture::tiles(seed, color, size, variation))
             }
             2 => {
                 let color = tone(pick(random, &[30.0, 210.0, 0.0, 120.0]), between(random, 0.0, 0.4), albedo * 0.8);
-                self.covered("carpet", 0.95, texture::carpet(seed, color))
+                self.textured("carpet", 0.95, texture::carpet(seed, color))
             }
             3 => {
                 let color = tone(40.0, between(random, 0.0, 0.15), albedo * 1.2);
-                self.covered("stone floor", between(random, 0.1, 0.4), texture::stone(seed, color))
+                self.textured("stone floor", between(random, 0.1, 0.4), texture::stone(seed, color))
             }
             _ => {
                 let color = tone(40.0, 0.06, albedo);
-                self.covered("screed", between(random, 0.3, 0.7), texture::concrete(seed, color))
+                self.textured("screed", between(random, 0.3, 0.7), texture::concrete(seed, color))
             }
         }
     }
@@ -94,25 +94,25 @@ impl Palette {
             [(0, plain), (1, 0.7), (2, if accent { 0.5 } else { 0.06 }), (3, 0.12)]
         };
         match weighted(random, &shares) {
-            0 => self.covered("plaster", between(random, 0.7, 0.95), texture::plaster(seed, color)),
+            0 => self.textured("plaster", between(random, 0.7, 0.95), texture::plaster(seed, color)),
             1 => {
                 let other = color.map(|c| (c * between(random, 0.7, 1.15)).min(0.85));
-                self.covered("wallpaper", 0.9, texture::wallpaper(seed, color, other))
+                self.textured("wallpaper", 0.9, texture::wallpaper(seed, color, other))
             }
             2 => {
                 let painted = chance(random, 0.4);
                 let brick = tone(between(random, 8.0, 22.0), 0.65, between(random, 0.12, 0.25));
                 let color = if painted { tone(40.0, 0.05, 0.7) } else { brick };
-                self.covered("brick", 0.9, texture::bricks(seed, color))
+                self.textured("brick", 0.9, texture::bricks(seed, color))
             }
             _ => {
                 let color = tone(40.0, 0.05, between(random, 0.22, 0.4));
-                self.covered("concrete", 0.8, texture::concrete(seed, color))
+                self.textured("concrete", 0.8, texture::concrete(seed, color))
             }
         }
     }
 
-    pub(super) fn make(&mut self, finish: Finish, random: &mut Stream) -> u32 {
+    pub(super) fn create(&mut self, finish: Finish, random: &mut Stream) -> u32 {
         let seed: u64 = random.random();
         let dark = self.style.mood == Mood::Dark;
         match finish {
@@ -123,13 +123,13 @@ impl Palette {
                 let light = tone(pick(random, &[40.0, 200.0]), 0.05, between(random, 0.6, 0.8));
                 let coloured = tone(self.style.accent_deg, between(random, 0.1, 0.5), between(random, 0.1, 0.5));
                 let color = if chance(random, 0.6) { light } else { coloured };
-                self.covered("wall tiles", between(random, 0.1, 0.3), texture::tiles(seed, color, size, 0.25))
+                self.textured("wall tiles", between(random, 0.1, 0.3), texture::tiles(seed, color, size, 0.25))
             }
             Finish::Ceiling => {
                 let wooden = !self.style.sober && !self.style.wet && chance(random, 0.06);
                 if wooden {
                     let color = self.wood_color(random);
-                    return self.covered("wooden ceiling", 0.6, texture::planks(seed, color, 0.12));
+                    return self.textured("wooden ceiling", 0.6, texture::planks(seed, color, 0.12));
                 }
                 let albedo = if dark { between(random, 0.5, 0.8) } else { between(random, 0.72, 0.87) };
                 self.plain("ceiling paint", 0.9, tone(40.0, between(random, 0.0, 0.06), albedo))
@@ -149,7 +149,7 @@ impl Palette {
             }
             Finish::Wood | Finish::SecondWood => {
                 let color = self.wood_color(random);
-                self.covered("wood", between(random, 0.3, 0.65), texture::wood(seed, color))
+                self.textured("wood", between(random, 0.3, 0.65), texture::wood(seed, color))
             }
             Finish::Lacquer | Finish::Fronts => {
                 if finish == Finish::Fronts && chance(random, 0.35) {
@@ -164,17 +164,17 @@ impl Palette {
                 let accent = finish == Finish::SecondUpholstery || chance(random, 0.3);
                 let color = self.cloth_color(random, accent);
                 let thread = between(random, 0.002, 0.005);
-                self.covered("upholstery", 0.9, texture::weave(seed, color, thread))
+                self.textured("upholstery", 0.9, texture::weave(seed, color, thread))
             }
             Finish::Linen => {
                 let white = tone(40.0, 0.05, between(random, 0.6, 0.82));
                 let color = if chance(random, 0.6) { white } else { self.cloth_color(random, true) };
-                self.covered("linen", 0.9, texture::weave(seed, color, 0.003))
+                self.textured("linen", 0.9, texture::weave(seed, color, 0.003))
             }
             Finish::Leather => {
                 let hues = [20.0, 25.0, 15.0, 0.0];
                 let color = tone(pick(random, &hues), between(random, 0.1, 0.7), between(random, 0.02, 0.2));
-                self.covered("leather", between(random, 0.3, 0.5), texture::leather(seed, color))
+                self.textured("leather", between(random, 0.3, 0.5), texture::leather(seed, color))
             }
             Finish::Metal | Finish::SecondMetal => self.metal(random),
             Finish::Glass => self.push(Material {
@@ -192,15 +192,15 @@ impl Palette {
             Finish::Worktop => {
                 if chance(random, 0.4) {
                     let color = self.wood_color(random);
-                    return self.covered("worktop wood", 0.4, texture::wood(seed, color));
+                    return self.textured("worktop wood", 0.4, texture::wood(seed, color));
                 }
                 let color = tone(pick(random, &[40.0, 210.0]), 0.06, between(random, 0.04, 0.7));
-                self.covered("worktop stone", between(random, 0.08, 0.35), texture::stone(seed, color))
+                self.textured("worktop stone", between(random, 0.08, 0.35), texture::stone(seed, color))
             }
             Finish::Matte => self.plain("matt paint", 0.8, [0.9; 3]),
             Finish::Gloss => self.plain("gloss", 0.2, [0.9; 3]),
             Finish::Leaf => {
-                // The lightest leaf; each leaf is tinted darker.
+                // The lightest leaf; single leaves are tinted darker.
                 let color = tone(between(random, 85.0, 130.0), between(random, 0.5, 0.75), between(random, 0.07, 0.19));
                 let [r, g, b] = color;
                 let base_color = [r, g, b, 1.0];
@@ -213,7 +213,7 @@ impl Palette {
     }
 
     fn metal(&mut self, random: &mut Stream) -> u32 {
-        // Base colours of steel, chromium, brass, aluminium (physicallybased.info); black powder coating is a paint.
+        // Base colours of metals from physicallybased.info; black powder coating is a paint.
         let [r, g, b] = match weighted(random, &[(0, 0.35), (1, 0.2), (2, 0.12), (3, 0.33)]) {
             0 => [0.67, 0.64, 0.6],
             1 => [0.65, 0.69, 0.72],
@@ -239,7 +239,7 @@ impl Palette {
         let mut material = Material { roughness: 0.95, diffuse_transmission: through, ..matte("cloth") };
         if finish == Finish::Curtain {
             let seed = random.random();
-            self.cover(&mut material, texture::weave(seed, color, 0.003));
+            self.apply_swatch(&mut material, texture::weave(seed, color, 0.003));
         } else {
             material.base_color = [color[0], color[1], color[2], 1.0];
         }

@@ -15,7 +15,7 @@ impl Plan {
             RoomKind::OpenPlan | RoomKind::Living => count(random, 1, 3),
             _ => count(random, 1, 2),
         };
-        let order = shuffled(random, (0..self.walls.len()).filter(|&w| self.walls[w].free).collect());
+        let order = shuffled(random, (0..self.walls.len()).filter(|&w| self.walls[w].can_have_openings).collect());
         for k in 0..number {
             let wall = order[k % order.len()];
             let (width, top) = (pick(random, &[0.8, 0.86, 0.9]), between(random, 2.0, 2.1));
@@ -23,7 +23,7 @@ impl Plan {
             if room < width + 0.5 {
                 continue;
             }
-            // Near a corner, as most doors are, or anywhere.
+            // Most doors are near a corner.
             let near = between(random, 0.12, 0.35);
             let start = match weighted(random, &[(0, 0.35), (1, 0.35), (2, 0.3)]) {
                 0 => near,
@@ -39,7 +39,7 @@ impl Plan {
             self.open(wall, Opening { kind, s: [start, start + width], h: [0.0, top] });
         }
         if self.walls.iter().all(|w| w.openings.is_empty()) {
-            // The first longest wall always has place for one.
+            // The longest wall always has room for a door.
             let longest = order
                 .iter()
                 .copied()
@@ -60,7 +60,7 @@ impl Plan {
         if chance(random, without) {
             return;
         }
-        let order = shuffled(random, (0..self.walls.len()).filter(|&w| self.walls[w].free).collect());
+        let order = shuffled(random, (0..self.walls.len()).filter(|&w| self.walls[w].can_have_openings).collect());
         let walls = if chance(random, 0.35) { 2 } else { 1 };
         let style = weighted(random, &[(0, 0.5), (1, 0.2), (2, 0.18), (3, 0.12)]);
         let mut served = 0;
@@ -74,10 +74,11 @@ impl Plan {
         }
     }
 
-    /// Glazes one wall or two from end to end, beside a door where there is one: down to the floor, above a sill, or, where the room is high, as a band
-    /// below the ceiling.
+    /// Glazes one or two walls from end to end, beside any door.
+    ///
+    /// The glass reaches the floor, stands on a sill, or forms a band below the ceiling of a high room.
     pub(super) fn glaze(&mut self, random: &mut Stream) {
-        let order = shuffled(random, (0..self.walls.len()).filter(|&w| self.walls[w].free).collect());
+        let order = shuffled(random, (0..self.walls.len()).filter(|&w| self.walls[w].can_have_openings).collect());
         let walls = if chance(random, 0.35) { 2 } else { 1 };
         let sill = match weighted(random, &[(0, 0.4), (1, 0.4), (2, 0.2)]) {
             0 => 0.06,
@@ -103,13 +104,13 @@ impl Plan {
         }
     }
 
-    /// Least height of the ceiling over a part of a wall.
+    /// Minimum height of the ceiling over a part of a wall.
     fn lowest_ceiling(&self, wall: usize, from: f32, width: f32) -> f32 {
         let Wall { start, along, .. } = self.walls[wall];
         (0..=4).map(|q| self.ceiling(start + along * (from + width * 0.25 * q as f32))).fold(f32::INFINITY, f32::min)
     }
 
-    /// The longest part of a wall without openings.
+    /// Longest interval of a wall without openings.
     fn widest_gap(&self, wall: usize) -> [f32; 2] {
         let Wall { length_m, ref openings, .. } = self.walls[wall];
         let mut taken: Vec<[f32; 2]> = openings.iter().map(|opening| opening.s).collect();
@@ -126,7 +127,7 @@ impl Plan {
         widest
     }
 
-    /// Windows of one style along a wall: 0 single ones, 1 wide ones, 2 down to the floor, 3 a band.
+    /// Adds windows along a wall. Styles: 0 single, 1 wide, 2 down to the floor, 3 a band.
     fn windows_in(&mut self, random: &mut Stream, wall: usize, kind: RoomKind, style: u32) -> bool {
         let length = self.walls[wall].length_m;
         let small = matches!(kind, RoomKind::Bathroom | RoomKind::Cellar);
@@ -159,7 +160,7 @@ impl Plan {
         any
     }
 
-    /// Makes a hole where the wall is whole and high enough.
+    /// Adds an opening if it keeps its distance from others and fits below the ceiling.
     fn open(&mut self, wall: usize, opening: Opening) -> bool {
         let Wall { length_m, ref openings, .. } = self.walls[wall];
         let clear = openings.iter().all(|o| opening.s[0] > o.s[1] + 0.2 || opening.s[1] < o.s[0] - 0.2);
@@ -189,7 +190,10 @@ mod tests {
             assert!(plan.walls.iter().any(|w| w.openings.iter().any(|o| !o.is_window())), "{index} has no door");
             for wall in &plan.walls {
                 for o in &wall.openings {
-                    assert!(wall.free && o.s[0] > 0.0 && o.s[1] < wall.length_m && o.h[0] < o.h[1], "{index} {o:?}");
+                    assert!(
+                        wall.can_have_openings && o.s[0] > 0.0 && o.s[1] < wall.length_m && o.h[0] < o.h[1],
+                        "{index} {o:?}"
+                    );
                     for s in o.s {
                         assert!(plan.ceiling(wall.start + wall.along * s) > o.h[1], "{index}");
                     }

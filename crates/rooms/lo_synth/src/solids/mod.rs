@@ -1,4 +1,4 @@
-//! Triangle solids from which everything in a room is made: closed, normals outwards, texture coordinates in metres.
+//! Triangle meshes of solids: closed, with outward normals and texture coordinates in metres.
 
 mod boxes;
 mod round;
@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use lo_geometry::{Quat, Vec2, Vec3};
 
-/// Index of a material of the room, with the colour that multiplies it.
+/// A material of the room, by index, with a colour that multiplies it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Paint {
     pub material: u32,
@@ -22,28 +22,28 @@ impl Paint {
     }
 }
 
-/// One solid of a shape: what a box around it should be aligned with.
+/// A solid or an open sheet of a shape, with the orientation of its bounding box.
 #[derive(Clone, Debug)]
-pub(crate) struct Part {
+pub(crate) struct ShapePart {
     pub triangles: Range<usize>,
     pub rotation: Quat,
 }
 
-/// Solids in a common frame: x to the right, y up, z to the front.
+/// A mesh of several parts in a common frame: x to the right, y up, z to the front.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Shape {
     pub positions: Vec<Vec3>,
     pub normals: Vec<Vec3>,
-    /// Metres along the surface.
+    /// Texture coordinates, metres along the surface.
     pub uvs: Vec<[f32; 2]>,
     pub tints: Vec<[f32; 3]>,
     pub triangles: Vec<[u32; 3]>,
     pub materials: Vec<u32>,
-    pub parts: Vec<Part>,
+    pub parts: Vec<ShapePart>,
 }
 
 impl Shape {
-    /// Adds another shape, turned and then moved.
+    /// Adds another shape, rotated and then translated.
     pub(crate) fn add(&mut self, other: &Self, rotation: Quat, offset: Vec3) {
         let (vertices, triangles) = (self.positions.len() as u32, self.triangles.len());
         self.positions.extend(other.positions.iter().map(|&p| rotation * p + offset));
@@ -52,28 +52,26 @@ impl Shape {
         self.tints.extend_from_slice(&other.tints);
         self.triangles.extend(other.triangles.iter().map(|t| t.map(|v| v + vertices)));
         self.materials.extend_from_slice(&other.materials);
-        self.parts.extend(other.parts.iter().map(|part| Part {
+        self.parts.extend(other.parts.iter().map(|part| ShapePart {
             triangles: part.triangles.start + triangles..part.triangles.end + triangles,
             rotation: rotation * part.rotation,
         }));
     }
 
-    /// Adds another shape, moved alone.
+    /// Adds another shape, translated.
     pub(crate) fn add_at(&mut self, other: &Self, offset: Vec3) {
         self.add(other, Quat::IDENTITY, offset);
     }
 
-    /// Least and greatest corner of all parts; zero for an empty shape.
+    /// Minimum and maximum corner of all parts; zero for an empty shape.
     pub(crate) fn bounds(&self) -> (Vec3, Vec3) {
         if self.positions.is_empty() {
             return (Vec3::ZERO, Vec3::ZERO);
         }
-        self.positions
-            .iter()
-            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(least, most), &p| (least.min(p), most.max(p)))
+        self.positions.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), &p| (min.min(p), max.max(p)))
     }
 
-    /// Area of some of the triangles, square metres.
+    /// Area of a range of triangles, square metres.
     pub(crate) fn area(&self, triangles: Range<usize>) -> f32 {
         self.triangles[triangles]
             .iter()
@@ -84,8 +82,10 @@ impl Shape {
             .sum()
     }
 
-    /// A grid of `columns × rows` cells over `point(u, v)`, both in [0, 1]; its front is where `∂u × ∂v` points. Normals are
-    /// smooth: the mean of the triangles around. Texture coordinates run over `size_m`.
+    /// Adds a grid of `columns × rows` cells over `point(u, v)` with u and v in [0, 1].
+    ///
+    /// The front faces `∂u × ∂v`. Normals are smooth: the mean over adjacent triangles. Texture coordinates cover
+    /// `size_m`.
     pub(crate) fn grid(
         &mut self,
         [columns, rows]: [usize; 2],
@@ -116,7 +116,7 @@ impl Shape {
             }
         }
         for normal in &mut self.normals[first..] {
-            // Vertices that no triangle uses (where a grid runs into a point) may face anywhere.
+            // Vertices without a triangle (at the poles of a grid) get any normal.
             *normal = normal.normalize_or(Vec3::Y);
         }
     }
@@ -131,20 +131,20 @@ impl Shape {
 
     fn triangle(&mut self, corners: [u32; 3], paint: Paint) {
         let [a, b, c] = corners.map(|v| self.positions[v as usize]);
-        // Points of lathes and pillows' corners fold a quad's half to nothing.
+        // Quads degenerate to one triangle at the poles of lathes and the corners of pillows.
         if (b - a).cross(c - a).length() > 1e-12 {
             self.triangles.push(corners);
             self.materials.push(paint.material);
         }
     }
 
-    /// Two triangles, counter-clockwise seen from the front.
+    /// Adds two triangles, counter-clockwise seen from the front.
     fn quad(&mut self, [a, b, c, d]: [u32; 4], paint: Paint) {
         self.triangle([a, b, c], paint);
         self.triangle([a, c, d], paint);
     }
 
-    /// A flat polygon, convex, counter-clockwise seen from the front; texture coordinates along its first edge.
+    /// Adds a flat convex polygon, counter-clockwise seen from the front, with u along its first edge.
     pub(crate) fn polygon(&mut self, corners: &[Vec3], paint: Paint) {
         let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or(Vec3::Y);
         let along = (corners[1] - corners[0]).normalize_or(Vec3::X);
@@ -159,10 +159,10 @@ impl Shape {
         }
     }
 
-    /// Makes all triangles since `first` one part.
+    /// Groups the triangles from `first` on into one part.
     pub(crate) fn close_part(&mut self, first: usize) {
         if self.triangles.len() > first {
-            self.parts.push(Part { triangles: first..self.triangles.len(), rotation: Quat::IDENTITY });
+            self.parts.push(ShapePart { triangles: first..self.triangles.len(), rotation: Quat::IDENTITY });
         }
     }
 }

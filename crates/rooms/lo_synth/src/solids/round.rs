@@ -4,12 +4,13 @@ use lo_geometry::{Quat, Vec2, Vec3};
 
 use super::{Paint, Shape};
 
-/// Meeting lines of a profile that turn by more than this keep a sharp edge (cosine of 40°).
+/// Cosine of the crease angle (40°): profiles that turn by more keep a sharp edge.
 const CREASE: f32 = 0.77;
 
 impl Shape {
-    /// A profile (radius, height; upwards on the outside) turned about the vertical through `base`. Ends that are not on the
-    /// axis are closed by discs.
+    /// Adds a surface of revolution of a profile (radius, height) about the vertical through `base`.
+    ///
+    /// The profile runs upwards on the outside. Ends off the axis are closed by discs.
     pub(crate) fn lathe(&mut self, base: Vec3, profile: &[[f32; 2]], segments: usize, paint: Paint) {
         let first = self.triangles.len();
         let mut points: Vec<Vec2> = profile.iter().map(|&p| Vec2::from(p)).collect();
@@ -39,7 +40,9 @@ impl Shape {
         self.close_part(first);
     }
 
-    /// A closed profile (radius, height; counter-clockwise) turned about the vertical through `base`: a shade, a tyre. Edges are sharp.
+    /// Adds a ring, such as a shade or a tyre, with sharp edges.
+    ///
+    /// A closed profile (radius, height; counter-clockwise) is revolved about the vertical through `base`.
     pub(crate) fn ring(&mut self, base: Vec3, profile: &[[f32; 2]], segments: usize, paint: Paint) {
         let first = self.triangles.len();
         for (k, &a) in profile.iter().enumerate() {
@@ -50,13 +53,13 @@ impl Shape {
         self.close_part(first);
     }
 
-    /// The ring of a lathe between two points of its profile (with normals and distances along it).
+    /// Adds the band between two points of a profile, each with its normal and arc length.
     fn band(&mut self, base: Vec3, ends: [(Vec2, Vec2, f32); 2], segments: usize, paint: Paint) {
         let start = self.positions.len() as u32;
         let around = TAU * ends[0].0.x.max(ends[1].0.x);
         for k in 0..=segments {
             let share = k as f32 / segments as f32;
-            // The same bits at both ends of the ring, so that it is closed.
+            // Bit-identical at both ends, so that the band is closed.
             let (sin, cos) = if k == segments { (0.0, 1.0) } else { (share * TAU).sin_cos() };
             for (point, normal, length) in ends {
                 let position = base + Vec3::new(point.x * cos, point.y, -point.x * sin);
@@ -70,14 +73,14 @@ impl Shape {
         }
     }
 
-    /// A round bar from `a` to `b`, as thick as told at each end, with flat ends.
+    /// Adds a round bar from `a` to `b` with a radius at each end and flat caps.
     pub(crate) fn bar(&mut self, a: Vec3, b: Vec3, radii: [f32; 2], segments: usize, paint: Paint) {
         let mut upright = Self::default();
         upright.lathe(Vec3::ZERO, &[[radii[0], 0.0], [radii[1], a.distance(b)]], segments, paint);
         self.add(&upright, Quat::from_rotation_arc(Vec3::Y, (b - a).normalize_or(Vec3::Y)), a);
     }
 
-    /// A ball, flattened to `radii` (horizontal, vertical).
+    /// Adds an ellipsoid with `radii` (horizontal, vertical).
     pub(crate) fn ball(&mut self, center: Vec3, radii: [f32; 2], segments: usize, paint: Paint) {
         let rings = segments / 2;
         let profile: Vec<[f32; 2]> = (0..=rings)
@@ -90,7 +93,7 @@ impl Shape {
         self.lathe(center, &profile, segments, paint);
     }
 
-    /// A pipe of constant thickness through `points`.
+    /// Adds a pipe of constant thickness through `points`.
     pub(crate) fn pipe(&mut self, points: &[Vec3], radius: f32, segments: usize, paint: Paint) {
         for pair in points.windows(2) {
             self.bar(pair[0], pair[1], [radius; 2], segments, paint);

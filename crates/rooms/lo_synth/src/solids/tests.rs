@@ -4,7 +4,7 @@ use super::*;
 const PAINT: Paint = Paint { material: 0, tint: [1.0; 3] };
 
 /// Volume by the divergence theorem: positive where the triangles face outwards.
-fn volume(shape: &Shape, part: &Part) -> f32 {
+fn volume(shape: &Shape, part: &ShapePart) -> f32 {
     shape.triangles[part.triangles.clone()]
         .iter()
         .map(|t| {
@@ -14,7 +14,7 @@ fn volume(shape: &Shape, part: &Part) -> f32 {
         .sum()
 }
 
-/// Every stored normal lies on its triangle's front.
+/// Asserts that every vertex normal is on the front side of its triangles.
 fn assert_normals_agree(shape: &Shape) {
     for t in &shape.triangles {
         let [a, b, c] = t.map(|v| shape.positions[v as usize]);
@@ -37,13 +37,13 @@ fn volumes_are_those_of_the_formulas() {
     shape.ring(Vec3::ZERO, &[[1.0, 0.0], [2.0, 0.0], [2.0, 0.5], [1.0, 0.5]], 96, PAINT);
     shape.bar(Vec3::ZERO, Vec3::new(3.0, 4.0, 0.0), [1.0, 0.0], 96, PAINT);
     let pi = std::f32::consts::PI;
-    // A box with round edges: its core, six slabs, twelve quarter cylinders, one ball.
+    // A rounded box is its core, six slabs, twelve quarter cylinders and one ball.
     let (x, y, z, r) = (0.6f32, 1.6, 2.6, 0.2f32);
     let rounded = x * y * z + 2.0 * r * (x * y + y * z + z * x) + pi * r * r * (x + y + z) + 4.0 / 3.0 * pi * r.powi(3);
     let expected = [6.0, rounded, pi * 0.5, 4.0 / 3.0 * pi * 0.5, pi * 1.5, pi * 5.0 / 3.0];
     for (part, expected) in shape.parts.iter().zip(expected) {
         let found = volume(&shape, part);
-        // Inscribed polygons of 96 corners lose 0.07 %, 24 steps of a quarter 0.3 % of the round share.
+        // Inscribed 96-gons lose 0.07 % of the volume, 24 steps per quarter 0.3 % of the rounded share.
         assert!((found / expected - 1.0).abs() < 0.004, "{found} for {expected}");
     }
     assert_eq!(shape.parts.len(), expected.len());
@@ -57,7 +57,7 @@ fn soft_solids_are_closed_and_face_outwards() {
     shape.bulging(Vec3::ZERO, Vec3::new(0.8, 0.2, 0.7), 0.05, 2, 0.04, PAINT);
     for part in &shape.parts {
         assert!(volume(&shape, part) > 0.0);
-        // Closed: the vector areas of a closed surface sum to nothing.
+        // The vector areas of a closed surface sum to zero.
         let sum: Vec3 = shape.triangles[part.triangles.clone()]
             .iter()
             .map(|t| {

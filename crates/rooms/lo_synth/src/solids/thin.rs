@@ -5,11 +5,11 @@ use lo_geometry::{Vec2, Vec3};
 use super::{Paint, Shape};
 
 impl Shape {
-    /// A cable or hose of constant thickness along a smooth line that is nowhere steep.
+    /// Adds a cable or hose of constant thickness along a smooth, nowhere steep line.
     pub(crate) fn tube(&mut self, line: &[Vec3], radius: f32, sides: usize, paint: Paint) {
         let first = self.triangles.len();
         let last = line.len() - 1;
-        // The ends are closed: there the ring has no radius.
+        // Rings of radius 0 close the ends.
         let rows = line.len() + 1;
         self.grid([sides, rows], Vec2::new(TAU * radius, 1.0), paint, |u, v| {
             let row = (v * rows as f32).round() as usize;
@@ -24,7 +24,7 @@ impl Shape {
         self.close_part(first);
     }
 
-    /// A flat picture: its corners from the lower left on, counter-clockwise seen from the front.
+    /// Adds a flat picture by its corners, counter-clockwise from the lower left.
     pub(crate) fn picture(&mut self, corners: [Vec3; 4], paint: Paint) {
         let first = (self.triangles.len(), self.uvs.len());
         self.polygon(&corners, paint);
@@ -32,13 +32,13 @@ impl Shape {
         self.close_part(first.0);
     }
 
-    /// A picture lying on a thing, its upper edge towards −z, over `[least, most]` (x, z) at height `y`.
-    pub(crate) fn picture_on(&mut self, least: Vec2, most: Vec2, y: f32, paint: Paint) {
+    /// Adds a picture lying over `[min, max]` (x, z) at height `y`, its upper edge towards −z.
+    pub(crate) fn picture_on(&mut self, min: Vec2, max: Vec2, y: f32, paint: Paint) {
         let p = |x: f32, z: f32| Vec3::new(x, y, z);
-        self.picture([p(least.x, most.y), p(most.x, most.y), p(most.x, least.y), p(least.x, least.y)], paint);
+        self.picture([p(min.x, max.y), p(max.x, max.y), p(max.x, min.y), p(min.x, min.y)], paint);
     }
 
-    /// A band of a picture around the vertical through `base`, `high` from there, once around.
+    /// Adds a picture wrapped once around the vertical through `base`, `high` metres high.
     pub(crate) fn label(&mut self, base: Vec3, radius: f32, high: f32, segments: usize, paint: Paint) {
         let first = self.uvs.len();
         self.lathe(base, &[[radius, 0.0], [radius, high]], segments, paint);
@@ -47,8 +47,8 @@ impl Shape {
         }
     }
 
-    /// Everything made narrower or wider along the axes.
-    pub(crate) fn squashed(mut self, by: Vec3) -> Self {
+    /// Scales the shape along the axes.
+    pub(crate) fn scaled_by(mut self, by: Vec3) -> Self {
         self.positions.iter_mut().for_each(|p| *p *= by);
         self.normals.iter_mut().for_each(|n| *n = (*n / by).normalize_or(Vec3::Y));
         self

@@ -1,4 +1,4 @@
-//! Floors and walls.
+//! Textures of floors and walls.
 
 use lo_geometry::smoothstep;
 
@@ -6,7 +6,7 @@ use super::{Noise, Swatch, mix, scaled};
 
 const SIZE: usize = 256;
 
-/// Floor boards or parquet along v, `width_m` wide each, in bond.
+/// Floor boards or parquet along v, each `width_m` wide, staggered.
 pub(crate) fn planks(seed: u64, color: [f32; 3], width_m: f32) -> Swatch {
     let noise = Noise::new(seed);
     let (across, along) = (8, 2);
@@ -14,7 +14,7 @@ pub(crate) fn planks(seed: u64, color: [f32; 3], width_m: f32) -> Swatch {
     let joint = 0.0012 / width_m;
     let cell = move |u: f32, v: f32| {
         let column = (u * across as f32).floor() as i32;
-        let shift = noise.other(9).at(column.rem_euclid(across), 0);
+        let shift = noise.derived(9).at(column.rem_euclid(across), 0);
         let y = v * along as f32 + shift;
         let row = (y.floor() as i32).rem_euclid(along);
         let x = u * across as f32 - column as f32;
@@ -26,10 +26,10 @@ pub(crate) fn planks(seed: u64, color: [f32; 3], width_m: f32) -> Swatch {
         if edge {
             return scaled(color, 0.45);
         }
-        let plank = 0.82 + 0.36 * noise.other(1).at(column, row);
-        let shift = noise.other(2).at(column, row);
-        let grain = noise.other(3).octaves(u, v + shift, [64, 4], 2) - 0.5;
-        let figure = noise.other(4).smooth(u + shift, v, [24, 3]);
+        let plank = 0.82 + 0.36 * noise.derived(1).at(column, row);
+        let shift = noise.derived(2).at(column, row);
+        let grain = noise.derived(3).octaves(u, v + shift, [64, 4], 2) - 0.5;
+        let figure = noise.derived(4).smooth(u + shift, v, [24, 3]);
         let ring = (figure * 22.0).sin() * 0.5;
         let warm = [1.0, 0.98 - 0.05 * shift, 0.95 - 0.1 * shift];
         let value = plank * (1.0 + 0.28 * grain + 0.07 * ring);
@@ -37,11 +37,11 @@ pub(crate) fn planks(seed: u64, color: [f32; 3], width_m: f32) -> Swatch {
     })
     .with_roughness(move |u, v| {
         let (column, row, edge) = cell(u, v);
-        if edge { 1.0 } else { 0.85 + 0.15 * noise.other(5).at(column, row) }
+        if edge { 1.0 } else { 0.85 + 0.15 * noise.derived(5).at(column, row) }
     })
 }
 
-/// Tiles of `tile_m` with joints; `variation` of colour between and within tiles (0 … 1).
+/// Tiles of size `tile_m` with joints. `variation` in [0, 1] is the colour variation between and within tiles.
 pub(crate) fn tiles(seed: u64, color: [f32; 3], tile_m: [f32; 2], variation: f32) -> Swatch {
     let noise = Noise::new(seed);
     let number = [4i32, 4];
@@ -60,26 +60,26 @@ pub(crate) fn tiles(seed: u64, color: [f32; 3], tile_m: [f32; 2], variation: f32
     };
     Swatch::new([SIZE, SIZE], size_m, move |u, v| {
         let (column, row, edge_m) = at(u, v);
-        let shift = noise.other(3).at(column, row);
+        let shift = noise.derived(3).at(column, row);
         let tile = 1.0 + variation * 0.3 * (noise.at(column, row) - 0.5);
-        let cloud = noise.other(2).octaves(u + shift, v + 0.7 * shift, [6, 6], 4) - 0.5;
+        let cloud = noise.derived(2).octaves(u + shift, v + 0.7 * shift, [6, 6], 4) - 0.5;
         let face = scaled(color, tile * (1.0 + variation * 0.9 * cloud));
         mix(grout, face, smoothstep(joint_m * 0.5, joint_m, edge_m))
     })
     .with_roughness(move |u, v| 1.0 - 0.72 * smoothstep(joint_m * 0.5, joint_m, at(u, v).2))
 }
 
-/// Painted plaster: hardly any pattern, some unevenness from the roller and from age.
+/// Painted plaster: nearly uniform, uneven from the roller and from age.
 pub(crate) fn plaster(seed: u64, color: [f32; 3]) -> Swatch {
     let noise = Noise::new(seed);
     Swatch::new([SIZE, SIZE], [2.0, 2.0], move |u, v| {
         let stain = noise.octaves(u, v, [3, 3], 3) - 0.5;
-        let grain = noise.other(7).octaves(u, v, [96, 96], 2) - 0.5;
+        let grain = noise.derived(7).octaves(u, v, [96, 96], 2) - 0.5;
         scaled(color, 1.0 + 0.05 * stain + 0.07 * grain)
     })
 }
 
-/// Wallpaper: stripes, a lattice of ornaments, or a fine weave of two colours.
+/// Wallpaper in two colours: stripes, ornaments, waves or a fine weave.
 pub(crate) fn wallpaper(seed: u64, color: [f32; 3], second: [f32; 3]) -> Swatch {
     let noise = Noise::new(seed);
     let kind = (noise.at(5, 5) * 4.0) as u32;
@@ -102,30 +102,30 @@ pub(crate) fn wallpaper(seed: u64, color: [f32; 3], second: [f32; 3]) -> Swatch 
             }
             _ => noise.octaves(u, v, [128, 16], 2) * 0.5,
         };
-        let grain = noise.other(7).octaves(u, v, [128, 128], 1) - 0.5;
+        let grain = noise.derived(7).octaves(u, v, [128, 128], 1) - 0.5;
         scaled(mix(color, second, 0.8 * pattern), 1.0 + 0.06 * grain)
     })
 }
 
-/// Marble with veins, granite with grains or terrazzo with chips.
+/// Stone: marble with veins, granite with grains or terrazzo with chips.
 pub(crate) fn stone(seed: u64, color: [f32; 3]) -> Swatch {
     let noise = Noise::new(seed);
     let kind = (noise.at(3, 3) * 3.0) as u32;
     Swatch::new([SIZE, SIZE], [1.2, 1.2], move |u, v| match kind {
         0 => {
             let bend = noise.octaves(u, v, [3, 3], 4);
-            let vein = ((bend + noise.other(20).octaves(u, v, [2, 2], 3) - 1.0) * 24.0).abs();
-            let fine = noise.other(30).octaves(u, v, [12, 12], 3) - 0.5;
+            let vein = ((bend + noise.derived(20).octaves(u, v, [2, 2], 3) - 1.0) * 24.0).abs();
+            let fine = noise.derived(30).octaves(u, v, [12, 12], 3) - 0.5;
             scaled(color, 0.75 + 0.28 * smoothstep(0.0, 0.9, vein) + 0.12 * fine)
         }
         1 => {
             let grain = noise.octaves(u, v, [90, 90], 2);
-            let dark = smoothstep(0.42, 0.32, noise.other(4).smooth(u, v, [120, 120]));
+            let dark = smoothstep(0.42, 0.32, noise.derived(4).smooth(u, v, [120, 120]));
             scaled(color, (0.7 + 0.6 * grain) * (1.0 - 0.5 * dark))
         }
         _ => {
             let chip = noise.smooth(u, v, [60, 60]);
-            let hue = noise.other(8).at((u * 60.0) as i32, (v * 60.0) as i32);
+            let hue = noise.derived(8).at((u * 60.0) as i32, (v * 60.0) as i32);
             let stone = mix(scaled(color, 0.55), [0.6, 0.5, 0.4], hue);
             mix(color, stone, smoothstep(0.62, 0.68, chip))
         }
@@ -137,7 +137,7 @@ pub(crate) fn concrete(seed: u64, color: [f32; 3]) -> Swatch {
     let noise = Noise::new(seed);
     Swatch::new([SIZE, SIZE], [2.4, 2.4], move |u, v| {
         let cloud = noise.octaves(u, v, [4, 4], 5) - 0.5;
-        let pore = smoothstep(0.86, 0.93, noise.other(17).smooth(u, v, [80, 80]));
+        let pore = smoothstep(0.86, 0.93, noise.derived(17).smooth(u, v, [80, 80]));
         scaled(color, (1.0 + 0.5 * cloud) * (1.0 - 0.3 * pore))
     })
 }
@@ -153,10 +153,10 @@ pub(crate) fn bricks(seed: u64, color: [f32; 3]) -> Swatch {
         let x = u * number[0] as f32 + 0.5 * row.rem_euclid(2) as f32;
         let column = (x.floor() as i32).rem_euclid(number[0]);
         let (fx, fy) = (x - x.floor(), y - y.floor());
-        let wobble = 0.004 * (noise.other(2).octaves(u, v, [24, 24], 2) - 0.5);
+        let wobble = 0.004 * (noise.derived(2).octaves(u, v, [24, 24], 2) - 0.5);
         let edge_m = (fx.min(1.0 - fx) * 0.25).min(fy.min(1.0 - fy) * 0.081) + wobble;
         let tile = 0.7 + 0.6 * noise.at(column, row.rem_euclid(number[1]));
-        let grain = 0.8 + 0.4 * noise.other(3).octaves(u, v, [40, 40], 3);
+        let grain = 0.8 + 0.4 * noise.derived(3).octaves(u, v, [40, 40], 3);
         mix([0.45, 0.43, 0.4], scaled(color, tile * grain), smoothstep(0.004, 0.007, edge_m))
     })
 }

@@ -1,4 +1,4 @@
-//! Furniture: wood, cloth, leather, carpets.
+//! Textures of furniture and carpets: wood, cloth, leather, pile.
 
 use lo_geometry::smoothstep;
 
@@ -6,15 +6,15 @@ use super::{Noise, Swatch, mix, scaled};
 
 const SIZE: usize = 256;
 
-/// Veneer or solid wood, grain along v.
+/// Veneer or solid wood with the grain along v.
 pub(crate) fn wood(seed: u64, color: [f32; 3]) -> Swatch {
     let noise = Noise::new(seed);
     let dark = scaled(color, 0.62);
     Swatch::new([SIZE, SIZE], [0.6, 1.2], move |u, v| {
         let bend = noise.octaves(u, v, [3, 2], 3);
         let ring = 0.5 + 0.5 * (bend * 40.0).sin();
-        let fibre = noise.other(5).octaves(u, v, [100, 5], 2) - 0.5;
-        let flame = noise.other(9).octaves(u, v, [6, 2], 2);
+        let fibre = noise.derived(5).octaves(u, v, [100, 5], 2) - 0.5;
+        let flame = noise.derived(9).octaves(u, v, [6, 2], 2);
         let shade = 0.3 * ring * flame + 0.12 + 0.2 * fibre;
         scaled(mix(color, dark, shade), 1.1)
     })
@@ -31,17 +31,17 @@ pub(crate) fn weave(seed: u64, color: [f32; 3], thread_m: f32) -> Swatch {
         let bow = |t: f32| (t.fract() * std::f32::consts::PI).sin();
         let (thread, lit) = if over { (x.floor() as i32, bow(x)) } else { (-1 - y.floor() as i32, bow(y)) };
         let yarn = 0.8 + 0.4 * noise.at(thread.rem_euclid(257), 3);
-        let mottle = noise.other(4).octaves(u, v, [8, 8], 3) - 0.5;
+        let mottle = noise.derived(4).octaves(u, v, [8, 8], 3) - 0.5;
         scaled(color, (0.72 + 0.42 * lit) * yarn * (1.0 + 0.25 * mottle))
     })
 }
 
-/// Pile carpet: speckled, with broad differences of how the pile lies.
+/// Pile carpet: speckled, with broad variation in the lie of the pile.
 pub(crate) fn carpet(seed: u64, color: [f32; 3]) -> Swatch {
     let noise = Noise::new(seed);
     Swatch::new([SIZE, SIZE], [1.2, 1.2], move |u, v| {
         let tuft = noise.octaves(u, v, [128, 128], 1);
-        let lie = noise.other(6).octaves(u, v, [4, 4], 4) - 0.5;
+        let lie = noise.derived(6).octaves(u, v, [4, 4], 4) - 0.5;
         scaled(color, (0.65 + 0.7 * tuft) * (1.0 + 0.3 * lie))
     })
 }
@@ -54,13 +54,13 @@ pub(crate) fn leather(seed: u64, color: [f32; 3]) -> Swatch {
         smoothstep(0.0, 0.12, (cell - 0.5).abs())
     };
     Swatch::new([SIZE, SIZE], [0.5, 0.5], move |u, v| {
-        let patina = noise.other(3).octaves(u, v, [3, 3], 4) - 0.5;
+        let patina = noise.derived(3).octaves(u, v, [3, 3], 4) - 0.5;
         scaled(color, (0.85 + 0.2 * crease(u, v)) * (1.0 + 0.4 * patina))
     })
     .with_roughness(move |u, v| 1.0 - 0.25 * crease(u, v))
 }
 
-/// A whole rug, `size_m` large: plain, striped, chequered, with a border, or with a medallion.
+/// A whole rug of size `size_m`: plain, striped, chequered, with diamonds or with a medallion.
 pub(crate) fn rug(seed: u64, size_m: [f32; 2], colors: [[f32; 3]; 3]) -> Swatch {
     let noise = Noise::new(seed);
     let kind = (noise.at(2, 9) * 5.0) as u32;
@@ -89,8 +89,8 @@ pub(crate) fn rug(seed: u64, size_m: [f32; 2], colors: [[f32; 3]; 3]) -> Swatch 
         } else {
             pattern
         };
-        let tuft = 0.75 + 0.5 * noise.other(2).octaves(u, v, [120, 120], 1);
-        let lie = 1.0 + 0.3 * (noise.other(3).octaves(u, v, [4, 4], 3) - 0.5);
+        let tuft = 0.75 + 0.5 * noise.derived(2).octaves(u, v, [120, 120], 1);
+        let lie = 1.0 + 0.3 * (noise.derived(3).octaves(u, v, [4, 4], 3) - 0.5);
         scaled(bordered, tuft * lie)
     })
 }

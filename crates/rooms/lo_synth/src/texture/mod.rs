@@ -1,4 +1,4 @@
-//! Procedural pictures of surfaces: tileable, absolute linear albedo, one to three scales of detail.
+//! Procedural textures of surfaces: tileable, absolute linear albedo, one to three scales of detail.
 
 mod building;
 mod cloth;
@@ -14,19 +14,19 @@ pub(crate) use building::{bricks, concrete, planks, plaster, stone, tiles, wallp
 pub(crate) use cloth::{carpet, leather, rug, weave, wood};
 pub(crate) use noise::Noise;
 pub(crate) use picture::{painting, screen};
-pub(crate) use print::{cover, dress, keys, page};
-pub(crate) use wear::{coat, pattern, relief, worn};
+pub(crate) use print::{clothing, keys, package_front, page};
+pub(crate) use wear::{apply_wear, normal_map, painted, pattern};
 
-/// A picture and the metres that it covers.
+/// A texture and its physical size.
 pub(crate) struct Swatch {
     pub color: Image<[u8; 4]>,
-    /// Green: roughness, where it varies.
+    /// Roughness in the green channel, if it varies.
     pub roughness: Option<Image<[u8; 4]>>,
     pub size_m: [f32; 2],
 }
 
 impl Swatch {
-    /// From albedo at each point of `[0, 1)²`.
+    /// Creates a swatch by evaluating albedo over `[0, 1)²`.
     pub(crate) fn new(
         [width, height]: [usize; 2],
         size_m: [f32; 2],
@@ -40,12 +40,12 @@ impl Swatch {
         Self { color, roughness: None, size_m }
     }
 
-    /// Of a picture with sRGB codes, over `[0, 1]²`.
-    pub(crate) fn of_picture(color: Image<[u8; 4]>) -> Self {
+    /// Creates a swatch from an image in sRGB codes, over `[0, 1]²`.
+    pub(crate) fn from_image(color: Image<[u8; 4]>) -> Self {
         Self { color, roughness: None, size_m: [1.0; 2] }
     }
 
-    /// Adds roughness at each point.
+    /// Adds roughness by evaluating it over `[0, 1)²`.
     pub(crate) fn with_roughness(mut self, mut roughness: impl FnMut(f32, f32) -> f32) -> Self {
         let (width, height) = (self.color.width(), self.color.height());
         self.roughness = Some(Image::from_fn(width, height, |x, y| {
@@ -55,18 +55,18 @@ impl Swatch {
         self
     }
 
-    /// Colour and roughness as textures with mip levels.
+    /// Converts colour and roughness to textures with mip levels.
     pub(crate) fn textures(self) -> (Texture, Option<Texture>) {
         (Texture::from_image(self.color, true), self.roughness.map(|r| Texture::from_image(r, false)))
     }
 }
 
-/// `a` and `b` mixed.
+/// Interpolates linearly from `a` to `b`.
 pub(crate) fn mix(a: [f32; 3], b: [f32; 3], share: f32) -> [f32; 3] {
     std::array::from_fn(|c| a[c] + (b[c] - a[c]) * share)
 }
 
-/// Every channel times `factor`.
+/// Multiplies every channel by `factor`.
 pub(crate) fn scaled(color: [f32; 3], factor: f32) -> [f32; 3] {
     color.map(|c| c * factor)
 }
@@ -75,7 +75,7 @@ pub(crate) fn scaled(color: [f32; 3], factor: f32) -> [f32; 3] {
 mod tests {
     use super::*;
 
-    /// Neighbours across the border differ no more than neighbours inside.
+    /// Asserts that texels differ across the border no more than inside.
     fn assert_tiles(swatch: &Swatch, name: &str) {
         let image = &swatch.color;
         let (w, h) = (image.width(), image.height());
@@ -114,7 +114,7 @@ mod tests {
             let pixels = swatch.color.pixels();
             for c in 0..3 {
                 let sum: f32 = pixels.iter().map(|p| lo_imaging::linear_from_srgb8(p[c])).sum();
-                // Detail is multiplied on: its mean is one within a fifth.
+                // Detail is multiplicative with a mean of 1 ± 0.2.
                 assert!((sum / pixels.len() as f32 / asked[c] - 1.0).abs() < 0.2, "{}", sum / pixels.len() as f32);
             }
         }

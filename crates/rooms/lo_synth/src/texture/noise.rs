@@ -1,4 +1,4 @@
-/// Gradient-free lattice noise that repeats: values on a grid, smoothly interpolated.
+/// Tileable value noise: random values on a lattice, smoothly interpolated.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Noise {
     seed: u32,
@@ -9,17 +9,17 @@ impl Noise {
         Self { seed: (seed ^ (seed >> 32)) as u32 }
     }
 
-    /// Another noise of the same family.
-    pub(crate) fn other(self, number: u32) -> Self {
+    /// Returns an independent noise, derived from this one.
+    pub(crate) fn derived(self, number: u32) -> Self {
         Self { seed: self.seed.wrapping_add(number.wrapping_mul(0x9e37_79b9)) }
     }
 
-    /// Uniform in [0, 1) at a lattice point.
+    /// Value at a lattice point, uniform in [0, 1).
     pub(crate) fn at(self, x: i32, y: i32) -> f32 {
         self.hashed(column(x), row(y))
     }
 
-    /// Of a [`column`] and a [`row`]: finaliser of MurmurHash3.
+    /// Hashes a [`column`] and a [`row`] with an integer finaliser in the style of MurmurHash3.
     #[inline(always)]
     fn hashed(self, column: u32, row: u32) -> f32 {
         let mut h = self.seed ^ column ^ row;
@@ -31,7 +31,7 @@ impl Noise {
         (h >> 8) as f32 / (1 << 24) as f32
     }
 
-    /// In [0, 1], mean ½; `(u, v)` in [0, 1]² holds `cells` lattice cells and repeats.
+    /// Interpolated noise in [0, 1] with mean ½. The unit square of `(u, v)` holds `cells` lattice cells and repeats.
     pub(crate) fn smooth(self, u: f32, v: f32, cells: [i32; 2]) -> f32 {
         let (x, y) = (u * cells[0] as f32, v * cells[1] as f32);
         let (x0, y0) = (floor(x), floor(y));
@@ -46,12 +46,12 @@ impl Noise {
         top + (c + (d - c) * fx - top) * fy
     }
 
-    /// Octaves of halving strength, in [0, 1], mean ½.
+    /// Sum of octaves of halving amplitude, in [0, 1] with mean ½.
     pub(crate) fn octaves(self, u: f32, v: f32, cells: [i32; 2], octaves: u32) -> f32 {
         let (mut sum, mut weight, mut total) = (0.0, 1.0, 0.0);
         for octave in 0..octaves {
             let fine = cells.map(|c| c << octave);
-            sum += weight * self.other(octave).smooth(u, v, fine);
+            sum += weight * self.derived(octave).smooth(u, v, fine);
             total += weight;
             weight *= 0.5;
         }
@@ -67,13 +67,13 @@ fn row(y: i32) -> u32 {
     (y as u32).wrapping_mul(0xc2b2_ae35)
 }
 
-/// Largest whole number that is not above; without SSE 4.1 `f32::floor` is a call.
+/// Floor as an integer. Without SSE 4.1, `f32::floor` is a function call.
 fn floor(x: f32) -> i32 {
     let toward_zero = x as i32;
     toward_zero - i32::from(toward_zero as f32 > x)
 }
 
-/// `i` modulo `n`; nearly always it is within already, and a division costs more than all else here.
+/// `i` modulo `n`. Skips the costly division in the common case of `i` in range.
 fn wrap(i: i32, n: i32) -> i32 {
     if (0..n).contains(&i) { i } else { i.rem_euclid(n) }
 }
@@ -101,7 +101,7 @@ mod tests {
             assert!((value - noise.octaves(u + 1.0, v - 2.0, [8, 4], 3)).abs() < 1e-3, "it repeats");
             sum += value / 10_000.0;
         }
-        // some 200 independent values, deviation 0.2 each
+        // About 200 independent values with a standard deviation of 0.2 each.
         assert!((sum - 0.5).abs() < 0.06, "{sum}");
     }
 }

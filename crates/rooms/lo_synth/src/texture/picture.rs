@@ -1,4 +1,4 @@
-//! What hangs on walls and shines from screens.
+//! Textures of paintings and screens.
 
 use lo_geometry::smoothstep;
 
@@ -7,8 +7,9 @@ use crate::chance::tone;
 
 const SIZE: usize = 128;
 
-/// A picture for a frame, covering `[0, 1]²`: landscape, stripes of colour, shapes, a dark portrait, or ink on paper, with or
-/// without a mount.
+/// A painting over `[0, 1]²`, with or without a mount.
+///
+/// Shows a landscape, stripes of colour, shapes, a dark portrait or ink on paper.
 pub(crate) fn painting(seed: u64) -> Swatch {
     let noise = Noise::new(seed);
     let kind = (noise.at(1, 1) * 5.0) as u32;
@@ -19,11 +20,11 @@ pub(crate) fn painting(seed: u64) -> Swatch {
         if u.min(1.0 - u).min(v.min(1.0 - v)) < mount {
             return [0.72, 0.71, 0.68];
         }
-        let cloud = noise.other(9).octaves(u, v, [4, 4], 5);
+        let cloud = noise.derived(9).octaves(u, v, [4, 4], 5);
         match kind {
             0 => {
                 let ridge =
-                    |n: u32, base: f32, height: f32| v > base - height * noise.other(n).octaves(u, 0.3, [3, 1], 4);
+                    |n: u32, base: f32, height: f32| v > base - height * noise.derived(n).octaves(u, 0.3, [3, 1], 4);
                 let sky = mix(tone(210.0, 0.5, 0.35), tone(35.0, 0.3, 0.6), smoothstep(0.0, 0.6, v + 0.3 * cloud));
                 if ridge(1, 0.85, 0.25) {
                     scaled(tone(hue, 0.5, 0.08), 0.6 + cloud)
@@ -68,7 +69,7 @@ pub(crate) fn painting(seed: u64) -> Swatch {
     })
 }
 
-/// What a monitor or television shows, 0 … 0.88 of its white.
+/// Content of a monitor or television, from 0 to 0.88 of its white.
 pub(crate) fn screen(seed: u64) -> Swatch {
     let noise = Noise::new(seed);
     let hue = 360.0 * noise.at(1, 2);
@@ -76,7 +77,7 @@ pub(crate) fn screen(seed: u64) -> Swatch {
     Swatch::new([SIZE, SIZE], [1.0, 1.0], move |u, v| {
         if film {
             let light = noise.octaves(u, v, [2, 2], 5);
-            return scaled(tone(hue + 120.0 * noise.other(2).smooth(u, v, [2, 2]), 0.6, 0.45), light * light * 1.8);
+            return scaled(tone(hue + 120.0 * noise.derived(2).smooth(u, v, [2, 2]), 0.6, 0.45), light * light * 1.8);
         }
         if v < 0.05 {
             return tone(hue, 0.6, 0.2);

@@ -1,4 +1,4 @@
-//! What is printed: pages, covers, labels, keys. Pictures over `[0, 1]²`.
+//! Textures of printed matter over `[0, 1]²`: pages, covers, labels, keys, clothes.
 
 use super::{Noise, Swatch, mix, scaled};
 use crate::chance::tone;
@@ -7,8 +7,10 @@ const SIZE: usize = 128;
 const PAPER: [f32; 3] = [0.8, 0.79, 0.76];
 const INK: [f32; 3] = [0.04, 0.04, 0.05];
 
-/// Whether a letter's stroke lies here: three by five dots a letter, `letters` of them over `u` in [0, 1].
-fn stroke(noise: Noise, line: i32, letters: f32, u: f32, v: f32) -> bool {
+/// Whether a stroke of random lettering covers `(u, v)`.
+///
+/// A letter has three by five dots; `letters` of them cover `u` in [0, 1].
+fn lettering(noise: Noise, line: i32, letters: f32, u: f32, v: f32) -> bool {
     if !(0.0..1.0).contains(&u) || !(0.0..1.0).contains(&v) {
         return false;
     }
@@ -18,7 +20,7 @@ fn stroke(noise: Noise, line: i32, letters: f32, u: f32, v: f32) -> bool {
     a < 3 && (noise.at(letter * 4 + a, line * 8 + b) < 0.6 || a == 0)
 }
 
-/// A printed or written page, one and a half times as high as wide.
+/// A printed or handwritten page, 1.5 times as high as wide.
 pub(crate) fn page(seed: u64) -> Swatch {
     let noise = Noise::new(seed);
     let columns = if noise.at(1, 1) < 0.3 { 2.0 } else { 1.0 };
@@ -30,7 +32,7 @@ pub(crate) fn page(seed: u64) -> Swatch {
             return PAPER;
         }
         if v < 0.13 {
-            let title = stroke(noise.other(3), 0, 12.0, (u - 0.15) / 0.6, (v - 0.08) / 0.045);
+            let title = lettering(noise.derived(3), 0, 12.0, (u - 0.15) / 0.6, (v - 0.08) / 0.045);
             return if title { INK } else { PAPER };
         }
         if let Some([top, high]) = figure
@@ -46,13 +48,13 @@ pub(crate) fn page(seed: u64) -> Swatch {
         let end = if noise.at(line as i32, 7) < 0.2 { 0.3 + 0.6 * noise.at(line as i32, 8) } else { 0.95 };
         let word = noise.at((x * 11.0) as i32, line as i32 + 100 * column as i32) < 0.85;
         let inked = across < end && across > 0.02 && v * lines - line < 0.5 && word;
-        let dots = 0.35 + 0.5 * noise.other(5).at((u * 90.0) as i32, line as i32);
+        let dots = 0.35 + 0.5 * noise.derived(5).at((u * 90.0) as i32, line as i32);
         if inked { mix(PAPER, INK, dots) } else { PAPER }
     })
 }
 
-/// The front of a package, a book or a magazine: fields of strong colour, a name in large letters, small print.
-pub(crate) fn cover(seed: u64) -> Swatch {
+/// Front of a package, a book or a magazine: areas of strong colour, large lettering, small print.
+pub(crate) fn package_front(seed: u64) -> Swatch {
     let noise = Noise::new(seed);
     let hue = 360.0 * noise.at(1, 1);
     let ground = tone(hue, 0.5 + 0.5 * noise.at(1, 2), 0.05 + 0.35 * noise.at(1, 3));
@@ -70,19 +72,19 @@ pub(crate) fn cover(seed: u64) -> Swatch {
         };
         let back = if within { field } else { ground };
         let high = (to - from) * 0.45;
-        if stroke(noise.other(2), 1, letters, (u - 0.14) / 0.72, (v - from - 0.2 * (to - from)) / high) {
+        if lettering(noise.derived(2), 1, letters, (u - 0.14) / 0.72, (v - from - 0.2 * (to - from)) / high) {
             return light;
         }
         let small = v > to + 0.04 && v < 0.95 && (v * 30.0).fract() < 0.5 && u > 0.12 && u < 0.7;
         if small && noise.at((u * 40.0) as i32, (v * 30.0) as i32) < 0.7 {
             return [0.75, 0.74, 0.7];
         }
-        let shade = noise.other(4).octaves(u, v, [3, 3], 3) - 0.5;
+        let shade = noise.derived(4).octaves(u, v, [3, 3], 3) - 0.5;
         scaled(back, 1.0 + 0.25 * shade)
     })
 }
 
-/// Keys of a keyboard on a ground of `color`, 15 across and 5 down.
+/// Keys of a keyboard in `color`, 15 columns by 5 rows.
 pub(crate) fn keys(seed: u64, color: [f32; 3]) -> Swatch {
     let noise = Noise::new(seed);
     let dark = lo_imaging::luminance(color) < 0.2;
@@ -99,13 +101,14 @@ pub(crate) fn keys(seed: u64, color: [f32; 3]) -> Swatch {
         if fy.min(1.0 - fy) < 0.09 || !wide && fx.min(1.0 - fx) < 0.09 {
             return ground;
         }
-        let letter = !wide && stroke(noise, (x as i32) + 16 * (y as i32), 1.0, (fx - 0.38) / 0.24, (fy - 0.35) / 0.28);
+        let letter =
+            !wide && lettering(noise, (x as i32) + 16 * (y as i32), 1.0, (fx - 0.38) / 0.24, (fy - 0.35) / 0.28);
         if letter { legend } else { cap }
     })
 }
 
-/// Cloth of clothes: plain, striped, chequered or printed in front.
-pub(crate) fn dress(seed: u64, colors: [[f32; 3]; 2]) -> Swatch {
+/// Cloth of clothes: plain, striped, chequered or dotted.
+pub(crate) fn clothing(seed: u64, colors: [[f32; 3]; 2]) -> Swatch {
     let noise = Noise::new(seed);
     let kind = (noise.at(1, 1) * 4.0) as u32;
     let repeats = 4.0 + (noise.at(1, 2) * 10.0).floor();
@@ -117,8 +120,8 @@ pub(crate) fn dress(seed: u64, colors: [[f32; 3]; 2]) -> Swatch {
             2 => 0.5 * f32::from(u8::from(x < 0.45)) + 0.5 * f32::from(u8::from(y < 0.45)),
             _ => f32::from(u8::from((x - 0.5).hypot(y - 0.5) < 0.2)),
         };
-        let fold = noise.other(3).octaves(u, v, [5, 3], 4) - 0.5;
-        let thread = noise.other(5).octaves(u, v, [120, 120], 1) - 0.5;
+        let fold = noise.derived(3).octaves(u, v, [5, 3], 4) - 0.5;
+        let thread = noise.derived(5).octaves(u, v, [120, 120], 1) - 0.5;
         scaled(mix(colors[0], colors[1], share), (1.0 + 0.5 * fold) * (1.0 + 0.25 * thread))
     })
 }

@@ -1,4 +1,4 @@
-//! What use and age do to surfaces, and their relief.
+//! Wear, repeating patterns and normal maps of surfaces.
 
 use lo_geometry::smoothstep;
 use lo_imaging::{Image, linear_from_srgb8, luminance, srgb8_from_linear};
@@ -6,10 +6,12 @@ use lo_imaging::{Image, linear_from_srgb8, luminance, srgb8_from_linear};
 use super::{Noise, Swatch, mix, scaled};
 
 const SIZE: usize = 256;
-/// Colour of old dirt and of water's rims.
+/// Colour of old dirt and of water stains.
 const DIRT: [f32; 3] = [0.11, 0.085, 0.055];
 
-/// Repeating patterns of two or three colours: chequers, diamonds, rings, herringbone, stripes, mosaic. `cell_m` is the size of one.
+/// Repeating pattern of two or three colours with cells of size `cell_m`.
+///
+/// One of chequers, diamonds, rings, herringbone, stripes and mosaic.
 pub(crate) fn pattern(seed: u64, colors: [[f32; 3]; 3], cell_m: f32) -> Swatch {
     let noise = Noise::new(seed);
     let kind = (noise.at(1, 1) * 6.0) as u32;
@@ -44,13 +46,13 @@ pub(crate) fn pattern(seed: u64, colors: [[f32; 3]; 3], cell_m: f32) -> Swatch {
                 }]
             }
         };
-        let grain = noise.other(7).octaves(u, v, [96, 96], 2) - 0.5;
+        let grain = noise.derived(7).octaves(u, v, [96, 96], 2) - 0.5;
         scaled(color, 1.0 + 0.12 * grain)
     })
 }
 
-/// A plain colour with what brush and roller leave.
-pub(crate) fn coat(seed: u64, color: [f32; 3]) -> Swatch {
+/// A plain colour with traces of brush and roller.
+pub(crate) fn painted(seed: u64, color: [f32; 3]) -> Swatch {
     let noise = Noise::new(seed);
     Swatch::new([SIZE, SIZE], [1.6, 1.6], move |u, v| {
         let grain = noise.octaves(u, v, [110, 110], 2) - 0.5;
@@ -58,12 +60,12 @@ pub(crate) fn coat(seed: u64, color: [f32; 3]) -> Swatch {
     })
 }
 
-/// Stains, dirt and scratches on a picture of sRGB codes; `amount` 0 … 1.
-pub(crate) fn worn(picture: &Image<[u8; 4]>, seed: u64, amount: f32) -> Image<[u8; 4]> {
+/// Adds stains, dirt and scratches to an image of sRGB codes; `amount` in [0, 1].
+pub(crate) fn apply_wear(picture: &Image<[u8; 4]>, seed: u64, amount: f32) -> Image<[u8; 4]> {
     let noise = Noise::new(seed);
     let (width, height) = (picture.width(), picture.height());
-    let least = 0.72 - 0.18 * amount;
-    // Scratches: short lines, each from a place, in a direction.
+    let stain_threshold = 0.72 - 0.18 * amount;
+    // Scratches are short lines: start, direction, length.
     let scratches: Vec<[f32; 5]> = (0..(30.0 * amount) as i32)
         .map(|k| {
             let angle = std::f32::consts::TAU * noise.at(k, 52);
@@ -75,12 +77,12 @@ pub(crate) fn worn(picture: &Image<[u8; 4]>, seed: u64, amount: f32) -> Image<[u
         let [r, g, b, alpha] = picture[(x, y)];
         let clean = [r, g, b].map(linear_from_srgb8);
         let cloud = noise.octaves(u, v, [2, 2], 4);
-        let stain = smoothstep(least, least + 0.12, cloud);
-        // Dried water leaves a darker rim.
-        let rim = smoothstep(0.03, 0.0, (cloud - least).abs());
-        let speck = smoothstep(0.9, 0.97, noise.other(11).smooth(u, v, [70, 70]));
-        let fading = 1.0 + 0.25 * amount * (noise.other(12).octaves(u, v, [2, 2], 2) - 0.5);
-        let dirt = amount * (0.3 * stain + 0.2 * rim * noise.other(13).smooth(u, v, [5, 5]) + 0.5 * speck);
+        let stain = smoothstep(stain_threshold, stain_threshold + 0.12, cloud);
+        // Dried water leaves a dark rim.
+        let rim = smoothstep(0.03, 0.0, (cloud - stain_threshold).abs());
+        let speck = smoothstep(0.9, 0.97, noise.derived(11).smooth(u, v, [70, 70]));
+        let fading = 1.0 + 0.25 * amount * (noise.derived(12).octaves(u, v, [2, 2], 2) - 0.5);
+        let dirt = amount * (0.3 * stain + 0.2 * rim * noise.derived(13).smooth(u, v, [5, 5]) + 0.5 * speck);
         let [r, g, b] =
             mix(scaled(clean, fading), DIRT, dirt.min(0.8)).map(|c| srgb8_from_linear(c.clamp(0.003, 0.88)));
         [r, g, b, alpha]
@@ -100,8 +102,10 @@ pub(crate) fn worn(picture: &Image<[u8; 4]>, seed: u64, amount: f32) -> Image<[u
     worn
 }
 
-/// Tangent-space normals (+Y up) of a picture whose light parts stand `depth_m` above its dark ones; `texel_m` wide and high.
-pub(crate) fn relief(picture: &Image<[u8; 4]>, texel_m: [f32; 2], depth_m: f32) -> Image<[u8; 4]> {
+/// Tangent-space normal map (+Y up) of an image used as a height map, with light parts above dark ones.
+///
+/// `depth_m` is the maximum height difference from the mean, `texel_m` the width and height of a texel.
+pub(crate) fn normal_map(picture: &Image<[u8; 4]>, texel_m: [f32; 2], depth_m: f32) -> Image<[u8; 4]> {
     let (width, height) = (picture.width(), picture.height());
     let light = picture.map(|&[r, g, b, _]| luminance([r, g, b].map(linear_from_srgb8)));
     let mean = (light.pixels().iter().sum::<f32>() / (width * height) as f32).max(1e-3);
@@ -110,7 +114,7 @@ pub(crate) fn relief(picture: &Image<[u8; 4]>, texel_m: [f32; 2], depth_m: f32) 
         let (left, right) = (high[((x + width - 1) % width, y)], high[((x + 1) % width, y)]);
         let (up, down) = (high[(x, (y + height - 1) % height)], high[(x, (y + 1) % height)]);
         let slope = [(right - left) / (2.0 * texel_m[0]), (down - up) / (2.0 * texel_m[1])];
-        // Rows run down, the bitangent up.
+        // Rows run down, the bitangent points up.
         let normal = lo_geometry::Vec3::new(-slope[0], slope[1], 1.0).normalize();
         let code = |c: f32| ((0.5 * c + 0.5) * 255.0).round() as u8;
         [code(normal.x), code(normal.y), code(normal.z), 255]
@@ -123,21 +127,21 @@ mod tests {
 
     #[test]
     fn relief_of_a_ridge_leans_to_both_sides() {
-        // light in the middle columns
+        // Light in the middle columns.
         let ridge =
             Image::from_fn(
                 32,
                 32,
                 |x, _| if (12..20).contains(&x) { [220u8, 220, 220, 255] } else { [90, 90, 90, 255] },
             );
-        let normals = relief(&ridge, [0.004, 0.004], 0.004);
+        let normals = normal_map(&ridge, [0.004, 0.004], 0.004);
         assert_eq!(normals[(16, 5)], [128, 128, 255, 255]);
-        // its left side looks to the left, its right side to the right, both as steep
+        // The left side faces left, the right side faces right, equally steep.
         let (left, right) = (normals[(12, 5)], normals[(19, 5)]);
         assert!(left[0] < 110 && right[0] > 146 && left[0].abs_diff(255 - right[0]) <= 1, "{left:?} {right:?}");
-        // what is light above and dark below looks down: less green
+        // A step that is light above and dark below faces down: less green.
         let step = Image::from_fn(32, 32, |_, y| if y < 16 { [220u8, 220, 220, 255] } else { [90, 90, 90, 255] });
-        assert!(relief(&step, [0.004, 0.004], 0.004)[(8, 15)][1] < 110);
+        assert!(normal_map(&step, [0.004, 0.004], 0.004)[(8, 15)][1] < 110);
     }
 
     #[test]
@@ -145,10 +149,10 @@ mod tests {
         let white = Image::new(256, 256, vec![[220u8, 220, 220, 255]; 256 * 256]);
         let mut share = 0.0;
         for seed in 0..6 {
-            let old = worn(&white, seed, 0.8);
+            let old = apply_wear(&white, seed, 0.8);
             share += old.pixels().iter().filter(|p| p[0] < 195).count() as f32 / (6.0 * 65536.0);
         }
         assert!((0.005..0.4).contains(&share), "{share}");
-        assert_eq!(worn(&white, 3, 0.8), worn(&white, 3, 0.8));
+        assert_eq!(apply_wear(&white, 3, 0.8), apply_wear(&white, 3, 0.8));
     }
 }

@@ -1,20 +1,20 @@
-//! Houses and trees as bodies that rays can meet.
+//! Houses and trees with ray intersection.
 
 use lo_geometry::{Vec2, Vec3};
 use lo_random::Stream;
 
 use crate::chance::{between, chance, count, tone};
 
-/// Four walls under a flat or a pitched roof.
+/// A house: four walls under a flat or a pitched roof.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct House {
-    /// Foot of the walls and height of the eaves.
-    pub least: Vec3,
-    pub most: Vec3,
-    /// Ball around all of it.
+    /// Minimum and maximum corner of the walls; `max.y` is the height of the eaves.
+    pub min: Vec3,
+    pub max: Vec3,
+    /// Bounding sphere.
     center: Vec3,
     radius: f32,
-    /// Outward normals and offsets: the four walls, then the flat roof or the two slopes of a pitched one.
+    /// Outward normals and offsets of the four walls and of the two roof slopes (equal for a flat roof).
     planes: [(Vec3, f32); 6],
     pub wall: [f32; 3],
     pub roof: [f32; 3],
@@ -25,50 +25,50 @@ pub(super) struct House {
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tree {
-    /// Around all of the crown.
+    /// Bounding sphere of the crown.
     pub center: Vec3,
     pub radius: f32,
-    /// Centres and radii of the balls that make up the crown.
-    pub crown: [(Vec3, f32); BALLS],
+    /// Centres and radii of the spheres that form the crown.
+    pub crown: [(Vec3, f32); CROWN_SPHERES],
     pub leaves: [f32; 3],
 }
 
-/// Balls of a crown.
-const BALLS: usize = 9;
+/// Number of spheres in a crown.
+const CROWN_SPHERES: usize = 9;
 
 impl House {
-    /// Distance and normal where a ray from outside meets it.
-    pub(super) fn enter(&self, origin: Vec3, direction: Vec3) -> Option<(f32, Vec3)> {
-        // most rays miss even the ball around it
+    /// Distance and normal where a ray from outside hits the house.
+    pub(super) fn intersect(&self, origin: Vec3, direction: Vec3) -> Option<(f32, Vec3)> {
+        // Most rays miss the bounding sphere.
         let to = self.center - origin;
         let (along, squared) = (to.dot(direction), self.radius * self.radius);
         let behind = along < 0.0 && to.length_squared() > squared;
         if behind || to.length_squared() - along * along > squared {
             return None;
         }
-        enter_convex(origin, direction, &self.planes)
+        intersect_convex(origin, direction, &self.planes)
     }
 
     pub(super) fn draw(random: &mut Stream, at: Vec2, half: Vec2, rural: bool) -> Self {
         let tall = if rural { between(random, 3.0, 6.5) } else { between(random, 6.0, 20.0) };
-        let least = Vec3::new(at.x - half.x, 0.0, at.y - half.y);
-        let most = Vec3::new(at.x + half.x, tall, at.y + half.y);
+        let min = Vec3::new(at.x - half.x, 0.0, at.y - half.y);
+        let max = Vec3::new(at.x + half.x, tall, at.y + half.y);
         let plane = |normal: Vec3, point: Vec3| (normal, normal.dot(point));
-        let walls = [(Vec3::NEG_X, least), (Vec3::X, most), (Vec3::NEG_Z, least), (Vec3::Z, most)];
+        let walls = [(Vec3::NEG_X, min), (Vec3::X, max), (Vec3::NEG_Z, min), (Vec3::Z, max)];
         let pitched = chance(random, if rural { 0.9 } else { 0.55 });
         let pitch = between(random, 28.0_f32, 48.0).to_radians();
-        // The ridge runs along the longer side; a flat roof is the same plane twice.
+        // The ridge runs along the longer side. A flat roof is one plane, stored twice.
         let across = if half.x > half.y { Vec3::Z } else { Vec3::X };
         let slope = |side: f32| if pitched { across * side * pitch.sin() + Vec3::Y * pitch.cos() } else { Vec3::Y };
-        let slopes = [(slope(-1.0), Vec3::new(least.x, tall, least.z)), (slope(1.0), most)];
+        let slopes = [(slope(-1.0), Vec3::new(min.x, tall, min.z)), (slope(1.0), max)];
         let [a, b, c, d] = walls.map(|(normal, point)| plane(normal, point));
         let [e, f] = slopes.map(|(normal, point)| plane(normal, point));
         let ridge = if pitched { half.min_element() * pitch.tan() } else { 0.0 };
-        let span = most + Vec3::Y * ridge - least;
+        let span = max + Vec3::Y * ridge - min;
         Self {
-            least,
-            most,
-            center: least + 0.5 * span,
+            min,
+            max,
+            center: min + 0.5 * span,
             radius: 0.5 * span.length(),
             planes: [a, b, c, d, e, f],
             wall: tone(between(random, 10.0, 50.0), between(random, 0.0, 0.4), between(random, 0.25, 0.65)),
@@ -84,16 +84,16 @@ impl House {
 }
 
 impl Tree {
-    /// A crown 3 to 9 m wide whose lower end is at 1.5 to 3 m.
+    /// Draws a tree with a crown about 3 to 9 m wide whose lower end is at 1.5 to 3 m.
     pub(super) fn draw(random: &mut Stream, at: Vec2) -> Self {
         let radius = between(random, 1.5, 4.5);
         let stretch = between(random, 0.9, 1.5);
         let center = Vec3::new(at.x, between(random, 1.5, 3.0) + radius * stretch, at.y);
         let mut reach: f32 = 0.0;
         let crown = std::array::from_fn(|k| {
-            // around the trunk by the golden angle, higher with each
+            // Successive spheres turn by the golden angle and rise.
             let turn = 2.4 * k as f32 + between(random, -0.6, 0.6);
-            let height = (k as f32 + 0.5) / BALLS as f32 * 2.0 - 1.0;
+            let height = (k as f32 + 0.5) / CROWN_SPHERES as f32 * 2.0 - 1.0;
             let out = (1.0 - height * height).sqrt() * between(random, 0.35, 0.6);
             let offset = Vec3::new(turn.cos() * out, height * stretch * 0.6, turn.sin() * out) * radius;
             let ball = radius * between(random, 0.35, 0.6);
@@ -105,8 +105,8 @@ impl Tree {
     }
 }
 
-/// Distance and normal where a ray from outside enters the convex body behind some planes (outward normal, offset).
-fn enter_convex(origin: Vec3, direction: Vec3, planes: &[(Vec3, f32)]) -> Option<(f32, Vec3)> {
+/// Distance and normal where a ray from outside enters a convex body, given by planes (outward normal, offset).
+fn intersect_convex(origin: Vec3, direction: Vec3, planes: &[(Vec3, f32)]) -> Option<(f32, Vec3)> {
     let (mut near, mut far, mut normal) = (0.0, f32::INFINITY, Vec3::ZERO);
     for &(outward, offset) in planes {
         let (above, towards) = (outward.dot(origin) - offset, outward.dot(direction));
@@ -125,9 +125,9 @@ fn enter_convex(origin: Vec3, direction: Vec3, planes: &[(Vec3, f32)]) -> Option
 }
 
 /// Distance and normal where a ray from outside enters a box.
-pub(super) fn enter_box(origin: Vec3, direction: Vec3, least: Vec3, most: Vec3) -> Option<(f32, Vec3)> {
+pub(super) fn intersect_box(origin: Vec3, direction: Vec3, min: Vec3, max: Vec3) -> Option<(f32, Vec3)> {
     let inverse = direction.recip();
-    let (a, b) = ((least - origin) * inverse, (most - origin) * inverse);
+    let (a, b) = ((min - origin) * inverse, (max - origin) * inverse);
     let (near, far) = (a.min(b), a.max(b));
     let distance = near.max_element();
     if !(distance > 0.0 && distance <= far.min_element()) {
@@ -145,7 +145,7 @@ pub(super) fn enter_box(origin: Vec3, direction: Vec3, least: Vec3, most: Vec3) 
     Some((distance, normal))
 }
 
-pub(super) fn enter_ball(origin: Vec3, direction: Vec3, center: Vec3, radius: f32) -> Option<f32> {
+pub(super) fn intersect_sphere(origin: Vec3, direction: Vec3, center: Vec3, radius: f32) -> Option<f32> {
     let to = center - origin;
     let along = to.dot(direction);
     let squared = to.length_squared() - along * along;
@@ -163,23 +163,23 @@ mod tests {
         let mut random = lo_random::stream(3, "house", 0);
         for _ in 0..50 {
             let house = House::draw(&mut random, Vec2::new(20.0, 0.0), Vec2::new(4.0, 6.0), true);
-            // level, at half of the walls' height: the near wall, as of a box
-            let eye = Vec3::new(0.0, 0.5 * house.most.y, 0.3);
-            let (distance, normal) = house.enter(eye, Vec3::X).unwrap_or_default();
+            // A horizontal ray at half the walls' height hits the near wall.
+            let eye = Vec3::new(0.0, 0.5 * house.max.y, 0.3);
+            let (distance, normal) = house.intersect(eye, Vec3::X).unwrap_or_default();
             assert!((distance - 16.0).abs() < 1e-4 && normal == Vec3::NEG_X, "{distance} {normal}");
-            // from above: the roof, no lower than the eaves and no steeper than it may be
+            // A vertical ray hits the roof, above the eaves and within the maximum pitch.
             let above = Vec3::new(21.0, 50.0, 1.0);
-            let (distance, normal) = house.enter(above, Vec3::NEG_Y).unwrap_or_default();
-            assert!(50.0 - distance >= house.most.y - 1e-3 && normal.y > 48.1f32.to_radians().cos(), "{normal}");
-            assert!(house.enter(eye, Vec3::NEG_X).is_none(), "it lies behind");
-            assert!(house.enter(eye, Vec3::Z).is_none(), "beside it");
-            // the ball around it cuts nothing off
+            let (distance, normal) = house.intersect(above, Vec3::NEG_Y).unwrap_or_default();
+            assert!(50.0 - distance >= house.max.y - 1e-3 && normal.y > 48.1f32.to_radians().cos(), "{normal}");
+            assert!(house.intersect(eye, Vec3::NEG_X).is_none(), "it lies behind");
+            assert!(house.intersect(eye, Vec3::Z).is_none(), "beside it");
+            // The bounding sphere rejects no hit.
             for k in 0..200 {
                 let direction = Vec3::new(1.0, 0.006 * k as f32 - 0.3, 0.31 * (0.7 * k as f32).sin()).normalize();
-                // under the ground the walls go on
+                // The planes continue below the ground.
                 let above = |hit: &(f32, Vec3)| eye.y + hit.0 * direction.y > 0.0;
-                let exact = enter_convex(eye, direction, &house.planes).filter(above);
-                assert_eq!(house.enter(eye, direction).filter(above), exact);
+                let exact = intersect_convex(eye, direction, &house.planes).filter(above);
+                assert_eq!(house.intersect(eye, direction).filter(above), exact);
             }
         }
     }

@@ -1,52 +1,52 @@
-//! Small things that are bought, read, eaten and played with.
+//! Small everyday objects: papers, books, packages, devices, toys.
 
 use lo_geometry::{Quat, Vec2, Vec3};
 
-use super::walls;
+use super::wall_objects;
 use crate::chance::{between, chance, count, pick};
 use crate::palette::Finish;
+use crate::room_builder::{Piece, RoomBuilder};
 use crate::solids::{Paint, Shape};
-use crate::stage::{Piece, Stage};
 
-pub(super) fn tint(stage: &mut Stage) -> [f32; 3] {
-    stage.palette.tint(&mut stage.random)
+pub(super) fn random_tint(builder: &mut RoomBuilder) -> [f32; 3] {
+    builder.palette.tint(&mut builder.random)
 }
 
-pub(super) fn dark(stage: &mut Stage) -> Paint {
-    let grey = between(&mut stage.random, 0.012, 0.05);
-    stage.palette.paint(Finish::Matte).tinted([grey; 3])
+pub(super) fn dark_paint(builder: &mut RoomBuilder) -> Paint {
+    let grey = between(&mut builder.random, 0.012, 0.05);
+    builder.palette.paint(Finish::Matte).tinted([grey; 3])
 }
 
-/// A sheet or a few, or a pile of them.
-pub(super) fn papers(stage: &mut Stage) -> Piece {
-    let white = stage.palette.paint(Finish::Matte).tinted([0.78, 0.77, 0.74]);
-    let small = chance(&mut stage.random, 0.25);
+/// Builds a few sheets of paper, sometimes on a pile.
+pub(super) fn papers(builder: &mut RoomBuilder) -> Piece {
+    let white = builder.palette.paint(Finish::Matte).tinted([0.78, 0.77, 0.74]);
+    let small = chance(&mut builder.random, 0.25);
     let half = if small { Vec2::new(0.074, 0.105) } else { Vec2::new(0.105, 0.148) };
     let mut shape = Shape::default();
-    // Paper never lies quite flat.
+    // Paper is never perfectly flat.
     let mut y = 0.0003;
-    for k in 0..count(&mut stage.random, 1, 4) {
-        let pile = k == 0 && chance(&mut stage.random, 0.35);
-        let thick = if pile { between(&mut stage.random, 0.004, 0.05) } else { 0.0008 };
-        let page = stage.palette.page(&mut stage.random);
+    for k in 0..count(&mut builder.random, 1, 4) {
+        let pile = k == 0 && chance(&mut builder.random, 0.35);
+        let thick = if pile { between(&mut builder.random, 0.004, 0.05) } else { 0.0008 };
+        let page = builder.palette.page(&mut builder.random);
         let mut sheet = Shape::default();
         sheet.cuboid(Vec3::new(-half.x, 0.0, -half.y), Vec3::new(half.x, thick, half.y), white);
         sheet.picture_on(-half, half, thick + 0.0003, page);
-        let turn = Quat::from_rotation_y(between(&mut stage.random, -0.5, 0.5));
-        let aside = Vec3::new(between(&mut stage.random, -0.03, 0.03), y, between(&mut stage.random, -0.03, 0.03));
+        let turn = Quat::from_rotation_y(between(&mut builder.random, -0.5, 0.5));
+        let aside = Vec3::new(between(&mut builder.random, -0.03, 0.03), y, between(&mut builder.random, -0.03, 0.03));
         shape.add(&sheet, turn, aside);
         y += thick + 0.0008;
     }
     Piece::new("papers", shape)
 }
 
-/// Lying, its front up.
-pub(super) fn book(stage: &mut Stage) -> Piece {
-    let front = stage.palette.front(&mut stage.random);
-    let body = stage.palette.paint(Finish::Matte).tinted(tint(stage));
+/// Builds a book lying with its front up.
+pub(super) fn book(builder: &mut RoomBuilder) -> Piece {
+    let front = builder.palette.printed_front(&mut builder.random);
+    let body = builder.palette.paint(Finish::Matte).tinted(random_tint(builder));
     let white = body.tinted([0.75; 3]);
-    let half = Vec2::new(between(&mut stage.random, 0.06, 0.12), between(&mut stage.random, 0.09, 0.155));
-    let thick = between(&mut stage.random, 0.004, 0.045);
+    let half = Vec2::new(between(&mut builder.random, 0.06, 0.12), between(&mut builder.random, 0.09, 0.155));
+    let thick = between(&mut builder.random, 0.004, 0.045);
     let mut shape = Shape::default();
     let cover = (0.15 * thick).min(0.002);
     shape.cuboid(Vec3::new(-half.x, 0.0, -half.y), Vec3::new(half.x, cover, half.y), body);
@@ -58,13 +58,16 @@ pub(super) fn book(stage: &mut Stage) -> Piece {
     Piece::new("book", shape)
 }
 
-/// A printed box, standing or lying; `size` times as large as those on tables.
-pub(super) fn package(stage: &mut Stage, size: f32) -> Piece {
-    let body = stage.palette.paint(Finish::Matte).tinted(tint(stage));
-    let fronts = [(); 2].map(|()| stage.palette.front(&mut stage.random));
-    let half =
-        Vec3::new(size * between(&mut stage.random, 0.025, 0.11), 0.0, size * between(&mut stage.random, 0.018, 0.08));
-    let high = size * between(&mut stage.random, 0.04, 0.3);
+/// Builds a printed box, `size` times as large as those on tables.
+pub(super) fn package(builder: &mut RoomBuilder, size: f32) -> Piece {
+    let body = builder.palette.paint(Finish::Matte).tinted(random_tint(builder));
+    let fronts = [(); 2].map(|()| builder.palette.printed_front(&mut builder.random));
+    let half = Vec3::new(
+        size * between(&mut builder.random, 0.025, 0.11),
+        0.0,
+        size * between(&mut builder.random, 0.018, 0.08),
+    );
+    let high = size * between(&mut builder.random, 0.04, 0.3);
     let mut shape = Shape::default();
     shape.cuboid(-half, half + Vec3::Y * high, body);
     let out = 0.0004;
@@ -76,42 +79,43 @@ pub(super) fn package(stage: &mut Stage, size: f32) -> Piece {
         let p = |z: f32, y: f32| Vec3::new(x, y, z);
         shape.picture([p(z, 0.0), p(-z, 0.0), p(-z, high), p(z, high)], fronts[1]);
     }
-    if chance(&mut stage.random, 0.6) {
+    if chance(&mut builder.random, 0.6) {
         let top = Vec2::new(half.x, half.z);
         shape.picture_on(-top, top, high + out, fronts[1]);
     }
     Piece::new("package", shape)
 }
 
-/// A tin, or a plastic bottle that stands on its foot.
-pub(super) fn can(stage: &mut Stage) -> Piece {
-    let front = stage.palette.front(&mut stage.random);
+/// Builds a tin or a plastic bottle.
+pub(super) fn can(builder: &mut RoomBuilder) -> Piece {
+    let front = builder.palette.printed_front(&mut builder.random);
     let mut shape = Shape::default();
-    if chance(&mut stage.random, 0.6) {
-        let metal = stage.palette.paint(Finish::Metal);
-        let (r, h) = (between(&mut stage.random, 0.026, 0.052), between(&mut stage.random, 0.05, 0.17));
+    if chance(&mut builder.random, 0.6) {
+        let metal = builder.palette.paint(Finish::Metal);
+        let (r, h) = (between(&mut builder.random, 0.026, 0.052), between(&mut builder.random, 0.05, 0.17));
         shape.lathe(Vec3::ZERO, &[[0.95 * r, 0.0], [r, 0.004], [r, h - 0.004], [0.94 * r, h]], 24, metal);
         shape.label(Vec3::Y * 0.006, r + 0.0005, h - 0.012, 24, front);
     } else {
-        let gloss = stage.palette.paint(Finish::Gloss).tinted(tint(stage));
-        let cap = gloss.tinted(tint(stage));
-        let (r, h) = (between(&mut stage.random, 0.025, 0.042), between(&mut stage.random, 0.12, 0.25));
+        let gloss = builder.palette.paint(Finish::Gloss).tinted(random_tint(builder));
+        let cap = gloss.tinted(random_tint(builder));
+        let (r, h) = (between(&mut builder.random, 0.025, 0.042), between(&mut builder.random, 0.12, 0.25));
         let body =
             [[0.9 * r, 0.0], [r, 0.01], [r, 0.6 * h], [0.85 * r, 0.72 * h], [0.35 * r, 0.85 * h], [0.3 * r, 0.9 * h]];
         let mut bottle = Shape::default();
         bottle.lathe(Vec3::ZERO, &body, 20, gloss);
         bottle.label(Vec3::Y * 0.12 * h, r + 0.0005, 0.42 * h, 20, front);
         bottle.lathe(Vec3::Y * 0.88 * h, &[[0.42 * r, 0.0], [0.4 * r, 0.08 * h], [0.15 * r, 0.12 * h]], 16, cap);
-        let flat = between(&mut stage.random, 0.6, 1.0);
-        shape.add_at(&bottle.squashed(Vec3::new(1.0, 1.0, flat)), Vec3::ZERO);
+        let flat = between(&mut builder.random, 0.6, 1.0);
+        shape.add_at(&bottle.scaled_by(Vec3::new(1.0, 1.0, flat)), Vec3::ZERO);
     }
     Piece::new("can", shape)
 }
 
-/// A phone or a tablet, lying; its screen dark or lit.
-pub(super) fn handset(stage: &mut Stage) -> Piece {
-    let body = if chance(&mut stage.random, 0.6) { dark(stage) } else { stage.palette.paint(Finish::Metal) };
-    let (half, thick) = if chance(&mut stage.random, 0.7) {
+/// Builds a phone or a tablet, lying, with its screen on or off.
+pub(super) fn phone_or_tablet(builder: &mut RoomBuilder) -> Piece {
+    let body =
+        if chance(&mut builder.random, 0.6) { dark_paint(builder) } else { builder.palette.paint(Finish::Metal) };
+    let (half, thick) = if chance(&mut builder.random, 0.7) {
         (Vec2::new(0.037, 0.077), 0.009)
     } else {
         (Vec2::new(0.088, 0.123), 0.007)
@@ -119,55 +123,55 @@ pub(super) fn handset(stage: &mut Stage) -> Piece {
     let mut shape = Shape::default();
     shape.rounded(Vec3::new(-half.x, 0.0, -half.y), Vec3::new(half.x, thick, half.y), 0.003, 1, body);
     let mut face = Shape::default();
-    let on = chance(&mut stage.random, 0.35);
-    walls::screen(stage, &mut face, half - Vec2::new(0.003, 0.006), Vec2::ZERO, 0.0, on);
+    let on = chance(&mut builder.random, 0.35);
+    wall_objects::screen(builder, &mut face, half - Vec2::new(0.003, 0.006), Vec2::ZERO, 0.0, on);
     shape.add(&face, Quat::from_rotation_x(-0.5 * std::f32::consts::PI), Vec3::Y * (thick + 0.0003));
     Piece::new("handset", shape)
 }
 
-/// A pot of pens, or one alone.
-pub(super) fn pens(stage: &mut Stage) -> Piece {
+/// Builds a pot of pens or a single pen.
+pub(super) fn pens(builder: &mut RoomBuilder) -> Piece {
     let mut shape = Shape::default();
-    let gloss = stage.palette.paint(Finish::Gloss);
-    if chance(&mut stage.random, 0.4) {
+    let gloss = builder.palette.paint(Finish::Gloss);
+    if chance(&mut builder.random, 0.4) {
         let (a, b) = (Vec3::new(-0.07, 0.005, 0.0), Vec3::new(0.07, 0.005, 0.0));
-        shape.bar(a, b, [0.0045, 0.005], 8, gloss.tinted(tint(stage)));
+        shape.bar(a, b, [0.0045, 0.005], 8, gloss.tinted(random_tint(builder)));
         shape.bar(a - Vec3::X * 0.012, a, [0.001, 0.004], 8, gloss.tinted([0.1; 3]));
         return Piece::new("pen", shape);
     }
-    let (r, h) = (between(&mut stage.random, 0.03, 0.045), between(&mut stage.random, 0.09, 0.12));
+    let (r, h) = (between(&mut builder.random, 0.03, 0.045), between(&mut builder.random, 0.09, 0.12));
     let wall = 0.002;
-    let pot = gloss.tinted(tint(stage));
+    let pot = gloss.tinted(random_tint(builder));
     shape.lathe(Vec3::ZERO, &[[r, 0.0], [r, h], [r - wall, h], [r - wall, 0.004], [0.0, 0.004]], 20, pot);
-    for k in 0..count(&mut stage.random, 2, 7) {
-        let angle = 2.4 * k as f32 + between(&mut stage.random, -0.3, 0.3);
+    for k in 0..count(&mut builder.random, 2, 7) {
+        let angle = 2.4 * k as f32 + between(&mut builder.random, -0.3, 0.3);
         let out = Vec3::new(angle.cos(), 0.0, angle.sin());
         let foot = Vec3::Y * 0.008 - out * 0.4 * r;
-        let tip = out * 0.8 * r + Vec3::Y * between(&mut stage.random, 0.14, 0.18);
-        shape.bar(foot, tip, [0.004; 2], 7, gloss.tinted(tint(stage)));
+        let tip = out * 0.8 * r + Vec3::Y * between(&mut builder.random, 0.14, 0.18);
+        shape.bar(foot, tip, [0.004; 2], 7, gloss.tinted(random_tint(builder)));
     }
     Piece::new("pens", shape)
 }
 
-pub(super) fn keyboard(stage: &mut Stage) -> Piece {
-    let keys = stage.palette.keys(&mut stage.random);
-    let half = Vec2::new(between(&mut stage.random, 0.14, 0.225), between(&mut stage.random, 0.06, 0.075));
-    let body = dark(stage);
+pub(super) fn keyboard(builder: &mut RoomBuilder) -> Piece {
+    let keys = builder.palette.keys(&mut builder.random);
+    let half = Vec2::new(between(&mut builder.random, 0.14, 0.225), between(&mut builder.random, 0.06, 0.075));
+    let body = dark_paint(builder);
     let mut shape = Shape::default();
     shape.rounded(Vec3::new(-half.x, 0.0, -half.y), Vec3::new(half.x, 0.018, half.y), 0.004, 1, body);
     shape.picture_on(-half + Vec2::splat(0.005), half - Vec2::splat(0.005), 0.0184, keys);
     Piece::new("keyboard", shape)
 }
 
-/// A game controller, or a mouse.
-pub(super) fn controller(stage: &mut Stage) -> Piece {
-    let paint = if chance(&mut stage.random, 0.6) {
-        dark(stage)
+/// Builds a game controller or a mouse.
+pub(super) fn controller(builder: &mut RoomBuilder) -> Piece {
+    let paint = if chance(&mut builder.random, 0.6) {
+        dark_paint(builder)
     } else {
-        stage.palette.paint(Finish::Gloss).tinted(tint(stage))
+        builder.palette.paint(Finish::Gloss).tinted(random_tint(builder))
     };
     let mut shape = Shape::default();
-    if chance(&mut stage.random, 0.5) {
+    if chance(&mut builder.random, 0.5) {
         shape.rounded(Vec3::new(-0.03, 0.0, -0.05), Vec3::new(0.03, 0.034, 0.05), 0.016, 3, paint);
         return Piece::new("mouse", shape);
     }
@@ -184,22 +188,22 @@ pub(super) fn controller(stage: &mut Stage) -> Piece {
     Piece::new("controller", shape)
 }
 
-/// Adhesive tape, lying.
-pub(super) fn roll(stage: &mut Stage) -> Piece {
-    let paint = stage.palette.paint(Finish::Gloss).tinted(tint(stage));
-    let (outer, high) = (between(&mut stage.random, 0.035, 0.06), between(&mut stage.random, 0.015, 0.05));
-    let inner = between(&mut stage.random, 0.5, 0.75) * outer;
+/// Builds a roll of adhesive tape, lying.
+pub(super) fn tape_roll(builder: &mut RoomBuilder) -> Piece {
+    let paint = builder.palette.paint(Finish::Gloss).tinted(random_tint(builder));
+    let (outer, high) = (between(&mut builder.random, 0.035, 0.06), between(&mut builder.random, 0.015, 0.05));
+    let inner = between(&mut builder.random, 0.5, 0.75) * outer;
     let mut shape = Shape::default();
     shape.ring(Vec3::ZERO, &[[inner, 0.0], [outer, 0.0], [outer, high], [inner, high]], 28, paint);
     Piece::new("tape", shape)
 }
 
-/// A cordless drill, lying on its side.
-pub(super) fn drill(stage: &mut Stage) -> Piece {
+/// Builds a cordless drill lying on its side.
+pub(super) fn drill(builder: &mut RoomBuilder) -> Piece {
     let colors = [[0.5, 0.02, 0.02], [0.02, 0.16, 0.2], [0.6, 0.35, 0.02], [0.02, 0.06, 0.3]];
-    let body = stage.palette.paint(Finish::Gloss).tinted(pick(&mut stage.random, &colors));
-    let black = dark(stage);
-    let metal = stage.palette.paint(Finish::Metal);
+    let body = builder.palette.paint(Finish::Gloss).tinted(pick(&mut builder.random, &colors));
+    let black = dark_paint(builder);
+    let metal = builder.palette.paint(Finish::Metal);
     let y = 0.033;
     let p = |x: f32, z: f32| Vec3::new(x, y, z);
     let mut shape = Shape::default();
@@ -211,10 +215,10 @@ pub(super) fn drill(stage: &mut Stage) -> Piece {
     Piece::new("drill", shape)
 }
 
-pub(super) fn fruit(stage: &mut Stage) -> Piece {
+pub(super) fn fruit(builder: &mut RoomBuilder) -> Piece {
     let mut shape = Shape::default();
-    if chance(&mut stage.random, 0.5) {
-        let paint = stage.palette.paint(Finish::Gloss).tinted([0.7, 0.48, 0.04]);
+    if chance(&mut builder.random, 0.5) {
+        let paint = builder.palette.paint(Finish::Gloss).tinted([0.7, 0.48, 0.04]);
         let at = |k: usize| {
             let angle = -0.9 + 1.8 * k as f32 / 6.0;
             Vec3::new(0.1 * angle.sin(), 0.018, 0.1 * (1.0 - angle.cos()))
@@ -226,18 +230,18 @@ pub(super) fn fruit(stage: &mut Stage) -> Piece {
         }
     } else {
         let colors = [[0.5, 0.05, 0.03], [0.65, 0.3, 0.02], [0.25, 0.4, 0.05]];
-        let paint = stage.palette.paint(Finish::Gloss).tinted(pick(&mut stage.random, &colors));
-        let r = between(&mut stage.random, 0.03, 0.042);
+        let paint = builder.palette.paint(Finish::Gloss).tinted(pick(&mut builder.random, &colors));
+        let r = between(&mut builder.random, 0.03, 0.042);
         shape.ball(Vec3::Y * 0.92 * r, [r, 0.92 * r], 18, paint);
     }
     Piece::new("fruit", shape)
 }
 
-/// A sitting bear.
-pub(super) fn toy(stage: &mut Stage) -> Piece {
-    let cloth = stage.palette.dress(&mut stage.random).tinted([0.8, 0.6, 0.45]);
-    let black = dark(stage);
-    let s = between(&mut stage.random, 0.5, 1.3);
+/// Builds a sitting teddy bear.
+pub(super) fn teddy_bear(builder: &mut RoomBuilder) -> Piece {
+    let cloth = builder.palette.clothing(&mut builder.random).tinted([0.8, 0.6, 0.45]);
+    let black = dark_paint(builder);
+    let s = between(&mut builder.random, 0.5, 1.3);
     let mut shape = Shape::default();
     let mut ball = |x: f32, y: f32, z: f32, r: f32, paint: Paint| {
         shape.ball(Vec3::new(x, y, z) * s, [r * s, r * s], 12, paint);
@@ -255,9 +259,9 @@ pub(super) fn toy(stage: &mut Stage) -> Piece {
     Piece::new("toy", shape)
 }
 
-/// Lying on their side.
-pub(super) fn headphones(stage: &mut Stage) -> Piece {
-    let paint = dark(stage);
+/// Builds headphones lying on their side.
+pub(super) fn headphones(builder: &mut RoomBuilder) -> Piece {
+    let paint = dark_paint(builder);
     let mut shape = Shape::default();
     let arc: Vec<Vec3> = (0..=10)
         .map(|k| {
@@ -273,32 +277,32 @@ pub(super) fn headphones(stage: &mut Stage) -> Piece {
     Piece::new("headphones", shape)
 }
 
-pub(super) fn shoes(stage: &mut Stage) -> Piece {
-    let upper = stage.palette.paint(Finish::Leather).tinted([0.8; 3]);
-    let sole = stage.palette.paint(Finish::Matte).tinted(tint(stage));
+pub(super) fn shoes(builder: &mut RoomBuilder) -> Piece {
+    let upper = builder.palette.paint(Finish::Leather).tinted([0.8; 3]);
+    let sole = builder.palette.paint(Finish::Matte).tinted(random_tint(builder));
     let mut shape = Shape::default();
     for side in [-1.0f32, 1.0] {
         let mut shoe = Shape::default();
         shoe.rounded(Vec3::new(-0.045, 0.0, -0.13), Vec3::new(0.045, 0.025, 0.14), 0.012, 2, sole);
         shoe.bulging(Vec3::new(-0.04, 0.02, -0.01), Vec3::new(0.04, 0.065, 0.13), 0.03, 2, 0.02, upper);
         shoe.rounded(Vec3::new(-0.038, 0.02, -0.125), Vec3::new(0.038, 0.11, 0.01), 0.025, 2, upper);
-        let turn = Quat::from_rotation_y(between(&mut stage.random, -0.4, 0.4));
-        let aside = Vec3::new(0.075 * side, 0.0, between(&mut stage.random, -0.05, 0.05));
+        let turn = Quat::from_rotation_y(between(&mut builder.random, -0.4, 0.4));
+        let aside = Vec3::new(0.075 * side, 0.0, between(&mut builder.random, -0.05, 0.05));
         shape.add(&shoe, turn, aside);
     }
     Piece::new("shoes", shape)
 }
 
-/// A waste bin with paper in it.
-pub(super) fn bin(stage: &mut Stage) -> Piece {
-    let paint = stage.palette.paint(Finish::Gloss).tinted(tint(stage));
-    let white = stage.palette.paint(Finish::Matte).tinted([0.7; 3]);
-    let (r, h) = (between(&mut stage.random, 0.1, 0.16), between(&mut stage.random, 0.25, 0.4));
+/// Builds a waste bin with paper.
+pub(super) fn waste_bin(builder: &mut RoomBuilder) -> Piece {
+    let paint = builder.palette.paint(Finish::Gloss).tinted(random_tint(builder));
+    let white = builder.palette.paint(Finish::Matte).tinted([0.7; 3]);
+    let (r, h) = (between(&mut builder.random, 0.1, 0.16), between(&mut builder.random, 0.25, 0.4));
     let t = 0.003;
     let mut shape = Shape::default();
     let profile = [[0.8 * r, 0.0], [r, h], [r - t, h], [0.8 * r - t, 0.005], [0.0, 0.005]];
     shape.lathe(Vec3::ZERO, &profile, 24, paint);
-    for k in 0..count(&mut stage.random, 0, 6) {
+    for k in 0..count(&mut builder.random, 0, 6) {
         let angle = 2.4 * k as f32;
         let at = Vec3::new(angle.cos() * 0.4 * r, h * (0.45 + 0.06 * k as f32), angle.sin() * 0.4 * r);
         shape.ball(at, [0.4 * r, 0.35 * r], 7, white);
@@ -306,17 +310,17 @@ pub(super) fn bin(stage: &mut Stage) -> Piece {
     Piece::new("bin", shape)
 }
 
-/// A computer's case.
-pub(super) fn tower(stage: &mut Stage) -> Piece {
-    let body = if chance(&mut stage.random, 0.7) {
-        dark(stage)
+/// Builds a computer case.
+pub(super) fn computer_case(builder: &mut RoomBuilder) -> Piece {
+    let body = if chance(&mut builder.random, 0.7) {
+        dark_paint(builder)
     } else {
-        stage.palette.paint(Finish::Matte).tinted([0.6, 0.59, 0.55])
+        builder.palette.paint(Finish::Matte).tinted([0.6, 0.59, 0.55])
     };
     let (w, h, d) = (
-        between(&mut stage.random, 0.08, 0.11),
-        between(&mut stage.random, 0.34, 0.5),
-        between(&mut stage.random, 0.18, 0.25),
+        between(&mut builder.random, 0.08, 0.11),
+        between(&mut builder.random, 0.34, 0.5),
+        between(&mut builder.random, 0.18, 0.25),
     );
     let black = body.tinted([0.02; 3]);
     let mut shape = Shape::default();
