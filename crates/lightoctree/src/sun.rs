@@ -103,7 +103,7 @@ mod tests {
 
     use lo_geometry::{Camera, Cube};
     use lo_imaging::{DepthMap, Image, Photo};
-    use lo_octree::{Coverage, LightOctree, RadiancePoint};
+    use lo_octree::{LightOctree, Provenance, RadiancePoint};
     use lo_scene::Frame;
 
     use super::*;
@@ -118,7 +118,7 @@ mod tests {
         let points = lo_geometry::fibonacci_sphere(200_000).into_iter().map(|direction| {
             let far = (2.5 / direction.abs()).min_element();
             let position_m = direction * far.min(if direction.y < 0.0 { FLOOR_M / direction.y } else { f32::INFINITY });
-            RadiancePoint { position_m, radiance: [0.2; 3], coverage: Coverage::Inferred }
+            RadiancePoint { position_m, radiance: [0.2; 3], provenance: Provenance::Inferred }
         });
         let points: Vec<RadiancePoint> = points.collect();
         let light = LightOctree::from_points(&points, Cube::centred(Vec3::ZERO, 5.5), 6, 4).unwrap().0;

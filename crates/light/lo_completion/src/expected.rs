@@ -370,7 +370,7 @@ mod tests {
     use lo_cone::{ConeTracer, Settings};
     use lo_geometry::{Camera, Cube, Quat};
     use lo_imaging::Photo;
-    use lo_octree::{Coverage, RadiancePoint};
+    use lo_octree::{Provenance, RadiancePoint};
     use lo_scene::Frame;
 
     use super::*;
@@ -389,8 +389,8 @@ mod tests {
                 let position_m = Vec3::from(p);
                 let (x, y) = (position_m.x / -position_m.z, position_m.y / -position_m.z);
                 let seen = position_m.z < 0.01 - HALF_M && x.abs() < 0.8 && y.abs() < 0.53;
-                let coverage = if seen { Coverage::Seen } else { Coverage::Inferred };
-                points.push(RadiancePoint { position_m, radiance: [0.3; 3], coverage });
+                let provenance = if seen { Provenance::Observed } else { Provenance::Inferred };
+                points.push(RadiancePoint { position_m, radiance: [0.3; 3], provenance });
             }
         }
         let light = LightOctree::from_points(&points, Cube::centred(Vec3::ZERO, 2.2 * HALF_M), 6, 3).unwrap().0;

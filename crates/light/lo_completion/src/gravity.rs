@@ -213,8 +213,8 @@ mod tests {
     fn surfels(directions: &[(Vec3, f32)]) -> Vec<Surfel> {
         let of = |facet: Facet| {
             let (position_m, depth_m) = (facet.normal * -facet.area.sqrt(), facet.area.sqrt());
-            let (radiance, coverage, eye_m) = ([0.5; 3], lo_octree::Coverage::Seen, Vec3::ZERO);
-            Surfel { position_m, normal: facet.normal, radiance, coverage, eye_m, depth_m }
+            let (radiance, provenance, eye_m) = ([0.5; 3], lo_octree::Provenance::Observed, Vec3::ZERO);
+            Surfel { position_m, normal: facet.normal, radiance, provenance, eye_m, depth_m }
         };
         facets(directions).into_iter().map(of).collect()
     }

@@ -110,7 +110,7 @@ mod tests {
     use lo_cone::{Cone, Settings};
     use lo_events::Warning;
     use lo_geometry::{Cube, cosine_hemisphere, orthonormal_basis};
-    use lo_octree::{Coverage, RadiancePoint};
+    use lo_octree::{Provenance, RadiancePoint};
 
     use super::*;
     use crate::lamps::OBJECT_SHARE;
@@ -127,13 +127,13 @@ mod tests {
                 let mut p = [at(i), at(j), if face < 3 { -HALF_M } else { HALF_M }];
                 p.rotate_right(2 - face % 3);
                 let far = face == 2;
-                let (radiance, coverage) =
-                    if far { ([far_wall; 3], Coverage::Seen) } else { ([faces; 3], Coverage::Inferred) };
-                points.push(RadiancePoint { position_m: Vec3::from(p), radiance, coverage });
+                let (radiance, provenance) =
+                    if far { ([far_wall; 3], Provenance::Observed) } else { ([faces; 3], Provenance::Inferred) };
+                points.push(RadiancePoint { position_m: Vec3::from(p), radiance, provenance });
                 if far {
                     let position_m = Vec3::from(p);
                     let (eye_m, depth_m) = (Vec3::ZERO, HALF_M);
-                    seen.push(Surfel { position_m, normal: Vec3::Z, radiance, coverage, eye_m, depth_m });
+                    seen.push(Surfel { position_m, normal: Vec3::Z, radiance, provenance, eye_m, depth_m });
                 }
             }
         }

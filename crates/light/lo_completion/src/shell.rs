@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use lo_events::Warning;
 use lo_geometry::{Cube, RigidTransform, Vec2, Vec3};
 use lo_imaging::{DepthMap, RadianceImage};
-use lo_octree::{Coverage, RadiancePoint};
+use lo_octree::{Provenance, RadiancePoint};
 use lo_scene::{Frame, Room, SeenPhoto, Side, Surfel};
 
 use crate::extrapolate::{Faces, extrapolate};
@@ -124,11 +124,11 @@ pub fn shell_of_photos(photos: &[SeenPhoto], options: &ShellOptions) -> Shell {
     for surfel in &mut all {
         surfel.position_m = cube.pulled_inside(surfel.position_m);
     }
-    let filled = all.iter().filter(|s| s.coverage == Coverage::Inferred).count();
+    let filled = all.iter().filter(|s| s.provenance == Provenance::Inferred).count();
     let seen = all.len() - filled;
     let mut surfels = all;
     // A stable sort keeps the pixel order within both kinds.
-    surfels.sort_by_key(|s| s.coverage == Coverage::Inferred);
+    surfels.sort_by_key(|s| s.provenance == Provenance::Inferred);
     let closing = closing_surfels(&room, &cube, options.octree_depth, &faces, &views, &surfels);
     let report = ShellReport { seen, filled, closing: closing.len(), highlights, lamps };
     surfels.extend(closing);
@@ -227,7 +227,7 @@ fn at_depth_resolution(radiance: RadianceImage, depth_m: &DepthMap) -> RadianceI
 /// each pixel, in order.
 fn mark_filled(surfels: &mut [Surfel], known: &[f32], room: &RoomBox) {
     for (surfel, _) in surfels.iter_mut().zip(known).filter(|(_, z)| **z <= 0.0) {
-        surfel.coverage = Coverage::Inferred;
+        surfel.provenance = Provenance::Inferred;
         surfel.normal = room.normal_at(surfel.position_m).unwrap_or(surfel.normal);
     }
 }
@@ -307,9 +307,9 @@ fn closing_surfels(
                     if !cube.contains(position_m) || !occupied.insert(leaf_of(position_m).to_array()) {
                         continue;
                     }
-                    let (normal, coverage) = (plane.normal, Coverage::Inferred);
+                    let (normal, provenance) = (plane.normal, Provenance::Inferred);
                     let (eye_m, depth_m) = (Vec3::ZERO, -position_m.z);
-                    surfels.push(Surfel { position_m, normal, radiance, coverage, eye_m, depth_m });
+                    surfels.push(Surfel { position_m, normal, radiance, provenance, eye_m, depth_m });
                 }
             }
         }

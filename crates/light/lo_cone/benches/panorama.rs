@@ -9,7 +9,7 @@ mod cloud;
 use divan::{Bencher, black_box};
 use lo_cone::{Cone, ConeSample, ConeTracer, SampleGradient, SampleWeight, Sampling, Settings, StepRule};
 use lo_geometry::{Cube, Vec3};
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 
 /// The peers' cube, [−1, 1]³, the full depth and opacity of their octree, and where they look from.
 const CUBE: Cube = Cube { origin_m: Vec3::splat(-1.0), edge_m: 2.0 };

@@ -43,13 +43,14 @@ fn tracer(light: &LightOctree) -> ConeTracer {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use lo_geometry::Cube;
-    use lo_octree::{Coverage, RadiancePoint};
+    use lo_octree::{Provenance, RadiancePoint};
 
     use super::*;
 
     #[test]
     fn a_lobe_shows_itself_by_the_viewers_place_and_light_without_lobes_does_not() {
-        let point = RadiancePoint { position_m: Vec3::splat(0.1), radiance: [1.0; 3], coverage: Coverage::Seen };
+        let point =
+            RadiancePoint { position_m: Vec3::splat(0.1), radiance: [1.0; 3], provenance: Provenance::Observed };
         let cube = Cube::centred(Vec3::ZERO, 4.0);
         let mut light = LightOctree::from_points(&[point], cube, 4, 2).unwrap().0;
         let seen_from = |light: &LightOctree, eye: Vec3| {

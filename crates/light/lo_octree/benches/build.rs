@@ -7,7 +7,7 @@ mod cloud;
 
 use divan::{Bencher, black_box};
 use lo_geometry::{Cube, Vec3};
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 
 /// The peers' cube, [−1, 1]³.
 const CUBE: Cube = Cube { origin_m: Vec3::splat(-1.0), edge_m: 2.0 };

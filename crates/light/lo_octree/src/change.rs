@@ -67,7 +67,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use lo_geometry::{Cube, Vec3};
 
-    use crate::{Coverage, LightOctree, RadiancePoint};
+    use crate::{LightOctree, Provenance, RadiancePoint};
 
     /// Points on a bent surface with this radiance, half of them brighter.
     fn octree(radiance: f32, brighter: f32) -> LightOctree {
@@ -75,7 +75,7 @@ mod tests {
             let (x, y) = (((n % 40) as f32 + 0.5) / 40.0, ((n / 40) as f32 + 0.5) / 40.0);
             let lit = if x > 0.5 { brighter } else { radiance };
             let position_m = Vec3::new(x, y, 0.5 + 0.2 * (6.0 * x).sin());
-            RadiancePoint { position_m, radiance: [lit, 2.0 * lit, 0.5], coverage: Coverage::Inferred }
+            RadiancePoint { position_m, radiance: [lit, 2.0 * lit, 0.5], provenance: Provenance::Inferred }
         };
         let points: Vec<RadiancePoint> = (0..1600).map(point).collect();
         LightOctree::from_points(&points, Cube::centred(Vec3::splat(0.5), 1.0), 5, 2).unwrap().0

@@ -60,12 +60,12 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::{Coverage, LightOctree, RadiancePoint};
+    use crate::{LightOctree, Provenance, RadiancePoint};
 
     const CUBE: Cube = Cube { origin_m: Vec3::ZERO, edge_m: 1.0 };
 
     fn point(position_m: Vec3, radiance: f32) -> RadiancePoint {
-        RadiancePoint { position_m, radiance: [radiance; 3], coverage: Coverage::Inferred }
+        RadiancePoint { position_m, radiance: [radiance; 3], provenance: Provenance::Inferred }
     }
 
     /// A floor of 16 points a leaf at depth 4, turned about two axes.

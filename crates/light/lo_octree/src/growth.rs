@@ -71,7 +71,7 @@ mod tests {
     use lo_geometry::{Cube, Vec3};
 
     use super::*;
-    use crate::{Coverage, LightOctree, RadiancePoint};
+    use crate::{LightOctree, Provenance, RadiancePoint};
 
     #[test]
     fn growing_by_the_labels_of_an_octree_gives_that_octree() {
@@ -79,7 +79,7 @@ mod tests {
             .map(|i| RadiancePoint {
                 position_m: Vec3::new(0.5 + 0.4 * (i as f32).sin(), (i as f32 * 0.618).fract(), i as f32 / 500.0),
                 radiance: [1.0; 3],
-                coverage: Coverage::Seen,
+                provenance: Provenance::Observed,
             })
             .collect();
         let cube = Cube { origin_m: Vec3::ZERO, edge_m: 1.0 };

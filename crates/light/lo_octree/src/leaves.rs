@@ -9,7 +9,7 @@ use lo_geometry::{Cube, Vec3};
 use rayon::prelude::*;
 
 use crate::key::{key_from_xyz, spread};
-use crate::{Coverage, RadiancePoint};
+use crate::{Provenance, RadiancePoint};
 
 /// What became of the points that an octree was built from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -174,7 +174,7 @@ impl Buckets {
         let mut next = starts.clone();
         let mut entries = vec![Entry::default(); starts[self.count] as usize];
         for (point, key) in points.iter().zip(keys).filter(|&(_, key)| key != DROPPED) {
-            let seen = if point.coverage == Coverage::Seen { SEEN } else { 0 };
+            let seen = if point.provenance == Provenance::Observed { SEEN } else { 0 };
             let place = &mut next[(key >> self.leaf_bits) as usize];
             entries[*place as usize] =
                 Entry { radiance: point.radiance, leaf: key & ((1 << self.leaf_bits) - 1) | seen };

@@ -26,7 +26,7 @@ pub use light::LightOctree;
 pub use limits::{FORMAT_VERSION, MAX_ALPHA, MAX_FULL_DEPTH};
 pub use lobes::{MIN_SHARPNESS, lobe_gain};
 pub use neighbours::Neighbours;
-pub use point::{Coverage, RadiancePoint};
+pub use point::{Provenance, RadiancePoint};
 pub use stats::{LevelStats, OctreeStats};
 pub use tensors::{NamedTensor, OctreeHeader, read_tensors, write_tensors};
 pub use topology::{LeafNode, Level, Octree, check_depths};

@@ -46,7 +46,7 @@ mod tests {
     use lo_geometry::{Cube, fibonacci_sphere};
 
     use super::*;
-    use crate::{Coverage, RadiancePoint, key_from_xyz};
+    use crate::{Provenance, RadiancePoint, key_from_xyz};
 
     #[test]
     fn a_lobes_mean_is_one_and_its_peak_what_a_gaussians_is() {
@@ -67,7 +67,7 @@ mod tests {
     fn each_node_shows_its_lobe_towards_the_viewer() {
         let cube = Cube { origin_m: Vec3::splat(-1.0), edge_m: 2.0 };
         let position_m = Vec3::new(0.6, -0.4, 0.1);
-        let point = RadiancePoint { position_m, radiance: [1.0, 2.0, 3.0], coverage: Coverage::Seen };
+        let point = RadiancePoint { position_m, radiance: [1.0, 2.0, 3.0], provenance: Provenance::Observed };
         let mut light = LightOctree::from_points(&[point], cube, 3, 1).unwrap().0;
         assert_eq!(*light.seen_from(Vec3::ONE), light);
         light.lobes = Some(light.rgba.iter().map(|rows| vec![[0.0, 2.0, 0.0]; rows.len()]).collect());

@@ -8,13 +8,13 @@ pub struct RadiancePoint {
     /// Linear RGB radiance.
     pub radiance: [f32; 3],
     /// Whether the photo saw this point, or it was inferred.
-    pub coverage: Coverage,
+    pub provenance: Provenance,
 }
 
 /// Where the radiance of a point or a node comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-pub enum Coverage {
+pub enum Provenance {
     /// Completed by extrapolation or by a network.
     Inferred = 0,
     /// Measured in the photo.

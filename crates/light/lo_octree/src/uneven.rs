@@ -78,7 +78,7 @@ mod tests {
     use lo_geometry::Vec3;
 
     use super::*;
-    use crate::{Coverage, RadiancePoint};
+    use crate::{Provenance, RadiancePoint};
 
     const CUBE: Cube = Cube { origin_m: Vec3::ZERO, edge_m: 1.0 };
 
@@ -87,7 +87,7 @@ mod tests {
             .map(|i| RadiancePoint {
                 position_m: Vec3::new(0.5 + 0.4 * (i as f32).sin(), (i as f32 * 0.618).fract(), i as f32 / 3000.0),
                 radiance: [1.0 + (i as f32).cos(), 0.5, i as f32],
-                coverage: if i % 3 == 0 { Coverage::Seen } else { Coverage::Inferred },
+                provenance: if i % 3 == 0 { Provenance::Observed } else { Provenance::Inferred },
             })
             .collect();
         LightOctree::from_points(&points, CUBE, depth, 2).unwrap().0

@@ -66,7 +66,7 @@ fn leaf(cube: Cube, depth: u32, position_m: Vec3) -> u32 {
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
-    use lo_octree::Coverage;
+    use lo_octree::Provenance;
 
     use super::*;
 
@@ -76,7 +76,7 @@ mod tests {
         let point = |z: f32, radiance: f32| RadiancePoint {
             position_m: Vec3::new(0.01 * z, 0.01 * z, z),
             radiance: [radiance; 3],
-            coverage: Coverage::Inferred,
+            provenance: Provenance::Inferred,
         };
         let points = [point(-2.0, 1.0), point(-9.0, 3.0), point(-6.0, 2.0)];
         let octree = true_octree(&points, TrueLeaves::All, cube, 5, 3).unwrap();
@@ -98,7 +98,7 @@ mod tests {
             .map(|i| RadiancePoint {
                 position_m: Vec3::new(place(i % 17), place(i / 17), 0.5),
                 radiance: [1.0; 3],
-                coverage: Coverage::Inferred,
+                provenance: Provenance::Inferred,
             })
             .collect();
         let leaves = |leaves| true_octree(&points, leaves, cube, 3, 1).unwrap().rgba[3].len();

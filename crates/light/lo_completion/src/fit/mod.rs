@@ -274,7 +274,7 @@ mod tests {
     use lo_cone::{Cone, ConeTracer, Settings};
     use lo_geometry::{Camera, Cube};
     use lo_imaging::{DepthMap, Photo, RadianceImage};
-    use lo_octree::{Coverage, RadiancePoint};
+    use lo_octree::{Provenance, RadiancePoint};
 
     use super::*;
 
@@ -299,7 +299,7 @@ mod tests {
                 p.rotate_right(2 - face % 3);
                 let position_m = Vec3::from(p);
                 let radiance = if is_lamp(position_m) { [0.1 * lamp_radiance; 3] } else { [0.1; 3] };
-                points.push(RadiancePoint { position_m, radiance, coverage: Coverage::Inferred });
+                points.push(RadiancePoint { position_m, radiance, provenance: Provenance::Inferred });
             }
         }
         let cube = Cube::centred(Vec3::ZERO, 2.2 * HALF_M);

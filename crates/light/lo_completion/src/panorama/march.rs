@@ -59,7 +59,7 @@ pub(crate) fn march(light: &LightOctree, ray: &Ray, mut visit: impl FnMut(Crossi
 mod tests {
     #![allow(clippy::unwrap_used)]
     use lo_geometry::{Cube, fibonacci_sphere};
-    use lo_octree::{Coverage, RadiancePoint};
+    use lo_octree::{Provenance, RadiancePoint};
 
     use super::*;
 
@@ -67,7 +67,7 @@ mod tests {
     fn a_ray_visits_every_node_that_it_crosses_in_order() {
         let points: Vec<RadiancePoint> = fibonacci_sphere(400)
             .iter()
-            .map(|d| RadiancePoint { position_m: 1.7 * *d, radiance: [1.0; 3], coverage: Coverage::Inferred })
+            .map(|d| RadiancePoint { position_m: 1.7 * *d, radiance: [1.0; 3], provenance: Provenance::Inferred })
             .collect();
         let light = LightOctree::from_points(&points, Cube::centred(Vec3::ZERO, 4.0), 6, 2).unwrap().0;
         for direction in fibonacci_sphere(150).into_iter().chain([Vec3::X, Vec3::NEG_Y, Vec3::Z]) {

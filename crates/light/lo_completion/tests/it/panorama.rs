@@ -7,7 +7,7 @@ use lo_cone::{ConeTracer, Settings};
 use lo_events::Warning;
 use lo_geometry::{Camera, Cube, Mat3, Orientation, Ray, Vec2, Vec3, direction_from_uv, pixel_solid_angle_sr};
 use lo_imaging::{DepthMap, Image, Photo, RadianceImage, luminance, view_rotation};
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::Frame;
 
 /// The room: 4 m × 2.6 m × 5 m around the camera.
@@ -91,7 +91,7 @@ fn guessed(frame: &Frame, depth: u32) -> LightOctree {
                 let hidden =
                     frame.camera.project(position_m).is_some_and(|(u, v, z)| z > 0.0 && frame.camera.contains(u, v));
                 if !hidden || layer > 0 {
-                    points.push(RadiancePoint { position_m, radiance: [0.05; 3], coverage: Coverage::Inferred });
+                    points.push(RadiancePoint { position_m, radiance: [0.05; 3], provenance: Provenance::Inferred });
                 }
             }
         }
@@ -250,7 +250,7 @@ fn what_is_open_ends_at_the_cubes_side_and_what_is_hidden_gets_as_bright() {
     for (i, j) in (0..40 * 40).map(|n| (n % 40, n / 40)) {
         for x in [0.0, 0.02, 0.04, 0.06, 0.25] {
             let position_m = Vec3::new(1.0 + x, -0.5 + 0.02 * i as f32, 0.6 + 0.02 * j as f32);
-            all.push(RadiancePoint { position_m, radiance: [0.2, 0.1, 0.05], coverage: Coverage::Inferred });
+            all.push(RadiancePoint { position_m, radiance: [0.2, 0.1, 0.05], provenance: Provenance::Inferred });
         }
     }
     let cube = Cube::centred(0.5 * (LOW + HIGH), 5.5);

@@ -4,7 +4,7 @@ use lo_completion::{Shell, ShellOptions, shell};
 use lo_cone::{ConeTracer, Settings};
 use lo_geometry::{Camera, Mat3, Vec3, cosine_hemisphere, orthonormal_basis, pixel_direction, pixel_solid_angle_sr};
 use lo_imaging::{Image, Photo, RadianceImage};
-use lo_octree::{Coverage, LightOctree};
+use lo_octree::{LightOctree, Provenance};
 use lo_scene::{Frame, Side};
 use lo_testdata::{asset, beside};
 
@@ -127,7 +127,7 @@ fn the_shell_is_closed_keeps_the_photo_and_beats_simpler_guesses() {
     for depth in [6, 7] {
         let closed = shell(&frame, &ShellOptions { octree_depth: depth, ..ShellOptions::default() });
         let tracer = tracer(&closed, depth);
-        let seen: Vec<_> = closed.points().into_iter().filter(|p| p.coverage == Coverage::Seen).collect();
+        let seen: Vec<_> = closed.points().into_iter().filter(|p| p.provenance == Provenance::Observed).collect();
         let open = LightOctree::from_points(&seen, closed.cube, depth, 4).unwrap().0;
         let open = ConeTracer::new(&open, Settings::default()).unwrap();
         let mean = {
@@ -305,7 +305,8 @@ fn real_photos_close_and_balance() {
         }
         // The octree's irradiance on seen surfaces against what their brightness asks for.
         let clear_m = 4.0 * closed.cube.node_edge_m(7);
-        let seen: Vec<_> = closed.surfels.iter().filter(|s| s.coverage == Coverage::Seen).step_by(997).collect();
+        let seen: Vec<_> =
+            closed.surfels.iter().filter(|s| s.provenance == Provenance::Observed).step_by(997).collect();
         let mean =
             seen.iter().map(|s| irradiance(&tracer, s.position_m, s.normal, clear_m)).sum::<f32>() / seen.len() as f32;
         let ratio = mean / closed.report.lamps.wanted_irradiance;

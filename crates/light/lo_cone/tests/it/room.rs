@@ -2,7 +2,7 @@
 
 use lo_cone::{Cone, ConeSample, ConeTracer, Sampling, Settings, StepRule};
 use lo_geometry::{Cube, Mat3, Ray, Vec3};
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use rayon::prelude::*;
 
 const CUBE: Cube = Cube { origin_m: Vec3::splat(-2.0), edge_m: 4.0 };
@@ -57,7 +57,7 @@ fn truth(ray: &Ray) -> ([f32; 3], f32) {
 }
 
 fn surface_points(spacing_m: f32) -> Vec<RadiancePoint> {
-    let point = |position_m, radiance| RadiancePoint { position_m, radiance, coverage: Coverage::Seen };
+    let point = |position_m, radiance| RadiancePoint { position_m, radiance, provenance: Provenance::Observed };
     let mut points = Vec::new();
     for axis in 0..3 {
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);

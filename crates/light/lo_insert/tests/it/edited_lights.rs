@@ -9,7 +9,7 @@ use lo_imaging::{Image, Photo, luminance};
 use lo_insert::{Composite, Inserter, Instance, Lighting, Placement, Quality};
 use lo_lights::{apply_edits, emitters, list};
 use lo_mesh::{Material, Model, PreparedModel};
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::{AddedLight, AnalyticLight, EmitterEdit, Frame, LightChange, LightShape, Scene};
 
 const LOW: Vec3 = Vec3::new(-2.0, -1.0, -4.0);
@@ -42,8 +42,8 @@ fn new_scene() -> Scene {
     let point = |direction: Vec3| {
         let position_m = wall(0.5 * (LOW + HIGH), direction);
         let seen = camera.project(position_m).is_some_and(|(u, v, _)| camera.contains(u, v));
-        let coverage = if seen { Coverage::Seen } else { Coverage::Inferred };
-        RadiancePoint { position_m, radiance: radiance(position_m), coverage }
+        let provenance = if seen { Provenance::Observed } else { Provenance::Inferred };
+        RadiancePoint { position_m, radiance: radiance(position_m), provenance }
     };
     let points: Vec<RadiancePoint> = lo_geometry::fibonacci_sphere(400_000).into_iter().map(point).collect();
     let light = LightOctree::from_points(&points, Cube::centred(0.5 * (LOW + HIGH), 5.5), 6, 4).unwrap().0;

@@ -4,7 +4,7 @@ use lo_cone::{Cone, ConeSample, ConeTracer, Settings};
 use lo_geometry::{Camera, Cube, Quat, RigidTransform, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage, luminance};
 use lo_lookup::{Detail, PhotoLookup, SharpViewers};
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::{Frame, LaidPanorama, OtherPhoto, PanoramaSource, Scene};
 use proptest::prelude::*;
 
@@ -28,7 +28,7 @@ fn squares(side: usize) -> impl Fn(usize, usize) -> f32 {
     move |x, y| if (x / side + y / side).is_multiple_of(2) { 1.6 } else { 0.4 }
 }
 
-fn scene(texture: impl Fn(usize, usize) -> f32, coverage: Coverage) -> Scene {
+fn scene(texture: impl Fn(usize, usize) -> f32, provenance: Provenance) -> Scene {
     let camera = camera();
     let photo = RadianceImage::from_fn(320, 240, |x, y| SMOOTH.map(|v| v * texture(x, y)));
     let depth_m = Image::from_fn(320, 240, |x, y| {
@@ -37,7 +37,7 @@ fn scene(texture: impl Fn(usize, usize) -> f32, coverage: Coverage) -> Scene {
     });
     let points = lo_geometry::fibonacci_sphere(200_000).into_iter().map(|direction| {
         let position_m = direction * (met_m(Vec3::ZERO, direction) + 1e-3);
-        RadiancePoint { position_m, radiance: SMOOTH, coverage }
+        RadiancePoint { position_m, radiance: SMOOTH, provenance }
     });
     let cube = Cube { origin_m: Vec3::new(-4.0, -4.0, -4.0), edge_m: 8.0 };
     let light = LightOctree::from_points(&points.collect::<Vec<_>>(), cube, 6, 4).unwrap().0;
@@ -70,7 +70,7 @@ fn is_outside(direction: Vec3) -> bool {
 
 #[test]
 fn texture_goes_on_and_the_mean_stays() {
-    let scene = scene(squares(16), Coverage::Inferred);
+    let scene = scene(squares(16), Provenance::Inferred);
     for origin in [Vec3::ZERO, Vec3::new(0.4, -0.5, -1.5)] {
         let cones = cones(origin, 0.004, 20_000);
         let (plain, detailed) = traced(&scene, &cones);
@@ -94,7 +94,7 @@ fn texture_goes_on_and_the_mean_stays() {
 
 #[test]
 fn wide_cones_see_no_detail() {
-    let scene = scene(squares(8), Coverage::Inferred);
+    let scene = scene(squares(8), Provenance::Inferred);
     let (plain, detailed) = traced(&scene, &cones(Vec3::ZERO, 0.5, 500));
     for (plain, detailed) in plain.iter().zip(&detailed).filter(|(plain, _)| plain.opacity > 0.5) {
         let ratio = Vec3::from(detailed.radiance) / Vec3::from(plain.radiance);
@@ -105,7 +105,7 @@ fn wide_cones_see_no_detail() {
 #[test]
 fn the_mirror_image_begins_at_the_photos_border() {
     // A gradient: squares would hide by how much it is off.
-    let scene = scene(|x, y| 0.3 + 0.004 * x as f32 + 0.003 * y as f32, Coverage::Inferred);
+    let scene = scene(|x, y| 0.3 + 0.004 * x as f32 + 0.003 * y as f32, Provenance::Inferred);
     let camera = camera();
     let photo = scene.frame.radiance();
     let mut pairs = Vec::new();
@@ -130,7 +130,7 @@ fn the_mirror_image_begins_at_the_photos_border() {
 
 #[test]
 fn nothing_changes_where_a_picture_answers() {
-    let scene = scene(squares(16), Coverage::Inferred);
+    let scene = scene(squares(16), Provenance::Inferred);
     // What the photo shows, away from its border.
     let (with, without) = (SharpViewers::new(&scene).with_detail(&scene), SharpViewers::new(&scene));
     let [with, without] = [with, without].map(|viewers| viewers.panorama(Vec3::ZERO, 256, 128).radiance);
@@ -161,7 +161,7 @@ fn nothing_changes_where_a_picture_answers() {
     let given = Scene { panorama: Some(LaidPanorama { source, share, picture: None }), ..scene.clone() };
     let tracer = ConeTracer::new(&scene.light, Settings::default()).unwrap();
     assert!(Detail::new(&given, &PhotoLookup::new(&given, &tracer)).is_none());
-    let mut several = self::scene(squares(16), Coverage::Seen);
+    let mut several = self::scene(squares(16), Provenance::Observed);
     let first_from_camera = RigidTransform { rotation: Quat::IDENTITY, translation_m: Vec3::X };
     several.other_photos.push(OtherPhoto { first_from_camera, camera: camera(), exposure: 1.0 });
     let (plain, detailed) = traced(&several, &cones(Vec3::new(0.3, 0.0, -0.5), 0.01, 2000));
@@ -181,7 +181,7 @@ proptest! {
         turn in 0.0f32..6.0,
         place in prop::array::uniform3(-0.9f32..0.9),
     ) {
-        let scene = scene(|x, y| values[(x * 8 / 320) + 8 * (y * 8 / 240)], Coverage::Inferred);
+        let scene = scene(|x, y| values[(x * 8 / 320) + 8 * (y * 8 / 240)], Provenance::Inferred);
         let brightest = scene.frame.radiance().pixels().iter().flatten().copied().fold(SMOOTH[0], f32::max);
         let mut cones = cones(Vec3::from(place), 0.02, 500);
         cones.iter_mut().for_each(|cone| cone.direction = Quat::from_rotation_y(turn) * cone.direction);

@@ -6,7 +6,7 @@ use lo_geometry::{Camera, Cube, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage, luminance};
 use lo_lights::{Kind, Origin, apply_edits, emitters, list, remove_emitters};
 use lo_lookup::SharpViewers;
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::{AddedLight, AnalyticLight, EmitterEdit, Frame, LightChange, LightColor, LightShape, Scene};
 
 /// Leaves of 6.25 cm.
@@ -53,7 +53,7 @@ fn scene() -> Scene {
             RadiancePoint {
                 position_m: position_m + direction * 1e-3,
                 radiance: radiance(position_m),
-                coverage: if seen { Coverage::Seen } else { Coverage::Inferred },
+                provenance: if seen { Provenance::Observed } else { Provenance::Inferred },
             }
         };
         let points: Vec<RadiancePoint> =

@@ -4,7 +4,7 @@ use lo_cone::{Cone, ConeSample, ConeTracer, Settings, Viewers};
 use lo_geometry::{Camera, Cube, Quat, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_lookup::{PhotoLookup, SharpViewers};
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::{Frame, LaidPanorama, PanoramaPicture, PanoramaSource, Scene};
 use proptest::prelude::*;
 
@@ -52,8 +52,8 @@ fn scene(pillar: bool) -> Scene {
     let point = |eye: Vec3, i: usize| {
         let direction = lo_geometry::pixel_direction(i % 900, i / 900, 900, 450);
         let (position_m, radiance) = truth(eye, direction, pillar);
-        let coverage = Coverage::Inferred;
-        RadiancePoint { position_m: position_m + direction * 1e-3, radiance, coverage }
+        let provenance = Provenance::Inferred;
+        RadiancePoint { position_m: position_m + direction * 1e-3, radiance, provenance }
     };
     let points: Vec<RadiancePoint> =
         eyes.into_iter().flat_map(|eye| (0..900 * 450).map(move |i| point(eye, i))).collect();
@@ -190,7 +190,7 @@ fn lamps_are_as_bright_as_in_the_octree() {
     let point = |i: usize| {
         let (x, y) = (i % 480, i / 480);
         let position_m = camera.unproject(x as f64 + 0.5, y as f64 + 0.5, 3.0);
-        RadiancePoint { position_m, radiance: [kind(x, y); 3], coverage: Coverage::Seen }
+        RadiancePoint { position_m, radiance: [kind(x, y); 3], provenance: Provenance::Observed }
     };
     let points: Vec<RadiancePoint> = (0..480 * 360).map(point).collect();
     let light = LightOctree::from_points(&points, CUBE, DEPTH, 4).unwrap().0;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use lo_geometry::Vec3;
 
-use super::{Coverage, RadiancePoint};
+use super::{Provenance, RadiancePoint};
 
 /// Points of the cloud `rgbd` (153,600) or `room` (1.3 million) in [−1, 1]³.
 ///
@@ -23,7 +23,7 @@ pub fn points(cloud: &str) -> Vec<RadiancePoint> {
         .map(|(position, radiance)| RadiancePoint {
             position_m: Vec3::from(position),
             radiance,
-            coverage: Coverage::Seen,
+            provenance: Provenance::Observed,
         })
         .collect()
 }

@@ -3,7 +3,7 @@
 //! Rays are integrated exactly through the nodes of one level, in f64: optical depth `Σ σ ℓ` over the nodes crossed.
 
 use lo_geometry::{Cube, Quat, Vec3, fibonacci_sphere};
-use lo_octree::{Coverage, LightOctree, MAX_ALPHA, RadiancePoint, key_from_xyz};
+use lo_octree::{LightOctree, MAX_ALPHA, Provenance, RadiancePoint, key_from_xyz};
 
 const CUBE: Cube = Cube { origin_m: Vec3::splat(-4.0), edge_m: 8.0 };
 
@@ -42,7 +42,7 @@ fn transmittance(light: &LightOctree, depth: u32, origin: Vec3, direction: Vec3)
 fn octree_of(positions: impl IntoIterator<Item = Vec3>) -> LightOctree {
     let points: Vec<RadiancePoint> = positions
         .into_iter()
-        .map(|position_m| RadiancePoint { position_m, radiance: [1.0; 3], coverage: Coverage::Seen })
+        .map(|position_m| RadiancePoint { position_m, radiance: [1.0; 3], provenance: Provenance::Observed })
         .collect();
     LightOctree::from_points(&points, CUBE, 7, 4).unwrap().0
 }

@@ -2,7 +2,7 @@
 
 use lo_geometry::{Cube, Vec3};
 use lo_octree::{
-    Coverage, LightOctree, NamedTensor, Octree, OctreeError, OctreeHeader, RadiancePoint, read_tensors, write_tensors,
+    LightOctree, NamedTensor, Octree, OctreeError, OctreeHeader, Provenance, RadiancePoint, read_tensors, write_tensors,
 };
 use proptest::prelude::*;
 use safetensors::{Dtype, SafeTensors, serialize};
@@ -14,11 +14,11 @@ fn sample(depth: u32, full_depth: u32, count: usize) -> LightOctree {
         .map(|i| {
             let t = i as f32;
             let unit = Vec3::new(0.5 + 0.49 * (0.3 * t).sin(), (0.618 * t).fract(), t / count as f32);
-            let coverage = if i % 3 == 0 { Coverage::Inferred } else { Coverage::Seen };
+            let provenance = if i % 3 == 0 { Provenance::Inferred } else { Provenance::Observed };
             RadiancePoint {
                 position_m: CUBE.world_from_unit(unit),
                 radiance: [0.1 * t, 1.0, 30.0 / (1.0 + t)],
-                coverage,
+                provenance,
             }
         })
         .collect();
