@@ -177,5 +177,5 @@ fn what_hides_suns(light: &LightOctree, emitters: &[Emitter]) -> Option<LightOct
     if leaves.iter().all(|leaves| leaves.keys.is_empty()) {
         return None;
     }
-    LightOctree::from_uneven_leaves(leaves, light.cube, light.octree.full_depth(), |_, _| Ancestor::Merged).ok()
+    LightOctree::from_leaves_by_depth(leaves, light.cube, light.octree.full_depth(), |_, _| Ancestor::Merged).ok()
 }

@@ -1,7 +1,8 @@
-//! Points → octree, without and with the neighbour tables: the work of `octree_build_*` in the peers' benchmark.
+//! Building an octree from points, with and without neighbour tables: the work of `octree_build_*` in the peers'
+//! benchmark.
 //!
-//! `PEERS_INPUT` names a folder with the peers' clouds (`rgbd_unit.npy`, `rgbd_color.npy`, `room_*`); without it, a box room
-//! with as many points stands in. `RAYON_NUM_THREADS` sets the threads.
+//! `PEERS_INPUT` names a folder with the peers' clouds (`rgbd_unit.npy`, `rgbd_color.npy`, `room_*`). Without it, a box
+//! room with as many points is used. `RAYON_NUM_THREADS` sets the thread count.
 
 mod cloud;
 

@@ -1,4 +1,4 @@
-//! Light that differs by direction: a spherical Gaussian lobe a node (`docs/method.md` §5.8, variant "SG").
+//! Directional light: one spherical Gaussian lobe per node (`docs/method.md` §5.8, variant "SG").
 
 use std::borrow::Cow;
 
@@ -6,13 +6,14 @@ use lo_geometry::Vec3;
 
 use crate::LightOctree;
 
-/// No lobe is less sharp than this, so that sharpness has a gradient everywhere. Such a lobe differs by 2 % between front and back.
+/// Least sharpness of a lobe, so that sharpness has a gradient everywhere. Such a lobe differs by 2 % between front and
+/// back.
 pub const MIN_SHARPNESS: f32 = 0.01;
 
-/// What a node with `lobe` sends towards the unit direction `towards`, over its mean over all directions.
+/// Ratio of the radiance of a node with `lobe` towards the unit direction `towards` to its mean over all directions.
 ///
-/// The lobe's direction is its axis, its length λ the sharpness: `e^(v·ω − λ) · 2λ / (1 − e^(−2λ))`, whose mean over the sphere
-/// is 1. Without a lobe all directions get the same.
+/// The lobe's direction is its axis, its length λ the sharpness: `e^(v·ω − λ) · 2λ / (1 − e^(−2λ))`, whose mean over
+/// the sphere is 1. A zero lobe gives 1 in all directions.
 pub fn lobe_gain(lobe: Vec3, towards: Vec3) -> f32 {
     let (lobe, towards) = (lobe.as_dvec3(), towards.as_dvec3());
     let sharpness = (lobe.length_squared() + f64::from(MIN_SHARPNESS).powi(2)).sqrt();
@@ -21,7 +22,8 @@ pub fn lobe_gain(lobe: Vec3, towards: Vec3) -> f32 {
 }
 
 impl LightOctree {
-    /// The octree as it shows itself at `viewer_m`: each row's radiance times the gain of its lobe towards there, and no lobes.
+    /// Returns the octree as seen from `viewer_m`: each row's radiance times its lobe's gain towards the viewer,
+    /// without lobes.
     pub fn seen_from(&self, viewer_m: Vec3) -> Cow<'_, Self> {
         let Some(lobes) = &self.lobes else { return Cow::Borrowed(self) };
         let shown = |depth: usize| {

@@ -12,7 +12,7 @@ pub enum TrueLeaves {
     /// Every leaf that a surface point lies in. What the light network learns, and what its split labels are compared with: that a surface just touches
     /// a leaf can be told from what is seen, that it fills less than half a face of it cannot.
     All,
-    /// Those that surfaces fill ([`LightOctree::from_even_points`]), of points of this area each. What looks most like the room: the bound of
+    /// Those that surfaces fill ([`LightOctree::from_uniform_points`]), of points of this area each. What looks most like the room: the bound of
     /// what an octree can show.
     Filled {
         /// Surface that each point stands for.
@@ -52,7 +52,7 @@ pub fn true_octree(
     let (octree, _) = match leaves {
         TrueLeaves::All => LightOctree::from_points(&inside, cube, depth, full_depth)?,
         TrueLeaves::Filled { point_area_m2 } => {
-            LightOctree::from_even_points(&inside, point_area_m2, cube, depth, full_depth)?
+            LightOctree::from_uniform_points(&inside, point_area_m2, cube, depth, full_depth)?
         }
     };
     Ok(octree)

@@ -15,7 +15,7 @@ use crate::sky::Opening;
 use crate::transfer;
 
 /// Points per square of a leaf's size. With half of them a leaf's count says too little of how much surface it holds
-/// ([`lo_octree::LightOctree::from_even_points`]).
+/// ([`lo_octree::LightOctree::from_uniform_points`]).
 const PER_LEAF: f64 = 8.0;
 
 /// Radiance at points that lie evenly on surfaces.

@@ -400,7 +400,7 @@ impl Leaves {
             }
         };
         let leaves = self.by_depth(finest).into_iter().map(of_depth).collect();
-        LightOctree::from_uneven_leaves(leaves, light.cube, light.octree.full_depth(), ancestor)
+        LightOctree::from_leaves_by_depth(leaves, light.cube, light.octree.full_depth(), ancestor)
     }
 
     /// Makes `light` the octree of these leaves, and `confidence` that of its rows, at least `sure` (0 to 1) where the panorama gave the light; gives the

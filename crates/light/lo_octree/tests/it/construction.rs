@@ -9,7 +9,7 @@ use proptest::prelude::*;
 const CUBE: Cube = Cube { origin_m: Vec3::new(-1.0, -2.0, -3.0), edge_m: 4.0 };
 
 fn point_in(cube: Cube) -> impl Strategy<Value = RadiancePoint> {
-    // a little beyond the cube, and clustered so that leaves hold several points
+    // Slightly beyond the cube, and clustered so that leaves hold several points.
     (prop::array::uniform3(-0.05f32..1.05), prop::bool::ANY, prop::array::uniform3(0.0f32..20.0), any::<bool>())
         .prop_map(move |(unit, cluster, radiance, seen)| {
             let unit = Vec3::from(unit);
@@ -21,11 +21,11 @@ fn point_in(cube: Cube) -> impl Strategy<Value = RadiancePoint> {
         })
 }
 
-/// Mean radiance, seen share and number of points per leaf.
+/// Returns mean radiance, observed share and number of points per leaf.
 fn naive_leaves(points: &[RadiancePoint], cube: Cube, depth: u32) -> BTreeMap<u32, ([f64; 3], f64, usize)> {
     let mut leaves: BTreeMap<u32, ([f64; 3], f64, usize)> = BTreeMap::new();
     for point in points.iter().filter(|p| cube.contains(p.position_m)) {
-        // as f32, so that points within a rounding of a leaf's face fall on the same side
+        // in f32, so that points within a rounding of a leaf's face fall on the same side
         let unit = point.position_m - cube.origin_m;
         let scale = (1 << depth) as f32 / cube.edge_m;
         let xyz = unit.to_array().map(|c| ((c * scale).floor() as u32).min((1 << depth) - 1));

@@ -1,11 +1,11 @@
-//! Results do not depend on the thread count, and sizes grow with surfaces, not volumes.
+//! Results do not depend on the thread count; sizes grow with surfaces, not volumes.
 
 use lo_geometry::{Cube, Vec3};
 use lo_octree::{LightOctree, Provenance, RadiancePoint, write_tensors};
 
 const CUBE: Cube = Cube { origin_m: Vec3::splat(-1.0), edge_m: 2.0 };
 
-/// Points on the sphere of radius 0.9, in an order far from that of their keys.
+/// Points on the sphere of radius 0.9, in an order unrelated to that of their keys.
 fn sphere(count: usize) -> Vec<RadiancePoint> {
     let directions = lo_geometry::fibonacci_sphere(count);
     (0..count)

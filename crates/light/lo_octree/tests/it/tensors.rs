@@ -1,4 +1,4 @@
-//! The octree's tensors: exact round trips, and errors for whatever is damaged.
+//! The octree's tensors: exact round trips, and errors for damaged input.
 
 use lo_geometry::{Cube, Vec3};
 use lo_octree::{
@@ -44,7 +44,7 @@ fn read(bytes: &[u8], header: &OctreeHeader) -> Result<LightOctree, OctreeError>
     read_tensors(&SafeTensors::deserialize(bytes).unwrap(), header)
 }
 
-/// The error's text after `change` was made to one tensor of a small octree.
+/// Returns the error text after `change` was made to one tensor of a small octree.
 fn error_after(name: &str, change: impl FnOnce(&mut NamedTensor)) -> String {
     let (header, mut tensors) = write_tensors(&sample(4, 2, 300));
     change(tensors.iter_mut().find(|tensor| tensor.name == name).unwrap());
@@ -164,7 +164,7 @@ fn headers_are_checked() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
-    /// Whatever still parses as a file either reads as an octree that can be used, or gives an error.
+    /// A damaged file that still parses either reads as a usable octree or gives an error.
     #[test]
     fn damaged_files_never_panic(
         flips in prop::collection::vec((any::<prop::sample::Index>(), 0..8u32), 0..6),

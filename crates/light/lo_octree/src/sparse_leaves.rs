@@ -1,17 +1,17 @@
-//! Leaves that a surface just touches.
+//! Merging of leaves that a surface merely touches.
 
 use rayon::prelude::*;
 
 use crate::key::{key_from_xyz, xyz_from_key};
 use crate::leaves::{Averaged, Leaves};
 
-/// The leaves that hold at least `least` points, with those of leaves that hold fewer; of these only the ones beside which there are
-/// none to take their points.
-pub(crate) fn without_corners(averaged: Averaged, least: u32, depth: u32) -> Averaged {
+/// Merges each leaf with fewer than `least` points into its fullest neighbour with at least `least`. Leaves without
+/// such a neighbour stay.
+pub(crate) fn merge_sparse_leaves(averaged: Averaged, least: u32, depth: u32) -> Averaged {
     let Averaged { leaves, counts } = averaged;
     let takers: Vec<Option<u32>> =
         (0..counts.len()).into_par_iter().map(|leaf| taker(&leaves.keys, &counts, leaf, least, depth)).collect();
-    // Of each leaf: its points, and sums over them.
+    // For each leaf: its number of points, and sums over them.
     let mut sums: Vec<(u32, [f64; 4])> = (0..counts.len())
         .map(|leaf| {
             let ([r, g, b, _], count) = (leaves.rgba[leaf], counts[leaf]);
@@ -37,7 +37,8 @@ pub(crate) fn without_corners(averaged: Averaged, least: u32, depth: u32) -> Ave
     kept
 }
 
-/// The fullest leaf around one with fewer than `least` points, if it has so many; of equal ones the first by key.
+/// Returns the fullest of the neighbours with at least `least` points, for a leaf with fewer; on ties, the first by
+/// key.
 fn taker(keys: &[u32], counts: &[u32], leaf: usize, least: u32, depth: u32) -> Option<u32> {
     if counts[leaf] >= least {
         return None;
@@ -68,7 +69,7 @@ mod tests {
         RadiancePoint { position_m, radiance: [radiance; 3], provenance: Provenance::Inferred }
     }
 
-    /// A floor of 16 points a leaf at depth 4, turned about two axes.
+    /// A floor with 16 points per leaf at depth 4, tilted about two axes.
     fn floor(slope: f32) -> Vec<RadiancePoint> {
         let at = |i: usize| (i as f32 + 0.5) / 64.0;
         let places = (0..64 * 64).map(|i| Vec3::new(at(i % 64), 0.0, at(i / 64)));
@@ -79,7 +80,7 @@ mod tests {
     fn a_slanted_floor_is_one_leaf_thick() {
         let points = floor(0.3);
         let thick = LightOctree::from_points(&points, CUBE, 4, 2).unwrap().0;
-        let thin = LightOctree::from_even_points(&points, 1.0 / (64.0 * 64.0), CUBE, 4, 2).unwrap().0;
+        let thin = LightOctree::from_uniform_points(&points, 1.0 / (64.0 * 64.0), CUBE, 4, 2).unwrap().0;
         let count = |light: &LightOctree| light.octree.levels()[4].nonempty;
         assert!(count(&thick) > 320, "{}", count(&thick));
         assert!((230..=290).contains(&count(&thin)), "{} instead of 256", count(&thin));
@@ -88,16 +89,16 @@ mod tests {
     #[test]
     fn thin_things_stay() {
         let points: Vec<RadiancePoint> = (0..64).map(|i| point(Vec3::new(0.51, i as f32 / 64.0, 0.51), 1.0)).collect();
-        let pole = LightOctree::from_even_points(&points, 1.0 / (64.0 * 64.0), CUBE, 4, 2).unwrap().0;
+        let pole = LightOctree::from_uniform_points(&points, 1.0 / (64.0 * 64.0), CUBE, 4, 2).unwrap().0;
         assert_eq!(pole, LightOctree::from_points(&points, CUBE, 4, 2).unwrap().0);
     }
 
     #[test]
     fn the_light_of_a_lamp_in_a_corner_of_a_leaf_is_kept() {
         let mut points = floor(0.0);
-        // two points of lamp just below the leaves of the floor
+        // two points of a lamp just below the leaves of the floor
         points.extend([0.51, 0.52].map(|x| point(Vec3::new(x, 0.187, 0.51), 1000.0)));
-        let light = LightOctree::from_even_points(&points, 1.0 / (64.0 * 64.0), CUBE, 4, 2).unwrap().0;
+        let light = LightOctree::from_uniform_points(&points, 1.0 / (64.0 * 64.0), CUBE, 4, 2).unwrap().0;
         assert_eq!(light.octree.levels()[4].nonempty, 256);
         let brightest = light.rgba[4].iter().map(|rgba| rgba[0]).fold(0.0, f32::max);
         assert!((brightest - 2016.0 / 18.0).abs() < 1e-3, "{brightest}");
@@ -113,7 +114,7 @@ mod tests {
             let (averaged, _) = crate::leaves::average_points(&points, CUBE, 3, 1.0);
             let before = averaged.leaves.keys.clone();
             let weak = averaged.counts.iter().filter(|&&n| n < least).count();
-            let Averaged { leaves, counts } = without_corners(averaged, least, 3);
+            let Averaged { leaves, counts } = merge_sparse_leaves(averaged, least, 3);
             prop_assert!(leaves.keys.is_sorted() && leaves.keys.iter().all(|key| before.contains(key)));
             prop_assert!(leaves.keys.len() >= before.len() - weak);
             prop_assert_eq!(counts.iter().sum::<u32>() as usize, points.len());
