@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use lightoctree::cone::Viewers;
+use lightoctree::cone::OctreeRenderer;
 use lightoctree::geometry::Vec3;
 use lightoctree::imaging::RadianceImage;
 use lightoctree::lo_lights::AnalyticLights;
@@ -18,7 +18,7 @@ fuzz_target!(|bytes: &[u8]| {
         let _ = lightoctree::Models::of_scene(&layout, &scene);
     }
     let finite = |radiance: &RadianceImage| radiance.pixels().iter().flatten().all(|value| value.is_finite());
-    let viewers = Viewers::new(&scene.light);
+    let viewers = OctreeRenderer::new(&scene.light);
     assert!(finite(&viewers.at(Vec3::ZERO).panorama(Vec3::ZERO, 8, 4).radiance));
     // Edits are carried out, or it is said why not.
     let mut edited = scene;

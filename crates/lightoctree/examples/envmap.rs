@@ -5,7 +5,7 @@
 use std::error::Error;
 use std::path::Path;
 
-use lightoctree::SharpViewers;
+use lightoctree::SceneRenderer;
 use lightoctree::geometry::Vec3;
 use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions};
 use lightoctree::scene::Scene;
@@ -21,7 +21,7 @@ pub fn run(scene: &Path, panorama: &Path) -> Result<(), Box<dyn Error>> {
     let scene = Scene::read(scene)?;
     // Metres: +X right, +Y up, and the camera in the origin looks along −Z. This is a metre and a half before it.
     let point = Vec3::new(0.0, 0.0, -1.5);
-    let rendering = SharpViewers::new(&scene).panorama(point, 512, 256);
+    let rendering = SceneRenderer::new(&scene).panorama(point, 512, 256);
     let options = ExrOptions {
         generator: "example envmap".to_owned(),
         environment: Some(EnvironmentLayout::LatitudeLongitude),

@@ -1,14 +1,14 @@
 //! Indoor lighting from one photo: the public Rust API.
 //!
 //! ```no_run
-//! use lightoctree::{EstimateOptions, Estimator, Input, SharpViewers, events, geometry::Vec3, imaging};
+//! use lightoctree::{EstimateOptions, Estimator, Input, SceneRenderer, events, geometry::Vec3, imaging};
 //!
 //! let photo = imaging::read_photo("room.jpg")?;
 //! let estimator = Estimator::shipped()?;
 //! let (camera, _source) = estimator.camera_of(&photo)?;
 //! let input = Input::Photo { photo: photo.photo, camera };
 //! let scene = estimator.estimate(input, &EstimateOptions::default(), &mut events::ignore)?;
-//! let panorama = SharpViewers::new(&scene).panorama(Vec3::NEG_Z, 256, 128);
+//! let panorama = SceneRenderer::new(&scene).panorama(Vec3::NEG_Z, 256, 128);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
@@ -63,7 +63,7 @@ pub use lo_geometry as geometry;
 pub use lo_imaging as imaging;
 pub use lo_insert as insert;
 pub use lo_lights;
-pub use lo_lookup::{Detail, PhotoLookup, SharpViewers};
+pub use lo_lookup::{Detail, PhotoLookup, SceneRenderer};
 pub use lo_mesh as mesh;
 #[doc(hidden)]
 pub use lo_nets as nets;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use clap::ValueEnum;
-use lightoctree::SharpViewers;
+use lightoctree::SceneRenderer;
 use lightoctree::cone::Rendering;
 use lightoctree::geometry::{Orientation, Vec3};
 use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, RadianceImage};
@@ -102,7 +102,7 @@ pub struct PanoramaFileArgs {
 
 /// The scene, made ready for panoramas.
 pub struct Renderer {
-    viewers: SharpViewers,
+    viewers: SceneRenderer,
     height: usize,
 }
 
@@ -110,7 +110,7 @@ impl Renderer {
     /// # Errors
     /// A size that is no equirectangular map's.
     pub fn new(scene: &Scene, size: [usize; 2]) -> anyhow::Result<Self> {
-        Ok(Self { viewers: SharpViewers::new(scene), height: height(size)? })
+        Ok(Self { viewers: SceneRenderer::new(scene), height: height(size)? })
     }
 
     /// Adds the photo's detail where nothing was seen.

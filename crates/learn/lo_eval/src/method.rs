@@ -1,9 +1,9 @@
 //! What is compared: the networks, the shell, and baselines.
 
-use lightoctree::cone::{self, Cone, Viewers};
+use lightoctree::cone::{self, Cone, OctreeRenderer};
 use lightoctree::scene::{Completion, Frame, FrameError, Scene};
 use lightoctree::{
-    EstimateError, EstimateOptions, Estimator, Input, LightMode, LightTuning, PanoramaError, SharpViewers,
+    EstimateError, EstimateOptions, Estimator, Input, LightMode, LightTuning, PanoramaError, SceneRenderer,
 };
 use lo_dataset::{NovelView, Sample, TrueLeaves};
 use lo_geometry::{Cube, Vec3};
@@ -137,9 +137,9 @@ pub enum Light {
 /// What is traced.
 pub enum Sight {
     /// An octree alone.
-    Octree(Viewers),
+    Octree(OctreeRenderer),
     /// A scene: where its photo shows what is met, the photo.
-    Scene(Box<SharpViewers>),
+    Scene(Box<SceneRenderer>),
 }
 
 impl Method {
@@ -291,7 +291,7 @@ impl Method {
             Self::FittedLamps(input) => lit(sample, input, tools, LightMode::Plausible).map(Estimate::of_scene),
             Self::Detail(input) => {
                 let scene = lit(sample, input, tools, LightMode::Expected)?;
-                let viewers = SharpViewers::new(&scene).with_detail(&scene);
+                let viewers = SceneRenderer::new(&scene).with_detail(&scene);
                 Ok(Estimate::seen_by(scene, viewers))
             }
             Self::PanoramaEverywhere => {
@@ -318,11 +318,11 @@ fn lit(sample: &Sample, input: Option<DepthInput>, tools: &Tools, mode: LightMod
 
 impl Estimate {
     fn of_scene(scene: Scene) -> Self {
-        let viewers = SharpViewers::new(&scene);
+        let viewers = SceneRenderer::new(&scene);
         Self::seen_by(scene, viewers)
     }
 
-    fn seen_by(scene: Scene, viewers: SharpViewers) -> Self {
+    fn seen_by(scene: Scene, viewers: SceneRenderer) -> Self {
         let sight = Sight::Scene(Box::new(viewers));
         let light = Light::Octree { octree: Box::new(scene.light), sight };
         let up = scene.room.map(|room| room.up);
@@ -330,7 +330,7 @@ impl Estimate {
     }
 
     fn of_octree(octree: LightOctree) -> Self {
-        let sight = Sight::Octree(Viewers::new(&octree));
+        let sight = Sight::Octree(OctreeRenderer::new(&octree));
         Self::of_light(Light::Octree { octree: Box::new(octree), sight })
     }
 

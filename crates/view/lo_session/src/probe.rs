@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use lightoctree::SharpViewers;
+use lightoctree::SceneRenderer;
 use lightoctree::cone::Rendering;
 use lightoctree::geometry::{Vec3, pixel_direction};
 use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, Image, RadianceImage, ToneCurve};
@@ -15,7 +15,7 @@ use crate::{OpenScene, RESTING_SIDE, SessionError, State};
 /// The light at places of one scene.
 pub struct Probe {
     scenes: Arc<LitScenes>,
-    ready: Option<(Arc<Scene>, SharpViewers)>,
+    ready: Option<(Arc<Scene>, SceneRenderer)>,
 }
 
 /// What a probe shows, for a screen.
@@ -40,12 +40,12 @@ impl Probe {
         Self { scenes, ready: None }
     }
 
-    fn viewers(&mut self, state: &State) -> Result<&(Arc<Scene>, SharpViewers), SessionError> {
+    fn viewers(&mut self, state: &State) -> Result<&(Arc<Scene>, SceneRenderer), SessionError> {
         let lit = self.scenes.of(state)?;
         let ready = match self.ready.take() {
             Some(ready) if Arc::ptr_eq(&ready.0, &lit) => ready,
             // A photo of this size is sharper than any panorama that is shown.
-            _ => (lit.clone(), SharpViewers::new(&at_side(&lit, RESTING_SIDE))),
+            _ => (lit.clone(), SceneRenderer::new(&at_side(&lit, RESTING_SIDE))),
         };
         Ok(self.ready.insert(ready))
     }
@@ -79,7 +79,7 @@ impl Probe {
     /// # Errors
     /// Edits that do not fit the scene.
     pub fn exr(scenes: &LitScenes, state: &State, at: Vec3, height: usize) -> Result<Vec<u8>, SessionError> {
-        let panorama = SharpViewers::new(&*scenes.of(state)?).panorama(at, 2 * height, height);
+        let panorama = SceneRenderer::new(&*scenes.of(state)?).panorama(at, 2 * height, height);
         let options = ExrOptions {
             generator: "lightoctree envmap".to_owned(),
             environment: Some(EnvironmentLayout::LatitudeLongitude),

@@ -3,7 +3,7 @@
 use std::f32::consts::PI;
 use std::sync::OnceLock;
 
-use lo_cone::Viewers;
+use lo_cone::OctreeRenderer;
 use lo_geometry::{Camera, Cube, Plane, Vec3};
 use lo_imaging::{Image, Photo, luminance};
 use lo_insert::{Composite, Inserter, Instance, Lighting, Placement, Quality};
@@ -146,7 +146,7 @@ fn an_added_sun_lights_the_object_and_casts_its_shadow() {
     // In the middle of its shadow only the other light is left: E₀ r / (E₀ + S).
     let shadow = CENTRE - direction * ((CENTRE.y - LOW.y) / direction.y);
     let sun = strength * direction.y;
-    let map = Viewers::new(&plain.light).at(shadow).panorama(shadow + Vec3::Y * 0.13, 256, 128).radiance;
+    let map = OctreeRenderer::new(&plain.light).at(shadow).panorama(shadow + Vec3::Y * 0.13, 256, 128).radiance;
     let cosine = |i: usize| lo_geometry::pixel_direction(i % 256, i / 256, 256, 128).y.max(0.0);
     let arriving =
         |i: usize| luminance(map.pixels()[i]) * cosine(i) * lo_geometry::pixel_solid_angle_sr(i / 256, 256, 128);

@@ -1,9 +1,9 @@
-//! Detail in what the photo does not show: a room of one colour in the octree, and a photo of it with texture.
+//! Detail on unobserved surfaces: a uniform room in the octree, and a textured photo of it.
 
 use lo_cone::{Cone, ConeSample, ConeTracer, Settings};
 use lo_geometry::{Camera, Cube, Quat, RigidTransform, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage, luminance};
-use lo_lookup::{Detail, PhotoLookup, SharpViewers};
+use lo_lookup::{Detail, PhotoLookup, SceneRenderer};
 use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::{Frame, LaidPanorama, OtherPhoto, PanoramaSource, Scene};
 use proptest::prelude::*;
@@ -11,7 +11,7 @@ use proptest::prelude::*;
 const LOW: Vec3 = Vec3::new(-2.0, -1.5, -3.4);
 const HIGH: Vec3 = Vec3::new(2.0, 1.2, 1.0);
 
-/// Radiance of all of the room in the octree.
+/// Uniform radiance of the room in the octree.
 const SMOOTH: [f32; 3] = [0.5, 0.4, 0.3];
 
 fn camera() -> Camera {
@@ -23,7 +23,7 @@ fn met_m(origin: Vec3, direction: Vec3) -> f32 {
     a.max(b).min_element()
 }
 
-/// Squares of `side` pixels that are brighter and darker than the octree by the same amount.
+/// Returns a texture of squares of `side` pixels, brighter and darker than the octree by the same amount.
 fn squares(side: usize) -> impl Fn(usize, usize) -> f32 {
     move |x, y| if (x / side + y / side).is_multiple_of(2) { 1.6 } else { 0.4 }
 }
@@ -44,7 +44,7 @@ fn scene(texture: impl Fn(usize, usize) -> f32, provenance: Provenance) -> Scene
     Scene::as_seen(light, Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap())
 }
 
-/// What cones from a place see without detail, and with it.
+/// Traces cones without detail, and with it.
 fn traced(scene: &Scene, cones: &[Cone]) -> (Vec<ConeSample>, Vec<ConeSample>) {
     let tracer = ConeTracer::new(&scene.light, Settings::default()).unwrap();
     let detail = Detail::new(scene, &PhotoLookup::new(scene, &tracer)).unwrap();
@@ -60,7 +60,7 @@ fn cones(origin: Vec3, tan_half_angle: f32, count: usize) -> Vec<Cone> {
     lo_geometry::fibonacci_sphere(count).into_iter().map(cone).collect()
 }
 
-/// Whether a direction is outside of the photo by some degrees.
+/// Returns whether a direction is some degrees outside the photo.
 fn is_outside(direction: Vec3) -> bool {
     let camera = camera();
     let margin = 60.0;
@@ -87,7 +87,7 @@ fn texture_goes_on_and_the_mean_stays() {
         let (mean, deviation) = (sums[1] / sums[0], (squares / count).sqrt());
         println!("{origin}: mean {mean}, deviation {deviation}");
         assert!((mean - 1.0).abs() < 0.03, "{origin}: {mean}");
-        // The photo's own is 0.6. Poles are smooth.
+        // In the photo it is 0.6. Poles are smooth.
         assert!((0.3..0.65).contains(&deviation), "{origin}: {deviation}");
     }
 }
@@ -104,7 +104,7 @@ fn wide_cones_see_no_detail() {
 
 #[test]
 fn the_mirror_image_begins_at_the_photos_border() {
-    // A gradient: squares would hide by how much it is off.
+    // A gradient: squares would hide the size of an offset.
     let scene = scene(|x, y| 0.3 + 0.004 * x as f32 + 0.003 * y as f32, Provenance::Inferred);
     let camera = camera();
     let photo = scene.frame.radiance();
@@ -131,9 +131,9 @@ fn the_mirror_image_begins_at_the_photos_border() {
 #[test]
 fn nothing_changes_where_a_picture_answers() {
     let scene = scene(squares(16), Provenance::Inferred);
-    // What the photo shows, away from its border.
-    let (with, without) = (SharpViewers::new(&scene).with_detail(&scene), SharpViewers::new(&scene));
-    let [with, without] = [with, without].map(|viewers| viewers.panorama(Vec3::ZERO, 256, 128).radiance);
+    // Inside the photo, away from its border.
+    let (with, without) = (SceneRenderer::new(&scene).with_detail(&scene), SceneRenderer::new(&scene));
+    let [with, without] = [with, without].map(|renderer| renderer.panorama(Vec3::ZERO, 256, 128).radiance);
     let (mut inside, mut changed) = (0, 0);
     for (i, (with, without)) in with.pixels().iter().zip(without.pixels()).enumerate() {
         let direction = lo_geometry::pixel_direction(i % 256, i / 256, 256, 128);
@@ -146,7 +146,7 @@ fn nothing_changes_where_a_picture_answers() {
         }
     }
     assert!(inside > 1000 && changed > 10_000, "{inside} {changed}");
-    // With a panorama of the room there is no detail, and none in what another photo saw.
+    // With a panorama of the room there is no detail, and none on surfaces that another photo observed.
     let source = PanoramaSource {
         file: "room.hdr".into(),
         position_m: Vec3::ZERO,
@@ -174,7 +174,7 @@ fn nothing_changes_where_a_picture_answers() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// For any photo, radiance stays finite, not negative, and within the ratio's range of the brightest input.
+    /// For any photo, radiance stays finite, non-negative, and within the ratio's range of the brightest input.
     #[test]
     fn radiance_stays_in_range(
         values in prop::collection::vec(prop_oneof![Just(0.0f32), 0.0f32..1.0, Just(50.0f32)], 64),

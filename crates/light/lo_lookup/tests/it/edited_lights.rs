@@ -1,11 +1,12 @@
-//! Edited lights in a room of known radiance: a lamp and a window that the photo shows clipped, a panel in the ceiling that it does not show.
+//! Edited lights in a room of known radiance: a lamp and a window that are clipped in the photo, and a ceiling panel
+//! outside it.
 
 use std::sync::OnceLock;
 
 use lo_geometry::{Camera, Cube, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage, luminance};
 use lo_lights::{Kind, Origin, apply_edits, emitters, list, remove_emitters};
-use lo_lookup::SharpViewers;
+use lo_lookup::SceneRenderer;
 use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::{AddedLight, AnalyticLight, EmitterEdit, Frame, LightChange, LightColor, LightShape, Scene};
 
@@ -18,7 +19,7 @@ const LAMP: [f32; 3] = [16.0, 11.0, 6.0];
 const WINDOW: [f32; 3] = [5.0, 6.0, 7.5];
 const PANEL: [f32; 3] = [9.0, 9.0, 8.5];
 
-/// Radiance of a point of the room.
+/// Returns the radiance of a point of the room.
 fn radiance(point: Vec3) -> [f32; 3] {
     let near = |value: f32, middle: f32, half: f32| (value - middle).abs() < half;
     if point.z < LOW.z + 0.05 && near(point.x, 0.6, 0.16) && near(point.y, 0.3, 0.16) {
@@ -64,7 +65,7 @@ fn scene() -> Scene {
     SCENE.get_or_init(make).clone()
 }
 
-/// The scene with one emitter changed.
+/// Returns the scene with one emitter changed.
 fn edited(id: &str, change: LightChange) -> Scene {
     let mut scene = scene();
     let found = emitters(&scene);
@@ -87,13 +88,13 @@ const WIDTH: usize = 256;
 const HEIGHT: usize = 128;
 
 fn panorama(scene: &Scene, eye: Vec3) -> RadianceImage {
-    SharpViewers::new(scene).panorama(eye, WIDTH, HEIGHT).radiance
+    SceneRenderer::new(scene).panorama(eye, WIDTH, HEIGHT).radiance
 }
 
-/// At each of [`EYES`].
+/// Renders panoramas at each of [`EYES`].
 fn panoramas(scene: &Scene) -> Vec<RadianceImage> {
-    let viewers = SharpViewers::new(scene);
-    EYES.iter().map(|&eye| viewers.panorama(eye, WIDTH, HEIGHT).radiance).collect()
+    let renderer = SceneRenderer::new(scene);
+    EYES.iter().map(|&eye| renderer.panorama(eye, WIDTH, HEIGHT).radiance).collect()
 }
 
 const EYES: [Vec3; 3] = [Vec3::ZERO, Vec3::new(0.5, -0.4, -2.3), Vec3::new(-1.2, 0.3, -0.5)];
@@ -104,7 +105,7 @@ fn scaled(scale: f32) -> LightChange {
 
 const OFF: LightChange = LightChange { on: false, ..LightChange::NONE };
 
-/// Irradiance on a surface that faces `normal`.
+/// Returns the irradiance on a surface with this normal.
 fn irradiance(map: &RadianceImage, normal: Vec3) -> Vec3 {
     let (width, height) = (map.width(), map.height());
     let pixel = |i: usize| {
@@ -124,7 +125,7 @@ fn what_shines_is_listed_with_place_size_and_kind() {
     let window = found(Vec3::new(LOW.x, 0.2, -2.2));
     assert_eq!((window.kind, window.origin), (Kind::Window, Origin::Seen));
     assert!(window.direction.unwrap().dot(Vec3::X) > 0.99);
-    // Whole leaves: up to one more across.
+    // Whole leaves: up to one more in each direction.
     let [width, height] = window.size_m.unwrap();
     assert!((0.95..1.15).contains(&width) && (0.75..0.95).contains(&height), "{width} {height}");
     let lamp = found(Vec3::new(0.6, 0.3, LOW.z));
@@ -134,7 +135,7 @@ fn what_shines_is_listed_with_place_size_and_kind() {
     let panel = found(Vec3::new(0.0, HIGH.y, 0.3));
     assert_eq!((panel.kind, panel.origin), (Kind::Lamp, Origin::Guessed));
     assert!(panel.direction.unwrap().dot(Vec3::NEG_Y) > 0.99);
-    // What they give beyond the walls, by closed form, as shares of all light.
+    // Their irradiance at the walls in closed form, as shares of all light.
     let size = HIGH - LOW;
     let walls = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x) * luminance(WALL);
     let own = |area: f32, radiance: [f32; 3]| area * (luminance(radiance) - luminance(WALL));
@@ -183,7 +184,7 @@ fn a_lamp_that_is_off_leaves_no_rim() {
                 let towards = light.position_m.unwrap() - eye;
                 towards.angle_between(direction) < 1.2 * light.area_m2.unwrap().sqrt() / towards.length()
             };
-            // In and around it there is wall alone, with the error of leaves that are not filled.
+            // In and around it there is only wall, with the error of partly filled leaves.
             for i in (0..WIDTH * HEIGHT).filter(|&i| off(i)) {
                 let bright = luminance(map.pixels()[i]) / luminance(WALL);
                 assert!((0.8..1.25).contains(&bright), "{} from {eye}: {bright}", light.id);
@@ -226,7 +227,7 @@ fn a_lamp_that_is_moved_gives_its_light_elsewhere() {
     let at_m = Vec3::new(-0.4, 0.1, -2.0);
     let moved = edited(&lamp.id, LightChange { at_m: Some(at_m), ..LightChange::NONE });
     let off = edited(&lamp.id, OFF);
-    // 1 m before it: L A / d² straight ahead, within the size of the lamp.
+    // 1 m in front of it: L A / d² straight ahead, within the size of the lamp.
     let eye = at_m + Vec3::Z * 1.0;
     let given = irradiance(&panorama(&moved, eye), Vec3::NEG_Z) - irradiance(&panorama(&off, eye), Vec3::NEG_Z);
     let expected = (Vec3::from(LAMP) - Vec3::from(WALL)) * 0.32 * 0.32;
@@ -250,7 +251,7 @@ fn added_lights_give_what_they_should() {
     let close = |found: Vec3, expected: f32, name: &str| {
         assert!((found / expected - 1.0).abs().max_element() < 0.01, "{name}: {found} for {expected}");
     };
-    // Straight above a point at the distance d: a square of edge 2 a has E = 4 L a/√(a² + d²) atan(a/√(a² + d²)).
+    // At the distance d in front of its centre, a square of edge 2 a gives E = 4 L a/√(a² + d²) atan(a/√(a² + d²)).
     let (a, d) = (0.4f32, 1.3f32);
     let square = |size: f32, two_sided| LightShape::Rectangle {
         centre_m: eye + Vec3::Y * d,
@@ -277,12 +278,12 @@ fn added_lights_give_what_they_should() {
         let sphere = LightShape::Sphere { centre_m: eye + Vec3::Y * d, radius_m: r };
         close(given(sphere, [radiance; 3], Vec3::Y), std::f32::consts::PI * radiance * (r / d).powi(2), "sphere");
     }
-    // A sun of irradiance 4, through a wall that nobody saw.
+    // A sun of irradiance 4, through an unobserved wall.
     let direction = Vec3::new(0.2, 0.8, 0.6).normalize();
     let sun = LightShape::Sun { direction, angular_radius_deg: 0.27, of_photo: false };
     let light = AnalyticLight { shape: sun, radiance: [1.0; 3] };
     close(given(sun, [4.0 / light.extent(); 3], direction), 4.0, "sun");
-    // Not through one that the photo shows, but through the window in the wall to the left.
+    // Not through a wall that the photo shows, but through the window in the left wall.
     let front =
         LightShape::Sun { direction: Vec3::new(0.0, 0.2, -1.0).normalize(), angular_radius_deg: 0.27, of_photo: false };
     assert!(panorama(&added(front, [1e5; 3], LightChange::NONE), eye) == base, "a seen wall hides it");

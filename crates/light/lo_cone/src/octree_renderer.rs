@@ -5,38 +5,39 @@ use lo_octree::LightOctree;
 
 use crate::{ConeTracer, Settings};
 
-/// Tracers of one lighting octree for viewers at any place, with the usual settings: one for all of them, or, where nodes have
-/// lobes and look different from everywhere, one made anew for each.
-pub struct Viewers {
-    light: Light,
+/// Renders a lighting octree from any viewpoint, with default settings.
+///
+/// One tracer serves all viewpoints. If nodes have directional lobes, a tracer is made for each viewpoint.
+pub struct OctreeRenderer {
+    tracers: Tracers,
 }
 
-enum Light {
-    Same(Box<ConeTracer>),
-    Directional(Box<LightOctree>),
+enum Tracers {
+    Shared(Box<ConeTracer>),
+    PerViewpoint(Box<LightOctree>),
 }
 
-impl Viewers {
-    /// Prepares an octree; with lobes it is copied, without it is not needed after.
+impl OctreeRenderer {
+    /// Prepares an octree: copies it if it has lobes, otherwise converts it to a tracer.
     pub fn new(light: &LightOctree) -> Self {
-        let light = match light.lobes {
-            Some(_) => Light::Directional(Box::new(light.clone())),
-            None => Light::Same(Box::new(tracer(light))),
+        let tracers = match light.lobes {
+            Some(_) => Tracers::PerViewpoint(Box::new(light.clone())),
+            None => Tracers::Shared(Box::new(tracer(light))),
         };
-        Self { light }
+        Self { tracers }
     }
 
-    /// The tracer for cones that start at `eye_m`.
+    /// Returns the tracer for cones that start at `eye_m`.
     pub fn at(&self, eye_m: Vec3) -> Cow<'_, ConeTracer> {
-        match &self.light {
-            Light::Same(tracer) => Cow::Borrowed(tracer),
-            Light::Directional(light) => Cow::Owned(tracer(&light.seen_from(eye_m))),
+        match &self.tracers {
+            Tracers::Shared(tracer) => Cow::Borrowed(tracer),
+            Tracers::PerViewpoint(light) => Cow::Owned(tracer(&light.seen_from(eye_m))),
         }
     }
 }
 
 fn tracer(light: &LightOctree) -> ConeTracer {
-    ConeTracer::new(light, Settings::default()).expect("the usual settings are valid, and there are no lobes")
+    ConeTracer::new(light, Settings::default()).expect("default settings are valid, and there are no lobes")
 }
 
 #[cfg(test)]
@@ -48,14 +49,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_lobe_shows_itself_by_the_viewers_place_and_light_without_lobes_does_not() {
+    fn lobes_depend_on_the_viewpoint() {
         let point =
             RadiancePoint { position_m: Vec3::splat(0.1), radiance: [1.0; 3], provenance: Provenance::Observed };
         let cube = Cube::centred(Vec3::ZERO, 4.0);
         let mut light = LightOctree::from_points(&[point], cube, 4, 2).unwrap().0;
         let seen_from = |light: &LightOctree, eye: Vec3| {
-            let viewers = Viewers::new(light);
-            viewers.at(eye).panorama(eye, 64, 32).radiance.pixels().iter().map(|p| p[0]).fold(0.0, f32::max)
+            let renderer = OctreeRenderer::new(light);
+            renderer.at(eye).panorama(eye, 64, 32).radiance.pixels().iter().map(|p| p[0]).fold(0.0, f32::max)
         };
         let (left, right) = (Vec3::new(-0.6, 0.1, 0.1), Vec3::new(0.8, 0.1, 0.1));
         assert!((seen_from(&light, left) / seen_from(&light, right) - 1.0).abs() < 0.2);
