@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use lo_cone::{Cone, ConeSample, ConeTracer};
 use lo_geometry::{Vec3, orthonormal_basis};
-use lo_lights::PictureChange;
+use lo_lights::ImageChange;
 use lo_scene::Scene;
 use rayon::prelude::*;
 
@@ -65,7 +65,7 @@ impl PhotoLookup {
         let surface = DepthSurface::new(&scene.frame, tracer);
         let change = scene.edited.as_ref().and_then(|edited| edited.octree.as_ref());
         let before = change.map(|change| light_before(scene, change, Vec3::ZERO));
-        let change = change.map(|change| PictureChange::new(&scene.light, change));
+        let change = change.map(|change| ImageChange::new(&scene.light, change));
         let photo = PhotoPyramid::new(
             &scene.frame,
             before.as_ref().unwrap_or(tracer),

@@ -1,7 +1,7 @@
 use lo_cone::{Cone, ConeSample, ConeTracer, Settings};
 use lo_geometry::{Quat, Vec2, Vec3};
 use lo_imaging::Image;
-use lo_lights::PictureChange;
+use lo_lights::ImageChange;
 use lo_octree::LightOctree;
 use lo_scene::{LaidPanorama, Scene};
 use rayon::prelude::*;
@@ -60,7 +60,7 @@ impl PanoramaLookup {
         let share = ConeTracer::new(&shares(&scene.light, laid), Settings::default()).ok()?;
         let mut radiance = picture.radiance.clone();
         if let Some(change) = scene.edited.as_ref().and_then(|edited| edited.octree.as_ref()) {
-            PictureChange::new(&scene.light, change).panorama(&mut radiance, position_m, picture.world_from_panorama);
+            ImageChange::new(&scene.light, change).panorama(&mut radiance, position_m, picture.world_from_panorama);
         }
         Some(Self {
             map: RadianceMap::new(radiance),

@@ -3,7 +3,7 @@
 use lo_cone::{Cone, ConeSample, ConeTracer};
 use lo_geometry::{Vec2, Vec3};
 use lo_imaging::{Image, RadianceImage};
-use lo_lights::PictureChange;
+use lo_lights::ImageChange;
 use lo_scene::Frame;
 use rayon::prelude::*;
 
@@ -41,7 +41,7 @@ impl PhotoPyramid {
         tracer: &ConeTracer,
         leaf_edge_m: f32,
         depth_m: f32,
-        change: Option<&PictureChange>,
+        change: Option<&ImageChange>,
     ) -> Self {
         let (width, height) = (frame.photo.width(), frame.photo.height());
         let scale = (MAX_SIDE as f32 / width.max(height) as f32).min(1.0);

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use lo_geometry::{Camera, Cube, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage, luminance};
-use lo_lights::{Kind, Origin, apply_edits, emitters, list, remove_emitters};
+use lo_lights::{LightKind, LightOrigin, apply_edits, emitters, list, remove_emitters};
 use lo_lookup::SceneRenderer;
 use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::{AddedLight, AnalyticLight, EmitterEdit, Frame, LightChange, LightColor, LightShape, Scene};
@@ -123,17 +123,17 @@ fn what_shines_is_listed_with_place_size_and_kind() {
     assert_eq!(lights.iter().map(|light| &light.id[..]).collect::<Vec<_>>(), ["L1", "L2", "L3"]);
     let found = |place: Vec3| lights.iter().find(|light| (light.position_m.unwrap() - place).length() < 0.1).unwrap();
     let window = found(Vec3::new(LOW.x, 0.2, -2.2));
-    assert_eq!((window.kind, window.origin), (Kind::Window, Origin::Seen));
+    assert_eq!((window.kind, window.origin), (LightKind::Window, LightOrigin::Observed));
     assert!(window.direction.unwrap().dot(Vec3::X) > 0.99);
     // Whole leaves: up to one more in each direction.
     let [width, height] = window.size_m.unwrap();
     assert!((0.95..1.15).contains(&width) && (0.75..0.95).contains(&height), "{width} {height}");
     let lamp = found(Vec3::new(0.6, 0.3, LOW.z));
-    assert_eq!((lamp.kind, lamp.origin), (Kind::Lamp, Origin::Seen));
+    assert_eq!((lamp.kind, lamp.origin), (LightKind::Lamp, LightOrigin::Observed));
     // (16, 11, 6) has x = 0.3791 and y = 0.3819, which is 4,079 K by McCamy.
     assert!((lamp.color_temperature_k.unwrap() / 4079.0 - 1.0).abs() < 0.02, "{:?}", lamp.color_temperature_k);
     let panel = found(Vec3::new(0.0, HIGH.y, 0.3));
-    assert_eq!((panel.kind, panel.origin), (Kind::Lamp, Origin::Guessed));
+    assert_eq!((panel.kind, panel.origin), (LightKind::Lamp, LightOrigin::Inferred));
     assert!(panel.direction.unwrap().dot(Vec3::NEG_Y) > 0.99);
     // Their irradiance at the walls in closed form, as shares of all light.
     let size = HIGH - LOW;
@@ -207,7 +207,8 @@ fn without_emitters_there_are_walls_alone() {
 
 #[test]
 fn another_colour_keeps_the_luminance() {
-    let lamp = list(&scene()).into_iter().find(|light| light.kind == Kind::Lamp && light.origin == Origin::Seen);
+    let lamp =
+        list(&scene()).into_iter().find(|light| light.kind == LightKind::Lamp && light.origin == LightOrigin::Observed);
     let lamp = lamp.unwrap();
     let change = LightChange { color: Some(LightColor::Kelvin(6500.0)), ..LightChange::NONE };
     let eye = EYES[1];
@@ -222,7 +223,8 @@ fn another_colour_keeps_the_luminance() {
 
 #[test]
 fn a_lamp_that_is_moved_gives_its_light_elsewhere() {
-    let lamp = list(&scene()).into_iter().find(|light| light.kind == Kind::Lamp && light.origin == Origin::Seen);
+    let lamp =
+        list(&scene()).into_iter().find(|light| light.kind == LightKind::Lamp && light.origin == LightOrigin::Observed);
     let lamp = lamp.unwrap();
     let at_m = Vec3::new(-0.4, 0.1, -2.0);
     let moved = edited(&lamp.id, LightChange { at_m: Some(at_m), ..LightChange::NONE });
