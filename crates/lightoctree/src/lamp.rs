@@ -1,4 +1,4 @@
-use lo_completion::{LaidExpectation, LampFit, LampGuess, LayExpected, SeenShading};
+use lo_completion::{ExpectedLightOptions, ExpectedLightReport, InitialLamps, LampFit, ObservedShading};
 use lo_geometry::Vec3;
 use lo_imaging::Photo;
 use lo_insert::InsertError;
@@ -10,7 +10,7 @@ use lo_scene::{ExpectedLight, GuessedLight, LightEffect, LightMode, LightTuning,
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LightReport {
     /// Lamps and windows that expected light was gathered into.
-    pub laid: LaidExpectation,
+    pub laid: ExpectedLightReport,
     /// How bright these and others are by the photo's shading.
     pub fit: LampFit,
 }
@@ -71,8 +71,8 @@ pub(crate) fn is_laid(scene: &Scene, guessed: &GuessedLight) -> bool {
 }
 
 /// What light is laid by.
-pub(crate) fn seen_of(scene: &Scene) -> SeenShading {
-    SeenShading::new(scene.frame.working().without_flying_pixels(), scene.up())
+pub(crate) fn seen_of(scene: &Scene) -> ObservedShading {
+    ObservedShading::new(scene.frame.working().without_flying_pixels(), scene.up())
 }
 
 /// Expected light, where it counts.
@@ -83,7 +83,7 @@ fn expected(scene: &Scene) -> Option<&ExpectedLight> {
 /// The scene's octree in a light that [is laid](is_laid). `white` as of [`white_tint`].
 pub(crate) fn laid(
     scene: &Scene,
-    seen: &SeenShading,
+    seen: &ObservedShading,
     guessed: &GuessedLight,
     white: [f32; 3],
     is_preview: bool,
@@ -94,11 +94,11 @@ pub(crate) fn laid(
     if let Some(expected) = expected {
         let warmth = warmth_tint(guessed.tuning.warmth_ev);
         let tint = std::array::from_fn(|c| white[c] * warmth[c]);
-        let how = LayExpected { contrast: is_plausible.then_some(guessed.tuning.contrast), tint, is_preview };
-        report.laid = lo_completion::lay_expected(&mut light, expected, seen, &how);
+        let how = ExpectedLightOptions { contrast: is_plausible.then_some(guessed.tuning.contrast), tint, is_preview };
+        report.laid = lo_completion::apply_expected_light(&mut light, expected, seen, &how);
     }
     if is_plausible {
-        let guess = if expected.is_some() { LampGuess::Expected } else { LampGuess::Averaged };
+        let guess = if expected.is_some() { InitialLamps::Expected } else { InitialLamps::Averaged };
         let fit = if is_preview { lo_completion::preview_lamps } else { lo_completion::fit_lamps };
         report.fit = fit(&mut light, seen, guess);
     }
@@ -109,7 +109,7 @@ pub(crate) fn laid(
 /// without one.
 pub(crate) fn white_tint(
     scene: &Scene,
-    seen: &SeenShading,
+    seen: &ObservedShading,
     white: Option<[f64; 2]>,
 ) -> Result<[f32; 3], LightingError> {
     match (expected(scene), white) {
@@ -145,14 +145,19 @@ const MAX_TINT: f32 = 4.0;
 fn tint_of_white(
     scene: &Scene,
     expected: &ExpectedLight,
-    seen: &SeenShading,
+    seen: &ObservedShading,
     white: [f64; 2],
 ) -> Result<[f32; 3], LightingError> {
     let (place, shown) = white_surface(scene, white)?;
     let mut tint = [1.0; 3];
     for _ in 0..WHITE_STEPS {
         let mut light = scene.light.clone();
-        lo_completion::lay_expected(&mut light, expected, seen, &LayExpected { tint, ..LayExpected::default() });
+        lo_completion::apply_expected_light(
+            &mut light,
+            expected,
+            seen,
+            &ExpectedLightOptions { tint, ..ExpectedLightOptions::default() },
+        );
         let irradiance = lo_completion::irradiance_at(&light, &[place]).first().copied().unwrap_or(Vec3::ONE);
         let got = hue(irradiance.to_array());
         for c in 0..3 {

@@ -1,6 +1,6 @@
 use std::borrow::Cow;
 
-use lo_completion::SeenShading;
+use lo_completion::ObservedShading;
 use lo_geometry::Vec3;
 use lo_lights::{Emitter, LightsError, ListedLight, emitters};
 use lo_octree::LightOctree;
@@ -15,7 +15,7 @@ use crate::{LightReport, LightingError};
 pub struct FittedLight {
     /// As it was read.
     scene: Scene,
-    seen: SeenShading,
+    seen: ObservedShading,
     found: Vec<Emitter>,
     listed: Vec<ListedLight>,
     usual: LaidLight,
@@ -100,7 +100,7 @@ impl FittedLight {
 /// A preview where there is a light `like` it.
 fn laid_in(
     scene: &Scene,
-    seen: &SeenShading,
+    seen: &ObservedShading,
     guessed: &GuessedLight,
     like: Option<&LaidLight>,
 ) -> Result<LaidLight, LightingError> {
