@@ -51,7 +51,7 @@ impl FittedLight {
         let estimate = std::mem::replace(&mut scene.light, usual.light.clone());
         let found = emitters(&scene);
         scene.light = estimate;
-        let listed = lo_lights::listed(&found);
+        let listed = lo_lights::list_emitters(&found);
         Self { scene, seen, found, listed, usual }
     }
 

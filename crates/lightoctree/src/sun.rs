@@ -3,7 +3,7 @@ use std::ops::RangeInclusive;
 use lo_completion::irradiance_at;
 use lo_geometry::Vec3;
 use lo_imaging::luminance;
-use lo_lights::{ShadowSupport, SunEdge, Sunlit, color_temperature_k, rgb_of_color, shadow_support, sun_of_shadow};
+use lo_lights::{ShadowSupport, SunEdge, Sunlit, color_temperature_k, rgb_from_color, shadow_support, sun_from_shadow};
 use lo_scene::{AnalyticLight, LightColor, LightShape, Scene};
 
 use crate::fit_lamps;
@@ -49,7 +49,7 @@ pub enum ShadowError {
 /// # Errors
 /// Where depth gives no direction, or the photo's edges do not support it ([`ShadowSupport::is_enough`]).
 pub fn supported_sun(scene: &Scene, thing: [f64; 2], shadow: [f64; 2]) -> Result<Vec3, ShadowError> {
-    let direction = sun_of_shadow(scene, thing, shadow).ok_or(ShadowError::NotBelow)?;
+    let direction = sun_from_shadow(scene, thing, shadow).ok_or(ShadowError::NotBelow)?;
     let support = shadow_support(scene, direction, shadow);
     if support.is_enough() { Ok(direction) } else { Err(ShadowError::Unsupported { direction, support }) }
 }
@@ -84,7 +84,7 @@ pub fn sun_of_photo(scene: &Scene, direction: Vec3, angular_radius_deg: f32) -> 
     let dark = AnalyticLight { shape, radiance: [0.0; 3] };
     // Of the colours that daylight has, the nearest: what is told of three channels by three sets of edges may be green.
     let kelvin = color_temperature_k(strength.to_array()).filter(|kelvin| DAYLIGHT_K.contains(kelvin));
-    let colour = kelvin.map_or(Vec3::ONE, |kelvin| rgb_of_color(LightColor::Kelvin(kelvin)));
+    let colour = kelvin.map_or(Vec3::ONE, |kelvin| rgb_from_color(LightColor::Kelvin(kelvin)));
     let radiance = (colour * (luminance(strength.to_array()) / dark.extent())).to_array();
     let all = sunlit.lit().pixels();
     let lit_share = all.iter().sum::<f32>() / all.len() as f32;
@@ -140,7 +140,7 @@ mod tests {
 
     #[test]
     fn the_sun_is_as_bright_as_its_patches_say() {
-        let strength = rgb_of_color(LightColor::Kelvin(5000.0)) * 4.0;
+        let strength = rgb_from_color(LightColor::Kelvin(5000.0)) * 4.0;
         let found = sun_of_photo(&room(strength), SUN, 0.27).unwrap();
         let own = Vec3::from(found.light.radiance) * found.light.extent();
         assert!((own / strength - 1.0).abs().max_element() < 0.1, "{own}");

@@ -358,7 +358,7 @@ fn by_shadow(scene: &Scene, [thing, shadow]: [[f64; 2]; 2], is_free: bool) -> an
         }
     }
     let found = if is_free {
-        lo_lights::sun_of_shadow(scene, thing, shadow).ok_or(ShadowError::NotBelow)
+        lo_lights::sun_from_shadow(scene, thing, shadow).ok_or(ShadowError::NotBelow)
     } else {
         lightoctree::supported_sun(scene, thing, shadow)
     };
@@ -403,7 +403,7 @@ fn area(scene: &Scene, args: &AreaArgs) -> anyhow::Result<AnalyticLight> {
 /// Of this shape and colour, and the luminance by its extent.
 fn of_luminance(shape: LightShape, color: LightColor, luminance: impl Fn(f32) -> f32) -> AnalyticLight {
     let dark = AnalyticLight { shape, radiance: [0.0; 3] };
-    let radiance = lo_lights::rgb_of_color(color) * luminance(dark.extent());
+    let radiance = lo_lights::rgb_from_color(color) * luminance(dark.extent());
     AnalyticLight { radiance: radiance.to_array(), ..dark }
 }
 

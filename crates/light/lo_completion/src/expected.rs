@@ -107,20 +107,20 @@ pub fn apply_expected_light(
     light: &mut LightOctree,
     expected: &ExpectedLight,
     seen: &ObservedShading,
-    how: &ExpectedLightOptions,
+    options: &ExpectedLightOptions,
 ) -> ExpectedLightReport {
     if let std::borrow::Cow::Owned(from_camera) = light.seen_from(Vec3::ZERO) {
         *light = from_camera;
     }
     let clipped = restore_clipped(light, seen);
-    let sphere = LightSphere::new(light, &clipped, expected, how.tint);
+    let sphere = LightSphere::new(light, &clipped, expected, options.tint);
     let mut report = ExpectedLightReport::default();
     let mut lamps = Vec::new();
     let mut rest = 1.0;
-    if let Some(contrast) = how.contrast {
+    if let Some(contrast) = options.contrast {
         let wanted = (expected.contrast_stops * contrast).clamp(CONTRAST_STOPS[0], CONTRAST_STOPS[1]);
         lamps = sphere.peaks(seen.up).into_iter().map(|peak| Lamp { peak, share: 0.0, radiance: Vec3::ZERO }).collect();
-        let height = if how.is_preview { LAMP_HEIGHT / 2 } else { LAMP_HEIGHT };
+        let height = if options.is_preview { LAMP_HEIGHT / 2 } else { LAMP_HEIGHT };
         size_lamps(light, &clipped, &sphere, &mut lamps, height);
         report.gathered_share = sphere.gather(&mut lamps, wanted);
         rest = 1.0 - report.gathered_share;
@@ -189,8 +189,8 @@ struct LightSphere {
     /// Expected distance of the first hit, in metres.
     distance_m: DepthMap,
     /// Luminance of irradiance over π for each normal: from observed light, and from all inferred light.
-    known_light: Vec<f32>,
-    guessed_light: Vec<f32>,
+    observed_light: Vec<f32>,
+    inferred_light: Vec<f32>,
     /// Luminance times solid angle of all inferred light.
     flux: f32,
     normals: Vec<Vec3>,
@@ -254,16 +254,27 @@ impl LightSphere {
             };
             normals.iter().map(at).collect()
         };
-        let known_light = lit(&|i| (1.0 - open[i]) * luminance(own[i].to_array()));
-        let guessed_light = lit(&|i| open[i] * luminance(expected[i].to_array()));
+        let observed_light = lit(&|i| (1.0 - open[i]) * luminance(own[i].to_array()));
+        let inferred_light = lit(&|i| open[i] * luminance(expected[i].to_array()));
         let flux = (0..directions.len()).map(|i| open[i] * solid_angles[i] * luminance(expected[i].to_array())).sum();
         let distance_m = tracer(light).panorama(Vec3::ZERO, 2 * DISTANCE_HEIGHT, DISTANCE_HEIGHT).distance_m;
-        Self { directions, solid_angles, open, expected, gains, distance_m, known_light, guessed_light, flux, normals }
+        Self {
+            directions,
+            solid_angles,
+            open,
+            expected,
+            gains,
+            distance_m,
+            observed_light,
+            inferred_light,
+            flux,
+            normals,
+        }
     }
 
     /// Returns the distance of the first hit in the direction of a point.
-    fn distance_m(&self, place_m: Vec3) -> f32 {
-        let uv = lo_geometry::uv_from_direction(place_m.normalize_or(Vec3::Y));
+    fn distance_m(&self, point_m: Vec3) -> f32 {
+        let uv = lo_geometry::uv_from_direction(point_m.normalize_or(Vec3::Y));
         let pixel = |at: f32, size: usize| ((at * size as f32) as usize).min(size - 1);
         let distance_m = self.distance_m[(pixel(uv.x, 2 * DISTANCE_HEIGHT), pixel(uv.y, DISTANCE_HEIGHT))];
         if distance_m > 0.0 { distance_m } else { f32::INFINITY }
@@ -315,7 +326,7 @@ impl LightSphere {
         let at = |n: usize| {
             let of_lamp = |lamp: &Lamp| lamp.peak.energy * self.normals[n].dot(lamp.peak.direction).max(0.0);
             let lamps = lamps.iter().map(of_lamp).sum::<f32>() / total.max(1e-12) * self.flux / PI;
-            self.known_light[n] + (1.0 - share) * self.guessed_light[n] + share * lamps
+            self.observed_light[n] + (1.0 - share) * self.inferred_light[n] + share * lamps
         };
         let (least, most) = (0..self.normals.len()).map(at).fold((f32::MAX, 0.0f32), |(l, m), e| (l.min(e), m.max(e)));
         (most.max(1e-9) / least.max(1e-9)).log2()
@@ -474,8 +485,8 @@ mod tests {
         let plain = stops(&wanted());
         for contrast in [0.9, 1.2] {
             let (mut light, frame) = room();
-            let how = ExpectedLightOptions { contrast: Some(contrast), ..ExpectedLightOptions::default() };
-            let report = apply_expected_light(&mut light, &expected(), &frame, &how);
+            let options = ExpectedLightOptions { contrast: Some(contrast), ..ExpectedLightOptions::default() };
+            let report = apply_expected_light(&mut light, &expected(), &frame, &options);
             assert!(report.lamps[0].direction.dot(towards()) > 0.97, "{report:?}");
             let got = irradiance(&panorama(&light));
             assert!(plain < 2.5 && (stops(&got) - 3.0 * contrast).abs() < 0.35, "{} {report:?}", stops(&got));
@@ -486,11 +497,11 @@ mod tests {
     }
 
     #[test]
-    fn a_tint_is_of_guessed_light_alone() {
+    fn a_tint_changes_inferred_light_only() {
         let (mut light, frame) = room();
         let (mut plain, seen) = (light.clone(), light.seen.clone());
-        let how = ExpectedLightOptions { tint: [1.2, 1.0, 0.8], ..ExpectedLightOptions::default() };
-        apply_expected_light(&mut light, &expected(), &frame, &how);
+        let options = ExpectedLightOptions { tint: [1.2, 1.0, 0.8], ..ExpectedLightOptions::default() };
+        apply_expected_light(&mut light, &expected(), &frame, &options);
         apply_expected_light(&mut plain, &expected(), &frame, &ExpectedLightOptions::default());
         let finest = light.octree.depth() as usize;
         let ratios = light.rgba[finest].iter().zip(&plain.rgba[finest]).zip(&seen[finest]);

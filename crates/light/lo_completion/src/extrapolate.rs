@@ -72,12 +72,12 @@ impl Faces {
 ///
 /// `pixel_area` is 1 / (fx · fy): it converts [`area`] to square metres.
 pub(crate) fn extrapolate(surfels: &[Surfel], room: &RoomBox, pixel_area: f32) -> Faces {
-    let global = paled(robust_mean(surfels, |_| true).unwrap_or([0.3; 3]));
+    let global = desaturated(robust_mean(surfels, |_| true).unwrap_or([0.3; 3]));
     let up = room.axes.col(1);
-    let wall_mean = robust_mean(surfels, |s| s.normal.dot(up).abs() < 0.3).map_or(global, paled);
+    let wall_mean = robust_mean(surfels, |s| s.normal.dot(up).abs() < 0.3).map_or(global, desaturated);
     let profile = wall_profile(surfels, room, wall_mean);
     let ceiling = global.map(|c| CEILING_SHARE * c);
-    let floor = robust_mean(surfels, |s| s.normal.dot(up) > 0.9).map_or(global, paled);
+    let floor = robust_mean(surfels, |s| s.normal.dot(up) > 0.9).map_or(global, desaturated);
     let grids = std::array::from_fn(|face| {
         let seen: Vec<Surfel> = surfels.iter().filter(|s| is_on(room, face, s)).copied().collect();
         let extent = room.high - room.low;
@@ -92,7 +92,7 @@ pub(crate) fn extrapolate(surfels: &[Surfel], room: &RoomBox, pixel_area: f32) -
         let cell_area = wide * high / (columns * rows) as f32;
         if let Some(median) = median_colour(&seen) {
             for surfel in &seen {
-                let weight = area(surfel) * pixel_area / cell_area * likeness(surfel.radiance, median);
+                let weight = area(surfel) * pixel_area / cell_area * colour_weight(surfel.radiance, median);
                 grid.add(Faces::uv(room, face, room.local(surfel.position_m)), surfel.radiance, weight);
             }
         }
@@ -114,7 +114,7 @@ pub(crate) fn extrapolate(surfels: &[Surfel], room: &RoomBox, pixel_area: f32) -
 }
 
 /// Blends the colour towards grey of the same luminance by [`CHROMA_SHARE`].
-fn paled(radiance: [f32; 3]) -> [f32; 3] {
+fn desaturated(radiance: [f32; 3]) -> [f32; 3] {
     let brightness = luminance(radiance);
     let pale = radiance.map(|c| (c + 1e-4).powf(CHROMA_SHARE));
     let scale = brightness / luminance(pale);
@@ -138,8 +138,8 @@ fn wall_profile(surfels: &[Surfel], room: &RoomBox, mean: [f32; 3]) -> FaceGrid 
             let at = Faces::uv(room, 0, room.local(surfel.position_m));
             profile.add(
                 Vec2::new(0.5, at.y.clamp(0.0, 1.0)),
-                paled(surfel.radiance),
-                share * likeness(surfel.radiance, median),
+                desaturated(surfel.radiance),
+                share * colour_weight(surfel.radiance, median),
             );
         }
     }
@@ -149,7 +149,7 @@ fn wall_profile(surfels: &[Surfel], room: &RoomBox, mean: [f32; 3]) -> FaceGrid 
 
 /// Returns the weight in (0, 1] of a radiance among surfaces of colour `median`: 1 where equal, small for another
 /// material or a lamp.
-fn likeness(radiance: [f32; 3], median: [f32; 3]) -> f32 {
+fn colour_weight(radiance: [f32; 3], median: [f32; 3]) -> f32 {
     let distance = (0..3).map(|c| ((radiance[c] + 0.01) / (median[c] + 0.01)).ln().abs()).fold(0.0, f32::max);
     (1.0 + (distance / COLOUR_SPREAD).powi(2)).powi(-2)
 }
@@ -173,7 +173,7 @@ pub(crate) fn robust_mean(surfels: &[Surfel], include: impl Fn(&Surfel) -> bool)
     let median = median_colour(&chosen)?;
     let (mut sum, mut total) = ([0.0f32; 3], 0.0);
     for surfel in &chosen {
-        let weight = area(surfel) * likeness(surfel.radiance, median);
+        let weight = area(surfel) * colour_weight(surfel.radiance, median);
         sum = std::array::from_fn(|c| sum[c] + weight * surfel.radiance[c]);
         total += weight;
     }

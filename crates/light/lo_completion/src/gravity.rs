@@ -46,7 +46,7 @@ impl From<&Surfel> for Facet {
 /// A coarse search over directions 3° apart is followed by a few steps of least squares: the smallest eigenvector of
 /// `Σ_vertical n nᵀ − Σ_horizontal n nᵀ`. Upward surfaces (floors, tables) count most, then walls, then downward ones.
 pub(crate) fn up_from_facets(facets: &[Facet]) -> Vec3 {
-    let votes = thinned(facets);
+    let votes = subsampled(facets);
     let score = |up: Vec3| {
         let sum: f32 = votes.iter().map(|f| f.area * vote(f.normal.dot(up), 0.10)).sum();
         // Photos are held roughly level: at 45° a direction needs half as much support again to win.
@@ -75,7 +75,7 @@ pub(crate) fn up_from_facets(facets: &[Facet]) -> Vec3 {
 /// observed, it determines the rest.
 pub fn up_near(seen: &[Surfel], hint: Vec3, deviation_deg: f32) -> Vec3 {
     let facets: Vec<Facet> = seen.iter().map(Facet::from).collect();
-    let votes = thinned(&facets);
+    let votes = subsampled(&facets);
     let total: f32 = votes.iter().map(|f| f.area).sum();
     let deviation_deg = deviation_deg.max(MIN_DEVIATION_DEG);
     let off = |up: Vec3| up.dot(hint).clamp(-1.0, 1.0).acos().to_degrees() / deviation_deg;
@@ -121,7 +121,7 @@ pub fn up_from_predicted_depth(frame: &Frame, normals: Option<&Image<Option<Vec3
             Some(Facet { normal, area: area_of(position_m, depth_m[at], normal) })
         })
         .collect();
-    let votes = thinned(&facets);
+    let votes = subsampled(&facets);
     let total: f32 = votes.iter().map(|facet| facet.area).sum();
     let mut best = (f32::NEG_INFINITY, Vec3::Y);
     for (pitch, roll) in (-30..=30).flat_map(|pitch| (-3..=3).map(move |roll| (pitch, roll))) {
@@ -139,7 +139,7 @@ pub fn up_from_predicted_depth(frame: &Frame, normals: Option<&Image<Option<Vec3
 }
 
 /// Returns at most [`VOTES`] facets, evenly spaced.
-fn thinned(facets: &[Facet]) -> Vec<Facet> {
+fn subsampled(facets: &[Facet]) -> Vec<Facet> {
     facets.iter().copied().step_by(facets.len().div_ceil(VOTES).max(1)).collect()
 }
 

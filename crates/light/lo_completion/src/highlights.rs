@@ -20,7 +20,7 @@ pub struct HighlightReport {
 
 impl HighlightReport {
     /// Combines the reports of `photos` photos.
-    pub(crate) fn and(self, other: Self, photos: usize) -> Self {
+    pub(crate) fn combined_with(self, other: Self, photos: usize) -> Self {
         Self {
             clipped_share: self.clipped_share + other.clipped_share / photos as f32,
             brightened_regions: self.brightened_regions + other.brightened_regions,
@@ -109,7 +109,7 @@ fn recover(frame: &Frame, lit_only: impl Fn(usize, usize) -> bool) -> (RadianceI
 
 /// Applies [`recover`], treating upward-facing surfaces as reflecting: white tables and papers are often clipped.
 /// `normals` may have a different resolution than the photo.
-pub(crate) fn recover_shining(
+pub(crate) fn restore_highlights(
     frame: &Frame,
     normals: &Image<Option<Vec3>>,
     up: Vec3,
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn everything_or_nothing_clipped_is_no_harm() {
+    fn fully_and_never_clipped_photos_are_handled() {
         let (white, _) = recover(&frame(Image::new(300, 2, vec![[1.0; 3]; 600])), |_, _| false);
         assert!(white.pixels().iter().flatten().all(|c| c.is_finite() && *c >= 1.0));
         let dark = Image::new(1, 1, vec![[0.0; 3]]);

@@ -35,7 +35,7 @@ const PATCH_SHARE: f32 = 0.6;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LampReport {
     /// Irradiance implied by the brightness of the observed surfaces.
-    pub wanted_irradiance: f32,
+    pub implied_irradiance: f32,
     /// Irradiance of these surfaces without the lamp.
     pub other_irradiance: f32,
     /// Radiance in the middle of the lamp patch; 0 if no lamp is needed.
@@ -65,19 +65,19 @@ impl LampReport {
 /// that of the clipped crop (quartiles 1.7 and 3.8). This estimate gives 2.4 × where white is 2.5 × the mean. Rays read
 /// the photo where the camera sees the same point, and the extrapolated faces elsewhere.
 pub(crate) fn add(faces: &mut Faces, room: &RoomBox, surfels: &[Surfel], views: &CameraViews) -> LampReport {
-    let Some(wanted_irradiance) = wanted(surfels) else { return LampReport::default() };
+    let Some(implied_irradiance) = implied_irradiance(surfels) else { return LampReport::default() };
     let stride = surfels.len().div_ceil(RECEIVERS).max(1);
     let chosen = || surfels.iter().skip(stride / 2).step_by(stride);
     let balance = |receivers: &mut dyn Iterator<Item = Surfel>| balance(receivers, faces, room, views);
-    let (Some(seen), Some(standing)) =
-        (balance(&mut chosen().copied()), balance(&mut chosen().map(|seen| standing(seen, room.inward(2)))))
+    let (Some(seen), Some(objects)) =
+        (balance(&mut chosen().copied()), balance(&mut chosen().map(|seen| object_surfel(seen, room.inward(2)))))
     else {
         return LampReport::default();
     };
     // Where the receivers see hardly any of the patch, its radiance would be unreliable.
-    let asked = (wanted_irradiance - seen.other) / seen.patch.max(0.03);
-    let bearable = (MAX_LIGHT * wanted_irradiance - standing.other) / standing.patch.max(0.03);
-    let lamp_radiance = asked.min(bearable).clamp(0.0, 50.0 * wanted_irradiance);
+    let asked = (implied_irradiance - seen.other) / seen.patch.max(0.03);
+    let bearable = (MAX_LIGHT * implied_irradiance - objects.other) / objects.patch.max(0.03);
+    let lamp_radiance = asked.min(bearable).clamp(0.0, 50.0 * implied_irradiance);
     if lamp_radiance > 0.0 {
         faces.grids[3].brighten(|at| {
             let local = Faces::local(room, 3, at);
@@ -85,7 +85,7 @@ pub(crate) fn add(faces: &mut Faces, room: &RoomBox, surfels: &[Surfel], views: 
             [if open { lamp_radiance * patch_weight(room, local) } else { 0.0 }; 3]
         });
     }
-    LampReport { wanted_irradiance, other_irradiance: seen.other, lamp_radiance }
+    LampReport { implied_irradiance, other_irradiance: seen.other, lamp_radiance }
 }
 
 /// Mean irradiance of points.
@@ -127,13 +127,13 @@ fn balance(
 }
 
 /// Returns an upward-facing surfel on the way from a camera to an observed surfel.
-pub(crate) fn standing(seen: &Surfel, up: Vec3) -> Surfel {
+pub(crate) fn object_surfel(seen: &Surfel, up: Vec3) -> Surfel {
     let position_m = seen.eye_m + OBJECT_SHARE * (seen.position_m - seen.eye_m);
     Surfel { position_m, normal: up, depth_m: OBJECT_SHARE * seen.depth_m, ..*seen }
 }
 
 /// Returns the irradiance implied by the brightness of the observed surfaces.
-pub(crate) fn wanted(surfels: &[Surfel]) -> Option<f32> {
+pub(crate) fn implied_irradiance(surfels: &[Surfel]) -> Option<f32> {
     let mut values: Vec<f32> = surfels.iter().map(|s| luminance(s.radiance)).collect();
     if values.is_empty() {
         return None;

@@ -98,7 +98,7 @@ impl RoomBox {
     }
 
     /// Extends the box to contain the cameras that observed these surfels, since rays begin at them.
-    pub fn around_eyes(mut self, surfels: &[Surfel]) -> Self {
+    pub fn including_cameras(mut self, surfels: &[Surfel]) -> Self {
         const BESIDE_M: f32 = 0.05;
         let mut last = Vec3::ZERO;
         for surfel in surfels {

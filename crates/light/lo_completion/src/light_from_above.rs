@@ -11,7 +11,7 @@ use lo_octree::LightOctree;
 use lo_scene::Surfel;
 
 use crate::irradiance::{self, offset_m, tracer};
-use crate::lamps::{LampReport, MAX_LIGHT, standing, wanted};
+use crate::lamps::{LampReport, MAX_LIGHT, implied_irradiance, object_surfel};
 use crate::layout::area;
 
 /// Number of points at which irradiance is compared with observed radiance.
@@ -37,12 +37,12 @@ const MIN_PATCH: f32 = 1e-3;
 /// A baseline for [`fit_lamps`](crate::fit_lamps). If nodes have lobes, the octree becomes its view from the middle of
 /// the observed surfaces.
 pub fn light_from_above(light: &mut LightOctree, seen: &[Surfel], up: Vec3) -> LampReport {
-    let Some(wanted_irradiance) = wanted(seen) else { return LampReport::default() };
+    let Some(implied_irradiance) = implied_irradiance(seen) else { return LampReport::default() };
     let stride = seen.len().div_ceil(RECEIVERS).max(1);
     let receivers: Vec<Surfel> = seen.iter().skip(stride / 2).step_by(stride).copied().collect();
-    let standing = |s: &Surfel| standing(s, up);
-    let standing: Vec<Surfel> = receivers.iter().map(standing).collect();
-    let middle = standing.iter().map(|s| s.position_m).sum::<Vec3>() / standing.len().max(1) as f32;
+    let objects = |s: &Surfel| object_surfel(s, up);
+    let objects: Vec<Surfel> = receivers.iter().map(objects).collect();
+    let middle = objects.iter().map(|s| s.position_m).sum::<Vec3>() / objects.len().max(1) as f32;
 
     if let Cow::Owned(seen) = light.seen_from(middle) {
         *light = seen;
@@ -62,15 +62,15 @@ pub fn light_from_above(light: &mut LightOctree, seen: &[Surfel], up: Vec3) -> L
         .zip(&by_patch)
         .map(|((seen, other), patch)| ((PI * luminance(seen.radiance) - other) / patch.max(MIN_PATCH), area(seen)));
     let asked = quantile(asked.collect(), EXPLAINED_SHARE);
-    let above = mean(&irradiances(&patch, &standing, offset_m)).max(MIN_PATCH);
-    let bearable = (MAX_LIGHT * wanted_irradiance - mean(&irradiances(&room, &standing, offset_m))) / above;
+    let above = mean(&irradiances(&patch, &objects, offset_m)).max(MIN_PATCH);
+    let bearable = (MAX_LIGHT * implied_irradiance - mean(&irradiances(&room, &objects, offset_m))) / above;
     let lamp_radiance = asked.min(bearable).max(0.0);
     for (rgba, weight) in light.rgba.iter_mut().flatten().zip(weights.iter().flatten()) {
         for c in &mut rgba[..3] {
             *c += lamp_radiance * weight;
         }
     }
-    LampReport { wanted_irradiance, other_irradiance: mean(&other), lamp_radiance }
+    LampReport { implied_irradiance, other_irradiance: mean(&other), lamp_radiance }
 }
 
 /// Returns the lamp's weight in each row: its unobserved share, by the angle from the vertical as seen from `middle`.
@@ -147,12 +147,12 @@ mod tests {
     }
 
     #[test]
-    fn what_is_seen_gets_as_much_as_it_gives() {
+    fn observed_surfaces_receive_as_much_as_they_reflect() {
         let (mut light, seen) = room(0.33, 0.4);
         let before = light.clone();
         let report = light_from_above(&mut light, &seen, Vec3::Y);
         // E = π √(0.4 / 0.5 · 0.4 / 0.85), by the shell's rule.
-        assert!((report.wanted_irradiance / (PI * (0.8f32 * 0.4 / 0.85).sqrt()) - 1.0).abs() < 1e-3, "{report:?}");
+        assert!((report.implied_irradiance / (PI * (0.8f32 * 0.4 / 0.85).sqrt()) - 1.0).abs() < 1e-3, "{report:?}");
         assert!((report.other_irradiance / (PI * 0.33) - 1.0).abs() < 0.05, "{report:?}");
         assert_eq!(report.warning(), Some(Warning::AssumedLamp { radiance: report.lamp_radiance }));
         // By rays independent of the cones: three quarters of the wall receive π · 0.4.
@@ -177,15 +177,15 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_below_does_not_get_too_much() {
+    fn surfaces_below_the_lamp_do_not_get_too_much() {
         let (mut light, seen) = room(0.05, 0.4);
         let report = light_from_above(&mut light, &seen, Vec3::Y);
         let tracer = ConeTracer::new(&light, Settings::default()).unwrap();
         let at = |n: usize| OBJECT_SHARE * seen[n * seen.len() / 50].position_m;
         let up = |n: usize| Surfel { position_m: at(n), normal: Vec3::Y, ..seen[0] };
-        let standing: Vec<Surfel> = (0..50).map(up).collect();
-        let most = MAX_LIGHT * report.wanted_irradiance;
-        assert!((mean(&irradiances(&tracer, &standing, 0.1)) / most - 1.0).abs() < 0.15, "{most}");
+        let objects: Vec<Surfel> = (0..50).map(up).collect();
+        let most = MAX_LIGHT * report.implied_irradiance;
+        assert!((mean(&irradiances(&tracer, &objects, 0.1)) / most - 1.0).abs() < 0.15, "{most}");
     }
 
     #[test]

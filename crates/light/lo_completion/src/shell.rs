@@ -116,7 +116,7 @@ pub fn shell_of_photos(photos: &[SeenPhoto], options: &ShellOptions) -> Shell {
         let (surfels, view, report) = full_view(photo, &room, tolerance_m);
         all.extend(surfels);
         views.push(view);
-        highlights = highlights.and(report, photos.len());
+        highlights = highlights.combined_with(report, photos.len());
     }
     let views = CameraViews(views);
     let mut faces = extrapolate(&all, &room, pixel_area);
@@ -141,7 +141,7 @@ fn full_view(photo: &SeenPhoto, room: &RoomBox, tolerance_m: f32) -> (Vec<Surfel
     let SeenPhoto { clean, normals, first_from_camera, .. } = photo;
     let camera = clean.depth_camera();
     let own_room = room.seen_from(first_from_camera);
-    let (radiance, highlights) = highlights::recover_shining(clean, normals, own_room.axes.col(1));
+    let (radiance, highlights) = highlights::restore_highlights(clean, normals, own_room.axes.col(1));
     let radiance = at_depth_resolution(radiance, &clean.depth_m);
     let full = Frame { depth_m: fill_holes(&clean.depth_m, &camera, &own_room), ..clean.clone() };
     let mut surfels = full.surfels_with_normals(normals, &radiance);
@@ -188,7 +188,7 @@ fn enclose(seen: &[Surfel], options: &ShellOptions) -> RoomBox {
     });
     let assumed =
         AssumedHeights { camera_height_m: options.camera_height_m, ceiling_height_m: options.ceiling_height_m };
-    fit(seen, up, assumed).around_eyes(seen)
+    fit(seen, up, assumed).including_cameras(seen)
 }
 
 impl Shell {

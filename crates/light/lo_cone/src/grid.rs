@@ -63,7 +63,7 @@ pub(crate) struct Grid {
     values: Vec<[f32; 4]>,
     nodes: Vec<SlotNode>,
     /// Whether there are leaves at several depths.
-    uneven: bool,
+    mixed_depths: bool,
 }
 
 /// The node of a slot.
@@ -84,8 +84,8 @@ impl Grid {
         let children = child_entries(light, &entries);
         let cells = dense_cells(entries[0][0], &children, dense_depth);
         let max_level = depth - light.octree.full_depth();
-        let uneven = light.leaves().any(|(leaf_depth, _)| leaf_depth < depth as usize);
-        let mut grid = Self { depth, dense_depth, max_level, cells, children, values, nodes, uneven };
+        let mixed_depths = light.leaves().any(|(leaf_depth, _)| leaf_depth < depth as usize);
+        let mut grid = Self { depth, dense_depth, max_level, cells, children, values, nodes, mixed_depths };
         grid.mark_creases_below_dense(light, &entries);
         grid
     }
@@ -110,7 +110,7 @@ impl Grid {
     /// node's level.
     #[inline(always)]
     pub fn least_level(&self, slot: u32) -> i32 {
-        if self.uneven { self.depth as i32 - i32::from(self.nodes[slot as usize].depth) } else { 0 }
+        if self.mixed_depths { self.depth as i32 - i32::from(self.nodes[slot as usize].depth) } else { 0 }
     }
 
     /// Returns the nodes of all slots.

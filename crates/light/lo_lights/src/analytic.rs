@@ -60,21 +60,21 @@ impl AnalyticLights {
         self.lights.iter().flat_map(patches).collect()
     }
 
-    /// Computes the unoccluded share of each of these rays to a sun. `places` are the lit points, from which ray
+    /// Computes the unoccluded share of each of these rays to a sun. `points` are the lit points, from which ray
     /// origins may be offset.
     ///
     /// # Panics
-    /// If there are not as many places as rays.
+    /// If there are not as many points as rays.
     pub fn unoccluded_to_suns(
         &self,
         rays: &[Cone],
-        places: impl ExactSizeIterator<Item = Vec3>,
+        points: impl ExactSizeIterator<Item = Vec3>,
         shares: &mut Vec<f32>,
     ) {
-        assert_eq!(rays.len(), places.len(), "one place for each ray");
+        assert_eq!(rays.len(), points.len(), "one point for each ray");
         // The photo is finer than leaves, and includes the effect of unobserved occluders between there and the sun.
-        let by_photo = |(ray, place): (&Cone, Vec3)| self.sunlit_of(ray.direction)?.share_at(place);
-        let by_photo: Vec<Option<f32>> = rays.iter().zip(places).map(by_photo).collect();
+        let by_photo = |(ray, point): (&Cone, Vec3)| self.sunlit_of(ray.direction)?.share_at(point);
+        let by_photo: Vec<Option<f32>> = rays.iter().zip(points).map(by_photo).collect();
         let others: Vec<Cone> =
             rays.iter().zip(&by_photo).filter(|(_, by_photo)| by_photo.is_none()).map(|(ray, _)| *ray).collect();
         let mut by_leaves = self.unoccluded_by_leaves(&others).into_iter();

@@ -28,7 +28,7 @@ pub fn color_temperature_k(rgb: [f32; 3]) -> Option<f32> {
 }
 
 /// Returns linear Rec. 709 of luminance 1 in this colour; colours outside the gamut are clipped to its edge.
-pub fn rgb_of_color(color: LightColor) -> Vec3 {
+pub fn rgb_from_color(color: LightColor) -> Vec3 {
     let rgb = match color {
         LightColor::Kelvin(kelvin) => rgb_from_xy(planckian_xy(kelvin)),
         LightColor::Rgb(rgb) => Vec3::from(rgb),
@@ -43,7 +43,7 @@ pub(crate) fn gain_to_color(own: Vec3, color: LightColor) -> Vec3 {
     if luminance <= 0.0 {
         return Vec3::ONE;
     }
-    let gain = rgb_of_color(color) * luminance / own.max(Vec3::splat(MIN_CHANNEL * luminance));
+    let gain = rgb_from_color(color) * luminance / own.max(Vec3::splat(MIN_CHANNEL * luminance));
     gain * (luminance / lo_imaging::luminance((own * gain).to_array()).max(1e-9))
 }
 
@@ -125,7 +125,7 @@ mod tests {
     proptest! {
         #[test]
         fn temperatures_come_back(kelvin in 2000.0f32..10_000.0) {
-            let rgb = rgb_of_color(LightColor::Kelvin(kelvin));
+            let rgb = rgb_from_color(LightColor::Kelvin(kelvin));
             prop_assert!((lo_imaging::luminance(rgb.to_array()) - 1.0).abs() < 1e-4);
             prop_assert!((color_temperature_k(rgb.to_array()).unwrap() / kelvin - 1.0).abs() < 0.02);
         }

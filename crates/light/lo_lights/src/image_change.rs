@@ -58,13 +58,13 @@ impl ImageChange {
         self.change(radiance, (side(width), side(height)), cone);
     }
 
-    /// Changes an equirectangular panorama taken at `place_m`.
-    pub fn panorama(&self, radiance: &mut RadianceImage, place_m: Vec3, world_from_panorama: Quat) {
+    /// Changes an equirectangular panorama taken at `position_m`.
+    pub fn panorama(&self, radiance: &mut RadianceImage, position_m: Vec3, world_from_panorama: Quat) {
         let columns = radiance.width().min(SIDE);
         let size = (columns, (columns / 2).max(1));
         let tan_half_angle = (std::f32::consts::PI / columns as f32).tan();
         let cone = |x: usize, y: usize| Cone {
-            origin: place_m,
+            origin: position_m,
             direction: world_from_panorama * lo_geometry::pixel_direction(x, y, size.0, size.1),
             tan_half_angle,
         };

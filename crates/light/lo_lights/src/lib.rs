@@ -27,15 +27,15 @@ mod sunlit;
 
 pub use analytic::{AnalyticLights, rectangle};
 pub use cap::{CAP, cap_luminance, cap_of, excess, luminance};
-pub use colour::{color_temperature_k, rgb_of_color};
+pub use colour::{color_temperature_k, rgb_from_color};
 pub use edit::{LightsError, apply_edits, remove_emitters};
 pub use emitters::{Emitter, emitters};
 pub use image_change::ImageChange;
 pub use kind::{LightKind, LightOrigin};
-pub use list::{ListedLight, list, listed};
+pub use list::{ListedLight, list, list_emitters};
 pub use occlusion::unoccluded_share;
 pub use patch::{LightPatch, PatchShape};
 pub use shape::{ClusterShape, ClusterSurface, LeafSurface};
 pub use split::split_octree;
-pub use sun::{sun_angles_deg, sun_direction, sun_of_shadow};
+pub use sun::{sun_angles_deg, sun_direction, sun_from_shadow};
 pub use sunlit::{ShadowSupport, SunEdge, Sunlit, shadow_support};

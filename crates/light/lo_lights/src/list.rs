@@ -66,7 +66,7 @@ pub fn list(scene: &Scene) -> Vec<ListedLight> {
 }
 
 /// Lists emitters without edits.
-pub fn listed(found: &[Emitter]) -> Vec<ListedLight> {
+pub fn list_emitters(found: &[Emitter]) -> Vec<ListedLight> {
     found.iter().map(|emitter| of_emitter(emitter, None)).collect()
 }
 

@@ -21,9 +21,9 @@ pub fn sun_angles_deg(scene: &Scene, direction: Vec3) -> [f64; 2] {
 /// surface at another.
 ///
 /// Returns `None` where depth is missing, or if the shadow would fall upwards.
-pub fn sun_of_shadow(scene: &Scene, thing: [f64; 2], shadow: [f64; 2]) -> Option<Vec3> {
+pub fn sun_from_shadow(scene: &Scene, object: [f64; 2], shadow: [f64; 2]) -> Option<Vec3> {
     let up = scene.up();
-    let direction = (point(scene, thing)? - point(scene, shadow)?).try_normalize()?;
+    let direction = (point(scene, object)? - point(scene, shadow)?).try_normalize()?;
     (direction.dot(up) > 0.0).then_some(direction)
 }
 
@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shadow_tells_where_its_sun_stands() {
+    fn a_shadow_gives_the_suns_direction() {
         // A pole on a floor: its top is at the one pixel, the end of its shadow at the other.
         let camera = Camera::from_hfov_deg(70.0, 320, 240).expect("a camera");
         let (top, end) = (Vec3::new(0.3, -0.4, -3.0), Vec3::new(-0.4, -1.2, -2.6));
@@ -102,10 +102,10 @@ mod tests {
         };
         let (light, _) = LightOctree::from_points(&[], Cube::centred(Vec3::ZERO, 4.0), 3, 2).expect("an empty octree");
         let mut scene = Scene::as_seen(light, frame);
-        let found = sun_of_shadow(&scene, pixel(top), pixel(end)).expect("it falls down");
+        let found = sun_from_shadow(&scene, pixel(top), pixel(end)).expect("it falls down");
         assert!(found.angle_between(top - end).to_degrees() < 0.1, "{found}");
-        assert_eq!(sun_of_shadow(&scene, pixel(end), pixel(top)), None, "upwards");
+        assert_eq!(sun_from_shadow(&scene, pixel(end), pixel(top)), None, "upwards");
         scene.frame.depth_m.pixels_mut().fill(0.0);
-        assert_eq!(sun_of_shadow(&scene, pixel(top), pixel(end)), None, "no depth");
+        assert_eq!(sun_from_shadow(&scene, pixel(top), pixel(end)), None, "no depth");
     }
 }

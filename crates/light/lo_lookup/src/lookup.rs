@@ -70,7 +70,7 @@ impl PhotoLookup {
             &scene.frame,
             before.as_ref().unwrap_or(tracer),
             leaf_edge_m,
-            surface.usual_depth_m(),
+            surface.median_depth_m(),
             change.as_ref(),
         );
         Self { surface, photo: Arc::new(photo), leaf_edge_m }
@@ -150,7 +150,7 @@ impl PhotoLookup {
         };
         let off = fade(hit.off_m / edge_m, (0.5 * SLACK_EDGES, SLACK_EDGES));
         let apart = fade((hit.distance_m - expected_m).abs() / edge_m, APART_EDGES).max(hit.free);
-        let moved = fade(self.moved_m(origin, direction, &hit) / edge_m, MOVED_EDGES);
+        let moved = fade(self.parallax_m(origin, direction, &hit) / edge_m, MOVED_EDGES);
         let narrow = fade(width_edges(hit.distance_m.max(expected_m)), WIDE_EDGES);
         let weight = off * apart * moved * narrow;
         if weight <= 0.0 {
@@ -181,7 +181,7 @@ impl PhotoLookup {
 
     /// Returns the distance on the surface, in metres, between the points that are looked up with the depths of both
     /// sides of a depth edge.
-    fn moved_m(&self, origin: Vec3, direction: Vec3, hit: &SurfaceHit) -> f32 {
+    fn parallax_m(&self, origin: Vec3, direction: Vec3, hit: &SurfaceHit) -> f32 {
         let seen_along = (origin + direction * hit.distance_m).normalize_or(direction);
         let aside_m = (origin - seen_along * origin.dot(seen_along)).length();
         aside_m * self.surface.jump(hit.at) * hit.depth_m

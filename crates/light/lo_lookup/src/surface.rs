@@ -127,7 +127,7 @@ impl DepthSurface {
     }
 
     /// Returns the median depth.
-    pub fn usual_depth_m(&self) -> f32 {
+    pub fn median_depth_m(&self) -> f32 {
         let mut inverse = self.inverse.pixels().to_vec();
         let middle = inverse.len() / 2;
         1.0 / *inverse.select_nth_unstable_by(middle, f32::total_cmp).1

@@ -51,7 +51,7 @@ mod tests {
     use crate::{Provenance, RadiancePoint, key_from_xyz};
 
     #[test]
-    fn a_lobes_mean_is_one_and_its_peak_what_a_gaussians_is() {
+    fn lobes_have_mean_one_and_gaussian_falloff() {
         for lobe in [Vec3::ZERO, Vec3::new(0.3, -0.1, 0.2), Vec3::new(-2.0, 3.0, 4.0), Vec3::Y * 20.0] {
             let directions = fibonacci_sphere(20_000);
             let mean = directions.iter().map(|&d| f64::from(lobe_gain(lobe, d))).sum::<f64>() / 20_000.0;

@@ -9,8 +9,8 @@ use crate::leaves::{Averaged, Leaves};
 /// such a neighbour stay.
 pub(crate) fn merge_sparse_leaves(averaged: Averaged, least: u32, depth: u32) -> Averaged {
     let Averaged { leaves, counts } = averaged;
-    let takers: Vec<Option<u32>> =
-        (0..counts.len()).into_par_iter().map(|leaf| taker(&leaves.keys, &counts, leaf, least, depth)).collect();
+    let receivers: Vec<Option<u32>> =
+        (0..counts.len()).into_par_iter().map(|leaf| receiver(&leaves.keys, &counts, leaf, least, depth)).collect();
     // For each leaf: its number of points, and sums over them.
     let mut sums: Vec<(u32, [f64; 4])> = (0..counts.len())
         .map(|leaf| {
@@ -18,16 +18,16 @@ pub(crate) fn merge_sparse_leaves(averaged: Averaged, least: u32, depth: u32) ->
             (count, [r, g, b, f32::from(leaves.seen[leaf])].map(|mean| f64::from(mean) * f64::from(count)))
         })
         .collect();
-    for (leaf, taker) in takers.iter().enumerate() {
-        if let Some(taker) = *taker {
+    for (leaf, receiver) in receivers.iter().enumerate() {
+        if let Some(receiver) = *receiver {
             let (count, given) = sums[leaf];
-            let (taken, sum) = &mut sums[taker as usize];
+            let (taken, sum) = &mut sums[receiver as usize];
             *taken += count;
             sum.iter_mut().zip(given).for_each(|(sum, given)| *sum += given);
         }
     }
     let mut kept = Averaged { leaves: Leaves::default(), counts: Vec::new() };
-    for (leaf, (count, sum)) in sums.into_iter().enumerate().filter(|(leaf, _)| takers[*leaf].is_none()) {
+    for (leaf, (count, sum)) in sums.into_iter().enumerate().filter(|(leaf, _)| receivers[*leaf].is_none()) {
         let [r, g, b, seen] = sum.map(|sum| sum / f64::from(count));
         kept.leaves.keys.push(leaves.keys[leaf]);
         kept.leaves.rgba.push([r as f32, g as f32, b as f32, leaves.rgba[leaf][3]]);
@@ -39,7 +39,7 @@ pub(crate) fn merge_sparse_leaves(averaged: Averaged, least: u32, depth: u32) ->
 
 /// Returns the fullest of the neighbours with at least `least` points, for a leaf with fewer; on ties, the first by
 /// key.
-fn taker(keys: &[u32], counts: &[u32], leaf: usize, least: u32, depth: u32) -> Option<u32> {
+fn receiver(keys: &[u32], counts: &[u32], leaf: usize, least: u32, depth: u32) -> Option<u32> {
     if counts[leaf] >= least {
         return None;
     }

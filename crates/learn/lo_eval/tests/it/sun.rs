@@ -1,6 +1,6 @@
 //! Where the sun shines in photos of sunny generated rooms, and how strong it is, told by the photo and where the sun stands.
 
-use lightoctree::lo_lights::{Sunlit, sun_of_shadow};
+use lightoctree::lo_lights::{Sunlit, sun_from_shadow};
 use lightoctree::mesh::PreparedModel;
 use lightoctree::scene::{Frame, Scene};
 use lightoctree::{EstimateOptions, Input, sun_of_photo, supported_sun};
@@ -172,7 +172,7 @@ fn any_shadows(scene: &Scene, at_edges: bool, stream: &mut impl RngExt) -> Vec<S
         across.into_iter().any(|difference| difference.abs() > 0.7)
     };
     let usable = pairs.filter(|pair| is_far(camera.width, pair) && (!at_edges || is_edge(pair[1])));
-    usable.filter(|pair| sun_of_shadow(scene, pair[0], pair[1]).is_some()).take(SHADOWS).collect()
+    usable.filter(|pair| sun_from_shadow(scene, pair[0], pair[1]).is_some()).take(SHADOWS).collect()
 }
 
 #[test]

@@ -109,7 +109,7 @@ impl InitialLamps {
 pub struct ObservedShading {
     pub(crate) frame: Frame,
     pub(crate) up: Vec3,
-    /// The photo's radiance with clipped regions at their typical brightness ([`highlights::recover_shining`]).
+    /// The photo's radiance with clipped regions at their typical brightness ([`highlights::restore_highlights`]).
     restored: RadianceImage,
     samples: Vec<ShadingSample>,
 }
@@ -119,7 +119,7 @@ impl ObservedShading {
     /// gravity in its camera's frame.
     pub fn new(frame: Frame, up: Vec3) -> Self {
         let normals = frame.normals();
-        let restored = highlights::recover_shining(&frame, &normals, up).0;
+        let restored = highlights::restore_highlights(&frame, &normals, up).0;
         let samples = shading_samples(&frame, &normals, &restored);
         Self { frame, up, restored, samples }
     }

@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn without_depth_there_are_no_places() {
+    fn without_depth_there_are_no_samples() {
         let camera = Camera::from_hfov_deg(60.0, 48, 32).unwrap();
         let photo = RadianceImage::from_fn(48, 32, |_, _| [0.5; 3]);
         let frame = Frame {

@@ -343,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_seen_is_nothing_known() {
+    fn without_samples_the_prior_is_returned() {
         let empty = Problem {
             log_radiance: vec![],
             clipped: vec![],

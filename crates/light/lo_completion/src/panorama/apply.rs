@@ -24,13 +24,13 @@ pub struct PanoramaReport {
     /// `share[d][row]`: the panorama's share in a row's radiance, 0 to 255.
     pub share: Vec<Vec<u8>>,
     /// Number of leaves with light of the panorama.
-    pub laid: usize,
+    pub leaves: usize,
     /// Number of leaves that were split, each into eight.
     pub split: usize,
     /// Number of leaves added at the cube's sides.
-    pub at_side: usize,
+    pub added: usize,
     /// Factor per channel on the leaves that neither photo nor panorama shows.
-    pub hidden_factor: [f32; 3],
+    pub unobserved_factor: [f32; 3],
     /// Factor on the lamps so that, at the panorama's position, they are as bright as in the panorama.
     pub lamp_factor: f32,
 }
@@ -96,11 +96,11 @@ pub fn apply_panorama(
     let finest = (light.octree.depth() + EXTRA_DEPTH).min(MAX_DEPTH);
     let mut topology = light.clone();
     topology.lobes = None;
-    let (mut split, mut at_side) = (0, 0);
+    let (mut split, mut added) = (0, 0);
     loop {
         let deposits = room.cast_rays(&topology, &rays, position_m);
-        let sides = if at_side == 0 { deposits.sides.len() } else { 0 };
-        at_side += sides;
+        let sides = if added == 0 { deposits.sides.len() } else { 0 };
+        added += sides;
         let chosen = room.to_split(&deposits, &rays, finest, budget);
         let closed = room.close_lamps(&deposits);
         if chosen.is_empty() && sides == 0 && !closed {
@@ -117,8 +117,8 @@ pub fn apply_panorama(
     let deposits = room.cast_rays(&topology, &Rays::new(prior, found, COLUMNS), position_m);
     room.assign_light(&deposits);
     let lamp_factor = room.balance_lamps(light, &deposits, position_m)?;
-    let laid = room.leaves.iter().filter(|leaf| leaf.light.is_some()).count();
-    let hidden_factor = room.scale_hidden(&deposits);
+    let leaves = room.leaves.iter().filter(|leaf| leaf.light.is_some()).count();
+    let unobserved_factor = room.scale_hidden(&deposits);
     let share = room.finish(light, confidence, found.confidence)?;
-    Ok(PanoramaReport { share, laid, split, at_side, hidden_factor, lamp_factor })
+    Ok(PanoramaReport { share, leaves, split, added, unobserved_factor, lamp_factor })
 }

@@ -99,7 +99,7 @@ impl PanoramaMatch {
 /// coarsest resolution, and the best are refined at the others. With a known yaw, only tilts are searched. The exposure
 /// is the median ratio of luminances. Deterministic.
 pub fn match_panorama(prior: &PanoramaPrior, frame: &Frame, up: Vec3) -> PanoramaMatch {
-    let base = levelled(up);
+    let base = level_axes(up);
     let rays = ObservedRays::new(frame, prior.position_m);
     let levels = COLUMNS.map(|columns| MatchLevel::new(&rays, prior, columns));
     let compared = levels[1].texels.len() >= MIN_TEXELS && !rays.is_dark();
@@ -132,7 +132,7 @@ pub fn match_panorama(prior: &PanoramaPrior, frame: &Frame, up: Vec3) -> Panoram
 }
 
 /// Returns the axes, as columns, of a level panorama whose centre is in the photo's heading.
-fn levelled(up: Vec3) -> Mat3 {
+fn level_axes(up: Vec3) -> Mat3 {
     let up = up.normalize_or(Vec3::Y);
     // In a photo of the floor or the ceiling, the heading is where its upper edge points.
     let heading = |forward: Vec3| (forward - up * forward.dot(up)).try_normalize();
@@ -185,17 +185,17 @@ fn search(levels: &[MatchLevel; 3], base: Mat3, known_yaw: Option<f32>) -> YawPi
     let mut scored: Vec<(f32, YawPitchRoll)> = poses.par_iter().map(|&pose| (score(&levels[0], pose), pose)).collect();
     let axes = if known_yaw.is_some() { 1..3 } else { 0..3 };
     for ((level, finest_step_deg), candidates) in levels.iter().zip([1.4f32, 0.7, 0.2]).zip(CANDIDATES) {
-        scored = apart(scored, candidates);
+        scored = distinct(scored, candidates);
         scored = scored
             .par_iter()
             .map(|&(_, pose)| refined(pose, axes.clone(), finest_step_deg.to_radians(), |pose| score(level, pose)))
             .collect();
     }
-    apart(scored, 1).first().map_or_else(YawPitchRoll::default, |&(_, pose)| pose)
+    distinct(scored, 1).first().map_or_else(YawPitchRoll::default, |&(_, pose)| pose)
 }
 
 /// Returns the best candidates that differ in yaw, best first.
-fn apart(mut scored: Vec<(f32, YawPitchRoll)>, most: usize) -> Vec<(f32, YawPitchRoll)> {
+fn distinct(mut scored: Vec<(f32, YawPitchRoll)>, most: usize) -> Vec<(f32, YawPitchRoll)> {
     // A stable sort: the first of equals wins, for any number of threads.
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut kept: Vec<(f32, YawPitchRoll)> = Vec::new();

@@ -104,7 +104,7 @@ fn prior(image: RadianceImage) -> PanoramaPrior {
     PanoramaPrior::new(image, Orientation::Lightoctree, "room.hdr").unwrap().at(PLACE)
 }
 
-fn told(mut prior: PanoramaPrior, yaw_rad: Option<f32>, exposure: Option<f32>) -> PanoramaPrior {
+fn with_hints(mut prior: PanoramaPrior, yaw_rad: Option<f32>, exposure: Option<f32>) -> PanoramaPrior {
     (prior.yaw_rad, prior.exposure) = (yaw_rad, exposure);
     prior
 }
@@ -140,17 +140,17 @@ fn the_room_sends_what_the_panorama_shows_and_lamps_keep_their_peaks() {
     let image = panorama(PLACE, Mat3::IDENTITY, 1024, |p| wall(p, 1.0, 10_000.0).map(|c| 4.0 * c));
     let mut light = before.clone();
     let begun = std::time::Instant::now();
-    let laid = apply_panorama(&mut light, None, &prior(image), &upright(0.25), &frame).unwrap();
+    let report = apply_panorama(&mut light, None, &prior(image), &upright(0.25), &frame).unwrap();
     eprintln!(
-        "laid in {:?}: {} leaves, {} split, {} at the side, lamps × {}, of {}",
+        "applied in {:?}: {} leaves, {} split, {} at the side, lamps × {}, of {}",
         begun.elapsed(),
-        laid.laid,
-        laid.split,
-        laid.at_side,
-        laid.lamp_factor,
+        report.leaves,
+        report.split,
+        report.added,
+        report.lamp_factor,
         before.leaves().count()
     );
-    assert_eq!(laid.at_side, 0);
+    assert_eq!(report.added, 0);
     // The lamp's peak: leaves of 2 cm are entirely on it. It includes the factor that keeps its flux exact.
     let peak = light.rgba.iter().flatten().map(|rgba| rgba[0]).fold(0.0, f32::max);
     assert!((peak / 10_000.0 - 1.0).abs() < 0.05, "{peak}");
@@ -186,11 +186,11 @@ fn the_room_sends_what_the_panorama_shows_and_lamps_keep_their_peaks() {
     assert!(error(&got) > 26.0 && error(&got) > error(&there) + 8.0);
     // The shares: none on observed surfaces, all on surfaces that the panorama's position sees.
     assert_eq!(
-        laid.share.iter().map(Vec::len).collect::<Vec<_>>(),
+        report.share.iter().map(Vec::len).collect::<Vec<_>>(),
         light.rgba.iter().map(Vec::len).collect::<Vec<_>>()
     );
     for (depth, row) in light.leaves() {
-        assert!(light.seen[depth][row] == 0 || laid.share[depth][row] == 0);
+        assert!(light.seen[depth][row] == 0 || report.share[depth][row] == 0);
     }
     assert!(light.leaves().count() < 4 * before.leaves().count());
 }
@@ -244,7 +244,7 @@ fn a_lamp_smaller_than_a_leaf_keeps_its_flux() {
 }
 
 #[test]
-fn what_is_open_ends_at_the_cubes_side_and_what_is_hidden_gets_as_bright() {
+fn open_rays_end_at_the_cubes_side_and_hidden_leaves_are_scaled() {
     let frame = frame(1.0);
     let seen = frame.surfels(&frame.radiance());
     let points: Vec<RadiancePoint> = seen.into_iter().map(RadiancePoint::from).collect();
@@ -261,12 +261,12 @@ fn what_is_open_ends_at_the_cubes_side_and_what_is_hidden_gets_as_bright() {
     let mut light = before.clone();
     let image = panorama(PLACE, Mat3::IDENTITY, 256, |_| [0.4, 0.4, 0.4]);
     let mut confidence: Vec<Vec<u8>> = before.rgba.iter().map(|rows| vec![100; rows.len()]).collect();
-    let laid = apply_panorama(&mut light, Some(&mut confidence), &prior(image), &upright(1.0), &frame).unwrap();
-    assert!(laid.at_side > 1000, "{}", laid.at_side);
+    let report = apply_panorama(&mut light, Some(&mut confidence), &prior(image), &upright(1.0), &frame).unwrap();
+    assert!(report.added > 1000, "{}", report.added);
     same_where_seen(&before, &light);
     // 0.4 over the completed radiance, per channel; the blue channel at its bound.
     let expected = [2.0, 4.0, 5.0];
-    assert!((0..3).all(|c| (laid.hidden_factor[c] - expected[c]).abs() < 1e-3), "{:?}", laid.hidden_factor);
+    assert!((0..3).all(|c| (report.unobserved_factor[c] - expected[c]).abs() < 1e-3), "{:?}", report.unobserved_factor);
     let rgba = |x: f32| {
         let (depth, node) = light.locate(Vec3::new(x, 0.0, 1.25), 10).unwrap();
         (
@@ -302,8 +302,8 @@ fn yaw_tilt_and_exposure_are_found_at_the_camera_and_elsewhere() {
             assert!((found.exposure * 3.0 - 1.0).abs() < 0.02, "{}", found.exposure);
             assert!(found.confidence > MIN_CONFIDENCE, "{}", found.confidence);
             // A given yaw is used unchanged, and a wrong one is detected.
-            let told = told(own, Some(1.0 + yaw.to_radians()), Some(0.5));
-            let wrong = match_panorama(&told, &frame, up);
+            let hinted = with_hints(own, Some(1.0 + yaw.to_radians()), Some(0.5));
+            let wrong = match_panorama(&hinted, &frame, up);
             assert_eq!((wrong.pitch_rad, wrong.exposure), (0.0, 0.5));
             assert!(wrong.confidence < MIN_CONFIDENCE, "{}", wrong.confidence);
             // So is another room.
@@ -332,14 +332,14 @@ fn a_tilted_cameras_panorama_is_level_in_the_room() {
         "{found:?}"
     );
     // With this orientation given, nothing is searched, and the result is the same.
-    let told = told(prior(image).at(Vec3::ZERO), Some(0.7), None);
-    let told = match_panorama(&told, &frame, tilt * Vec3::Y);
-    assert!((told.world_from_panorama * Vec3::NEG_Z - tilt * yaw * Vec3::NEG_Z).length() < 1e-5);
-    assert!(told.confidence > MIN_CONFIDENCE);
+    let hinted = with_hints(prior(image).at(Vec3::ZERO), Some(0.7), None);
+    let hinted = match_panorama(&hinted, &frame, tilt * Vec3::Y);
+    assert!((hinted.world_from_panorama * Vec3::NEG_Z - tilt * yaw * Vec3::NEG_Z).length() < 1e-5);
+    assert!(hinted.confidence > MIN_CONFIDENCE);
 }
 
 #[test]
-fn what_is_no_panorama_is_named_and_small_faults_are_mended() {
+fn invalid_panoramas_are_rejected_and_bad_values_cleaned() {
     let new = |image: RadianceImage| PanoramaPrior::new(image, Orientation::Lightoctree, "a.hdr");
     let error = new(RadianceImage::new(300, 100, vec![[1.0; 3]; 30_000])).unwrap_err();
     assert_eq!(error.to_string(), "it is 300 × 100 pixels; an equirectangular panorama is twice as wide as high");
@@ -352,8 +352,8 @@ fn what_is_no_panorama_is_named_and_small_faults_are_mended() {
     assert_eq!(mended.warnings(), [Warning::PanoramaValues { cleaned: 1, pixels: 2048 }]);
     for (bad, name) in [
         (mended.clone().at(Vec3::NAN), "position"),
-        (told(mended.clone(), None, Some(0.0)), "exposure"),
-        (told(mended.clone(), Some(f32::INFINITY), None), "yaw"),
+        (with_hints(mended.clone(), None, Some(0.0)), "exposure"),
+        (with_hints(mended.clone(), Some(f32::INFINITY), None), "yaw"),
     ] {
         assert!(bad.check().unwrap_err().to_string().contains(name));
     }
@@ -365,7 +365,7 @@ fn what_is_no_panorama_is_named_and_small_faults_are_mended() {
 }
 
 #[test]
-fn files_say_whether_they_are_clipped_and_orientations_are_undone() {
+fn files_carry_clipping_and_orientation() {
     let folder = std::env::temp_dir().join(format!("lo_completion-panorama-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     // Red in the middle column's right neighbour, a clipped patch above it.

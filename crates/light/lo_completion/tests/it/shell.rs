@@ -309,7 +309,7 @@ fn real_photos_close_and_balance() {
             closed.surfels.iter().filter(|s| s.provenance == Provenance::Observed).step_by(997).collect();
         let mean =
             seen.iter().map(|s| irradiance(&tracer, s.position_m, s.normal, clear_m)).sum::<f32>() / seen.len() as f32;
-        let ratio = mean / closed.report.lamps.wanted_irradiance;
+        let ratio = mean / closed.report.lamps.implied_irradiance;
         println!("{photo}: irradiance on seen surfaces / wanted {ratio:.2}, {:?}", closed.report.lamps);
         assert!((0.5..2.0).contains(&ratio), "{photo}: {ratio}");
     }

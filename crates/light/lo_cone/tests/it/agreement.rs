@@ -249,7 +249,7 @@ fn results_do_not_depend_on_threads() {
 }
 
 #[test]
-fn cones_that_are_none_see_nothing() {
+fn invalid_cones_see_nothing() {
     let mut random = Random(4);
     let light = random_octree(&mut random, 6, 2, 0.9);
     let settings = [StepRule::Literal, StepRule::Floored(0.5)].map(|step| Settings { step, ..Settings::default() });

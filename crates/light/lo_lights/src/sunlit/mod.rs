@@ -116,19 +116,19 @@ impl Sunlit {
 
     /// Returns the share of the sun at a point, from 0 to 1: on the surface that the photo shows there, or on the
     /// surface behind it as seen from the sun. Returns `None` where the photo does not show that surface.
-    pub fn share_at(&self, place: Vec3) -> Option<f32> {
+    pub fn share_at(&self, point: Vec3) -> Option<f32> {
         let limit = |(fixed, share): (f32, f32), shown: &VisibleSurface| fixed + share * shown.depth_m;
-        if let Some(shown) = self.visible(place).filter(|shown| shown.past_m.abs() < limit(ON_SURFACE, shown)) {
+        if let Some(shown) = self.visible(point).filter(|shown| shown.past_m.abs() < limit(ON_SURFACE, shown)) {
             return Some(self.lit_at(&shown));
         }
         let (mut before_m, mut along_m) = (0.0, 0.0);
         while along_m < REACH_M {
-            let at = place - self.sun * along_m;
+            let at = point - self.sun * along_m;
             let hit = self.visible(at).filter(|shown| (0.0..limit(BEHIND, shown)).contains(&shown.past_m));
             if let Some(mut hit) = hit {
                 for _ in 0..BISECTIONS {
                     let middle_m = 0.5 * (before_m + along_m);
-                    match self.visible(place - self.sun * middle_m).filter(|shown| shown.past_m >= 0.0) {
+                    match self.visible(point - self.sun * middle_m).filter(|shown| shown.past_m >= 0.0) {
                         Some(nearer) => (along_m, hit) = (middle_m, nearer),
                         None => before_m = middle_m,
                     }
@@ -142,8 +142,8 @@ impl Sunlit {
     }
 
     /// Returns the surface that the photo shows in the direction of a point; `None` outside the photo and at holes.
-    fn visible(&self, place: Vec3) -> Option<VisibleSurface> {
-        let (u, v, depth_m) = self.camera.project(place)?;
+    fn visible(&self, point: Vec3) -> Option<VisibleSurface> {
+        let (u, v, depth_m) = self.camera.project(point)?;
         let inside = self.camera.contains(u, v);
         let shown_m = inside.then(|| self.depth_m[(u as usize, v as usize)]).filter(|&shown_m| shown_m > 0.0)?;
         Some(VisibleSurface { at: Vec2::new(u as f32, v as f32), depth_m: shown_m, past_m: depth_m as f32 - shown_m })
@@ -256,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn of_what_the_photo_does_not_show_nothing_is_said() {
+    fn surfaces_outside_the_photo_have_no_share() {
         let sunlit = sunlit();
         assert_eq!(sunlit.share_at(Vec3::new(0.0, 0.0, 4.0)), None);
         assert_eq!(sunlit.share_at(Vec3::new(-3.0, FLOOR_M, -0.5)), None);

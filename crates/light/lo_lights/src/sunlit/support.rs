@@ -130,10 +130,10 @@ impl DepthView<'_> {
     }
 
     /// Returns whether a surface is between a point and the sun.
-    fn hides(&self, place: &EdgeSide, sun: Vec3) -> bool {
+    fn hides(&self, point: &EdgeSide, sun: Vec3) -> bool {
         let length = |(fixed, share): (f32, f32), depth_m: f32| fixed + share * depth_m;
-        let depth_m = -place.position_m.z;
-        let from = place.position_m + place.normal * length(RAISED, depth_m);
+        let depth_m = -point.position_m.z;
+        let from = point.position_m + point.normal * length(RAISED, depth_m);
         let mut along_m = length(START, depth_m);
         while along_m < REACH_M {
             let at = from + sun * along_m;

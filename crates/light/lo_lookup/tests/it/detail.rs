@@ -129,7 +129,7 @@ fn the_mirror_image_begins_at_the_photos_border() {
 }
 
 #[test]
-fn nothing_changes_where_a_picture_answers() {
+fn detail_changes_nothing_inside_photos_and_panoramas() {
     let scene = scene(squares(16), Provenance::Inferred);
     // Inside the photo, away from its border.
     let (with, without) = (SceneRenderer::new(&scene).with_detail(&scene), SceneRenderer::new(&scene));

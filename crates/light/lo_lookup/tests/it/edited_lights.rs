@@ -117,7 +117,7 @@ fn irradiance(map: &RadianceImage, normal: Vec3) -> Vec3 {
 }
 
 #[test]
-fn what_shines_is_listed_with_place_size_and_kind() {
+fn emitters_are_listed_with_position_size_and_kind() {
     let scene = scene();
     let lights = list(&scene);
     assert_eq!(lights.iter().map(|light| &light.id[..]).collect::<Vec<_>>(), ["L1", "L2", "L3"]);
@@ -302,7 +302,7 @@ fn nothing_is_seen_through_walls() {
 }
 
 #[test]
-fn edits_of_what_is_not_there_are_refused() {
+fn edits_of_unknown_lights_are_refused() {
     let mut scene = scene();
     let (before, found) = (scene.light.clone(), emitters(&scene));
     let edit = |id: &str, found_at_m| EmitterEdit { id: id.to_owned(), found_at_m, change: OFF };

@@ -130,7 +130,7 @@ fn silhouettes_have_no_halo() {
 }
 
 #[test]
-fn the_part_outside_of_the_picture_stays_to_the_bit() {
+fn pixels_outside_the_photo_are_bit_identical() {
     let scene = scene(true);
     let octree = OctreeRenderer::new(&scene.light).at(Vec3::ZERO).panorama(Vec3::ZERO, 256, 128).radiance;
     let sharp = SceneRenderer::new(&scene).panorama(Vec3::ZERO, 256, 128).radiance;
@@ -149,7 +149,7 @@ fn the_part_outside_of_the_picture_stays_to_the_bit() {
 }
 
 #[test]
-fn wide_cones_stay() {
+fn wide_cones_are_not_changed() {
     let scene = scene(true);
     let tracer = ConeTracer::new(&scene.light, Settings::default()).unwrap();
     let lookup = PhotoLookup::new(&scene, &tracer);
@@ -215,7 +215,7 @@ proptest! {
 
     /// For any depth map and any cone, the output is between the octree's value and the photo's extremes.
     #[test]
-    fn nothing_comes_out_that_was_not_put_in(
+    fn lookups_stay_between_octree_and_photo_extremes(
         depths in prop::collection::vec(prop_oneof![Just(0.0f32), 0.3f32..6.0], 48),
         origin in prop::array::uniform3(-2.0f32..2.0),
         seed in 0u64..1000,
@@ -289,7 +289,7 @@ fn unseen_errors(place_m: Vec3, eye: Vec3) -> (f32, f32) {
 }
 
 #[test]
-fn a_panorama_shows_what_the_photo_does_not() {
+fn a_panorama_sharpens_surfaces_outside_the_photo() {
     // At the panorama's own position it is reproduced; elsewhere it restores the stripes that leaves lose.
     let place_m = Vec3::new(0.3, 0.1, -0.4);
     let (octree, own) = unseen_errors(place_m, place_m);
