@@ -23,7 +23,7 @@ pub(crate) fn offset_m(light: &LightOctree) -> f32 {
 
 /// Creates a tracer for an octree without lobes.
 pub(crate) fn tracer(light: &LightOctree) -> ConeTracer {
-    ConeTracer::new(light, Settings::default()).expect("the default settings are valid, and there are no lobes")
+    ConeTracer::new(light, Settings::default()).expect("default settings are valid, and there are no lobes")
 }
 
 /// Returns the irradiance per channel at surface points, each with its unit normal. If nodes have lobes, light is as

@@ -103,7 +103,7 @@ pub fn shell(frame: &Frame, options: &ShellOptions) -> Shell {
 /// # Panics
 /// Without photos.
 pub fn shell_of_photos(photos: &[SeenPhoto], options: &ShellOptions) -> Shell {
-    let first = &photos.first().expect("a shell is of a photo at least").clean;
+    let first = &photos.first().expect("a shell needs at least one photo").clean;
     let camera = first.depth_camera();
     let pixel_area = (1.0 / (camera.fx * camera.fy)) as f32;
     let seen: Vec<Surfel> = photos.iter().flat_map(SeenPhoto::surfels).collect();

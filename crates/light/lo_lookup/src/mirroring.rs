@@ -220,7 +220,7 @@ mod tests {
     use super::*;
 
     fn mirroring(hfov_deg: f64, pitch: f32, roll: f32) -> Mirroring {
-        let camera = Camera::from_hfov_deg(hfov_deg, 640, 480).expect("a usual lens");
+        let camera = Camera::from_hfov_deg(hfov_deg, 640, 480).expect("a valid lens");
         Mirroring::new(camera, Quat::from_rotation_z(roll) * Quat::from_rotation_x(pitch) * Vec3::Y)
     }
 

@@ -86,7 +86,7 @@ mod tests {
             let half = if x < 128 { 0.05 } else { 0.6 };
             [half * square + lamp, half, 0.3 * square]
         });
-        let camera = Camera::from_hfov_deg(70.0, 256, 192).expect("a usual lens");
+        let camera = Camera::from_hfov_deg(70.0, 256, 192).expect("a valid lens");
         let ratio = ratio_pyramid(&PhotoPyramid::of(photo), &camera);
         let whole = ratio.level_within(1);
         assert!((Vec3::from(whole.pixels()[0]) - 1.0).abs().max_element() < 0.15, "{whole:?}");

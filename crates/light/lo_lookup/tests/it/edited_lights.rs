@@ -311,6 +311,6 @@ fn edits_of_unknown_lights_are_refused() {
     assert_eq!(message, "the scene has no light L7; it has L1, L2, L3");
     scene.light_edits.emitters = vec![edit("L1", Vec3::new(1.9, -1.4, 0.9))];
     let message = apply_edits(&mut scene, &found).unwrap_err().to_string();
-    assert!(message.starts_with("light L1 lies") && message.ends_with("reset it"), "{message}");
+    assert!(message.starts_with("light L1 is ") && message.ends_with("reset it"), "{message}");
     assert!(scene.light.rgba == before.rgba && scene.edited.is_none());
 }
