@@ -10,7 +10,7 @@ use exr::compression::Compression;
 use image::{DynamicImage, GrayImage, ImageFormat, Luma, Rgb, RgbImage, Rgba, RgbaImage};
 use lightoctree::geometry::{Camera, Cube, Plane, Quat, Vec3};
 use lightoctree::imaging::{self, DepthMap, ExrOptions, Image, Photo, RadianceImage};
-use lightoctree::octree::{Coverage, LightOctree, RadiancePoint};
+use lightoctree::octree::{Provenance, LightOctree, RadiancePoint};
 use lightoctree::scene::{
     AnalyticLight, Completion, EmitterEdit, ExpectedLight, Frame, LightChange, LightColor, LightEdits, LightShape,
     Estimate, EstimateOrigin, ObjectsShown, Room, RoomPlane, SceneFile, SceneObjects, Side,
@@ -90,7 +90,7 @@ fn shards(folder: &Path) -> Result {
         radiance: Image::new(4, 2, vec![[1e6; 3]; 8]),
         depth_m: Some(Image::new(4, 2, vec![2.0; 8])),
     };
-    let point = RadiancePoint { position_m: Vec3::X, radiance: [1.0; 3], coverage: Coverage::Inferred };
+    let point = RadiancePoint { position_m: Vec3::X, radiance: [1.0; 3], provenance: Provenance::Inferred };
     let record = Record {
         key: "a".into(),
         scene_id: "a".into(),
@@ -115,7 +115,7 @@ fn scenes(folder: &Path) -> Result {
         let point = |i: u8| RadiancePoint {
             position_m: Vec3::new(f32::from(i), f32::from(i % 2), -f32::from(i % 3)) * 0.4,
             radiance: [1.0, 0.5, f32::from(i)],
-            coverage: if i < 3 { Coverage::Seen } else { Coverage::Inferred },
+            provenance: if i < 3 { Provenance::Observed } else { Provenance::Inferred },
         };
         let points: Vec<RadiancePoint> = (0..5).map(point).collect();
         let (light, _) = LightOctree::from_points(&points, Cube::centred(Vec3::ZERO, 4.0), 5, 1)?;

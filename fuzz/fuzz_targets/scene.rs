@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use lightoctree::cone::Viewers;
+use lightoctree::cone::OctreeRenderer;
 use lightoctree::geometry::Vec3;
 use lightoctree::imaging::RadianceImage;
 use lightoctree::lo_lights::AnalyticLights;
@@ -17,7 +17,7 @@ fuzz_target!(|bytes: &[u8]| {
         let _ = document.models(layout);
     }
     let finite = |radiance: &RadianceImage| radiance.pixels().iter().flatten().all(|value| value.is_finite());
-    let viewers = Viewers::new(&document.estimate.light);
+    let viewers = OctreeRenderer::new(&document.estimate.light);
     assert!(finite(&viewers.at(Vec3::ZERO).panorama(Vec3::ZERO, 8, 4).radiance));
     // Edits are applied, or the error says why not.
     let is_changed = !document.light_edits.is_empty() || document.estimate.expected.is_some();

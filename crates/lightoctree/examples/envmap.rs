@@ -7,7 +7,7 @@ use std::path::Path;
 
 use lightoctree::geometry::Vec3;
 use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions};
-use lightoctree::{Document, LightPurpose, SharpViewers};
+use lightoctree::{Document, LightPurpose, SceneRenderer};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut args = std::env::args().skip(1);
@@ -22,7 +22,7 @@ pub fn run(scene: &Path, panorama: &Path) -> Result<(), Box<dyn Error>> {
     let lit = document.lit(LightPurpose::Panorama)?;
     // Metres: +X right, +Y up, and the camera in the origin looks along −Z. This is a metre and a half before it.
     let point = Vec3::new(0.0, 0.0, -1.5);
-    let rendering = SharpViewers::new(&lit).panorama(point, 512, 256);
+    let rendering = SceneRenderer::new(&lit).panorama(point, 512, 256);
     let options = ExrOptions {
         generator: "example envmap".to_owned(),
         environment: Some(EnvironmentLayout::LatitudeLongitude),

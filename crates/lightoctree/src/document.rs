@@ -20,11 +20,11 @@ use crate::{FittedLight, LightReport, LightingError, ModelError, Models};
 /// A document saves; its [`LitScene`] renders.
 ///
 /// ```no_run
-/// use lightoctree::{Document, LightPurpose, SharpViewers, geometry::Vec3};
+/// use lightoctree::{Document, LightPurpose, SceneRenderer, geometry::Vec3};
 ///
 /// let document = Document::read("room.scene".as_ref())?;
 /// let lit = document.lit(LightPurpose::Panorama)?;
-/// let panorama = SharpViewers::new(&lit).panorama(Vec3::NEG_Z, 512, 256);
+/// let panorama = SceneRenderer::new(&lit).panorama(Vec3::NEG_Z, 512, 256);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]

@@ -1,4 +1,4 @@
-use lo_completion::{LayError, PanoramaError};
+use lo_completion::{ApplyPanoramaError, PanoramaError};
 use lo_events::Cancelled;
 use lo_nets::light::LightError;
 use lo_octree::OctreeError;
@@ -60,7 +60,7 @@ pub enum EstimateError {
     Panorama(#[from] PanoramaError),
     /// The panorama cannot be laid onto the room.
     #[error(transparent)]
-    Lay(#[from] LayError),
+    Lay(#[from] ApplyPanoramaError),
     /// The handler of events asked for the end.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),

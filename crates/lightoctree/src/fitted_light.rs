@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use lo_completion::SeenShading;
+use lo_completion::ObservedShading;
 use lo_geometry::Vec3;
 use lo_lights::{Emitter, LightsError, ListedLight, emitters};
 use lo_octree::LightOctree;
@@ -15,7 +15,7 @@ use crate::{LightReport, LightingError};
 #[derive(Clone, Debug)]
 pub struct FittedLight {
     estimate: Arc<Estimate>,
-    seen: SeenShading,
+    seen: ObservedShading,
     found: Vec<Emitter>,
     listed: Vec<ListedLight>,
     usual: LaidLight,
@@ -51,7 +51,7 @@ impl FittedLight {
         let usual = laid_in(&estimate, &seen, &GuessedLight::default(), None).expect(NO_WHITE_PIXEL);
         let lit = LitScene { light: usual.light.clone(), ..LitScene::as_estimated(estimate.clone()) };
         let found = emitters(&lit);
-        let listed = lo_lights::listed(&found);
+        let listed = lo_lights::list_emitters(&found);
         Self { estimate, seen, found, listed, usual }
     }
 
@@ -105,7 +105,7 @@ impl FittedLight {
 /// A preview where there is a light `like` it.
 fn laid_in(
     estimate: &Estimate,
-    seen: &SeenShading,
+    seen: &ObservedShading,
     guessed: &GuessedLight,
     like: Option<&LaidLight>,
 ) -> Result<LaidLight, LightingError> {

@@ -2,7 +2,7 @@
 //!
 //! ```no_run
 //! use lightoctree::{
-//!     Document, EstimateOptions, Estimator, Input, LightPurpose, SharpViewers, events, geometry::Vec3, imaging,
+//!     Document, EstimateOptions, Estimator, Input, LightPurpose, SceneRenderer, events, geometry::Vec3, imaging,
 //! };
 //!
 //! let photo = imaging::read_photo("room.jpg")?;
@@ -13,7 +13,7 @@
 //! let document = Document::new(estimate);
 //! document.write("room.scene".as_ref(), "my program")?;
 //! let lit = document.lit(LightPurpose::Panorama)?;
-//! let panorama = SharpViewers::new(&lit).panorama(Vec3::NEG_Z, 256, 128);
+//! let panorama = SceneRenderer::new(&lit).panorama(Vec3::NEG_Z, 256, 128);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
@@ -75,7 +75,7 @@ pub use lo_geometry as geometry;
 pub use lo_imaging as imaging;
 pub use lo_insert as insert;
 pub use lo_lights;
-pub use lo_lookup::{Detail, PhotoLookup, SharpViewers};
+pub use lo_lookup::{Detail, PhotoLookup, SceneRenderer};
 pub use lo_mesh as mesh;
 #[doc(hidden)]
 pub use lo_nets as nets;

@@ -1,7 +1,7 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use lo_completion::{LaidExpectation, LampFit, LampGuess, LayExpected, SeenShading};
+use lo_completion::{ExpectedLightOptions, ExpectedLightReport, InitialLamps, LampFit, ObservedShading};
 use lo_geometry::Vec3;
 use lo_insert::InsertError;
 use lo_lights::{Emitter, LightsError, emitters, remove_emitters};
@@ -14,7 +14,7 @@ use crate::white::white_tint;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LightReport {
     /// Lamps and windows that expected light was gathered into.
-    pub laid: LaidExpectation,
+    pub laid: ExpectedLightReport,
     /// How bright these and others are by the photo's shading.
     pub fit: LampFit,
 }
@@ -80,8 +80,8 @@ pub(crate) fn is_laid(estimate: &Estimate, guessed: &GuessedLight) -> bool {
 }
 
 /// The photo's shading, by which inferred light is fitted.
-pub(crate) fn shading_of(estimate: &Estimate) -> SeenShading {
-    SeenShading::new(estimate.surface().clone(), estimate.up())
+pub(crate) fn shading_of(estimate: &Estimate) -> ObservedShading {
+    ObservedShading::new(estimate.surface().clone(), estimate.up())
 }
 
 /// Expected light, where it has an effect.
@@ -92,7 +92,7 @@ pub(crate) fn expected(estimate: &Estimate) -> Option<&ExpectedLight> {
 /// The octree in a light that [is laid](is_laid). `white` as of [`white_tint`].
 pub(crate) fn laid(
     estimate: &Estimate,
-    seen: &SeenShading,
+    seen: &ObservedShading,
     guessed: &GuessedLight,
     white: [f32; 3],
     is_preview: bool,
@@ -103,11 +103,11 @@ pub(crate) fn laid(
     if let Some(expected) = expected {
         let warmth = warmth_tint(guessed.tuning.warmth_ev);
         let tint = std::array::from_fn(|c| white[c] * warmth[c]);
-        let how = LayExpected { contrast: is_plausible.then_some(guessed.tuning.contrast), tint, is_preview };
-        report.laid = lo_completion::lay_expected(&mut light, expected, seen, &how);
+        let how = ExpectedLightOptions { contrast: is_plausible.then_some(guessed.tuning.contrast), tint, is_preview };
+        report.laid = lo_completion::apply_expected_light(&mut light, expected, seen, &how);
     }
     if is_plausible {
-        let guess = if expected.is_some() { LampGuess::Expected } else { LampGuess::Averaged };
+        let guess = if expected.is_some() { InitialLamps::Expected } else { InitialLamps::Averaged };
         let fit = if is_preview { lo_completion::preview_lamps } else { lo_completion::fit_lamps };
         report.fit = fit(&mut light, seen, guess);
     }

@@ -1,6 +1,6 @@
 //! A panorama of the room on what the photo does not show.
 
-use lo_completion::{MIN_CONFIDENCE, PanoramaPrior, lay_panorama, match_panorama};
+use lo_completion::{MIN_CONFIDENCE, PanoramaPrior, apply_panorama, match_panorama};
 use lo_events::{OnEvent, Stage, Warning, stage, warn};
 use lo_geometry::{Quat, Vec3};
 use lo_scene::{Frame, LaidPanorama, PanoramaPicture};
@@ -26,7 +26,7 @@ pub(crate) fn laid(
         warn(on_event, Warning::PanoramaMatch { confidence, least: MIN_CONFIDENCE, yaw_deg })?;
     }
     let laid = stage(on_event, Stage::PanoramaLaying, || {
-        lay_panorama(&mut completed.light, completed.confidence.as_mut(), prior, &found, working)
+        apply_panorama(&mut completed.light, completed.confidence.as_mut(), prior, &found, working)
     })??;
     let radiance = prior.radiance().map(|rgb| rgb.map(|c| c * found.exposure));
     let picture = PanoramaPicture::new(&radiance, Quat::from_mat3(&found.world_from_panorama));

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use lo_completion::irradiance_at;
 use lo_geometry::Vec3;
 use lo_imaging::luminance;
-use lo_lights::{ShadowSupport, SunEdge, Sunlit, color_temperature_k, rgb_of_color, shadow_support, sun_of_shadow};
+use lo_lights::{ShadowSupport, SunEdge, Sunlit, color_temperature_k, rgb_from_color, shadow_support, sun_from_shadow};
 use lo_scene::{AnalyticLight, Estimate, LightColor, LightShape};
 
 use crate::lighting::plausible;
@@ -50,7 +50,7 @@ pub enum ShadowError {
 /// # Errors
 /// Where depth gives no direction, or the photo's edges do not support it ([`ShadowSupport::is_enough`]).
 pub fn supported_sun(estimate: &Estimate, thing: [f64; 2], shadow: [f64; 2]) -> Result<Vec3, ShadowError> {
-    let direction = sun_of_shadow(estimate, thing, shadow).ok_or(ShadowError::NotBelow)?;
+    let direction = sun_from_shadow(estimate, thing, shadow).ok_or(ShadowError::NotBelow)?;
     let support = shadow_support(estimate, direction, shadow);
     if support.is_enough() { Ok(direction) } else { Err(ShadowError::Unsupported { direction, support }) }
 }
@@ -83,7 +83,7 @@ pub fn sun_of_photo(estimate: &Arc<Estimate>, direction: Vec3, angular_radius_de
     let dark = AnalyticLight { shape, radiance: [0.0; 3] };
     // Of the colours that daylight has, the nearest: what is told of three channels by three sets of edges may be green.
     let kelvin = color_temperature_k(strength.to_array()).filter(|kelvin| DAYLIGHT_K.contains(kelvin));
-    let colour = kelvin.map_or(Vec3::ONE, |kelvin| rgb_of_color(LightColor::Kelvin(kelvin)));
+    let colour = kelvin.map_or(Vec3::ONE, |kelvin| rgb_from_color(LightColor::Kelvin(kelvin)));
     let radiance = (colour * (luminance(strength.to_array()) / dark.extent())).to_array();
     let all = sunlit.lit().pixels();
     let lit_share = all.iter().sum::<f32>() / all.len() as f32;
@@ -102,7 +102,7 @@ mod tests {
 
     use lo_geometry::{Camera, Cube};
     use lo_imaging::{DepthMap, Image, Photo};
-    use lo_octree::{Coverage, LightOctree, RadiancePoint};
+    use lo_octree::{LightOctree, Provenance, RadiancePoint};
     use lo_scene::Frame;
 
     use super::*;
@@ -117,7 +117,7 @@ mod tests {
         let points = lo_geometry::fibonacci_sphere(200_000).into_iter().map(|direction| {
             let far = (2.5 / direction.abs()).min_element();
             let position_m = direction * far.min(if direction.y < 0.0 { FLOOR_M / direction.y } else { f32::INFINITY });
-            RadiancePoint { position_m, radiance: [0.2; 3], coverage: Coverage::Inferred }
+            RadiancePoint { position_m, radiance: [0.2; 3], provenance: Provenance::Inferred }
         });
         let points: Vec<RadiancePoint> = points.collect();
         let light = LightOctree::from_points(&points, Cube::centred(Vec3::ZERO, 5.5), 6, 4).unwrap().0;
@@ -139,7 +139,7 @@ mod tests {
 
     #[test]
     fn the_sun_is_as_bright_as_its_patches_say() {
-        let strength = rgb_of_color(LightColor::Kelvin(5000.0)) * 4.0;
+        let strength = rgb_from_color(LightColor::Kelvin(5000.0)) * 4.0;
         let found = sun_of_photo(&room(strength), SUN, 0.27).unwrap();
         let own = Vec3::from(found.light.radiance) * found.light.extent();
         assert!((own / strength - 1.0).abs().max_element() < 0.1, "{own}");

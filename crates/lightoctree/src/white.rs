@@ -1,4 +1,4 @@
-use lo_completion::{LayExpected, SeenShading};
+use lo_completion::{ExpectedLightOptions, ObservedShading};
 use lo_geometry::Vec3;
 use lo_imaging::Photo;
 use lo_scene::{Estimate, ExpectedLight};
@@ -17,7 +17,7 @@ pub fn check_white(estimate: &Estimate, pixel: [f64; 2]) -> Result<(), LightingE
 /// Gains by channel that give inferred light the photo's colour at the white pixel; 1 without one.
 pub(crate) fn white_tint(
     estimate: &Estimate,
-    seen: &SeenShading,
+    seen: &ObservedShading,
     white: Option<[f64; 2]>,
 ) -> Result<[f32; 3], LightingError> {
     match (expected(estimate), white) {
@@ -42,14 +42,19 @@ const MAX_TINT: f32 = 4.0;
 fn tint_of_white(
     estimate: &Estimate,
     expected: &ExpectedLight,
-    seen: &SeenShading,
+    seen: &ObservedShading,
     white: [f64; 2],
 ) -> Result<[f32; 3], LightingError> {
     let (place, shown) = white_surface(estimate, white)?;
     let mut tint = [1.0; 3];
     for _ in 0..WHITE_STEPS {
         let mut light = estimate.light.clone();
-        lo_completion::lay_expected(&mut light, expected, seen, &LayExpected { tint, ..LayExpected::default() });
+        lo_completion::apply_expected_light(
+            &mut light,
+            expected,
+            seen,
+            &ExpectedLightOptions { tint, ..ExpectedLightOptions::default() },
+        );
         let irradiance = lo_completion::irradiance_at(&light, &[place]).first().copied().unwrap_or(Vec3::ONE);
         let got = hue(irradiance.to_array());
         for c in 0..3 {

@@ -9,7 +9,7 @@ use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, Photo, ToneCurve
 use lightoctree::insert::{self, Align, Base, Inserter, Instance, Lighting, Placement, Quality, Stance};
 use lightoctree::mesh::{MaterialSpec, PreparedModel};
 use lightoctree::scene::Frame;
-use lightoctree::{Document, Estimate, EstimateOptions, Estimator, Input, LightPurpose, LitScene, SharpViewers};
+use lightoctree::{Document, Estimate, EstimateOptions, Estimator, Input, LightPurpose, LitScene, SceneRenderer};
 use serde_json::json;
 
 use super::environment;
@@ -117,7 +117,7 @@ fn write_panorama(
 ) -> anyhow::Result<[PathBuf; 2]> {
     let at = base.position_m + base.up * (0.5 * HEIGHT_M);
     let lit = super::light::lit(document, LightPurpose::Panorama, stages)?;
-    let renderer = stages.stage("prepare panoramas", || SharpViewers::new(&lit));
+    let renderer = stages.stage("prepare panoramas", || SceneRenderer::new(&lit));
     let panorama = stages.stage("panorama 512 × 256", || renderer.panorama(at, 512, 256));
     let options = ExrOptions {
         generator: output::signature(COMMAND),

@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use lightoctree::cone::Rendering;
 use lightoctree::geometry::{Orientation, Vec3};
 use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, RadianceImage};
-use lightoctree::{LitScene, SharpViewers};
+use lightoctree::{LitScene, SceneRenderer};
 
 use super::level::{Level, LevelArgs};
 use crate::output::signature;
@@ -101,7 +101,7 @@ pub struct PanoramaFileArgs {
 
 /// The scene, made ready for panoramas.
 pub struct Renderer {
-    viewers: SharpViewers,
+    viewers: SceneRenderer,
     height: usize,
 }
 
@@ -109,7 +109,7 @@ impl Renderer {
     /// # Errors
     /// A size that is no equirectangular map's.
     pub fn new(scene: &LitScene, size: [usize; 2]) -> anyhow::Result<Self> {
-        Ok(Self { viewers: SharpViewers::new(scene), height: height(size)? })
+        Ok(Self { viewers: SceneRenderer::new(scene), height: height(size)? })
     }
 
     /// Adds the photo's detail where nothing was seen.

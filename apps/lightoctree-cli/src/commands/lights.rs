@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use lightoctree::geometry::Vec3;
 use lightoctree::imaging::luminance;
-use lightoctree::lo_lights::{self, Kind, ListedLight, Origin, ShadowSupport};
+use lightoctree::lo_lights::{self, LightKind, LightOrigin, ListedLight, ShadowSupport};
 use lightoctree::scene::{
     AnalyticLight, LightChange, LightColor, LightEdits, LightShape, MAX_LIGHT_EDITS, MAX_LIGHT_SCALE,
 };
@@ -267,7 +267,7 @@ fn set(document: &mut Document, args: &SetArgs) -> anyhow::Result<()> {
     change.color = args.color.or(change.color);
     change.at_m = args.at.or(change.at_m);
     change.on = (change.on || args.on) && !args.off;
-    if args.at.is_some() && light.kind == Kind::Sun {
+    if args.at.is_some() && light.kind == LightKind::Sun {
         return Err(Usage(format!("--at: {} is a sun, which is infinitely far away", args.id)).into());
     }
     check(change.wrong())?;
@@ -358,7 +358,7 @@ fn by_shadow(estimate: &Estimate, [thing, shadow]: [[f64; 2]; 2], is_free: bool)
         }
     }
     let found = if is_free {
-        lo_lights::sun_of_shadow(estimate, thing, shadow).ok_or(ShadowError::NotBelow)
+        lo_lights::sun_from_shadow(estimate, thing, shadow).ok_or(ShadowError::NotBelow)
     } else {
         lightoctree::supported_sun(estimate, thing, shadow)
     };
@@ -403,7 +403,7 @@ fn area(estimate: &Estimate, args: &AreaArgs) -> anyhow::Result<AnalyticLight> {
 /// Of this shape and colour, and the luminance by its extent.
 fn of_luminance(shape: LightShape, color: LightColor, luminance: impl Fn(f32) -> f32) -> AnalyticLight {
     let dark = AnalyticLight { shape, radiance: [0.0; 3] };
-    let radiance = lo_lights::rgb_of_color(color) * luminance(dark.extent());
+    let radiance = lo_lights::rgb_from_color(color) * luminance(dark.extent());
     AnalyticLight { radiance: radiance.to_array(), ..dark }
 }
 
@@ -442,7 +442,7 @@ fn row(light: &ListedLight) -> Vec<String> {
     let point = |p: Vec3| format!("{:.2},{:.2},{:.2}", p.x, p.y, p.z);
     let direction = match (light.direction, light.kind) {
         // Towards it, as it was added.
-        (Some(direction), Kind::Sun) => point(-direction),
+        (Some(direction), LightKind::Sun) => point(-direction),
         (Some(direction), _) => point(direction),
         (None, _) => "all around".to_owned(),
     };
@@ -475,22 +475,22 @@ fn row(light: &ListedLight) -> Vec<String> {
     ]
 }
 
-fn kind(kind: Kind) -> &'static str {
+fn kind(kind: LightKind) -> &'static str {
     match kind {
-        Kind::Lamp => "lamp",
-        Kind::Window => "window",
-        Kind::BrightSurface => "bright surface",
-        Kind::Area => "area",
-        Kind::Sun => "sun",
+        LightKind::Lamp => "lamp",
+        LightKind::Window => "window",
+        LightKind::BrightSurface => "bright surface",
+        LightKind::Area => "area",
+        LightKind::Sun => "sun",
     }
 }
 
-fn known_by(origin: Origin) -> &'static str {
+fn known_by(origin: LightOrigin) -> &'static str {
     match origin {
-        Origin::Seen => "photo",
-        Origin::Panorama => "panorama",
-        Origin::Guessed => "guess",
-        Origin::Added => "you",
+        LightOrigin::Observed => "photo",
+        LightOrigin::Panorama => "panorama",
+        LightOrigin::Inferred => "guess",
+        LightOrigin::Added => "you",
     }
 }
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use lightoctree::cone::Viewers;
+use lightoctree::cone::OctreeRenderer;
 use lightoctree::geometry::{Camera, Plane, Quat, Ray, RigidTransform, Vec3};
 use lightoctree::imaging::{self, DepthMap, Image, srgb8_from_linear};
 use lightoctree::{Document, Estimate};
@@ -112,7 +112,7 @@ fn a_folder_of_record3d_makes_a_scene_that_shows_all_that_was_seen() {
         assert_eq!(scene.origin.sources, ["0.jpg", "2.jpg", "4.jpg", "0.exr", "2.exr", "4.exr", "metadata.json"]);
         assert_eq!(scene.other_photos.len(), 2);
         // From the middle of the room in the direction of each photo: the light of the sides as they are, whoever saw them.
-        let viewers = Viewers::new(&scene.light);
+        let viewers = OctreeRenderer::new(&scene.light);
         let place = Vec3::new(0.0, 0.05, 0.05);
         let panorama = viewers.at(place).panorama(place, 96, 48);
         for pose in poses() {

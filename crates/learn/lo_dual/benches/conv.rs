@@ -10,7 +10,7 @@ mod cloud;
 use divan::{Bencher, black_box};
 use lo_dual::{DualGraph, EDGE_TYPES, graph_conv, graph_conv_backward};
 use lo_geometry::{Cube, Vec3};
-use lo_octree::{Coverage, LightOctree, Octree, RadiancePoint};
+use lo_octree::{LightOctree, Octree, Provenance, RadiancePoint};
 
 const SIZES: [(u32, usize); 3] = [(7, 32), (6, 64), (5, 128)];
 

@@ -2,7 +2,7 @@
 
 use lo_dual::{Direction, DualGraph, graph_conv, graph_conv_backward};
 use lo_geometry::{Cube, Vec3};
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use safetensors::SafeTensors;
 
 const GOLDEN: &[u8] = include_bytes!("golden/ognn.safetensors");
@@ -17,7 +17,7 @@ fn graphs(file: &SafeTensors) -> Vec<DualGraph> {
         .as_chunks::<3>()
         .0
         .iter()
-        .map(|&p| RadiancePoint { position_m: Vec3::from(p), radiance: [1.0; 3], coverage: Coverage::Seen })
+        .map(|&p| RadiancePoint { position_m: Vec3::from(p), radiance: [1.0; 3], provenance: Provenance::Observed })
         .collect();
     let cube = Cube { origin_m: Vec3::NEG_ONE, edge_m: 2.0 };
     let (light, _) = LightOctree::from_points(&points, cube, 5, 2).expect("valid depths");

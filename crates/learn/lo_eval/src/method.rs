@@ -1,10 +1,10 @@
 //! What is compared: the networks, the shell, and baselines.
 
-use lightoctree::cone::{self, Cone, Viewers};
+use lightoctree::cone::{self, Cone, OctreeRenderer};
 use lightoctree::scene::{Completion, Frame, FrameError, LitScene};
 use lightoctree::{
     Document, EstimateError, EstimateOptions, Estimator, GuessedLight, Input, LightMode, LightPurpose, LightTuning,
-    PanoramaError, SharpViewers,
+    PanoramaError, SceneRenderer,
 };
 use lo_dataset::{NovelView, Sample, TrueLeaves};
 use lo_geometry::{Cube, Vec3};
@@ -138,9 +138,9 @@ pub enum Light {
 /// What is traced.
 pub enum Sight {
     /// An octree alone.
-    Octree(Viewers),
+    Octree(OctreeRenderer),
     /// A scene: where its photo shows what is met, the photo.
-    Scene(Box<SharpViewers>),
+    Scene(Box<SceneRenderer>),
 }
 
 impl Method {
@@ -294,7 +294,7 @@ impl Method {
             Self::FittedLamps(input) => lit(sample, input, tools, LightMode::Plausible).map(Estimate::of_scene),
             Self::Detail(input) => {
                 let scene = lit(sample, input, tools, LightMode::Expected)?;
-                let viewers = SharpViewers::new(&scene).with_detail(&scene);
+                let viewers = SceneRenderer::new(&scene).with_detail(&scene);
                 Ok(Estimate::seen_by(scene, viewers))
             }
             Self::PanoramaEverywhere => {
@@ -325,11 +325,11 @@ impl Estimate {
     }
 
     fn of_scene(scene: LitScene) -> Self {
-        let viewers = SharpViewers::new(&scene);
+        let viewers = SceneRenderer::new(&scene);
         Self::seen_by(scene, viewers)
     }
 
-    fn seen_by(scene: LitScene, viewers: SharpViewers) -> Self {
+    fn seen_by(scene: LitScene, viewers: SceneRenderer) -> Self {
         let sight = Sight::Scene(Box::new(viewers));
         let (up, depth_m) = (scene.room.as_ref().map(|room| room.up), scene.frame.depth_m.clone());
         let light = Light::Octree { octree: Box::new(scene.light), sight };
@@ -337,7 +337,7 @@ impl Estimate {
     }
 
     fn of_octree(octree: LightOctree) -> Self {
-        let sight = Sight::Octree(Viewers::new(&octree));
+        let sight = Sight::Octree(OctreeRenderer::new(&octree));
         Self::of_light(Light::Octree { octree: Box::new(octree), sight })
     }
 

@@ -4,7 +4,7 @@
 use lo_dataset::{Metadata, NovelView, Sample};
 use lo_geometry::{Camera, Quat, Vec3, pixel_direction};
 use lo_imaging::{DepthMap, Image, RadianceImage, srgb8_from_linear};
-use lo_octree::{Coverage, RadiancePoint};
+use lo_octree::{Provenance, RadiancePoint};
 
 /// 96 × 64 pixels of grey, 65 degrees across, nothing else.
 pub(crate) fn sample() -> Sample {
@@ -66,7 +66,7 @@ pub(crate) fn box_room() -> Sample {
                 sample.points.push(RadiancePoint {
                     position_m,
                     radiance: wall(position_m),
-                    coverage: Coverage::Inferred,
+                    provenance: Provenance::Inferred,
                 });
             }
         }

@@ -22,7 +22,7 @@ use lo_nets::light::{
     FreeSpace, Growth, LightInput, LightLossConfig, LightLosses, LightNet, LightNetConfig, LightOutput, NODE_FEATURES,
     Rays,
 };
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
@@ -122,7 +122,7 @@ fn input(depth: u32) -> (LightInput, LightNetConfig) {
     let config = LightNetConfig { depth, channels_per_group: 1, ..LightNetConfig::default() };
     let points: Vec<RadiancePoint> = cloud::points("rgbd")
         .into_iter()
-        .map(|point| RadiancePoint { radiance: [0.5; 3], coverage: Coverage::Inferred, ..point })
+        .map(|point| RadiancePoint { radiance: [0.5; 3], provenance: Provenance::Inferred, ..point })
         .collect();
     let cube = Cube { origin_m: Vec3::splat(-1.0), edge_m: 2.0 };
     let (visible, _) = LightOctree::from_points(&points, cube, depth, config.full_depth).expect("valid depths");

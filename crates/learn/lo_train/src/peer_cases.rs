@@ -135,7 +135,7 @@ fn stepping<M: Module + Send + Sync + 'static>(
 #[cfg(test)]
 mod tests {
     use lo_geometry::Vec3;
-    use lo_octree::Coverage;
+    use lo_octree::Provenance;
 
     use super::*;
 
@@ -145,7 +145,7 @@ mod tests {
         let point = |direction: Vec3| RadiancePoint {
             position_m: 0.6 * direction,
             radiance: [0.5; 3],
-            coverage: Coverage::Inferred,
+            provenance: Provenance::Inferred,
         };
         let points: Vec<RadiancePoint> = lo_geometry::fibonacci_sphere(500).into_iter().map(point).collect();
         let octree = LightOctree::from_points(&points, cube, 5, FULL_DEPTH)?.0.octree;

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use lightoctree::{DEFAULT_OCTREE_DEPTH, EstimateOptions, Estimator, Input, SharpViewers, events};
-use lo_cone::{Cone, ConeSample, Viewers};
+use lightoctree::{DEFAULT_OCTREE_DEPTH, EstimateOptions, Estimator, Input, SceneRenderer, events};
+use lo_cone::{Cone, ConeSample, OctreeRenderer};
 use lo_dataset::{Dataset, NovelView, Sample, Split, indices_of, seen_mask};
 use lo_events::Warning;
 use lo_geometry::{Perspective, Quat, Vec3};
@@ -216,7 +216,7 @@ fn judge(estimator: &Estimator, sample: &Sample, lit: bool, means: &mut Means) -
         let truth = room.truth(&networks.config).ok()?;
         means.splits.extend(split_accuracy(networks, sample, &room, &truth));
         if let Some(view) = sample.views.first() {
-            let viewers = SharpViewers::new(&LitScene::as_estimated(scene.clone()));
+            let viewers = SceneRenderer::new(&LitScene::as_estimated(scene.clone()));
             let panorama = seen_from(&|eye, cones, samples| viewers.trace_batch(eye, cones, samples), view);
             row.panoramas = [panorama, view.radiance.clone()];
         }
@@ -262,13 +262,13 @@ fn scene_db(scene: &Estimate, views: &[NovelView]) -> Option<f64> {
 }
 
 fn scene_panoramas(scene: &Estimate, views: &[NovelView]) -> Vec<RadianceImage> {
-    let viewers = SharpViewers::new(&LitScene::as_estimated(scene.clone()));
+    let viewers = SceneRenderer::new(&LitScene::as_estimated(scene.clone()));
     views.iter().map(|view| seen_from(&|eye, cones, samples| viewers.trace_batch(eye, cones, samples), view)).collect()
 }
 
 /// Mean PSNR of the panoramas of an octree alone.
 fn octree_db(light: &LightOctree, views: &[NovelView]) -> Option<f64> {
-    let viewers = Viewers::new(light);
+    let viewers = OctreeRenderer::new(light);
     let panorama = |view| seen_from(&|eye, cones, samples| viewers.at(eye).trace_batch(cones, samples), view);
     views_db(views, &views.iter().map(panorama).collect::<Vec<_>>())
 }

@@ -1,8 +1,10 @@
-//! Expected light on what no photo saw, and expected light gathered into lamps and windows (`docs/method.md` §10.8).
+//! Expected light on unobserved surfaces, optionally gathered into lamps and windows (`docs/method.md` §10.8).
 //!
-//! An octree holds the likeliest radiance, in which lamps of uncertain place vanish. [`ExpectedLight`] has their energy, spread over where they may be.
-//! Guessed leaves are scaled by direction until the octree has that energy; their detail stays. For objects, a part of it is gathered into compact lamps
-//! where it is likeliest, until a matte sphere has the contrast of real rooms: shadows are then as sharp as rooms have them.
+//! An octree holds the likeliest radiance, in which lamps of uncertain position vanish. [`ExpectedLight`] has their
+//! energy, spread over their possible positions. Inferred leaves are scaled by direction until the octree has that
+//! energy; their detail is kept. For inserted objects, part of the light is gathered into compact lamps at the
+//! likeliest positions, until a matte sphere has the contrast of real rooms. Shadows are then as sharp as in real
+//! rooms.
 
 use std::f32::consts::PI;
 
@@ -11,112 +13,114 @@ use lo_imaging::{DepthMap, RadianceImage, luminance, sample_equirectangular};
 use lo_octree::LightOctree;
 use lo_scene::ExpectedLight;
 
-use crate::fit::{ClippedLeaves, SeenShading, restore_clipped};
+use crate::fit::{ClippedLeaves, ObservedShading, restore_clipped};
 use crate::irradiance::tracer;
 
-/// Rows of the panorama that light is balanced on.
+/// Rows of the panorama in which light is balanced.
 const HEIGHT: usize = 24;
 
-/// Rows of the panorama that tells how far away leaves are.
+/// Rows of the panorama of distances to leaves.
 const DISTANCE_HEIGHT: usize = 64;
 
-/// Rows of the panorama that measures how large a lamp is.
+/// Rows of the panorama that measures the size of lamps.
 const LAMP_HEIGHT: usize = 128;
 
 /// Rows and columns of the sphere's normals.
 const NORMALS: [usize; 2] = [12, 24];
 
-/// Sharpness of the kernel that smooths the octree's own light, e^(λ (cos − 1)): as coarse as expected light is.
+/// Sharpness of the kernel e^(λ (cos − 1)) that smooths the octree's own light to the resolution of expected light.
 const SHARPNESS: f32 = 10.0;
 
-/// Share of a direction that must be guessed for it to count.
+/// Least inferred share of a direction for it to count.
 const OPEN: f32 = 0.2;
 
-/// Guessed leaves change by a factor within these.
+/// Range of the gain on inferred leaves.
 const GAIN: [f32; 2] = [0.02, 50.0];
 
-/// Largest radiance that is expected or given.
+/// Greatest radiance that is expected or assigned.
 const MAX_RADIANCE: f32 = 65_504.0;
 
-/// Contrasts that are gathered, stops: the middle nine tenths of real rooms are 1.2 to 6.3.
+/// Range of contrasts for gathering, in stops: the middle nine tenths of real rooms are 1.2 to 6.3.
 const CONTRAST_STOPS: [f32; 2] = [1.0, 6.0];
 
-/// Most of the guessed light that is gathered into lamps.
+/// Greatest share of the inferred light that is gathered into lamps.
 const MAX_SHARE: f32 = 0.97;
 
 const MAX_LAMPS: usize = 3;
 
-/// A lamp takes the energy of what lies so near, and needs this share of the first one's.
+/// Radius from which a lamp takes energy, and the least share of the first lamp's energy that it needs.
 const REACH_DEG: f32 = 40.0;
 const LEAST_SHARE: f32 = 0.25;
 
-/// Half-angles of lamps above and of windows at the side, as seen from the camera, and the sine of the elevation that tells them apart.
+/// Half-angles of lamps overhead and of windows at the side, as seen from the camera, and the sine of the elevation
+/// that separates them.
 const LAMP_DEG: f32 = 8.0;
 const WINDOW_DEG: f32 = 13.0;
 const ABOVE: f32 = 0.7;
 
-/// A leaf is of a lamp where it lies no more than so many edges behind what is met in its direction.
+/// Greatest distance of a lamp's leaf behind the first hit in its direction, in leaf edges.
 const BEHIND: f32 = 2.0;
 
-/// How expected light is laid.
+/// Options of [`apply_expected_light`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LayExpected {
-    /// Factor on the contrast that is expected, in stops; `None` leaves the expectation as it is, without lamps.
+pub struct ExpectedLightOptions {
+    /// Factor on the expected contrast, in stops; `None` applies the expectation without lamps.
     pub contrast: Option<f32>,
-    /// Gain of each channel on guessed light.
+    /// Gain per channel on inferred light.
     pub tint: [f32; 3],
-    /// Whether a quarter of the rays is enough to tell how large lamps are.
+    /// Whether to use a quarter of the rays to measure the size of lamps.
     pub is_preview: bool,
 }
 
-impl Default for LayExpected {
-    /// The expectation.
+impl Default for ExpectedLightOptions {
+    /// Returns the expectation without lamps.
     fn default() -> Self {
         Self { contrast: None, tint: [1.0; 3], is_preview: false }
     }
 }
 
-/// A lamp or window that expected light was gathered into.
+/// A lamp or window into which expected light was gathered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GatheredLamp {
-    /// Unit vector from the camera.
+    /// Unit direction from the camera.
     pub direction: Vec3,
     /// Luminance times solid angle as seen from the camera.
     pub flux: f32,
 }
 
-/// What became of expected light.
+/// Result of [`apply_expected_light`].
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct LaidExpectation {
-    /// Lamps, the brightest first.
+pub struct ExpectedLightReport {
+    /// Lamps, brightest first.
     pub lamps: Vec<GatheredLamp>,
-    /// Share of the guessed light that they give.
+    /// Their share of the inferred light.
     pub gathered_share: f32,
-    /// log2 of the largest over the smallest irradiance of a matte sphere at the camera.
+    /// log₂ of the ratio of the greatest to the least irradiance of a matte sphere at the camera.
     pub contrast_stops: f32,
 }
 
-/// Lays expected light onto the leaves that the photo did not see, and gives clipped ones what such regions usually have. What was seen unclipped stays.
+/// Applies expected light to unobserved leaves, and gives clipped leaves the typical radiance of such regions.
+/// Unclipped observed radiance is kept.
 ///
-/// Where nodes have lobes, the octree becomes what is seen of it from the camera.
-pub fn lay_expected(
+/// If nodes have lobes, the octree becomes its view from the camera.
+pub fn apply_expected_light(
     light: &mut LightOctree,
     expected: &ExpectedLight,
-    seen: &SeenShading,
-    how: &LayExpected,
-) -> LaidExpectation {
+    seen: &ObservedShading,
+    options: &ExpectedLightOptions,
+) -> ExpectedLightReport {
     if let std::borrow::Cow::Owned(from_camera) = light.seen_from(Vec3::ZERO) {
         *light = from_camera;
     }
     let clipped = restore_clipped(light, seen);
-    let sphere = Sphere::new(light, &clipped, expected, how.tint);
-    let mut report = LaidExpectation::default();
+    let sphere = LightSphere::new(light, &clipped, expected, options.tint);
+    let mut report = ExpectedLightReport::default();
     let mut lamps = Vec::new();
     let mut rest = 1.0;
-    if let Some(contrast) = how.contrast {
+    if let Some(contrast) = options.contrast {
         let wanted = (expected.contrast_stops * contrast).clamp(CONTRAST_STOPS[0], CONTRAST_STOPS[1]);
         lamps = sphere.peaks(seen.up).into_iter().map(|peak| Lamp { peak, share: 0.0, radiance: Vec3::ZERO }).collect();
-        let height = if how.is_preview { LAMP_HEIGHT / 2 } else { LAMP_HEIGHT };
+        let height = if options.is_preview { LAMP_HEIGHT / 2 } else { LAMP_HEIGHT };
         size_lamps(light, &clipped, &sphere, &mut lamps, height);
         report.gathered_share = sphere.gather(&mut lamps, wanted);
         rest = 1.0 - report.gathered_share;
@@ -142,29 +146,29 @@ pub fn lay_expected(
     report
 }
 
-/// A place on the sphere where expected light is densest.
+/// A local maximum of expected light on the sphere.
 #[derive(Clone, Copy, Debug)]
 struct Peak {
     direction: Vec3,
     /// Energy of its surroundings.
     energy: f32,
-    /// Cosine of its half-angle.
+    /// Cosine of the half-angle.
     cosine: f32,
-    /// Colour of luminance 1.
+    /// Colour, normalised to luminance 1.
     colour: Vec3,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Lamp {
     peak: Peak,
-    /// Share of the guessed light.
+    /// Share of the inferred light.
     share: f32,
     radiance: Vec3,
 }
 
 impl Lamp {
-    /// Whether a leaf of this depth is the lamp's: within its cone, and not behind what is met there.
-    fn holds(&self, light: &LightOctree, depth: u32, middle_m: Vec3, sphere: &Sphere) -> bool {
+    /// Returns whether a leaf of this depth belongs to the lamp: inside its cone, and not behind the first hit there.
+    fn holds(&self, light: &LightOctree, depth: u32, middle_m: Vec3, sphere: &LightSphere) -> bool {
         let distance_m = middle_m.length();
         let edge_m = light.cube.node_edge_m(depth);
         middle_m.dot(self.peak.direction) > self.peak.cosine * distance_m
@@ -172,22 +176,22 @@ impl Lamp {
     }
 }
 
-/// Light around the camera, pixel by pixel.
-struct Sphere {
+/// Light around the camera, per pixel.
+struct LightSphere {
     directions: Vec<Vec3>,
     solid_angles: Vec<f32>,
-    /// Share of each pixel that is guessed.
+    /// Inferred share of each pixel.
     open: Vec<f32>,
-    /// Expected linear RGB radiance of what is guessed.
+    /// Expected linear RGB radiance of the inferred share.
     expected: Vec<Vec3>,
-    /// Factor by channel from the octree's own light to the expected one.
+    /// Gain per channel from the octree's own light to the expected light.
     gains: RadianceImage,
-    /// Expected distance of what is met, metres.
+    /// Expected distance of the first hit, in metres.
     distance_m: DepthMap,
-    /// Luminance of irradiance over π by normals: by what is known, and by all that is guessed.
-    known_light: Vec<f32>,
-    guessed_light: Vec<f32>,
-    /// Luminance of all guessed light times solid angle.
+    /// Luminance of irradiance over π for each normal: from observed light, and from all inferred light.
+    observed_light: Vec<f32>,
+    inferred_light: Vec<f32>,
+    /// Luminance times solid angle of all inferred light.
     flux: f32,
     normals: Vec<Vec3>,
 }
@@ -199,7 +203,7 @@ fn directions(height: usize) -> impl Iterator<Item = (Vec3, f32)> {
     })
 }
 
-impl Sphere {
+impl LightSphere {
     fn new(light: &LightOctree, clipped: &ClippedLeaves, expected: &ExpectedLight, tint: [f32; 3]) -> Self {
         let (directions, solid_angles): (Vec<Vec3>, Vec<f32>) = directions(HEIGHT).unzip();
         let trace = |light: &LightOctree| tracer(light).panorama(Vec3::ZERO, 2 * HEIGHT, HEIGHT);
@@ -234,7 +238,7 @@ impl Sphere {
         let gain = |i: usize| {
             (expected[i] / smoothed[i].max(Vec3::splat(1e-4))).clamp(Vec3::splat(GAIN[0]), Vec3::splat(GAIN[1]))
         };
-        // Where hardly anything is guessed, expected light says nothing: what lies around goes on.
+        // Where hardly anything is inferred, expected light is unreliable: use the surrounding gains.
         let around = smooth(&gain);
         let gains = RadianceImage::from_fn(2 * HEIGHT, HEIGHT, |x, y| {
             let i = y * 2 * HEIGHT + x;
@@ -250,25 +254,37 @@ impl Sphere {
             };
             normals.iter().map(at).collect()
         };
-        let known_light = lit(&|i| (1.0 - open[i]) * luminance(own[i].to_array()));
-        let guessed_light = lit(&|i| open[i] * luminance(expected[i].to_array()));
+        let observed_light = lit(&|i| (1.0 - open[i]) * luminance(own[i].to_array()));
+        let inferred_light = lit(&|i| open[i] * luminance(expected[i].to_array()));
         let flux = (0..directions.len()).map(|i| open[i] * solid_angles[i] * luminance(expected[i].to_array())).sum();
         let distance_m = tracer(light).panorama(Vec3::ZERO, 2 * DISTANCE_HEIGHT, DISTANCE_HEIGHT).distance_m;
-        Self { directions, solid_angles, open, expected, gains, distance_m, known_light, guessed_light, flux, normals }
+        Self {
+            directions,
+            solid_angles,
+            open,
+            expected,
+            gains,
+            distance_m,
+            observed_light,
+            inferred_light,
+            flux,
+            normals,
+        }
     }
 
-    /// How far away is what is met in the direction of a place.
-    fn distance_m(&self, place_m: Vec3) -> f32 {
-        let uv = lo_geometry::uv_from_direction(place_m.normalize_or(Vec3::Y));
+    /// Returns the distance of the first hit in the direction of a point.
+    fn distance_m(&self, point_m: Vec3) -> f32 {
+        let uv = lo_geometry::uv_from_direction(point_m.normalize_or(Vec3::Y));
         let pixel = |at: f32, size: usize| ((at * size as f32) as usize).min(size - 1);
         let distance_m = self.distance_m[(pixel(uv.x, 2 * DISTANCE_HEIGHT), pixel(uv.y, DISTANCE_HEIGHT))];
         if distance_m > 0.0 { distance_m } else { f32::INFINITY }
     }
 
-    /// Where light is likeliest to come from: the densest places of what exceeds the mean, each with its surroundings, the brightest first.
+    /// Returns the likeliest light directions: the densest positions of light above the mean, each with its
+    /// surroundings, brightest first.
     fn peaks(&self, up: Vec3) -> Vec<Peak> {
         let light = |i: usize| self.open[i] * luminance(self.expected[i].to_array());
-        // Squared: the likeliest places count more than they are likely.
+        // Squared, to emphasise the likeliest positions.
         let square = |i: usize| light(i) * light(i);
         let area: f32 = (0..self.directions.len()).map(|i| self.open[i] * self.solid_angles[i]).sum();
         let mean = (0..self.directions.len()).map(|i| square(i) * self.solid_angles[i]).sum::<f32>() / area.max(1e-6);
@@ -304,19 +320,19 @@ impl Sphere {
         peaks
     }
 
-    /// log2 of the largest over the smallest irradiance where `share` of the guessed light is in lamps.
+    /// Returns log₂ of the ratio of the greatest to the least irradiance if `share` of the inferred light is in lamps.
     fn stops(&self, share: f32, lamps: &[Lamp]) -> f32 {
         let total: f32 = lamps.iter().map(|lamp| lamp.peak.energy).sum();
         let at = |n: usize| {
             let of_lamp = |lamp: &Lamp| lamp.peak.energy * self.normals[n].dot(lamp.peak.direction).max(0.0);
             let lamps = lamps.iter().map(of_lamp).sum::<f32>() / total.max(1e-12) * self.flux / PI;
-            self.known_light[n] + (1.0 - share) * self.guessed_light[n] + share * lamps
+            self.observed_light[n] + (1.0 - share) * self.inferred_light[n] + share * lamps
         };
         let (least, most) = (0..self.normals.len()).map(at).fold((f32::MAX, 0.0f32), |(l, m), e| (l.min(e), m.max(e)));
         (most.max(1e-9) / least.max(1e-9)).log2()
     }
 
-    /// Gives lamps as much of the guessed light as a contrast of `wanted` stops asks for. Returns that share.
+    /// Assigns to lamps the share of the inferred light that gives a contrast of `wanted` stops. Returns that share.
     fn gather(&self, lamps: &mut [Lamp], wanted: f32) -> f32 {
         let total: f32 = lamps.iter().map(|lamp| lamp.peak.energy).sum();
         if total <= 0.0 || self.stops(0.0, lamps) >= wanted {
@@ -329,16 +345,22 @@ impl Sphere {
         }
         for lamp in lamps {
             lamp.share = low * lamp.peak.energy / total;
-            // Until here for a flux of 1.
+            // So far for a flux of 1.
             lamp.radiance *= lamp.share * self.flux;
         }
         low
     }
 }
 
-/// Finds out how large lamps are as seen from the camera: their radiance becomes that of a flux of 1. Lamps without leaves are dropped. `height`
-/// rows of rays.
-fn size_lamps(light: &LightOctree, clipped: &ClippedLeaves, sphere: &Sphere, lamps: &mut Vec<Lamp>, height: usize) {
+/// Measures the size of lamps as seen from the camera, with `height` rows of rays. Sets their radiance to that of a
+/// flux of 1, and drops lamps without leaves.
+fn size_lamps(
+    light: &LightOctree,
+    clipped: &ClippedLeaves,
+    sphere: &LightSphere,
+    lamps: &mut Vec<Lamp>,
+    height: usize,
+) {
     let own = light.merged(|leaf| {
         if clipped[leaf.depth as usize][leaf.row].is_some() {
             return Vec3::ZERO;
@@ -353,7 +375,7 @@ fn size_lamps(light: &LightOctree, clipped: &ClippedLeaves, sphere: &Sphere, lam
     for ((_, solid_angle), &share) in directions(height).zip(seen.radiance.pixels()) {
         solid_angles += solid_angle * Vec3::from(share);
     }
-    // Less than a pixel is none.
+    // Ignores lamps smaller than a pixel.
     let least_sr = pixel_solid_angle_sr(height / 2, 2 * height, height);
     let mut n = 0;
     lamps.retain_mut(|lamp| {
@@ -370,7 +392,7 @@ mod tests {
     use lo_cone::{ConeTracer, Settings};
     use lo_geometry::{Camera, Cube, Quat};
     use lo_imaging::Photo;
-    use lo_octree::{Coverage, RadiancePoint};
+    use lo_octree::{Provenance, RadiancePoint};
     use lo_scene::Frame;
 
     use super::*;
@@ -378,8 +400,8 @@ mod tests {
     /// Half of the room's edge.
     const HALF_M: f32 = 2.0;
 
-    /// A grey cubic room around a camera that looks at its far wall, which it sees.
-    fn room() -> (LightOctree, SeenShading) {
+    /// A grey cubic room around a camera that observes its far wall.
+    fn room() -> (LightOctree, ObservedShading) {
         let mut points = Vec::new();
         for face in 0..6 {
             let at = |i: usize| HALF_M * ((i as f32 + 0.5) / 48.0 - 1.0);
@@ -389,18 +411,18 @@ mod tests {
                 let position_m = Vec3::from(p);
                 let (x, y) = (position_m.x / -position_m.z, position_m.y / -position_m.z);
                 let seen = position_m.z < 0.01 - HALF_M && x.abs() < 0.8 && y.abs() < 0.53;
-                let coverage = if seen { Coverage::Seen } else { Coverage::Inferred };
-                points.push(RadiancePoint { position_m, radiance: [0.3; 3], coverage });
+                let provenance = if seen { Provenance::Observed } else { Provenance::Inferred };
+                points.push(RadiancePoint { position_m, radiance: [0.3; 3], provenance });
             }
         }
         let light = LightOctree::from_points(&points, Cube::centred(Vec3::ZERO, 2.2 * HALF_M), 6, 3).unwrap().0;
         let camera = Camera::from_hfov_deg(77.0, 480, 320).unwrap();
         let photo = Photo::Linear(RadianceImage::from_fn(480, 320, |_, _| [0.3; 3]));
         let frame = Frame::new(photo, DepthMap::from_fn(480, 320, |_, _| HALF_M), camera, 1.0).unwrap();
-        (light, SeenShading::new(frame, Vec3::Y))
+        (light, ObservedShading::new(frame, Vec3::Y))
     }
 
-    /// Where most of the expected light comes from: above to the right.
+    /// Direction of most of the expected light: above to the right.
     fn towards() -> Vec3 {
         Vec3::new(0.7, 0.6, 0.2).normalize()
     }
@@ -417,7 +439,7 @@ mod tests {
         ConeTracer::new(light, Settings::default()).unwrap().panorama(Vec3::ZERO, 128, 64).radiance
     }
 
-    /// Luminance of irradiance over π by 288 normals.
+    /// Returns the luminance of irradiance over π for 288 normals.
     fn irradiance(panorama: &RadianceImage) -> Vec<f32> {
         let height = panorama.height();
         let normals = (0..288).map(|i| pixel_direction(i % 24, i / 24, 24, 12));
@@ -433,7 +455,7 @@ mod tests {
         (most / least).log2()
     }
 
-    /// The irradiance of expected light where the room is guessed and of the photo where it is seen.
+    /// Returns the irradiance of expected light on inferred surfaces and of the photo's light on observed ones.
     fn wanted() -> Vec<f32> {
         let expected = expected().picture.radiance;
         irradiance(&RadianceImage::from_fn(128, 64, |x, y| {
@@ -447,7 +469,7 @@ mod tests {
     fn guessed_leaves_have_the_expected_energy_and_seen_ones_stay() {
         let (mut light, frame) = room();
         let before = light.clone();
-        let report = lay_expected(&mut light, &expected(), &frame, &LayExpected::default());
+        let report = apply_expected_light(&mut light, &expected(), &frame, &ExpectedLightOptions::default());
         assert!(report.lamps.is_empty() && report.gathered_share == 0.0);
         for (got, wanted) in irradiance(&panorama(&light)).iter().zip(wanted()) {
             assert!((got / wanted - 1.0).abs() < 0.1, "{got} {wanted}");
@@ -463,8 +485,8 @@ mod tests {
         let plain = stops(&wanted());
         for contrast in [0.9, 1.2] {
             let (mut light, frame) = room();
-            let how = LayExpected { contrast: Some(contrast), ..LayExpected::default() };
-            let report = lay_expected(&mut light, &expected(), &frame, &how);
+            let options = ExpectedLightOptions { contrast: Some(contrast), ..ExpectedLightOptions::default() };
+            let report = apply_expected_light(&mut light, &expected(), &frame, &options);
             assert!(report.lamps[0].direction.dot(towards()) > 0.97, "{report:?}");
             let got = irradiance(&panorama(&light));
             assert!(plain < 2.5 && (stops(&got) - 3.0 * contrast).abs() < 0.35, "{} {report:?}", stops(&got));
@@ -475,12 +497,12 @@ mod tests {
     }
 
     #[test]
-    fn a_tint_is_of_guessed_light_alone() {
+    fn a_tint_changes_inferred_light_only() {
         let (mut light, frame) = room();
         let (mut plain, seen) = (light.clone(), light.seen.clone());
-        let how = LayExpected { tint: [1.2, 1.0, 0.8], ..LayExpected::default() };
-        lay_expected(&mut light, &expected(), &frame, &how);
-        lay_expected(&mut plain, &expected(), &frame, &LayExpected::default());
+        let options = ExpectedLightOptions { tint: [1.2, 1.0, 0.8], ..ExpectedLightOptions::default() };
+        apply_expected_light(&mut light, &expected(), &frame, &options);
+        apply_expected_light(&mut plain, &expected(), &frame, &ExpectedLightOptions::default());
         let finest = light.octree.depth() as usize;
         let ratios = light.rgba[finest].iter().zip(&plain.rgba[finest]).zip(&seen[finest]);
         for ((tinted, plain), seen) in ratios {

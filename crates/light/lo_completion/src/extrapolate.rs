@@ -1,4 +1,4 @@
-//! Radiance of the room's six faces, from what is seen of them and of others like them.
+//! Extrapolation of radiance over the room's six faces, from observations of them and of similar faces.
 
 use lo_geometry::{Vec2, Vec3};
 use lo_imaging::luminance;
@@ -7,28 +7,29 @@ use lo_scene::Surfel;
 use crate::face::FaceGrid;
 use crate::layout::{RoomBox, area};
 
-/// Cells are about this wide, in metres.
+/// Approximate width of cells in metres.
 const CELL_M: f32 = 0.10;
 
-/// Most cells along one side of a face.
+/// Greatest number of cells along one side of a face.
 const MAX_CELLS: f32 = 96.0;
 
-/// Seen surfels this near to a face, in metres, belong to it.
+/// Greatest distance in metres between an observed surfel and its face.
 const ON_FACE_M: f32 = 0.12;
 
-/// Spread of log radiance within one surface's colour; what differs by more from the face's median is an object of its own.
+/// Spread of log radiance within one surface's colour; larger deviations from the face's median are separate objects.
 const COLOUR_SPREAD: f32 = 0.5;
 
-/// Weight of the fallback in each cell that nothing is seen of; about 18 cells away from seen ones it takes over.
+/// Weight of the fallback in each unobserved cell; it dominates about 18 cells away from observed ones.
 const PROFILE_WEIGHT: f32 = 3e-3;
 
-/// Share of the seen colour, in log chroma, that unseen surfaces are expected to have.
+/// Share of the observed log chroma that unobserved surfaces are expected to have.
 ///
-/// Least squares on 154 crops of 11 real interiors: log chroma of the whole sphere (lamps clipped at white) against that of the crop. RMS error 0.101;
-/// 0.146 with all of the colour and 0.175 with none.
+/// Least squares on 154 crops of 11 real interiors: log chroma of the whole sphere (lamps clipped at white) against
+/// that of the crop. RMS error 0.101; 0.146 with all of the colour and 0.175 with none.
 const CHROMA_SHARE: f32 = 0.58;
 
-/// Radiance of a ceiling without its lamps in units of the mean of what is seen: the median of the same crops is 0.88.
+/// Radiance of a ceiling without its lamps, relative to the mean observed radiance: the median of the same crops is
+/// 0.88.
 const CEILING_SHARE: f32 = 0.88;
 
 /// Radiance on the six faces of the room.
@@ -38,7 +39,7 @@ pub(crate) struct Faces {
 }
 
 impl Faces {
-    /// Position of a local point on a face, in [0, 1]².
+    /// Returns the position of a local point on a face, in [0, 1]².
     pub fn uv(room: &RoomBox, face: usize, local: Vec3) -> Vec2 {
         let unit = (local - room.low) / (room.high - room.low);
         match face / 2 {
@@ -48,7 +49,7 @@ impl Faces {
         }
     }
 
-    /// Local point of a position on a face; inverse of [`Faces::uv`].
+    /// Returns the local point of a position on a face; inverse of [`Faces::uv`].
     pub fn local(room: &RoomBox, face: usize, at: Vec2) -> Vec3 {
         let side = if face.is_multiple_of(2) { 0.0 } else { 1.0 };
         let unit = match face / 2 {
@@ -59,23 +60,24 @@ impl Faces {
         room.low + unit * (room.high - room.low)
     }
 
-    /// Radiance at a local point on a face.
+    /// Returns the radiance at a local point on a face.
     pub fn radiance(&self, room: &RoomBox, face: usize, local: Vec3) -> [f32; 3] {
         self.grids[face].sample(Self::uv(room, face, local))
     }
 }
 
-/// Extrapolates: what is seen of a face first (pull-push over its plane, objects of another colour than the face's median weigh
-/// little), then what is seen of similar faces (walls: by height above the floor), then the mean of everything seen.
+/// Extrapolates radiance: first from observations of the face (pull-push over its plane, with low weight for objects
+/// whose colour differs from the face's median). Then from similar faces (walls by height above the floor), then from
+/// the mean of all observations.
 ///
-/// `pixel_area` is 1 / (fx · fy): it turns [`area`] into square metres.
+/// `pixel_area` is 1 / (fx · fy): it converts [`area`] to square metres.
 pub(crate) fn extrapolate(surfels: &[Surfel], room: &RoomBox, pixel_area: f32) -> Faces {
-    let global = paled(robust_mean(surfels, |_| true).unwrap_or([0.3; 3]));
+    let global = desaturated(robust_mean(surfels, |_| true).unwrap_or([0.3; 3]));
     let up = room.axes.col(1);
-    let wall_mean = robust_mean(surfels, |s| s.normal.dot(up).abs() < 0.3).map_or(global, paled);
+    let wall_mean = robust_mean(surfels, |s| s.normal.dot(up).abs() < 0.3).map_or(global, desaturated);
     let profile = wall_profile(surfels, room, wall_mean);
     let ceiling = global.map(|c| CEILING_SHARE * c);
-    let floor = robust_mean(surfels, |s| s.normal.dot(up) > 0.9).map_or(global, paled);
+    let floor = robust_mean(surfels, |s| s.normal.dot(up) > 0.9).map_or(global, desaturated);
     let grids = std::array::from_fn(|face| {
         let seen: Vec<Surfel> = surfels.iter().filter(|s| is_on(room, face, s)).copied().collect();
         let extent = room.high - room.low;
@@ -90,7 +92,7 @@ pub(crate) fn extrapolate(surfels: &[Surfel], room: &RoomBox, pixel_area: f32) -
         let cell_area = wide * high / (columns * rows) as f32;
         if let Some(median) = median_colour(&seen) {
             for surfel in &seen {
-                let weight = area(surfel) * pixel_area / cell_area * likeness(surfel.radiance, median);
+                let weight = area(surfel) * pixel_area / cell_area * colour_weight(surfel.radiance, median);
                 grid.add(Faces::uv(room, face, room.local(surfel.position_m)), surfel.radiance, weight);
             }
         }
@@ -111,21 +113,21 @@ pub(crate) fn extrapolate(surfels: &[Surfel], room: &RoomBox, pixel_area: f32) -
     Faces { grids }
 }
 
-/// The colour drawn towards grey of the same luminance by [`CHROMA_SHARE`].
-fn paled(radiance: [f32; 3]) -> [f32; 3] {
+/// Blends the colour towards grey of the same luminance by [`CHROMA_SHARE`].
+fn desaturated(radiance: [f32; 3]) -> [f32; 3] {
     let brightness = luminance(radiance);
     let pale = radiance.map(|c| (c + 1e-4).powf(CHROMA_SHARE));
     let scale = brightness / luminance(pale);
     pale.map(|c| c * scale)
 }
 
-/// Whether a surfel is a piece of a face.
+/// Returns whether a surfel belongs to a face.
 fn is_on(room: &RoomBox, face: usize, surfel: &Surfel) -> bool {
     let plane = room.plane(face);
     plane.signed_distance_m(surfel.position_m).abs() < ON_FACE_M && surfel.normal.dot(plane.normal) > 0.85
 }
 
-/// Radiance of vertical surfaces by height above the floor.
+/// Returns the radiance of vertical surfaces by height above the floor.
 fn wall_profile(surfels: &[Surfel], room: &RoomBox, mean: [f32; 3]) -> FaceGrid {
     let up = room.axes.col(1);
     let mut profile = FaceGrid::new(1, 16);
@@ -136,8 +138,8 @@ fn wall_profile(surfels: &[Surfel], room: &RoomBox, mean: [f32; 3]) -> FaceGrid 
             let at = Faces::uv(room, 0, room.local(surfel.position_m));
             profile.add(
                 Vec2::new(0.5, at.y.clamp(0.0, 1.0)),
-                paled(surfel.radiance),
-                share * likeness(surfel.radiance, median),
+                desaturated(surfel.radiance),
+                share * colour_weight(surfel.radiance, median),
             );
         }
     }
@@ -145,13 +147,14 @@ fn wall_profile(surfels: &[Surfel], room: &RoomBox, mean: [f32; 3]) -> FaceGrid 
     profile
 }
 
-/// Weight in (0, 1] of a radiance among surfaces of colour `median`: 1 where equal, small where another material or a lamp.
-fn likeness(radiance: [f32; 3], median: [f32; 3]) -> f32 {
+/// Returns the weight in (0, 1] of a radiance among surfaces of colour `median`: 1 where equal, small for another
+/// material or a lamp.
+fn colour_weight(radiance: [f32; 3], median: [f32; 3]) -> f32 {
     let distance = (0..3).map(|c| ((radiance[c] + 0.01) / (median[c] + 0.01)).ln().abs()).fold(0.0, f32::max);
     (1.0 + (distance / COLOUR_SPREAD).powi(2)).powi(-2)
 }
 
-/// Median of each channel; `None` without surfels.
+/// Returns the median of each channel; `None` without surfels.
 fn median_colour(surfels: &[Surfel]) -> Option<[f32; 3]> {
     // A few thousand are as good as all.
     let stride = surfels.len().div_ceil(4096).max(1);
@@ -163,13 +166,14 @@ fn median_colour(surfels: &[Surfel]) -> Option<[f32; 3]> {
     (!surfels.is_empty()).then(|| std::array::from_fn(channel))
 }
 
-/// Mean radiance, weighted by area, of those surfels; lamps and oddly coloured objects weigh little.
+/// Returns the mean radiance of the included surfels, weighted by area; lamps and objects of unusual colour have low
+/// weight.
 pub(crate) fn robust_mean(surfels: &[Surfel], include: impl Fn(&Surfel) -> bool) -> Option<[f32; 3]> {
     let chosen: Vec<Surfel> = surfels.iter().filter(|s| include(s)).copied().collect();
     let median = median_colour(&chosen)?;
     let (mut sum, mut total) = ([0.0f32; 3], 0.0);
     for surfel in &chosen {
-        let weight = area(surfel) * likeness(surfel.radiance, median);
+        let weight = area(surfel) * colour_weight(surfel.radiance, median);
         sum = std::array::from_fn(|c| sum[c] + weight * surfel.radiance[c]);
         total += weight;
     }

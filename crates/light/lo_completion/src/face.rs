@@ -1,4 +1,4 @@
-//! Radiance on a rectangle, filled in from wherever it is known.
+//! Radiance on a rectangle, filled in from known cells.
 
 use lo_geometry::Vec2;
 
@@ -18,7 +18,7 @@ impl FaceGrid {
         Self { width, height, cells: vec![[0.0; 4]; width * height] }
     }
 
-    /// Cells along both sides.
+    /// Returns the number of cells along both sides.
     pub fn size(&self) -> (usize, usize) {
         (self.width, self.height)
     }
@@ -39,7 +39,7 @@ impl FaceGrid {
         cell[3] += weight;
     }
 
-    /// Adds radiance to every cell (of a filled grid), from the cell's middle in [0, 1]².
+    /// Adds radiance to every cell of a filled grid, as a function of the cell's centre in [0, 1]².
     pub fn brighten(&mut self, mut extra: impl FnMut(Vec2) -> [f32; 3]) {
         for y in 0..self.height {
             for x in 0..self.width {
@@ -53,8 +53,8 @@ impl FaceGrid {
         }
     }
 
-    /// Fills every cell by pull-push (Gortler et al. 1996): cells that are known keep their value, the others take that of the
-    /// finest coarser level that knows something, smoothly. `prior` stands behind everything with weight `prior_weight`, in cells.
+    /// Fills every cell by pull-push (Gortler et al. 1996). Known cells keep their value; the others smoothly take that
+    /// of the finest coarser level with a known value. `prior` has the weight `prior_weight`, in cells.
     pub fn fill(&mut self, prior: [f32; 3], prior_weight: f32) {
         let mut levels = vec![Level { width: self.width, height: self.height, cells: self.saturated() }];
         while levels[levels.len() - 1].cells.len() > 1 {
@@ -74,12 +74,12 @@ impl FaceGrid {
         self.cells = levels.swap_remove(0).cells;
     }
 
-    /// Means of the cells with a weight of at most 1.
+    /// Returns the means of the cells, with weights of at most 1.
     fn saturated(&self) -> Vec<[f32; 4]> {
         self.cells.iter().map(|cell| cell.map(|c| c / cell[3].max(1.0))).collect()
     }
 
-    /// Bilinear radiance at `at` in [0, 1]² of a filled grid.
+    /// Returns the bilinear radiance at `at` in [0, 1]² of a filled grid.
     pub fn sample(&self, at: Vec2) -> [f32; 3] {
         let x = (at.x * self.width as f32 - 0.5).clamp(0.0, (self.width - 1) as f32);
         let y = (at.y * self.height as f32 - 0.5).clamp(0.0, (self.height - 1) as f32);
@@ -87,7 +87,7 @@ impl FaceGrid {
     }
 }
 
-/// One level of the pyramid: weighted radiance and weight on the way up, radiance with weight 1 on the way down.
+/// A level of the pyramid: weighted radiance and weight on the way up, radiance with weight 1 on the way down.
 struct Level {
     width: usize,
     height: usize,
@@ -95,7 +95,7 @@ struct Level {
 }
 
 impl Level {
-    /// Sums of 2 × 2 cells; the weight saturates at 1, so that a coarse cell fully known outvotes nothing finer.
+    /// Sums 2 × 2 cells. The weight saturates at 1, so that a fully known coarse cell does not outvote finer ones.
     fn halved(&self) -> Self {
         let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
         let mut cells = vec![[0.0f32; 4]; width * height];
@@ -115,7 +115,7 @@ impl Level {
         Self { width, height, cells }
     }
 
-    /// Mixes each cell with the coarser level's value by what its own weight leaves over.
+    /// Blends each cell with the coarser level's value by its missing weight.
     fn blend(&mut self, coarser: &Self) {
         for y in 0..self.height {
             for x in 0..self.width {
@@ -161,7 +161,8 @@ mod tests {
         let mut last = 1.1;
         for x in 0..33 {
             let value = grid.sample(Vec2::new((x as f32 + 0.5) / 33.0, 0.5));
-            // constant channels stay constant, and the red one falls from left to right (a little ringing of the pyramid allowed)
+            // Constant channels stay constant, and the red one decreases from left to right (with slight ringing of the
+            // pyramid).
             assert!((value[2] - 0.5).abs() < 0.02, "{value:?}");
             assert!(value[0] <= last + 0.03 && (-0.01..=1.01).contains(&value[0]), "{x}: {value:?}");
             last = value[0];

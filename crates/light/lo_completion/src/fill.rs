@@ -1,4 +1,4 @@
-//! Depth for pixels without a reading.
+//! Depth inpainting for pixels without a reading.
 
 use lo_geometry::{Camera, Vec2, Vec3};
 use lo_imaging::{DepthMap, Image};
@@ -6,20 +6,21 @@ use lo_imaging::{DepthMap, Image};
 use crate::face::FaceGrid;
 use crate::layout::RoomBox;
 
-/// Holes narrower than twice this many pixels (at the working resolution) are slits along edges: occlusion shadows, flying pixels.
+/// Holes narrower than twice this many pixels (at the working resolution) are slits along edges: occlusion shadows,
+/// flying pixels.
 const SLIT_RADIUS: usize = 3;
 
-/// A hole's border lies on the room's planes where its depths agree with theirs to this share.
+/// Greatest relative difference between the depths at a hole's border and the room's planes for the hole to be planar.
 const ON_PLANE: f32 = 0.05;
 
-/// Steps of over-relaxation: enough for holes of a hundred pixels across.
+/// Iterations of over-relaxation: enough for holes of a hundred pixels across.
 const RELAXATIONS: usize = 80;
 
-/// Depth for every pixel of the camera's image; readings stay as they are.
+/// Returns depth for every pixel of the camera's image; readings are kept.
 ///
-/// Slits take the farther side, because it is the background that sensors fail to see beside an edge. Larger holes take the
-/// room's own planes where they touch the image border or where half of the readings around them lie on those planes (a
-/// shiny patch of floor, a window); elsewhere the depth around is continued smoothly (a black part of a sofa).
+/// Slits take the farther side, since sensors fail to see the background beside an edge. Larger holes take the room's
+/// planes where they touch the image border, or where half of the surrounding readings are on those planes (a shiny
+/// patch of floor, a window). Elsewhere the surrounding depth is continued smoothly (a black part of a sofa).
 pub(crate) fn fill_holes(depth_m: &DepthMap, camera: &Camera, room: &RoomBox) -> DepthMap {
     let mut filled = depth_m.clone();
     if depth_m.pixels().iter().all(|&z| z > 0.0) {
@@ -79,7 +80,7 @@ fn neighbours(x: usize, y: usize, width: usize, height: usize) -> impl Iterator<
 /// Grows the farther side into holes that are narrow everywhere.
 fn fill_slits(depth_m: &mut DepthMap) {
     let wide = {
-        // Morphological opening of the holes: what an erosion by the radius leaves, dilated back.
+        // Morphological opening of the holes: erosion by the radius, then dilation.
         let mut core = depth_m.map(|&z| z <= 0.0);
         for _ in 0..SLIT_RADIUS {
             core = spread(&core, false);
@@ -102,7 +103,8 @@ fn fill_slits(depth_m: &mut DepthMap) {
     }
 }
 
-/// Grows (`value` true) or shrinks the set by one pixel in the four directions; outside of the image counts as the pixel itself.
+/// Grows (`value` true) or shrinks the set by one pixel in the four directions; pixels outside the image count as the
+/// border pixel.
 fn spread(set: &Image<bool>, value: bool) -> Image<bool> {
     Image::from_fn(set.width(), set.height(), |x, y| {
         let any = set[(x, y)] == value || neighbours(x, y, set.width(), set.height()).any(|n| set[n] == value);
@@ -110,8 +112,8 @@ fn spread(set: &Image<bool>, value: bool) -> Image<bool> {
     })
 }
 
-/// Stretches a membrane over a hole that does not touch the image border: inverse depth solves Laplace's equation with the
-/// readings around as boundary values (successive over-relaxation from a start that is near already).
+/// Fits a membrane over a hole that does not touch the image border. Inverse depth solves Laplace's equation with the
+/// surrounding readings as boundary values (successive over-relaxation from a close initial value).
 fn relax(depth_m: &mut DepthMap, hole: &[(usize, usize)]) {
     for _ in 0..RELAXATIONS {
         for &(x, y) in hole {
@@ -123,7 +125,7 @@ fn relax(depth_m: &mut DepthMap, hole: &[(usize, usize)]) {
     }
 }
 
-/// Depth everywhere, continued smoothly in inverse depth (which keeps planes nearly plane).
+/// Returns depth everywhere, continued smoothly in inverse depth (which keeps planes nearly planar).
 fn smooth_depth(depth_m: &DepthMap) -> DepthMap {
     let (width, height) = (depth_m.width(), depth_m.height());
     let centre = |x: usize, y: usize| Vec2::new((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32);
@@ -175,7 +177,7 @@ mod tests {
         let error = |x: usize, y: usize| (filled[(x, y)] / truth[(x, y)] - 1.0).abs();
         assert!((0..64).all(|y| (72..96).all(|x| error(x, y) < 1e-4)));
         assert!((32..58).all(|y| (34..46).all(|x| error(x, y) < 1e-4)));
-        // Slits take a neighbour's depth: the farther one, at most a few pixels away
+        // Slits take the depth of a pixel on the farther side, at most a few pixels away.
         assert!((0..64).all(|y| (0..96).all(|x| error(x, y) < 0.12)));
     }
 

@@ -1,4 +1,4 @@
-//! Which way is up.
+//! Estimation of the up direction.
 
 use lo_geometry::{Mat3, Vec3, fibonacci_sphere};
 use lo_imaging::Image;
@@ -6,28 +6,28 @@ use lo_scene::{Frame, Surfel};
 
 use crate::layout::{area, area_of};
 
-/// The camera may be pitched and rolled by this much: cos 50°, five degrees of slack over the stated ±45°.
+/// Greatest tilt of the camera: cos 50°, five degrees of slack over the stated ±45°.
 const MIN_COS_TILT: f32 = 0.643;
 
-/// Most normals that vote.
+/// Greatest number of normals that vote.
 const VOTES: usize = 3000;
 
-/// Least standard deviation of what is told of up: what tells it is surer of itself than it is right.
+/// Least standard deviation of a hint for up: predictors are overconfident.
 const MIN_DEVIATION_DEG: f32 = 6.0;
 
-/// Standard deviations within which up is.
+/// Greatest deviation of up from the hint, in standard deviations.
 const MAX_DEVIATIONS: f32 = 3.0;
 
-/// What is told counts as much as this share of all surfaces, horizontal ones.
-const TOLD_SHARE: f32 = 0.01;
+/// Weight of the hint, as a horizontal surface with this share of all observed area.
+const HINT_SHARE: f32 = 0.01;
 
-/// Sines within which surfaces are taken for horizontal or vertical ones, step by step.
+/// Sines within which surfaces count as horizontal or vertical, per refinement step.
 const WIDTHS: [f32; 4] = [0.10, 0.07, 0.05, 0.05];
 
-/// Directions that are searched near a told one, of the whole sphere: 1.6° apart.
+/// Number of search directions near a hint, over the whole sphere: 1.6° apart.
 const NEAR_DIRECTIONS: usize = 16_000;
 
-/// A normal with the area it stands for.
+/// A normal with the area that it represents.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Facet {
     pub normal: Vec3,
@@ -40,16 +40,16 @@ impl From<&Surfel> for Facet {
     }
 }
 
-/// The unit vector against gravity that explains most surfaces as horizontal or vertical, at most 50° from the camera's own
-/// up; camera up where nothing votes.
+/// Returns the unit vector against gravity that explains most surfaces as horizontal or vertical, at most 50° from the
+/// camera's up. Without votes, returns the camera's up.
 ///
-/// Coarse search over directions 3° apart, then a few steps of least squares: the smallest eigenvector of
+/// A coarse search over directions 3° apart is followed by a few steps of least squares: the smallest eigenvector of
 /// `Σ_vertical n nᵀ − Σ_horizontal n nᵀ`. Upward surfaces (floors, tables) count most, then walls, then downward ones.
 pub(crate) fn up_from_facets(facets: &[Facet]) -> Vec3 {
-    let votes = thinned(facets);
+    let votes = subsampled(facets);
     let score = |up: Vec3| {
         let sum: f32 = votes.iter().map(|f| f.area * vote(f.normal.dot(up), 0.10)).sum();
-        // Photos are held roughly level: at 45° a direction must be half as well supported again to win.
+        // Photos are held roughly level: at 45° a direction needs half as much support again to win.
         sum * (0.3 + 0.7 * up.y)
     };
     let candidates = fibonacci_sphere(4000).into_iter().filter(|d| d.y >= MIN_COS_TILT).chain([Vec3::Y]);
@@ -67,37 +67,40 @@ pub(crate) fn up_from_facets(facets: &[Facet]) -> Vec3 {
     if up.y >= MIN_COS_TILT { up } else { best.1 }
 }
 
-/// The unit vector against gravity that explains what is seen, near to the one that something else tells with this standard deviation.
+/// Returns the unit vector against gravity that explains the observed surfaces, near the hint `hint` with this standard
+/// deviation.
 ///
-/// As without being told, but directions are searched within three standard deviations, the farther from `told` the less likely, and least squares have a
-/// horizontal surface of a hundredth of all that is seen square to it: where only one wall is seen, it tells the rest.
-pub fn up_near(seen: &[Surfel], told: Vec3, deviation_deg: f32) -> Vec3 {
+/// Directions are searched within three standard deviations of `hint`, weighted by a Gaussian. The least squares
+/// include a horizontal surface perpendicular to `hint` with a hundredth of the observed area; where only one wall is
+/// observed, it determines the rest.
+pub fn up_near(seen: &[Surfel], hint: Vec3, deviation_deg: f32) -> Vec3 {
     let facets: Vec<Facet> = seen.iter().map(Facet::from).collect();
-    let votes = thinned(&facets);
+    let votes = subsampled(&facets);
     let total: f32 = votes.iter().map(|f| f.area).sum();
     let deviation_deg = deviation_deg.max(MIN_DEVIATION_DEG);
-    let off = |up: Vec3| up.dot(told).clamp(-1.0, 1.0).acos().to_degrees() / deviation_deg;
+    let off = |up: Vec3| up.dot(hint).clamp(-1.0, 1.0).acos().to_degrees() / deviation_deg;
     let score = |up: Vec3| {
         let sum: f32 = votes.iter().map(|f| f.area * vote(f.normal.dot(up), WIDTHS[0])).sum();
         sum * (-0.5 * off(up).powi(2)).exp()
     };
     let near = fibonacci_sphere(NEAR_DIRECTIONS).into_iter().filter(|&direction| off(direction) <= MAX_DEVIATIONS);
     let scored = near.map(|candidate| (score(candidate), candidate));
-    let best = scored.fold((score(told), told), |best, next| if next.0 > best.0 { next } else { best }).1;
-    let facet = Facet { normal: told, area: TOLD_SHARE * total };
+    let best = scored.fold((score(hint), hint), |best, next| if next.0 > best.0 { next } else { best }).1;
+    let facet = Facet { normal: hint, area: HINT_SHARE * total };
     let up = WIDTHS.into_iter().fold(best, |up, width| refined(&votes, up, width, facet));
-    if off(up) <= MAX_DEVIATIONS { up } else { told }
+    if off(up) <= MAX_DEVIATIONS { up } else { hint }
 }
 
-/// The unit vector against gravity of a frame whose depth was predicted, and is wavy: of the ways in which cameras are held the likeliest.
+/// Returns the unit vector against gravity for a frame whose depth was predicted and is wavy: the likeliest camera
+/// orientation.
 ///
-/// Photos are pitched up and down, by 20° or so, but hardly rolled (3°); what normals say is believed within 30°, and
-/// the fourth power of their support is weighed against that. Pitch is told to 1.5°, up to 45°, roll to 2°, up to 6°.
+/// Prior: cameras are pitched by 20° or so, but hardly rolled (3°). Normals are used within 30°, and the fourth power
+/// of their support is weighed against the prior. Pitch is resolved to 1.5°, up to 45°, roll to 2°, up to 6°.
 ///
-/// `normals`, of the depth map's size, where something else than the depth map tells them.
+/// `normals`, of the depth map's size, override the normals of the depth map.
 ///
 /// # Panics
-/// Where `normals` are of another size.
+/// If `normals` have a different size.
 pub fn up_from_predicted_depth(frame: &Frame, normals: Option<&Image<Option<Vec3>>>) -> Vec3 {
     const WIDTH: f32 = 0.5;
     const STRENGTH: f32 = 4.0;
@@ -118,7 +121,7 @@ pub fn up_from_predicted_depth(frame: &Frame, normals: Option<&Image<Option<Vec3
             Some(Facet { normal, area: area_of(position_m, depth_m[at], normal) })
         })
         .collect();
-    let votes = thinned(&facets);
+    let votes = subsampled(&facets);
     let total: f32 = votes.iter().map(|facet| facet.area).sum();
     let mut best = (f32::NEG_INFINITY, Vec3::Y);
     for (pitch, roll) in (-30..=30).flat_map(|pitch| (-3..=3).map(move |roll| (pitch, roll))) {
@@ -135,12 +138,12 @@ pub fn up_from_predicted_depth(frame: &Frame, normals: Option<&Image<Option<Vec3
     best.1
 }
 
-/// At most [`VOTES`] of them, evenly.
-fn thinned(facets: &[Facet]) -> Vec<Facet> {
+/// Returns at most [`VOTES`] facets, evenly spaced.
+fn subsampled(facets: &[Facet]) -> Vec<Facet> {
     facets.iter().copied().step_by(facets.len().div_ceil(VOTES).max(1)).collect()
 }
 
-/// Support of a normal at `cosine` from the candidate, for a tolerance of `width` in sine.
+/// Returns the support of a normal at `cosine` from the candidate, for a tolerance of `width` in sine.
 fn vote(cosine: f32, width: f32) -> f32 {
     let near = |sine: f32| (1.0 - (sine / width).powi(2)).max(0.0);
     if cosine.abs() < width {
@@ -151,11 +154,12 @@ fn vote(cosine: f32, width: f32) -> f32 {
     }
 }
 
-/// One step of least squares: the direction most parallel to the horizontal surfaces' normals, `told` among them, and square to the vertical ones'.
-fn refined(votes: &[Facet], up: Vec3, width: f32, told: Facet) -> Vec3 {
+/// Performs one step of least squares: finds the direction most parallel to the normals of horizontal surfaces,
+/// including `hint`, and perpendicular to those of vertical ones.
+fn refined(votes: &[Facet], up: Vec3, width: f32, hint: Facet) -> Vec3 {
     let outer = |n: Vec3| Mat3::from_cols(n * n.x, n * n.y, n * n.z);
-    let mut scatter = outer(told.normal) * -told.area;
-    let mut total = told.area;
+    let mut scatter = outer(hint.normal) * -hint.area;
+    let mut total = hint.area;
     for facet in votes {
         let cosine = facet.normal.dot(up);
         let weight = facet.area * vote(cosine, width);
@@ -213,33 +217,34 @@ mod tests {
     fn surfels(directions: &[(Vec3, f32)]) -> Vec<Surfel> {
         let of = |facet: Facet| {
             let (position_m, depth_m) = (facet.normal * -facet.area.sqrt(), facet.area.sqrt());
-            let (radiance, coverage, eye_m) = ([0.5; 3], lo_octree::Coverage::Seen, Vec3::ZERO);
-            Surfel { position_m, normal: facet.normal, radiance, coverage, eye_m, depth_m }
+            let (radiance, provenance, eye_m) = ([0.5; 3], lo_octree::Provenance::Observed, Vec3::ZERO);
+            Surfel { position_m, normal: facet.normal, radiance, provenance, eye_m, depth_m }
         };
         facets(directions).into_iter().map(of).collect()
     }
 
     #[test]
-    fn surfaces_decide_near_to_what_is_told() {
+    fn surfaces_decide_near_a_hint() {
         let off_deg = |a: Vec3, b: Vec3| a.angle_between(b).to_degrees();
-        let told = Mat3::from_rotation_x(5f32.to_radians()) * Vec3::Y;
-        // A floor and a steep desk of more area, which alone would be taken for the floor.
+        let hint = Mat3::from_rotation_x(5f32.to_radians()) * Vec3::Y;
+        // A floor, and a steep desk of more area, which alone would be taken for the floor.
         let desk = Mat3::from_rotation_x(0.6) * Vec3::Y;
         let floor = surfels(&[(Vec3::Y, 1.0), (desk, 2.0)]);
-        assert!(off_deg(up_near(&floor, told, 3.0), Vec3::Y) < 1.0);
+        assert!(off_deg(up_near(&floor, hint, 3.0), Vec3::Y) < 1.0);
         assert!(off_deg(up_from_facets(&facets(&[(Vec3::Y, 1.0), (desk, 2.0)])), Vec3::Y) > 20.0);
-        // One wall: it says that up is square to it, and what is told the rest.
+        // A single wall: up is perpendicular to it, and the hint determines the rest.
         let wall = surfels(&[(Vec3::Z, 1.0)]);
-        let skew = Mat3::from_rotation_z(0.1) * told;
+        let skew = Mat3::from_rotation_z(0.1) * hint;
         let expected = skew.with_z(0.0).normalize();
         assert!(off_deg(up_near(&wall, skew, 3.0), expected) < 1.5);
-        // Nothing near to what is told: it is right.
+        // No surface near the hint: the hint is returned.
         let slope = surfels(&[(Mat3::from_rotation_x(0.8) * Vec3::Y, 1.0)]);
-        assert!(off_deg(up_near(&slope, told, 3.0), told) < 1.0);
-        assert!(off_deg(up_near(&[], told, 3.0), told) < 0.1);
+        assert!(off_deg(up_near(&slope, hint, 3.0), hint) < 1.0);
+        assert!(off_deg(up_near(&[], hint, 3.0), hint) < 0.1);
     }
 
-    /// A room of 4 × 3 m, 2.6 m high, seen by a camera in its middle that is pitched and rolled; depth waves by a tenth, normals by some 20°.
+    /// A room of 4 × 3 m, 2.6 m high, seen by a pitched and rolled camera in its centre; depth waves by a tenth,
+    /// normals by about 20°.
     fn wavy_frame(turn: Mat3) -> Frame {
         let camera = Camera::from_hfov_deg(65.0, 96, 72).unwrap();
         let planes = [

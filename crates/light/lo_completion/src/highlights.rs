@@ -1,26 +1,26 @@
-//! Radiance of clipped highlights.
+//! Restoration of the radiance of clipped highlights.
 
 use lo_geometry::Vec3;
 use lo_imaging::{Image, RadianceImage, luminance};
 use lo_scene::Frame;
 
-/// Values from here on count as clipped in one channel: 250 of 255 in linear light, before exposure.
+/// Clipping level of a channel: 250 of 255 in linear light, before exposure.
 const CLIP_LEVEL: f32 = 0.956;
 
-/// What was clipped and what it became.
+/// Statistics of restored highlights.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct HighlightReport {
-    /// Share of the photo's pixels that were clipped.
+    /// Share of the photo's pixels that are clipped.
     pub clipped_share: f32,
     /// Number of connected regions that were brightened.
     pub brightened_regions: usize,
-    /// Greatest radiance given to any of them.
+    /// Greatest radiance of a brightened region.
     pub peak_radiance: f32,
 }
 
 impl HighlightReport {
-    /// Together with that of another of `photos` photos in all.
-    pub(crate) fn and(self, other: Self, photos: usize) -> Self {
+    /// Combines the reports of `photos` photos.
+    pub(crate) fn combined_with(self, other: Self, photos: usize) -> Self {
         Self {
             clipped_share: self.clipped_share + other.clipped_share / photos as f32,
             brightened_regions: self.brightened_regions + other.brightened_regions,
@@ -29,19 +29,23 @@ impl HighlightReport {
     }
 }
 
-/// The photo's radiance with plausible values for what the sensor clipped.
+/// Returns the photo's radiance with plausible values in clipped pixels.
 ///
-/// Connected regions of clipped pixels (a channel at 250 of 255 or more) are taken for lamps and windows as far as all three
-/// channels are clipped: a white wall or a saturated red box clips in one. With `f` the share of such pixels in the region, `A`
-/// its share of the photo and `w = clamp((f − 0.4) / 0.5, 0, 1)`, the region's mean radiance is multiplied by
-/// `1 + w (G − 1)`, `G = 2.46 (A / 2·10⁻⁴)^0.19`, A limited to 10⁻⁴…2·10⁻²: 2.2 for a glint, 5.9 for a window. Within the region it grows
-/// from its edge inwards, as in the expand map of Banterle et al. 2006 and the brightness enhancement function of Rempel et al. 2007, and
-/// takes half of its hue from the pixels around it. Surfaces in `lit_only` (such as those facing up: tables, floors, paper) reflect,
-/// they do not shine: their share of a region counts as not clipped.
+/// Connected regions of clipped pixels (a channel at 250 of 255 or more) are treated as lamps and windows as far as all
+/// three channels are clipped; a white wall or a saturated red box clips in one. Let `f` be the share of such pixels in
+/// the region, `A` its share of the photo and `w = clamp((f − 0.4) / 0.5, 0, 1)`. The region's mean radiance is
+/// multiplied by `1 + w (G − 1)`, `G = 2.46 (A / 2·10⁻⁴)^0.19`, with A limited to 10⁻⁴…2·10⁻²: 2.2 for a glint, 5.9 for
+/// a window.
 ///
-/// Constants by least squares in log radiance on 322 regions, tested on the 107 of 154 crops (240 × 160, 55–75° wide, median exposed to 0.2 ± ½ EV, clipped at 1)
-/// of 11 HDR panoramas of real interiors in which at least 0.2 % is clipped: RMS error of ln(sum over clipped pixels) 0.77, bias −0.12;
-/// left as clipped 1.53, bias −1.2. Single lamps are off by a factor of three up or down: nothing in the photo tells.
+/// Within the region, radiance grows from its edge inwards, as in the expand map of Banterle et al. 2006 and the
+/// brightness enhancement function of Rempel et al. 2007. Half of the hue is taken from the surrounding pixels.
+/// Surfaces in `lit_only` (such as those facing up: tables, floors, paper) reflect light instead of emitting it: their
+/// share of a region counts as not clipped.
+///
+/// The constants are least squares in log radiance on 322 regions, tested on the 107 of 154 crops (240 × 160, 55–75°
+/// wide, median exposed to 0.2 ± ½ EV, clipped at 1) of 11 HDR panoramas of real interiors in which at least 0.2 % is
+/// clipped. RMS error of ln(sum over clipped pixels) 0.77, bias −0.12; left as clipped 1.53, bias −1.2. Single lamps
+/// are off by a factor of three up or down, which nothing in the photo reveals.
 fn recover(frame: &Frame, lit_only: impl Fn(usize, usize) -> bool) -> (RadianceImage, HighlightReport) {
     let mut radiance = frame.radiance();
     let clipped = frame.clipped();
@@ -103,9 +107,9 @@ fn recover(frame: &Frame, lit_only: impl Fn(usize, usize) -> bool) -> (RadianceI
     (radiance, report)
 }
 
-/// [`recover`], where what faces up is lit from above and does not shine: white tables and papers are clipped often enough. `normals` may be of
-/// another resolution than the photo.
-pub(crate) fn recover_shining(
+/// Applies [`recover`], treating upward-facing surfaces as reflecting: white tables and papers are often clipped.
+/// `normals` may have a different resolution than the photo.
+pub(crate) fn restore_highlights(
     frame: &Frame,
     normals: &Image<Option<Vec3>>,
     up: Vec3,
@@ -117,13 +121,15 @@ pub(crate) fn recover_shining(
     })
 }
 
-/// Factor for the mean radiance of a region of which `full` is clipped in all channels and which covers `area` of the photo.
+/// Returns the factor on the mean radiance of a region, where `full` is its share that is clipped in all channels and
+/// `area` its share of the photo.
 fn gain(full: f32, area: f32) -> f32 {
     let weight = ((full - 0.4) / 0.5).clamp(0.0, 1.0);
     1.0 + weight * (2.46 * (area.clamp(1e-4, 2e-2) / 2e-4).powf(0.19) - 1.0)
 }
 
-/// City-block distance of each clipped pixel from the nearest one that is not, at most 255; the image border is no edge.
+/// Returns the city-block distance of each clipped pixel from the nearest unclipped one, at most 255; the image border
+/// is not an edge.
 fn distance_inwards(clipped: &Image<bool>) -> Image<u8> {
     let (width, height) = (clipped.width(), clipped.height());
     let mut distance = clipped.map(|&c| if c { u8::MAX } else { 0 });
@@ -181,20 +187,20 @@ mod tests {
         assert_eq!(bright[(50, 50)], photo[(50, 50)]);
         assert!(luminance(bright[(25, 25)]) > luminance(bright[(10, 25)]));
         assert_eq!(report.brightened_regions, 2);
-        // The same window as a sheet of paper on a table
+        // A sheet of paper on a table with the same pixels as the window.
         let (paper, _) = recover(&frame(photo.clone()), |_, y| y < 50);
         assert_eq!(paper[(25, 25)], [1.0; 3]);
     }
 
     #[test]
-    fn everything_or_nothing_clipped_is_no_harm() {
+    fn fully_and_never_clipped_photos_are_handled() {
         let (white, _) = recover(&frame(Image::new(300, 2, vec![[1.0; 3]; 600])), |_, _| false);
         assert!(white.pixels().iter().flatten().all(|c| c.is_finite() && *c >= 1.0));
         let dark = Image::new(1, 1, vec![[0.0; 3]]);
         assert_eq!(recover(&frame(dark.clone()), |_, _| false).0, dark);
     }
 
-    /// Crops of real HDR panoramas, clipped: the recovered sum must be nearer to the truth than the clipped one.
+    /// Crops of real HDR panoramas, clipped: the restored sum must be nearer to the true one than the clipped sum.
     #[test]
     fn recovered_sums_are_nearer_to_the_truth_than_clipped_ones() {
         let Some(folder) = beside("hdr", "highlights of five real panoramas") else { return };
@@ -204,7 +210,7 @@ mod tests {
         assert!(crops > 20 && error < 0.7 * clipped_error);
     }
 
-    /// How many crops have highlights, and the RMS of the logarithm of their sums over the true ones, recovered and clipped.
+    /// Returns the number of crops with highlights, and the RMS log errors of their restored and clipped sums.
     fn errors_of_sums(files: &[PathBuf]) -> (u32, f64, f64) {
         let (mut error, mut clipped_error, mut crops) = (0.0f64, 0.0f64, 0);
         for file in files {

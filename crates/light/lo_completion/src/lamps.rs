@@ -1,4 +1,4 @@
-//! Light from lamps outside of the view, by energy balance.
+//! Light from lamps outside the view, by energy balance.
 
 use lo_events::Warning;
 use lo_geometry::{Vec3, cosine_hemisphere, orthonormal_basis};
@@ -7,71 +7,77 @@ use lo_scene::Surfel;
 
 use crate::extrapolate::Faces;
 use crate::layout::{RoomBox, area};
-use crate::visibility::Views;
+use crate::visibility::CameraViews;
 
-/// Mean albedo of what is in a furnished room.
+/// Mean albedo of the contents of a furnished room.
 const MEAN_ALBEDO: f32 = 0.5;
 
-/// Albedo of the brightest diffuse things of a photo: paper, white paint.
+/// Albedo of the brightest diffuse objects of a photo: paper, white paint.
 const WHITE_ALBEDO: f32 = 0.85;
 
-/// Points at which the balance is drawn.
+/// Number of points at which the balance is evaluated.
 const RECEIVERS: usize = 96;
 
-/// Objects stand at this share of the way from the camera to what is seen.
+/// Assumed position of objects, as a share of the way from the camera to the observed surface.
 pub(crate) const OBJECT_SHARE: f32 = 0.6;
 
-/// What lies there face up is lit at most by so many times what the seen surfaces ask for: below a lamp in the ceiling it gets more than walls.
+/// Greatest irradiance of an upward-facing object there, as a multiple of the irradiance implied by the observed
+/// surfaces. Below a ceiling lamp it gets more light than walls.
 pub(crate) const MAX_LIGHT: f32 = 2.0;
 
 /// Rays per point.
 const RAYS: usize = 256;
 
-/// The patch of light covers the middle of the ceiling by this share along both sides.
+/// Size of the light patch in the middle of the ceiling, as a share of both sides.
 const PATCH_SHARE: f32 = 0.6;
 
-/// The energy balance, all irradiances in units of radiance × sr.
+/// Energy balance; all irradiances in units of radiance × sr.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LampReport {
-    /// Irradiance that the brightness of the seen surfaces asks for.
-    pub wanted_irradiance: f32,
-    /// Irradiance that they had without the lamp.
+    /// Irradiance implied by the brightness of the observed surfaces.
+    pub implied_irradiance: f32,
+    /// Irradiance of these surfaces without the lamp.
     pub other_irradiance: f32,
-    /// Radiance in the middle of the lamp patch; 0 where none was needed.
+    /// Radiance in the middle of the lamp patch; 0 if no lamp is needed.
     pub lamp_radiance: f32,
 }
 
 impl LampReport {
-    /// What a user should know about it.
+    /// Returns the warning about an assumed lamp.
     pub fn warning(&self) -> Option<Warning> {
         (self.lamp_radiance > 0.0).then_some(Warning::AssumedLamp { radiance: self.lamp_radiance })
     }
 }
 
-/// Adds a soft, neutral patch of light to the unseen part of the ceiling so that seen surfaces are lit as brightly as they look.
+/// Adds a soft, neutral patch of light to the unobserved part of the ceiling, so that observed surfaces receive as much
+/// light as their brightness implies.
 ///
-/// A diffuse surface of albedo ρ and radiance L receives E = π L / ρ. The albedo is unknown, so E is the geometric mean of two estimates:
-/// the mean radiance of everything seen with a mean albedo of 0.5, and the 95th percentile of radiance (white things, below the clipping level)
-/// with albedo 0.85. What the shell (with seen and recovered lamps and windows in it) lacks of E comes from the patch, the middle
-/// 60 % × 60 % of the ceiling, as long as what lies face up in the middle of the view does not get more than [`MAX_LIGHT`] E: walls
-/// see little of a ceiling and would ask for lamps that are far too bright below them. Lower limits give half of the light in a room with one
-/// lamp in its ceiling (`tests/it/shell.rs`, `docs/design/029-shell-lamp.md`). As a check from outside: on 154 crops of 11 HDR panoramas of real
-/// interiors the mean radiance of the whole sphere is 2.4 × that of the clipped crop (quartiles 1.7 and 3.8), and this estimate says 2.4 × where
-/// white is 2.5 × the mean. Rays see the photo where the camera sees the same place, the extrapolated faces elsewhere.
-pub(crate) fn add(faces: &mut Faces, room: &RoomBox, surfels: &[Surfel], views: &Views) -> LampReport {
-    let Some(wanted_irradiance) = wanted(surfels) else { return LampReport::default() };
+/// A diffuse surface of albedo ρ and radiance L receives E = π L / ρ. The albedo is unknown, so E is the geometric mean
+/// of two estimates: the mean observed radiance with a mean albedo of 0.5, and the 95th percentile of radiance (white
+/// objects, below the clipping level) with albedo 0.85.
+///
+/// The patch, the middle 60 % × 60 % of the ceiling, supplies the part of E that the shell (with observed and restored
+/// lamps and windows) does not. An upward-facing surface in the middle of the view must not get more than [`MAX_LIGHT`]
+/// E: walls see little of a ceiling and would imply lamps that are far too bright below them. Lower limits give half of
+/// the light in a room with one ceiling lamp (`tests/it/shell.rs`, `docs/design/029-shell-lamp.md`).
+///
+/// External check: on 154 crops of 11 HDR panoramas of real interiors the mean radiance of the whole sphere is 2.4 ×
+/// that of the clipped crop (quartiles 1.7 and 3.8). This estimate gives 2.4 × where white is 2.5 × the mean. Rays read
+/// the photo where the camera sees the same point, and the extrapolated faces elsewhere.
+pub(crate) fn add(faces: &mut Faces, room: &RoomBox, surfels: &[Surfel], views: &CameraViews) -> LampReport {
+    let Some(implied_irradiance) = implied_irradiance(surfels) else { return LampReport::default() };
     let stride = surfels.len().div_ceil(RECEIVERS).max(1);
-    let receivers = || surfels.iter().skip(stride / 2).step_by(stride);
-    let balance = |places: &mut dyn Iterator<Item = Surfel>| balance(places, faces, room, views);
-    let (Some(seen), Some(standing)) =
-        (balance(&mut receivers().copied()), balance(&mut receivers().map(|seen| standing(seen, room.inward(2)))))
+    let chosen = || surfels.iter().skip(stride / 2).step_by(stride);
+    let balance = |receivers: &mut dyn Iterator<Item = Surfel>| balance(receivers, faces, room, views);
+    let (Some(seen), Some(objects)) =
+        (balance(&mut chosen().copied()), balance(&mut chosen().map(|seen| object_surfel(seen, room.inward(2)))))
     else {
         return LampReport::default();
     };
-    // Where hardly anything of the patch is in sight of the receivers its radiance would be a wild guess.
-    let asked = (wanted_irradiance - seen.other) / seen.patch.max(0.03);
-    let bearable = (MAX_LIGHT * wanted_irradiance - standing.other) / standing.patch.max(0.03);
-    let lamp_radiance = asked.min(bearable).clamp(0.0, 50.0 * wanted_irradiance);
+    // Where the receivers see hardly any of the patch, its radiance would be unreliable.
+    let asked = (implied_irradiance - seen.other) / seen.patch.max(0.03);
+    let bearable = (MAX_LIGHT * implied_irradiance - objects.other) / objects.patch.max(0.03);
+    let lamp_radiance = asked.min(bearable).clamp(0.0, 50.0 * implied_irradiance);
     if lamp_radiance > 0.0 {
         faces.grids[3].brighten(|at| {
             let local = Faces::local(room, 3, at);
@@ -79,28 +85,28 @@ pub(crate) fn add(faces: &mut Faces, room: &RoomBox, surfels: &[Surfel], views: 
             [if open { lamp_radiance * patch_weight(room, local) } else { 0.0 }; 3]
         });
     }
-    LampReport { wanted_irradiance, other_irradiance: seen.other, lamp_radiance }
+    LampReport { implied_irradiance, other_irradiance: seen.other, lamp_radiance }
 }
 
-/// Mean irradiance of places.
+/// Mean irradiance of points.
 struct Irradiance {
-    /// By the room without the patch.
+    /// From the room without the patch.
     other: f32,
-    /// By a patch of radiance 1.
+    /// From a patch of radiance 1.
     patch: f32,
 }
 
 fn balance(
-    places: &mut dyn Iterator<Item = Surfel>,
+    receivers: &mut dyn Iterator<Item = Surfel>,
     faces: &Faces,
     room: &RoomBox,
-    views: &Views,
+    views: &CameraViews,
 ) -> Option<Irradiance> {
     let directions = cosine_hemisphere(RAYS);
     let (mut other_sum, mut patch_sum, mut weights) = (0.0f32, 0.0f32, 0.0f32);
-    for place in places {
-        let basis = orthonormal_basis(place.normal);
-        let origin = room.local(place.position_m + 0.02 * place.normal).clamp(room.low, room.high);
+    for receiver in receivers {
+        let basis = orthonormal_basis(receiver.normal);
+        let origin = room.local(receiver.position_m + 0.02 * receiver.normal).clamp(room.low, room.high);
         let (mut light, mut patch) = (0.0, 0.0);
         for direction in &directions {
             let (face, hit) = room.exit(origin, room.local(basis * *direction));
@@ -111,7 +117,7 @@ fn balance(
                 patch += patch_weight(room, hit);
             }
         }
-        let weight = area(&place);
+        let weight = area(&receiver);
         let scale = std::f32::consts::PI / RAYS as f32 * weight;
         other_sum += light * scale;
         patch_sum += patch * scale;
@@ -120,21 +126,21 @@ fn balance(
     (weights > 0.0).then(|| Irradiance { other: other_sum / weights, patch: patch_sum / weights })
 }
 
-/// What would stand face up on the way from a camera to what it sees.
-pub(crate) fn standing(seen: &Surfel, up: Vec3) -> Surfel {
+/// Returns an upward-facing surfel on the way from a camera to an observed surfel.
+pub(crate) fn object_surfel(seen: &Surfel, up: Vec3) -> Surfel {
     let position_m = seen.eye_m + OBJECT_SHARE * (seen.position_m - seen.eye_m);
     Surfel { position_m, normal: up, depth_m: OBJECT_SHARE * seen.depth_m, ..*seen }
 }
 
-/// Irradiance that the brightness of the seen surfaces asks for.
-pub(crate) fn wanted(surfels: &[Surfel]) -> Option<f32> {
+/// Returns the irradiance implied by the brightness of the observed surfaces.
+pub(crate) fn implied_irradiance(surfels: &[Surfel]) -> Option<f32> {
     let mut values: Vec<f32> = surfels.iter().map(|s| luminance(s.radiance)).collect();
     if values.is_empty() {
         return None;
     }
     let rank = (values.len() * 95 / 100).min(values.len() - 1);
     let white = *values.select_nth_unstable_by(rank, f32::total_cmp).1;
-    // Lamps and windows are brighter than anything they light.
+    // Lamps and windows are brighter than the surfaces that they light.
     let limit = 2.0 * white;
     let (mut sum, mut total) = (0.0, 0.0);
     for surfel in surfels {
@@ -148,7 +154,7 @@ pub(crate) fn wanted(surfels: &[Surfel]) -> Option<f32> {
     Some(std::f32::consts::PI * ((mean / MEAN_ALBEDO) * (white / WHITE_ALBEDO)).sqrt())
 }
 
-/// 1 in the middle of the patch, falling to 0 at its edges.
+/// Returns 1 in the middle of the patch, falling to 0 at its edges.
 fn patch_weight(room: &RoomBox, local: Vec3) -> f32 {
     let centre = 0.5 * (room.low + room.high);
     let half = 0.5 * PATCH_SHARE * (room.high - room.low);

@@ -1,31 +1,31 @@
-//! The box that closes the room: floor, ceiling and four walls along the room's own axes.
+//! The box that closes the room: floor, ceiling and four walls along the room's axes.
 
 use lo_geometry::{Mat3, Plane, RigidTransform, Vec3};
 use lo_scene::{Room, RoomPlane, Side, Surfel};
 
-/// Facets within this cosine of a side's normal may belong to it (24°).
+/// Least cosine between a facet's normal and that of its side (24°).
 const SAME_NORMAL: f32 = 0.91;
 
-/// Share of the readings that may lie outside of a side: stray readings, views through a window or a door.
+/// Share of the readings that may be outside a side: outliers, views through a window or a door.
 const OUTSIDE_SHARE: f32 = 0.005;
 
-/// A plane must carry this share of all readings to count as measured.
+/// Share of all readings that a plane needs to count as measured.
 const MIN_SUPPORT: f32 = 0.01;
 
-/// Bin of the offset histograms, in metres.
+/// Bin width of the offset histograms, in metres.
 const BIN_M: f32 = 0.02;
 
-/// A plane less than this below the camera is a table rather than the floor, in metres.
+/// Height in metres below the camera above which a plane is a table rather than the floor.
 const MIN_CAMERA_HEIGHT_M: f32 = 0.6;
 
-/// What is assumed where nothing is seen.
+/// Assumptions where nothing is observed.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Assumed {
+pub(crate) struct AssumedHeights {
     pub camera_height_m: f32,
     pub ceiling_height_m: f32,
 }
 
-/// A box turned to the room's axes.
+/// A box aligned with the room's axes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RoomBox {
     /// Columns: the room's axes in the world; the second one is up.
@@ -34,41 +34,42 @@ pub(crate) struct RoomBox {
     pub low: Vec3,
     /// Highest corner along the axes, in metres.
     pub high: Vec3,
-    /// Which of the six faces (−x, +x, floor, ceiling, −z, +z) were fitted to readings.
+    /// Whether each of the six faces (−x, +x, floor, ceiling, −z, +z) was fitted to readings.
     pub measured: [bool; 6],
 }
 
 impl RoomBox {
-    /// World point from coordinates along the axes.
+    /// Converts coordinates along the axes to a world point.
     pub fn world(&self, local: Vec3) -> Vec3 {
         self.axes * local
     }
 
-    /// Coordinates along the axes of a world point.
+    /// Converts a world point to coordinates along the axes.
     pub fn local(&self, world: Vec3) -> Vec3 {
         self.axes.transpose() * world
     }
 
-    /// Unit normal of a face into the room, world frame.
+    /// Returns the unit normal of a face into the room, in the world frame.
     pub fn inward(&self, face: usize) -> Vec3 {
         let axis = self.axes.col(face / 2);
         if face.is_multiple_of(2) { axis } else { -axis }
     }
 
-    /// Plane of a face, its normal into the room.
+    /// Returns the plane of a face, with its normal into the room.
     pub fn plane(&self, face: usize) -> Plane {
         let corner = if face.is_multiple_of(2) { self.low } else { self.high };
         Plane::through(self.world(corner), self.inward(face))
     }
 
-    /// Normal of the first face that a point lies on.
+    /// Returns the normal of the first face that contains a point.
     pub fn normal_at(&self, point: Vec3) -> Option<Vec3> {
         const ON_FACE_M: f32 = 0.01;
         let mut planes = (0..6).map(|face| self.plane(face));
         planes.find(|plane| plane.signed_distance_m(point).abs() < ON_FACE_M).map(|plane| plane.normal)
     }
 
-    /// Where a ray from a point inside leaves the box: the face and the local point. Both arguments along the axes.
+    /// Returns the face and local point at which a ray from a point inside leaves the box. Both arguments are along the
+    /// axes.
     pub fn exit(&self, origin: Vec3, direction: Vec3) -> (usize, Vec3) {
         let mut best = (f32::INFINITY, 0);
         for axis in 0..3 {
@@ -86,7 +87,7 @@ impl RoomBox {
         (best.1, point.clamp(self.low, self.high))
     }
 
-    /// The same box in the axes of a camera that stands in it; to the bit where they are the world's.
+    /// Returns the box in the axes of a camera inside it; bit-identical where these are the world's axes.
     pub fn seen_from(&self, world_from_camera: &RigidTransform) -> Self {
         if *world_from_camera == RigidTransform::IDENTITY {
             return *self;
@@ -96,8 +97,8 @@ impl RoomBox {
         Self { axes, low: self.low - shift, high: self.high - shift, measured: self.measured }
     }
 
-    /// The box with the cameras in it that saw these surfels: rays begin at them.
-    pub fn around_eyes(mut self, surfels: &[Surfel]) -> Self {
+    /// Extends the box to contain the cameras that observed these surfels, since rays begin at them.
+    pub fn including_cameras(mut self, surfels: &[Surfel]) -> Self {
         const BESIDE_M: f32 = 0.05;
         let mut last = Vec3::ZERO;
         for surfel in surfels {
@@ -111,7 +112,7 @@ impl RoomBox {
         self
     }
 
-    /// What the scene file keeps of it.
+    /// Returns the room as stored in the scene file.
     pub fn room(&self) -> Room {
         let sides = [Side::Wall, Side::Wall, Side::Floor, Side::Ceiling, Side::Wall, Side::Wall];
         let planes =
@@ -120,17 +121,19 @@ impl RoomBox {
     }
 }
 
-/// Fits the box to the seen surfels.
+/// Fits the box to the observed surfels.
 ///
-/// *Azimuth*: the direction that most wall area agrees on modulo 90°; the camera's own where there are no walls.
-/// *Measured side*: the outermost peak of the offsets of surfels facing it, if at most 0.5 % of all readings lie more than
-/// 10 cm behind; otherwise the side is assumed where only 0.5 % lie outside.
-/// *Floor* without a measured plane: `camera_height_m` below the camera. *Ceiling*: `ceiling_height_m` above the floor, above the
-/// camera by 0.3 m and above everything seen. *Walls* that the view does not reach stand away from the camera by half the distance of
-/// the opposite wall, at least 1.2 m and at most 3 m: people photograph towards the longer side of a room.
-pub(crate) fn fit(surfels: &[Surfel], up: Vec3, assumed: Assumed) -> RoomBox {
+/// - *Azimuth*: the direction that most wall area agrees on modulo 90°; the camera's own without walls.
+/// - *Measured side*: the outermost peak of the offsets of surfels facing it, if at most 0.5 % of all readings are more
+///   than 10 cm behind. Otherwise the side is assumed where only 0.5 % are outside.
+/// - *Floor* without a measured plane: `camera_height_m` below the camera.
+/// - *Ceiling* without a measured plane: `ceiling_height_m` above the floor, at least 0.3 m above the camera and above
+///   all observed points.
+/// - *Walls* outside the view: at half the distance of the opposite wall, at least 1.2 m and at most 3 m, since photos
+///   are usually taken towards the longer side of a room.
+pub(crate) fn fit(surfels: &[Surfel], up: Vec3, assumed: AssumedHeights) -> RoomBox {
     let axes = axes_from(surfels, up);
-    let sides: Vec<Option<Outermost>> = (0..6).map(|face| outermost(surfels, &axes, face)).collect();
+    let sides: Vec<Option<SideExtent>> = (0..6).map(|face| outermost(surfels, &axes, face)).collect();
     let reach = |face: usize| sides[face].map_or(0.0, |s| s.offset_m);
     let measured = |face: usize| sides[face].is_some_and(|s| s.measured);
     let mut offsets = [0.0f32; 6];
@@ -159,9 +162,9 @@ pub(crate) fn fit(surfels: &[Surfel], up: Vec3, assumed: Assumed) -> RoomBox {
     }
 }
 
-/// The room's axes: `up` and the two horizontal directions that walls face.
+/// Returns the room's axes: `up` and the two horizontal directions that walls face.
 fn axes_from(surfels: &[Surfel], up: Vec3) -> Mat3 {
-    // Camera forward, or camera up where it looks straight down, laid flat.
+    // Camera forward, or camera up where it looks straight down, projected to the horizontal.
     let flat = |v: Vec3| (v - up * v.dot(up)).try_normalize();
     let forward = flat(Vec3::NEG_Z).or_else(|| flat(Vec3::Y)).unwrap_or(Vec3::X);
     let right = forward.cross(up);
@@ -193,7 +196,7 @@ fn axes_from(surfels: &[Surfel], up: Vec3) -> Mat3 {
             }
         }
     }
-    // Of the four equivalent turns, the one nearest to the camera's own heading.
+    // Of the four equivalent rotations, the one nearest to the camera's heading.
     if angle > 0.5 * quarter {
         angle -= quarter;
     }
@@ -201,16 +204,16 @@ fn axes_from(surfels: &[Surfel], up: Vec3) -> Mat3 {
     Mat3::from_cols(ahead.cross(up), up, -ahead)
 }
 
-/// How far the readings reach towards a side.
+/// Extent of the readings towards a side.
 #[derive(Clone, Copy, Debug)]
-struct Outermost {
+struct SideExtent {
     /// Distance from the camera along the outward normal, in metres.
     offset_m: f32,
-    /// Whether a plane lies there.
+    /// Whether a plane was found there.
     measured: bool,
 }
 
-fn outermost(surfels: &[Surfel], axes: &Mat3, face: usize) -> Option<Outermost> {
+fn outermost(surfels: &[Surfel], axes: &Mat3, face: usize) -> Option<SideExtent> {
     let outward = if face.is_multiple_of(2) { -axes.col(face / 2) } else { axes.col(face / 2) };
     let mut reaches: Vec<f32> = surfels.iter().map(|s| s.position_m.dot(outward)).collect();
     if reaches.is_empty() {
@@ -226,12 +229,12 @@ fn outermost(surfels: &[Surfel], axes: &Mat3, face: usize) -> Option<Outermost> 
         .collect();
     let needed = (surfels.len() as f32 * MIN_SUPPORT).max(8.0);
     Some(match peak(&facing, limit) {
-        Some((offset_m, support)) if support >= needed => Outermost { offset_m, measured: true },
-        _ => Outermost { offset_m: limit.max(0.0), measured: false },
+        Some((offset_m, support)) if support >= needed => SideExtent { offset_m, measured: true },
+        _ => SideExtent { offset_m: limit.max(0.0), measured: false },
     })
 }
 
-/// Offset and support of the outermost strong peak among `offsets`, at least within 10 cm of `limit`.
+/// Returns offset and support of the outermost strong peak among `offsets`, within 10 cm of `limit`.
 fn peak(offsets: &[f32], limit: f32) -> Option<(f32, f32)> {
     let low = limit - 0.35;
     let bins = 32;
@@ -244,7 +247,7 @@ fn peak(offsets: &[f32], limit: f32) -> Option<(f32, f32)> {
     }
     let smooth = |bin: usize| (bin.saturating_sub(2)..(bin + 3).min(bins)).map(|b| counts[b]).sum::<f32>();
     let best = (0..bins).map(smooth).fold(0.0, f32::max);
-    // The outermost bin that is at least half as strong as the strongest: a wall behind its skirting board and pictures.
+    // The outermost bin at least half as strong as the strongest: a wall behind its skirting board and pictures.
     let bin = (0..bins).rev().find(|&bin| best > 0.0 && smooth(bin) >= 0.5 * best)?;
     let bin = (bin.saturating_sub(3)..=bin).fold(bin, |a, b| if smooth(b) > smooth(a) { b } else { a });
     let mut centre = low + (bin as f32 + 0.5) * BIN_M;
@@ -262,16 +265,16 @@ fn peak(offsets: &[f32], limit: f32) -> Option<(f32, f32)> {
             centre = sum / total;
         }
     }
-    // A peak far inside of the limit is furniture in front of something else.
+    // A peak far inside the limit is furniture in front of something else.
     (limit - centre < 0.10).then_some((centre, support))
 }
 
-/// Area in square metres, up to a constant, that a surfel stands for: its pixel's footprint on the surface.
+/// Returns the area in square metres, up to a constant, that a surfel represents: its pixel's footprint on the surface.
 pub(crate) fn area(surfel: &Surfel) -> f32 {
     area_of(surfel.position_m - surfel.eye_m, surfel.depth_m, surfel.normal)
 }
 
-/// [`area`] of what a camera sees at `ray_m` from it, at this depth and with this normal.
+/// Returns the [`area`] of a surface at `ray_m` from the camera, with this depth and normal.
 pub(crate) fn area_of(ray_m: Vec3, depth_m: f32, normal: Vec3) -> f32 {
     let distance = ray_m.length().max(1e-3);
     let cosine = (-normal.dot(ray_m) / distance).max(0.1);

@@ -1,5 +1,8 @@
-//! Completion without a network (`shell`, `docs/method.md` §11): the room closed by planes, unseen surfaces extrapolated, clipped highlights
-//! and lamps outside of the view given plausible light. The lamps also for rooms that networks complete, and panoramas of the room for both.
+//! Completion of a room without a network (`shell`, `docs/method.md` §11).
+//!
+//! The room is closed by planes, radiance is extrapolated over unobserved surfaces, and clipped highlights and lamps
+//! outside the view get plausible light. Lamp fitting also serves rooms that networks complete, and panoramas of the
+//! room serve both.
 
 mod expected;
 mod extrapolate;
@@ -16,14 +19,15 @@ mod panorama;
 mod shell;
 mod visibility;
 
-pub use expected::{GatheredLamp, LaidExpectation, LayExpected, lay_expected};
-pub use fit::{LampFit, LampGuess, SeenShading, fit_lamps, preview_lamps};
+pub use expected::{ExpectedLightOptions, ExpectedLightReport, GatheredLamp, apply_expected_light};
+pub use fit::{InitialLamps, LampFit, ObservedShading, fit_lamps, preview_lamps};
 pub use gravity::{up_from_predicted_depth, up_near};
 pub use highlights::HighlightReport;
 pub use irradiance::irradiance_at;
 pub use lamps::LampReport;
 pub use light_from_above::light_from_above;
 pub use panorama::{
-    LaidLight, LayError, MIN_CONFIDENCE, PanoramaError, PanoramaMatch, PanoramaPrior, lay_panorama, match_panorama,
+    ApplyPanoramaError, MIN_CONFIDENCE, PanoramaError, PanoramaMatch, PanoramaPrior, PanoramaReport, apply_panorama,
+    match_panorama,
 };
 pub use shell::{Enclosure, Shell, ShellOptions, ShellReport, filled_warning, shell, shell_of_photos};

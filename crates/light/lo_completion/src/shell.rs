@@ -1,11 +1,11 @@
-//! The whole room from one frame, or from several.
+//! Completion of the whole room from one frame or several.
 
 use std::collections::HashSet;
 
 use lo_events::Warning;
 use lo_geometry::{Cube, RigidTransform, Vec2, Vec3};
 use lo_imaging::{DepthMap, RadianceImage};
-use lo_octree::{Coverage, RadiancePoint};
+use lo_octree::{Provenance, RadiancePoint};
 use lo_scene::{Frame, Room, SeenPhoto, Side, Surfel};
 
 use crate::extrapolate::{Faces, extrapolate};
@@ -13,27 +13,28 @@ use crate::fill::fill_holes;
 use crate::gravity::{Facet, up_from_facets};
 use crate::highlights::{self, HighlightReport};
 use crate::lamps::{self, LampReport};
-use crate::layout::{Assumed, RoomBox, fit};
-use crate::visibility::{Closing, Views, Visibility};
+use crate::layout::{AssumedHeights, RoomBox, fit};
+use crate::visibility::{CameraView, CameraViews, FaceClosure};
 
-/// Layers of leaves behind each face.
+/// Number of leaf layers behind each face.
 ///
-/// Where the camera sees a face, the seen surfels are its only layer, and they follow the sensor's noise: rays from elsewhere would slip through
-/// cracks. And wide cones read coarser nodes, whose opacity is that of their average column: a face that only cuts a
-/// corner of such a node hardly closes it. Of the 32,768 rays of a 256 × 128 panorama, at worst among six
-/// places in the two photos of the test data, 20 keep more than 1.5 % with one layer, 16 with two, none with three.
+/// Where the camera sees a face, the observed surfels are its only layer and follow the sensor's noise: rays from
+/// elsewhere would pass through cracks. In addition, wide cones read coarser nodes, whose opacity is that of their
+/// average column; a face that only cuts a corner of such a node hardly closes it. Of the 32,768 rays of a 256 × 128
+/// panorama, at worst among six positions in the two photos of the test data, 20 transmit more than 1.5 % with one
+/// layer, 16 with two, none with three.
 const BACKING_LAYERS: u32 = 3;
 
-/// What the shell may assume.
+/// Assumptions of the completion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShellOptions {
-    /// Direction against gravity in the world frame, where it is known; otherwise it is estimated.
+    /// Direction against gravity in the world frame, if known; otherwise it is estimated.
     pub up: Option<Vec3>,
-    /// Height of the camera above a floor that is not seen, in metres.
+    /// Height in metres of the camera above an unobserved floor.
     pub camera_height_m: f32,
-    /// Height of a ceiling that is not seen above the floor, in metres.
+    /// Height in metres of an unobserved ceiling above the floor.
     pub ceiling_height_m: f32,
-    /// Depth of the octree that the points are for: closing points are one per leaf.
+    /// Depth of the octree that is built from the points; it has one closing point per leaf.
     pub octree_depth: u32,
 }
 
@@ -46,18 +47,18 @@ impl Default for ShellOptions {
 /// A closed room.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shell {
-    /// Seen surfels first, then those behind holes of the depth map, then the closing faces.
+    /// Observed surfels first, then those behind holes of the depth map, then the closing faces.
     pub surfels: Vec<Surfel>,
     /// Gravity and the six planes.
     pub room: Room,
     /// A cube that contains the room.
     pub cube: Cube,
-    /// What was done.
+    /// Counts and balances.
     pub report: ShellReport,
 }
 
 impl Shell {
-    /// What the lighting octree is built from.
+    /// Returns the points from which the lighting octree is built.
     pub fn points(&self) -> Vec<RadiancePoint> {
         self.surfels.iter().copied().map(RadiancePoint::from).collect()
     }
@@ -68,41 +69,41 @@ impl Shell {
 pub struct ShellReport {
     /// Surfels with a reading.
     pub seen: usize,
-    /// Surfels of pixels without a reading: their colour is the photo's, their depth inferred.
+    /// Surfels of pixels without a reading: radiance from the photo, inferred depth.
     pub filled: usize,
     /// Surfels on the closing faces.
     pub closing: usize,
     /// Clipped highlights.
     pub highlights: HighlightReport,
-    /// Light from outside of the view.
+    /// Light from outside the view.
     pub lamps: LampReport,
 }
 
 /// Closes the room around a frame at working resolution (see [`Frame::working`]).
 ///
 /// 1. Clipped highlights get a value (a documented rule, calibrated on HDR panoramas).
-/// 2. Gravity, axes and six planes from the normals; the planes enclose everything seen but 0.5 % of it.
+/// 2. Gravity, axes and six planes are estimated from the normals; the planes enclose all observed points but 0.5 %.
 /// 3. Pixels without a reading get a depth from the planes or their surroundings and keep the photo's colour.
-/// 4. The six faces get the radiance of what is seen of them, extrapolated; a patch of light on the unseen part of the ceiling
-///    supplies what the seen surfaces' brightness asks for beyond that.
-/// 5. Each leaf that a face crosses gets a surfel, unless a seen surface is there already or the camera sees through that place: from
-///    the camera, the photo stays as it is. Surfaces are shells: what lies hidden behind a seen object (the back of a sofa, the inside of a desk) stays
-///    empty, and the wall behind it is closed.
+/// 4. The six faces get their observed radiance, extrapolated. A patch of light on the unobserved part of the ceiling
+///   supplies the light that is missing to explain the observed brightness.
+/// 5. Each leaf that a face crosses gets a surfel, unless an observed surface is already there or the camera sees
+///   through the point: from the camera, the photo is unchanged. Surfaces are shells: the hidden volume behind an
+///   observed object (the back of a sofa, the inside of a desk) stays empty, and the wall behind it is closed.
 ///
 /// Any frame gives a room: without readings it is a box of default size with the photo on its walls. Deterministic.
 pub fn shell(frame: &Frame, options: &ShellOptions) -> Shell {
     shell_of_photos(&[SeenPhoto::new(frame, RigidTransform::IDENTITY)], options)
 }
 
-/// [`shell`] around several photos of one room, in the axes of the first one's camera.
+/// Completes a room as [`shell`] does, from several photos of it, in the axes of the first one's camera.
 ///
-/// Each photo's highlights and holes are its own; gravity, planes, faces and the lamp come from all of them. A surfel closes the room where no
-/// camera sees through its place.
+/// Highlights and holes are processed per photo; gravity, planes, faces and the lamp use all photos. A closing surfel
+/// is placed only where no camera sees through its position.
 ///
 /// # Panics
 /// Without photos.
 pub fn shell_of_photos(photos: &[SeenPhoto], options: &ShellOptions) -> Shell {
-    let first = &photos.first().expect("a shell is of a photo at least").clean;
+    let first = &photos.first().expect("a shell needs at least one photo").clean;
     let camera = first.depth_camera();
     let pixel_area = (1.0 / (camera.fx * camera.fy)) as f32;
     let seen: Vec<Surfel> = photos.iter().flat_map(SeenPhoto::surfels).collect();
@@ -115,32 +116,32 @@ pub fn shell_of_photos(photos: &[SeenPhoto], options: &ShellOptions) -> Shell {
         let (surfels, view, report) = full_view(photo, &room, tolerance_m);
         all.extend(surfels);
         views.push(view);
-        highlights = highlights.and(report, photos.len());
+        highlights = highlights.combined_with(report, photos.len());
     }
-    let views = Views(views);
+    let views = CameraViews(views);
     let mut faces = extrapolate(&all, &room, pixel_area);
     let lamps = lamps::add(&mut faces, &room, &all, &views);
 
     for surfel in &mut all {
         surfel.position_m = cube.pulled_inside(surfel.position_m);
     }
-    let filled = all.iter().filter(|s| s.coverage == Coverage::Inferred).count();
+    let filled = all.iter().filter(|s| s.provenance == Provenance::Inferred).count();
     let seen = all.len() - filled;
     let mut surfels = all;
-    // A stable sort keeps the pixel order within both kinds.
-    surfels.sort_by_key(|s| s.coverage == Coverage::Inferred);
+    // A stable sort keeps the pixel order within both groups.
+    surfels.sort_by_key(|s| s.provenance == Provenance::Inferred);
     let closing = closing_surfels(&room, &cube, options.octree_depth, &faces, &views, &surfels);
     let report = ShellReport { seen, filled, closing: closing.len(), highlights, lamps };
     surfels.extend(closing);
     Shell { surfels, room: room.room(), cube, report }
 }
 
-/// What a photo shows with a depth everywhere: surfels in the room's frame, and what its camera sees where.
-fn full_view(photo: &SeenPhoto, room: &RoomBox, tolerance_m: f32) -> (Vec<Surfel>, Visibility, HighlightReport) {
+/// Returns the surfels of a photo with depth everywhere, in the room's frame, and the visibility from its camera.
+fn full_view(photo: &SeenPhoto, room: &RoomBox, tolerance_m: f32) -> (Vec<Surfel>, CameraView, HighlightReport) {
     let SeenPhoto { clean, normals, first_from_camera, .. } = photo;
     let camera = clean.depth_camera();
     let own_room = room.seen_from(first_from_camera);
-    let (radiance, highlights) = highlights::recover_shining(clean, normals, own_room.axes.col(1));
+    let (radiance, highlights) = highlights::restore_highlights(clean, normals, own_room.axes.col(1));
     let radiance = at_depth_resolution(radiance, &clean.depth_m);
     let full = Frame { depth_m: fill_holes(&clean.depth_m, &camera, &own_room), ..clean.clone() };
     let mut surfels = full.surfels_with_normals(normals, &radiance);
@@ -149,32 +150,32 @@ fn full_view(photo: &SeenPhoto, room: &RoomBox, tolerance_m: f32) -> (Vec<Surfel
         surfels.iter_mut().for_each(|surfel| *surfel = surfel.moved(first_from_camera));
     }
     let camera_from_world = first_from_camera.inverse();
-    let view = Visibility { camera, camera_from_world, radiance, depth_m: full.depth_m, tolerance_m };
+    let view = CameraView { camera, camera_from_world, radiance, depth_m: full.depth_m, tolerance_m };
     (surfels, view, highlights)
 }
 
-/// Gravity and the six planes around what is seen, and depth where there is no reading: steps 2 and 3 of [`shell`] alone.
+/// The room's gravity and six planes, and filled depth: steps 2 and 3 of [`shell`].
 #[derive(Clone, Copy, Debug)]
 pub struct Enclosure(RoomBox);
 
 impl Enclosure {
-    /// Around seen surfels.
+    /// Encloses observed surfels.
     pub fn around(seen: &[Surfel], options: &ShellOptions) -> Self {
         Self(enclose(seen, options))
     }
 
-    /// What the scene file keeps of it.
+    /// Returns the room as stored in the scene file.
     pub fn room(&self) -> Room {
         self.0.room()
     }
 
-    /// A depth for every pixel of a photo: its own where it has one, else that of the planes or of what is around.
+    /// Returns a depth for every pixel of a photo: its own where it has one, else from the planes or the surroundings.
     pub fn filled_depth_m(&self, photo: &SeenPhoto) -> DepthMap {
         let SeenPhoto { clean, first_from_camera, .. } = photo;
         fill_holes(&clean.depth_m, &clean.depth_camera(), &self.0.seen_from(first_from_camera))
     }
 
-    /// Unit normal, into the room, of the plane that a point lies on.
+    /// Returns the unit normal, into the room, of the plane that contains a point.
     pub fn normal_at(&self, point: Vec3) -> Option<Vec3> {
         self.0.normal_at(point)
     }
@@ -185,12 +186,13 @@ fn enclose(seen: &[Surfel], options: &ShellOptions) -> RoomBox {
         let facets: Vec<Facet> = seen.iter().map(Facet::from).collect();
         up_from_facets(&facets)
     });
-    let assumed = Assumed { camera_height_m: options.camera_height_m, ceiling_height_m: options.ceiling_height_m };
-    fit(seen, up, assumed).around_eyes(seen)
+    let assumed =
+        AssumedHeights { camera_height_m: options.camera_height_m, ceiling_height_m: options.ceiling_height_m };
+    fit(seen, up, assumed).including_cameras(seen)
 }
 
 impl Shell {
-    /// What a user should know about this completion.
+    /// Returns the warnings about this completion.
     pub fn warnings(&self) -> Vec<Warning> {
         let ShellReport { seen, filled, highlights, lamps, .. } = self.report;
         let brightened = (highlights.brightened_regions > 0).then_some(Warning::Highlights {
@@ -206,13 +208,13 @@ impl Shell {
     }
 }
 
-/// What a user should know about pixels whose depth was filled in, beside those seen with their own: nothing up to a twentieth.
+/// Returns a warning if the share of pixels with filled depth exceeds a twentieth.
 pub fn filled_warning(seen: usize, filled: usize) -> Option<Warning> {
     let pixels = seen + filled;
     (filled as f32 / pixels.max(1) as f32 > 0.05).then_some(Warning::FilledDepth { filled, pixels })
 }
 
-/// Radiance at the depth map's resolution, where the frame was not made by `working`.
+/// Resamples radiance to the depth map's resolution, for frames that were not made by `working`.
 fn at_depth_resolution(radiance: RadianceImage, depth_m: &DepthMap) -> RadianceImage {
     let (width, height) = (depth_m.width(), depth_m.height());
     if (radiance.width(), radiance.height()) == (width, height) {
@@ -223,16 +225,16 @@ fn at_depth_resolution(radiance: RadianceImage, depth_m: &DepthMap) -> RadianceI
     })
 }
 
-/// Marks the surfels of pixels that had no reading and gives those on the room's faces the faces' normals; `surfels` holds one for
-/// each pixel, in order.
+/// Marks the surfels of pixels without a reading as inferred, and gives those on the room's faces the faces' normals.
+/// `surfels` has one per pixel, in order.
 fn mark_filled(surfels: &mut [Surfel], known: &[f32], room: &RoomBox) {
     for (surfel, _) in surfels.iter_mut().zip(known).filter(|(_, z)| **z <= 0.0) {
-        surfel.coverage = Coverage::Inferred;
+        surfel.provenance = Provenance::Inferred;
         surfel.normal = room.normal_at(surfel.position_m).unwrap_or(surfel.normal);
     }
 }
 
-/// The smallest cube around the box, with room for the backing layers.
+/// Returns the smallest cube around the box, with a margin for the backing layers.
 fn cube_around(room: &RoomBox, octree_depth: u32) -> Cube {
     let corners = (0..8).map(|i| {
         let pick = |bit: u32, axis: usize| if i >> bit & 1 == 0 { room.low[axis] } else { room.high[axis] };
@@ -243,7 +245,8 @@ fn cube_around(room: &RoomBox, octree_depth: u32) -> Cube {
     Cube::centred(0.5 * (low + high), (high - low).max_element() / (1.0 - margin.min(0.5)))
 }
 
-/// One surfel in each leaf that a face crosses, where it hides nothing that the camera sees and no other surfel is.
+/// Creates one surfel in each leaf that a face crosses, where it occludes nothing that the camera sees and the leaf is
+/// free.
 ///
 /// Further layers, each one leaf further out, back the first ([`BACKING_LAYERS`]).
 fn closing_surfels(
@@ -251,7 +254,7 @@ fn closing_surfels(
     cube: &Cube,
     octree_depth: u32,
     faces: &Faces,
-    views: &Views,
+    views: &CameraViews,
     present: &[Surfel],
 ) -> Vec<Surfel> {
     let leaf_m = cube.node_edge_m(octree_depth);
@@ -264,11 +267,11 @@ fn closing_surfels(
     };
     for (index, face) in (0..=BACKING_LAYERS).flat_map(|index| (0..6).map(move |face| (index, face))) {
         let layer = &grown(index);
-        // The backing may come close behind what is seen: where it shows through a crack it has the same colour.
-        let margin = |view: &Visibility| if index == 0 { view.tolerance_m } else { 0.25 * leaf_m };
+        // The backing may be close behind observed surfaces: where it shows through a crack it has the same colour.
+        let margin = |view: &CameraView| if index == 0 { view.tolerance_m } else { 0.25 * leaf_m };
         let plane = layer.plane(face);
         let outward = -plane.normal.abs();
-        // Columns of leaves along the axis that the plane is steepest to: each is crossed in at most a few leaves.
+        // Columns of leaves along the plane's steepest axis: each is crossed in at most a few leaves.
         let main = (0..3).fold(0, |best, axis| if outward[axis] < outward[best] { axis } else { best });
         let (i, j) = ((main + 1) % 3, (main + 2) % 3);
         let corners = [0.0, 1.0].map(|x| [0.0, 1.0].map(|y| Faces::local(layer, face, Vec2::new(x, y))));
@@ -298,18 +301,18 @@ fn closing_surfels(
                     let mut position_m = middle;
                     let base = cube.origin_m[main] + k as f32 * leaf_m;
                     position_m[main] = middle[main].clamp(base + 0.01 * leaf_m, base + 0.99 * leaf_m);
-                    let radiance = match views.closing(position_m, margin, leaf_m) {
-                        Closing::Face => faces.radiance(room, face, inside),
-                        Closing::Photo(light) => light,
-                        Closing::Nothing => continue,
+                    let radiance = match views.closure(position_m, margin, leaf_m) {
+                        FaceClosure::Face => faces.radiance(room, face, inside),
+                        FaceClosure::Photo(light) => light,
+                        FaceClosure::None => continue,
                     };
-                    // The corners of the backing may stick out of the cube.
+                    // The corners of the backing may be outside the cube.
                     if !cube.contains(position_m) || !occupied.insert(leaf_of(position_m).to_array()) {
                         continue;
                     }
-                    let (normal, coverage) = (plane.normal, Coverage::Inferred);
+                    let (normal, provenance) = (plane.normal, Provenance::Inferred);
                     let (eye_m, depth_m) = (Vec3::ZERO, -position_m.z);
-                    surfels.push(Surfel { position_m, normal, radiance, coverage, eye_m, depth_m });
+                    surfels.push(Surfel { position_m, normal, radiance, provenance, eye_m, depth_m });
                 }
             }
         }

@@ -1,46 +1,47 @@
-//! What the cameras of the photos see of points in the room.
+//! CameraView of points of the room from the cameras of the photos.
 
 use lo_geometry::{Camera, RigidTransform, Vec3};
 use lo_imaging::{DepthMap, RadianceImage};
 
-/// What all cameras see where.
-pub(crate) struct Views(pub Vec<Visibility>);
+/// CameraView from all cameras.
+pub(crate) struct CameraViews(pub Vec<CameraView>);
 
-impl Views {
-    /// The light of the first photo that shows this point.
+impl CameraViews {
+    /// Returns the radiance in the first photo that shows this point.
     pub fn seen(&self, point: Vec3) -> Option<[f32; 3]> {
         self.0.iter().find_map(|view| Some(view.radiance[view.seen_from_camera(point)?]))
     }
 
-    /// What a closing surfel may do at a point by the word of all cameras: stand where none of them looks through or sees something close before.
-    pub fn closing(&self, point: Vec3, margin: impl Fn(&Visibility) -> f32, leaf_m: f32) -> Closing {
-        let mut found = Closing::Face;
+    /// Returns how a face may be closed at a point. No camera may look through the point, or see a surface closely in
+    /// front of it.
+    pub fn closure(&self, point: Vec3, margin: impl Fn(&CameraView) -> f32, leaf_m: f32) -> FaceClosure {
+        let mut found = FaceClosure::Face;
         for view in &self.0 {
-            match view.closing(point, margin(view), leaf_m) {
-                Closing::Nothing => return Closing::Nothing,
-                Closing::Photo(light) => found = Closing::Photo(light),
-                Closing::Face => {}
+            match view.closure(point, margin(view), leaf_m) {
+                FaceClosure::None => return FaceClosure::None,
+                FaceClosure::Photo(light) => found = FaceClosure::Photo(light),
+                FaceClosure::Face => {}
             }
         }
         found
     }
 }
 
-/// What a camera sees where.
-pub(crate) struct Visibility {
+/// CameraView from one camera.
+pub(crate) struct CameraView {
     pub camera: Camera,
-    /// From the room's frame to the camera's axes.
+    /// Transform from the room's frame to the camera's axes.
     pub camera_from_world: RigidTransform,
     /// The photo at the depth map's resolution.
     pub radiance: RadianceImage,
-    /// Complete: a depth for every pixel.
+    /// Depth of every pixel.
     pub depth_m: DepthMap,
-    /// How far behind the seen depth a point may lie and be seen.
+    /// Greatest distance behind the depth map at which a point counts as visible.
     pub tolerance_m: f32,
 }
 
-impl Visibility {
-    /// Pixel and seen depth where a point falls into the image, with the point's own depth.
+impl CameraView {
+    /// Returns pixel, depth map value and the point's own depth, if the point is in the image.
     fn project(&self, point: Vec3) -> Option<((usize, usize), f32, f32)> {
         let (u, v, depth_m) = self.camera.project(self.camera_from_world.point(point))?;
         let inside = u >= 0.0 && v >= 0.0 && u < f64::from(self.camera.width) && v < f64::from(self.camera.height);
@@ -50,31 +51,32 @@ impl Visibility {
         })
     }
 
-    /// The pixel that shows this point, where the camera sees it: nothing stands in front of it.
+    /// Returns the pixel that shows this point, if nothing occludes it.
     fn seen_from_camera(&self, point: Vec3) -> Option<(usize, usize)> {
         let (pixel, seen_m, own_m) = self.project(point)?;
         (own_m <= seen_m + self.tolerance_m + 0.03 * seen_m).then_some(pixel)
     }
 
-    /// What a closing surfel may do at a point: be there, with the face's radiance or the photo's, or not be there.
+    /// Returns how a face may be closed at a point: with the face's radiance, with the photo's, or not at all.
     ///
-    /// It must not stand in front of what the camera sees, nor less than `margin_m` behind it. Where the pixels are coarser than the
-    /// leaves and see the face itself, they cannot fill its leaves: there it takes the pixel's radiance.
-    fn closing(&self, point: Vec3, margin_m: f32, leaf_m: f32) -> Closing {
+    /// A surfel must not be in front of the depth map, nor less than `margin_m` behind it. Where the pixels are coarser
+    /// than the leaves and show the face itself, they cannot fill its leaves; there the surfel takes the pixel's
+    /// radiance.
+    fn closure(&self, point: Vec3, margin_m: f32, leaf_m: f32) -> FaceClosure {
         match self.project(point) {
             Some((pixel, seen_m, own_m)) if own_m < seen_m + margin_m => {
                 let coarse = own_m > 0.5 * leaf_m * self.camera.fx.min(self.camera.fy) as f32;
                 let same = (own_m - seen_m).abs() < self.tolerance_m.max(0.1 * own_m);
-                if coarse && same { Closing::Photo(self.radiance[pixel]) } else { Closing::Nothing }
+                if coarse && same { FaceClosure::Photo(self.radiance[pixel]) } else { FaceClosure::None }
             }
-            _ => Closing::Face,
+            _ => FaceClosure::Face,
         }
     }
 }
 
-/// What closes a leaf of a face.
-pub(crate) enum Closing {
+/// How a leaf of a face is closed.
+pub(crate) enum FaceClosure {
     Face,
     Photo([f32; 3]),
-    Nothing,
+    None,
 }

@@ -1,7 +1,7 @@
-//! 256 × 128 panoramas of a room: the work of `panorama_*` in the peers' benchmark.
+//! Rendering 256 × 128 panoramas of a room: the work of `panorama_*` in the peers' benchmark.
 //!
-//! `PEERS_INPUT` names a folder with the peers' cloud (`room_unit.npy`, `room_color.npy`); without it a bare box room with as
-//! many points stands in. `RAYON_NUM_THREADS` sets the threads.
+//! `PEERS_INPUT` names a folder with the peers' cloud (`room_unit.npy`, `room_color.npy`). Without it, a bare box room
+//! with as many points is used. `RAYON_NUM_THREADS` sets the thread count.
 
 #[path = "../../../light/lo_octree/benches/cloud/mod.rs"]
 mod cloud;
@@ -9,15 +9,15 @@ mod cloud;
 use divan::{Bencher, black_box};
 use lo_cone::{Cone, ConeSample, ConeTracer, SampleGradient, SampleWeight, Sampling, Settings, StepRule};
 use lo_geometry::{Cube, Vec3};
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 
-/// The peers' cube, [−1, 1]³, the full depth and opacity of their octree, and where they look from.
+/// The peers' cube [−1, 1]³, full depth, opacity and viewpoint.
 const CUBE: Cube = Cube { origin_m: Vec3::splat(-1.0), edge_m: 2.0 };
 const FULL_DEPTH: u32 = 4;
 const ALPHA: f32 = 0.95;
 const PROBE: Vec3 = Vec3::new(0.03, 0.02, 0.05);
 
-/// Their steps grow with the pitch of a pixel, twice its cone's half-angle.
+/// The peers' steps grow with the pitch of a pixel, twice its cone's half-angle.
 const PEERS: Settings = Settings {
     step: StepRule::Floored(0.5),
     growth: 2.0,
@@ -34,14 +34,14 @@ fn main() {
     divan::main();
 }
 
-/// The peers' steps.
+/// Renders with the peers' steps.
 #[divan::bench(args = [6, 7, 8])]
 fn panorama_fwd(bencher: Bencher, depth: u32) {
     let tracer = tracer(depth, PEERS);
     bencher.bench(|| tracer.panorama(black_box(PROBE), WIDTH, HEIGHT));
 }
 
-/// The peers' steps, and the gradient of every RGBα for an output gradient of ones.
+/// Renders with the peers' steps, and computes the gradient of every RGBα for an output gradient of ones.
 #[divan::bench(args = [6, 7, 8])]
 fn panorama_fwdbwd(bencher: Bencher, depth: u32) {
     let tracer = tracer(depth, PEERS);
@@ -57,7 +57,7 @@ fn panorama_fwdbwd(bencher: Bencher, depth: u32) {
     bencher.bench_local(|| tracer.trace_with_gradients(black_box(&cones), &mut samples, &|_, _| ones));
 }
 
-/// Our own default: half of the peers' steps beyond the crossover.
+/// Renders with the default settings: half of the peers' steps beyond the crossover.
 #[divan::bench(args = [6, 7, 8])]
 fn panorama_default(bencher: Bencher, depth: u32) {
     let tracer = tracer(depth, Settings::default());

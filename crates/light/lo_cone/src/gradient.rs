@@ -6,56 +6,57 @@ use rayon::prelude::*;
 use crate::{
     Cone, ConeSample, Sampling,
     local_cone::LocalCone,
-    march::{Hit, LANES, Wave},
+    march::{Hit, LANES, Marcher},
     packets::Packets,
-    reconstruction::{Blended, Interpolated, Nearest, Reading, Reconstruction},
+    reconstruction::{Blended, Interpolated, MediumSample, Nearest, Reconstruction},
     steps::StepTable,
     trace::{CONES_PER_TASK, Composite},
     tracer::ConeTracer,
 };
 
-/// Tasks whose gradients are held before they are added up.
+/// Number of tasks whose gradients are held before they are summed.
 const TASKS_PER_MERGE: usize = 64;
 
-/// Derivative of a loss with respect to each part of a [`ConeSample`].
+/// Derivative of a loss by each part of a [`ConeSample`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SampleGradient {
-    /// By the radiance.
+    /// By radiance.
     pub radiance: [f32; 3],
-    /// By the expected distance, per metre.
+    /// By expected distance, per metre.
     pub distance_m: f32,
-    /// By the opacity.
+    /// By opacity.
     pub opacity: f32,
 }
 
-/// Derivative of a loss with respect to every feature of the octree.
+/// Derivative of a loss by every feature of the octree.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gradients {
-    /// `rgba[d][row]`: by radiance and opacity of the node, in the order of [`LightOctree::rgba`](lo_octree::LightOctree::rgba).
-    /// 0 by an opacity outside of [0, [`MAX_ALPHA`](lo_octree::MAX_ALPHA)], where tracing clamps it.
+    /// `rgba[d][row]`: derivative by radiance and opacity of the node, in the order of
+    /// [`LightOctree::rgba`](lo_octree::LightOctree::rgba). It is 0 for an opacity outside [0,
+    /// [`MAX_ALPHA`](lo_octree::MAX_ALPHA)], where tracing clamps it.
     pub rgba: Vec<Vec<[f32; 4]>>,
 }
 
 impl ConeTracer {
-    /// Exact gradients of a loss whose derivatives by what the `cones` see are `d_samples`.
+    /// Computes exact gradients of a loss whose derivatives by the samples of `cones` are `d_samples`.
     ///
-    /// The same to the bit for every number of threads.
+    /// The result is bit-identical for every number of threads.
     ///
     /// # Panics
-    /// Where there are not as many derivatives as cones.
+    /// If there are not as many derivatives as cones.
     pub fn trace_backward(&self, cones: &[Cone], d_samples: &[SampleGradient]) -> Gradients {
         assert_eq!(cones.len(), d_samples.len(), "one derivative for each cone");
         let mut samples = vec![ConeSample::default(); cones.len()];
         self.trace_with_gradients(cones, &mut samples, &|index, _| d_samples[index])
     }
 
-    /// [`ConeTracer::trace_batch`] and [`ConeTracer::trace_backward`] in one go: each cone is followed once.
+    /// Combines [`ConeTracer::trace_batch`] and [`ConeTracer::trace_backward`]; each cone is traced once.
     ///
-    /// `loss` gives the derivative of the loss by the sample of the cone with this index; it is not asked about cones that miss
-    /// the cube, which depend on nothing.
+    /// `loss` returns the derivative of the loss by the sample of the cone with this index. It is not called for cones
+    /// that miss the cube, which depend on nothing.
     ///
     /// # Panics
-    /// Where there are not as many samples as cones.
+    /// If there are not as many samples as cones.
     pub fn trace_with_gradients(
         &self,
         cones: &[Cone],
@@ -82,7 +83,7 @@ impl ConeTracer {
                     part
                 })
                 .collect();
-            // In the order of the cones, whichever thread had them.
+            // In the order of the cones, regardless of thread scheduling.
             for (slot, gradient) in parts.iter().flatten() {
                 add(&mut total[*slot as usize], gradient);
             }
@@ -90,7 +91,7 @@ impl ConeTracer {
         self.by_rows(&total)
     }
 
-    /// From the last hit to the first, with what lies behind each weighted by the derivatives.
+    /// Goes from the last hit to the first; `behind` accumulates the derivative-weighted light behind each hit.
     #[inline(always)]
     fn sweep_back<'a, R: Reconstruction>(
         &self,
@@ -106,12 +107,12 @@ impl ConeTracer {
         let mut behind = transmittance * (d_distance * cone.far - d_sample.opacity);
         for hit in hits_from_the_last {
             let step = &table.steps()[hit.step as usize];
-            let Reading { radiance: [r, g, b], radiance_weight, .. } = hit.reading;
+            let MediumSample { radiance: [r, g, b], radiance_weight, .. } = hit.medium;
             let shade = step.weight * dot(d_radiance, [r, g, b]) + d_distance * step.distance;
             let share = hit.transmittance * hit.opacity;
             let d_extinction = ((hit.transmittance - share) * shade - behind) * step.length;
             behind += share * shade;
-            // Share of the light per extinction; its limit where there is none.
+            // NodeWeight of the light per extinction; the limit where extinction is zero.
             let rate = if radiance_weight > 0.0 { hit.opacity / radiance_weight } else { step.length };
             let rate = rate * hit.transmittance * step.weight;
             R::footprint(&self.grid, cone, step, |slot, weight| {
@@ -131,7 +132,7 @@ impl ConeTracer {
         }
     }
 
-    /// From slots and extinctions to rows and opacities.
+    /// Converts gradients by slot and extinction to gradients by row and opacity.
     fn by_rows(&self, total: &[[f32; 4]]) -> Gradients {
         let mut rgba: Vec<Vec<[f32; 4]>> = self.rows.iter().map(|&rows| vec![[0.0; 4]; rows]).collect();
         for (slot, &[r, g, b, d_extinction]) in total.iter().enumerate() {
@@ -168,7 +169,7 @@ fn gradients_of_cones<R: Reconstruction>(
     sum: &mut Accumulator,
 ) {
     samples.fill(ConeSample::default());
-    let (mut wave, mut transmittances) = (Wave::<LANES>::new(), [0.0; LANES]);
+    let (mut marcher, mut transmittances) = (Marcher::<LANES>::new(), [0.0; LANES]);
     let mut tape = Tape::default();
     let mut packets = Packets::new(tracer, cones);
     let mut pixels = [Composite::default(); LANES];
@@ -177,7 +178,7 @@ fn gradients_of_cones<R: Reconstruction>(
         pixels[..locals.len()].fill(Composite::default());
         tape.clear(locals.len());
         let least = tracer.settings.min_transmittance;
-        wave.march::<R>(&tracer.grid, table, locals, least, &mut transmittances, |cone, step, hit| {
+        marcher.march::<R>(&tracer.grid, table, locals, least, &mut transmittances, |cone, step, hit| {
             pixels[cone].add(step, &hit);
             tape.push(cone, hit);
         });
@@ -189,12 +190,12 @@ fn gradients_of_cones<R: Reconstruction>(
     }
 }
 
-/// The hits of the cones that are followed at the moment, in the order in which they came.
+/// Hits of the cones of the current packet, in the order in which they were found.
 #[derive(Default)]
 struct Tape {
-    /// Each hit and the place of the one before it of the same cone.
+    /// Each hit with the index of the previous hit of the same cone.
     hits: Vec<(Hit, Option<u32>)>,
-    /// Place of the last hit of each cone.
+    /// Index of the last hit of each cone.
     last: Vec<Option<u32>>,
 }
 
@@ -222,9 +223,9 @@ impl Tape {
     }
 }
 
-/// Gradients of the few slots that a task touches.
+/// Sparse gradients of the slots that a task touches.
 struct Accumulator {
-    /// Place of each slot in `touched` plus one, or 0.
+    /// Position of each slot in `touched` plus one, or 0.
     places: Vec<u32>,
     touched: Vec<(u32, [f32; 4])>,
 }
@@ -245,7 +246,7 @@ impl Accumulator {
         }
     }
 
-    /// What was added, in the order of first touch; leaves the accumulator empty.
+    /// Returns the sums in the order of first touch and clears the accumulator.
     fn take(&mut self) -> Vec<(u32, [f32; 4])> {
         for (slot, _) in &self.touched {
             self.places[*slot as usize] = 0;

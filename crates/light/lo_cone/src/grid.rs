@@ -1,18 +1,18 @@
 use lo_octree::{LightOctree, MAX_ALPHA, xyz_from_key};
 use rayon::prelude::*;
 
-/// Greatest depth that is kept as a dense grid beside the tree: 64³ cells, whatever the octree's depth.
+/// Greatest depth stored as a dense grid next to the tree: 64³ cells, whatever the octree's depth.
 const DENSE_DEPTH: u32 = 6;
 
-/// What lies in a cell: the slot of an occupied node, or nothing.
+/// Content of a cell: the slot of an occupied node, or empty.
 ///
-/// An empty entry is negative; its low bits hold the chessboard distance to the nearest cell of that level that is not empty or in
-/// a crease.
+/// An empty entry is negative. Its low bits hold the chessboard distance to the nearest cell of that level that is
+/// occupied or in a crease.
 #[derive(Clone, Copy, Default, PartialEq)]
 pub(crate) struct Entry(i32);
 
 const EMPTY: i32 = i32::MIN;
-/// On an empty entry: two faces on different axes lead to occupied cells.
+/// Flag of an empty entry: faces on two different axes lead to occupied cells.
 const CREASE: i32 = 1 << 30;
 
 impl Entry {
@@ -21,56 +21,58 @@ impl Entry {
         Self(EMPTY | radius)
     }
 
-    /// The slot of an occupied node.
+    /// Returns the slot of an occupied node.
     #[inline(always)]
     pub fn slot(self) -> Option<u32> {
         u32::try_from(self.0).ok()
     }
 
-    /// The cells of the entry's level at a distance below this are empty too; 0 for an occupied node.
+    /// Returns the distance, in cells of the entry's level, below which all cells are empty too; 0 for an occupied
+    /// node.
     #[inline(always)]
     pub fn radius(self) -> i32 {
         // Without a branch: the sign fills a mask.
         self.0 & !(EMPTY | CREASE) & (self.0 >> 31)
     }
 
-    /// [`Entry::radius`], but 0 where the cell lies in a crease between occupied ones, at its level or below.
+    /// Returns [`Entry::radius`], but 0 where the cell is in a crease between occupied ones, at its level or below.
     #[inline(always)]
     pub fn radius_without_crease(self) -> i32 {
         self.radius() & !((self.0 << 1) >> 31)
     }
 }
 
-/// A lighting octree in the form that the inner loop wants.
+/// A lighting octree in the layout of the inner loop.
 ///
-/// Every occupied node (it or a node below it has features) has a *slot*, counted through all depths from the root. An
-/// [`Entry`] is a slot or nothing. Down to the dense depth each cell has an entry that is found without a descent, and empty
-/// cells know how far away the next occupied cell is. Below it each slot has the entries of its eight children, for which a
-/// node that is not split answers itself. Positions are in leaf edges from the lowest corner of the cube; the *level* of a
-/// node counts from the leaves up.
+/// Every occupied node (it or a descendant has features) has a *slot*, numbered through all depths from the root. An
+/// [`Entry`] is a slot or empty. Down to the dense depth each cell has an entry that is found without a descent, and
+/// empty cells store the distance to the next occupied cell. Below it each slot has the entries of its eight children;
+/// for a node that is not split these are the node itself.
+///
+/// Positions are in leaf edges from the lowest corner of the cube. The *level* of a node counts from the leaves up.
 #[derive(Clone)]
 pub(crate) struct Grid {
     depth: u32,
     dense_depth: u32,
     max_level: u32,
-    /// Entries of all cells of the dense depths, the root first; in each depth z varies fastest.
+    /// Entries of all cells of the dense depths, root first; in each depth z varies fastest.
     cells: Vec<Entry>,
     /// Entries of the children of each slot above the leaves.
     children: Vec<[Entry; 8]>,
     /// Linear RGB radiance and extinction per leaf edge of each slot.
     values: Vec<[f32; 4]>,
     nodes: Vec<SlotNode>,
-    /// Whether leaves end at several depths.
-    uneven: bool,
+    /// Whether there are leaves at several depths.
+    mixed_depths: bool,
 }
 
-/// The node behind a slot.
+/// The node of a slot.
 #[derive(Clone, Copy)]
 pub(crate) struct SlotNode {
     pub depth: u8,
-    /// Row of its features, or −1 where only nodes below it have some.
+    /// Feature row, or −1 where only descendants have features.
     pub row: i32,
-    /// Derivative of its extinction per leaf edge by its opacity; 0 where that is clamped.
+    /// Derivative of the extinction per leaf edge by opacity; 0 where opacity is clamped.
     pub extinction_slope: f32,
 }
 
@@ -82,46 +84,47 @@ impl Grid {
         let children = child_entries(light, &entries);
         let cells = dense_cells(entries[0][0], &children, dense_depth);
         let max_level = depth - light.octree.full_depth();
-        let uneven = light.leaves().any(|(leaf_depth, _)| leaf_depth < depth as usize);
-        let mut grid = Self { depth, dense_depth, max_level, cells, children, values, nodes, uneven };
+        let mixed_depths = light.leaves().any(|(leaf_depth, _)| leaf_depth < depth as usize);
+        let mut grid = Self { depth, dense_depth, max_level, cells, children, values, nodes, mixed_depths };
         grid.mark_creases_below_dense(light, &entries);
         grid
     }
 
-    /// Leaves along an edge of the cube.
+    /// Returns the number of leaves along an edge of the cube.
     pub fn side(&self) -> i32 {
         1 << self.depth
     }
 
-    /// Level of the coarsest depth that is sampled.
+    /// Returns the level of the coarsest depth that is sampled.
     pub fn max_level(&self) -> u32 {
         self.max_level
     }
 
-    /// Linear RGB radiance and extinction per leaf edge.
+    /// Returns linear RGB radiance and extinction per leaf edge.
     #[inline(always)]
     pub fn value(&self, slot: u32) -> [f32; 4] {
         self.values[slot as usize]
     }
 
-    /// Level of a slot's node where it is a leaf above the finest; at most that of the node elsewhere.
+    /// Returns the level of a slot's node where it is a leaf above the finest level. Elsewhere, returns at most the
+    /// node's level.
     #[inline(always)]
     pub fn least_level(&self, slot: u32) -> i32 {
-        if self.uneven { self.depth as i32 - i32::from(self.nodes[slot as usize].depth) } else { 0 }
+        if self.mixed_depths { self.depth as i32 - i32::from(self.nodes[slot as usize].depth) } else { 0 }
     }
 
-    /// The nodes of all slots.
+    /// Returns the nodes of all slots.
     pub fn nodes(&self) -> &[SlotNode] {
         &self.nodes
     }
 
-    /// Level of the finest dense grid.
+    /// Returns the level of the finest dense grid.
     #[inline(always)]
     pub fn dense_level(&self) -> i32 {
         (self.depth - self.dense_depth) as i32
     }
 
-    /// What the leaf cell `leaf`, inside of the cube, belongs to at `level`.
+    /// Returns the entry at `level` that contains the leaf cell `leaf` inside the cube.
     #[inline(always)]
     pub fn find(&self, leaf: [i32; 3], level: i32) -> Entry {
         let mut shift = level.max(self.dense_level());
@@ -133,7 +136,8 @@ impl Grid {
         entry
     }
 
-    /// What the leaf cell `leaf`, inside of the cube, belongs to at `level`, which is not below that of the finest dense grid.
+    /// Returns the entry at `level`, at or above the finest dense level, that contains the leaf cell `leaf` inside the
+    /// cube.
     #[inline(always)]
     pub fn dense_cell(&self, leaf: [i32; 3], level: i32) -> Entry {
         let side = self.side();
@@ -143,22 +147,22 @@ impl Grid {
         let depth = self.depth as i32 - level;
         let [x, y, z] = leaf;
         let index = dense_start(depth) + ((((x >> level) << depth) | (y >> level)) << depth | (z >> level));
-        // SAFETY: the leaf lies in the cube and the level among the dense ones, all of whose cells are there.
+        // SAFETY: the leaf is in the cube and the level is dense, so its cell exists.
         unsafe { *self.cells.get_unchecked(index as usize) }
     }
 
-    /// From an occupied entry of the level above to that of its child at `level`.
+    /// Descends from an occupied entry of the level above to its child at `level`.
     #[inline(always)]
     pub fn child(&self, entry: Entry, leaf: [i32; 3], level: i32) -> Entry {
         debug_assert!((0..self.children.len() as i32).contains(&entry.0));
-        // SAFETY: entries above the leaves are rows of `children`, and an octant is below 8.
+        // SAFETY: entries above the leaves are indices into `children`, and an octant is below 8.
         unsafe { *self.children.get_unchecked(entry.0 as usize).get_unchecked(octant(leaf, level)) }
     }
 
-    /// The child at `level` if the entry is occupied and `descend`, else the entry; without a branch.
+    /// Returns the child at `level` if `descend` (the entry must be occupied), else the entry; without a branch.
     #[inline(always)]
     pub fn child_if(&self, descend: bool, entry: Entry, leaf: [i32; 3], level: i32) -> Entry {
-        // There always is a row 0.
+        // Row 0 always exists.
         let child = self.child(if descend { entry } else { Entry(0) }, leaf, level);
         if descend { child } else { entry }
     }
@@ -192,7 +196,7 @@ impl Grid {
     }
 }
 
-/// Whether faces on at least two axes of the cell with corner `leaf` and this edge lead to occupied cells.
+/// Returns whether faces on at least two axes of the cell with corner `leaf` and this edge lead to occupied cells.
 fn is_crease(leaf: [i32; 3], edge: i32, side: i32, occupied: impl Fn([i32; 3]) -> bool) -> bool {
     let axes = (0..3).filter(|&axis| {
         [-edge, edge].into_iter().any(|step| {
@@ -210,13 +214,13 @@ fn octant(leaf: [i32; 3], shift: i32) -> usize {
     bit(leaf[0]) << 2 | bit(leaf[1]) << 1 | bit(leaf[2])
 }
 
-/// Index of the first cell of a depth: (8^depth − 1) / 7 cells are in the depths above.
+/// Returns the index of the first cell of a depth: (8^depth − 1) / 7 cells are in the depths above.
 #[inline(always)]
 fn dense_start(depth: i32) -> i32 {
     ((1 << (3 * depth)) - 1) / 7
 }
 
-/// The entry of each node of each depth; node and value of each slot.
+/// Computes the entry of each node of each depth, and node and value of each slot.
 fn number_slots(light: &LightOctree) -> (Vec<Vec<Entry>>, Vec<SlotNode>, Vec<[f32; 4]>) {
     let levels = light.octree.levels();
     let mut occupied: Vec<Vec<bool>> =
@@ -267,7 +271,8 @@ fn child_entries(light: &LightOctree, entries: &[Vec<Entry>]) -> Vec<[Entry; 8]>
     children
 }
 
-/// Radiance and extinction per leaf edge, and the derivative of that by the opacity α: −ln(1 − α) / edge, α clamped.
+/// Returns radiance and extinction per leaf edge, −ln(1 − α) / edge, and the derivative of extinction by opacity α; α
+/// is clamped.
 fn value(light: &LightOctree, depth: usize, row: i32) -> ([f32; 4], f32) {
     let Ok(row) = usize::try_from(row) else { return ([0.0; 4], 0.0) };
     let [r, g, b, alpha] = light.rgba[depth][row];
@@ -276,7 +281,7 @@ fn value(light: &LightOctree, depth: usize, row: i32) -> ([f32; 4], f32) {
     ([r, g, b, -(-alpha.clamp(0.0, MAX_ALPHA)).ln_1p() / edge], slope)
 }
 
-/// Entries of all cells down to `dense_depth`, with distances and creases.
+/// Computes the entries of all cells down to `dense_depth`, with distances and creases.
 fn dense_cells(root: Entry, children: &[[Entry; 8]], dense_depth: u32) -> Vec<Entry> {
     let mut cells = vec![root];
     let mut above = 0;
@@ -301,10 +306,11 @@ fn dense_cells(root: Entry, children: &[[Entry; 8]], dense_depth: u32) -> Vec<En
     cells
 }
 
-/// Marks the empty cells in creases, and writes into each other empty cell its chessboard distance to the nearest that is
-/// occupied or in a crease.
+/// Marks the empty cells in creases. Writes into each other empty cell its chessboard distance to the nearest cell that
+/// is occupied or in a crease.
 ///
-/// A row of cells is a word of `side` ≤ 64 bits; what is reached grows by one cell in all directions until it fills the grid.
+/// A row of cells is a word of `side` ≤ 64 bits. The reached region grows by one cell in all directions until it fills
+/// the grid.
 fn set_distances(grid: &mut [Entry], side: usize) {
     let occupied: Vec<u64> = grid
         .chunks(side)

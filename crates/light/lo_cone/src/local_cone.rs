@@ -2,10 +2,10 @@ use lo_geometry::Cube;
 
 use crate::Cone;
 
-/// A cone in leaf edges from the lowest corner of the cube, with the part of it that lies in the cube.
+/// A cone clipped to the cube, in leaf edges from the cube's lowest corner.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct LocalCone {
-    /// Where the axis enters the cube, or the apex inside of it.
+    /// Point at which the axis enters the cube, or the apex if that is inside.
     pub entry: [f32; 3],
     pub direction: [f32; 3],
     /// Distance of the entry from the apex.
@@ -15,7 +15,7 @@ pub(crate) struct LocalCone {
 }
 
 impl LocalCone {
-    /// `None` where the axis misses the cube or is not a number.
+    /// Returns `None` where the axis misses the cube or is not finite.
     #[inline(always)]
     pub fn new(cone: &Cone, cube: &Cube, side: i32) -> Option<Self> {
         let side = f64::from(side);
@@ -50,7 +50,7 @@ impl LocalCone {
         })
     }
 
-    /// Position at `distance` from the apex.
+    /// Returns the position at `distance` from the apex.
     #[inline(always)]
     pub fn at(&self, distance: f32) -> [f32; 3] {
         let distance = distance - self.near;

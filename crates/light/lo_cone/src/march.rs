@@ -1,30 +1,30 @@
 use crate::{
     grid::{Entry, Grid},
     local_cone::LocalCone,
-    reconstruction::{Reading, Reconstruction},
+    reconstruction::{MediumSample, Reconstruction},
     steps::{Step, StepTable},
 };
 
-/// Cones that are followed side by side: enough for the loops over them to pay, few enough for the first-level cache.
+/// Number of cones traced in lockstep: enough to amortise the loops, few enough for the first-level cache.
 pub(crate) const LANES: usize = 256;
 
-/// A sample that met something.
+/// A sample that is not empty.
 pub(crate) struct Hit {
     pub step: u32,
-    /// What the octree holds there.
-    pub reading: Reading,
-    /// Share of the cone that arrives at the sample.
+    /// Value of the octree at the sample.
+    pub medium: MediumSample,
+    /// NodeWeight of the cone that reaches the sample.
     pub transmittance: f32,
-    /// Share of that which it stops.
+    /// NodeWeight of that which the sample stops.
     pub opacity: f32,
 }
 
-/// Cones that are followed side by side.
+/// Cones of a packet, marched in lockstep.
 ///
-/// Each pass over the lanes is a loop without branches, from which the compiler makes vector code for whatever instruction
-/// set its caller is compiled for. A cone that ends gives its lane to the last one, so that all lanes have work. Each cone
-/// gets exactly what it would get alone.
-pub(crate) struct Wave<const LANES: usize> {
+/// Each pass over the lanes is a branch-free loop, which the compiler vectorises for the instruction set of the caller.
+/// A cone that ends gives its lane to the last active one, so that all lanes stay busy. The result of each cone is the
+/// same as when it is traced alone.
+pub(crate) struct Marcher<const LANES: usize> {
     cone: [u32; LANES],
     entry: [[f32; LANES]; 3],
     direction: [[f32; LANES]; 3],
@@ -39,7 +39,7 @@ pub(crate) struct Wave<const LANES: usize> {
     found_level: [i32; LANES],
 }
 
-impl<const LANES: usize> Wave<LANES> {
+impl<const LANES: usize> Marcher<LANES> {
     pub fn new() -> Self {
         Self {
             cone: [0; LANES],
@@ -57,10 +57,10 @@ impl<const LANES: usize> Wave<LANES> {
         }
     }
 
-    /// Follows up to `LANES` cones, each front to back, and shows each sample that meets something together with the cone's
-    /// index; writes the transmittance of each cone to the exit.
+    /// Marches up to `LANES` cones front to back. Calls `hit` for each non-empty sample with the cone's index, and
+    /// writes each cone's transmittance at the exit.
     ///
-    /// Samples in empty space are skipped, which changes nothing.
+    /// Samples in empty space are skipped, which does not change the result.
     #[inline(always)]
     pub fn march<R: Reconstruction>(
         &mut self,
@@ -81,10 +81,10 @@ impl<const LANES: usize> Wave<LANES> {
                 }
                 let cone = self.cone[lane] as usize;
                 let step = &table.steps()[self.step[lane] as usize];
-                if let Some(reading) = R::read(grid, self.found[lane], &cones[cone], step) {
+                if let Some(medium) = R::read(grid, self.found[lane], &cones[cone], step) {
                     let transmittance = self.transmittance[lane];
-                    let opacity = opacity(reading.extinction * step.length);
-                    hit(cone, step, Hit { step: self.step[lane] as u32, reading, transmittance, opacity });
+                    let opacity = opacity(medium.extinction * step.length);
+                    hit(cone, step, Hit { step: self.step[lane] as u32, medium, transmittance, opacity });
                     self.transmittance[lane] -= transmittance * opacity;
                     if self.transmittance[lane] < min_transmittance {
                         self.end[lane] = 0;
@@ -112,7 +112,7 @@ impl<const LANES: usize> Wave<LANES> {
         cones.len()
     }
 
-    /// What lies at the next sample of each lane.
+    /// Looks up the entry at the next sample of each lane.
     #[inline(always)]
     fn find(&mut self, grid: &Grid, table: &StepTable, active: usize) {
         let last = grid.side() - 1;
@@ -141,10 +141,10 @@ impl<const LANES: usize> Wave<LANES> {
         }
     }
 
-    /// To the next sample, or over all of them in empty space.
+    /// Advances each lane to the next sample, or past all samples in empty space.
     #[inline(always)]
     fn advance<R: Reconstruction>(&mut self, grid: &Grid, table: &StepTable, active: usize) {
-        // Positions carry rounding errors of a few units in the last place of the side; so far inside is safely inside.
+        // Positions have rounding errors of a few units in the last place of the side; this margin is safely inside.
         let margin = grid.side() as f32 * (4.0 * f32::EPSILON);
         let (mut radius, mut exit) = ([0i32; LANES], [0.0f32; LANES]);
         for lane in 0..active.min(LANES) {
@@ -169,7 +169,7 @@ impl<const LANES: usize> Wave<LANES> {
         }
     }
 
-    /// Fills the lanes of cones that ended with cones that did not; returns how many these are.
+    /// Fills the lanes of finished cones with unfinished ones; returns the number of active lanes.
     #[inline(always)]
     fn retire(&mut self, mut active: usize, transmittances: &mut [f32; LANES]) -> usize {
         let mut lane = 0;
@@ -195,7 +195,7 @@ impl<const LANES: usize> Wave<LANES> {
     }
 }
 
-/// 1 − e^(−x) for x ≥ 0, to 2 units in the last place, without a call or a branch.
+/// Computes 1 − e^(−x) for x ≥ 0, to 2 units in the last place, without a call or a branch.
 #[inline(always)]
 fn opacity(x: f32) -> f32 {
     // e^(−x) = 2^k · e^f with |f| ≤ ln 2 / 2; the series gives e^f − 1, which keeps small x exact.
@@ -224,12 +224,12 @@ mod tests {
 
     const CUBE: Cube = Cube { origin_m: Vec3::new(-1.0, 0.5, 2.0), edge_m: 1.7 };
 
-    /// Every sample between entry and exit, one after the other: what skipping must not change.
+    /// Reads every sample between entry and exit in order: the reference for skipping.
     fn march_without_skipping<R: Reconstruction>(
         grid: &Grid,
         table: &StepTable,
         cone: &LocalCone,
-    ) -> Vec<(u32, Reading)> {
+    ) -> Vec<(u32, MediumSample)> {
         let mut seen = Vec::new();
         for n in 0..table.steps().len() as u32 {
             let step = &table.steps()[n as usize];
@@ -239,27 +239,27 @@ mod tests {
             let position = cone.at(step.distance);
             let leaf = position.map(|p| (p as i32).clamp(0, grid.side() - 1));
             let entry = grid.find(leaf, step.level.ceil() as i32);
-            if let Some(reading) = R::read(grid, entry, cone, step) {
-                seen.push((n, reading));
+            if let Some(medium) = R::read(grid, entry, cone, step) {
+                seen.push((n, medium));
             }
         }
         seen
     }
 
     fn check<R: Reconstruction>(grid: &Grid, table: &StepTable, cones: &[LocalCone]) -> usize {
-        let mut met: Vec<Vec<(u32, Reading)>> = vec![Vec::new(); LANES];
-        Wave::<LANES>::new().march::<R>(grid, table, cones, 0.0, &mut [0.0; LANES], |lane, _, hit| {
-            met[lane].push((hit.step, hit.reading));
+        let mut hits: Vec<Vec<(u32, MediumSample)>> = vec![Vec::new(); LANES];
+        Marcher::<LANES>::new().march::<R>(grid, table, cones, 0.0, &mut [0.0; LANES], |lane, _, hit| {
+            hits[lane].push((hit.step, hit.medium));
         });
-        for (cone, met) in cones.iter().zip(&met) {
-            assert_eq!(*met, march_without_skipping::<R>(grid, table, cone));
+        for (cone, hits) in cones.iter().zip(&hits) {
+            assert_eq!(*hits, march_without_skipping::<R>(grid, table, cone));
             let mut alone = Vec::new();
-            Wave::<1>::new().march::<R>(grid, table, std::slice::from_ref(cone), 0.0, &mut [0.0], |_, _, hit| {
-                alone.push((hit.step, hit.reading));
+            Marcher::<1>::new().march::<R>(grid, table, std::slice::from_ref(cone), 0.0, &mut [0.0], |_, _, hit| {
+                alone.push((hit.step, hit.medium));
             });
-            assert_eq!(*met, alone);
+            assert_eq!(*hits, alone);
         }
-        met.iter().map(Vec::len).sum()
+        hits.iter().map(Vec::len).sum()
     }
 
     proptest! {
@@ -285,7 +285,7 @@ mod tests {
             ).unwrap();
             let grid = Grid::new(&light);
             let cones: Vec<LocalCone> = seeds.iter().filter_map(|(at, towards, back)| {
-                // Corners, faces and axis-parallel directions come up often.
+                // Corners, faces and axis-parallel directions are frequent.
                 let unit = Vec3::from(at.map(|c| f32::from(c >> 12) / 16.0 + if c & 1 == 0 { 0.0 } else { f32::from(c) / 1e7 }));
                 let direction = Vec3::from(towards.map(|c| if c & 3 == 0 { 0.0 } else { f32::from(c) })).try_normalize()?;
                 let origin = CUBE.world_from_unit(unit) - direction * *back;

@@ -1,8 +1,9 @@
 use crate::{Cone, local_cone::LocalCone, steps::StepTable, tracer::ConeTracer};
 
-/// Goes through a list of cones in packets of neighbours that take the same steps; leaves out those that miss the cube.
+/// Splits a list of cones into packets of consecutive cones with the same steps; skips those that miss the cube.
 ///
-/// No iterator and no closures: what is inlined into a function for one instruction set must not end up in one for another.
+/// No iterator and no closures: code inlined into a function for one instruction set must not end up in one for
+/// another.
 pub(crate) struct Packets<'a> {
     tracer: &'a ConeTracer,
     cones: &'a [Cone],
@@ -17,7 +18,7 @@ impl<'a> Packets<'a> {
         Self { tracer, cones, next: 0, table: None, locals: Vec::new(), indices: Vec::new() }
     }
 
-    /// Moves to the next packet of at most `MAX_CONES` cones; false at the end.
+    /// Advances to the next packet of at most `MAX_CONES` cones; returns false at the end.
     #[inline(always)]
     pub fn next<const MAX_CONES: usize>(&mut self) -> bool {
         self.locals.clear();
@@ -42,19 +43,19 @@ impl<'a> Packets<'a> {
         !self.locals.is_empty()
     }
 
-    /// The steps of the packet.
+    /// Returns the steps of the packet.
     #[inline(always)]
     pub fn table(&self) -> &StepTable {
         self.table.as_ref().expect("a packet has steps")
     }
 
-    /// The cones of the packet.
+    /// Returns the cones of the packet.
     #[inline(always)]
     pub fn cones(&self) -> &[LocalCone] {
         &self.locals
     }
 
-    /// Their places in the list.
+    /// Returns the indices of the packet's cones in the list.
     #[inline(always)]
     pub fn indices(&self) -> impl Iterator<Item = usize> {
         self.indices.iter().copied()

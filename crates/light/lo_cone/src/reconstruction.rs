@@ -4,62 +4,64 @@ use crate::{
     steps::{Step, rounded_up},
 };
 
-/// What the octree holds at a sample.
+/// Radiance and extinction of the octree at a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Reading {
+pub(crate) struct MediumSample {
     /// Linear RGB radiance.
     pub radiance: [f32; 3],
     /// Extinction per leaf edge.
     pub extinction: f32,
-    /// Weighted sum of the extinctions by which the radiance is averaged.
+    /// Weighted sum of the extinctions over which the radiance is averaged.
     pub radiance_weight: f32,
 }
 
-/// The weights of a node in a reading.
+/// Weights of one node in a [`MediumSample`].
 #[derive(Clone, Copy)]
-pub(crate) struct Share {
-    /// Times the node's extinction: its weight in the radiance.
+pub(crate) struct NodeWeight {
+    /// Weight in the radiance; it is multiplied by the node's extinction.
     pub radiance: f32,
-    /// Its weight in the extinction.
+    /// Weight in the extinction.
     pub extinction: f32,
 }
 
-/// How the octree is read between node centres.
+/// Reconstruction of the octree between node centres.
 pub(crate) trait Reconstruction {
-    /// Samples in the cells of the entry's level at a distance below this find nothing; where it is not positive, this one
-    /// may find something.
+    /// Returns a distance in cells of the entry's level below which samples find nothing. Where it is not positive, the
+    /// sample itself may find something.
     fn empty_radius(entry: Entry) -> i32;
 
-    /// What is at a step of the cone, or `None` where there is nothing; `entry` is what [`Grid::find`] gives there at the
-    /// level rounded up.
-    fn read(grid: &Grid, entry: Entry, cone: &LocalCone, step: &Step) -> Option<Reading>;
+    /// Returns the octree's value at a step of the cone, `None` in empty space. `entry` is the result of [`Grid::find`]
+    /// at that position, at the step's level rounded up.
+    fn read(grid: &Grid, entry: Entry, cone: &LocalCone, step: &Step) -> Option<MediumSample>;
 
-    /// The slots that the reading is made of and their shares: extinction is the weighted sum of theirs, radiance the mean
-    /// weighted by extinction too.
-    fn footprint(grid: &Grid, cone: &LocalCone, step: &Step, visit: impl FnMut(u32, Share));
+    /// Visits the slots that the medium is made of, with their weights. Extinction is their weighted sum; radiance is
+    /// their mean, also weighted by extinction.
+    fn footprint(grid: &Grid, cone: &LocalCone, step: &Step, visit: impl FnMut(u32, NodeWeight));
 }
 
-/// The node that contains the position, at the level rounded up; an empty one in a crack counts as its neighbour.
+/// The node that contains the position, at the level rounded up; an empty one in a crack is replaced by its neighbour.
 ///
-/// Cells with a slanted surface in a corner often have no point, and a surface of cells that touch at edges or corners alone
-/// lets rays through. So where two faces of the cell lead to occupied nodes, and the distances to them add up to less than
-/// [`CRACK_WIDTH`], the nearer of the two answers. Flat and convex surfaces stay as they are; a concave edge gets a bevel.
+/// Cells that a slanted surface only clips often contain no point, and a surface of cells that touch only at edges or
+/// corners lets rays through. So where two faces of the cell lead to occupied nodes, and the distances to them sum to
+/// less than [`CRACK_WIDTH`], the nearer of the two is read. Flat and convex surfaces are unchanged; a concave edge
+/// gets a bevel.
 pub(crate) struct Nearest;
 
-/// In edges of the cell. Measured on the rooms of `tests/it/room.rs` at depth 7: without any, 1 to 3 % of the rays leave a room that
-/// is turned against the cube; with 0.5 some still do, with 0.6 none. Up to 1.0 it closes no more and costs 0.3 dB.
+/// In edges of the cell. Measured on the rooms of `tests/it/room.rs` at depth 7: without it, 1 to 3 % of the rays leave
+/// a room that is rotated against the cube. With 0.5 some still do, with 0.6 none. Up to 1.0 no further cracks close
+/// and 0.3 dB is lost.
 const CRACK_WIDTH: f32 = 0.6;
 
-/// Extinction of [`Nearest`], so that surfaces get no thicker, and radiance blended between the nodes around.
+/// Extinction of [`Nearest`], which keeps surfaces thin, and radiance blended between the surrounding nodes.
 ///
-/// Radiance is read half a node's edge further along the cone: a sample that meets a node is on its near side, the surface
-/// on average in its middle. A leaf that ends above the sample's level is read at its own.
+/// Radiance is read half a node's edge further along the cone: a sample that hits a node is on its near side, the
+/// surface on average at its centre. A leaf above the sample's level is read at its own level.
 pub(crate) struct Blended;
 
-/// Share of the node that is met in the radiance, beside the trilinear ones, so that there always is one.
-const OWN_SHARE: f32 = 0.1;
+/// Weight of the node that is hit in the radiance, added to the trilinear weights so that the sum is never zero.
+const OWN_WEIGHT: f32 = 0.1;
 
-/// Trilinear within a level, linear between the two levels around the sample's. Outside of the cube there is nothing.
+/// Trilinear within a level, linear between the two levels around the sample's level. Outside the cube is empty.
 pub(crate) struct Interpolated;
 
 impl Reconstruction for Nearest {
@@ -69,16 +71,16 @@ impl Reconstruction for Nearest {
     }
 
     #[inline(always)]
-    fn read(grid: &Grid, entry: Entry, cone: &LocalCone, step: &Step) -> Option<Reading> {
-        let slot = entry.slot().or_else(|| crack(grid, cone.at(step.distance), rounded_up(step.level)))?;
+    fn read(grid: &Grid, entry: Entry, cone: &LocalCone, step: &Step) -> Option<MediumSample> {
+        let slot = entry.slot().or_else(|| crack_neighbour(grid, cone.at(step.distance), rounded_up(step.level)))?;
         let [r, g, b, extinction] = grid.value(slot);
-        Some(Reading { radiance: [r, g, b], extinction, radiance_weight: extinction })
+        Some(MediumSample { radiance: [r, g, b], extinction, radiance_weight: extinction })
     }
 
     #[inline(always)]
-    fn footprint(grid: &Grid, cone: &LocalCone, step: &Step, mut visit: impl FnMut(u32, Share)) {
+    fn footprint(grid: &Grid, cone: &LocalCone, step: &Step, mut visit: impl FnMut(u32, NodeWeight)) {
         if let Some(slot) = nearest(grid, cone, step) {
-            visit(slot, Share { radiance: 1.0, extinction: 1.0 });
+            visit(slot, NodeWeight { radiance: 1.0, extinction: 1.0 });
         }
     }
 }
@@ -90,24 +92,27 @@ impl Reconstruction for Blended {
     }
 
     #[inline(always)]
-    fn read(grid: &Grid, entry: Entry, cone: &LocalCone, step: &Step) -> Option<Reading> {
-        let met = entry.slot().or_else(|| crack(grid, cone.at(step.distance), rounded_up(step.level)))?;
-        let own @ [r, g, b, extinction] = grid.value(met);
-        let mut sum = Sum::default();
-        sum.add(own, OWN_SHARE);
-        around(grid, met, cone, step, |slot, weight| sum.add(grid.value(slot), weight));
+    fn read(grid: &Grid, entry: Entry, cone: &LocalCone, step: &Step) -> Option<MediumSample> {
+        let hit = entry.slot().or_else(|| crack_neighbour(grid, cone.at(step.distance), rounded_up(step.level)))?;
+        let own @ [r, g, b, extinction] = grid.value(hit);
+        let mut sum = WeightedSum::default();
+        sum.add(own, OWN_WEIGHT);
+        surrounding(grid, hit, cone, step, |slot, weight| sum.add(grid.value(slot), weight));
         if sum.0[3] > 0.0 {
-            return Some(Reading { extinction, ..sum.reading() });
+            return Some(MediumSample { extinction, ..sum.medium() });
         }
-        // All are transparent: whatever the others become, nothing is seen before this one is, and then its own radiance.
-        Some(Reading { radiance: [r, g, b], extinction, radiance_weight: f32::INFINITY })
+        // All are transparent: whatever their opacities become, this node is hit first and contributes its own
+        // radiance.
+        Some(MediumSample { radiance: [r, g, b], extinction, radiance_weight: f32::INFINITY })
     }
 
     #[inline(always)]
-    fn footprint(grid: &Grid, cone: &LocalCone, step: &Step, mut visit: impl FnMut(u32, Share)) {
+    fn footprint(grid: &Grid, cone: &LocalCone, step: &Step, mut visit: impl FnMut(u32, NodeWeight)) {
         if let Some(slot) = nearest(grid, cone, step) {
-            visit(slot, Share { radiance: OWN_SHARE, extinction: 1.0 });
-            around(grid, slot, cone, step, |slot, weight| visit(slot, Share { radiance: weight, extinction: 0.0 }));
+            visit(slot, NodeWeight { radiance: OWN_WEIGHT, extinction: 1.0 });
+            surrounding(grid, slot, cone, step, |slot, weight| {
+                visit(slot, NodeWeight { radiance: weight, extinction: 0.0 })
+            });
         }
     }
 }
@@ -115,26 +120,26 @@ impl Reconstruction for Blended {
 impl Reconstruction for Interpolated {
     #[inline(always)]
     fn empty_radius(entry: Entry) -> i32 {
-        // The eight nodes around a position are its own and neighbours.
+        // The eight nodes around a position are its own and its neighbours.
         entry.radius() - 1
     }
 
     #[inline(always)]
-    fn read(grid: &Grid, _: Entry, cone: &LocalCone, step: &Step) -> Option<Reading> {
-        let (mut sum, mut found) = (Sum::default(), false);
+    fn read(grid: &Grid, _: Entry, cone: &LocalCone, step: &Step) -> Option<MediumSample> {
+        let (mut sum, mut found) = (WeightedSum::default(), false);
         Self::footprint(grid, cone, step, |slot, share| {
             sum.add(grid.value(slot), share.extinction);
             found = true;
         });
-        found.then(|| sum.reading())
+        found.then(|| sum.medium())
     }
 
     #[inline(always)]
-    fn footprint(grid: &Grid, cone: &LocalCone, step: &Step, mut visit: impl FnMut(u32, Share)) {
+    fn footprint(grid: &Grid, cone: &LocalCone, step: &Step, mut visit: impl FnMut(u32, NodeWeight)) {
         let position = cone.at(step.distance);
         let fine = step.level as i32;
         let blend = step.level - fine as f32;
-        let mut visit = |slot, weight| visit(slot, Share { radiance: weight, extinction: weight });
+        let mut visit = |slot, weight| visit(slot, NodeWeight { radiance: weight, extinction: weight });
         trilinear(grid, position, fine, |slot, weight| visit(slot, weight * (1.0 - blend)));
         if blend > 0.0 {
             trilinear(grid, position, fine + 1, |slot, weight| visit(slot, weight * blend));
@@ -142,11 +147,11 @@ impl Reconstruction for Interpolated {
     }
 }
 
-/// Radiance times extinction and extinction, weighted.
+/// Weighted sums of radiance × extinction and of extinction.
 #[derive(Default)]
-struct Sum([f32; 4]);
+struct WeightedSum([f32; 4]);
 
-impl Sum {
+impl WeightedSum {
     #[inline(always)]
     fn add(&mut self, [r, g, b, extinction]: [f32; 4], weight: f32) {
         let extinction = weight * extinction;
@@ -155,31 +160,31 @@ impl Sum {
     }
 
     #[inline(always)]
-    fn reading(self) -> Reading {
+    fn medium(self) -> MediumSample {
         let [r, g, b, extinction] = self.0;
         let scale = if extinction > 0.0 { 1.0 / extinction } else { 0.0 };
-        Reading { radiance: [r * scale, g * scale, b * scale], extinction, radiance_weight: extinction }
+        MediumSample { radiance: [r * scale, g * scale, b * scale], extinction, radiance_weight: extinction }
     }
 }
 
-/// The node that [`Nearest`] reads.
+/// Returns the node that [`Nearest`] reads.
 #[inline(always)]
 fn nearest(grid: &Grid, cone: &LocalCone, step: &Step) -> Option<u32> {
     let (position, level) = (cone.at(step.distance), rounded_up(step.level));
     let leaf = position.map(|p| (p as i32).clamp(0, grid.side() - 1));
-    grid.find(leaf, level).slot().or_else(|| crack(grid, position, level))
+    grid.find(leaf, level).slot().or_else(|| crack_neighbour(grid, position, level))
 }
 
-/// The nodes that [`Blended`] takes radiance from where the cone has met the node of a slot.
+/// Visits the nodes whose radiance [`Blended`] averages where the cone hits the node of slot `hit`.
 #[inline(always)]
-fn around(grid: &Grid, met: u32, cone: &LocalCone, step: &Step, visit: impl FnMut(u32, f32)) {
-    let level = rounded_up(step.level).max(grid.least_level(met));
+fn surrounding(grid: &Grid, hit: u32, cone: &LocalCone, step: &Step, visit: impl FnMut(u32, f32)) {
+    let level = rounded_up(step.level).max(grid.least_level(hit));
     trilinear(grid, cone.at(step.distance + 0.5 * (1 << level) as f32), level, visit);
 }
 
-/// The nearest of at least two occupied neighbours across the three nearest faces of an empty cell.
+/// Returns the nearest of at least two occupied neighbours across the three nearest faces of an empty cell.
 #[inline(always)]
-fn crack(grid: &Grid, position: [f32; 3], level: i32) -> Option<u32> {
+fn crack_neighbour(grid: &Grid, position: [f32; 3], level: i32) -> Option<u32> {
     let edge = (1 << level) as f32;
     let leaf = position.map(|p| (p as i32).clamp(0, grid.side() - 1));
     let (mut nearest, mut second, mut found) = (f32::INFINITY, f32::INFINITY, 0);

@@ -13,34 +13,34 @@ pub struct Cone {
     pub tan_half_angle: f32,
 }
 
-/// What a cone sees.
+/// Result of tracing a cone.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ConeSample {
-    /// Linear RGB radiance, already weighted by opacity (nothing is added for what is left over).
+    /// Linear RGB radiance, already weighted by opacity; the remaining transmittance adds nothing.
     pub radiance: [f32; 3],
-    /// Expected distance in metres; the exit distance from the cube counts for what is left over.
+    /// Expected distance in metres; the remaining transmittance counts with the exit distance from the cube.
     pub distance_m: f32,
-    /// Share of the cone that met something, in [0, 1].
+    /// Share of the cone that was stopped, in [0, 1].
     pub opacity: f32,
 }
 
-/// A picture of what cones see, one pixel each.
+/// An image of traced cones, one per pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rendering {
     /// Radiance of [`ConeSample`].
     pub radiance: RadianceImage,
     /// Expected distance from the apex in metres; 0 where the cone misses the cube.
     pub distance_m: DepthMap,
-    /// Share of the pixel that met something, in [0, 1].
+    /// Share of the pixel that was stopped, in [0, 1].
     pub opacity: Image<f32>,
 }
 
-/// How sample distances grow (`docs/method.md` §3.1).
+/// Growth of the distances between samples (`docs/method.md` §3.1).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum StepRule {
-    /// `δₙ = c · sₙ₋₁ · tan θ`, as the paper writes it. `c · tan θ` below 10⁻⁴ counts as that, or a ray would never end.
+    /// `δₙ = c · sₙ₋₁ · tan θ`, as in the paper. `c · tan θ` is at least 10⁻⁴, since otherwise a ray would never end.
     Literal,
-    /// The same, but never below this fraction of a leaf's edge.
+    /// The literal rule, with a least step of this fraction of a leaf's edge.
     Floored(f32),
 }
 
@@ -49,37 +49,39 @@ pub enum StepRule {
 pub enum SampleWeight {
     /// `wₙ = 1`: stored values are radiance.
     One,
-    /// `wₙ = δₙ / sₙ`, as the paper writes it.
+    /// `wₙ = δₙ / sₙ`, as in the paper.
     Paper,
 }
 
-/// How the octree is read between node centres.
+/// Reconstruction of the octree between node centres.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Sampling {
-    /// The node that contains the sample, with cracks between nodes closed: the fastest.
+    /// The node that contains the sample, with cracks between nodes closed. Fastest.
     Nearest,
-    /// Opacity as [`Nearest`](Self::Nearest), which does not make surfaces thicker; radiance trilinear, half a node further
-    /// along the cone, where the surface is. In panoramas of known rooms (`tests/it/room.rs`, d = 6, 7, 8) 1.2, 1.5, 1.8 dB
-    /// better than the nearest node alone and 2.9 to 3.3 dB better than interpolated opacity.
+    /// Opacity as [`Nearest`](Self::Nearest), which does not make surfaces thicker. Radiance is trilinear, half a node
+    /// further along the cone, where the surface is.
+    ///
+    /// In panoramas of known rooms (`tests/it/room.rs`, d = 6, 7, 8) this is 1.2, 1.5, 1.8 dB better than the nearest
+    /// node alone and 2.9 to 3.3 dB better than interpolated opacity.
     Blended,
-    /// Trilinear within a level and linear between levels, opacity too. Leaves no holes in coarse levels either.
+    /// Trilinear within a level and linear between levels, opacity included. Leaves no holes in coarse levels either.
     Interpolated,
 }
 
-/// All choices of the cone tracer; the default is what every command uses.
+/// Settings of the cone tracer. Every command uses the defaults.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
-    /// Growth of the distances.
+    /// Growth rule of the distances.
     pub step: StepRule,
-    /// The paper's `c`, the growth rate.
+    /// Growth rate, the paper's `c`.
     pub growth: f32,
-    /// The paper's `c₀`, the first distance, in leaf edges.
+    /// First distance in leaf edges, the paper's `c₀`.
     pub first_step: f32,
     /// Weight of a sample.
     pub weight: SampleWeight,
-    /// Reading between node centres.
+    /// Reconstruction between node centres.
     pub sampling: Sampling,
-    /// A ray ends when its transmittance falls below this.
+    /// Transmittance below which a ray ends.
     pub min_transmittance: f32,
 }
 
@@ -96,22 +98,22 @@ impl Default for Settings {
     }
 }
 
-/// Why settings are refused.
+/// A setting that is out of range.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{name} must lie in [{least}, {most}], got {got}")]
 pub struct SettingsError {
-    /// The setting.
+    /// Name of the setting.
     pub name: &'static str,
-    /// Its value.
+    /// Given value.
     pub got: f32,
-    /// Least value that makes sense.
+    /// Least valid value.
     pub least: f32,
-    /// Greatest value that makes sense.
+    /// Greatest valid value.
     pub most: f32,
 }
 
 impl Settings {
-    /// Whether all values are in their ranges.
+    /// Checks that all values are in their ranges.
     pub(crate) fn check(&self) -> Result<(), SettingsError> {
         let floor = match self.step {
             StepRule::Literal => 1.0,

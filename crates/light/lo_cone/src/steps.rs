@@ -2,34 +2,37 @@ use lo_octree::MAX_DEPTH;
 
 use crate::{SampleWeight, Settings, StepRule};
 
-/// The literal rule does not advance without growth; with less than this it would take more than 10⁵ samples.
+/// Least growth of the literal rule, which does not advance without growth; below this it would take more than 10⁵
+/// samples.
 const MIN_LITERAL_GROWTH: f64 = 1e-4;
 
-/// Above this a cone has left any cube after its second sample.
+/// Greatest growth; above it, a cone leaves any cube after its second sample.
 const MAX_GROWTH: f64 = 1e6;
 
-/// More samples than any valid settings give across a cube.
+/// Upper bound on samples across a cube, for any valid settings.
 const MAX_STEPS: usize = 1 << 18;
 
-/// Distances, lengths and levels of the samples of all cones of one aperture, over a range of distances (`docs/method.md` §3.1).
+/// Distances, lengths and levels of the samples of all cones of one aperture, over a range of distances
+/// (`docs/method.md` §3.1).
 ///
-/// Lengths are in leaf edges. A sample depends on its number alone: equal steps up to the crossover, geometric after it.
+/// Lengths are in leaf edges. A sample depends on its number alone: equal steps up to the crossover, geometric steps
+/// after it.
 #[derive(Debug)]
 pub(crate) struct StepTable {
     growth: f64,
     near: f32,
     far: f32,
     steps: Vec<Step>,
-    /// Distance and level, rounded up, of each step, and of one that lies behind everything.
+    /// Distance and level (rounded up) of each step, and of a sentinel behind all steps.
     waypoints: Vec<Waypoint>,
-    /// For each level the first step with a coarser one.
+    /// For each level, the first step with a coarser level.
     level_ends: [i32; MAX_DEPTH as usize + 1],
     /// First step of each bin of the range, or of a later one; the last bin is behind the last step.
     bins: Vec<i32>,
     bins_per_edge: f32,
 }
 
-/// What the search for something occupied needs of a step.
+/// The part of a step that the search for occupied cells needs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Waypoint {
     pub distance: f32,
@@ -39,18 +42,18 @@ pub(crate) struct Waypoint {
 /// One sample of a cone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Step {
-    /// Distance from the apex, sₙ.
+    /// Distance sₙ from the apex.
     pub distance: f32,
-    /// Length that the sample stands for, δₙ.
+    /// Length δₙ that the sample represents.
     pub length: f32,
-    /// Weight of its radiance, wₙ.
+    /// Weight wₙ of the radiance.
     pub weight: f32,
     /// log₂ δₙ, clamped to the levels that are sampled.
     pub level: f32,
 }
 
 impl StepTable {
-    /// The samples of cones with `tan_half_angle` at distances in [`near`, `far`].
+    /// Computes the samples of cones with `tan_half_angle` at distances in [`near`, `far`].
     pub fn new(settings: &Settings, tan_half_angle: f32, max_level: u32, near: f32, far: f32) -> Self {
         let growth = growth(settings, tan_half_angle);
         let first = f64::from(settings.first_step);
@@ -70,7 +73,7 @@ impl StepTable {
             bins_per_edge,
         };
 
-        // Number and distance of the sample from which on the steps grow.
+        // Number and distance of the sample at which the steps begin to grow.
         let equal = if growth * first >= floor { 0.0 } else { (1.0 / growth - first / floor).ceil() };
         let crossover = first + equal * floor;
         let (ln_ratio, log2_ratio) = (growth.ln_1p(), growth.ln_1p() / std::f64::consts::LN_2);
@@ -107,7 +110,7 @@ impl StepTable {
         table
     }
 
-    /// Whether cones of `tan_half_angle` find all their samples in [`near`, `far`] here.
+    /// Returns whether the table contains all samples in [`near`, `far`] of cones with `tan_half_angle`.
     pub fn covers(&self, settings: &Settings, tan_half_angle: f32, near: f32, far: f32) -> bool {
         self.growth == growth(settings, tan_half_angle) && self.near <= near && self.far >= far
     }
@@ -116,7 +119,7 @@ impl StepTable {
         &self.steps
     }
 
-    /// First step at or beyond `distance`.
+    /// Returns the first step at or beyond `distance`.
     pub fn first_at(&self, distance: f32) -> i32 {
         let mut step = self.bins[self.bin(distance)];
         while self.waypoints[step as usize].distance < distance {
@@ -125,24 +128,24 @@ impl StepTable {
         step
     }
 
-    /// A step not behind the first one at or beyond `distance`, and with the floored rule this itself.
+    /// Returns a step not behind the first one at or beyond `distance`; with the floored rule, exactly that one.
     #[inline(always)]
     pub fn about_first_at(&self, distance: f32) -> i32 {
-        // SAFETY: `bin` gives an index of `bins`.
+        // SAFETY: `bin` returns an index of `bins`.
         let step = unsafe { *self.bins.get_unchecked(self.bin(distance)) };
         step + i32::from(self.waypoint(step).distance < distance)
     }
 
-    /// Distance and level of a step, or of the one behind the last.
+    /// Returns distance and level of a step, or of the sentinel behind the last.
     #[inline(always)]
     pub fn waypoint(&self, step: i32) -> Waypoint {
         debug_assert!((0..self.waypoints.len() as i32).contains(&step));
-        // SAFETY: all steps that this type hands out are at most the number of steps, and there is one waypoint more than that;
-        // those that `march` adds one to are below an end that was handed out.
+        // SAFETY: all steps that this type returns are at most the number of steps, and there is one waypoint more than
+        // that. Steps that `march` increments are below an end that was returned.
         unsafe { *self.waypoints.get_unchecked(step as usize) }
     }
 
-    /// First step whose level is above `level`.
+    /// Returns the first step whose level is above `level`.
     #[inline(always)]
     pub fn level_end(&self, level: i32) -> i32 {
         debug_assert!((0..self.level_ends.len() as i32).contains(&level));
@@ -154,7 +157,7 @@ impl StepTable {
     fn bin(&self, distance: f32) -> usize {
         let bin = (distance - self.near) * self.bins_per_edge;
         let bin = bin.max(0.0).min((self.bins.len() - 1) as f32);
-        // SAFETY: between 0 and the number of bins; `max` made 0 of what is not a number.
+        // SAFETY: between 0 and the number of bins; `max` turned NaN into 0.
         unsafe { bin.to_int_unchecked::<i32>() as usize }
     }
 
@@ -171,7 +174,7 @@ impl StepTable {
             *end = last.map_or(0, |last| last as i32 + 1);
         }
         self.waypoints.push(Waypoint { distance: f32::INFINITY, level: 0 });
-        // The same rounding here and in the search, so that no step is ever missed.
+        // The same rounding here and in the search, so that no step is missed.
         let length = self.steps.last().map_or(0.0, |step| (step.distance - self.near) * self.bins_per_edge);
         self.bins = vec![count; length as usize + 2];
         for step in (0..count).rev() {
@@ -184,14 +187,14 @@ impl StepTable {
     }
 }
 
-/// ⌈level⌉; `f32::ceil` is a call without SSE 4.1.
+/// Computes ⌈level⌉; `f32::ceil` is a call without SSE 4.1.
 #[inline(always)]
 pub(crate) fn rounded_up(level: f32) -> i32 {
     let floor = level as i32;
     floor + i32::from((floor as f32) < level)
 }
 
-/// k = c · tan θ.
+/// Computes k = c · tan θ.
 fn growth(settings: &Settings, tan_half_angle: f32) -> f64 {
     let growth = f64::from(settings.growth) * f64::from(tan_half_angle.max(0.0));
     let least = match settings.step {

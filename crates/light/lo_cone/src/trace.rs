@@ -1,4 +1,4 @@
-//! What cones see: alone, in batches and as pictures.
+//! Tracing of single cones, batches and images.
 
 use lo_geometry::{Camera, Vec2, Vec3};
 use lo_imaging::Image;
@@ -7,20 +7,20 @@ use rayon::prelude::*;
 
 use crate::{
     Cone, ConeSample, ConeTracer, Rendering, Sampling,
-    march::{Hit, LANES, Wave},
+    march::{Hit, LANES, Marcher},
     packets::Packets,
     reconstruction::{Blended, Interpolated, Nearest, Reconstruction},
     steps::Step,
 };
 
-/// Cones that one task traces; the result does not depend on it.
+/// Number of cones per task; the result does not depend on it.
 pub(crate) const CONES_PER_TASK: usize = 1024;
 
-/// Cones of an image are followed in squares of this many pixels a side, so that they stay close to each other.
+/// Edge of the square tiles, in pixels, in which an image's cones are traced, for coherence.
 const TILE: usize = 8;
 
 impl ConeTracer {
-    /// What one cone sees. Many cones are faster as a batch.
+    /// Traces one cone. Many cones are faster as a batch.
     pub fn trace(&self, cone: &Cone) -> ConeSample {
         let mut sample = [ConeSample::default()];
         match self.settings.sampling {
@@ -31,10 +31,10 @@ impl ConeTracer {
         sample[0]
     }
 
-    /// What each cone sees, on all threads of the pool. Cones near to each other in space and in the list are faster.
+    /// Traces cones on all threads of the pool. Cones that are close in space and in the list are traced faster.
     ///
     /// # Panics
-    /// Where there are not as many samples as cones.
+    /// If there are not as many samples as cones.
     pub fn trace_batch(&self, cones: &[Cone], samples: &mut [ConeSample]) {
         assert_eq!(cones.len(), samples.len(), "one sample for each cone");
         cones
@@ -43,10 +43,12 @@ impl ConeTracer {
             .for_each(|(cones, samples)| trace_task(self, cones, samples));
     }
 
-    /// The equirectangular panorama at `origin`; the half-angle of a pixel's cone is half of its pitch, π / `width`.
+    /// Renders the equirectangular panorama at `origin`. The half-angle of a pixel's cone is half of the pixel pitch, π
+    /// / `width`.
     pub fn panorama(&self, origin: Vec3, width: usize, height: usize) -> Rendering {
         let tan_half_angle = (std::f32::consts::PI / width as f32).tan();
-        // A direction is the product of that of its column on the horizon and that of its row on the meridian of −Z.
+        // A direction is the product of its column's direction on the horizon and its row's direction on the meridian
+        // of −Z.
         let columns: Vec<Vec3> = (0..width)
             .map(|x| lo_geometry::direction_from_uv(Vec2::new((x as f32 + 0.5) / width as f32, 0.5)))
             .collect();
@@ -60,13 +62,13 @@ impl ConeTracer {
         })
     }
 
-    /// The panoramas at many places.
+    /// Renders panoramas at several positions.
     pub fn panoramas(&self, origins: &[Vec3], width: usize, height: usize) -> Vec<Rendering> {
         origins.par_iter().map(|&origin| self.panorama(origin, width, height)).collect()
     }
 
-    /// What a camera at the world's origin sees; the half-angle of a pixel's cone is half of the angle between neighbours.
-    /// Distances are along the ray, not along the optical axis.
+    /// Renders the view of a camera at the world's origin. The half-angle of a pixel's cone is half of the angle
+    /// between adjacent pixels. Distances are along the ray, not along the optical axis.
     pub fn perspective(&self, camera: &Camera) -> Rendering {
         let tan_half_angle = (0.5 * camera.pixel_angle_rad()).tan();
         self.render(camera.width as usize, camera.height as usize, |x, y| Cone {
@@ -121,14 +123,14 @@ fn trace_task(tracer: &ConeTracer, cones: &[Cone], samples: &mut [ConeSample]) {
 #[inline(always)]
 fn trace_cones<R: Reconstruction, const LANES: usize>(tracer: &ConeTracer, cones: &[Cone], samples: &mut [ConeSample]) {
     samples.fill(ConeSample::default());
-    let (mut wave, mut transmittances) = (Wave::<LANES>::new(), [0.0; LANES]);
+    let (mut marcher, mut transmittances) = (Marcher::<LANES>::new(), [0.0; LANES]);
     let mut packets = Packets::new(tracer, cones);
     let mut pixels = [Composite::default(); LANES];
     while packets.next::<LANES>() {
         let (table, locals) = (packets.table(), packets.cones());
         pixels[..locals.len()].fill(Composite::default());
         let least = tracer.settings.min_transmittance;
-        wave.march::<R>(&tracer.grid, table, locals, least, &mut transmittances, |cone, step, hit| {
+        marcher.march::<R>(&tracer.grid, table, locals, least, &mut transmittances, |cone, step, hit| {
             pixels[cone].add(step, &hit);
         });
         for (cone, (index, local)) in packets.indices().zip(locals).enumerate() {
@@ -137,7 +139,7 @@ fn trace_cones<R: Reconstruction, const LANES: usize>(tracer: &ConeTracer, cones
     }
 }
 
-/// Front-to-back sum over the hits of a cone.
+/// Front-to-back compositing over the hits of a cone.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Composite {
     radiance: [f32; 3],
@@ -149,12 +151,12 @@ impl Composite {
     pub fn add(&mut self, step: &Step, hit: &Hit) {
         let share = hit.transmittance * hit.opacity;
         for channel in 0..3 {
-            self.radiance[channel] += step.weight * share * hit.reading.radiance[channel];
+            self.radiance[channel] += step.weight * share * hit.medium.radiance[channel];
         }
         self.distance += step.distance * share;
     }
 
-    /// What is left over counts with the distance of the exit, `far`.
+    /// Returns the cone's sample; the remaining transmittance gets the exit distance `far`.
     #[inline(always)]
     pub fn finish(self, transmittance: f32, far: f32, leaf_edge_m: f32) -> ConeSample {
         ConeSample {

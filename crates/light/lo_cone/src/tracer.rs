@@ -3,23 +3,23 @@ use lo_octree::LightOctree;
 
 use crate::{Settings, SettingsError, grid::Grid, local_cone::LocalCone, steps::StepTable};
 
-/// Why an octree cannot be traced.
+/// Reasons why an octree cannot be traced.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TracerError {
     /// A setting is out of range.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// Nodes look different from everywhere, and cones may start anywhere.
+    /// The octree has directional lobes, so its radiance depends on the viewpoint.
     #[error(
-        "its nodes have lobes and look different from each place: trace it as it is seen from one \
-         (LightOctree::seen_from, cone::Viewers)"
+        "the octree has directional lobes, so its radiance depends on the viewpoint: trace the result of \
+         LightOctree::seen_from, or use cone::OctreeRenderer"
     )]
     Lobes,
 }
 
 /// Traces cones through one lighting octree.
 ///
-/// It holds the octree in a form of its own, which takes some milliseconds to make; the octree itself is not needed after.
+/// Holds the octree in a format of its own, which takes some milliseconds to make. The octree itself may be dropped.
 #[derive(Clone)]
 pub struct ConeTracer {
     pub(crate) grid: Grid,
@@ -43,7 +43,7 @@ impl ConeTracer {
         Ok(Self { grid: Grid::new(light), cube: light.cube, settings, rows })
     }
 
-    /// Steps for a cone and for others near it.
+    /// Returns the steps for a cone and for others near it.
     pub(crate) fn steps(&self, tan_half_angle: f32, cone: &LocalCone) -> StepTable {
         let side = self.grid.side() as f32;
         let near = (cone.near - side).max(0.0);

@@ -1,7 +1,7 @@
 //! Points with radiance: the common input of all formats.
 
 use lo_geometry::Vec3;
-use lo_octree::Coverage;
+use lo_octree::Provenance;
 use lo_scene::Frame;
 
 use crate::free_space::Leaf;
@@ -72,7 +72,7 @@ pub(crate) fn from_photo(frame: &Frame) -> Vec<Point> {
             radiance: surfel.radiance,
             opacity: 1.0,
             edge_m: -surfel.position_m.z * pixel_pitch,
-            seen: f32::from(u8::from(surfel.coverage == Coverage::Seen)),
+            seen: f32::from(u8::from(surfel.provenance == Provenance::Observed)),
             panorama: 0.0,
         })
         .collect()

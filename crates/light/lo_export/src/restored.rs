@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use lo_imaging::RadianceImage;
-use lo_lights::PictureChange;
+use lo_lights::ImageChange;
 use lo_octree::{LightOctree, xyz_from_key};
 use lo_scene::{Frame, LitScene};
 
@@ -20,7 +20,7 @@ pub(crate) fn of_scene(scene: &LitScene, leaves: &[Leaf], kept: &[Kept]) -> Opti
     let leaves_before = free_space::leaves(&before, None);
     let all = vec![Kept::All; leaves_before.len()];
     let mut edited = radiance(&scene.frame, &before, &leaves_before, &all).unwrap_or_else(|| scene.frame.radiance());
-    PictureChange::new(&scene.light, change).photo(&mut edited, &scene.frame.camera);
+    ImageChange::new(&scene.light, change).photo(&mut edited, &scene.frame.camera);
     let of_node = of_node(leaves, kept);
     for_clipped(&scene.frame, &scene.light, &of_node, |at, (_, kept)| {
         if *kept != Kept::All {

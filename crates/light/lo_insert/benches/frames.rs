@@ -7,7 +7,7 @@ use lo_geometry::{Camera, Cube, Plane, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_insert::{Inserter, Instance, Lighting, Placement, Quality};
 use lo_mesh::{LoadOptions, Material, Model, PreparedModel};
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::{Frame, LitScene};
 
 const LOW: Vec3 = Vec3::new(-2.0, -1.0, -4.0);
@@ -38,7 +38,7 @@ fn scene() -> LitScene {
         .into_iter()
         .map(|direction| {
             let position_m = wall_point(middle, direction);
-            RadiancePoint { position_m, radiance: wall_radiance(position_m), coverage: Coverage::Seen }
+            RadiancePoint { position_m, radiance: wall_radiance(position_m), provenance: Provenance::Observed }
         })
         .collect();
     let light = LightOctree::from_points(&points, Cube::centred(middle, 5.5), 7, 4).expect("the room fills its cube").0;

@@ -6,37 +6,37 @@ use lo_scene::{AnalyticLight, LightShape, LitScene};
 use rayon::prelude::*;
 
 use crate::emitters::tracer;
-use crate::free::free_share;
+use crate::occlusion::unoccluded_share;
 use crate::{LightPatch, PatchShape, Sunlit};
 
-/// Opacity from which on nothing of a sun comes through.
+/// Opacity above which a sun is fully occluded.
 const MAX_HIDDEN: f32 = 0.999;
 
-/// Share of a cone's solid angle below which a rectangle counts as a disc of its solid angle.
+/// Share of a cone's solid angle below which a rectangle is approximated by a disc of its solid angle.
 const SMALL_SHARE: f32 = 0.25;
 
-/// Rays in a cone that ask where a larger rectangle is.
+/// Rays per cone that sample a larger rectangle.
 const RAYS: usize = 32;
 
-/// Rays along a pixel's side that ask how much of the pixel a light covers: of lights that are this many pixels wide, fewer.
+/// Rays along a pixel's side that sample its coverage by a light; fewer for lights at least this many pixels wide.
 const FINE_RAYS: usize = 16;
 const COARSE_RAYS: usize = 4;
 const COARSE_PIXELS: f32 = 24.0;
 
-/// A scene's lights that no octree holds: added ones, and emitters that were moved.
+/// Lights of a scene that are not in the octree: added lights, and emitters that were moved.
 ///
-/// They are seen in panoramas and mirrors where nothing of the room lies before them, and hide nothing themselves, as lamps of Cycles do. Suns are hidden by
-/// what the photo saw but windows and lamps; guessed walls let them in.
+/// They are visible in panoramas and mirrors where nothing of the room occludes them, and occlude nothing themselves,
+/// as lamps in Cycles. Suns are occluded by observed surfaces except windows and lamps; inferred walls let them in.
 pub struct AnalyticLights {
     lights: Vec<AnalyticLight>,
     hides_suns: Option<ConeTracer>,
-    /// Directions of the suns, and where those of the photo shine.
+    /// Directions of the suns, and for suns of the photo where they shine.
     suns: Vec<(Vec3, Option<Sunlit>)>,
     leaf_edge_m: f32,
 }
 
 impl AnalyticLights {
-    /// Those of a scene whose edits were carried out; `None` where it has none.
+    /// Collects the lights of a scene whose edits are applied; `None` if there are none.
     pub fn of(scene: &LitScene) -> Option<Self> {
         let edited = scene.edited.as_ref().filter(|edited| !edited.lights.is_empty())?;
         let sun = |light: &AnalyticLight| match light.shape {
@@ -53,47 +53,53 @@ impl AnalyticLights {
         })
     }
 
-    /// As patches to draw light samples from.
+    /// Returns patches from which light samples are drawn.
     pub fn patches(&self) -> Vec<LightPatch> {
         self.lights.iter().flat_map(patches).collect()
     }
 
-    /// Share of each of these rays to a sun that is free. `places` are the points that are lit, which rays may begin beside.
+    /// Computes the unoccluded share of each of these rays to a sun. `points` are the lit points, from which ray
+    /// origins may be offset.
     ///
     /// # Panics
-    /// Where there are not as many places as rays.
-    pub fn free_to_suns(&self, rays: &[Cone], places: impl ExactSizeIterator<Item = Vec3>, shares: &mut Vec<f32>) {
-        assert_eq!(rays.len(), places.len(), "one place for each ray");
-        // What the photo shows is finer than leaves, and knows what nobody saw between there and the sun.
-        let told = |(ray, place): (&Cone, Vec3)| self.sunlit_by(ray.direction)?.share_at(place);
-        let told: Vec<Option<f32>> = rays.iter().zip(places).map(told).collect();
+    /// If there are not as many points as rays.
+    pub fn unoccluded_to_suns(
+        &self,
+        rays: &[Cone],
+        points: impl ExactSizeIterator<Item = Vec3>,
+        shares: &mut Vec<f32>,
+    ) {
+        assert_eq!(rays.len(), points.len(), "one point for each ray");
+        // The photo is finer than leaves, and includes the effect of unobserved occluders between there and the sun.
+        let by_photo = |(ray, point): (&Cone, Vec3)| self.sunlit_of(ray.direction)?.share_at(point);
+        let by_photo: Vec<Option<f32>> = rays.iter().zip(points).map(by_photo).collect();
         let others: Vec<Cone> =
-            rays.iter().zip(&told).filter(|(_, told)| told.is_none()).map(|(ray, _)| *ray).collect();
-        let mut by_leaves = self.free_by_leaves(&others).into_iter();
+            rays.iter().zip(&by_photo).filter(|(_, by_photo)| by_photo.is_none()).map(|(ray, _)| *ray).collect();
+        let mut by_leaves = self.unoccluded_by_leaves(&others).into_iter();
         shares.clear();
-        shares.extend(told.into_iter().filter_map(|told| told.or_else(|| by_leaves.next())));
+        shares.extend(by_photo.into_iter().filter_map(|by_photo| by_photo.or_else(|| by_leaves.next())));
     }
 
-    /// Share of each of these rays that leaves do not hide.
-    fn free_by_leaves(&self, rays: &[Cone]) -> Vec<f32> {
+    /// Returns the share of each of these rays that leaves do not occlude.
+    fn unoccluded_by_leaves(&self, rays: &[Cone]) -> Vec<f32> {
         let Some(tracer) = &self.hides_suns else { return vec![1.0; rays.len()] };
         let mut samples = vec![ConeSample::default(); rays.len()];
         tracer.trace_batch(rays, &mut samples);
-        // Leaves let a ten thousandth through, which of a sun is bright.
+        // Leaves transmit a ten-thousandth, which is bright for a sun.
         let free = |sample: &ConeSample| if sample.opacity > MAX_HIDDEN { 0.0 } else { 1.0 - sample.opacity };
         samples.iter().map(free).collect()
     }
 
-    /// Where the sun that a ray goes to shines, if it is the photo's own.
-    fn sunlit_by(&self, direction: Vec3) -> Option<&Sunlit> {
+    /// Returns the lit surfaces of the sun that a ray points to, if that sun is the photo's own.
+    fn sunlit_of(&self, direction: Vec3) -> Option<&Sunlit> {
         let away = |sun: &(Vec3, Option<Sunlit>)| sun.0.dot(direction);
         self.suns.iter().max_by(|a, b| away(a).total_cmp(&away(b)))?.1.as_ref()
     }
 
-    /// Adds what cones see of the lights to their samples of the room.
+    /// Adds the lights that cones see to their samples of the room.
     ///
     /// # Panics
-    /// Where there are not as many samples as cones.
+    /// If there are not as many samples as cones.
     pub fn add(&self, cones: &[Cone], samples: &mut [ConeSample]) {
         assert_eq!(cones.len(), samples.len(), "one sample for each cone");
         let leaf_edge_m = self.leaf_edge_m;
@@ -101,12 +107,12 @@ impl AnalyticLights {
         for (index, (cone, sample)) in cones.iter().zip(samples.iter_mut()).enumerate() {
             let (mut seen, mut sun) = (Vec3::ZERO, Vec3::ZERO);
             for light in &self.lights {
-                let Some((share, distance_m)) = covered(&light.shape, cone) else { continue };
+                let Some((share, distance_m)) = cone_coverage(&light.shape, cone) else { continue };
                 let radiance = Vec3::from(light.radiance) * share;
                 if distance_m.is_infinite() {
                     sun += radiance;
                 } else {
-                    seen += radiance * free_share(distance_m, sample, leaf_edge_m);
+                    seen += radiance * unoccluded_share(distance_m, sample, leaf_edge_m);
                 }
             }
             sample.radiance = (Vec3::from(sample.radiance) + seen).to_array();
@@ -115,31 +121,35 @@ impl AnalyticLights {
                 suns.push((index, sun));
             }
         }
-        self.free_to_suns(&sunny, sunny.iter().map(|cone| cone.origin), &mut shares);
+        self.unoccluded_to_suns(&sunny, sunny.iter().map(|cone| cone.origin), &mut shares);
         for ((index, sun), share) in suns.into_iter().zip(&shares) {
             samples[index].radiance = (Vec3::from(samples[index].radiance) + sun * *share).to_array();
         }
     }
 
-    /// Adds the lights to an equirectangular panorama of the room from a place, in our own orientation. Each has its exact solid angle, however small it is
-    /// beside a pixel.
+    /// Adds the lights to an equirectangular panorama of the room, in this program's orientation. Each light has its
+    /// exact solid angle, however small it is compared with a pixel.
     pub fn add_to_panorama(&self, eye_m: Vec3, panorama: &mut Rendering) {
         let (width, height) = (panorama.radiance.width(), panorama.radiance.height());
         let tan_half_angle = (PI / width as f32).tan();
         let leaf_edge_m = self.leaf_edge_m;
         for light in &self.lights {
-            let covered = coverage(&light.shape, eye_m, width, height);
+            let covered = covered_pixels(&light.shape, eye_m, width, height);
             let cones: Vec<Cone> = covered
                 .iter()
                 .map(|pixel| Cone { origin: eye_m, direction: pixel.direction, tan_half_angle })
                 .collect();
             let mut shares = Vec::new();
             if matches!(light.shape, LightShape::Sun { .. }) {
-                self.free_to_suns(&cones, cones.iter().map(|cone| cone.origin), &mut shares);
+                self.unoccluded_to_suns(&cones, cones.iter().map(|cone| cone.origin), &mut shares);
             } else {
                 shares.extend(covered.iter().map(|pixel| {
                     let (distance_m, opacity) = (panorama.distance_m[pixel.at], panorama.opacity[pixel.at]);
-                    free_share(pixel.distance_m, &ConeSample { radiance: [0.0; 3], distance_m, opacity }, leaf_edge_m)
+                    unoccluded_share(
+                        pixel.distance_m,
+                        &ConeSample { radiance: [0.0; 3], distance_m, opacity },
+                        leaf_edge_m,
+                    )
                 }));
             }
             for (pixel, free) in covered.iter().zip(&shares) {
@@ -150,7 +160,7 @@ impl AnalyticLights {
     }
 }
 
-/// Patches of a light's surface.
+/// Returns the patches of a light's surface.
 fn patches(light: &AnalyticLight) -> Vec<LightPatch> {
     let radiance = Vec3::from(light.radiance);
     match light.shape {
@@ -174,14 +184,14 @@ fn patches(light: &AnalyticLight) -> Vec<LightPatch> {
     }
 }
 
-/// A light seen from a place as a cone: unit direction of its middle, its solid angle in steradians and its distance. `None` where it does not shine there.
-struct Seen {
+/// A light seen from a position, as a cone: unit direction of its centre, solid angle in steradians and distance.
+struct ApparentLight {
     direction: Vec3,
     solid_angle_sr: f32,
     distance_m: f32,
 }
 
-impl Seen {
+impl ApparentLight {
     fn of(shape: &LightShape, eye_m: Vec3) -> Option<Self> {
         match *shape {
             LightShape::Rectangle { centre_m, direction, two_sided, .. } => {
@@ -197,7 +207,7 @@ impl Seen {
             LightShape::Sphere { centre_m, radius_m } => {
                 let offset = centre_m - eye_m;
                 let distance_m = offset.length();
-                // From inside it is dark: it shines outwards.
+                // It emits outwards, so it is dark from inside.
                 (distance_m > radius_m).then(|| Self {
                     direction: offset / distance_m,
                     solid_angle_sr: cap_solid_angle_sr(radius_m / distance_m),
@@ -212,19 +222,20 @@ impl Seen {
         }
     }
 
-    /// Of the disc that covers this solid angle.
+    /// Returns the angular radius of the disc of this solid angle.
     fn angular_radius(&self) -> f32 {
         2.0 * (self.solid_angle_sr / (2.0 * TAU)).sqrt().min(1.0).asin()
     }
 }
 
-/// Of a cap whose angular radius has this sine: 2π (1 − cos), without losing small ones.
+/// Returns the solid angle of a cap whose angular radius has this sine: 2π (1 − cos), without cancellation for small
+/// caps.
 fn cap_solid_angle_sr(sin: f32) -> f32 {
     let sin = sin.min(1.0);
     TAU * sin * sin / (1.0 + (1.0 - sin * sin).sqrt())
 }
 
-/// Exact, by the sum of two triangles (Van Oosterom and Strackee 1983).
+/// Computes the exact solid angle of a rectangle as the sum of two triangles (Van Oosterom and Strackee 1983).
 fn rectangle_solid_angle_sr(shape: &LightShape, eye_m: Vec3) -> f32 {
     let LightShape::Rectangle { centre_m, direction, across, size_m: [width_m, height_m], .. } = *shape else {
         return 0.0;
@@ -239,7 +250,7 @@ fn rectangle_solid_angle_sr(shape: &LightShape, eye_m: Vec3) -> f32 {
     triangle([corners[0], corners[1], corners[2]]) + triangle([corners[0], corners[2], corners[3]])
 }
 
-/// Distance in metres at which a ray meets a light's side that shines there; infinite for suns.
+/// Returns the distance in metres at which a ray hits the emitting side of a light; infinite for suns.
 fn hit(shape: &LightShape, origin: Vec3, direction: Vec3) -> Option<f32> {
     match *shape {
         LightShape::Rectangle { centre_m, direction: normal, across, size_m: [width_m, height_m], two_sided } => {
@@ -265,21 +276,21 @@ fn hit(shape: &LightShape, origin: Vec3, direction: Vec3) -> Option<f32> {
     }
 }
 
-/// Share of a cone that a light covers, and how far away it is; `None` where it covers nothing.
-fn covered(shape: &LightShape, cone: &Cone) -> Option<(f32, f32)> {
-    let seen = Seen::of(shape, cone.origin)?;
+/// Returns the share of a cone that a light covers, and its distance; `None` if it covers nothing.
+fn cone_coverage(shape: &LightShape, cone: &Cone) -> Option<(f32, f32)> {
+    let seen = ApparentLight::of(shape, cone.origin)?;
     let (half_angle, radius) = (cone.tan_half_angle.atan(), seen.angular_radius());
     let rectangle = matches!(shape, LightShape::Rectangle { .. });
     if rectangle && seen.solid_angle_sr > SMALL_SHARE * cap_solid_angle_sr(half_angle.sin()) {
-        return rays(shape, cone);
+        return sampled_coverage(shape, cone);
     }
     let apart = seen.direction.dot(cone.direction).clamp(-1.0, 1.0).acos();
     let share = overlap(apart, half_angle, radius);
     (share > 0.0).then_some((share, seen.distance_m))
 }
 
-/// By rays evenly over a cone's disc (Vogel 1979).
-fn rays(shape: &LightShape, cone: &Cone) -> Option<(f32, f32)> {
+/// Samples a light by rays distributed uniformly over a cone's disc (Vogel 1979).
+fn sampled_coverage(shape: &LightShape, cone: &Cone) -> Option<(f32, f32)> {
     const GOLDEN_ANGLE_RAD: f32 = 2.399_963_2;
     let basis = orthonormal_basis(cone.direction);
     let (mut hits, mut nearest_m) = (0, f32::INFINITY);
@@ -295,7 +306,8 @@ fn rays(shape: &LightShape, cone: &Cone) -> Option<(f32, f32)> {
     (hits > 0).then_some((hits as f32 / RAYS as f32, nearest_m))
 }
 
-/// Share of a disc of radius `of` that another one, of radius `by` and at this distance, covers; small angles are taken as lengths.
+/// Returns the share of a disc of radius `of` that a disc of radius `by` at distance `apart` covers. Angles are small
+/// and treated as lengths.
 fn overlap(apart: f32, of: f32, by: f32) -> f32 {
     if of <= 0.0 {
         return if apart <= by { 1.0 } else { 0.0 };
@@ -314,17 +326,17 @@ fn overlap(apart: f32, of: f32, by: f32) -> f32 {
 }
 
 /// A pixel of a panorama that a light covers in part.
-struct Pixel {
+struct CoveredPixel {
     at: (usize, usize),
     direction: Vec3,
     share: f32,
     distance_m: f32,
 }
 
-/// The pixels that a light covers; the shares are such that together they have its solid angle.
-fn coverage(shape: &LightShape, eye_m: Vec3, width: usize, height: usize) -> Vec<Pixel> {
-    let Some(seen) = Seen::of(shape, eye_m) else { return Vec::new() };
-    // Around the middle, as far as the farthest corner.
+/// Returns the pixels that a light covers. Their shares are scaled so that together they have its solid angle.
+fn covered_pixels(shape: &LightShape, eye_m: Vec3, width: usize, height: usize) -> Vec<CoveredPixel> {
+    let Some(seen) = ApparentLight::of(shape, eye_m) else { return Vec::new() };
+    // Around the centre, up to the farthest corner.
     let reach = match *shape {
         LightShape::Rectangle { centre_m, direction, across, size_m: [w, h], .. } => {
             let (x, y) = (across * (0.5 * w), direction.cross(across) * (0.5 * h));
@@ -355,12 +367,12 @@ fn coverage(shape: &LightShape, eye_m: Vec3, width: usize, height: usize) -> Vec
                 }
             }
             let share = hits as f32 / (rays * rays) as f32;
-            (hits > 0).then_some(Pixel { at: (x, y), direction, share, distance_m: nearest_m })
+            (hits > 0).then_some(CoveredPixel { at: (x, y), direction, share, distance_m: nearest_m })
         };
         (0..width).filter_map(pixel).collect::<Vec<_>>()
     };
-    let mut pixels: Vec<Pixel> = (0..height).into_par_iter().flat_map_iter(of_row).collect();
-    let solid_angle = |pixel: &Pixel| pixel.share * lo_geometry::pixel_solid_angle_sr(pixel.at.1, width, height);
+    let mut pixels: Vec<CoveredPixel> = (0..height).into_par_iter().flat_map_iter(of_row).collect();
+    let solid_angle = |pixel: &CoveredPixel| pixel.share * lo_geometry::pixel_solid_angle_sr(pixel.at.1, width, height);
     let total: f32 = pixels.iter().map(solid_angle).sum();
     if total > 0.0 {
         let factor = seen.solid_angle_sr / total;
@@ -370,12 +382,12 @@ fn coverage(shape: &LightShape, eye_m: Vec3, width: usize, height: usize) -> Vec
         let place = |share: f32, size: usize| ((share * size as f32) as usize).min(size - 1);
         let at = (place(uv.x, width), place(uv.y, height));
         let share = seen.solid_angle_sr / lo_geometry::pixel_solid_angle_sr(at.1, width, height);
-        pixels.push(Pixel { at, direction: seen.direction, share, distance_m: seen.distance_m });
+        pixels.push(CoveredPixel { at, direction: seen.direction, share, distance_m: seen.distance_m });
     }
     pixels
 }
 
-/// The rectangle of this size in the direction that its light goes to, with its width as level as can be.
+/// Creates a rectangle of this size and direction of emission, with its width as horizontal as possible.
 pub fn rectangle(centre_m: Vec3, direction: Vec3, up: Vec3, size_m: [f32; 2], two_sided: bool) -> LightShape {
     let across = up.cross(direction).try_normalize().unwrap_or_else(|| {
         let Mat3 { x_axis, .. } = orthonormal_basis(direction);

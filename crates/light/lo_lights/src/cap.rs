@@ -1,17 +1,17 @@
-//! The bound between light sources and what they light: a few times the mean radiance.
+//! Threshold between lights and the surfaces that they illuminate: a multiple of the mean radiance.
 
 use lo_geometry::Vec3;
 use lo_octree::LightOctree;
 
-/// Radiance above this multiple of the mean counts as light.
+/// Multiple of the mean radiance above which radiance counts as light.
 pub const CAP: f32 = 4.0;
 
-/// Radiance at which light is cut off, given the mean luminance of the surroundings.
+/// Returns the cap for surroundings with this mean luminance.
 pub fn cap_luminance(mean: f32) -> f32 {
     CAP * mean
 }
 
-/// [`cap_luminance`] of an octree: the mean is over its leaves, by area and opacity.
+/// Returns the [`cap_luminance`] of an octree; the mean is over its leaves, weighted by area and opacity.
 pub fn cap_of(light: &LightOctree) -> f32 {
     let mut mean = (0.0f64, 0.0f64);
     for leaf in light.octree.leaf_nodes() {
@@ -23,13 +23,13 @@ pub fn cap_of(light: &LightOctree) -> f32 {
     cap_luminance((mean.0 / mean.1.max(1e-30)) as f32)
 }
 
-/// The part of `radiance` that lies above the cap, of the same colour.
+/// Returns the part of `radiance` above the cap, with the same colour.
 pub fn excess(radiance: Vec3, cap: f32) -> Vec3 {
     let bright = luminance(radiance);
     if bright > cap { radiance * (1.0 - cap / bright) } else { Vec3::ZERO }
 }
 
-/// Rec. 709 luminance.
+/// Returns the Rec. 709 luminance.
 pub fn luminance(rgb: Vec3) -> f32 {
     lo_imaging::luminance(rgb.to_array())
 }

@@ -1,18 +1,22 @@
-//! Colour temperature of light, and light of a colour temperature.
+//! Conversion between light colour and colour temperature.
 
 use lo_geometry::{Vec2, Vec3};
 use lo_scene::LightColor;
 
-/// Colour temperatures, in kelvin, between which one is told. McCamy's formula is good from 2,000 to 12,500 K, and roughly up to this.
+/// Range of reported colour temperatures, in kelvin. McCamy's formula is accurate from 2,000 to 12,500 K, and
+/// approximate in this range.
 const TOLD_K: std::ops::RangeInclusive<f32> = 1600.0..=20_000.0;
 
-/// Distance from the Planckian locus in CIE 1960 uv up to which a colour temperature has a meaning (CIE 15:2004, 9.5).
+/// Greatest distance from the Planckian locus in CIE 1960 uv at which a colour temperature is meaningful (CIE 15:2004,
+/// 9.5).
 const MAX_DISTANCE_UV: f32 = 0.05;
 
-/// Least share of its luminance that each channel of a light counts with where the light is given another colour: what has no blue cannot get any by a factor.
+/// Least share of a light's luminance that each channel is assumed to have when its colour is changed. A gain cannot
+/// add blue to light that has none.
 const MIN_CHANNEL: f32 = 0.02;
 
-/// Correlated colour temperature in kelvin of linear Rec. 709 light; `None` of what is far from any black body's colour.
+/// Returns the correlated colour temperature in kelvin of linear Rec. 709 light; `None` if it is far from any black
+/// body's colour.
 ///
 /// C. S. McCamy, "Correlated color temperature as an explicit function of chromaticity coordinates", Color Research & Application 17 (1992).
 pub fn color_temperature_k(rgb: [f32; 3]) -> Option<f32> {
@@ -23,8 +27,8 @@ pub fn color_temperature_k(rgb: [f32; 3]) -> Option<f32> {
     (TOLD_K.contains(&kelvin) && near()).then_some(kelvin)
 }
 
-/// Linear Rec. 709 of luminance 1 in this colour; what lies outside of its triangle is moved to its edge.
-pub fn rgb_of_color(color: LightColor) -> Vec3 {
+/// Returns linear Rec. 709 of luminance 1 in this colour; colours outside the gamut are clipped to its edge.
+pub fn rgb_from_color(color: LightColor) -> Vec3 {
     let rgb = match color {
         LightColor::Kelvin(kelvin) => rgb_from_xy(planckian_xy(kelvin)),
         LightColor::Rgb(rgb) => Vec3::from(rgb),
@@ -33,19 +37,20 @@ pub fn rgb_of_color(color: LightColor) -> Vec3 {
     rgb / lo_imaging::luminance(rgb.to_array()).max(1e-9)
 }
 
-/// The factor by channel that gives light of the colour `own` this colour, at the same luminance (von Kries).
+/// Returns the gain per channel that changes light of colour `own` to this colour at the same luminance (von Kries).
 pub(crate) fn gain_to_color(own: Vec3, color: LightColor) -> Vec3 {
     let luminance = lo_imaging::luminance(own.to_array());
     if luminance <= 0.0 {
         return Vec3::ONE;
     }
-    let gain = rgb_of_color(color) * luminance / own.max(Vec3::splat(MIN_CHANNEL * luminance));
+    let gain = rgb_from_color(color) * luminance / own.max(Vec3::splat(MIN_CHANNEL * luminance));
     gain * (luminance / lo_imaging::luminance((own * gain).to_array()).max(1e-9))
 }
 
-/// Chromaticity of a black body, 1667 to 25,000 K; beyond, that of the nearer end.
+/// Returns the chromaticity of a black body from 1667 to 25,000 K, clamped to that range.
 ///
-/// Cubic splines of Kim et al., "Design of advanced color temperature control system for HDTV applications", Journal of the Korean Physical Society 41 (2002).
+/// Cubic splines of Kim et al., "Design of advanced color temperature control system for HDTV applications", Journal of
+/// the Korean Physical Society 41 (2002).
 fn planckian_xy(kelvin: f32) -> Vec2 {
     let t = f64::from(kelvin.clamp(lo_scene::MIN_KELVIN, lo_scene::MAX_KELVIN));
     let i = 1e3 / t;
@@ -64,12 +69,12 @@ fn planckian_xy(kelvin: f32) -> Vec2 {
     Vec2::new(x as f32, y as f32)
 }
 
-/// CIE 1960 uniform chromaticity.
+/// Converts to CIE 1960 uniform chromaticity.
 fn uv(xy: Vec2) -> Vec2 {
     Vec2::new(4.0 * xy.x, 6.0 * xy.y) / (-2.0 * xy.x + 12.0 * xy.y + 3.0)
 }
 
-/// By IEC 61966-2-1; `None` of black.
+/// Converts to chromaticity by IEC 61966-2-1; `None` for black.
 fn xy_from_rgb([r, g, b]: [f32; 3]) -> Option<Vec2> {
     let x = 0.4124 * r + 0.3576 * g + 0.1805 * b;
     let y = 0.2126 * r + 0.7152 * g + 0.0722 * b;
@@ -78,7 +83,7 @@ fn xy_from_rgb([r, g, b]: [f32; 3]) -> Option<Vec2> {
     (sum > 1e-9 && sum.is_finite()).then(|| Vec2::new(x, y) / sum)
 }
 
-/// The inverse, of luminance 1.
+/// Converts chromaticity to linear Rec. 709 of luminance 1.
 fn rgb_from_xy(xy: Vec2) -> Vec3 {
     let (x, z) = (xy.x / xy.y, (1.0 - xy.x - xy.y) / xy.y);
     Vec3::new(3.2406 * x - 1.5372 - 0.4986 * z, -0.9689 * x + 1.8758 + 0.0415 * z, 0.0557 * x - 0.2040 + 1.0570 * z)
@@ -120,7 +125,7 @@ mod tests {
     proptest! {
         #[test]
         fn temperatures_come_back(kelvin in 2000.0f32..10_000.0) {
-            let rgb = rgb_of_color(LightColor::Kelvin(kelvin));
+            let rgb = rgb_from_color(LightColor::Kelvin(kelvin));
             prop_assert!((lo_imaging::luminance(rgb.to_array()) - 1.0).abs() < 1e-4);
             prop_assert!((color_temperature_k(rgb.to_array()).unwrap() / kelvin - 1.0).abs() < 0.02);
         }
@@ -132,7 +137,7 @@ mod tests {
             prop_assume!(before > 1e-3);
             let after = own * gain_to_color(own, LightColor::Kelvin(kelvin));
             prop_assert!((lo_imaging::luminance(after.to_array()) / before - 1.0).abs() < 1e-3);
-            // Of a light that has all channels the colour is met.
+            // Light that has all channels reaches the colour.
             if own.min_element() > MIN_CHANNEL * before {
                 prop_assert!((color_temperature_k(after.to_array()).unwrap() / kelvin - 1.0).abs() < 0.02);
             }

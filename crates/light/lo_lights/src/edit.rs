@@ -1,4 +1,4 @@
-//! From edits to light: changed rows of the octree, and lights beside it.
+//! Application of light edits: changed rows of the octree, and lights beside it.
 
 use lo_geometry::Vec3;
 use lo_octree::{Ancestor, LeafRows, LightOctree};
@@ -11,40 +11,41 @@ use crate::colour::gain_to_color;
 use crate::emitters::Emitter;
 use crate::shape::ClusterShape;
 
-/// An emitter that is farther than this from where it was edited, in metres and beside half its size, is another one.
+/// Distance in metres, beyond half its size, from which an emitter is a different one than was edited.
 const SAME_M: f32 = 0.5;
 
-/// Why edits cannot be carried out.
+/// Reasons why edits cannot be applied.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LightsError {
-    /// There is no such light.
+    /// There is no light of this name.
     #[error("the scene has no light {id}; it has {}", if known.is_empty() { "none".to_owned() } else { known.join(", ") })]
     Unknown {
-        /// What was asked for.
+        /// Requested name.
         id: String,
-        /// What there is.
+        /// Names of the lights in the scene.
         known: Vec<String>,
     },
-    /// The emitter of that name is another one than was edited.
+    /// The emitter of this name is a different one than was edited.
     #[error(
-        "light {id} lies {distance_m:.1} m from where it was when it was edited: the edit is of another version of the program or of the scene; reset it"
+        "light {id} is {distance_m:.1} m from its position when it was edited: the edit was made with another version of the program or the scene; reset it"
     )]
     Elsewhere {
-        /// Its name.
+        /// Name of the light.
         id: String,
-        /// How far.
+        /// Distance in metres.
         distance_m: f32,
     },
 }
 
-/// Carries out a scene's edits: [`LitScene::light`] becomes the edited light, and [`LitScene::edited`] says how it differs. `found` are the
-/// [`emitters`](crate::emitters) of the scene, of this light or of one with other radiances in the same nodes. A scene without edits of lights stays as it is,
-/// to the bit.
+/// Applies a scene's edits: [`LitScene::light`] becomes the edited light, and [`LitScene::edited`] stores the difference.
 ///
-/// An edit changes what an emitter gives directly. Light that the room reflects is that of the estimate.
+/// `found` are the [`emitters`](crate::emitters) of the scene, computed from this light or from one with other
+/// radiances in the same nodes. A scene without light edits stays bit-identical.
+///
+/// An edit changes the direct light of an emitter. Light reflected by the room stays that of the estimate.
 ///
 /// # Errors
-/// Where an edit is of an emitter that there is not.
+/// If an edited emitter does not exist.
 pub fn apply_edits(scene: &mut LitScene, edits: &LightEdits, found: &[Emitter]) -> Result<(), LightsError> {
     if !edits.has_lights() {
         return Ok(());
@@ -53,7 +54,7 @@ pub fn apply_edits(scene: &mut LitScene, edits: &LightEdits, found: &[Emitter]) 
     for edit in &edits.emitters {
         let away_m = |emitter: &Emitter| (emitter.surface.centre_m - edit.found_at_m).length();
         let is_there = |emitter: &&Emitter| away_m(emitter) <= SAME_M + 0.5 * emitter.surface.area_m2.sqrt();
-        // Names go by flux: of those at the place the one of that name, or the nearest.
+        // Names are ranks by flux, so prefer the emitter of that name at the edited position, else the nearest there.
         let named = found.iter().find(|emitter| emitter.id == edit.id);
         let near = || found.iter().filter(is_there).min_by(|a, b| away_m(a).total_cmp(&away_m(b)));
         let Some(emitter) = named.filter(is_there).or_else(near) else {
@@ -72,12 +73,13 @@ pub fn apply_edits(scene: &mut LitScene, edits: &LightEdits, found: &[Emitter]) 
     let lights: Vec<AnalyticLight> = moved.chain(added).collect();
     let octree = change_octree(scene, &edited);
     let sun = lights.iter().any(|light| matches!(light.shape, LightShape::Sun { .. }));
-    let hides_suns = sun.then(|| what_hides_suns(&scene.light, found)).flatten();
+    let hides_suns = sun.then(|| sun_occluders(&scene.light, found)).flatten();
     scene.edited = Some(Box::new(EditedLight { octree, lights, hides_suns }));
     Ok(())
 }
 
-/// Turns off all emitters of a scene: what is left is light that surfaces reflect. `found` is as in [`apply_edits`]; the scene's own edits do not count.
+/// Turns off all emitters of a scene, so that only reflected light remains. `found` is as in [`apply_edits`]; the
+/// scene's own edits are ignored.
 pub fn remove_emitters(scene: &mut LitScene, found: &[Emitter]) {
     let off = LightChange { on: false, ..LightChange::NONE };
     let edited: Vec<(&Emitter, LightChange)> = found.iter().map(|emitter| (emitter, off)).collect();
@@ -86,7 +88,7 @@ pub fn remove_emitters(scene: &mut LitScene, found: &[Emitter]) {
         octree.map(|octree| Box::new(EditedLight { octree: Some(octree), lights: Vec::new(), hides_suns: None }));
 }
 
-/// The factor of an emitter's light, by channel.
+/// Returns the gain of an emitter's light per channel.
 fn gain(emitter: &Emitter, change: &LightChange) -> Vec3 {
     if !change.on {
         return Vec3::ZERO;
@@ -95,7 +97,7 @@ fn gain(emitter: &Emitter, change: &LightChange) -> Vec3 {
     colour * change.scale
 }
 
-/// Changes the rows of the scene's light; `None` where there is nothing to change.
+/// Changes the rows of the scene's light; returns `None` if nothing changes.
 fn change_octree(scene: &mut LitScene, edited: &[(&Emitter, LightChange)]) -> Option<OctreeChange> {
     let in_place: Vec<(&Emitter, Vec3)> = edited
         .iter()
@@ -106,7 +108,7 @@ fn change_octree(scene: &mut LitScene, edited: &[(&Emitter, LightChange)]) -> Op
         return None;
     }
     let light = &scene.light;
-    // Of leaves: what edited emitters give, what is to be added, and the factor for pictures.
+    // Per leaf: excess of edited emitters, radiance to add, and gain for images.
     let rows = |value: Vec3| -> Vec<Vec<Vec3>> { light.rgba.iter().map(|rows| vec![value; rows.len()]).collect() };
     let (mut given, mut added, mut gains) = (rows(Vec3::ZERO), rows(Vec3::ZERO), rows(Vec3::ONE));
     for (emitter, gain) in in_place {
@@ -126,7 +128,7 @@ fn change_octree(scene: &mut LitScene, edited: &[(&Emitter, LightChange)]) -> Op
     Some(OctreeChange { before, base, gain })
 }
 
-/// An emitter that was moved, as a light of its shape and flux; `None` where it was not, or is off.
+/// Converts a moved emitter to a light of its shape and flux; `None` if it was not moved or is off.
 fn moved(light: &LightOctree, emitter: &Emitter, change: &LightChange) -> Option<AnalyticLight> {
     let centre_m = change.at_m?;
     let size = |m: f32| m.clamp(MIN_LIGHT_SIZE_M, MAX_LIGHT_SIZE_M);
@@ -145,7 +147,7 @@ fn moved(light: &LightOctree, emitter: &Emitter, change: &LightChange) -> Option
     changed(&light, &LightChange { at_m: None, ..*change })
 }
 
-/// A light after a change; `None` where it is off.
+/// Returns a light after a change; `None` if it is off.
 fn changed(light: &AnalyticLight, change: &LightChange) -> Option<AnalyticLight> {
     let own = Vec3::from(light.radiance);
     let colour = change.color.map_or(Vec3::ONE, |color| gain_to_color(own, color));
@@ -159,16 +161,17 @@ fn changed(light: &AnalyticLight, change: &LightChange) -> Option<AnalyticLight>
     (change.on && radiance != [0.0; 3]).then_some(AnalyticLight { shape, radiance })
 }
 
-/// What the photo saw, without the leaves of emitters: suns shine through windows, and through walls that nobody saw. `None` where that is nothing.
-fn what_hides_suns(light: &LightOctree, emitters: &[Emitter]) -> Option<LightOctree> {
-    let mut shines: Vec<Vec<bool>> = light.rgba.iter().map(|rows| vec![false; rows.len()]).collect();
+/// Returns the occluders of suns: observed leaves that are not emitters. Suns shine through windows and through
+/// unobserved walls. `None` if there are no occluders.
+fn sun_occluders(light: &LightOctree, emitters: &[Emitter]) -> Option<LightOctree> {
+    let mut is_emitter: Vec<Vec<bool>> = light.rgba.iter().map(|rows| vec![false; rows.len()]).collect();
     for part in emitters.iter().flat_map(|emitter| &emitter.parts) {
-        shines[part.depth][part.row] = true;
+        is_emitter[part.depth][part.row] = true;
     }
     let mut leaves: Vec<LeafRows> = light.octree.levels().iter().map(|_| LeafRows::default()).collect();
     for leaf in light.octree.leaf_nodes() {
         let depth = leaf.depth as usize;
-        if light.seen[depth][leaf.row] > 0 && !shines[depth][leaf.row] {
+        if light.seen[depth][leaf.row] > 0 && !is_emitter[depth][leaf.row] {
             leaves[depth].keys.push(light.octree.key(leaf));
             leaves[depth].rgba.push([0.0, 0.0, 0.0, light.rgba[depth][leaf.row][3]]);
             leaves[depth].seen.push(255);
@@ -177,5 +180,5 @@ fn what_hides_suns(light: &LightOctree, emitters: &[Emitter]) -> Option<LightOct
     if leaves.iter().all(|leaves| leaves.keys.is_empty()) {
         return None;
     }
-    LightOctree::from_uneven_leaves(leaves, light.cube, light.octree.full_depth(), |_, _| Ancestor::Merged).ok()
+    LightOctree::from_leaves_by_depth(leaves, light.cube, light.octree.full_depth(), |_, _| Ancestor::Merged).ok()
 }

@@ -1,4 +1,4 @@
-//! What gives light in an octree: groups of leaves above the cap.
+//! Emitters of an octree: groups of leaves above the cap.
 
 use std::collections::VecDeque;
 use std::f32::consts::PI;
@@ -10,98 +10,103 @@ use lo_scene::{LitScene, Side};
 
 use crate::cap::{cap_of, luminance};
 use crate::colour::color_temperature_k;
-use crate::free::free_share;
-use crate::kind::{Kind, Origin};
+use crate::kind::{LightKind, LightOrigin};
 use crate::leaves::{Leaf, Leaves};
+use crate::occlusion::unoccluded_share;
 use crate::shape::{ClusterShape, ClusterSurface, LeafSurface};
 
-/// Layers of leaves around those above the cap that an emitter still shines in: what fills a leaf in part, and what blending spreads.
+/// Layers of leaves around those above the cap that still contain light of the emitter, from partly filled leaves and
+/// blending.
 const HALO_LAYERS: u8 = 2;
 
-/// Most emitters of a room; the weaker ones are surfaces.
+/// Greatest number of emitters in a room; weaker ones count as surfaces.
 const MAX_EMITTERS: usize = 64;
 
-/// Least share of all light that an emitter gives, and that one gives which the photo shows: people look for what they see.
+/// Least share of all light that an emitter has, and that an observed emitter has: users expect to find what the photo
+/// shows.
 const MIN_FLUX_SHARE: f32 = 1e-3;
 const MIN_SEEN_FLUX_SHARE: f32 = 1e-4;
 
-/// Least area of a window, in m², and its least colour temperature in kelvin: the photo's white is daylight, lamps are warmer.
+/// Least area of a window in m², and its least colour temperature in kelvin: daylight is white in the photo, lamps are
+/// warmer.
 const MIN_WINDOW_M2: f32 = 0.25;
 const MIN_WINDOW_K: f32 = 4000.0;
 
-/// Sine of the steepest angle from the horizontal that a window looks along.
+/// Sine of the greatest tilt of a window's direction from the horizontal.
 const MAX_WINDOW_TILT: f32 = 0.5;
 
-/// Largest area of a lamp that does not hang from the ceiling, in m².
+/// Greatest area in m² of a lamp that does not hang from the ceiling.
 const MAX_LAMP_M2: f32 = 0.5;
 
-/// What gives light, found in an octree.
+/// An emitter found in an octree.
 #[derive(Clone, Debug)]
 pub struct Emitter {
-    /// Its name: `L` and its rank by flux.
+    /// Name: `L` and the rank by flux.
     pub id: String,
-    /// Who says that it is there.
-    pub origin: Origin,
-    /// What it is, where that is clear.
-    pub kind: Kind,
-    /// Where it is, and its shape.
+    /// Source of the emitter.
+    pub origin: LightOrigin,
+    /// LightKind of light, where it is clear.
+    pub kind: LightKind,
+    /// Position and shape.
     pub surface: ClusterSurface,
     /// Mean linear RGB radiance of the surface.
     pub radiance: Vec3,
-    /// Mean linear RGB radiance beyond that of what surrounds it: what edits change.
+    /// Mean linear RGB radiance above that of the surroundings: the part that edits change.
     pub excess: Vec3,
-    /// Share that the latter has of all light that surfaces give off.
+    /// Share of the excess in the total light emitted by surfaces.
     pub flux_share: f32,
-    /// How far it is to be believed, from 0 to 1: what the photo saw or a panorama gave is sure, of the rest a network tells. `None` where nobody does.
+    /// Confidence, from 0 to 1. Light observed in the photo or a panorama has 1, the rest is predicted by a network.
+    /// `None` without a prediction.
     pub certainty: Option<f32>,
-    /// Its leaves.
-    pub(crate) parts: Vec<Part>,
+    /// Leaves of the emitter and its halo.
+    pub(crate) parts: Vec<EmitterLeaf>,
 }
 
-/// What a leaf has of an emitter.
+/// Contribution of an emitter to a leaf.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Part {
+pub(crate) struct EmitterLeaf {
     pub depth: usize,
     pub row: usize,
-    /// Area of its surface in the room, m².
+    /// Area of the leaf's surface in the room, in m².
     pub area_m2: f32,
-    /// Share of the leaf's linear RGB radiance that is beyond that of what surrounds the emitter.
+    /// Share, per channel, of the leaf's linear RGB radiance above that of the emitter's surroundings.
     pub share: Vec3,
 }
 
-impl Part {
-    /// Linear RGB radiance beyond that of what surrounds the emitter, where leaves have what `light` says.
+impl EmitterLeaf {
+    /// Returns the linear RGB radiance above that of the emitter's surroundings, for the radiances of `light`.
     pub fn excess(&self, light: &LightOctree) -> Vec3 {
         let [r, g, b, _] = light.rgba[self.depth][self.row];
         self.share * Vec3::new(r, g, b)
     }
 }
 
-/// The emitters of a scene's light, by falling flux; none where lamps and windows are no brighter than [`CAP`](crate::CAP) times the mean.
+/// Finds the emitters of a scene's light, by descending flux. There are none where lamps and windows are at most
+/// [`CAP`](crate::CAP) times as bright as the mean.
 ///
-/// An emitter is a group of touching leaves above the cap. It gives what these, and the two layers of leaves around them, have beyond what is two leaves
-/// further off. The same octree gives the same emitters and names.
+/// An emitter is a group of adjacent leaves above the cap. Its light is the excess of these, and of the two layers of
+/// leaves around them, over the next layer. The result is deterministic, including names.
 pub fn emitters(scene: &LitScene) -> Vec<Emitter> {
     let light = without_lobes(&scene.light);
     let tracer = tracer(&light);
     let leaves = Leaves::of(&light, &tracer);
     let cap = cap_of(&light);
     let groups = groups(&light, &leaves, |leaf| leaf.luminance() > cap);
-    let halo = Halo::around(&light, &leaves, &groups);
+    let halos = Halos::new(&light, &leaves, &groups);
     let dull = median(&leaves);
     let found = groups.iter().enumerate().filter_map(|(number, core)| {
-        let parts = halo.parts(&leaves, number, dull);
+        let parts = halos.parts(&leaves, number, dull);
         let mut found = emitter(scene, &leaves, core, parts)?;
-        if shown_share(scene, &leaves, core, &tracer) >= 0.5 {
-            found.origin = Origin::Seen;
+        if visible_share(scene, &leaves, core, &tracer) >= 0.5 {
+            found.origin = LightOrigin::Observed;
         }
         Some(found)
     });
     ranked(found.collect())
 }
 
-/// All light that surfaces give off, of luminance 1 by 1 m² and 1 sr: π L A.
-fn light_given(leaves: &Leaves) -> f32 {
+/// Returns the total light emitted by surfaces, π L A, where luminance 1 over 1 m² and 1 sr counts 1.
+fn emitted_light(leaves: &Leaves) -> f32 {
     PI * leaves.all.iter().map(|leaf| leaf.luminance() * leaf.surface.area_m2).sum::<f32>()
 }
 
@@ -110,10 +115,10 @@ fn without_lobes(light: &LightOctree) -> LightOctree {
 }
 
 pub(crate) fn tracer(light: &LightOctree) -> ConeTracer {
-    ConeTracer::new(light, Settings::default()).expect("the usual settings are valid, and there are no lobes")
+    ConeTracer::new(light, Settings::default()).expect("default settings are valid, and there are no lobes")
 }
 
-/// Touching leaves that are `lit`, group by group, each in the order of the leaves.
+/// Groups adjacent leaves that are `lit`, each group in leaf order.
 fn groups(light: &LightOctree, leaves: &Leaves, lit: impl Fn(&Leaf) -> bool) -> Vec<Vec<usize>> {
     let mut open: Vec<bool> = leaves.all.iter().map(lit).collect();
     let mut groups = Vec::new();
@@ -136,14 +141,15 @@ fn groups(light: &LightOctree, leaves: &Leaves, lit: impl Fn(&Leaf) -> bool) -> 
     groups
 }
 
-/// The layers of leaves around groups; each leaf belongs to the nearest group.
-struct Halo {
-    /// By group: its leaves and those of its halo, and those around it that tell what it would look like without its light.
+/// Layers of leaves around groups; each leaf belongs to the nearest group.
+struct Halos {
+    /// For each group: its leaves with those of its halo, and the ring of leaves around them, which shows the
+    /// surroundings without the emitter.
     groups: Vec<(Vec<usize>, Vec<usize>)>,
 }
 
-impl Halo {
-    fn around(light: &LightOctree, leaves: &Leaves, groups: &[Vec<usize>]) -> Self {
+impl Halos {
+    fn new(light: &LightOctree, leaves: &Leaves, groups: &[Vec<usize>]) -> Self {
         let mut found: Vec<(Vec<usize>, Vec<usize>)> = groups.iter().map(|group| (group.clone(), Vec::new())).collect();
         let mut reached = vec![false; leaves.all.len()];
         let mut queue = VecDeque::new();
@@ -172,8 +178,9 @@ impl Halo {
         Self { groups: found }
     }
 
-    /// What each leaf of a group has beyond what surrounds the group, blended by the inverse fourth power of the distance; `dull` where nothing does.
-    fn parts(&self, leaves: &Leaves, number: usize, dull: Vec3) -> Vec<Part> {
+    /// Returns the excess of each leaf of a group over the ring around it, blended by the inverse fourth power of
+    /// distance. `dull` is the fallback without a ring.
+    fn parts(&self, leaves: &Leaves, number: usize, dull: Vec3) -> Vec<EmitterLeaf> {
         let (own, around) = &self.groups[number];
         let base = |leaf: &Leaf| {
             let mut sum = (Vec3::ZERO, 0.0);
@@ -195,20 +202,20 @@ impl Halo {
     }
 }
 
-fn part(leaf: &Leaf, excess: Vec3) -> Part {
+fn part(leaf: &Leaf, excess: Vec3) -> EmitterLeaf {
     let share = excess / leaf.radiance.max(Vec3::splat(1e-12));
-    Part { depth: leaf.depth as usize, row: leaf.row, area_m2: leaf.surface.area_m2, share }
+    EmitterLeaf { depth: leaf.depth as usize, row: leaf.row, area_m2: leaf.surface.area_m2, share }
 }
 
-/// Radiance of the leaf of middle luminance.
+/// Returns the radiance of the leaf of median luminance.
 fn median(leaves: &Leaves) -> Vec3 {
     let mut order: Vec<usize> = (0..leaves.all.len()).collect();
     order.sort_by(|&a, &b| leaves.all[a].luminance().total_cmp(&leaves.all[b].luminance()));
     order.get(order.len() / 2).map_or(Vec3::ZERO, |&i| leaves.all[i].radiance)
 }
 
-/// Of the leaves that make its shape and all that it shines in; `None` where it has no surface in the room.
-fn emitter(scene: &LitScene, leaves: &Leaves, core: &[usize], parts: Vec<Part>) -> Option<Emitter> {
+/// Creates an emitter from the leaves of its shape and its parts; `None` if it has no surface in the room.
+fn emitter(scene: &LitScene, leaves: &Leaves, core: &[usize], parts: Vec<EmitterLeaf>) -> Option<Emitter> {
     let members = || core.iter().map(|&i| &leaves.all[i]);
     let surfaces: Vec<LeafSurface> = members().map(|leaf| leaf.surface).collect();
     let surface = ClusterSurface::of(&surfaces)?;
@@ -216,9 +223,9 @@ fn emitter(scene: &LitScene, leaves: &Leaves, core: &[usize], parts: Vec<Part>) 
         members().map(|leaf| value(leaf) * leaf.surface.area_m2).sum::<Vec3>() / surface.area_m2
     };
     let radiance = mean(&|leaf| leaf.radiance);
-    // The whole light of its leaves and their halo, over the surface of the former.
+    // Total light of its leaves and their halo, over the surface of the former.
     let excess = parts.iter().map(|part| part.excess(&scene.light) * part.area_m2).sum::<Vec3>() / surface.area_m2;
-    let flux_share = PI * luminance(excess) * surface.area_m2 / light_given(leaves).max(1e-9);
+    let flux_share = PI * luminance(excess) * surface.area_m2 / emitted_light(leaves).max(1e-9);
     let share = |shares: &[Vec<u8>], leaf: &Leaf| f32::from(shares[leaf.depth as usize][leaf.row]) / 255.0;
     let panorama = scene.panorama.as_ref().map_or(0.0, |laid| mean(&|leaf| Vec3::splat(share(&laid.share, leaf))).x);
     let certain = |confidence: &Vec<Vec<u8>>| {
@@ -230,13 +237,14 @@ fn emitter(scene: &LitScene, leaves: &Leaves, core: &[usize], parts: Vec<Part>) 
         mean(&of_leaf).x.clamp(0.0, 1.0)
     };
     let certainty = scene.confidence.as_ref().map(certain);
-    let origin = if panorama >= 0.5 { Origin::Panorama } else { Origin::Guessed };
+    let origin = if panorama >= 0.5 { LightOrigin::Panorama } else { LightOrigin::Inferred };
     let kind = kind(scene, &surface, radiance);
     Some(Emitter { id: String::new(), origin, kind, surface, radiance, excess, flux_share, certainty, parts })
 }
 
-/// Share of the leaves' surface that the photo shows, with a depth reading or without: what lies in the picture and nothing before it.
-fn shown_share(scene: &LitScene, leaves: &Leaves, core: &[usize], tracer: &ConeTracer) -> f32 {
+/// Returns the share of the leaves' surface that the photo shows, with or without a depth reading: inside the photo and
+/// unoccluded.
+fn visible_share(scene: &LitScene, leaves: &Leaves, core: &[usize], tracer: &ConeTracer) -> f32 {
     let camera = &scene.frame.camera;
     let mut shares = (0.0, 0.0);
     for leaf in core.iter().map(|&i| &leaves.all[i]) {
@@ -246,7 +254,7 @@ fn shown_share(scene: &LitScene, leaves: &Leaves, core: &[usize], tracer: &ConeT
         let free = inside.then(|| {
             let direction = centre_m / distance_m;
             let sample = tracer.trace(&Cone { origin: Vec3::ZERO, direction, tan_half_angle: 0.0 });
-            free_share(distance_m, &sample, edge_m)
+            unoccluded_share(distance_m, &sample, edge_m)
         });
         shares.0 += area_m2 * free.unwrap_or(0.0);
         shares.1 += area_m2;
@@ -254,30 +262,31 @@ fn shown_share(scene: &LitScene, leaves: &Leaves, core: &[usize], tracer: &ConeT
     shares.0 / f32::max(shares.1, 1e-9)
 }
 
-/// A window is large, upright and day-like; a lamp is small, or shines down. Everything else is a bright surface.
-fn kind(scene: &LitScene, surface: &ClusterSurface, radiance: Vec3) -> Kind {
+/// Classifies an emitter. A window is large, upright and of daylight colour; a lamp is small or shines down. Anything
+/// else is a bright surface.
+fn kind(scene: &LitScene, surface: &ClusterSurface, radiance: Vec3) -> LightKind {
     let up = scene.up();
     let ClusterShape::Panel { direction, .. } = surface.shape else {
-        return if surface.area_m2 <= MAX_LAMP_M2 { Kind::Lamp } else { Kind::BrightSurface };
+        return if surface.area_m2 <= MAX_LAMP_M2 { LightKind::Lamp } else { LightKind::BrightSurface };
     };
     let rise = direction.dot(up);
     let day = color_temperature_k(radiance.to_array()).is_some_and(|kelvin| kelvin >= MIN_WINDOW_K);
     let ceiling = scene.room.as_ref().and_then(|room| room.planes.iter().find(|plane| plane.side == Side::Ceiling));
     let high = ceiling.is_none_or(|ceiling| ceiling.plane.signed_distance_m(surface.centre_m) < 0.5);
     if rise > MAX_WINDOW_TILT {
-        Kind::BrightSurface
+        LightKind::BrightSurface
     } else if rise.abs() <= MAX_WINDOW_TILT && surface.area_m2 >= MIN_WINDOW_M2 && day {
-        Kind::Window
+        LightKind::Window
     } else if surface.area_m2 <= MAX_LAMP_M2 || (rise < -MAX_WINDOW_TILT && high) {
-        Kind::Lamp
+        LightKind::Lamp
     } else {
-        Kind::BrightSurface
+        LightKind::BrightSurface
     }
 }
 
-/// By falling flux, named by rank, without the negligible ones.
+/// Sorts emitters by descending flux, names them by rank and drops negligible ones.
 fn ranked(mut found: Vec<Emitter>) -> Vec<Emitter> {
-    let least = |origin| if origin == Origin::Seen { MIN_SEEN_FLUX_SHARE } else { MIN_FLUX_SHARE };
+    let least = |origin| if origin == LightOrigin::Observed { MIN_SEEN_FLUX_SHARE } else { MIN_FLUX_SHARE };
     found.retain(|emitter| emitter.flux_share >= least(emitter.origin));
     found.sort_by(|a, b| b.flux_share.total_cmp(&a.flux_share));
     found.truncate(MAX_EMITTERS);

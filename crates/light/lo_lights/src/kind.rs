@@ -1,28 +1,30 @@
 use serde::Serialize;
 
-/// Who says that a light is there.
+/// Source of a light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Origin {
-    /// The photo shows it.
-    Seen,
-    /// A panorama of the room shows it.
+pub enum LightOrigin {
+    /// Observed in the photo.
+    #[serde(rename = "seen")]
+    Observed,
+    /// Observed in a panorama of the room.
     Panorama,
-    /// Whoever completed the room guessed it.
-    Guessed,
-    /// Somebody added it.
+    /// Inferred by the completion of the room.
+    #[serde(rename = "guessed")]
+    Inferred,
+    /// Added by the user.
     Added,
 }
 
-/// What a light is.
+/// LightKind of light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Kind {
+pub enum LightKind {
     /// A lamp.
     Lamp,
     /// A window.
     Window,
-    /// A surface that gives much light, whatever it is.
+    /// A bright surface that is neither a lamp nor a window.
     BrightSurface,
     /// An added rectangle or sphere.
     Area,

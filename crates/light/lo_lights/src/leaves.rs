@@ -1,4 +1,4 @@
-//! The leaves of an octree with the surface that they show to the room, and who touches whom.
+//! Leaves of an octree with the surface that they expose to the room, and their adjacency.
 
 use lo_cone::{Cone, ConeSample, ConeTracer};
 use lo_geometry::Vec3;
@@ -8,10 +8,10 @@ use crate::cap::luminance;
 use crate::shape::LeafSurface;
 use crate::split::exposed_normals;
 
-/// Half-angle tangent of the rays that ask whether a face looks into the room.
+/// Half-angle tangent of the rays that test whether a face looks into the room.
 const RAY_TANGENT: f32 = 0.01;
 
-/// Opacity of what such a ray meets, from which on it does. The back of a closed room's shell looks into empty space.
+/// Opacity above which such a ray hit something. The back of a closed room's shell looks into empty space.
 const MET: f32 = 0.5;
 
 /// A non-empty node that is not split.
@@ -30,10 +30,10 @@ impl Leaf {
     }
 }
 
-/// All leaves, the coarse ones first and in node order within a depth.
+/// All leaves, coarse ones first and in node order within a depth.
 pub(crate) struct Leaves {
     pub all: Vec<Leaf>,
-    /// `index[depth][node]`: number of the leaf, `u32::MAX` of other nodes.
+    /// `index[depth][node]`: number of the leaf, `u32::MAX` for other nodes.
     index: Vec<Vec<u32>>,
 }
 
@@ -58,7 +58,8 @@ impl Leaves {
         leaves
     }
 
-    /// Faces that border on empty nodes and look into the room; all of the former where none does.
+    /// Selects the faces that border on empty nodes and look into the room; if none look into the room, all that border
+    /// on empty nodes.
     fn find_surfaces(&mut self, light: &LightOctree, tracer: &ConeTracer) {
         let mut faces: Vec<(usize, Vec3)> = Vec::new();
         for (i, leaf) in self.all.iter().enumerate() {
@@ -80,13 +81,14 @@ impl Leaves {
                 surface.vector_area_m2 += normal * surface.edge_m * surface.edge_m;
             }
         }
-        // A slanted wall's faces are a staircase whose area exceeds the wall's by up to √3; the norm over the axes is exact for diagonal ones, too.
+        // The faces of a slanted wall form a staircase whose area exceeds the wall's by up to √3. The norm over the
+        // axes is exact for diagonal walls, too.
         for (leaf, axes) in self.all.iter_mut().zip(axes) {
             leaf.surface.area_m2 = axes.length() * leaf.surface.edge_m * leaf.surface.edge_m;
         }
     }
 
-    /// Appends the numbers of the leaves that touch one, at a corner at least.
+    /// Appends the numbers of the leaves adjacent to a leaf, including at corners.
     pub fn touching(&self, light: &LightOctree, leaf: usize, found: &mut Vec<usize>) {
         let Leaf { depth, key, .. } = self.all[leaf];
         let xyz = lo_octree::xyz_from_key(key);
@@ -111,7 +113,7 @@ impl Leaves {
         let number = self.index[depth][node];
         if number != u32::MAX && number as usize != of && !found.contains(&(number as usize)) {
             let (a, b) = (&self.all[of].surface, &self.all[number as usize].surface);
-            // Of the fine leaves within a neighbour those on its near side.
+            // Of the fine leaves in an adjacent node, those on the near side.
             if (a.centre_m - b.centre_m).abs().max_element() < 0.51 * (a.edge_m + b.edge_m) {
                 found.push(number as usize);
             }

@@ -5,56 +5,56 @@ use serde::Serialize;
 use crate::cap::luminance;
 use crate::colour::color_temperature_k;
 use crate::emitters::{Emitter, emitters};
-use crate::kind::{Kind, Origin};
+use crate::kind::{LightKind, LightOrigin};
 use crate::shape::ClusterShape;
 
-/// One line of the list of lights. Its light is that before changes.
+/// An entry of the list of lights, with its light before edits.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ListedLight {
-    /// Its name.
+    /// Name of the light.
     pub id: String,
-    /// What it is.
-    pub kind: Kind,
-    /// Who says so.
-    pub origin: Origin,
-    /// Middle, in metres of the photo's frame; none of a sun.
+    /// LightKind of light.
+    pub kind: LightKind,
+    /// Source of the light.
+    pub origin: LightOrigin,
+    /// Centre, in metres in the photo's frame; absent for a sun.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub position_m: Option<Vec3>,
-    /// Unit direction that it shines to; of a sun towards it. None of what shines all around.
+    /// Unit direction of emission; for a sun, the direction towards it. Absent for lights that shine in all directions.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub direction: Option<Vec3>,
-    /// Width and height of a rectangle, metres.
+    /// Width and height of a rectangle, in metres.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub size_m: Option<[f32; 2]>,
-    /// Radius of a sphere, metres.
+    /// Radius of a sphere, in metres.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub radius_m: Option<f32>,
-    /// Half of the angle that a sun is seen under, degrees.
+    /// Angular radius of a sun, in degrees.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub angular_radius_deg: Option<f32>,
-    /// Emitting area, m²; none of a sun.
+    /// Emitting area in m²; absent for a sun.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub area_m2: Option<f32>,
     /// Mean linear RGB radiance.
     pub radiance: [f32; 3],
-    /// Irradiance on a surface that faces a sun, luminance; none of others.
+    /// Luminance of the irradiance on a surface facing a sun; absent for other lights.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub irradiance: Option<f32>,
-    /// Correlated colour temperature, where its colour is near that of a black body.
+    /// Correlated colour temperature, where the colour is near that of a black body.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub color_temperature_k: Option<f32>,
-    /// Share of all light that surfaces give off; none of what was added.
+    /// Share of the total light emitted by surfaces; absent for added lights.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flux_share: Option<f32>,
-    /// How far it is to be believed, from 0 to 1.
+    /// Confidence, from 0 to 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub certainty: Option<f32>,
-    /// What is changed of it.
+    /// The user's edit of the light.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub change: Option<LightChange>,
 }
 
-/// The lights of a scene whose edits were not applied, and what was added.
+/// Lists the lights of a scene whose edits are not applied, including added lights.
 pub fn list(scene: &LitScene, edits: &LightEdits) -> Vec<ListedLight> {
     let change = |id: &str| {
         let edit = edits.emitters.iter().find(|edit| edit.id == id);
@@ -65,8 +65,8 @@ pub fn list(scene: &LitScene, edits: &LightEdits) -> Vec<ListedLight> {
     found.chain(edits.added.iter().map(ListedLight::of_added)).collect()
 }
 
-/// Emitters as a list, without changes.
-pub fn listed(found: &[Emitter]) -> Vec<ListedLight> {
+/// Lists emitters without edits.
+pub fn list_emitters(found: &[Emitter]) -> Vec<ListedLight> {
     found.iter().map(|emitter| of_emitter(emitter, None)).collect()
 }
 
@@ -97,13 +97,13 @@ fn of_emitter(emitter: &Emitter, change: Option<LightChange>) -> ListedLight {
 }
 
 impl ListedLight {
-    /// A light that somebody added.
+    /// Lists a light that the user added.
     pub fn of_added(AddedLight { id, light, change }: &AddedLight) -> Self {
         let radiance = light.radiance;
         let mut listed = Self {
             id: id.clone(),
-            kind: Kind::Area,
-            origin: Origin::Added,
+            kind: LightKind::Area,
+            origin: LightOrigin::Added,
             position_m: light.centre_m(),
             direction: None,
             size_m: None,
@@ -123,7 +123,7 @@ impl ListedLight {
             }
             LightShape::Sphere { radius_m, .. } => listed.radius_m = Some(radius_m),
             LightShape::Sun { direction, angular_radius_deg, .. } => {
-                listed.kind = Kind::Sun;
+                listed.kind = LightKind::Sun;
                 (listed.direction, listed.angular_radius_deg) = (Some(direction), Some(angular_radius_deg));
                 listed.irradiance = Some(luminance(Vec3::from(radiance)) * light.extent());
                 listed.area_m2 = None;

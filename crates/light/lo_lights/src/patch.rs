@@ -1,9 +1,9 @@
 use lo_geometry::Vec3;
 
-/// A patch of light, before light samples are drawn from it.
+/// A patch of light, from which light samples are drawn.
 #[derive(Clone, Copy, Debug)]
 pub struct LightPatch {
-    /// Where it is.
+    /// Geometry of the patch.
     pub shape: PatchShape,
     /// Linear RGB radiance.
     pub radiance: Vec3,
@@ -11,44 +11,44 @@ pub struct LightPatch {
     pub extent: f32,
 }
 
-/// Where the light of a patch comes from.
+/// Geometry of a patch.
 #[derive(Clone, Copy, Debug)]
 pub enum PatchShape {
-    /// A square of the octree's grid that radiates to the side of `normal`.
+    /// A square of the octree's grid that emits to the side of `normal`.
     Square {
-        /// Middle, metres.
+        /// Centre in metres.
         centre: Vec3,
         /// Unit normal.
         normal: Vec3,
         /// Edge in metres.
         edge_m: f32,
     },
-    /// A rectangle that radiates to the side of `normal`.
+    /// A rectangle that emits to the side of `normal`.
     Rectangle {
-        /// Middle, metres.
+        /// Centre in metres.
         centre: Vec3,
         /// Unit normal.
         normal: Vec3,
-        /// Its edges, metres.
+        /// Edge vectors in metres.
         edges_m: [Vec3; 2],
     },
-    /// A sphere that radiates outwards.
+    /// A sphere that emits outwards.
     Sphere {
-        /// Middle, metres.
+        /// Centre in metres.
         centre: Vec3,
         /// Radius in metres.
         radius_m: f32,
     },
     /// A disc at infinity.
     Disc {
-        /// Unit direction towards its middle.
+        /// Unit direction towards its centre.
         direction: Vec3,
-        /// Perpendicular tangents, as long as the tangent of its angular radius.
+        /// Perpendicular tangents, as long as the tangent of the angular radius.
         radii: [Vec3; 2],
     },
-    /// A direction at infinity with two tangents that span the patch.
+    /// A patch at infinity, spanned by two tangents.
     Infinity {
-        /// Unit direction towards it.
+        /// Unit direction towards the patch.
         direction: Vec3,
         /// Tangents, as long as the patch is wide.
         tangents: [Vec3; 2],

@@ -1,4 +1,4 @@
-//! What shape a cluster of an octree's leaves stands for.
+//! Shape of a cluster of octree leaves.
 
 use std::f32::consts::PI;
 
@@ -7,55 +7,55 @@ use lo_geometry::Vec3;
 /// Least |Σ nA| / ΣA of a panel. Staircases of slanted walls have at least 0.9.
 const MIN_FLATNESS: f32 = 0.8;
 
-/// The surface of one leaf of a cluster.
+/// Surface of one leaf of a cluster.
 #[derive(Clone, Copy, Debug)]
 pub struct LeafSurface {
-    /// Middle of the leaf, metres.
+    /// Centre of the leaf in metres.
     pub centre_m: Vec3,
-    /// Its edge, metres.
+    /// Edge of the leaf in metres.
     pub edge_m: f32,
-    /// Area of the smooth surface that its faces stand for, m².
+    /// Area in m² of the smooth surface that the leaf's faces represent.
     pub area_m2: f32,
     /// Sum of the faces' outward normals times their areas, m².
     pub vector_area_m2: Vec3,
-    /// Luminance, for the middle of the cluster.
+    /// Luminance, which weights the cluster's centre.
     pub luminance: f32,
 }
 
 /// A cluster of leaves as one surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClusterSurface {
-    /// Its middle: the mean of the leaves' middles by area and luminance, metres.
+    /// Centre in metres: the mean of the leaves' centres weighted by area and luminance.
     pub centre_m: Vec3,
-    /// Its area, m².
+    /// Area in m².
     pub area_m2: f32,
-    /// What it is.
+    /// Shape.
     pub shape: ClusterShape,
 }
 
-/// What a cluster of leaves is.
+/// Shape of a cluster of leaves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ClusterShape {
-    /// A rectangle that shines to one side.
+    /// A rectangle that emits to one side.
     Panel {
-        /// Unit direction that it shines to.
+        /// Unit direction of emission.
         direction: Vec3,
-        /// Unit direction of the width, perpendicular to it.
+        /// Unit direction of the width, perpendicular to `direction`.
         across: Vec3,
         /// Width and height in metres; their product is the area.
         size_m: [f32; 2],
     },
-    /// A sphere that shines all around.
+    /// A sphere that emits in all directions.
     Ball {
         /// Radius in metres.
         radius_m: f32,
     },
-    /// It shines to its own inside, such as a bright corner of a room.
+    /// A concave surface that emits towards its own inside, such as a bright corner of a room.
     Concave,
 }
 
 impl ClusterSurface {
-    /// Of leaves of one cluster; `None` where they have no surface.
+    /// Fits a surface to the leaves of one cluster; `None` if they have no surface.
     pub fn of(leaves: &[LeafSurface]) -> Option<Self> {
         let area_m2: f32 = leaves.iter().map(|leaf| leaf.area_m2).sum();
         let vector_area_m2: Vec3 = leaves.iter().map(|leaf| leaf.vector_area_m2).sum();
@@ -79,7 +79,7 @@ impl ClusterSurface {
     }
 }
 
-/// The rectangle of this area whose second moments have the ratio and the axes of the leaves'.
+/// Returns the rectangle of this area whose second moments have the ratio and the axes of the leaves'.
 fn panel(leaves: &[LeafSurface], centre_m: Vec3, direction: Vec3, area_m2: f32) -> ClusterShape {
     let basis = lo_geometry::orthonormal_basis(direction);
     let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);

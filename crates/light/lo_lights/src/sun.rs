@@ -1,14 +1,15 @@
 use lo_geometry::Vec3;
 use lo_scene::Estimate;
 
-/// Unit direction towards a sun: degrees to the right of where the camera looks, about the vertical, and above the horizon.
+/// Returns the unit direction towards a sun, from its azimuth (degrees to the right of the camera's direction, about
+/// the vertical) and elevation (degrees above the horizon).
 pub fn sun_direction(scene: &Estimate, azimuth_deg: f64, elevation_deg: f64) -> Vec3 {
     let (azimuth, elevation) = (azimuth_deg.to_radians() as f32, elevation_deg.to_radians() as f32);
     let level = Vec3::new(azimuth.sin() * elevation.cos(), elevation.sin(), -azimuth.cos() * elevation.cos());
     scene.room.as_ref().map_or(level, |room| room.level_from_camera().transpose() * level).normalize()
 }
 
-/// Azimuth and elevation of a direction, as [`sun_direction`] takes them.
+/// Returns azimuth and elevation of a direction, as [`sun_direction`] takes them.
 pub fn sun_angles_deg(scene: &Estimate, direction: Vec3) -> [f64; 2] {
     let level = scene.room.as_ref().map_or(direction, |room| room.level_from_camera() * direction);
     let azimuth = f64::from(level.x).atan2(-f64::from(level.z));
@@ -16,18 +17,20 @@ pub fn sun_angles_deg(scene: &Estimate, direction: Vec3) -> [f64; 2] {
     [azimuth.to_degrees(), elevation.to_degrees()]
 }
 
-/// Unit direction towards a sun in which the thing at one pixel of the photo casts its shadow on what another one shows; `None` where depth is missing, or
-/// the shadow would fall upwards.
-pub fn sun_of_shadow(scene: &Estimate, thing: [f64; 2], shadow: [f64; 2]) -> Option<Vec3> {
+/// Returns the unit direction towards a sun for which the object at one pixel of the photo casts its shadow on the
+/// surface at another.
+///
+/// Returns `None` where depth is missing, or if the shadow would fall upwards.
+pub fn sun_from_shadow(scene: &Estimate, object: [f64; 2], shadow: [f64; 2]) -> Option<Vec3> {
     let up = scene.up();
-    let direction = (point(scene, thing)? - point(scene, shadow)?).try_normalize()?;
+    let direction = (point(scene, object)? - point(scene, shadow)?).try_normalize()?;
     (direction.dot(up) > 0.0).then_some(direction)
 }
 
-/// Pixels of depth around a place of the photo: people point beside the edge of what they mean.
+/// Radius, in depth pixels, in which the nearest surface is taken: users click beside the edge of an object.
 const AROUND: isize = 2;
 
-/// The nearest surface at a pixel of the photo.
+/// Returns the nearest surface point around a pixel of the photo.
 fn point(scene: &Estimate, [u, v]: [f64; 2]) -> Option<Vec3> {
     let (depth_m, camera) = (&scene.frame.depth_m, &scene.frame.camera);
     let at = |share: f64, size: usize| (share * size as f64) as isize;
@@ -77,8 +80,8 @@ mod tests {
     }
 
     #[test]
-    fn a_shadow_tells_where_its_sun_stands() {
-        // A pole on a floor: its top is seen at the one pixel, the end of its shadow at the other.
+    fn a_shadow_gives_the_suns_direction() {
+        // A pole on a floor: its top is at the one pixel, the end of its shadow at the other.
         let camera = Camera::from_hfov_deg(70.0, 320, 240).expect("a camera");
         let (top, end) = (Vec3::new(0.3, -0.4, -3.0), Vec3::new(-0.4, -1.2, -2.6));
         let pixel = |at: Vec3| camera.project(at).map(|(u, v, _)| [u, v]).expect("in front");
@@ -99,10 +102,10 @@ mod tests {
         };
         let (light, _) = LightOctree::from_points(&[], Cube::centred(Vec3::ZERO, 4.0), 3, 2).expect("an empty octree");
         let mut scene = Estimate::as_seen(light, frame);
-        let found = sun_of_shadow(&scene, pixel(top), pixel(end)).expect("it falls down");
+        let found = sun_from_shadow(&scene, pixel(top), pixel(end)).expect("it falls down");
         assert!(found.angle_between(top - end).to_degrees() < 0.1, "{found}");
-        assert_eq!(sun_of_shadow(&scene, pixel(end), pixel(top)), None, "upwards");
+        assert_eq!(sun_from_shadow(&scene, pixel(end), pixel(top)), None, "upwards");
         scene.frame.depth_m.pixels_mut().fill(0.0);
-        assert_eq!(sun_of_shadow(&scene, pixel(top), pixel(end)), None, "no depth");
+        assert_eq!(sun_from_shadow(&scene, pixel(top), pixel(end)), None, "no depth");
     }
 }

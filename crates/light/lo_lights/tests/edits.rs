@@ -1,4 +1,4 @@
-//! Edits of any octree: they change what they should, by what they should, and nothing else.
+//! Edits of arbitrary octrees change what they should, by the right amount, and nothing else.
 #![allow(clippy::unwrap_used)]
 
 use lo_geometry::{Camera, Cube, Vec3};
@@ -8,7 +8,7 @@ use lo_octree::{LightOctree, key_from_xyz};
 use lo_scene::{EmitterEdit, Frame, LightChange, LightColor, LightEdits, LitScene};
 use proptest::prelude::*;
 
-/// A scene of these cells of a cube of 16³ with their radiance; what has an even x the photo saw.
+/// A scene with these cells of a cube of 16³ and their radiances; cells with an even x are observed.
 fn scene(cells: &[([u32; 3], [f32; 3])]) -> LitScene {
     let seen = |xyz: [u32; 3]| if xyz[0].is_multiple_of(2) { 255 } else { 0 };
     let mut rows: Vec<(u32, [f32; 4], u8)> =
@@ -24,7 +24,7 @@ fn scene(cells: &[([u32; 3], [f32; 3])]) -> LitScene {
     LitScene::as_seen(light, Frame::new(photo, Image::new(8, 6, vec![1.5; 48]), camera, 1.0).unwrap())
 }
 
-/// The shell of the cube, of this radiance, with a lamp of four leaves in the ceiling.
+/// The shell of the cube, with this radiance, and a lamp of four leaves in the ceiling.
 fn room(wall: f32, lamp: [f32; 3]) -> LitScene {
     let shell = (0..16u32.pow(3)).map(|i| [i / 256, i / 16 % 16, i % 16]);
     let shell = shell.filter(|xyz| xyz.iter().any(|c| *c == 0 || *c == 15));
@@ -49,7 +49,7 @@ fn a_lamp_is_split_into_wall_and_light() {
     assert!((lights[0].area_m2.unwrap() - 0.25).abs() < 1e-5);
     assert_eq!(lights[0].position_m.unwrap(), Vec3::new(0.0, 1.875, 0.0));
     assert_eq!(lights[0].direction.unwrap(), Vec3::NEG_Y);
-    // What it gives beyond the walls' 0.5, of all that the inner faces give: six of 3.5 m.
+    // Its excess over the walls' 0.5, as a share of the light of the inner faces: six of 3.5 m.
     let given = 0.25 * (lo_imaging::luminance([10.0, 8.0, 6.0]) - 0.5);
     let all = 6.0 * 3.5 * 3.5 * 0.5 + given;
     assert!((lights[0].flux_share.unwrap() / (given / all) - 1.0).abs() < 1e-3, "{:?}", lights[0].flux_share);
@@ -91,7 +91,7 @@ fn change() -> impl Strategy<Value = LightChange> {
     })
 }
 
-/// Lights are found where they are bright, and edited where they are not: `envmap` without `--lamp`.
+/// Emitters are found in one light and edited in another: `envmap` without `--lamp`.
 #[test]
 fn emitters_of_brighter_light_are_edited_by_their_share() {
     let mut dim = room(0.5, [1.0, 0.8, 0.6]);
@@ -102,7 +102,7 @@ fn emitters_of_brighter_light_are_edited_by_their_share() {
     let change = LightChange { on: false, ..LightChange::NONE };
     let emitters = vec![EmitterEdit { id: "L1".to_owned(), found_at_m, change }];
     apply_edits(&mut dim, &LightEdits { emitters, ..LightEdits::default() }, &found).unwrap();
-    // A twentieth of what it has is the wall's.
+    // A twentieth of it is the wall's.
     let darkest = dim.light.rgba[4].iter().map(|row| row[0]).fold(f32::INFINITY, f32::min);
     assert!((darkest - 0.05).abs() < 1e-4, "{darkest}");
 }
@@ -122,7 +122,7 @@ proptest! {
         }
     }
 
-    /// Every leaf is linear in the scale, and no change is none.
+    /// Every leaf is linear in the scale, and the identity edit changes nothing.
     #[test]
     fn leaves_are_linear_in_the_scale(cells in cells(), scale in 0.0f32..8.0) {
         let scene = scene(&cells);

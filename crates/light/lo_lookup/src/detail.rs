@@ -11,37 +11,38 @@ use crate::mirroring::Mirroring;
 use crate::photo::PhotoPyramid;
 use crate::ratio::ratio_pyramid;
 
-/// Angle beside the photo over which its mirror image itself turns into detail around what the octree holds.
+/// Angle beside the photo over which its mirror image turns into detail modulating the octree.
 const BLEND_RAD: f32 = 0.2;
 
-/// Angles beside the photo between which places on the octree's surfaces are replaced by places on the planes that close
-/// the room. The photo's border lies where surfaces are, and lines on walls are to be straight.
+/// Angles beside the photo over which positions on the octree's surfaces are replaced by positions on the room's
+/// planes. At the photo's border the octree's surfaces are exact; further out, lines on walls should be straight.
 const STRAIGHT_RAD: (f32, f32) = (0.02, 0.2);
 
-/// Angle inside the photo's border over which the detail ends.
+/// Angle inside the photo's border over which the detail fades out.
 const INSIDE_RAD: f32 = 0.07;
 
-/// Cones that one task looks up; the result does not depend on it.
+/// Number of cones per task; the result does not depend on it.
 const CONES_PER_TASK: usize = 1024;
 
-/// The photo's texture, continued where nothing was seen: detail around the octree's smooth estimate.
+/// Texture of the photo, extended over unobserved surfaces as detail around the octree's smooth estimate.
 ///
-/// It belongs to places in the room, so that it stays where it is as objects and viewers move. Its mean is 1 in any
-/// neighbourhood. It is meant for the eye, not for irradiance. Samples get it before [`PhotoLookup`] replaces what the
-/// photo shows.
+/// It is fixed to positions in the room, so that it does not move with objects and viewpoints. Its mean is 1 in any
+/// neighbourhood. It is for appearance, not for irradiance. Apply it to samples before [`PhotoLookup`] replaces what
+/// the photo shows.
 pub struct Detail {
     mirroring: Mirroring,
     photo: Arc<PhotoPyramid>,
     /// The photo relative to its low frequencies.
     ratio: PhotoPyramid,
-    /// Planes that close the room, with normals inwards.
+    /// Planes of the room, with normals pointing inwards.
     walls: Vec<Plane>,
-    /// The octree with the share that photos saw as radiance, where there are several photos.
+    /// The octree with the observed share as radiance; only where there are several photos.
     seen: Option<ConeTracer>,
 }
 
 impl Detail {
-    /// Prepares a scene's photo, as `lookup` has it. A scene with a panorama of the room needs no detail.
+    /// Prepares a scene's photo, taken from `lookup`. Returns `None` for a scene with a panorama of the room, which
+    /// needs no detail.
     pub fn new(scene: &LitScene, lookup: &PhotoLookup) -> Option<Self> {
         if scene.panorama.is_some() {
             return None;
@@ -62,7 +63,7 @@ impl Detail {
     /// Adds detail to the radiance of samples of cones of the scene's octree.
     ///
     /// # Panics
-    /// Where there are not as many samples as cones.
+    /// If there are not as many samples as cones.
     pub fn add(&self, cones: &[Cone], samples: &mut [ConeSample]) {
         assert_eq!(cones.len(), samples.len(), "one sample for each cone");
         let tasks = cones.par_chunks(CONES_PER_TASK).zip(samples.par_chunks_mut(CONES_PER_TASK));
@@ -82,7 +83,7 @@ impl Detail {
         });
     }
 
-    /// Radiance of a sample with detail, where it gets any.
+    /// Returns the radiance of a sample with detail, if it gets any.
     fn find(&self, cone: &Cone, sample: &ConeSample) -> Option<Vec3> {
         let distance_m = sample.distance_m;
         let point = cone.origin + cone.direction * distance_m;
@@ -92,31 +93,31 @@ impl Detail {
         }
         let half_angle = (distance_m * cone.tan_half_angle / from_camera_m).atan();
         let direction = self.straightened(cone, point / from_camera_m);
-        let place = self.mirroring.place(direction, half_angle);
-        let inside = -place.outside_rad / INSIDE_RAD;
+        let footprint = self.mirroring.footprint(direction, half_angle);
+        let inside = -footprint.outside_rad / INSIDE_RAD;
         if inside >= 1.0 {
             return None;
         }
         let look_up = |pyramid: &PhotoPyramid| {
             let scale = pyramid.size() / self.mirroring.size();
-            pyramid.mean(place.at * scale, place.axes.map(|axis| axis * scale))
+            pyramid.mean(footprint.at * scale, footprint.axes.map(|axis| axis * scale))
         };
         let own = Vec3::from(sample.radiance);
-        let itself = 1.0 - smoothstep(0.0, BLEND_RAD, place.outside_rad);
+        let itself = 1.0 - smoothstep(0.0, BLEND_RAD, footprint.outside_rad);
         let around = if itself < 1.0 { own * look_up(&self.ratio) } else { own };
         let radiance = if itself > 0.0 { around.lerp(look_up(&self.photo) * sample.opacity, itself) } else { around };
         Some(own.lerp(radiance, 1.0 - smoothstep(0.0, 1.0, inside)))
     }
 
-    /// Direction from the camera of what a cone meets: on the planes that close the room instead of the octree's uneven
-    /// surfaces.
+    /// Returns the direction from the camera to the point that a cone hits, on the room's planes instead of the
+    /// octree's uneven surfaces.
     fn straightened(&self, cone: &Cone, direction: Vec3) -> Vec3 {
-        let share = smoothstep(STRAIGHT_RAD.0, STRAIGHT_RAD.1, self.mirroring.place(direction, 0.0).outside_rad);
+        let share = smoothstep(STRAIGHT_RAD.0, STRAIGHT_RAD.1, self.mirroring.footprint(direction, 0.0).outside_rad);
         if share <= 0.0 {
             return direction;
         }
         let towards = self.walls.iter().filter(|plane| plane.normal.dot(cone.direction) < 0.0);
-        // A place behind a plane is on it.
+        // A position behind a plane is moved onto it.
         let distance_m =
             |plane: &Plane| -plane.signed_distance_m(cone.origin).max(0.0) / plane.normal.dot(cone.direction);
         let Some(nearest_m) = towards.map(distance_m).reduce(f32::min) else { return direction };
@@ -125,7 +126,7 @@ impl Detail {
     }
 }
 
-/// The octree with the share of each node that photos saw, from 0 to 1, in place of its radiance.
+/// Returns the octree with the observed share of each node, from 0 to 1, as its radiance.
 fn seen_shares(light: &LightOctree) -> LightOctree {
     let mut shares = LightOctree { lobes: None, ..light.clone() };
     for (rows, seen) in shares.rgba.iter_mut().zip(&light.seen) {

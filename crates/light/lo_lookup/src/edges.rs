@@ -2,11 +2,14 @@
 
 use lo_imaging::Image;
 
-/// Inverse depths of neighbouring pixels that differ by more than this share, and not as on a plane, lie on both sides of a depth edge.
+/// Relative difference of inverse depth between adjacent pixels above which they may be on both sides of a depth edge.
+/// The difference must also deviate from a plane.
 const EDGE: f32 = 0.04;
 
-/// Of a map of inverse depth, between which pixels a depth edge runs (between each and those right of it, below it, and right below), and how far
-/// inverse depth is from continuing its neighbours' plane, the largest of 3 × 3 pixels.
+/// Finds depth edges in an image of inverse depth.
+///
+/// Returns whether a depth edge runs between a pixel and those right of it, below it, and diagonally below; and how far
+/// inverse depth deviates from its neighbours' plane (maximum over 3 × 3 pixels).
 pub(crate) fn edges(inverse: &Image<f32>) -> (Image<bool>, Image<f32>) {
     let (width, height) = (inverse.width(), inverse.height());
     let bent = Image::from_fn(width, height, |x, y| {
@@ -21,7 +24,7 @@ pub(crate) fn edges(inverse: &Image<f32>) -> (Image<bool>, Image<f32>) {
         let (low, high, bend) = around.fold((f32::INFINITY, 0.0f32, 0.0f32), |(low, high, bend), &at| {
             (low.min(inverse[at]), high.max(inverse[at]), bend.max(bent[at]))
         });
-        // On a plane that is seen from its edge inverse depth falls off as steeply, but does not bend.
+        // On a plane seen at a grazing angle inverse depth falls off as steeply, but does not bend.
         high - low > EDGE * high && bend > 0.5 * (high - low)
     });
     let jump = Image::from_fn(width, height, |x, y| {

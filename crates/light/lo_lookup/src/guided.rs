@@ -1,4 +1,4 @@
-//! Depth as fine as the photo, with its edges where the photo has them.
+//! Depth upsampled to the photo's resolution, with edges aligned to the photo.
 
 use lo_geometry::Vec3;
 use lo_imaging::{DepthMap, Image, Photo};
@@ -7,24 +7,25 @@ use rayon::prelude::*;
 
 use crate::edges::edges;
 
-/// Readings around a pixel from which its depth is chosen, in pixels of the depth map.
+/// Radius of the readings considered for a pixel's depth, in pixels of the depth map.
 const REACH: usize = 2;
 
-/// Standard deviations of the readings' weights: of colour (of the square root of radiance), and in pixels.
+/// Standard deviations of the readings' weights: in colour (square root of radiance) and in pixels.
 const COLOUR: f32 = 0.06;
 const PIXELS: f32 = 1.0;
 
-/// Readings whose inverse depths differ by at most this share lie on one surface.
+/// Greatest relative difference of the inverse depths of readings on one surface.
 const ON_SURFACE: f32 = 0.05;
 
-/// Growth from which on a depth map is coarse: its edges lie where its pixels end, and not where the photo's do.
+/// Scale factor from which a depth map is coarse: its edges follow its own pixels instead of the photo's edges.
 const COARSE: f32 = 1.5;
 
-/// Inverse depth at `width` × `height`; 0 where there is no reading near by.
+/// Resamples to inverse depth at `width` × `height`; 0 where there is no reading nearby.
 ///
-/// Beside depth edges a coarse map's pixels belong to one side or the other as a whole. Each pixel there, and each without a reading, gets the
-/// depth of the readings of one side, that which has most of the weights: joint bilateral upsampling (Kopf et al. 2007) that does not
-/// blend across an edge, a weighted mode (Min et al. 2012). All else is resampled ([`lo_imaging::resize_depth`]).
+/// Near depth edges, each pixel of a coarse map belongs entirely to one side. Each output pixel there, and each without
+/// a reading, gets the depth of one side: the one with the greatest total weight. This is joint bilateral upsampling
+/// (Kopf et al. 2007) that does not blend across an edge, a weighted mode (Min et al. 2012). All other pixels are
+/// resampled ([`lo_imaging::resize_depth`]).
 pub(crate) fn guided_inverse(depth_m: &DepthMap, photo: &Photo, width: usize, height: usize) -> Image<f32> {
     let inverse_of = |depth_m: &DepthMap| depth_m.map(|&z| if z > 0.0 { 1.0 / z } else { 0.0 });
     let coarse = inverse_of(depth_m);
@@ -54,7 +55,8 @@ pub(crate) fn guided_inverse(depth_m: &DepthMap, photo: &Photo, width: usize, he
         };
         let readings: Vec<(f32, f32)> =
             around.filter(|&at| coarse[at] > 0.0).map(|at| (coarse[at], weight(at))).collect();
-        // The sums of the weights of one surface's readings, and of weight and inverse depth: the surface that has most.
+        // Sums of weights, and of weight × inverse depth, over the readings of one surface; the surface with the
+        // greatest weight wins.
         let surface = |&(of, _): &(f32, f32)| {
             let on = readings.iter().filter(|(inverse, _)| (inverse - of).abs() < ON_SURFACE * of);
             on.fold((0.0, 0.0), |(total, sum), (inverse, weight)| (total + weight, sum + weight * inverse))
@@ -66,7 +68,7 @@ pub(crate) fn guided_inverse(depth_m: &DepthMap, photo: &Photo, width: usize, he
     Image::new(width, height, rows.into_iter().flatten().collect())
 }
 
-/// Pixels at a depth edge or a hole, and their neighbours.
+/// Returns the pixels at a depth edge or a hole, and their neighbours.
 fn beside_edges(inverse: &Image<f32>) -> Image<bool> {
     let (edge, _) = edges(inverse);
     let (width, height) = (inverse.width(), inverse.height());

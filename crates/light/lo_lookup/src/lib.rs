@@ -1,9 +1,12 @@
-//! Sharp where the photo knows: what a cone meets of a surface that the photo shows is looked up in the photo (`docs/method.md` §3.6).
+//! Sharpens octree renderings where the photo shows the surface that a cone hits (`docs/method.md` §3.6).
 //!
-//! A leaf of the octree is the mean of all pixels that fall into it, a block of some centimetres. [`PhotoLookup`] follows a cone's axis through the
-//! photo's depth map, as reflections in screen space do (McGuire and Mara, "Efficient GPU Screen-Space Ray Tracing", JCGT 2014), from
-//! shortly before the distance at which the octree was met, and takes the photo's radiance there, averaged over what the cone covers.
-//! [`PanoramaLookup`] does the same with a panorama of the room that somebody gave. [`SharpViewers`] makes panoramas of a scene with it.
+//! A leaf of the octree is the mean of all pixels that fall into it: a block of some centimetres. [`PhotoLookup`]
+//! follows a cone's axis through the photo's depth map, as screen-space reflections do (McGuire and Mara, "Efficient
+//! GPU Screen-Space Ray Tracing", JCGT 2014). It starts shortly before the octree's hit and reads the photo's radiance
+//! at the crossing, averaged over the cone's footprint.
+//!
+//! [`PanoramaLookup`] does the same with a panorama of the room given by the user. [`SceneRenderer`] combines them to
+//! render panoramas of a scene.
 
 mod before;
 mod detail;
@@ -16,11 +19,11 @@ mod mirroring;
 mod panorama;
 mod photo;
 mod ratio;
+mod scene_renderer;
 mod surface;
-mod viewers;
 
 pub use detail::Detail;
 pub use lookup::PhotoLookup;
 pub use map::RadianceMap;
 pub use panorama::PanoramaLookup;
-pub use viewers::SharpViewers;
+pub use scene_renderer::SceneRenderer;

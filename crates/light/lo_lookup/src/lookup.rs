@@ -2,83 +2,89 @@ use std::sync::Arc;
 
 use lo_cone::{Cone, ConeSample, ConeTracer};
 use lo_geometry::{Vec3, orthonormal_basis};
-use lo_lights::PictureChange;
+use lo_lights::ImageChange;
 use lo_scene::LitScene;
 use rayon::prelude::*;
 
 use crate::before::light_before;
 use crate::fade::fade;
 use crate::photo::PhotoPyramid;
-use crate::surface::{Followed, Meeting, Stretch, Surface};
+use crate::surface::{DepthSurface, FollowResult, RaySegment, SurfaceHit};
 
-/// Leaf edges before the octree's distance at which a ray is followed from, and behind it up to which it is expected to meet something.
+/// Distance, in leaf edges, before and behind the octree's hit within which a ray is followed.
 const REACH_EDGES: f32 = 3.0;
 
-/// Leaf edges between a ray and the surface up to which it meets it: of a depth edge that it passes behind, the height of the edge.
+/// Greatest distance, in leaf edges, between a ray and the surface at a hit. Where the ray passes behind a depth edge,
+/// it is the height of the edge.
 const SLACK_EDGES: f32 = 0.75;
 
-/// Widths of cones where they meet something, in leaf edges, from which on and up to which the octree takes over. It is as good there, and a
-/// wide cone that is partly stopped before has no one place in the picture.
+/// Cone widths at the hit, in leaf edges, over which the weight fades to the octree. The octree is as good there, and a
+/// wide cone that is partly stopped earlier has no single position in the photo.
 const WIDE_EDGES: (f32, f32) = (3.0, 6.0);
 
-/// Leaf edges by which the depths of both sides of a depth edge move what is looked up, from which on and up to which the octree takes over.
+/// Displacements of the looked-up point due to the depths on both sides of a depth edge, in leaf edges, over which the
+/// weight fades to the octree.
 const MOVED_EDGES: (f32, f32) = (0.6, 1.2);
 
-/// Leaf edges between the octree's distance and the photo's, from which on and up to which the octree takes over, where the photo does not
-/// see all of the way.
+/// Differences between the octree's distance and the photo's, in leaf edges, over which the weight fades to the octree.
+/// They apply where the photo does not show all of the path.
 const APART_EDGES: (f32, f32) = (1.5, REACH_EDGES);
 
-/// Cones that one task looks up; the result does not depend on it.
+/// Number of cones per task; the result does not depend on it.
 const CONES_PER_TASK: usize = 1024;
 
-/// A scene's photo, made ready to be looked up from anywhere.
+/// A scene's photo, prepared for lookup from any viewpoint.
 ///
-/// The photo answers with a weight that goes smoothly to 0, and the octree with the rest, where the cone is wide compared with a leaf, where it reaches
-/// beyond the picture, at depth edges as far as it matters there how deep the surface is (seen from the camera itself it does not matter), and
-/// where octree and depth map disagree about what is met. What is clipped in the photo is as bright as the octree has it. Emitters that were edited are
-/// so in the photo, too.
+/// The photo's weight fades smoothly to 0, in favour of the octree:
+///
+/// - where the cone is wide compared with a leaf,
+/// - where the cone reaches beyond the photo,
+/// - at depth edges, as far as the depth of the surface matters there (from the camera itself it does not),
+/// - where octree and depth map disagree about what is hit.
+///
+/// Clipped pixels are as bright as the octree. Edits of emitters are applied to the photo too.
 pub struct PhotoLookup {
-    surface: Surface,
+    surface: DepthSurface,
     photo: Arc<PhotoPyramid>,
     leaf_edge_m: f32,
 }
 
-/// What the photo shows of what a cone meets.
+/// The photo's value for the surface that a cone hits.
 #[derive(Clone, Copy, Debug)]
-struct Found {
+struct PhotoSample {
     radiance: Vec3,
     distance_m: f32,
     weight: f32,
 }
 
 impl PhotoLookup {
-    /// Of the scene's first photo; `tracer` is of the scene's light as it is seen from that photo's camera. Takes some tenths of a second for large
-    /// photos.
+    /// Prepares the scene's first photo. `tracer` traces the scene's light as seen from that photo's camera. Takes some
+    /// tenths of a second for large photos.
     pub fn new(scene: &LitScene, tracer: &ConeTracer) -> Self {
         let leaf_edge_m = scene.light.cube.node_edge_m(scene.light.octree.depth());
-        let surface = Surface::new(&scene.frame, tracer);
+        let surface = DepthSurface::new(&scene.frame, tracer);
         let change = scene.edited.as_ref().and_then(|edited| edited.octree.as_ref());
         let before = change.map(|change| light_before(scene, change, Vec3::ZERO));
-        let change = change.map(|change| PictureChange::new(&scene.light, change));
+        let change = change.map(|change| ImageChange::new(&scene.light, change));
         let photo = PhotoPyramid::new(
             &scene.frame,
             before.as_ref().unwrap_or(tracer),
             leaf_edge_m,
-            surface.usual_depth_m(),
+            surface.median_depth_m(),
             change.as_ref(),
         );
         Self { surface, photo: Arc::new(photo), leaf_edge_m }
     }
 
-    /// The photo's radiance.
+    /// Returns the photo's radiance.
     pub(crate) fn photo(&self) -> Arc<PhotoPyramid> {
         Arc::clone(&self.photo)
     }
 
-    /// Puts what the photo shows into samples of cones of the scene's octree: radiance, and with it distance and opacity.
+    /// Replaces radiance, distance and opacity of octree samples by the photo's values, by weight.
     ///
     /// # Panics
-    /// Where there are not as many samples as cones.
+    /// If there are not as many samples as cones.
     pub fn sharpen(&self, cones: &[Cone], samples: &mut [ConeSample]) {
         assert_eq!(cones.len(), samples.len(), "one sample for each cone");
         let tasks = cones.par_chunks(CONES_PER_TASK).zip(samples.par_chunks_mut(CONES_PER_TASK));
@@ -91,11 +97,14 @@ impl PhotoLookup {
         });
     }
 
-    /// [`PhotoLookup::sharpen`] for cones that begin a little off the places in `apexes` that they are meant for, because the octree's leaves are in
-    /// the way there. The photo is looked up from the apexes; cones of which it gives at least half begin there after, and their distances too.
+    /// Sharpens samples of cones that start at an offset from the intended `apexes`, because the octree's leaves block
+    /// the way there.
+    ///
+    /// The photo is looked up from the apexes. Where its weight is at least half, the cone and its distance are moved
+    /// to the apex.
     ///
     /// # Panics
-    /// Where there are not as many samples and apexes as cones.
+    /// If there are not as many samples and apexes as cones.
     pub fn sharpen_from(&self, apexes: &[Vec3], cones: &mut [Cone], samples: &mut [ConeSample]) {
         assert_eq!(cones.len(), samples.len(), "one sample for each cone");
         assert_eq!(cones.len(), apexes.len(), "one apex for each cone");
@@ -112,8 +121,8 @@ impl PhotoLookup {
         });
     }
 
-    /// `lift_m`: how far from the cone's apex its sample was taken.
-    fn find(&self, cone: &Cone, sample: &ConeSample, lift_m: f32) -> Option<Found> {
+    /// `lift_m` is the distance between the cone's apex and the origin of its sample.
+    fn find(&self, cone: &Cone, sample: &ConeSample, lift_m: f32) -> Option<PhotoSample> {
         let edge_m = self.leaf_edge_m;
         let reach_m = REACH_EDGES * edge_m + lift_m;
         let Cone { origin, direction, tan_half_angle } = *cone;
@@ -125,24 +134,24 @@ impl PhotoLookup {
         }
         let from_m = (expected_m - reach_m).max(0.0);
         let slack_m = SLACK_EDGES * edge_m;
-        let stretch = Stretch { origin, direction, from_m, to_m: expected_m + reach_m, slack_m };
-        let met = match self.surface.follow(&stretch) {
-            Followed::Met(met) => met,
-            // The octree stops the cone where the photo sees through: leaves are thicker than what fills them.
-            Followed::Free(before) => {
+        let segment = RaySegment { origin, direction, from_m, to_m: expected_m + reach_m, slack_m };
+        let hit = match self.surface.follow(&segment) {
+            FollowResult::Hit(hit) => hit,
+            // The octree stops the cone where the photo shows free space: leaves are thicker than the surface in them.
+            FollowResult::Free(before) => {
                 let to_m = origin.length() + 2.0 * self.surface.farthest_m();
-                let beyond = Stretch { from_m: stretch.to_m, to_m: to_m.max(stretch.to_m), ..stretch };
+                let beyond = RaySegment { from_m: segment.to_m, to_m: to_m.max(segment.to_m), ..segment };
                 match self.surface.follow(&beyond) {
-                    Followed::Met(met) if met.free > 0.0 => Meeting { free: before.min(met.free), ..met },
+                    FollowResult::Hit(hit) if hit.free > 0.0 => SurfaceHit { free: before.min(hit.free), ..hit },
                     _ => return None,
                 }
             }
-            Followed::Lost => return None,
+            FollowResult::Lost => return None,
         };
-        let off = fade(met.off_m / edge_m, (0.5 * SLACK_EDGES, SLACK_EDGES));
-        let apart = fade((met.distance_m - expected_m).abs() / edge_m, APART_EDGES).max(met.free);
-        let moved = fade(self.moved_m(origin, direction, &met) / edge_m, MOVED_EDGES);
-        let narrow = fade(width_edges(met.distance_m.max(expected_m)), WIDE_EDGES);
+        let off = fade(hit.off_m / edge_m, (0.5 * SLACK_EDGES, SLACK_EDGES));
+        let apart = fade((hit.distance_m - expected_m).abs() / edge_m, APART_EDGES).max(hit.free);
+        let moved = fade(self.parallax_m(origin, direction, &hit) / edge_m, MOVED_EDGES);
+        let narrow = fade(width_edges(hit.distance_m.max(expected_m)), WIDE_EDGES);
         let weight = off * apart * moved * narrow;
         if weight <= 0.0 {
             return None;
@@ -150,8 +159,8 @@ impl PhotoLookup {
         let basis = orthonormal_basis(direction);
         let turns = [basis.x_axis, basis.y_axis].map(|axis| axis * tan_half_angle);
         let scale = self.photo.size() / self.surface.size();
-        let axes = self.surface.footprint(origin, &met, direction, turns).map(|axis| axis * scale);
-        let at = met.at * scale;
+        let axes = self.surface.footprint(origin, &hit, direction, turns).map(|axis| axis * scale);
+        let at = hit.at * scale;
         let inside = at.min(self.photo.size() - at);
         let reach = (axes[0] * axes[0] + axes[1] * axes[1]).map(f32::sqrt).max(lo_geometry::Vec2::ONE);
         let within = (inside / reach).min_element().clamp(0.0, 1.0);
@@ -159,25 +168,27 @@ impl PhotoLookup {
             return None;
         }
         let radiance = self.photo.mean(at, axes);
-        Some(Found { radiance, distance_m: met.distance_m, weight: weight * within })
+        Some(PhotoSample { radiance, distance_m: hit.distance_m, weight: weight * within })
     }
 
-    /// Whether any place up to `reach_m` around a point may be in the picture; of nearly all that are not it is known at once.
+    /// Returns whether any point up to `reach_m` around a point may be in the photo. It is a cheap test that rejects
+    /// most others.
     fn may_show(&self, point: Vec3, reach_m: f32) -> bool {
         let depth_m = -point.z;
         let margin_px = self.surface.focal_px() * reach_m / depth_m.max(reach_m);
         depth_m > -reach_m && (depth_m <= reach_m || self.surface.shows(point, margin_px))
     }
 
-    /// How far apart the places are, on the surface in metres, that are looked up with the depths of both sides of a depth edge.
-    fn moved_m(&self, origin: Vec3, direction: Vec3, met: &Meeting) -> f32 {
-        let seen_along = (origin + direction * met.distance_m).normalize_or(direction);
+    /// Returns the distance on the surface, in metres, between the points that are looked up with the depths of both
+    /// sides of a depth edge.
+    fn parallax_m(&self, origin: Vec3, direction: Vec3, hit: &SurfaceHit) -> f32 {
+        let seen_along = (origin + direction * hit.distance_m).normalize_or(direction);
         let aside_m = (origin - seen_along * origin.dot(seen_along)).length();
-        aside_m * self.surface.jump(met.at) * met.depth_m
+        aside_m * self.surface.jump(hit.at) * hit.depth_m
     }
 }
 
-impl Found {
+impl PhotoSample {
     fn blend(&self, sample: &mut ConeSample, distance_m: f32) {
         let mix = |from: f32, to: f32| from + self.weight * (to - from);
         sample.radiance = Vec3::from(sample.radiance).lerp(self.radiance, self.weight).to_array();

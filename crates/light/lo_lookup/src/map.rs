@@ -1,21 +1,21 @@
-//! Equirectangular maps at every scale.
+//! Equirectangular images at every scale.
 
 use std::f32::consts::PI;
 
 use lo_geometry::{Vec2, Vec3};
 use lo_imaging::{Image, RadianceImage};
 
-/// Half-angle tangent below which one look-up is enough.
+/// Half-angle tangent below which a single tap is enough.
 const SINGLE_TAP_TANGENT: f32 = 0.05;
 
-/// An equirectangular map at infinity with coarser levels, for look-ups by cone.
+/// An equirectangular image at infinity with coarser levels, for cone lookups.
 pub struct RadianceMap {
-    /// Finest first, halved in each step by solid angle.
+    /// Finest first, each half as wide and high as the previous, weighted by solid angle.
     levels: Vec<RadianceImage>,
 }
 
 impl RadianceMap {
-    /// Of an equirectangular map in our own orientation.
+    /// Wraps an equirectangular image in this program's orientation.
     pub fn new(map: RadianceImage) -> Self {
         let mut levels = vec![map];
         while let Some(coarser) = levels.last().filter(|level| level.height() >= 4).map(halved) {
@@ -24,9 +24,10 @@ impl RadianceMap {
         Self { levels }
     }
 
-    /// Mean radiance in a cone.
+    /// Returns the mean radiance in a cone.
     ///
-    /// A wide cone takes five look-ups, each half as wide: near the poles the texels of a coarse level are sectors, not discs.
+    /// A wide cone takes five taps, each half as wide: near the poles the texels of a coarse level are sectors, not
+    /// discs.
     pub fn cone(&self, direction: Vec3, tan_half_angle: f32) -> Vec3 {
         if tan_half_angle < SINGLE_TAP_TANGENT {
             return self.look_up(direction, 2.0 * tan_half_angle);
@@ -38,7 +39,7 @@ impl RadianceMap {
         taps.iter().map(|&tap| self.look_up((direction + tap * offset).normalize(), half_angle)).sum::<Vec3>() / 5.0
     }
 
-    /// Trilinear look-up over about `width_rad`.
+    /// Looks up trilinearly over about `width_rad`.
     fn look_up(&self, direction: Vec3, width_rad: f32) -> Vec3 {
         let pitch = PI / self.levels[0].height() as f32;
         let level = (width_rad / pitch).max(1.0).log2().min((self.levels.len() - 1) as f32);
@@ -51,7 +52,7 @@ impl RadianceMap {
     }
 }
 
-/// Bilinear look-up; the map closes around the poles' axis.
+/// Looks up bilinearly; the image wraps around horizontally.
 fn sample(map: &RadianceImage, direction: Vec3) -> Vec3 {
     let uv = lo_geometry::uv_from_direction(direction) * Vec2::new(map.width() as f32, map.height() as f32) - 0.5;
     let x = uv.x.floor();
@@ -66,7 +67,7 @@ fn sample(map: &RadianceImage, direction: Vec3) -> Vec3 {
     sum
 }
 
-/// Half the width and height, rounded down; each pixel is the mean over its share of the sphere.
+/// Halves width and height, rounded down; each pixel is the mean over its part of the sphere.
 fn halved(map: &RadianceImage) -> RadianceImage {
     let (width, height) = ((map.width() / 2).max(1), (map.height() / 2).max(1));
     Image::from_fn(width, height, |x, y| {

@@ -1,7 +1,7 @@
 use lo_cone::{Cone, ConeSample, ConeTracer, Settings};
 use lo_geometry::{Quat, Vec2, Vec3};
 use lo_imaging::Image;
-use lo_lights::PictureChange;
+use lo_lights::ImageChange;
 use lo_octree::LightOctree;
 use lo_scene::{LaidPanorama, LitScene};
 use rayon::prelude::*;
@@ -9,71 +9,74 @@ use rayon::prelude::*;
 use crate::fade::fade;
 use crate::map::RadianceMap;
 
-/// Columns of the map of how far the panorama sees.
+/// Columns of the distance map of the panorama.
 const COLUMNS: usize = 1024;
 
-/// Edges of the leaves of unseen surfaces, which are guessed one depth coarser than what is seen is stored.
+/// Edge, in leaf edges, of the leaves of unobserved surfaces, which are stored one depth coarser than observed ones.
 const UNSEEN_EDGES: f32 = 2.0;
 
-/// Distances between where a cone is stopped and where its axis meets what the panorama sees, in edges of unseen leaves, from which on and up to
-/// which the octree takes over.
+/// Distances between the octree's hit and the panorama's, in edges of unobserved leaves, over which the weight fades to
+/// the octree.
 const APART_EDGES: (f32, f32) = (1.0, 2.0);
 
-/// Widths of cones where they meet something, in the same unit, from which on and up to which the octree takes over.
+/// Cone widths at the hit, in the same unit, over which the weight fades to the octree.
 const WIDE_EDGES: (f32, f32) = (3.0, 6.0);
 
-/// Share of what a cone meets that the panorama gave, below which and up to which it is not looked up: beside what the photo saw.
+/// Shares of the panorama in the radiance of a hit over which the weight fades in; the rest is from the photo.
 const SHARE: (f32, f32) = (0.2, 0.8);
 
-/// Steps of the search for where a ray meets what the panorama sees.
+/// Iterations of the search for a ray's intersection with the panorama's surface.
 const STEPS: usize = 6;
 
-/// Cones that one task looks up; the result does not depend on it.
+/// Number of cones per task; the result does not depend on it.
 const CONES_PER_TASK: usize = 1024;
 
-/// A panorama of the room that somebody gave, made ready to be looked up from anywhere where its light lies on the octree.
+/// A panorama of the room given by the user, prepared for lookup from any viewpoint, where its light was baked into the
+/// octree.
 ///
-/// What it sees in a direction lies as far away as the octree has it. It answers with a weight that goes smoothly to 0, and the octree with the rest,
-/// where the panorama gave less of the light, where the cone is wide compared with a leaf, and where it does not see what the cone meets.
+/// The distance of a panorama direction is that of the octree. The panorama's weight fades smoothly to 0, in favour of
+/// the octree: where the panorama contributed less of the light, where the cone is wide compared with a leaf, and where
+/// the panorama does not see the hit.
 pub struct PanoramaLookup {
     map: RadianceMap,
     panorama_from_world: Quat,
-    place_m: Vec3,
-    /// How far it sees, in metres, in the photo's axes.
+    position_m: Vec3,
+    /// Distance of the surface in each direction, in metres, in the photo's axes.
     distance_m: Image<f32>,
     /// The octree with the panorama's share as radiance.
     share: ConeTracer,
     edge_m: f32,
-    /// Whether its lights are as bright as the octree has them, or brighter, because it is clipped.
+    /// Whether the panorama is clipped, so that its lights are at least as bright as the octree's.
     clipped: bool,
 }
 
 impl PanoramaLookup {
-    /// Of the scene's panorama, if it has one; `tracer` is of the scene's light as it is seen from that panorama's place.
+    /// Prepares the scene's panorama, if there is one. `tracer` traces the scene's light as seen from that panorama's
+    /// position.
     pub fn new(scene: &LitScene, tracer: &ConeTracer) -> Option<Self> {
         let laid = scene.panorama.as_ref()?;
         let picture = laid.picture.as_ref()?;
-        let place_m = laid.source.position_m;
+        let position_m = laid.source.position_m;
         let share = ConeTracer::new(&shares(&scene.light, laid), Settings::default()).ok()?;
         let mut radiance = picture.radiance.clone();
         if let Some(change) = scene.edited.as_ref().and_then(|edited| edited.octree.as_ref()) {
-            PictureChange::new(&scene.light, change).panorama(&mut radiance, place_m, picture.world_from_panorama);
+            ImageChange::new(&scene.light, change).panorama(&mut radiance, position_m, picture.world_from_panorama);
         }
         Some(Self {
             map: RadianceMap::new(radiance),
             panorama_from_world: picture.world_from_panorama.inverse(),
-            place_m,
-            distance_m: tracer.panorama(place_m, COLUMNS, COLUMNS / 2).distance_m,
+            position_m,
+            distance_m: tracer.panorama(position_m, COLUMNS, COLUMNS / 2).distance_m,
             share,
             edge_m: UNSEEN_EDGES * scene.light.cube.node_edge_m(scene.light.octree.depth()),
             clipped: laid.source.clipped,
         })
     }
 
-    /// Puts what the panorama shows into the radiance of samples of cones of the scene's octree.
+    /// Replaces the radiance of octree samples by the panorama's, by weight.
     ///
     /// # Panics
-    /// Where there are not as many samples as cones.
+    /// If there are not as many samples as cones.
     pub fn sharpen(&self, cones: &[Cone], samples: &mut [ConeSample]) {
         assert_eq!(cones.len(), samples.len(), "one sample for each cone");
         let tasks = cones.par_chunks(CONES_PER_TASK).zip(samples.par_chunks_mut(CONES_PER_TASK));
@@ -97,7 +100,7 @@ impl PanoramaLookup {
         });
     }
 
-    /// Radiance of what the axis of a cone meets, and how far it is to be believed.
+    /// Returns the radiance of the surface that a cone's axis hits, and its weight.
     fn find(&self, cone: &Cone, sample: &ConeSample) -> Option<(Vec3, f32)> {
         let Cone { origin, direction, tan_half_angle } = *cone;
         let expected_m = sample.distance_m;
@@ -108,10 +111,11 @@ impl PanoramaLookup {
         if narrow <= 0.0 {
             return None;
         }
-        let offset = origin - self.place_m;
+        let offset = origin - self.position_m;
         let along_m = offset.dot(direction);
         let beside_squared = (offset.length_squared() - along_m * along_m).max(0.0);
-        // The ray meets the room where it is as far from the panorama's place as the room is in that direction.
+        // The ray hits the room where its distance from the panorama's position equals the room's distance in that
+        // direction.
         let mut met_m = expected_m;
         let mut apart_m = f32::INFINITY;
         for _ in 0..STEPS {
@@ -134,7 +138,7 @@ impl PanoramaLookup {
         Some((self.map.cone(direction, tan_half_angle * met_m / seen_m), narrow * apart))
     }
 
-    /// How far the panorama sees in a direction.
+    /// Returns the distance of the surface that the panorama shows in a direction.
     fn seen_m(&self, direction: Vec3) -> f32 {
         let size = Vec2::new(self.distance_m.width() as f32, self.distance_m.height() as f32);
         let at = lo_geometry::uv_from_direction(direction.normalize_or(Vec3::NEG_Z)) * size;
@@ -142,7 +146,7 @@ impl PanoramaLookup {
     }
 }
 
-/// The octree with how much of each node's light the panorama gave, from 0 to 1, in place of its radiance.
+/// Returns the octree with the panorama's share of each node's light, from 0 to 1, as its radiance.
 fn shares(light: &LightOctree, laid: &LaidPanorama) -> LightOctree {
     let mut shares = LightOctree { lobes: None, ..light.clone() };
     for (rows, given) in shares.rgba.iter_mut().zip(&laid.share) {

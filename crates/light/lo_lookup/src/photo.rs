@@ -1,28 +1,28 @@
-//! The photo's radiance at every scale, with what was clipped as bright as the octree holds it.
+//! The photo's radiance at every scale, with clipped pixels restored from the octree.
 
 use lo_cone::{Cone, ConeSample, ConeTracer};
 use lo_geometry::{Vec2, Vec3};
 use lo_imaging::{Image, RadianceImage};
-use lo_lights::PictureChange;
+use lo_lights::ImageChange;
 use lo_scene::Frame;
 use rayon::prelude::*;
 
 /// Longer side of the finest level.
 const MAX_SIDE: usize = 2048;
 
-/// Most look-ups along the longer axis of a footprint.
+/// Greatest number of taps along the longer axis of a footprint.
 const MAX_TAPS: f32 = 6.0;
 
-/// Pixels of the level that is read, over the width of the footprint: between a box, whose root mean square it is at 0.7, and none.
+/// Pixels of the level that is read, over the width of the footprint. A box has this root mean square at 0.7.
 const WIDTH_SHARE: f32 = 0.7;
 
-/// Cells of a leaf's width, on which clipped pixels are compared with the octree.
+/// Cells per leaf width in which clipped pixels are compared with the octree.
 const CELLS_PER_LEAF: f32 = 2.0;
 
-/// Share of its surroundings that a clipped region must have to get all that they lack.
+/// Share of its surroundings that a clipped region must have to receive all of the difference.
 const MIN_SHARE: f32 = 0.05;
 
-/// How far octree and photo differ in what is not clipped, because they are averaged differently.
+/// Relative difference of octree and photo outside clipped regions, because they are averaged differently.
 const ERROR: f32 = 0.3;
 
 /// A mip pyramid (Williams 1983) of linear radiance.
@@ -32,21 +32,23 @@ pub(crate) struct PhotoPyramid {
 }
 
 impl PhotoPyramid {
-    /// Of the frame's photo, at most 2048 pixels wide and high. `tracer` is of the light that the photo shows, `leaf_edge_m` that of the finest leaves,
-    /// `depth_m` a depth that is usual; what was changed of the light is then changed in the photo.
+    /// Builds the pyramid of the frame's photo, at most 2048 pixels wide and high.
+    ///
+    /// `tracer` traces the light that the photo shows, `leaf_edge_m` is the edge of the finest leaves, and `depth_m` a
+    /// typical depth. `change` is a light edit to apply to the photo.
     pub fn new(
         frame: &Frame,
         tracer: &ConeTracer,
         leaf_edge_m: f32,
         depth_m: f32,
-        change: Option<&PictureChange>,
+        change: Option<&ImageChange>,
     ) -> Self {
         let (width, height) = (frame.photo.width(), frame.photo.height());
         let scale = (MAX_SIDE as f32 / width.max(height) as f32).min(1.0);
         let side = |pixels: usize| ((pixels as f32 * scale) as usize).max(1);
         let photo = lo_scene::resized_photo(&frame.photo, side(width), side(height));
         let camera = frame.camera.resized(photo.width() as u32, photo.height() as u32);
-        // Depth has no part in this.
+        // Depth is not used here.
         let frame = Frame { camera, photo, depth_m: Image::new(1, 1, vec![depth_m]), exposure: frame.exposure };
         let leaf_px = leaf_edge_m * camera.fx as f32 / depth_m;
         let mut finest = restored(&frame, tracer, (leaf_px / CELLS_PER_LEAF).max(1.0) as usize);
@@ -56,7 +58,7 @@ impl PhotoPyramid {
         Self::of(finest)
     }
 
-    /// Of an image in linear values.
+    /// Builds the pyramid of an image in linear values.
     pub fn of(finest: RadianceImage) -> Self {
         let mut levels = vec![finest];
         while let Some(coarser) = levels.last().filter(|level| level.width().min(level.height()) >= 2).map(halved) {
@@ -65,19 +67,19 @@ impl PhotoPyramid {
         Self { levels }
     }
 
-    /// The finest level whose longer side is at most `side` pixels.
+    /// Returns the finest level whose longer side is at most `side` pixels.
     pub fn level_within(&self, side: usize) -> &RadianceImage {
         let fits = |level: &&RadianceImage| level.width().max(level.height()) <= side;
         self.levels.iter().find(fits).unwrap_or(&self.levels[self.levels.len() - 1])
     }
 
-    /// Width and height of the finest level.
+    /// Returns width and height of the finest level.
     pub fn size(&self) -> Vec2 {
         Vec2::new(self.levels[0].width() as f32, self.levels[0].height() as f32)
     }
 
-    /// Mean radiance over an ellipse around a position, given by two conjugate half-axes, all in pixels: look-ups along the longer axis, each as
-    /// wide as the shorter one (Feline, McCormack et al. 1999).
+    /// Returns the mean radiance over an ellipse, given by its centre and two conjugate half-axes, all in pixels. Taps
+    /// along the longer axis are each as wide as the shorter one (Feline, McCormack et al. 1999).
     pub fn mean(&self, at: Vec2, axes: [Vec2; 2]) -> Vec3 {
         let (long, short) = if axes[0].length_squared() > axes[1].length_squared() {
             (axes[0], axes[1].length())
@@ -86,7 +88,8 @@ impl PhotoPyramid {
         };
         let length = long.length();
         let taps = (length / short.max(0.5)).ceil().clamp(1.0, MAX_TAPS);
-        // Bilinear look-ups are twice as wide as a pixel at their foot: this is as wide at half height as the ellipse is on average.
+        // Bilinear taps are twice as wide as a pixel at their base: this is as wide at half height as the ellipse is on
+        // average.
         let level = (WIDTH_SHARE * 2.0 * short.max(length / taps)).max(1.0).log2();
         let tap = |i: usize| self.look_up(at + long * ((2.0 * i as f32 + 1.0) / taps - 1.0), level);
         (0..taps as usize).map(tap).sum::<Vec3>() / taps
@@ -105,10 +108,10 @@ impl PhotoPyramid {
     }
 }
 
-/// The photo's radiance; where it is clipped, so much more that its surroundings give what the octree has there, whoever told that: completion, a
-/// panorama of the room, or the network. Never less than what the photo shows.
+/// Returns the photo's radiance, with clipped pixels raised so that their surroundings match the octree. The octree may
+/// know them from completion, a panorama of the room, or the network. Never lowers the photo's values.
 ///
-/// `cell` is the side in pixels of the squares on which both are compared.
+/// `cell` is the side in pixels of the squares in which both are compared.
 fn restored(frame: &Frame, tracer: &ConeTracer, cell: usize) -> RadianceImage {
     let mut radiance = frame.radiance();
     let clipped = frame.clipped();
@@ -123,7 +126,7 @@ fn restored(frame: &Frame, tracer: &ConeTracer, cell: usize) -> RadianceImage {
             cells[(x / cell, y / cell)].add(Vec3::from(radiance[(x, y)]), clipped[(x, y)]);
         }
     }
-    // As far as the octree spreads what a leaf holds: a leaf's box, read with its neighbours.
+    // As wide as the octree spreads a leaf's content: a leaf's box, read with its neighbours.
     let around = Image::from_fn(columns, rows, |x, y| {
         let mut sum = Cell::default();
         for (dy, down) in TENT.into_iter().enumerate() {
@@ -153,7 +156,8 @@ fn restored(frame: &Frame, tracer: &ConeTracer, cell: usize) -> RadianceImage {
     for (i, sample) in asked.into_iter().zip(&samples) {
         let Cell { light, clipped, pixels } = around.pixels()[i];
         let (light, clipped) = (light / pixels, clipped / pixels);
-        // All that both differ by falls to the clipped pixels: where these are few, only what is more than the rest's error.
+        // The whole difference is assigned to clipped pixels. Where these are few, only the part that exceeds the error
+        // of the rest is.
         let missing = Vec3::from(sample.radiance) - light * (1.0 + ERROR * (1.0 - clipped));
         lacking.pixels_mut()[i] = (missing.max(Vec3::ZERO) / clipped.max(MIN_SHARE)).to_array();
     }
@@ -195,7 +199,7 @@ impl Cell {
     }
 }
 
-/// Half the width and height, rounded up; each pixel is the mean of the up to four that it covers.
+/// Halves width and height, rounded up; each pixel is the mean of the up to four pixels that it covers.
 fn halved(image: &RadianceImage) -> RadianceImage {
     let (width, height) = (image.width().div_ceil(2), image.height().div_ceil(2));
     let last = (image.width() - 1, image.height() - 1);
@@ -213,7 +217,8 @@ fn halved(image: &RadianceImage) -> RadianceImage {
     Image::new(width, height, rows.into_iter().flatten().collect())
 }
 
-/// Blend of the four pixels around a position; pixel centres lie at +0.5, and the border goes on outside.
+/// Interpolates between the four pixels around a position; pixel centres are at +0.5, and border pixels are repeated
+/// outside.
 pub(crate) fn bilinear(image: &RadianceImage, at: Vec2) -> Vec3 {
     let last = Vec2::new((image.width() - 1) as f32, (image.height() - 1) as f32);
     let at = (at - 0.5).min(last).max(Vec2::ZERO);

@@ -1,4 +1,4 @@
-//! The surface that the photo shows, as a map of inverse depth, and where rays meet it.
+//! The surface that the photo shows, as an image of inverse depth, and its intersection with rays.
 
 use lo_cone::{Cone, ConeSample, ConeTracer};
 use lo_geometry::{Camera, Vec2, Vec3};
@@ -12,21 +12,21 @@ use crate::guided::guided_inverse;
 /// Longer side of the depth map; a finer one adds noise and time.
 const MAX_SIDE: usize = 960;
 
-/// Pixels of the depth map from one sample of a ray to the next, and the most samples of one stretch.
+/// Stride of a ray's samples, in pixels of the depth map, and the greatest number of samples per segment.
 const STRIDE_PX: f32 = 1.0;
 const MAX_SAMPLES: usize = 64;
 
-/// Readings that are compared with the octree, where some are missing.
+/// Number of readings compared with the octree, where some are missing.
 const COMPARED: usize = 2000;
 
-/// Nearest depth at which anything is looked up, in metres.
+/// Least depth of a lookup, in metres.
 const MIN_DEPTH_M: f32 = 1e-3;
 
-/// Steps of the secant method (Illinois) from a crossing of the map to its place.
+/// Iterations of the secant method (Illinois) that refine a crossing.
 const SECANT_STEPS: usize = 5;
 
-/// Inverse depth of what the photo shows. Planes are affine in it, and so are rays along their picture.
-pub(crate) struct Surface {
+/// Inverse depth of the photo's surface. Planes are affine in it, and so are rays along their projection.
+pub(crate) struct DepthSurface {
     width: f32,
     height: f32,
     fx: f32,
@@ -35,50 +35,52 @@ pub(crate) struct Surface {
     cy: f32,
     /// 1 / m.
     inverse: Image<f32>,
-    /// Whether a depth edge runs between a pixel and those right of it, below it, and right below: there nothing is blended.
+    /// Whether a depth edge runs between a pixel and those right of it, below it, and diagonally below; nothing is
+    /// blended there.
     edge: Image<bool>,
-    /// How far inverse depth is from continuing its neighbours' plane, the largest of 3 × 3 pixels: large at depth edges.
+    /// Deviation of inverse depth from its neighbours' plane, maximum over 3 × 3 pixels: large at depth edges.
     jump: Image<f32>,
     least_inverse: f32,
 }
 
-/// A ray that is followed from a distance on.
-pub(crate) struct Stretch {
+/// A segment of a ray.
+pub(crate) struct RaySegment {
     pub origin: Vec3,
     pub direction: Vec3,
     /// Distances in metres.
     pub from_m: f32,
     pub to_m: f32,
-    /// A ray that begins no further behind the surface than this, in metres, begins on it.
+    /// A ray that begins at most this far behind the surface, in metres, begins on it.
     pub slack_m: f32,
 }
 
-/// Where a ray meets the surface.
+/// Intersection of a ray with the surface.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Meeting {
+pub(crate) struct SurfaceHit {
     pub distance_m: f32,
-    /// Position in the picture, in pixels of the depth map.
+    /// Position in the photo, in pixels of the depth map.
     pub at: Vec2,
     /// Depth along the optical axis.
     pub depth_m: f32,
-    /// How far the ray is from the surface there: of a depth edge that it passes behind, the height of the edge.
+    /// Distance between ray and surface at the hit. Where the ray passes behind a depth edge, it is the height of the
+    /// edge.
     pub off_m: f32,
-    /// 1 where all of the ray before it, from where it was followed, lies before what the photo shows; 0 where not; between where it begins just
-    /// behind that.
+    /// 1 where all of the segment before the hit is in front of the photo's surface, 0 where not; in between where it
+    /// begins just behind the surface.
     pub free: f32,
 }
 
-/// What a stretch of a ray showed.
-pub(crate) enum Followed {
-    Met(Meeting),
-    /// It ends in free space within the picture; as [`Meeting::free`], and above 0.
+/// Result of following a segment.
+pub(crate) enum FollowResult {
+    Hit(SurfaceHit),
+    /// The segment ends in free space within the photo; the value is that of [`SurfaceHit::free`], above 0.
     Free(f32),
-    /// It leaves the picture, or ends behind what the photo shows.
+    /// The segment leaves the photo or ends behind its surface.
     Lost,
 }
 
-impl Surface {
-    /// Of the frame's depth. Pixels without a reading near by get the place at which the octree holds what they show.
+impl DepthSurface {
+    /// Builds the surface from the frame's depth. Pixels without a reading nearby get the octree's depth.
     pub fn new(frame: &Frame, tracer: &ConeTracer) -> Self {
         let depth_m = frame.without_flying_pixels().depth_m;
         let (width, height) = (frame.photo.width(), frame.photo.height());
@@ -94,13 +96,14 @@ impl Surface {
         Self { width, height, fx, fy, cx, cy, inverse, edge, jump, least_inverse }
     }
 
-    /// Position in the picture and inverse depth of a point; at or behind the camera they mean nothing.
+    /// Returns the position in the photo and the inverse depth of a point; at or behind the camera they are
+    /// meaningless.
     pub fn project(&self, point: Vec3) -> (Vec2, f32) {
         let inverse = -1.0 / point.z;
         (Vec2::new(self.cx + self.fx * point.x * inverse, self.cy - self.fy * point.y * inverse), inverse)
     }
 
-    /// Whether a point lies before the camera, in the picture or at most `margin_px` pixels beside it.
+    /// Returns whether a point is in front of the camera and in the photo, or at most `margin_px` pixels beside it.
     pub fn shows(&self, point: Vec3, margin_px: f32) -> bool {
         let (at, inverse) = self.project(point);
         inverse > 0.0
@@ -108,66 +111,67 @@ impl Surface {
             && (-margin_px..=self.height + margin_px).contains(&at.y)
     }
 
-    /// Width and height in pixels.
+    /// Returns width and height in pixels.
     pub fn size(&self) -> Vec2 {
         Vec2::new(self.width, self.height)
     }
 
-    /// Pixels per metre at a depth of one metre.
+    /// Returns the number of pixels per metre at a depth of one metre.
     pub fn focal_px(&self) -> f32 {
         self.fx.max(self.fy)
     }
 
-    /// Distance beyond which no ray in the picture is before anything.
+    /// Returns the distance beyond which no ray in the photo is in front of the surface.
     pub fn farthest_m(&self) -> f32 {
         1.0 / self.least_inverse
     }
 
-    /// The median depth.
-    pub fn usual_depth_m(&self) -> f32 {
+    /// Returns the median depth.
+    pub fn median_depth_m(&self) -> f32 {
         let mut inverse = self.inverse.pixels().to_vec();
         let middle = inverse.len() / 2;
         1.0 / *inverse.select_nth_unstable_by(middle, f32::total_cmp).1
     }
 
-    /// By how much inverse depth differs on both sides of a depth edge at a position.
+    /// Returns the difference of inverse depth across a depth edge at a position.
     pub fn jump(&self, at: Vec2) -> f32 {
-        Blend::new(&self.jump, at).bilinear(&self.jump)
+        BilinearTap::new(&self.jump, at).bilinear(&self.jump)
     }
 
-    /// Inverse depth at a position: blended between pixels, but for those between which a depth edge runs.
+    /// Returns inverse depth at a position, blended between pixels except across a depth edge.
     fn inverse_at(&self, at: Vec2) -> f32 {
-        let blend = Blend::new(&self.inverse, at);
+        let blend = BilinearTap::new(&self.inverse, at);
         if self.edge[blend.first] { self.inverse[blend.nearest()] } else { blend.bilinear(&self.inverse) }
     }
 
-    /// Follows a ray through the picture, front to back.
-    pub fn follow(&self, stretch: &Stretch) -> Followed {
-        let Some((from_m, to_m)) = self.within_picture(stretch) else { return Followed::Lost };
-        let point = |distance_m: f32| stretch.origin + stretch.direction * distance_m;
+    /// Follows a ray through the photo, front to back.
+    pub fn follow(&self, segment: &RaySegment) -> FollowResult {
+        let Some((from_m, to_m)) = self.within_picture(segment) else { return FollowResult::Lost };
+        let point = |distance_m: f32| segment.origin + segment.direction * distance_m;
         let (start, end) = (self.project(point(from_m)), self.project(point(to_m)));
         let samples = ((end.0 - start.0).length() / STRIDE_PX).ceil().clamp(1.0, MAX_SAMPLES as f32);
-        // Along the picture position and inverse depth of a ray are linear; how far the ray is behind the surface, in inverse depth:
+        // Position and inverse depth of a ray are linear along its projection. `behind` is how far the ray is behind
+        // the surface, in inverse depth.
         let at = |share: f32| (start.0.lerp(end.0, share), start.1 + (end.1 - start.1) * share);
         let behind = |share: f32| {
             let (at, inverse) = at(share);
             self.inverse_at(at) - inverse
         };
-        let meeting = |share: f32, off: f32, free: f32| {
+        let hit_at = |share: f32, off: f32, free: f32| {
             let (at, inverse) = at(share);
-            // t such that the point's inverse depth is this: distances times inverse depth are linear, too.
+            // t such that the point's inverse depth is this: distance × inverse depth is linear, too.
             let distance_m = (from_m * start.1 * (1.0 - share) + to_m * end.1 * share) / inverse;
-            Meeting { distance_m, at, depth_m: 1.0 / inverse, off_m: off / (inverse * inverse), free }
+            SurfaceHit { distance_m, at, depth_m: 1.0 / inverse, off_m: off / (inverse * inverse), free }
         };
-        // Before the picture's edge something may stand that the photo does not show.
-        let mut free = if from_m - stretch.from_m < stretch.slack_m { 1.0 } else { 0.0 };
+        // Before the photo's border, something outside the photo may block the ray.
+        let mut free = if from_m - segment.from_m < segment.slack_m { 1.0 } else { 0.0 };
         let (mut last, mut off) = (0.0, behind(0.0));
         if off >= 0.0 {
             let off_m = off / (start.1 * start.1);
-            if off_m <= stretch.slack_m && behind(1.0 / samples) > off {
-                return Followed::Met(meeting(0.0, off, free));
+            if off_m <= segment.slack_m && behind(1.0 / samples) > off {
+                return FollowResult::Hit(hit_at(0.0, off, free));
             }
-            free *= fade(off_m / stretch.slack_m, (0.5, 1.0));
+            free *= fade(off_m / segment.slack_m, (0.5, 1.0));
         }
         let mut before = off < 0.0;
         for sample in 1..=samples as usize {
@@ -175,9 +179,9 @@ impl Surface {
             let next = behind(share);
             if off < 0.0 && next >= 0.0 {
                 let (share, off) = crossing(&behind, (last, off), (share, next));
-                let met = meeting(share, off.abs(), free);
-                if met.off_m <= stretch.slack_m {
-                    return Followed::Met(met);
+                let hit = hit_at(share, off.abs(), free);
+                if hit.off_m <= segment.slack_m {
+                    return FollowResult::Hit(hit);
                 }
             }
             if before && next >= 0.0 {
@@ -186,46 +190,46 @@ impl Surface {
             before |= next < 0.0;
             (last, off) = (share, next);
         }
-        if free > 0.0 && before && to_m == stretch.to_m { Followed::Free(free) } else { Followed::Lost }
+        if free > 0.0 && before && to_m == segment.to_m { FollowResult::Free(free) } else { FollowResult::Lost }
     }
 
-    /// How position in the picture changes where the ray's direction turns by each of two small vectors: on the plane through
-    /// the surface around the meeting.
-    pub fn footprint(&self, origin: Vec3, met: &Meeting, direction: Vec3, turns: [Vec3; 2]) -> [Vec2; 2] {
+    /// Returns how the position in the photo changes when the ray's direction turns by each of two small vectors, on
+    /// the plane through the surface at the hit.
+    pub fn footprint(&self, origin: Vec3, hit: &SurfaceHit, direction: Vec3, turns: [Vec3; 2]) -> [Vec2; 2] {
         const REACH_PX: f32 = 2.0;
-        let here = self.inverse_at(met.at);
+        let here = self.inverse_at(hit.at);
         // On the side without a depth edge, where there is one.
         let slope = |axis: Vec2| {
             let [after, before] =
-                [1.0, -1.0].map(|side| side * (self.inverse_at(met.at + axis * (side * REACH_PX)) - here));
+                [1.0, -1.0].map(|side| side * (self.inverse_at(hit.at + axis * (side * REACH_PX)) - here));
             if after.abs() < before.abs() { after / REACH_PX } else { before / REACH_PX }
         };
         let (along_u, along_v) = (slope(Vec2::X), slope(Vec2::Y));
         // 1/z = i + gᵤ (u − u₀) + gᵥ (v − v₀) is the plane N · p = 1.
-        let ahead = 1.0 / met.depth_m + along_u * (self.cx - met.at.x) + along_v * (self.cy - met.at.y);
+        let ahead = 1.0 / hit.depth_m + along_u * (self.cx - hit.at.x) + along_v * (self.cy - hit.at.y);
         let normal = Vec3::new(along_u * self.fx, -along_v * self.fy, -ahead);
         let height = 1.0 - normal.dot(origin);
         turns.map(|turn| {
             let direction = direction + turn;
             let slant = normal.dot(direction);
             let distance_m = if slant == 0.0 { f32::INFINITY } else { height / slant };
-            // Where the plane is seen from its edge the footprint ends somewhere.
+            // Limits the footprint where the plane is seen at a grazing angle.
             let distance_m = if distance_m > 0.0 { distance_m } else { f32::INFINITY };
-            let point = origin + direction * distance_m.clamp(0.5 * met.distance_m, 2.0 * met.distance_m);
-            self.project(point).0 - met.at
+            let point = origin + direction * distance_m.clamp(0.5 * hit.distance_m, 2.0 * hit.distance_m);
+            self.project(point).0 - hit.at
         })
     }
 
-    /// The part of a stretch that lies in the picture.
-    fn within_picture(&self, stretch: &Stretch) -> Option<(f32, f32)> {
-        let (mut from_m, mut to_m) = (stretch.from_m, stretch.to_m);
-        // In homogeneous coordinates each side is linear along the ray: value(t) = a + b t, not negative within.
+    /// Returns the part of a segment that is in the photo.
+    fn within_picture(&self, segment: &RaySegment) -> Option<(f32, f32)> {
+        let (mut from_m, mut to_m) = (segment.from_m, segment.to_m);
+        // In homogeneous coordinates each side is linear along the ray: value(t) = a + b t, not negative inside.
         let sides = |p: Vec3| {
             let (u, v, w) = (self.fx * p.x - self.cx * p.z, -self.fy * p.y - self.cy * p.z, -p.z);
             [u, self.width * w - u, v, self.height * w - v]
         };
-        let (starts, slopes) = (sides(stretch.origin), sides(stretch.direction));
-        let near = [(-stretch.origin.z - MIN_DEPTH_M, -stretch.direction.z)];
+        let (starts, slopes) = (sides(segment.origin), sides(segment.direction));
+        let near = [(-segment.origin.z - MIN_DEPTH_M, -segment.direction.z)];
         for (start, slope) in starts.into_iter().zip(slopes).chain(near) {
             let end = -start / slope;
             if slope > 0.0 {
@@ -240,7 +244,7 @@ impl Surface {
     }
 }
 
-/// Between two shares, before the surface and behind it: where the ray meets it, and what is left there.
+/// Finds the crossing between a share before the surface and one behind it; returns its share and residual.
 fn crossing(behind: &impl Fn(f32) -> f32, mut before: (f32, f32), mut after: (f32, f32)) -> (f32, f32) {
     let mut best = if after.1 < -before.1 { after } else { before };
     // Illinois: an end that stays twice counts half.
@@ -268,9 +272,9 @@ fn crossing(behind: &impl Fn(f32) -> f32, mut before: (f32, f32), mut after: (f3
     best
 }
 
-/// Gives pixels without a reading the place at which the octree holds what they show.
+/// Fills pixels without a reading with the octree's depth.
 ///
-/// Cones meet leaves on their near side: by how much too near the octree is in the median, readings tell.
+/// Cones hit leaves on their near side; the median bias is measured on pixels with readings.
 fn fill(inverse: &mut Image<f32>, camera: &Camera, tracer: &ConeTracer) {
     let width = inverse.width();
     let (known, holes): (Vec<usize>, Vec<usize>) =
@@ -300,14 +304,14 @@ fn fill(inverse: &mut Image<f32>, camera: &Camera, tracer: &ConeTracer) {
     }
 }
 
-/// The four pixels around a position; pixel centres lie at +0.5, and the border goes on outside.
-struct Blend {
+/// The four pixels around a position; pixel centres are at +0.5, and border pixels are repeated outside.
+struct BilinearTap {
     first: (usize, usize),
     last: (usize, usize),
     share: Vec2,
 }
 
-impl Blend {
+impl BilinearTap {
     fn new<T>(image: &Image<T>, at: Vec2) -> Self {
         let size = Vec2::new((image.width() - 1) as f32, (image.height() - 1) as f32);
         let at = (at - 0.5).min(size).max(Vec2::ZERO);

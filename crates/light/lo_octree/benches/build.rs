@@ -1,13 +1,14 @@
-//! Points → octree, without and with the neighbour tables: the work of `octree_build_*` in the peers' benchmark.
+//! Building an octree from points, with and without neighbour tables: the work of `octree_build_*` in the peers'
+//! benchmark.
 //!
-//! `PEERS_INPUT` names a folder with the peers' clouds (`rgbd_unit.npy`, `rgbd_color.npy`, `room_*`); without it, a box room
-//! with as many points stands in. `RAYON_NUM_THREADS` sets the threads.
+//! `PEERS_INPUT` names a folder with the peers' clouds (`rgbd_unit.npy`, `rgbd_color.npy`, `room_*`). Without it, a box
+//! room with as many points is used. `RAYON_NUM_THREADS` sets the thread count.
 
 mod cloud;
 
 use divan::{Bencher, black_box};
 use lo_geometry::{Cube, Vec3};
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 
 /// The peers' cube, [−1, 1]³.
 const CUBE: Cube = Cube { origin_m: Vec3::splat(-1.0), edge_m: 2.0 };

@@ -1,19 +1,19 @@
-/// Why an octree cannot be built or read.
+/// Reasons why an octree cannot be built or read.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum OctreeError {
-    /// The depth is outside of what keys and indices can hold.
+    /// The depth exceeds the range of keys and indices.
     #[error("the octree's depth must lie between 1 and {max}, got {depth}", max = crate::MAX_DEPTH)]
     Depth {
-        /// Depth as given.
+        /// Requested depth.
         depth: u32,
     },
-    /// The full depth is greater than the depth, or than what a full level may take.
+    /// The full depth exceeds the depth or the limit of a full level.
     #[error(
         "the full depth must lie between 0 and the smaller of the depth ({depth}) and {max}, got {full_depth}",
         max = crate::MAX_FULL_DEPTH
     )]
     FullDepth {
-        /// Full depth as given.
+        /// Requested full depth.
         full_depth: u32,
         /// Depth of the octree.
         depth: u32,
@@ -21,9 +21,9 @@ pub enum OctreeError {
     /// The cube has no volume, or is not finite.
     #[error("the cube must have a finite corner and a positive edge, got corner {origin_m:?} m and edge {edge_m} m")]
     Cube {
-        /// Lowest corner as given, in metres.
+        /// Lowest corner in metres.
         origin_m: [f32; 3],
-        /// Edge as given, in metres.
+        /// Edge in metres.
         edge_m: f32,
     },
     /// A leaf's opacity is not a number in (0, 1].
@@ -32,11 +32,11 @@ pub enum OctreeError {
     /// Two lists that belong together differ in length.
     #[error("{what}: expected {expected} entries, got {got}")]
     Length {
-        /// Which list.
+        /// Name of the list.
         what: &'static str,
-        /// Length that the others have.
+        /// Length of the other lists.
         expected: usize,
-        /// Length that it has.
+        /// Length of this list.
         got: usize,
     },
     /// A leaf's key is not greater than the one before it, or too large for the depth.
@@ -44,7 +44,7 @@ pub enum OctreeError {
     LeafKey {
         /// Position of the leaf in the list.
         index: usize,
-        /// Its shuffled key.
+        /// Shuffled key.
         key: u32,
         /// Depth of the leaves.
         depth: u32,
@@ -54,26 +54,26 @@ pub enum OctreeError {
     LeafFeature {
         /// Position of the leaf in the list.
         index: usize,
-        /// Its feature.
+        /// The feature.
         rgba: [f32; 4],
     },
-    /// The octree has the greatest depth already.
+    /// The octree already has the greatest depth.
     #[error("an octree of depth {depth} cannot grow further")]
     Grow {
         /// Depth of the octree.
         depth: u32,
     },
-    /// A node was labelled non-empty or split although its parent, or it, is empty.
+    /// A node was labelled non-empty or split although it or its parent is empty.
     #[error("node {node} of level {depth} {what}")]
     Label {
         /// Level of the node.
         depth: u32,
         /// Index of the node in its level.
         node: usize,
-        /// What is wrong with it.
+        /// The problem, as the end of a sentence.
         what: &'static str,
     },
-    /// The file was written in a layout that this version does not know.
+    /// The file uses a format version that this program does not support.
     #[error("the octree's format version is {got}; this program reads version {known}", known = crate::FORMAT_VERSION)]
     Version {
         /// Version in the file.
@@ -82,27 +82,27 @@ pub enum OctreeError {
     /// A tensor is not in the file.
     #[error("tensor {tensor} is missing")]
     MissingTensor {
-        /// Its name.
+        /// Name of the tensor.
         tensor: String,
     },
-    /// A tensor has another type or shape than the tensors before it say.
+    /// A tensor has an unexpected type or shape.
     #[error("tensor {tensor}: expected {expected}, got {got}")]
     Layout {
-        /// Its name.
+        /// Name of the tensor.
         tensor: String,
-        /// Type and shape that it should have.
+        /// Expected type and shape.
         expected: String,
-        /// Type and shape that it has.
+        /// Actual type and shape.
         got: String,
     },
-    /// A value in a tensor is impossible.
+    /// A value in a tensor is invalid.
     #[error("tensor {tensor}, entry {index} {what}")]
     Value {
         /// Name of the tensor.
         tensor: String,
         /// Index along the tensor's first axis.
         index: usize,
-        /// What is wrong with it.
+        /// The problem, as the end of a sentence.
         what: &'static str,
     },
 }

@@ -1,12 +1,14 @@
-//! Octrees that a network makes, level by level: [`Octree::full`], then [`Octree::set_nonempty`] and [`Octree::grow`] in turn.
+//! Level-by-level growth of an octree by a network: [`Octree::full`], then [`Octree::set_nonempty`] and
+//! [`Octree::grow`] in turn.
 
 use crate::{Level, MAX_DEPTH, Octree, OctreeError};
 
 impl Octree {
-    /// Adds a level: the children, empty and unsplit, of the finest level's nodes for which `split` is true.
+    /// Adds a level: the empty, unsplit children of the finest level's nodes for which `split` is true.
     ///
     /// # Errors
-    /// `split` has another length than the finest level, an empty node would be split, or the octree has [`MAX_DEPTH`] already.
+    /// `split` differs in length from the finest level, an empty node would be split, or the octree already has
+    /// [`MAX_DEPTH`].
     pub fn grow(&mut self, split: &[bool]) -> Result<(), OctreeError> {
         let depth = self.depth();
         if depth >= MAX_DEPTH {
@@ -26,12 +28,12 @@ impl Octree {
         Ok(())
     }
 
-    /// Says which nodes of the finest level are non-empty, and numbers their feature rows in node order.
+    /// Marks nodes of the finest level as non-empty and numbers their feature rows in node order.
     ///
-    /// At the full depth, the levels above follow: a node there is non-empty when one of its children is.
+    /// At the full depth, the levels above are updated: a node there is non-empty when one of its children is.
     ///
     /// # Errors
-    /// `nonempty` has another length than the finest level, or a node under an empty one would be non-empty.
+    /// `nonempty` differs in length from the finest level, or a node under an empty one would be non-empty.
     pub fn set_nonempty(&mut self, nonempty: &[bool]) -> Result<(), OctreeError> {
         let depth = self.depth();
         let full = depth == self.full_depth();
@@ -71,7 +73,7 @@ mod tests {
     use lo_geometry::{Cube, Vec3};
 
     use super::*;
-    use crate::{Coverage, LightOctree, RadiancePoint};
+    use crate::{LightOctree, Provenance, RadiancePoint};
 
     #[test]
     fn growing_by_the_labels_of_an_octree_gives_that_octree() {
@@ -79,7 +81,7 @@ mod tests {
             .map(|i| RadiancePoint {
                 position_m: Vec3::new(0.5 + 0.4 * (i as f32).sin(), (i as f32 * 0.618).fract(), i as f32 / 500.0),
                 radiance: [1.0; 3],
-                coverage: Coverage::Seen,
+                provenance: Provenance::Observed,
             })
             .collect();
         let cube = Cube { origin_m: Vec3::ZERO, edge_m: 1.0 };

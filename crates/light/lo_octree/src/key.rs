@@ -5,19 +5,19 @@
 /// Greatest depth of an octree: keys of 30 bits, node indices below 2³⁰.
 pub const MAX_DEPTH: u32 = 10;
 
-/// Shuffled key of the node at integer coordinates `(x, y, z)`, each below 1024.
+/// Returns the shuffled key of the node at integer coordinates `(x, y, z)`, each below 1024.
 #[inline]
 pub fn key_from_xyz([x, y, z]: [u32; 3]) -> u32 {
     spread(x) << 2 | spread(y) << 1 | spread(z)
 }
 
-/// Integer coordinates `(x, y, z)` of the node with shuffled key `key`: inverse of [`key_from_xyz`].
+/// Returns the integer coordinates `(x, y, z)` of the node with shuffled key `key`: inverse of [`key_from_xyz`].
 #[inline]
 pub fn xyz_from_key(key: u32) -> [u32; 3] {
     [compact(key >> 2), compact(key >> 1), compact(key)]
 }
 
-/// Puts two zeros between the lowest ten bits, halving the distance moved in each line.
+/// Puts two zeros between the lowest ten bits, halving the shift in each line.
 #[inline]
 pub(crate) fn spread(x: u32) -> u32 {
     let x = (x | x << 16) & 0x0300_00FF;
@@ -26,7 +26,7 @@ pub(crate) fn spread(x: u32) -> u32 {
     (x | x << 2) & 0x0924_9249
 }
 
-/// Inverse of [`spread`]; ignores the bits of the other two coordinates.
+/// Inverts [`spread`]; ignores the bits of the other two coordinates.
 #[inline]
 fn compact(x: u32) -> u32 {
     let x = x & 0x0924_9249;
@@ -40,7 +40,7 @@ fn compact(x: u32) -> u32 {
 mod tests {
     use super::*;
 
-    /// One bit at a time, as the definition reads.
+    /// Interleaves one bit at a time, following the definition.
     fn interleaved(xyz: [u32; 3]) -> u32 {
         (0..MAX_DEPTH).fold(0, |key, bit| {
             let child = xyz.iter().fold(0, |child, c| child << 1 | (c >> bit & 1));

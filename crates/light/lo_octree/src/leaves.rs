@@ -1,17 +1,17 @@
-//! Averages points per leaf, in time and memory proportional to the points.
+//! Averages points per leaf, in time and memory proportional to the number of points.
 //!
-//! 1. Chunks of points are sorted by *bucket* (the leaf's ancestor a few levels up), each chunk for itself: one counting sort.
-//! 2. A bucket's leaves are so few that a small table finds the sums of each; the chunks are read in order.
+//! 1. Each chunk of points is sorted by *bucket* (the leaf's ancestor a few levels up) with one counting sort.
+//! 2. A bucket has so few leaves that a small table finds the sums of each; the chunks are read in order.
 //!
-//! A leaf's points are thus always added in the order of the input, whatever the number of threads or the chunk size.
+//! The points of a leaf are thus always added in input order, whatever the number of threads or the chunk size.
 
 use lo_geometry::{Cube, Vec3};
 use rayon::prelude::*;
 
 use crate::key::{key_from_xyz, spread};
-use crate::{Coverage, RadiancePoint};
+use crate::{Provenance, RadiancePoint};
 
-/// What became of the points that an octree was built from.
+/// Counts of the points used and dropped when an octree is built.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BuildReport {
     /// Points that went into a leaf.
@@ -30,26 +30,26 @@ pub(crate) struct Leaves {
     pub seen: Vec<u8>,
 }
 
-/// Means over the points of each leaf, and how many these are.
+/// Means over the points of each leaf, with the number of points.
 #[derive(Debug, Default)]
 pub(crate) struct Averaged {
     pub leaves: Leaves,
     pub counts: Vec<u32>,
 }
 
-/// Chunks are small enough that sorting one stays in a core's cache.
+/// Small enough that sorting a chunk stays in a core's cache.
 const CHUNK_POINTS: usize = 1 << 14;
 
-/// The key of a dropped point: keys have at most 30 bits.
+/// Key of a dropped point; valid keys have at most 30 bits.
 const DROPPED: u32 = u32::MAX;
 
-/// Bit of [`Entry::leaf`] that marks a point that the photo saw; a leaf's number in its bucket has at most 15 bits.
+/// Bit of [`Entry::leaf`] that marks an observed point; a leaf's number in its bucket has at most 15 bits.
 const SEEN: u32 = 1 << 31;
 
-/// Averages the finite points inside of the cube per leaf of `depth`; every leaf gets opacity `alpha`.
+/// Averages the finite points inside the cube per leaf of `depth`; every leaf gets opacity `alpha`.
 pub(crate) fn average_points(points: &[RadiancePoint], cube: Cube, depth: u32, alpha: f32) -> (Averaged, BuildReport) {
     let buckets = Buckets::new(depth);
-    // At most 64 chunks, so that their tables stay small beside the points.
+    // At most 64 chunks, so that their tables stay small compared with the points.
     let chunks: Vec<SortedChunk> =
         points.par_chunks(CHUNK_POINTS.max(points.len() / 64)).map(|chunk| buckets.sort(chunk, cube, depth)).collect();
     let report = BuildReport {
@@ -72,14 +72,14 @@ pub(crate) fn average_points(points: &[RadiancePoint], cube: Cube, depth: u32, a
     (all, report)
 }
 
-/// Key of the leaf of `depth` that a point of the half-open cube lies in.
+/// Returns the key of the leaf of `depth` that contains a point of the half-open cube.
 #[inline]
 pub(crate) fn leaf_key(point: Vec3, cube: Cube, depth: u32) -> u32 {
     let position = (point - cube.origin_m) * ((1i32 << depth) as f32 / cube.edge_m);
     key_from_xyz(position.to_array().map(|p| leaf_coordinate(p, depth)))
 }
 
-/// Integer coordinate of a position in leaf edges.
+/// Converts a position in leaf edges to an integer coordinate.
 #[inline]
 fn leaf_coordinate(position: f32, depth: u32) -> u32 {
     // Rounding may carry a position just below the far face up to it. (Conversion to i32 is one instruction, to u32
@@ -87,9 +87,9 @@ fn leaf_coordinate(position: f32, depth: u32) -> u32 {
     (position as i32).min((1 << depth) - 1) as u32
 }
 
-/// [`leaf_key`] of each point, or [`DROPPED`] for one outside of the half-open cube or not finite.
+/// Returns [`leaf_key`] of each point, or [`DROPPED`] for one that is outside the half-open cube or not finite.
 fn leaf_keys(points: &[RadiancePoint], cube: Cube, depth: u32) -> Vec<u32> {
-    /// Without branches and with one array per coordinate, the compiler computes the keys of a group at once.
+    /// Without branches and with one array per coordinate, the compiler vectorises over a group.
     const GROUP: usize = 16;
     let scale = (1i32 << depth) as f32 / cube.edge_m;
     let mut keys = vec![0; points.len()];
@@ -143,7 +143,7 @@ struct Sums {
     seen: u32,
 }
 
-/// Division of the leaves into buckets: `leaf key = bucket << leaf_bits | number in the bucket`.
+/// Division of leaves into buckets: `leaf key = bucket << leaf_bits | number in the bucket`.
 struct Buckets {
     count: usize,
     leaf_bits: u32,
@@ -174,7 +174,7 @@ impl Buckets {
         let mut next = starts.clone();
         let mut entries = vec![Entry::default(); starts[self.count] as usize];
         for (point, key) in points.iter().zip(keys).filter(|&(_, key)| key != DROPPED) {
-            let seen = if point.coverage == Coverage::Seen { SEEN } else { 0 };
+            let seen = if point.provenance == Provenance::Observed { SEEN } else { 0 };
             let place = &mut next[(key >> self.leaf_bits) as usize];
             entries[*place as usize] =
                 Entry { radiance: point.radiance, leaf: key & ((1 << self.leaf_bits) - 1) | seen };
@@ -183,7 +183,7 @@ impl Buckets {
         SortedChunk { entries, starts, outside, not_finite }
     }
 
-    /// Ranges of buckets with about equally many points.
+    /// Returns ranges of buckets with similar numbers of points.
     fn groups(&self, chunks: &[SortedChunk], points: usize) -> Vec<std::ops::Range<usize>> {
         let group_points = (points / (8 * rayon::current_num_threads())).max(1 << 12);
         let (mut groups, mut first, mut sum) = (Vec::new(), 0, 0);

@@ -1,33 +1,33 @@
-//! Sparse voxel octree: shuffled keys, construction from points, neighbours, the RGBα pyramid and its tensors.
+//! Sparse voxel octree: shuffled keys, construction from points, neighbours, RGBα pyramid and tensors.
 
 mod change;
-mod corners;
 mod error;
 mod find;
 mod growth;
 mod key;
 mod leaves;
+mod leaves_by_depth;
 mod light;
 mod limits;
 mod lobes;
 mod neighbours;
 mod point;
 mod pyramid;
+mod sparse_leaves;
 mod stats;
 mod tensors;
 mod topology;
-mod uneven;
 
 pub use error::OctreeError;
 pub use find::node_middle_m;
 pub use key::{MAX_DEPTH, key_from_xyz, xyz_from_key};
 pub use leaves::BuildReport;
+pub use leaves_by_depth::{Ancestor, LeafRows};
 pub use light::LightOctree;
 pub use limits::{FORMAT_VERSION, MAX_ALPHA, MAX_FULL_DEPTH};
 pub use lobes::{MIN_SHARPNESS, lobe_gain};
 pub use neighbours::Neighbours;
-pub use point::{Coverage, RadiancePoint};
+pub use point::{Provenance, RadiancePoint};
 pub use stats::{LevelStats, OctreeStats};
 pub use tensors::{NamedTensor, OctreeHeader, read_tensors, write_tensors};
 pub use topology::{LeafNode, Level, Octree, check_depths};
-pub use uneven::{Ancestor, LeafRows};

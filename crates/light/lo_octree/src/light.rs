@@ -2,37 +2,40 @@ use lo_geometry::{Cube, Vec3};
 
 use crate::{
     BuildReport, MAX_ALPHA, Octree, OctreeError, RadiancePoint,
-    corners::without_corners,
     leaves::{Leaves, average_points},
     pyramid::pyramid,
+    sparse_leaves::merge_sparse_leaves,
     topology::check_depths,
 };
 
 /// An octree over a cube of the world whose non-empty nodes hold RGBα.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightOctree {
-    /// Structure.
+    /// Topology.
     pub octree: Octree,
-    /// The part of the world that the root covers.
+    /// World-space cube of the root.
     pub cube: Cube,
     /// `rgba[d][row]`: linear RGB radiance and the opacity of one full crossing of the node, for each depth `d`.
     pub rgba: Vec<Vec<[f32; 4]>>,
-    /// `seen[d][row]`: share, 0 for none and 255 for all, that the photo saw: of a finest node's points, and above that the
-    /// mean of a node's non-empty children.
+    /// `seen[d][row]`: observed share, from 0 (none) to 255 (all). At the finest depth, the share of the node's points;
+    /// above, the mean of the node's non-empty children.
     pub seen: Vec<Vec<u8>>,
-    /// Where light differs by direction: `lobes[d][row]`, whose gain ([`lobe_gain`](crate::lobe_gain)) towards a viewer the radiance
-    /// is to be multiplied by, being the mean over directions ([`LightOctree::seen_from`]).
+    /// `lobes[d][row]`: directional variation, if any. The radiance is the mean over directions; multiply it by
+    /// [`lobe_gain`](crate::lobe_gain) towards a viewer ([`LightOctree::seen_from`]).
     pub lobes: Option<Vec<Vec<[f32; 3]>>>,
 }
 
 impl LightOctree {
-    /// Builds the octree of `depth` (1 to [`MAX_DEPTH`](crate::MAX_DEPTH)), full down to `full_depth`, from surface points.
+    /// Builds the octree of `depth` (1 to [`MAX_DEPTH`](crate::MAX_DEPTH)), full down to `full_depth`, from surface
+    /// points.
     ///
-    /// A leaf holds the mean radiance of its points and the opacity [`MAX_ALPHA`]; the levels above hold the mean radiance of
-    /// their children weighted by opacity, and the opacity of crossing the node: not the mean of the children's, which
-    /// would make thin walls transparent from afar. Points outside of the cube and points that are
-    /// not finite are dropped and counted; negative radiance counts as 0. The result is the same to the bit for every
-    /// number of threads. Time and memory grow with the points and the occupied leaves.
+    /// A leaf holds the mean radiance of its points and the opacity [`MAX_ALPHA`]. Levels above hold the mean radiance
+    /// of their children weighted by opacity, and the opacity of crossing the node. (The mean opacity of the children
+    /// would make thin walls transparent from afar.)
+    ///
+    /// Points outside the cube and points that are not finite are dropped and counted; negative radiance counts as 0.
+    /// The result is bit-identical for every number of threads. Time and memory grow with the points and the occupied
+    /// leaves.
     ///
     /// # Errors
     /// Depths out of range, a cube without volume.
@@ -45,7 +48,7 @@ impl LightOctree {
         Self::from_points_with_alpha(points, cube, depth, full_depth, MAX_ALPHA)
     }
 
-    /// [`LightOctree::from_points`] with the opacity `alpha`, in (0, 1], for the leaves.
+    /// Builds an octree as [`LightOctree::from_points`] does, with leaf opacity `alpha` in (0, 1].
     pub fn from_points_with_alpha(
         points: &[RadiancePoint],
         cube: Cube,
@@ -58,23 +61,25 @@ impl LightOctree {
         if !(alpha > 0.0 && alpha <= 1.0) {
             return Err(OctreeError::Alpha(alpha));
         }
-        // One hand-over to the pool for all steps instead of one for each.
+        // One transfer to the thread pool for all steps instead of one for each.
         Ok(rayon::scope(|_| {
             let (averaged, report) = average_points(points, cube, depth, alpha);
             (Self::from_valid_leaves(averaged.leaves, cube, depth, full_depth), report)
         }))
     }
 
-    /// [`LightOctree::from_points`] for points that lie evenly on all surfaces, each of which stands for `area_m2`.
+    /// Builds an octree from points distributed uniformly over all surfaces, each of which represents `area_m2`.
     ///
-    /// A leaf that a surface just touches would be as opaque as one that it fills, and things would be up to a leaf too thick on
-    /// each side. So a leaf that holds less than half a face of surface gives it to the fullest of its 26 neighbours that holds
-    /// more; where there is none it stays, and thin things with it. In panoramas of 50 generated rooms 0.4 dB better at depth 7,
-    /// 0.5 dB at depth 6 (`docs/design/003-octree-from-points.md`). With fewer than two points a face this changes nothing.
+    /// A leaf that a surface merely touches would be as opaque as one that it fills, and objects would be up to a leaf
+    /// too thick on each side. So a leaf that holds less than half a face of surface gives its points to the fullest of
+    /// its 26 neighbours that holds more. Where there is no such neighbour it stays, and thin objects with it.
+    ///
+    /// In panoramas of 50 generated rooms this gains 0.4 dB at depth 7 and 0.5 dB at depth 6
+    /// (`docs/design/003-octree-from-points.md`). With fewer than two points per face it has no effect.
     ///
     /// # Errors
-    /// Those of [`LightOctree::from_points`].
-    pub fn from_even_points(
+    /// The errors of [`LightOctree::from_points`].
+    pub fn from_uniform_points(
         points: &[RadiancePoint],
         area_m2: f32,
         cube: Cube,
@@ -87,14 +92,14 @@ impl LightOctree {
         let least = (0.5 * leaf_m * leaf_m / area_m2).round() as u32;
         Ok(rayon::scope(|_| {
             let (averaged, report) = average_points(points, cube, depth, MAX_ALPHA);
-            let averaged = without_corners(averaged, least, depth);
+            let averaged = merge_sparse_leaves(averaged, least, depth);
             (Self::from_valid_leaves(averaged.leaves, cube, depth, full_depth), report)
         }))
     }
 
     /// Builds the octree from leaves of `depth` in strictly increasing order of their shuffled `keys`.
     ///
-    /// `rgba[i]`: linear RGB radiance (finite, not negative) and opacity in [0, 1]; `seen[i]`: share that the photo saw,
+    /// `rgba[i]` is linear RGB radiance (finite, not negative) and opacity in [0, 1]; `seen[i]` is the observed share,
     /// 0 to 255.
     ///
     /// # Errors
@@ -132,12 +137,12 @@ impl LightOctree {
     }
 }
 
-/// Whether a row holds finite, non-negative radiance and an opacity in [0, 1].
+/// Returns whether a row holds finite, non-negative radiance and an opacity in [0, 1].
 pub(crate) fn is_feature(rgba: &[f32; 4]) -> bool {
     rgba.iter().all(|c| c.is_finite() && *c >= 0.0) && rgba[3] <= 1.0
 }
 
-/// Errors for a cube that is not finite or has no volume.
+/// Returns an error for a cube that is not finite or has no volume.
 pub(crate) fn check_cube(cube: Cube) -> Result<(), OctreeError> {
     let far = cube.origin_m + Vec3::splat(cube.edge_m);
     if cube.origin_m.is_finite() && far.is_finite() && cube.edge_m > 0.0 {

@@ -1,4 +1,4 @@
-//! Light that differs by direction: a spherical Gaussian lobe a node (`docs/method.md` §5.8, variant "SG").
+//! Directional light: one spherical Gaussian lobe per node (`docs/method.md` §5.8, variant "SG").
 
 use std::borrow::Cow;
 
@@ -6,13 +6,14 @@ use lo_geometry::Vec3;
 
 use crate::LightOctree;
 
-/// No lobe is less sharp than this, so that sharpness has a gradient everywhere. Such a lobe differs by 2 % between front and back.
+/// Least sharpness of a lobe, so that sharpness has a gradient everywhere. Such a lobe differs by 2 % between front and
+/// back.
 pub const MIN_SHARPNESS: f32 = 0.01;
 
-/// What a node with `lobe` sends towards the unit direction `towards`, over its mean over all directions.
+/// Ratio of the radiance of a node with `lobe` towards the unit direction `towards` to its mean over all directions.
 ///
-/// The lobe's direction is its axis, its length λ the sharpness: `e^(v·ω − λ) · 2λ / (1 − e^(−2λ))`, whose mean over the sphere
-/// is 1. Without a lobe all directions get the same.
+/// The lobe's direction is its axis, its length λ the sharpness: `e^(v·ω − λ) · 2λ / (1 − e^(−2λ))`, whose mean over
+/// the sphere is 1. A zero lobe gives 1 in all directions.
 pub fn lobe_gain(lobe: Vec3, towards: Vec3) -> f32 {
     let (lobe, towards) = (lobe.as_dvec3(), towards.as_dvec3());
     let sharpness = (lobe.length_squared() + f64::from(MIN_SHARPNESS).powi(2)).sqrt();
@@ -21,7 +22,8 @@ pub fn lobe_gain(lobe: Vec3, towards: Vec3) -> f32 {
 }
 
 impl LightOctree {
-    /// The octree as it shows itself at `viewer_m`: each row's radiance times the gain of its lobe towards there, and no lobes.
+    /// Returns the octree as seen from `viewer_m`: each row's radiance times its lobe's gain towards the viewer,
+    /// without lobes.
     pub fn seen_from(&self, viewer_m: Vec3) -> Cow<'_, Self> {
         let Some(lobes) = &self.lobes else { return Cow::Borrowed(self) };
         let shown = |depth: usize| {
@@ -46,10 +48,10 @@ mod tests {
     use lo_geometry::{Cube, fibonacci_sphere};
 
     use super::*;
-    use crate::{Coverage, RadiancePoint, key_from_xyz};
+    use crate::{Provenance, RadiancePoint, key_from_xyz};
 
     #[test]
-    fn a_lobes_mean_is_one_and_its_peak_what_a_gaussians_is() {
+    fn lobes_have_mean_one_and_gaussian_falloff() {
         for lobe in [Vec3::ZERO, Vec3::new(0.3, -0.1, 0.2), Vec3::new(-2.0, 3.0, 4.0), Vec3::Y * 20.0] {
             let directions = fibonacci_sphere(20_000);
             let mean = directions.iter().map(|&d| f64::from(lobe_gain(lobe, d))).sum::<f64>() / 20_000.0;
@@ -67,7 +69,7 @@ mod tests {
     fn each_node_shows_its_lobe_towards_the_viewer() {
         let cube = Cube { origin_m: Vec3::splat(-1.0), edge_m: 2.0 };
         let position_m = Vec3::new(0.6, -0.4, 0.1);
-        let point = RadiancePoint { position_m, radiance: [1.0, 2.0, 3.0], coverage: Coverage::Seen };
+        let point = RadiancePoint { position_m, radiance: [1.0, 2.0, 3.0], provenance: Provenance::Observed };
         let mut light = LightOctree::from_points(&[point], cube, 3, 1).unwrap().0;
         assert_eq!(*light.seen_from(Vec3::ONE), light);
         light.lobes = Some(light.rgba.iter().map(|rows| vec![[0.0, 2.0, 0.0]; rows.len()]).collect());

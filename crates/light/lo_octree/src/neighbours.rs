@@ -4,24 +4,24 @@ use crate::{Level, Octree};
 
 /// Indices of the 3 × 3 × 3 nodes of the same depth around a node, −1 where there is none.
 ///
-/// Entry `9·(dx + 1) + 3·(dy + 1) + (dz + 1)` lies at offset `(dx, dy, dz)`; entry 13 is the node itself. The order is that
-/// of `ocnn`.
+/// Entry `9·(dx + 1) + 3·(dy + 1) + (dz + 1)` is at offset `(dx, dy, dz)`; entry 13 is the node itself. The order is
+/// that of `ocnn`.
 pub type Neighbours = [i32; 27];
 
 impl Octree {
-    /// The neighbours of every node of level `depth` (at most the octree's), in node order.
+    /// Computes the neighbours of every node of level `depth` (at most the octree's), in node order.
     pub fn neighbours(&self, depth: u32) -> Vec<Neighbours> {
         self.levels()[..depth as usize]
             .iter()
             .fold(root_neighbours(), |table, level| children_neighbours(level, &table))
     }
 
-    /// The neighbours of every node of every level, by depth.
+    /// Computes the neighbours of every node of every level, by depth.
     pub fn all_neighbours(&self) -> Vec<Vec<Neighbours>> {
         self.neighbour_tables(self.levels().len())
     }
 
-    /// The tables of the `count` (at least one) coarsest levels.
+    /// Computes the tables of the `count` (at least one) coarsest levels.
     pub(crate) fn neighbour_tables(&self, count: usize) -> Vec<Vec<Neighbours>> {
         let mut tables = vec![root_neighbours()];
         for (depth, level) in self.levels()[..count - 1].iter().enumerate() {
@@ -37,7 +37,7 @@ fn root_neighbours() -> Vec<Neighbours> {
     vec![root]
 }
 
-/// The table of the next level: neighbours of a child are children of its parent's neighbours.
+/// Computes the table of the next level: neighbours of a child are children of its parent's neighbours.
 fn children_neighbours(level: &Level, neighbours: &[Neighbours]) -> Vec<Neighbours> {
     let split: Vec<usize> = (0..level.len()).filter(|&node| level.children[node] >= 0).collect();
     let families: Vec<[Neighbours; 8]> = split
@@ -48,7 +48,7 @@ fn children_neighbours(level: &Level, neighbours: &[Neighbours]) -> Vec<Neighbou
     families.into_flattened()
 }
 
-/// Neighbours of the eight children of a node, from the first child (or −1) of each of the node's neighbours.
+/// Computes the neighbours of a node's eight children, from the first child (or −1) of each of the node's neighbours.
 fn family_neighbours(first_children: &Neighbours) -> [Neighbours; 8] {
     // Along each axis the family and its surroundings are four nodes: the far child of the lower neighbour, the two children,
     // the near child of the upper neighbour.

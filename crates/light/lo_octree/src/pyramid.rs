@@ -1,23 +1,25 @@
-//! Upper levels of a lighting octree from its leaves.
+//! Upper levels of a lighting octree, computed from its leaves.
 //!
-//! Colour is the mean of the children weighted by their opacity. Opacity is that of *crossing* the node: along one axis it has
-//! four columns of two children each, a column lets `(1 − α₁)(1 − α₂)` through, and the axis with the greatest opacity counts,
-//! since the mean of the axes (or of the children) makes a wall one leaf thick transparent from afar.
+//! Colour is the mean of the children weighted by their opacity. Opacity is that of *crossing* the node. Along one axis
+//! a node has four columns of two children each, and a column transmits `(1 − α₁)(1 − α₂)`. The axis with the greatest
+//! opacity counts, since the mean of the axes (or of the children) makes a wall one leaf thick transparent from afar.
 //!
-//! That alone still leaks where a wall is not aligned with the axes: it leaves a node through one side and goes on in the next.
-//! Each of the two is half open, together they are closed, and the product of two halves is not zero. So a node that is the
-//! better part of a surface counts what continues it: columns are extended by the next child in the neighbours before and
-//! behind. Poles, edges and scattered leaves keep their size. `tests/it/opacity.rs` measures both.
+//! This alone still leaks where a wall is not aligned with the axes: the wall leaves a node through one side and
+//! continues in the next. Each of the two nodes is half open and together they are closed, but the product of two
+//! halves is not zero. So a node that is mostly surface includes the continuation: columns are extended by the adjacent
+//! child of the neighbours before and behind. Poles, edges and scattered leaves keep their size. `tests/it/opacity.rs`
+//! measures both.
 
 use rayon::prelude::*;
 
 use crate::{Ancestor, LeafRows, Level, MAX_ALPHA, Neighbours, Octree, leaves::Leaves};
 
-/// Opacity along an axis from which a node counts as part of a surface across it. A thin pole blocks a quarter of the columns
-/// of a large node and stays below; of two nodes that share a slanted wall, one has at least half of it and is above.
+/// Opacity along an axis from which a node counts as part of a surface across it. A thin pole blocks a quarter of the
+/// columns of a large node and stays below. Of two nodes that share a slanted wall, one has at least half of it and is
+/// above.
 const SURFACE_OPACITY: f32 = 0.3;
 
-/// RGBα and seen share of the rows of every level, root first.
+/// Computes RGBα and observed share of the rows of every level, root first.
 pub(crate) fn pyramid(octree: &Octree, leaves: Leaves) -> (Vec<Vec<[f32; 4]>>, Vec<Vec<u8>>) {
     let tables = octree.neighbour_tables(octree.depth() as usize);
     let (mut rgba, mut seen) = (vec![leaves.rgba], vec![leaves.seen]);
@@ -41,8 +43,9 @@ pub(crate) fn pyramid(octree: &Octree, leaves: Leaves) -> (Vec<Vec<[f32; 4]>>, V
     (rgba, seen)
 }
 
-/// RGBα and seen share of the rows of every level, root first, of an octree with the leaves `leaves[d]` of depth `d`; `ancestor` says what the others hold.
-pub(crate) fn uneven_pyramid(
+/// Computes RGBα and observed share of the rows of every level, root first, for leaves `leaves[d]` of depth `d`.
+/// `ancestor` defines the content of all other nodes.
+pub(crate) fn pyramid_by_depth(
     octree: &Octree,
     leaves: Vec<LeafRows>,
     ancestor: impl Fn(u32, u32) -> Ancestor + Sync,
@@ -53,7 +56,7 @@ pub(crate) fn uneven_pyramid(
     for (depth, leaves) in leaves.into_iter().enumerate().rev() {
         let level = &octree.levels()[depth];
         let nonempty: Vec<usize> = (0..level.len()).filter(|&node| level.rows[node] >= 0).collect();
-        // A leaf's number among the leaves of its depth, in node order.
+        // Number of a leaf among the leaves of its depth, in node order.
         let mut numbers = vec![usize::MAX; level.len()];
         let mut leaf_alpha = vec![0.0; level.len()];
         for (number, &node) in nonempty.iter().filter(|&&node| level.children[node] < 0).enumerate() {
@@ -93,12 +96,12 @@ struct Family<'a> {
     below: &'a Level,
     rgba: &'a [[f32; 4]],
     seen: &'a [u8],
-    /// Opacity of the nodes of this level that are leaves, 0 of others; empty where all leaves are finer.
+    /// Opacity of the nodes of this level that are leaves, 0 for others; empty where all leaves are finer.
     leaf_alpha: &'a [f32],
 }
 
 impl Family<'_> {
-    /// RGBα and seen share of a non-empty node that is split.
+    /// Returns RGBα and observed share of a non-empty split node.
     fn merged(&self, node: usize, neighbours: &Neighbours) -> ([f32; 4], u8) {
         let mut alpha = [0.0f32; 8];
         // premultiplied and plain sums of the colour
@@ -116,7 +119,7 @@ impl Family<'_> {
             seen += u32::from(self.seen[row]);
             count += 1;
         }
-        // Where all children are invisible they still have a colour, which a later change of opacity may show.
+        // Invisible children still have a colour, which a later change of opacity may show.
         let [r, g, b] = if weight > 0.0 {
             premultiplied.map(|sum| (sum / weight) as f32)
         } else {
@@ -126,7 +129,7 @@ impl Family<'_> {
         ([r, g, b, self.crossing_opacity(&alpha, neighbours)], seen as u8)
     }
 
-    /// Greatest opacity along an axis of a node with the opacities `alpha` of its children.
+    /// Returns the greatest opacity along an axis of a node whose children have the opacities `alpha`.
     fn crossing_opacity(&self, alpha: &[f32; 8], neighbours: &Neighbours) -> f32 {
         // bit of a child's number and distance in the neighbour table, for x, y, z
         let along = |(bit, stride): (usize, usize)| {
@@ -145,13 +148,13 @@ impl Family<'_> {
         [(4, 9), (2, 3), (1, 1)].map(along).into_iter().fold(0.0, f32::max).min(MAX_ALPHA)
     }
 
-    /// Of a leaf its own: it is crossed where its child would be.
+    /// Returns the opacity of a child; a leaf is crossed with its own opacity.
     fn child_alpha(&self, node: i32, child: usize) -> f32 {
         let of_leaf = || usize::try_from(node).ok().and_then(|node| self.leaf_alpha.get(node)).copied().unwrap_or(0.0);
         self.child_row(node, child).map_or_else(of_leaf, |row| self.rgba[row][3])
     }
 
-    /// Feature row of a child, if node (−1 for none) and child exist and the child is not empty.
+    /// Returns the feature row of a child, if node (−1 for none) and child exist and the child is not empty.
     fn child_row(&self, node: i32, child: usize) -> Option<usize> {
         let first = *self.level.children.get(usize::try_from(node).ok()?)?;
         usize::try_from(self.below.rows[usize::try_from(first).ok()? + child]).ok()

@@ -2,12 +2,12 @@ use serde::Serialize;
 
 use crate::LightOctree;
 
-/// Size of an octree, per level and in all.
+/// Size of an octree, per level and in total.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct OctreeStats {
-    /// Node counts of every level, the root's first.
+    /// Node counts of every level, root first.
     pub levels: Vec<LevelStats>,
-    /// Memory that structure and features take, in bytes.
+    /// Memory of structure and features, in bytes.
     pub bytes: usize,
 }
 
@@ -18,7 +18,7 @@ pub struct LevelStats {
     pub depth: u32,
     /// All nodes.
     pub total: usize,
-    /// Nodes with features.
+    /// Nodes with feature rows.
     pub nonempty: usize,
     /// Nodes with children.
     pub split: usize,
@@ -34,7 +34,7 @@ impl LightOctree {
             split: level.children.iter().filter(|&&child| child >= 0).count(),
         });
         let levels: Vec<LevelStats> = levels.collect();
-        // key, child and row: four bytes each; RGBα: sixteen, seen share: one
+        // key, child and row: four bytes each; RGBα: sixteen, observed share: one
         let bytes = levels.iter().map(|level| 12 * level.total + 17 * level.nonempty).sum();
         OctreeStats { levels, bytes }
     }

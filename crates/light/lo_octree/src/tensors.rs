@@ -1,17 +1,19 @@
-//! The octree's part of a scene file: little-endian tensors per depth and a small JSON header.
+//! The octree's part of a scene file: little-endian tensors for each depth and a small JSON header.
 //!
-//! For each depth `d`, with `n` nodes of which `m` are non-empty:
+//! For each depth `d` with `n` nodes, `m` of them non-empty:
 //!
 //! | tensor | type, shape | |
 //! | --- | --- | --- |
 //! | `octree.d.keys` | U32 `[n]` | shuffled keys, strictly increasing |
 //! | `octree.d.children` | I32 `[n]` | index of the first of eight children in the next depth, −1 where not split |
-//! | `octree.d.nonempty` | BOOL `[n]` | which nodes have a row in the features |
+//! | `octree.d.nonempty` | BOOL `[n]` | whether a node has a feature row |
 //! | `octree.d.rgba` | F32 `[m, 4]` | linear radiance, opacity of one crossing |
-//! | `octree.d.seen` | U8 `[m]` | share that the photo saw, 255 for all |
-//! | `octree.d.lobes` | F32 `[m, 3]` | of all depths or none: axis times sharpness of a spherical Gaussian, see [`lobe_gain`](crate::lobe_gain) |
+//! | `octree.d.seen` | U8 `[m]` | observed share, 255 for all |
+//! | `octree.d.lobes` | F32 `[m, 3]` | optional, for all depths or none: axis × sharpness of a spherical Gaussian |
 //!
-//! Row numbers are not stored: they are the running count of `nonempty`. In Python:
+//! See [`lobe_gain`](crate::lobe_gain) for the lobes.
+//!
+//! Row numbers are not stored; they are the running count of `nonempty`. In Python:
 //!
 //! ```python
 //! from safetensors.numpy import load_file
@@ -31,26 +33,26 @@ use crate::{
     topology::check_depths,
 };
 
-/// The one part that an octree may lack.
+/// The only optional tensor.
 const LOBES: &str = "lobes";
 
-/// Sharper lobes than these are read as mistakes; their gains would be too large for products.
+/// Sharper lobes are rejected as errors; their gains would overflow in products.
 const MAX_SHARPNESS: f32 = 1000.0;
 
-/// What the tensors themselves do not say; stored as JSON.
+/// Properties that the tensors themselves do not contain; stored as JSON.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OctreeHeader {
-    /// [`FORMAT_VERSION`] of the writer.
+    /// Format version of the writer ([`FORMAT_VERSION`]).
     pub format_version: u32,
     /// Depth of the finest level.
     pub depth: u32,
     /// Depth down to which every node exists.
     pub full_depth: u32,
-    /// The part of the world that the root covers.
+    /// World-space cube of the root.
     pub cube: Cube,
 }
 
-/// One tensor to be written; `safetensors::serialize` takes it as it is.
+/// A tensor to be written; `safetensors::serialize` accepts it directly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NamedTensor {
     /// Name in the file.
@@ -81,7 +83,7 @@ impl View for NamedTensor {
     }
 }
 
-/// The header and the tensors of an octree, coarsest depth first.
+/// Returns the header and the tensors of an octree, coarsest depth first.
 pub fn write_tensors(light: &LightOctree) -> (OctreeHeader, Vec<NamedTensor>) {
     let header = OctreeHeader {
         format_version: FORMAT_VERSION,
@@ -109,13 +111,13 @@ pub fn write_tensors(light: &LightOctree) -> (OctreeHeader, Vec<NamedTensor>) {
     (header, tensors)
 }
 
-/// Reads back what [`write_tensors`] made; other tensors in the file are ignored.
+/// Reads the output of [`write_tensors`]; other tensors in the file are ignored.
 ///
-/// Everything is checked, so that the result has the structure that [`Octree`] promises and features in their ranges. What is
-/// allocated is less than three times the tensors' bytes.
+/// Everything is checked, so that the result fulfils the invariants of [`Octree`] and all features are in range.
+/// Allocates less than three times the tensors' bytes.
 ///
 /// # Errors
-/// The first thing that is wrong: version, header, a missing tensor, its type or shape, or a value with its index.
+/// The first invalid item: version, header, a missing tensor, its type or shape, or a value with its index.
 pub fn read_tensors(tensors: &SafeTensors<'_>, header: &OctreeHeader) -> Result<LightOctree, OctreeError> {
     if header.format_version != FORMAT_VERSION {
         return Err(OctreeError::Version { got: header.format_version });
@@ -146,14 +148,14 @@ fn read_level(
 ) -> Result<Level, OctreeError> {
     let value_error = |part, index, what| OctreeError::Value { tensor: tensor_name(depth as usize, part), index, what };
 
-    // The nodes of a level are the children of those above. Types and shapes first: nothing is allocated for a size that
-    // the file does not have.
+    // The nodes of a level are the children of those above. Types and shapes are checked first: nothing is allocated
+    // for a size that the file does not have.
     let nodes = above.map_or(1, |above| 8 * above.children.iter().filter(|&&child| child >= 0).count());
     let keys = words(tensor(tensors, depth, "keys", Dtype::U32, &[nodes])?.1, u32::from_le_bytes);
     let children = words(tensor(tensors, depth, "children", Dtype::I32, &[nodes])?.1, i32::from_le_bytes);
     let nonempty = tensor(tensors, depth, "nonempty", Dtype::BOOL, &[nodes])?.1;
 
-    // Key that each node must have, and whether its parent is non-empty.
+    // Required key of each node, and whether its parent is non-empty.
     let expected: Vec<(u32, bool)> = match above {
         None => vec![(0, true)],
         Some(above) => (0..above.len())
@@ -208,12 +210,14 @@ fn read_lobes(tensors: &SafeTensors<'_>, depth: u32, rows: usize) -> Result<Vec<
     let (tensor, bytes) = tensor(tensors, depth, LOBES, Dtype::F32, &[rows, 3])?;
     let lobes: Vec<[f32; 3]> = words(bytes, f32::from_le_bytes).as_chunks().0.to_vec();
     match lobes.iter().position(|lobe| !lobe.iter().all(|v| v.abs() <= MAX_SHARPNESS)) {
-        Some(index) => Err(OctreeError::Value { tensor, index, what: "is no lobe of at most 1000 along each axis" }),
+        Some(index) => {
+            Err(OctreeError::Value { tensor, index, what: "has a lobe component that is NaN or beyond 1000" })
+        }
         None => Ok(lobes),
     }
 }
 
-/// Name and bytes of a tensor that must have this type and shape.
+/// Returns the name and bytes of a tensor that must have this type and shape.
 fn tensor<'data>(
     tensors: &SafeTensors<'data>,
     depth: u32,

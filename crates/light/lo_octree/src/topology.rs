@@ -2,14 +2,14 @@ use rayon::prelude::*;
 
 use crate::{MAX_DEPTH, MAX_FULL_DEPTH, OctreeError};
 
-/// The structure of a sparse voxel octree without features.
+/// Structure of a sparse voxel octree, without features.
 ///
-/// Full down to `full_depth`, sparse below. Nodes of one depth lie in shuffled-key (Morton) order, the eight children of a
-/// split node next to each other. A node is *non-empty* when it has a feature row; rows of one depth are in node order.
+/// Full down to `full_depth`, sparse below. Nodes of one depth are in shuffled-key (Morton) order; the eight children
+/// of a split node are adjacent. A node is *non-empty* when it has a feature row. Rows of one depth are in node order.
 ///
-/// Nodes above `full_depth` are split even when empty; from there on only non-empty nodes are split, and the parent of a
-/// non-empty node is non-empty. In an octree built from points every non-empty node above the finest depth is split; in one
-/// that was [grown](Octree::grow), a non-empty node may be a leaf at any depth from `full_depth` on.
+/// Nodes above `full_depth` are split even when empty. From `full_depth` on, only non-empty nodes are split, and the
+/// parent of a non-empty node is non-empty. In an octree built from points, every non-empty node above the finest depth
+/// is split. In a [grown](Octree::grow) octree, a non-empty node may be a leaf at any depth from `full_depth` on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Octree {
     full_depth: u32,
@@ -22,36 +22,36 @@ pub struct Octree {
 pub struct Level {
     /// Shuffled key of each node: bits of x, y, z interleaved, x highest, `3 · depth` bits.
     pub keys: Vec<u32>,
-    /// Index of the first of its eight children in the next level, or −1 where the node is not split.
+    /// Index of the node's first child in the next level, or −1 where the node is not split.
     pub children: Vec<i32>,
-    /// Row of its features in this level, or −1 where the node is empty.
+    /// Feature row of the node in this level, or −1 where the node is empty.
     pub rows: Vec<i32>,
     /// Number of non-empty nodes.
     pub nonempty: usize,
 }
 
-/// A node that is not empty and not split.
+/// A node that is neither empty nor split.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LeafNode {
-    /// Its depth.
+    /// Depth of the node.
     pub depth: u32,
-    /// Its index in its level.
+    /// Index of the node in its level.
     pub node: usize,
-    /// Row of its features in its level.
+    /// Feature row of the node in its level.
     pub row: usize,
 }
 
 impl Octree {
-    /// The octree of depth `full_depth` (at most [`MAX_FULL_DEPTH`]) in which every node exists and is empty: what growth
-    /// starts from.
+    /// Returns the octree of depth `full_depth` (at most [`MAX_FULL_DEPTH`]) in which every node exists and is empty.
+    /// Growth starts from it.
     pub fn full(full_depth: u32) -> Result<Self, OctreeError> {
         check_depths(MAX_DEPTH, full_depth)?;
         let levels = (0..=full_depth).map(|depth| Level::new(full_keys(depth), depth < full_depth)).collect();
         Ok(Self { full_depth, levels })
     }
 
-    /// The octree whose non-empty nodes are the leaves of depth `depth` with the strictly increasing `leaf_keys` and
-    /// everything above them.
+    /// Builds the octree with non-empty leaves at `depth`. `leaf_keys` are strictly increasing; ancestors of leaves are
+    /// non-empty too.
     pub(crate) fn from_leaf_keys(leaf_keys: &[u32], depth: u32, full_depth: u32) -> Self {
         let mut nonempty_keys = vec![leaf_keys.to_vec()];
         for _ in 0..depth {
@@ -78,10 +78,11 @@ impl Octree {
         Self { full_depth, levels }
     }
 
-    /// The octree whose leaves of depth `d` have the strictly increasing keys `leaf_keys[d]`, none above the full depth.
-    pub(crate) fn from_uneven_leaf_keys(leaf_keys: &[&[u32]], full_depth: u32) -> Result<Self, OctreeError> {
+    /// Builds the octree whose leaves of depth `d` have the strictly increasing keys `leaf_keys[d]`, none above the
+    /// full depth.
+    pub(crate) fn from_leaf_keys_by_depth(leaf_keys: &[&[u32]], full_depth: u32) -> Result<Self, OctreeError> {
         let depth = leaf_keys.len() as u32 - 1;
-        // Of each depth the nodes that are split because a node below them is non-empty, and all that are non-empty.
+        // For each depth: nodes that are split because a node below them is non-empty, and all non-empty nodes.
         let mut split = vec![Vec::new(); leaf_keys.len()];
         let mut nonempty: Vec<Vec<u32>> = vec![Vec::new(); leaf_keys.len()];
         for d in (0..leaf_keys.len()).rev() {
@@ -117,22 +118,22 @@ impl Octree {
         Ok(Self { full_depth, levels: levels.collect() })
     }
 
-    /// Depth of the finest level.
+    /// Returns the depth of the finest level.
     pub fn depth(&self) -> u32 {
         self.levels.len() as u32 - 1
     }
 
-    /// Depth down to which every node exists.
+    /// Returns the depth down to which every node exists.
     pub fn full_depth(&self) -> u32 {
         self.full_depth
     }
 
-    /// The levels, coarsest (the root alone) first.
+    /// Returns the levels, coarsest (the root alone) first.
     pub fn levels(&self) -> &[Level] {
         &self.levels
     }
 
-    /// All leaves that are not empty: the coarse ones first, in node order within a depth.
+    /// Iterates over the non-empty leaves, coarse ones first, in node order within a depth.
     pub fn leaf_nodes(&self) -> impl Iterator<Item = LeafNode> + '_ {
         self.levels.iter().zip(0..).flat_map(|(level, depth)| {
             let leaf = move |node: usize| {
@@ -143,24 +144,24 @@ impl Octree {
         })
     }
 
-    /// Shuffled key of a leaf.
+    /// Returns the shuffled key of a leaf.
     pub fn key(&self, leaf: LeafNode) -> u32 {
         self.levels[leaf.depth as usize].keys[leaf.node]
     }
 
-    /// Wraps levels that hold what [`Octree`] promises.
+    /// Wraps levels that fulfil the invariants of [`Octree`].
     pub(crate) fn from_valid_levels(levels: Vec<Level>, full_depth: u32) -> Self {
         Self { full_depth, levels }
     }
 
-    /// The levels, for growth.
+    /// Gives growth access to the levels.
     pub(crate) fn levels_mut(&mut self) -> &mut Vec<Level> {
         &mut self.levels
     }
 }
 
 impl Level {
-    /// Empty nodes with these keys, all split or none.
+    /// Creates empty nodes with these keys, all split or none.
     pub(crate) fn new(keys: Vec<u32>, split: bool) -> Self {
         let children = (0..keys.len() as i32).map(|node| if split { 8 * node } else { -1 }).collect();
         let rows = vec![-1; keys.len()];
@@ -179,7 +180,7 @@ impl Level {
         self.nonempty = nonempty_keys.len();
     }
 
-    /// Numbers the rows of the nodes that are labelled non-empty, one label a node.
+    /// Numbers the rows of the nodes that are labelled non-empty; one label per node.
     pub(crate) fn number_rows(&mut self, nonempty: impl Iterator<Item = bool>) {
         self.nonempty = 0;
         for (row, nonempty) in self.rows.iter_mut().zip(nonempty) {
@@ -188,23 +189,23 @@ impl Level {
         }
     }
 
-    /// Keys of the non-empty nodes: those of the feature rows, in their order.
+    /// Iterates over the keys of the non-empty nodes, in the order of the feature rows.
     pub fn row_keys(&self) -> impl Iterator<Item = u32> + '_ {
         self.keys.iter().zip(&self.rows).filter(|(_, row)| **row >= 0).map(|(key, _)| *key)
     }
 
-    /// Number of nodes.
+    /// Returns the number of nodes.
     pub fn len(&self) -> usize {
         self.keys.len()
     }
 
-    /// Whether the level has no nodes (below an octree in which nothing is split).
+    /// Returns whether the level has no nodes (below a level in which nothing is split).
     pub fn is_empty(&self) -> bool {
         self.keys.is_empty()
     }
 }
 
-/// Whether an octree can have these depths, for callers that do much work before they build it.
+/// Checks the depths of an octree, for callers that do expensive work before they build it.
 ///
 /// # Errors
 /// Depths that keys and indices cannot hold.

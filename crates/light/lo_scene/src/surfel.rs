@@ -1,6 +1,6 @@
 use lo_geometry::{Camera, RigidTransform, Vec3};
 use lo_imaging::{DepthMap, Image, RadianceImage};
-use lo_octree::{Coverage, RadiancePoint};
+use lo_octree::{Provenance, RadiancePoint};
 use rayon::prelude::*;
 
 use crate::Frame;
@@ -15,7 +15,7 @@ pub struct Surfel {
     /// Linear RGB radiance.
     pub radiance: [f32; 3],
     /// Whether the photo saw it.
-    pub coverage: Coverage,
+    pub provenance: Provenance,
     /// Where the camera stands that saw it.
     pub eye_m: Vec3,
     /// Its depth along that camera's optical axis, metres.
@@ -36,7 +36,7 @@ impl Surfel {
 
 impl From<Surfel> for RadiancePoint {
     fn from(surfel: Surfel) -> Self {
-        Self { position_m: surfel.position_m, radiance: surfel.radiance, coverage: surfel.coverage }
+        Self { position_m: surfel.position_m, radiance: surfel.radiance, provenance: surfel.provenance }
     }
 }
 
@@ -93,7 +93,7 @@ impl Frame {
     }
 
     /// All seen surface points: one per reading, row by row, with the given radiance at photo resolution (see [`Frame::radiance`])
-    /// and coverage [`Coverage::Seen`]. [`Frame::without_flying_pixels`] comes before it.
+    /// and provenance [`Provenance::Observed`]. [`Frame::without_flying_pixels`] comes before it.
     ///
     /// Photo and depth must have one resolution, as [`Frame::working`] makes them; otherwise the radiance of the photo pixel at
     /// the middle of the depth pixel is taken.
@@ -128,7 +128,7 @@ impl Frame {
                     position_m,
                     normal: normals[(x, y)].unwrap_or(-position_m.normalize_or(Vec3::NEG_Z)),
                     radiance: radiance[pixel],
-                    coverage: Coverage::Seen,
+                    provenance: Provenance::Observed,
                     eye_m: Vec3::ZERO,
                     depth_m: z,
                 });

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use lo_geometry::{Camera, Cube, Plane, Quat, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::{
     AddedLight, AnalyticLight, CameraSource, Completion, EmitterEdit, Estimate, EstimateOrigin, ExpectedLight, Frame,
     GuessedLight, LaidPanorama, LightChange, LightColor, LightEdits, LightMode, LightShape, LightTuning,
@@ -27,7 +27,7 @@ fn scene(linear: bool) -> SceneFile {
     let point = |i: usize| RadiancePoint {
         position_m: Vec3::new((i * 7 % 31) as f32, (i * 3 % 29) as f32, (i * 5 % 23) as f32) * 0.1 - Vec3::splat(1.0),
         radiance: [i as f32 * 0.1, 0.5, 2.0],
-        coverage: if i.is_multiple_of(3) { Coverage::Inferred } else { Coverage::Seen },
+        provenance: if i.is_multiple_of(3) { Provenance::Inferred } else { Provenance::Observed },
     };
     let points: Vec<RadiancePoint> = (0..40).map(point).collect();
     let light = LightOctree::from_points(&points, Cube::centred(Vec3::ZERO, 5.3), 4, 2).unwrap().0;

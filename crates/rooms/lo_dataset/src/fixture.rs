@@ -3,7 +3,7 @@
 
 use lo_geometry::{Camera, Quat, Vec3};
 use lo_imaging::Image;
-use lo_octree::{Coverage, RadiancePoint};
+use lo_octree::{Provenance, RadiancePoint};
 
 use super::{Metadata, NovelView, Record, Shot};
 
@@ -33,7 +33,7 @@ pub(crate) fn record(key: &str) -> Record {
     let point = |i: u32| RadiancePoint {
         position_m: Vec3::new(i as f32 * 0.1, 2.0 - i as f32 * 0.05, 0.3),
         radiance: [i as f32, 0.5, 7e4],
-        coverage: Coverage::Inferred,
+        provenance: Provenance::Inferred,
     };
     Record {
         key: key.to_owned(),

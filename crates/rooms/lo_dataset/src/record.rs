@@ -1,6 +1,6 @@
 use lo_geometry::{Camera, Quat, Vec3};
 use lo_imaging::{DepthMap, Image, RadianceImage};
-use lo_octree::{Coverage, RadiancePoint};
+use lo_octree::{Provenance, RadiancePoint};
 
 use crate::sample::Metadata;
 use crate::{NovelView, Sample};
@@ -66,7 +66,7 @@ const SEEN_WITHIN_M: f32 = 0.1;
 impl Record {
     /// The sample of photo `shot`: everything turned into its frame and units.
     ///
-    /// Points that the photo's depth map shows are [`Coverage::Seen`]; without a depth map they stay as they are.
+    /// Points that the photo's depth map shows are [`Provenance::Observed`]; without a depth map they stay as they are.
     ///
     /// # Panics
     /// Where there is no such shot, or it names a view that the record has not.
@@ -83,7 +83,7 @@ impl Record {
                 RadiancePoint {
                     position_m,
                     radiance: scaled(point.radiance),
-                    coverage: taken.coverage(position_m).unwrap_or(point.coverage),
+                    provenance: taken.provenance(position_m).unwrap_or(point.provenance),
                 }
             })
             .collect();
@@ -155,7 +155,7 @@ impl From<Sample> for Record {
 
 impl Shot {
     /// Whether the photo shows a point of its frame; `None` without a depth map.
-    fn coverage(&self, position_m: Vec3) -> Option<Coverage> {
+    fn provenance(&self, position_m: Vec3) -> Option<Provenance> {
         let depth = self.depth_m.as_ref()?;
         let seen = self.camera.project(position_m).is_some_and(|(u, v, z)| {
             let (u, v) = (u.floor(), v.floor());
@@ -165,7 +165,7 @@ impl Shot {
                 && v < depth.height() as f64
                 && (f64::from(depth[(u as usize, v as usize)]) - z).abs() < f64::from(SEEN_WITHIN_M)
         });
-        Some(if seen { Coverage::Seen } else { Coverage::Inferred })
+        Some(if seen { Provenance::Observed } else { Provenance::Inferred })
     }
 }
 
@@ -210,8 +210,11 @@ mod tests {
         for (point, z) in record.points.iter_mut().zip([shown, shown + 0.05, shown + 0.3, -shown]) {
             point.position_m = at(z);
         }
-        let coverage: Vec<Coverage> = record.sample(0).points.iter().map(|p| p.coverage).collect();
-        assert_eq!(coverage, [Coverage::Seen, Coverage::Seen, Coverage::Inferred, Coverage::Inferred]);
+        let provenance: Vec<Provenance> = record.sample(0).points.iter().map(|p| p.provenance).collect();
+        assert_eq!(
+            provenance,
+            [Provenance::Observed, Provenance::Observed, Provenance::Inferred, Provenance::Inferred]
+        );
     }
 
     #[test]

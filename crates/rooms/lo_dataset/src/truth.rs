@@ -12,7 +12,7 @@ pub enum TrueLeaves {
     /// Every leaf that a surface point lies in. What the light network learns, and what its split labels are compared with: that a surface just touches
     /// a leaf can be told from what is seen, that it fills less than half a face of it cannot.
     All,
-    /// Those that surfaces fill ([`LightOctree::from_even_points`]), of points of this area each. What looks most like the room: the bound of
+    /// Those that surfaces fill ([`LightOctree::from_uniform_points`]), of points of this area each. What looks most like the room: the bound of
     /// what an octree can show.
     Filled {
         /// Surface that each point stands for.
@@ -52,7 +52,7 @@ pub fn true_octree(
     let (octree, _) = match leaves {
         TrueLeaves::All => LightOctree::from_points(&inside, cube, depth, full_depth)?,
         TrueLeaves::Filled { point_area_m2 } => {
-            LightOctree::from_even_points(&inside, point_area_m2, cube, depth, full_depth)?
+            LightOctree::from_uniform_points(&inside, point_area_m2, cube, depth, full_depth)?
         }
     };
     Ok(octree)
@@ -66,7 +66,7 @@ fn leaf(cube: Cube, depth: u32, position_m: Vec3) -> u32 {
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
-    use lo_octree::Coverage;
+    use lo_octree::Provenance;
 
     use super::*;
 
@@ -76,7 +76,7 @@ mod tests {
         let point = |z: f32, radiance: f32| RadiancePoint {
             position_m: Vec3::new(0.01 * z, 0.01 * z, z),
             radiance: [radiance; 3],
-            coverage: Coverage::Inferred,
+            provenance: Provenance::Inferred,
         };
         let points = [point(-2.0, 1.0), point(-9.0, 3.0), point(-6.0, 2.0)];
         let octree = true_octree(&points, TrueLeaves::All, cube, 5, 3).unwrap();
@@ -98,7 +98,7 @@ mod tests {
             .map(|i| RadiancePoint {
                 position_m: Vec3::new(place(i % 17), place(i / 17), 0.5),
                 radiance: [1.0; 3],
-                coverage: Coverage::Inferred,
+                provenance: Provenance::Inferred,
             })
             .collect();
         let leaves = |leaves| true_octree(&points, leaves, cube, 3, 1).unwrap().rgba[3].len();

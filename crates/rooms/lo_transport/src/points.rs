@@ -3,7 +3,7 @@
 use std::f32::consts::PI;
 
 use lo_geometry::{Ray, Vec3, cosine_hemisphere, orthonormal_basis};
-use lo_octree::{Coverage, RadiancePoint};
+use lo_octree::{Provenance, RadiancePoint};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
@@ -15,7 +15,7 @@ use crate::sky::Opening;
 use crate::transfer;
 
 /// Points per square of a leaf's size. With half of them a leaf's count says too little of how much surface it holds
-/// ([`lo_octree::LightOctree::from_even_points`]).
+/// ([`lo_octree::LightOctree::from_uniform_points`]).
 const PER_LEAF: f64 = 8.0;
 
 /// Radiance at points that lie evenly on surfaces.
@@ -86,7 +86,7 @@ fn without_hidden(points: Vec<(RadiancePoint, f32)>, leaf_m: f32) -> Vec<Radianc
 }
 
 fn point(position_m: Vec3, radiance: Vec3) -> RadiancePoint {
-    RadiancePoint { position_m, radiance: radiance.to_array(), coverage: Coverage::Inferred }
+    RadiancePoint { position_m, radiance: radiance.to_array(), provenance: Provenance::Inferred }
 }
 
 /// The mean over directions of the light leaving a place, and how much free space it has in view; nothing where nobody sees it.

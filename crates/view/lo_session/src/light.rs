@@ -1,6 +1,6 @@
 use lightoctree::Estimate;
 use lightoctree::geometry::Vec3;
-use lightoctree::lo_lights::{rgb_of_color, sun_direction};
+use lightoctree::lo_lights::{rgb_from_color, sun_direction};
 use lightoctree::scene::{AnalyticLight, LightColor, LightShape};
 use serde::{Deserialize, Serialize};
 
@@ -42,7 +42,7 @@ impl NewLight {
     pub fn analytic(self, estimate: &Estimate) -> Result<AnalyticLight, SessionError> {
         let color = |kelvin: f32| {
             let known = (lightoctree::scene::MIN_KELVIN..=lightoctree::scene::MAX_KELVIN).contains(&kelvin);
-            if known { Ok(rgb_of_color(LightColor::Kelvin(kelvin))) } else { Err(SessionError::Range("the colour")) }
+            if known { Ok(rgb_from_color(LightColor::Kelvin(kelvin))) } else { Err(SessionError::Range("the colour")) }
         };
         let (shape, white, color) = match self {
             Self::Sun { azimuth_deg, elevation_deg, strength, angle_deg, kelvin } => {

@@ -1,6 +1,6 @@
 //! What a session's user takes away, as files in memory.
 
-use lightoctree::SharpViewers;
+use lightoctree::SceneRenderer;
 use lightoctree::export::{self, Content, Format, LightProbe};
 use lightoctree::geometry::Vec3;
 use lightoctree::imaging::{self, ExrOptions};
@@ -59,7 +59,7 @@ pub fn export(
     probe_at: Option<Vec3>,
 ) -> Result<Vec<(String, Vec<u8>)>, SessionError> {
     let lit = scenes.of(state)?;
-    let panorama = probe_at.map(|at| (at, SharpViewers::new(&lit).panorama(at, PROBE_WIDTH, PROBE_WIDTH / 2)));
+    let panorama = probe_at.map(|at| (at, SceneRenderer::new(&lit).panorama(at, PROBE_WIDTH, PROBE_WIDTH / 2)));
     let probes: Vec<LightProbe> =
         panorama.iter().map(|(at, seen)| LightProbe { radiance: &seen.radiance, position_m: *at }).collect();
     let folder = tempfile::tempdir()?;

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use lightoctree::cone::Rendering;
 use lightoctree::geometry::{Vec3, pixel_direction};
 use lightoctree::imaging::{self, EnvironmentLayout, ExrOptions, Image, RadianceImage, ToneCurve};
-use lightoctree::{LitScene, SharpViewers};
+use lightoctree::{LitScene, SceneRenderer};
 use rayon::prelude::*;
 
 use crate::lit::LitScenes;
@@ -14,7 +14,7 @@ use crate::{OpenScene, RESTING_SIDE, SessionError, State};
 /// The light at places of one scene.
 pub struct Probe {
     scenes: Arc<LitScenes>,
-    ready: Option<(Arc<LitScene>, SharpViewers)>,
+    ready: Option<(Arc<LitScene>, SceneRenderer)>,
 }
 
 /// What a probe shows, for a screen.
@@ -39,12 +39,12 @@ impl Probe {
         Self { scenes, ready: None }
     }
 
-    fn viewers(&mut self, state: &State) -> Result<&(Arc<LitScene>, SharpViewers), SessionError> {
+    fn viewers(&mut self, state: &State) -> Result<&(Arc<LitScene>, SceneRenderer), SessionError> {
         let lit = self.scenes.of(state)?;
         let ready = match self.ready.take() {
             Some(ready) if Arc::ptr_eq(&ready.0, &lit) => ready,
             // A photo of this size is sharper than any panorama that is shown.
-            _ => (lit.clone(), SharpViewers::new(&at_side(&lit, RESTING_SIDE))),
+            _ => (lit.clone(), SceneRenderer::new(&at_side(&lit, RESTING_SIDE))),
         };
         Ok(self.ready.insert(ready))
     }
@@ -78,7 +78,7 @@ impl Probe {
     /// # Errors
     /// Edits that do not fit the scene.
     pub fn exr(scenes: &LitScenes, state: &State, at: Vec3, height: usize) -> Result<Vec<u8>, SessionError> {
-        let panorama = SharpViewers::new(&*scenes.of(state)?).panorama(at, 2 * height, height);
+        let panorama = SceneRenderer::new(&*scenes.of(state)?).panorama(at, 2 * height, height);
         let options = ExrOptions {
             generator: "lightoctree envmap".to_owned(),
             environment: Some(EnvironmentLayout::LatitudeLongitude),

@@ -8,7 +8,7 @@ use lightoctree::cone::{Cone, ConeSample, ConeTracer, SampleGradient, Sampling, 
 use lightoctree::geometry::{Camera, Cube, Vec3, pixel_direction};
 use lightoctree::imaging::{Image, Photo};
 use lightoctree::insert::{Align, Inserter, Instance, Lighting, Placement, Quality};
-use lightoctree::octree::{self, Coverage, LightOctree, RadiancePoint};
+use lightoctree::octree::{self, LightOctree, Provenance, RadiancePoint};
 use lightoctree::scene::Frame;
 use lightoctree::{Estimator, Input, LitScene, events};
 use lightoctree_cli::commands::demo;
@@ -83,7 +83,7 @@ fn cloud(name: &str) -> anyhow::Result<Vec<RadiancePoint>> {
     let points = positions.chunks_exact(3).zip(colors.chunks_exact(3)).map(|(p, c)| RadiancePoint {
         position_m: Vec3::new(p[0], p[1], p[2]),
         radiance: [c[0], c[1], c[2]],
-        coverage: Coverage::Seen,
+        provenance: Provenance::Observed,
     });
     Ok(points.collect())
 }

@@ -3,7 +3,7 @@
 use lightoctree::completion::light_from_above;
 use lightoctree::insert::Lighting;
 use lightoctree::scene::LitScene;
-use lightoctree::{Document, LightPurpose, SharpViewers};
+use lightoctree::{Document, LightPurpose, SceneRenderer};
 use lo_dataset::{NovelView, Sample};
 use lo_geometry::{Vec3, pixel_direction};
 use lo_imaging::{RadianceImage, sample_equirectangular};
@@ -86,7 +86,7 @@ pub(crate) struct Lit {
 }
 
 enum Light {
-    Octree(Box<SharpViewers>),
+    Octree(Box<SceneRenderer>),
     /// The same panorama at all places.
     Map(RadianceImage),
     /// The true panorama of each place.
@@ -112,12 +112,12 @@ impl Lit {
                     Lamps::Overhead => lamp_above(&mut scene),
                     Lamps::Fitted => scene = plausible(document),
                 }
-                Light::Octree(Box::new(SharpViewers::new(&scene)))
+                Light::Octree(Box::new(SceneRenderer::new(&scene)))
             }
             InsertionMethod::TrueOctree => {
                 scene.light = true_octree(sample, tools)?;
                 scene.estimate_mut().confidence = None;
-                Light::Octree(Box::new(SharpViewers::new(&scene)))
+                Light::Octree(Box::new(SceneRenderer::new(&scene)))
             }
             InsertionMethod::SingleMap => {
                 let networks = tools.estimator.networks().ok_or(MethodError::Needs("weights"))?;

@@ -1,6 +1,6 @@
 //! Three photos of a room, a third of a turn apart, against one: how much nearer the light comes to the truth where the first photo does not look.
 
-use lightoctree::cone::Viewers;
+use lightoctree::cone::OctreeRenderer;
 use lightoctree::scene::{Completion, Frame, PosedFrame};
 use lightoctree::{EstimateOptions, Estimator, Exposures, Input};
 use lo_dataset::{Generator, GeneratorConfig, NovelView, Record, Sample, Shot, seen_mask};
@@ -85,7 +85,7 @@ fn true_exposures(record: &Record) -> Vec<f32> {
 
 /// Figures of a scene's light at the panoramas' places; seen is what the first photo shows.
 fn scores(record: &Record, scene: lightoctree::Estimate) -> Scores {
-    let sight = Sight::Octree(Viewers::new(&scene.light));
+    let sight = Sight::Octree(OctreeRenderer::new(&scene.light));
     let light = Light::Octree { octree: Box::new(scene.light), sight };
     let estimate = Estimate::of_light(light);
     let sample = record.sample(0);
@@ -99,7 +99,7 @@ fn scores(record: &Record, scene: lightoctree::Estimate) -> Scores {
 
 /// Figures of the first photo's estimate where the truth stands wherever the other photos look: what knowing these places to perfection would give.
 fn ceiling(record: &Record, scene: lightoctree::Estimate) -> Scores {
-    let sight = Sight::Octree(Viewers::new(&scene.light));
+    let sight = Sight::Octree(OctreeRenderer::new(&scene.light));
     let light = Light::Octree { octree: Box::new(scene.light), sight };
     let estimate = Estimate::of_light(light);
     let sample = record.sample(0);

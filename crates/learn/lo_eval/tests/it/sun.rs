@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use lightoctree::lo_lights::{Sunlit, sun_of_shadow};
+use lightoctree::lo_lights::{Sunlit, sun_from_shadow};
 use lightoctree::mesh::PreparedModel;
 use lightoctree::scene::Frame;
 use lightoctree::{Estimate, EstimateOptions, Input, sun_of_photo, supported_sun};
@@ -174,7 +174,7 @@ fn any_shadows(scene: &Estimate, at_edges: bool, stream: &mut impl RngExt) -> Ve
         across.into_iter().any(|difference| difference.abs() > 0.7)
     };
     let usable = pairs.filter(|pair| is_far(camera.width, pair) && (!at_edges || is_edge(pair[1])));
-    usable.filter(|pair| sun_of_shadow(scene, pair[0], pair[1]).is_some()).take(SHADOWS).collect()
+    usable.filter(|pair| sun_from_shadow(scene, pair[0], pair[1]).is_some()).take(SHADOWS).collect()
 }
 
 #[test]

@@ -93,7 +93,7 @@ impl Labels {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use lo_geometry::{Camera, Cube, Vec3};
-    use lo_octree::{Coverage, LightOctree, RadiancePoint};
+    use lo_octree::{LightOctree, Provenance, RadiancePoint};
 
     use super::*;
     use crate::light::{LightNetConfig, VisiblePoint};
@@ -141,7 +141,7 @@ mod tests {
             [100, 400, 1600]
         );
         // One node seen at each of the three depths.
-        let point = RadiancePoint { position_m: Vec3::ZERO, radiance: [1.0; 3], coverage: Coverage::Seen };
+        let point = RadiancePoint { position_m: Vec3::ZERO, radiance: [1.0; 3], provenance: Provenance::Observed };
         let cube = Cube { origin_m: Vec3::ZERO, edge_m: 1.0 };
         let seen = LightOctree::from_points(&[point], cube, 7, 4).unwrap().0.octree;
         assert_eq!(most_splits(2103, &seen, 4, 7), 101);

@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use lo_geometry::{Camera, Cube, DVec3, Vec3};
 use lo_imaging::{RadianceImage, sample_equirectangular};
-use lo_octree::{Coverage, LightOctree, Octree, RadiancePoint};
+use lo_octree::{LightOctree, Octree, Provenance, RadiancePoint};
 use lo_random::RngExt;
 
 use crate::graph::GraphLevel;
@@ -87,7 +87,7 @@ impl LightInput {
         surface.extend(carriers.iter().map(|&position_m| RadiancePoint {
             position_m,
             radiance: [0.0; 3],
-            coverage: Coverage::Inferred,
+            provenance: Provenance::Inferred,
         }));
         let (light, _) = LightOctree::from_points(&surface, cube, config.depth, config.full_depth)?;
         let levels = GraphLevel::all(&light.octree);

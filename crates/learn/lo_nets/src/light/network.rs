@@ -266,7 +266,7 @@ mod tests {
     use lo_events::Warning;
     use lo_geometry::{Camera, Cube, Vec3};
     use lo_imaging::RadianceImage;
-    use lo_octree::{Coverage, LightOctree, MAX_ALPHA, RadiancePoint};
+    use lo_octree::{LightOctree, MAX_ALPHA, Provenance, RadiancePoint};
 
     use super::*;
     use crate::layers::glorot;
@@ -293,7 +293,7 @@ mod tests {
             let mut p = [3.1 * u, 2.9 * v, if face < 3 { -2.7 } else { 2.7 }];
             p.rotate_right(face % 3);
             let radiance = std::array::from_fn(|c| 0.2 + 0.3 * ((face + c) % 3) as f32);
-            RadiancePoint { position_m: Vec3::from(p), radiance, coverage: Coverage::Inferred }
+            RadiancePoint { position_m: Vec3::from(p), radiance, provenance: Provenance::Inferred }
         };
         ((0..20_000).map(point).collect(), Cube::centred(Vec3::ZERO, 8.0))
     }

@@ -1,6 +1,6 @@
 use lo_geometry::{Camera, Vec3};
 use lo_imaging::{DepthMap, Image};
-use lo_octree::{Coverage, RadiancePoint};
+use lo_octree::{Provenance, RadiancePoint};
 
 /// A point of a surface that the photo shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,7 +45,7 @@ impl VisiblePoint {
     }
 
     pub(crate) fn radiance_point(&self) -> RadiancePoint {
-        let coverage = if self.certain { Coverage::Seen } else { Coverage::Inferred };
-        RadiancePoint { position_m: self.position_m, radiance: self.radiance, coverage }
+        let provenance = if self.certain { Provenance::Observed } else { Provenance::Inferred };
+        RadiancePoint { position_m: self.position_m, radiance: self.radiance, provenance }
     }
 }

@@ -5,7 +5,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use lo_geometry::{Cube, Vec3};
 use lo_nets::graph::GraphLevel;
 use lo_nets::layers::{DownSample, Head, ResBlock, UpSample};
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use safetensors::SafeTensors;
 
 const GOLDEN: &[u8] = include_bytes!("golden/graph.safetensors");
@@ -50,7 +50,7 @@ fn block_pooling_and_head_are_those_of_ognn() {
         .as_chunks::<3>()
         .0
         .iter()
-        .map(|&p| RadiancePoint { position_m: Vec3::from(p), radiance: [1.0; 3], coverage: Coverage::Seen })
+        .map(|&p| RadiancePoint { position_m: Vec3::from(p), radiance: [1.0; 3], provenance: Provenance::Observed })
         .collect();
     let cube = Cube { origin_m: Vec3::NEG_ONE, edge_m: 2.0 };
     let levels = GraphLevel::all(&LightOctree::from_points(&points, cube, 5, 2).unwrap().0.octree);

@@ -1,12 +1,16 @@
-//! Guessed lamps and windows as bright as the seen surfaces are shaded.
+//! Fitting of inferred lamps and windows to the shading of observed surfaces.
 //!
-//! A diffuse surface of constant albedo is as bright as the light that it gets: where a wall is brighter on its left there is more light on its
-//! left. Networks know where lamps are better than how bright. Three factors, on all that is guessed of lamps, on what is seen of lamps but clipped
-//! and on guessed surfaces, are the likeliest ones that explain the shading of segments of constant albedo (`solve`), with visibility through the
-//! octree. For lamps placed by hand or matched from pictures the same is done in Karsch et al. 2011 and 2014 ("Rendering synthetic objects into legacy
-//! photographs", "Automatic scene inference for 3D object compositing"); there the room's box is all that casts shadows, here it is the octree.
+//! A diffuse surface of constant albedo is as bright as the light that it receives: where a wall is brighter on its
+//! left, there is more light on its left. Networks predict the positions of lamps better than their brightness. Three
+//! factors are fitted by maximum a posteriori estimation: on inferred lamps, on observed but clipped lamps, and on
+//! inferred surfaces. They explain the shading of segments of constant albedo (`solve`), with visibility through the
+//! octree.
+//!
+//! Karsch et al. 2011 and 2014 do the same for lamps placed by hand or matched from images ("Rendering synthetic
+//! objects into legacy photographs", "Automatic scene inference for 3D object compositing"). There only the room's box
+//! casts shadows; here the octree does.
 
-mod places;
+mod shading_samples;
 mod solve;
 
 use std::borrow::Cow;
@@ -20,48 +24,50 @@ use lo_scene::Frame;
 use crate::highlights;
 use crate::irradiance::{irradiances, offset_m, tracer};
 use crate::lamps::OBJECT_SHARE;
-use places::{Place, places};
+use shading_samples::{ShadingSample, shading_samples};
 use solve::{Prior, Problem, Solution, solve};
 
-/// What exceeds this multiple of the mean luminance is a lamp's or a window's, or of what they shine on.
+/// Multiple of the mean luminance above which radiance belongs to a lamp, a window or a surface that they illuminate.
 const CAP: f32 = 2.0;
 
-/// Of a lamp so many times as bright as the cap the rest stays: it is not one that was averaged away, and where it is wrong, it blinds.
+/// Multiple of the cap up to which a lamp is scaled. Such a lamp was not averaged away by a network, and scaling a
+/// wrong one would dazzle.
 const LIMIT: f32 = 4.0;
 
-/// Lamps that give less than this share of the light on what is seen are none.
+/// Least share of a lamp in the light on observed surfaces.
 const MIN_SHARE: f32 = 0.02;
 
-/// A preview looks at one of so many places.
+/// A preview uses one of so many samples.
 const PREVIEW: usize = 7;
 
-/// Logarithms of factors up to this size are not worth a word.
+/// Least logarithm of a factor that is reported.
 const NOTABLE: f32 = 0.1;
 
-/// What was fitted.
+/// Result of a fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LampFit {
-    /// Factor on what is guessed of lamps and windows beyond what surfaces have.
+    /// Factor on inferred lamps and windows, applied to their radiance above that of surfaces.
     pub lamps: f32,
-    /// Share of the light on what is seen that these give now, 0 to 1.
+    /// Share of these lamps in the light on observed surfaces after the fit, 0 to 1.
     pub lamps_share: f32,
-    /// Factor on what the photo shows of lamps and windows but clipped, beyond white: 1 is what such regions usually have.
+    /// Factor on lamps and windows that are clipped in the photo, applied to their radiance above white. 1 is the
+    /// typical value of such regions.
     pub clipped_lamps: f32,
-    /// Share of the light on what is seen that these give now, 0 to 1.
+    /// Share of clipped lamps in the light on observed surfaces after the fit, 0 to 1.
     pub clipped_share: f32,
-    /// Factor on the radiance of guessed surfaces.
+    /// Factor on the radiance of inferred surfaces.
     pub surfaces: f32,
 }
 
 impl Default for LampFit {
-    /// Nothing.
+    /// Returns the identity fit.
     fn default() -> Self {
         Self { lamps: 1.0, lamps_share: 0.0, clipped_lamps: 1.0, clipped_share: 0.0, surfaces: 1.0 }
     }
 }
 
 impl LampFit {
-    /// What a user should know about it.
+    /// Returns the warning about a notable fit.
     pub fn warning(&self) -> Option<Warning> {
         let Self { lamps, lamps_share, clipped_lamps, clipped_share, surfaces } = *self;
         let lamps = (lamps_share > MIN_SHARE).then_some(lamps);
@@ -72,17 +78,17 @@ impl LampFit {
     }
 }
 
-/// What lamps in an octree are before they are fitted.
+/// State of the lamps in an octree before they are fitted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LampGuess {
-    /// Averaged away by a network that guesses the likeliest radiance: darker than they are.
+pub enum InitialLamps {
+    /// Averaged away by a network that predicts the likeliest radiance: darker than they are.
     Averaged,
-    /// As bright as is expected ([`crate::lay_expected`]).
+    /// As bright as expected ([`crate::apply_expected_light`]).
     Expected,
 }
 
-impl LampGuess {
-    /// Most that is fitted of a lamp, as a multiple of the cap.
+impl InitialLamps {
+    /// Returns the greatest radiance of a lamp that is scaled, as a multiple of the cap.
     fn limit(self) -> f32 {
         match self {
             Self::Averaged => LIMIT,
@@ -98,64 +104,66 @@ impl LampGuess {
     }
 }
 
-/// Shading of seen surfaces, prepared once to fit several lights to it.
+/// Shading of observed surfaces, prepared once to fit several lights to it.
 #[derive(Clone, Debug)]
-pub struct SeenShading {
+pub struct ObservedShading {
     pub(crate) frame: Frame,
     pub(crate) up: Vec3,
-    /// The photo's radiance with clipped regions as bright as these usually are ([`highlights::recover_shining`]).
+    /// The photo's radiance with clipped regions at their typical brightness ([`highlights::restore_highlights`]).
     restored: RadianceImage,
-    places: Vec<Place>,
+    samples: Vec<ShadingSample>,
 }
 
-impl SeenShading {
-    /// `frame` at the working resolution ([`Frame::working`]) without flying pixels, `up` the direction against gravity in its camera's frame.
+impl ObservedShading {
+    /// Prepares a frame at working resolution ([`Frame::working`]) without flying pixels. `up` is the direction against
+    /// gravity in its camera's frame.
     pub fn new(frame: Frame, up: Vec3) -> Self {
         let normals = frame.normals();
-        let restored = highlights::recover_shining(&frame, &normals, up).0;
-        let places = places(&frame, &normals, &restored);
-        Self { frame, up, restored, places }
+        let restored = highlights::restore_highlights(&frame, &normals, up).0;
+        let samples = shading_samples(&frame, &normals, &restored);
+        Self { frame, up, restored, samples }
     }
 }
 
-/// Makes guessed and clipped lamps and windows as bright as seen surfaces are shaded, and scales guessed surfaces; what is seen unclipped stays.
+/// Scales inferred and clipped lamps and windows, and inferred surfaces, to match the shading of observed surfaces.
+/// Unclipped observed radiance is kept.
 ///
-/// Where nodes have lobes, the octree becomes what is seen of it from the middle of the view.
-pub fn fit_lamps(light: &mut LightOctree, seen: &SeenShading, guess: LampGuess) -> LampFit {
+/// If nodes have lobes, the octree becomes its view from the middle of the observed surfaces.
+pub fn fit_lamps(light: &mut LightOctree, seen: &ObservedShading, guess: InitialLamps) -> LampFit {
     fit(light, seen, guess, 1)
 }
 
-/// A preview of [`fit_lamps`] by a fraction of the places on seen surfaces, in a fraction of the time.
-pub fn preview_lamps(light: &mut LightOctree, seen: &SeenShading, guess: LampGuess) -> LampFit {
+/// Previews [`fit_lamps`] with a fraction of the samples, in a fraction of the time.
+pub fn preview_lamps(light: &mut LightOctree, seen: &ObservedShading, guess: InitialLamps) -> LampFit {
     fit(light, seen, guess, PREVIEW)
 }
 
-/// By one of `step` places, which stands for the others.
-fn fit(light: &mut LightOctree, seen: &SeenShading, guess: LampGuess, step: usize) -> LampFit {
-    let thinned = |place: &Place| Place { weight: step as f32 * place.weight, ..*place };
-    let places: Vec<Place> = seen.places.iter().step_by(step).map(thinned).collect();
-    if places.is_empty() {
+/// Fits to every `step`th sample, weighted accordingly.
+fn fit(light: &mut LightOctree, seen: &ObservedShading, guess: InitialLamps, step: usize) -> LampFit {
+    let thinned = |sample: &ShadingSample| ShadingSample { weight: step as f32 * sample.weight, ..*sample };
+    let samples: Vec<ShadingSample> = seen.samples.iter().step_by(step).map(thinned).collect();
+    if samples.is_empty() {
         return LampFit::default();
     }
-    let middle_m = OBJECT_SHARE * places.iter().map(|place| place.position_m).sum::<Vec3>() / places.len() as f32;
+    let middle_m = OBJECT_SHARE * samples.iter().map(|sample| sample.position_m).sum::<Vec3>() / samples.len() as f32;
     if let Cow::Owned(seen) = light.seen_from(middle_m) {
         *light = seen;
     }
-    let bounds = Bounds {
+    let thresholds = LampThresholds {
         clipped: restore_clipped(light, seen),
         level: seen.frame.exposure,
         cap: cap(light),
         limit: guess.limit(),
     };
-    let problem = problem(light, &places, &bounds, guess.prior());
+    let problem = problem(light, &samples, &thresholds, guess.prior());
     let solution = solve(&problem);
     let all = problem.irradiance(solution);
     let Solution { surfaces, lamps, clipped_lamps } = solution;
     let share = |factor: f32, of: &[f32]| {
-        of.iter().zip(&all).map(|(part, all)| factor * part / all).sum::<f32>() / places.len() as f32
+        of.iter().zip(&all).map(|(part, all)| factor * part / all).sum::<f32>() / samples.len() as f32
     };
     light.change_leaves(|light, leaf| {
-        let Parts { surface, lamp, clipped, .. } = Parts::of(light, leaf, &bounds);
+        let RadianceShares { surface, lamp, clipped, .. } = RadianceShares::of(light, leaf, &thresholds);
         let more = surface * (surfaces - 1.0) + lamp * (lamps - 1.0) + clipped * (clipped_lamps - 1.0);
         light.radiance(leaf) * (1.0 + more)
     });
@@ -163,12 +171,12 @@ fn fit(light: &mut LightOctree, seen: &SeenShading, guess: LampGuess, step: usiz
     LampFit { lamps, lamps_share, clipped_lamps, clipped_share, surfaces }
 }
 
-/// `[depth][row]` of the leaves in which clipped pixels lie: the mean of these, restored.
+/// `[depth][row]`: mean restored radiance of the clipped pixels in each leaf; `None` for leaves without any.
 pub(crate) type ClippedLeaves = Vec<Vec<Option<Vec3>>>;
 
-/// Gives leaves with clipped pixels at least the radiance that such regions usually have, and says which they are: networks may guess less than the photo can
-/// tell.
-pub(crate) fn restore_clipped(light: &mut LightOctree, seen: &SeenShading) -> ClippedLeaves {
+/// Raises leaves with clipped pixels to at least the typical radiance of such regions and returns them. A network may
+/// predict less than the photo shows.
+pub(crate) fn restore_clipped(light: &mut LightOctree, seen: &ObservedShading) -> ClippedLeaves {
     let clipped = clipped_leaves(light, &seen.frame, &seen.restored);
     light.change_leaves(|light, leaf| {
         let (own, open) = (light.radiance(leaf), light.unseen(leaf));
@@ -177,14 +185,14 @@ pub(crate) fn restore_clipped(light: &mut LightOctree, seen: &SeenShading) -> Cl
     clipped
 }
 
-/// What tells surfaces and lamps apart.
-struct Bounds {
+/// Thresholds that separate surfaces from lamps.
+struct LampThresholds {
     clipped: ClippedLeaves,
     /// Radiance at which the photo clips.
     level: f32,
-    /// Luminance from which on other leaves shine.
+    /// Luminance above which other leaves emit light.
     cap: f32,
-    /// Most that is fitted of a lamp, as a multiple of the cap.
+    /// Greatest radiance of a lamp that is scaled, as a multiple of the cap.
     limit: f32,
 }
 
@@ -205,21 +213,21 @@ fn clipped_leaves(light: &LightOctree, seen: &Frame, restored: &RadianceImage) -
 }
 
 /// Shares of a leaf's radiance; their sum is 1.
-struct Parts {
-    /// What the photo saw: up to where it clips.
+struct RadianceShares {
+    /// Observed, up to the clipping level.
     seen: f32,
-    /// Of the rest what is not a lamp's.
+    /// Unobserved, from surfaces.
     surface: f32,
-    /// Of the rest what exceeds the cap, up to the limit.
+    /// Unobserved, above the cap and up to the limit: from lamps.
     lamp: f32,
-    /// What the photo saw but cannot tell, because it is clipped.
+    /// Observed but clipped: the part above the clipping level.
     clipped: f32,
 }
 
-impl Parts {
-    fn of(light: &LightOctree, leaf: LeafNode, bounds: &Bounds) -> Self {
+impl RadianceShares {
+    fn of(light: &LightOctree, leaf: LeafNode, thresholds: &LampThresholds) -> Self {
         let (own, open) = (lightness(light, leaf), light.unseen(leaf));
-        let Bounds { ref clipped, level, cap, limit } = *bounds;
+        let LampThresholds { ref clipped, level, cap, limit } = *thresholds;
         if clipped[leaf.depth as usize][leaf.row].is_some() {
             let beyond = open * (1.0 - level / own.max(level));
             return Self { seen: 1.0 - beyond, surface: 0.0, lamp: 0.0, clipped: beyond };
@@ -229,7 +237,7 @@ impl Parts {
     }
 }
 
-/// Luminance from which on a leaf shines.
+/// Returns the luminance above which a leaf emits light.
 fn cap(light: &LightOctree) -> f32 {
     let filled = light.octree.leaf_nodes().filter(|leaf| light.rgba[leaf.depth as usize][leaf.row][3] > 0.0);
     let (sum, area_m2) = filled.fold((0.0, 0.0), |(sum, total), leaf| {
@@ -239,27 +247,27 @@ fn cap(light: &LightOctree) -> f32 {
     CAP * sum / f32::max(area_m2, 1e-12)
 }
 
-/// Luminance of a leaf.
+/// Returns the luminance of a leaf.
 fn lightness(light: &LightOctree, leaf: LeafNode) -> f32 {
     luminance(light.radiance(leaf).to_array())
 }
 
-fn problem(light: &LightOctree, places: &[Place], bounds: &Bounds, prior: Prior) -> Problem {
-    let coming_in = |of: &dyn Fn(Parts) -> Vec3| {
-        let given = light.merged(|leaf| lightness(light, leaf) * of(Parts::of(light, leaf, bounds)));
+fn problem(light: &LightOctree, samples: &[ShadingSample], thresholds: &LampThresholds, prior: Prior) -> Problem {
+    let coming_in = |of: &dyn Fn(RadianceShares) -> Vec3| {
+        let given = light.merged(|leaf| lightness(light, leaf) * of(RadianceShares::of(light, leaf, thresholds)));
         let tracer = tracer(&LightOctree { rgba: light.rows_with(|depth, row, _| given[depth][row]), ..light.clone() });
-        irradiances(&tracer, places.iter().map(|place| (place.position_m, place.normal)), offset_m(light))
+        irradiances(&tracer, samples.iter().map(|sample| (sample.position_m, sample.normal)), offset_m(light))
     };
-    // By channel.
-    let all = coming_in(&|Parts { seen, surface, lamp, .. }| Vec3::new(seen, surface, lamp));
-    let is_clipped = bounds.clipped.iter().flatten().any(Option::is_some);
+    // The three shares are traced as the three channels.
+    let all = coming_in(&|RadianceShares { seen, surface, lamp, .. }| Vec3::new(seen, surface, lamp));
+    let is_clipped = thresholds.clipped.iter().flatten().any(Option::is_some);
     let clipped_lamps =
         if is_clipped { coming_in(&|parts| Vec3::splat(parts.clipped)) } else { vec![Vec3::ZERO; all.len()] };
     Problem {
-        log_radiance: places.iter().map(|place| place.log_radiance).collect(),
-        clipped: places.iter().map(|place| place.clipped).collect(),
-        weights: places.iter().map(|place| place.weight).collect(),
-        segments: places.iter().map(|place| place.segment).collect(),
+        log_radiance: samples.iter().map(|sample| sample.log_radiance).collect(),
+        clipped: samples.iter().map(|sample| sample.clipped).collect(),
+        weights: samples.iter().map(|sample| sample.weight).collect(),
+        segments: samples.iter().map(|sample| sample.segment).collect(),
         seen: all.iter().map(|light| light.x).collect(),
         surfaces: all.iter().map(|light| light.y).collect(),
         lamps: all.iter().map(|light| light.z).collect(),
@@ -274,7 +282,7 @@ mod tests {
     use lo_cone::{Cone, ConeTracer, Settings};
     use lo_geometry::{Camera, Cube};
     use lo_imaging::{DepthMap, Photo, RadianceImage};
-    use lo_octree::{Coverage, RadiancePoint};
+    use lo_octree::{Provenance, RadiancePoint};
 
     use super::*;
 
@@ -282,12 +290,12 @@ mod tests {
     const HALF_M: f32 = 2.0;
     const ALBEDO: f32 = 0.6;
 
-    fn shading(frame: &Frame) -> SeenShading {
-        SeenShading::new(frame.clone(), Vec3::Y)
+    fn shading(frame: &Frame) -> ObservedShading {
+        ObservedShading::new(frame.clone(), Vec3::Y)
     }
 
-    /// A cubic room around a camera that looks at its far wall, and a square lamp of this radiance in the left wall, which is not seen; the octree is
-    /// told of a tenth of it. Everything else gives even light.
+    /// A cubic room around a camera that looks at its far wall. The left wall has a square lamp of this radiance,
+    /// outside the view; the octree has a tenth of it. Everything else has uniform radiance.
     fn room(lamp_radiance: f32) -> (LightOctree, Frame) {
         let lamp_m = Vec3::new(-HALF_M, 0.6, -1.0);
         let is_lamp = |p: Vec3| p.x < 0.01 - HALF_M && (p - lamp_m).abs().max_element() < 0.4;
@@ -299,12 +307,12 @@ mod tests {
                 p.rotate_right(2 - face % 3);
                 let position_m = Vec3::from(p);
                 let radiance = if is_lamp(position_m) { [0.1 * lamp_radiance; 3] } else { [0.1; 3] };
-                points.push(RadiancePoint { position_m, radiance, coverage: Coverage::Inferred });
+                points.push(RadiancePoint { position_m, radiance, provenance: Provenance::Inferred });
             }
         }
         let cube = Cube::centred(Vec3::ZERO, 2.2 * HALF_M);
         let light = LightOctree::from_points(&points, cube, 6, 3).unwrap().0;
-        // What the far wall shows: even light, and the lamp's in closed form for small patches.
+        // The far wall is lit by uniform light and by the lamp, in closed form for small patches.
         let camera = Camera::from_hfov_deg(80.0, 480, 320).unwrap();
         let patches: Vec<Vec3> = (0..64)
             .map(|n| lamp_m + Vec3::new(0.0, 0.1 * ((n % 8) as f32 - 3.5), 0.1 * ((n / 8) as f32 - 3.5)))
@@ -328,15 +336,15 @@ mod tests {
     fn a_lamp_that_is_guessed_too_dark_gets_as_bright_as_the_wall_says() {
         let (mut light, frame) = room(12.0);
         let mut previewed = light.clone();
-        let fit = fit_lamps(&mut light, &shading(&frame), LampGuess::Averaged);
-        let preview = preview_lamps(&mut previewed, &shading(&frame), LampGuess::Averaged);
+        let fit = fit_lamps(&mut light, &shading(&frame), InitialLamps::Averaged);
+        let preview = preview_lamps(&mut previewed, &shading(&frame), InitialLamps::Averaged);
         let ratios = [preview.lamps / fit.lamps, preview.surfaces / fit.surfaces];
         assert!(ratios.iter().all(|ratio| (ratio.ln()).abs() < 0.1), "{preview:?} {fit:?}");
         let tracer = ConeTracer::new(&light, Settings::default()).unwrap();
         let cone = Cone { origin: Vec3::new(0.0, 0.6, -1.0), direction: Vec3::NEG_X, tan_half_angle: 0.05 };
         let radiance = tracer.trace(&cone).radiance[1];
         assert!((5.0..18.0).contains(&radiance), "{radiance}: {fit:?}");
-        // By the photo, a lamp of radiance 12 gives what exceeds even light.
+        // In the photo, a lamp of radiance 12 causes the light above the uniform level.
         let Photo::Linear(photo) = &frame.photo else { panic!("it is linear") };
         let true_share =
             photo.pixels().iter().map(|pixel| 1.0 - 0.1 * ALBEDO / pixel[0]).sum::<f32>() / (480.0 * 320.0);
@@ -349,12 +357,13 @@ mod tests {
     #[test]
     fn irradiance_by_lamps_is_that_of_their_patches() {
         let (light, frame) = room(12.0);
-        let (places, cap) = (places(&frame, &frame.normals(), &frame.radiance()), cap(&light));
+        let (samples, cap) = (shading_samples(&frame, &frame.normals(), &frame.radiance()), cap(&light));
         let clipped = clipped_leaves(&light, &frame, &frame.radiance());
-        let problem = problem(&light, &places, &Bounds { clipped, level: 1.0, cap, limit: LIMIT }, Prior::AVERAGED);
+        let problem =
+            problem(&light, &samples, &LampThresholds { clipped, level: 1.0, cap, limit: LIMIT }, Prior::AVERAGED);
         let (mut sum, mut expected) = (0.0, 0.0);
-        for (place, light) in places.iter().zip(&problem.lamps) {
-            let point = place.position_m;
+        for (sample, light) in samples.iter().zip(&problem.lamps) {
+            let point = sample.position_m;
             for n in 0..64 {
                 let patch = Vec3::new(-2.0, 0.6 + 0.1 * ((n % 8) as f32 - 3.5), -1.0 + 0.1 * ((n / 8) as f32 - 3.5));
                 let to = patch - point;
@@ -363,13 +372,13 @@ mod tests {
             }
             sum += light;
         }
-        // Of the lamp's radiance, 1.2, what lies above the cap. Leaves are a twelfth of it wide, and jut out.
+        // The part of the lamp's radiance, 1.2, above the cap. Leaves are a twelfth as wide as the lamp, and stick out.
         let excess = 1.2 - cap;
         let ratio = sum / (excess * expected);
         assert!((0.75..1.7).contains(&ratio), "{ratio}, excess {excess}");
     }
 
-    /// What the camera of [`room`] sees of a square lamp of this radiance in the middle of its wall: it is clipped.
+    /// Adds a clipped square lamp in the middle of the far wall of [`room`], with the radiance `guess` in the octree.
     fn with_clipped_lamp(light: &mut LightOctree, frame: &mut Frame, guess: f32) {
         let in_lamp = |p: Vec3| p.z < 0.05 - HALF_M && p.truncate().abs().max_element() < 0.5;
         light.change_leaves(|light, leaf| {
@@ -389,15 +398,15 @@ mod tests {
     fn a_clipped_lamp_asks_for_no_light_and_gets_what_such_lamps_have() {
         let (mut light, mut frame) = room(0.1);
         with_clipped_lamp(&mut light, &mut frame, 0.9);
-        let fit = fit_lamps(&mut light, &shading(&frame), LampGuess::Averaged);
-        // As a white surface it would ask for E = π, ten times what there is.
+        let fit = fit_lamps(&mut light, &shading(&frame), InitialLamps::Averaged);
+        // Taken for a white surface it would imply E = π, ten times the actual light.
         assert!((0.9..1.1).contains(&fit.surfaces), "{fit:?}");
-        // The lamp lies in the wall that is seen, and does not light it.
+        // The lamp is in the observed wall and does not light it.
         assert!(fit.lamps_share == 0.0 && fit.clipped_share < 0.01, "{fit:?}");
         let tracer = ConeTracer::new(&light, Settings::default()).unwrap();
         let cone = Cone { origin: Vec3::ZERO, direction: Vec3::NEG_Z, tan_half_angle: 0.05 };
         let radiance = tracer.trace(&cone).radiance[1];
-        // A region as large as that: 5.9, in the middle more.
+        // A region of this size gets 5.9, more in its middle.
         assert!((4.0..15.0).contains(&radiance), "{radiance}: {fit:?}");
     }
 
@@ -405,7 +414,7 @@ mod tests {
     fn even_light_stays() {
         let (mut light, frame) = room(0.1);
         let before = light.clone();
-        let fit = fit_lamps(&mut light, &shading(&frame), LampGuess::Averaged);
+        let fit = fit_lamps(&mut light, &shading(&frame), InitialLamps::Averaged);
         assert!(fit.lamps_share < 1e-6 && (0.91..1.1).contains(&fit.surfaces), "{fit:?}");
         assert_eq!(fit.warning(), None);
         for (after, before) in light.rgba.iter().flatten().zip(before.rgba.iter().flatten()) {
@@ -417,7 +426,7 @@ mod tests {
     fn lobes_are_taken_as_they_are_seen() {
         let (mut light, frame) = room(12.0);
         light.lobes = Some(light.rgba.iter().map(|rows| vec![[0.1, 0.0, 0.0]; rows.len()]).collect());
-        assert!(fit_lamps(&mut light, &shading(&frame), LampGuess::Averaged).lamps > 1.5 && light.lobes.is_none());
+        assert!(fit_lamps(&mut light, &shading(&frame), InitialLamps::Averaged).lamps > 1.5 && light.lobes.is_none());
     }
 
     #[test]
@@ -425,7 +434,10 @@ mod tests {
         let (mut light, mut frame) = room(12.0);
         frame.depth_m.pixels_mut().fill(0.0);
         let before = light.clone();
-        assert_eq!((fit_lamps(&mut light, &shading(&frame), LampGuess::Averaged), light), (LampFit::default(), before));
+        assert_eq!(
+            (fit_lamps(&mut light, &shading(&frame), InitialLamps::Averaged), light),
+            (LampFit::default(), before)
+        );
     }
 
     #[test]
@@ -434,6 +446,9 @@ mod tests {
         with_clipped_lamp(&mut light, &mut frame, 0.9);
         frame.depth_m = DepthMap::from_fn(240, 160, |_, _| HALF_M);
         let before = light.clone();
-        assert_eq!((fit_lamps(&mut light, &shading(&frame), LampGuess::Averaged), light), (LampFit::default(), before));
+        assert_eq!(
+            (fit_lamps(&mut light, &shading(&frame), InitialLamps::Averaged), light),
+            (LampFit::default(), before)
+        );
     }
 }

@@ -1,74 +1,76 @@
-//! How much brighter lamps and surfaces are than was guessed, by how what is seen is shaded: least squares in the log domain.
+//! Robust least squares in the log domain for the factors of lamps and surfaces, from the shading of observed surfaces.
 
 use lo_geometry::{Mat3, Vec3};
 
-/// What is known and what is sought.
+/// Observations and unknowns.
 ///
-/// A diffuse place `i` of radiance `L` on a segment of constant albedo ρ obeys `ln L = ln(ρ / π) + ln E`. The irradiance `E` is what is seen, and what is
-/// guessed of surfaces, lamps and seen but clipped lamps, each times a factor.
+/// A diffuse sample `i` of radiance `L` on a segment of constant albedo ρ obeys `ln L = ln(ρ / π) + ln E`. The
+/// irradiance `E` is the sum of the light from observed surfaces, and of that from inferred surfaces, inferred lamps
+/// and clipped lamps, each times a factor.
 pub(crate) struct Problem {
-    /// `ln L` of each place.
+    /// `ln L` of each sample.
     pub log_radiance: Vec<f32>,
-    /// Whether `L` is but the least that it can be.
+    /// Whether `L` is only a lower bound.
     pub clipped: Vec<bool>,
-    /// How much each place counts; about 1.
+    /// Weight of each sample; about 1.
     pub weights: Vec<f32>,
-    /// Which segment it lies on.
+    /// Segment of each sample.
     pub segments: Vec<usize>,
-    /// Irradiance by what is seen.
+    /// Irradiance from observed surfaces.
     pub seen: Vec<f32>,
-    /// Irradiance by guessed surfaces.
+    /// Irradiance from inferred surfaces.
     pub surfaces: Vec<f32>,
-    /// Irradiance by guessed lamps.
+    /// Irradiance from inferred lamps.
     pub lamps: Vec<f32>,
-    /// Irradiance by what is guessed of lamps beyond what the photo can tell of them.
+    /// Irradiance from clipped lamps, the part above the clipping level.
     pub clipped_lamps: Vec<f32>,
-    /// What is known of the factors before the photo is looked at.
+    /// Prior of the factors.
     pub prior: Prior,
 }
 
-/// What explains it: factors on what was guessed.
+/// Fitted factors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Solution {
-    /// Of surfaces.
+    /// Factor of inferred surfaces.
     pub surfaces: f32,
-    /// Of lamps.
+    /// Factor of inferred lamps.
     pub lamps: f32,
-    /// Of clipped lamps.
+    /// Factor of clipped lamps.
     pub clipped_lamps: f32,
 }
 
-/// Deviation of the logarithm of radiance from what albedo and irradiance say: texture, gloss, faulty normals.
+/// Standard deviation of log radiance from the model: texture, gloss, wrong normals.
 const NOISE: f32 = 0.15;
 
-/// Residuals above this many deviations count linearly (Huber 1964).
+/// Residuals above this many deviations have linear cost (Huber 1964).
 const HUBER: f32 = 1.5;
 
-/// Mean and deviation of ln(ρ / π) of things in rooms.
+/// Mean and standard deviation of ln(ρ / π) of objects in rooms.
 const LOG_ALBEDO: (f32, f32) = (-1.3, 0.6);
 
-/// ln(ρ / π) of the whitest things: nothing gives more light than it gets.
+/// ln(ρ / π) of the whitest objects: nothing reflects more light than it receives.
 const MAX_LOG_ALBEDO: f32 = -1.25;
 
-/// Mean and deviation of the logarithms of the factors of surfaces and lamps: networks guess the likeliest light, in which lamps are averaged away.
+/// Means and standard deviations of the log factors of surfaces and lamps: networks predict the likeliest light, in
+/// which lamps are averaged away.
 const SURFACES: (f32, f32) = (0.0, 0.2);
 const LAMPS: (f32, f32) = (1.5, 0.5);
 
-/// The same of lamps that are as bright as is expected.
+/// Mean and standard deviation for lamps that are as bright as expected.
 const EXPECTED_LAMPS: (f32, f32) = (0.0, 0.3);
 
-/// The same of clipped lamps: the error of [`crate::recover_highlights`].
+/// Mean and standard deviation for clipped lamps: the error of [`crate::highlights`].
 const CLIPPED_LAMPS: (f32, f32) = (0.1, 0.8);
 
-/// What a place says beside the others: their errors have causes in common.
+/// Weight of a sample, since the errors of samples have common causes.
 const TRUST: f32 = 0.01;
 
-/// Most that a logarithm changes in a step.
+/// Greatest change of a log factor per step.
 const MAX_STEP: f32 = 1.0;
 
 const STEPS: usize = 25;
 
-/// Means, and precisions, of the logarithms of the factors of surfaces, lamps and clipped lamps.
+/// Means and precisions of the log factors of surfaces, lamps and clipped lamps.
 #[derive(Clone, Copy)]
 pub(crate) struct Prior {
     means: Vec3,
@@ -76,9 +78,9 @@ pub(crate) struct Prior {
 }
 
 impl Prior {
-    /// Where a network averaged lamps away.
+    /// Prior where a network averaged lamps away.
     pub const AVERAGED: Self = Self::with_lamps(LAMPS);
-    /// Where lamps are as bright as is expected.
+    /// Prior where lamps are as bright as expected.
     pub const EXPECTED: Self = Self::with_lamps(EXPECTED_LAMPS);
 
     const fn with_lamps(lamps: (f32, f32)) -> Self {
@@ -98,7 +100,7 @@ fn solution(logs: Vec3) -> Solution {
     Solution { surfaces, lamps, clipped_lamps }
 }
 
-/// The albedo of a segment, relative to the mean of all things, and what share of a mean is taken out of its places.
+/// Log albedo of a segment relative to the mean, and the share of its mean that is subtracted from its samples.
 #[derive(Clone, Copy)]
 struct Segment {
     albedo: f32,
@@ -106,7 +108,7 @@ struct Segment {
 }
 
 impl Problem {
-    /// Irradiance of each place, above 0.
+    /// Returns the irradiance of each sample, above 0.
     pub fn irradiance(&self, solution: Solution) -> Vec<f32> {
         let Solution { surfaces, lamps, clipped_lamps } = solution;
         let at = |i: usize| {
@@ -116,13 +118,14 @@ impl Problem {
         (0..self.seen.len()).map(at).collect()
     }
 
-    /// Of each place: `ln L − ln E` less the mean log albedo.
+    /// Returns `ln L − ln E` of each sample, minus the mean log albedo.
     fn residuals(&self, irradiance: &[f32]) -> Vec<f32> {
         let residual = |(log_radiance, irradiance): (&f32, &f32)| log_radiance - irradiance.ln() - LOG_ALBEDO.0;
         self.log_radiance.iter().zip(irradiance).map(residual).collect()
     }
 
-    /// Weighted means of each segment. Random effects: a segment's mean is its albedo, as far as there is one to be told from noise.
+    /// Returns the weighted means of each segment. Random effects: a segment's mean is its albedo, shrunk where it
+    /// cannot be separated from noise.
     fn segments(&self, residuals: &[f32], weights: &[f32]) -> Vec<Segment> {
         let of = |(weight, sum): (f32, f32)| {
             let share = LOG_ALBEDO.1.powi(2) / (LOG_ALBEDO.1.powi(2) + NOISE * NOISE / weight.max(1e-6));
@@ -132,7 +135,7 @@ impl Problem {
         self.sums(residuals, weights).into_iter().map(of).collect()
     }
 
-    /// Sum of weights and weighted sum of each segment.
+    /// Returns the sum of weights and the weighted sum of each segment.
     fn sums(&self, values: &[f32], weights: &[f32]) -> Vec<(f32, f32)> {
         let count = self.segments.iter().max().map_or(0, |last| last + 1);
         let mut sums = vec![(0.0f32, 0.0f32); count];
@@ -143,7 +146,7 @@ impl Problem {
         sums
     }
 
-    /// Values less their segments' means, as far as these are albedos.
+    /// Subtracts the segments' means from values, to the extent that these are albedos.
     fn demeaned(&self, values: &[f32], weights: &[f32], segments: &[Segment]) -> Vec<f32> {
         let sums = self.sums(values, weights);
         let own = |(value, &segment): (&f32, &usize)| {
@@ -153,7 +156,8 @@ impl Problem {
         values.iter().zip(&self.segments).map(own).collect()
     }
 
-    /// Weights under which squares are as Huber's function; places that are brighter than can be told count only where they should be brighter.
+    /// Returns weights under which squares equal Huber's function. Clipped samples count only where they should be
+    /// brighter.
     fn robust(&self, residuals: &[f32], segments: &[Segment]) -> Vec<f32> {
         let weight = |(i, residual): (usize, &f32)| {
             let own = (residual - segments[self.segments[i]].albedo) / NOISE;
@@ -163,7 +167,7 @@ impl Problem {
         residuals.iter().enumerate().map(weight).collect()
     }
 
-    /// Minus the logarithm of the probability.
+    /// Returns the negative log probability.
     fn cost(&self, logs: Vec3) -> f32 {
         let residuals = self.residuals(&self.irradiance(solution(logs)));
         let weights = self.robust(&residuals, &self.segments(&residuals, &self.weights));
@@ -182,7 +186,7 @@ impl Problem {
     }
 }
 
-/// By how much more a place gives than the whitest thing there would.
+/// Returns the log excess of a sample over the whitest object at the same irradiance.
 fn above(residual: f32) -> f32 {
     (residual + LOG_ALBEDO.0 - MAX_LOG_ALBEDO).max(0.0)
 }
@@ -192,13 +196,13 @@ fn huber(deviations: f32) -> f32 {
     if size < HUBER { 0.5 * size * size } else { HUBER * (size - 0.5 * HUBER) }
 }
 
-/// Gauss-Newton steps from what is likeliest without the photo, with the albedos eliminated.
+/// Solves by Gauss-Newton steps from the prior's means, with the albedos eliminated.
 pub(crate) fn solve(problem: &Problem) -> Solution {
     let mut logs = problem.prior.means;
     let mut cost = problem.cost(logs);
     for _ in 0..STEPS {
         let step = step(problem, logs);
-        // The whole step, or as much of it as makes things better.
+        // The whole step, or the largest halving of it that reduces the cost.
         let better = (0..8).find_map(|halvings| {
             let share = 0.5f32.powi(halvings);
             let tried = logs + share * step;
@@ -215,14 +219,14 @@ pub(crate) fn solve(problem: &Problem) -> Solution {
     solution(logs)
 }
 
-/// A Gauss-Newton step.
+/// Computes a Gauss-Newton step.
 fn step(problem: &Problem, logs: Vec3) -> Vec3 {
     let solution = solution(logs);
     let irradiance = problem.irradiance(solution);
     let residuals = problem.residuals(&irradiance);
     let weights = problem.robust(&residuals, &problem.segments(&residuals, &problem.weights));
     let segments = problem.segments(&residuals, &weights);
-    // Rows: the residuals without albedo, then those of places that give more than the whitest thing would.
+    // Rows: the residuals without albedo, then the excesses over the whitest object.
     let excess: Vec<f32> = residuals.iter().map(|residual| above(*residual)).collect();
     let excess_weight = |(excess, weight): (&f32, &f32)| {
         let own = excess / NOISE;
@@ -248,7 +252,7 @@ fn step(problem: &Problem, logs: Vec3) -> Vec3 {
     let [surfaces, lamps, clipped_lamps] = columns.each_ref().map(|column| with_all(column));
     let matrix = Mat3::from_cols(surfaces, lamps, clipped_lamps) + Mat3::from_diagonal(problem.prior.precisions);
     let right = with_all(&rows) - problem.prior.precisions * (logs - problem.prior.means);
-    // All precisions are above 0, so that there is an inverse.
+    // All precisions are above 0, so the inverse exists.
     (matrix.inverse() * right).clamp(Vec3::splat(-MAX_STEP), Vec3::splat(MAX_STEP))
 }
 
@@ -258,7 +262,8 @@ mod tests {
 
     use super::*;
 
-    /// Places on a floor and two walls of three albedos, lit by a lamp in a ceiling 2.5 m above, of this radiance; it is guessed to have another.
+    /// Samples on a floor and two walls with three albedos, lit by a lamp of this radiance in a ceiling 2.5 m above;
+    /// the prediction `guess` differs.
     fn room(radiance: f32, albedos: [f32; 3], guess: f32) -> Problem {
         let mut places: Vec<(Vec3, Vec3, usize)> = Vec::new();
         for (i, j) in (0..100).map(|n| (n % 10, n / 10)) {
@@ -313,7 +318,7 @@ mod tests {
             std::mem::swap(&mut problem.lamps, &mut problem.clipped_lamps);
             solve(&problem).clipped_lamps
         };
-        // Two fifths of the way from the prior, or more.
+        // At least two fifths of the way from the prior.
         let (dark, right, bright) = (solved(20.0), solved(60.0), solved(180.0));
         assert!((1.55..3.1).contains(&dark), "{dark}");
         assert!((0.8..1.25).contains(&right), "{right}");
@@ -324,7 +329,7 @@ mod tests {
     fn clipped_places_ask_for_no_less_light() {
         let mut problem = room(60.0, [0.3, 0.7, 0.5], 10.0);
         let whole = solve(&problem);
-        // The floor's brightest places are cut off at half of what they are.
+        // The floor's brightest samples are clipped at half of their radiance.
         for i in (0..300).filter(|i| i % 3 == 0) {
             let most = problem.log_radiance[165] - 0.7;
             if problem.log_radiance[i] > most {
@@ -338,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_seen_is_nothing_known() {
+    fn without_samples_the_prior_is_returned() {
         let empty = Problem {
             log_radiance: vec![],
             clipped: vec![],

@@ -1,33 +1,33 @@
-//! Rays through an octree, leaf by leaf.
+//! Traversal of an octree's leaves along a ray.
 
 use std::ops::ControlFlow;
 
 use lo_geometry::{Ray, Vec3};
 use lo_octree::{LightOctree, key_from_xyz};
 
-/// Steps over faces between nodes, in edges of the finest node: beyond the rounding of coordinates up to 1024.
+/// Step across faces between nodes, in edges of the finest node: larger than the rounding of coordinates up to 1024.
 const OVER: f32 = 1e-3;
 
-/// A node without children on the way of a ray.
+/// A node without children on the path of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Crossing {
     /// Depth of the node.
     pub depth: u32,
-    /// Its row of features; `None` of an empty node.
+    /// Feature row; `None` for an empty node.
     pub row: Option<usize>,
-    /// Where the ray enters and leaves it, metres from the ray's origin.
+    /// Distances in metres from the ray's origin at which the ray enters and leaves the node.
     pub enter_m: f32,
     pub leave_m: f32,
 }
 
 impl Crossing {
-    /// Opacity of this way through a node with the opacity `alpha` of one full crossing and this edge.
+    /// Returns the opacity of this path through a node whose full crossing has opacity `alpha`, with this edge.
     pub fn opacity(&self, alpha: f32, edge_m: f32) -> f32 {
         1.0 - (1.0 - alpha).powf((self.leave_m - self.enter_m) / edge_m)
     }
 }
 
-/// Visits the nodes along a ray, the empty ones too, until it leaves the cube or `visit` breaks off.
+/// Visits the nodes along a ray, including empty ones, until it leaves the cube or `visit` breaks.
 pub(crate) fn march(light: &LightOctree, ray: &Ray, mut visit: impl FnMut(Crossing) -> ControlFlow<()>) {
     let Some((near_m, far_m)) = light.cube.intersect(ray) else { return };
     let depth = light.octree.depth();
@@ -45,7 +45,7 @@ pub(crate) fn march(light: &LightOctree, ray: &Ray, mut visit: impl FnMut(Crossi
         let low = Vec3::from_array(cell.to_array().map(|c| (c >> shift << shift) as f32));
         let exits = (low - origin) * inverse;
         let exits = exits.max((low + (1u32 << shift) as f32 - origin) * inverse);
-        // Along an axis that the ray does not move on there is no exit: its bounds are infinite or no numbers.
+        // Along an axis on which the ray does not move there is no exit: its bounds are infinite or NaN.
         let leave = exits.to_array().into_iter().filter(|t| !t.is_nan()).fold(far, f32::min).max(at + OVER);
         let row = usize::try_from(light.octree.levels()[found as usize].rows[node]).ok();
         if visit(Crossing { depth: found, row, enter_m: at / scale, leave_m: leave / scale }).is_break() {
@@ -59,7 +59,7 @@ pub(crate) fn march(light: &LightOctree, ray: &Ray, mut visit: impl FnMut(Crossi
 mod tests {
     #![allow(clippy::unwrap_used)]
     use lo_geometry::{Cube, fibonacci_sphere};
-    use lo_octree::{Coverage, RadiancePoint};
+    use lo_octree::{Provenance, RadiancePoint};
 
     use super::*;
 
@@ -67,7 +67,7 @@ mod tests {
     fn a_ray_visits_every_node_that_it_crosses_in_order() {
         let points: Vec<RadiancePoint> = fibonacci_sphere(400)
             .iter()
-            .map(|d| RadiancePoint { position_m: 1.7 * *d, radiance: [1.0; 3], coverage: Coverage::Inferred })
+            .map(|d| RadiancePoint { position_m: 1.7 * *d, radiance: [1.0; 3], provenance: Provenance::Inferred })
             .collect();
         let light = LightOctree::from_points(&points, Cube::centred(Vec3::ZERO, 4.0), 6, 2).unwrap().0;
         for direction in fibonacci_sphere(150).into_iter().chain([Vec3::X, Vec3::NEG_Y, Vec3::Z]) {
@@ -83,7 +83,7 @@ mod tests {
             for pair in crossings.windows(2) {
                 assert_eq!(pair[0].leave_m, pair[1].enter_m);
             }
-            // in the middle of each stretch lies the node that it says, as a look-up finds it
+            // The middle of each crossing is in its node, as found by a lookup.
             for crossing in crossings.iter().filter(|c| c.leave_m - c.enter_m > 1e-3) {
                 let middle = ray.origin + 0.5 * (crossing.enter_m + crossing.leave_m) * direction;
                 let (depth, node) = light.locate(middle, 6).unwrap();

@@ -1,4 +1,4 @@
-//! How a panorama lies in the room: yaw and a small tilt, and exposure, by what the photo shows of it.
+//! Alignment of a panorama with the room: yaw, small tilt and exposure, from the photo's view of it.
 
 use std::f32::consts::{PI, TAU};
 use std::ops::Range;
@@ -9,68 +9,70 @@ use lo_scene::{Frame, PanoramaSource};
 use rayon::prelude::*;
 
 use super::PanoramaPrior;
-use super::seen_map::{SeenRays, SeenTexel};
+use super::observed_rays::{ObservedRays, ObservedTexel};
 
-/// Matches below this confidence are warned about. On rooms of seed 778 all but 6 % of other rooms' panoramas are below it, and none of the
-/// right ones where depth is measured; of those beside the camera of a photo without depth, a tenth (`docs/design/035-panorama-prior.md`).
+/// Matches below this confidence cause a warning. On rooms of seed 778 all but 6 % of other rooms' panoramas are below
+/// it, and none of the right ones where depth is measured. Of those beside the camera of a photo without depth, a tenth
+/// are (`docs/design/035-panorama-prior.md`).
 pub const MIN_CONFIDENCE: f32 = 0.4;
 
-/// Columns of the maps that are compared, the coarse ones first.
+/// Columns of the compared images, coarsest first.
 const COLUMNS: [usize; 3] = [64, 128, 256];
 
-/// Largest tilt of a panorama against the room's vertical that is looked for, radians: tripods stand straight, and up is known to some degrees.
+/// Greatest tilt of a panorama against the room's vertical, in radians: tripods are upright, and up is known to some
+/// degrees.
 const MAX_TILT: f32 = 10.0 * PI / 180.0;
 
-/// What a tilt of that size must gain in correlation.
+/// Penalty of that tilt, in correlation.
 const TILT_COST: f32 = 0.02;
 
-/// Orientations that are followed on each map, and how far apart in yaw they are, radians.
+/// Number of orientations kept at each resolution, and their least distance in yaw, in radians.
 const CANDIDATES: [usize; 3] = [8, 4, 2];
 const APART: f32 = 10.0 * PI / 180.0;
 
-/// Most texels that are compared while searching.
+/// Greatest number of texels compared while searching.
 const MAX_TEXELS: usize = 3000;
 
-/// Of the median luminance: what is darker is told apart no more.
+/// Multiple of the median luminance below which dark values are not distinguished.
 const FLOOR: f32 = 0.02;
 
-/// Natural logarithms of the luminance below and above the median beyond which a panorama counts no further: what it shows of lamps was clipped in the photo.
+/// Limits of the panorama's log luminance relative to the median: lamps that it shows were clipped in the photo.
 const DARKEST: f32 = -4.0;
 const BRIGHTEST: f32 = 2.5;
 
-/// Weight of colour beside brightness.
+/// Weight of colour relative to brightness.
 const COLOUR: f32 = 1.5;
 
-/// Variance of log luminance that nothing can be told from: white walls are alike.
+/// Variance of log luminance that is uninformative: white walls are alike.
 const PLAIN: f32 = 0.01;
 
-/// Luminance of the photo at which its tone curve is taken to be right: cameras make what is darker darker still, the more the darker it is.
+/// Luminance of the photo at which its tone curve is assumed accurate: cameras darken shadows increasingly.
 const MIDDLE: f32 = 0.2;
 
-/// Fewest texels of the middle map that are compared.
+/// Least number of compared texels at the middle resolution.
 const MIN_TEXELS: usize = 40;
 
-/// How a panorama lies in the room.
+/// Alignment of a panorama with the room.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PanoramaMatch {
     /// Rotation from the panorama's axes (its centre −Z, +X to the right, +Y up) to the photo's frame.
     pub world_from_panorama: Mat3,
-    /// Angle from the photo's heading to the panorama's centre, to the right about the room's vertical, radians.
+    /// Angle from the photo's heading to the panorama's centre, to the right about the room's vertical, in radians.
     pub yaw_rad: f32,
-    /// Upward tilt of the panorama's centre, radians.
+    /// Upward tilt of the panorama's centre, in radians.
     pub pitch_rad: f32,
-    /// Clockwise tilt about it, radians.
+    /// Clockwise tilt about it, in radians.
     pub roll_rad: f32,
     /// Factor from the panorama's values to the photo's.
     pub exposure: f32,
-    /// How well it shows what the photo shows, from 0 to 1; below [`MIN_CONFIDENCE`] it hardly does.
+    /// Agreement of the panorama with the photo, from 0 to 1; below [`MIN_CONFIDENCE`] they hardly agree.
     pub confidence: f32,
-    /// Whether the panorama's place sees enough of what the photo shows for a comparison.
+    /// Whether the panorama's position sees enough of the photo's surfaces for a comparison.
     pub compared: bool,
 }
 
 impl PanoramaMatch {
-    /// What a scene keeps of it.
+    /// Returns the source as stored in a scene.
     pub fn source(&self, prior: &PanoramaPrior) -> PanoramaSource {
         PanoramaSource {
             file: prior.file.clone(),
@@ -85,24 +87,29 @@ impl PanoramaMatch {
     }
 }
 
-/// Finds out how a panorama lies in the room, from a frame at [working resolution](Frame::working) and the unit vector against gravity.
+/// Aligns a panorama with the room, from a frame at [working resolution](Frame::working) and the unit vector against
+/// gravity.
 ///
-/// What is compared: the photo's pixels that are not clipped, in the directions in which the panorama's place sees them (at the camera those of the pixels,
-/// elsewhere those of the points that depth gives, as far as they face that place and nothing seen stands before them). How: the correlation of log luminance
-/// and of the logarithms of two ratios of colours together, which neither exposure nor white balance change, on maps of 64, 128 and 256
-/// columns. All yaws and tilts of up to 10° are tried on the coarsest, the best are refined on the others; of a known yaw the tilts alone. The exposure is the median ratio of
-/// luminances. Deterministic.
+/// Compares the photo's unclipped pixels in the directions in which the panorama's position sees them. At the camera
+/// these are the pixels' directions; elsewhere they are those of the depth map's points that face the position and are
+/// not occluded.
+///
+/// The measure is the correlation of log luminance and of two log colour ratios together, which is invariant to
+/// exposure and white balance, on images of 64, 128 and 256 columns. All yaws and tilts of up to 10° are tried at the
+/// coarsest resolution, and the best are refined at the others. With a known yaw, only tilts are searched. The exposure
+/// is the median ratio of luminances. Deterministic.
 pub fn match_panorama(prior: &PanoramaPrior, frame: &Frame, up: Vec3) -> PanoramaMatch {
-    let base = levelled(up);
-    let rays = SeenRays::new(frame, prior.position_m);
-    let levels = COLUMNS.map(|columns| Level::new(&rays, prior, columns));
+    let base = level_axes(up);
+    let rays = ObservedRays::new(frame, prior.position_m);
+    let levels = COLUMNS.map(|columns| MatchLevel::new(&rays, prior, columns));
     let compared = levels[1].texels.len() >= MIN_TEXELS && !rays.is_dark();
-    let level = Pose { yaw: prior.yaw_rad.unwrap_or(0.0), ..Pose::default() };
-    let confidence_of = |pose: Pose| levels[COLUMNS.len() - 1].confidence(pose.world_from_panorama(base).transpose());
+    let level = YawPitchRoll { yaw: prior.yaw_rad.unwrap_or(0.0), ..YawPitchRoll::default() };
+    let confidence_of =
+        |pose: YawPitchRoll| levels[COLUMNS.len() - 1].confidence(pose.world_from_panorama(base).transpose());
     let pose = match prior.yaw_rad {
         _ if !compared => level,
         None => search(&levels, base, None),
-        // A tilt is as good as the match that found it.
+        // A tilt is as reliable as the match that found it.
         Some(yaw) => {
             let tilted = search(&levels, base, Some(yaw));
             if confidence_of(tilted) < MIN_CONFIDENCE { level } else { tilted }
@@ -124,10 +131,10 @@ pub fn match_panorama(prior: &PanoramaPrior, frame: &Frame, up: Vec3) -> Panoram
     }
 }
 
-/// Axes of a level panorama whose centre lies in the photo's heading, as columns.
-fn levelled(up: Vec3) -> Mat3 {
+/// Returns the axes, as columns, of a level panorama whose centre is in the photo's heading.
+fn level_axes(up: Vec3) -> Mat3 {
     let up = up.normalize_or(Vec3::Y);
-    // Of a photo of the floor or the ceiling the heading is where its upper edge points.
+    // In a photo of the floor or the ceiling, the heading is where its upper edge points.
     let heading = |forward: Vec3| (forward - up * forward.dot(up)).try_normalize();
     let steep = up.z.abs() > 0.98;
     let forward = if steep { heading(Vec3::Y * up.z.signum()) } else { heading(Vec3::NEG_Z) }.unwrap_or(Vec3::NEG_Z);
@@ -136,13 +143,13 @@ fn levelled(up: Vec3) -> Mat3 {
 
 /// Yaw, pitch and roll in radians.
 #[derive(Clone, Copy, Debug, Default)]
-struct Pose {
+struct YawPitchRoll {
     yaw: f32,
     pitch: f32,
     roll: f32,
 }
 
-impl Pose {
+impl YawPitchRoll {
     fn world_from_panorama(self, base: Mat3) -> Mat3 {
         base * view_rotation(self.yaw, self.pitch, self.roll)
     }
@@ -157,14 +164,14 @@ impl Pose {
     }
 }
 
-/// In [−π, π).
+/// Wraps an angle to [−π, π).
 fn wrapped(angle: f32) -> f32 {
     (angle + PI).rem_euclid(TAU) - PI
 }
 
-/// The pose in which the panorama shows best what the photo shows, of those with the yaw where it is known.
-fn search(levels: &[Level; 3], base: Mat3, known_yaw: Option<f32>) -> Pose {
-    let score = |level: &Level, pose: Pose| {
+/// Returns the orientation with the best match, restricted to the known yaw if there is one.
+fn search(levels: &[MatchLevel; 3], base: Mat3, known_yaw: Option<f32>) -> YawPitchRoll {
+    let score = |level: &MatchLevel, pose: YawPitchRoll| {
         let stride = level.texels.len().div_ceil(MAX_TEXELS).max(1);
         level.correlation(pose.world_from_panorama(base).transpose(), stride) - pose.cost()
     };
@@ -172,28 +179,28 @@ fn search(levels: &[Level; 3], base: Mat3, known_yaw: Option<f32>) -> Pose {
     let tilts = [-0.8, 0.0, 0.8].map(|share| share * MAX_TILT);
     let all = || (-steps / 2..steps / 2).map(|step| step as f32 * TAU / steps as f32).collect();
     let poses = known_yaw.map_or_else(all, |yaw| vec![yaw]).into_iter().flat_map(|yaw| {
-        tilts.into_iter().flat_map(move |pitch| tilts.into_iter().map(move |roll| Pose { yaw, pitch, roll }))
+        tilts.into_iter().flat_map(move |pitch| tilts.into_iter().map(move |roll| YawPitchRoll { yaw, pitch, roll }))
     });
-    let poses: Vec<Pose> = poses.collect();
-    let mut scored: Vec<(f32, Pose)> = poses.par_iter().map(|&pose| (score(&levels[0], pose), pose)).collect();
+    let poses: Vec<YawPitchRoll> = poses.collect();
+    let mut scored: Vec<(f32, YawPitchRoll)> = poses.par_iter().map(|&pose| (score(&levels[0], pose), pose)).collect();
     let axes = if known_yaw.is_some() { 1..3 } else { 0..3 };
     for ((level, finest_step_deg), candidates) in levels.iter().zip([1.4f32, 0.7, 0.2]).zip(CANDIDATES) {
-        scored = apart(scored, candidates);
+        scored = distinct(scored, candidates);
         scored = scored
             .par_iter()
             .map(|&(_, pose)| refined(pose, axes.clone(), finest_step_deg.to_radians(), |pose| score(level, pose)))
             .collect();
     }
-    apart(scored, 1).first().map_or_else(Pose::default, |&(_, pose)| pose)
+    distinct(scored, 1).first().map_or_else(YawPitchRoll::default, |&(_, pose)| pose)
 }
 
-/// The best of those that lie apart in yaw, the best first.
-fn apart(mut scored: Vec<(f32, Pose)>, most: usize) -> Vec<(f32, Pose)> {
-    // A stable sort: the first of equals wins, on any number of threads.
+/// Returns the best candidates that differ in yaw, best first.
+fn distinct(mut scored: Vec<(f32, YawPitchRoll)>, most: usize) -> Vec<(f32, YawPitchRoll)> {
+    // A stable sort: the first of equals wins, for any number of threads.
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let mut kept: Vec<(f32, Pose)> = Vec::new();
+    let mut kept: Vec<(f32, YawPitchRoll)> = Vec::new();
     for candidate in scored {
-        let new = |kept: &(f32, Pose)| wrapped(kept.1.yaw - candidate.1.yaw).abs() > APART;
+        let new = |kept: &(f32, YawPitchRoll)| wrapped(kept.1.yaw - candidate.1.yaw).abs() > APART;
         if kept.len() < most && kept.iter().all(new) {
             kept.push(candidate);
         }
@@ -201,8 +208,13 @@ fn apart(mut scored: Vec<(f32, Pose)>, most: usize) -> Vec<(f32, Pose)> {
     kept
 }
 
-/// Walks along the axes (yaw, pitch, roll) as long as that gains anything, with steps that halve down to the finest one.
-fn refined(mut pose: Pose, axes: Range<usize>, finest_step: f32, score: impl Fn(Pose) -> f32) -> (f32, Pose) {
+/// Ascends along the axes (yaw, pitch, roll), with steps that halve down to the finest one.
+fn refined(
+    mut pose: YawPitchRoll,
+    axes: Range<usize>,
+    finest_step: f32,
+    score: impl Fn(YawPitchRoll) -> f32,
+) -> (f32, YawPitchRoll) {
     let mut best = score(pose);
     let mut step = 4.0 * finest_step;
     while step >= finest_step {
@@ -226,17 +238,17 @@ fn refined(mut pose: Pose, axes: Range<usize>, finest_step: f32, score: impl Fn(
 }
 
 /// Photo and panorama at one resolution.
-struct Level {
-    texels: Vec<SeenTexel>,
-    /// Of the texels: log luminance, weighted logarithms of red over green and blue over green.
+struct MatchLevel {
+    texels: Vec<ObservedTexel>,
+    /// Per texel: log luminance, weighted logarithms of red over green and blue over green.
     seen: Vec<[f32; 3]>,
-    /// The same of the panorama.
+    /// The panorama's values of these features.
     features: Image<[f32; 3]>,
     radiance: RadianceImage,
 }
 
-impl Level {
-    fn new(rays: &SeenRays, prior: &PanoramaPrior, columns: usize) -> Self {
+impl MatchLevel {
+    fn new(rays: &ObservedRays, prior: &PanoramaPrior, columns: usize) -> Self {
         let texels = rays.texels(columns);
         let median = |values: Vec<(f32, f32)>| weighted_median(values).unwrap_or(1.0).max(f32::MIN_POSITIVE);
         let of_photo = median(texels.iter().map(|texel| (luminance(texel.radiance), texel.weight)).collect());
@@ -253,16 +265,16 @@ impl Level {
         Self { texels, seen, features, radiance }
     }
 
-    /// Correlation of photo and panorama where the photo shows something, from −1 to 1; towards 0 where there is nothing to tell by.
-    /// Of every `stride`th texel.
+    /// Returns the correlation of photo and panorama over every `stride`th observed texel, from −1 to 1. It tends to 0
+    /// where the texels are uninformative.
     fn correlation(&self, panorama_from_world: Mat3, stride: usize) -> f32 {
-        let mut sums = [Sums::default(); 3];
+        let mut sums = [Moments::default(); 3];
         for (texel, seen) in self.texels.iter().zip(&self.seen).step_by(stride) {
             let shown = sample_equirectangular(&self.features, panorama_from_world * texel.direction);
             (0..3).for_each(|c| sums[c].add(seen[c], shown[c], texel.weight));
         }
         let [mut both, mut photo, mut panorama] = [0.0, PLAIN, PLAIN];
-        for moments in sums.map(Sums::moments) {
+        for moments in sums.map(Moments::central) {
             both += moments[0];
             photo += moments[1];
             panorama += moments[2];
@@ -270,7 +282,8 @@ impl Level {
         both / (photo * panorama).sqrt()
     }
 
-    /// The correlation, 0 where it is negative, times e^−d with the median absolute difference d of log luminance once the median is the same.
+    /// Returns the correlation, clamped at 0, times e^−d, where d is the median absolute difference of log luminance
+    /// after aligning medians.
     fn confidence(&self, panorama_from_world: Mat3) -> f32 {
         let differences = self.texels.iter().zip(&self.seen).map(|(texel, seen)| {
             let shown = sample_equirectangular(&self.features, panorama_from_world * texel.direction);
@@ -283,7 +296,8 @@ impl Level {
         self.correlation(panorama_from_world, 1).clamp(0.0, 1.0) * (-deviation).exp()
     }
 
-    /// Median ratio of the photo's luminance to the panorama's, in the measure of the photo's up to [`MIDDLE`].
+    /// Returns the median ratio of the photo's luminance to the panorama's, weighted by the photo's luminance up to
+    /// [`MIDDLE`].
     fn exposure(&self, panorama_from_world: Mat3) -> f32 {
         let ratios = self.texels.iter().filter_map(|texel| {
             let shown = luminance(sample_equirectangular(&self.radiance, panorama_from_world * texel.direction));
@@ -301,16 +315,16 @@ fn features(rgb: [f32; 3], median: f32) -> [f32; 3] {
 
 /// Weighted moments of two quantities.
 #[derive(Clone, Copy, Default)]
-struct Sums([f32; 6]);
+struct Moments([f32; 6]);
 
-impl Sums {
+impl Moments {
     fn add(&mut self, a: f32, b: f32, weight: f32) {
         let terms = [1.0, a, b, a * b, a * a, b * b];
         (0..6).for_each(|i| self.0[i] += weight * terms[i]);
     }
 
-    /// Covariance and the two variances.
-    fn moments(self) -> [f32; 3] {
+    /// Returns the covariance and the two variances.
+    fn central(self) -> [f32; 3] {
         let [weight, a, b, ab, aa, bb] = self.0;
         if weight <= 0.0 {
             return [0.0; 3];
@@ -320,7 +334,7 @@ impl Sums {
     }
 }
 
-/// The value up to which there is half of the weight; `None` of none.
+/// Returns the value at which half of the weight is reached; `None` for an empty list.
 pub(crate) fn weighted_median(mut values: Vec<(f32, f32)>) -> Option<f32> {
     values.retain(|(value, weight)| value.is_finite() && *weight > 0.0);
     values.sort_by(|a, b| a.0.total_cmp(&b.0));

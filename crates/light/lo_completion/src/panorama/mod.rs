@@ -1,13 +1,18 @@
-//! A panorama of the room that somebody has (`docs/method.md` §15): how it lies in the room, and its light on what the photo does not show.
+//! Panoramas of the room given by the user (`docs/method.md` §15): alignment with the room, and application to
+//! unobserved surfaces.
 
-mod lay;
+mod accumulator;
+mod apply;
+mod balance;
+mod build;
+mod deposits;
 mod leaves;
 mod march;
 mod matching;
+mod observed_rays;
 mod prior;
 mod rays;
-mod seen_map;
 
-pub use lay::{LaidLight, LayError, lay_panorama};
+pub use apply::{ApplyPanoramaError, PanoramaReport, apply_panorama};
 pub use matching::{MIN_CONFIDENCE, PanoramaMatch, match_panorama};
 pub use prior::{PanoramaError, PanoramaPrior};

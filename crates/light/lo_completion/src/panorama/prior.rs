@@ -1,4 +1,4 @@
-//! The panorama as it comes.
+//! A panorama as given by the user.
 
 use std::io::Read;
 use std::path::Path;
@@ -7,72 +7,73 @@ use lo_events::Warning;
 use lo_geometry::{Orientation, Vec3};
 use lo_imaging::{Format, Image, ImageError, Photo, RadianceImage, reorient};
 
-/// Fewest rows of a panorama that says anything about a room.
+/// Least number of rows of a panorama.
 const MIN_HEIGHT: usize = 16;
 
-/// From here on, of 255, a channel of an 8-bit panorama counts as clipped: as of photos.
+/// Clipping level, of 255, of a channel of an 8-bit panorama: the same as for photos.
 const CLIP_LEVEL: u8 = 250;
 
-/// The same in linear light.
+/// The clipping level in linear light.
 const CLIP_LEVEL_LINEAR: f32 = 0.956;
 
-/// A panorama of the room, to be [laid](crate::lay_panorama) onto what the photo does not show.
+/// A panorama of the room, to be [applied](crate::apply_panorama) to surfaces that the photo does not show.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PanoramaPrior {
     radiance: RadianceImage,
     clipped: Option<Image<bool>>,
     cleaned: usize,
-    /// Where it was taken, metres in the photo's frame (+X right, +Y up, the camera at the origin looks along −Z).
+    /// Position at which it was taken, in metres in the photo's frame (+X right, +Y up, the camera at the origin looks
+    /// along −Z).
     pub position_m: Vec3,
-    /// Angle in radians from the photo's heading to the panorama's centre, to the right, about the room's vertical. Where it is given, nothing is
-    /// searched but a small tilt and the exposure.
+    /// Angle in radians from the photo's heading to the panorama's centre, to the right, about the room's vertical. If
+    /// given, only a small tilt and the exposure are searched.
     pub yaw_rad: Option<f32>,
-    /// Factor from the panorama's values to the photo's. Where it is not given it is found.
+    /// Factor from the panorama's values to the photo's. Estimated if not given.
     pub exposure: Option<f32>,
-    /// Name of the file, kept in the scene.
+    /// File name, stored in the scene.
     pub file: String,
 }
 
-/// Why an image is no panorama of a room.
+/// Reasons why an image is not a panorama of a room.
 #[derive(Debug, thiserror::Error)]
 pub enum PanoramaError {
     /// The file cannot be read.
     #[error(transparent)]
     Image(#[from] ImageError),
-    /// It is not twice as wide as high.
-    #[error("it is {width} × {height}, and an equirectangular panorama is twice as wide as high")]
+    /// The image is not twice as wide as high.
+    #[error("it is {width} × {height} pixels; an equirectangular panorama is twice as wide as high")]
     Shape {
-        /// Its width in pixels.
+        /// Width in pixels.
         width: usize,
-        /// Its height in pixels.
+        /// Height in pixels.
         height: usize,
     },
-    /// It has too few pixels.
-    #[error("it is {width} × {height}, and a panorama of a room has at least {} × {MIN_HEIGHT} pixels", 2 * MIN_HEIGHT)]
+    /// The image has too few pixels.
+    #[error("it is {width} × {height} pixels; a panorama of a room needs at least {} × {MIN_HEIGHT}", 2 * MIN_HEIGHT)]
     Small {
-        /// Its width in pixels.
+        /// Width in pixels.
         width: usize,
-        /// Its height in pixels.
+        /// Height in pixels.
         height: usize,
     },
-    /// Nothing in it shines.
-    #[error("it is black, or holds no finite numbers")]
+    /// The image is black.
+    #[error("it is black or has no finite values")]
     Black,
-    /// The place is no point.
-    #[error("its place is not finite")]
+    /// The position is not finite.
+    #[error("its position is NaN or infinite")]
     Place,
-    /// The exposure is no factor.
-    #[error("its exposure must be finite and greater than 0, not {0}")]
+    /// The exposure is not a positive finite factor.
+    #[error("its exposure must be finite and greater than 0, got {0}")]
     Exposure(f32),
-    /// The yaw is no angle.
-    #[error("its yaw is not finite")]
+    /// The yaw is not finite.
+    #[error("its yaw is NaN or infinite")]
     Yaw,
 }
 
 impl PanoramaPrior {
-    /// Of linear radiance as `orientation` has it, taken at the camera.
+    /// Creates a panorama of linear radiance in this `orientation`, taken at the camera.
     ///
-    /// Values that are not finite or negative become 0 and are [counted](Self::warnings).
+    /// Values that are negative or not finite become 0 and are [counted](Self::warnings).
     ///
     /// # Errors
     /// An image that is not twice as wide as high, too small, or black.
@@ -80,13 +81,13 @@ impl PanoramaPrior {
         Self::with_clipped(radiance, None, orientation, file)
     }
 
-    /// As [`new`](Self::new), of a panorama whose light was clipped where `clipped` says so: what it shows there is a lower bound.
+    /// Creates a panorama like [`new`](Self::new), with a mask of clipped pixels, whose values are lower bounds.
     ///
     /// # Errors
     /// Those of [`new`](Self::new).
     ///
     /// # Panics
-    /// Where `clipped` has another size than `radiance`.
+    /// If `clipped` differs in size from `radiance`.
     pub fn with_clipped(
         mut radiance: RadianceImage,
         clipped: Option<Image<bool>>,
@@ -113,7 +114,7 @@ impl PanoramaPrior {
         if radiance.pixels().iter().flatten().all(|&c| c == 0.0) {
             return Err(PanoramaError::Black);
         }
-        // Masks turn as radiance does: whatever is mixed with what is clipped is clipped.
+        // Masks are reoriented as radiance is: any mixture with a clipped pixel is clipped.
         let turn = |image: &RadianceImage| reorient(image, orientation, Orientation::Lightoctree);
         let clipped = clipped
             .map(|mask| turn(&mask.map(|&clipped| [f32::from(u8::from(clipped)); 3])).map(|pixel| pixel[0] > 0.0));
@@ -122,7 +123,8 @@ impl PanoramaPrior {
         Ok(Self { radiance, clipped, cleaned, position_m, yaw_rad: None, exposure: None, file })
     }
 
-    /// Of a file: HDR, EXR and PFM are linear, everything else is sRGB, clipped where a channel is at 250 of 255 or more.
+    /// Reads a file. HDR, EXR and PFM are linear; everything else is sRGB, clipped where a channel is at 250 of 255 or
+    /// more.
     ///
     /// # Errors
     /// A file that cannot be read, and those of [`new`](Self::new).
@@ -133,7 +135,7 @@ impl PanoramaPrior {
         Self::of_photo(photo, || holds_radiance(path), orientation, &file)
     }
 
-    /// As [`read`](Self::read), from memory; `file` is its name.
+    /// Reads a file as [`read`](Self::read) does, from memory; `file` is its name.
     ///
     /// # Errors
     /// Those of [`read`](Self::read).
@@ -159,22 +161,22 @@ impl PanoramaPrior {
         Self::with_clipped(photo.into_radiance(), clipped, orientation, file)
     }
 
-    /// Taken there, metres in the photo's frame.
+    /// Sets the position at which it was taken, in metres in the photo's frame.
     pub fn at(self, position_m: Vec3) -> Self {
         Self { position_m, ..self }
     }
 
-    /// Linear radiance in its own units, centre −Z, +X to the right, +Y up.
+    /// Returns linear radiance in the panorama's own units, centre −Z, +X to the right, +Y up.
     pub fn radiance(&self) -> &RadianceImage {
         &self.radiance
     }
 
-    /// Where its light is a lower bound; `None` where it was not clipped.
+    /// Returns the mask of pixels whose light is a lower bound; `None` if the panorama is not clipped.
     pub fn clipped(&self) -> Option<&Image<bool>> {
         self.clipped.as_ref()
     }
 
-    /// What a user should know about it, whatever the room.
+    /// Returns the warnings about the panorama itself.
     pub fn warnings(&self) -> Vec<Warning> {
         let pixels = self.radiance.pixels().len();
         let cleaned = (self.cleaned > 0).then_some(Warning::PanoramaValues { cleaned: self.cleaned, pixels });
@@ -184,10 +186,10 @@ impl PanoramaPrior {
         [cleaned, clipped].into_iter().flatten().collect()
     }
 
-    /// Whether place and overrides are numbers.
+    /// Checks that position and overrides are finite.
     ///
     /// # Errors
-    /// Those that are not.
+    /// The first invalid value.
     pub fn check(&self) -> Result<(), PanoramaError> {
         if !self.position_m.is_finite() {
             return Err(PanoramaError::Place);
@@ -202,10 +204,10 @@ impl PanoramaPrior {
     }
 }
 
-/// Whether a file's format holds linear radiance: 16-bit pictures are decoded to that, but end at white.
+/// Returns whether a file's format holds linear radiance; 16-bit images are decoded to that, but end at white.
 fn holds_radiance(path: &Path) -> bool {
     let mut first = Vec::new();
-    // It was read a moment ago; where that is over, the extension says enough.
+    // The file was read a moment ago; if that is no longer possible, the extension decides.
     let read = std::fs::File::open(path).and_then(|file| file.take(16).read_to_end(&mut first));
     let by_content = read.ok().and_then(|_| Format::from_bytes(&first));
     is_radiance(by_content.or_else(|| Format::from_extension(path)))

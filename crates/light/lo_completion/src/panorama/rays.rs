@@ -1,4 +1,4 @@
-//! The panorama as rays from its place.
+//! The panorama as rays from its position.
 
 use lo_geometry::{Mat3, Vec2, Vec3, direction_from_uv, pixel_solid_angle_sr};
 use lo_imaging::{Image, RadianceImage, luminance, resize_equirectangular};
@@ -6,24 +6,25 @@ use lo_imaging::{Image, RadianceImage, luminance, resize_equirectangular};
 use super::matching::weighted_median;
 use super::{PanoramaMatch, PanoramaPrior};
 
-/// Neighbouring pixels whose luminances differ by more than this factor are not blended: lamps keep their edges and peaks.
+/// Luminance ratio of adjacent pixels above which they are not blended, so that lamps keep their edges and peaks.
 const HARD_EDGE: f32 = 4.0;
 
-/// Of the median luminance: what a panorama shows beyond that is the light of lamps, windows and the sun, which comes from one surface alone.
+/// Multiple of the median luminance above which light is from lamps, windows or the sun. Such light comes from a single
+/// surface.
 const LAMP: f32 = 8.0;
 
-/// A direction's share of the panorama.
+/// Light of a ray.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RayLight {
-    /// Radiance in the photo's units, as far as it is no lamp's.
+    /// Radiance in the photo's units, without the part of a lamp.
     pub radiance: [f32; 3],
     /// ln(1 + its luminance / median).
     pub log: f32,
-    /// What a lamp has beyond that.
+    /// The lamp's radiance above that.
     pub lamp: [f32; 3],
-    /// ln(1 + luminance / median) of both together.
+    /// ln(1 + luminance / median) of the sum of both.
     pub lamp_log: f32,
-    /// Whether that is a lower bound.
+    /// Whether the light is a lower bound.
     pub clipped: bool,
 }
 
@@ -36,7 +37,8 @@ pub(super) struct Rays {
 }
 
 impl Rays {
-    /// Of a panorama as it lies in the room, about so many columns of them. One of more columns becomes the mean over the solid angle of each ray.
+    /// Creates about `columns` columns of rays for an aligned panorama. A panorama with more columns is averaged over
+    /// the solid angle of each ray.
     pub fn new(prior: &PanoramaPrior, found: &PanoramaMatch, columns: usize) -> Self {
         let fine = prior.radiance().width() > columns;
         let smaller = |image: &RadianceImage| resize_equirectangular(image, columns, columns / 2);
@@ -67,17 +69,17 @@ impl Rays {
         Self { lights, world_from_panorama: found.world_from_panorama, per_pixel }
     }
 
-    /// Rows of rays.
+    /// Returns the number of rows.
     pub fn rows(&self) -> usize {
         self.lights.height()
     }
 
-    /// Solid angle of each ray of a row, sr.
+    /// Returns the solid angle in sr of each ray of a row.
     pub fn solid_angle_sr(&self, row: usize) -> f32 {
         pixel_solid_angle_sr(row, self.lights.width(), self.lights.height())
     }
 
-    /// The directions of a row in the photo's frame.
+    /// Returns the directions of a row in the photo's frame.
     pub fn directions(&self, row: usize) -> impl Iterator<Item = Vec3> + '_ {
         let (width, height) = (self.lights.width() as f32, self.lights.height() as f32);
         (0..self.lights.width()).map(move |x| {
@@ -86,14 +88,14 @@ impl Rays {
         })
     }
 
-    /// Light of a ray.
+    /// Returns the light of a ray.
     pub fn light(&self, column: usize, row: usize) -> &RayLight {
         &self.lights[(column, row)]
     }
 }
 
-/// Radiance in the middle of the part `(x, y)` of a map whose pixels are divided into `parts`²: bilinear, which keeps the sum over the parts, but
-/// the pixel's own at hard edges, which keeps it too.
+/// Returns the radiance at the centre of the sub-pixel `(x, y)` of an image whose pixels are divided into `parts`².
+/// Bilinear, or the pixel's own value at hard edges; both preserve the sum over the parts.
 fn blended(map: &RadianceImage, x: usize, y: usize, parts: usize) -> [f32; 3] {
     if parts == 1 {
         return map[(x, y)];
@@ -105,7 +107,7 @@ fn blended(map: &RadianceImage, x: usize, y: usize, parts: usize) -> [f32; 3] {
     let ((left, along), (top, down)) = (axis(x), axis(y));
     let (width, height) = (map.width() as i64, map.height() as i64);
     let pixel = |column: i64, row: i64| {
-        // Beyond a pole lies the opposite meridian.
+        // Beyond a pole is the opposite meridian.
         let column = if row < 0 || row >= height { column + width / 2 } else { column };
         map[(column.rem_euclid(width) as usize, row.clamp(0, height - 1) as usize)]
     };

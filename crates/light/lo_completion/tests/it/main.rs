@@ -1,4 +1,4 @@
-//! Rooms completed from photos and panoramas. One binary, so that it is linked once.
+//! Rooms completed from photos and panoramas. A single binary, so that it is linked once.
 #![allow(clippy::unwrap_used)]
 
 mod panorama;

@@ -1,13 +1,13 @@
-//! A panorama on a room whose radiance is a formula.
+//! A panorama of a room whose radiance is known in closed form.
 
 use lo_completion::{
-    LayError, MIN_CONFIDENCE, PanoramaError, PanoramaMatch, PanoramaPrior, lay_panorama, match_panorama,
+    ApplyPanoramaError, MIN_CONFIDENCE, PanoramaError, PanoramaMatch, PanoramaPrior, apply_panorama, match_panorama,
 };
 use lo_cone::{ConeTracer, Settings};
 use lo_events::Warning;
 use lo_geometry::{Camera, Cube, Mat3, Orientation, Ray, Vec2, Vec3, direction_from_uv, pixel_solid_angle_sr};
 use lo_imaging::{DepthMap, Image, Photo, RadianceImage, luminance, view_rotation};
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::Frame;
 
 /// The room: 4 m × 2.6 m × 5 m around the camera.
@@ -17,10 +17,10 @@ const HIGH: Vec3 = Vec3::new(2.3, 1.3, 1.9);
 /// A lamp on the ceiling: 40 × 60 cm, behind the camera's view.
 const LAMP: [Vec2; 2] = [Vec2::new(0.4, 0.5), Vec2::new(0.8, 1.1)];
 
-/// Where the panorama is taken.
+/// Position at which the panorama is taken.
 const PLACE: Vec3 = Vec3::new(0.3, 0.1, -0.6);
 
-/// Where a ray from within meets the walls.
+/// Returns the point at which a ray from inside hits the walls.
 fn hit(origin: Vec3, direction: Vec3) -> Vec3 {
     let (_, far) = Cube { origin_m: Vec3::ZERO, edge_m: 1.0 }
         .intersect(&Ray { origin: (origin - LOW) / (HIGH - LOW), direction: direction / (HIGH - LOW) })
@@ -28,7 +28,7 @@ fn hit(origin: Vec3, direction: Vec3) -> Vec3 {
     origin + far * direction
 }
 
-/// Radiance of the walls of a room with this lamp: pictures, stripes and colours that differ by room.
+/// Returns the radiance of the walls of a room with this lamp: patterns, stripes and colours that differ by room.
 fn wall(point: Vec3, room: f32, lamp: f32) -> [f32; 3] {
     let on = Vec2::new(point.x, point.z);
     if point.y > HIGH.y - 1e-3 && on.cmpge(LAMP[0]).all() && on.cmple(LAMP[1]).all() {
@@ -44,7 +44,8 @@ fn wall(point: Vec3, room: f32, lamp: f32) -> [f32; 3] {
     [brightness * (1.0 + warm), brightness, brightness * (1.0 - warm)]
 }
 
-/// The panorama there, its directions turned to the room's by `world_from_panorama`: mean over 3 × 3 samples a pixel.
+/// Renders the panorama, with directions rotated to the room's by `world_from_panorama`: mean over 3 × 3 samples per
+/// pixel.
 fn panorama(
     place: Vec3,
     world_from_panorama: Mat3,
@@ -64,7 +65,7 @@ fn panorama(
     })
 }
 
-/// What the camera sees of the room, as an HDR photo with depth.
+/// Renders the camera's view of the room as an HDR photo with depth.
 fn frame(room: f32) -> Frame {
     let camera = Camera::from_hfov_deg(75.0, 240, 180).unwrap();
     let at = |x: usize, y: usize| hit(Vec3::ZERO, camera.direction(x as f64 + 0.5, y as f64 + 0.5));
@@ -73,7 +74,7 @@ fn frame(room: f32) -> Frame {
     Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap()
 }
 
-/// The room with what the frame sees as it is and everything else grey, its walls three leaves thick.
+/// Creates the room with observed surfaces as in the frame and everything else grey; its walls are three leaves thick.
 fn guessed(frame: &Frame, depth: u32) -> LightOctree {
     let seen = frame.surfels(&frame.radiance());
     let mut points: Vec<RadiancePoint> = seen.into_iter().map(RadiancePoint::from).collect();
@@ -91,7 +92,7 @@ fn guessed(frame: &Frame, depth: u32) -> LightOctree {
                 let hidden =
                     frame.camera.project(position_m).is_some_and(|(u, v, z)| z > 0.0 && frame.camera.contains(u, v));
                 if !hidden || layer > 0 {
-                    points.push(RadiancePoint { position_m, radiance: [0.05; 3], coverage: Coverage::Inferred });
+                    points.push(RadiancePoint { position_m, radiance: [0.05; 3], provenance: Provenance::Inferred });
                 }
             }
         }
@@ -103,12 +104,12 @@ fn prior(image: RadianceImage) -> PanoramaPrior {
     PanoramaPrior::new(image, Orientation::Lightoctree, "room.hdr").unwrap().at(PLACE)
 }
 
-fn told(mut prior: PanoramaPrior, yaw_rad: Option<f32>, exposure: Option<f32>) -> PanoramaPrior {
+fn with_hints(mut prior: PanoramaPrior, yaw_rad: Option<f32>, exposure: Option<f32>) -> PanoramaPrior {
     (prior.yaw_rad, prior.exposure) = (yaw_rad, exposure);
     prior
 }
 
-/// As it lies by the formula.
+/// Returns the true alignment.
 fn upright(exposure: f32) -> PanoramaMatch {
     PanoramaMatch {
         world_from_panorama: Mat3::IDENTITY,
@@ -135,25 +136,26 @@ fn seen_from(light: &LightOctree, place: Vec3, width: usize) -> RadianceImage {
 fn the_room_sends_what_the_panorama_shows_and_lamps_keep_their_peaks() {
     let frame = frame(1.0);
     let before = guessed(&frame, 7);
-    // In units of its own, four times as bright as the photo's.
+    // In its own units, four times as bright as the photo.
     let image = panorama(PLACE, Mat3::IDENTITY, 1024, |p| wall(p, 1.0, 10_000.0).map(|c| 4.0 * c));
     let mut light = before.clone();
     let begun = std::time::Instant::now();
-    let laid = lay_panorama(&mut light, None, &prior(image), &upright(0.25), &frame).unwrap();
+    let report = apply_panorama(&mut light, None, &prior(image), &upright(0.25), &frame).unwrap();
     eprintln!(
-        "laid in {:?}: {} leaves, {} split, {} at the side, lamps × {}, of {}",
+        "applied in {:?}: {} leaves, {} split, {} at the side, lamps × {}, of {}",
         begun.elapsed(),
-        laid.laid,
-        laid.split,
-        laid.at_side,
-        laid.lamp_factor,
+        report.leaves,
+        report.split,
+        report.added,
+        report.lamp_factor,
         before.leaves().count()
     );
-    assert_eq!(laid.at_side, 0);
-    // The lamp's peak: leaves of 2 cm lie wholly on it. The factor that keeps its flux exact is in it.
+    assert_eq!(report.added, 0);
+    // The lamp's peak: leaves of 2 cm are entirely on it. It includes the factor that keeps its flux exact.
     let peak = light.rgba.iter().flatten().map(|rgba| rgba[0]).fold(0.0, f32::max);
     assert!((peak / 10_000.0 - 1.0).abs() < 0.05, "{peak}");
-    // Total flux at the panorama's place within 1 %, of the lamp and of all else: the lamp as Lambert's formula for a rectangle has it.
+    // Total flux at the panorama's position within 1 %, for the lamp and for the rest; the lamp against Lambert's
+    // formula for a rectangle.
     let truth = panorama(PLACE, Mat3::IDENTITY, 512, |p| wall(p, 1.0, 10_000.0));
     let got = seen_from(&light, PLACE, 512);
     let all = flux(&got, |_| true) / flux(&truth, |_| true);
@@ -169,9 +171,9 @@ fn the_room_sends_what_the_panorama_shows_and_lamps_keep_their_peaks() {
     let rest = flux(&got, |i| !near_lamp[i]) / flux(&dark, |i| !near_lamp[i]);
     eprintln!("all {all:.4}, lamp {of_lamp:.4}, rest {rest:.4}");
     assert!((all - 1.0).abs() < 0.01 && (of_lamp - 1.0).abs() < 0.01 && (rest - 1.0).abs() < 0.01);
-    // What the photo saw is bit-identical.
+    // Radiance observed by the photo is bit-identical.
     same_where_seen(&before, &light);
-    // From elsewhere, too, the light lies where it is, which the panorama itself does not show.
+    // From elsewhere, too, the light is at the right position, which the panorama itself does not show.
     let place = Vec3::new(-0.7, -0.4, 0.7);
     let (got, truth) = (seen_from(&light, place, 256), panorama(place, Mat3::IDENTITY, 256, |p| wall(p, 1.0, 1.0)));
     let there = panorama(PLACE, Mat3::IDENTITY, 256, |p| wall(p, 1.0, 1.0));
@@ -182,18 +184,19 @@ fn the_room_sends_what_the_panorama_shows_and_lamps_keep_their_peaks() {
     };
     eprintln!("elsewhere {:.1} dB, the panorama itself {:.1} dB", error(&got), error(&there));
     assert!(error(&got) > 26.0 && error(&got) > error(&there) + 8.0);
-    // Beside it the shares: nothing of what is seen, all of what the panorama's place sees.
+    // The shares: none on observed surfaces, all on surfaces that the panorama's position sees.
     assert_eq!(
-        laid.share.iter().map(Vec::len).collect::<Vec<_>>(),
+        report.share.iter().map(Vec::len).collect::<Vec<_>>(),
         light.rgba.iter().map(Vec::len).collect::<Vec<_>>()
     );
     for (depth, row) in light.leaves() {
-        assert!(light.seen[depth][row] == 0 || laid.share[depth][row] == 0);
+        assert!(light.seen[depth][row] == 0 || report.share[depth][row] == 0);
     }
     assert!(light.leaves().count() < 4 * before.leaves().count());
 }
 
-/// Of the lamp's rectangle from the panorama's place (van Oosterom and Strackee, as two triangles), sr.
+/// Returns the solid angle in sr of the lamp's rectangle from the panorama's position (van Oosterom and Strackee, as
+/// two triangles).
 fn solid_angle_of_lamp() -> f64 {
     let corner = |x: f32, z: f32| (Vec3::new(x, HIGH.y, z) - PLACE).as_dvec3();
     let [a, b, c, d] = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(i, j)| corner(LAMP[i].x, LAMP[j].y));
@@ -226,14 +229,14 @@ fn same_where_seen(before: &LightOctree, after: &LightOctree) {
 fn a_lamp_smaller_than_a_leaf_keeps_its_flux() {
     let frame = frame(1.0);
     let mut light = guessed(&frame, 6);
-    // One pixel of 0.35°, about 1 cm on the ceiling, against leaves of 4 cm.
+    // One pixel of 0.35°, about 1 cm on the ceiling, with leaves of 4 cm.
     let mut image = panorama(PLACE, Mat3::IDENTITY, 1024, |_| [0.1; 3]);
     let up = (1024 * 3 / 4 + 300) % 1024;
     image[(up, 60)] = [10_000.0; 3];
     let expected = flux(&image, |_| true);
-    lay_panorama(&mut light, None, &prior(image), &upright(1.0), &frame).unwrap();
+    apply_panorama(&mut light, None, &prior(image), &upright(1.0), &frame).unwrap();
     let got = seen_from(&light, PLACE, 512);
-    // without what is seen, which has light of its own
+    // Without observed surfaces, which have their own light.
     let lamp = flux(&got, |i| luminance(got.pixels()[i]) > 1.0);
     let own = f64::from(1e4 * pixel_solid_angle_sr(60, 1024, 512));
     eprintln!("{lamp} of {own}, all {expected}");
@@ -241,7 +244,7 @@ fn a_lamp_smaller_than_a_leaf_keeps_its_flux() {
 }
 
 #[test]
-fn what_is_open_ends_at_the_cubes_side_and_what_is_hidden_gets_as_bright() {
+fn open_rays_end_at_the_cubes_side_and_hidden_leaves_are_scaled() {
     let frame = frame(1.0);
     let seen = frame.surfels(&frame.radiance());
     let points: Vec<RadiancePoint> = seen.into_iter().map(RadiancePoint::from).collect();
@@ -250,7 +253,7 @@ fn what_is_open_ends_at_the_cubes_side_and_what_is_hidden_gets_as_bright() {
     for (i, j) in (0..40 * 40).map(|n| (n % 40, n / 40)) {
         for x in [0.0, 0.02, 0.04, 0.06, 0.25] {
             let position_m = Vec3::new(1.0 + x, -0.5 + 0.02 * i as f32, 0.6 + 0.02 * j as f32);
-            all.push(RadiancePoint { position_m, radiance: [0.2, 0.1, 0.05], coverage: Coverage::Inferred });
+            all.push(RadiancePoint { position_m, radiance: [0.2, 0.1, 0.05], provenance: Provenance::Inferred });
         }
     }
     let cube = Cube::centred(0.5 * (LOW + HIGH), 5.5);
@@ -258,12 +261,12 @@ fn what_is_open_ends_at_the_cubes_side_and_what_is_hidden_gets_as_bright() {
     let mut light = before.clone();
     let image = panorama(PLACE, Mat3::IDENTITY, 256, |_| [0.4, 0.4, 0.4]);
     let mut confidence: Vec<Vec<u8>> = before.rgba.iter().map(|rows| vec![100; rows.len()]).collect();
-    let laid = lay_panorama(&mut light, Some(&mut confidence), &prior(image), &upright(1.0), &frame).unwrap();
-    assert!(laid.at_side > 1000, "{}", laid.at_side);
+    let report = apply_panorama(&mut light, Some(&mut confidence), &prior(image), &upright(1.0), &frame).unwrap();
+    assert!(report.added > 1000, "{}", report.added);
     same_where_seen(&before, &light);
-    // 0.4 over what was guessed, each channel by itself; the blue one at its bound
+    // 0.4 over the completed radiance, per channel; the blue channel at its bound.
     let expected = [2.0, 4.0, 5.0];
-    assert!((0..3).all(|c| (laid.hidden_factor[c] - expected[c]).abs() < 1e-3), "{:?}", laid.hidden_factor);
+    assert!((0..3).all(|c| (report.unobserved_factor[c] - expected[c]).abs() < 1e-3), "{:?}", report.unobserved_factor);
     let rgba = |x: f32| {
         let (depth, node) = light.locate(Vec3::new(x, 0.0, 1.25), 10).unwrap();
         (
@@ -274,7 +277,7 @@ fn what_is_open_ends_at_the_cubes_side_and_what_is_hidden_gets_as_bright() {
     let close = |a: [f32; 4], b: [f32; 3]| (0..3).all(|c| (a[c] - b[c]).abs() < 1e-4);
     assert!(close(rgba(1.0).0, [0.4; 3]) && rgba(1.0).1 == 230, "{:?}", rgba(1.0));
     assert!(close(rgba(1.25).0, [0.4, 0.4, 0.25]) && rgba(1.25).1 == 100, "{:?}", rgba(1.25));
-    // All directions but those of the photo are full of the panorama's light.
+    // All directions except the photo's have the panorama's light.
     let got = seen_from(&light, PLACE, 128);
     let behind = |i: usize| lo_geometry::pixel_direction(i % 128, i / 128, 128, 64).z > 0.3;
     let full = RadianceImage::new(128, 64, vec![[0.4; 3]; 128 * 64]);
@@ -294,13 +297,13 @@ fn yaw_tilt_and_exposure_are_found_at_the_camera_and_elsewhere() {
             let found = match_panorama(&own, &frame, up);
             let error = found.world_from_panorama * turn.transpose();
             let angle = (0.5 * (error.x_axis.x + error.y_axis.y + error.z_axis.z - 1.0)).clamp(-1.0, 1.0).acos();
-            // A texel of the finest map has 1.4°.
+            // A texel of the finest image has 1.4°.
             assert!(angle.to_degrees() < 0.7, "{place} {yaw}: {angle} {found:?}");
             assert!((found.exposure * 3.0 - 1.0).abs() < 0.02, "{}", found.exposure);
             assert!(found.confidence > MIN_CONFIDENCE, "{}", found.confidence);
-            // A yaw that is given is taken as it is, and a wrong one is noticed.
-            let told = told(own, Some(1.0 + yaw.to_radians()), Some(0.5));
-            let wrong = match_panorama(&told, &frame, up);
+            // A given yaw is used unchanged, and a wrong one is detected.
+            let hinted = with_hints(own, Some(1.0 + yaw.to_radians()), Some(0.5));
+            let wrong = match_panorama(&hinted, &frame, up);
             assert_eq!((wrong.pitch_rad, wrong.exposure), (0.0, 0.5));
             assert!(wrong.confidence < MIN_CONFIDENCE, "{}", wrong.confidence);
             // So is another room.
@@ -313,7 +316,7 @@ fn yaw_tilt_and_exposure_are_found_at_the_camera_and_elsewhere() {
 
 #[test]
 fn a_tilted_cameras_panorama_is_level_in_the_room() {
-    // The room turned by −20° about the camera's x axis: it looks 20° down, and up leans towards it.
+    // The room rotated by −20° about the camera's x axis: it looks 20° down, and up leans towards it.
     let tilt = Mat3::from_rotation_x(20f32.to_radians());
     let camera = Camera::from_hfov_deg(75.0, 240, 180).unwrap();
     let world = tilt.transpose();
@@ -328,18 +331,18 @@ fn a_tilted_cameras_panorama_is_level_in_the_room() {
         (found.yaw_rad - 0.7).abs() < 0.01 && found.pitch_rad.abs() < 0.01 && found.roll_rad.abs() < 0.01,
         "{found:?}"
     );
-    // Told so, nothing is searched, and it is the same.
-    let told = told(prior(image).at(Vec3::ZERO), Some(0.7), None);
-    let told = match_panorama(&told, &frame, tilt * Vec3::Y);
-    assert!((told.world_from_panorama * Vec3::NEG_Z - tilt * yaw * Vec3::NEG_Z).length() < 1e-5);
-    assert!(told.confidence > MIN_CONFIDENCE);
+    // With this orientation given, nothing is searched, and the result is the same.
+    let hinted = with_hints(prior(image).at(Vec3::ZERO), Some(0.7), None);
+    let hinted = match_panorama(&hinted, &frame, tilt * Vec3::Y);
+    assert!((hinted.world_from_panorama * Vec3::NEG_Z - tilt * yaw * Vec3::NEG_Z).length() < 1e-5);
+    assert!(hinted.confidence > MIN_CONFIDENCE);
 }
 
 #[test]
-fn what_is_no_panorama_is_named_and_small_faults_are_mended() {
+fn invalid_panoramas_are_rejected_and_bad_values_cleaned() {
     let new = |image: RadianceImage| PanoramaPrior::new(image, Orientation::Lightoctree, "a.hdr");
     let error = new(RadianceImage::new(300, 100, vec![[1.0; 3]; 30_000])).unwrap_err();
-    assert_eq!(error.to_string(), "it is 300 × 100, and an equirectangular panorama is twice as wide as high");
+    assert_eq!(error.to_string(), "it is 300 × 100 pixels; an equirectangular panorama is twice as wide as high");
     assert!(matches!(new(RadianceImage::new(8, 4, vec![[1.0; 3]; 32])), Err(PanoramaError::Small { .. })));
     assert!(matches!(new(RadianceImage::new(64, 32, vec![[f32::NAN; 3]; 2048])), Err(PanoramaError::Black)));
     let mut image = RadianceImage::new(64, 32, vec![[1.0; 3]; 2048]);
@@ -348,24 +351,24 @@ fn what_is_no_panorama_is_named_and_small_faults_are_mended() {
     assert_eq!(mended.radiance()[(3, 4)], [0.0, 0.0, 2.0]);
     assert_eq!(mended.warnings(), [Warning::PanoramaValues { cleaned: 1, pixels: 2048 }]);
     for (bad, name) in [
-        (mended.clone().at(Vec3::NAN), "place"),
-        (told(mended.clone(), None, Some(0.0)), "exposure"),
-        (told(mended.clone(), Some(f32::INFINITY), None), "yaw"),
+        (mended.clone().at(Vec3::NAN), "position"),
+        (with_hints(mended.clone(), None, Some(0.0)), "exposure"),
+        (with_hints(mended.clone(), Some(f32::INFINITY), None), "yaw"),
     ] {
         assert!(bad.check().unwrap_err().to_string().contains(name));
     }
     let frame = frame(1.0);
     let far = mended.at(Vec3::new(0.0, 9.0, 0.0));
-    let error = lay_panorama(&mut guessed(&frame, 5), None, &far, &upright(1.0), &frame).unwrap_err();
-    assert!(matches!(error, LayError::Outside { y: 9.0, .. }));
+    let error = apply_panorama(&mut guessed(&frame, 5), None, &far, &upright(1.0), &frame).unwrap_err();
+    assert!(matches!(error, ApplyPanoramaError::Outside { y: 9.0, .. }));
     assert!(error.to_string().contains("(0.00, 9.00, 0.00)"), "{error}");
 }
 
 #[test]
-fn files_say_whether_they_are_clipped_and_orientations_are_undone() {
+fn files_carry_clipping_and_orientation() {
     let folder = std::env::temp_dir().join(format!("lo_completion-panorama-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
-    // red in the middle column's right neighbour, a clipped patch above
+    // Red in the middle column's right neighbour, a clipped patch above it.
     let pixels = Image::from_fn(64, 32, |x, y| match (x, y) {
         (33, _) => [200, 0, 0],
         (10..14, 5) => [255, 252, 250],
@@ -377,7 +380,7 @@ fn files_say_whether_they_are_clipped_and_orientations_are_undone() {
     assert_eq!((read.file.as_str(), read.radiance()[(33, 0)][1]), ("a.png", 0.0));
     assert!(read.clipped().unwrap()[(11, 5)] && !read.clipped().unwrap()[(20, 5)]);
     assert_eq!(read.warnings(), [Warning::ClippedPanorama { clipped_share: 4.0 / 2048.0 }]);
-    // OpenEXR's centre is our back
+    // OpenEXR's centre is this program's back.
     let turned = PanoramaPrior::read(&png, Orientation::Openexr).unwrap();
     assert_eq!(turned.radiance()[(1, 0)][1], 0.0);
     assert!(turned.clipped().unwrap()[(43, 5)]);

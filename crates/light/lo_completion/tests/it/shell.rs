@@ -1,14 +1,14 @@
-//! Shells of synthetic rooms with known truth, of damaged frames, and of the real photos.
+//! Shells of synthetic rooms with known ground truth, of damaged frames, and of the real photos.
 
 use lo_completion::{Shell, ShellOptions, shell};
 use lo_cone::{ConeTracer, Settings};
 use lo_geometry::{Camera, Mat3, Vec3, cosine_hemisphere, orthonormal_basis, pixel_direction, pixel_solid_angle_sr};
 use lo_imaging::{Image, Photo, RadianceImage};
-use lo_octree::{Coverage, LightOctree};
+use lo_octree::{LightOctree, Provenance};
 use lo_scene::{Frame, Side};
 use lo_testdata::{asset, beside};
 
-/// A closed box room with diffuse coloured faces and a lamp in the ceiling; camera at the origin.
+/// A closed box room with diffuse coloured faces and a lamp in the ceiling; the camera is at the origin.
 struct TrueRoom {
     /// Columns: the room's axes in the camera's frame; the second one is up.
     axes: Mat3,
@@ -26,7 +26,7 @@ const COLOURS: [[f32; 3]; 6] = [
 ];
 const LAMP: f32 = 9.0;
 
-/// A ray that meets the corner of a single leaf for one step of half an edge keeps 10⁻²; a little more for rounding.
+/// A ray that hits the corner of a single leaf for one step of half an edge transmits 10⁻²; slightly more for rounding.
 const CLOSED: f32 = 0.985;
 
 impl TrueRoom {
@@ -35,7 +35,7 @@ impl TrueRoom {
         Self { axes, low: Vec3::new(-2.1, -1.45, -3.6), high: Vec3::new(1.7, 1.15, 1.9) }
     }
 
-    /// Distance along a unit direction from a world point, and the radiance there.
+    /// Returns the distance along a unit direction from a world point, and the radiance there.
     fn look(&self, origin: Vec3, direction: Vec3) -> (f32, [f32; 3]) {
         let (o, d) = (self.axes.transpose() * origin, self.axes.transpose() * direction);
         let mut best = (f32::INFINITY, 0);
@@ -50,7 +50,7 @@ impl TrueRoom {
         let p = o + d * best.0;
         let centre = 0.5 * (self.low + self.high);
         let lamp = best.1 == 3 && (p.x - centre.x).abs() < 0.9 && (p.z - centre.z).abs() < 1.0;
-        // Walls darken towards the floor, as they do under a ceiling lamp.
+        // Walls darken towards the floor, as under a ceiling lamp.
         let shade = if best.1 / 2 == 1 { 1.0 } else { 0.85 + 0.3 * (p.y - self.low.y) / (self.high.y - self.low.y) };
         (best.0, if lamp { [LAMP; 3] } else { COLOURS[best.1].map(|c| c * shade) })
     }
@@ -127,7 +127,7 @@ fn the_shell_is_closed_keeps_the_photo_and_beats_simpler_guesses() {
     for depth in [6, 7] {
         let closed = shell(&frame, &ShellOptions { octree_depth: depth, ..ShellOptions::default() });
         let tracer = tracer(&closed, depth);
-        let seen: Vec<_> = closed.points().into_iter().filter(|p| p.coverage == Coverage::Seen).collect();
+        let seen: Vec<_> = closed.points().into_iter().filter(|p| p.provenance == Provenance::Observed).collect();
         let open = LightOctree::from_points(&seen, closed.cube, depth, 4).unwrap().0;
         let open = ConeTracer::new(&open, Settings::default()).unwrap();
         let mean = {
@@ -153,7 +153,7 @@ fn the_shell_is_closed_keeps_the_photo_and_beats_simpler_guesses() {
             gain_db += (shell_db - flat_db) / 3.0;
         }
         assert!(gain_db > 1.5, "only {gain_db:.1} dB better than the mean colour");
-        // From the camera nothing stands in front of what the photo shows.
+        // From the camera, nothing occludes the photo's surfaces.
         let view = tracer.perspective(&frame.camera.resized(120, 80));
         let leaf_m = closed.cube.node_edge_m(depth);
         for (x, y) in (4..76).step_by(8).flat_map(|y| (4..116).step_by(8).map(move |x| (x, y))) {
@@ -165,7 +165,7 @@ fn the_shell_is_closed_keeps_the_photo_and_beats_simpler_guesses() {
     }
 }
 
-/// Irradiance on a seen surface, from the completed octree, in units of radiance × sr.
+/// Returns the irradiance on an observed surface from the completed octree, in units of radiance × sr.
 fn irradiance(tracer: &ConeTracer, position: Vec3, normal: Vec3, clear_m: f32) -> f32 {
     let basis = orthonormal_basis(normal);
     let directions = cosine_hemisphere(128);
@@ -198,7 +198,7 @@ fn a_white_object_is_lit_as_the_room_is() {
         ratios.push(irradiance(&tracer, position, up, 0.0) / wanted);
     }
     println!("irradiance in mid-air against the truth: {ratios:.2?}");
-    // The albedo, and with it the lamp, is a guess within a factor of two.
+    // The albedo, and with it the lamp, is uncertain by a factor of two.
     assert!(ratios.iter().all(|r| (0.5..2.0).contains(r)), "{ratios:?}");
 }
 
@@ -303,12 +303,13 @@ fn real_photos_close_and_balance() {
             println!("{photo} at {at}: {open} of 32768 rays escape");
             assert!(open <= 4, "{photo} at {at}: {open} rays escape");
         }
-        // The octree's irradiance on seen surfaces against what their brightness asks for.
+        // The octree's irradiance on observed surfaces, compared with the irradiance that their brightness implies.
         let clear_m = 4.0 * closed.cube.node_edge_m(7);
-        let seen: Vec<_> = closed.surfels.iter().filter(|s| s.coverage == Coverage::Seen).step_by(997).collect();
+        let seen: Vec<_> =
+            closed.surfels.iter().filter(|s| s.provenance == Provenance::Observed).step_by(997).collect();
         let mean =
             seen.iter().map(|s| irradiance(&tracer, s.position_m, s.normal, clear_m)).sum::<f32>() / seen.len() as f32;
-        let ratio = mean / closed.report.lamps.wanted_irradiance;
+        let ratio = mean / closed.report.lamps.implied_irradiance;
         println!("{photo}: irradiance on seen surfaces / wanted {ratio:.2}, {:?}", closed.report.lamps);
         assert!((0.5..2.0).contains(&ratio), "{photo}: {ratio}");
     }

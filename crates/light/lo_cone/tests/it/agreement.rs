@@ -1,4 +1,4 @@
-//! The tracer against the plain f64 reference, and that against central differences.
+//! The tracer against the f64 reference, and the reference against central differences.
 
 use crate::common::Reference;
 use lo_cone::{Cone, ConeSample, ConeTracer, SampleGradient, SampleWeight, Sampling, Settings, StepRule};
@@ -33,7 +33,7 @@ impl Random {
     }
 }
 
-/// Clouds of leaves with features that have nothing to do with each other, on any level; α from 0 to `max_alpha`.
+/// Creates clusters of leaves with unrelated features on every level; α from 0 to `max_alpha`.
 fn random_octree(random: &mut Random, depth: u32, full_depth: u32, max_alpha: f32) -> LightOctree {
     let side = (1 << depth) as f32;
     let mut keys: Vec<u32> = (0..60)
@@ -63,7 +63,7 @@ fn fill(random: &mut Random, light: &mut LightOctree, max_alpha: f32) {
     }
 }
 
-/// An octree as a network grows it: nodes with features end at several depths.
+/// Creates an octree as a network grows it: nodes with features end at several depths.
 fn grown_octree(random: &mut Random) -> LightOctree {
     let mut octree = Octree::full(2).unwrap();
     for _ in 0..3 {
@@ -131,8 +131,8 @@ fn fast_agrees_with_reference() {
             for (cone, sample) in cones.iter().zip(&samples) {
                 assert_eq!(*sample, tracer.trace(cone), "a batch gives what single cones give");
                 let expected = reference.trace(cone);
-                // f32 positions in the cube carry up to 1e-5 leaf edges (1e-4 for an apex far outside): a sample nearer than
-                // that to a face may fall on its other side.
+                // f32 positions in the cube have errors up to 1e-5 leaf edges (1e-4 for an apex far outside), so a
+                // sample nearer than that to a face may be on its other side.
                 if expected.margin < 2e-4 {
                     continue;
                 }
@@ -156,7 +156,7 @@ fn gradients_agree_with_reference_and_central_differences() {
     let mut random = Random(2);
     for light in [random_octree(&mut random, 6, 3, 0.9), grown_octree(&mut random)] {
         for settings in all_settings() {
-            // Where a ray ends early jumps as features change: the derivative is that between the jumps.
+            // Early termination makes the result jump as features change; the derivative is that between the jumps.
             let settings = Settings { min_transmittance: 0.0, ..settings };
             let tracer = ConeTracer::new(&light, settings).unwrap();
             let mut reference = Reference::new(&light, settings);
@@ -205,8 +205,8 @@ fn gradients_agree_with_reference_and_central_differences() {
             let with_alpha = strongest.iter().filter(|s| s.3 == 3).take(6);
             for &(_, depth, row, channel) in strongest.iter().filter(|s| s.3 < 3).take(3).chain(with_alpha) {
                 let stored = reference.rgba[depth][row][channel];
-                // Fourth order (five points): the error of two alone, h², is above 1e-6 where rounding is not. Radiance averaged by
-                // small extinctions is far from straight: 5e-4 gives 5e-5.
+                // Fourth order (five points): the error of second order, h², is above 1e-6 where rounding is not.
+                // Radiance averaged by small extinctions is strongly non-linear: 5e-4 gives 5e-5.
                 let h = 1e-4 * if channel == 3 { 1.0 - stored } else { 1.0 };
                 let mut at = |offset: f64| {
                     reference.rgba[depth][row][channel] = stored + offset * h;
@@ -249,7 +249,7 @@ fn results_do_not_depend_on_threads() {
 }
 
 #[test]
-fn cones_that_are_none_see_nothing() {
+fn invalid_cones_see_nothing() {
     let mut random = Random(4);
     let light = random_octree(&mut random, 6, 2, 0.9);
     let settings = [StepRule::Literal, StepRule::Floored(0.5)].map(|step| Settings { step, ..Settings::default() });

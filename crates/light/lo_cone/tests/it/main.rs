@@ -1,4 +1,4 @@
-//! Cones through octrees of rooms. One binary, so that it is linked once.
+//! Cones through octrees of rooms. A single binary, so that it is linked once.
 #![allow(clippy::unwrap_used)]
 
 mod common;

@@ -1,8 +1,8 @@
-//! An octree made from a room whose radiance is known in closed form, against the ray-traced truth.
+//! Octrees of a room whose radiance is known in closed form, compared with ray-traced ground truth.
 
 use lo_cone::{Cone, ConeSample, ConeTracer, Sampling, Settings, StepRule};
 use lo_geometry::{Cube, Mat3, Ray, Vec3};
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use rayon::prelude::*;
 
 const CUBE: Cube = Cube { origin_m: Vec3::splat(-2.0), edge_m: 4.0 };
@@ -18,7 +18,8 @@ const LIGHTS: [(Vec3, f32, [f32; 3]); 3] = [
     (Vec3::new(0.2, -1.0, 1.0), 0.15, [25.0, 6.0, 3.0]),
 ];
 
-/// Radiance of the wall at `point`: a colour for each wall, waves half a metre to two metres long, tiles on the floor.
+/// Returns the radiance of the wall at `point`: a colour per wall, waves half a metre to two metres long, tiles on the
+/// floor.
 fn wall_radiance(point: Vec3, axis: usize) -> [f32; 3] {
     let side = usize::from(point[axis] > 0.0);
     let base = [
@@ -34,7 +35,7 @@ fn wall_radiance(point: Vec3, axis: usize) -> [f32; 3] {
     base.map(|c: f32| c * shade)
 }
 
-/// Radiance and distance that a ray from inside of the room meets.
+/// Returns radiance and distance of the first hit of a ray that starts inside the room.
 fn truth(ray: &Ray) -> ([f32; 3], f32) {
     let (mut nearest, mut axis) = (f32::INFINITY, 0);
     for i in 0..3 {
@@ -57,7 +58,7 @@ fn truth(ray: &Ray) -> ([f32; 3], f32) {
 }
 
 fn surface_points(spacing_m: f32) -> Vec<RadiancePoint> {
-    let point = |position_m, radiance| RadiancePoint { position_m, radiance, coverage: Coverage::Seen };
+    let point = |position_m, radiance| RadiancePoint { position_m, radiance, provenance: Provenance::Observed };
     let mut points = Vec::new();
     for axis in 0..3 {
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -82,12 +83,12 @@ fn surface_points(spacing_m: f32) -> Vec<RadiancePoint> {
 }
 
 fn room(depth: u32) -> LightOctree {
-    // Four points or more along each edge of a leaf.
+    // At least four points along each edge of a leaf.
     let points = surface_points(CUBE.node_edge_m(depth) / 4.0);
     LightOctree::from_points(&points, CUBE, depth, 4).unwrap().0
 }
 
-/// Twenty places that no surface is nearer to than 0.35 m.
+/// Returns twenty positions at least 0.35 m from all surfaces.
 fn probes() -> Vec<Vec3> {
     let mut probes = Vec::new();
     for i in 1.. {
@@ -104,7 +105,7 @@ fn probes() -> Vec<Vec3> {
     probes
 }
 
-/// The panorama at `origin`, 4 × 4 rays a pixel, and its distances.
+/// Returns the true panorama at `origin` (4 × 4 rays per pixel) with its distances.
 fn true_panorama(origin: Vec3) -> Vec<([f32; 3], f32)> {
     const RAYS: usize = 4;
     (0..WIDTH * HEIGHT)
@@ -124,7 +125,7 @@ fn true_panorama(origin: Vec3) -> Vec<([f32; 3], f32)> {
 }
 
 struct Score {
-    /// Of sRGB-encoded radiance clipped to [0, 1], in dB.
+    /// PSNR of sRGB-encoded radiance clipped to [0, 1], in dB.
     psnr_db: f64,
     /// Root mean square difference of ln(1 + radiance).
     log_rmse: f64,
@@ -185,9 +186,10 @@ fn panoramas_match_the_truth_and_better_with_depth() {
     }
 }
 
-/// Shares of what gets out of the room: the most of a ray, and how many rays let more than 1 % out.
+/// Returns the greatest transmittance of a ray out of the room, and the share of rays that transmit more than 1 %.
 ///
-/// A ray that meets one sample of half a leaf at the greatest opacity keeps (10⁻⁴)^½ = 1 %: that much is no hole.
+/// A ray with a single sample of half a leaf at the greatest opacity transmits (10⁻⁴)^½ = 1 %; that does not count as a
+/// hole.
 fn leaks<'a>(opacities: impl Iterator<Item = &'a f32>) -> (f32, f32) {
     let (mut most, mut holes, mut count) = (0.0f32, 0, 0);
     for opacity in opacities {
@@ -227,7 +229,7 @@ fn a_closed_room_stays_closed() {
                 Sampling::Nearest | Sampling::Blended => assert!(holes < if room == 0 { 1e-3 } else { 1e-9 }),
                 Sampling::Interpolated => assert!(most < 0.025),
             }
-            // Equal steps keep a ray in one level, with the least and the most that a step of that level covers.
+            // Equal steps keep a ray in one level, with the least and the greatest step of that level.
             for (level, steps) in [[0.5, 1.0], [1.01, 2.0], [2.01, 4.0], [4.01, 8.0]].into_iter().enumerate() {
                 for step in steps {
                     let settings = Settings { sampling, step: StepRule::Floored(step), ..Settings::default() };

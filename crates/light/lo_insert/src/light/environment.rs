@@ -209,7 +209,7 @@ impl Environment {
     }
 
     /// Share of each ray's way that real surfaces leave free.
-    pub fn free_share(&self, rays: &[LightRay], shares: &mut Vec<f32>) {
+    pub fn unoccluded_share(&self, rays: &[LightRay], shares: &mut Vec<f32>) {
         shares.clear();
         let Source::Octree { whole, beside, leaf_edge_m, .. } = &self.source else {
             shares.resize(rays.len(), 1.0);
@@ -221,7 +221,7 @@ impl Environment {
         let mut samples = vec![ConeSample::default(); rays.len()];
         whole.trace_batch(&cones, &mut samples);
         let free =
-            |(ray, sample): (&LightRay, &ConeSample)| lo_lights::free_share(ray.distance_m, sample, *leaf_edge_m);
+            |(ray, sample): (&LightRay, &ConeSample)| lo_lights::unoccluded_share(ray.distance_m, sample, *leaf_edge_m);
         shares.extend(rays.iter().zip(&samples).map(free));
         // Suns are beyond the room, and other things hide them.
         let to_sun = |ray: &LightRay| ray.distance_m.is_infinite();
@@ -229,7 +229,7 @@ impl Environment {
             let sunny: Vec<usize> = (0..rays.len()).filter(|&i| to_sun(&rays[i])).collect();
             let cones: Vec<Cone> = sunny.iter().map(|&i| cones[i]).collect();
             let mut free = Vec::new();
-            beside.free_to_suns(&cones, sunny.iter().map(|&i| rays[i].place), &mut free);
+            beside.unoccluded_to_suns(&cones, sunny.iter().map(|&i| rays[i].place), &mut free);
             sunny.iter().zip(free).for_each(|(&i, free)| shares[i] = free);
         }
     }

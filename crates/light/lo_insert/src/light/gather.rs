@@ -120,7 +120,7 @@ pub(crate) fn object_lights(
                 Some(LightRay { place, apex, direction, distance_m })
             };
             rays.extend(places.iter().filter_map(ray));
-            environment.free_share(&rays, &mut shares);
+            environment.unoccluded_share(&rays, &mut shares);
             light.free[index] = if shares.iter().all(|&share| share > 0.99) {
                 Some(1.0)
             } else if shares.iter().all(|&share| share < 0.01) {
@@ -255,7 +255,7 @@ impl Gatherer<'_> {
                 }
             }
         }
-        self.environment.free_share(&rays, &mut shares);
+        self.environment.unoccluded_share(&rays, &mut shares);
         for ((index, direction, irradiance), share) in owners.into_iter().zip(&shares) {
             gathered[index].add_light(&receivers[index], direction, irradiance * *share);
         }

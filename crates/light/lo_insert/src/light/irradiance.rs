@@ -176,7 +176,7 @@ impl RoomIrradiance {
         for ((i, weight), sample) in cone_owners.into_iter().zip(&samples) {
             lit[i].ambient += Vec3::from(sample.radiance) * weight;
         }
-        environment.free_share(&rays, &mut shares);
+        environment.unoccluded_share(&rays, &mut shares);
         for ((i, light), share) in ray_owners.into_iter().zip(&shares) {
             lit[i].lights += light * *share;
         }

@@ -266,7 +266,7 @@ impl ShadowField {
                 }
             }
         }
-        caster.environment.free_share(&rays, &mut shares);
+        caster.environment.unoccluded_share(&rays, &mut shares);
         for ((x, irradiance), share) in ray_owners.into_iter().zip(&shares) {
             changes[x].lights += irradiance * *share;
         }

@@ -3,13 +3,13 @@
 use std::f32::consts::PI;
 use std::sync::OnceLock;
 
-use lo_cone::Viewers;
+use lo_cone::OctreeRenderer;
 use lo_geometry::{Camera, Cube, Plane, Vec3};
 use lo_imaging::{Image, Photo, luminance};
 use lo_insert::{Composite, Inserter, Instance, Lighting, Placement, Quality};
 use lo_lights::{apply_edits, emitters, list};
 use lo_mesh::{Material, Model, PreparedModel};
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::{AddedLight, AnalyticLight, EmitterEdit, Frame, LightChange, LightEdits, LightShape, LitScene};
 
 const LOW: Vec3 = Vec3::new(-2.0, -1.0, -4.0);
@@ -42,8 +42,8 @@ fn new_scene() -> LitScene {
     let point = |direction: Vec3| {
         let position_m = wall(0.5 * (LOW + HIGH), direction);
         let seen = camera.project(position_m).is_some_and(|(u, v, _)| camera.contains(u, v));
-        let coverage = if seen { Coverage::Seen } else { Coverage::Inferred };
-        RadiancePoint { position_m, radiance: radiance(position_m), coverage }
+        let provenance = if seen { Provenance::Observed } else { Provenance::Inferred };
+        RadiancePoint { position_m, radiance: radiance(position_m), provenance }
     };
     let points: Vec<RadiancePoint> = lo_geometry::fibonacci_sphere(400_000).into_iter().map(point).collect();
     let light = LightOctree::from_points(&points, Cube::centred(0.5 * (LOW + HIGH), 5.5), 6, 4).unwrap().0;
@@ -146,7 +146,7 @@ fn an_added_sun_lights_the_object_and_casts_its_shadow() {
     // In the middle of its shadow only the other light is left: E₀ r / (E₀ + S).
     let shadow = CENTRE - direction * ((CENTRE.y - LOW.y) / direction.y);
     let sun = strength * direction.y;
-    let map = Viewers::new(&plain.light).at(shadow).panorama(shadow + Vec3::Y * 0.13, 256, 128).radiance;
+    let map = OctreeRenderer::new(&plain.light).at(shadow).panorama(shadow + Vec3::Y * 0.13, 256, 128).radiance;
     let cosine = |i: usize| lo_geometry::pixel_direction(i % 256, i / 256, 256, 128).y.max(0.0);
     let arriving =
         |i: usize| luminance(map.pixels()[i]) * cosine(i) * lo_geometry::pixel_solid_angle_sr(i / 256, 256, 128);

@@ -4,7 +4,7 @@ use lo_geometry::{Camera, Cube, Plane, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_insert::{Inserter, Instance, Lighting, Placement, Quality};
 use lo_mesh::{Material, Model, PreparedModel};
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::{Frame, LitScene};
 
 const LOW: Vec3 = Vec3::new(-1.5, -1.0, -3.5);
@@ -27,7 +27,7 @@ fn scene() -> LitScene {
     let depth_m = Image::from_fn(640, 480, |x, y| -ray(x, y).0.z);
     let points = lo_geometry::fibonacci_sphere(400_000).into_iter().map(|direction| {
         let (position_m, radiance) = room(Vec3::ZERO, direction);
-        RadiancePoint { position_m, radiance, coverage: Coverage::Seen }
+        RadiancePoint { position_m, radiance, provenance: Provenance::Observed }
     });
     // Leaves of 8 cm
     let cube = Cube::centred(Vec3::new(0.0, 0.0, -1.5), 5.1);

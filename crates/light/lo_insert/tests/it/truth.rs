@@ -5,7 +5,7 @@ use lo_geometry::{Camera, Cube, Plane, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_insert::{Composite, Inserter, Instance, Lighting, Placement, Quality};
 use lo_mesh::{LoadOptions, Material, Model, PreparedModel};
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::{Frame, LitScene};
 use rayon::prelude::*;
 
@@ -45,7 +45,7 @@ fn scene_of(solution: &Solution, depth: u32, width: u32, height: u32) -> LitScen
                 RadiancePoint {
                     position_m: Vec3::from(hit.position.map(|x| x as f32)),
                     radiance: solution.radiance(&hit).map(|x| x as f32),
-                    coverage: Coverage::Seen,
+                    provenance: Provenance::Observed,
                 }
             })
             .collect();

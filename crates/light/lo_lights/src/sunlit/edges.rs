@@ -1,56 +1,57 @@
-//! Edges of sun patches: places where one surface changes from bright to dark within a few pixels.
+//! Edges of sun patches: positions where one surface changes from bright to dark within a few pixels.
 
 use lo_geometry::Vec3;
 use lo_imaging::{Image, RadianceImage, luminance};
 use lo_scene::Frame;
 
-/// Pixels from the middle of an edge to what lies on either side of it.
+/// Distance in pixels from the centre of an edge to the samples on either side.
 const STEP: isize = 3;
 
-/// Pixels up to which either side stays as it is.
+/// Distance in pixels up to which either side is uniform.
 const WIDE: isize = 8;
 
-/// Least difference of the logarithms of luminance.
+/// Least difference of log luminance across an edge.
 const MIN_CONTRAST: f32 = 0.7;
 
-/// On either side luminance drifts by less than this share of the contrast.
+/// Greatest drift of log luminance on either side, as a share of the contrast.
 const MAX_DRIFT: f32 = 0.5;
 
-/// The sunny side is at least as bright as this, in units of the photo's white: cameras expose for the room.
+/// Least brightness of the lit side, in units of the photo's white: cameras expose for the room.
 const MIN_LIT: f32 = 0.25;
 
 /// Luminance below which differences are noise.
 const DARK: f32 = 2e-3;
 
-/// Both sides lie in one plane up to this share of their depth, with normals whose cosine is at least this.
+/// Flatness of an edge: greatest deviation of both sides from one plane, as a share of depth, and least cosine between
+/// their normals.
 const FLATNESS: f32 = 0.02;
 const MIN_ALIKE: f32 = 0.93;
 
-/// Least cosine at which the sun's light makes an edge.
+/// Least cosine at which sunlight creates an edge.
 const MIN_COSINE: f32 = 0.08;
 
 /// The two sides of an edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Edge {
-    pub lit: Side,
-    pub shaded: Side,
+    pub lit: EdgeSide,
+    pub shaded: EdgeSide,
 }
 
-/// A place on a surface.
+/// A surface point on one side of an edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Side {
+pub(super) struct EdgeSide {
     pub pixel: (usize, usize),
     pub position_m: Vec3,
-    /// Towards the camera.
+    /// Unit normal, towards the camera.
     pub normal: Vec3,
 }
 
-/// Logarithms of a photo's luminance.
+/// Returns the logarithm of a photo's luminance.
 pub(super) fn log_luminance(radiance: &RadianceImage) -> Image<f32> {
     radiance.map(|&rgb| luminance(rgb).max(DARK).ln())
 }
 
-/// Edges of a frame whose photo and depth have one resolution, on surfaces that face the sun.
+/// Finds edges on surfaces that face the sun, in a frame whose photo and depth have the same resolution.
 pub(super) fn edges(frame: &Frame, log: &Image<f32>, normals: &Image<Option<Vec3>>, sun: Vec3) -> Vec<Edge> {
     let (width, height) = (log.width(), log.height());
     let border = WIDE as usize + 1;
@@ -66,7 +67,7 @@ pub(super) fn edges(frame: &Frame, log: &Image<f32>, normals: &Image<Option<Vec3
     found.filter(|edge| edge.lit.normal.dot(sun) > MIN_COSINE).collect()
 }
 
-/// The edge across a pixel in one direction, and its contrast.
+/// Returns the edge across a pixel in one direction, with its contrast.
 fn edge(
     frame: &Frame,
     log: &Image<f32>,
@@ -81,7 +82,7 @@ fn edge(
     if contrast < MIN_CONTRAST || at(-STEP).max(at(STEP)) < (MIN_LIT * frame.exposure).ln() {
         return None;
     }
-    // Where it is steepest.
+    // Only the steepest pixel of an edge.
     let slope = |step: isize| (at(step - 1) - at(step + 1)).abs();
     if slope(0) < slope(1).max(slope(-1)) {
         return None;
@@ -92,7 +93,7 @@ fn edge(
     }
     let side = |step: isize| {
         let pixel = pixel(step);
-        Some(Side { pixel, position_m: frame.point(pixel.0, pixel.1)?, normal: normals[pixel]? })
+        Some(EdgeSide { pixel, position_m: frame.point(pixel.0, pixel.1)?, normal: normals[pixel]? })
     };
     let bright = if difference > 0.0 { -STEP } else { STEP };
     let (lit, shaded) = (side(bright)?, side(-bright)?);

@@ -1,4 +1,4 @@
-//! From the edges of sun patches to all of their pixels.
+//! Labelling of all pixels as lit or shaded, from the edges of sun patches.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -8,20 +8,21 @@ use lo_scene::Frame;
 
 use super::edges::Edge;
 
-/// Cost of a step between neighbouring pixels: always, for each e of luminance between them, for each share of depth.
+/// Costs of a step between adjacent pixels: constant, per e-fold of luminance, and per relative change of depth.
 const STEP: f32 = 0.01;
 const BY_LUMINANCE: f32 = 1.0;
 const BY_DEPTH: f32 = 20.0;
 
-/// Cost beyond which no edge tells.
+/// Greatest cost up to which an edge labels pixels.
 const REACH: f32 = 4.0;
 
-/// Whether each pixel is brighter than the middle of the edge that is nearest to it, along ways on which luminance and depth change little.
+/// Returns whether each pixel is brighter than the mid-level of its nearest edge, along paths on which luminance and
+/// depth change little.
 pub(super) fn label(frame: &Frame, log: &Image<f32>, edges: &[Edge]) -> Image<bool> {
     let (width, height) = (log.width(), log.height());
     let mut lit = Image::new(width, height, vec![false; width * height]);
     let mut costs = Image::new(width, height, vec![REACH; width * height]);
-    // Costs are not negative, so that their bits sort as they do.
+    // Costs are not negative, so their bits sort as they do.
     let mut next = BinaryHeap::new();
     let middles: Vec<f32> = edges.iter().map(|edge| 0.5 * (log[edge.lit.pixel] + log[edge.shaded.pixel])).collect();
     for (index, edge) in edges.iter().enumerate() {

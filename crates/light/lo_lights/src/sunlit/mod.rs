@@ -1,7 +1,8 @@
-//! Where the sun shines, by the patches that it makes on what a photo shows.
+//! Sunlit regions of a scene, from the sun patches that a photo shows.
 //!
-//! Nobody sees the window through which it comes. But what it lights in the air it would light on the surface behind, and that the photo shows: a place is in
-//! the sun where the ray from the sun through it ends in a sun patch.
+//! The window through which the sun enters is usually outside the photo. But a sun ray that passes a point in the air
+//! would continue to the surface behind it, which the photo shows. So a point is in the sun where the sun ray through
+//! it ends in a sun patch.
 
 mod edges;
 mod label;
@@ -11,32 +12,33 @@ use lo_geometry::{Camera, Vec2, Vec3};
 use lo_imaging::{DepthMap, Image};
 use lo_scene::Frame;
 
-use crate::picture::bilinear;
+use crate::image_change::bilinear;
 use edges::{Edge, edges, log_luminance};
 use label::label;
 
 pub use support::{ShadowSupport, shadow_support};
 
-/// Fewer edges are no sun patch.
+/// Least number of edges of a sun patch.
 const MIN_EDGES: usize = 30;
 
-/// A place this near to what its pixel shows lies on it, metres and metres per metre of depth.
+/// Tolerance within which a point is on the surface of its pixel: metres, and metres per metre of depth.
 const ON_SURFACE: (f32, f32) = (0.01, 0.01);
 
-/// Rays that pass what they meet by more than this go on behind it, metres and metres per metre of depth.
+/// Greatest thickness of surfaces; rays that are further behind a surface pass it. In metres, and metres per metre of
+/// depth.
 const BEHIND: (f32, f32) = (0.15, 0.1);
 
-/// Steps along a ray, as a share of the distance from the camera, and how far rays are followed, metres.
+/// Step along a ray, as a share of the distance from the camera, and greatest length of rays in metres.
 const STEP: f32 = 0.01;
 const REACH_M: f32 = 8.0;
 
-/// Halvings of the step in which a ray meets a surface.
+/// Number of bisections that refine a hit.
 const BISECTIONS: usize = 6;
 
-/// Channels of a clipped pixel that are, as a share of the exposure: 250 of 255 in linear light, as in [`Frame::clipped`].
+/// Value of a clipped channel as a share of the exposure: 250 of 255 in linear light, as in [`Frame::clipped`].
 const CLIPPED: f32 = 0.956;
 
-/// The surfaces of a photo on which the sun shines.
+/// Surfaces of a photo on which the sun shines.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sunlit {
     sun: Vec3,
@@ -46,30 +48,31 @@ pub struct Sunlit {
     edges: Vec<SunEdge>,
 }
 
-/// A place and what the photo shows in its direction.
-struct Shown {
-    /// In pixels.
+/// The surface that the photo shows in the direction of a point.
+struct VisibleSurface {
+    /// Position in pixels.
     at: Vec2,
     depth_m: f32,
-    /// How far the place lies behind that, metres.
+    /// Distance of the point behind the surface, in metres.
     past_m: f32,
 }
 
-/// By how much a sun patch is brighter than the shade beside it.
+/// Contrast between a sun patch and the shade beside it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SunEdge {
-    /// In the shade beside the patch, metres.
+    /// Position in the shade beside the patch, in metres.
     pub shaded_m: Vec3,
     /// Unit normal there.
     pub normal: Vec3,
-    /// By channel: radiance in the sun over that in the shade.
+    /// Radiance in the sun divided by that in the shade, per channel.
     pub ratio: Vec3,
-    /// By channel: whether the photo is clipped in the sun, so that the ratio is the least that it can be.
+    /// Whether the photo is clipped in the sun, per channel; the ratio is then a lower bound.
     pub clipped: [bool; 3],
 }
 
 impl Sunlit {
-    /// By the edges of sun patches on surfaces that face the sun, a unit vector towards which is given; `None` where there are hardly any.
+    /// Finds sunlit surfaces from the edges of sun patches. `sun` is the unit vector towards the sun. Returns `None` if
+    /// there are too few edges.
     ///
     /// `seen` is the frame at the working resolution ([`Frame::working`]) without flying pixels.
     pub fn new(seen: &Frame, sun: Vec3) -> Option<Self> {
@@ -100,36 +103,37 @@ impl Sunlit {
         Some(Self { sun, lit: softened(&lit), depth_m: seen.depth_m.clone(), camera: seen.depth_camera(), edges })
     }
 
-    /// How much of the sun shines on what each pixel shows, 0 to 1; in between at the edges of patches.
+    /// Returns the share of the sun on the surface of each pixel, from 0 to 1; values in between are at edges of
+    /// patches.
     pub fn lit(&self) -> &Image<f32> {
         &self.lit
     }
 
-    /// What the edges of the patches say.
+    /// Returns the contrasts at the edges of the patches.
     pub fn edges(&self) -> &[SunEdge] {
         &self.edges
     }
 
-    /// How much of the sun shines at a place, 0 to 1: on the surface that the photo shows there, or on what lies behind it as seen from the sun. `None` where
-    /// the photo does not show that.
-    pub fn share_at(&self, place: Vec3) -> Option<f32> {
-        let limit = |(fixed, share): (f32, f32), shown: &Shown| fixed + share * shown.depth_m;
-        if let Some(shown) = self.shown(place).filter(|shown| shown.past_m.abs() < limit(ON_SURFACE, shown)) {
+    /// Returns the share of the sun at a point, from 0 to 1: on the surface that the photo shows there, or on the
+    /// surface behind it as seen from the sun. Returns `None` where the photo does not show that surface.
+    pub fn share_at(&self, point: Vec3) -> Option<f32> {
+        let limit = |(fixed, share): (f32, f32), shown: &VisibleSurface| fixed + share * shown.depth_m;
+        if let Some(shown) = self.visible(point).filter(|shown| shown.past_m.abs() < limit(ON_SURFACE, shown)) {
             return Some(self.lit_at(&shown));
         }
         let (mut before_m, mut along_m) = (0.0, 0.0);
         while along_m < REACH_M {
-            let at = place - self.sun * along_m;
-            let met = self.shown(at).filter(|shown| (0.0..limit(BEHIND, shown)).contains(&shown.past_m));
-            if let Some(mut met) = met {
+            let at = point - self.sun * along_m;
+            let hit = self.visible(at).filter(|shown| (0.0..limit(BEHIND, shown)).contains(&shown.past_m));
+            if let Some(mut hit) = hit {
                 for _ in 0..BISECTIONS {
                     let middle_m = 0.5 * (before_m + along_m);
-                    match self.shown(place - self.sun * middle_m).filter(|shown| shown.past_m >= 0.0) {
-                        Some(nearer) => (along_m, met) = (middle_m, nearer),
+                    match self.visible(point - self.sun * middle_m).filter(|shown| shown.past_m >= 0.0) {
+                        Some(nearer) => (along_m, hit) = (middle_m, nearer),
                         None => before_m = middle_m,
                     }
                 }
-                return Some(self.lit_at(&met));
+                return Some(self.lit_at(&hit));
             }
             before_m = along_m;
             along_m += STEP * at.z.abs().max(0.2);
@@ -137,21 +141,21 @@ impl Sunlit {
         None
     }
 
-    /// What the photo shows in a place's direction; `None` beside the picture and at holes.
-    fn shown(&self, place: Vec3) -> Option<Shown> {
-        let (u, v, depth_m) = self.camera.project(place)?;
+    /// Returns the surface that the photo shows in the direction of a point; `None` outside the photo and at holes.
+    fn visible(&self, point: Vec3) -> Option<VisibleSurface> {
+        let (u, v, depth_m) = self.camera.project(point)?;
         let inside = self.camera.contains(u, v);
         let shown_m = inside.then(|| self.depth_m[(u as usize, v as usize)]).filter(|&shown_m| shown_m > 0.0)?;
-        Some(Shown { at: Vec2::new(u as f32, v as f32), depth_m: shown_m, past_m: depth_m as f32 - shown_m })
+        Some(VisibleSurface { at: Vec2::new(u as f32, v as f32), depth_m: shown_m, past_m: depth_m as f32 - shown_m })
     }
 
-    /// The share of the sun there, between pixels.
-    fn lit_at(&self, shown: &Shown) -> f32 {
+    /// Returns the interpolated share of the sun at a surface.
+    fn lit_at(&self, shown: &VisibleSurface) -> f32 {
         bilinear(&self.lit, shown.at, |a, b, share| a + (b - a) * share)
     }
 }
 
-/// Means of each pixel and those beside it, with weights 1, 2, 1 in both directions.
+/// Blurs with weights 1, 2, 1 in both directions.
 fn softened(lit: &Image<bool>) -> Image<f32> {
     let (width, height) = (lit.width(), lit.height());
     let value = |x: usize, y: usize| f32::from(u8::from(lit[(x, y)]));
@@ -180,7 +184,7 @@ mod tests {
         Camera::from_hfov_deg(70.0, WIDTH as u32, HEIGHT as u32).unwrap()
     }
 
-    /// What a pixel shows: the floor, or the wall behind it.
+    /// Returns the surface at a pixel: the floor, or the wall behind it.
     fn shown(x: usize, y: usize) -> Vec3 {
         let direction = camera().direction(x as f64 + 0.5, y as f64 + 0.5);
         let floor = if direction.y < 0.0 { FLOOR_M / direction.y } else { f32::INFINITY };
@@ -191,7 +195,7 @@ mod tests {
         (-0.5..0.8).contains(&at.x) && (-3.0..-2.2).contains(&at.z)
     }
 
-    /// A floor with a sun patch of this brightness beside the shade's, and a rug as dark as half of the floor.
+    /// A floor with a sun patch of this contrast to the shade, and a rug half as bright as the floor.
     fn frame(ratio: f32) -> Frame {
         let photo = Image::from_fn(WIDTH, HEIGHT, |x, y| {
             let at = shown(x, y);
@@ -232,12 +236,12 @@ mod tests {
     #[test]
     fn without_patches_there_is_nothing() {
         assert_eq!(Sunlit::new(&frame(1.0), SUN), None);
-        // The same seen from below the floor: nothing faces the sun.
+        // Seen from below the floor, nothing faces the sun.
         assert_eq!(Sunlit::new(&frame(6.0), -SUN), None);
     }
 
     proptest! {
-        /// A place in the air is in the sun where the photo shows that its shadow would fall into a patch.
+        /// A point in the air is in the sun where the photo shows that its shadow would fall into a patch.
         #[test]
         fn the_sun_shines_in_the_air_above_patches(x in -1.0f32..1.2, z in -3.4f32..-2.0, height_m in 0.0f32..0.6) {
             let sunlit = sunlit();
@@ -252,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn of_what_the_photo_does_not_show_nothing_is_said() {
+    fn surfaces_outside_the_photo_have_no_share() {
         let sunlit = sunlit();
         assert_eq!(sunlit.share_at(Vec3::new(0.0, 0.0, 4.0)), None);
         assert_eq!(sunlit.share_at(Vec3::new(-3.0, FLOOR_M, -0.5)), None);

@@ -1,4 +1,4 @@
-//! Edges of brightness in a photo that support the sun which a thing and its shadow give.
+//! Brightness edges in a photo that support a sun direction given by an object and its shadow.
 
 use std::f32::consts::TAU;
 use std::ops::Range;
@@ -8,43 +8,43 @@ use lo_imaging::{DepthMap, RadianceImage};
 use lo_scene::{Estimate, Frame};
 
 use super::CLIPPED;
-use super::edges::{Edge, Side, edges, log_luminance};
+use super::edges::{Edge, EdgeSide, edges, log_luminance};
 
-/// Edges count up to this share of the photo's width from the shadow's pixel.
+/// Greatest distance of an edge from the shadow's pixel, as a share of the photo's width.
 const NEAR: f32 = 0.05;
 
 /// Ranges of ln(ratio to shade in red ÷ that in green), and in green ÷ in blue: sunlight is neutral or warm.
 const WARM: [Range<f32>; 2] = [-0.15..0.5, -0.15..0.6];
 
-/// Pointing and depth are rough: the sun may stand up to this angle from the given direction.
+/// Clicks and depth are imprecise: the sun may be up to this angle from the given direction.
 const TURN_DEG: f32 = 6.0;
 
-/// Directions tried at a share of that angle.
+/// Directions tried, by share of that angle.
 const RINGS: [(f32, usize); 2] = [(0.5, 6), (1.0, 12)];
 
-/// Rays begin this far from a surface along its normal and along themselves, metres and metres per metre of depth.
+/// Offset of ray origins from a surface along its normal and along the ray: metres, and metres per metre of depth.
 const RAISED: (f32, f32) = (0.01, 0.01);
 const START: (f32, f32) = (0.15, 0.03);
 
-/// A surface hides places behind it at distances between these, metres and metres per metre of depth.
+/// Range of distances at which a surface occludes points behind it: metres, and metres per metre of depth.
 const BEHIND: [(f32, f32); 2] = [(0.015, 0.015), (0.15, 0.1)];
 
-/// Steps along a ray, as a share of the distance from the camera, and how far rays are followed, metres.
+/// Step along a ray, as a share of the distance from the camera, and greatest length of rays in metres.
 const STEP: f32 = 0.012;
 const REACH_M: f32 = 8.0;
 
-/// Sharp edges on surfaces that face a sun, around the pixel where a shadow is said to fall.
+/// Counts of sharp edges on sun-facing surfaces, around the pixel of a shadow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ShadowSupport {
-    /// All of them.
+    /// All edges.
     pub edges: usize,
     /// Edges whose bright side has more light of a sun's colour than the dark side, or is clipped.
     pub sunny: usize,
-    /// Of these, edges whose dark side the photo's depth hides from the sun, and whose bright side it does not.
+    /// Sunny edges whose dark side is occluded from the sun by the photo's depth, and whose bright side is not.
     pub explained: usize,
-    /// Of these, edges whose bright side it hides, and whose dark side it does not.
+    /// Sunny edges whose bright side is occluded, and whose dark side is not.
     pub against: usize,
-    /// Whether depth was measured. Predicted depth is too rough for [`ShadowSupport::explained`] to decide.
+    /// Whether depth was measured. Predicted depth is too imprecise for [`ShadowSupport::explained`] to decide.
     pub measured: bool,
 }
 
@@ -55,7 +55,7 @@ impl ShadowSupport {
     /// Least share of [`ShadowSupport::sunny`] edges.
     pub const MIN_SUNNY_SHARE: f32 = 0.4;
 
-    /// Whether the photo supports the shadow.
+    /// Returns whether the photo supports the shadow.
     pub fn is_enough(&self) -> bool {
         self.sunny >= Self::MIN_SUNNY
             && self.sunny as f32 >= Self::MIN_SUNNY_SHARE * self.edges as f32
@@ -63,10 +63,10 @@ impl ShadowSupport {
     }
 }
 
-/// The support for a sun, a unit vector towards which is given, by the edges around the pixel of a shadow.
+/// Counts the support for a sun by the edges around the pixel of a shadow. `sun` is the unit vector towards the sun.
 ///
-/// The ray from the dark side of a shadow's edge to the sun meets what casts the shadow.
-/// The ray from the bright side passes beside it.
+/// The ray from the dark side of a shadow's edge to the sun hits the object that casts the shadow. The ray from the
+/// bright side passes beside it.
 pub fn shadow_support(scene: &Estimate, sun: Vec3, shadow: [f64; 2]) -> ShadowSupport {
     let seen = scene.surface();
     let (radiance, normals) = (seen.radiance(), seen.normals());
@@ -82,14 +82,14 @@ pub fn shadow_support(scene: &Estimate, sun: Vec3, shadow: [f64; 2]) -> ShadowSu
     let counted =
         ShadowSupport { edges: near.len(), measured: !scene.origin.predicted_depth, ..ShadowSupport::default() };
     near.retain(|edge| is_sunny(edge, seen, &radiance));
-    let view = View { depth_m: &seen.depth_m, camera: seen.depth_camera() };
+    let view = DepthView { depth_m: &seen.depth_m, camera: seen.depth_camera() };
     let supports = around(sun).into_iter().map(|sun| view.support(&near, sun));
     let best = supports.max_by_key(|[explained, against]| *explained as isize - *against as isize);
     let [explained, against] = best.unwrap_or_default();
     ShadowSupport { sunny: near.len(), explained, against, ..counted }
 }
 
-/// Whether the ratio of an edge's sides is a sun's. Clipped channels leave it open.
+/// Returns whether the ratio of an edge's sides has a sun's colour. Clipped channels are not tested.
 fn is_sunny(edge: &Edge, seen: &Frame, radiance: &RadianceImage) -> bool {
     let [lit, shaded] = [edge.lit, edge.shaded].map(|side| Vec3::from(radiance[side.pixel]).max(Vec3::splat(1e-3)));
     let ratio = (lit / shaded).to_array().map(f32::ln);
@@ -98,7 +98,7 @@ fn is_sunny(edge: &Edge, seen: &Frame, radiance: &RadianceImage) -> bool {
     pairs.all(|(c, warm)| is_clipped(c) || is_clipped(c + 1) || warm.contains(&(ratio[c] - ratio[c + 1])))
 }
 
-/// A direction and those around it.
+/// Returns a direction and others around it.
 fn around(sun: Vec3) -> Vec<Vec3> {
     let (right, above) = sun.any_orthonormal_pair();
     let ring = |(share, count): (f32, usize)| {
@@ -111,13 +111,13 @@ fn around(sun: Vec3) -> Vec<Vec3> {
 }
 
 /// Surfaces that the photo shows.
-struct View<'a> {
+struct DepthView<'a> {
     depth_m: &'a DepthMap,
     camera: Camera,
 }
 
-impl View<'_> {
-    /// Numbers of edges that a sun explains, and that speak against it.
+impl DepthView<'_> {
+    /// Returns the numbers of edges that a sun explains and contradicts.
     fn support(&self, edges: &[Edge], sun: Vec3) -> [usize; 2] {
         let (mut explained, mut against) = (0, 0);
         for edge in edges {
@@ -130,11 +130,11 @@ impl View<'_> {
         [explained, against]
     }
 
-    /// Whether a surface lies between a place and the sun.
-    fn hides(&self, place: &Side, sun: Vec3) -> bool {
+    /// Returns whether a surface is between a point and the sun.
+    fn hides(&self, point: &EdgeSide, sun: Vec3) -> bool {
         let length = |(fixed, share): (f32, f32), depth_m: f32| fixed + share * depth_m;
-        let depth_m = -place.position_m.z;
-        let from = place.position_m + place.normal * length(RAISED, depth_m);
+        let depth_m = -point.position_m.z;
+        let from = point.position_m + point.normal * length(RAISED, depth_m);
         let mut along_m = length(START, depth_m);
         while along_m < REACH_M {
             let at = from + sun * along_m;
@@ -171,12 +171,12 @@ mod tests {
         Camera::from_hfov_deg(70.0, WIDTH as u32, HEIGHT as u32).unwrap()
     }
 
-    /// A board that hangs above the floor, in the plane `z = BOARD_M`.
+    /// A board hanging above the floor, in the plane `z = BOARD_M`.
     fn in_board(at: Vec3) -> bool {
         (-0.3..0.5).contains(&at.x) && (-0.45..0.2).contains(&at.y)
     }
 
-    /// What a pixel shows: the board, the floor, or a wall 6 m away.
+    /// Returns the surface at a pixel: the board, the floor, or a wall 6 m away.
     fn shown(x: usize, y: usize) -> Vec3 {
         let direction = camera().direction(x as f64 + 0.5, y as f64 + 0.5);
         let board = direction * (BOARD_M / direction.z);
@@ -187,7 +187,7 @@ mod tests {
         direction * floor.min(-6.0 / direction.z)
     }
 
-    /// A sunny floor of which the board shades a part. `light` is the sun's by channel, where the shade has 1.
+    /// A sunny floor, partly shaded by the board. `light` is the sun's per channel, relative to the shade.
     fn scene(light: [f32; 3], predicted_depth: bool) -> Estimate {
         let photo = RadianceImage::from_fn(WIDTH, HEIGHT, |x, y| {
             let at = shown(x, y);
@@ -205,7 +205,7 @@ mod tests {
         Estimate { origin, ..Estimate::as_seen(octree, frame) }
     }
 
-    /// The pixel of the shadow of a corner of the board.
+    /// Returns the pixel at the shadow of a corner of the board.
     fn shadow() -> [f64; 2] {
         let corner = Vec3::new(-0.3, -0.45, BOARD_M);
         let fallen = corner + SUN * ((FLOOR_M - corner.y) / SUN.y);
@@ -221,7 +221,7 @@ mod tests {
 
     #[test]
     fn a_sun_that_the_board_does_not_hide_is_refused_where_depth_was_measured() {
-        // From the camera's side nothing stands between the floor and the sun.
+        // Towards the camera's side nothing is between the floor and the sun.
         let other = Vec3::new(-0.48, 0.6, 0.64);
         let [measured, predicted] = [false, true].map(|is| shadow_support(&scene([4.0; 3], is), other, shadow()));
         assert!(measured.sunny >= ShadowSupport::MIN_SUNNY && measured.explained == 0, "{measured:?}");

@@ -1,17 +1,17 @@
-//! Detail in what the photo does not show: a room of one colour in the octree, and a photo of it with texture.
+//! Detail on unobserved surfaces: a uniform room in the octree, and a textured photo of it.
 
 use lo_cone::{Cone, ConeSample, ConeTracer, Settings};
 use lo_geometry::{Camera, Cube, Quat, RigidTransform, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage, luminance};
-use lo_lookup::{Detail, PhotoLookup, SharpViewers};
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_lookup::{Detail, PhotoLookup, SceneRenderer};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::{Frame, LaidPanorama, LitScene, OtherPhoto, PanoramaSource};
 use proptest::prelude::*;
 
 const LOW: Vec3 = Vec3::new(-2.0, -1.5, -3.4);
 const HIGH: Vec3 = Vec3::new(2.0, 1.2, 1.0);
 
-/// Radiance of all of the room in the octree.
+/// Uniform radiance of the room in the octree.
 const SMOOTH: [f32; 3] = [0.5, 0.4, 0.3];
 
 fn camera() -> Camera {
@@ -23,12 +23,12 @@ fn met_m(origin: Vec3, direction: Vec3) -> f32 {
     a.max(b).min_element()
 }
 
-/// Squares of `side` pixels that are brighter and darker than the octree by the same amount.
+/// Returns a texture of squares of `side` pixels, brighter and darker than the octree by the same amount.
 fn squares(side: usize) -> impl Fn(usize, usize) -> f32 {
     move |x, y| if (x / side + y / side).is_multiple_of(2) { 1.6 } else { 0.4 }
 }
 
-fn scene(texture: impl Fn(usize, usize) -> f32, coverage: Coverage) -> LitScene {
+fn scene(texture: impl Fn(usize, usize) -> f32, provenance: Provenance) -> LitScene {
     let camera = camera();
     let photo = RadianceImage::from_fn(320, 240, |x, y| SMOOTH.map(|v| v * texture(x, y)));
     let depth_m = Image::from_fn(320, 240, |x, y| {
@@ -37,14 +37,14 @@ fn scene(texture: impl Fn(usize, usize) -> f32, coverage: Coverage) -> LitScene 
     });
     let points = lo_geometry::fibonacci_sphere(200_000).into_iter().map(|direction| {
         let position_m = direction * (met_m(Vec3::ZERO, direction) + 1e-3);
-        RadiancePoint { position_m, radiance: SMOOTH, coverage }
+        RadiancePoint { position_m, radiance: SMOOTH, provenance }
     });
     let cube = Cube { origin_m: Vec3::new(-4.0, -4.0, -4.0), edge_m: 8.0 };
     let light = LightOctree::from_points(&points.collect::<Vec<_>>(), cube, 6, 4).unwrap().0;
     LitScene::as_seen(light, Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap())
 }
 
-/// What cones from a place see without detail, and with it.
+/// Traces cones without detail, and with it.
 fn traced(scene: &LitScene, cones: &[Cone]) -> (Vec<ConeSample>, Vec<ConeSample>) {
     let tracer = ConeTracer::new(&scene.light, Settings::default()).unwrap();
     let detail = Detail::new(scene, &PhotoLookup::new(scene, &tracer)).unwrap();
@@ -60,7 +60,7 @@ fn cones(origin: Vec3, tan_half_angle: f32, count: usize) -> Vec<Cone> {
     lo_geometry::fibonacci_sphere(count).into_iter().map(cone).collect()
 }
 
-/// Whether a direction is outside of the photo by some degrees.
+/// Returns whether a direction is some degrees outside the photo.
 fn is_outside(direction: Vec3) -> bool {
     let camera = camera();
     let margin = 60.0;
@@ -70,7 +70,7 @@ fn is_outside(direction: Vec3) -> bool {
 
 #[test]
 fn texture_goes_on_and_the_mean_stays() {
-    let scene = scene(squares(16), Coverage::Inferred);
+    let scene = scene(squares(16), Provenance::Inferred);
     for origin in [Vec3::ZERO, Vec3::new(0.4, -0.5, -1.5)] {
         let cones = cones(origin, 0.004, 20_000);
         let (plain, detailed) = traced(&scene, &cones);
@@ -87,14 +87,14 @@ fn texture_goes_on_and_the_mean_stays() {
         let (mean, deviation) = (sums[1] / sums[0], (squares / count).sqrt());
         println!("{origin}: mean {mean}, deviation {deviation}");
         assert!((mean - 1.0).abs() < 0.03, "{origin}: {mean}");
-        // The photo's own is 0.6. Poles are smooth.
+        // In the photo it is 0.6. Poles are smooth.
         assert!((0.3..0.65).contains(&deviation), "{origin}: {deviation}");
     }
 }
 
 #[test]
 fn wide_cones_see_no_detail() {
-    let scene = scene(squares(8), Coverage::Inferred);
+    let scene = scene(squares(8), Provenance::Inferred);
     let (plain, detailed) = traced(&scene, &cones(Vec3::ZERO, 0.5, 500));
     for (plain, detailed) in plain.iter().zip(&detailed).filter(|(plain, _)| plain.opacity > 0.5) {
         let ratio = Vec3::from(detailed.radiance) / Vec3::from(plain.radiance);
@@ -104,8 +104,8 @@ fn wide_cones_see_no_detail() {
 
 #[test]
 fn the_mirror_image_begins_at_the_photos_border() {
-    // A gradient: squares would hide by how much it is off.
-    let scene = scene(|x, y| 0.3 + 0.004 * x as f32 + 0.003 * y as f32, Coverage::Inferred);
+    // A gradient: squares would hide the size of an offset.
+    let scene = scene(|x, y| 0.3 + 0.004 * x as f32 + 0.003 * y as f32, Provenance::Inferred);
     let camera = camera();
     let photo = scene.frame.radiance();
     let mut pairs = Vec::new();
@@ -129,11 +129,11 @@ fn the_mirror_image_begins_at_the_photos_border() {
 }
 
 #[test]
-fn nothing_changes_where_a_picture_answers() {
-    let scene = scene(squares(16), Coverage::Inferred);
-    // What the photo shows, away from its border.
-    let (with, without) = (SharpViewers::new(&scene).with_detail(&scene), SharpViewers::new(&scene));
-    let [with, without] = [with, without].map(|viewers| viewers.panorama(Vec3::ZERO, 256, 128).radiance);
+fn detail_changes_nothing_inside_photos_and_panoramas() {
+    let scene = scene(squares(16), Provenance::Inferred);
+    // Inside the photo, away from its border.
+    let (with, without) = (SceneRenderer::new(&scene).with_detail(&scene), SceneRenderer::new(&scene));
+    let [with, without] = [with, without].map(|renderer| renderer.panorama(Vec3::ZERO, 256, 128).radiance);
     let (mut inside, mut changed) = (0, 0);
     for (i, (with, without)) in with.pixels().iter().zip(without.pixels()).enumerate() {
         let direction = lo_geometry::pixel_direction(i % 256, i / 256, 256, 128);
@@ -146,7 +146,7 @@ fn nothing_changes_where_a_picture_answers() {
         }
     }
     assert!(inside > 1000 && changed > 10_000, "{inside} {changed}");
-    // With a panorama of the room there is no detail, and none in what another photo saw.
+    // With a panorama of the room there is no detail, and none on surfaces that another photo observed.
     let source = PanoramaSource {
         file: "room.hdr".into(),
         position_m: Vec3::ZERO,
@@ -162,7 +162,7 @@ fn nothing_changes_where_a_picture_answers() {
     given.estimate_mut().panorama = Some(LaidPanorama { source, share, picture: None });
     let tracer = ConeTracer::new(&scene.light, Settings::default()).unwrap();
     assert!(Detail::new(&given, &PhotoLookup::new(&given, &tracer)).is_none());
-    let mut several = self::scene(squares(16), Coverage::Seen);
+    let mut several = self::scene(squares(16), Provenance::Observed);
     let first_from_camera = RigidTransform { rotation: Quat::IDENTITY, translation_m: Vec3::X };
     several.estimate_mut().other_photos.push(OtherPhoto { first_from_camera, camera: camera(), exposure: 1.0 });
     let (plain, detailed) = traced(&several, &cones(Vec3::new(0.3, 0.0, -0.5), 0.01, 2000));
@@ -175,14 +175,14 @@ fn nothing_changes_where_a_picture_answers() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// For any photo, radiance stays finite, not negative, and within the ratio's range of the brightest input.
+    /// For any photo, radiance stays finite, non-negative, and within the ratio's range of the brightest input.
     #[test]
     fn radiance_stays_in_range(
         values in prop::collection::vec(prop_oneof![Just(0.0f32), 0.0f32..1.0, Just(50.0f32)], 64),
         turn in 0.0f32..6.0,
         place in prop::array::uniform3(-0.9f32..0.9),
     ) {
-        let scene = scene(|x, y| values[(x * 8 / 320) + 8 * (y * 8 / 240)], Coverage::Inferred);
+        let scene = scene(|x, y| values[(x * 8 / 320) + 8 * (y * 8 / 240)], Provenance::Inferred);
         let brightest = scene.frame.radiance().pixels().iter().flatten().copied().fold(SMOOTH[0], f32::max);
         let mut cones = cones(Vec3::from(place), 0.02, 500);
         cones.iter_mut().for_each(|cone| cone.direction = Quat::from_rotation_y(turn) * cone.direction);

@@ -1,12 +1,13 @@
-//! Edited lights in a room of known radiance: a lamp and a window that the photo shows clipped, a panel in the ceiling that it does not show.
+//! Edited lights in a room of known radiance: a lamp and a window that are clipped in the photo, and a ceiling panel
+//! outside it.
 
 use std::sync::OnceLock;
 
 use lo_geometry::{Camera, Cube, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage, luminance};
-use lo_lights::{Kind, Origin, apply_edits, emitters, list, remove_emitters};
-use lo_lookup::SharpViewers;
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_lights::{LightKind, LightOrigin, apply_edits, emitters, list, remove_emitters};
+use lo_lookup::SceneRenderer;
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::{
     AddedLight, AnalyticLight, EmitterEdit, Frame, LightChange, LightColor, LightEdits, LightShape, LitScene,
 };
@@ -20,7 +21,7 @@ const LAMP: [f32; 3] = [16.0, 11.0, 6.0];
 const WINDOW: [f32; 3] = [5.0, 6.0, 7.5];
 const PANEL: [f32; 3] = [9.0, 9.0, 8.5];
 
-/// Radiance of a point of the room.
+/// Returns the radiance of a point of the room.
 fn radiance(point: Vec3) -> [f32; 3] {
     let near = |value: f32, middle: f32, half: f32| (value - middle).abs() < half;
     if point.z < LOW.z + 0.05 && near(point.x, 0.6, 0.16) && near(point.y, 0.3, 0.16) {
@@ -55,7 +56,7 @@ fn scene() -> LitScene {
             RadiancePoint {
                 position_m: position_m + direction * 1e-3,
                 radiance: radiance(position_m),
-                coverage: if seen { Coverage::Seen } else { Coverage::Inferred },
+                provenance: if seen { Provenance::Observed } else { Provenance::Inferred },
             }
         };
         let points: Vec<RadiancePoint> =
@@ -66,7 +67,7 @@ fn scene() -> LitScene {
     SCENE.get_or_init(make).clone()
 }
 
-/// The scene with one emitter changed.
+/// Returns the scene with one emitter changed.
 fn edited(id: &str, change: LightChange) -> LitScene {
     let mut scene = scene();
     let found = emitters(&scene);
@@ -90,13 +91,13 @@ const WIDTH: usize = 256;
 const HEIGHT: usize = 128;
 
 fn panorama(scene: &LitScene, eye: Vec3) -> RadianceImage {
-    SharpViewers::new(scene).panorama(eye, WIDTH, HEIGHT).radiance
+    SceneRenderer::new(scene).panorama(eye, WIDTH, HEIGHT).radiance
 }
 
-/// At each of [`EYES`].
+/// Renders panoramas at each of [`EYES`].
 fn panoramas(scene: &LitScene) -> Vec<RadianceImage> {
-    let viewers = SharpViewers::new(scene);
-    EYES.iter().map(|&eye| viewers.panorama(eye, WIDTH, HEIGHT).radiance).collect()
+    let renderer = SceneRenderer::new(scene);
+    EYES.iter().map(|&eye| renderer.panorama(eye, WIDTH, HEIGHT).radiance).collect()
 }
 
 const EYES: [Vec3; 3] = [Vec3::ZERO, Vec3::new(0.5, -0.4, -2.3), Vec3::new(-1.2, 0.3, -0.5)];
@@ -107,7 +108,7 @@ fn scaled(scale: f32) -> LightChange {
 
 const OFF: LightChange = LightChange { on: false, ..LightChange::NONE };
 
-/// Irradiance on a surface that faces `normal`.
+/// Returns the irradiance on a surface with this normal.
 fn irradiance(map: &RadianceImage, normal: Vec3) -> Vec3 {
     let (width, height) = (map.width(), map.height());
     let pixel = |i: usize| {
@@ -119,25 +120,25 @@ fn irradiance(map: &RadianceImage, normal: Vec3) -> Vec3 {
 }
 
 #[test]
-fn what_shines_is_listed_with_place_size_and_kind() {
+fn emitters_are_listed_with_position_size_and_kind() {
     let scene = scene();
     let lights = list(&scene, &LightEdits::default());
     assert_eq!(lights.iter().map(|light| &light.id[..]).collect::<Vec<_>>(), ["L1", "L2", "L3"]);
     let found = |place: Vec3| lights.iter().find(|light| (light.position_m.unwrap() - place).length() < 0.1).unwrap();
     let window = found(Vec3::new(LOW.x, 0.2, -2.2));
-    assert_eq!((window.kind, window.origin), (Kind::Window, Origin::Seen));
+    assert_eq!((window.kind, window.origin), (LightKind::Window, LightOrigin::Observed));
     assert!(window.direction.unwrap().dot(Vec3::X) > 0.99);
-    // Whole leaves: up to one more across.
+    // Whole leaves: up to one more in each direction.
     let [width, height] = window.size_m.unwrap();
     assert!((0.95..1.15).contains(&width) && (0.75..0.95).contains(&height), "{width} {height}");
     let lamp = found(Vec3::new(0.6, 0.3, LOW.z));
-    assert_eq!((lamp.kind, lamp.origin), (Kind::Lamp, Origin::Seen));
+    assert_eq!((lamp.kind, lamp.origin), (LightKind::Lamp, LightOrigin::Observed));
     // (16, 11, 6) has x = 0.3791 and y = 0.3819, which is 4,079 K by McCamy.
     assert!((lamp.color_temperature_k.unwrap() / 4079.0 - 1.0).abs() < 0.02, "{:?}", lamp.color_temperature_k);
     let panel = found(Vec3::new(0.0, HIGH.y, 0.3));
-    assert_eq!((panel.kind, panel.origin), (Kind::Lamp, Origin::Guessed));
+    assert_eq!((panel.kind, panel.origin), (LightKind::Lamp, LightOrigin::Inferred));
     assert!(panel.direction.unwrap().dot(Vec3::NEG_Y) > 0.99);
-    // What they give beyond the walls, by closed form, as shares of all light.
+    // Their irradiance at the walls in closed form, as shares of all light.
     let size = HIGH - LOW;
     let walls = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x) * luminance(WALL);
     let own = |area: f32, radiance: [f32; 3]| area * (luminance(radiance) - luminance(WALL));
@@ -186,7 +187,7 @@ fn a_lamp_that_is_off_leaves_no_rim() {
                 let towards = light.position_m.unwrap() - eye;
                 towards.angle_between(direction) < 1.2 * light.area_m2.unwrap().sqrt() / towards.length()
             };
-            // In and around it there is wall alone, with the error of leaves that are not filled.
+            // In and around it there is only wall, with the error of partly filled leaves.
             for i in (0..WIDTH * HEIGHT).filter(|&i| off(i)) {
                 let bright = luminance(map.pixels()[i]) / luminance(WALL);
                 assert!((0.8..1.25).contains(&bright), "{} from {eye}: {bright}", light.id);
@@ -211,7 +212,7 @@ fn without_emitters_there_are_walls_alone() {
 fn another_colour_keeps_the_luminance() {
     let lamp = list(&scene(), &LightEdits::default())
         .into_iter()
-        .find(|light| light.kind == Kind::Lamp && light.origin == Origin::Seen);
+        .find(|light| light.kind == LightKind::Lamp && light.origin == LightOrigin::Observed);
     let lamp = lamp.unwrap();
     let change = LightChange { color: Some(LightColor::Kelvin(6500.0)), ..LightChange::NONE };
     let eye = EYES[1];
@@ -228,12 +229,12 @@ fn another_colour_keeps_the_luminance() {
 fn a_lamp_that_is_moved_gives_its_light_elsewhere() {
     let lamp = list(&scene(), &LightEdits::default())
         .into_iter()
-        .find(|light| light.kind == Kind::Lamp && light.origin == Origin::Seen);
+        .find(|light| light.kind == LightKind::Lamp && light.origin == LightOrigin::Observed);
     let lamp = lamp.unwrap();
     let at_m = Vec3::new(-0.4, 0.1, -2.0);
     let moved = edited(&lamp.id, LightChange { at_m: Some(at_m), ..LightChange::NONE });
     let off = edited(&lamp.id, OFF);
-    // 1 m before it: L A / d² straight ahead, within the size of the lamp.
+    // 1 m in front of it: L A / d² straight ahead, within the size of the lamp.
     let eye = at_m + Vec3::Z * 1.0;
     let given = irradiance(&panorama(&moved, eye), Vec3::NEG_Z) - irradiance(&panorama(&off, eye), Vec3::NEG_Z);
     let expected = (Vec3::from(LAMP) - Vec3::from(WALL)) * 0.32 * 0.32;
@@ -257,7 +258,7 @@ fn added_lights_give_what_they_should() {
     let close = |found: Vec3, expected: f32, name: &str| {
         assert!((found / expected - 1.0).abs().max_element() < 0.01, "{name}: {found} for {expected}");
     };
-    // Straight above a point at the distance d: a square of edge 2 a has E = 4 L a/√(a² + d²) atan(a/√(a² + d²)).
+    // At the distance d in front of its centre, a square of edge 2 a gives E = 4 L a/√(a² + d²) atan(a/√(a² + d²)).
     let (a, d) = (0.4f32, 1.3f32);
     let square = |size: f32, two_sided| LightShape::Rectangle {
         centre_m: eye + Vec3::Y * d,
@@ -284,12 +285,12 @@ fn added_lights_give_what_they_should() {
         let sphere = LightShape::Sphere { centre_m: eye + Vec3::Y * d, radius_m: r };
         close(given(sphere, [radiance; 3], Vec3::Y), std::f32::consts::PI * radiance * (r / d).powi(2), "sphere");
     }
-    // A sun of irradiance 4, through a wall that nobody saw.
+    // A sun of irradiance 4, through an unobserved wall.
     let direction = Vec3::new(0.2, 0.8, 0.6).normalize();
     let sun = LightShape::Sun { direction, angular_radius_deg: 0.27, of_photo: false };
     let light = AnalyticLight { shape: sun, radiance: [1.0; 3] };
     close(given(sun, [4.0 / light.extent(); 3], direction), 4.0, "sun");
-    // Not through one that the photo shows, but through the window in the wall to the left.
+    // Not through a wall that the photo shows, but through the window in the left wall.
     let front =
         LightShape::Sun { direction: Vec3::new(0.0, 0.2, -1.0).normalize(), angular_radius_deg: 0.27, of_photo: false };
     assert!(panorama(&added(front, [1e5; 3], LightChange::NONE), eye) == base, "a seen wall hides it");
@@ -306,7 +307,7 @@ fn nothing_is_seen_through_walls() {
 }
 
 #[test]
-fn edits_of_what_is_not_there_are_refused() {
+fn edits_of_unknown_lights_are_refused() {
     let mut scene = scene();
     let (before, found) = (scene.light.clone(), emitters(&scene));
     let edit = |id: &str, found_at_m| LightEdits {
@@ -316,6 +317,6 @@ fn edits_of_what_is_not_there_are_refused() {
     let message = apply_edits(&mut scene, &edit("L7", Vec3::ZERO), &found).unwrap_err().to_string();
     assert_eq!(message, "the scene has no light L7; it has L1, L2, L3");
     let message = apply_edits(&mut scene, &edit("L1", Vec3::new(1.9, -1.4, 0.9)), &found).unwrap_err().to_string();
-    assert!(message.starts_with("light L1 lies") && message.ends_with("reset it"), "{message}");
+    assert!(message.starts_with("light L1 is ") && message.ends_with("reset it"), "{message}");
     assert!(scene.light.rgba == before.rgba && scene.edited.is_none());
 }

@@ -1,4 +1,4 @@
-//! Rooms with what the photo knows, and with edited lights. One binary, so that it is linked once.
+//! Photo lookup in rooms, also with edited lights. A single binary, so that it is linked once.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod detail;

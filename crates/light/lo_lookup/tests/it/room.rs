@@ -1,10 +1,10 @@
-//! A room of known radiance, its photo and its octree: what is looked up against the truth.
+//! A room of known radiance, its photo and its octree: lookups compared with ground truth.
 
-use lo_cone::{Cone, ConeSample, ConeTracer, Settings, Viewers};
+use lo_cone::{Cone, ConeSample, ConeTracer, OctreeRenderer, Settings};
 use lo_geometry::{Camera, Cube, Quat, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
-use lo_lookup::{PhotoLookup, SharpViewers};
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_lookup::{PhotoLookup, SceneRenderer};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::{Frame, LaidPanorama, LitScene, PanoramaPicture, PanoramaSource};
 use proptest::prelude::*;
 
@@ -16,7 +16,8 @@ const HIGH: Vec3 = Vec3::new(2.0, 1.2, 1.0);
 /// A red pillar in front of the far wall.
 const PILLAR: (Vec3, Vec3) = (Vec3::new(-0.3, -1.5, -2.0), Vec3::new(0.3, 1.2, -1.8));
 
-/// What a ray meets: the pillar, or the room. Stripes of 10 cm in green and blue on the room, no red; the pillar is red alone.
+/// Returns the hit of a ray on the pillar or the room. The room has green and blue stripes of 10 cm and no red; the
+/// pillar is pure red.
 fn truth(origin: Vec3, direction: Vec3, pillar: bool) -> (Vec3, [f32; 3]) {
     let slabs = |(low, high): (Vec3, Vec3)| {
         let (a, b) = ((low - origin) / direction, (high - origin) / direction);
@@ -30,7 +31,7 @@ fn truth(origin: Vec3, direction: Vec3, pillar: bool) -> (Vec3, [f32; 3]) {
     (point, [0.0, pattern(point), 0.3])
 }
 
-/// Stripes of 10 cm along the axes that a surface of the room is not at right angles to, softened so that a photo pixel resolves them.
+/// Stripes of 10 cm along the axes tangential to a surface of the room, softened so that a photo pixel resolves them.
 fn pattern(point: Vec3) -> f32 {
     let waves = (point * std::f32::consts::TAU / 0.2).map(f32::sin);
     0.5 + 0.15 * (waves.x + waves.y + waves.z)
@@ -40,20 +41,20 @@ fn camera() -> Camera {
     Camera::from_hfov_deg(70.0, 480, 360).unwrap()
 }
 
-/// The photo, its true depth, and the octree of the room's surfaces.
+/// Creates the photo, its true depth, and the octree of the room's surfaces.
 fn scene(pillar: bool) -> LitScene {
     let camera = camera();
     let ray = |x: usize, y: usize| truth(Vec3::ZERO, camera.direction(x as f64 + 0.5, y as f64 + 0.5), pillar);
     let photo = RadianceImage::from_fn(480, 360, |x, y| ray(x, y).1);
     let depth_m = Image::from_fn(480, 360, |x, y| -ray(x, y).0.z);
     let frame = Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap();
-    // Seen from many places, so that all surfaces are there.
+    // From several positions, so that all surfaces are included.
     let eyes = [Vec3::ZERO, Vec3::new(-1.7, 0.5, -3.0), Vec3::new(1.7, -0.5, -3.0), Vec3::new(0.0, 0.0, -3.0)];
     let point = |eye: Vec3, i: usize| {
         let direction = lo_geometry::pixel_direction(i % 900, i / 900, 900, 450);
         let (position_m, radiance) = truth(eye, direction, pillar);
-        let coverage = Coverage::Inferred;
-        RadiancePoint { position_m: position_m + direction * 1e-3, radiance, coverage }
+        let provenance = Provenance::Inferred;
+        RadiancePoint { position_m: position_m + direction * 1e-3, radiance, provenance }
     };
     let points: Vec<RadiancePoint> =
         eyes.into_iter().flat_map(|eye| (0..900 * 450).map(move |i| point(eye, i))).collect();
@@ -61,21 +62,21 @@ fn scene(pillar: bool) -> LitScene {
     LitScene::as_seen(light, frame)
 }
 
-/// Whether the photo shows a point: in the picture, and nothing before it.
+/// Returns whether the photo shows a point: inside the photo and unoccluded.
 fn shown(point: Vec3, pillar: bool) -> bool {
     let camera = camera();
     let inside = camera.project(point).is_some_and(|(u, v, _)| {
-        // A pixel's cone must lie within the picture.
+        // A pixel's cone must be inside the photo.
         (5.0..475.0).contains(&u) && (5.0..355.0).contains(&v)
     });
     inside && (truth(Vec3::ZERO, point.normalize(), pillar).0 - point).length() < 0.02
 }
 
-/// Root of the mean square of the error over the pixels that the photo shows, of the octree and with the photo.
+/// Returns the root mean square errors over the pixels that the photo shows: of the octree alone, and with the photo.
 fn errors(eye: Vec3, pillar: bool) -> (f32, f32) {
     let scene = scene(pillar);
-    let octree = Viewers::new(&scene.light).at(eye).panorama(eye, 1024, 512).radiance;
-    let sharp = SharpViewers::new(&scene).panorama(eye, 1024, 512).radiance;
+    let octree = OctreeRenderer::new(&scene.light).at(eye).panorama(eye, 1024, 512).radiance;
+    let sharp = SceneRenderer::new(&scene).panorama(eye, 1024, 512).radiance;
     let (mut sums, mut count) = ([0.0f32; 2], 0);
     for y in 0..512 {
         for x in 0..1024 {
@@ -108,15 +109,15 @@ fn silhouettes_have_no_halo() {
     let scene = scene(true);
     let (mut better, mut worse) = (0, 0);
     for eye in [Vec3::new(0.6, 0.1, -0.4), Vec3::new(-1.2, -0.3, -0.2)] {
-        let octree = Viewers::new(&scene.light).at(eye).panorama(eye, 1024, 512).radiance;
-        let sharp = SharpViewers::new(&scene).panorama(eye, 1024, 512).radiance;
-        // Red is the pillar's alone: where it comes or goes, a silhouette is wrong.
+        let octree = OctreeRenderer::new(&scene.light).at(eye).panorama(eye, 1024, 512).radiance;
+        let sharp = SceneRenderer::new(&scene).panorama(eye, 1024, 512).radiance;
+        // Only the pillar is red: where red appears or disappears, a silhouette is wrong.
         let red =
             RadianceImage::from_fn(1024, 512, |x, y| truth(eye, lo_geometry::pixel_direction(x, y, 1024, 512), true).1);
         for y in 1..511 {
             for x in 1..1023 {
                 let own = red[(x, y)][0];
-                // Half a pixel of the photo is what its depth map knows of a silhouette's place.
+                // The depth map locates a silhouette to half a pixel of the photo.
                 let inside = (y - 1..y + 2).all(|y| (x - 1..x + 2).all(|x| red[(x, y)][0] == own));
                 let error = |got: [f32; 3]| (got[0] - own).abs();
                 let (without, with) = (error(octree[(x, y)]), error(sharp[(x, y)]));
@@ -129,10 +130,10 @@ fn silhouettes_have_no_halo() {
 }
 
 #[test]
-fn the_part_outside_of_the_picture_stays_to_the_bit() {
+fn pixels_outside_the_photo_are_bit_identical() {
     let scene = scene(true);
-    let octree = Viewers::new(&scene.light).at(Vec3::ZERO).panorama(Vec3::ZERO, 256, 128).radiance;
-    let sharp = SharpViewers::new(&scene).panorama(Vec3::ZERO, 256, 128).radiance;
+    let octree = OctreeRenderer::new(&scene.light).at(Vec3::ZERO).panorama(Vec3::ZERO, 256, 128).radiance;
+    let sharp = SceneRenderer::new(&scene).panorama(Vec3::ZERO, 256, 128).radiance;
     let camera = camera();
     let mut changed = 0;
     for y in 0..128 {
@@ -148,7 +149,7 @@ fn the_part_outside_of_the_picture_stays_to_the_bit() {
 }
 
 #[test]
-fn wide_cones_stay() {
+fn wide_cones_are_not_changed() {
     let scene = scene(true);
     let tracer = ConeTracer::new(&scene.light, Settings::default()).unwrap();
     let lookup = PhotoLookup::new(&scene, &tracer);
@@ -190,14 +191,14 @@ fn lamps_are_as_bright_as_in_the_octree() {
     let point = |i: usize| {
         let (x, y) = (i % 480, i / 480);
         let position_m = camera.unproject(x as f64 + 0.5, y as f64 + 0.5, 3.0);
-        RadiancePoint { position_m, radiance: [kind(x, y); 3], coverage: Coverage::Seen }
+        RadiancePoint { position_m, radiance: [kind(x, y); 3], provenance: Provenance::Observed }
     };
     let points: Vec<RadiancePoint> = (0..480 * 360).map(point).collect();
     let light = LightOctree::from_points(&points, CUBE, DEPTH, 4).unwrap().0;
     let photo = Photo::Linear(RadianceImage::from_fn(480, 360, |x, y| [kind(x, y).min(1.0); 3]));
     let scene = LitScene::as_seen(light, Frame::new(photo, depth_m, camera, 1.0).unwrap());
-    let octree = Viewers::new(&scene.light).at(Vec3::ZERO).panorama(Vec3::ZERO, 1024, 512).radiance;
-    let sharp = SharpViewers::new(&scene).panorama(Vec3::ZERO, 1024, 512).radiance;
+    let octree = OctreeRenderer::new(&scene.light).at(Vec3::ZERO).panorama(Vec3::ZERO, 1024, 512).radiance;
+    let sharp = SceneRenderer::new(&scene).panorama(Vec3::ZERO, 1024, 512).radiance;
     let flux = |map: &RadianceImage, columns: std::ops::Range<usize>| -> f32 {
         columns.flat_map(|x| (0..512).map(move |y| (x, y))).map(|at| (map[at][0] - 0.4).max(0.0)).sum()
     };
@@ -212,9 +213,9 @@ fn lamps_are_as_bright_as_in_the_octree() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Whatever the depth map holds and wherever cones start: what comes out lies between the octree's answer and the photo's extremes.
+    /// For any depth map and any cone, the output is between the octree's value and the photo's extremes.
     #[test]
-    fn nothing_comes_out_that_was_not_put_in(
+    fn lookups_stay_between_octree_and_photo_extremes(
         depths in prop::collection::vec(prop_oneof![Just(0.0f32), 0.3f32..6.0], 48),
         origin in prop::array::uniform3(-2.0f32..2.0),
         seed in 0u64..1000,
@@ -249,7 +250,8 @@ proptest! {
     }
 }
 
-/// Root of the mean square of the error over all that is not in the picture, of the octree and with a panorama of the room taken at `place`.
+/// Returns the root mean square errors outside the photo: of the octree alone, and with a panorama of the room taken at
+/// `place_m`.
 fn unseen_errors(place_m: Vec3, eye: Vec3) -> (f32, f32) {
     let plain = scene(false);
     let rotation = Quat::from_rotation_y(0.7) * Quat::from_rotation_x(0.1);
@@ -266,13 +268,13 @@ fn unseen_errors(place_m: Vec3, eye: Vec3) -> (f32, f32) {
         confidence: 1.0,
         clipped: false,
     };
-    // As if it had given all light.
+    // As if the panorama had contributed all light.
     let share = plain.light.rgba.iter().map(|rows| vec![255; rows.len()]).collect();
     let picture = Some(PanoramaPicture::new(&radiance, rotation));
     let mut given = plain.clone();
     given.estimate_mut().panorama = Some(LaidPanorama { source, share, picture });
     let error = |scene: &LitScene| {
-        let found = SharpViewers::new(scene).panorama(eye, 512, 256).radiance;
+        let found = SceneRenderer::new(scene).panorama(eye, 512, 256).radiance;
         let (mut sum, mut count) = (0.0, 0);
         for (i, got) in found.pixels().iter().enumerate() {
             let direction = lo_geometry::pixel_direction(i % 512, i / 512, 512, 256);
@@ -288,8 +290,8 @@ fn unseen_errors(place_m: Vec3, eye: Vec3) -> (f32, f32) {
 }
 
 #[test]
-fn a_panorama_shows_what_the_photo_does_not() {
-    // At its own place it comes back as it is; elsewhere stripes that leaves lose are there again.
+fn a_panorama_sharpens_surfaces_outside_the_photo() {
+    // At the panorama's own position it is reproduced; elsewhere it restores the stripes that leaves lose.
     let place_m = Vec3::new(0.3, 0.1, -0.4);
     let (octree, own) = unseen_errors(place_m, place_m);
     assert!(own < 0.2 * octree, "{own} with the panorama, {octree} without");

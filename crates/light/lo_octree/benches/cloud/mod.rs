@@ -1,14 +1,16 @@
-//! The peers' point clouds, or a stand-in of as many points. Also included by its path by the benches of `crates/light/lo_cone`.
+//! The peers' point clouds, or a synthetic substitute of the same size. The benches of `crates/light/lo_cone` include
+//! this file by path.
 
 use std::path::Path;
 
 use lo_geometry::Vec3;
 
-use super::{Coverage, RadiancePoint};
+use super::{Provenance, RadiancePoint};
 
-/// Points of the cloud `rgbd` (153,600) or `room` (1.3 million) in [−1, 1]³.
+/// Returns the points of the cloud `rgbd` (153,600) or `room` (1.3 million) in [−1, 1]³.
 ///
-/// `PEERS_INPUT` names the folder with `CLOUD_unit.npy` and `CLOUD_color.npy`; without it a bare box room stands in.
+/// `PEERS_INPUT` names the folder with `CLOUD_unit.npy` and `CLOUD_color.npy`. Without it, the points of a bare box
+/// room are returned.
 pub fn points(cloud: &str) -> Vec<RadiancePoint> {
     let count = if cloud == "rgbd" { 153_600 } else { 1_300_000 };
     let (positions, colours) = match std::env::var_os("PEERS_INPUT") {
@@ -23,7 +25,7 @@ pub fn points(cloud: &str) -> Vec<RadiancePoint> {
         .map(|(position, radiance)| RadiancePoint {
             position_m: Vec3::from(position),
             radiance,
-            coverage: Coverage::Seen,
+            provenance: Provenance::Observed,
         })
         .collect()
 }

@@ -3,29 +3,29 @@
 use std::collections::BTreeMap;
 
 use lo_geometry::{Cube, Vec3};
-use lo_octree::{Coverage, LightOctree, MAX_ALPHA, RadiancePoint, key_from_xyz, xyz_from_key};
+use lo_octree::{LightOctree, MAX_ALPHA, Provenance, RadiancePoint, key_from_xyz, xyz_from_key};
 use proptest::prelude::*;
 
 const CUBE: Cube = Cube { origin_m: Vec3::new(-1.0, -2.0, -3.0), edge_m: 4.0 };
 
 fn point_in(cube: Cube) -> impl Strategy<Value = RadiancePoint> {
-    // a little beyond the cube, and clustered so that leaves hold several points
+    // Slightly beyond the cube, and clustered so that leaves hold several points.
     (prop::array::uniform3(-0.05f32..1.05), prop::bool::ANY, prop::array::uniform3(0.0f32..20.0), any::<bool>())
         .prop_map(move |(unit, cluster, radiance, seen)| {
             let unit = Vec3::from(unit);
             RadiancePoint {
                 position_m: cube.world_from_unit(if cluster { unit * 0.1 } else { unit }),
                 radiance,
-                coverage: if seen { Coverage::Seen } else { Coverage::Inferred },
+                provenance: if seen { Provenance::Observed } else { Provenance::Inferred },
             }
         })
 }
 
-/// Mean radiance, seen share and number of points per leaf.
+/// Returns mean radiance, observed share and number of points per leaf.
 fn naive_leaves(points: &[RadiancePoint], cube: Cube, depth: u32) -> BTreeMap<u32, ([f64; 3], f64, usize)> {
     let mut leaves: BTreeMap<u32, ([f64; 3], f64, usize)> = BTreeMap::new();
     for point in points.iter().filter(|p| cube.contains(p.position_m)) {
-        // as f32, so that points within a rounding of a leaf's face fall on the same side
+        // in f32, so that points within a rounding of a leaf's face fall on the same side
         let unit = point.position_m - cube.origin_m;
         let scale = (1 << depth) as f32 / cube.edge_m;
         let xyz = unit.to_array().map(|c| ((c * scale).floor() as u32).min((1 << depth) - 1));
@@ -33,7 +33,7 @@ fn naive_leaves(points: &[RadiancePoint], cube: Cube, depth: u32) -> BTreeMap<u3
         for (sum, value) in leaf.0.iter_mut().zip(point.radiance) {
             *sum += f64::from(value);
         }
-        leaf.1 += f64::from(point.coverage as u8);
+        leaf.1 += f64::from(point.provenance as u8);
         leaf.2 += 1;
     }
     for (sum, seen, count) in leaves.values_mut() {
@@ -157,7 +157,7 @@ proptest! {
 
 #[test]
 fn degenerate_clouds_give_octrees() {
-    let at = |position_m| RadiancePoint { position_m, radiance: [1.0, 2.0, 3.0], coverage: Coverage::Seen };
+    let at = |position_m| RadiancePoint { position_m, radiance: [1.0, 2.0, 3.0], provenance: Provenance::Observed };
     let (empty, report) = LightOctree::from_points(&[], CUBE, 7, 4).unwrap();
     check_structure(&empty);
     assert_eq!((report.used, empty.octree.levels()[5].len()), (0, 0));

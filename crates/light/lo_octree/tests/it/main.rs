@@ -1,4 +1,4 @@
-//! Octrees from points. One binary, so that it is linked once.
+//! Octrees from points. A single binary, so that it is linked once.
 #![allow(clippy::unwrap_used)]
 
 mod construction;

@@ -1,13 +1,13 @@
-//! The opacity pyramid: closed rooms stay closed and thin things keep their size, at every level.
+//! The opacity pyramid: closed rooms stay closed and thin objects keep their size, at every level.
 //!
 //! Rays are integrated exactly through the nodes of one level, in f64: optical depth `Σ σ ℓ` over the nodes crossed.
 
 use lo_geometry::{Cube, Quat, Vec3, fibonacci_sphere};
-use lo_octree::{Coverage, LightOctree, MAX_ALPHA, RadiancePoint, key_from_xyz};
+use lo_octree::{LightOctree, MAX_ALPHA, Provenance, RadiancePoint, key_from_xyz};
 
 const CUBE: Cube = Cube { origin_m: Vec3::splat(-4.0), edge_m: 8.0 };
 
-/// Share of light that passes through the nodes of `depth` along a ray until it leaves the cube.
+/// Returns the transmittance through the nodes of `depth` along a ray until it leaves the cube.
 fn transmittance(light: &LightOctree, depth: u32, origin: Vec3, direction: Vec3) -> f64 {
     let nodes = 1i64 << depth;
     let edge = f64::from(light.cube.edge_m) / nodes as f64;
@@ -42,12 +42,12 @@ fn transmittance(light: &LightOctree, depth: u32, origin: Vec3, direction: Vec3)
 fn octree_of(positions: impl IntoIterator<Item = Vec3>) -> LightOctree {
     let points: Vec<RadiancePoint> = positions
         .into_iter()
-        .map(|position_m| RadiancePoint { position_m, radiance: [1.0; 3], coverage: Coverage::Seen })
+        .map(|position_m| RadiancePoint { position_m, radiance: [1.0; 3], provenance: Provenance::Observed })
         .collect();
     LightOctree::from_points(&points, CUBE, 7, 4).unwrap().0
 }
 
-/// The walls of a box with these half extents, turned, sampled every `spacing` metres.
+/// The walls of a rotated box with these half extents, sampled every `spacing` metres.
 fn room(half: Vec3, turn: Quat, centre: Vec3, spacing: f32) -> LightOctree {
     let mut positions = Vec::new();
     for axis in 0..3 {
@@ -68,13 +68,13 @@ fn room(half: Vec3, turn: Quat, centre: Vec3, spacing: f32) -> LightOctree {
     octree_of(positions)
 }
 
-/// Turns at which rooms are tested: aligned with the cube's axes, and by odd angles about one axis and three.
+/// Rotations at which rooms are tested: aligned with the cube's axes, and by odd angles about one axis and three.
 fn turns() -> [Quat; 4] {
     let (x, y, z) = (Quat::from_rotation_x, Quat::from_rotation_y, Quat::from_rotation_z);
     [Quat::IDENTITY, y(0.40), y(0.3) * x(0.41) * z(0.17), y(1.1) * x(0.61) * z(0.77)]
 }
 
-/// Mean transmittance from inside of the room, and the share of rays of which more than 1 % gets out.
+/// Returns the mean transmittance from inside the room, and the share of rays that transmit more than 1 %.
 fn leak(light: &LightOctree, depth: u32, turn: Quat) -> (f64, f64) {
     let origins = [Vec3::ZERO, Vec3::new(0.7, 0.3, -0.5), Vec3::new(-0.9, -0.4, 0.6)];
     let directions = fibonacci_sphere(1000);
@@ -86,10 +86,10 @@ fn leak(light: &LightOctree, depth: u32, turn: Quat) -> (f64, f64) {
 
 #[test]
 fn closed_rooms_stay_closed_at_every_level() {
-    // Down to the full depth, which is as coarse as cone tracing goes. A room that is aligned with the axes is closed on every
-    // ray at the leaves. What else gets out does so through corners of nodes, where even the leaves of a slanted wall touch
-    // by an edge alone. Without the extended columns of `pyramid.rs` the turned rooms leak up to 16 %, with the mean of the
-    // axes 40 %.
+    // Down to the full depth, the coarsest level that cone tracing uses. An axis-aligned room is closed on every ray at
+    // the leaves. The remaining leaks are at corners of nodes, where even the leaves of a slanted wall share only an
+    // edge. Without the extended columns of `pyramid.rs` the turned rooms leak up to 16 %, with the mean of the axes 40
+    // %.
     for (name, turn) in ["aligned", "yaw", "tilted", "oblique"].into_iter().zip(turns()) {
         let light = room(Vec3::new(2.1, 1.3, 1.7), turn, Vec3::new(0.031, -0.017, 0.0123), 0.012);
         for depth in 4..=7 {
@@ -104,7 +104,7 @@ fn closed_rooms_stay_closed_at_every_level() {
     }
 }
 
-/// Mean opacity over a cap of 0.5 rad towards the cube's middle.
+/// Returns the mean opacity over a cap of 0.5 rad towards the cube's centre.
 fn coverage(light: &LightOctree, depth: u32, origin: Vec3) -> f64 {
     let (count, lowest) = (6000, 0.5f32.cos());
     let turn = Quat::from_rotation_arc(Vec3::Z, -origin.normalize());
@@ -117,7 +117,7 @@ fn coverage(light: &LightOctree, depth: u32, origin: Vec3) -> f64 {
     directions.map(|direction| 1.0 - transmittance(light, depth, origin, direction)).sum::<f64>() / f64::from(count)
 }
 
-/// Solid angle at `depth` over that of the leaves, mean of three views.
+/// Returns the ratio of the solid angle at `depth` to that of the leaves, mean of three views.
 fn solid_angle_ratio(light: &LightOctree, depth: u32) -> f64 {
     let views = [Vec3::new(0.4, 0.3, 3.5), Vec3::new(2.1, -1.0, 2.5), Vec3::new(-3.4, 0.7, 0.3)];
     views.map(|view| coverage(light, depth, view) / coverage(light, 7, view)).iter().sum::<f64>() / 3.0
@@ -125,7 +125,8 @@ fn solid_angle_ratio(light: &LightOctree, depth: u32) -> f64 {
 
 #[test]
 fn things_keep_their_solid_angle() {
-    // Two levels up a node is a quarter of a metre. A thing grows by a share of a node at its silhouette; a thin one must not.
+    // Two levels up a node is a quarter of a metre. An object grows by a share of a node at its silhouette; a thin one
+    // must not.
     let scattered = octree_of((0..60).map(|i| {
         let i = i as f32;
         Vec3::new((0.754_877 * i).fract(), (0.569_84 * i).fract(), (0.324_7 * i).fract()) - 0.5
@@ -150,7 +151,7 @@ fn things_keep_their_solid_angle() {
 
 #[test]
 fn a_wall_is_as_opaque_as_its_leaves_at_every_level() {
-    // y = 0.03 lies in one layer of leaves; every node above, down to the one that holds half of the cube, is crossed by it.
+    // y = 0.03 is in one layer of leaves. It crosses every node above, up to the one that holds half of the cube.
     let wall = octree_of(
         (0..256 * 256).map(|i| Vec3::new((i % 256) as f32 / 32.0 - 3.98, 0.03, (i / 256) as f32 / 32.0 - 3.98)),
     );
@@ -161,7 +162,7 @@ fn a_wall_is_as_opaque_as_its_leaves_at_every_level() {
 
 #[test]
 fn parents_mix_premultiplied_colour() {
-    // Two children side by side: x = 0 red with opacity 0.75, x = 1 green with opacity 0.25, seen and inferred.
+    // Two children side by side: x = 0 red with opacity 0.75, x = 1 green with opacity 0.25, observed and inferred.
     let light = LightOctree::from_leaves(
         vec![0, 4],
         vec![[4.0, 0.0, 0.0, 0.75], [0.0, 8.0, 0.0, 0.25]],

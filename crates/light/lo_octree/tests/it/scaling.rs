@@ -1,11 +1,11 @@
-//! Results do not depend on the thread count, and sizes grow with surfaces, not volumes.
+//! Results do not depend on the thread count; sizes grow with surfaces, not volumes.
 
 use lo_geometry::{Cube, Vec3};
-use lo_octree::{Coverage, LightOctree, RadiancePoint, write_tensors};
+use lo_octree::{LightOctree, Provenance, RadiancePoint, write_tensors};
 
 const CUBE: Cube = Cube { origin_m: Vec3::splat(-1.0), edge_m: 2.0 };
 
-/// Points on the sphere of radius 0.9, in an order far from that of their keys.
+/// Points on the sphere of radius 0.9, in an order unrelated to that of their keys.
 fn sphere(count: usize) -> Vec<RadiancePoint> {
     let directions = lo_geometry::fibonacci_sphere(count);
     (0..count)
@@ -14,7 +14,7 @@ fn sphere(count: usize) -> Vec<RadiancePoint> {
             RadiancePoint {
                 position_m: 0.9 * directions[at],
                 radiance: [0.1, 1.0 / (1 + at) as f32, (at % 1000) as f32],
-                coverage: if at % 5 < 2 { Coverage::Seen } else { Coverage::Inferred },
+                provenance: if at % 5 < 2 { Provenance::Observed } else { Provenance::Inferred },
             }
         })
         .collect()
@@ -51,7 +51,7 @@ fn a_level_more_takes_about_four_times_the_memory() {
 
 #[test]
 fn statistics_count_what_is_there() {
-    let point = |x| RadiancePoint { position_m: Vec3::splat(x), radiance: [1.0; 3], coverage: Coverage::Seen };
+    let point = |x| RadiancePoint { position_m: Vec3::splat(x), radiance: [1.0; 3], provenance: Provenance::Observed };
     let (light, _) = LightOctree::from_points(&[point(-0.9), point(0.9)], CUBE, 3, 1).unwrap();
     let json = serde_json::to_value(light.stats()).unwrap();
     let expected = serde_json::json!({

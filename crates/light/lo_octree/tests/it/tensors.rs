@@ -1,8 +1,8 @@
-//! The octree's tensors: exact round trips, and errors for whatever is damaged.
+//! The octree's tensors: exact round trips, and errors for damaged input.
 
 use lo_geometry::{Cube, Vec3};
 use lo_octree::{
-    Coverage, LightOctree, NamedTensor, Octree, OctreeError, OctreeHeader, RadiancePoint, read_tensors, write_tensors,
+    LightOctree, NamedTensor, Octree, OctreeError, OctreeHeader, Provenance, RadiancePoint, read_tensors, write_tensors,
 };
 use proptest::prelude::*;
 use safetensors::{Dtype, SafeTensors, serialize};
@@ -14,11 +14,11 @@ fn sample(depth: u32, full_depth: u32, count: usize) -> LightOctree {
         .map(|i| {
             let t = i as f32;
             let unit = Vec3::new(0.5 + 0.49 * (0.3 * t).sin(), (0.618 * t).fract(), t / count as f32);
-            let coverage = if i % 3 == 0 { Coverage::Inferred } else { Coverage::Seen };
+            let provenance = if i % 3 == 0 { Provenance::Inferred } else { Provenance::Observed };
             RadiancePoint {
                 position_m: CUBE.world_from_unit(unit),
                 radiance: [0.1 * t, 1.0, 30.0 / (1.0 + t)],
-                coverage,
+                provenance,
             }
         })
         .collect();
@@ -44,7 +44,7 @@ fn read(bytes: &[u8], header: &OctreeHeader) -> Result<LightOctree, OctreeError>
     read_tensors(&SafeTensors::deserialize(bytes).unwrap(), header)
 }
 
-/// The error's text after `change` was made to one tensor of a small octree.
+/// Returns the error text after `change` was made to one tensor of a small octree.
 fn error_after(name: &str, change: impl FnOnce(&mut NamedTensor)) -> String {
     let (header, mut tensors) = write_tensors(&sample(4, 2, 300));
     change(tensors.iter_mut().find(|tensor| tensor.name == name).unwrap());
@@ -164,7 +164,7 @@ fn headers_are_checked() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
-    /// Whatever still parses as a file either reads as an octree that can be used, or gives an error.
+    /// A damaged file that still parses either reads as a usable octree or gives an error.
     #[test]
     fn damaged_files_never_panic(
         flips in prop::collection::vec((any::<prop::sample::Index>(), 0..8u32), 0..6),

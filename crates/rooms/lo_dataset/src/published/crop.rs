@@ -6,7 +6,7 @@ use lo_random::{RngExt, Stream};
 use lo_sensor::{Interval, PhotoModel};
 use serde::{Deserialize, Serialize};
 
-use lo_octree::{Coverage, RadiancePoint};
+use lo_octree::{Provenance, RadiancePoint};
 
 use crate::sample::Metadata;
 use crate::{NovelView, Record, Shot};
@@ -74,7 +74,7 @@ impl Surroundings<'_> {
         let point = |(i, (&radiance, distance_m)): (usize, (&[f32; 3], &f32))| RadiancePoint {
             position_m: *distance_m * pixel_direction(i % width, i / width, width, height),
             radiance,
-            coverage: Coverage::Inferred,
+            provenance: Provenance::Inferred,
         };
         pixels.map(point).collect()
     }

@@ -5,7 +5,7 @@ use lo_geometry::{Camera, Quat, Vec3};
 use lo_imaging::{
     DepthMap, Image, Photo, RadianceImage, encode_png, linear_from_srgb8, photo_from_bytes, srgb8_from_linear,
 };
-use lo_octree::{Coverage, RadiancePoint};
+use lo_octree::{Provenance, RadiancePoint};
 
 use super::array::{decode, encode, halves};
 use super::header::{FORMAT_VERSION, FRAME, Halves, PointsHeader, RecordHeader, ShotHeader, UNITS, ViewHeader};
@@ -249,7 +249,7 @@ fn unpack_points(header: &PointsHeader, read: Read) -> Result<Vec<RadiancePoint>
         .map(|(code, &radiance)| RadiancePoint {
             position_m: origin + Vec3::from_array(code.map(f32::from)) * header.step_m,
             radiance,
-            coverage: Coverage::Inferred,
+            provenance: Provenance::Inferred,
         })
         .collect())
 }

@@ -21,7 +21,7 @@ fn octree(record: &Record, depth: u32) -> LightOctree {
     let (low, high) = positions.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
     let edge_m = (high - low).max_element() * 1.001;
     let cube = Cube { origin_m: 0.5 * (low + high - Vec3::splat(edge_m)), edge_m };
-    LightOctree::from_even_points(&record.points, record.point_area_m2.unwrap(), cube, depth, 2).unwrap().0
+    LightOctree::from_uniform_points(&record.points, record.point_area_m2.unwrap(), cube, depth, 2).unwrap().0
 }
 
 fn compare(octree: &LightOctree, view: &NovelView, depth: u32) -> Agreement {

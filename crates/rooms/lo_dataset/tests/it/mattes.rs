@@ -7,7 +7,7 @@ use lo_geometry::{Cube, Vec3};
 use lo_imaging::{DepthMap, Image, Photo};
 use lo_insert::{Inserter, Instance, Lighting, Placement, Quality};
 use lo_mesh::{LoadOptions, Material, Model, PreparedModel};
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::{Frame, LitScene};
 use rayon::prelude::*;
 
@@ -47,7 +47,7 @@ fn occlusion(sample: &Sample, depth_m: DepthMap, z_m: f32) -> Image<f32> {
     let frame = Frame::new(Photo::Srgb8(sample.photo.clone()), depth_m, sample.camera, 1.0).unwrap();
     let points: Vec<RadiancePoint> = lo_geometry::fibonacci_sphere(2000)
         .into_iter()
-        .map(|d| RadiancePoint { position_m: 9.0 * d, radiance: [0.5; 3], coverage: Coverage::Inferred })
+        .map(|d| RadiancePoint { position_m: 9.0 * d, radiance: [0.5; 3], provenance: Provenance::Inferred })
         .collect();
     let light = LightOctree::from_points(&points, Cube::centred(Vec3::ZERO, 20.0), 3, 2).unwrap().0;
     let inserter = Inserter::new(&LitScene::as_seen(light, frame), Lighting::Octree, Quality::Draft).unwrap();

@@ -54,7 +54,7 @@ fn samples_come_back_within_the_formats_precision() {
     }
     for (a, b) in got.points.iter().zip(&expected.points) {
         // steps of 1.9 m / 65535
-        assert!((a.position_m - b.position_m).length() < 1e-4 && a.coverage == b.coverage);
+        assert!((a.position_m - b.position_m).length() < 1e-4 && a.provenance == b.provenance);
         assert!(a.radiance.iter().zip(b.radiance).all(|(a, b)| near(*a, b, 1e-3)));
     }
 }

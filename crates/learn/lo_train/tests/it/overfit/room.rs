@@ -3,7 +3,7 @@
 use lo_dataset::{Metadata, NovelView, Sample};
 use lo_geometry::{Camera, Quat, Vec3};
 use lo_imaging::{DepthMap, Image};
-use lo_octree::{Coverage, RadiancePoint};
+use lo_octree::{Provenance, RadiancePoint};
 use lo_random::RngExt;
 
 /// A box; the camera is at the world's origin.
@@ -91,7 +91,7 @@ impl BoxRoom {
         let mut stream = lo_random::stream(3, "room", 0);
         let point = |p: Vec3| {
             let (position_m, radiance) = (p + centre, self.radiance(p));
-            RadiancePoint { position_m, radiance, coverage: Coverage::Inferred }
+            RadiancePoint { position_m, radiance, provenance: Provenance::Inferred }
         };
         let points = (0..60_000).map(|_| point(self.wall_point(&mut stream))).collect();
         let view = |i: usize| {

@@ -1,4 +1,5 @@
-//! Cone tracing as the specification writes it (§3), in f64, plain and slow: every sample of every ray, nothing skipped.
+//! Reference implementation of cone tracing as specified in §3, in f64, simple and slow: every sample of every ray,
+//! nothing skipped.
 
 use lo_cone::{Cone, SampleGradient, SampleWeight, Sampling, Settings, StepRule};
 use lo_geometry::Cube;
@@ -19,7 +20,8 @@ pub struct ReferenceSample {
     pub radiance: [f64; 3],
     pub distance_m: f64,
     pub opacity: f64,
-    /// Least distance, in leaf edges, of a sample from where the result jumps: a node's face, a level's end, the cube's side.
+    /// Least distance, in leaf edges, of a sample from a discontinuity: a node's face, a level's end or the cube's
+    /// side.
     pub margin: f64,
 }
 
@@ -28,12 +30,12 @@ struct Read {
     distance: f64,
     length: f64,
     weight: f64,
-    /// The rows that the value is made of, with their weights in radiance and in extinction.
+    /// Rows that contribute to the value, with their weights in radiance and in extinction.
     footprint: Vec<(usize, usize, [f64; 2])>,
     transmittance: f64,
     opacity: f64,
     colour: [f64; 3],
-    /// Weighted sum of the extinctions that the colour is averaged by.
+    /// Weighted sum of the extinctions over which the colour is averaged.
     colour_extinction: f64,
 }
 
@@ -90,7 +92,7 @@ impl<'a> Reference<'a> {
         let origin = (cone.origin.as_dvec3() - self.cube.origin_m.as_dvec3()) / leaf;
         let direction = cone.direction.as_dvec3();
         let side = f64::from(1u32 << self.octree.depth());
-        // the part inside of the cube, in leaf edges
+        // the part inside the cube, in leaf edges
         let (mut near, mut far) = (0.0f64, f64::INFINITY);
         for axis in 0..3 {
             let (a, b) = (-origin[axis] / direction[axis], (side - origin[axis]) / direction[axis]);
@@ -130,7 +132,7 @@ impl<'a> Reference<'a> {
                     sum = [sum[0] + of_row * r, sum[1] + of_row * g, sum[2] + of_row * b, sum[3] + of_row];
                 }
                 if self.settings.sampling == Sampling::Blended && sum[3] == 0.0 && !footprint.is_empty() {
-                    // Nothing is seen before the node that is met is, and then its own colour.
+                    // The node that is hit comes first and contributes its own colour.
                     let [r, g, b, _] = self.rgba[footprint[0].0][footprint[0].1];
                     sum = [r, g, b, f64::INFINITY];
                 }
@@ -170,14 +172,14 @@ impl<'a> Reference<'a> {
         (reads, far * leaf, transmittance, margin)
     }
 
-    /// Extinction per leaf edge of a node and its derivative by α.
+    /// Returns a node's extinction per leaf edge and its derivative by α.
     fn extinction(&self, depth: usize, alpha: f64) -> (f64, f64) {
         let edge = f64::from(1u32 << (self.octree.depth() as usize - depth));
         let slope = if alpha <= MAX_ALPHA { 1.0 / ((1.0 - alpha) * edge) } else { 0.0 };
         (-(1.0 - alpha.min(MAX_ALPHA)).ln() / edge, slope)
     }
 
-    /// Rows at a distance with their weights in radiance and in extinction.
+    /// Returns the rows at a distance with their weights in radiance and in extinction.
     fn footprint(
         &self,
         at: impl Fn(f64) -> [f64; 3],
@@ -201,19 +203,20 @@ impl<'a> Reference<'a> {
             return vec![(depth, row, [1.0; 2])];
         }
         let mut rows = vec![(depth, row, [f64::from(0.1f32), 1.0])];
-        // A leaf that ends above the level is read at its own.
+        // A leaf above the level is read at its own level.
         let level = level.max((self.octree.depth() as usize - depth) as f64);
         rows.extend(self.trilinear(at(distance + 0.5 * level.exp2()), level, |weight| [weight, 0.0]));
         rows
     }
 
-    /// The cell of a whole level that answers at a position.
+    /// Returns the cell of an integer level that is read at a position.
     fn nearest(&self, position: [f64; 3], level: f64, margin: &mut f64) -> [i64; 3] {
         let edge = level.exp2();
         *margin = position.iter().fold(*margin, |margin, p| margin.min((p / edge - (p / edge).round()).abs() * edge));
         let cell = position.map(|p| (p / edge).floor() as i64);
         let depth = self.octree.depth() - level as u32;
-        // An empty cell counts as the nearer of two occupied neighbours where the distances to their faces sum to < 0.6.
+        // An empty cell is replaced by the nearer of two occupied neighbours where the distances to their faces sum to
+        // < 0.6.
         let mut neighbours = Vec::new();
         if !self.occupied(cell, depth) {
             for axis in 0..3 {
@@ -235,7 +238,7 @@ impl<'a> Reference<'a> {
         if in_crack { neighbours[0].1 } else { cell }
     }
 
-    /// The rows of the eight cells of a whole level around a position.
+    /// Returns the rows of the eight cells of an integer level around a position.
     fn trilinear(
         &self,
         position: [f64; 3],
@@ -257,13 +260,14 @@ impl<'a> Reference<'a> {
         corners.collect()
     }
 
-    /// Whether a node of the tree, or the leaf above it where that ends, has features or a descendant that has.
+    /// Returns whether a node of the tree, or the leaf above it where the tree ends, has features or a descendant with
+    /// features.
     fn occupied(&self, cell: [i64; 3], depth: u32) -> bool {
-        // In all trees of the tests what is above something with features has features itself.
+        // In all trees of the tests, ancestors of nodes with features have features.
         self.row(cell, depth).is_some()
     }
 
-    /// Depth and row of the node at integer coordinates of `depth`, or of the leaf above where the tree ends.
+    /// Returns depth and row of the node at integer coordinates of `depth`, or of the leaf above where the tree ends.
     fn row(&self, cell: [i64; 3], depth: u32) -> Option<(usize, usize)> {
         if cell.iter().any(|c| !(0..1i64 << depth).contains(c)) {
             return None;

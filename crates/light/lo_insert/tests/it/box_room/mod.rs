@@ -5,7 +5,7 @@ use lo_geometry::{Camera, Cube, Plane, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
 use lo_insert::{Composite, Inserter, Instance, Placement};
 use lo_mesh::{LoadOptions, Material, Model, PreparedModel};
-use lo_octree::{Coverage, LightOctree, RadiancePoint};
+use lo_octree::{LightOctree, Provenance, RadiancePoint};
 use lo_scene::{Frame, LitScene};
 
 pub const LOW: Vec3 = Vec3::new(-2.0, -1.0, -4.0);
@@ -40,7 +40,7 @@ pub fn room(
         .map(|direction| {
             let origin = 0.5 * (LOW + HIGH);
             let position_m = origin + direction * wall_distance(origin, direction);
-            RadiancePoint { position_m, radiance: known(position_m), coverage: Coverage::Seen }
+            RadiancePoint { position_m, radiance: known(position_m), provenance: Provenance::Observed }
         })
         .collect();
     let cube = Cube::centred(0.5 * (LOW + HIGH), 5.5);

@@ -7,43 +7,43 @@ use rayon::prelude::*;
 
 use crate::emitters::tracer;
 
-/// Longer side of the map of changes: they are no finer than leaves.
+/// Longer side of the image of changes, which are no finer than leaves.
 const SIDE: usize = 480;
 
-/// Least opacity of the octree where a picture is changed.
+/// Least opacity of the octree where an image is changed.
 const MIN_OPACITY: f32 = 0.5;
 
-/// Brings a change of the octree's light to pictures of the room.
+/// Applies a change of the octree's light to images of the room.
 ///
-/// A picture shows an emitter sharper than leaves do. What a pixel has beyond what the octree has there without the emitter is the emitter's light, and
-/// changes as that of its leaves.
-pub struct PictureChange {
+/// An image shows an emitter sharper than leaves do. The excess of a pixel over the octree without the emitter is the
+/// emitter's light, and changes like that of its leaves.
+pub struct ImageChange {
     base: ConeTracer,
     gain: ConeTracer,
 }
 
-/// What is changed at one place of a picture.
+/// PixelChange at one position of an image.
 #[derive(Clone, Copy, Default)]
-struct Change {
+struct PixelChange {
     base: Vec3,
-    /// Less 1: nothing is changed where it is zero.
+    /// Gain minus 1, so that zero means no change.
     gain: Vec3,
 }
 
-impl Change {
+impl PixelChange {
     fn lerp(self, other: Self, share: f32) -> Self {
         Self { base: self.base.lerp(other.base, share), gain: self.gain.lerp(other.gain, share) }
     }
 }
 
-impl PictureChange {
-    /// Of the octree `light` and the change of its rows.
+impl ImageChange {
+    /// Prepares the change `change` of the rows of the octree `light`.
     pub fn new(light: &LightOctree, change: &OctreeChange) -> Self {
         let with = |rgba: &Vec<Vec<[f32; 4]>>| LightOctree { rgba: rgba.clone(), lobes: None, ..light.clone() };
         Self { base: tracer(&with(&change.base)), gain: tracer(&with(&change.gain)) }
     }
 
-    /// Changes a photo's linear radiance; `camera` is that of its resolution, and stands at the origin.
+    /// Changes a photo's linear radiance. `camera` has the photo's resolution and is at the origin.
     pub fn photo(&self, radiance: &mut RadianceImage, camera: &Camera) {
         let (width, height) = (radiance.width(), radiance.height());
         let scale = (SIDE as f32 / width.max(height) as f32).min(1.0);
@@ -58,20 +58,20 @@ impl PictureChange {
         self.change(radiance, (side(width), side(height)), cone);
     }
 
-    /// Changes an equirectangular panorama that was taken at a place.
-    pub fn panorama(&self, radiance: &mut RadianceImage, place_m: Vec3, world_from_panorama: Quat) {
+    /// Changes an equirectangular panorama taken at `position_m`.
+    pub fn panorama(&self, radiance: &mut RadianceImage, position_m: Vec3, world_from_panorama: Quat) {
         let columns = radiance.width().min(SIDE);
         let size = (columns, (columns / 2).max(1));
         let tan_half_angle = (std::f32::consts::PI / columns as f32).tan();
         let cone = |x: usize, y: usize| Cone {
-            origin: place_m,
+            origin: position_m,
             direction: world_from_panorama * lo_geometry::pixel_direction(x, y, size.0, size.1),
             tan_half_angle,
         };
         self.change(radiance, size, cone);
     }
 
-    /// By a map of `size` pixels, each of which asks `cone`.
+    /// Changes an image by a grid of `size` cones.
     fn change(&self, radiance: &mut RadianceImage, size: (usize, usize), cone: impl Fn(usize, usize) -> Cone) {
         let cones: Vec<Cone> = (0..size.0 * size.1).map(|i| cone(i % size.0, i / size.0)).collect();
         let (mut base, mut gain) = (vec![ConeSample::default(); cones.len()], vec![ConeSample::default(); cones.len()]);
@@ -79,13 +79,13 @@ impl PictureChange {
         self.base.trace_batch(&cones, &mut base);
         let changes = base.iter().zip(&gain).map(|(base, gain)| {
             if gain.opacity < MIN_OPACITY {
-                return Change::default();
+                return PixelChange::default();
             }
             let of = |sample: &ConeSample| Vec3::from(sample.radiance) / sample.opacity;
             let gain = of(gain) - 1.0;
-            // Rounding is no change.
+            // Ignore rounding.
             let gain = if gain.abs().max_element() < 1e-4 { Vec3::ZERO } else { gain };
-            Change { base: of(base), gain }
+            PixelChange { base: of(base), gain }
         });
         let changes = Image::new(size.0, size.1, changes.collect());
         let (width, scale) = (radiance.width(), Vec2::new(size.0 as f32, size.1 as f32));
@@ -93,7 +93,7 @@ impl PictureChange {
         radiance.pixels_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
             for (x, pixel) in row.iter_mut().enumerate() {
                 let at = (Vec2::new(x as f32, y as f32) + 0.5) * scale;
-                let Change { base, gain } = bilinear(&changes, at, Change::lerp);
+                let PixelChange { base, gain } = bilinear(&changes, at, PixelChange::lerp);
                 if gain != Vec3::ZERO {
                     let own = Vec3::from(*pixel);
                     *pixel = (own + gain * (own - base).max(Vec3::ZERO)).to_array();
@@ -103,7 +103,8 @@ impl PictureChange {
     }
 }
 
-/// Blend of the four pixels around a position; pixel centres lie at +0.5, and the border goes on outside.
+/// Interpolates between the four pixels around a position; pixel centres are at +0.5, and border pixels are repeated
+/// outside.
 pub(crate) fn bilinear<T: Copy>(image: &Image<T>, at: Vec2, mix: impl Fn(T, T, f32) -> T) -> T {
     let last = Vec2::new((image.width() - 1) as f32, (image.height() - 1) as f32);
     let at = (at - 0.5).clamp(Vec2::ZERO, last);

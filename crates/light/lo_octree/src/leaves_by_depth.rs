@@ -1,42 +1,43 @@
-//! Octrees whose leaves lie at several depths, from those leaves.
+//! Octrees with leaves at several depths.
 
 use lo_geometry::Cube;
 
 use crate::light::{check_cube, is_feature};
-use crate::pyramid::uneven_pyramid;
+use crate::pyramid::pyramid_by_depth;
 use crate::topology::check_depths;
 use crate::{LightOctree, Octree, OctreeError};
 
 /// Leaves of one depth.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LeafRows {
-    /// Their shuffled keys, strictly increasing.
+    /// Shuffled keys, strictly increasing.
     pub keys: Vec<u32>,
     /// Linear RGB radiance (finite, not negative) and opacity in [0, 1].
     pub rgba: Vec<[f32; 4]>,
-    /// Share that the photo saw, 0 to 255.
+    /// Observed share, 0 to 255.
     pub seen: Vec<u8>,
 }
 
-/// What a node above the leaves holds.
+/// Content of a node above the leaves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Ancestor {
-    /// Colour, opacity and seen share of its children, as in [`LightOctree::from_points`].
+    /// Colour, opacity and observed share merged from the children, as in [`LightOctree::from_points`].
     Merged,
-    /// Their colour and seen share, and this opacity.
+    /// Colour and observed share merged from the children, with this opacity.
     Opacity(f32),
-    /// This RGBα and seen share.
+    /// This RGBα and observed share.
     Known([f32; 4], u8),
 }
 
 impl LightOctree {
-    /// Builds the octree whose leaves of depth `d` are `leaves[d]`, full down to `full_depth`; `ancestor` says of each node above them, by depth and
-    /// shuffled key, what it holds.
+    /// Builds the octree whose leaves of depth `d` are `leaves[d]`, full down to `full_depth`.
+    ///
+    /// `ancestor` returns the content of a node above the leaves, given its depth and shuffled key.
     ///
     /// # Errors
-    /// Depths out of range, a cube without volume, lists of different lengths, keys out of order, features out of range, leaves above the full depth or
-    /// below another leaf.
-    pub fn from_uneven_leaves(
+    /// Depths out of range, a cube without volume, lists of different lengths, keys out of order, features out of
+    /// range, leaves above the full depth or below another leaf.
+    pub fn from_leaves_by_depth(
         leaves: Vec<LeafRows>,
         cube: Cube,
         full_depth: u32,
@@ -48,8 +49,8 @@ impl LightOctree {
             check(rows, depth, full_depth)?;
         }
         let keys: Vec<&[u32]> = leaves.iter().map(|rows| &rows.keys[..]).collect();
-        let octree = Octree::from_uneven_leaf_keys(&keys, full_depth)?;
-        let (rgba, seen) = uneven_pyramid(&octree, leaves, ancestor);
+        let octree = Octree::from_leaf_keys_by_depth(&keys, full_depth)?;
+        let (rgba, seen) = pyramid_by_depth(&octree, leaves, ancestor);
         Ok(Self { octree, cube, rgba, seen, lobes: None })
     }
 }
@@ -78,7 +79,7 @@ mod tests {
     use lo_geometry::Vec3;
 
     use super::*;
-    use crate::{Coverage, RadiancePoint};
+    use crate::{Provenance, RadiancePoint};
 
     const CUBE: Cube = Cube { origin_m: Vec3::ZERO, edge_m: 1.0 };
 
@@ -87,7 +88,7 @@ mod tests {
             .map(|i| RadiancePoint {
                 position_m: Vec3::new(0.5 + 0.4 * (i as f32).sin(), (i as f32 * 0.618).fract(), i as f32 / 3000.0),
                 radiance: [1.0 + (i as f32).cos(), 0.5, i as f32],
-                coverage: if i % 3 == 0 { Coverage::Seen } else { Coverage::Inferred },
+                provenance: if i % 3 == 0 { Provenance::Observed } else { Provenance::Inferred },
             })
             .collect();
         LightOctree::from_points(&points, CUBE, depth, 2).unwrap().0
@@ -112,7 +113,7 @@ mod tests {
     #[test]
     fn leaves_of_one_depth_give_the_octree_they_come_from() {
         let light = from_points(5);
-        let again = LightOctree::from_uneven_leaves(leaves_of(&light), CUBE, 2, |_, _| Ancestor::Merged).unwrap();
+        let again = LightOctree::from_leaves_by_depth(leaves_of(&light), CUBE, 2, |_, _| Ancestor::Merged).unwrap();
         assert_eq!(again, light);
     }
 
@@ -133,14 +134,14 @@ mod tests {
             let row = light.row(depth, key).unwrap();
             Ancestor::Known(light.rgba[depth as usize][row], light.seen[depth as usize][row])
         };
-        let split = LightOctree::from_uneven_leaves(leaves.clone(), CUBE, 2, known).unwrap();
+        let split = LightOctree::from_leaves_by_depth(leaves.clone(), CUBE, 2, known).unwrap();
         assert_eq!((&split.rgba[..6], &split.seen[..6]), (&light.rgba[..], &light.seen[..]));
         assert_eq!((split.rgba[6].len(), split.rgba[6][7]), (8, rgba));
         assert_eq!(split.leaves().count(), light.leaves().count() + 7);
         // its colour is that of its children
         let opacity =
             |depth: u32, key: u32| Ancestor::Opacity(light.rgba[depth as usize][light.row(depth, key).unwrap()][3]);
-        let merged = LightOctree::from_uneven_leaves(leaves.clone(), CUBE, 2, opacity).unwrap();
+        let merged = LightOctree::from_leaves_by_depth(leaves.clone(), CUBE, 2, opacity).unwrap();
         for (merged, before) in merged.rgba[5].iter().zip(&light.rgba[5]) {
             assert!(merged.iter().zip(before).all(|(a, b)| (a - b).abs() <= 1e-6 * b.abs()), "{merged:?} {before:?}");
         }
@@ -149,7 +150,7 @@ mod tests {
         leaves[5].rgba.insert(3, rgba);
         leaves[5].seen.insert(3, seen);
         let build =
-            |leaves: &[LeafRows]| LightOctree::from_uneven_leaves(leaves.to_vec(), CUBE, 2, |_, _| Ancestor::Merged);
+            |leaves: &[LeafRows]| LightOctree::from_leaves_by_depth(leaves.to_vec(), CUBE, 2, |_, _| Ancestor::Merged);
         assert!(matches!(build(&leaves), Err(OctreeError::LeafKey { depth: 5, .. })));
         leaves.pop();
         assert!(build(&leaves).is_ok());

@@ -1,35 +1,36 @@
-//! What the photo shows, by the direction in which it is seen from the panorama's place.
+//! Observed radiance by direction from the panorama's position.
 
 use lo_geometry::{Vec3, pixel_direction, pixel_solid_angle_sr, uv_from_direction};
 use lo_imaging::luminance;
 use lo_scene::Frame;
 
-/// A panorama this near to the camera, metres, sees in each direction what the photo sees there, whatever the depth.
+/// Distance in metres from the camera below which a panorama sees the photo's pixels in the same directions, whatever
+/// the depth.
 const AT_CAMERA_M: f32 = 0.03;
 
-/// Columns of the map by which what is hidden behind something is left out.
+/// Columns of the depth image that removes occluded points.
 const DEPTH_COLUMNS: usize = 128;
 
-/// What is farther than the nearest point of its direction by more than this share, and these metres, is hidden.
+/// Distance behind the nearest point of a direction beyond which a point is occluded: this share plus these metres.
 const BEHIND_SHARE: f32 = 0.1;
 const BEHIND_M: f32 = 0.1;
 
 /// Radiance by direction.
-pub(crate) struct SeenRays(Vec<(Vec3, [f32; 3])>);
+pub(crate) struct ObservedRays(Vec<(Vec3, [f32; 3])>);
 
-/// A direction's mean radiance.
+/// Mean radiance of a direction.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct SeenTexel {
-    /// Unit direction from the panorama's place, in the photo's frame.
+pub(crate) struct ObservedTexel {
+    /// Unit direction from the panorama's position, in the photo's frame.
     pub direction: Vec3,
-    /// Mean linear radiance of what the photo shows there.
+    /// Mean linear radiance that the photo shows there.
     pub radiance: [f32; 3],
-    /// Solid angle, sr.
+    /// Solid angle in sr.
     pub weight: f32,
 }
 
-impl SeenRays {
-    /// Of the pixels of a frame at working resolution that are not clipped.
+impl ObservedRays {
+    /// Collects the unclipped pixels of a frame at working resolution.
     pub fn new(frame: &Frame, from_m: Vec3) -> Self {
         let (radiance, clipped) = (frame.radiance(), frame.clipped());
         let pixels = (0..radiance.height()).flat_map(|y| (0..radiance.width()).map(move |x| (x, y)));
@@ -44,7 +45,7 @@ impl SeenRays {
             let (z, normal) = (clean.depth_m[at], normals[at]?);
             let point = camera.unproject(at.0 as f64 + 0.5, at.1 as f64 + 0.5, f64::from(z));
             let towards = point - from_m;
-            // A surface shows the panorama another side than the photo.
+            // A back-facing surface shows the panorama a side that the photo does not show.
             (z > 0.0 && normal.dot(towards) < 0.0).then_some((towards, radiance[at]))
         });
         let mut seen: Vec<(Vec3, [f32; 3])> = seen.collect();
@@ -60,8 +61,8 @@ impl SeenRays {
         Self(seen)
     }
 
-    /// Means over the pixels of an equirectangular map of so many columns, of those that something is seen in.
-    pub fn texels(&self, columns: usize) -> Vec<SeenTexel> {
+    /// Averages over the pixels of an equirectangular grid with this many columns; returns the observed ones.
+    pub fn texels(&self, columns: usize) -> Vec<ObservedTexel> {
         let rows = columns / 2;
         let mut sums = vec![([0.0f32; 3], 0u32); columns * rows];
         for &(direction, radiance) in &self.0 {
@@ -72,7 +73,7 @@ impl SeenRays {
         let seen = sums.iter().enumerate().filter(|(_, (_, count))| *count > 0);
         seen.map(|(index, (sum, count))| {
             let (x, y) = (index % columns, index / columns);
-            SeenTexel {
+            ObservedTexel {
                 direction: pixel_direction(x, y, columns, rows),
                 radiance: sum.map(|c| c / *count as f32),
                 weight: pixel_solid_angle_sr(y, columns, rows),
@@ -81,7 +82,7 @@ impl SeenRays {
         .collect()
     }
 
-    /// Mean luminance of all of it, for what can be compared with nothing.
+    /// Returns whether everything is black, so that nothing can be compared.
     pub fn is_dark(&self) -> bool {
         self.0.iter().all(|(_, radiance)| luminance(*radiance) <= 0.0)
     }

@@ -1,4 +1,4 @@
-use lo_cone::{Cone, ConeSample, Rendering, Viewers};
+use lo_cone::{Cone, ConeSample, OctreeRenderer, Rendering};
 use lo_geometry::Vec3;
 use lo_imaging::Image;
 use lo_lights::AnalyticLights;
@@ -6,33 +6,34 @@ use lo_scene::LitScene;
 
 use crate::{Detail, PanoramaLookup, PhotoLookup};
 
-/// What there is to see in a scene from any place: its octree, its photo or a panorama of the room where those show it, and lights that were added.
-pub struct SharpViewers {
-    viewers: Viewers,
+/// Renders a scene from any viewpoint: its octree, sharpened by the photo and a panorama of the room where those show
+/// the surface, and added lights.
+pub struct SceneRenderer {
+    octree: OctreeRenderer,
     photo: PhotoLookup,
     panorama: Option<PanoramaLookup>,
     detail: Option<Detail>,
-    /// Lights that no octree holds.
+    /// Lights that are not in the octree.
     lights: Option<AnalyticLights>,
 }
 
-impl SharpViewers {
-    /// Prepares a scene, which is not needed after. Takes some tenths of a second for large photos.
+impl SceneRenderer {
+    /// Prepares a scene, which may be dropped afterwards. Takes some tenths of a second for large photos.
     pub fn new(scene: &LitScene) -> Self {
-        let viewers = Viewers::new(&scene.light);
-        let photo = PhotoLookup::new(scene, &viewers.at(Vec3::ZERO));
+        let octree = OctreeRenderer::new(&scene.light);
+        let photo = PhotoLookup::new(scene, &octree.at(Vec3::ZERO));
         let eye_m = scene.panorama.as_ref().map_or(Vec3::ZERO, |laid| laid.source.position_m);
-        let panorama = PanoramaLookup::new(scene, &viewers.at(eye_m));
-        Self { viewers, photo, panorama, detail: None, lights: AnalyticLights::of(scene) }
+        let panorama = PanoramaLookup::new(scene, &octree.at(eye_m));
+        Self { octree, photo, panorama, detail: None, lights: AnalyticLights::of(scene) }
     }
 
-    /// Adds [`Detail`] to what neither the photo nor a panorama of the room shows.
+    /// Adds [`Detail`] where neither the photo nor a panorama of the room shows anything.
     #[must_use]
     pub fn with_detail(self, scene: &LitScene) -> Self {
         Self { detail: Detail::new(scene, &self.photo), ..self }
     }
 
-    /// Puts what the panorama of the room shows, and before it what the photo does, into samples.
+    /// Replaces sample values by those of the panorama of the room, and then by those of the photo.
     fn sharpen(&self, cones: &[Cone], samples: &mut [ConeSample]) {
         if let Some(detail) = &self.detail {
             detail.add(cones, samples);
@@ -43,9 +44,9 @@ impl SharpViewers {
         self.photo.sharpen(cones, samples);
     }
 
-    /// The equirectangular panorama at a place, as of [`lo_cone::ConeTracer::panorama`].
+    /// Renders the equirectangular panorama at a position, as [`lo_cone::ConeTracer::panorama`] does.
     pub fn panorama(&self, eye_m: Vec3, width: usize, height: usize) -> Rendering {
-        let Rendering { radiance, distance_m, opacity } = self.viewers.at(eye_m).panorama(eye_m, width, height);
+        let Rendering { radiance, distance_m, opacity } = self.octree.at(eye_m).panorama(eye_m, width, height);
         let tan_half_angle = (std::f32::consts::PI / width as f32).tan();
         let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
         let cone = |(x, y)| {
@@ -68,12 +69,12 @@ impl SharpViewers {
         rendering
     }
 
-    /// What cones from one place see, on all threads of the pool.
+    /// Traces cones that start at one position, on all threads of the pool.
     ///
     /// # Panics
-    /// Where there are not as many samples as cones.
+    /// If there are not as many samples as cones.
     pub fn trace_batch(&self, eye_m: Vec3, cones: &[Cone], samples: &mut [ConeSample]) {
-        self.viewers.at(eye_m).trace_batch(cones, samples);
+        self.octree.at(eye_m).trace_batch(cones, samples);
         self.sharpen(cones, samples);
         if let Some(lights) = &self.lights {
             lights.add(cones, samples);

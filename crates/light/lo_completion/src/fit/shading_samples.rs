@@ -1,50 +1,50 @@
-//! Places of what is seen whose shading can be compared: parts of segments in which albedo is taken to be constant.
+//! Samples of observed surfaces whose shading is compared: cells of segments of assumed constant albedo.
 
 use lo_geometry::Vec3;
 use lo_imaging::{Image, RadianceImage, luminance};
 use lo_scene::Frame;
 
-/// Cells along the longer side of the picture.
+/// Cells along the longer side of the photo.
 const CELLS: usize = 96;
 
 /// Share of a cell's pixels that must have depth.
 const MIN_FILLED: f32 = 0.6;
 
-/// Neighbouring cells whose logarithms of luminance, or of a channel's share in it, differ by more have two albedos.
+/// Greatest differences of adjacent cells with one albedo, in log luminance and in the logarithm of a channel's ratio.
 const MAX_STEP: f32 = 0.14;
 const MAX_COLOUR_STEP: f32 = 0.05;
 
-/// Neighbouring cells whose inverse depths differ by more than this share lie on different surfaces.
+/// Greatest relative difference of the inverse depths of adjacent cells on one surface.
 const MAX_DEPTH_STEP: f32 = 0.08;
 
-/// Cells of the smallest segment that is looked at.
+/// Least number of cells of a segment.
 const MIN_CELLS: usize = 6;
 
-/// Places that are kept.
-const MAX_PLACES: usize = 900;
+/// Greatest number of samples.
+const MAX_SAMPLES: usize = 900;
 
 /// Luminance below which noise hides shading.
 const MIN_LUMINANCE: f32 = 2e-3;
 
-/// Deviation of the logarithm of luminance within a cell at which it counts half: textures, edges.
+/// Standard deviation of log luminance within a cell (texture, edges) at which its weight is halved.
 const TEXTURE: f32 = 0.25;
 
-/// What was clipped and is likely so many times as bright is a lamp or a window.
+/// Ratio of restored to clipped luminance above which a pixel belongs to a lamp or a window.
 const SHINES: f32 = 1.2;
 
-/// A piece of a seen surface, as large as a cell of the picture.
+/// A piece of an observed surface, of the size of a cell of the photo.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Place {
+pub(crate) struct ShadingSample {
     pub position_m: Vec3,
-    /// Towards the camera.
+    /// Unit normal, towards the camera.
     pub normal: Vec3,
-    /// Mean of the logarithm of luminance.
+    /// Mean log luminance.
     pub log_radiance: f32,
     /// Whether most of its pixels are clipped.
     pub clipped: bool,
-    /// How much it counts.
+    /// Weight.
     pub weight: f32,
-    /// Cells of one segment have one albedo.
+    /// Index of the segment; cells of one segment have one albedo.
     pub segment: usize,
 }
 
@@ -59,9 +59,13 @@ struct Cell {
     inverse_depth: f32,
 }
 
-/// Places of a frame whose photo and depth have one resolution ([`Frame::working`]), at most [`MAX_PLACES`]. What is brighter in `restored` than in the
-/// photo shines and is none.
-pub(crate) fn places(frame: &Frame, normals: &Image<Option<Vec3>>, restored: &RadianceImage) -> Vec<Place> {
+/// Samples a frame whose photo and depth have the same resolution ([`Frame::working`]); returns at most [`MAX_SAMPLES`]
+/// samples. Pixels that are brighter in `restored` than in the photo emit light and are skipped.
+pub(crate) fn shading_samples(
+    frame: &Frame,
+    normals: &Image<Option<Vec3>>,
+    restored: &RadianceImage,
+) -> Vec<ShadingSample> {
     let (width, height) = (frame.depth_m.width(), frame.depth_m.height());
     let (radiance, clipped) = (frame.radiance(), frame.clipped());
     if (radiance.width(), radiance.height()) != (width, height) {
@@ -123,14 +127,14 @@ pub(crate) fn places(frame: &Frame, normals: &Image<Option<Vec3>>, restored: &Ra
     roots.iter().zip(&cells).filter(|(_, cell)| cell.is_some()).for_each(|(&root, _)| sizes[root] += 1);
     let mut numbers = vec![usize::MAX; cells.len()];
     let mut segments = 0;
-    let mut places = Vec::new();
+    let mut samples = Vec::new();
     for (cell, &root) in cells.iter().zip(&roots) {
         let Some(cell) = cell.as_ref().filter(|_| sizes[root] >= MIN_CELLS) else { continue };
         if numbers[root] == usize::MAX {
             numbers[root] = segments;
             segments += 1;
         }
-        places.push(Place {
+        samples.push(ShadingSample {
             position_m: cell.position_m,
             normal: cell.normal,
             log_radiance: cell.log_radiance,
@@ -139,19 +143,19 @@ pub(crate) fn places(frame: &Frame, normals: &Image<Option<Vec3>>, restored: &Ra
             segment: numbers[root],
         });
     }
-    let stride = places.len().div_ceil(MAX_PLACES).max(1);
+    let stride = samples.len().div_ceil(MAX_SAMPLES).max(1);
     let weight = stride as f32;
-    places
+    samples
         .into_iter()
         .skip(stride / 2)
         .step_by(stride)
-        .map(|place| Place { weight: place.weight * weight, ..place })
+        .map(|sample| ShadingSample { weight: sample.weight * weight, ..sample })
         .collect()
 }
 
 fn are_alike(a: &Cell, b: &Cell) -> bool {
     let near = (a.inverse_depth - b.inverse_depth).abs() < MAX_DEPTH_STEP * a.inverse_depth.min(b.inverse_depth);
-    // Where both are cut off, what they have in common is that nothing is known of them.
+    // Cells that are both clipped belong together, since nothing else is known about them.
     let bright = (a.log_radiance - b.log_radiance).abs() < MAX_STEP;
     let colour = a.colour.iter().zip(b.colour).all(|(a, b)| (a - b).abs() < MAX_COLOUR_STEP);
     near && bright && (colour || (a.clipped && b.clipped)) && a.clipped == b.clipped
@@ -176,35 +180,36 @@ mod tests {
     #[test]
     fn albedo_edges_and_depth_edges_part_segments_and_shading_does_not() {
         let camera = Camera::from_hfov_deg(60.0, 480, 320).unwrap();
-        // A wall whose light falls off to the right; its lower half is darker paint, and a board stands before its right third.
+        // A wall whose light falls off to the right; its lower half is darker paint, and a board is in front of its
+        // right third.
         let photo = RadianceImage::from_fn(480, 320, |x, y| {
             let light = 0.8 - 0.6 * x as f32 / 480.0;
             [if y < 160 { light } else { 0.4 * light }; 3]
         });
         let depth_m = DepthMap::from_fn(480, 320, |x, _| if x < 320 { 3.0 } else { 2.0 });
         let frame = Frame::new(Photo::Linear(photo), depth_m, camera, 1.0).unwrap();
-        let places = places(&frame, &frame.normals(), &frame.radiance());
-        assert!((400..=MAX_PLACES).contains(&places.len()), "{}", places.len());
-        let mut segments: Vec<usize> = places.iter().map(|place| place.segment).collect();
+        let samples = shading_samples(&frame, &frame.normals(), &frame.radiance());
+        assert!((400..=MAX_SAMPLES).contains(&samples.len()), "{}", samples.len());
+        let mut segments: Vec<usize> = samples.iter().map(|sample| sample.segment).collect();
         segments.sort_unstable();
         segments.dedup();
         assert_eq!(segments.len(), 4);
-        for place in &places {
-            let alike = places.iter().filter(|other| other.segment == place.segment);
-            let up = |p: &Place| p.position_m.y > 0.0;
+        for sample in &samples {
+            let alike = samples.iter().filter(|other| other.segment == sample.segment);
+            let up = |p: &ShadingSample| p.position_m.y > 0.0;
             assert!(
                 alike
                     .clone()
-                    .all(|other| up(other) == up(place) && (other.position_m.z - place.position_m.z).abs() < 0.1)
+                    .all(|other| up(other) == up(sample) && (other.position_m.z - sample.position_m.z).abs() < 0.1)
             );
-            assert!(place.normal.z > 0.99 && !place.clipped);
+            assert!(sample.normal.z > 0.99 && !sample.clipped);
         }
-        let total: f32 = places.iter().map(|place| place.weight).sum();
+        let total: f32 = samples.iter().map(|sample| sample.weight).sum();
         assert!((total / (96.0 * 64.0) - 1.0).abs() < 0.1, "{total}");
     }
 
     #[test]
-    fn without_depth_there_are_no_places() {
+    fn without_depth_there_are_no_samples() {
         let camera = Camera::from_hfov_deg(60.0, 48, 32).unwrap();
         let photo = RadianceImage::from_fn(48, 32, |_, _| [0.5; 3]);
         let frame = Frame {
@@ -213,6 +218,6 @@ mod tests {
             depth_m: DepthMap::from_fn(48, 32, |_, _| 0.0),
             exposure: 1.0,
         };
-        assert_eq!(places(&frame, &frame.normals(), &frame.radiance()), Vec::new());
+        assert_eq!(shading_samples(&frame, &frame.normals(), &frame.radiance()), Vec::new());
     }
 }
