@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 
-use crate::real::{Matrix, product};
+use crate::real::{Matrix, matmul};
 use crate::{Direction, DualGraph, Real};
 
 /// Kinds of edges: the six directions and the self loop.
@@ -69,7 +69,7 @@ fn convolve<T: Real>(
                 }
             }
             let gathered = Matrix::new(buffer, EDGE_TYPES * inputs);
-            product(output, gathered, Matrix::new(weights, outputs), start.is_some());
+            matmul(output, gathered, Matrix::new(weights, outputs), start.is_some());
         },
     );
 }
@@ -102,9 +102,9 @@ pub fn graph_conv_backward<T: Real>(
                 let buffer = &mut buffer[..rows * EDGE_TYPES * outputs];
                 gather(graph, output_gradient, outputs, first, buffer, Gather::TransposedMean);
                 let gathered = Matrix::new(buffer, EDGE_TYPES * outputs);
-                product(input_gradient, gathered, Matrix::new(&turned, inputs), false);
+                matmul(input_gradient, gathered, Matrix::new(&turned, inputs), false);
                 let rows = Matrix::new(&input[first * inputs..][..rows * inputs], inputs);
-                product(&mut weight_gradient, rows.transposed(), gathered, true);
+                matmul(&mut weight_gradient, rows.transposed(), gathered, true);
             }
             weight_gradient
         })
@@ -155,8 +155,8 @@ fn gather<T: Real>(graph: &DualGraph, x: &[T], channels: usize, first: usize, bu
                 Gather::TransposedMean => (graph.neighbours(node, direction.opposite()), Some(direction)),
             };
             let share = |neighbour: u32| match share_of {
-                None => T::share(neighbours.len() as u32),
-                Some(direction) => T::share(graph.neighbours(neighbour as usize, direction).len() as u32),
+                None => T::reciprocal(neighbours.len() as u32),
+                Some(direction) => T::reciprocal(graph.neighbours(neighbour as usize, direction).len() as u32),
             };
             match neighbours {
                 [] => entry.fill(T::default()),

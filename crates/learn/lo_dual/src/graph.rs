@@ -60,15 +60,15 @@ impl DualGraph {
     pub fn extended(&self, octree: &Octree) -> Self {
         let level = &octree.levels()[self.depth as usize];
         assert_eq!(level.len(), self.nodes.len() - self.first_finest, "the graph is one of another octree");
-        let step = Step::new(self, level);
-        let chunks: Vec<Rows> = step
+        let refiner = Refiner::new(self, level);
+        let chunks: Vec<NeighbourRows> = refiner
             .rows()
             .par_chunks(1 << 12)
             .map(|rows| {
-                let mut chunk = Rows::default();
+                let mut chunk = NeighbourRows::default();
                 for &row in rows {
                     for direction in Direction::ALL {
-                        step.append_neighbours(row, direction, &mut chunk.neighbours);
+                        refiner.append_neighbours(row, direction, &mut chunk.neighbours);
                         chunk.ends.push(chunk.neighbours.len() as u32);
                     }
                 }
@@ -77,8 +77,8 @@ impl DualGraph {
             .collect();
         let mut graph = Self {
             depth: self.depth + 1,
-            nodes: step.nodes(),
-            first_finest: step.kept.len(),
+            nodes: refiner.nodes(),
+            first_finest: refiner.kept.len(),
             offsets: vec![0],
             neighbours: Vec::new(),
         };
@@ -135,7 +135,7 @@ impl DualGraph {
 
 /// Neighbours of consecutive rows of the new graph.
 #[derive(Default)]
-struct Rows {
+struct NeighbourRows {
     neighbours: Vec<u32>,
     /// End of each segment in `neighbours`.
     ends: Vec<u32>,
@@ -143,7 +143,7 @@ struct Rows {
 
 /// A node of the finer graph.
 #[derive(Clone, Copy)]
-enum Row {
+enum NodeOrigin {
     /// The old node with this index.
     Kept(u32),
     /// A child of the old node.
@@ -151,7 +151,7 @@ enum Row {
 }
 
 /// From one graph to the next finer one.
-struct Step<'a> {
+struct Refiner<'a> {
     graph: &'a DualGraph,
     level: &'a Level,
     /// Old indices of the nodes that stay.
@@ -160,21 +160,21 @@ struct Step<'a> {
     new: Vec<u32>,
 }
 
-impl<'a> Step<'a> {
+impl<'a> Refiner<'a> {
     fn new(graph: &'a DualGraph, level: &'a Level) -> Self {
-        let mut step = Self { graph, level, kept: Vec::with_capacity(graph.len()), new: vec![0; graph.len()] };
+        let mut refiner = Self { graph, level, kept: Vec::with_capacity(graph.len()), new: vec![0; graph.len()] };
         for node in 0..graph.len() as u32 {
-            if step.first_child(node).is_none() {
-                step.new[node as usize] = step.kept.len() as u32;
-                step.kept.push(node);
+            if refiner.first_child(node).is_none() {
+                refiner.new[node as usize] = refiner.kept.len() as u32;
+                refiner.kept.push(node);
             }
         }
         for node in graph.first_finest as u32..graph.len() as u32 {
-            if let Some(first) = step.first_child(node) {
-                step.new[node as usize] = step.kept.len() as u32 + first;
+            if let Some(first) = refiner.first_child(node) {
+                refiner.new[node as usize] = refiner.kept.len() as u32 + first;
             }
         }
-        step
+        refiner
     }
 
     /// Index, in the octree's next level, of the first child of an old node that is split.
@@ -183,11 +183,11 @@ impl<'a> Step<'a> {
         u32::try_from(self.level.children[finest]).ok()
     }
 
-    fn rows(&self) -> Vec<Row> {
+    fn rows(&self) -> Vec<NodeOrigin> {
         let split =
             (self.graph.first_finest as u32..self.graph.len() as u32).filter(|&n| self.first_child(n).is_some());
-        let children = split.flat_map(|parent| (0..8).map(move |child| Row::Child { parent, child }));
-        self.kept.iter().map(|&node| Row::Kept(node)).chain(children).collect()
+        let children = split.flat_map(|parent| (0..8).map(move |child| NodeOrigin::Child { parent, child }));
+        self.kept.iter().map(|&node| NodeOrigin::Kept(node)).chain(children).collect()
     }
 
     fn nodes(&self) -> Vec<GraphNode> {
@@ -197,9 +197,9 @@ impl<'a> Step<'a> {
         kept.chain((0..children).map(|index| GraphNode { depth, index })).collect()
     }
 
-    fn append_neighbours(&self, row: Row, direction: Direction, out: &mut Vec<u32>) {
+    fn append_neighbours(&self, row: NodeOrigin, direction: Direction, out: &mut Vec<u32>) {
         match row {
-            Row::Kept(node) => {
+            NodeOrigin::Kept(node) => {
                 let start = out.len();
                 for &neighbour in self.graph.neighbours(node as usize, direction) {
                     let new = self.new[neighbour as usize];
@@ -211,7 +211,7 @@ impl<'a> Step<'a> {
                 // Children come after the nodes that stay.
                 out[start..].sort_unstable();
             }
-            Row::Child { parent, child } => {
+            NodeOrigin::Child { parent, child } => {
                 let inner = (child & direction.bit() == 0) == direction.is_positive();
                 let mirrored = child ^ direction.bit();
                 if inner {

@@ -8,4 +8,4 @@ mod real;
 pub use conv::{EDGE_TYPES, graph_conv, graph_conv_backward, graph_conv_onto};
 pub use direction::Direction;
 pub use graph::{DualGraph, GraphNode};
-pub use real::{Matrix, Real, product};
+pub use real::{Matrix, Real, matmul};

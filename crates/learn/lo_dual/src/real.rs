@@ -7,13 +7,13 @@ pub trait Real: Copy + Debug + Default + PartialEq + Send + Sync + AddAssign + M
     const ONE: Self;
 
     /// 1 / `count`.
-    fn share(count: u32) -> Self;
+    fn reciprocal(count: u32) -> Self;
 }
 
 impl Real for f32 {
     const ONE: Self = 1.0;
 
-    fn share(count: u32) -> Self {
+    fn reciprocal(count: u32) -> Self {
         1.0 / count as f32
     }
 }
@@ -21,7 +21,7 @@ impl Real for f32 {
 impl Real for f64 {
     const ONE: Self = 1.0;
 
-    fn share(count: u32) -> Self {
+    fn reciprocal(count: u32) -> Self {
         1.0 / f64::from(count)
     }
 }
@@ -100,7 +100,7 @@ mod tests {
         let left: Vec<f64> = (0..m * k).map(|i| (i as f64).sin()).collect();
         let right: Vec<f64> = (0..n * k).map(|i| (i as f64).cos()).collect();
         let mut out = vec![1.0; m * n];
-        product(&mut out, Matrix::new(&left, k), Matrix::new(&right, k).transposed(), true);
+        matmul(&mut out, Matrix::new(&left, k), Matrix::new(&right, k).transposed(), true);
         for row in 0..m {
             for column in 0..n {
                 let sum: f64 = (0..k).map(|i| left[row * k + i] * right[column * k + i]).sum();

@@ -10,8 +10,8 @@ use divan::Bencher;
 use lo_imaging::{DepthMap, Image, RadianceImage};
 use lo_nets::Adam;
 use lo_nets::conv::{DepthwiseKernel, Window, in_bf16};
+use lo_nets::cpu_ops::Kernel;
 use lo_nets::depth::{DenseNet, DepthNet, Encoder, EncoderKind, PatchGan, depth_losses, panorama_loss};
-use lo_nets::host::Kernel;
 
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
@@ -46,10 +46,10 @@ fn densenet121_480x320_train(bencher: Bencher) {
     });
 }
 
-fn lite_and_photo(encoder: EncoderKind, pictures: usize) -> (Encoder, Tensor<4>) {
+fn lite_and_photo(encoder: EncoderKind, images: usize) -> (Encoder, Tensor<4>) {
     let device = Device::flex().autodiff();
     let net = encoder.init(&mut lo_random::stream(1, "bench", 0), &device);
-    (net, Tensor::random([3, pictures, 256, 384], Distribution::Default, &device))
+    (net, Tensor::random([3, images, 256, 384], Distribution::Default, &device))
 }
 
 const LITES: [EncoderKind; 2] = [EncoderKind::EfficientNetLite0, EncoderKind::EfficientNetLite2];
@@ -88,7 +88,7 @@ const DEPTHWISE: [[usize; 5]; 10] = [
     [1152, 5, 1, 8, 12],
 ];
 
-/// A depthwise convolution of so many pictures, as PyTorch has it padded, and a gradient by its output.
+/// A depthwise convolution of so many images, as PyTorch has it padded, and a gradient by its output.
 struct Depthwise {
     kernel: DepthwiseKernel,
     sizes: [[usize; 2]; 2],
@@ -97,10 +97,10 @@ struct Depthwise {
 }
 
 impl Depthwise {
-    fn new([channels, side, stride, height, width]: [usize; 5], pictures: usize) -> Self {
-        let window = Window { pictures, ..Window::new([height, width], side, stride, [side / 2; 2]) };
+    fn new([channels, side, stride, height, width]: [usize; 5], images: usize) -> Self {
+        let window = Window { images, ..Window::new([height, width], side, stride, [side / 2; 2]) };
         let kernel = DepthwiseKernel { window, rectifier: None };
-        let sizes = [[channels, pictures * height * width], [channels, side * side]];
+        let sizes = [[channels, images * height * width], [channels, side * side]];
         let values = |count: usize| -> Vec<f32> { (0..count).map(|i| (0.7 * i as f32).sin()).collect() };
         let [_, area] = kernel.output_size(&sizes);
         let inputs = sizes.map(|[rows, columns]| values(rows * columns));
@@ -113,20 +113,20 @@ impl Depthwise {
 }
 
 #[divan::bench(sample_count = 20, args = DEPTHWISE, consts = [1, 8])]
-fn depthwise_fwd<const PICTURES: usize>(bencher: Bencher, case: [usize; 5]) {
-    let work = Depthwise::new(case, PICTURES);
+fn depthwise_fwd<const IMAGES: usize>(bencher: Bencher, case: [usize; 5]) {
+    let work = Depthwise::new(case, IMAGES);
     bencher.bench_local(|| work.kernel.forward(&work.inputs.each_ref().map(Vec::as_slice), &work.sizes));
 }
 
 #[divan::bench(sample_count = 20, args = DEPTHWISE, consts = [1, 8])]
-fn depthwise_by_input<const PICTURES: usize>(bencher: Bencher, case: [usize; 5]) {
-    let work = Depthwise::new(case, PICTURES);
+fn depthwise_by_input<const IMAGES: usize>(bencher: Bencher, case: [usize; 5]) {
+    let work = Depthwise::new(case, IMAGES);
     bencher.bench_local(|| work.backward([true, false]));
 }
 
 #[divan::bench(sample_count = 20, args = DEPTHWISE, consts = [1, 8])]
-fn depthwise_by_weights<const PICTURES: usize>(bencher: Bencher, case: [usize; 5]) {
-    let work = Depthwise::new(case, PICTURES);
+fn depthwise_by_weights<const IMAGES: usize>(bencher: Bencher, case: [usize; 5]) {
+    let work = Depthwise::new(case, IMAGES);
     bencher.bench_local(|| work.backward([false, true]));
 }
 

@@ -1,4 +1,4 @@
-//! The rendering layer: cone tracing of the network's levels as a differentiable operation (`docs/method.md` §3).
+//! Differentiable rendering: cone tracing of the network's output as an operation with gradients (`docs/method.md` §3).
 
 use std::fmt;
 use std::sync::Arc;
@@ -8,15 +8,15 @@ use lo_cone::{Cone, ConeSample, ConeTracer, SampleGradient, Settings, TracerErro
 use lo_geometry::Cube;
 use lo_octree::{LightOctree, Octree};
 
-use crate::host::{Kernel, Number, unary};
+use crate::cpu_ops::{Kernel, Number, unary};
 
-/// Channels of what a cone sees.
+/// Channels of a cone sample.
 pub const SAMPLE_CHANNELS: usize = 5;
 
-/// What `cones` see of an octree whose non-empty nodes hold `rgba`.
+/// Renders `cones` in an octree whose non-empty nodes hold `rgba`.
 ///
-/// `rgba[rows, 4]`: linear RGB and opacity, all levels from the full depth on, one after the other. Gives `[cones, 5]`: radiance
-/// (3), expected distance in metres, opacity. Gradients are exact but for where tracing clamps opacity.
+/// `rgba[rows, 4]` is linear RGB and opacity of all levels from the full depth on, concatenated. Returns `[cones, 5]`:
+/// radiance (3), expected distance in metres, opacity. Gradients are exact except where tracing clamps opacity.
 ///
 /// # Errors
 /// Settings out of range.
@@ -30,7 +30,7 @@ pub fn render(
     cones: Arc<[Cone]>,
     settings: Settings,
 ) -> Result<Tensor<2>, TracerError> {
-    // Levels above the full depth are never sampled, but a tracer wants them.
+    // The tracer requires levels above the full depth, but never samples them.
     let full_depth = octree.full_depth() as usize;
     let values: Vec<f32> = rgba.clone().inner().into_data().iter().collect();
     let mut rows = values.as_chunks::<4>().0.iter().copied();
@@ -45,14 +45,14 @@ pub fn render(
     Ok(unary(rgba, RenderKernel(Arc::new(View { tracer, full_depth, cones }))))
 }
 
-/// An octree with its features in the form that tracing wants; made once for both directions.
+/// Tracer and cones, built once for forward and backward pass.
 struct View {
     tracer: ConeTracer,
     full_depth: usize,
     cones: Arc<[Cone]>,
 }
 
-/// Tracing of the octree in `View`, which holds the same values as the kernel's input.
+/// Traces the octree in `View`, which holds the same values as the kernel's input.
 #[derive(Clone)]
 struct RenderKernel(Arc<View>);
 
@@ -135,7 +135,8 @@ mod tests {
                 moved[index] += step;
                 numbers(loss(of(&moved).inner()))[0]
             };
-            // f32 sums of 240 terms: 1e-5 over a step of 0.02; the exact derivatives are checked in f64 in `cone`.
+            // Tolerance: f32 sums of 240 terms are exact to 1e-5, over a step of 0.02. `lo_cone` checks exact
+            // derivatives in f64.
             let expected = (at(0.01) - at(-0.01)) / 0.02;
             assert!((got[index] - expected).abs() < 3e-3 * largest, "{index}: {} {expected}", got[index]);
             touched += usize::from(expected.abs() > 1e-2 * largest);

@@ -1,4 +1,4 @@
-//! The file of a checkpoint.
+//! File format of checkpoints.
 
 use std::fs::File;
 use std::io::{Read, Write};
@@ -7,20 +7,20 @@ use std::path::Path;
 use half::slice::HalfFloatSliceExt;
 use safetensors::tensor::{Dtype, Metadata, TensorInfo, TensorView};
 
-use super::{Checkpoint, CheckpointError, HostTensor, Precision};
+use super::{Checkpoint, CheckpointError, Precision, StoredTensor};
 
-/// Version of the files that are written.
+/// Version of the file format.
 pub const FORMAT_VERSION: u64 = 1;
 
 impl Checkpoint {
-    /// Writes the file, whole or not at all.
+    /// Writes the file atomically.
     ///
     /// # Errors
-    /// The file system's.
+    /// Errors of the file system.
     pub fn write(&self, path: impl AsRef<Path>, precision: Precision) -> Result<(), CheckpointError> {
         let path = path.as_ref();
         let dtype = if precision == Precision::Full { Dtype::F32 } else { Dtype::F16 };
-        let bytes: Vec<(&String, &HostTensor, Vec<u8>)> = self
+        let bytes: Vec<(&String, &StoredTensor, Vec<u8>)> = self
             .tensors
             .iter()
             .map(|(name, tensor)| {
@@ -43,17 +43,17 @@ impl Checkpoint {
             .map_err(|source| CheckpointError::File { path: path.display().to_string(), source })
     }
 
-    /// What a file of [`Precision::Half`] would give back.
+    /// Rounds all values to what a file of [`Precision::Half`] would return.
     pub fn round_to_half(&mut self) {
         let values = self.tensors.values_mut().flat_map(|tensor| &mut tensor.values);
         values.for_each(|value| *value = half::f16::from_f32(*value).to_f32());
     }
 
-    /// Reads a file that [`Checkpoint::write`] wrote, or weights that others did.
+    /// Reads a file written by [`Checkpoint::write`], or third-party weights.
     ///
     /// # Errors
-    /// Files that cannot be read, are damaged, or hold numbers of other kinds than F32, F16, BF16 and F64 (integers are
-    /// passed over).
+    /// Files that are unreadable, damaged, or hold other number types than F32, F16, BF16 and F64. Integers are
+    /// ignored.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, CheckpointError> {
         let path = path.as_ref();
         let system = |source| CheckpointError::File { path: path.display().to_string(), source };
@@ -62,10 +62,10 @@ impl Checkpoint {
         Self::from_reader(file, length, path)
     }
 
-    /// [`Checkpoint::read`] of a file's bytes; messages call it `name`.
+    /// Reads a checkpoint from memory. Error messages use `name` as the path.
     ///
     /// # Errors
-    /// As of a file.
+    /// As [`Checkpoint::read`].
     pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Self, CheckpointError> {
         Self::from_reader(bytes, bytes.len() as u64, name.as_ref())
     }
@@ -88,7 +88,7 @@ impl Checkpoint {
         if described != length {
             return Err(content(path, format!("damaged: its header describes {described} bytes, but it has {length}")));
         }
-        // Tensor by tensor, so that the file and the numbers made of it are not in memory together.
+        // Reads one tensor at a time, to avoid holding the file and the values in memory together.
         let (mut checkpoint, mut bytes) = (Self::default(), Vec::new());
         for name in header.offset_keys() {
             let Some(TensorInfo { dtype, shape, data_offsets: (begin, end) }) = header.info(&name) else { continue };
@@ -110,7 +110,7 @@ impl Checkpoint {
                 Dtype::I64 | Dtype::I32 => continue,
                 other => return Err(content(path, format!("tensor \"{name}\" holds {other:?}; floats are wanted"))),
             };
-            checkpoint.tensors.insert(name, HostTensor { shape: shape.clone(), values });
+            checkpoint.tensors.insert(name, StoredTensor { shape: shape.clone(), values });
         }
         if let Some(text) = header.metadata().as_ref().and_then(|map| map.get("checkpoint")) {
             let mut json: serde_json::Value = serde_json::from_str(text).map_err(|error| content(path, error))?;

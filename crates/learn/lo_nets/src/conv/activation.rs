@@ -4,12 +4,12 @@ use burn::tensor::Tensor;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use crate::host::{Kernel, Number, binary, zeros};
-use crate::sums::LANES;
+use crate::cpu_ops::{Kernel, Number, binary, zeros};
+use crate::gemm::LANES;
 
-/// `scale · (x − centre) + shift`, the three rows of `affine`: `[3, channels]`, or `[3, channels · pictures]` for each picture its own.
+/// `scale · (x − centre) + shift`, the three rows of `affine`: `[3, channels]`, or `[3, channels · images]` for each image its own.
 pub fn scaled(x: Tensor<4>, affine: Tensor<2>) -> Tensor<4> {
-    apply(x, affine, Then::Nothing)
+    apply(x, affine, Epilogue::None)
 }
 
 /// Which part of a number is kept.
@@ -30,32 +30,32 @@ impl Rectifier {
     }
 }
 
-/// [`scaled`], then rectified.
+/// [`scaled`], epilogue rectified.
 pub fn activate(x: Tensor<4>, affine: Tensor<2>, rectifier: Rectifier) -> Tensor<4> {
-    apply(x, affine, Then::Rectified(rectifier))
+    apply(x, affine, Epilogue::Rectify(rectifier))
 }
 
-/// The means of 2 × 2 pixels of the positive part of [`scaled`], `[channels, pictures, height / 2, width / 2]`.
+/// The means of 2 × 2 pixels of the positive part of [`scaled`], `[channels, images, height / 2, width / 2]`.
 ///
 /// # Panics
 /// For an odd height or width.
 pub fn activated_mean(x: Tensor<4>, affine: Tensor<2>) -> Tensor<4> {
-    apply(x, affine, Then::PositiveMean)
+    apply(x, affine, Epilogue::ReluMean)
 }
 
-fn apply(x: Tensor<4>, affine: Tensor<2>, then: Then) -> Tensor<4> {
-    let [channels, pictures, height, width] = x.dims();
+fn apply(x: Tensor<4>, affine: Tensor<2>, epilogue: Epilogue) -> Tensor<4> {
+    let [channels, images, height, width] = x.dims();
     let [_, rows] = affine.dims();
-    assert!(then != Then::PositiveMean || height.is_multiple_of(2), "an even height");
-    let kernel = ActivationKernel { width, then };
-    let y = binary(x.reshape([rows, channels * pictures * height * width / rows.max(1)]), affine, kernel);
-    let halved = usize::from(then == Then::PositiveMean);
-    y.reshape([channels, pictures, height >> halved, width >> halved])
+    assert!(epilogue != Epilogue::ReluMean || height.is_multiple_of(2), "an even height");
+    let kernel = ActivationKernel { width, epilogue };
+    let y = binary(x.reshape([rows, channels * images * height * width / rows.max(1)]), affine, kernel);
+    let halved = usize::from(epilogue == Epilogue::ReluMean);
+    y.reshape([channels, images, height >> halved, width >> halved])
 }
 
 /// The same by burn's own operations, to check the kernel.
 #[cfg(test)]
-pub(super) fn composed(x: Tensor<4>, affine: Tensor<2>, then: Then) -> Tensor<4> {
+pub(super) fn composed(x: Tensor<4>, affine: Tensor<2>, epilogue: Epilogue) -> Tensor<4> {
     use burn::tensor::ops::AvgPoolOptions;
     use burn::tensor::{activation::relu, module::avg_pool2d};
 
@@ -63,11 +63,11 @@ pub(super) fn composed(x: Tensor<4>, affine: Tensor<2>, then: Then) -> Tensor<4>
     let row = |row| affine.clone().narrow(0, row, 1).reshape([channels, rows / channels, 1, 1]);
     let [scale, centre, shift] = [0, 1, 2].map(row);
     let y = (x - centre) * scale + shift;
-    match then {
-        Then::Nothing => y,
-        Then::Rectified(Rectifier::Relu) => relu(y),
-        Then::Rectified(Rectifier::Relu6) => y.clamp(0.0, 6.0),
-        Then::PositiveMean => avg_pool2d(relu(y), AvgPoolOptions::new([2, 2])),
+    match epilogue {
+        Epilogue::None => y,
+        Epilogue::Rectify(Rectifier::Relu) => relu(y),
+        Epilogue::Rectify(Rectifier::Relu6) => y.clamp(0.0, 6.0),
+        Epilogue::ReluMean => avg_pool2d(relu(y), AvgPoolOptions::new([2, 2])),
     }
 }
 
@@ -136,16 +136,16 @@ impl<T: Number> ChannelAffine<T> {
 
 /// What follows scale and shift.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Then {
-    Nothing,
-    Rectified(Rectifier),
+pub(super) enum Epilogue {
+    None,
+    Rectify(Rectifier),
     /// The positive part's means of 2 × 2 pixels.
-    PositiveMean,
+    ReluMean,
 }
 
-impl Then {
+impl Epilogue {
     fn rectifier(self) -> Rectifier {
-        if let Self::Rectified(rectifier) = self { rectifier } else { Rectifier::Relu }
+        if let Self::Rectify(rectifier) = self { rectifier } else { Rectifier::Relu }
     }
 }
 
@@ -153,14 +153,14 @@ impl Then {
 #[derive(Clone, Copy, Debug)]
 struct ActivationKernel {
     width: usize,
-    then: Then,
+    epilogue: Epilogue,
 }
 
 impl Kernel for ActivationKernel {
     fn output_size(&self, sizes: &[[usize; 2]]) -> [usize; 2] {
         let [channels, area] = sizes[0];
         assert_eq!(sizes[1], [3, channels], "a scale, a centre and a shift for each channel");
-        if self.then != Then::PositiveMean {
+        if self.epilogue != Epilogue::ReluMean {
             return [channels, area];
         }
         assert!(self.width.is_multiple_of(2) && area.is_multiple_of(2 * self.width), "an even height and width");
@@ -169,7 +169,7 @@ impl Kernel for ActivationKernel {
 
     fn forward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]]) -> Vec<T> {
         let [channels, out_area] = self.output_size(sizes);
-        let affine = Affine::new(inputs[1], self.then.rectifier());
+        let affine = Affine::new(inputs[1], self.epilogue.rectifier());
         let mut out = zeros(channels * out_area);
         let rows = out.par_chunks_mut(out_area.max(1)).zip(inputs[0].par_chunks(sizes[0][1].max(1)));
         rows.enumerate().for_each(|(channel, (out, x))| {
@@ -179,15 +179,15 @@ impl Kernel for ActivationKernel {
     }
 
     fn backward<T: Number>(&self, inputs: &[&[T]], _: &[[usize; 2]], gradient: &[T], _: &[bool]) -> Vec<Vec<T>> {
-        let mut by_x = match self.then {
-            Then::PositiveMean => shared_out(gradient, self.width / 2),
+        let mut by_x = match self.epilogue {
+            Epilogue::ReluMean => shared_out(gradient, self.width / 2),
             _ => gradient.to_vec(),
         };
         let by_affine = through_activation(
             &mut by_x,
             inputs[0],
-            Affine::new(inputs[1], self.then.rectifier()),
-            self.then != Then::Nothing,
+            Affine::new(inputs[1], self.epilogue.rectifier()),
+            self.epilogue != Epilogue::None,
         );
         vec![by_x, by_affine]
     }
@@ -206,12 +206,12 @@ impl<T: Number> WithSimd for Activate<'_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let Self { out, x, affine, kernel: ActivationKernel { width, then } } = self;
+        let Self { out, x, affine, kernel: ActivationKernel { width, epilogue } } = self;
         let value = |x: T| affine.rectified(x);
-        match then {
-            Then::Nothing => out.iter_mut().zip(x).for_each(|(out, &x)| *out = affine.value(x)),
-            Then::Rectified(_) => out.iter_mut().zip(x).for_each(|(out, &x)| *out = value(x)),
-            Then::PositiveMean => {
+        match epilogue {
+            Epilogue::None => out.iter_mut().zip(x).for_each(|(out, &x)| *out = affine.value(x)),
+            Epilogue::Rectify(_) => out.iter_mut().zip(x).for_each(|(out, &x)| *out = value(x)),
+            Epilogue::ReluMean => {
                 let quarter = T::of(0.25);
                 for (out, rows) in out.chunks_exact_mut(width / 2).zip(x.chunks_exact(2 * width)) {
                     let (upper, lower) = rows.split_at(width);
@@ -307,30 +307,30 @@ mod tests {
     use super::*;
     use crate::testing::{assert_gradients, assert_same_function};
 
-    /// Five channels of two pictures, by channels and by pictures.
+    /// Five channels of two images, by channels and by images.
     const SIZES: [[[usize; 2]; 2]; 2] = [[[5, 2 * 6 * 8], [3, 5]], [[5, 2 * 6 * 8], [3, 10]]];
 
-    const ALL: [Then; 4] =
-        [Then::Nothing, Then::Rectified(Rectifier::Relu), Then::Rectified(Rectifier::Relu6), Then::PositiveMean];
+    const ALL: [Epilogue; 4] =
+        [Epilogue::None, Epilogue::Rectify(Rectifier::Relu), Epilogue::Rectify(Rectifier::Relu6), Epilogue::ReluMean];
 
     /// Large enough that some of it reaches 6.
     fn large(affine: Tensor<2>) -> Tensor<2> {
         4.0 * affine
     }
 
-    fn on_pictures(x: Tensor<2>, function: impl Fn(Tensor<4>) -> Tensor<4>) -> Tensor<2> {
+    fn on_images(x: Tensor<2>, function: impl Fn(Tensor<4>) -> Tensor<4>) -> Tensor<2> {
         let channels = x.dims()[0];
         function(x.reshape([channels, 2, 6, 8])).flatten(0, 2)
     }
 
     #[test]
     fn kernel_is_the_composition() {
-        for then in ALL {
+        for epilogue in ALL {
             for sizes in SIZES {
                 assert_same_function(
                     &sizes,
-                    |[x, a]| on_pictures(x, |x| apply(x, large(a.clone()), then)),
-                    |[x, a]| on_pictures(x, |x| composed(x, large(a.clone()), then)),
+                    |[x, a]| on_images(x, |x| apply(x, large(a.clone()), epilogue)),
+                    |[x, a]| on_images(x, |x| composed(x, large(a.clone()), epilogue)),
                 );
             }
         }
@@ -338,9 +338,9 @@ mod tests {
 
     #[test]
     fn gradients_are_differences() {
-        for then in ALL {
+        for epilogue in ALL {
             for sizes in SIZES {
-                assert_gradients(&sizes, |[x, a]| on_pictures(x, |x| apply(x, large(a.clone()), then)));
+                assert_gradients(&sizes, |[x, a]| on_images(x, |x| apply(x, large(a.clone()), epilogue)));
             }
         }
     }

@@ -4,7 +4,7 @@
 
 use std::sync::LazyLock;
 
-/// Rows and columns of the matrix that [`Product::block`] computes.
+/// Rows and columns of the matrix that [`BlockProduct::block`] computes.
 pub const BLOCK: usize = 32;
 
 /// Products that are summed at each of its steps.
@@ -29,7 +29,7 @@ pub fn bf16_pair(first: f32, second: f32) -> u32 {
 
 /// Two sequences of matrices that are multiplied pairwise, and the products summed.
 #[derive(Clone, Copy, Debug)]
-pub struct Product<'a> {
+pub struct BlockProduct<'a> {
     /// bf16 numbers. A step's matrix has `BLOCK` rows of `STEP` numbers.
     pub left: &'a [u16],
     /// Where the first step's rows 0 and 16 begin.
@@ -48,7 +48,7 @@ pub struct Product<'a> {
     pub right_stride: usize,
 }
 
-impl Product<'_> {
+impl BlockProduct<'_> {
     /// The sum over all steps of left times right.
     ///
     /// # Panics
@@ -63,17 +63,17 @@ impl Product<'_> {
         assert!(left + STEP <= self.left.len(), "a step leaves the left numbers");
         let right = last + self.first + (TILE - 1) * self.right_stride;
         assert!(right + BLOCK <= self.right.len(), "a step leaves the right numbers");
-        #[cfg(all(target_arch = "x86_64", target_os = "linux"))]
+        #[cfg(all(feature = "amx", target_arch = "x86_64", target_os = "linux"))]
         if available() {
             // SAFETY: the processor has the unit and the system lets us use it; the assertions keep all reads within the slices.
-            unsafe { self.block_by_tiles(out) };
+            unsafe { self.amx_block(out) };
             return;
         }
-        self.block_by_hand(out);
+        self.portable_block(out);
     }
 
     /// What the matrix unit computes, up to the order of its sums.
-    fn block_by_hand(&self, out: &mut [[f32; BLOCK]; BLOCK]) {
+    fn portable_block(&self, out: &mut [[f32; BLOCK]; BLOCK]) {
         *out = [[0.0; BLOCK]; BLOCK];
         let value = |half: u16| f32::from_bits(u32::from(half) << 16);
         for (step, offset) in self.offsets.iter().enumerate() {
@@ -91,8 +91,8 @@ impl Product<'_> {
 
     /// # Safety
     /// [`available`], at least one step, and no step may leave the numbers.
-    #[cfg(all(target_arch = "x86_64", target_os = "linux"))]
-    unsafe fn block_by_tiles(&self, out: &mut [[f32; BLOCK]; BLOCK]) {
+    #[cfg(all(feature = "amx", target_arch = "x86_64", target_os = "linux"))]
+    unsafe fn amx_block(&self, out: &mut [[f32; BLOCK]; BLOCK]) {
         let [a, b] = self.halves.map(|start| self.left[start..].as_ptr());
         // SAFETY: what is read lies in the slices by this function's contract, what is written in `out`. Tiles are set up, used and released here.
         unsafe {
@@ -124,7 +124,7 @@ impl Product<'_> {
                 "tilestored [{out} + 1*{place} + 2048], tmm2",
                 "tilestored [{out} + 1*{place} + 2112], tmm3",
                 "tilerelease",
-                place = inout(reg) &CONFIGURATION => _,
+                place = inout(reg) &TILE_CONFIG => _,
                 a = inout(reg) a => _,
                 b = inout(reg) b => _,
                 left_stride = in(reg) 2 * self.left_stride,
@@ -143,8 +143,8 @@ impl Product<'_> {
 }
 
 /// Eight tiles of 16 rows of 64 bytes (Intel's manual, volume 1, 18.3).
-#[cfg(all(target_arch = "x86_64", target_os = "linux"))]
-static CONFIGURATION: Configuration = {
+#[cfg(all(feature = "amx", target_arch = "x86_64", target_os = "linux"))]
+static TILE_CONFIG: TileConfig = {
     let mut bytes = [0; 64];
     bytes[0] = 1;
     let mut tile = 0;
@@ -153,12 +153,12 @@ static CONFIGURATION: Configuration = {
         bytes[48 + tile] = TILE as u8;
         tile += 1;
     }
-    Configuration(bytes)
+    TileConfig(bytes)
 };
 
-#[cfg(all(target_arch = "x86_64", target_os = "linux"))]
+#[cfg(all(feature = "amx", target_arch = "x86_64", target_os = "linux"))]
 #[repr(C, align(64))]
-struct Configuration([u8; 64]);
+struct TileConfig([u8; 64]);
 
 /// Whether the processor has the matrix unit and the system lets this process use it.
 pub fn available() -> bool {
@@ -166,12 +166,12 @@ pub fn available() -> bool {
     *AVAILABLE
 }
 
-#[cfg(not(all(target_arch = "x86_64", target_os = "linux")))]
+#[cfg(not(all(feature = "amx", target_arch = "x86_64", target_os = "linux")))]
 fn detect() -> bool {
     false
 }
 
-#[cfg(all(target_arch = "x86_64", target_os = "linux"))]
+#[cfg(all(feature = "amx", target_arch = "x86_64", target_os = "linux"))]
 fn detect() -> bool {
     use std::arch::x86_64::{__cpuid, __cpuid_count};
     // AMX-BF16 and AMX-TILE.
@@ -230,7 +230,7 @@ mod tests {
         let left: Vec<u16> = numbers.iter().map(|&v| bf16(v as f32)).collect();
         let right: Vec<u32> = numbers.chunks_exact(2).map(|v| bf16_pair(v[0] as f32, v[1] as f32)).collect();
         for offsets in [&[0][..], &[7, 3, 901], &[]] {
-            let product = Product {
+            let product = BlockProduct {
                 left: &left,
                 halves: [5, 2500],
                 left_stride: 71,
@@ -242,7 +242,7 @@ mod tests {
             };
             let [mut got, mut expected] = [[[7.0; BLOCK]; BLOCK]; 2];
             product.block(&mut got);
-            product.block_by_hand(&mut expected);
+            product.portable_block(&mut expected);
             for (got, expected) in got.as_flattened().iter().zip(expected.as_flattened()) {
                 assert!((got - expected).abs() <= 1e-4, "{got} {expected}");
             }
@@ -263,7 +263,7 @@ mod tests {
     #[test]
     #[should_panic(expected = "leaves the right numbers")]
     fn steps_outside_are_refused() {
-        let product = Product {
+        let product = BlockProduct {
             left: &[0; 2048],
             halves: [0, 512],
             left_stride: 32,

@@ -5,11 +5,11 @@ use rayon::prelude::*;
 
 use crate::conv::activation::{Affine, ChannelAffine, Rectifier, through_activation};
 use crate::conv::window::Window;
-use crate::host::{Kernel, Number, zeros};
-use crate::sums::{LANES, MAX_COLUMN, Rows};
+use crate::cpu_ops::{Kernel, Number, zeros};
+use crate::gemm::{LANES, MAX_COLUMN, Rows};
 
-/// A convolution of `x[channels, pictures · height · width]`, each channel with its row of `weights[channels, kernel²]`. Gives
-/// `[channels, pictures · height · width]` of the output.
+/// A convolution of `x[channels, images · height · width]`, each channel with its row of `weights[channels, kernel²]`. Gives
+/// `[channels, images · height · width]` of the output.
 #[derive(Clone, Copy, Debug)]
 pub struct DepthwiseKernel {
     /// What is read.
@@ -28,11 +28,11 @@ impl DepthwiseKernel {
 impl Kernel for DepthwiseKernel {
     fn output_size(&self, sizes: &[[usize; 2]]) -> [usize; 2] {
         let [channels, area] = sizes[0];
-        assert_eq!(area, self.window.input_area(), "the pictures have the window's size");
+        assert_eq!(area, self.window.input_area(), "the images have the window's size");
         assert_eq!(sizes[1], [channels, self.window.kernel.pow(2)], "weights for each channel");
         let affine = self.rectifier.map(|_| [3, channels]);
         assert_eq!(sizes.get(2), affine.as_ref(), "a scale, a centre and a shift for each channel, or none");
-        [channels, self.window.pictures * self.window.area()]
+        [channels, self.window.images * self.window.area()]
     }
 
     fn forward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]]) -> Vec<T> {
@@ -56,11 +56,11 @@ impl Kernel for DepthwiseKernel {
     }
 }
 
-/// A picture as the kernel reads it: its pixels of every `step`-th row and column are a plane of their own, so that what one weight is multiplied by, for all
+/// An image as the kernel reads it: its pixels of every `step`-th row and column are a plane of their own, so that what one weight is multiplied by, for all
 /// pixels of the output, is a run of neighbouring numbers. Planes have zeros around them. What is computed for columns past the output's width means nothing.
 struct Planes {
-    /// Height and width of the picture.
-    picture: [usize; 2],
+    /// Height and width of the image.
+    image: [usize; 2],
     step: usize,
     /// Rows and columns of zeros before each plane.
     margin: usize,
@@ -78,7 +78,7 @@ struct Tap {
 }
 
 /// Columns of weights and what they are multiplied by.
-struct Products {
+struct WeightColumns {
     /// Weights in each column.
     count: usize,
     /// Of the weights, column by column; `None` where a column has fewer.
@@ -87,7 +87,7 @@ struct Products {
     offsets: Vec<usize>,
 }
 
-impl Products {
+impl WeightColumns {
     /// Of all weights in some rows and columns of `side × side`.
     fn new(planes: &Planes, side: usize, down: &[Tap], across: &[Tap]) -> Self {
         // The weights of a column that belong to a plane follow on each other there.
@@ -99,13 +99,13 @@ impl Products {
             })
             .collect();
         let count = rows.iter().map(Vec::len).max().unwrap_or(0).clamp(1, MAX_COLUMN);
-        let columns =
+        let column_taps =
             || across.iter().flat_map(|across| rows.iter().flat_map(|r| r.chunks(count)).map(move |r| (r, across)));
         let index = |row: Option<&Tap>, across: &Tap| row.map(|row| row.index * side + across.index);
         Self {
             count,
-            indices: columns().flat_map(|(r, across)| (0..count).map(move |i| index(r.get(i), across))).collect(),
-            offsets: columns().map(|(r, across)| planes.offset(r[0], *across)).collect(),
+            indices: column_taps().flat_map(|(r, across)| (0..count).map(move |i| index(r.get(i), across))).collect(),
+            offsets: column_taps().map(|(r, across)| planes.offset(r[0], *across)).collect(),
         }
     }
 
@@ -121,13 +121,13 @@ impl Products {
 }
 
 impl Planes {
-    /// Planes of a picture in which every pixel of `output` (height and width) can be moved by the shift of each of the `taps`.
-    fn new(picture: [usize; 2], step: usize, output: [usize; 2], taps: &[Tap]) -> Self {
+    /// Planes of an image in which every pixel of `output` (height and width) can be moved by the shift of each of the `taps`.
+    fn new(image: [usize; 2], step: usize, output: [usize; 2], taps: &[Tap]) -> Self {
         let shifts = || taps.iter().map(|tap| tap.shift);
         let margin = (-shifts().min().unwrap_or(0)).max(0) as usize;
         let after = shifts().max().unwrap_or(0).max(0) as usize;
-        let side = |i: usize| margin + picture[i].div_ceil(step).max(output[i] + after);
-        Self { picture, step, margin, rows: side(0), pitch: side(1) }
+        let side = |i: usize| margin + image[i].div_ceil(step).max(output[i] + after);
+        Self { image, step, margin, rows: side(0), pitch: side(1) }
     }
 
     /// Numbers of all planes, and as many zeros as vectors may read beyond.
@@ -142,7 +142,7 @@ impl Planes {
         (plane * self.rows + place(down)) * self.pitch + place(across)
     }
 
-    /// Fills the planes, whose margins are zeros already, with a picture, where wanted activated.
+    /// Fills the planes, whose margins are zeros already, with an image, where wanted activated.
     fn fill<T: Number>(&self, planes: &mut [T], x: &[T], activation: Option<ChannelAffine<T>>) {
         Arch::new().dispatch(Fill { planes: self, out: planes, x, activation });
     }
@@ -171,7 +171,7 @@ impl<T: Number> WithSimd for Fill<'_, T> {
 
 #[inline(always)]
 fn fill<T: Number>(planes: &Planes, out: &mut [T], x: &[T], value: impl Fn(T) -> T) {
-    let Planes { picture: [_, width], step, margin, rows, pitch } = *planes;
+    let Planes { image: [_, width], step, margin, rows, pitch } = *planes;
     for (y, x) in x.chunks_exact(width).enumerate() {
         let (phase, row) = if step == 1 { (0, y) } else { (y % step, y / step) };
         // Of the planes with these rows, which lie one after the other.
@@ -209,19 +209,19 @@ fn taps(window: &Window) -> Vec<Tap> {
 fn convolve<T: Number>(window: &Window, x: &[T], activation: Option<Affine<T>>, weights: &[T]) -> Vec<T> {
     let taps = taps(window);
     let planes = Planes::new(window.input, window.stride, window.output, &taps);
-    let products = Products::new(&planes, window.kernel, &taps, &taps);
+    let columns = WeightColumns::new(&planes, window.kernel, &taps, &taps);
     let area = window.area();
-    let mut out = zeros(x.len() / window.input_area() * window.pictures * area);
-    let channels = out.par_chunks_mut(window.pictures * area).zip(x.par_chunks(window.input_area()));
+    let mut out = zeros(x.len() / window.input_area() * window.images * area);
+    let channels = out.par_chunks_mut(window.images * area).zip(x.par_chunks(window.input_area()));
     let channels = channels.zip(weights.par_chunks(window.kernel.pow(2))).enumerate();
     channels.for_each_init(
         || planes.scratch(),
         |scratch, (channel, ((out, x), weights))| {
-            let (activation, weights) = (activation.map(|affine| affine.channel(channel)), products.order(weights));
-            let pictures = out.chunks_exact_mut(area).zip(x.chunks_exact(window.input[0] * window.input[1]));
-            for (out, x) in pictures {
+            let (activation, weights) = (activation.map(|affine| affine.channel(channel)), columns.order(weights));
+            let images = out.chunks_exact_mut(area).zip(x.chunks_exact(window.input[0] * window.input[1]));
+            for (out, x) in images {
                 planes.fill(scratch, x, activation);
-                products.filter(&planes, &weights, scratch, Rows { out, width: window.output[1] });
+                columns.filter(&planes, &weights, scratch, Rows { out, width: window.output[1] });
             }
         },
     );
@@ -230,7 +230,7 @@ fn convolve<T: Number>(window: &Window, x: &[T], activation: Option<Affine<T>>, 
 
 /// Gradient by what was convolved: of every `stride`-th row and column a convolution of the gradient with some of the weights.
 fn input_gradient<T: Number>(window: &Window, gradient: &[T], weights: &[T]) -> Vec<T> {
-    let Window { input: [height, width], output, stride, padding, kernel, pictures, .. } = *window;
+    let Window { input: [height, width], output, stride, padding, kernel, images, .. } = *window;
     // For each phase of rows or columns the weights that reach it, and from where.
     let phases: Vec<Vec<Tap>> = (0..stride)
         .map(|phase| {
@@ -242,24 +242,24 @@ fn input_gradient<T: Number>(window: &Window, gradient: &[T], weights: &[T]) -> 
     let parts = [height, width].map(|side| side.div_ceil(stride));
     let planes = Planes::new(output, 1, parts, &phases.concat());
     // For each phase of rows and columns.
-    let products: Vec<Products> = (0..stride * stride)
-        .map(|index| Products::new(&planes, kernel, &phases[index / stride], &phases[index % stride]))
+    let columns: Vec<WeightColumns> = (0..stride * stride)
+        .map(|index| WeightColumns::new(&planes, kernel, &phases[index / stride], &phases[index % stride]))
         .collect();
     let (area, part) = (window.area(), parts[0] * parts[1]);
-    let mut out = zeros(gradient.len() / (pictures * area) * window.input_area());
-    let channels = out.par_chunks_mut(window.input_area()).zip(gradient.par_chunks(pictures * area));
+    let mut out = zeros(gradient.len() / (images * area) * window.input_area());
+    let channels = out.par_chunks_mut(window.input_area()).zip(gradient.par_chunks(images * area));
     let channels = channels.zip(weights.par_chunks(kernel * kernel));
     let scratch = || (planes.scratch(), vec![T::default(); stride * stride * part]);
     channels.for_each_init(scratch, |(scratch, sums), ((out, gradient), weights)| {
-        let weights: Vec<Vec<T>> = products.iter().map(|products| products.order(weights)).collect();
+        let weights: Vec<Vec<T>> = columns.iter().map(|columns| columns.order(weights)).collect();
         for (out, gradient) in out.chunks_exact_mut(height * width).zip(gradient.chunks_exact(area)) {
             planes.fill(scratch, gradient, None);
             if stride == 1 {
-                products[0].filter(&planes, &weights[0], scratch, Rows { out, width });
+                columns[0].filter(&planes, &weights[0], scratch, Rows { out, width });
                 continue;
             }
-            for ((products, weights), sums) in products.iter().zip(&weights).zip(sums.chunks_exact_mut(part)) {
-                products.filter(&planes, weights, scratch, Rows { out: sums, width: parts[1] });
+            for ((columns, weights), sums) in columns.iter().zip(&weights).zip(sums.chunks_exact_mut(part)) {
+                columns.filter(&planes, weights, scratch, Rows { out: sums, width: parts[1] });
             }
             for (y, out) in out.chunks_exact_mut(width).enumerate() {
                 let place = |column: usize| (y % stride * stride + column) * part + y / stride * parts[1];
@@ -296,13 +296,13 @@ fn weight_gradient<T: Number>(window: &Window, x: &[T], activation: Option<Affin
     let ([height, width], area) = (window.output, window.area());
     let mut out = zeros(x.len() / window.input_area() * offsets.len());
     let channels = out.par_chunks_mut(offsets.len()).zip(x.par_chunks(window.input_area()));
-    let channels = channels.zip(gradient.par_chunks(window.pictures * area)).enumerate();
+    let channels = channels.zip(gradient.par_chunks(window.images * area)).enumerate();
     // The gradient with rows as wide as those of the planes, zeros where they mean nothing.
     let scratch = || (planes.scratch(), vec![T::default(); height * planes.pitch]);
     channels.for_each_init(scratch, |(scratch, padded), (channel, ((out, x), gradient))| {
         let activation = activation.map(|affine| affine.channel(channel));
-        let pictures = x.chunks_exact(window.input[0] * window.input[1]).zip(gradient.chunks_exact(area));
-        for (x, gradient) in pictures {
+        let images = x.chunks_exact(window.input[0] * window.input[1]).zip(gradient.chunks_exact(area));
+        for (x, gradient) in images {
             planes.fill(scratch, x, activation);
             for (out, gradient) in padded.chunks_exact_mut(planes.pitch).zip(gradient.chunks_exact(width)) {
                 out[..width].copy_from_slice(gradient);
@@ -322,10 +322,10 @@ mod tests {
 
     use super::*;
     use crate::conv::activation;
-    use crate::host::{binary, ternary};
+    use crate::cpu_ops::{binary, ternary};
     use crate::testing::{assert_gradients, assert_same_function};
 
-    /// Channels; pictures, height and width; kernel, stride, padding before and after.
+    /// Channels; images, height and width; kernel, stride, padding before and after.
     type Case = (usize, [usize; 3], [usize; 4]);
 
     const CASES: [Case; 9] = [
@@ -340,13 +340,13 @@ mod tests {
         (2, [2, 130, 150], [5, 1, 2, 2]),
     ];
 
-    fn kernel((_, [pictures, height, width], [side, stride, before, after]): Case, activated: bool) -> DepthwiseKernel {
-        let window = Window { pictures, ..Window::new([height, width], side, stride, [before, after]) };
+    fn kernel((_, [images, height, width], [side, stride, before, after]): Case, activated: bool) -> DepthwiseKernel {
+        let window = Window { images, ..Window::new([height, width], side, stride, [before, after]) };
         DepthwiseKernel { window, rectifier: activated.then_some(Rectifier::Relu6) }
     }
 
-    fn sizes((channels, [pictures, height, width], [side, ..]): Case) -> [[usize; 2]; 3] {
-        [[channels, pictures * height * width], [channels, side * side], [3, channels]]
+    fn sizes((channels, [images, height, width], [side, ..]): Case) -> [[usize; 2]; 3] {
+        [[channels, images * height * width], [channels, side * side], [3, channels]]
     }
 
     fn run(case: Case, [x, weights]: [Tensor<2>; 2], affine: Option<Tensor<2>>) -> Tensor<2> {
@@ -359,10 +359,10 @@ mod tests {
 
     /// By burn's own operations.
     fn composed(case: Case, [x, weights]: [Tensor<2>; 2], affine: Option<Tensor<2>>) -> Tensor<2> {
-        let (channels, [pictures, height, width], [side, stride, before, after]) = case;
-        let mut x = x.reshape([channels, pictures, height, width]);
+        let (channels, [images, height, width], [side, stride, before, after]) = case;
+        let mut x = x.reshape([channels, images, height, width]);
         if let Some(affine) = affine {
-            x = activation::composed(x, 4.0 * affine, activation::Then::Rectified(Rectifier::Relu6));
+            x = activation::composed(x, 4.0 * affine, activation::Epilogue::Rectify(Rectifier::Relu6));
         }
         let x = x.swap_dims(0, 1).pad((before, after, before, after), PadMode::Constant(0.0));
         let options = ConvOptions::new([stride; 2], [0; 2], [1; 2], channels);

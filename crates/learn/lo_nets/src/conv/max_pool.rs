@@ -2,13 +2,13 @@ use burn::tensor::Tensor;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use crate::host::{Kernel, Number, unary, zeros};
+use crate::cpu_ops::{Kernel, Number, unary, zeros};
 
-/// Largest of 3 × 3 pixels around every second one, `[channels, pictures, ⌈height / 2⌉, ⌈width / 2⌉]`.
+/// Largest of 3 × 3 pixels around every second one, `[channels, images, ⌈height / 2⌉, ⌈width / 2⌉]`.
 pub fn max_pool(x: Tensor<4>) -> Tensor<4> {
-    let [channels, pictures, height, width] = x.dims();
-    let y = unary(x.reshape([channels * pictures, height * width]), MaxPoolKernel { size: [height, width] });
-    y.reshape([channels, pictures, height.div_ceil(2), width.div_ceil(2)])
+    let [channels, images, height, width] = x.dims();
+    let y = unary(x.reshape([channels * images, height * width]), MaxPoolKernel { size: [height, width] });
+    y.reshape([channels, images, height.div_ceil(2), width.div_ceil(2)])
 }
 
 /// The same by burn's own operations, whose search of the largest is slow (a tenth of DenseNet's time), to check the kernel.
@@ -30,7 +30,7 @@ struct MaxPoolKernel {
 impl Kernel for MaxPoolKernel {
     fn output_size(&self, sizes: &[[usize; 2]]) -> [usize; 2] {
         let [height, width] = self.size;
-        assert_eq!(sizes[0][1], height * width, "the picture has the kernel's size");
+        assert_eq!(sizes[0][1], height * width, "the image has the kernel's size");
         [sizes[0][0], height.div_ceil(2) * width.div_ceil(2)]
     }
 
@@ -121,14 +121,10 @@ mod tests {
     #[test]
     fn kernel_is_the_composition() {
         for [height, width] in SIZES {
-            let on_picture = |x: Tensor<2>, function: fn(Tensor<4>) -> Tensor<4>| {
+            let on_image = |x: Tensor<2>, function: fn(Tensor<4>) -> Tensor<4>| {
                 function(x.reshape([3, 2, height, width])).flatten::<2>(0, 2)
             };
-            assert_same_function(
-                &[[3, 2 * height * width]],
-                |[x]| on_picture(x, max_pool),
-                |[x]| on_picture(x, composed),
-            );
+            assert_same_function(&[[3, 2 * height * width]], |[x]| on_image(x, max_pool), |[x]| on_image(x, composed));
         }
     }
 

@@ -4,31 +4,31 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use crate::conv::activation::total;
-use crate::host::{Kernel, Number, unary, zeros};
-use crate::sums::LANES;
+use crate::cpu_ops::{Kernel, Number, unary, zeros};
+use crate::gemm::LANES;
 
-/// Mean and variance of each channel, over all pictures or of each picture.
+/// Mean and variance of each channel, over all images or of each image.
 ///
 /// They are those of the channel whoever asks: the layers of a dense block share them.
 #[derive(Clone, Debug)]
-pub struct Moments {
-    /// `[2, channels]` or `[2, channels · pictures]`.
+pub struct ChannelMoments {
+    /// `[2, channels]` or `[2, channels · images]`.
     values: Tensor<2>,
     /// Pixels.
     count: usize,
 }
 
-impl Moments {
-    /// Over all pictures of `x[channels, pictures, height, width]`.
+impl ChannelMoments {
+    /// Over all images of `x[channels, images, height, width]`.
     pub fn new(x: Tensor<4>) -> Self {
-        let [channels, pictures, height, width] = x.dims();
-        Self::of_rows(x, [channels, pictures * height * width])
+        let [channels, images, height, width] = x.dims();
+        Self::of_rows(x, [channels, images * height * width])
     }
 
-    /// Of each picture of `x[channels, pictures, height, width]`.
-    pub fn of_pictures(x: Tensor<4>) -> Self {
-        let [channels, pictures, height, width] = x.dims();
-        Self::of_rows(x, [channels * pictures, height * width])
+    /// Of each image of `x[channels, images, height, width]`.
+    pub fn per_image(x: Tensor<4>) -> Self {
+        let [channels, images, height, width] = x.dims();
+        Self::of_rows(x, [channels * images, height * width])
     }
 
     fn of_rows(x: Tensor<4>, [rows, count]: [usize; 2]) -> Self {
@@ -37,7 +37,7 @@ impl Moments {
         Self { values, count }
     }
 
-    /// Over all pictures of `x[channels, pictures, height, width]` where gradients are recorded, for norms that train.
+    /// Over all images of `x[channels, images, height, width]` where gradients are recorded, for norms that train.
     pub fn in_training(x: &Tensor<4>) -> Option<Self> {
         x.device().is_autodiff().then(|| Self::new(x.clone()))
     }
@@ -63,9 +63,9 @@ fn composed(x: Tensor<2>) -> Tensor<2> {
 
 /// Batch normalisation as scale, centre and shift, `[3, channels]`.
 ///
-/// With the `moments` over all pictures and while `norm` trains, by these, which then enter the running statistics; else by the running
+/// With the `moments` over all images and while `norm` trains, by these, which then enter the running statistics; else by the running
 /// statistics.
-pub fn batch_norm(norm: &BatchNorm, moments: Option<&Moments>) -> Tensor<2> {
+pub fn batch_norm(norm: &BatchNorm, moments: Option<&ChannelMoments>) -> Tensor<2> {
     let [channels] = norm.gamma.dims();
     let row = |x: Tensor<1>| x.reshape([1, channels]);
     let [mean, variance] = match moments.filter(|_| norm.training.is_enabled()) {
@@ -86,11 +86,11 @@ pub fn batch_norm(norm: &BatchNorm, moments: Option<&Moments>) -> Tensor<2> {
     affine([mean, variance], row(norm.gamma.val()), row(norm.beta.val()), norm.epsilon)
 }
 
-/// Group normalisation by the `moments` of each picture as scale, centre and shift, `[3, channels · pictures]`.
+/// Group normalisation by the `moments` of each image as scale, centre and shift, `[3, channels · images]`.
 ///
 /// # Panics
 /// For a norm without weights of its own.
-pub fn group_norm(norm: &GroupNorm, moments: &Moments) -> Tensor<2> {
+pub fn group_norm(norm: &GroupNorm, moments: &ChannelMoments) -> Tensor<2> {
     let (channels, groups) = (norm.num_channels, norm.num_groups);
     let [_, rows] = moments.values.dims();
     let size = [groups, channels / groups, rows / channels];

@@ -2,8 +2,8 @@ use pulp::{Arch, Simd, WithSimd};
 
 use crate::conv::activation::Affine;
 use crate::conv::amx::{BLOCK, STEP, bf16};
-use crate::host::Number;
-use crate::sums::LANES;
+use crate::cpu_ops::Number;
+use crate::gemm::LANES;
 
 /// Numbers of a band of all channels together: half a megabyte in f32, so that it stays in the second cache.
 const BAND: usize = 1 << 17;
@@ -11,27 +11,27 @@ const BAND: usize = 1 << 17;
 /// Most columns of a band.
 const BAND_COLUMNS: usize = 2048;
 
-/// Which pixels of a picture a convolution reads for which of its output.
+/// Which pixels of an image a convolution reads for which of its output.
 ///
-/// The picture is read in bands of output rows. A band holds what its rows read, all channels, with zeros around the picture, sorted
+/// The image is read in bands of output rows. A band holds what its rows read, all channels, with zeros around the image, sorted
 /// by the remainder of the pixel's place divided by the stride: then what one weight is multiplied by, for all pixels of the band,
 /// is a run of neighbouring numbers. Rows of a band are a little wider than those of the output; what is computed for
 /// columns past the output's width means nothing.
 ///
-/// Several pictures are read as one tall one, with rows of zeros between them; some of its output rows mean nothing.
+/// Several images are read as one tall one, with rows of zeros between them; some of its output rows mean nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Window {
     /// Pictures, of each channel one after the other.
-    pub pictures: usize,
-    /// Height and width of a picture that is read.
+    pub images: usize,
+    /// Height and width of an image that is read.
     pub input: [usize; 2],
-    /// Height and width of a picture of the output.
+    /// Height and width of an image of the output.
     pub output: [usize; 2],
     /// Height and width of the weights.
     pub kernel: usize,
     /// Steps between neighbouring pixels of the output.
     pub stride: usize,
-    /// Rows and columns of zeros before the picture.
+    /// Rows and columns of zeros before the image.
     pub padding: usize,
     /// Steps between neighbouring pixels of what is read, zeros between them: the stride of the convolution of which this is the
     /// gradient.
@@ -39,17 +39,17 @@ pub struct Window {
 }
 
 impl Window {
-    /// The window of a convolution of one picture of height and width `input`, with zeros `before` and `after` it.
+    /// The window of a convolution of one image of height and width `input`, with zeros `before` and `after` it.
     ///
     /// # Panics
-    /// Where the picture is smaller than the kernel.
+    /// Where the image is smaller than the kernel.
     pub fn new(input: [usize; 2], kernel: usize, stride: usize, [before, after]: [usize; 2]) -> Self {
         let output = input.map(|side| {
             let padded = before + side + after;
-            assert!(kernel > 0 && padded >= kernel, "a picture of side {side} for a kernel of side {kernel}");
+            assert!(kernel > 0 && padded >= kernel, "an image of side {side} for a kernel of side {kernel}");
             (padded - kernel) / stride + 1
         });
-        Self { pictures: 1, input, output, kernel, stride, padding: before, spread: 1 }
+        Self { images: 1, input, output, kernel, stride, padding: before, spread: 1 }
     }
 
     /// The window by which the gradient of the input follows from that of the output.
@@ -66,17 +66,17 @@ impl Window {
         }
     }
 
-    /// Pixels of a picture of the output.
+    /// Pixels of an image of the output.
     pub fn area(&self) -> usize {
         self.output[0] * self.output[1]
     }
 
-    /// Pixels of all pictures that are read.
+    /// Pixels of all images that are read.
     pub fn input_area(&self) -> usize {
-        self.pictures * self.input[0] * self.input[1]
+        self.images * self.input[0] * self.input[1]
     }
 
-    /// Rows from one picture to the next as they are read, zeros included: no window of one reaches another.
+    /// Rows from one image to the next as they are read, zeros included: no window of one reaches another.
     fn period(&self) -> usize {
         let last_row = |side: usize, step: usize| side.saturating_sub(1) * step;
         let read = (last_row(self.output[0], self.stride) + self.kernel).saturating_sub(self.padding);
@@ -84,12 +84,12 @@ impl Window {
         least.next_multiple_of(self.stride)
     }
 
-    /// Output rows of the tall picture.
+    /// Output rows of the tall image.
     pub fn rows(&self) -> usize {
-        (self.pictures - 1) * (self.period() / self.stride) + self.output[0]
+        (self.images - 1) * (self.period() / self.stride) + self.output[0]
     }
 
-    /// Whether an output row of the tall picture is one of a picture.
+    /// Whether an output row of the tall image is one of an image.
     pub fn is_row(&self, row: usize) -> bool {
         row % (self.period() / self.stride) < self.output[0]
     }
@@ -149,7 +149,7 @@ impl Window {
 
     /// Fills `band` with what `rows` output rows from `first` read of the channels in `x`, where wanted
     /// activated.
-    pub(super) fn read<T: Number, P: Place<T>>(
+    pub(super) fn read<T: Number, P: BandElement<T>>(
         &self,
         band: &mut Vec<P>,
         [first, rows]: [usize; 2],
@@ -162,12 +162,12 @@ impl Window {
         if band.len() < length {
             *band = vec![P::default(); length];
         }
-        Arch::new().dispatch(Read { window: self, band, first, channels, plane, x, activation });
+        Arch::new().dispatch(FillBand { window: self, band, first, channels, plane, x, activation });
     }
 }
 
 /// What a band of numbers `T` is made of.
-pub(super) trait Place<T>: Copy + Default {
+pub(super) trait BandElement<T>: Copy + Default {
     /// Channels of a plane.
     const CHANNELS: usize;
 
@@ -178,7 +178,7 @@ pub(super) trait Place<T>: Copy + Default {
     fn with(self, index: usize, value: T) -> Self;
 }
 
-impl<T: Number> Place<T> for T {
+impl<T: Number> BandElement<T> for T {
     const CHANNELS: usize = 1;
     const PADDED_TO: usize = 1;
 
@@ -189,7 +189,7 @@ impl<T: Number> Place<T> for T {
 }
 
 /// As bf16.
-impl Place<f32> for u16 {
+impl BandElement<f32> for u16 {
     const CHANNELS: usize = 1;
     const PADDED_TO: usize = BLOCK;
 
@@ -200,7 +200,7 @@ impl Place<f32> for u16 {
 }
 
 /// Two channels' numbers as bf16.
-impl Place<f32> for u32 {
+impl BandElement<f32> for u32 {
     const CHANNELS: usize = 2;
     const PADDED_TO: usize = STEP;
 
@@ -211,7 +211,7 @@ impl Place<f32> for u32 {
     }
 }
 
-struct Read<'a, T, P> {
+struct FillBand<'a, T, P> {
     window: &'a Window,
     band: &'a mut [P],
     first: usize,
@@ -221,7 +221,7 @@ struct Read<'a, T, P> {
     activation: Option<Affine<'a, T>>,
 }
 
-impl<T: Number, P: Place<T>> WithSimd for Read<'_, T, P> {
+impl<T: Number, P: BandElement<T>> WithSimd for FillBand<'_, T, P> {
     type Output = ();
 
     #[inline(always)]
@@ -265,16 +265,15 @@ fn read_plane<T: Number, P>(
     let rows = plane.len() / (phases * phases * pitch);
     for (index, row) in plane.chunks_exact_mut(pitch).enumerate() {
         let (phase, row_index) = (index / rows, index % rows);
-        // The picture's row.
+        // The image's row.
         let y = (first + row_index) * stride + phase / phases;
         let place = y.checked_sub(padding).map(|y| (y / period, y % period));
-        let is_pixel =
-            |&(picture, y): &(usize, usize)| picture < window.pictures && y % spread == 0 && y / spread < height;
-        let Some((picture, y)) = place.filter(is_pixel) else {
+        let is_pixel = |&(image, y): &(usize, usize)| image < window.images && y % spread == 0 && y / spread < height;
+        let Some((image, y)) = place.filter(is_pixel) else {
             clear(row);
             continue;
         };
-        let x = &x[(picture * height + y / spread) * width..][..width];
+        let x = &x[(image * height + y / spread) * width..][..width];
         if stride == 1 && spread == 1 {
             let (left, rest) = row.split_at_mut(padding.min(pitch));
             let (middle, right) = rest.split_at_mut(width.min(rest.len()));
@@ -293,7 +292,7 @@ fn read_plane<T: Number, P>(
                 row.iter_mut().step_by(spread).zip(x).for_each(|(out, &x)| put(out, value(x)));
             }
         } else {
-            // The first column of the row that is in the picture, and where it is there.
+            // The first column of the row that is in the image, and where it is there.
             let column = phase % phases;
             let first = padding.saturating_sub(column).div_ceil(stride).min(pitch);
             let x = x.get((first * stride + column).saturating_sub(padding)..).unwrap_or_default();

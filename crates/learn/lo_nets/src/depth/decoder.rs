@@ -4,7 +4,7 @@ use burn::nn::{GroupNorm, GroupNormConfig};
 use burn::tensor::{Device, Tensor};
 use lo_random::Stream;
 
-use crate::conv::{Moments, Rectifier, activate, conv2d, group_norm, upsample_nearest};
+use crate::conv::{ChannelMoments, Rectifier, activate, conv2d, group_norm, upsample_nearest};
 use crate::depth::layers::conv;
 
 /// Channels of the decoder's stages at 1/16, 1/8, 1/4 and 1/2.
@@ -24,7 +24,7 @@ pub struct DepthDecoder {
     pub output: Conv2d,
 }
 
-/// 3 × 3 convolution, group norm (statistics of the picture at hand), positive part.
+/// 3 × 3 convolution, group norm (statistics of the image at hand), positive part.
 #[derive(Module, Debug)]
 pub struct ConvStage {
     /// The convolution.
@@ -41,7 +41,7 @@ impl ConvStage {
 
     pub(super) fn forward(&self, x: Tensor<4>) -> Tensor<4> {
         let x = conv2d(x, &self.conv);
-        let affine = group_norm(&self.norm, &Moments::of_pictures(x.clone()));
+        let affine = group_norm(&self.norm, &ChannelMoments::per_image(x.clone()));
         activate(x, affine, Rectifier::Relu)
     }
 }
@@ -69,7 +69,7 @@ impl DepthDecoder {
         self.stages(x, 0, [sixteenth, eighth])
     }
 
-    /// On from there, with the encoder's features at 1/4 and 1/2, to `[1, pictures, height, width]`.
+    /// On from there, with the encoder's features at 1/4 and 1/2, to `[1, images, height, width]`.
     pub fn from_eighth(&self, eighth: Tensor<4>, skips: [Tensor<4>; 2]) -> Tensor<4> {
         let x = self.stages(eighth, EIGHTH + 1, skips);
         conv2d(self.last.forward(upsample_nearest(x, None)), &self.output)

@@ -6,7 +6,7 @@ use lo_random::Stream;
 
 use crate::checkpoint::{Checkpoint, CheckpointError};
 use crate::conv::{
-    Moments, Rectifier, activate, activated_conv2d, activated_mean, batch_norm, conv2d, max_pool, scaled,
+    ChannelMoments, Rectifier, activate, activated_conv2d, activated_mean, batch_norm, conv2d, max_pool, scaled,
 };
 use crate::depth::layers::{conv, norm};
 
@@ -106,11 +106,11 @@ impl DenseNet {
         norms.chain([&mut self.norm0, &mut self.norm5]).collect()
     }
 
-    /// `[3, pictures, height, width]`, multiples of 32, to the features at 1/2, 1/4, 1/8, 1/16 and 1/32 of that, of
+    /// `[3, images, height, width]`, multiples of 32, to the features at 1/2, 1/4, 1/8, 1/16 and 1/32 of that, of
     /// [`DENSENET_CHANNELS`].
     pub fn forward(&self, x: Tensor<4>) -> [Tensor<4>; 5] {
         let x = conv2d(x, &self.conv0);
-        let affine = batch_norm(&self.norm0, Moments::in_training(&x).as_ref());
+        let affine = batch_norm(&self.norm0, ChannelMoments::in_training(&x).as_ref());
         let half = activate(x, affine, Rectifier::Relu);
         let mut x = max_pool(half.clone());
         let mut outputs = Vec::new();
@@ -131,25 +131,25 @@ impl DenseNet {
 
 impl DenseBlock {
     /// Also gives the moments of its output's channels, in training.
-    fn forward(&self, x: Tensor<4>) -> (Tensor<4>, Option<Moments>) {
-        let Some(moments) = Moments::in_training(&x) else { return (self.forward_in_place(x), None) };
+    fn forward(&self, x: Tensor<4>) -> (Tensor<4>, Option<ChannelMoments>) {
+        let Some(moments) = ChannelMoments::in_training(&x) else { return (self.forward_in_place(x), None) };
         self.layers.iter().fold((x, Some(moments)), |(x, moments), layer| {
             let new = layer.forward(x.clone(), moments.as_ref());
-            let moments = moments.map(|moments| moments.joined(Moments::new(new.clone())));
+            let moments = moments.map(|moments| moments.joined(ChannelMoments::new(new.clone())));
             (Tensor::cat(vec![x, new], 0), moments)
         })
     }
 
     /// Where nothing is recorded, the layers write into one tensor: no copy of what all before gave for each.
     fn forward_in_place(&self, x: Tensor<4>) -> Tensor<4> {
-        let [inputs, pictures, height, width] = x.dims();
+        let [inputs, images, height, width] = x.dims();
         let channels = inputs + self.layers.len() * GROWTH;
-        let features = Tensor::zeros([channels, pictures, height, width], (&x.device(), x.dtype()));
-        let mut features = features.slice_assign([0..inputs, 0..pictures, 0..height, 0..width], x);
+        let features = Tensor::zeros([channels, images, height, width], (&x.device(), x.dtype()));
+        let mut features = features.slice_assign([0..inputs, 0..images, 0..height, 0..width], x);
         for (i, layer) in self.layers.iter().enumerate() {
             let seen = inputs + i * GROWTH;
             let new = layer.forward(features.clone().narrow(0, 0, seen), None);
-            features = features.slice_assign([seen..seen + GROWTH, 0..pictures, 0..height, 0..width], new);
+            features = features.slice_assign([seen..seen + GROWTH, 0..images, 0..height, 0..width], new);
         }
         features
     }
@@ -165,15 +165,15 @@ impl DenseLayer {
         }
     }
 
-    fn forward(&self, x: Tensor<4>, moments: Option<&Moments>) -> Tensor<4> {
+    fn forward(&self, x: Tensor<4>, moments: Option<&ChannelMoments>) -> Tensor<4> {
         let x = activated_conv2d(x, batch_norm(&self.norm1, moments), Rectifier::Relu, &self.conv1);
-        let affine = batch_norm(&self.norm2, Moments::in_training(&x).as_ref());
+        let affine = batch_norm(&self.norm2, ChannelMoments::in_training(&x).as_ref());
         activated_conv2d(x, affine, Rectifier::Relu, &self.conv2)
     }
 }
 
 impl Transition {
-    fn forward(&self, x: Tensor<4>, moments: Option<&Moments>) -> Tensor<4> {
+    fn forward(&self, x: Tensor<4>, moments: Option<&ChannelMoments>) -> Tensor<4> {
         // torchvision pools what was convolved. Means of pixels and sums of channels commute, and this way round there is a
         // quarter of the products.
         conv2d(activated_mean(x, batch_norm(&self.norm, moments)), &self.conv)

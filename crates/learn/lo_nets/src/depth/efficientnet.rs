@@ -7,7 +7,7 @@ use burn::tensor::{Device, Tensor};
 use lo_random::Stream;
 
 use crate::checkpoint::{Checkpoint, CheckpointError};
-use crate::conv::{Moments, Rectifier, activated_conv2d, batch_norm, conv2d, scaled};
+use crate::conv::{ChannelMoments, Rectifier, activated_conv2d, batch_norm, conv2d, scaled};
 use crate::depth::layers::ConvShape;
 
 /// Channels of the stem, whatever the network's size.
@@ -135,12 +135,12 @@ impl NormedConv {
     }
 
     fn normed(&self, x: Tensor<4>) -> Raw {
-        let affine = batch_norm(&self.norm, Moments::in_training(&x).as_ref());
+        let affine = batch_norm(&self.norm, ChannelMoments::in_training(&x).as_ref());
         Raw { x, affine }
     }
 }
 
-/// As TensorFlow pads pictures of even height and width ("SAME").
+/// As TensorFlow pads images of even height and width ("SAME").
 fn padding(kernel: usize, stride: usize) -> [usize; 2] {
     let all = kernel - stride;
     [all / 2, all - all / 2]
@@ -221,7 +221,7 @@ impl EfficientNetLite {
         all.map(|part| &mut part.norm).collect()
     }
 
-    /// `[3, pictures, height, width]`, multiples of 32, to the features at 1/2, 1/4, 1/8, 1/16 and 1/32 of that, of
+    /// `[3, images, height, width]`, multiples of 32, to the features at 1/2, 1/4, 1/8, 1/16 and 1/32 of that, of
     /// [`EfficientNetScale::feature_channels`].
     pub fn forward(&self, x: Tensor<4>) -> [Tensor<4>; 5] {
         let mut x = self.first.forward(self.stem.forward(x));

@@ -103,7 +103,7 @@ impl Encoder {
         }
     }
 
-    /// Normalised photos `[3, pictures, height, width]`, multiples of 32, to the features at 1/2, 1/4, 1/8, 1/16 and 1/32 of that.
+    /// Normalised photos `[3, images, height, width]`, multiples of 32, to the features at 1/2, 1/4, 1/8, 1/16 and 1/32 of that.
     pub fn forward(&self, x: Tensor<4>) -> [Tensor<4>; 5] {
         match self {
             Self::DenseNet(net) => net.forward(x),

@@ -22,7 +22,7 @@ const COLOUR: usize = 3;
 
 /// From the encoder's last features and the photo's mean colour to the global lighting feature `f_L`.
 ///
-/// What an encoder has learned of pictures hardly changes with their brightness and tint, which is what light is measured in. So `f_L` ends with the
+/// What an encoder has learned of images hardly changes with their brightness and tint, which is what light is measured in. So `f_L` ends with the
 /// logarithms of the photo's mean colour, and the panorama is learned in its measure.
 #[derive(Module, Debug)]
 pub struct GlobalEncoder {
@@ -55,7 +55,7 @@ impl GlobalEncoder {
         }
     }
 
-    /// `[channels, pictures, height, width]` and the logarithms of the photos' mean colours `[pictures, 3]` to `f_L [pictures, features]`.
+    /// `[channels, images, height, width]` and the logarithms of the photos' mean colours `[images, 3]` to `f_L [images, features]`.
     pub fn forward(&self, x: Tensor<4>, log_colour: Tensor<2>) -> Tensor<2> {
         let cells = adaptive_avg_pool2d(relu(conv2d(x, &self.conv)), CELLS);
         let told = self.output.forward(relu(self.hidden.forward(cells.swap_dims(0, 1).flatten(1, 3))));
@@ -71,11 +71,11 @@ impl PanoramaDecoder {
         Self { input, stages, output }
     }
 
-    /// `f_L [pictures, features]` → linear radiance `[3, pictures, 64, 128]` of equirectangular panoramas at the cameras.
+    /// `f_L [images, features]` → linear radiance `[3, images, 64, 128]` of equirectangular panoramas at the cameras.
     pub fn forward(&self, features: Tensor<2>) -> Tensor<4> {
-        let [pictures, length] = features.dims();
+        let [images, length] = features.dims();
         let log_colour = features.clone().narrow(1, length - COLOUR, COLOUR);
-        let x = relu(self.input.forward(features)).reshape([pictures, PANORAMA_CHANNELS[0], 4, 8]).swap_dims(0, 1);
+        let x = relu(self.input.forward(features)).reshape([images, PANORAMA_CHANNELS[0], 4, 8]).swap_dims(0, 1);
         let x = self.stages.iter().fold(x, |x, stage| {
             let x = upsample_nearest(x, None);
             let width = x.dims()[3];
@@ -83,7 +83,7 @@ impl PanoramaDecoder {
         });
         let width = x.dims()[3];
         let log = conv2d(wrapped(x), &self.output).narrow(3, 1, width);
-        let log = log + log_colour.swap_dims(0, 1).reshape([COLOUR, pictures, 1, 1]);
+        let log = log + log_colour.swap_dims(0, 1).reshape([COLOUR, images, 1, 1]);
         let log = activation::softplus(log, 1.0);
         log.clamp_max(f64::from(MAX_RADIANCE).ln_1p()).exp() - 1.0
     }

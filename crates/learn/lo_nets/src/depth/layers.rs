@@ -1,4 +1,4 @@
-//! Convolutions and norms of pictures with their first weights.
+//! Convolutions and norms of images with their first weights.
 
 use burn::module::Param;
 use burn::nn::conv::{Conv2d, Conv2dConfig};
@@ -17,7 +17,7 @@ pub(super) struct ConvShape {
     pub kernel: usize,
     /// Pixels between those of the output.
     pub stride: usize,
-    /// Zeros before and after the picture, down and across.
+    /// Zeros before and after the image, down and across.
     pub padding: [usize; 2],
     /// Whether every channel has weights of its own.
     pub depthwise: bool,
@@ -44,7 +44,7 @@ impl ConvShape {
     }
 }
 
-/// A convolution with as many zeros before as after the picture.
+/// A convolution with as many zeros before as after the image.
 pub(super) fn conv(
     channels: [usize; 2],
     kernel: usize,

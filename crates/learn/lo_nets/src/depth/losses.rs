@@ -44,17 +44,17 @@ impl Default for DepthLossConfig {
     }
 }
 
-/// Mean square, mean absolute value and variance of the difference of log depth over a picture's pixels with a true reading (finite, above 0), each
-/// the mean of all pictures.
+/// Mean square, mean absolute value and variance of the difference of log depth over an image's pixels with a true reading (finite, above 0), each
+/// the mean of all images.
 ///
-/// `log_depth[1, pictures, height, width]`, of the same size as the `truths`, and in the same unit.
+/// `log_depth[1, images, height, width]`, of the same size as the `truths`, and in the same unit.
 ///
 /// # Panics
 /// Where the sizes differ.
 pub fn depth_losses(log_depth: Tensor<4>, truths: &[&DepthMap]) -> [Tensor<1>; 3] {
-    let [_, pictures, height, width] = log_depth.dims();
+    let [_, images, height, width] = log_depth.dims();
     let fits = |truth: &&DepthMap| (truth.width(), truth.height()) == (width, height);
-    assert!(truths.len() == pictures && truths.iter().all(fits), "true depth maps have the size of the predicted ones");
+    assert!(truths.len() == images && truths.iter().all(fits), "true depth maps have the size of the predicted ones");
     let is_known = |z: f32| z.is_finite() && z > 0.0;
     let readings = || truths.iter().flat_map(|truth| truth.pixels());
     let known: Vec<f32> = readings().map(|&z| f32::from(u8::from(is_known(z)))).collect();
@@ -62,9 +62,9 @@ pub fn depth_losses(log_depth: Tensor<4>, truths: &[&DepthMap]) -> [Tensor<1>; 3
     let counts = known.chunks(height * width).map(|known| known.iter().sum::<f32>().max(1.0)).collect();
     let device = log_depth.device();
     let constant =
-        |values, pixels| Tensor::<2>::from_data(TensorData::new::<f32, _>(values, [pictures, pixels]), &device);
+        |values, pixels| Tensor::<2>::from_data(TensorData::new::<f32, _>(values, [images, pixels]), &device);
     let (known, logs) = (constant(known, height * width), constant(logs, height * width));
-    let difference = (log_depth.reshape([pictures, height * width]) - logs) * known;
+    let difference = (log_depth.reshape([images, height * width]) - logs) * known;
     let counts = constant(counts, 1);
     let mean_square = difference.clone().square().sum_dim(1) / counts.clone();
     let absolute = difference.clone().abs().sum_dim(1) / counts.clone();
@@ -75,24 +75,24 @@ pub fn depth_losses(log_depth: Tensor<4>, truths: &[&DepthMap]) -> [Tensor<1>; 3
 /// Mean squared differences of log(1 + radiance) and of tone-mapped radiance over the sphere, where rows count by their solid angle, and the difference of
 /// irradiance ([`DepthLossConfig::panorama_irradiance`]). The means over the panoramas whose truth is known.
 ///
-/// `panorama[3, pictures, height, width]`, of the same size as the `truths`.
+/// `panorama[3, images, height, width]`, of the same size as the `truths`.
 ///
 /// # Panics
 /// Where the sizes differ.
 pub fn panorama_loss(panorama: Tensor<4>, truths: &[Option<&RadianceImage>]) -> [Tensor<1>; 3] {
-    let [_, pictures, height, width] = panorama.dims();
+    let [_, images, height, width] = panorama.dims();
     let fits = |truth: &&RadianceImage| (truth.width(), truth.height()) == (width, height);
     let known: Vec<&RadianceImage> = truths.iter().copied().flatten().collect();
-    assert!(truths.len() == pictures && known.iter().all(fits), "true panoramas have the size of the predicted ones");
+    assert!(truths.len() == images && known.iter().all(fits), "true panoramas have the size of the predicted ones");
     let device = panorama.device();
     if known.is_empty() {
         return [(); 3].map(|()| Tensor::zeros([1], &device));
     }
-    let panorama = if known.len() == pictures {
+    let panorama = if known.len() == images {
         panorama
     } else {
         let of_known = truths.iter().enumerate().filter(|(_, truth)| truth.is_some());
-        Tensor::cat(of_known.map(|(picture, _)| panorama.clone().narrow(1, picture, 1)).collect(), 1)
+        Tensor::cat(of_known.map(|(image, _)| panorama.clone().narrow(1, image, 1)).collect(), 1)
     };
     let channel = |c: usize| known.iter().flat_map(move |truth| truth.pixels().iter().map(move |pixel| pixel[c]));
     let size = [3, known.len(), height, width];
@@ -194,7 +194,7 @@ mod tests {
     #[test]
     fn panoramas_that_nobody_knows_cost_nothing() {
         let truth = RadianceImage::from_fn(16, 8, |x, y| [x as f32, y as f32, 1.0]);
-        let values = |pictures: usize| (0..3 * pictures * 128).map(|i| ((i * 37) % 11) as f32).collect::<Vec<f32>>();
+        let values = |images: usize| (0..3 * images * 128).map(|i| ((i * 37) % 11) as f32).collect::<Vec<f32>>();
         let x = Tensor::<4>::from_data(TensorData::new(values(3), [3, 3, 8, 16]), &recording_device());
         let middle = log_of(panorama_loss(x.clone().narrow(1, 1, 1), &[Some(&truth)]));
         assert!(middle > 0.1);

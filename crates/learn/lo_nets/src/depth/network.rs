@@ -80,11 +80,11 @@ impl DepthNetConfig {
 /// What the depth network gives.
 #[derive(Debug)]
 pub struct DepthOutput {
-    /// Logarithm of how far what is seen at a pixel's depth extends, from its middle to the end of the picture's longer side, in metres:
-    /// depth along the optical axis times [`Camera::half_extent`]. It is what sizes in the picture tell, whatever the focal length: the
-    /// canonical camera of Yin et al., "Metric3D", ICCV 2023. `[1, pictures, height, width]`.
+    /// Logarithm of how far what is seen at a pixel's depth extends, from its middle to the end of the image's longer side, in metres:
+    /// depth along the optical axis times [`Camera::half_extent`]. It is what sizes in the image tell, whatever the focal length: the
+    /// canonical camera of Yin et al., "Metric3D", ICCV 2023. `[1, images, height, width]`.
     pub log_extent: Tensor<4>,
-    /// The global lighting features, `[pictures, features]`.
+    /// The global lighting features, `[images, features]`.
     pub global: Tensor<2>,
     /// What the photos tell of the camera, where the network has learned it.
     pub perspective: Option<PerspectiveOutput>,
@@ -113,7 +113,7 @@ pub fn photo_within(photo: &Image<[u8; 3]>, longer_side: usize) -> Image<[u8; 3]
         .map(|rgb| rgb.map(srgb8_from_linear))
 }
 
-/// The first of a decoder's panoramas, `[3, panoramas, height, width]`, as a picture.
+/// The first of a decoder's panoramas, `[3, panoramas, height, width]`, as an image.
 pub fn panorama_image(panoramas: Tensor<4>) -> RadianceImage {
     let [_, _, height, width] = panoramas.dims();
     let values: Vec<f32> = panoramas.inner().narrow(1, 0, 1).into_data().iter().collect();
@@ -234,7 +234,7 @@ impl DepthNet {
         self.global.forward(features, self.log_colour(&[photo]))
     }
 
-    /// Logarithms of the photos' mean linear colours, `[pictures, 3]`.
+    /// Logarithms of the photos' mean linear colours, `[images, 3]`.
     fn log_colour(&self, photos: &[&Image<[u8; 3]>]) -> Tensor<2> {
         let of = |photo: &&Image<[u8; 3]>| {
             let sum = |c: usize| photo.pixels().iter().map(|rgb| f64::from(linear_from_srgb8(rgb[c]))).sum::<f64>();
@@ -245,7 +245,7 @@ impl DepthNet {
         Tensor::from_data(TensorData::new::<f32, _>(values, [photos.len(), 3]), &device)
     }
 
-    /// `[3, pictures, height, width]`, padded to multiples of 32.
+    /// `[3, images, height, width]`, padded to multiples of 32.
     fn input(&self, photos: &[&Image<[u8; 3]>]) -> Tensor<4> {
         let (width, height) = (photos[0].width(), photos[0].height());
         assert!(width > 0 && height > 0, "a photo has pixels");
@@ -257,7 +257,7 @@ impl DepthNet {
         let size = [3, photos.len(), height, width];
         let x = Tensor::<4>::from_data(TensorData::new::<f32, _>(channels.collect(), size), &device);
         let missing = |size: usize| size.next_multiple_of(MULTIPLE) - size;
-        // The last rows and columns again: no edge that is not in the picture.
+        // The last rows and columns again: no edge that is not in the image.
         x.pad((0, missing(width), 0, missing(height)), PadMode::Edge)
     }
 }

@@ -23,8 +23,8 @@ impl PatchGan {
         Self { stages, output: conv([128, 1], 3, 1, true, &mut stream, device) }
     }
 
-    /// `panorama[3, pictures, height, width]`: linear radiance; `condition[4, pictures, height, width]`: what the photo shows of it,
-    /// linear radiance and 1 where it shows something. Gives logits `[1, pictures, height / 8, width / 8]`.
+    /// `panorama[3, images, height, width]`: linear radiance; `condition[4, images, height, width]`: what the photo shows of it,
+    /// linear radiance and 1 where it shows something. Gives logits `[1, images, height / 8, width / 8]`.
     pub fn forward(&self, panorama: Tensor<4>, condition: Tensor<4>) -> Tensor<4> {
         let shown = condition.clone().narrow(0, 0, 3).log1p();
         let mask = condition.narrow(0, 3, 1);

@@ -44,7 +44,7 @@ impl LensHead {
         }
     }
 
-    /// The encoder's last features `[channels, pictures, rows, columns]` → `[pictures, 2]`.
+    /// The encoder's last features `[channels, images, rows, columns]` → `[images, 2]`.
     fn forward(&self, features: Tensor<4>) -> Tensor<2> {
         let cells = adaptive_avg_pool2d(relu(conv2d(features, &self.conv)), LENS_CELLS);
         let told = self.output.forward(relu(self.hidden.forward(cells.swap_dims(0, 1).flatten(1, 3))));
@@ -68,16 +68,16 @@ pub struct PerspectiveHead {
     pub lens: Option<LensHead>,
 }
 
-/// A perspective field, each tensor `[channels, pictures, rows, columns]` with a cell of 8 × 8 pixels.
+/// A perspective field, each tensor `[channels, images, rows, columns]` with a cell of 8 × 8 pixels.
 #[derive(Clone, Debug)]
 pub struct PerspectiveOutput {
-    /// Unit direction of up in the picture, right and up: 2 channels.
+    /// Unit direction of up in the image, right and up: 2 channels.
     pub up: Tensor<4>,
     /// Sine of the latitude: 1 channel.
     pub latitude_sin: Tensor<4>,
     /// Logarithm of the inverse of the difference that is expected of either: 2 channels.
     pub log_certainty: Tensor<4>,
-    /// Logarithm of [`lo_geometry::Camera::half_extent`], and that of its deviation, `[pictures, 2]`.
+    /// Logarithm of [`lo_geometry::Camera::half_extent`], and that of its deviation, `[images, 2]`.
     pub lens: Option<Tensor<2>>,
     size: [usize; 2],
 }
@@ -92,7 +92,7 @@ impl PerspectiveHead {
         }
     }
 
-    /// The decoder's `features[channels, pictures, rows, columns]` of photos of `size`, width and height, and the encoder's last ones.
+    /// The decoder's `features[channels, images, rows, columns]` of photos of `size`, width and height, and the encoder's last ones.
     pub(super) fn forward(&self, features: Tensor<4>, encoded: Tensor<4>, size: [usize; 2]) -> PerspectiveOutput {
         let [columns, rows] = size.map(|side| side.div_ceil(CELL));
         let x = conv2d(self.stage.forward(features), &self.output).narrow(2, 0, rows).narrow(3, 0, columns);
@@ -157,8 +157,8 @@ impl PerspectiveOutput {
 /// # Panics
 /// Where there are not as many cameras as photos.
 pub fn perspective_loss(output: &PerspectiveOutput, truths: &[Option<Perspective>]) -> Tensor<1> {
-    let [_, pictures, rows, columns] = output.up.dims();
-    assert_eq!(truths.len(), pictures, "a camera for each photo");
+    let [_, images, rows, columns] = output.up.dims();
+    assert_eq!(truths.len(), images, "a camera for each photo");
     let device = output.up.device();
     let field = |of: &Perspective, cell: usize| of.at(place(output.size, cell % columns, cell / columns));
     let constant = |channels: usize, value: &dyn Fn(&Perspective, usize, usize) -> f32| {
@@ -167,7 +167,7 @@ pub fn perspective_loss(output: &PerspectiveOutput, truths: &[Option<Perspective
                 (0..rows * columns).map(move |cell| truth.as_ref().map_or(0.0, |truth| value(truth, channel, cell)))
             })
         });
-        let size = [channels, pictures, rows, columns];
+        let size = [channels, images, rows, columns];
         Tensor::<4>::from_data(TensorData::new::<f32, _>(cells.collect(), size), &device)
     };
     let up = constant(2, &|truth, channel, cell| field(truth, cell).0[channel] as f32);
@@ -237,7 +237,7 @@ mod tests {
         let found = Perspective::fit(&output.field(), None).unwrap().camera;
         assert!(found.up.angle_between(true_camera().up) < 1e-3, "{found:?}");
         assert!((found.half_extent - 0.8).abs() < 0.01, "{found:?}");
-        // The first cell's middle is 26 pixels left of the picture's middle and 16 above it.
+        // The first cell's middle is 26 pixels left of the image's middle and 16 above it.
         assert_eq!(output.cells()[0].at, [-26.0 / 30.0, 16.0 / 30.0]);
     }
 

@@ -106,8 +106,8 @@ pub fn expected_losses(
     stream: Option<&mut Stream>,
 ) -> ExpectedLosses {
     let photos: Vec<&PhotoStatistics> = examples.iter().map(|&(statistics, _)| statistics).collect();
-    let told = net.told(&photos, stream, LOSS_HEIGHT);
-    let device = told.contrast_stops.device();
+    let output = net.predict_panoramas(&photos, stream, LOSS_HEIGHT);
+    let device = output.contrast_stops.device();
     let count = examples.len();
     let rows =
         |width: usize, values: Vec<f32>| Tensor::<2>::from_data(TensorData::new(values, [count, width]), &device);
@@ -115,7 +115,7 @@ pub fn expected_losses(
         |of: &dyn Fn(&ExpectedTruth) -> Vec<f32>| examples.iter().flat_map(|&(_, truth)| of(truth)).collect();
     let open = rows(PIXELS, of_truth(&|truth| truth.open.clone()));
     let cosines = Tensor::<2>::from_data(TensorData::new(loss_cosines().to_vec(), [PIXELS, FACINGS]), &device);
-    let got = told.channels.map(|channel| (channel * open.clone()).matmul(cosines.clone()));
+    let got = output.channels.map(|channel| (channel * open.clone()).matmul(cosines.clone()));
     let truth = [0, 1, 2]
         .map(|c| rows(FACINGS, of_truth(&|truth: &ExpectedTruth| truth.irradiance.iter().map(|e| e[c]).collect())));
     let log_irradiance = energy::log_difference(&got, &truth);
@@ -127,7 +127,7 @@ pub fn expected_losses(
     let scale_invariant = (scaled.square().mean_dim(1) + 1e-4).sqrt().mean();
     let colour = energy::colour_difference(&got, &truth);
     let stops = rows(1, of_truth(&|truth| vec![truth.contrast_stops]));
-    let contrast = (told.contrast_stops - stops).square().mean();
+    let contrast = (output.contrast_stops - stops).square().mean();
     ExpectedLosses { log_irradiance, scale_invariant, colour, contrast }
 }
 
@@ -196,11 +196,11 @@ mod tests {
         let after = numbers(loss(&net))[0];
         assert!(after < 0.35 * before, "{before} {after}");
         use burn::module::Module;
-        let guess = net.valid().guess(&statistics);
-        let brightest =
-            (0..64 * 32).max_by(|&a, &b| guess.radiance.pixels()[a][1].total_cmp(&guess.radiance.pixels()[b][1]));
+        let predicted = net.valid().predict(&statistics);
+        let brightest = (0..64 * 32)
+            .max_by(|&a, &b| predicted.radiance.pixels()[a][1].total_cmp(&predicted.radiance.pixels()[b][1]));
         let towards = brightest.map(|i| pixel_direction(i % 64, i / 64, 64, 32)).unwrap();
         assert!(towards.dot(Vec3::new(0.8, 0.6, 0.0)) > 0.85, "{towards}");
-        assert!((guess.contrast_stops - truths[0].contrast_stops).abs() < 0.5);
+        assert!((predicted.contrast_stops - truths[0].contrast_stops).abs() < 0.5);
     }
 }

@@ -9,5 +9,5 @@ mod network;
 mod statistics;
 
 pub use losses::{ExpectedLosses, ExpectedTruth, expected_losses};
-pub use network::{ExpectedLightGuess, ExpectedLightNet, PANORAMA_HEIGHT};
+pub use network::{ExpectedLight, ExpectedLightNet, PANORAMA_HEIGHT};
 pub use statistics::{PhotoStatistics, STATISTICS};

@@ -13,7 +13,7 @@ use super::statistics::{PhotoStatistics, STATISTICS};
 use crate::energy::LUMINANCE;
 use crate::layers::Linear;
 
-/// Rows of the panorama that is told.
+/// Rows of the panorama that is output.
 pub const PANORAMA_HEIGHT: usize = 32;
 
 /// Rows of the panorama that losses compare.
@@ -32,15 +32,15 @@ const SHARPNESS: f32 = 10.0;
 const FLOOR: f32 = 0.02;
 
 /// How far the outputs move the logarithms of the colour.
-const TINT: f64 = 0.3;
+const TINT_SCALE: f64 = 0.3;
 
 /// Colour as the mean and a slope along the three axes, for each channel.
-const TINTS: usize = 12;
+const TINT_OUTPUTS: usize = 12;
 
-/// Contrast that is told before anything is learned, in stops.
-const USUAL_STOPS: f32 = 3.0;
+/// Contrast that is output before anything is learned, in stops.
+const INITIAL_STOPS: f32 = 3.0;
 
-const OUTPUTS: usize = LOBES + 1 + TINTS + 1;
+const OUTPUTS: usize = LOBES + 1 + TINT_OUTPUTS + 1;
 
 /// Share of the numbers that a step of training leaves out.
 const DROPOUT: f32 = 0.3;
@@ -61,7 +61,7 @@ pub struct ExpectedLightNet {
 
 /// The light that is expected around a photo.
 #[derive(Clone, Debug)]
-pub struct ExpectedLightGuess {
+pub struct ExpectedLight {
     /// Linear RGB radiance in the photo's units, an equirectangular panorama of the level frame.
     pub radiance: RadianceImage,
     /// From the level frame's axes to the camera's.
@@ -71,7 +71,7 @@ pub struct ExpectedLightGuess {
 }
 
 /// What losses and panoramas are made of: outputs of the network in the measure of each photo.
-pub(super) struct Told {
+pub(super) struct ExpectedOutput {
     /// Linear RGB radiance of each pixel: three of `[photos, pixels]`.
     pub channels: [Tensor<2>; 3],
     /// `[photos, 1]`.
@@ -79,13 +79,13 @@ pub(super) struct Told {
 }
 
 /// Lobes and axes at the pixels of a panorama: `[LOBES, pixels]` and `[4, pixels]`.
-struct Grid {
+struct PanoramaBasis {
     lobes: Vec<f32>,
     axes: Vec<f32>,
     pixels: usize,
 }
 
-impl Grid {
+impl PanoramaBasis {
     fn new(height: usize) -> Self {
         let pixels: Vec<(Vec3, f32)> = (0..2 * height * height)
             .map(|i| {
@@ -107,9 +107,9 @@ impl Grid {
     }
 
     fn of_height(height: usize) -> &'static Self {
-        static GRIDS: [OnceLock<Grid>; 2] = [OnceLock::new(), OnceLock::new()];
+        static BASES: [OnceLock<PanoramaBasis>; 2] = [OnceLock::new(), OnceLock::new()];
         let which = usize::from(height == PANORAMA_HEIGHT);
-        GRIDS[which].get_or_init(|| Self::new([LOSS_HEIGHT, PANORAMA_HEIGHT][which]))
+        BASES[which].get_or_init(|| Self::new([LOSS_HEIGHT, PANORAMA_HEIGHT][which]))
     }
 }
 
@@ -143,45 +143,50 @@ impl ExpectedLightNet {
     }
 
     /// The expected light around a photo: the mean of what it says of the photo and of its mirror image, mirrored back.
-    pub fn guess(&self, statistics: &PhotoStatistics) -> ExpectedLightGuess {
+    pub fn predict(&self, statistics: &PhotoStatistics) -> ExpectedLight {
         let both = [statistics.clone(), statistics.mirrored()];
-        let told = self.told(&both.each_ref(), None, PANORAMA_HEIGHT);
-        let channels = told.channels.map(|channel| channel.into_data().iter::<f32>().collect::<Vec<f32>>());
+        let output = self.predict_panoramas(&both.each_ref(), None, PANORAMA_HEIGHT);
+        let channels = output.channels.map(|channel| channel.into_data().iter::<f32>().collect::<Vec<f32>>());
         let (width, height) = (2 * PANORAMA_HEIGHT, PANORAMA_HEIGHT);
         let radiance = RadianceImage::from_fn(width, height, |x, y| {
             let (own, mirrored) = (y * width + x, width * height + y * width + (width - 1 - x));
             [0, 1, 2].map(|c| 0.5 * (channels[c][own] + channels[c][mirrored]))
         });
-        let stops: Vec<f32> = told.contrast_stops.into_data().iter().collect();
+        let stops: Vec<f32> = output.contrast_stops.into_data().iter().collect();
         let contrast_stops = 0.5 * (stops[0] + stops[1]);
-        ExpectedLightGuess { radiance, camera_from_level: statistics.camera_from_level, contrast_stops }
+        ExpectedLight { radiance, camera_from_level: statistics.camera_from_level, contrast_stops }
     }
 
     /// The panoramas of `height` rows of some photos; where a stream is given, numbers are left out as it draws.
-    pub(super) fn told(&self, photos: &[&PhotoStatistics], stream: Option<&mut Stream>, height: usize) -> Told {
+    pub(super) fn predict_panoramas(
+        &self,
+        photos: &[&PhotoStatistics],
+        stream: Option<&mut Stream>,
+        height: usize,
+    ) -> ExpectedOutput {
         let device = self.output.weights.lazy_device();
         let values: Vec<f32> = photos.iter().flat_map(|photo| photo.values.iter().copied()).collect();
         let x = Tensor::<2>::from_data(TensorData::new(values, [photos.len(), STATISTICS]), &device);
         let raw = self.forward(x, stream);
-        let grid = Grid::of_height(height);
+        let basis = PanoramaBasis::of_height(height);
         let constant = |values: &[f32], rows: usize| {
-            Tensor::<2>::from_data(TensorData::new(values.to_vec(), [rows, grid.pixels]), &device)
+            Tensor::<2>::from_data(TensorData::new(values.to_vec(), [rows, basis.pixels]), &device)
         };
         let scale = raw.clone().narrow(1, LOBES, 1).clamp_max(MAX_LOG_SCALE).exp();
         let amplitudes = activation::softplus(raw.clone().narrow(1, 0, LOBES), 1.0) * scale;
         let brightness = rows(photos, |photo| [luminance(photo.mean)], &device);
-        let light = (amplitudes.matmul(constant(&grid.lobes, LOBES)) + FLOOR) * brightness;
+        let light = (amplitudes.matmul(constant(&basis.lobes, LOBES)) + FLOOR) * brightness;
         let hue = rows(photos, |photo| log_half_chroma(photo.mean), &device);
-        let axes = constant(&grid.axes, 4);
+        let axes = constant(&basis.axes, 4);
         let tint = |c: usize| {
-            let slopes = raw.clone().narrow(1, LOBES + 1 + 4 * c, 4).matmul(axes.clone()) * TINT;
+            let slopes = raw.clone().narrow(1, LOBES + 1 + 4 * c, 4).matmul(axes.clone()) * TINT_SCALE;
             (slopes + hue.clone().narrow(1, c, 1)).exp()
         };
         let [r, g, b] = [0, 1, 2].map(tint);
         let [kr, kg, kb] = LUMINANCE;
         let gain = light / (r.clone() * kr + g.clone() * kg + b.clone() * kb);
         let channels = [r * gain.clone(), g * gain.clone(), b * gain];
-        Told { channels, contrast_stops: raw.narrow(1, OUTPUTS - 1, 1) + USUAL_STOPS }
+        ExpectedOutput { channels, contrast_stops: raw.narrow(1, OUTPUTS - 1, 1) + INITIAL_STOPS }
     }
 
     /// `[photos, STATISTICS] → [photos, OUTPUTS]`.
@@ -217,10 +222,10 @@ mod tests {
 
     #[test]
     fn before_anything_is_learned_light_is_even_and_half_as_saturated_as_the_photo() {
-        let guess = ExpectedLightNet::new(1, &Device::flex()).guess(&statistics(1.0));
+        let guess = ExpectedLightNet::new(1, &Device::flex()).predict(&statistics(1.0));
         let first = guess.radiance.pixels()[0];
         let even = guess.radiance.pixels().iter().all(|pixel| (luminance(*pixel) / luminance(first) - 1.0).abs() < 0.1);
-        assert!(even && guess.contrast_stops == USUAL_STOPS);
+        assert!(even && guess.contrast_stops == INITIAL_STOPS);
         let mean = statistics(1.0).mean;
         assert!((first[0] / first[2] - (mean[0] / mean[2]).sqrt()).abs() < 1e-3, "{first:?}");
         assert!((0.8..1.3).contains(&(luminance(first) / luminance(mean))), "{first:?} {mean:?}");
@@ -231,8 +236,8 @@ mod tests {
         let mut net = ExpectedLightNet::new(3, &Device::flex());
         let mut stream = lo_random::stream(3, "test", 0);
         net.output = Linear::with_bias([HIDDEN, OUTPUTS], &mut stream, &Device::flex());
-        let own = net.guess(&statistics(0.5)).radiance;
-        let other = net.guess(&statistics(0.5).mirrored()).radiance;
+        let own = net.predict(&statistics(0.5)).radiance;
+        let other = net.predict(&statistics(0.5).mirrored()).radiance;
         for (x, y) in [(3, 5), (40, 20), (63, 31)] {
             let (a, b) = (own[(x, y)], other[(63 - x, y)]);
             assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-4 * (1.0 + b)), "{a:?} {b:?}");

@@ -57,7 +57,7 @@ fn bins() -> &'static [Vec3] {
 /// The level frame of a camera that looks along −Z, with the unit vector against gravity in its axes.
 fn level_frame(up: Vec3) -> Quat {
     let back = Vec3::Z - up * up.z;
-    // Looks straight up or down: the picture's lower edge is in front.
+    // Looks straight up or down: the image's lower edge is in front.
     let back = if back.length() > 1e-3 { back.normalize() } else { (-Vec3::Y - up * -up.y).normalize_or(Vec3::Z) };
     Quat::from_mat3(&Mat3::from_cols(up.cross(back), up, back)).normalize()
 }

@@ -4,8 +4,8 @@ use burn::tensor::Tensor;
 use lo_dual::{EDGE_TYPES, graph_conv_backward, graph_conv_onto};
 use rayon::prelude::*;
 
+use crate::cpu_ops::{Kernel, Number, binary};
 use crate::graph::GraphLevel;
-use crate::host::{Kernel, Number, binary};
 
 /// Rows that one part of the sum over nodes takes; fixed, so that it does not depend on the number of threads.
 const PART_ROWS: usize = 1 << 12;

@@ -1,8 +1,8 @@
 use burn::tensor::Tensor;
-use lo_dual::{Matrix, product};
+use lo_dual::{Matrix, matmul};
 use rayon::prelude::*;
 
-use crate::host::{Kernel, Number, binary, ternary};
+use crate::cpu_ops::{Kernel, Number, binary, ternary};
 
 /// Rows that a thread takes at a time; their share of the weights' gradient is summed in a fixed order.
 const BLOCK: usize = 1 << 10;
@@ -44,7 +44,7 @@ impl Kernel for LinearKernel {
             if let [_, _, bias] = inputs {
                 output.chunks_exact_mut(outputs).for_each(|row| row.copy_from_slice(bias));
             }
-            product(output, Matrix::new(x, channels), Matrix::new(inputs[1], outputs), inputs.len() == 3);
+            matmul(output, Matrix::new(x, channels), Matrix::new(inputs[1], outputs), inputs.len() == 3);
         });
         output
     }
@@ -61,7 +61,7 @@ impl Kernel for LinearKernel {
         let mut by_input = vec![T::default(); if wanted[0] { rows * channels } else { 0 }];
         by_input.par_chunks_mut(BLOCK * channels).zip(gradient.par_chunks(BLOCK * outputs)).for_each(
             |(by_input, gradient)| {
-                product(by_input, Matrix::new(gradient, outputs), weights.transposed(), false);
+                matmul(by_input, Matrix::new(gradient, outputs), weights.transposed(), false);
             },
         );
         let parts: Vec<Vec<T>> = inputs[0]
@@ -71,7 +71,7 @@ impl Kernel for LinearKernel {
                 // The gradient by the weights, and below it the one by the bias.
                 let mut part = vec![T::default(); (channels + 1) * outputs];
                 let (by_weights, by_bias) = part.split_at_mut(channels * outputs);
-                product(by_weights, Matrix::new(x, channels).transposed(), Matrix::new(gradient, outputs), false);
+                matmul(by_weights, Matrix::new(x, channels).transposed(), Matrix::new(gradient, outputs), false);
                 for row in gradient.chunks_exact(outputs) {
                     by_bias.iter_mut().zip(row).for_each(|(sum, &g)| *sum += g);
                 }

@@ -1,4 +1,4 @@
-//! Operations on dual octree graphs. Each is a CPU kernel ([`crate::host`]), tested against a
+//! Operations on dual octree graphs. Each is a CPU kernel ([`crate::cpu_ops`]), tested against a
 //! composition of burn's operations.
 
 mod conv;

@@ -1,7 +1,7 @@
 use burn::tensor::Tensor;
 use rayon::prelude::*;
 
-use crate::host::{Kernel, Number, binary, ternary};
+use crate::cpu_ops::{Kernel, Number, binary, ternary};
 
 /// Rows whose sums are made at a time; fixed, so that they do not depend on the number of threads.
 const BLOCK: usize = 1 << 8;
@@ -71,22 +71,22 @@ struct NormKernel {
 }
 
 /// Mean and reciprocal standard deviation of each channel (the same for all of a group).
-struct Statistics<T> {
+struct ChannelStatistics<T> {
     mean: Vec<T>,
     inverse_deviation: Vec<T>,
 }
 
 /// Count, mean and sum of squared differences from it.
 #[derive(Clone, Copy, Default)]
-struct Moments {
+struct PartialMoments {
     count: f64,
     mean: f64,
     squares: f64,
 }
 
-impl Moments {
+impl PartialMoments {
     /// Of both together (Chan et al. 1979).
-    fn and(self, other: Self) -> Self {
+    fn merged(self, other: Self) -> Self {
         let count = self.count + other.count;
         if count == 0.0 {
             return self;
@@ -101,25 +101,26 @@ impl Moments {
 }
 
 impl NormKernel {
-    fn statistics<T: Number>(&self, x: &[T], channels: usize) -> Statistics<T> {
-        let blocks: Vec<Vec<Moments>> = x.par_chunks(BLOCK * channels).map(|x| block_moments(x, channels)).collect();
-        let mut moments = vec![Moments::default(); channels];
+    fn statistics<T: Number>(&self, x: &[T], channels: usize) -> ChannelStatistics<T> {
+        let blocks: Vec<Vec<PartialMoments>> =
+            x.par_chunks(BLOCK * channels).map(|x| block_moments(x, channels)).collect();
+        let mut moments = vec![PartialMoments::default(); channels];
         for block in blocks {
-            moments.iter_mut().zip(block).for_each(|(sum, block)| *sum = sum.and(block));
+            moments.iter_mut().zip(block).for_each(|(sum, block)| *sum = sum.merged(block));
         }
         let per_group = channels / self.groups;
         let (mut mean, mut inverse_deviation) = (Vec::with_capacity(channels), Vec::with_capacity(channels));
         for group in moments.chunks_exact(per_group) {
-            let whole = group.iter().fold(Moments::default(), |sum, &channel| sum.and(channel));
+            let whole = group.iter().fold(PartialMoments::default(), |sum, &channel| sum.merged(channel));
             let deviation = (whole.squares / whole.count.max(1.0) + EPSILON).sqrt();
             mean.extend(std::iter::repeat_n(T::of(whole.mean), per_group));
             inverse_deviation.extend(std::iter::repeat_n(T::of(1.0 / deviation), per_group));
         }
-        Statistics { mean, inverse_deviation }
+        ChannelStatistics { mean, inverse_deviation }
     }
 
     /// The output is `scale · x + shift` and what is added, activated.
-    fn scale_and_shift<T: Number>(statistics: &Statistics<T>, affine: &[T]) -> (Vec<T>, Vec<T>) {
+    fn scale_and_shift<T: Number>(statistics: &ChannelStatistics<T>, affine: &[T]) -> (Vec<T>, Vec<T>) {
         let (gain, bias) = affine.split_at(affine.len() / 2);
         let scale: Vec<T> = gain.iter().zip(&statistics.inverse_deviation).map(|(&g, &d)| g * d).collect();
         let shift = bias.iter().zip(&scale).zip(&statistics.mean).map(|((&b, &s), &m)| b - s * m).collect();
@@ -230,7 +231,7 @@ fn positive<T: Number>(value: T) -> T {
     if value < T::default() { T::default() } else { value }
 }
 
-fn block_moments<T: Number>(x: &[T], channels: usize) -> Vec<Moments> {
+fn block_moments<T: Number>(x: &[T], channels: usize) -> Vec<PartialMoments> {
     let count = x.len() / channels;
     let share: T = T::of(1.0 / count as f64);
     let mut mean = vec![T::default(); channels];
@@ -245,7 +246,8 @@ fn block_moments<T: Number>(x: &[T], channels: usize) -> Vec<Moments> {
         }
     }
     let both = mean.into_iter().zip(squares);
-    both.map(|(mean, squares)| Moments { count: count as f64, mean: mean.wide(), squares: squares.wide() }).collect()
+    both.map(|(mean, squares)| PartialMoments { count: count as f64, mean: mean.wide(), squares: squares.wide() })
+        .collect()
 }
 
 /// Sets the gradient to 0 where the output is.

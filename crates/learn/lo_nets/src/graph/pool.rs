@@ -1,11 +1,11 @@
 use std::sync::Arc;
 
 use burn::tensor::Tensor;
-use lo_dual::{Matrix, product};
+use lo_dual::{Matrix, matmul};
 use rayon::prelude::*;
 
+use crate::cpu_ops::{Kernel, Number, binary};
 use crate::graph::{GraphLevel, Refinement};
-use crate::host::{Kernel, Number, binary};
 
 /// Families that a thread takes at a time; their share of the weights' gradient is summed in a fixed order.
 const BLOCK: usize = 1 << 8;
@@ -138,14 +138,14 @@ impl Kernel for UpKernel {
 /// `out[rows, n] = x[rows, k] · weights[k, n]`.
 fn multiply<T: Number>(out: &mut [T], x: &[T], weights: &[T], [k, n]: [usize; 2]) {
     out.par_chunks_mut(BLOCK * n).zip(x.par_chunks(BLOCK * k)).for_each(|(out, x)| {
-        product(out, Matrix::new(x, k), Matrix::new(weights, n), false);
+        matmul(out, Matrix::new(x, k), Matrix::new(weights, n), false);
     });
 }
 
 /// `out[rows, k] = y[rows, n] · weights[k, n]ᵀ`.
 fn multiply_transposed<T: Number>(out: &mut [T], y: &[T], weights: &[T], [k, n]: [usize; 2]) {
     out.par_chunks_mut(BLOCK * k).zip(y.par_chunks(BLOCK * n)).for_each(|(out, y)| {
-        product(out, Matrix::new(y, n), Matrix::new(weights, n).transposed(), false);
+        matmul(out, Matrix::new(y, n), Matrix::new(weights, n).transposed(), false);
     });
 }
 
@@ -158,7 +158,7 @@ fn weight_gradient<T: Number>(x: &[T], y: &[T], [k, n]: [usize; 2]) -> Vec<T> {
         .zip(y.par_chunks(rows * n))
         .map(|(x, y)| {
             let mut part = vec![T::default(); k * n];
-            product(&mut part, Matrix::new(x, k).transposed(), Matrix::new(y, n), false);
+            matmul(&mut part, Matrix::new(x, k).transposed(), Matrix::new(y, n), false);
             part
         })
         .collect();

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use burn::tensor::Tensor;
 use rayon::prelude::*;
 
-use crate::host::{Kernel, Number, unary};
+use crate::cpu_ops::{Kernel, Number, unary};
 
 /// No row.
 const NONE: u32 = u32::MAX;

@@ -1,11 +1,8 @@
-use lo_geometry::Vec3;
-use lo_imaging::RadianceImage;
 use serde::{Deserialize, Serialize};
 
 use crate::graph::type_channels_of;
 use crate::light::channels::{LOBE_CHANNELS, NODE_FEATURES, RAW_CHANNELS};
 use crate::light::error::LightConfigError;
-use crate::light::LightInput;
 
 /// Shape of the light network. Every field has a default, so that a file need name only what differs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -96,11 +93,6 @@ impl LightNetConfig {
             }
         }
         Ok(())
-    }
-
-    /// An input with what the network is told beside points: the unit vector against gravity, and the single map.
-    pub fn told(&self, input: LightInput, up: Vec3, single_map: RadianceImage) -> LightInput {
-        input.with_up(up).with_map(single_map)
     }
 
     /// Number of weights of the network.

@@ -8,11 +8,11 @@ const CELL: u32 = 4;
 
 /// Space that a photo shows to be empty: what lies before what is seen.
 #[derive(Clone, Debug)]
-pub struct FreeSpace(Vec<Before>);
+pub struct FreeSpace(Vec<CameraFreeSpace>);
 
 /// What lies before what one camera sees.
 #[derive(Clone, Debug)]
-struct Before {
+struct CameraFreeSpace {
     /// The camera, in cells.
     view: PhotoView,
     /// Depth of the nearest point in each cell, metres; 0 where there is none, so that nothing is known.
@@ -34,7 +34,7 @@ impl FreeSpace {
         let before = |view: &PhotoView| {
             let (own, others) = rest.split_at(view.points);
             rest = others;
-            Before::new(own, view)
+            CameraFreeSpace::new(own, view)
         };
         Self(views.iter().map(before).collect())
     }
@@ -45,7 +45,7 @@ impl FreeSpace {
     }
 }
 
-impl Before {
+impl CameraFreeSpace {
     fn new(points: &[VisiblePoint], view: &PhotoView) -> Self {
         let camera = view.camera.resized(view.camera.width.div_ceil(CELL), view.camera.height.div_ceil(CELL));
         let view = PhotoView { camera, ..*view };

@@ -98,7 +98,7 @@ impl LightInput {
     /// With a single map: nodes that carry `f_L` show what it has in their direction, and what is not seen begins between it and the ambient light.
     #[must_use]
     pub fn with_map(mut self, map: RadianceImage) -> Self {
-        self.tell_carriers(0, |place_m| towards(&map, place_m).map(f32::ln_1p));
+        self.add_to_carriers(0, |place_m| sample_map(&map, place_m).map(f32::ln_1p));
         self.map = Some(map);
         self
     }
@@ -107,25 +107,25 @@ impl LightInput {
     /// ceiling above, as long as the sine of their elevation.
     #[must_use]
     pub fn with_up(mut self, up: Vec3) -> Self {
-        self.tell_carriers(9, |place_m| (-place_m.normalize_or_zero().dot(up) * up).to_array());
+        self.add_to_carriers(9, |place_m| (-place_m.normalize_or_zero().dot(up) * up).to_array());
         self
     }
 
     /// Adds to three features of the nodes that carry `f_L`, from `first` on, what their middles tell, as far as they are carriers.
-    fn tell_carriers(&mut self, first: usize, told: impl Fn(Vec3) -> [f32; 3]) {
+    fn add_to_carriers(&mut self, first: usize, value_at: impl Fn(Vec3) -> [f32; 3]) {
         let (half_edge_m, middle_m) = (0.5 * self.cube().edge_m, self.cube().centre_m());
         for row in self.features.chunks_exact_mut(NODE_FEATURES) {
             let carriers = row[NODE_FEATURES - 1];
             if carriers > 0.0 {
-                let told = told(middle_m + half_edge_m * Vec3::new(row[6], row[7], row[8]));
-                row[first..].iter_mut().zip(told).for_each(|(sum, value)| *sum += carriers * value);
+                let value_at = value_at(middle_m + half_edge_m * Vec3::new(row[6], row[7], row[8]));
+                row[first..].iter_mut().zip(value_at).for_each(|(sum, value)| *sum += carriers * value);
             }
         }
     }
 
     /// What the single map shows in the direction of a place of the octrees' frame, linear RGB above 0: `ambient` where there is no map.
     pub fn map_towards(&self, place_m: Vec3) -> [f32; 3] {
-        self.map.as_ref().map_or(self.ambient, |map| towards(map, place_m))
+        self.map.as_ref().map_or(self.ambient, |map| sample_map(map, place_m))
     }
 
     /// Part of the world that the octrees cover.
@@ -134,12 +134,12 @@ impl LightInput {
     }
 }
 
-fn towards(map: &RadianceImage, direction: Vec3) -> [f32; 3] {
+fn sample_map(map: &RadianceImage, direction: Vec3) -> [f32; 3] {
     sample_equirectangular(map, direction).map(|c| c.clamp(MIN_AMBIENT, MAX_RADIANCE))
 }
 
 /// What light is like where nothing is seen of it, at a first guess: as bright as the middle half of the points by brightness, their log average (as
-/// Reinhard et al. 2002 measure the key of a scene), in the mean of all points' colours, bright or dark. Windows and lamps in the picture, or the space below
+/// Reinhard et al. 2002 measure the key of a scene), in the mean of all points' colours, bright or dark. Windows and lamps in the image, or the space below
 /// a table, do not count.
 pub fn ambient_light(points: &[VisiblePoint]) -> [f32; 3] {
     // Keeps black from counting without limit.
@@ -289,17 +289,17 @@ mod tests {
         let features = plain.features.clone();
         let up = Vec3::new(0.0, 0.6, 0.8);
         let input = plain.with_up(up);
-        let mut told = 0;
+        let mut value_at = 0;
         for (row, before) in input.features.chunks_exact(NODE_FEATURES).zip(features.chunks_exact(NODE_FEATURES)) {
             assert_eq!((&row[..9], &row[12..]), (&before[..9], &before[12..]));
             let (normal, centre) = (Vec3::new(row[9], row[10], row[11]), Vec3::new(row[6], row[7], row[8]));
             if before[14] < 1.0 {
                 continue;
             }
-            told += 1;
+            value_at += 1;
             assert!((normal.dot(up) + centre.normalize().dot(up)).abs() < 1e-5 && normal.cross(up).length() < 1e-5);
         }
-        assert!(told > 100, "{told} leaves of carriers");
+        assert!(value_at > 100, "{value_at} leaves of carriers");
     }
 
     #[test]

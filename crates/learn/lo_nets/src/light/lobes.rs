@@ -18,7 +18,7 @@ pub(crate) fn lobes(raw: Tensor<2>, known: &KnownLight) -> Tensor<2> {
 }
 
 /// Unit directions from the middles of the non-empty nodes of a depth to a viewer, three numbers each.
-pub(crate) fn towards(octree: &Octree, cube: Cube, depth: u32, viewer_m: Vec3) -> Vec<f32> {
+pub(crate) fn directions_to_viewer(octree: &Octree, cube: Cube, depth: u32, viewer_m: Vec3) -> Vec<f32> {
     let keys = octree.levels()[depth as usize].row_keys();
     keys.flat_map(|key| (viewer_m - node_middle_m(cube, depth, key)).normalize_or_zero().to_array()).collect()
 }

@@ -8,7 +8,7 @@ use lo_octree::{LightOctree, MAX_ALPHA, Octree};
 
 use crate::graph::{RowMap, select_rows};
 use crate::light::channels::{LIGHT_CHANNELS, LOBE_CHANNELS};
-use crate::light::lobes::{gains, towards};
+use crate::light::lobes::{directions_to_viewer, gains};
 use crate::light::{KnownLight, LightError};
 use crate::rendering::render;
 
@@ -55,7 +55,7 @@ impl LightOutput {
             if !self.has_lobes() {
                 return rgba;
             }
-            let towards = towards(&self.octree, self.cube, depth, viewer_m);
+            let towards = directions_to_viewer(&self.octree, self.cube, depth, viewer_m);
             let lobes = level.light.clone().narrow(1, LIGHT_CHANNELS, LOBE_CHANNELS);
             Tensor::cat(vec![rgba.clone().narrow(1, 0, 3) * gains(lobes, &towards), rgba.narrow(1, 3, 1)], 1)
         };

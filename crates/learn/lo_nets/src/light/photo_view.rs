@@ -17,7 +17,7 @@ impl PhotoView {
         Self { camera, camera_from_world: RigidTransform::IDENTITY, points }
     }
 
-    /// Place in the picture and depth of a point of the octree's frame; `None` at or behind the camera.
+    /// Place in the image and depth of a point of the octree's frame; `None` at or behind the camera.
     pub(crate) fn project(&self, point: Vec3) -> Option<(f64, f64, f64)> {
         self.camera.project(self.camera_from_world.point(point))
     }

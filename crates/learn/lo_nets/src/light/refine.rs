@@ -30,7 +30,7 @@ impl SeenDetail<'_> {
             let seen = |node: &usize| finest.rows[*node] >= 0 && known(self.fine, depth, finest.keys[*node]).is_some();
             let split: Vec<bool> = (0..finest.len()).map(|node| seen(&node)).collect();
             let neighbours = light.octree.neighbours(depth);
-            let (mut below, mut nonempty) = (Below::default(), Vec::new());
+            let (mut below, mut nonempty) = (FinerRows::default(), Vec::new());
             for parent in (0..finest.len()).filter(|&node| split[node]) {
                 for child in 0..8 {
                     let key = finest.keys[parent] << 3 | child;
@@ -38,7 +38,7 @@ impl SeenDetail<'_> {
                     let occupied = known.is_some() || !self.free.holds(light.cube, depth + 1, key);
                     nonempty.push(occupied);
                     if occupied {
-                        let around = Around::new(&neighbours[parent], &finest.rows, child);
+                        let around = ParentNeighbourhood::new(&neighbours[parent], &finest.rows, child);
                         let guess = around.blend(&guesses);
                         let (rgba, seen) = match known {
                             Some((known, seen)) => (mixed(known, seen, guess), seen),
@@ -79,9 +79,9 @@ impl SeenDetail<'_> {
 }
 
 /// The nodes around the centre of a child, its parent the first of them, with their trilinear weights: rows of the parents' level, or −1.
-struct Around([(i32, f32); 8]);
+struct ParentNeighbourhood([(i32, f32); 8]);
 
-impl Around {
+impl ParentNeighbourhood {
     fn new(neighbours: &Neighbours, rows: &[i32], child: u32) -> Self {
         Self(std::array::from_fn(|corner| {
             let (mut neighbour, mut weight) = (13i32, 1.0);
@@ -113,14 +113,14 @@ impl Around {
 
 /// Rows of a level that comes to be.
 #[derive(Default)]
-struct Below {
+struct FinerRows {
     rgba: Vec<[f32; 4]>,
     seen: Vec<u8>,
     guesses: Vec<[f32; 4]>,
     parents: Vec<usize>,
 }
 
-impl Below {
+impl FinerRows {
     fn push(&mut self, rgba: [f32; 4], seen: u8, guess: [f32; 4], parent: usize) {
         self.rgba.push(rgba);
         self.seen.push(seen);

@@ -20,7 +20,7 @@ impl VisiblePoint {
     /// along the optical axis, 0 or NaN without a reading) of the same size, and normals in the camera's axes where they are known.
     ///
     /// # Panics
-    /// Where the pictures differ in size.
+    /// Where the images differ in size.
     pub fn from_photo(
         photo: &Image<[f32; 3]>,
         depth_m: &DepthMap,

@@ -27,7 +27,7 @@ fn features_and_gradients_are_those_of_the_package() {
         let fresh = || EfficientNetLite::new(scale, &mut lo_random::stream(1, "test", 0), &device);
         let net = fresh().load_published(&published).unwrap();
         let photo = |device: &Device| {
-            // The script's pictures come one after the other.
+            // The script's images come one after the other.
             let data = TensorData::new(noise("photo", 2 * 3 * 64 * 96), [2, 3, 64, 96]);
             Tensor::<4>::from_data(data, device).swap_dims(0, 1)
         };

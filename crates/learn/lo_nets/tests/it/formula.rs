@@ -1,4 +1,4 @@
-//! What the scripts in `golden/` compute: weights and pictures by a formula, and the tensors that came of them.
+//! What the scripts in `golden/` compute: weights and images by a formula, and the tensors that came of them.
 
 use std::collections::BTreeMap;
 

@@ -5,28 +5,28 @@ use std::cell::Cell;
 use rayon::prelude::*;
 
 use crate::conv::activation::Affine;
-use crate::conv::amx::{self, BLOCK, Product, STEP, bf16, bf16_pair};
-use crate::conv::bands::{PIECES, by_bands};
+use crate::conv::amx::{self, BLOCK, BlockProduct, STEP, bf16, bf16_pair};
+use crate::conv::bands::{MIN_TASKS, by_bands};
 use crate::conv::window::Window;
-use crate::host::zeros;
+use crate::cpu_ops::zeros;
 
 thread_local! {
-    static WANTED: Cell<bool> = const { Cell::new(false) };
+    static ENABLED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Does `work`; where `wanted`, convolutions that it begins on this thread, and their gradients, multiply in bf16 and sum in f32 if the processor has a
+/// Does `work`; where `enabled`, convolutions that it begins on this thread, and their gradients, multiply in bf16 and sum in f32 if the processor has a
 /// matrix unit for that (Intel's AMX). Elsewhere nothing changes. As `torch.autocast` does it: what lies between them stays f32.
 ///
 /// While `work` waits for others, its thread may begin what another has left in rayon's pool: [`in_pool`] keeps that apart.
-pub fn in_bf16<R>(wanted: bool, work: impl FnOnce() -> R) -> R {
+pub fn in_bf16<R>(enabled: bool, work: impl FnOnce() -> R) -> R {
     /// Puts back what was, after a panic too.
-    struct Before(bool);
-    impl Drop for Before {
+    struct RestoreOnDrop(bool);
+    impl Drop for RestoreOnDrop {
         fn drop(&mut self) {
-            WANTED.set(self.0);
+            ENABLED.set(self.0);
         }
     }
-    let _before = Before(WANTED.replace(wanted));
+    let _restore = RestoreOnDrop(ENABLED.replace(enabled));
     work()
 }
 
@@ -37,8 +37,8 @@ pub fn in_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 }
 
 /// Whether [`in_bf16`] is under way here and changes anything.
-pub(super) fn is_wanted() -> bool {
-    WANTED.get() && amx::available()
+pub(super) fn is_enabled() -> bool {
+    ENABLED.get() && amx::available()
 }
 
 /// A convolution with the weights `weight(output, channel, tap)`.
@@ -71,7 +71,7 @@ pub(super) fn convolve(
         let columns = out.first().map_or(0, |row| row.len());
         let mut block = [[0.0; BLOCK]; BLOCK];
         for first in (0..columns).step_by(BLOCK) {
-            let product = Product {
+            let product = BlockProduct {
                 left: &weights[group * steps.len() * BLOCK * STEP..][..steps.len() * BLOCK * STEP],
                 halves: [0, BLOCK / 2 * STEP],
                 left_stride: STEP,
@@ -105,7 +105,7 @@ pub(super) fn weight_gradient(
     // [tap, channel, output] of 32 channels. Few channels: of some of the bands each, summed up afterwards.
     let groups: Vec<&[f32]> = x.chunks(BLOCK * area).collect();
     let bands: Vec<(usize, &[u32])> = (0..).step_by(rows).zip(gradient.bands()).collect();
-    let shares = PIECES.div_ceil(groups.len()).min(bands.len());
+    let shares = MIN_TASKS.div_ceil(groups.len()).min(bands.len());
     let parts: Vec<Vec<f32>> = (0..groups.len() * shares)
         .into_par_iter()
         .map(|i| {
@@ -121,7 +121,7 @@ pub(super) fn weight_gradient(
                 window.read(&mut band, [first, rows], x, activation);
                 for (tap, sums) in taps.iter().zip(sums.chunks_exact_mut(BLOCK * gradient.outputs)) {
                     for first in (0..gradient.outputs).step_by(BLOCK) {
-                        let product = Product {
+                        let product = BlockProduct {
                             left: &band,
                             halves: [*tap, tap + BLOCK / 2 * plane],
                             left_stride: plane,
@@ -171,7 +171,7 @@ impl PackedGradient {
         let steps: Vec<usize> = (0..(rows * pitch).div_ceil(STEP)).map(|step| step * STEP / 2 * padded).collect();
         let band = steps.len() * STEP / 2 * padded;
         let mut pairs = zeros(height.div_ceil(rows) * band);
-        let area = window.pictures * window.area();
+        let area = window.images * window.area();
         pairs.par_chunks_mut(band.max(1)).enumerate().for_each(|(index, out)| {
             let mut columns = vec![0.0; steps.len() * STEP];
             let first = index * rows;
