@@ -7,17 +7,19 @@ use rayon::prelude::*;
 use crate::cpu_ops::{Kernel, Number, binary, zeros};
 use crate::gemm::LANES;
 
-/// `scale · (x − centre) + shift`, the three rows of `affine`: `[3, channels]`, or `[3, channels · images]` for each image its own.
+/// Returns `scale · (x − centre) + shift`. These are the rows of `affine`: `[3, channels]`, or `[3, channels · images]`
+/// for
+/// separate values of each image.
 pub fn scaled(x: Tensor<4>, affine: Tensor<2>) -> Tensor<4> {
     apply(x, affine, Epilogue::None)
 }
 
-/// Which part of a number is kept.
+/// Rectifying activation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rectifier {
-    /// The positive one.
+    /// max(x, 0).
     Relu,
-    /// The positive one, at most 6 (Krizhevsky 2010).
+    /// min(max(x, 0), 6) (Krizhevsky 2010).
     Relu6,
 }
 
@@ -30,15 +32,15 @@ impl Rectifier {
     }
 }
 
-/// [`scaled`], epilogue rectified.
+/// Applies [`scaled`], then the rectifier.
 pub fn activate(x: Tensor<4>, affine: Tensor<2>, rectifier: Rectifier) -> Tensor<4> {
     apply(x, affine, Epilogue::Rectify(rectifier))
 }
 
-/// The means of 2 × 2 pixels of the positive part of [`scaled`], `[channels, images, height / 2, width / 2]`.
+/// Applies [`scaled`], ReLU and the mean over 2 × 2 pixels: `[channels, images, height / 2, width / 2]`.
 ///
 /// # Panics
-/// For an odd height or width.
+/// Where height or width is odd.
 pub fn activated_mean(x: Tensor<4>, affine: Tensor<2>) -> Tensor<4> {
     apply(x, affine, Epilogue::ReluMean)
 }
@@ -53,7 +55,7 @@ fn apply(x: Tensor<4>, affine: Tensor<2>, epilogue: Epilogue) -> Tensor<4> {
     y.reshape([channels, images, height >> halved, width >> halved])
 }
 
-/// The same by burn's own operations, to check the kernel.
+/// Reference implementation with burn's operations.
 #[cfg(test)]
 pub(super) fn composed(x: Tensor<4>, affine: Tensor<2>, epilogue: Epilogue) -> Tensor<4> {
     use burn::tensor::ops::AvgPoolOptions;
@@ -71,36 +73,37 @@ pub(super) fn composed(x: Tensor<4>, affine: Tensor<2>, epilogue: Epilogue) -> T
     }
 }
 
-/// `scale · (x − centre) + shift` on slices. Gradients are sums with x − centre: those with x alone lose what is left of their
-/// difference where the mean is large.
+/// `scale · (x − centre) + shift` on slices. Gradients sum products with x − centre: sums with x alone would lose
+/// precision
+/// by cancellation where the mean is large.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Affine<'a, T> {
     scale: &'a [T],
     centre: &'a [T],
     shift: &'a [T],
-    /// What is rectified ends here.
+    /// Upper limit of the rectifier.
     ceiling: T,
 }
 
-/// [`Affine`] of one channel.
+/// [`Affine`] for a single channel.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ChannelAffine<T> {
     scale: T,
     centre: T,
-    /// Of `scale · x`.
+    /// Shift of `scale · x`, with the centre folded in.
     shift: T,
     ceiling: T,
 }
 
 impl<'a, T: Number> Affine<'a, T> {
-    /// From `[3, channels]`.
+    /// Borrows the rows of `[3, channels]`.
     pub fn new(rows: &'a [T], rectifier: Rectifier) -> Self {
         let (scale, rest) = rows.split_at(rows.len() / 3);
         let (centre, shift) = rest.split_at(rest.len() / 2);
         Self { scale, centre, shift, ceiling: T::of(rectifier.ceiling()) }
     }
 
-    /// Of the channels in a range.
+    /// Restricts to a range of channels.
     pub fn part(&self, channels: Range<usize>) -> Self {
         let [scale, centre, shift] = [self.scale, self.centre, self.shift].map(|row| &row[channels.clone()]);
         Self { scale, centre, shift, ceiling: self.ceiling }
@@ -118,7 +121,7 @@ impl<T: Number> ChannelAffine<T> {
         self.scale * x + self.shift
     }
 
-    /// NaN stays NaN, so that it is noticed.
+    /// Keeps NaN, so that it is noticed.
     #[inline(always)]
     pub fn rectified(&self, x: T) -> T {
         let value = self.value(x);
@@ -126,7 +129,7 @@ impl<T: Number> ChannelAffine<T> {
         if value > self.ceiling { self.ceiling } else { value }
     }
 
-    /// Whether [`ChannelAffine::rectified`] changes with x. The same operations, so that both agree.
+    /// Reports whether [`ChannelAffine::rectified`] depends on x. Uses the same operations, so that both agree.
     #[inline(always)]
     fn is_active(&self, x: T) -> bool {
         let value = self.value(x);
@@ -134,12 +137,12 @@ impl<T: Number> ChannelAffine<T> {
     }
 }
 
-/// What follows scale and shift.
+/// Operation fused behind scale and shift.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Epilogue {
     None,
     Rectify(Rectifier),
-    /// The positive part's means of 2 × 2 pixels.
+    /// ReLU, then the mean over 2 × 2 pixels.
     ReluMean,
 }
 
@@ -225,7 +228,7 @@ impl<T: Number> WithSimd for Activate<'_, T> {
     }
 }
 
-/// A quarter of each value for each of 2 × 2 pixels; `width` is that of `gradient`'s rows.
+/// Distributes each value equally to 2 × 2 pixels. `width` is that of `gradient`'s rows.
 fn shared_out<T: Number>(gradient: &[T], width: usize) -> Vec<T> {
     let quarter = T::of(0.25);
     let mut out = zeros(4 * gradient.len());
@@ -239,7 +242,9 @@ fn shared_out<T: Number>(gradient: &[T], width: usize) -> Vec<T> {
     out
 }
 
-/// From the gradient by [`Affine`], where wanted rectified, to the one by x, in place, and the one by the affine's rows.
+/// Backpropagates through [`Affine`] and an optional rectifier. Replaces the output's gradient by that of x, and
+/// returns
+/// that of the affine's rows.
 pub(super) fn through_activation<T: Number>(gradient: &mut [T], x: &[T], affine: Affine<T>, rectified: bool) -> Vec<T> {
     let area = (x.len() / affine.scale.len()).max(1);
     let sums: Vec<[f64; 3]> = gradient
@@ -262,7 +267,7 @@ struct ThroughActivation<'a, T> {
 }
 
 impl<T: Number> WithSimd for ThroughActivation<'_, T> {
-    /// By scale, centre and shift.
+    /// Gradients of scale, centre and shift.
     type Output = [f64; 3];
 
     #[inline(always)]
@@ -291,7 +296,7 @@ impl<T: Number> WithSimd for ThroughActivation<'_, T> {
     }
 }
 
-/// The sum, in a fixed order that vectors can follow.
+/// Sums in a fixed, vectorisable order.
 #[inline(always)]
 pub(super) fn total<T: Number>(row: &[T]) -> f64 {
     let (chunks, rest) = row.as_chunks::<LANES>();
@@ -307,13 +312,13 @@ mod tests {
     use super::*;
     use crate::testing::{assert_gradients, assert_same_function};
 
-    /// Five channels of two images, by channels and by images.
+    /// Five channels of two images, with values for each channel and for each image.
     const SIZES: [[[usize; 2]; 2]; 2] = [[[5, 2 * 6 * 8], [3, 5]], [[5, 2 * 6 * 8], [3, 10]]];
 
     const ALL: [Epilogue; 4] =
         [Epilogue::None, Epilogue::Rectify(Rectifier::Relu), Epilogue::Rectify(Rectifier::Relu6), Epilogue::ReluMean];
 
-    /// Large enough that some of it reaches 6.
+    /// Scales so that some values exceed 6.
     fn large(affine: Tensor<2>) -> Tensor<2> {
         4.0 * affine
     }

@@ -1,15 +1,17 @@
-//! A convolution in bands of rows, each a task of work for one thread.
+//! Convolution in bands of rows, each a task for one thread.
 
 use rayon::prelude::*;
 
 use crate::conv::window::Window;
 use crate::cpu_ops::{Number, zeros};
 
-/// Pieces of work at least: bands of rows, or where these are few, of channels too. Fixed, as is everything that sums depend on.
+/// Minimum number of tasks: bands of rows, split by channels where bands are few. Fixed, as results depend on it.
 pub(super) const MIN_TASKS: usize = 8;
 
-/// A convolution band by band of `rows` output rows. `read` makes what a band with this first row reads, `sums` computes from it the columns of a
-/// group of `group` channels; the rows that it is given are those of the band, in the last one perhaps fewer.
+/// Convolves band by band, with `rows` output rows in a band.
+///
+/// `read` fills a band from its first row. `sums` computes the columns of a group of `group` channels from it, for the
+/// rows of the band (fewer in the last one).
 pub(super) fn by_bands<T: Number, B: Default>(
     window: &Window,
     rows: usize,
@@ -21,7 +23,7 @@ pub(super) fn by_bands<T: Number, B: Default>(
     let (height, width) = (window.rows(), window.output[1]);
     let area = window.images * window.area();
     let mut out = zeros(outputs * area);
-    // Few bands: each is read several times, for some of the output's channels each.
+    // With few bands, each is read several times, for part of the output's channels each.
     let (groups, bands) = (outputs.div_ceil(group), height.div_ceil(rows));
     let groups = groups.div_ceil(MIN_TASKS.div_ceil(bands));
     let mut tasks = Vec::new();

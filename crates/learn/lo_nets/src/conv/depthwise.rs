@@ -1,4 +1,4 @@
-//! Depthwise convolution: every channel by weights of its own.
+//! Depthwise convolution: each channel has its own weights.
 
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
@@ -8,14 +8,14 @@ use crate::conv::window::Window;
 use crate::cpu_ops::{Kernel, Number, zeros};
 use crate::gemm::{LANES, MAX_COLUMN, Rows};
 
-/// A convolution of `x[channels, images · height · width]`, each channel with its row of `weights[channels, kernel²]`. Gives
+/// Convolves `x[channels, images · height · width]`, each channel by its row of `weights[channels, kernel²]`. Returns
 /// `[channels, images · height · width]` of the output.
 #[derive(Clone, Copy, Debug)]
 pub struct DepthwiseKernel {
-    /// What is read.
+    /// Geometry of the convolution.
     pub window: Window,
-    /// With it there is a third input, `[3, channels]`, scale, centre and shift: what is convolved is scale · (x − centre) + shift
-    /// rectified, which is never stored.
+    /// With a rectifier, a third input `[3, channels]` holds scale, centre and shift. The convolved values are then
+    /// scale · (x − centre) + shift, rectified; they are never stored.
     pub rectifier: Option<Rectifier>,
 }
 
@@ -56,41 +56,44 @@ impl Kernel for DepthwiseKernel {
     }
 }
 
-/// An image as the kernel reads it: its pixels of every `step`-th row and column are a plane of their own, so that what one weight is multiplied by, for all
-/// pixels of the output, is a run of neighbouring numbers. Planes have zeros around them. What is computed for columns past the output's width means nothing.
+/// An image in the kernel's layout: the pixels of every `step`-th row and column form a plane.
+///
+/// In this layout, the pixels that one weight multiplies are contiguous. Planes are padded with zeros. Values in
+/// columns
+/// past the output's width are unused.
 struct Planes {
     /// Height and width of the image.
     image: [usize; 2],
     step: usize,
-    /// Rows and columns of zeros before each plane.
+    /// Zero rows and columns before each plane.
     margin: usize,
     rows: usize,
     pitch: usize,
 }
 
-/// Of a row or column of weights: which plane it is multiplied by, and how many rows or columns of it further on.
+/// Plane and shift that a row or column of weights multiplies.
 #[derive(Clone, Copy)]
 struct Tap {
-    /// Of the weights.
+    /// Index of the row or column in the weights.
     index: usize,
     plane: usize,
     shift: isize,
 }
 
-/// Columns of weights and what they are multiplied by.
+/// Columns of weights with their offsets in the planes.
 struct WeightColumns {
     /// Weights in each column.
     count: usize,
-    /// Of the weights, column by column; `None` where a column has fewer.
+    /// Indices of the weights, column by column; `None` where a column is shorter.
     indices: Vec<Option<usize>>,
-    /// Of the columns.
+    /// Offset of each column in the planes.
     offsets: Vec<usize>,
 }
 
 impl WeightColumns {
-    /// Of all weights in some rows and columns of `side × side`.
+    /// Arranges the weights of the rows `down` and columns `across` of `side × side`.
     fn new(planes: &Planes, side: usize, down: &[Tap], across: &[Tap]) -> Self {
-        // The weights of a column that belong to a plane follow on each other there.
+        // A column's weights that share a plane multiply consecutive rows of it.
         let rows: Vec<Vec<Tap>> = (0..planes.step)
             .map(|plane| {
                 let mut rows: Vec<Tap> = down.iter().copied().filter(|tap| tap.plane == plane).collect();
@@ -109,19 +112,19 @@ impl WeightColumns {
         }
     }
 
-    /// A channel's weights in the order of the columns.
+    /// Reorders a channel's weights by column.
     fn order<T: Number>(&self, weights: &[T]) -> Vec<T> {
         self.indices.iter().map(|index| index.map_or(T::default(), |index| weights[index])).collect()
     }
 
-    /// Rows of the output, by weights in the order of the columns.
+    /// Computes output rows from weights in column order.
     fn filter<T: Number>(&self, planes: &Planes, weights: &[T], data: &[T], rows: Rows<T>) {
         T::filter(weights, self.count, data, &self.offsets, planes.pitch, rows);
     }
 }
 
 impl Planes {
-    /// Planes of an image in which every pixel of `output` (height and width) can be moved by the shift of each of the `taps`.
+    /// Lays out planes in which every pixel of `output` (height and width) can be shifted by each of the `taps`.
     fn new(image: [usize; 2], step: usize, output: [usize; 2], taps: &[Tap]) -> Self {
         let shifts = || taps.iter().map(|tap| tap.shift);
         let margin = (-shifts().min().unwrap_or(0)).max(0) as usize;
@@ -130,19 +133,19 @@ impl Planes {
         Self { image, step, margin, rows: side(0), pitch: side(1) }
     }
 
-    /// Numbers of all planes, and as many zeros as vectors may read beyond.
+    /// Allocates all planes, with zeros behind them for vectors that read past the end.
     fn scratch<T: Number>(&self) -> Vec<T> {
         vec![T::default(); (self.step.pow(2) * self.rows + MAX_COLUMN) * self.pitch + LANES]
     }
 
-    /// Where the output's first pixel finds what is multiplied by the weight of a tap down and one across.
+    /// Returns the offset of the value that the weight of two taps multiplies for the output's first pixel.
     fn offset(&self, down: Tap, across: Tap) -> usize {
         let plane = down.plane * self.step + across.plane;
         let place = |tap: Tap| self.margin.wrapping_add_signed(tap.shift);
         (plane * self.rows + place(down)) * self.pitch + place(across)
     }
 
-    /// Fills the planes, whose margins are zeros already, with an image, where wanted activated.
+    /// Fills the planes with an image, optionally activated. Margins must already be zero.
     fn fill<T: Number>(&self, planes: &mut [T], x: &[T], activation: Option<ChannelAffine<T>>) {
         Arch::new().dispatch(Fill { planes: self, out: planes, x, activation });
     }
@@ -174,7 +177,7 @@ fn fill<T: Number>(planes: &Planes, out: &mut [T], x: &[T], value: impl Fn(T) ->
     let Planes { image: [_, width], step, margin, rows, pitch } = *planes;
     for (y, x) in x.chunks_exact(width).enumerate() {
         let (phase, row) = if step == 1 { (0, y) } else { (y % step, y / step) };
-        // Of the planes with these rows, which lie one after the other.
+        // Planes with the same row phase are contiguous.
         let place = |column: usize| ((phase * step + column) * rows + margin + row) * pitch + margin;
         match step {
             1 => out[place(0)..].iter_mut().zip(x).for_each(|(out, &x)| *out = value(x)),
@@ -197,7 +200,7 @@ fn fill<T: Number>(planes: &Planes, out: &mut [T], x: &[T], value: impl Fn(T) ->
     }
 }
 
-/// What each weight of a row or column is multiplied by.
+/// Returns the tap of each row or column of weights.
 fn taps(window: &Window) -> Vec<Tap> {
     let step = window.stride as isize;
     let place = |k: usize| k as isize - window.padding as isize;
@@ -228,10 +231,12 @@ fn convolve<T: Number>(window: &Window, x: &[T], activation: Option<Affine<T>>, 
     out
 }
 
-/// Gradient by what was convolved: of every `stride`-th row and column a convolution of the gradient with some of the weights.
+/// Returns the gradient of the convolved values. For each phase of rows and columns, this is a convolution of the
+/// output's
+/// gradient with some of the weights.
 fn input_gradient<T: Number>(window: &Window, gradient: &[T], weights: &[T]) -> Vec<T> {
     let Window { input: [height, width], output, stride, padding, kernel, images, .. } = *window;
-    // For each phase of rows or columns the weights that reach it, and from where.
+    // For each phase of rows or columns, the weights that contribute and their shifts.
     let phases: Vec<Vec<Tap>> = (0..stride)
         .map(|phase| {
             let reach = |k: usize| (phase + padding) as isize - k as isize;
@@ -241,7 +246,7 @@ fn input_gradient<T: Number>(window: &Window, gradient: &[T], weights: &[T]) -> 
         .collect();
     let parts = [height, width].map(|side| side.div_ceil(stride));
     let planes = Planes::new(output, 1, parts, &phases.concat());
-    // For each phase of rows and columns.
+    // One for each phase of rows and columns.
     let columns: Vec<WeightColumns> = (0..stride * stride)
         .map(|index| WeightColumns::new(&planes, kernel, &phases[index / stride], &phases[index % stride]))
         .collect();
@@ -265,7 +270,7 @@ fn input_gradient<T: Number>(window: &Window, gradient: &[T], weights: &[T]) -> 
                 let place = |column: usize| (y % stride * stride + column) * part + y / stride * parts[1];
                 let sums = |column: usize| &sums[place(column)..][..parts[1]];
                 if stride == 2 {
-                    // Pairs, of which vectors can be made.
+                    // Pairs are vectorisable.
                     let (pairs, last) = out.as_chunks_mut::<2>();
                     let (evens, odds) = (sums(0), sums(1));
                     last.iter_mut().for_each(|last| *last = evens[pairs.len()]);
@@ -284,7 +289,7 @@ fn input_gradient<T: Number>(window: &Window, gradient: &[T], weights: &[T]) -> 
     out
 }
 
-/// Gradient by the weights, `[channels, kernel²]`.
+/// Returns the gradient of the weights, `[channels, kernel²]`.
 fn weight_gradient<T: Number>(window: &Window, x: &[T], activation: Option<Affine<T>>, gradient: &[T]) -> Vec<T> {
     let taps = taps(window);
     let planes = Planes::new(window.input, window.stride, window.output, &taps);
@@ -297,7 +302,7 @@ fn weight_gradient<T: Number>(window: &Window, x: &[T], activation: Option<Affin
     let mut out = zeros(x.len() / window.input_area() * offsets.len());
     let channels = out.par_chunks_mut(offsets.len()).zip(x.par_chunks(window.input_area()));
     let channels = channels.zip(gradient.par_chunks(window.images * area)).enumerate();
-    // The gradient with rows as wide as those of the planes, zeros where they mean nothing.
+    // The gradient with rows as wide as the planes', zeros in unused columns.
     let scratch = || (planes.scratch(), vec![T::default(); height * planes.pitch]);
     channels.for_each_init(scratch, |(scratch, padded), (channel, ((out, x), gradient))| {
         let activation = activation.map(|affine| affine.channel(channel));
@@ -313,7 +318,6 @@ fn weight_gradient<T: Number>(window: &Window, x: &[T], activation: Option<Affin
     out
 }
 
-/// The same by burn's own operations, to check the kernel.
 #[cfg(test)]
 mod tests {
     use burn::tensor::Tensor;
@@ -350,14 +354,14 @@ mod tests {
     }
 
     fn run(case: Case, [x, weights]: [Tensor<2>; 2], affine: Option<Tensor<2>>) -> Tensor<2> {
-        // So that some of what is activated reaches 6.
+        // Scales so that some activated values exceed 6.
         match affine {
             Some(affine) => ternary(x, weights, 4.0 * affine, kernel(case, true)),
             None => binary(x, weights, kernel(case, false)),
         }
     }
 
-    /// By burn's own operations.
+    /// Reference implementation with burn's operations.
     fn composed(case: Case, [x, weights]: [Tensor<2>; 2], affine: Option<Tensor<2>>) -> Tensor<2> {
         let (channels, [images, height, width], [side, stride, before, after]) = case;
         let mut x = x.reshape([channels, images, height, width]);

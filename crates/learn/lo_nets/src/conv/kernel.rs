@@ -9,29 +9,32 @@ use crate::conv::window::Window;
 use crate::cpu_ops::{Kernel, Number};
 use crate::gemm::GROUP;
 
-/// Input channels whose gradients by the weights are computed together, at most.
+/// Maximum number of input channels whose weight gradients are computed together.
 const CHANNELS: usize = 32;
 
-/// A convolution of `x[channels, images · height · width]` with `weights[outputs, channels · kernel²]`, and perhaps a third input. Gives
-/// `[outputs, images · height · width]` of the output.
+/// Convolves `x[channels, images · height · width]` with `weights[outputs, channels · kernel²]` and an optional third
+/// input.
+/// Returns `[outputs, images · height · width]` of the output.
 #[derive(Clone, Copy, Debug)]
 pub struct ConvKernel {
-    /// What is read.
+    /// Geometry of the convolution.
     pub window: Window,
-    /// The third input.
+    /// Meaning of the third input.
     pub third_input: ThirdInput,
-    /// Whether `f32` numbers are multiplied as bf16.
+    /// Multiplies `f32` numbers in bf16.
     pub use_bf16: bool,
 }
 
-/// What the third input of a [`ConvKernel`] is, if there is one.
+/// Third input of a [`ConvKernel`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ThirdInput {
-    /// Nothing.
+    /// No third input.
     None,
     /// `[1, outputs]`: added to the output.
     Bias,
-    /// `[3, channels]`, scale, centre and shift: what is convolved is scale · (x − centre) + shift rectified, which is never stored.
+    /// `[3, channels]`: scale, centre and shift. The convolved values are scale · (x − centre) + shift, rectified; they
+    /// are
+    /// never stored.
     Activation(Rectifier),
 }
 
@@ -40,7 +43,7 @@ impl ConvKernel {
         (self.third_input == ThirdInput::Bias).then(|| inputs[2])
     }
 
-    /// The inputs, where they are to be multiplied as bf16.
+    /// Returns the inputs as f32 where products are to be bf16.
     fn f32_inputs<'a, T: Number>(&self, inputs: &[&'a [T]]) -> Option<Vec<&'a [f32]>> {
         if self.use_bf16 { inputs.iter().map(|input| f32s(input)).collect() } else { None }
     }
@@ -90,7 +93,7 @@ impl Kernel for ConvKernel {
         let f32s_and_gradient = self.f32_inputs(inputs).zip(f32s(gradient));
         let mut derivatives = vec![Vec::new(); inputs.len()];
         if wanted[0] || (activation.is_some() && wanted[2]) {
-            // By what was convolved: a convolution with the weights turned round.
+            // The gradient of the convolved values is a convolution with the flipped weights.
             let (taps, window) = (self.window.kernel.pow(2), self.window.transposed());
             derivatives[0] = if let Some((inputs_f32, gradient)) = &f32s_and_gradient {
                 let weight =
@@ -127,17 +130,18 @@ impl Kernel for ConvKernel {
     }
 }
 
-/// Numbers that are `f32`.
+/// Reinterprets numbers that are `f32`.
 fn f32s<T: Number>(numbers: &[T]) -> Option<&[f32]> {
     (TypeId::of::<T>() == TypeId::of::<f32>()).then(|| bytemuck::cast_slice(numbers))
 }
 
-/// `f32` numbers as `T`, which is that.
+/// Reinterprets `f32` numbers as `T`, which must be `f32`.
 fn of_f32s<T: Number>(numbers: Vec<f32>) -> Vec<T> {
     bytemuck::cast_vec(numbers)
 }
 
-/// `runs` of `length` weights, the one of each row by `weights(row, run)`, as `[rows / GROUP, runs, length, GROUP]`.
+/// Arranges `runs` of `length` weights for each row, from `weights(row, run)`, as `[rows / GROUP, runs, length,
+/// GROUP]`.
 fn grouped<'a, T: Number>(
     rows: usize,
     [runs, length]: [usize; 2],
@@ -146,7 +150,7 @@ fn grouped<'a, T: Number>(
     let mut out = vec![T::default(); rows.div_ceil(GROUP) * runs * length * GROUP];
     out.par_chunks_mut(runs * length * GROUP).enumerate().for_each(|(group, out)| {
         for (run, out) in out.chunks_exact_mut(length * GROUP).enumerate() {
-            // Past the last row it is taken again and what it gives dropped.
+            // Past the last row, it is repeated and its result dropped.
             let rows: [&[T]; GROUP] =
                 std::array::from_fn(|i| &weights((group * GROUP + i).min(rows - 1), run)[..length]);
             for (k, out) in out.as_chunks_mut::<GROUP>().0.iter_mut().enumerate() {
@@ -175,7 +179,7 @@ fn convolve<T: Number>(
     by_bands(window, rows, [outputs, GROUP], bias, read, sums)
 }
 
-/// Gradient by the weights, `[outputs, channels · kernel²]`.
+/// Returns the gradient of the weights, `[outputs, channels · kernel²]`.
 fn weight_gradient<T: Number>(
     window: &Window,
     x: &[T],
@@ -189,7 +193,7 @@ fn weight_gradient<T: Number>(
     let all = x.len() / area;
     let some = all.div_ceil(MIN_TASKS).min(CHANNELS);
     let rows = window.band_rows(some);
-    // The tall image with rows as wide as those of bands, with zeros where rows and columns mean nothing.
+    // The gradient as one tall image with rows as wide as the bands', zeros in unused rows and columns.
     let mut padded = Vec::new();
     if !window.is_dense() {
         padded.resize(outputs * height * pitch, T::default());

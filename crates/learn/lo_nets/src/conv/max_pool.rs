@@ -4,14 +4,14 @@ use rayon::prelude::*;
 
 use crate::cpu_ops::{Kernel, Number, unary, zeros};
 
-/// Largest of 3 × 3 pixels around every second one, `[channels, images, ⌈height / 2⌉, ⌈width / 2⌉]`.
+/// Max pooling over 3 × 3 pixels with stride 2: `[channels, images, ⌈height / 2⌉, ⌈width / 2⌉]`.
 pub fn max_pool(x: Tensor<4>) -> Tensor<4> {
     let [channels, images, height, width] = x.dims();
     let y = unary(x.reshape([channels * images, height * width]), MaxPoolKernel { size: [height, width] });
     y.reshape([channels, images, height.div_ceil(2), width.div_ceil(2)])
 }
 
-/// The same by burn's own operations, whose search of the largest is slow (a tenth of DenseNet's time), to check the kernel.
+/// Reference implementation with burn's operation, which is slow (a tenth of DenseNet's time).
 #[cfg(test)]
 fn composed(x: Tensor<4>) -> Tensor<4> {
     use burn::tensor::module::max_pool2d;
@@ -54,7 +54,7 @@ impl Kernel for MaxPoolKernel {
             .for_each(|((by_x, x), gradient)| {
                 for (i, &gradient) in gradient.iter().enumerate() {
                     let [row, column] = [2 * (i / half_width), 2 * (i % half_width)];
-                    // The first of several equal ones, as PyTorch has it.
+                    // The first of equal values, as in PyTorch.
                     let mut largest = None;
                     for y in row.saturating_sub(1)..height.min(row + 2) {
                         for place in y * width + column.saturating_sub(1)..y * width + width.min(column + 2) {
@@ -70,7 +70,7 @@ impl Kernel for MaxPoolKernel {
     }
 }
 
-/// NaN is larger than any number, so that it is noticed.
+/// Compares with NaN as the largest value, so that it is noticed.
 #[inline(always)]
 fn larger<T: Number>(a: T, b: T) -> bool {
     #[allow(clippy::eq_op)] // only NaN differs from itself
@@ -78,7 +78,7 @@ fn larger<T: Number>(a: T, b: T) -> bool {
     a > b || nan
 }
 
-/// One channel.
+/// Pools one channel.
 struct Pool<'a, T> {
     out: &'a mut [T],
     x: &'a [T],
@@ -100,7 +100,7 @@ impl<T: Number> WithSimd for Pool<'_, T> {
             for y in [(2 * i).wrapping_sub(1), 2 * i + 1].into_iter().filter(|&y| y < height) {
                 column_most.iter_mut().zip(row(y)).for_each(|(most_yet, &x)| *most_yet = most(x, *most_yet));
             }
-            // Pairs of columns; the column before them is the one after the pair before.
+            // Column pairs; the column before a pair is the second one of the previous pair.
             let mut before = column_most[0];
             for (out, pair) in out.iter_mut().zip(column_most.chunks(2)) {
                 let after = pair[pair.len() - 1];

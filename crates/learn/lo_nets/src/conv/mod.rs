@@ -1,7 +1,8 @@
-//! Convolution of images on the CPU, with the normalisation and activation before it, and its gradients.
+//! Convolution of images on the CPU, fused with the preceding normalisation and activation, with gradients.
 //!
-//! Pictures are tensors `[channels, images, height, width]`: of a channel all images lie one after the other, so that what goes by channels
-//! (normalisation, weights) meets long rows, and what goes by pixels need not know which image they are of.
+//! Images are tensors `[channels, images, height, width]`. The images of a channel are contiguous, so that operations
+//! by
+//! channel (normalisation, weights) have long rows, and operations by pixel need not distinguish images.
 
 mod activation;
 mod amx;
@@ -29,18 +30,19 @@ pub use norm::{ChannelMoments, batch_norm, group_norm};
 pub use upsample::upsample_nearest;
 pub use window::Window;
 
-/// [`Conv2d::forward`] of images.
+/// [`Conv2d::forward`] for images.
 ///
 /// # Panics
-/// For dilation, for groups other than one or one for each channel, and for another stride or padding down than across.
+/// With dilation, with groups other than one or one for each channel, or with different strides or paddings per axis.
 pub fn conv2d(x: Tensor<4>, conv: &Conv2d) -> Tensor<4> {
     convolved(x, None, conv)
 }
 
-/// [`conv2d`] of what [`activate`] makes of `x` and `affine[3, channels]`, which is never stored, for a convolution without bias.
+/// [`conv2d`] of [`activate`]`(x, affine[3, channels])` without storing the activated values, for convolutions without
+/// bias.
 ///
 /// # Panics
-/// As [`conv2d`], and for a convolution with a bias.
+/// As [`conv2d`], and with a bias.
 pub fn activated_conv2d(x: Tensor<4>, affine: Tensor<2>, rectifier: Rectifier, conv: &Conv2d) -> Tensor<4> {
     assert!(conv.bias.is_none(), "a convolution without bias");
     convolved(x, Some((affine, rectifier)), conv)
@@ -78,7 +80,7 @@ fn convolved(x: Tensor<4>, activation: Option<(Tensor<2>, Rectifier)>, conv: &Co
     y.reshape([outputs, images, window.output[0], window.output[1]])
 }
 
-/// The same by burn's own operations, to check the kernel.
+/// Reference implementation with burn's operations.
 #[cfg(test)]
 fn composed(
     x: Tensor<4>,
@@ -210,7 +212,7 @@ mod tests {
         assert_eq!(inner, (available, false, available));
         assert!(std::panic::catch_unwind(|| in_bf16(true, || panic!("once"))).is_err());
         assert!(!bf16::is_enabled());
-        // What a thread of the pool begins in the middle of something else.
+        // Jobs that a pool thread starts while another job is waiting.
         assert_eq!(in_pool(|| in_bf16(true, || (in_pool(bf16::is_enabled), bf16::is_enabled()))), (false, available));
     }
 

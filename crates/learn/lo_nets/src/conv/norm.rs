@@ -7,25 +7,25 @@ use crate::conv::activation::total;
 use crate::cpu_ops::{Kernel, Number, unary, zeros};
 use crate::gemm::LANES;
 
-/// Mean and variance of each channel, over all images or of each image.
+/// Mean and variance of each channel, over all images or for each image.
 ///
-/// They are those of the channel whoever asks: the layers of a dense block share them.
+/// The layers of a dense block share the moments of their common input channels.
 #[derive(Clone, Debug)]
 pub struct ChannelMoments {
     /// `[2, channels]` or `[2, channels · images]`.
     values: Tensor<2>,
-    /// Pixels.
+    /// Number of pixels.
     count: usize,
 }
 
 impl ChannelMoments {
-    /// Over all images of `x[channels, images, height, width]`.
+    /// Computes moments over all images of `x[channels, images, height, width]`.
     pub fn new(x: Tensor<4>) -> Self {
         let [channels, images, height, width] = x.dims();
         Self::of_rows(x, [channels, images * height * width])
     }
 
-    /// Of each image of `x[channels, images, height, width]`.
+    /// Computes moments of each image of `x[channels, images, height, width]`.
     pub fn per_image(x: Tensor<4>) -> Self {
         let [channels, images, height, width] = x.dims();
         Self::of_rows(x, [channels * images, height * width])
@@ -37,23 +37,23 @@ impl ChannelMoments {
         Self { values, count }
     }
 
-    /// Over all images of `x[channels, images, height, width]` where gradients are recorded, for norms that train.
+    /// Computes moments over all images of `x[channels, images, height, width]` where gradients are recorded.
     pub fn in_training(x: &Tensor<4>) -> Option<Self> {
         x.device().is_autodiff().then(|| Self::new(x.clone()))
     }
 
-    /// Of the channels of `self` and `other` one after the other.
+    /// Concatenates the channels of `self` and `other`.
     pub fn joined(self, other: Self) -> Self {
         Self { values: Tensor::cat(vec![self.values, other.values], 1), count: self.count }
     }
 
-    /// Mean and variance, a row each.
+    /// Splits into mean and variance, one row each.
     fn parts(&self) -> [Tensor<2>; 2] {
         [0, 1].map(|row| self.values.clone().narrow(0, row, 1))
     }
 }
 
-/// The same by burn's own operations, to check the kernel.
+/// Reference implementation with burn's operations.
 #[cfg(test)]
 fn composed(x: Tensor<2>) -> Tensor<2> {
     let mean = x.clone().mean_dim(1);
@@ -63,15 +63,15 @@ fn composed(x: Tensor<2>) -> Tensor<2> {
 
 /// Batch normalisation as scale, centre and shift, `[3, channels]`.
 ///
-/// With the `moments` over all images and while `norm` trains, by these, which then enter the running statistics; else by the running
-/// statistics.
+/// Uses `moments` over all images while `norm` trains, and updates the running statistics by them. Otherwise uses the
+/// running statistics.
 pub fn batch_norm(norm: &BatchNorm, moments: Option<&ChannelMoments>) -> Tensor<2> {
     let [channels] = norm.gamma.dims();
     let row = |x: Tensor<1>| x.reshape([1, channels]);
     let [mean, variance] = match moments.filter(|_| norm.training.is_enabled()) {
         Some(moments) => {
             let parts = moments.parts();
-            // The variance of more pixels than these, as in PyTorch.
+            // Bessel's correction, as in PyTorch.
             let correction = moments.count as f64 / (moments.count.max(2) - 1) as f64;
             let states = [(&norm.running_mean, 1.0), (&norm.running_var, correction)];
             for ((state, factor), part) in states.into_iter().zip(&parts) {
@@ -86,10 +86,10 @@ pub fn batch_norm(norm: &BatchNorm, moments: Option<&ChannelMoments>) -> Tensor<
     affine([mean, variance], row(norm.gamma.val()), row(norm.beta.val()), norm.epsilon)
 }
 
-/// Group normalisation by the `moments` of each image as scale, centre and shift, `[3, channels · images]`.
+/// Group normalisation by the `moments` of each image, as scale, centre and shift, `[3, channels · images]`.
 ///
 /// # Panics
-/// For a norm without weights of its own.
+/// Where the norm has no weights.
 pub fn group_norm(norm: &GroupNorm, moments: &ChannelMoments) -> Tensor<2> {
     let (channels, groups) = (norm.num_channels, norm.num_groups);
     let [_, rows] = moments.values.dims();
@@ -105,12 +105,12 @@ pub fn group_norm(norm: &GroupNorm, moments: &ChannelMoments) -> Tensor<2> {
     affine([all(group_mean), all(variance)], gain, bias, norm.epsilon)
 }
 
-/// Normalisation by these statistics, then gain and bias, three rows.
+/// Combines normalisation, gain and bias into the three rows of an affine map.
 fn affine([mean, variance]: [Tensor<2>; 2], gain: Tensor<2>, bias: Tensor<2>, epsilon: f64) -> Tensor<2> {
     Tensor::cat(vec![gain / (variance + epsilon).sqrt(), mean, bias], 0)
 }
 
-/// Mean and variance of `x[channels, pixels]`, `[2, channels]`.
+/// Mean and variance of `x[channels, pixels]` as `[2, channels]`.
 #[derive(Clone, Copy, Debug)]
 struct MomentsKernel;
 

@@ -3,8 +3,8 @@ use rayon::prelude::*;
 
 use crate::cpu_ops::{Kernel, Number, binary, unary, zeros};
 
-/// Twice the resolution, every pixel four times, and where there is a `skip[more, images, 2 · height, 2 · width]` its channels after those
-/// of `x`. (A convolution follows that learns what is smooth.)
+/// Doubles the resolution by nearest neighbours, and appends the channels of an optional
+/// `skip[more, images, 2 · height, 2 · width]`. The convolution that follows can learn to smooth.
 ///
 /// # Panics
 /// Where `skip` has another size.
@@ -23,7 +23,7 @@ pub fn upsample_nearest(x: Tensor<4>, skip: Option<Tensor<4>>) -> Tensor<4> {
     y.reshape([channels + more, images, 2 * height, 2 * width])
 }
 
-/// The same by burn's own operations, to check the kernel.
+/// Reference implementation with burn's operations.
 #[cfg(test)]
 fn composed(x: Tensor<4>, skip: Option<Tensor<4>>) -> Tensor<4> {
     let [channels, images, height, width] = x.dims();

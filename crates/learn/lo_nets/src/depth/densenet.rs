@@ -10,62 +10,62 @@ use crate::conv::{
 };
 use crate::depth::layers::{conv, norm};
 
-/// Channels that a dense layer adds, and that it works with.
+/// Channels that a dense layer adds, and channels of its bottleneck.
 const GROWTH: usize = 32;
 const BOTTLENECK: usize = 4 * GROWTH;
 
-/// Layers of the four dense blocks.
+/// Number of layers in the four dense blocks.
 const LAYERS: [usize; 4] = [6, 12, 24, 16];
 
-/// Channels of [`DenseNet::forward`]'s five outputs.
+/// Channels of the five outputs of [`DenseNet::forward`].
 pub const DENSENET_CHANNELS: [usize; 5] = [64, 256, 512, 1024, 1024];
 
-/// The feature extractor of DenseNet-121 (Huang et al. 2017) in the layout of torchvision, whose weights load by name.
+/// Feature extractor of DenseNet-121 (Huang et al. 2017) in torchvision's layout, whose weights load by name.
 #[derive(Module, Debug)]
 pub struct DenseNet {
-    /// 7 × 7, to half resolution.
+    /// 7 × 7 convolution with stride 2.
     pub conv0: Conv2d,
-    /// After it.
+    /// Normalisation of its output.
     pub norm0: BatchNorm,
     /// Dense blocks.
     pub blocks: Vec<DenseBlock>,
-    /// Between them.
+    /// Transitions between the blocks.
     pub transitions: Vec<Transition>,
-    /// After the last.
+    /// Normalisation of the last block's output.
     pub norm5: BatchNorm,
 }
 
-/// Layers that each see what all before them gave.
+/// Dense block: each layer receives the outputs of all previous ones.
 #[derive(Module, Debug)]
 pub struct DenseBlock {
-    /// In order.
+    /// Layers in order.
     pub layers: Vec<DenseLayer>,
 }
 
-/// A bottleneck of one dense block.
+/// Bottleneck layer of a dense block.
 #[derive(Module, Debug)]
 pub struct DenseLayer {
-    /// Before `conv1`.
+    /// Normalisation before `conv1`.
     pub norm1: BatchNorm,
-    /// 1 × 1.
+    /// 1 × 1 convolution.
     pub conv1: Conv2d,
-    /// Before `conv2`.
+    /// Normalisation before `conv2`.
     pub norm2: BatchNorm,
-    /// 3 × 3.
+    /// 3 × 3 convolution.
     pub conv2: Conv2d,
 }
 
-/// Half the channels, half the resolution.
+/// Transition that halves channels and resolution.
 #[derive(Module, Debug)]
 pub struct Transition {
-    /// Before the convolution.
+    /// Normalisation before the convolution.
     pub norm: BatchNorm,
-    /// 1 × 1.
+    /// 1 × 1 convolution.
     pub conv: Conv2d,
 }
 
 impl DenseNet {
-    /// Random weights.
+    /// Creates a network with random weights.
     pub fn new(stream: &mut Stream, device: &Device) -> Self {
         let mut channels = DENSENET_CHANNELS[0];
         let (mut blocks, mut transitions) = (Vec::new(), Vec::new());
@@ -83,14 +83,14 @@ impl DenseNet {
         Self { conv0, norm0: norm(DENSENET_CHANNELS[0], device), blocks, transitions, norm5: norm(channels, device) }
     }
 
-    /// With the weights of torchvision's `densenet121`, of which the classifier is not used.
+    /// Loads the weights of torchvision's `densenet121`. Its classifier is not used.
     ///
     /// # Errors
-    /// Names what is missing or of another shape.
+    /// Names the weights that are missing or of another shape.
     pub fn load_torchvision(self, weights: &Checkpoint) -> Result<Self, CheckpointError> {
         weights.load_renamed("DenseNet-121", self, |name| {
             let name = torchvision_name(name);
-            // What torchvision offers for download still has the names of its first release.
+            // torchvision's download still uses the names of its first release.
             let old = ["norm1", "norm2", "conv1", "conv2"].into_iter().fold(name.clone(), |name, part| {
                 let (kind, number) = part.split_at(4);
                 name.replace(&format!(".{part}."), &format!(".{kind}.{number}."))
@@ -106,8 +106,9 @@ impl DenseNet {
         norms.chain([&mut self.norm0, &mut self.norm5]).collect()
     }
 
-    /// `[3, images, height, width]`, multiples of 32, to the features at 1/2, 1/4, 1/8, 1/16 and 1/32 of that, of
-    /// [`DENSENET_CHANNELS`].
+    /// Returns features at 1/2, 1/4, 1/8, 1/16 and 1/32 of `[3, images, height, width]`, whose sides are multiples of
+    /// 32. Their
+    /// channels are [`DENSENET_CHANNELS`].
     pub fn forward(&self, x: Tensor<4>) -> [Tensor<4>; 5] {
         let x = conv2d(x, &self.conv0);
         let affine = batch_norm(&self.norm0, ChannelMoments::in_training(&x).as_ref());
@@ -130,7 +131,7 @@ impl DenseNet {
 }
 
 impl DenseBlock {
-    /// Also gives the moments of its output's channels, in training.
+    /// Returns the output and, in training, the moments of its channels.
     fn forward(&self, x: Tensor<4>) -> (Tensor<4>, Option<ChannelMoments>) {
         let Some(moments) = ChannelMoments::in_training(&x) else { return (self.forward_in_place(x), None) };
         self.layers.iter().fold((x, Some(moments)), |(x, moments), layer| {
@@ -140,7 +141,7 @@ impl DenseBlock {
         })
     }
 
-    /// Where nothing is recorded, the layers write into one tensor: no copy of what all before gave for each.
+    /// Without gradients, all layers write into one tensor, which avoids copying the previous outputs for each layer.
     fn forward_in_place(&self, x: Tensor<4>) -> Tensor<4> {
         let [inputs, images, height, width] = x.dims();
         let channels = inputs + self.layers.len() * GROWTH;
@@ -174,13 +175,13 @@ impl DenseLayer {
 
 impl Transition {
     fn forward(&self, x: Tensor<4>, moments: Option<&ChannelMoments>) -> Tensor<4> {
-        // torchvision pools what was convolved. Means of pixels and sums of channels commute, and this way round there is a
-        // quarter of the products.
+        // torchvision pools after the convolution. Both operations commute, and in this order there are a quarter of
+        // the products.
         conv2d(activated_mean(x, batch_norm(&self.norm, moments)), &self.conv)
     }
 }
 
-/// torchvision's name of one of our parameters: it counts blocks and layers from 1.
+/// Returns torchvision's name of a parameter. torchvision counts blocks and layers from 1.
 fn torchvision_name(name: &str) -> String {
     let mut parts = name.split('.');
     let mut out = "features".to_owned();

@@ -5,27 +5,29 @@ use serde::{Deserialize, Serialize};
 use crate::energy::{self, FACINGS, Irradiance};
 use crate::tone::tone;
 
-/// Weights of the depth network's losses (`docs/method.md` §6). Every field has a default, so that a file need name only what differs.
+/// Weights of the depth network's losses (`docs/method.md` §6). Every field has a default.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DepthLossConfig {
-    /// Mean squared difference of log depth, or of the log of what it is in proportion to.
+    /// Mean squared difference of log depth, or of the logarithm of a quantity proportional to depth.
     pub log_depth: f32,
-    /// Mean absolute difference of the same: less moved than the square by the few pixels that show another surface than is believed, and nearer to
-    /// what abs-rel and δ measure.
+    /// Mean absolute difference of log depth. More robust than the square to pixels on depth edges, and closer to
+    /// abs-rel and
+    /// δ.
     pub absolute: f32,
-    /// Variance of the difference of log depth: blind to scale.
+    /// Variance of the difference of log depth, which ignores scale.
     pub scale_invariant: f32,
     /// Mean squared difference of log(1 + radiance) of the panorama.
     pub panorama: f32,
-    /// Mean squared difference of the tone-mapped panorama: what is dark counts as it does to the eye, lamps hardly.
+    /// Mean squared difference of the tone-mapped panorama. Dark regions count as they appear, lamps hardly at all.
     pub panorama_tone: f32,
-    /// Difference of the irradiance under the panorama: squared, of its logarithm, and twice its angle in colour. Without it lamps, whose place is
-    /// uncertain, vanish.
+    /// Difference of the irradiance under the panorama: squared difference of its logarithm, plus twice its angle in
+    /// colour.
+    /// Without it, lamps of uncertain position vanish.
     pub panorama_irradiance: f32,
-    /// The discriminator's opinion of the panorama.
+    /// Adversarial loss of the panorama.
     pub adversarial: f32,
-    /// Negative logarithm of the likelihood of the true perspective field.
+    /// Negative log-likelihood of the true perspective field.
     pub perspective: f32,
 }
 
@@ -44,10 +46,10 @@ impl Default for DepthLossConfig {
     }
 }
 
-/// Mean square, mean absolute value and variance of the difference of log depth over an image's pixels with a true reading (finite, above 0), each
-/// the mean of all images.
+/// Returns mean square, mean absolute value and variance of the difference of log depth.
 ///
-/// `log_depth[1, images, height, width]`, of the same size as the `truths`, and in the same unit.
+/// Each is taken over an image's pixels with a true reading (finite, above 0), then averaged over images.
+/// `log_depth[1, images, height, width]` has the size and the unit of the `truths`.
 ///
 /// # Panics
 /// Where the sizes differ.
@@ -72,10 +74,12 @@ pub fn depth_losses(log_depth: Tensor<4>, truths: &[&DepthMap]) -> [Tensor<1>; 3
     [mean_square.clone().mean(), absolute.mean(), (mean_square - square_mean).mean()]
 }
 
-/// Mean squared differences of log(1 + radiance) and of tone-mapped radiance over the sphere, where rows count by their solid angle, and the difference of
-/// irradiance ([`DepthLossConfig::panorama_irradiance`]). The means over the panoramas whose truth is known.
+/// Returns the mean squared differences of log(1 + radiance) and of tone-mapped radiance, and the difference of
+/// irradiance
+/// ([`DepthLossConfig::panorama_irradiance`]).
 ///
-/// `panorama[3, images, height, width]`, of the same size as the `truths`.
+/// Rows are weighted by solid angle. Means include only panoramas with a known truth.
+/// `panorama[3, images, height, width]` has the size of the `truths`.
 ///
 /// # Panics
 /// Where the sizes differ.
@@ -109,7 +113,7 @@ pub fn panorama_loss(panorama: Tensor<4>, truths: &[Option<&RadianceImage>]) -> 
     ]
 }
 
-/// Under equirectangular panoramas `[3, panoramas, height, width]`.
+/// Returns the irradiance under equirectangular panoramas `[3, panoramas, height, width]`.
 fn panorama_irradiance(panorama: Tensor<4>) -> Irradiance {
     let [_, panoramas, height, width] = panorama.dims();
     let cosines = energy::panorama_cosines(width, height);
@@ -158,7 +162,7 @@ mod tests {
 
     #[test]
     fn every_picture_counts_as_much() {
-        // Few readings in one, many in the other; errors of 1 and 3.
+        // One image with few readings, one with many; errors of 1 and 3.
         let truths = [1, 4].map(|rows| DepthMap::from_fn(6, 4, |_, y| if y < rows { 1.0 } else { 0.0 }));
         let logs: Vec<f32> = (0..48).map(|i| if i < 24 { 1.0 } else { 3.0 }).collect();
         let logs = Tensor::<4>::from_data(TensorData::new(logs, [1, 2, 4, 6]), &recording_device());
@@ -177,7 +181,7 @@ mod tests {
         };
         let shares: Vec<f64> = (0..8).map(of).collect();
         assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-5, "{shares:?}");
-        // sin(π/8)'s complement: the cap above 67.5° of latitude
+        // The spherical cap above 67.5° of latitude.
         assert!((shares[0] - 0.5 * (1.0 - (std::f64::consts::PI * 0.375).sin())).abs() < 1e-5);
     }
 

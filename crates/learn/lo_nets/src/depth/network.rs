@@ -10,31 +10,33 @@ use crate::depth::{
     DepthDecoder, Encoder, EncoderKind, GlobalEncoder, PanoramaDecoder, PerspectiveHead, PerspectiveOutput,
 };
 
-/// Extents that can be predicted, metres.
+/// Range of predicted extents in metres.
 const EXTENT_RANGE_M: [f64; 2] = [0.02, 200.0];
 
-/// Most pixels on a photo's longer side as networks are used that say nothing else. Sizes are what tells distance, and a network knows them at the
-/// resolution that it learned from; light needs no finer depth: at 4 m a pixel is 2 cm wide.
+/// Default for the maximum number of pixels on a photo's longer side.
+///
+/// Networks infer distance from sizes in pixels, so inference must use the training resolution. Light needs no finer
+/// depth: at 4 m, a pixel is 2 cm wide.
 pub const LONGER_SIDE: usize = 240;
 
-/// Least mean of a photo's channel, linear.
+/// Lower limit of the mean of a photo's channel, linear.
 const DARK: f64 = 1e-3;
 
 /// The encoder halves the resolution five times.
 const MULTIPLE: usize = 32;
 
-/// The depth network (`docs/method.md` §4): depth of every pixel, the global lighting feature, and a panorama made of it.
+/// Depth network (`docs/method.md` §4): depth of every pixel, global lighting feature and single map.
 #[derive(Module, Debug)]
 pub struct DepthNet {
-    /// Features.
+    /// Image encoder.
     pub encoder: Encoder,
-    /// Depth.
+    /// Depth decoder.
     pub decoder: DepthDecoder,
-    /// `f_L`.
+    /// Encoder of the global lighting feature `f_L`.
     pub global: GlobalEncoder,
-    /// A panorama at the camera.
+    /// Decoder of the single map, a panorama at the camera.
     pub panorama: PanoramaDecoder,
-    /// The camera; `None` in networks that have not learned it.
+    /// Perspective field of the camera. `None` where it was not trained.
     pub perspective: Option<PerspectiveHead>,
     #[module(skip)]
     kind: EncoderKind,
@@ -42,19 +44,19 @@ pub struct DepthNet {
     longer_side: usize,
 }
 
-/// Which depth network it is: what files of weights say of it.
+/// Configuration of a depth network, as stored in weight files.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DepthNetConfig {
-    /// What looks at the photo.
+    /// Image encoder.
     #[serde(default)]
     pub encoder: EncoderKind,
-    /// Whether it has learned the camera.
+    /// Whether the perspective field was trained.
     #[serde(default)]
     pub perspective: bool,
-    /// Whether it has learned to tell the lens from the photo as a whole too.
+    /// Whether the lens was trained to be predicted from the whole photo.
     #[serde(default)]
     pub lens: bool,
-    /// Most pixels on the longer side of photos.
+    /// Maximum number of pixels on the longer side of photos.
     #[serde(default = "usual_longer_side")]
     pub longer_side: usize,
 }
@@ -64,7 +66,7 @@ fn usual_longer_side() -> usize {
 }
 
 impl DepthNetConfig {
-    /// Such a network with any weights, to take those of a checkpoint.
+    /// Creates a network of this configuration, as a target for stored weights.
     pub fn blank(self, global_features: usize, device: &Device) -> DepthNet {
         let mut net = DepthNet::new(self.encoder, global_features, 0, device).with_longer_side(self.longer_side);
         if !self.perspective {
@@ -77,20 +79,22 @@ impl DepthNetConfig {
     }
 }
 
-/// What the depth network gives.
+/// Output of the depth network.
 #[derive(Debug)]
 pub struct DepthOutput {
-    /// Logarithm of how far what is seen at a pixel's depth extends, from its middle to the end of the image's longer side, in metres:
-    /// depth along the optical axis times [`Camera::half_extent`]. It is what sizes in the image tell, whatever the focal length: the
-    /// canonical camera of Yin et al., "Metric3D", ICCV 2023. `[1, images, height, width]`.
+    /// Log extent, `[1, images, height, width]`: depth along the optical axis times [`Camera::half_extent`], in metres.
+    ///
+    /// The extent is half the length that the image's longer side spans at a pixel's depth. Sizes in the image
+    /// determine it
+    /// independently of the focal length (canonical camera of Yin et al., "Metric3D", ICCV 2023).
     pub log_extent: Tensor<4>,
-    /// The global lighting features, `[images, features]`.
+    /// Global lighting features, `[images, features]`.
     pub global: Tensor<2>,
-    /// What the photos tell of the camera, where the network has learned it.
+    /// Perspective fields of the cameras, where trained.
     pub perspective: Option<PerspectiveOutput>,
 }
 
-/// Width and height of a photo of this size with at most so many pixels on its longer side, never larger than it is.
+/// Returns the size of a photo scaled down to at most `longer_side` pixels on its longer side. Never enlarges.
 pub fn size_within([width, height]: [usize; 2], longer_side: usize) -> [usize; 2] {
     let longer = width.max(height);
     if longer <= longer_side {
@@ -99,7 +103,7 @@ pub fn size_within([width, height]: [usize; 2], longer_side: usize) -> [usize; 2
     [width, height].map(|side| (side * longer_side).div_ceil(longer))
 }
 
-/// An sRGB photo with at most so many pixels on its longer side.
+/// Scales an sRGB photo down to at most `longer_side` pixels on its longer side.
 ///
 /// # Panics
 /// Where the photo has no pixels.
@@ -113,7 +117,7 @@ pub fn photo_within(photo: &Image<[u8; 3]>, longer_side: usize) -> Image<[u8; 3]
         .map(|rgb| rgb.map(srgb8_from_linear))
 }
 
-/// The first of a decoder's panoramas, `[3, panoramas, height, width]`, as an image.
+/// Converts the first of a decoder's panoramas, `[3, panoramas, height, width]`, to an image.
 pub fn panorama_image(panoramas: Tensor<4>) -> RadianceImage {
     let [_, _, height, width] = panoramas.dims();
     let values: Vec<f32> = panoramas.inner().narrow(1, 0, 1).into_data().iter().collect();
@@ -121,7 +125,7 @@ pub fn panorama_image(panoramas: Tensor<4>) -> RadianceImage {
 }
 
 impl DepthNet {
-    /// A network with weights drawn from `seed` and an `f_L` of this length.
+    /// Creates a network with weights drawn from `seed` and an `f_L` of length `global_features`.
     pub fn new(encoder: EncoderKind, global_features: usize, seed: u64, device: &Device) -> Self {
         let mut stream = lo_random::stream(seed, "depth network", 0);
         let (stream, channels) = (&mut stream, encoder.feature_channels());
@@ -136,18 +140,18 @@ impl DepthNet {
         }
     }
 
-    /// The same, used on photos with at most so many pixels on the longer side.
+    /// Sets the maximum number of pixels on a photo's longer side.
     #[must_use]
     pub fn with_longer_side(self, longer_side: usize) -> Self {
         Self { longer_side, ..self }
     }
 
-    /// Most pixels on a photo's longer side as it is used.
+    /// Returns the maximum number of pixels on a photo's longer side.
     pub fn longer_side(&self) -> usize {
         self.longer_side
     }
 
-    /// A photo as it looks at it.
+    /// Scales a photo to the network's resolution.
     ///
     /// # Panics
     /// Where the photo has no pixels.
@@ -155,7 +159,7 @@ impl DepthNet {
         photo_within(photo, self.longer_side)
     }
 
-    /// Which network it is.
+    /// Returns the network's configuration.
     pub fn config(&self) -> DepthNetConfig {
         DepthNetConfig {
             encoder: self.kind,
@@ -165,25 +169,25 @@ impl DepthNet {
         }
     }
 
-    /// Which encoder it has.
+    /// Returns the kind of encoder.
     pub fn encoder_kind(&self) -> EncoderKind {
         self.kind
     }
 
-    /// From sRGB photos of any size, which all have.
+    /// Predicts from sRGB photos of equal size.
     ///
     /// # Panics
-    /// Where there is no photo, a photo has no pixels or is of another size than the first.
+    /// Where there are no photos, a photo has no pixels, or their sizes differ.
     pub fn forward(&self, photos: &[&Image<[u8; 3]>]) -> DepthOutput {
         self.decoded(photos, self.encoder.forward(self.input(photos)))
     }
 
-    /// As [`DepthNet::forward`], but no slopes go into the encoder.
+    /// Predicts as [`DepthNet::forward`] does, without gradients into the encoder.
     ///
     /// # Panics
     /// As [`DepthNet::forward`].
     pub fn forward_detached(&self, photos: &[&Image<[u8; 3]>]) -> DepthOutput {
-        // `Tensor::detach` would do, but what is recorded before it is never freed.
+        // `Tensor::detach` would keep the encoder's recorded operations in memory.
         let device = self.decoder.output.weight.lazy_device();
         let features = self.encoder.valid().forward(self.input(photos).inner());
         self.decoded(photos, features.map(|feature| Tensor::from_data(feature.into_data(), &device)))
@@ -200,7 +204,7 @@ impl DepthNet {
         DepthOutput { log_extent: log_extent.clamp(least, most), global, perspective }
     }
 
-    /// What a photo tells of its camera; nothing where the network has not learned it.
+    /// Predicts a photo's perspective field. Empty where the network was not trained for it.
     ///
     /// # Panics
     /// Where the photo has no pixels.
@@ -208,14 +212,14 @@ impl DepthNet {
         self.field(photo, self.encoder.forward(self.input(&[photo])))
     }
 
-    /// [`DepthNet::perspective_field`] from features of the encoder.
+    /// Predicts the perspective field from the encoder's features.
     fn field(&self, photo: &Image<[u8; 3]>, features: [Tensor<4>; 5]) -> PerspectiveField {
         let Some(head) = &self.perspective else { return PerspectiveField::default() };
         let last = features[4].clone();
         head.forward(self.decoder.to_eighth(features), last, [photo.width(), photo.height()]).field()
     }
 
-    /// The global lighting feature, `[1, features]`, and the perspective field, where depth is known from elsewhere.
+    /// Predicts the global lighting feature, `[1, features]`, and the perspective field, without depth.
     ///
     /// # Panics
     /// Where the photo has no pixels.
@@ -225,7 +229,7 @@ impl DepthNet {
         (global, self.field(photo, features))
     }
 
-    /// The global lighting feature alone, `[1, features]`.
+    /// Predicts the global lighting feature alone, `[1, features]`.
     ///
     /// # Panics
     /// Where the photo has no pixels.
@@ -234,7 +238,7 @@ impl DepthNet {
         self.global.forward(features, self.log_colour(&[photo]))
     }
 
-    /// Logarithms of the photos' mean linear colours, `[images, 3]`.
+    /// Returns the logarithms of the photos' mean linear colours, `[images, 3]`.
     fn log_colour(&self, photos: &[&Image<[u8; 3]>]) -> Tensor<2> {
         let of = |photo: &&Image<[u8; 3]>| {
             let sum = |c: usize| photo.pixels().iter().map(|rgb| f64::from(linear_from_srgb8(rgb[c]))).sum::<f64>();
@@ -245,7 +249,7 @@ impl DepthNet {
         Tensor::from_data(TensorData::new::<f32, _>(values, [photos.len(), 3]), &device)
     }
 
-    /// `[3, images, height, width]`, padded to multiples of 32.
+    /// Returns normalised photos `[3, images, height, width]`, padded to multiples of 32.
     fn input(&self, photos: &[&Image<[u8; 3]>]) -> Tensor<4> {
         let (width, height) = (photos[0].width(), photos[0].height());
         assert!(width > 0 && height > 0, "a photo has pixels");
@@ -257,18 +261,18 @@ impl DepthNet {
         let size = [3, photos.len(), height, width];
         let x = Tensor::<4>::from_data(TensorData::new::<f32, _>(channels.collect(), size), &device);
         let missing = |size: usize| size.next_multiple_of(MULTIPLE) - size;
-        // The last rows and columns again: no edge that is not in the image.
+        // Padding repeats the last rows and columns, so that it introduces no edge.
         x.pad((0, missing(width), 0, missing(height)), PadMode::Edge)
     }
 }
 
 impl DepthOutput {
-    /// What the first photo tells of its camera; nothing where the network has not learned it.
+    /// Returns the first photo's perspective field. Empty where the network was not trained for it.
     pub fn field(&self) -> PerspectiveField {
         self.perspective.as_ref().map(PerspectiveOutput::field).unwrap_or_default()
     }
 
-    /// The depth map of the first photo, which this camera made; metres along the optical axis.
+    /// Returns the first photo's depth along the optical axis in metres, as taken by `camera`.
     pub fn depth_m(&self, camera: &Camera) -> DepthMap {
         let [_, _, height, width] = self.log_extent.dims();
         let values: Vec<f32> = self.log_extent.clone().inner().narrow(1, 0, 1).into_data().iter().collect();
@@ -295,7 +299,7 @@ mod tests {
         })
     }
 
-    /// That of 90°, which sees two metres at a depth of one.
+    /// Camera of 90°, whose extent is one metre at a depth of one metre.
     fn camera() -> Camera {
         Camera::from_hfov_deg(90.0, 64, 32).unwrap()
     }
@@ -307,7 +311,7 @@ mod tests {
         let long = Camera { fx: 3.0 * wide.fx, fy: 3.0 * wide.fy, ..wide };
         let [near, far, other] = [wide, long, upright].map(|camera| output.depth_m(&camera).pixels()[77]);
         assert!((far / near - 3.0).abs() < 1e-5, "{near} {far}");
-        // 32 pixels wide at 53.13°: a focal length of 32, as the wide one's; the longer side is the same too.
+        // 32 pixels wide at 53.13°: the same focal length of 32 pixels and the same longer side as the wide camera.
         assert!((other / near - 1.0).abs() < 1e-5, "{near} {other}");
     }
 
@@ -345,12 +349,12 @@ mod tests {
     #[test]
     fn global_light_knows_how_bright_the_photo_is() {
         let net = DepthNet::new(EncoderKind::EfficientNetLite0, 16, 1, &Device::flex());
-        // Linear 0.5 is 188 (187.52) of sRGB.
+        // Linear 0.5 is 187.52, rounded to 188, in sRGB.
         let photos = [Image::from_fn(40, 30, |x, _| if x < 20 { [188, 255, 0] } else { [188, 0, 0] })];
         let global: Vec<f32> = net.forward(&[&photos[0]]).global.into_data().iter().collect();
         let expected = [0.503f32.ln(), 0.5f32.ln(), 1e-3f32.ln()];
         assert!(global[13..].iter().zip(expected).all(|(a, b)| (a - b).abs() < 2e-3), "{global:?}");
-        // All else alike, a panorama is as many times brighter.
+        // With the decoder's input weights cleared, radiance is proportional to the photo's brightness.
         let of = |scale: f32| {
             let mut decoder = net.panorama.clone();
             decoder.input.weights = decoder.input.weights.map(|weights| weights * 0.0);
@@ -411,7 +415,7 @@ mod tests {
         }
         assert!(losses[5] < 0.9 * losses[0], "{losses:?}");
         assert!(opinions[5] < opinions[0], "{opinions:?}");
-        // What is saved right after a training step is what the network computes with.
+        // Statistics saved right after a training step are those that inference uses.
         let folder = tempfile::tempdir().unwrap();
         let mut checkpoint = Checkpoint::default();
         checkpoint.add_module("depth", &net);

@@ -7,31 +7,32 @@ use rayon::prelude::*;
 use crate::cpu_ops::{Kernel, Number, binary};
 use crate::graph::GraphLevel;
 
-/// Rows that one part of the sum over nodes takes; fixed, so that it does not depend on the number of threads.
+/// Rows of one partial sum over nodes. Fixed, so that results do not depend on the number of threads.
 const PART_ROWS: usize = 1 << 12;
 
-/// Graph convolution (Wang et al. 2022): features `x[nodes, in]` and the one-hot depth of each node, averaged over the
-/// neighbours in each of seven directions, times `weights[7 · (in + depths), out]`, `ognn`'s layout. Gives `[nodes, out]`.
+/// Graph convolution (Wang et al. 2022) in `ognn`'s layout. Returns `[nodes, out]`.
 ///
-/// Depths count from the full depth to the graph's; at the full depth itself there is nothing to tell apart and no one-hot.
+/// Averages features `x[nodes, in]` and the one-hot depth of each node over the neighbours of each of seven edge types,
+/// and multiplies by `weights[7 · (in + depths), out]`. Depths count from the full depth to the graph's. A graph of the
+/// full depth has a single depth and no one-hot.
 ///
 /// # Panics
-/// Where the sizes do not fit.
+/// Where the sizes do not match.
 pub fn graph_conv(x: Tensor<2>, weights: Tensor<2>, level: &Arc<GraphLevel>) -> Tensor<2> {
     binary(x, weights, GraphConvKernel(level.clone()))
 }
 
-/// Channels of the one-hot depth.
+/// Returns the number of channels of the one-hot depth.
 pub fn type_channels(level: &GraphLevel) -> usize {
     type_channels_of(level.types.count)
 }
 
-/// The same where nodes have `depths` different depths.
+/// Returns the number of one-hot channels for nodes of `depths` different depths.
 pub(crate) fn type_channels_of(depths: usize) -> usize {
     if depths > 1 { depths } else { 0 }
 }
 
-/// The same by burn's own operations, to check the kernel.
+/// Reference implementation with burn's operations.
 #[cfg(test)]
 fn composed(x: Tensor<2>, weights: Tensor<2>, level: &GraphLevel) -> Tensor<2> {
     use burn::tensor::{IndexingUpdateOp, Int, TensorData};
@@ -69,7 +70,7 @@ fn composed(x: Tensor<2>, weights: Tensor<2>, level: &GraphLevel) -> Tensor<2> {
     Tensor::cat(vec![means.reshape([nodes, 6 * channels]), x], 1).matmul(weights)
 }
 
-/// [`graph_conv`] on slices, by the kernels of `dual`.
+/// [`graph_conv`] on slices, with the kernels of `lo_dual`.
 #[derive(Clone, Debug)]
 struct GraphConvKernel(Arc<GraphLevel>);
 
@@ -81,7 +82,7 @@ impl GraphConvKernel {
         inputs
     }
 
-    /// The weights of the features, `[7, in, out]`, and of the depths, `[7, depths, out]`.
+    /// Splits the weights into those of the features, `[7, in, out]`, and of the depths, `[7, depths, out]`.
     fn parted<T: Number>(&self, weights: &[T], inputs: usize, outputs: usize) -> (Vec<T>, Vec<T>) {
         let (mut own, mut types) = (Vec::new(), Vec::new());
         for edge in weights.chunks_exact((inputs + type_channels(&self.0)) * outputs) {
@@ -92,7 +93,7 @@ impl GraphConvKernel {
         (own, types)
     }
 
-    /// What the depths add to the output, for each different row of [`NodeTypes`](crate::graph::NodeTypes).
+    /// Returns what the depths add to the output, for each distinct row of [`NodeTypes`](crate::graph::NodeTypes).
     fn type_rows<T: Number>(&self, weights: &[T], outputs: usize) -> Vec<T> {
         let shares = self.0.types.shares.chunks_exact(EDGE_TYPES * self.0.types.count);
         let mut rows = vec![T::default(); shares.len() * outputs];
@@ -106,7 +107,7 @@ impl GraphConvKernel {
         rows
     }
 
-    /// Gradient by the weights of the depths.
+    /// Returns the gradient of the depths' weights.
     fn type_gradient<T: Number>(&self, gradient: &[T], outputs: usize) -> Vec<T> {
         let types = &self.0.types;
         let width = EDGE_TYPES * types.count;

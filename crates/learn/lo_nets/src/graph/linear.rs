@@ -4,10 +4,10 @@ use rayon::prelude::*;
 
 use crate::cpu_ops::{Kernel, Number, binary, ternary};
 
-/// Rows that a thread takes at a time; their share of the weights' gradient is summed in a fixed order.
+/// Rows for each task. Their parts of the weights' gradient are summed in a fixed order.
 const BLOCK: usize = 1 << 10;
 
-/// `x[nodes, in] · weights[in, out]`, plus `bias[1, out]` where there is one, gives `[nodes, out]`.
+/// Returns `x[nodes, in] · weights[in, out]`, plus an optional `bias[1, out]`, as `[nodes, out]`.
 pub fn linear(x: Tensor<2>, weights: Tensor<2>, bias: Option<Tensor<2>>) -> Tensor<2> {
     match bias {
         Some(bias) => ternary(x, weights, bias, LinearKernel),
@@ -15,7 +15,7 @@ pub fn linear(x: Tensor<2>, weights: Tensor<2>, bias: Option<Tensor<2>>) -> Tens
     }
 }
 
-/// The same by burn's own operations, to check the kernel.
+/// Reference implementation with burn's operations.
 #[cfg(test)]
 fn composed(x: Tensor<2>, weights: Tensor<2>, bias: Option<Tensor<2>>) -> Tensor<2> {
     let product = x.matmul(weights);
@@ -25,8 +25,9 @@ fn composed(x: Tensor<2>, weights: Tensor<2>, bias: Option<Tensor<2>>) -> Tensor
     }
 }
 
-/// [`linear`] on slices. burn's own product is slow for the gradients of tall matrices (28–55 GFLOP per core and second where the
-/// forward product has 80).
+/// [`linear`] on slices. burn's product is slow in the gradients of tall matrices: 28–55 GFLOP per core and second,
+/// against
+/// 80 forward.
 #[derive(Clone, Debug)]
 struct LinearKernel;
 
@@ -68,7 +69,7 @@ impl Kernel for LinearKernel {
             .par_chunks(BLOCK * channels)
             .zip(gradient.par_chunks(BLOCK * outputs))
             .map(|(x, gradient)| {
-                // The gradient by the weights, and below it the one by the bias.
+                // The gradient of the weights, followed by that of the bias.
                 let mut part = vec![T::default(); (channels + 1) * outputs];
                 let (by_weights, by_bias) = part.split_at_mut(channels * outputs);
                 matmul(by_weights, Matrix::new(x, channels).transposed(), Matrix::new(gradient, outputs), false);

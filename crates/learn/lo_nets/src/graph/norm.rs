@@ -3,25 +3,25 @@ use rayon::prelude::*;
 
 use crate::cpu_ops::{Kernel, Number, binary, ternary};
 
-/// Rows whose sums are made at a time; fixed, so that they do not depend on the number of threads.
+/// Rows of one partial sum. Fixed, so that results do not depend on the number of threads.
 const BLOCK: usize = 1 << 8;
 
 /// Added to variances, as in PyTorch.
 const EPSILON: f64 = 1e-5;
 
-/// What follows a normalisation.
+/// Activation after a normalisation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Activation {
-    /// Nothing.
+    /// Identity.
     None,
-    /// The positive part.
+    /// max(x, 0).
     Relu,
 }
 
-/// Normalises `x[nodes, channels]` by the mean and variance of each of `groups` groups of neighbouring channels over all nodes,
-/// scales and shifts by the two rows of `affine[2, channels]`, and activates.
+/// Normalises `x[nodes, channels]`, scales and shifts by the rows of `affine[2, channels]`, and activates.
 ///
-/// With as many groups as channels this is batch normalisation in training, with fewer it is group normalisation.
+/// Mean and variance are taken over all nodes, for each of `groups` groups of adjacent channels. One group a channel is
+/// batch normalisation in training mode; fewer groups are group normalisation.
 ///
 /// # Panics
 /// Where `groups` does not divide the channels.
@@ -30,7 +30,7 @@ pub fn normalise(x: Tensor<2>, affine: Tensor<2>, groups: usize, activation: Act
     binary(x, affine, kernel)
 }
 
-/// [`normalise`] with `skip[nodes, channels]` added before the activation.
+/// Adds `skip[nodes, channels]` between normalisation and activation of [`normalise`].
 pub fn normalise_and_add(
     x: Tensor<2>,
     affine: Tensor<2>,
@@ -42,7 +42,7 @@ pub fn normalise_and_add(
     ternary(x, affine, skip, kernel)
 }
 
-/// The same by burn's own operations, to check the kernel.
+/// Reference implementation with burn's operations.
 #[cfg(test)]
 fn composed(x: Tensor<2>, affine: Tensor<2>, skip: Option<Tensor<2>>, kernel: NormKernel) -> Tensor<2> {
     let [nodes, channels] = x.dims();
@@ -70,13 +70,13 @@ struct NormKernel {
     activation: Activation,
 }
 
-/// Mean and reciprocal standard deviation of each channel (the same for all of a group).
+/// Mean and reciprocal standard deviation of each channel; equal for the channels of a group.
 struct ChannelStatistics<T> {
     mean: Vec<T>,
     inverse_deviation: Vec<T>,
 }
 
-/// Count, mean and sum of squared differences from it.
+/// Count, mean and sum of squared differences from the mean.
 #[derive(Clone, Copy, Default)]
 struct PartialMoments {
     count: f64,
@@ -85,7 +85,7 @@ struct PartialMoments {
 }
 
 impl PartialMoments {
-    /// Of both together (Chan et al. 1979).
+    /// Merges the moments of two sets (Chan et al. 1979).
     fn merged(self, other: Self) -> Self {
         let count = self.count + other.count;
         if count == 0.0 {
@@ -119,7 +119,7 @@ impl NormKernel {
         ChannelStatistics { mean, inverse_deviation }
     }
 
-    /// The output is `scale · x + shift` and what is added, activated.
+    /// Returns scale and shift of the normalisation: the output is `scale · x + shift`, plus `skip`, activated.
     fn scale_and_shift<T: Number>(statistics: &ChannelStatistics<T>, affine: &[T]) -> (Vec<T>, Vec<T>) {
         let (gain, bias) = affine.split_at(affine.len() / 2);
         let scale: Vec<T> = gain.iter().zip(&statistics.inverse_deviation).map(|(&g, &d)| g * d).collect();
@@ -173,7 +173,7 @@ impl Kernel for NormKernel {
         let channels = self.check(sizes);
         let statistics = self.statistics(inputs[0], channels);
         let (scale, shift) = Self::scale_and_shift(&statistics, inputs[1]);
-        // The gradient before the activation, and its sums, alone and with the input.
+        // The gradient before the activation, with its sums alone and multiplied by the centred input.
         let mut before = gradient.to_vec();
         let blocks: Vec<[Vec<T>; 2]> = before
             .par_chunks_mut(BLOCK * channels)
@@ -196,7 +196,7 @@ impl Kernel for NormKernel {
         let (gain, deviation) = (&inputs[1][..channels], &statistics.inverse_deviation);
         let by_gain: Vec<f64> = (0..channels).map(|c| with_x[c] * deviation[c].wide()).collect();
         let by_affine = by_gain.iter().chain(&sum).map(|&value| T::of(value)).collect();
-        // x's derivative: scale · gradient minus what the mean and the variance take back.
+        // Gradient of x: scale · gradient, less the parts through the mean and the variance.
         let per_group = channels / self.groups;
         let count = (sizes[0][0] * per_group).max(1) as f64;
         let (mut slope, mut constant) = (Vec::with_capacity(channels), Vec::with_capacity(channels));
@@ -226,7 +226,7 @@ impl Kernel for NormKernel {
     }
 }
 
-/// NaN stays NaN, so that it is noticed.
+/// Keeps NaN, so that it is noticed.
 fn positive<T: Number>(value: T) -> T {
     if value < T::default() { T::default() } else { value }
 }
@@ -250,11 +250,11 @@ fn block_moments<T: Number>(x: &[T], channels: usize) -> Vec<PartialMoments> {
         .collect()
 }
 
-/// Sets the gradient to 0 where the output is.
+/// Clears the gradient where the activation is 0.
 fn clear_inactive<T: Number>(gradient: &mut [T], x: &[T], skip: Option<&[T]>, scale: &[T], shift: &[T]) {
     let channels = scale.len();
     for (row, (gradient, x)) in gradient.chunks_exact_mut(channels).zip(x.chunks_exact(channels)).enumerate() {
-        // The same operations in the same order as forward, so that the sign is the same.
+        // The same operations in the same order as forward, so that signs agree.
         let linear = gradient.iter_mut().zip(x).zip(scale.iter().zip(shift));
         let clear = |gradient: &mut T, y: T| *gradient = if y > T::default() { *gradient } else { T::default() };
         match skip {
@@ -268,7 +268,7 @@ fn clear_inactive<T: Number>(gradient: &mut [T], x: &[T], skip: Option<&[T]>, sc
     }
 }
 
-/// Per channel, the sums of the gradient and of the gradient times the centred input.
+/// Sums the gradient, and the gradient times the centred input, for each channel.
 fn block_sums<T: Number>(gradient: &[T], x: &[T], mean: &[T], channels: usize) -> [Vec<T>; 2] {
     let (mut sum, mut with_x) = (vec![T::default(); channels], vec![T::default(); channels]);
     for (gradient, x) in gradient.chunks_exact(channels).zip(x.chunks_exact(channels)) {

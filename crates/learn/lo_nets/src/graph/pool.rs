@@ -7,23 +7,27 @@ use rayon::prelude::*;
 use crate::cpu_ops::{Kernel, Number, binary};
 use crate::graph::{GraphLevel, Refinement};
 
-/// Families that a thread takes at a time; their share of the weights' gradient is summed in a fixed order.
+/// Families of eight siblings for each task. Their parts of the weights' gradient are summed in a fixed order.
 const BLOCK: usize = 1 << 8;
 
-/// To the graph one depth coarser than `finer`: features of eight siblings, one after the other, times
-/// `weights[8 · channels, channels]` become their parent's; leaves pass. `[finer nodes, channels] → [coarser nodes, channels]`.
+/// Pools to the graph one depth coarser than `finer`. `[finer nodes, channels] → [coarser nodes, channels]`.
+///
+/// The concatenated features of eight siblings, times `weights[8 · channels, channels]`, become their parent's. Leaves
+/// pass unchanged.
 ///
 /// # Panics
-/// Where `finer` is of the full depth, or sizes do not fit.
+/// Where `finer` is of the full depth, or sizes do not match.
 pub fn down_sample(x: Tensor<2>, weights: Tensor<2>, finer: &Arc<GraphLevel>) -> Tensor<2> {
     binary(x, weights, DownKernel(finer.clone()))
 }
 
-/// From the graph one depth coarser than `finer`: features of a node that is split times `weights[channels, 8 · channels]`
-/// become its eight children's; leaves pass. `[coarser nodes, channels] → [finer nodes, channels]`.
+/// Unpools to `finer` from the graph one depth coarser. `[coarser nodes, channels] → [finer nodes, channels]`.
+///
+/// The features of a split node, times `weights[channels, 8 · channels]`, become its eight children's. Leaves pass
+/// unchanged.
 ///
 /// # Panics
-/// Where `finer` is of the full depth, or sizes do not fit.
+/// Where `finer` is of the full depth, or sizes do not match.
 pub fn up_sample(x: Tensor<2>, weights: Tensor<2>, finer: &Arc<GraphLevel>) -> Tensor<2> {
     binary(x, weights, UpKernel(finer.clone()))
 }
@@ -32,7 +36,7 @@ fn refinement(finer: &GraphLevel) -> &Refinement {
     finer.refinement.as_ref().expect("a level below the full depth comes from a coarser one")
 }
 
-/// The same by burn's own operations, to check the kernel.
+/// Reference implementation with burn's operations.
 #[cfg(test)]
 fn composed_down(x: Tensor<2>, weights: Tensor<2>, finer: &GraphLevel) -> Tensor<2> {
     use burn::tensor::{Int, TensorData};
@@ -40,14 +44,14 @@ fn composed_down(x: Tensor<2>, weights: Tensor<2>, finer: &GraphLevel) -> Tensor
     let ([rows, channels], device) = (x.dims(), x.device());
     let merged =
         x.clone().narrow(0, kept.len(), rows - kept.len()).reshape([split.len(), 8 * channels]).matmul(weights);
-    // Rows of the coarser graph among the kept ones and, behind them, the merged ones.
+    // Source rows of the coarser graph: kept rows first, then the merged ones.
     let mut sources = vec![0i64; kept.len() + split.len()];
     kept.iter().chain(split).enumerate().for_each(|(source, &node)| sources[node as usize] = source as i64);
     let sources = Tensor::<1, Int>::from_data(TensorData::new(sources, [kept.len() + split.len()]), &device);
     Tensor::cat(vec![x.narrow(0, 0, kept.len()), merged], 0).select(0, sources)
 }
 
-/// The same by burn's own operations, to check the kernel.
+/// Reference implementation with burn's operations.
 #[cfg(test)]
 fn composed_up(x: Tensor<2>, weights: Tensor<2>, finer: &GraphLevel) -> Tensor<2> {
     use burn::tensor::{Int, TensorData};
@@ -135,23 +139,23 @@ impl Kernel for UpKernel {
     }
 }
 
-/// `out[rows, n] = x[rows, k] · weights[k, n]`.
+/// Computes `out[rows, n] = x[rows, k] · weights[k, n]`.
 fn multiply<T: Number>(out: &mut [T], x: &[T], weights: &[T], [k, n]: [usize; 2]) {
     out.par_chunks_mut(BLOCK * n).zip(x.par_chunks(BLOCK * k)).for_each(|(out, x)| {
         matmul(out, Matrix::new(x, k), Matrix::new(weights, n), false);
     });
 }
 
-/// `out[rows, k] = y[rows, n] · weights[k, n]ᵀ`.
+/// Computes `out[rows, k] = y[rows, n] · weights[k, n]ᵀ`.
 fn multiply_transposed<T: Number>(out: &mut [T], y: &[T], weights: &[T], [k, n]: [usize; 2]) {
     out.par_chunks_mut(BLOCK * k).zip(y.par_chunks(BLOCK * n)).for_each(|(out, y)| {
         matmul(out, Matrix::new(y, n), Matrix::new(weights, n).transposed(), false);
     });
 }
 
-/// `x[rows, k]ᵀ · y[rows, n]`, summed in parts of a fixed size.
+/// Returns `x[rows, k]ᵀ · y[rows, n]`, summed in parts of fixed size.
 fn weight_gradient<T: Number>(x: &[T], y: &[T], [k, n]: [usize; 2]) -> Vec<T> {
-    // At most 16 parts, so that the sums stay small beside the features.
+    // At most 16 parts, so that they stay small compared with the features.
     let rows = (x.len() / k).div_ceil(16).next_multiple_of(BLOCK);
     let parts: Vec<Vec<T>> = x
         .par_chunks(rows * k)

@@ -5,23 +5,24 @@ use rayon::prelude::*;
 
 use crate::cpu_ops::{Kernel, Number, unary};
 
-/// No row.
+/// Marks a row without a counterpart.
 const NONE: u32 = u32::MAX;
 
-/// Which row of one matrix becomes which row of another; each is used at most once.
+/// Map from the rows of one matrix to those of another. Each row is used at most once.
 #[derive(Debug)]
 pub struct RowMap {
-    /// For each row of the output, the input's.
+    /// For each output row, its input row.
     sources: Vec<u32>,
-    /// For each row of the input, the output's.
+    /// For each input row, its output row.
     targets: Vec<u32>,
 }
 
 impl RowMap {
-    /// `sources[row]`: the input row, of `inputs`, that becomes this row of the output; `None` for a row of zeros.
+    /// Builds the map of `inputs` rows. `sources[row]` is the input row of each output row, or `None` for a row of
+    /// zeros.
     ///
     /// # Panics
-    /// Where an input row is used twice or there is no such row.
+    /// Where an input row is used twice or does not exist.
     pub fn new(sources: impl IntoIterator<Item = Option<u32>>, inputs: usize) -> Arc<Self> {
         let sources: Vec<u32> = sources.into_iter().map(|source| source.unwrap_or(NONE)).collect();
         let mut targets = vec![NONE; inputs];
@@ -32,30 +33,30 @@ impl RowMap {
         Arc::new(Self { sources, targets })
     }
 
-    /// Rows of the output.
+    /// Returns the number of output rows.
     pub fn len(&self) -> usize {
         self.sources.len()
     }
 
-    /// Whether the output has no rows.
+    /// Reports whether the output has no rows.
     pub fn is_empty(&self) -> bool {
         self.sources.is_empty()
     }
 }
 
-/// `x[inputs, channels]` → `[outputs, channels]`: the rows that `map` names, and zeros where it names none.
+/// Selects the rows named by `map`, and zeros elsewhere: `x[inputs, channels]` → `[outputs, channels]`.
 pub fn select_rows(x: Tensor<2>, map: &Arc<RowMap>) -> Tensor<2> {
     unary(x, SelectKernel(map.clone()))
 }
 
-/// The same by burn's own operations, to check the kernel.
+/// Reference implementation with burn's operations.
 #[cfg(test)]
 fn composed(x: Tensor<2>, map: &RowMap) -> Tensor<2> {
     use burn::tensor::{Int, TensorData};
 
     let (device, dtype) = (x.device(), x.dtype());
     let [inputs, channels] = x.dims();
-    // Rows that come from nowhere come from a row of zeros behind the others.
+    // Rows without a source select a row of zeros behind the others.
     let rows = map.sources.iter().map(|&source| if source == NONE { inputs as i64 } else { i64::from(source) });
     let rows = Tensor::<1, Int>::from_data(TensorData::new(rows.collect(), [map.len()]), &device);
     Tensor::cat(vec![x, Tensor::zeros([1, channels], (&device, dtype))], 0).select(0, rows)

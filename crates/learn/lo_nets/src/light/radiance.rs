@@ -73,7 +73,7 @@ impl NodeLight {
         unary(raw, self)
     }
 
-    /// The same by burn's own operations, to check the kernel.
+    /// Reference implementation with burn's operations.
     #[cfg(test)]
     fn composed(&self, raw: Tensor<2>) -> Tensor<2> {
         use burn::tensor::{TensorData, activation};
