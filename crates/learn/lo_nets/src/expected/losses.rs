@@ -1,4 +1,4 @@
-//! Losses of expected light: irradiance by what the photo does not show, at surfaces of all facings.
+//! Losses of expected light: irradiance at surfaces of all orientations by the unobserved part of the sphere.
 
 use std::sync::OnceLock;
 
@@ -11,38 +11,39 @@ use super::network::{ExpectedLightNet, LOSS_HEIGHT};
 use super::statistics::PhotoStatistics;
 use crate::energy::{self, FACINGS};
 
-/// Pixels of the panorama that losses compare.
+/// Number of pixels of the panorama in losses.
 const PIXELS: usize = 2 * LOSS_HEIGHT * LOSS_HEIGHT;
 
-/// Rows of the panorama that the truth is integrated on.
+/// Rows of the panorama over which the true irradiance is integrated.
 const TRUTH_HEIGHT: usize = 64;
 
-/// What a photo's statistics are to tell.
+/// Training target for a photo's statistics.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExpectedTruth {
-    /// Share of each pixel, `PIXELS` of them, that the photo does not show.
+    /// Unobserved share of each of the `PIXELS` pixels.
     open: Vec<f32>,
-    /// Irradiance by what the photo does not show: linear RGB of each facing.
+    /// Irradiance over π by the unobserved part of the sphere: linear RGB for each normal.
     irradiance: Vec<[f32; 3]>,
-    /// log2 of the largest over the smallest irradiance by all that there is.
+    /// log2 of largest over smallest irradiance by the whole sphere.
     contrast_stops: f32,
 }
 
-/// The parts of the loss.
+/// Terms of the loss.
 #[derive(Clone, Debug)]
 pub struct ExpectedLosses {
     /// Mean squared difference of the logarithms of irradiance.
     pub log_irradiance: Tensor<1>,
-    /// Root mean square difference after the best scale, over the mean irradiance: where light comes from.
+    /// Root mean square difference after optimal scaling, relative to the mean irradiance. Measures where light comes
+    /// from.
     pub scale_invariant: Tensor<1>,
-    /// Mean angle between the colours of irradiance, about radians.
+    /// Mean angle between the colours of irradiance, approximately in radians.
     pub colour: Tensor<1>,
-    /// Mean squared difference of the contrast, stops.
+    /// Mean squared difference of the contrast in stops.
     pub contrast: Tensor<1>,
 }
 
 impl ExpectedLosses {
-    /// Their weighted sum.
+    /// Returns the weighted sum of the terms.
     pub fn total(&self) -> Tensor<1> {
         self.log_irradiance.clone() * 0.5
             + self.scale_invariant.clone()
@@ -62,7 +63,9 @@ fn loss_cosines() -> &'static [f32] {
 }
 
 impl ExpectedTruth {
-    /// Of the true panorama at the camera, its centre along the view and in the photo's units; `mirrored` for the mirror image of the level frame.
+    /// Computes the target from the true panorama at the camera, centred on the view, in the photo's units.
+    ///
+    /// With `mirrored`, computes the target for the mirror image of the level frame.
     pub fn new(panorama: &RadianceImage, camera: &Camera, statistics: &PhotoStatistics, mirrored: bool) -> Self {
         let (width, height) = (2 * TRUTH_HEIGHT, TRUTH_HEIGHT);
         let panorama = if panorama.height() > height { &resize(panorama, width, height) } else { panorama };
@@ -99,7 +102,7 @@ impl ExpectedTruth {
     }
 }
 
-/// Losses of a network on some photos; `stream` draws what is left out of a step.
+/// Computes the losses of a network on some photos. `stream` draws the dropout.
 pub fn expected_losses(
     net: &ExpectedLightNet,
     examples: &[(&PhotoStatistics, &ExpectedTruth)],
@@ -148,7 +151,7 @@ mod tests {
         (PhotoStatistics::new(&photo, &depth_m, &camera, Vec3::Y), camera)
     }
 
-    /// Even light of 0.5, and a lamp of 6° to the right of and above the camera.
+    /// Constant light of 0.5 and a lamp of 6° radius, above and to the right of the camera.
     fn panorama(lamp: f32) -> RadianceImage {
         let towards = Vec3::new(0.8, 0.6, 0.0);
         RadianceImage::from_fn(256, 128, |x, y| {
@@ -161,12 +164,12 @@ mod tests {
     fn irradiance_of_even_light_and_a_lamp_is_the_closed_form() {
         let (statistics, camera) = statistics();
         let even = ExpectedTruth::new(&panorama(0.5), &camera, &statistics, false);
-        // 480 × 320 at 75°: what is seen is a twelfth of the sphere; above the camera nothing is missing.
+        // At 75° and 3:2, a twelfth of the sphere is observed, and nothing of it lies above the camera.
         let up = fibonacci_sphere(FACINGS).iter().position(|facing| facing.y > 0.9).unwrap();
         assert!((even.irradiance[up][1] - 0.5).abs() < 0.06, "{:?}", even.irradiance[up]);
         assert!(even.contrast_stops.abs() < 0.05, "{}", even.contrast_stops);
         let lit = ExpectedTruth::new(&panorama(60.0), &camera, &statistics, false);
-        // A cap of 6° has 0.0344 sr: 59.5 · 0.0344 / π more where a surface faces it.
+        // A cap of 6° has 0.0344 sr and adds 59.5 · 0.0344 / π where a surface faces it.
         let most = lit.irradiance.iter().map(|e| e[1]).fold(0.0, f32::max);
         assert!((most - (0.5 + 0.652)).abs() < 0.08, "{most}");
         let mirrored = ExpectedTruth::new(&panorama(60.0), &camera, &statistics, true);

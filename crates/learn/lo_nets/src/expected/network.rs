@@ -1,4 +1,4 @@
-//! From a photo's statistics to the panorama that is expected around it.
+//! Expected-light network: from a photo's statistics to the expected panorama.
 
 use std::sync::OnceLock;
 
@@ -13,72 +13,72 @@ use super::statistics::{PhotoStatistics, STATISTICS};
 use crate::energy::LUMINANCE;
 use crate::layers::Linear;
 
-/// Rows of the panorama that is output.
+/// Rows of the predicted panorama.
 pub const PANORAMA_HEIGHT: usize = 32;
 
-/// Rows of the panorama that losses compare.
+/// Rows of the panorama in losses.
 pub(super) const LOSS_HEIGHT: usize = 16;
 
 const HIDDEN: usize = 64;
 
-/// Rings of lobes, and how many lobes these are.
+/// Number of rings of lobes, and total number of lobes.
 const RINGS: usize = 7;
 const LOBES: usize = 64;
 
-/// Sharpness of a lobe: spherical Gaussians e^(λ (cos − 1)) that overlap without gaps.
+/// Sharpness λ of a lobe e^(λ (cos − 1)). At this value, spherical Gaussians overlap without gaps.
 const SHARPNESS: f32 = 10.0;
 
-/// Radiance that is everywhere, in the measure of the photo's mean luminance.
+/// Constant radiance relative to the photo's mean luminance.
 const FLOOR: f32 = 0.02;
 
-/// How far the outputs move the logarithms of the colour.
+/// Scale of the outputs that tint the light, in log colour.
 const TINT_SCALE: f64 = 0.3;
 
-/// Colour as the mean and a slope along the three axes, for each channel.
+/// Number of outputs that tint the light: a mean and a slope along three axes for each channel.
 const TINT_OUTPUTS: usize = 12;
 
-/// Contrast that is output before anything is learned, in stops.
+/// Initial prediction of the contrast in stops.
 const INITIAL_STOPS: f32 = 3.0;
 
 const OUTPUTS: usize = LOBES + 1 + TINT_OUTPUTS + 1;
 
-/// Share of the numbers that a step of training leaves out.
+/// Dropout rate in training.
 const DROPOUT: f32 = 0.3;
 
-/// Most that the logarithm of all lobes' scale can be.
+/// Upper limit of the log scale of all lobes.
 const MAX_LOG_SCALE: f64 = 5.0;
 
-/// Two hidden layers of 64 from [`STATISTICS`] numbers to spherical Gaussians and a colour.
+/// Network with two hidden layers of 64, from [`STATISTICS`] numbers to spherical Gaussians and a tint.
 #[derive(Module, Debug)]
 pub struct ExpectedLightNet {
-    /// From the statistics.
+    /// Layer from the statistics.
     pub first: Linear,
-    /// Between the hidden layers.
+    /// Layer between the hidden layers.
     pub second: Linear,
-    /// To amplitudes of the lobes, their common log scale, colours and contrast.
+    /// Layer to the lobes' amplitudes, their common log scale, tints and contrast.
     pub output: Linear,
 }
 
-/// The light that is expected around a photo.
+/// Expected light around a photo.
 #[derive(Clone, Debug)]
 pub struct ExpectedLight {
-    /// Linear RGB radiance in the photo's units, an equirectangular panorama of the level frame.
+    /// Equirectangular panorama in the level frame: linear RGB radiance in the photo's units.
     pub radiance: RadianceImage,
-    /// From the level frame's axes to the camera's.
+    /// Rotation from the level frame's axes to the camera's.
     pub camera_from_level: Quat,
-    /// Expected log2 of the largest over the smallest irradiance of a matte sphere.
+    /// Expected log2 of largest over smallest irradiance on a matte sphere.
     pub contrast_stops: f32,
 }
 
-/// What losses and panoramas are made of: outputs of the network in the measure of each photo.
+/// Output of the network in the units of each photo.
 pub(super) struct ExpectedOutput {
-    /// Linear RGB radiance of each pixel: three of `[photos, pixels]`.
+    /// Linear RGB radiance: three tensors of `[photos, pixels]`.
     pub channels: [Tensor<2>; 3],
-    /// `[photos, 1]`.
+    /// Contrast in stops, `[photos, 1]`.
     pub contrast_stops: Tensor<2>,
 }
 
-/// Lobes and axes at the pixels of a panorama: `[LOBES, pixels]` and `[4, pixels]`.
+/// Lobes `[LOBES, pixels]` and axes `[4, pixels]`, evaluated at the pixels of a panorama.
 struct PanoramaBasis {
     lobes: Vec<f32>,
     axes: Vec<f32>,
@@ -96,7 +96,7 @@ impl PanoramaBasis {
         let lobe = |axis: &Vec3| {
             let values = pixels.iter().map(|(direction, _)| (SHARPNESS * (direction.dot(*axis) - 1.0)).exp());
             let sum: f32 = values.clone().zip(&pixels).map(|(value, (_, solid_angle))| value * solid_angle).sum();
-            // Each has its share of the sphere: amplitudes of 1 are a radiance of about 1.
+            // Normalises each lobe to its share of the sphere: amplitudes of 1 give a radiance of about 1.
             let scale = 4.0 * std::f32::consts::PI / LOBES as f32 / sum;
             values.map(|value| scale * value).collect::<Vec<f32>>()
         };
@@ -113,7 +113,8 @@ impl PanoramaBasis {
     }
 }
 
-/// The photo's mean colour with half of its saturation, of luminance 1, as logarithms: light is less saturated than what it falls on.
+/// Returns the photo's mean colour at half saturation and luminance 1, as logarithms. Light is less saturated than
+/// surfaces.
 fn log_half_chroma(mean: [f32; 3]) -> [f32; 3] {
     let root = mean.map(|c| c.max(1e-6).sqrt());
     root.map(|c| (c / luminance(root)).max(1e-3).ln())
@@ -129,7 +130,8 @@ fn rows<const N: usize>(
 }
 
 impl ExpectedLightNet {
-    /// A network with weights drawn from `seed`: even light of the photo's brightness.
+    /// Creates a network with weights drawn from `seed`. Its initial prediction is constant light of the photo's
+    /// brightness.
     pub fn new(seed: u64, device: &Device) -> Self {
         let mut stream = lo_random::stream(seed, "expected light", 0);
         let stream = &mut stream;
@@ -142,7 +144,7 @@ impl ExpectedLightNet {
         }
     }
 
-    /// The expected light around a photo: the mean of what it says of the photo and of its mirror image, mirrored back.
+    /// Predicts expected light: the mean of the predictions for the photo and, mirrored back, for its mirror image.
     pub fn predict(&self, statistics: &PhotoStatistics) -> ExpectedLight {
         let both = [statistics.clone(), statistics.mirrored()];
         let output = self.predict_panoramas(&both.each_ref(), None, PANORAMA_HEIGHT);
@@ -157,7 +159,7 @@ impl ExpectedLightNet {
         ExpectedLight { radiance, camera_from_level: statistics.camera_from_level, contrast_stops }
     }
 
-    /// The panoramas of `height` rows of some photos; where a stream is given, numbers are left out as it draws.
+    /// Predicts panoramas of `height` rows. A `stream` enables dropout and draws it.
     pub(super) fn predict_panoramas(
         &self,
         photos: &[&PhotoStatistics],
@@ -189,7 +191,7 @@ impl ExpectedLightNet {
         ExpectedOutput { channels, contrast_stops: raw.narrow(1, OUTPUTS - 1, 1) + INITIAL_STOPS }
     }
 
-    /// `[photos, STATISTICS] → [photos, OUTPUTS]`.
+    /// Runs the layers: `[photos, STATISTICS] → [photos, OUTPUTS]`.
     fn forward(&self, x: Tensor<2>, mut stream: Option<&mut Stream>) -> Tensor<2> {
         let mut drop = |x: Tensor<2>| {
             let Some(stream) = stream.as_deref_mut() else { return x };

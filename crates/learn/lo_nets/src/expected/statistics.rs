@@ -1,4 +1,4 @@
-//! What a photo's shading, brightness and colours say of the light around it, as numbers.
+//! Statistics of a photo's shading, brightness and colours, as input of the expected-light network.
 
 use std::sync::OnceLock;
 
@@ -8,44 +8,47 @@ use lo_imaging::{DepthMap, RadianceImage, luminance, resize, resize_depth};
 use super::directions::{mirrored, ring_directions};
 use crate::depth::size_within;
 
-/// Pixels on the longer side of the photo that statistics are taken of.
+/// Longer side, in pixels, of the photo that statistics are taken from.
 const SIDE: usize = 48;
 
-/// Rings of the directions in which statistics are taken, and how many directions these are.
+/// Rings of the directions in which statistics are binned, and total number of directions.
 const RINGS: usize = 5;
 const BINS: usize = 32;
 
-/// Numbers of the photo's colours, and of the photo as a whole.
+/// Number of colour statistics, and of statistics of the photo as a whole.
 const COLOURS: usize = 17;
 const WHOLE: usize = 5;
 
-/// Numbers that describe a photo.
+/// Number of statistics of a photo.
 pub const STATISTICS: usize = 4 * BINS + COLOURS + WHOLE;
 
-/// Added to luminance before its logarithm, and to channels before theirs.
+/// Offsets before logarithms, of luminance and of channels.
 const DARK: f32 = 0.02;
 const DARK_CHANNEL: f32 = 0.01;
 
-/// Luminance from which on a pixel tells nothing of shading, and channel from which on it is bright.
+/// Luminance above which a pixel holds no shading, and channel value above which it counts as clipped.
 const WHITE: f32 = 0.95;
 const BRIGHT: f32 = 0.9;
 
-/// Mean and deviation of the numbers of the photo as a whole on photos cut out of panoramas.
+/// Mean and deviation of the statistics of the whole photo, over photos cropped from panoramas.
 const WHOLE_SCALE: [(f32, f32); WHOLE] = [(-0.94, 0.3), (0.04, 0.23), (1.25, 0.19), (-2.1, 1.1), (0.64, 0.24)];
 
-/// What a photo tells of the light, in the *level frame*: +Y is up, and the camera looks into the half plane of −Z.
+/// Statistics of a photo in the *level frame*: +Y is up, and the camera looks into the half plane of −Z.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhotoStatistics {
-    /// [`STATISTICS`] numbers of about unit size:
+    /// [`STATISTICS`] numbers of about unit magnitude:
     ///
-    /// - by the direction that surfaces face, 32 directions: mean log luminance less the mean over all, and root of the share of pixels;
-    /// - by the direction in which they are seen: the same, and root of the share of clipped pixels;
-    /// - log R/G and B/G of all pixels, of the brightest tenth, of floors, ceilings, walls and greys, and the shares of the last five;
+    /// - by surface normal, in 32 directions: mean log luminance less the overall mean, and root of the share of
+    ///   pixels;
+    /// - by viewing direction, in the same directions: the same mean, and root of the share of clipped pixels;
+    /// - log R/G and B/G of all pixels, of the brightest tenth, of floors, ceilings, walls and greys, and the shares of
+    ///   the last
+    /// five;
     /// - log mean luminance, pitch, field of view, log share of clipped pixels, relative deviation of luminance.
     pub values: Vec<f32>,
     /// Mean linear RGB of the photo, above 0.
     pub mean: [f32; 3],
-    /// From the level frame to the camera's.
+    /// Rotation from the level frame to the camera's.
     pub camera_from_level: Quat,
 }
 
@@ -54,15 +57,15 @@ fn bins() -> &'static [Vec3] {
     BINS.get_or_init(|| ring_directions(RINGS))
 }
 
-/// The level frame of a camera that looks along −Z, with the unit vector against gravity in its axes.
+/// Returns the level frame of a camera that looks along −Z. `up` is the unit vector against gravity in its axes.
 fn level_frame(up: Vec3) -> Quat {
     let back = Vec3::Z - up * up.z;
-    // Looks straight up or down: the image's lower edge is in front.
+    // Looking straight up or down, the image's lower edge is taken as the front.
     let back = if back.length() > 1e-3 { back.normalize() } else { (-Vec3::Y - up * -up.y).normalize_or(Vec3::Z) };
     Quat::from_mat3(&Mat3::from_cols(up.cross(back), up, back)).normalize()
 }
 
-/// Weighted means.
+/// A weighted mean.
 #[derive(Clone, Copy, Default)]
 struct Mean {
     sum: f32,
@@ -81,8 +84,11 @@ impl Mean {
 }
 
 impl PhotoStatistics {
-    /// Takes them of a linear photo (1 is its white), its depth (along the optical axis, 0 = no reading), its camera and the unit vector against gravity in
-    /// the camera's axes. Photo and depth may have any resolution.
+    /// Computes the statistics of a linear photo (1 is white).
+    ///
+    /// `depth_m` is along the optical axis, 0 without a reading. `up` is the unit vector against gravity in the
+    /// camera's axes.
+    /// Photo and depth may have any resolution.
     ///
     /// # Panics
     /// Where the photo has no pixels.
@@ -112,7 +118,7 @@ impl PhotoStatistics {
             sorted.sort_unstable_by(f32::total_cmp);
             sorted[(0.9 * (pixels - 1.0)) as usize]
         };
-        // As if there were 1,536 pixels.
+        // Normalises weights to 1,536 pixels.
         let share = 1536.0 / pixels;
         let (mut facing, mut seen, mut clipped) = (vec![Mean::default(); BINS], vec![Mean::default(); BINS], 0.0);
         let (mut clipped_by, mut clipped_all) = (vec![0.0f32; BINS], 0.0);
@@ -174,7 +180,7 @@ impl PhotoStatistics {
         Self { values, mean, camera_from_level }
     }
 
-    /// Those of the mirror image of the photo, in the mirror image of the level frame.
+    /// Returns the statistics of the photo's mirror image, in the mirror image of the level frame.
     #[must_use]
     pub fn mirrored(&self) -> Self {
         static IMAGES: OnceLock<Vec<usize>> = OnceLock::new();
@@ -194,12 +200,12 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
 
-    /// A corner: a bright wall to the left, a dark one to the right, over a grey floor.
+    /// A room's corner: a bright wall to the left, a dark one to the right, a grey floor.
     fn corner(width: usize, height: usize) -> (RadianceImage, DepthMap, Camera) {
         let camera = Camera::from_hfov_deg(80.0, width as u32, height as u32).unwrap();
         let hit = |x: usize, y: usize| {
             let ray = camera.direction(x as f64 + 0.5, y as f64 + 0.5);
-            // Walls z = −3 ± x face each other at 45°; the floor lies at −1.4 m.
+            // The walls z = −3 ± x are perpendicular; the floor is at −1.4 m.
             let wall = 3.0 / (-ray.z + ray.x.abs());
             let floor = if ray.y < 0.0 { 1.4 / -ray.y } else { f32::INFINITY };
             let t = wall.min(floor);

@@ -3,29 +3,29 @@ use lo_octree::xyz_from_key;
 
 use crate::light::{PhotoView, VisiblePoint};
 
-/// Pixels of the camera along a side of a cell.
+/// Side of a cell in pixels of the camera.
 const CELL: u32 = 4;
 
-/// Space that a photo shows to be empty: what lies before what is seen.
+/// Space that photos show to be empty: in front of the observed surfaces.
 #[derive(Clone, Debug)]
 pub struct FreeSpace(Vec<CameraFreeSpace>);
 
-/// What lies before what one camera sees.
+/// Free space observed by one camera.
 #[derive(Clone, Debug)]
 struct CameraFreeSpace {
-    /// The camera, in cells.
+    /// The camera, with cells as pixels.
     view: PhotoView,
-    /// Depth of the nearest point in each cell, metres; 0 where there is none, so that nothing is known.
+    /// Depth of the nearest point in each cell in metres, or 0 without points, where free space is unknown.
     nearest_m: Vec<f32>,
 }
 
 impl FreeSpace {
-    /// Of the points that a camera sees.
+    /// Builds free space from the points that a camera observes.
     pub fn new(points: &[VisiblePoint], camera: &Camera) -> Self {
         Self::of_photos(points, &[PhotoView::only(*camera, points.len())])
     }
 
-    /// Of the points that several cameras see, each its own.
+    /// Builds free space from several cameras. Each of them observes its own range of points.
     ///
     /// # Panics
     /// Where the views have more points than there are.
@@ -39,7 +39,7 @@ impl FreeSpace {
         Self(views.iter().map(before).collect())
     }
 
-    /// Whether all of a node is known to be empty, by one camera's word.
+    /// Reports whether any single camera shows the whole node to be empty.
     pub fn holds(&self, cube: Cube, depth: u32, key: u32) -> bool {
         self.0.iter().any(|before| before.holds(cube, depth, key))
     }
@@ -91,7 +91,7 @@ mod tests {
 
     #[test]
     fn what_lies_before_a_wall_is_empty_and_nothing_else() {
-        // A wall 3 m away fills the view of 90° but for a hole in its left half.
+        // A wall 3 m away fills the view of 90°, except for a hole in its left half.
         let camera = Camera::from_hfov_deg(90.0, 64, 64).unwrap();
         let pixels =
             (0..64 * 64).map(|i| (i % 64, i / 64)).filter(|&(u, v)| !(12..20).contains(&u) || !(28..36).contains(&v));
@@ -104,7 +104,7 @@ mod tests {
         let points: Vec<VisiblePoint> = pixels.map(point).collect();
         let free = FreeSpace::new(&points, &camera);
         let cube = Cube::centred(Vec3::ZERO, 8.0);
-        // Nodes of a quarter of a metre: by the place of their middle.
+        // Nodes of 0.25 m, given by a point inside.
         let holds = |x: f32, y: f32, z: f32| {
             let unit = cube.unit_from_world(Vec3::new(x, y, z)) * 32.0;
             free.holds(cube, 5, key_from_xyz([unit.x as u32, unit.y as u32, unit.z as u32]))
@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn each_of_two_cameras_knows_what_lies_before_it() {
-        // One looks at a wall 3 m ahead, one from its side at a wall 2 m behind the first.
+        // One camera faces a wall 3 m ahead. The other, to its side, faces a wall 2 m behind the first.
         let camera = Camera::from_hfov_deg(90.0, 64, 64).unwrap();
         let behind = RigidTransform {
             rotation: Quat::from_rotation_y(std::f32::consts::PI),

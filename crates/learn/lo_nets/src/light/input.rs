@@ -9,42 +9,50 @@ use crate::graph::GraphLevel;
 use crate::light::channels::{MAX_RADIANCE, NODE_FEATURES};
 use crate::light::{FreeSpace, LightError, LightNetConfig, PhotoView, VisiblePoint};
 
-/// Points that carry the global lighting feature into what the photo does not see.
+/// Number of points that carry the global lighting feature into unobserved space.
 const GLOBAL_POINTS: usize = 4096;
 
-/// Least radiance that a first guess of light has.
+/// Lower limit of initial radiance.
 const MIN_AMBIENT: f32 = 1e-3;
 
-/// What the light network sees: the graphs of the input octree, features of their finest nodes, and what is known already.
+/// Input of the light network: graphs of the input octree, features of their finest nodes, and observations.
 #[derive(Debug)]
 pub struct LightInput {
     /// Graphs from the full depth on.
     pub levels: Vec<Arc<GraphLevel>>,
-    /// The octree that the graphs are of: visible points and those that carry `f_L`.
+    /// Octree of the graphs: visible points, and carriers of `f_L`.
     pub octree: Octree,
-    /// `[nodes of the finest graph, NODE_FEATURES]`: means over the node's points of log(1 + radiance) (3) and of the position in
-    /// the node, −1 to 1 (3); its centre in the cube, −1 to 1 (3); mean normal (3); shares of the points that are visible,
-    /// certain, and carriers of `f_L` (1 each). Nodes without points have a centre alone. Carriers are black and have no normal, or show the map
-    /// ([`LightInput::with_map`]) and know gravity ([`LightInput::with_up`]).
+    /// Features of the finest graph's nodes, `[nodes, NODE_FEATURES]`:
+    ///
+    /// - mean over the node's points of log(1 + radiance) (3), and of the position in the node, −1 to 1 (3);
+    /// - the node's centre in the cube, −1 to 1 (3);
+    /// - mean normal (3);
+    /// - shares of the points that are visible, certain, and carriers of `f_L` (1 each).
+    ///
+    /// Nodes without points have a centre only. Carriers are black and have no normal, until [`LightInput::with_map`]
+    /// and
+    /// [`LightInput::with_up`] set them.
     pub features: Vec<f32>,
-    /// The octree of the visible points; its `seen` are the certain shares.
+    /// Octree of the visible points. Its `seen` holds the certain shares.
     pub visible: LightOctree,
-    /// A first guess of what is not seen, from the visible points: linear RGB, above 0; 0.2 where there are none.
+    /// Ambient light, the initial radiance of unobserved nodes: linear RGB above 0, or 0.2 without visible points.
     pub ambient: [f32; 3],
-    /// What the single map shows there: a panorama at the first camera, turned as the octrees' frame is. Without it the first guess is `ambient` alone.
+    /// Single map: a panorama at the first camera, in the octree's axes. Without it, initial radiance is `ambient`
+    /// alone.
     pub map: Option<RadianceImage>,
-    /// What the photos show to be empty.
+    /// Space that the photos show to be empty.
     pub free: FreeSpace,
 }
 
 impl LightInput {
-    /// Builds the input from the visible points and the camera that saw them, both in the frame of `cube`.
+    /// Builds the input from the visible points and their camera, both in the frame of `cube`.
     ///
-    /// Points that carry `f_L` are drawn outside of the view: directions uniform over the sphere, distances from those of the
-    /// visible points. Points outside of the cube do not count.
+    /// Carriers of `f_L` are drawn outside of the view: directions uniform over the sphere, distances from those of the
+    /// visible
+    /// points. Points outside of the cube are ignored.
     ///
     /// # Errors
-    /// Points that are not finite (the first is named), depths or a cube that no octree can have.
+    /// The first point that is not finite; depths or a cube that octrees do not support.
     pub fn new(
         points: &[VisiblePoint],
         camera: &Camera,
@@ -55,13 +63,14 @@ impl LightInput {
         Self::of_photos(points, &[PhotoView::only(*camera, points.len())], cube, config, seed)
     }
 
-    /// [`LightInput::new`] from what several cameras saw, the points of one after those of another.
+    /// Builds the input from several cameras. `points` are grouped by camera in the order of `views`.
     ///
-    /// The network guesses from what the first camera saw, as it has learnt to. What any of them saw is known: there its guess does not count
-    /// (`docs/design/036-several-photos.md`).
+    /// The network infers from the first camera's observations only, as in training. Observations of the other cameras
+    /// replace
+    /// its predictions where available (`docs/design/036-several-photos.md`).
     ///
     /// # Errors
-    /// As of one camera.
+    /// As [`LightInput::new`].
     ///
     /// # Panics
     /// Where the views have more points than there are.
@@ -95,7 +104,9 @@ impl LightInput {
         Ok(Self { levels, octree: light.octree, features, visible, ambient: ambient_light(points), map: None, free })
     }
 
-    /// With a single map: nodes that carry `f_L` show what it has in their direction, and what is not seen begins between it and the ambient light.
+    /// Adds the single map. It sets the radiance of `f_L`'s carriers, and is blended into the initial radiance of
+    /// unobserved
+    /// nodes.
     #[must_use]
     pub fn with_map(mut self, map: RadianceImage) -> Self {
         self.add_to_carriers(0, |place_m| sample_map(&map, place_m).map(f32::ln_1p));
@@ -103,15 +114,19 @@ impl LightInput {
         self
     }
 
-    /// With the unit vector against gravity: nodes that carry `f_L` have the normal of the level surface that might be there, a floor below the camera and a
-    /// ceiling above, as long as the sine of their elevation.
+    /// Adds the unit vector against gravity, by normals of the nodes that carry `f_L`.
+    ///
+    /// Each gets the normal of a horizontal surface at its position (floor below the camera, ceiling above), scaled by
+    /// the sine
+    /// of its elevation.
     #[must_use]
     pub fn with_up(mut self, up: Vec3) -> Self {
         self.add_to_carriers(9, |place_m| (-place_m.normalize_or_zero().dot(up) * up).to_array());
         self
     }
 
-    /// Adds to three features of the nodes that carry `f_L`, from `first` on, what their middles tell, as far as they are carriers.
+    /// Adds `value_at` of the node's centre to three features of nodes that carry `f_L`, weighted by their share of
+    /// carriers.
     fn add_to_carriers(&mut self, first: usize, value_at: impl Fn(Vec3) -> [f32; 3]) {
         let (half_edge_m, middle_m) = (0.5 * self.cube().edge_m, self.cube().centre_m());
         for row in self.features.chunks_exact_mut(NODE_FEATURES) {
@@ -123,12 +138,13 @@ impl LightInput {
         }
     }
 
-    /// What the single map shows in the direction of a place of the octrees' frame, linear RGB above 0: `ambient` where there is no map.
+    /// Returns the single map's radiance towards a point of the octree's frame: linear RGB above 0, or `ambient`
+    /// without a map.
     pub fn map_towards(&self, place_m: Vec3) -> [f32; 3] {
         self.map.as_ref().map_or(self.ambient, |map| sample_map(map, place_m))
     }
 
-    /// Part of the world that the octrees cover.
+    /// Returns the cube that the octrees cover.
     pub fn cube(&self) -> Cube {
         self.visible.cube
     }
@@ -138,11 +154,12 @@ fn sample_map(map: &RadianceImage, direction: Vec3) -> [f32; 3] {
     sample_equirectangular(map, direction).map(|c| c.clamp(MIN_AMBIENT, MAX_RADIANCE))
 }
 
-/// What light is like where nothing is seen of it, at a first guess: as bright as the middle half of the points by brightness, their log average (as
-/// Reinhard et al. 2002 measure the key of a scene), in the mean of all points' colours, bright or dark. Windows and lamps in the image, or the space below
-/// a table, do not count.
+/// Estimates ambient light from the visible points.
+///
+/// Brightness is the log average of the middle half of the points by brightness (the key of a scene in Reinhard et al.
+/// 2002), which excludes windows, lamps and dark corners. Colour is the mean over all points, bright or dark.
 pub fn ambient_light(points: &[VisiblePoint]) -> [f32; 3] {
-    // Keeps black from counting without limit.
+    // Bounds the influence of black.
     const DARK: f64 = 0.01;
     const UNKNOWN: f32 = 0.2;
     if points.is_empty() {
@@ -157,7 +174,7 @@ pub fn ambient_light(points: &[VisiblePoint]) -> [f32; 3] {
     ((log_mean.exp() - DARK) * colour).as_vec3().to_array().map(|c| c.clamp(MIN_AMBIENT, MAX_RADIANCE))
 }
 
-/// Places of the points that carry `f_L`.
+/// Draws the positions of the points that carry `f_L`.
 fn carriers(points: &[VisiblePoint], views: &[PhotoView], cube: Cube, seed: u64) -> Vec<Vec3> {
     if points.is_empty() {
         return Vec::new();
@@ -247,7 +264,7 @@ mod tests {
         assert_eq!(seen.len(), 1, "both lie in one leaf of half a metre");
         let row = seen[0];
         assert!((row[0] - 2f32.ln()).abs() < 1e-6 && (row[2] - 4f32.ln()).abs() < 1e-6);
-        // leaf [0, 0.5] × [0, 0.5] × [−3.5, −3]; centre (0.25, 0.25, −3.25)
+        // The leaf is [0, 0.5] × [0, 0.5] × [−3.5, −3], its centre (0.25, 0.25, −3.25).
         let close = |got: &[f32], expected: [f32; 3]| got.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-4);
         assert!(close(&row[3..6], [-0.2, -0.2, 0.6]), "{:?}", &row[3..6]);
         assert!(close(&row[6..9], [0.0625, 0.0625, -0.8125]), "{:?}", &row[6..9]);
@@ -307,7 +324,7 @@ mod tests {
         let seen = |radiance: f32| VisiblePoint { radiance: [radiance; 3], ..point([0.0, 0.0, -3.0]) };
         let [grey, dark, window] = [0.3, 0.02, 1.0].map(seen);
         assert!((ambient_light(&[grey; 9])[1] - 0.3).abs() < 1e-5);
-        // A quarter of a dark room's photo is its window.
+        // A window fills a quarter of a dark room's photo.
         assert!((ambient_light(&[window, dark, dark, dark, dark, dark, dark, window])[1] - 0.02).abs() < 1e-5);
         assert_eq!((ambient_light(&[seen(0.0); 4]), ambient_light(&[])), ([1e-3; 3], [0.2; 3]));
     }
@@ -316,7 +333,7 @@ mod tests {
     fn bright_and_dark_colours_count_alike() {
         let seen = |radiance| VisiblePoint { radiance, ..point([0.0, 0.0, -3.0]) };
         let [r, g, b] = ambient_light(&[seen([0.4, 0.3, 0.0]), seen([0.0, 0.003, 0.004])]);
-        // unit vectors (0.8, 0.6, 0) and (0, 0.6, 0.8)
+        // The unit vectors are (0.8, 0.6, 0) and (0, 0.6, 0.8).
         assert!((r / g - 0.8 / 1.2).abs() < 1e-4 && (b / g - 0.8 / 1.2).abs() < 1e-4, "{r} {g} {b}");
     }
 

@@ -1,4 +1,4 @@
-//! Lobes of the light network's nodes: the variant "SG" (`docs/method.md` §5.8).
+//! Spherical Gaussian lobes of the light network's nodes: the paper's variant "SG" (`docs/method.md` §5.8).
 
 use burn::tensor::{Tensor, TensorData};
 use lo_geometry::{Cube, Vec3};
@@ -6,10 +6,11 @@ use lo_octree::{MIN_SHARPNESS, Octree, node_middle_m};
 
 use crate::light::KnownLight;
 
-/// No number of a lobe is greater: eighty times as bright at the peak as on the mean.
+/// Limit of each component of a lobe: the peak is at most about eighty times the mean.
 const MAX_SHARPNESS: f64 = 24.0;
 
-/// From `raw[nodes, 3]` to lobes. What the photo shows has none: it is known towards the camera, and shall not change there.
+/// Maps `raw[nodes, 3]` to lobes. Observed nodes have none: their radiance towards the camera is known and must not
+/// change.
 pub(crate) fn lobes(raw: Tensor<2>, known: &KnownLight) -> Tensor<2> {
     let doubt: Vec<f32> = known.trust().map(|trust| 1.0 - trust).collect();
     let size = [doubt.len(), 1];
@@ -17,13 +18,13 @@ pub(crate) fn lobes(raw: Tensor<2>, known: &KnownLight) -> Tensor<2> {
     (raw / MAX_SHARPNESS).tanh() * MAX_SHARPNESS * doubt
 }
 
-/// Unit directions from the middles of the non-empty nodes of a depth to a viewer, three numbers each.
+/// Returns unit directions from the centres of a depth's non-empty nodes to a viewer, three numbers each.
 pub(crate) fn directions_to_viewer(octree: &Octree, cube: Cube, depth: u32, viewer_m: Vec3) -> Vec<f32> {
     let keys = octree.levels()[depth as usize].row_keys();
     keys.flat_map(|key| (viewer_m - node_middle_m(cube, depth, key)).normalize_or_zero().to_array()).collect()
 }
 
-/// [`lo_octree::lobe_gain`] of `lobes[nodes, 3]` towards unit directions: `[nodes, 1]`.
+/// Returns [`lo_octree::lobe_gain`] of `lobes[nodes, 3]` for unit directions: `[nodes, 1]`.
 pub(crate) fn gains(lobes: Tensor<2>, towards: &[f32]) -> Tensor<2> {
     let directions = TensorData::new(towards.to_vec(), lobes.dims());
     let directions = Tensor::<2>::from_data(directions, (&lobes.device(), lobes.dtype()));

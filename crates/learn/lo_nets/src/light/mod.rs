@@ -1,4 +1,4 @@
-//! The light network (`docs/method.md` §5): what the photo sees, as an octree, to the octree of the whole room's radiance.
+//! Light network (`docs/method.md` §5): from the octree of observed surfaces to that of the whole room's radiance.
 
 mod channels;
 mod config;

@@ -17,40 +17,40 @@ use crate::light::{
     NODE_FEATURES, NodeLight,
 };
 
-/// Logit of a node's being occupied before anything is learned: most of a room is air.
+/// Initial logit of a node's occupancy: most of a room is air.
 const SPLIT_BIAS: f32 = -2.0;
 
-/// The light network: a U-Net over dual octree graphs whose decoder grows the octree it works on (Wang et al. 2022).
+/// Light network: a U-Net over dual octree graphs whose decoder grows its own octree (Wang et al. 2022).
 #[derive(Module, Debug)]
 pub struct LightNet {
-    /// From `f_L` to what joins a node's features.
+    /// Projection of `f_L`, appended to a node's features.
     pub global: Linear,
-    /// From a node's features to the finest stage's channels.
+    /// Convolution from node features to the finest stage's channels.
     pub input: GraphConv,
-    /// After it.
+    /// Normalisation of its output.
     pub input_norm: Norm,
     /// Encoder stages, the finest first.
     pub encoder: Vec<Stage>,
-    /// Between them.
+    /// Layers between the encoder's stages, the finest first.
     pub down: Vec<DownSample>,
-    /// Between the decoder's stages, the coarsest first.
+    /// Layers between the decoder's stages, the coarsest first.
     pub up: Vec<UpSample>,
-    /// Decoder stages below the coarsest, the coarsest first.
+    /// Decoder stages after the coarsest, the coarsest first.
     pub decoder: Vec<Stage>,
-    /// For each depth from the full one on: which nodes are occupied.
+    /// Occupancy heads, for each depth from the full depth on.
     pub prediction: Vec<Head>,
-    /// For each depth from the full one on: radiance, opacity, error.
+    /// Heads of radiance, opacity and error, for each depth from the full depth on.
     pub regression: Vec<Head>,
     full_depth: usize,
     max_nodes: usize,
-    /// What a node's share of the single map is a sigmoid of, where the network does not give it.
+    /// Logit of a fixed share of the single map, where the network does not predict it.
     fixed_map_share: Option<f64>,
 }
 
-/// ResBlock(n, c): n residual blocks of c channels.
+/// A stage of residual blocks.
 #[derive(Module, Debug)]
 pub struct Stage {
-    /// The blocks, in order.
+    /// Blocks in order.
     pub blocks: Vec<ResBlock>,
 }
 
@@ -69,10 +69,10 @@ impl Stage {
 }
 
 impl LightNet {
-    /// A network with weights drawn from `seed`.
+    /// Creates a network with weights drawn from `seed`.
     ///
     /// # Errors
-    /// A configuration out of range, with the field's name.
+    /// Names the configuration field that is out of range.
     pub fn new(config: &LightNetConfig, seed: u64, device: &Device) -> Result<Self, LightConfigError> {
         config.validate()?;
         let mut stream = lo_random::stream(seed, "light network", 0);
@@ -110,10 +110,10 @@ impl LightNet {
         })
     }
 
-    /// From what is seen, and the global feature `f_L` `[1, features]` where there is one, to the light of the whole room.
+    /// Predicts the light of the whole room from the observations and an optional `f_L` `[1, features]`.
     ///
     /// # Errors
-    /// An input or a truth of other depths than the network's; predictions that are not finite.
+    /// An input or a true octree of other depths than the network's; predictions that are not finite.
     pub fn forward(
         &self,
         input: &LightInput,
@@ -128,7 +128,7 @@ impl LightNet {
         self.decode(input, skips, growth)
     }
 
-    /// Where the network's weights lie.
+    /// Returns the device of the weights.
     pub fn device(&self) -> Device {
         self.input.weights.val().device()
     }
@@ -147,7 +147,7 @@ impl LightNet {
         }
     }
 
-    /// Features of the encoder's stages, the coarsest first.
+    /// Returns the features of the encoder's stages, the coarsest first.
     fn encode(&self, input: &LightInput, global: Option<Tensor<2>>) -> Vec<Tensor<2>> {
         let weights = self.input.weights.val();
         let options = (&weights.device(), weights.dtype());
@@ -155,7 +155,7 @@ impl LightNet {
         let features = TensorData::new(input.features.clone(), [finest.len(), NODE_FEATURES]);
         let features = Tensor::<2>::from_data(features, options);
         let carried = match global {
-            // f_L joins those nodes that have points which carry it.
+            // Adds `f_L` to nodes in proportion to their share of carriers.
             Some(global) => {
                 let share = features.clone().slice([0..finest.len(), NODE_FEATURES - 1..NODE_FEATURES]);
                 share.matmul(self.global.forward(global))
@@ -233,7 +233,7 @@ impl LightNet {
     }
 }
 
-/// `x[rows, columns]` with a column of `value` put in before column `at`.
+/// Inserts a column of `value` before column `at` of `x[rows, columns]`.
 fn with_column(x: Tensor<2>, at: usize, value: f64) -> Tensor<2> {
     let [rows, columns] = x.dims();
     let column = Tensor::full([rows, 1], value, (&x.device(), x.dtype()));
@@ -242,13 +242,13 @@ fn with_column(x: Tensor<2>, at: usize, value: f64) -> Tensor<2> {
     Tensor::cat(parts, 1)
 }
 
-/// Which nodes of one octree's graph are which of another's: for the skip connections.
+/// Matches the nodes of one octree's graph to those of another, for skip connections.
 fn same_nodes(from: &Octree, from_level: &GraphLevel, to: &Octree, to_level: &GraphLevel) -> Arc<RowMap> {
     let keys = |octree: &Octree, level: &GraphLevel| -> Vec<(u32, u32)> {
         let key = |node: &GraphNode| (node.depth, octree.levels()[node.depth as usize].keys[node.index as usize]);
         level.graph.nodes().iter().map(key).collect()
     };
-    // Both are in the order of depth and key.
+    // Both are sorted by depth and key.
     let mut sources = (0..).zip(keys(from, from_level)).peekable();
     let sources = keys(to, to_level).into_iter().map(|wanted| {
         while sources.next_if(|(_, key)| *key < wanted).is_some() {}
@@ -285,7 +285,7 @@ mod tests {
         LightNetConfig { depth, full_depth: 3, global_features: 4, global_channels: 2, ..small }
     }
 
-    /// The inside of a box room, every wall in its own colour.
+    /// The inside of a box-shaped room, each wall in its own colour.
     fn room() -> (Vec<RadiancePoint>, Cube) {
         let point = |i: u32| {
             let [u, v] = [0.754_877_7, 0.569_840_3f64].map(|a| (2.0 * (0.5 + a * f64::from(i)).fract() - 1.0) as f32);
@@ -384,7 +384,7 @@ mod tests {
         assert_eq!(run(), pool.install(run), "whatever the number of threads");
     }
 
-    /// The heads' last layers start at 0, where nothing behind them has a gradient and no lobe a direction.
+    /// Randomises the last layers of the heads: they start at 0, which blocks gradients and gives lobes no direction.
     fn with_random_heads(mut net: LightNet, device: &Device) -> LightNet {
         let mut stream = lo_random::stream(4, "test", 0);
         for head in net.prediction.iter_mut().chain(&mut net.regression) {
@@ -407,12 +407,12 @@ mod tests {
         let found = numbers(output.rendered(&cones, Settings::default()).unwrap());
         let levels: Vec<Vec<f64>> = output.levels.iter().map(|level| numbers(level.light.clone())).collect();
         let (mut light, _) = output.into_light().unwrap();
-        // In a finished octree what is nearly opaque is opaque.
+        // Restores the opacities that `into_light` rounded up.
         for (rgba, level) in light.rgba[3..].iter_mut().zip(&levels) {
             rgba.iter_mut().zip(level.chunks(8)).for_each(|(rgba, row)| rgba[3] = row[3] as f32);
         }
         let plain = LightOctree { lobes: None, ..light.clone() };
-        // Mean difference, relative, of what tracing of the finished octree sees.
+        // Mean relative difference from tracing the finished octree.
         let difference = |light: &LightOctree| {
             let tracers = apexes.map(|apex| ConeTracer::new(&light.seen_from(apex), Settings::default()).unwrap());
             let expected = cones.iter().enumerate().map(|(i, cone)| f64::from(tracers[i % 2].trace(cone).radiance[1]));
@@ -423,7 +423,7 @@ mod tests {
         assert!(difference(&plain) > 0.02, "{}", difference(&plain));
     }
 
-    /// Parameters in f64; one of them moved.
+    /// Converts parameters to f64 and perturbs one of them.
     struct Wide {
         nudged: Option<(usize, usize, f64)>,
         visited: usize,
@@ -444,7 +444,7 @@ mod tests {
         }
     }
 
-    /// Gradients of all parameters.
+    /// Collects the gradients of all parameters.
     struct Gather<'a>(&'a Gradients, Vec<Vec<f64>>);
 
     impl ModuleVisitor for Gather<'_> {

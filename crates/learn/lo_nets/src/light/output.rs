@@ -12,42 +12,43 @@ use crate::light::lobes::{directions_to_viewer, gains};
 use crate::light::{KnownLight, LightError};
 use crate::rendering::render;
 
-/// Nodes more opaque than this count as opaque: a few percent that shine through cost a ray twice the samples and show nothing
+/// Opacity above which nodes count as opaque. Transmitting a few percent doubles a ray's samples without visible effect
 /// (`docs/design/002-crossing-opacity.md`).
 const OPAQUE: f32 = 0.9;
 
-/// What the light network gives.
+/// Output of the light network.
 #[derive(Debug)]
 pub struct LightOutput {
-    /// The octree that was grown, by predictions or along the truth.
+    /// Octree grown by predictions or along the truth.
     pub octree: Octree,
-    /// Part of the world that it covers.
+    /// Cube that the octree covers.
     pub cube: Cube,
-    /// One for each depth from the full depth on.
+    /// Outputs for each depth from the full depth on.
     pub levels: Vec<LevelOutput>,
-    /// What was not done as predicted: the node budget, nothing predicted.
+    /// Deviations from the prediction: node budget exceeded, nothing predicted.
     pub warnings: Vec<Warning>,
 }
 
-/// The network's outputs at one depth.
+/// Output of the network at one depth.
 #[derive(Debug)]
 pub struct LevelOutput {
-    /// `[nodes of this depth, 1]`: logit of being occupied, which above the finest depth is that of being split.
+    /// Logits of occupancy, `[nodes of this depth, 1]`. Above the finest depth, occupied nodes are split.
     pub logits: Tensor<2>,
-    /// `[non-empty nodes of this depth, 5]`: linear RGB, opacity, expected error of log(1 + radiance). Of a network with lobes
-    /// `[…, 8]`: the lobe behind them, of which RGB is the mean over directions ([`lo_octree::lobe_gain`]).
+    /// Linear RGB, opacity and expected error of log(1 + radiance), `[non-empty nodes of this depth, 5]`.
+    ///
+    /// With lobes `[…, 8]`: the lobe follows, and RGB is the mean over directions ([`lo_octree::lobe_gain`]).
     pub light: Tensor<2>,
-    /// What the photo says of the same nodes.
+    /// Observations of the same nodes.
     pub known: Arc<KnownLight>,
 }
 
 impl LightOutput {
-    /// Whether nodes have lobes.
+    /// Reports whether nodes have lobes.
     pub fn has_lobes(&self) -> bool {
         self.levels[0].light.dims()[1] > LIGHT_CHANNELS
     }
 
-    /// RGBα of all levels, one after the other: `[non-empty nodes from the full depth on, 4]`, as they show themselves at `viewer_m`.
+    /// Returns RGBα of all levels as seen from `viewer_m`, concatenated: `[non-empty nodes from the full depth on, 4]`.
     pub fn rgba_from(&self, viewer_m: Vec3) -> Tensor<2> {
         let depths = self.octree.full_depth()..;
         let of_level = |(depth, level): (u32, &LevelOutput)| {
@@ -62,7 +63,7 @@ impl LightOutput {
         Tensor::cat(depths.zip(&self.levels).map(of_level).collect(), 0)
     }
 
-    /// What cones see, `[cones, 5]` as of [`render`]: of nodes with lobes one rendering for each of the cones' apexes.
+    /// Renders cones as [`render`] does: `[cones, 5]`. With lobes, renders once for each distinct apex.
     ///
     /// # Errors
     /// Settings out of range.
@@ -90,7 +91,9 @@ impl LightOutput {
         Ok(select_rows(rendered, &RowMap::new(sources, cones.len())))
     }
 
-    /// The lighting octree, in which what is nearly opaque is opaque, and for each of its rows how sure the network is: e^−(expected error), in (0, 1].
+    /// Converts to a light octree, with near-opaque nodes made opaque, and the confidence of each row: e^−(expected
+    /// error),
+    /// in (0, 1].
     ///
     /// Levels above the full depth hold the means of those below.
     ///
@@ -132,7 +135,7 @@ impl LightOutput {
     }
 }
 
-/// Of each row of `depth`, its children's rows. All nodes are split here.
+/// Returns the children's rows of each row of `depth`, whose nodes are all split.
 fn families(octree: &Octree, depth: u32) -> Vec<Vec<usize>> {
     let (level, below) = (&octree.levels()[depth as usize], &octree.levels()[depth as usize + 1]);
     let nonempty = (0..level.len()).filter(|&node| level.rows[node] >= 0);

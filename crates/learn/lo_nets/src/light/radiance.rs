@@ -7,29 +7,32 @@ use crate::cpu_ops::{Kernel, Number, unary};
 use crate::light::LightInput;
 use crate::light::channels::{LIGHT_CHANNELS, MAX_RADIANCE, RAW_CHANNELS};
 
-/// The regression module's outputs before anything is learned: the first guess, opaque by `ALPHA_LOGIT`, an error of 0.3, and a first guess of which the
-/// single map has two fifths.
+/// Initial outputs of the regression module: initial radiance, opacity of `ALPHA_LOGIT`, an error of 0.3, and a share
+/// of
+/// 0.4 for the single map.
 pub(crate) const RAW_BIAS: [f32; RAW_CHANNELS] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, -0.405];
 
-/// Logit of the opacity of what nothing is known of: surfaces are opaque.
+/// Opacity logit of unobserved nodes: surfaces are opaque.
 const ALPHA_LOGIT: f64 = 4.0;
 
-/// Known radiance is corrected by a factor of at most e^this above the finest depth: there a node also holds what is not seen of it.
+/// Limit of the log correction of observed radiance above the finest depth, where nodes also contain unobserved
+/// surfaces.
 const COARSE_LOG_GAIN: f64 = 1.0;
 
-/// What the photo says of nodes: linear RGB, logit of opacity, and how far to trust it (0 not at all, 1 wholly), one row a node.
+/// Observed light of nodes: linear RGB, opacity logit and trust (0 to 1), one row for each node.
 #[derive(Debug)]
 pub struct KnownLight {
     rows: Vec<[f32; 5]>,
-    /// Logarithm of the ambient light, which what is not seen begins with.
+    /// Logarithm of ambient light, the initial radiance of unobserved nodes.
     log_ambient: [f32; 3],
-    /// Logarithm of what the single map shows in a node's direction, less that of the ambient light.
+    /// Logarithm of the single map in each node's direction, relative to ambient light.
     log_map_ratio: Vec<[f32; 3]>,
     max_log_gain: f64,
 }
 
 impl KnownLight {
-    /// Of the non-empty nodes of `depth` of `octree`, as far as `visible` has the same nodes; what `input` says is known.
+    /// Collects observations for the non-empty nodes of `depth` of `octree`, as far as `input.visible` has the same
+    /// nodes.
     pub fn of_level(octree: &Octree, depth: u32, input: &LightInput) -> Arc<Self> {
         let visible = &input.visible;
         let level = &octree.levels()[depth as usize];
@@ -52,23 +55,26 @@ impl KnownLight {
         Arc::new(Self { rows, log_ambient, log_map_ratio, max_log_gain })
     }
 
-    /// How far each node is known from the photo, 0 to 1.
+    /// Iterates over each node's trust, 0 to 1.
     pub fn trust(&self) -> impl Iterator<Item = f32> + '_ {
         self.rows.iter().map(|row| row[4])
     }
 }
 
-/// From the regression module's `raw[nodes, 9]` to `[nodes, 5]`: linear RGB in [0, [`MAX_RADIANCE`]], opacity in
-/// [0, 1], and the expected error of log(1 + radiance), at least 0.
+/// Maps the regression module's `raw[nodes, 9]` to `[nodes, 5]`: linear RGB in [0, [`MAX_RADIANCE`]], opacity in [0,
+/// 1], and
+/// expected error of log(1 + radiance), at least 0.
 ///
-/// What is known enters as a residual: `trust · known · e^gain + (1 − trust) · first guess · e^guess`, so that what the photo saw is right before
-/// anything is learned, and stays so at the finest depth, where the gain is 0; and what it did not see begins with a first guess, in whose measure it is
-/// learned: `ambient^(1 − share) · map^share`, the share a sigmoid of the last output.
+/// Radiance is `trust · observed · e^gain + (1 − trust) · initial · e^guess`. Observed radiance is thus right from the
+/// start,
+/// and remains so at the finest depth, where the gain is 0. Unobserved radiance is learned relative to its initial
+/// value
+/// `ambient^(1 − share) · map^share`, where the share is a sigmoid of the last output.
 #[derive(Clone, Debug)]
 pub struct NodeLight(pub Arc<KnownLight>);
 
 impl NodeLight {
-    /// `raw[nodes, 9] → [nodes, 5]`.
+    /// Applies the map: `raw[nodes, 9] → [nodes, 5]`.
     pub fn apply(self, raw: Tensor<2>) -> Tensor<2> {
         unary(raw, self)
     }
@@ -102,7 +108,7 @@ impl NodeLight {
     }
 }
 
-/// log(1 + eˣ) and its derivative.
+/// Returns log(1 + eˣ) and its derivative.
 fn softplus(x: f64) -> (f64, f64) {
     (x.max(0.0) + (-x.abs()).exp().ln_1p(), 1.0 / (1.0 + (-x).exp()))
 }
@@ -111,8 +117,9 @@ fn sigmoid(x: f64) -> f64 {
     1.0 / (1.0 + (-x).exp())
 }
 
-/// The five outputs of a node, and their derivatives by the inputs that move one of them alone: three by the radiance's own guesses, three by the gains, one
-/// by the opacity's, one by the error's. Then those of the three radiances by the map's share.
+/// Returns a node's five outputs, the derivatives by the eight inputs that affect a single output ([`MOVES`]), and
+/// those of
+/// radiance by the map's share.
 fn node_light(
     raw: [f64; RAW_CHANNELS],
     node: usize,
@@ -145,7 +152,7 @@ fn node_light(
     (out, slope, by_share)
 }
 
-/// Which output each of the inputs moves that move one alone.
+/// Index of the output that each of the first eight inputs affects.
 const MOVES: [usize; RAW_CHANNELS - 1] = [0, 1, 2, 0, 1, 2, 3, 4];
 
 fn row<T: Number>(raw: &[T]) -> [f64; RAW_CHANNELS] {
@@ -214,7 +221,7 @@ mod tests {
         assert!((node_light(raw(9.0, 0.0), 0, &told(seen, 1.0)).0[0] / 2.0 - 1f64.exp()).abs() < 1e-6);
         let (out, ..) = node_light(raw(0.0, 0.0), 0, &told([0.0; 5], 1.0));
         assert!((out[0] - f64::from(MAX_RADIANCE)).abs() < 0.1 && out[1] >= 0.0 && out[3] <= 1.0);
-        // Half of the map's 4.5, half of the ambient 1.5, by logarithm.
+        // Half of the map's 4.5 and half of the ambient 1.5, in logarithms.
         assert!((out[2] - 1.5 * 3f64.sqrt() * 2f64.exp()).abs() < 1e-5, "{}", out[2]);
         assert!(out.iter().all(|v| v.is_finite()));
     }
