@@ -1,4 +1,5 @@
-//! The dual octree graph (Wang, Liu & Tong, *Dual Octree Graph Networks*, SIGGRAPH 2022), free of any deep-learning stack.
+//! Dual octree graphs (Wang, Liu & Tong, *Dual Octree Graph Networks*, SIGGRAPH 2022) and their convolution, without a
+//! deep-learning framework.
 
 mod conv;
 mod direction;

@@ -1,8 +1,9 @@
-//! DenseNet-121 at 480 × 320, the work of `densenet121_480x320_*` in the peers' benchmark, EfficientNet-Lite at 384 × 256, its depthwise convolutions, and the
-//! whole depth network. `depth_torch.py` beside this file does the same with PyTorch.
+//! Benchmarks of DenseNet-121 at 480 × 320 (the cases `densenet121_480x320_*` of the peers' benchmark),
+//! EfficientNet-Lite at 384 × 256, its depthwise convolutions, and the whole depth network. `depth_torch.py` beside
+//! this file measures the same with PyTorch.
 //!
-//! `RAYON_NUM_THREADS` sets the threads. `MIMALLOC_PURGE_DELAY=100000` keeps memory between the steps as the peers' `--tuned` does;
-//! `MIMALLOC_SHOW_STATS=1` prints the peak.
+//! `RAYON_NUM_THREADS` sets the number of threads. `MIMALLOC_PURGE_DELAY=100000` keeps memory between steps, as the
+//! peers' `--tuned` does. `MIMALLOC_SHOW_STATS=1` prints peak memory. bf16 products need `--features amx`.
 
 use burn::module::Module;
 use burn::tensor::{Device, Distribution, Tensor};
@@ -17,7 +18,8 @@ use lo_nets::depth::{DenseNet, DepthNet, Encoder, EncoderKind, PatchGan, depth_l
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 fn main() {
-    // On one of rayon's threads: from another, each of some thousand small parallel loops waits for one of them to wake up.
+    // Runs on a pool thread: from other threads, each of some thousand small parallel loops waits for a pool thread to
+    // wake.
     rayon::scope(|_| divan::main());
 }
 
@@ -61,7 +63,7 @@ fn efficientnet_384x256_fwd(bencher: Bencher, encoder: EncoderKind) {
     bencher.bench_local(|| net.forward(photo.clone()));
 }
 
-/// Eight photos.
+/// Trains on eight photos.
 #[divan::bench(sample_count = 5, args = LITES)]
 fn efficientnet_384x256_train(bencher: Bencher, encoder: EncoderKind) {
     let (net, photos) = lite_and_photo(encoder, 8);
@@ -74,7 +76,7 @@ fn efficientnet_384x256_train(bencher: Bencher, encoder: EncoderKind) {
     });
 }
 
-/// Channels, side of the weights, stride, height and width: the depthwise convolutions of EfficientNet-Lite0 at 384 × 256.
+/// Depthwise convolutions of EfficientNet-Lite0 at 384 × 256: channels, kernel side, stride, height and width.
 const DEPTHWISE: [[usize; 5]; 10] = [
     [32, 3, 1, 128, 192],
     [96, 3, 2, 128, 192],
@@ -88,7 +90,7 @@ const DEPTHWISE: [[usize; 5]; 10] = [
     [1152, 5, 1, 8, 12],
 ];
 
-/// A depthwise convolution of so many images, as PyTorch has it padded, and a gradient by its output.
+/// A depthwise convolution with PyTorch's padding, and a gradient of its output.
 struct Depthwise {
     kernel: DepthwiseKernel,
     sizes: [[usize; 2]; 2],
@@ -134,14 +136,14 @@ fn photo() -> Image<[u8; 3]> {
     Image::from_fn(480, 320, |x, y| [x as u8, y as u8, (x / 8 + y / 8) as u8])
 }
 
-/// Depth and the global lighting feature.
+/// Predicts depth and the global lighting feature.
 #[divan::bench(sample_count = 10)]
 fn depth_net_fwd(bencher: Bencher) {
     let (net, photo) = (DepthNet::new(EncoderKind::default(), 64, 1, &Device::flex()), photo());
     bencher.bench_local(|| net.forward(&[&photo]));
 }
 
-/// All losses, a step of the network and one of the discriminator; in f32, and with bf16 products.
+/// Runs a training step of network and discriminator with all losses, in f32 and with bf16 products.
 #[divan::bench(sample_count = 5, args = [false, true])]
 fn depth_net_train(bencher: Bencher, bf16: bool) {
     let (device, photo) = (Device::flex().autodiff(), photo());

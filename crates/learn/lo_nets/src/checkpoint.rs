@@ -55,7 +55,7 @@ pub enum CheckpointError {
         reason: String,
     },
     /// The weights do not match the network.
-    #[error("the weights of \"{module}\" do not fit: {}", .problems.join("; "))]
+    #[error("the weights of \"{module}\" do not match the network: {}", .problems.join("; "))]
     Weights {
         /// Name of the module.
         module: String,
@@ -115,13 +115,12 @@ impl Checkpoint {
             (name, tensor)
         });
         let extra = self.tensors.keys().filter(|key| key.starts_with(&prefix));
-        problems.extend(extra.map(|key| format!("\"{key}\" is not part of it")));
+        problems.extend(extra.map(|key| format!("\"{key}\" is not part of the network")));
         checked(name, loaded, problems)
     }
 
     /// Returns `module` with the values whose stored names are `renamed` of its parameters' names. Other stored values
-    /// are
-    /// ignored. Error messages use `name` for the module.
+    /// are ignored. Error messages use `name` for the module.
     ///
     /// # Errors
     /// Names the values that are missing or of another shape.
@@ -154,7 +153,7 @@ impl Checkpoint {
                 .ok_or_else(|| wrong(format!("\"{key}\" is missing")))
         };
         let (&[high, low], &[beta1, beta2, epsilon]) = (get("steps")?, get("constants")?) else {
-            return Err(wrong("\"steps\" and \"constants\" have two and three values".to_owned()));
+            return Err(wrong("\"steps\" and \"constants\" must have two and three values".to_owned()));
         };
         let mut adam = Adam { beta1, beta2, epsilon, steps: ((high as u64) << 16) + low as u64, ..Adam::default() };
         let prefix = format!("{name}.first.");
@@ -162,7 +161,7 @@ impl Checkpoint {
             let parameter = &key[prefix.len()..];
             let second = get(&format!("second.{parameter}"))?.to_vec();
             if second.len() != first.values.len() {
-                return Err(wrong(format!("the moments of \"{parameter}\" differ in length")));
+                return Err(wrong(format!("the moments of \"{parameter}\" have different lengths")));
             }
             adam.moments.insert(parameter.to_owned(), AdamMoments { first: first.values.clone(), second });
         }
@@ -208,8 +207,7 @@ fn is_recording<M: Module>(module: &M) -> bool {
 }
 
 /// Returns `module` with the values from `get`, and a list of problems. `get` maps a parameter's name to the stored
-/// name
-/// and its tensor.
+/// name and its tensor.
 fn filled<M: Module>(module: M, get: impl FnMut(&str) -> (String, Option<StoredTensor>)) -> (M, Vec<String>) {
     let mut fill = Fill { get, problems: Vec::new(), path: ParameterPath::default() };
     let module = module.map(&mut fill);

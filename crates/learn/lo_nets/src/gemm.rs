@@ -35,8 +35,7 @@ pub trait GemmKernels: Sized {
     fn outer(weights: &[Self], data: &[Self], offsets: &[usize], out: &mut [&mut [Self]]);
 
     /// Computes `out[row][column] = Σ_i Σ_k weights[i · count + k] · data[offsets[i] + (row + k) · pitch + column]` for
-    /// rows
-    /// of `width` numbers.
+    /// rows of `width` numbers.
     ///
     /// # Panics
     /// Where a row, extended to whole vectors of `LANES`, exceeds `data`, or `count` is not in 1..=[`MAX_COLUMN`].

@@ -14,7 +14,7 @@ use crate::conv::in_pool;
 use crate::depth::{DepthNet, DepthNetConfig, EncoderKind, panorama_image};
 use crate::expected::{ExpectedLight, ExpectedLightNet, PhotoStatistics};
 use crate::light::{
-    Growth, LightConfigError, LightError, LightInput, LightNet, LightNetConfig, PhotoView, SeenDetail, VisiblePoint,
+    Growth, LightConfigError, LightError, LightInput, LightNet, LightNetConfig, ObservedDetail, PhotoView, VisiblePoint,
 };
 use crate::plane_snapping::snap_to_planes;
 use crate::test_time_augmentation;
@@ -126,7 +126,7 @@ impl Networks {
         let config = &checkpoint.state[LIGHT_NET];
         let wrong = |what: String| problem(LIGHT_NET, what);
         if config.is_null() {
-            return Err(wrong("the file's metadata holds no configuration of that name".to_owned()));
+            return Err(wrong("the file's metadata has no configuration of that name".to_owned()));
         }
         let depth_config = &checkpoint.state[DEPTH_NET];
         let mut config = config.clone();
@@ -136,20 +136,24 @@ impl Networks {
             return Err(problem(DEPTH_NET, OUTDATED_WEIGHTS.to_owned()));
         }
         let depth_config = DepthNetConfig::deserialize(depth_config)
-            .map_err(|error| problem(DEPTH_NET, format!("its configuration: {error}")))?;
+            .map_err(|error| problem(DEPTH_NET, format!("invalid configuration: {error}")))?;
         if !LONGER_SIDES.contains(&depth_config.longer_side) {
-            let side = depth_config.longer_side;
-            return Err(problem(DEPTH_NET, format!("its configuration: longer_side is {side}")));
+            let (side, least, most) = (depth_config.longer_side, LONGER_SIDES.start(), LONGER_SIDES.end());
+            return Err(problem(
+                DEPTH_NET,
+                format!("invalid configuration: longer_side is {side}; it must be between {least} and {most}"),
+            ));
         }
         let config: LightNetConfig =
-            serde_json::from_value(config).map_err(|error| wrong(format!("its configuration: {error}")))?;
-        config.validate().map_err(|error| wrong(format!("its configuration: {error}")))?;
+            serde_json::from_value(config).map_err(|error| wrong(format!("invalid configuration: {error}")))?;
+        config.validate().map_err(|error| wrong(format!("invalid configuration: {error}")))?;
         let (described, held) = (config.weights(), checkpoint.values_of(LIGHT_NET));
         // Small files must not cause allocations of gigabytes.
         if described > 2 * held {
-            return Err(wrong(format!("its configuration describes {described} weights, but the file holds {held}")));
+            return Err(wrong(format!("the configuration describes {described} weights, but the file has {held}")));
         }
-        let light = LightNet::new(&config, 0, device).map_err(|error| wrong(format!("its configuration: {error}")))?;
+        let light =
+            LightNet::new(&config, 0, device).map_err(|error| wrong(format!("invalid configuration: {error}")))?;
         let light = checkpoint.take_module(LIGHT_NET, light)?;
         let depth = checkpoint.take_module(DEPTH_NET, depth_config.blank(config.global_features, device))?;
         let learned = checkpoint.values_of(EXPECTED_NET) > 0;
@@ -203,8 +207,7 @@ impl Networks {
     }
 
     /// Predicts expected light around a linear photo with its depth and camera. `up` is the unit vector against gravity
-    /// in
-    /// the camera's axes. Returns `None` where the weights were not trained for it.
+    /// in the camera's axes. Returns `None` where the weights were not trained for it.
     ///
     /// # Panics
     /// Where the photo has no pixels.
@@ -227,8 +230,8 @@ impl Networks {
         in_pool(|| GlobalLight(self.depth.global_feature(&self.depth.network_input(photo))))
     }
 
-    /// Predicts global light and camera orientation of an sRGB photo with known depth and lens
-    /// (`half_extent`: [`Camera::half_extent`]). The orientation is `None` where the weights were not trained for it.
+    /// Predicts global light and camera orientation of an sRGB photo with known depth and lens (`half_extent`:
+    /// [`Camera::half_extent`]). The orientation is `None` where the weights were not trained for it.
     ///
     /// One encoder pass serves both. A second, augmented pass refines the orientation.
     ///
@@ -272,9 +275,8 @@ impl Networks {
     /// Predicts the light of the whole room, on an octree grown by the network's own predictions.
     ///
     /// `global` belongs to the first camera, whose observations alone are the input of inference. `seed` draws the
-    /// points
-    /// that carry the global light. Where `octree_depth` exceeds the network's depth, observed leaves are split to
-    /// `octree_depth`; inferred leaves stay coarser.
+    /// points that carry the global light. Where `octree_depth` exceeds the network's depth, observed leaves are split
+    /// to `octree_depth`; inferred leaves stay coarser.
     ///
     /// # Errors
     /// Points or predictions that are not finite; an unsupported octree depth.
@@ -299,7 +301,7 @@ impl Networks {
             if octree_depth > self.config.depth {
                 let points: Vec<RadiancePoint> = points.iter().map(VisiblePoint::radiance_point).collect();
                 let (fine, _) = LightOctree::from_points(&points, cube, octree_depth, self.config.full_depth)?;
-                let detail = SeenDetail { coarse: &input.visible, fine: &fine, free: &input.free };
+                let detail = ObservedDetail { coarse: &input.visible, fine: &fine, free: &input.free };
                 detail.refine(&mut light, &mut confidence)?;
             }
             Ok(CompletedLight { light, confidence, warnings })
@@ -309,7 +311,7 @@ impl Networks {
 
 /// Reported for weights of networks without the photo's colour or gravity as input.
 const OUTDATED_WEIGHTS: &str =
-    "the file is of networks of before 26 November 2026, which did not know the photo's colour and gravity; train anew";
+    "the file was written before 26 November 2026, by networks without the photo's colour and gravity; retrain them";
 
 /// Accepted values of `longer_side` in a file of weights. The upper bound limits memory.
 const LONGER_SIDES: std::ops::RangeInclusive<usize> = 32..=1024;
@@ -362,7 +364,7 @@ mod tests {
         let mut old = checkpoint(&config(), 3);
         old.state[DEPTH_NET]["colour"] = serde_json::json!(false);
         let error = refusal(&old);
-        assert!(error.contains("\"depth_net\"") && error.contains("of before"), "{error}");
+        assert!(error.contains("\"depth_net\"") && error.contains("written before"), "{error}");
         old.state[DEPTH_NET] = serde_json::Value::Null;
         assert_eq!(refusal(&old), error);
         let mut chosen = checkpoint(&config(), 3);
@@ -400,7 +402,7 @@ mod tests {
             refusal(&other)
         };
         let error = with("blocks", serde_json::json!(16));
-        assert!(error.contains("describes") && error.contains("the file holds"), "{error}");
+        assert!(error.contains("describes") && error.contains("the file has"), "{error}");
         let error = with("depth", serde_json::json!(12));
         assert!(error.contains("depth is 12"), "{error}");
         let error = with("colour", serde_json::json!("red"));
@@ -412,7 +414,7 @@ mod tests {
         assert!(refusal(&huge).contains("longer_side is 100000"), "{}", refusal(&huge));
         let mut more = whole.clone();
         more.insert("light_net.hat", &[2], vec![0.0; 2]);
-        assert!(refusal(&more).contains("\"light_net.hat\" is not part of it"));
+        assert!(refusal(&more).contains("\"light_net.hat\" is not part of the network"));
         let mut light_only = Checkpoint::default();
         light_only.state = whole.state.clone();
         light_only.add_module(LIGHT_NET, &LightNet::new(&config(), 1, &Device::flex()).unwrap());

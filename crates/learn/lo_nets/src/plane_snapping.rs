@@ -22,8 +22,7 @@ const MIN_INLIER_SHARE: f32 = 0.05;
 const HYPOTHESES: usize = 600;
 
 /// Distances from a plane, relative to depth: limit for inlier samples, and limit for snapping. Between the two, a
-/// pixel
-/// moves only part of the way.
+/// pixel moves only part of the way.
 const INLIER_TOLERANCE: f32 = 0.03;
 const SNAP_TOLERANCE: f32 = 0.06;
 

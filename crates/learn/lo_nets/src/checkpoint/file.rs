@@ -74,19 +74,22 @@ impl Checkpoint {
         let system = |source| CheckpointError::File { path: path.display().to_string(), source };
         let mut header_length = [0; 8];
         if length < 8 {
-            return Err(content(path, "no .safetensors file: it has less than eight bytes"));
+            return Err(content(path, "not a .safetensors file: it is shorter than eight bytes"));
         }
         file.read_exact(&mut header_length).map_err(system)?;
         let header_length = u64::from_le_bytes(header_length);
         if header_length > length - 8 {
-            return Err(content(path, "no .safetensors file, or a truncated one: its header is longer than the file"));
+            return Err(content(path, "not a .safetensors file, or truncated: its header is longer than the file"));
         }
         let mut header = vec![0; header_length as usize];
         file.read_exact(&mut header).map_err(system)?;
         let header: Metadata = serde_json::from_slice(&header).map_err(|error| content(path, error))?;
         let described = 8 + header_length + header.data_len() as u64;
         if described != length {
-            return Err(content(path, format!("damaged: its header describes {described} bytes, but it has {length}")));
+            return Err(content(
+                path,
+                format!("damaged: its header describes {described} bytes, but the file has {length}"),
+            ));
         }
         // Reads one tensor at a time, to avoid holding the file and the values in memory together.
         let (mut checkpoint, mut bytes) = (Self::default(), Vec::new());
@@ -108,7 +111,12 @@ impl Checkpoint {
                     bytes.as_chunks::<2>().0.iter().map(|&b| half::bf16::from_le_bytes(b).to_f32()).collect()
                 }
                 Dtype::I64 | Dtype::I32 => continue,
-                other => return Err(content(path, format!("tensor \"{name}\" holds {other:?}; floats are wanted"))),
+                other => {
+                    return Err(content(
+                        path,
+                        format!("tensor \"{name}\" has the type {other:?}; only floating-point tensors are supported"),
+                    ));
+                }
             };
             checkpoint.tensors.insert(name, StoredTensor { shape: shape.clone(), values });
         }
@@ -116,7 +124,8 @@ impl Checkpoint {
             let mut json: serde_json::Value = serde_json::from_str(text).map_err(|error| content(path, error))?;
             let version = json["format_version"].as_u64();
             if version != Some(FORMAT_VERSION) {
-                return Err(content(path, format!("format version {version:?}; this program reads {FORMAT_VERSION}")));
+                let found = version.map_or_else(|| "missing".to_owned(), |version| version.to_string());
+                return Err(content(path, format!("format version is {found}; this program reads {FORMAT_VERSION}")));
             }
             checkpoint.state = json["state"].take();
         }

@@ -8,8 +8,7 @@ use crate::cpu_ops::{Kernel, Number, binary, zeros};
 use crate::gemm::LANES;
 
 /// Returns `scale · (x − centre) + shift`. These are the rows of `affine`: `[3, channels]`, or `[3, channels · images]`
-/// for
-/// separate values of each image.
+/// for separate values of each image.
 pub fn scaled(x: Tensor<4>, affine: Tensor<2>) -> Tensor<4> {
     apply(x, affine, Epilogue::None)
 }
@@ -74,8 +73,7 @@ pub(super) fn composed(x: Tensor<4>, affine: Tensor<2>, epilogue: Epilogue) -> T
 }
 
 /// `scale · (x − centre) + shift` on slices. Gradients sum products with x − centre: sums with x alone would lose
-/// precision
-/// by cancellation where the mean is large.
+/// precision by cancellation where the mean is large.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Affine<'a, T> {
     scale: &'a [T],
@@ -243,8 +241,7 @@ fn shared_out<T: Number>(gradient: &[T], width: usize) -> Vec<T> {
 }
 
 /// Backpropagates through [`Affine`] and an optional rectifier. Replaces the output's gradient by that of x, and
-/// returns
-/// that of the affine's rows.
+/// returns that of the affine's rows.
 pub(super) fn through_activation<T: Number>(gradient: &mut [T], x: &[T], affine: Affine<T>, rectified: bool) -> Vec<T> {
     let area = (x.len() / affine.scale.len()).max(1);
     let sums: Vec<[f64; 3]> = gradient

@@ -39,8 +39,7 @@ pub struct BlockProduct<'a> {
     /// Distance, in numbers, between steps.
     pub left_step: usize,
     /// Right matrices as pairs of bf16 numbers ([`bf16_pair`]): `STEP / 2` rows of `BLOCK` pairs for each step. A pair
-    /// holds
-    /// two consecutive rows of a column.
+    /// holds two consecutive rows of a column.
     pub right: &'a [u32],
     /// Offset of each step's first row. Its length is the number of steps.
     pub offsets: &'a [usize],
@@ -62,9 +61,9 @@ impl BlockProduct<'_> {
         };
         let steps = self.offsets.len();
         let left = self.halves[0].max(self.halves[1]) + (TILE - 1) * self.left_stride + (steps - 1) * self.left_step;
-        assert!(left + STEP <= self.left.len(), "a step leaves the left numbers");
+        assert!(left + STEP <= self.left.len(), "a step exceeds the left operand");
         let right = last + self.first + (TILE - 1) * self.right_stride;
-        assert!(right + BLOCK <= self.right.len(), "a step leaves the right numbers");
+        assert!(right + BLOCK <= self.right.len(), "a step exceeds the right operand");
         #[cfg(all(feature = "amx", target_arch = "x86_64", target_os = "linux"))]
         if available() {
             // SAFETY: processor and operating system support AMX; the assertions above keep all reads within the
@@ -98,8 +97,7 @@ impl BlockProduct<'_> {
     unsafe fn amx_block(&self, out: &mut [[f32; BLOCK]; BLOCK]) {
         let [a, b] = self.halves.map(|start| self.left[start..].as_ptr());
         // SAFETY: the function's contract keeps reads within the slices; writes go to `out`. Tiles are configured, used
-        // and
-        // released within this block.
+        // and released within this block.
         unsafe {
             std::arch::asm!(
                 "ldtilecfg [{place}]",
@@ -266,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "leaves the right numbers")]
+    #[should_panic(expected = "exceeds the right operand")]
     fn steps_outside_are_refused() {
         let product = BlockProduct {
             left: &[0; 2048],

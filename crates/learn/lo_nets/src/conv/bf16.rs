@@ -15,12 +15,10 @@ thread_local! {
 }
 
 /// Runs `work`. Where `enabled` and AMX is available, convolutions started on this thread and their gradients multiply
-/// in
-/// bf16 and sum in f32.
+/// in bf16 and sum in f32.
 ///
 /// Tensors stay f32, as in `torch.autocast`. Without AMX, or without the cargo feature `amx`, results do not change.
-/// While
-/// `work` waits, rayon may run foreign jobs on its thread; [`in_pool`] isolates those.
+/// While `work` waits, rayon may run foreign jobs on its thread; [`in_pool`] isolates those.
 pub fn in_bf16<R>(enabled: bool, work: impl FnOnce() -> R) -> R {
     /// Restores the former value, also after a panic.
     struct RestoreOnDrop(bool);

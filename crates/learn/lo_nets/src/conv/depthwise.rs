@@ -59,8 +59,7 @@ impl Kernel for DepthwiseKernel {
 /// An image in the kernel's layout: the pixels of every `step`-th row and column form a plane.
 ///
 /// In this layout, the pixels that one weight multiplies are contiguous. Planes are padded with zeros. Values in
-/// columns
-/// past the output's width are unused.
+/// columns past the output's width are unused.
 struct Planes {
     /// Height and width of the image.
     image: [usize; 2],
@@ -232,8 +231,7 @@ fn convolve<T: Number>(window: &Window, x: &[T], activation: Option<Affine<T>>, 
 }
 
 /// Returns the gradient of the convolved values. For each phase of rows and columns, this is a convolution of the
-/// output's
-/// gradient with some of the weights.
+/// output's gradient with some of the weights.
 fn input_gradient<T: Number>(window: &Window, gradient: &[T], weights: &[T]) -> Vec<T> {
     let Window { input: [height, width], output, stride, padding, kernel, images, .. } = *window;
     // For each phase of rows or columns, the weights that contribute and their shifts.

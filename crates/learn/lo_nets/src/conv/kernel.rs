@@ -13,8 +13,7 @@ use crate::gemm::GROUP;
 const CHANNELS: usize = 32;
 
 /// Convolves `x[channels, images · height · width]` with `weights[outputs, channels · kernel²]` and an optional third
-/// input.
-/// Returns `[outputs, images · height · width]` of the output.
+/// input. Returns `[outputs, images · height · width]` of the output.
 #[derive(Clone, Copy, Debug)]
 pub struct ConvKernel {
     /// Geometry of the convolution.
@@ -33,8 +32,7 @@ pub enum ThirdInput {
     /// `[1, outputs]`: added to the output.
     Bias,
     /// `[3, channels]`: scale, centre and shift. The convolved values are scale · (x − centre) + shift, rectified; they
-    /// are
-    /// never stored.
+    /// are never stored.
     Activation(Rectifier),
 }
 
@@ -140,8 +138,8 @@ fn of_f32s<T: Number>(numbers: Vec<f32>) -> Vec<T> {
     bytemuck::cast_vec(numbers)
 }
 
-/// Arranges `runs` of `length` weights for each row, from `weights(row, run)`, as `[rows / GROUP, runs, length,
-/// GROUP]`.
+/// Arranges `runs` of `length` weights for each row, from `weights(row, run)`, as
+/// `[rows / GROUP, runs, length, GROUP]`.
 fn grouped<'a, T: Number>(
     rows: usize,
     [runs, length]: [usize; 2],

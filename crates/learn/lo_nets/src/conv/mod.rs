@@ -1,8 +1,7 @@
 //! Convolution of images on the CPU, fused with the preceding normalisation and activation, with gradients.
 //!
 //! Images are tensors `[channels, images, height, width]`. The images of a channel are contiguous, so that operations
-//! by
-//! channel (normalisation, weights) have long rows, and operations by pixel need not distinguish images.
+//! by channel (normalisation, weights) have long rows, and operations by pixel need not distinguish images.
 
 mod activation;
 mod amx;

@@ -33,8 +33,7 @@ pub struct Window {
     /// Zero rows and columns before the image.
     pub padding: usize,
     /// Distance of the input's pixels, with zeros between them. Above 1 in gradients, where it is the stride of the
-    /// forward
-    /// convolution.
+    /// forward convolution.
     pub spread: usize,
 }
 

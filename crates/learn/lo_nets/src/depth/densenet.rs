@@ -107,8 +107,7 @@ impl DenseNet {
     }
 
     /// Returns features at 1/2, 1/4, 1/8, 1/16 and 1/32 of `[3, images, height, width]`, whose sides are multiples of
-    /// 32. Their
-    /// channels are [`DENSENET_CHANNELS`].
+    /// 32. Their channels are [`DENSENET_CHANNELS`].
     pub fn forward(&self, x: Tensor<4>) -> [Tensor<4>; 5] {
         let x = conv2d(x, &self.conv0);
         let affine = batch_norm(&self.norm0, ChannelMoments::in_training(&x).as_ref());

@@ -1,6 +1,5 @@
 //! EfficientNet-Lite (Tan & Le, "EfficientNet", ICML 2019; without squeeze-and-excitation and with ReLU6, as published
-//! by
-//! TensorFlow in 2020).
+//! by TensorFlow in 2020).
 
 use burn::module::Module;
 use burn::nn::conv::Conv2d;
@@ -224,8 +223,7 @@ impl EfficientNetLite {
     }
 
     /// Returns features at 1/2, 1/4, 1/8, 1/16 and 1/32 of `[3, images, height, width]`, whose sides are multiples of
-    /// 32. Their
-    /// channels are [`EfficientNetScale::feature_channels`].
+    /// 32. Their channels are [`EfficientNetScale::feature_channels`].
     pub fn forward(&self, x: Tensor<4>) -> [Tensor<4>; 5] {
         let mut x = self.first.forward(self.stem.forward(x));
         let mut features = vec![x.clone()];

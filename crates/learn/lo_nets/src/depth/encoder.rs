@@ -106,8 +106,7 @@ impl Encoder {
     }
 
     /// Returns features at 1/2, 1/4, 1/8, 1/16 and 1/32 of normalised photos `[3, images, height, width]`, whose sides
-    /// are
-    /// multiples of 32.
+    /// are multiples of 32.
     pub fn forward(&self, x: Tensor<4>) -> [Tensor<4>; 5] {
         match self {
             Self::DenseNet(net) => net.forward(x),

@@ -55,8 +55,8 @@ impl GlobalEncoder {
         }
     }
 
-    /// Encodes `[channels, images, height, width]` and the photos' log mean colours `[images, 3]` to `f_L [images,
-    /// features]`.
+    /// Encodes `[channels, images, height, width]` and the photos' log mean colours `[images, 3]` to
+    /// `f_L [images, features]`.
     pub fn forward(&self, x: Tensor<4>, log_colour: Tensor<2>) -> Tensor<2> {
         let cells = adaptive_avg_pool2d(relu(conv2d(x, &self.conv)), CELLS);
         let told = self.output.forward(relu(self.hidden.forward(cells.swap_dims(0, 1).flatten(1, 3))));

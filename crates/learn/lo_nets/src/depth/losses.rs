@@ -12,8 +12,7 @@ pub struct DepthLossConfig {
     /// Mean squared difference of log depth, or of the logarithm of a quantity proportional to depth.
     pub log_depth: f32,
     /// Mean absolute difference of log depth. More robust than the square to pixels on depth edges, and closer to
-    /// abs-rel and
-    /// δ.
+    /// abs-rel and δ.
     pub absolute: f32,
     /// Variance of the difference of log depth, which ignores scale.
     pub scale_invariant: f32,
@@ -22,8 +21,7 @@ pub struct DepthLossConfig {
     /// Mean squared difference of the tone-mapped panorama. Dark regions count as they appear, lamps hardly at all.
     pub panorama_tone: f32,
     /// Difference of the irradiance under the panorama: squared difference of its logarithm, plus twice its angle in
-    /// colour.
-    /// Without it, lamps of uncertain position vanish.
+    /// colour. Without it, lamps of uncertain position vanish.
     pub panorama_irradiance: f32,
     /// Adversarial loss of the panorama.
     pub adversarial: f32,
@@ -75,8 +73,7 @@ pub fn depth_losses(log_depth: Tensor<4>, truths: &[&DepthMap]) -> [Tensor<1>; 3
 }
 
 /// Returns the mean squared differences of log(1 + radiance) and of tone-mapped radiance, and the difference of
-/// irradiance
-/// ([`DepthLossConfig::panorama_irradiance`]).
+/// irradiance ([`DepthLossConfig::panorama_irradiance`]).
 ///
 /// Rows are weighted by solid angle. Means include only panoramas with a known truth.
 /// `panorama[3, images, height, width]` has the size of the `truths`.

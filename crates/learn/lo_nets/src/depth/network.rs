@@ -85,8 +85,7 @@ pub struct DepthOutput {
     /// Log extent, `[1, images, height, width]`: depth along the optical axis times [`Camera::half_extent`], in metres.
     ///
     /// The extent is half the length that the image's longer side spans at a pixel's depth. Sizes in the image
-    /// determine it
-    /// independently of the focal length (canonical camera of Yin et al., "Metric3D", ICCV 2023).
+    /// determine it independently of the focal length (canonical camera of Yin et al., "Metric3D", ICCV 2023).
     pub log_extent: Tensor<4>,
     /// Global lighting features, `[images, features]`.
     pub global: Tensor<2>,

@@ -27,8 +27,7 @@ impl PatchGan {
     /// Returns logits `[1, images, height / 8, width / 8]`.
     ///
     /// `panorama[3, images, height, width]` is linear radiance. `condition[4, images, height, width]` is the observed
-    /// part:
-    /// linear radiance, and a mask that is 1 where observed.
+    /// part: linear radiance, and a mask that is 1 where observed.
     pub fn forward(&self, panorama: Tensor<4>, condition: Tensor<4>) -> Tensor<4> {
         let shown = condition.clone().narrow(0, 0, 3).log1p();
         let mask = condition.narrow(0, 3, 1);

@@ -58,8 +58,7 @@ impl LensHead {
 }
 
 /// Head from the depth decoder's features at 1/8 to the perspective field: up direction, latitude and certainty of each
-/// cell
-/// (Jin et al., CVPR 2023; Veicht et al., ECCV 2024).
+/// cell (Jin et al., CVPR 2023; Veicht et al., ECCV 2024).
 #[derive(Module, Debug)]
 pub struct PerspectiveHead {
     /// 3 × 3 stage.
@@ -95,8 +94,7 @@ impl PerspectiveHead {
     }
 
     /// Predicts from the decoder's `features[channels, images, rows, columns]` of photos of `size` (width, height), and
-    /// the
-    /// encoder's last features.
+    /// the encoder's last features.
     pub(super) fn forward(&self, features: Tensor<4>, encoded: Tensor<4>, size: [usize; 2]) -> PerspectiveOutput {
         let [columns, rows] = size.map(|side| side.div_ceil(CELL));
         let x = conv2d(self.stage.forward(features), &self.output).narrow(2, 0, rows).narrow(3, 0, columns);

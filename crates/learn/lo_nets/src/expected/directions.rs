@@ -5,8 +5,7 @@ use std::f32::consts::{PI, TAU};
 use lo_geometry::Vec3;
 
 /// Returns directions in `rings` rings of constant latitude from +Y to −Y, evenly spaced. The mirror image (x → −x) of
-/// each
-/// direction is also included.
+/// each direction is also included.
 pub(super) fn ring_directions(rings: usize) -> Vec<Vec3> {
     let ring = |ring: usize| {
         let polar_rad = (ring as f32 + 0.5) * PI / rings as f32;

@@ -42,8 +42,7 @@ pub struct PhotoStatistics {
     ///   pixels;
     /// - by viewing direction, in the same directions: the same mean, and root of the share of clipped pixels;
     /// - log R/G and B/G of all pixels, of the brightest tenth, of floors, ceilings, walls and greys, and the shares of
-    ///   the last
-    /// five;
+    ///   the last five;
     /// - log mean luminance, pitch, field of view, log share of clipped pixels, relative deviation of luminance.
     pub values: Vec<f32>,
     /// Mean linear RGB of the photo, above 0.
@@ -87,8 +86,7 @@ impl PhotoStatistics {
     /// Computes the statistics of a linear photo (1 is white).
     ///
     /// `depth_m` is along the optical axis, 0 without a reading. `up` is the unit vector against gravity in the
-    /// camera's axes.
-    /// Photo and depth may have any resolution.
+    /// camera's axes. Photo and depth may have any resolution.
     ///
     /// # Panics
     /// Where the photo has no pixels.

@@ -26,8 +26,7 @@ fn composed(x: Tensor<2>, weights: Tensor<2>, bias: Option<Tensor<2>>) -> Tensor
 }
 
 /// [`linear`] on slices. burn's product is slow in the gradients of tall matrices: 28–55 GFLOP per core and second,
-/// against
-/// 80 forward.
+/// against 80 forward.
 #[derive(Clone, Debug)]
 struct LinearKernel;
 

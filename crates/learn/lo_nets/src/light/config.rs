@@ -127,8 +127,7 @@ impl LightNetConfig {
     /// generated room.
     ///
     /// The default is 1,600,000 at depth 8 and a quarter of that for each depth less. Rooms of seed 7 have 29,000 nodes
-    /// at
-    /// depth 6, 117,000 at 7, and 488,000 at 8.
+    /// at depth 6, 117,000 at 7, and 488,000 at 8.
     pub fn node_budget(&self) -> usize {
         let full = 1usize << (3 * self.full_depth.min(6));
         self.max_nodes.unwrap_or_else(|| (1_600_000 >> (2 * 8u32.saturating_sub(self.depth))).max(2 * full))
@@ -167,8 +166,8 @@ mod tests {
             config.validate().map_err(|error| error.to_string())
         };
         assert_eq!((refusal(0.0), refusal(1.0)), (Ok(()), Ok(())));
-        assert_eq!(refusal(1.5), Err("map_share is 1.5; it goes from 0 to 1".into()));
-        assert_eq!(refusal(f32::NAN), Err("map_share is NaN; it goes from 0 to 1".into()));
+        assert_eq!(refusal(1.5), Err("map_share is 1.5; it must be between 0 and 1".into()));
+        assert_eq!(refusal(f32::NAN), Err("map_share is NaN; it must be between 0 and 1".into()));
     }
 
     #[test]
@@ -184,7 +183,7 @@ mod tests {
         assert_eq!(LightNetConfig { max_nodes: Some(5000), ..all.clone() }.node_budget(), 5000);
         assert_eq!(
             LightNetConfig { max_nodes: Some(4095), ..all }.validate().map_err(|error| error.to_string()),
-            Err("max_nodes is 4095; it must lie in 4096 to 16777216".into())
+            Err("max_nodes is 4095; it must be between 4096 and 16777216".into())
         );
     }
 }

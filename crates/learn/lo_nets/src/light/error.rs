@@ -8,7 +8,9 @@ use crate::light::VisiblePoint;
 #[derive(Debug, thiserror::Error)]
 pub enum LightError {
     /// A point is not finite, or its radiance is negative.
-    #[error("visible point {index} is {point:?}; position, normal and radiance must be finite, radiance not negative")]
+    #[error(
+        "visible point {index} is invalid: position, normal and radiance must be finite, and radiance not negative; it is {point:?}"
+    )]
     Point {
         /// Index of the point.
         index: usize,
@@ -19,7 +21,7 @@ pub enum LightError {
     #[error(transparent)]
     Octree(#[from] OctreeError),
     /// The input, or the octree to grow along, does not have the network's depths.
-    #[error("{what} reaches from depth {got_full} to {got}, but the network from {full} to {depth}")]
+    #[error("{what} has depths {got_full} to {got}, but the network has depths {full} to {depth}")]
     Depths {
         /// Name of the octree.
         what: &'static str,
@@ -33,7 +35,7 @@ pub enum LightError {
         depth: u32,
     },
     /// The true octree covers another cube than the output.
-    #[error("the true octree covers {truth:?}, but the network's {output:?}")]
+    #[error("the true octree covers {truth:?}, but the predicted octree covers {output:?}")]
     Cubes {
         /// Cube of the true octree.
         truth: Cube,
@@ -44,7 +46,7 @@ pub enum LightError {
     #[error(transparent)]
     Settings(#[from] TracerError),
     /// The network's output is NaN or infinite.
-    #[error("the network's {what} at depth {depth} are not finite")]
+    #[error("the network's {what} at depth {depth} are NaN or infinite; check the weights and the input")]
     NotFinite {
         /// Name of the output.
         what: &'static str,
@@ -57,7 +59,7 @@ pub enum LightError {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum LightConfigError {
     /// A field is out of range.
-    #[error("{field} is {value}; it must lie in {min} to {max}")]
+    #[error("{field} is {value}; it must be between {min} and {max}")]
     OutOfRange {
         /// Name of the field of [`LightNetConfig`](crate::light::LightNetConfig).
         field: &'static str,
@@ -69,10 +71,10 @@ pub enum LightConfigError {
         max: usize,
     },
     /// `map_share` is out of range.
-    #[error("map_share is {0}; it goes from 0 to 1")]
+    #[error("map_share is {0}; it must be between 0 and 1")]
     MapShare(f32),
     /// A layer's channels cannot be divided into groups of this size.
-    #[error("{channels} channels do not divide into groups of {group}")]
+    #[error("{channels} channels cannot be divided into groups of {group}; change channels_per_group")]
     Groups {
         /// Channels of a layer.
         channels: usize,

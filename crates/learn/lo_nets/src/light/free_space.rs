@@ -31,17 +31,17 @@ impl FreeSpace {
     /// Where the views have more points than there are.
     pub fn of_photos(points: &[VisiblePoint], views: &[PhotoView]) -> Self {
         let mut rest = points;
-        let before = |view: &PhotoView| {
+        let of_view = |view: &PhotoView| {
             let (own, others) = rest.split_at(view.points);
             rest = others;
             CameraFreeSpace::new(own, view)
         };
-        Self(views.iter().map(before).collect())
+        Self(views.iter().map(of_view).collect())
     }
 
     /// Reports whether any single camera shows the whole node to be empty.
-    pub fn holds(&self, cube: Cube, depth: u32, key: u32) -> bool {
-        self.0.iter().any(|before| before.holds(cube, depth, key))
+    pub fn contains_node(&self, cube: Cube, depth: u32, key: u32) -> bool {
+        self.0.iter().any(|camera| camera.contains_node(cube, depth, key))
     }
 }
 
@@ -60,7 +60,7 @@ impl CameraFreeSpace {
         Self { view, nearest_m }
     }
 
-    fn holds(&self, cube: Cube, depth: u32, key: u32) -> bool {
+    fn contains_node(&self, cube: Cube, depth: u32, key: u32) -> bool {
         let [x, y, z] = xyz_from_key(key).map(|i| i as f32);
         let (mut low, mut high, mut farthest_m) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2], 0.0f64);
         for corner in 0..8 {
@@ -75,9 +75,10 @@ impl CameraFreeSpace {
         if low[0] < 0.0 || low[1] < 0.0 || high[0] >= width as f64 || high[1] >= height as f64 {
             return false;
         }
-        let before = |cell: f32| f64::from(cell) > farthest_m;
-        (low[1] as usize..=high[1] as usize)
-            .all(|v| self.nearest_m[v * width..][low[0] as usize..=high[0] as usize].iter().all(|&cell| before(cell)))
+        let is_behind = |cell: f32| f64::from(cell) > farthest_m;
+        (low[1] as usize..=high[1] as usize).all(|v| {
+            self.nearest_m[v * width..][low[0] as usize..=high[0] as usize].iter().all(|&cell| is_behind(cell))
+        })
     }
 }
 
@@ -107,7 +108,7 @@ mod tests {
         // Nodes of 0.25 m, given by a point inside.
         let holds = |x: f32, y: f32, z: f32| {
             let unit = cube.unit_from_world(Vec3::new(x, y, z)) * 32.0;
-            free.holds(cube, 5, key_from_xyz([unit.x as u32, unit.y as u32, unit.z as u32]))
+            free.contains_node(cube, 5, key_from_xyz([unit.x as u32, unit.y as u32, unit.z as u32]))
         };
         assert!(holds(0.9, 0.4, -2.1) && holds(0.1, 0.1, -0.6));
         assert!(!holds(0.9, 0.4, -2.9), "it holds the wall");
@@ -115,7 +116,7 @@ mod tests {
         assert!(!holds(0.9, 0.4, 1.1) && !holds(0.1, 0.1, -0.1), "behind the camera, and beside it");
         assert!(!holds(2.1, 0.1, -2.1), "cut by the edge of the view");
         assert!(!holds(-1.0, 0.1, -2.1), "before the hole");
-        assert!(!FreeSpace::new(&[], &camera).holds(cube, 5, 0));
+        assert!(!FreeSpace::new(&[], &camera).contains_node(cube, 5, 0));
     }
 
     #[test]
@@ -143,7 +144,7 @@ mod tests {
         let cube = Cube::centred(Vec3::ZERO, 8.0);
         let holds = |x: f32, y: f32, z: f32| {
             let unit = cube.unit_from_world(Vec3::new(x, y, z)) * 32.0;
-            free.holds(cube, 5, key_from_xyz([unit.x as u32, unit.y as u32, unit.z as u32]))
+            free.contains_node(cube, 5, key_from_xyz([unit.x as u32, unit.y as u32, unit.z as u32]))
         };
         assert!(holds(0.9, 0.4, -2.1) && holds(0.6, 0.4, 1.4));
         assert!(!holds(0.6, 0.4, 2.1) && !holds(0.9, 0.4, -3.1), "behind the walls");

@@ -37,7 +37,7 @@ pub(super) fn close(nonempty: &mut [bool], depth: u32, input: &LightInput) {
     let last = (1 << depth) - 1;
     for (key, nonempty) in (0..).zip(nonempty) {
         let at_side = xyz_from_key(key).iter().any(|&at| at == 0 || at == last);
-        *nonempty |= at_side && !input.free.holds(input.cube(), depth, key);
+        *nonempty |= at_side && !input.free.contains_node(input.cube(), depth, key);
     }
 }
 
@@ -58,17 +58,15 @@ impl Labels {
     /// likeliest.
     ///
     /// Below the full depth, nodes are children of occupied nodes. Where a wall's position among small leaves is
-    /// uncertain,
-    /// none of the eight children may be likely. All of them are then kept, except those that photos show to be empty,
-    /// as
-    /// the wall would vanish otherwise.
+    /// uncertain, none of the eight children may be likely. All of them are then kept, except those that photos show to
+    /// be empty, as the wall would vanish otherwise.
     pub fn predicted(logits: &[f32], octree: &Octree, input: &LightInput, most: usize) -> Self {
         let depth = octree.depth();
         let seen = |key: u32| input.visible.row(depth, key).is_some();
         // Observed nodes rank first; observed free space ranks last.
         let score = |(&logit, &key): (&f32, &u32)| match seen(key) {
             true => f32::INFINITY,
-            false if input.free.holds(input.cube(), depth, key) => f32::NEG_INFINITY,
+            false if input.free.contains_node(input.cube(), depth, key) => f32::NEG_INFINITY,
             false => logit,
         };
         let score: Vec<f32> = logits.par_iter().zip(&octree.levels()[depth as usize].keys).map(score).collect();

@@ -1,3 +1,4 @@
+use std::ops::Range;
 use std::sync::Arc;
 
 use lo_geometry::{Camera, Cube, DVec3, Vec3};
@@ -6,6 +7,7 @@ use lo_octree::{Coverage, LightOctree, Octree, RadiancePoint};
 use lo_random::RngExt;
 
 use crate::graph::GraphLevel;
+use crate::light::channels::columns::{CARRIER, CENTRE, CERTAIN, LOG_RADIANCE, NORMAL, OFFSET, VISIBLE};
 use crate::light::channels::{MAX_RADIANCE, NODE_FEATURES};
 use crate::light::{FreeSpace, LightError, LightNetConfig, PhotoView, VisiblePoint};
 
@@ -30,8 +32,7 @@ pub struct LightInput {
     /// - shares of the points that are visible, certain, and carriers of `f_L` (1 each).
     ///
     /// Nodes without points have a centre only. Carriers are black and have no normal, until [`LightInput::with_map`]
-    /// and
-    /// [`LightInput::with_up`] set them.
+    /// and [`LightInput::with_up`] set them.
     pub features: Vec<f32>,
     /// Octree of the visible points. Its `seen` holds the certain shares.
     pub visible: LightOctree,
@@ -48,8 +49,7 @@ impl LightInput {
     /// Builds the input from the visible points and their camera, both in the frame of `cube`.
     ///
     /// Carriers of `f_L` are drawn outside of the view: directions uniform over the sphere, distances from those of the
-    /// visible
-    /// points. Points outside of the cube are ignored.
+    /// visible points. Points outside of the cube are ignored.
     ///
     /// # Errors
     /// The first point that is not finite; depths or a cube that octrees do not support.
@@ -66,8 +66,7 @@ impl LightInput {
     /// Builds the input from several cameras. `points` are grouped by camera in the order of `views`.
     ///
     /// The network infers from the first camera's observations only, as in training. Observations of the other cameras
-    /// replace
-    /// its predictions where available (`docs/design/036-several-photos.md`).
+    /// replace its predictions where available (`docs/design/036-several-photos.md`).
     ///
     /// # Errors
     /// As [`LightInput::new`].
@@ -105,11 +104,10 @@ impl LightInput {
     }
 
     /// Adds the single map. It sets the radiance of `f_L`'s carriers, and is blended into the initial radiance of
-    /// unobserved
-    /// nodes.
+    /// unobserved nodes.
     #[must_use]
     pub fn with_map(mut self, map: RadianceImage) -> Self {
-        self.add_to_carriers(0, |place_m| sample_map(&map, place_m).map(f32::ln_1p));
+        self.add_to_carriers(LOG_RADIANCE, |place_m| sample_map(&map, place_m).map(f32::ln_1p));
         self.map = Some(map);
         self
     }
@@ -117,23 +115,22 @@ impl LightInput {
     /// Adds the unit vector against gravity, by normals of the nodes that carry `f_L`.
     ///
     /// Each gets the normal of a horizontal surface at its position (floor below the camera, ceiling above), scaled by
-    /// the sine
-    /// of its elevation.
+    /// the sine of its elevation.
     #[must_use]
     pub fn with_up(mut self, up: Vec3) -> Self {
-        self.add_to_carriers(9, |place_m| (-place_m.normalize_or_zero().dot(up) * up).to_array());
+        self.add_to_carriers(NORMAL, |place_m| (-place_m.normalize_or_zero().dot(up) * up).to_array());
         self
     }
 
     /// Adds `value_at` of the node's centre to three features of nodes that carry `f_L`, weighted by their share of
     /// carriers.
-    fn add_to_carriers(&mut self, first: usize, value_at: impl Fn(Vec3) -> [f32; 3]) {
+    fn add_to_carriers(&mut self, columns: Range<usize>, value_at: impl Fn(Vec3) -> [f32; 3]) {
         let (half_edge_m, middle_m) = (0.5 * self.cube().edge_m, self.cube().centre_m());
         for row in self.features.chunks_exact_mut(NODE_FEATURES) {
-            let carriers = row[NODE_FEATURES - 1];
+            let carriers = row[CARRIER];
             if carriers > 0.0 {
-                let value_at = value_at(middle_m + half_edge_m * Vec3::new(row[6], row[7], row[8]));
-                row[first..].iter_mut().zip(value_at).for_each(|(sum, value)| *sum += carriers * value);
+                let values = value_at(middle_m + half_edge_m * Vec3::from_slice(&row[CENTRE]));
+                row[columns.clone()].iter_mut().zip(values).for_each(|(sum, value)| *sum += carriers * value);
             }
         }
     }
@@ -180,7 +177,7 @@ fn carriers(points: &[VisiblePoint], views: &[PhotoView], cube: Cube, seed: u64)
         return Vec::new();
     }
     let mut stream = lo_random::stream(seed, "global light points", 0);
-    let in_view = |point: Vec3| views.iter().any(|view| view.holds(point));
+    let in_view = |point: Vec3| views.iter().any(|view| view.contains(point));
     (0..GLOBAL_POINTS)
         .filter_map(|_| {
             let z: f32 = stream.random_range(-1.0..1.0);
@@ -193,44 +190,65 @@ fn carriers(points: &[VisiblePoint], views: &[PhotoView], cube: Cube, seed: u64)
         .collect()
 }
 
+/// Features that a point adds to its node.
+#[derive(Default)]
+struct PointFeatures {
+    log_radiance: [f32; 3],
+    normal: [f32; 3],
+    visible: f32,
+    certain: f32,
+    carrier: f32,
+}
+
 fn features(light: &LightOctree, finest: &GraphLevel, points: &[VisiblePoint], carriers: &[Vec3]) -> Vec<f32> {
     let (octree, cube) = (&light.octree, light.cube);
     let graph = &finest.graph;
     let mut features = vec![0.0f32; graph.len() * NODE_FEATURES];
     for (node, row) in graph.nodes().iter().zip(features.chunks_exact_mut(NODE_FEATURES)) {
         let xyz = lo_octree::xyz_from_key(octree.levels()[node.depth as usize].keys[node.index as usize]);
-        for axis in 0..3 {
-            row[6 + axis] = (2.0 * xyz[axis] as f32 + 1.0) / (1u32 << node.depth) as f32 - 1.0;
+        for (centre, coordinate) in row[CENTRE].iter_mut().zip(xyz) {
+            *centre = (2.0 * coordinate as f32 + 1.0) / (1u32 << node.depth) as f32 - 1.0;
         }
     }
     let mut counts = vec![0u32; graph.len()];
     let depth = octree.depth();
-    let mut add = |position_m: Vec3, values: [f32; 9]| {
+    let mut add = |position_m: Vec3, point: PointFeatures| {
         if let Some((found, node)) = light.locate(position_m, depth)
             && found == depth
         {
             let node = graph.first_finest() + node;
             let row = &mut features[node * NODE_FEATURES..][..NODE_FEATURES];
-            let offset = cube.unit_from_world(position_m) * 2.0 - Vec3::ONE - Vec3::new(row[6], row[7], row[8]);
+            let offset = cube.unit_from_world(position_m) * 2.0 - Vec3::ONE - Vec3::from_slice(&row[CENTRE]);
             let offset = offset * (1u32 << depth) as f32;
             counts[node] += 1;
-            let [r, g, b, nx, ny, nz, visible, certain, carrier] = values;
-            let added = [r, g, b, offset.x, offset.y, offset.z, 0.0, 0.0, 0.0, nx, ny, nz, visible, certain, carrier];
-            row.iter_mut().zip(added).for_each(|(sum, value)| *sum += value);
+            for (columns, added) in
+                [(LOG_RADIANCE, point.log_radiance), (OFFSET, offset.to_array()), (NORMAL, point.normal)]
+            {
+                row[columns].iter_mut().zip(added).for_each(|(sum, value)| *sum += value);
+            }
+            for (column, added) in [(VISIBLE, point.visible), (CERTAIN, point.certain), (CARRIER, point.carrier)] {
+                row[column] += added;
+            }
         }
     };
     for point in points {
-        let [r, g, b] = point.radiance.map(f32::ln_1p);
-        let Vec3 { x, y, z } = point.normal;
-        add(point.position_m, [r, g, b, x, y, z, 1.0, f32::from(u8::from(point.certain)), 0.0]);
+        let own = PointFeatures {
+            log_radiance: point.radiance.map(f32::ln_1p),
+            normal: point.normal.to_array(),
+            visible: 1.0,
+            certain: f32::from(u8::from(point.certain)),
+            carrier: 0.0,
+        };
+        add(point.position_m, own);
     }
     for &carrier in carriers {
-        add(carrier, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
+        add(carrier, PointFeatures { carrier: 1.0, ..PointFeatures::default() });
     }
     for (row, count) in features.chunks_exact_mut(NODE_FEATURES).zip(counts).filter(|(_, count)| *count > 1) {
         let share = 1.0 / count as f32;
-        row[..6].iter_mut().for_each(|sum| *sum *= share);
-        row[9..].iter_mut().for_each(|sum| *sum *= share);
+        // All columns but the centre are means over the points.
+        row[..CENTRE.start].iter_mut().for_each(|sum| *sum *= share);
+        row[CENTRE.end..].iter_mut().for_each(|sum| *sum *= share);
     }
     features
 }
@@ -260,18 +278,18 @@ mod tests {
         let graph = &input.levels.last().unwrap().graph;
         let rows: Vec<&[f32]> = input.features.chunks_exact(NODE_FEATURES).collect();
         assert_eq!(rows.len(), graph.len());
-        let seen: Vec<&&[f32]> = rows.iter().filter(|row| row[12] > 0.0).collect();
+        let seen: Vec<&&[f32]> = rows.iter().filter(|row| row[VISIBLE] > 0.0).collect();
         assert_eq!(seen.len(), 1, "both lie in one leaf of half a metre");
         let row = seen[0];
-        assert!((row[0] - 2f32.ln()).abs() < 1e-6 && (row[2] - 4f32.ln()).abs() < 1e-6);
+        assert!((row[LOG_RADIANCE][0] - 2f32.ln()).abs() < 1e-6 && (row[LOG_RADIANCE][2] - 4f32.ln()).abs() < 1e-6);
         // The leaf is [0, 0.5] × [0, 0.5] × [−3.5, −3], its centre (0.25, 0.25, −3.25).
         let close = |got: &[f32], expected: [f32; 3]| got.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-4);
-        assert!(close(&row[3..6], [-0.2, -0.2, 0.6]), "{:?}", &row[3..6]);
-        assert!(close(&row[6..9], [0.0625, 0.0625, -0.8125]), "{:?}", &row[6..9]);
-        assert!(close(&row[9..12], [0.0, 0.0, 1.0]) && close(&row[12..], [1.0, 0.5, 0.0]));
-        let carriers = rows.iter().filter(|row| row[14] > 0.0).count();
+        assert!(close(&row[OFFSET], [-0.2, -0.2, 0.6]), "{:?}", &row[OFFSET]);
+        assert!(close(&row[CENTRE], [0.0625, 0.0625, -0.8125]), "{:?}", &row[CENTRE]);
+        assert!(close(&row[NORMAL], [0.0, 0.0, 1.0]) && close(&row[VISIBLE..], [1.0, 0.5, 0.0]));
+        let carriers = rows.iter().filter(|row| row[CARRIER] > 0.0).count();
         assert!(carriers > 100, "{carriers} leaves of carriers");
-        assert!(rows.iter().all(|row| row[12] + row[14] < 1.001));
+        assert!(rows.iter().all(|row| row[VISIBLE] + row[CARRIER] < 1.001));
     }
 
     #[test]
@@ -287,13 +305,13 @@ mod tests {
         let input = plain.with_map(radiance);
         let mut shown = 0;
         for (row, before) in input.features.chunks_exact(NODE_FEATURES).zip(features.chunks_exact(NODE_FEATURES)) {
-            assert_eq!(row[3..], before[3..]);
-            if before[14] < 1.0 || row[6].abs() < 0.2 {
+            assert_eq!(row[LOG_RADIANCE.end..], before[LOG_RADIANCE.end..]);
+            if before[CARRIER] < 1.0 || row[CENTRE][0].abs() < 0.2 {
                 continue;
             }
             shown += 1;
-            let expected: [f32; 3] = if row[6] > 0.0 { [4.0, 2.0, 1.0] } else { [0.5; 3] };
-            assert!(row[..3].iter().zip(expected).all(|(a, b)| (a - b.ln_1p()).abs() < 1e-5), "{row:?}");
+            let expected: [f32; 3] = if row[CENTRE][0] > 0.0 { [4.0, 2.0, 1.0] } else { [0.5; 3] };
+            assert!(row[LOG_RADIANCE].iter().zip(expected).all(|(a, b)| (a - b.ln_1p()).abs() < 1e-5), "{row:?}");
         }
         assert!(shown > 100, "{shown} leaves of carriers");
         let right = input.map_towards(Vec3::new(2.0, 0.0, 0.1));
@@ -308,9 +326,9 @@ mod tests {
         let input = plain.with_up(up);
         let mut value_at = 0;
         for (row, before) in input.features.chunks_exact(NODE_FEATURES).zip(features.chunks_exact(NODE_FEATURES)) {
-            assert_eq!((&row[..9], &row[12..]), (&before[..9], &before[12..]));
-            let (normal, centre) = (Vec3::new(row[9], row[10], row[11]), Vec3::new(row[6], row[7], row[8]));
-            if before[14] < 1.0 {
+            assert_eq!((&row[..NORMAL.start], &row[NORMAL.end..]), (&before[..NORMAL.start], &before[NORMAL.end..]));
+            let (normal, centre) = (Vec3::from_slice(&row[NORMAL]), Vec3::from_slice(&row[CENTRE]));
+            if before[CARRIER] < 1.0 {
                 continue;
             }
             value_at += 1;
@@ -359,6 +377,6 @@ mod tests {
     #[test]
     fn a_photo_without_depth_is_an_input_too() {
         let input = input(&[]).unwrap();
-        assert!(input.features.chunks_exact(NODE_FEATURES).all(|row| row[..6].iter().all(|&v| v == 0.0)));
+        assert!(input.features.chunks_exact(NODE_FEATURES).all(|row| row[..CENTRE.start].iter().all(|&v| v == 0.0)));
     }
 }

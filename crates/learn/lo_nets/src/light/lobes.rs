@@ -4,18 +4,18 @@ use burn::tensor::{Tensor, TensorData};
 use lo_geometry::{Cube, Vec3};
 use lo_octree::{MIN_SHARPNESS, Octree, node_middle_m};
 
-use crate::light::KnownLight;
+use crate::light::ObservedLight;
 
 /// Limit of each component of a lobe: the peak is at most about eighty times the mean.
 const MAX_SHARPNESS: f64 = 24.0;
 
 /// Maps `raw[nodes, 3]` to lobes. Observed nodes have none: their radiance towards the camera is known and must not
 /// change.
-pub(crate) fn lobes(raw: Tensor<2>, known: &KnownLight) -> Tensor<2> {
-    let doubt: Vec<f32> = known.trust().map(|trust| 1.0 - trust).collect();
-    let size = [doubt.len(), 1];
-    let doubt = Tensor::<2>::from_data(TensorData::new(doubt, size), (&raw.device(), raw.dtype()));
-    (raw / MAX_SHARPNESS).tanh() * MAX_SHARPNESS * doubt
+pub(crate) fn lobes(raw: Tensor<2>, observed: &ObservedLight) -> Tensor<2> {
+    let unobserved: Vec<f32> = observed.trust().map(|trust| 1.0 - trust).collect();
+    let size = [unobserved.len(), 1];
+    let unobserved = Tensor::<2>::from_data(TensorData::new(unobserved, size), (&raw.device(), raw.dtype()));
+    (raw / MAX_SHARPNESS).tanh() * MAX_SHARPNESS * unobserved
 }
 
 /// Returns unit directions from the centres of a depth's non-empty nodes to a viewer, three numbers each.

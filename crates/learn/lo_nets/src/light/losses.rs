@@ -19,12 +19,10 @@ pub struct LightLossConfig {
     /// λ_li: squared difference of log(1 + radiance) over rays of novel views.
     pub novel_radiance: f32,
     /// Squared difference of tone-mapped radiance over rays of novel views. Not in the paper: with log(1 + radiance)
-    /// alone, a
-    /// lamp of uncertain position brightens the whole room.
+    /// alone, a lamp of uncertain position brightens the whole room.
     pub novel_tone: f32,
     /// Difference of the irradiance at novel views, integrated over the rays: squared difference of its logarithm, plus
-    /// twice
-    /// its angle in colour. Not in the paper: without it, lamps of uncertain position vanish.
+    /// twice its angle in colour. Not in the paper: without it, lamps of uncertain position vanish.
     pub novel_irradiance: f32,
     /// λ_ld: squared difference of log(1 + distance in metres) over rays of novel views.
     pub novel_distance: f32,
@@ -33,8 +31,7 @@ pub struct LightLossConfig {
     /// `L_visible`: as λ_ld, over rays of the photo.
     pub visible_distance: f32,
     /// Squared difference of log(1 + radiance) of the nodes, averaged over the depths. Not in the paper, which
-    /// supervises
-    /// radiance by rays alone. Nodes give a denser signal where the true octree is known.
+    /// supervises radiance by rays alone. Nodes give a denser signal where the true octree is known.
     pub node_radiance: f32,
     /// Difference between expected and actual error of the nodes, which trains the confidence.
     pub node_error: f32,

@@ -8,13 +8,14 @@ use lo_random::Stream;
 
 use crate::graph::{Activation, GraphLevel, RowMap, select_rows};
 use crate::layers::{DownSample, GraphConv, Head, Linear, Norm, ResBlock, UpSample};
+use crate::light::channels::columns::CARRIER;
 use crate::light::channels::{LOBE_CHANNELS, RAW_CHANNELS};
 use crate::light::growth::{Labels, close, most_splits};
 use crate::light::lobes::lobes;
 use crate::light::radiance::RAW_BIAS;
 use crate::light::{
-    Growth, KnownLight, LevelOutput, LightConfigError, LightError, LightInput, LightNetConfig, LightOutput,
-    NODE_FEATURES, NodeLight,
+    Growth, LevelOutput, LightConfigError, LightError, LightInput, LightNetConfig, LightOutput, NODE_FEATURES,
+    NodeLight, ObservedLight,
 };
 
 /// Initial logit of a node's occupancy: most of a room is air.
@@ -157,7 +158,7 @@ impl LightNet {
         let carried = match global {
             // Adds `f_L` to nodes in proportion to their share of carriers.
             Some(global) => {
-                let share = features.clone().slice([0..finest.len(), NODE_FEATURES - 1..NODE_FEATURES]);
+                let share = features.clone().slice([0..finest.len(), CARRIER..CARRIER + 1]);
                 share.matmul(self.global.forward(global))
             }
             None => Tensor::zeros([finest.len(), self.global.weights.dims()[1]], options),
@@ -211,7 +212,7 @@ impl LightNet {
                 close(&mut nonempty, depth, input);
             }
             octree.set_nonempty(&nonempty)?;
-            let known = KnownLight::of_level(&octree, depth, input);
+            let observed = ObservedLight::of_level(&octree, depth, input);
             let occupied = (0..nonempty.len() as u32).filter(|&node| nonempty[node as usize]);
             let raw = select_rows(own, &RowMap::new(occupied.map(Some), finest.len()));
             let raw = self.regression[stage].forward(raw);
@@ -219,11 +220,11 @@ impl LightNet {
                 Some(share) => with_column(raw, RAW_CHANNELS - 1, share),
                 None => raw,
             };
-            let mut light = NodeLight(known.clone()).apply(raw.clone().narrow(1, 0, RAW_CHANNELS));
+            let mut light = NodeLight(observed.clone()).apply(raw.clone().narrow(1, 0, RAW_CHANNELS));
             if raw.dims()[1] > RAW_CHANNELS {
-                light = Tensor::cat(vec![light, lobes(raw.narrow(1, RAW_CHANNELS, LOBE_CHANNELS), &known)], 1);
+                light = Tensor::cat(vec![light, lobes(raw.narrow(1, RAW_CHANNELS, LOBE_CHANNELS), &observed)], 1);
             }
-            levels.push(LevelOutput { logits, light, known });
+            levels.push(LevelOutput { logits, light, observed });
             if !last {
                 octree.grow(&labels.nonempty)?;
                 level = level.extended(&octree);
@@ -556,6 +557,6 @@ mod tests {
         let deeper = LightNetConfig { depth: 6, ..config };
         let (input, _) = input(&deeper);
         let error = net.forward(&input, None, Growth::Predicted).unwrap_err();
-        assert!(error.to_string().contains("from depth 3 to 6"), "{error}");
+        assert!(error.to_string().contains("depths 3 to 6"), "{error}");
     }
 }

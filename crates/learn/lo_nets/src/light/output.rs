@@ -9,7 +9,7 @@ use lo_octree::{LightOctree, MAX_ALPHA, Octree};
 use crate::graph::{RowMap, select_rows};
 use crate::light::channels::{LIGHT_CHANNELS, LOBE_CHANNELS};
 use crate::light::lobes::{directions_to_viewer, gains};
-use crate::light::{KnownLight, LightError};
+use crate::light::{LightError, ObservedLight};
 use crate::rendering::render;
 
 /// Opacity above which nodes count as opaque. Transmitting a few percent doubles a ray's samples without visible effect
@@ -39,7 +39,7 @@ pub struct LevelOutput {
     /// With lobes `[…, 8]`: the lobe follows, and RGB is the mean over directions ([`lo_octree::lobe_gain`]).
     pub light: Tensor<2>,
     /// Observations of the same nodes.
-    pub known: Arc<KnownLight>,
+    pub observed: Arc<ObservedLight>,
 }
 
 impl LightOutput {
@@ -92,8 +92,7 @@ impl LightOutput {
     }
 
     /// Converts to a light octree, with near-opaque nodes made opaque, and the confidence of each row: e^−(expected
-    /// error),
-    /// in (0, 1].
+    /// error), in (0, 1].
     ///
     /// Levels above the full depth hold the means of those below.
     ///
@@ -117,7 +116,7 @@ impl LightOutput {
             if has_lobes {
                 lobes.push(rows().map(|row| [row[5], row[6], row[7]]).collect());
             }
-            seen.push(level.known.trust().map(|trust| (255.0 * trust).round() as u8).collect());
+            seen.push(level.observed.trust().map(|trust| (255.0 * trust).round() as u8).collect());
         }
         let mut light =
             LightOctree { octree: self.octree, cube: self.cube, rgba, seen, lobes: has_lobes.then_some(lobes) };

@@ -23,7 +23,7 @@ impl PhotoView {
     }
 
     /// Reports whether a point lies within the view, occluded or not.
-    pub(crate) fn holds(&self, point: Vec3) -> bool {
+    pub(crate) fn contains(&self, point: Vec3) -> bool {
         self.project(point).is_some_and(|(u, v, _)| self.camera.contains(u, v))
     }
 }

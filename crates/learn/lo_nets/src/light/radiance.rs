@@ -8,8 +8,7 @@ use crate::light::LightInput;
 use crate::light::channels::{LIGHT_CHANNELS, MAX_RADIANCE, RAW_CHANNELS};
 
 /// Initial outputs of the regression module: initial radiance, opacity of `ALPHA_LOGIT`, an error of 0.3, and a share
-/// of
-/// 0.4 for the single map.
+/// of 0.4 for the single map.
 pub(crate) const RAW_BIAS: [f32; RAW_CHANNELS] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, -0.405];
 
 /// Opacity logit of unobserved nodes: surfaces are opaque.
@@ -21,7 +20,7 @@ const COARSE_LOG_GAIN: f64 = 1.0;
 
 /// Observed light of nodes: linear RGB, opacity logit and trust (0 to 1), one row for each node.
 #[derive(Debug)]
-pub struct KnownLight {
+pub struct ObservedLight {
     rows: Vec<[f32; 5]>,
     /// Logarithm of ambient light, the initial radiance of unobserved nodes.
     log_ambient: [f32; 3],
@@ -30,7 +29,7 @@ pub struct KnownLight {
     max_log_gain: f64,
 }
 
-impl KnownLight {
+impl ObservedLight {
     /// Collects observations for the non-empty nodes of `depth` of `octree`, as far as `input.visible` has the same
     /// nodes.
     pub fn of_level(octree: &Octree, depth: u32, input: &LightInput) -> Arc<Self> {
@@ -62,16 +61,13 @@ impl KnownLight {
 }
 
 /// Maps the regression module's `raw[nodes, 9]` to `[nodes, 5]`: linear RGB in [0, [`MAX_RADIANCE`]], opacity in [0,
-/// 1], and
-/// expected error of log(1 + radiance), at least 0.
+/// 1], and expected error of log(1 + radiance), at least 0.
 ///
 /// Radiance is `trust · observed · e^gain + (1 − trust) · initial · e^guess`. Observed radiance is thus right from the
-/// start,
-/// and remains so at the finest depth, where the gain is 0. Unobserved radiance is learned relative to its initial
-/// value
-/// `ambient^(1 − share) · map^share`, where the share is a sigmoid of the last output.
+/// start, and remains so at the finest depth, where the gain is 0. Unobserved radiance is learned relative to its
+/// initial value `ambient^(1 − share) · map^share`, where the share is a sigmoid of the last output.
 #[derive(Clone, Debug)]
-pub struct NodeLight(pub Arc<KnownLight>);
+pub struct NodeLight(pub Arc<ObservedLight>);
 
 impl NodeLight {
     /// Applies the map: `raw[nodes, 9] → [nodes, 5]`.
@@ -118,12 +114,11 @@ fn sigmoid(x: f64) -> f64 {
 }
 
 /// Returns a node's five outputs, the derivatives by the eight inputs that affect a single output ([`MOVES`]), and
-/// those of
-/// radiance by the map's share.
+/// those of radiance by the map's share.
 fn node_light(
     raw: [f64; RAW_CHANNELS],
     node: usize,
-    light: &KnownLight,
+    light: &ObservedLight,
 ) -> ([f64; LIGHT_CHANNELS], [f64; MOVES.len()], [f64; 3]) {
     let known = &light.rows[node];
     let (mut out, mut slope, mut by_share) = ([0.0; LIGHT_CHANNELS], [0.0; MOVES.len()], [0.0; 3]);
@@ -192,10 +187,10 @@ mod tests {
     use super::*;
     use crate::testing::{assert_gradients, assert_same_function};
 
-    fn known(max_log_gain: f64) -> Arc<KnownLight> {
+    fn known(max_log_gain: f64) -> Arc<ObservedLight> {
         let rows = (0..20).map(|i| [i as f32, 0.5, 0.0, 2.0, [0.0, 0.4, 1.0][i % 3]]).collect();
         let log_map_ratio = (0..20).map(|i| [0.5, 0.2 + 0.1 * i as f32, -1.5]).collect();
-        Arc::new(KnownLight { rows, log_ambient: [-0.7, 0.1, 0.4], log_map_ratio, max_log_gain })
+        Arc::new(ObservedLight { rows, log_ambient: [-0.7, 0.1, 0.4], log_map_ratio, max_log_gain })
     }
 
     #[test]
@@ -209,7 +204,7 @@ mod tests {
     #[test]
     fn trusted_radiance_is_kept_and_nothing_is_infinite() {
         let raw = |gain, share| [500.0, -500.0, 2.0, gain, gain, gain, 900.0, 900.0, share];
-        let told = |known: [f32; 5], max_log_gain| KnownLight {
+        let told = |known: [f32; 5], max_log_gain| ObservedLight {
             rows: vec![known],
             log_ambient: [0.5f32, 0.2, 1.5].map(f32::ln),
             log_map_ratio: vec![[0.0, 1.0, 3f32.ln()]],

@@ -18,8 +18,7 @@ pub struct Rays {
 
 impl Rays {
     /// Draws `count` pixels of a linear RGB photo taken from the origin, and keeps those that are not clipped (all
-    /// channels below
-    /// `white`) and have a depth reading (metres along the optical axis, same size).
+    /// channels below `white`) and have a depth reading (metres along the optical axis, same size).
     pub fn of_photo(
         photo: &Image<[f32; 3]>,
         depth_m: &DepthMap,

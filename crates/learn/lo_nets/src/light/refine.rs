@@ -5,7 +5,7 @@ use lo_octree::{LightOctree, Neighbours, OctreeError};
 use crate::light::{FreeSpace, MAX_RADIANCE};
 
 /// Observations as octrees of two depths.
-pub(crate) struct SeenDetail<'a> {
+pub(crate) struct ObservedDetail<'a> {
     /// Octree of the depth that is to be refined. Its `seen` holds the certain shares.
     pub coarse: &'a LightOctree,
     /// Octree of the requested depth. Its `seen` holds the certain shares.
@@ -14,14 +14,12 @@ pub(crate) struct SeenDetail<'a> {
     pub free: &'a FreeSpace,
 }
 
-impl SeenDetail<'_> {
+impl ObservedDetail<'_> {
     /// Splits the observed leaves of `light`, and their rows of `confidence`, down to the depth of the finer octree.
     ///
     /// Observed children take the observed radiance, as far as it is certain. The remaining radiance is interpolated
-    /// between the
-    /// surrounding leaves. Children inherit the leaf's opacity, so that surfaces keep their thickness, except for
-    /// observed free
-    /// space in front of them. Unobserved leaves do not change.
+    /// between the surrounding leaves. Children inherit the leaf's opacity, so that surfaces keep their thickness,
+    /// except for observed free space in front of them. Unobserved leaves do not change.
     ///
     /// # Errors
     /// None for octrees of the same cube.
@@ -38,7 +36,7 @@ impl SeenDetail<'_> {
                 for child in 0..8 {
                     let key = finest.keys[parent] << 3 | child;
                     let known = known(self.fine, depth + 1, key);
-                    let occupied = known.is_some() || !self.free.holds(light.cube, depth + 1, key);
+                    let occupied = known.is_some() || !self.free.contains_node(light.cube, depth + 1, key);
                     nonempty.push(occupied);
                     if occupied {
                         let around = ParentNeighbourhood::new(&neighbours[parent], &finest.rows, child);
@@ -205,7 +203,7 @@ mod tests {
             light.rgba.iter().map(|rows| (0..rows.len()).map(|row| 1.0 / (1.0 + row as f32)).collect()).collect();
         let (coarse, fine) = (octree_of(&points, 5), octree_of(&points, 7));
         let free = FreeSpace::new(&points, &camera);
-        SeenDetail { coarse: &coarse, fine: &fine, free: &free }.refine(&mut light, &mut confidence).unwrap();
+        ObservedDetail { coarse: &coarse, fine: &fine, free: &free }.refine(&mut light, &mut confidence).unwrap();
         assert_eq!(light.octree.depth(), 7);
         assert_eq!((&light.rgba[..6], &light.seen[..6]), (&before.rgba[..], &before.seen[..]));
         assert!(confidence.iter().map(Vec::len).eq(light.rgba.iter().map(Vec::len)));
@@ -248,7 +246,7 @@ mod tests {
         }
         let free = FreeSpace::new(&points, &camera);
         let mut confidence = light.rgba.iter().map(|rows| vec![1.0; rows.len()]).collect();
-        SeenDetail { coarse: &coarse, fine: &fine, free: &free }.refine(&mut light, &mut confidence).unwrap();
+        ObservedDetail { coarse: &coarse, fine: &fine, free: &free }.refine(&mut light, &mut confidence).unwrap();
         let keys = light.octree.levels()[7].row_keys().map(|key| light.node_middle_m(7, key));
         let inside: Vec<_> = keys.zip(&light.rgba[7]).filter(|(middle, _)| middle.truncate().length() < 1.8).collect();
         assert!(inside.len() > 2000, "{}", inside.len());
@@ -267,7 +265,7 @@ mod tests {
         let mut light = same.clone();
         let mut confidence = light.rgba.iter().map(|rows| vec![1.0; rows.len()]).collect();
         let free = FreeSpace::new(&points, &camera);
-        SeenDetail { coarse: &same, fine: &same, free: &free }.refine(&mut light, &mut confidence).unwrap();
+        ObservedDetail { coarse: &same, fine: &same, free: &free }.refine(&mut light, &mut confidence).unwrap();
         assert_eq!(light, same);
     }
 }

@@ -19,8 +19,7 @@ impl VisiblePoint {
     /// Collects the points of a linear RGB photo with a depth map of the same size.
     ///
     /// Values of at least `white` in any channel count as clipped. Depth is in metres along the optical axis, 0 or NaN
-    /// without a
-    /// reading. Normals, where known, are in the camera's axes.
+    /// without a reading. Normals, where known, are in the camera's axes.
     ///
     /// # Panics
     /// Where the images differ in size.
