@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn thread_count_changes_nothing() {
+    fn results_do_not_depend_on_thread_count() {
         let graph = DualGraph::all(&test_octree()).pop().expect("a graph");
         let x: Vec<f32> = values(graph.len() * 8, 0.3).iter().map(|&v| v as f32).collect();
         let w: Vec<f32> = values(7 * 64, 1.1).iter().map(|&v| v as f32).collect();

@@ -148,21 +148,21 @@ fn depth_net_fwd(bencher: Bencher) {
 fn depth_net_train(bencher: Bencher, bf16: bool) {
     let (device, photo) = (Device::flex().autodiff(), photo());
     let mut nets = Some((DepthNet::new(EncoderKind::default(), 64, 1, &device), PatchGan::new(2, &device)));
-    let (mut adam, mut judge_adam) = (Adam::default(), Adam::default());
+    let (mut adam, mut discriminator_adam) = (Adam::default(), Adam::default());
     let truth = DepthMap::from_fn(480, 320, |x, y| 1.0 + 0.01 * (x + y) as f32);
     let sky = RadianceImage::from_fn(128, 64, |_, y| [if y < 20 { 8.0 } else { 0.2 }; 3]);
     let condition = Tensor::<4>::ones([4, 1, 64, 128], &device);
     let real = Tensor::<4>::ones([3, 1, 64, 128], &device);
     let mut step = || {
-        let (net, judge) = nets.take().expect("networks");
+        let (net, discriminator) = nets.take().expect("networks");
         let output = net.forward(&[&photo]);
         let [log_depth, _, variance] = depth_losses(output.log_extent, &[&truth]);
-        let made = net.panorama.forward(output.global);
-        let opinion = judge.generator_loss(made.clone(), condition.clone());
-        let loss = log_depth + variance + panorama_loss(made.clone(), &[Some(&sky)])[0].clone() + opinion;
+        let generated = net.panorama.forward(output.global);
+        let adversarial = discriminator.generator_loss(generated.clone(), condition.clone());
+        let loss = log_depth + variance + panorama_loss(generated.clone(), &[Some(&sky)])[0].clone() + adversarial;
         let net = adam.step(net, &loss.backward(), 1e-4);
-        let loss = judge.discriminator_loss(real.clone(), made, condition.clone());
-        nets = Some((net, judge_adam.step(judge, &loss.backward(), 1e-4)));
+        let loss = discriminator.discriminator_loss(real.clone(), generated, condition.clone());
+        nets = Some((net, discriminator_adam.step(discriminator, &loss.backward(), 1e-4)));
     };
     bencher.bench_local(|| in_bf16(bf16, &mut step));
 }

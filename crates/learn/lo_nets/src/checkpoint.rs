@@ -313,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn a_killed_run_goes_on_to_the_bit() {
+    fn resumed_training_is_bit_identical() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.safetensors");
         let (net, adam) = trained(head(4, 1), Adam::default(), 0..3);
@@ -339,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_named() {
+    fn mismatched_weights_are_named() {
         let saved = checkpoint(&head(4, 1), &Adam::default());
         let error = saved.load_module("net", head(5, 1)).unwrap_err().to_string();
         assert!(error.contains("\"net.hidden.linear.weights\" has the shape [3, 4], not [3, 5]"), "{error}");

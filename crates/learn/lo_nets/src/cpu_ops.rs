@@ -22,28 +22,28 @@ pub trait Number:
     lo_dual::Real + GemmKernels + Add<Output = Self> + Sub<Output = Self> + MulAssign + PartialOrd + Element + bytemuck::Pod
 {
     /// Rounds to the nearest value of this type.
-    fn of(value: f64) -> Self;
+    fn from_f64(value: f64) -> Self;
 
     /// Converts without loss.
-    fn wide(self) -> f64;
+    fn as_f64(self) -> f64;
 }
 
 impl Number for f32 {
-    fn of(value: f64) -> Self {
+    fn from_f64(value: f64) -> Self {
         value as Self
     }
 
-    fn wide(self) -> f64 {
+    fn as_f64(self) -> f64 {
         f64::from(self)
     }
 }
 
 impl Number for f64 {
-    fn of(value: f64) -> Self {
+    fn from_f64(value: f64) -> Self {
         value
     }
 
-    fn wide(self) -> f64 {
+    fn as_f64(self) -> f64 {
         self
     }
 }

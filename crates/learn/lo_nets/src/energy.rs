@@ -9,7 +9,7 @@ use burn::tensor::Tensor;
 use lo_geometry::{Vec3, fibonacci_sphere, pixel_direction, pixel_solid_angle_sr};
 
 /// Number of surface normals at which irradiance is compared.
-pub(crate) const FACINGS: usize = 96;
+pub(crate) const NORMALS: usize = 96;
 
 /// Rec. 709 luminance weights.
 pub(crate) const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
@@ -23,15 +23,15 @@ const MAX_SQUARE: f32 = 4.0;
 /// Weight of the colour difference relative to the logarithmic one.
 const COLOUR: f32 = 2.0;
 
-/// Irradiance over π for each normal, under a batch of panoramas: one `[panoramas, FACINGS]` tensor per channel.
+/// Irradiance over π for each normal, under a batch of panoramas: one `[panoramas, NORMALS]` tensor per channel.
 pub(crate) type Irradiance = [Tensor<2>; 3];
 
 /// Returns irradiance over π at each normal of [`fibonacci_sphere`] by unit radiance from each direction:
-/// `[directions, FACINGS]`. Each direction comes with its solid angle.
+/// `[directions, NORMALS]`. Each direction comes with its solid angle.
 pub(crate) fn cosines(directions: impl Iterator<Item = (Vec3, f32)>) -> Vec<f32> {
-    let facings = fibonacci_sphere(FACINGS);
+    let normals = fibonacci_sphere(NORMALS);
     let of = |(direction, solid_angle_sr): (Vec3, f32)| {
-        facings.iter().map(move |facing| facing.dot(direction).max(0.0) * solid_angle_sr / PI).collect::<Vec<_>>()
+        normals.iter().map(move |normal| normal.dot(direction).max(0.0) * solid_angle_sr / PI).collect::<Vec<_>>()
     };
     directions.flat_map(of).collect()
 }
@@ -81,16 +81,16 @@ mod tests {
     use crate::testing::{numbers, recording_device};
 
     #[test]
-    fn a_lamp_of_uncertain_place_is_not_left_out() {
+    fn a_lamp_of_uncertain_position_is_kept() {
         // A lamp is at one of two positions. Without knowing which, the best panorama has half of it at both.
-        let places = [Vec3::X, Vec3::NEG_X];
+        let positions = [Vec3::X, Vec3::NEG_X];
         let sphere = fibonacci_sphere(500);
         let directions = sphere.iter().map(|&d| (d, 4.0 * PI / 500.0));
         let device = recording_device();
-        let cosines = Tensor::<2>::from_data(TensorData::new(cosines(directions), [500, FACINGS]), &device);
+        let cosines = Tensor::<2>::from_data(TensorData::new(cosines(directions), [500, NORMALS]), &device);
         let under = |lamps: [f32; 2]| -> Irradiance {
             let radiance = |d: &Vec3| {
-                let lit = places.iter().zip(lamps).map(|(p, lamp)| if p.dot(*d) > 0.97 { lamp } else { 0.0 });
+                let lit = positions.iter().zip(lamps).map(|(p, lamp)| if p.dot(*d) > 0.97 { lamp } else { 0.0 });
                 0.3 + lit.sum::<f32>()
             };
             let row = Tensor::<2>::from_data(

@@ -239,7 +239,7 @@ impl Networks {
     /// Where the photo has no pixels.
     pub fn light_and_camera(&self, photo: &Image<[u8; 3]>, half_extent: f64) -> (GlobalLight, Option<PerspectiveFit>) {
         in_pool(|| {
-            let (global, field) = self.depth.beside_depth(&self.depth.network_input(photo));
+            let (global, field) = self.depth.global_and_perspective(&self.depth.network_input(photo));
             let second = self.depth.perspective_field(&self.augmented_photo(photo));
             (GlobalLight(global), Perspective::fit(&field.with_mirrored(&second), Some(half_extent)))
         })
@@ -342,7 +342,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_of_weights_comes_back_in_both_precisions() {
+    fn weights_round_trip_in_both_precisions() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("weights.safetensors");
         let networks = Networks::new(EncoderKind::default(), &config(), 3, &Device::flex()).unwrap();
@@ -360,7 +360,7 @@ mod tests {
     }
 
     #[test]
-    fn networks_of_before_are_refused_by_their_names() {
+    fn outdated_networks_are_refused() {
         let mut old = checkpoint(&config(), 3);
         old.state[DEPTH_NET]["colour"] = serde_json::json!(false);
         let error = refusal(&old);
@@ -375,7 +375,7 @@ mod tests {
     }
 
     #[test]
-    fn light_alone_is_that_beside_depth() {
+    fn global_light_alone_equals_that_with_depth() {
         let networks = Networks::new(EncoderKind::default(), &config(), 3, &Device::flex()).unwrap();
         let photo = Image::from_fn(70, 41, |x, y| [(3 * x) as u8, (7 * y) as u8, 90]);
         let [beside, alone] = [networks.predict(&photo, &camera(&photo)).light, networks.global_light(&photo)];
@@ -383,7 +383,7 @@ mod tests {
     }
 
     #[test]
-    fn the_configuration_knows_the_number_of_weights() {
+    fn configuration_counts_weights() {
         for config in [config(), LightNetConfig { full_depth: 5, ..config() }, LightNetConfig::default()] {
             let mut checkpoint = Checkpoint::default();
             checkpoint.add_module(LIGHT_NET, &LightNet::new(&config, 1, &Device::flex()).unwrap());
@@ -392,7 +392,7 @@ mod tests {
     }
 
     #[test]
-    fn weights_of_something_else_are_named() {
+    fn mismatched_files_are_refused() {
         let whole = checkpoint(&config(), 1);
         let error = refusal(&Checkpoint::default());
         assert!(error.contains("\"light_net\"") && error.contains("no configuration"), "{error}");

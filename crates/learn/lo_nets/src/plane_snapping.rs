@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn waves_go_from_floor_and_wall() {
+    fn waves_are_removed_from_floor_and_wall() {
         let wavy = DepthMap::from_fn(WIDTH, HEIGHT, |x, y| room(x, y) * wave(x, y));
         let flat = snap_to_planes(&wavy, &camera());
         let off = |depth_m: &DepthMap| {
@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_on_a_floor_stays() {
+    fn objects_in_front_of_planes_are_kept() {
         // A box of 0.4 m × 0.3 m in front of the wall, nearer than both planes by at least a tenth.
         let in_box = |x: usize, y: usize| (70..95).contains(&x) && (60..85).contains(&y);
         let scene =
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn as_many_threads_as_there_are_say_the_same() {
+    fn results_do_not_depend_on_thread_count() {
         let wavy = DepthMap::from_fn(WIDTH, HEIGHT, |x, y| room(x, y) * wave(x, y));
         let found = [1, 3].map(|threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -231,7 +231,7 @@ mod tests {
 
     /// No pixel moves farther than the tolerance, for any depth map.
     #[test]
-    fn nothing_moves_far() {
+    fn displacement_is_bounded() {
         let mut stream = lo_random::stream(1, "test", 0);
         for _ in 0..200 {
             let (width, height) = (stream.random_range(1..40), stream.random_range(1..40));

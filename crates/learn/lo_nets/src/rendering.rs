@@ -72,17 +72,17 @@ impl Kernel for RenderKernel {
         self.0.tracer.trace_batch(&self.0.cones, &mut samples);
         let channels =
             samples.iter().flat_map(|s| [s.radiance[0], s.radiance[1], s.radiance[2], s.distance_m, s.opacity]);
-        channels.map(|value| T::of(f64::from(value))).collect()
+        channels.map(|value| T::from_f64(f64::from(value))).collect()
     }
 
     fn backward<T: Number>(&self, _: &[&[T]], _: &[[usize; 2]], gradient: &[T], _: &[bool]) -> Vec<Vec<T>> {
-        let rows = gradient.as_chunks::<SAMPLE_CHANNELS>().0.iter().map(|row| row.map(|value| value.wide() as f32));
+        let rows = gradient.as_chunks::<SAMPLE_CHANNELS>().0.iter().map(|row| row.map(|value| value.as_f64() as f32));
         let d_samples: Vec<SampleGradient> = rows
             .map(|[r, g, b, distance_m, opacity]| SampleGradient { radiance: [r, g, b], distance_m, opacity })
             .collect();
         let gradients = self.0.tracer.trace_backward(&self.0.cones, &d_samples);
         let rows = gradients.rgba[self.0.full_depth..].iter().flatten().flatten();
-        vec![rows.map(|&value| T::of(f64::from(value))).collect()]
+        vec![rows.map(|&value| T::from_f64(f64::from(value))).collect()]
     }
 }
 
@@ -110,7 +110,7 @@ mod tests {
     const CUBE: Cube = Cube { origin_m: Vec3::ZERO, edge_m: 1.0 };
 
     #[test]
-    fn it_is_the_tracer_and_its_gradient_the_difference() {
+    fn rendering_equals_the_tracer_and_its_gradient_finite_differences() {
         let (octree, rgba, cones) = scene();
         let device = recording_device();
         let of = |values: &[f64]| {

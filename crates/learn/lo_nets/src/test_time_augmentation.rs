@@ -54,7 +54,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_mean_lies_between_both_and_its_sides_are_not_exchanged() {
+    fn mean_depth_aligns_the_mirrored_pass() {
         let first = DepthMap::from_fn(10, 6, |x, _| 1.0 + x as f32);
         let second = DepthMap::from_fn(8, 5, |x, _| 4.0 * (10.0 - 10.0 * (x as f32 + 0.5) / 8.0 + 0.5));
         let mean = mean_depth(&first, &second);
@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn grain_goes_and_edges_stay() {
+    fn median_removes_grain_and_keeps_edges() {
         // Two walls above a floor.
         let clean = |x: usize, y: usize| if y < 120 { [2.0, 5.0][x / 160] } else { 1.0 + 0.01 * (239 - y) as f32 };
         let grainy = DepthMap::from_fn(320, 240, |x, y| {

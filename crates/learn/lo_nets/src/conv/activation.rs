@@ -98,7 +98,7 @@ impl<'a, T: Number> Affine<'a, T> {
     pub fn new(rows: &'a [T], rectifier: Rectifier) -> Self {
         let (scale, rest) = rows.split_at(rows.len() / 3);
         let (centre, shift) = rest.split_at(rest.len() / 2);
-        Self { scale, centre, shift, ceiling: T::of(rectifier.ceiling()) }
+        Self { scale, centre, shift, ceiling: T::from_f64(rectifier.ceiling()) }
     }
 
     /// Restricts to a range of channels.
@@ -181,10 +181,10 @@ impl Kernel for ActivationKernel {
 
     fn backward<T: Number>(&self, inputs: &[&[T]], _: &[[usize; 2]], gradient: &[T], _: &[bool]) -> Vec<Vec<T>> {
         let mut by_x = match self.epilogue {
-            Epilogue::ReluMean => shared_out(gradient, self.width / 2),
+            Epilogue::ReluMean => spread_quarters(gradient, self.width / 2),
             _ => gradient.to_vec(),
         };
-        let by_affine = through_activation(
+        let by_affine = activation_backward(
             &mut by_x,
             inputs[0],
             Affine::new(inputs[1], self.epilogue.rectifier()),
@@ -213,7 +213,7 @@ impl<T: Number> WithSimd for Activate<'_, T> {
             Epilogue::None => out.iter_mut().zip(x).for_each(|(out, &x)| *out = affine.value(x)),
             Epilogue::Rectify(_) => out.iter_mut().zip(x).for_each(|(out, &x)| *out = value(x)),
             Epilogue::ReluMean => {
-                let quarter = T::of(0.25);
+                let quarter = T::from_f64(0.25);
                 for (out, rows) in out.chunks_exact_mut(width / 2).zip(x.chunks_exact(2 * width)) {
                     let (upper, lower) = rows.split_at(width);
                     let pairs = upper.as_chunks::<2>().0.iter().zip(lower.as_chunks::<2>().0);
@@ -227,8 +227,8 @@ impl<T: Number> WithSimd for Activate<'_, T> {
 }
 
 /// Distributes each value equally to 2 × 2 pixels. `width` is that of `gradient`'s rows.
-fn shared_out<T: Number>(gradient: &[T], width: usize) -> Vec<T> {
-    let quarter = T::of(0.25);
+fn spread_quarters<T: Number>(gradient: &[T], width: usize) -> Vec<T> {
+    let quarter = T::from_f64(0.25);
     let mut out = zeros(4 * gradient.len());
     out.par_chunks_mut(4 * width).zip(gradient.par_chunks(width)).for_each(|(rows, gradient)| {
         let (upper, lower) = rows.split_at_mut(2 * width);
@@ -242,28 +242,33 @@ fn shared_out<T: Number>(gradient: &[T], width: usize) -> Vec<T> {
 
 /// Backpropagates through [`Affine`] and an optional rectifier. Replaces the output's gradient by that of x, and
 /// returns that of the affine's rows.
-pub(super) fn through_activation<T: Number>(gradient: &mut [T], x: &[T], affine: Affine<T>, rectified: bool) -> Vec<T> {
+pub(super) fn activation_backward<T: Number>(
+    gradient: &mut [T],
+    x: &[T],
+    affine: Affine<T>,
+    rectified: bool,
+) -> Vec<T> {
     let area = (x.len() / affine.scale.len()).max(1);
     let sums: Vec<[f64; 3]> = gradient
         .par_chunks_mut(area)
         .zip(x.par_chunks(area))
         .enumerate()
         .map(|(channel, (gradient, x))| {
-            Arch::new().dispatch(ThroughActivation { gradient, x, affine: affine.channel(channel), rectified })
+            Arch::new().dispatch(ActivationBackward { gradient, x, affine: affine.channel(channel), rectified })
         })
         .collect();
-    (0..3).flat_map(|i| sums.iter().map(move |sums| T::of(sums[i]))).collect()
+    (0..3).flat_map(|i| sums.iter().map(move |sums| T::from_f64(sums[i]))).collect()
 }
 
-/// One channel of [`through_activation`].
-struct ThroughActivation<'a, T> {
+/// One channel of [`activation_backward`].
+struct ActivationBackward<'a, T> {
     gradient: &'a mut [T],
     x: &'a [T],
     affine: ChannelAffine<T>,
     rectified: bool,
 }
 
-impl<T: Number> WithSimd for ThroughActivation<'_, T> {
+impl<T: Number> WithSimd for ActivationBackward<'_, T> {
     /// Gradients of scale, centre and shift.
     type Output = [f64; 3];
 
@@ -272,10 +277,10 @@ impl<T: Number> WithSimd for ThroughActivation<'_, T> {
         let Self { gradient, x, affine, rectified } = self;
         let step = |gradient: &mut T, x: T, [by_scale, by_shift]: [&mut T; 2]| {
             let active = !rectified || affine.is_active(x);
-            let before = if active { *gradient } else { T::default() };
-            *by_scale += before * (x - affine.centre);
-            *by_shift += before;
-            *gradient = affine.scale * before;
+            let inner = if active { *gradient } else { T::default() };
+            *by_scale += inner * (x - affine.centre);
+            *by_shift += inner;
+            *gradient = affine.scale * inner;
         };
         let mut sums = [[T::default(); LANES]; 2];
         let [scale_sums, shift_sums] = &mut sums;
@@ -288,8 +293,8 @@ impl<T: Number> WithSimd for ThroughActivation<'_, T> {
         for (i, (gradient, &x)) in rest.iter_mut().zip(x_rest).enumerate() {
             step(gradient, x, [&mut scale_sums[i], &mut shift_sums[i]]);
         }
-        let [by_scale, by_shift] = sums.map(|sums| sums.iter().map(|sum| sum.wide()).sum::<f64>());
-        [by_scale, -affine.scale.wide() * by_shift, by_shift]
+        let [by_scale, by_shift] = sums.map(|sums| sums.iter().map(|sum| sum.as_f64()).sum::<f64>());
+        [by_scale, -affine.scale.as_f64() * by_shift, by_shift]
     }
 }
 
@@ -301,7 +306,7 @@ pub(super) fn total<T: Number>(row: &[T]) -> f64 {
     for chunk in chunks {
         sums.iter_mut().zip(chunk).for_each(|(sum, &value)| *sum += value);
     }
-    sums.iter().chain(rest).map(|sum| sum.wide()).sum()
+    sums.iter().chain(rest).map(|sum| sum.as_f64()).sum()
 }
 
 #[cfg(test)]
@@ -326,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn kernel_is_the_composition() {
+    fn kernel_equals_reference() {
         for epilogue in ALL {
             for sizes in SIZES {
                 assert_same_function(
@@ -339,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients_are_differences() {
+    fn gradients_equal_finite_differences() {
         for epilogue in ALL {
             for sizes in SIZES {
                 assert_gradients(&sizes, |[x, a]| on_images(x, |x| apply(x, large(a.clone()), epilogue)));

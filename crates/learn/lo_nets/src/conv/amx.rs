@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn the_matrix_unit_computes_what_portable_code_does() {
+    fn amx_equals_portable_code() {
         let numbers = values(6000, 1);
         let left: Vec<u16> = numbers.iter().map(|&v| bf16(v as f32)).collect();
         let right: Vec<u32> = numbers.chunks_exact(2).map(|v| bf16_pair(v[0] as f32, v[1] as f32)).collect();
@@ -265,7 +265,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "exceeds the right operand")]
-    fn steps_outside_are_refused() {
+    fn steps_outside_of_the_operands_panic() {
         let product = BlockProduct {
             left: &[0; 2048],
             halves: [0, 512],

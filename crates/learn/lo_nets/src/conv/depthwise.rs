@@ -3,7 +3,7 @@
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use crate::conv::activation::{Affine, ChannelAffine, Rectifier, through_activation};
+use crate::conv::activation::{Affine, ChannelAffine, Rectifier, activation_backward};
 use crate::conv::window::Window;
 use crate::cpu_ops::{Kernel, Number, zeros};
 use crate::gemm::{LANES, MAX_COLUMN, Rows};
@@ -46,7 +46,7 @@ impl Kernel for DepthwiseKernel {
         if wanted[0] || (activation.is_some() && wanted[2]) {
             derivatives[0] = input_gradient(&self.window, gradient, inputs[1]);
             if let Some(activation) = activation {
-                derivatives[2] = through_activation(&mut derivatives[0], inputs[0], activation, true);
+                derivatives[2] = activation_backward(&mut derivatives[0], inputs[0], activation, true);
             }
         }
         if wanted[1] {
@@ -373,7 +373,7 @@ mod tests {
     }
 
     #[test]
-    fn kernel_is_the_composition() {
+    fn kernel_equals_reference() {
         for case in CASES {
             let [x, weights, affine] = sizes(case);
             assert_same_function(&[x, weights], |i| run(case, i, None), |i| composed(case, i, None));
@@ -386,7 +386,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients_are_differences() {
+    fn gradients_equal_finite_differences() {
         for case in &CASES[..8] {
             let [x, weights, affine] = sizes(*case);
             assert_gradients(&[x, weights], |i| run(*case, i, None));
@@ -395,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn threads_do_not_change_a_bit() {
+    fn results_do_not_depend_on_thread_count() {
         let case = CASES[8];
         let sizes = sizes(case);
         let values = |i: usize| -> Vec<f32> {

@@ -2,7 +2,7 @@ use std::any::TypeId;
 
 use rayon::prelude::*;
 
-use crate::conv::activation::{Affine, Rectifier, through_activation, total};
+use crate::conv::activation::{Affine, Rectifier, activation_backward, total};
 use crate::conv::bands::{MIN_TASKS, by_bands};
 use crate::conv::bf16;
 use crate::conv::window::Window;
@@ -105,7 +105,7 @@ impl Kernel for ConvKernel {
                 convolve(&window, gradient, None, &weights, channels, None)
             };
             if let Some(activation) = activation {
-                derivatives[2] = through_activation(&mut derivatives[0], inputs[0], activation, true);
+                derivatives[2] = activation_backward(&mut derivatives[0], inputs[0], activation, true);
             }
         }
         if wanted[1] {
@@ -122,7 +122,7 @@ impl Kernel for ConvKernel {
             };
         }
         if self.third_input == ThirdInput::Bias && wanted[2] {
-            derivatives[2] = gradient.par_chunks(area.max(1)).map(|row| T::of(total(row))).collect();
+            derivatives[2] = gradient.par_chunks(area.max(1)).map(|row| T::from_f64(total(row))).collect();
         }
         derivatives
     }

@@ -119,7 +119,7 @@ mod tests {
     const SIZES: [[usize; 2]; 4] = [[8, 10], [7, 9], [1, 5], [6, 1]];
 
     #[test]
-    fn kernel_is_the_composition() {
+    fn kernel_equals_reference() {
         for [height, width] in SIZES {
             let on_image = |x: Tensor<2>, function: fn(Tensor<4>) -> Tensor<4>| {
                 function(x.reshape([3, 2, height, width])).flatten::<2>(0, 2)
@@ -129,14 +129,14 @@ mod tests {
     }
 
     #[test]
-    fn gradients_are_differences() {
+    fn gradients_equal_finite_differences() {
         for size in SIZES {
             assert_gradients(&[[2, size[0] * size[1]]], |[x]| unary(x, MaxPoolKernel { size }));
         }
     }
 
     #[test]
-    fn nan_is_not_lost() {
+    fn nan_is_propagated() {
         let mut x = [0.0f32; 16];
         x[5] = f32::NAN;
         let y = MaxPoolKernel { size: [4, 4] }.forward(&[&x], &[[1, 16]]);

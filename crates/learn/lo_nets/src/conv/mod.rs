@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn kernel_is_the_composition() {
+    fn kernel_equals_reference() {
         for case in CASES {
             for third in [ACTIVATION, ThirdInput::Bias] {
                 let sizes = sizes(case, third);
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients_are_differences() {
+    fn gradients_equal_finite_differences() {
         for case in &CASES[..13] {
             for third in [ACTIVATION, ThirdInput::Bias] {
                 assert_gradients(&sizes(*case, third), |inputs| run(*case, third, &inputs, false));
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn bf16_is_wanted_within_and_not_beyond() {
+    fn bf16_is_enabled_in_scope_only() {
         let available = amx::available();
         assert!(!bf16::is_enabled());
         let inner = in_bf16(true, || (bf16::is_enabled(), in_bf16(false, bf16::is_enabled), bf16::is_enabled()));
@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn threads_do_not_change_a_bit() {
+    fn results_do_not_depend_on_thread_count() {
         let case = CASES[13];
         let [x, weights, affine] = sizes(case, ACTIVATION);
         let values = |[rows, columns]: [usize; 2], seed| -> Vec<f32> {

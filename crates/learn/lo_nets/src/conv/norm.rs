@@ -123,7 +123,7 @@ impl Kernel for MomentsKernel {
         let pixels = sizes[0][1];
         let both: Vec<[f64; 2]> =
             inputs[0].par_chunks(pixels).map(|row| Arch::new().dispatch(RowMoments(row))).collect();
-        (0..2).flat_map(|i| both.iter().map(move |both| T::of(both[i]))).collect()
+        (0..2).flat_map(|i| both.iter().map(move |both| T::from_f64(both[i]))).collect()
     }
 
     fn backward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]], gradient: &[T], _: &[bool]) -> Vec<Vec<T>> {
@@ -134,8 +134,8 @@ impl Kernel for MomentsKernel {
         rows.zip(by_mean.par_iter().zip(by_variance)).for_each(|((out, x), (by_mean, by_variance))| {
             let count = pixels as f64;
             let mean = total(x) / count;
-            let slope = 2.0 * by_variance.wide() / count;
-            let (slope, constant) = (T::of(slope), T::of(by_mean.wide() / count - slope * mean));
+            let slope = 2.0 * by_variance.as_f64() / count;
+            let (slope, constant) = (T::from_f64(slope), T::from_f64(by_mean.as_f64() / count - slope * mean));
             out.iter_mut().zip(x).for_each(|(out, &x)| *out = slope * x + constant);
         });
         vec![out]
@@ -151,14 +151,14 @@ impl<T: Number> WithSimd for RowMoments<'_, T> {
     fn with_simd<S: Simd>(self, _: S) -> [f64; 2] {
         let count = self.0.len() as f64;
         let mean = total(self.0) / count;
-        let narrow = T::of(mean);
+        let narrow = T::from_f64(mean);
         let (chunks, rest) = self.0.as_chunks::<LANES>();
         let mut squares = [T::default(); LANES];
         for chunk in chunks {
             squares.iter_mut().zip(chunk).for_each(|(sum, &x)| *sum += (x - narrow) * (x - narrow));
         }
         squares.iter_mut().zip(rest).for_each(|(sum, &x)| *sum += (x - narrow) * (x - narrow));
-        [mean, squares.iter().map(|sum| sum.wide()).sum::<f64>() / count]
+        [mean, squares.iter().map(|sum| sum.as_f64()).sum::<f64>() / count]
     }
 }
 
@@ -168,19 +168,19 @@ mod tests {
     use crate::testing::{assert_gradients, assert_same_function};
 
     #[test]
-    fn kernel_is_the_composition() {
+    fn kernel_equals_reference() {
         for pixels in [1, 40, 100] {
             assert_same_function(&[[6, pixels]], |[x]| unary(x, MomentsKernel), |[x]| composed(x));
         }
     }
 
     #[test]
-    fn gradients_are_differences() {
+    fn gradients_equal_finite_differences() {
         assert_gradients(&[[6, 35]], |[x]| unary(x, MomentsKernel));
     }
 
     #[test]
-    fn large_means_do_not_spoil_the_variance() {
+    fn variance_is_accurate_at_large_means() {
         let x: Vec<f32> = (0..3000).map(|i| 3000.0 + (i as f32 * 0.7).sin()).collect();
         let variance = MomentsKernel.forward(&[&x], &[[1, 3000]])[1];
         assert!((variance - 0.5).abs() < 1e-3, "{variance}");

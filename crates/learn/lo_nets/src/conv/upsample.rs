@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn kernel_is_the_composition() {
+    fn kernel_equals_reference() {
         assert_same_function(&SIZES, |[x, s]| on_images(x, Some(s), false), |[x, s]| on_images(x, Some(s), true));
         assert_same_function(
             &SIZES[..1].try_into().expect("one"),
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients_are_differences() {
+    fn gradients_equal_finite_differences() {
         assert_gradients(&SIZES, |[x, s]| on_images(x, Some(s), false));
     }
 }

@@ -138,13 +138,13 @@ impl Window {
     pub fn offsets(&self, channels: usize, rows: usize) -> Vec<usize> {
         let (pitch, phases, stride) = (self.pitch(), self.phases(), self.stride);
         let phase_size = (rows + self.extra()) * pitch;
-        let place = |channel: usize, ky: usize, kx: usize| {
+        let offset = |channel: usize, ky: usize, kx: usize| {
             let phase = (ky % stride) * phases + kx % stride;
             channel * self.plane(rows) + phase * phase_size + (ky / stride) * pitch + kx / stride
         };
         let side = self.kernel;
         let kernel = move |channel| (0..side).flat_map(move |ky| (0..side).map(move |kx| (channel, ky, kx)));
-        (0..channels).flat_map(kernel).map(|(channel, ky, kx)| place(channel, ky, kx)).collect()
+        (0..channels).flat_map(kernel).map(|(channel, ky, kx)| offset(channel, ky, kx)).collect()
     }
 
     /// Fills `band` with the input that `rows` output rows from `first` read, for the channels in `x`, optionally
@@ -230,20 +230,20 @@ impl<T: Number, P: BandElement<T>> WithSimd for FillBand<'_, T, P> {
         for channel in 0..self.channels {
             let (plane, index) = (channel / P::CHANNELS, channel % P::CHANNELS);
             let plane = &mut self.band[plane * self.plane..][..self.plane];
-            let put = |out: &mut P, value: T| *out = out.with(index, value);
+            let store = |out: &mut P, value: T| *out = out.with(index, value);
             match (channels.next(), self.activation) {
-                (None, _) => plane.iter_mut().for_each(|out| put(out, T::default())),
-                (Some(x), None) => read_plane(self.window, plane, self.first, x, put, |x| x),
+                (None, _) => plane.iter_mut().for_each(|out| store(out, T::default())),
+                (Some(x), None) => read_plane(self.window, plane, self.first, x, store, |x| x),
                 (Some(x), Some(affine)) => {
                     let affine = affine.channel(channel);
-                    read_plane(self.window, plane, self.first, x, put, |x| affine.rectified(x));
+                    read_plane(self.window, plane, self.first, x, store, |x| affine.rectified(x));
                 }
             }
         }
     }
 }
 
-/// Fills one channel of a band that begins with output row `first`. Calls `put` with `value` of each pixel, or with
+/// Fills one channel of a band that begins with output row `first`. Calls `store` with `value` of each pixel, or with
 /// zero.
 #[inline(always)]
 fn read_plane<T: Number, P>(
@@ -251,16 +251,16 @@ fn read_plane<T: Number, P>(
     plane: &mut [P],
     first: usize,
     x: &[T],
-    put: impl Fn(&mut P, T),
+    store: impl Fn(&mut P, T),
     value: impl Fn(T) -> T,
 ) {
     let Window { input: [height, width], stride, padding, spread, .. } = *window;
-    let clear = |row: &mut [P]| row.iter_mut().for_each(|out| put(out, T::default()));
+    let clear = |row: &mut [P]| row.iter_mut().for_each(|out| store(out, T::default()));
     let (phases, pitch) = (window.phases(), window.pitch());
     let period = window.period();
     if pitch == width && stride == 1 && spread == 1 && period == height {
         // Rows are contiguous.
-        plane.iter_mut().zip(&x[first * width..]).for_each(|(out, &x)| put(out, value(x)));
+        plane.iter_mut().zip(&x[first * width..]).for_each(|(out, &x)| store(out, value(x)));
         return;
     }
     let rows = plane.len() / (phases * phases * pitch);
@@ -268,9 +268,9 @@ fn read_plane<T: Number, P>(
         let (phase, row_index) = (index / rows, index % rows);
         // Row in the tall image.
         let y = (first + row_index) * stride + phase / phases;
-        let place = y.checked_sub(padding).map(|y| (y / period, y % period));
+        let position = y.checked_sub(padding).map(|y| (y / period, y % period));
         let is_pixel = |&(image, y): &(usize, usize)| image < window.images && y % spread == 0 && y / spread < height;
-        let Some((image, y)) = place.filter(is_pixel) else {
+        let Some((image, y)) = position.filter(is_pixel) else {
             clear(row);
             continue;
         };
@@ -279,7 +279,7 @@ fn read_plane<T: Number, P>(
             let (left, rest) = row.split_at_mut(padding.min(pitch));
             let (middle, right) = rest.split_at_mut(width.min(rest.len()));
             clear(left);
-            middle.iter_mut().zip(x).for_each(|(out, &x)| put(out, value(x)));
+            middle.iter_mut().zip(x).for_each(|(out, &x)| store(out, value(x)));
             clear(right);
         } else if spread > 1 {
             clear(row);
@@ -288,9 +288,9 @@ fn read_plane<T: Number, P>(
                 // Pairs are vectorisable.
                 let (pairs, last) = row.as_chunks_mut::<2>();
                 let firsts = pairs.iter_mut().map(|pair| &mut pair[0]).chain(last);
-                firsts.zip(x).for_each(|(out, &x)| put(out, value(x)));
+                firsts.zip(x).for_each(|(out, &x)| store(out, value(x)));
             } else {
-                row.iter_mut().step_by(spread).zip(x).for_each(|(out, &x)| put(out, value(x)));
+                row.iter_mut().step_by(spread).zip(x).for_each(|(out, &x)| store(out, value(x)));
             }
         } else {
             // First column of the row within the image, and its position there.
@@ -303,9 +303,9 @@ fn read_plane<T: Number, P>(
             if stride == 2 {
                 let (pairs, last) = x.as_chunks::<2>();
                 let firsts = pairs.iter().map(|pair| &pair[0]).chain(last);
-                middle.iter_mut().zip(firsts).for_each(|(out, &x)| put(out, value(x)));
+                middle.iter_mut().zip(firsts).for_each(|(out, &x)| store(out, value(x)));
             } else {
-                middle.iter_mut().zip(x.iter().step_by(stride)).for_each(|(out, &x)| put(out, value(x)));
+                middle.iter_mut().zip(x.iter().step_by(stride)).for_each(|(out, &x)| store(out, value(x)));
             }
             clear(right);
         }

@@ -59,8 +59,8 @@ impl GlobalEncoder {
     /// `f_L [images, features]`.
     pub fn forward(&self, x: Tensor<4>, log_colour: Tensor<2>) -> Tensor<2> {
         let cells = adaptive_avg_pool2d(relu(conv2d(x, &self.conv)), CELLS);
-        let told = self.output.forward(relu(self.hidden.forward(cells.swap_dims(0, 1).flatten(1, 3))));
-        Tensor::cat(vec![told, log_colour], 1)
+        let features = self.output.forward(relu(self.hidden.forward(cells.swap_dims(0, 1).flatten(1, 3))));
+        Tensor::cat(vec![features, log_colour], 1)
     }
 }
 

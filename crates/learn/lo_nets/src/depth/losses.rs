@@ -2,7 +2,7 @@ use burn::tensor::{Tensor, TensorData};
 use lo_imaging::{DepthMap, RadianceImage};
 use serde::{Deserialize, Serialize};
 
-use crate::energy::{self, FACINGS, Irradiance};
+use crate::energy::{self, Irradiance, NORMALS};
 use crate::tone::tone;
 
 /// Weights of the depth network's losses (`docs/method.md` §6). Every field has a default.
@@ -114,7 +114,7 @@ pub fn panorama_loss(panorama: Tensor<4>, truths: &[Option<&RadianceImage>]) -> 
 fn panorama_irradiance(panorama: Tensor<4>) -> Irradiance {
     let [_, panoramas, height, width] = panorama.dims();
     let cosines = energy::panorama_cosines(width, height);
-    let size = [width * height, FACINGS];
+    let size = [width * height, NORMALS];
     let cosines = Tensor::<2>::from_data(TensorData::new(cosines, size), &panorama.device());
     [0, 1, 2].map(|c| panorama.clone().narrow(0, c, 1).reshape([panoramas, width * height]).matmul(cosines.clone()))
 }
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn the_tone_curve_is_about_that_of_pictures() {
+    fn tone_curve_approximates_srgb() {
         let of = |got: f32| {
             let truth = RadianceImage::from_fn(4, 2, |_, _| [0.1; 3]);
             let x = Tensor::<4>::from_data(TensorData::new(vec![got; 24], [3, 1, 2, 4]), &recording_device());
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn scale_costs_all_but_the_variance() {
+    fn variance_ignores_scale() {
         let truth = DepthMap::from_fn(6, 4, |x, y| if x == 2 { 0.0 } else { 1.0 + (x * y) as f32 });
         let of = |scale: f32| {
             let logs: Vec<f32> = truth.pixels().iter().map(|z| if *z > 0.0 { (scale * z).ln() } else { 7.0 }).collect();
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn every_picture_counts_as_much() {
+    fn images_have_equal_weight() {
         // One image with few readings, one with many; errors of 1 and 3.
         let truths = [1, 4].map(|rows| DepthMap::from_fn(6, 4, |_, y| if y < rows { 1.0 } else { 0.0 }));
         let logs: Vec<f32> = (0..48).map(|i| if i < 24 { 1.0 } else { 3.0 }).collect();
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn the_sphere_weighs_rows() {
+    fn rows_are_weighted_by_solid_angle() {
         let truth = RadianceImage::from_fn(16, 8, |_, _| [0.0; 3]);
         let of = |bright: usize| {
             let values = (0..3 * 8 * 16).map(|i| if i / 16 % 8 == bright { 1.0f32.exp_m1() } else { 0.0 }).collect();
@@ -187,13 +187,13 @@ mod tests {
         let values = (0..3 * 32 * 64).map(|i| if i / 64 % 32 < 16 { 1.0 } else { 0.0 }).collect();
         let x = Tensor::<4>::from_data(TensorData::new::<f32, _>(values, [3, 1, 32, 64]), &recording_device());
         let found = numbers(panorama_irradiance(x)[1].clone().inner());
-        for (facing, found) in lo_geometry::fibonacci_sphere(FACINGS).iter().zip(found) {
+        for (facing, found) in lo_geometry::fibonacci_sphere(NORMALS).iter().zip(found) {
             assert!((found - f64::from(0.5 * (1.0 + facing.y))).abs() < 3e-3, "{facing} {found}");
         }
     }
 
     #[test]
-    fn panoramas_that_nobody_knows_cost_nothing() {
+    fn panoramas_without_truth_are_ignored() {
         let truth = RadianceImage::from_fn(16, 8, |x, y| [x as f32, y as f32, 1.0]);
         let values = |images: usize| (0..3 * images * 128).map(|i| ((i * 37) % 11) as f32).collect::<Vec<f32>>();
         let x = Tensor::<4>::from_data(TensorData::new(values(3), [3, 3, 8, 16]), &recording_device());

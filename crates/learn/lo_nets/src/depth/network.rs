@@ -20,10 +20,10 @@ const EXTENT_RANGE_M: [f64; 2] = [0.02, 200.0];
 pub const LONGER_SIDE: usize = 240;
 
 /// Lower limit of the mean of a photo's channel, linear.
-const DARK: f64 = 1e-3;
+const MIN_CHANNEL_MEAN: f64 = 1e-3;
 
 /// The encoder halves the resolution five times.
-const MULTIPLE: usize = 32;
+const SIZE_MULTIPLE: usize = 32;
 
 /// Depth network (`docs/method.md` §4): depth of every pixel, global lighting feature and single map.
 #[derive(Module, Debug)]
@@ -57,11 +57,11 @@ pub struct DepthNetConfig {
     #[serde(default)]
     pub lens: bool,
     /// Maximum number of pixels on the longer side of photos.
-    #[serde(default = "usual_longer_side")]
+    #[serde(default = "default_longer_side")]
     pub longer_side: usize,
 }
 
-fn usual_longer_side() -> usize {
+fn default_longer_side() -> usize {
     LONGER_SIDE
 }
 
@@ -222,7 +222,7 @@ impl DepthNet {
     ///
     /// # Panics
     /// Where the photo has no pixels.
-    pub fn beside_depth(&self, photo: &Image<[u8; 3]>) -> (Tensor<2>, PerspectiveField) {
+    pub fn global_and_perspective(&self, photo: &Image<[u8; 3]>) -> (Tensor<2>, PerspectiveField) {
         let features = self.encoder.forward(self.input(&[photo]));
         let global = self.global.forward(features[4].clone(), self.log_colour(&[photo]));
         (global, self.field(photo, features))
@@ -241,7 +241,7 @@ impl DepthNet {
     fn log_colour(&self, photos: &[&Image<[u8; 3]>]) -> Tensor<2> {
         let of = |photo: &&Image<[u8; 3]>| {
             let sum = |c: usize| photo.pixels().iter().map(|rgb| f64::from(linear_from_srgb8(rgb[c]))).sum::<f64>();
-            [0, 1, 2].map(|c| (sum(c) / photo.pixels().len() as f64).max(DARK).ln() as f32)
+            [0, 1, 2].map(|c| (sum(c) / photo.pixels().len() as f64).max(MIN_CHANNEL_MEAN).ln() as f32)
         };
         let values = photos.iter().flat_map(of).collect();
         let device = self.decoder.output.weight.lazy_device();
@@ -259,7 +259,7 @@ impl DepthNet {
         let device = self.decoder.output.weight.lazy_device();
         let size = [3, photos.len(), height, width];
         let x = Tensor::<4>::from_data(TensorData::new::<f32, _>(channels.collect(), size), &device);
-        let missing = |size: usize| size.next_multiple_of(MULTIPLE) - size;
+        let missing = |size: usize| size.next_multiple_of(SIZE_MULTIPLE) - size;
         // Padding repeats the last rows and columns, so that it introduces no edge.
         x.pad((0, missing(width), 0, missing(height)), PadMode::Edge)
     }
@@ -304,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn the_same_picture_by_a_longer_lens_is_farther() {
+    fn depth_scales_with_focal_length() {
         let output = DepthNet::new(EncoderKind::default(), 16, 1, &Device::flex()).forward(&[&photo(64, 32)]);
         let (wide, upright) = (camera(), Camera::from_hfov_deg(53.130_102, 32, 64).unwrap());
         let long = Camera { fx: 3.0 * wide.fx, fy: 3.0 * wide.fy, ..wide };
@@ -315,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn large_photos_are_looked_at_in_few_pixels() {
+    fn large_photos_are_scaled_down() {
         let net = DepthNet::new(EncoderKind::EfficientNetLite0, 16, 1, &Device::flex());
         let size = |net: &DepthNet, width, height| {
             let seen = net.network_input(&photo(width, height));
@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn global_light_knows_how_bright_the_photo_is() {
+    fn global_light_scales_with_the_photos_brightness() {
         let net = DepthNet::new(EncoderKind::EfficientNetLite0, 16, 1, &Device::flex());
         // Linear 0.5 is 187.52, rounded to 188, in sRGB.
         let photos = [Image::from_fn(40, 30, |x, _| if x < 20 { [188, 255, 0] } else { [188, 0, 0] })];
@@ -365,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn photos_together_give_what_each_gives_alone() {
+    fn batches_equal_single_photos() {
         let net = DepthNet::new(EncoderKind::default(), 16, 1, &Device::flex());
         let photos = [photo(50, 37), photo(50, 37).map(|&[r, g, b]| [b, r, g])];
         let together = net.forward(&photos.each_ref());
@@ -387,9 +387,10 @@ mod tests {
     }
 
     #[test]
-    fn a_step_of_each_network_lowers_its_loss_and_saves_its_statistics() {
+    fn training_lowers_losses_and_saves_statistics() {
         let device = Device::flex().autodiff();
-        let (mut net, mut judge) = (DepthNet::new(EncoderKind::default(), 16, 1, &device), PatchGan::new(2, &device));
+        let (mut net, mut discriminator) =
+            (DepthNet::new(EncoderKind::default(), 16, 1, &device), PatchGan::new(2, &device));
         let photo = photo(64, 32);
         let truth = DepthMap::from_fn(64, 32, |x, _| 1.0 + x as f32 * 0.1);
         let sky = RadianceImage::from_fn(128, 64, |_, y| [if y < 20 { 8.0 } else { 0.2 }; 3]);
@@ -397,23 +398,25 @@ mod tests {
             let values = vec![value; channels * 64 * 128];
             Tensor::<4>::from_data(TensorData::new(values, [channels, 1, 64, 128]), &device)
         };
-        let (mut adam, mut judge_adam) = (Adam::default(), Adam::default());
-        let (mut losses, mut opinions) = (Vec::new(), Vec::new());
+        let (mut adam, mut discriminator_adam) = (Adam::default(), Adam::default());
+        let (mut losses, mut discriminator_losses) = (Vec::new(), Vec::new());
         for _ in 0..6 {
             let output = net.forward(&[&photo]);
             let [log_depth, _, variance] = depth_losses(output.log_extent, &[&truth]);
-            let made = net.panorama.forward(output.global);
-            let opinion = judge.generator_loss(made.clone(), constant(4, 0.0));
-            let loss =
-                log_depth + variance * 0.5 + panorama_loss(made.clone(), &[Some(&sky)])[0].clone() + opinion * 0.01;
+            let generated = net.panorama.forward(output.global);
+            let adversarial = discriminator.generator_loss(generated.clone(), constant(4, 0.0));
+            let loss = log_depth
+                + variance * 0.5
+                + panorama_loss(generated.clone(), &[Some(&sky)])[0].clone()
+                + adversarial * 0.01;
             losses.push(loss.clone().inner().into_scalar::<f32>());
             net = adam.step(net, &loss.backward(), 1e-3);
-            let loss = judge.discriminator_loss(constant(3, 1.0), made, constant(4, 0.0));
-            opinions.push(loss.clone().inner().into_scalar::<f32>());
-            judge = judge_adam.step(judge, &loss.backward(), 1e-3);
+            let loss = discriminator.discriminator_loss(constant(3, 1.0), generated, constant(4, 0.0));
+            discriminator_losses.push(loss.clone().inner().into_scalar::<f32>());
+            discriminator = discriminator_adam.step(discriminator, &loss.backward(), 1e-3);
         }
         assert!(losses[5] < 0.9 * losses[0], "{losses:?}");
-        assert!(opinions[5] < opinions[0], "{opinions:?}");
+        assert!(discriminator_losses[5] < discriminator_losses[0], "{discriminator_losses:?}");
         // Statistics saved right after a training step are those that inference uses.
         let folder = tempfile::tempdir().unwrap();
         let mut checkpoint = Checkpoint::default();

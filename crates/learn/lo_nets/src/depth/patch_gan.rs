@@ -38,14 +38,14 @@ impl PatchGan {
 
     /// Returns the discriminator's loss: cross-entropy on a true and a generated panorama. The generator gets no
     /// gradient.
-    pub fn discriminator_loss(&self, real: Tensor<4>, made: Tensor<4>, condition: Tensor<4>) -> Tensor<1> {
+    pub fn discriminator_loss(&self, real: Tensor<4>, generated: Tensor<4>, condition: Tensor<4>) -> Tensor<1> {
         let real = activation::softplus(self.forward(real, condition.clone()).neg(), 1.0).mean();
-        let made = activation::softplus(self.forward(made.detach(), condition), 1.0).mean();
-        (real + made) * 0.5
+        let generated = activation::softplus(self.forward(generated.detach(), condition), 1.0).mean();
+        (real + generated) * 0.5
     }
 
     /// Returns the generator's loss: cross-entropy of the generated panorama being classified as real.
-    pub fn generator_loss(&self, made: Tensor<4>, condition: Tensor<4>) -> Tensor<1> {
-        activation::softplus(self.forward(made, condition).neg(), 1.0).mean()
+    pub fn generator_loss(&self, generated: Tensor<4>, condition: Tensor<4>) -> Tensor<1> {
+        activation::softplus(self.forward(generated, condition).neg(), 1.0).mean()
     }
 }

@@ -48,12 +48,12 @@ impl LensHead {
     /// Maps the encoder's last features `[channels, images, rows, columns]` to `[images, 2]`.
     fn forward(&self, features: Tensor<4>) -> Tensor<2> {
         let cells = adaptive_avg_pool2d(relu(conv2d(features, &self.conv)), LENS_CELLS);
-        let told = self.output.forward(relu(self.hidden.forward(cells.swap_dims(0, 1).flatten(1, 3))));
-        let log_deviation = told.clone().narrow(1, 1, 1);
+        let predicted = self.output.forward(relu(self.hidden.forward(cells.swap_dims(0, 1).flatten(1, 3))));
+        let log_deviation = predicted.clone().narrow(1, 1, 1);
         let [least, most] = LOG_DEVIATION;
         // Straight-through, as with certainties below.
-        let cut_off = (log_deviation.clone().clamp(least, most) - log_deviation.clone()).detach();
-        Tensor::cat(vec![told.narrow(1, 0, 1), log_deviation + cut_off], 1)
+        let clamp_offset = (log_deviation.clone().clamp(least, most) - log_deviation.clone()).detach();
+        Tensor::cat(vec![predicted.narrow(1, 0, 1), log_deviation + clamp_offset], 1)
     }
 }
 
@@ -106,11 +106,11 @@ impl PerspectiveHead {
         let log_certainty = x.clone().narrow(0, 3, 2);
         let [least, most] = LOG_CERTAINTY;
         // Straight-through clamp: a clamped value would otherwise get no gradient and stay outside of the range.
-        let cut_off = (log_certainty.clone().clamp(least, most) - log_certainty.clone()).detach();
+        let clamp_offset = (log_certainty.clone().clamp(least, most) - log_certainty.clone()).detach();
         PerspectiveOutput {
             up: up / norm,
             latitude_sin: x.narrow(0, 2, 1).tanh(),
-            log_certainty: log_certainty + cut_off,
+            log_certainty: log_certainty + clamp_offset,
             lens: self.lens.as_ref().map(|head| head.forward(encoded)),
             size,
         }
@@ -118,7 +118,7 @@ impl PerspectiveHead {
 }
 
 /// Returns the position `[right, up]` of a cell's centre relative to the image's centre, in halves of its longer side.
-fn place([width, height]: [usize; 2], column: usize, row: usize) -> [f64; 2] {
+fn cell_position([width, height]: [usize; 2], column: usize, row: usize) -> [f64; 2] {
     let half = 0.5 * width.max(height) as f64;
     let middle = |cell: usize, side: usize| ((cell * CELL) as f64 + 0.5 * CELL as f64 - 0.5 * side as f64) / half;
     [middle(column, width), -middle(row, height)]
@@ -128,8 +128,8 @@ impl PerspectiveOutput {
     /// Returns field and lens of the first photo.
     pub fn field(&self) -> PerspectiveField {
         let lens = self.lens.as_ref().map(|lens| {
-            let told: Vec<f32> = lens.clone().inner().narrow(0, 0, 1).into_data().iter().collect();
-            LensGuess { log_half_extent: told[0].into(), deviation: f64::from(told[1]).exp() }
+            let predicted: Vec<f32> = lens.clone().inner().narrow(0, 0, 1).into_data().iter().collect();
+            LensGuess { log_half_extent: predicted[0].into(), deviation: f64::from(predicted[1]).exp() }
         });
         PerspectiveField { cells: self.cells(), lens }
     }
@@ -142,7 +142,7 @@ impl PerspectiveOutput {
         let cell = |i: usize| {
             let pair = |values: &[f32]| [values[i], values[rows * columns + i]].map(f64::from);
             FieldCell {
-                at: place(self.size, i % columns, i / columns),
+                at: cell_position(self.size, i % columns, i / columns),
                 up: pair(&up),
                 latitude_sin: latitude[i].into(),
                 certainty: pair(&certainty).map(f64::exp),
@@ -164,7 +164,7 @@ pub fn perspective_loss(output: &PerspectiveOutput, truths: &[Option<Perspective
     let [_, images, rows, columns] = output.up.dims();
     assert_eq!(truths.len(), images, "a camera for each photo");
     let device = output.up.device();
-    let field = |of: &Perspective, cell: usize| of.at(place(output.size, cell % columns, cell / columns));
+    let field = |of: &Perspective, cell: usize| of.at(cell_position(output.size, cell % columns, cell / columns));
     let constant = |channels: usize, value: &dyn Fn(&Perspective, usize, usize) -> f32| {
         let cells = (0..channels).flat_map(|channel| {
             truths.iter().flat_map(move |truth| {
@@ -179,9 +179,9 @@ pub fn perspective_loss(output: &PerspectiveOutput, truths: &[Option<Perspective
     let known = constant(1, &|_, _, _| 1.0);
     let count = (truths.iter().flatten().count() * rows * columns).max(1) as f32;
     // The chord between two unit vectors equals the angle where it is small.
-    let of_up = ((output.up.clone() - up).square().sum_dim(0) + 1e-6).sqrt();
-    let of_latitude = (output.latitude_sin.clone() - latitude).abs();
-    let differences = Tensor::cat(vec![of_up, of_latitude], 0);
+    let up_difference = ((output.up.clone() - up).square().sum_dim(0) + 1e-6).sqrt();
+    let latitude_difference = (output.latitude_sin.clone() - latitude).abs();
+    let differences = Tensor::cat(vec![up_difference, latitude_difference], 0);
     let likelihood = differences * output.log_certainty.clone().exp() - output.log_certainty.clone();
     let field = (likelihood * known).sum() / count;
     match &output.lens {
@@ -220,7 +220,7 @@ mod tests {
     fn field(of: &Perspective, certainty: f32, device: &Device) -> PerspectiveOutput {
         let cells: Vec<_> = (0..5).flat_map(|row| (0..8).map(move |column| (column, row))).collect();
         let values = |value: &dyn Fn(([f64; 2], f64)) -> f64| -> Vec<f32> {
-            cells.iter().map(|&(column, row)| value(of.at(place(SIZE, column, row))) as f32).collect()
+            cells.iter().map(|&(column, row)| value(of.at(cell_position(SIZE, column, row))) as f32).collect()
         };
         let tensor = |values: Vec<f32>| {
             let channels = values.len() / 40;
@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_field_of_a_camera_says_is_that_camera() {
+    fn a_cameras_field_is_fitted_by_that_camera() {
         let output = field(&true_camera(), 10.0, &Device::flex());
         let found = Perspective::fit(&output.field(), None).unwrap().camera;
         assert!(found.up.angle_between(true_camera().up) < 1e-3, "{found:?}");
@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn the_loss_is_that_of_laplace() {
+    fn loss_is_the_laplace_likelihood() {
         let device = Device::flex();
         let loss = |of: &Perspective, certainty: f32, truth| {
             f64::from(perspective_loss(&field(of, certainty, &device), &[truth]).into_scalar::<f32>())
@@ -260,10 +260,10 @@ mod tests {
     }
 
     #[test]
-    fn a_head_learns_a_camera_from_what_it_sees() {
+    fn head_learns_a_camera() {
         let device = Device::flex().autodiff();
         let mut head = PerspectiveHead::new([4, 4], &mut lo_random::stream(1, "test", 0), &device);
-        let places: Vec<f32> = (0..4)
+        let positions: Vec<f32> = (0..4)
             .flat_map(|channel| {
                 (0..40).map(move |i| match channel {
                     0 => (i % 8) as f32 / 4.0 - 1.0,
@@ -272,7 +272,7 @@ mod tests {
                 })
             })
             .collect();
-        let features = Tensor::<4>::from_data(TensorData::new(places, [4, 1, 5, 8]), &device);
+        let features = Tensor::<4>::from_data(TensorData::new(positions, [4, 1, 5, 8]), &device);
         let (mut adam, mut losses) = (Adam::default(), Vec::new());
         for _ in 0..60 {
             let loss =
@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn a_head_that_begins_uncertain_or_too_certain_does_not_stay_so() {
+    fn certainty_outside_of_its_range_is_trained() {
         let device = Device::flex().autodiff();
         let features = Tensor::<4>::from_data(TensorData::new(vec![0.5f32; 160], [4, 1, 5, 8]), &device);
         // Certainty of both channels far below the range with a consistent truth, and far above with contradictory

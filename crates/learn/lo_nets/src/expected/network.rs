@@ -223,11 +223,12 @@ mod tests {
     }
 
     #[test]
-    fn before_anything_is_learned_light_is_even_and_half_as_saturated_as_the_photo() {
-        let guess = ExpectedLightNet::new(1, &Device::flex()).predict(&statistics(1.0));
-        let first = guess.radiance.pixels()[0];
-        let even = guess.radiance.pixels().iter().all(|pixel| (luminance(*pixel) / luminance(first) - 1.0).abs() < 0.1);
-        assert!(even && guess.contrast_stops == INITIAL_STOPS);
+    fn initial_light_is_constant_with_half_the_photos_saturation() {
+        let predicted = ExpectedLightNet::new(1, &Device::flex()).predict(&statistics(1.0));
+        let first = predicted.radiance.pixels()[0];
+        let even =
+            predicted.radiance.pixels().iter().all(|pixel| (luminance(*pixel) / luminance(first) - 1.0).abs() < 0.1);
+        assert!(even && predicted.contrast_stops == INITIAL_STOPS);
         let mean = statistics(1.0).mean;
         assert!((first[0] / first[2] - (mean[0] / mean[2]).sqrt()).abs() < 1e-3, "{first:?}");
         assert!((0.8..1.3).contains(&(luminance(first) / luminance(mean))), "{first:?} {mean:?}");

@@ -17,10 +17,10 @@ const BINS: usize = 32;
 
 /// Number of colour statistics, and of statistics of the photo as a whole.
 const COLOURS: usize = 17;
-const WHOLE: usize = 5;
+const OVERALL: usize = 5;
 
 /// Number of statistics of a photo.
-pub const STATISTICS: usize = 4 * BINS + COLOURS + WHOLE;
+pub const STATISTICS: usize = 4 * BINS + COLOURS + OVERALL;
 
 /// Offsets before logarithms, of luminance and of channels.
 const DARK: f32 = 0.02;
@@ -31,7 +31,7 @@ const WHITE: f32 = 0.95;
 const BRIGHT: f32 = 0.9;
 
 /// Mean and deviation of the statistics of the whole photo, over photos cropped from panoramas.
-const WHOLE_SCALE: [(f32, f32); WHOLE] = [(-0.94, 0.3), (0.04, 0.23), (1.25, 0.19), (-2.1, 1.1), (0.64, 0.24)];
+const OVERALL_SCALE: [(f32, f32); OVERALL] = [(-0.94, 0.3), (0.04, 0.23), (1.25, 0.19), (-2.1, 1.1), (0.64, 0.24)];
 
 /// Statistics of a photo in the *level frame*: +Y is up, and the camera looks into the half plane of −Z.
 #[derive(Clone, Debug, PartialEq)]
@@ -118,8 +118,8 @@ impl PhotoStatistics {
         };
         // Normalises weights to 1,536 pixels.
         let share = 1536.0 / pixels;
-        let (mut facing, mut seen, mut clipped) = (vec![Mean::default(); BINS], vec![Mean::default(); BINS], 0.0);
-        let (mut clipped_by, mut clipped_all) = (vec![0.0f32; BINS], 0.0);
+        let (mut by_normal, mut by_view, mut clipped) = (vec![Mean::default(); BINS], vec![Mean::default(); BINS], 0.0);
+        let (mut clipped_by_view, mut clipped_all) = (vec![0.0f32; BINS], 0.0);
         let mut colours = [[Mean::default(); 2]; 6];
         let mut shares = [0.0f32; 5];
         let mut all = Mean::default();
@@ -130,17 +130,17 @@ impl PhotoStatistics {
             let is_clipped = rgb.iter().any(|&c| c > BRIGHT);
             clipped += f32::from(is_clipped) / pixels;
             let ray = level(camera.direction(x as f64 + 0.5, y as f64 + 0.5));
-            for ((bin, seen), clipped_by) in bins().iter().zip(&mut seen).zip(&mut clipped_by) {
+            for ((bin, mean), clipped_by_view) in bins().iter().zip(&mut by_view).zip(&mut clipped_by_view) {
                 let weight = ray.dot(*bin).max(0.0).powi(10);
-                seen.add(log, share * weight);
-                *clipped_by += if is_clipped { weight } else { 0.0 };
+                mean.add(log, share * weight);
+                *clipped_by_view += if is_clipped { weight } else { 0.0 };
                 clipped_all += weight;
             }
             let normal = normal(x, y);
             let shaded = light < WHITE;
             if let Some(normal) = normal.filter(|_| shaded) {
-                for (bin, facing) in bins().iter().zip(&mut facing) {
-                    facing.add(log, share * normal.dot(*bin).max(0.0).powi(8));
+                for (bin, mean) in bins().iter().zip(&mut by_normal) {
+                    mean.add(log, share * normal.dot(*bin).max(0.0).powi(8));
                 }
             }
             let [r, g, b] = rgb.map(|c| (c + DARK_CHANNEL).ln());
@@ -158,14 +158,14 @@ impl PhotoStatistics {
                 means.iter_mut().zip(tints).for_each(|(mean, tint)| mean.add(tint, weight));
             }
         }
-        let total = facing
+        let total = by_normal
             .iter()
             .fold(Mean::default(), |total, bin| Mean { sum: total.sum + bin.sum, weight: total.weight + bin.weight });
         let mut values = Vec::with_capacity(STATISTICS);
-        values.extend(facing.iter().map(|bin| (bin.value() - total.value()) * (bin.weight / 8.0).tanh()));
-        values.extend(facing.iter().map(|bin| (bin.weight / (total.weight + 1e-6)).sqrt()));
-        values.extend(seen.iter().map(|bin| (bin.value() - all.value()) * (bin.weight / 20.0).tanh()));
-        values.extend(clipped_by.iter().map(|sum| (sum / (clipped_all + 1e-6)).sqrt()));
+        values.extend(by_normal.iter().map(|bin| (bin.value() - total.value()) * (bin.weight / 8.0).tanh()));
+        values.extend(by_normal.iter().map(|bin| (bin.weight / (total.weight + 1e-6)).sqrt()));
+        values.extend(by_view.iter().map(|bin| (bin.value() - all.value()) * (bin.weight / 20.0).tanh()));
+        values.extend(clipped_by_view.iter().map(|sum| (sum / (clipped_all + 1e-6)).sqrt()));
         values.extend(colours.iter().flatten().map(|mean| mean.value()));
         values.extend(shares);
         let mean: [f32; 3] =
@@ -173,8 +173,8 @@ impl PhotoStatistics {
         let level = luminance(mean);
         let deviation = (luminances.iter().map(|l| (l - level).powi(2)).sum::<f32>() / pixels).sqrt();
         let hfov_rad = camera.hfov_deg().to_radians() as f32;
-        let whole = [level.ln(), up.z.clamp(-1.0, 1.0).asin(), hfov_rad, (clipped + 0.01).ln(), deviation / level];
-        values.extend(whole.iter().zip(WHOLE_SCALE).map(|(value, (mean, deviation))| (value - mean) / deviation));
+        let overall = [level.ln(), up.z.clamp(-1.0, 1.0).asin(), hfov_rad, (clipped + 0.01).ln(), deviation / level];
+        values.extend(overall.iter().zip(OVERALL_SCALE).map(|(value, (mean, deviation))| (value - mean) / deviation));
         Self { values, mean, camera_from_level }
     }
 
@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn surfaces_are_told_apart_by_what_they_face() {
+    fn luminance_is_binned_by_surface_normal() {
         let (photo, depth_m, camera) = corner(48, 32);
         let statistics = PhotoStatistics::new(&photo, &depth_m, &camera, Vec3::Y);
         assert_eq!(statistics.values.len(), STATISTICS);
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn a_photo_without_depth_has_statistics_too() {
+    fn photos_without_depth_have_finite_statistics() {
         let (photo, depth_m, camera) = corner(60, 40);
         let none = depth_m.map(|_| 0.0);
         let statistics = PhotoStatistics::new(&photo, &none, &camera, Vec3::Y);

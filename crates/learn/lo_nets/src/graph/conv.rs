@@ -83,7 +83,7 @@ impl GraphConvKernel {
     }
 
     /// Splits the weights into those of the features, `[7, in, out]`, and of the depths, `[7, depths, out]`.
-    fn parted<T: Number>(&self, weights: &[T], inputs: usize, outputs: usize) -> (Vec<T>, Vec<T>) {
+    fn split_weights<T: Number>(&self, weights: &[T], inputs: usize, outputs: usize) -> (Vec<T>, Vec<T>) {
         let (mut own, mut types) = (Vec::new(), Vec::new());
         for edge in weights.chunks_exact((inputs + type_channels(&self.0)) * outputs) {
             let (a, b) = edge.split_at(inputs * outputs);
@@ -100,7 +100,7 @@ impl GraphConvKernel {
         for (shares, row) in shares.zip(rows.chunks_exact_mut(outputs)) {
             for (&share, weights) in shares.iter().zip(weights.chunks_exact(outputs)).filter(|(share, _)| **share > 0.0)
             {
-                let share = T::of(share);
+                let share = T::from_f64(share);
                 row.iter_mut().zip(weights).for_each(|(sum, &weight)| *sum += share * weight);
             }
         }
@@ -131,7 +131,7 @@ impl GraphConvKernel {
                 for (&share, by_weights) in
                     shares.iter().zip(by_weights.chunks_exact_mut(outputs)).filter(|(s, _)| **s > 0.0)
                 {
-                    let share = T::of(share);
+                    let share = T::from_f64(share);
                     by_weights.iter_mut().zip(sums).for_each(|(total, &sum)| *total += share * sum);
                 }
             }
@@ -152,7 +152,7 @@ impl Kernel for GraphConvKernel {
         if type_channels(&self.0) == 0 {
             return lo_dual::graph_conv(graph, inputs[0], inputs[1], [channels, outputs]);
         }
-        let (own, types) = self.parted(inputs[1], channels, outputs);
+        let (own, types) = self.split_weights(inputs[1], channels, outputs);
         let rows = self.type_rows(&types, outputs);
         graph_conv_onto(graph, inputs[0], &own, [channels, outputs], |node, output| {
             output.copy_from_slice(&rows[self.0.types.rows[node] as usize * outputs..][..outputs]);
@@ -173,7 +173,7 @@ impl Kernel for GraphConvKernel {
                 graph_conv_backward(graph, inputs[0], inputs[1], gradient, [channels, outputs]);
             return vec![by_input, by_weights];
         }
-        let (own, _) = self.parted(inputs[1], channels, outputs);
+        let (own, _) = self.split_weights(inputs[1], channels, outputs);
         let (by_input, by_own) = graph_conv_backward(graph, inputs[0], &own, gradient, [channels, outputs]);
         let by_types = self.type_gradient(gradient, outputs);
         let edges =
@@ -189,7 +189,7 @@ mod tests {
     use crate::testing::{assert_gradients, assert_same_function};
 
     #[test]
-    fn kernel_is_the_composition() {
+    fn kernel_equals_reference() {
         for level in GraphLevel::all(&uneven_octree()) {
             let sizes = [[level.len(), 5], [7 * (5 + type_channels(&level)), 6]];
             assert_same_function(&sizes, |[x, w]| graph_conv(x, w, &level), |[x, w]| composed(x, w, &level));
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients_are_differences() {
+    fn gradients_equal_finite_differences() {
         let level = GraphLevel::all(&uneven_octree()).pop().expect("a level");
         assert_gradients(&[[level.len(), 4], [7 * (4 + type_channels(&level)), 3]], |[x, w]| graph_conv(x, w, &level));
     }

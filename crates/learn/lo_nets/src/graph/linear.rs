@@ -93,14 +93,14 @@ mod tests {
     use crate::testing::{assert_gradients, assert_same_function};
 
     #[test]
-    fn kernel_is_the_composition() {
+    fn kernel_equals_reference() {
         let sizes = [[1500, 5], [5, 3], [1, 3]];
         assert_same_function(&sizes, |[x, w, b]| linear(x, w, Some(b)), |[x, w, b]| composed(x, w, Some(b)));
         assert_same_function(&[[70, 5], [5, 3]], |[x, w]| linear(x, w, None), |[x, w]| composed(x, w, None));
     }
 
     #[test]
-    fn gradients_are_differences() {
+    fn gradients_equal_finite_differences() {
         assert_gradients(&[[90, 4], [4, 3], [1, 3]], |[x, w, b]| linear(x, w, Some(b)));
     }
 }

@@ -113,8 +113,8 @@ impl NormKernel {
         for group in moments.chunks_exact(per_group) {
             let whole = group.iter().fold(PartialMoments::default(), |sum, &channel| sum.merged(channel));
             let deviation = (whole.squares / whole.count.max(1.0) + EPSILON).sqrt();
-            mean.extend(std::iter::repeat_n(T::of(whole.mean), per_group));
-            inverse_deviation.extend(std::iter::repeat_n(T::of(1.0 / deviation), per_group));
+            mean.extend(std::iter::repeat_n(T::from_f64(whole.mean), per_group));
+            inverse_deviation.extend(std::iter::repeat_n(T::from_f64(1.0 / deviation), per_group));
         }
         ChannelStatistics { mean, inverse_deviation }
     }
@@ -174,46 +174,46 @@ impl Kernel for NormKernel {
         let statistics = self.statistics(inputs[0], channels);
         let (scale, shift) = Self::scale_and_shift(&statistics, inputs[1]);
         // The gradient before the activation, with its sums alone and multiplied by the centred input.
-        let mut before = gradient.to_vec();
-        let blocks: Vec<[Vec<T>; 2]> = before
+        let mut pre_activation = gradient.to_vec();
+        let blocks: Vec<[Vec<T>; 2]> = pre_activation
             .par_chunks_mut(BLOCK * channels)
             .enumerate()
-            .map(|(block, before)| {
+            .map(|(block, pre_activation)| {
                 let start = block * BLOCK * channels;
-                let x = &inputs[0][start..start + before.len()];
+                let x = &inputs[0][start..start + pre_activation.len()];
                 if self.activation == Activation::Relu {
-                    let skip = inputs.get(2).map(|skip| &skip[start..start + before.len()]);
-                    clear_inactive(before, x, skip, &scale, &shift);
+                    let skip = inputs.get(2).map(|skip| &skip[start..start + pre_activation.len()]);
+                    clear_inactive(pre_activation, x, skip, &scale, &shift);
                 }
-                block_sums(before, x, &statistics.mean, channels)
+                block_sums(pre_activation, x, &statistics.mean, channels)
             })
             .collect();
         let (mut sum, mut with_x) = (vec![0.0; channels], vec![0.0; channels]);
         for [block_sum, block_with_x] in &blocks {
-            sum.iter_mut().zip(block_sum).for_each(|(total, &value)| *total += value.wide());
-            with_x.iter_mut().zip(block_with_x).for_each(|(total, &value)| *total += value.wide());
+            sum.iter_mut().zip(block_sum).for_each(|(total, &value)| *total += value.as_f64());
+            with_x.iter_mut().zip(block_with_x).for_each(|(total, &value)| *total += value.as_f64());
         }
         let (gain, deviation) = (&inputs[1][..channels], &statistics.inverse_deviation);
-        let by_gain: Vec<f64> = (0..channels).map(|c| with_x[c] * deviation[c].wide()).collect();
-        let by_affine = by_gain.iter().chain(&sum).map(|&value| T::of(value)).collect();
+        let by_gain: Vec<f64> = (0..channels).map(|c| with_x[c] * deviation[c].as_f64()).collect();
+        let by_affine = by_gain.iter().chain(&sum).map(|&value| T::from_f64(value)).collect();
         // Gradient of x: scale · gradient, less the parts through the mean and the variance.
         let per_group = channels / self.groups;
         let count = (sizes[0][0] * per_group).max(1) as f64;
         let (mut slope, mut constant) = (Vec::with_capacity(channels), Vec::with_capacity(channels));
         for group in 0..self.groups {
             let members = group * per_group..(group + 1) * per_group;
-            let mean: f64 = members.clone().map(|c| gain[c].wide() * sum[c]).sum::<f64>() / count;
-            let with_unit: f64 = members.clone().map(|c| gain[c].wide() * by_gain[c]).sum::<f64>() / count;
+            let mean: f64 = members.clone().map(|c| gain[c].as_f64() * sum[c]).sum::<f64>() / count;
+            let with_unit: f64 = members.clone().map(|c| gain[c].as_f64() * by_gain[c]).sum::<f64>() / count;
             for c in members {
-                let d = deviation[c].wide();
-                slope.push(T::of(-d * d * with_unit));
-                constant.push(T::of(-d * mean + d * d * with_unit * statistics.mean[c].wide()));
+                let d = deviation[c].as_f64();
+                slope.push(T::from_f64(-d * d * with_unit));
+                constant.push(T::from_f64(-d * mean + d * d * with_unit * statistics.mean[c].as_f64()));
             }
         }
         let mut by_input = vec![T::default(); gradient.len()];
         by_input.par_chunks_mut(BLOCK * channels).enumerate().for_each(|(block, by_input)| {
             let start = block * BLOCK * channels;
-            let rows = before[start..].chunks_exact(channels).zip(inputs[0][start..].chunks_exact(channels));
+            let rows = pre_activation[start..].chunks_exact(channels).zip(inputs[0][start..].chunks_exact(channels));
             for (out, (gradient, x)) in by_input.chunks_exact_mut(channels).zip(rows) {
                 let factors = scale.iter().zip(&slope).zip(&constant);
                 for (((out, &g), &x), ((&scale, &slope), &constant)) in out.iter_mut().zip(gradient).zip(x).zip(factors)
@@ -222,7 +222,7 @@ impl Kernel for NormKernel {
                 }
             }
         });
-        vec![by_input, by_affine, before]
+        vec![by_input, by_affine, pre_activation]
     }
 }
 
@@ -233,7 +233,7 @@ fn positive<T: Number>(value: T) -> T {
 
 fn block_moments<T: Number>(x: &[T], channels: usize) -> Vec<PartialMoments> {
     let count = x.len() / channels;
-    let share: T = T::of(1.0 / count as f64);
+    let share: T = T::from_f64(1.0 / count as f64);
     let mut mean = vec![T::default(); channels];
     for row in x.chunks_exact(channels) {
         mean.iter_mut().zip(row).for_each(|(sum, &x)| *sum += x);
@@ -246,7 +246,7 @@ fn block_moments<T: Number>(x: &[T], channels: usize) -> Vec<PartialMoments> {
         }
     }
     let both = mean.into_iter().zip(squares);
-    both.map(|(mean, squares)| PartialMoments { count: count as f64, mean: mean.wide(), squares: squares.wide() })
+    both.map(|(mean, squares)| PartialMoments { count: count as f64, mean: mean.as_f64(), squares: squares.as_f64() })
         .collect()
 }
 
@@ -287,7 +287,7 @@ mod tests {
     use crate::testing::{assert_gradients, assert_same_function};
 
     #[test]
-    fn kernel_is_the_composition() {
+    fn kernel_equals_reference() {
         for (groups, activation) in [(6, Activation::Relu), (2, Activation::Relu), (3, Activation::None)] {
             let kernel = NormKernel { groups, activation };
             let got = |[x, a]: [Tensor<2>; 2]| normalise(x, a, groups, activation);
@@ -298,13 +298,13 @@ mod tests {
     }
 
     #[test]
-    fn gradients_are_differences() {
+    fn gradients_equal_finite_differences() {
         assert_gradients(&[[40, 6], [2, 6]], |[x, a]| normalise(x, a, 2, Activation::None));
         assert_gradients(&[[40, 6], [2, 6], [40, 6]], |[x, a, s]| normalise_and_add(x, a, s, 6, Activation::Relu));
     }
 
     #[test]
-    fn large_means_do_not_spoil_the_variance() {
+    fn variance_is_accurate_at_large_means() {
         let x: Vec<f32> = (0..3000).map(|i| 3000.0 + (i as f32 * 0.7).sin()).collect();
         let kernel = NormKernel { groups: 1, activation: Activation::None };
         let y = kernel.forward(&[&x, &[1.0, 0.0]], &[[3000, 1], [2, 1]]);

@@ -88,16 +88,16 @@ impl Kernel for DownKernel {
         let mut merged = vec![T::default(); split.len() * channels];
         multiply(&mut merged, families, inputs[1], [8 * channels, channels]);
         let mut output = vec![T::default(); rows * channels];
-        scatter(&mut output, leaves, kept, channels);
-        scatter(&mut output, &merged, split, channels);
+        scatter_rows(&mut output, leaves, kept, channels);
+        scatter_rows(&mut output, &merged, split, channels);
         output
     }
 
     fn backward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]], gradient: &[T], _: &[bool]) -> Vec<Vec<T>> {
         let [_, channels] = self.output_size(sizes);
         let Refinement { kept, split } = refinement(&self.0);
-        let merged = gathered(gradient, split, channels);
-        let mut by_input = gathered(gradient, kept, channels);
+        let merged = gather_rows(gradient, split, channels);
+        let mut by_input = gather_rows(gradient, kept, channels);
         by_input.resize(inputs[0].len(), T::default());
         let families = kept.len() * channels;
         multiply_transposed(&mut by_input[families..], &merged, inputs[1], [8 * channels, channels]);
@@ -118,8 +118,8 @@ impl Kernel for UpKernel {
     fn forward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]]) -> Vec<T> {
         let [rows, channels] = self.output_size(sizes);
         let Refinement { kept, split } = refinement(&self.0);
-        let parents = gathered(inputs[0], split, channels);
-        let mut output = gathered(inputs[0], kept, channels);
+        let parents = gather_rows(inputs[0], split, channels);
+        let mut output = gather_rows(inputs[0], kept, channels);
         output.resize(rows * channels, T::default());
         multiply(&mut output[kept.len() * channels..], &parents, inputs[1], [channels, 8 * channels]);
         output
@@ -132,9 +132,9 @@ impl Kernel for UpKernel {
         let mut by_parents = vec![T::default(); split.len() * channels];
         multiply_transposed(&mut by_parents, families, inputs[1], [channels, 8 * channels]);
         let mut by_input = vec![T::default(); inputs[0].len()];
-        scatter(&mut by_input, leaves, kept, channels);
-        scatter(&mut by_input, &by_parents, split, channels);
-        let parents = gathered(inputs[0], split, channels);
+        scatter_rows(&mut by_input, leaves, kept, channels);
+        scatter_rows(&mut by_input, &by_parents, split, channels);
+        let parents = gather_rows(inputs[0], split, channels);
         vec![by_input, weight_gradient(&parents, families, [channels, 8 * channels])]
     }
 }
@@ -173,13 +173,13 @@ fn weight_gradient<T: Number>(x: &[T], y: &[T], [k, n]: [usize; 2]) -> Vec<T> {
     sum
 }
 
-fn gathered<T: Number>(x: &[T], nodes: &[u32], channels: usize) -> Vec<T> {
+fn gather_rows<T: Number>(x: &[T], nodes: &[u32], channels: usize) -> Vec<T> {
     let mut rows = Vec::with_capacity(nodes.len() * channels);
     nodes.iter().for_each(|&node| rows.extend_from_slice(&x[node as usize * channels..][..channels]));
     rows
 }
 
-fn scatter<T: Number>(out: &mut [T], rows: &[T], nodes: &[u32], channels: usize) {
+fn scatter_rows<T: Number>(out: &mut [T], rows: &[T], nodes: &[u32], channels: usize) {
     for (row, &node) in rows.chunks_exact(channels).zip(nodes) {
         out[node as usize * channels..][..channels].copy_from_slice(row);
     }
@@ -192,7 +192,7 @@ mod tests {
     use crate::testing::{assert_gradients, assert_same_function};
 
     #[test]
-    fn kernels_are_the_compositions() {
+    fn kernels_equal_references() {
         for levels in GraphLevel::all(&uneven_octree()).windows(2) {
             let (coarser, finer) = (levels[0].len(), &levels[1]);
             let sizes = [[finer.len(), 3], [24, 3]];
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients_are_differences() {
+    fn gradients_equal_finite_differences() {
         let levels = GraphLevel::all(&uneven_octree());
         let finer = &levels[2];
         assert_gradients(&[[finer.len(), 2], [16, 2]], |[x, w]| down_sample(x, w, finer));

@@ -73,15 +73,15 @@ impl Kernel for SelectKernel {
 
     fn forward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]]) -> Vec<T> {
         self.output_size(sizes);
-        gathered(inputs[0], &self.0.sources, sizes[0][1])
+        gather_rows(inputs[0], &self.0.sources, sizes[0][1])
     }
 
     fn backward<T: Number>(&self, _: &[&[T]], sizes: &[[usize; 2]], gradient: &[T], _: &[bool]) -> Vec<Vec<T>> {
-        vec![gathered(gradient, &self.0.targets, sizes[0][1])]
+        vec![gather_rows(gradient, &self.0.targets, sizes[0][1])]
     }
 }
 
-fn gathered<T: Number>(x: &[T], rows: &[u32], channels: usize) -> Vec<T> {
+fn gather_rows<T: Number>(x: &[T], rows: &[u32], channels: usize) -> Vec<T> {
     let mut output = vec![T::default(); rows.len() * channels];
     output.par_chunks_exact_mut(channels).with_min_len(1 << 10).zip(rows).for_each(|(output, &row)| {
         if row != NONE {
@@ -97,7 +97,7 @@ mod tests {
     use crate::testing::{assert_gradients, assert_same_function};
 
     #[test]
-    fn kernel_is_the_composition() {
+    fn kernel_equals_reference() {
         let map = RowMap::new([Some(3), None, Some(0), Some(4)], 6);
         assert_same_function(&[[6, 3]], |[x]| select_rows(x, &map), |[x]| composed(x, &map));
         assert_gradients(&[[6, 3]], |[x]| select_rows(x, &map));

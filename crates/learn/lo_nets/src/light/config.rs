@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn the_budget_follows_the_depth_and_holds_a_room() {
+    fn node_budget_grows_with_depth_and_fits_a_room() {
         let budget = |depth| LightNetConfig { depth, ..LightNetConfig::default() }.node_budget();
         assert_eq!([6, 7, 8].map(budget), [100_000, 400_000, 1_600_000]);
         // Nodes of a generated room's graph, from docs/method.md §5.9.

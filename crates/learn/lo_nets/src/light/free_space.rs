@@ -91,7 +91,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_lies_before_a_wall_is_empty_and_nothing_else() {
+    fn only_space_in_front_of_a_wall_is_free() {
         // A wall 3 m away fills the view of 90°, except for a hole in its left half.
         let camera = Camera::from_hfov_deg(90.0, 64, 64).unwrap();
         let pixels =
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn each_of_two_cameras_knows_what_lies_before_it() {
+    fn each_camera_contributes_its_free_space() {
         // One camera faces a wall 3 m ahead. The other, to its side, faces a wall 2 m behind the first.
         let camera = Camera::from_hfov_deg(90.0, 64, 64).unwrap();
         let behind = RigidTransform {

@@ -22,7 +22,7 @@ pub enum Growth<'a> {
 ///
 /// Observed nodes are always split, at this depth and below. A surface has four times as many nodes one depth further
 /// down, and the remaining budget is divided in that proportion. Coarse predictions thus leave room for fine ones.
-pub(super) fn most_splits(splits: usize, visible: &Octree, depth: u32, last: u32) -> usize {
+pub(super) fn max_splits(splits: usize, visible: &Octree, depth: u32, last: u32) -> usize {
     let seen = |depth: u32| visible.levels()[depth as usize].nonempty;
     let free = splits.saturating_sub((depth..last).map(seen).sum());
     let parts = (depth..last).fold(0, |parts, _| 4 * parts + 1);
@@ -33,7 +33,7 @@ pub(super) fn most_splits(splits: usize, visible: &Octree, depth: u32, last: u32
 ///
 /// Rays that leave through a hole in the grown octree then end in light that the network predicts there, not in the
 /// dark.
-pub(super) fn close(nonempty: &mut [bool], depth: u32, input: &LightInput) {
+pub(super) fn close_sides(nonempty: &mut [bool], depth: u32, input: &LightInput) {
     let last = (1 << depth) - 1;
     for (key, nonempty) in (0..).zip(nonempty) {
         let at_side = xyz_from_key(key).iter().any(|&at| at == 0 || at == last);
@@ -42,25 +42,25 @@ pub(super) fn close(nonempty: &mut [bool], depth: u32, input: &LightInput) {
 }
 
 /// Occupancy of the nodes of a level.
-pub(super) struct Labels {
+pub(super) struct Occupancy {
     pub nonempty: Vec<bool>,
     /// Deviation from the prediction, if any.
     pub warning: Option<Warning>,
 }
 
-impl Labels {
+impl Occupancy {
     /// Takes the occupancy from an octree that has the same nodes at this depth.
-    pub fn of(truth: &Octree, depth: u32) -> Self {
+    pub fn from_truth(truth: &Octree, depth: u32) -> Self {
         Self { nonempty: truth.levels()[depth as usize].rows.iter().map(|&row| row >= 0).collect(), warning: None }
     }
 
-    /// Marks nodes that are observed or have a logit above [`MIN_LOGIT`]: at least one, and at most the `most`
+    /// Marks nodes that are observed or have a logit above [`MIN_LOGIT`]: at least one, and at most the `max_count`
     /// likeliest.
     ///
     /// Below the full depth, nodes are children of occupied nodes. Where a wall's position among small leaves is
     /// uncertain, none of the eight children may be likely. All of them are then kept, except those that photos show to
     /// be empty, as the wall would vanish otherwise.
-    pub fn predicted(logits: &[f32], octree: &Octree, input: &LightInput, most: usize) -> Self {
+    pub fn predicted(logits: &[f32], octree: &Octree, input: &LightInput, max_count: usize) -> Self {
         let depth = octree.depth();
         let seen = |key: u32| input.visible.row(depth, key).is_some();
         // Observed nodes rank first; observed free space ranks last.
@@ -83,10 +83,10 @@ impl Labels {
             order.extend((0..score.len() as u32).max_by(|&a, &b| score[a as usize].total_cmp(&score[b as usize])));
             warning = Some(Warning::NothingOccupied { depth });
         }
-        if order.len() > most {
-            warning = Some(Warning::NodeBudget { depth, predicted: order.len(), kept: most });
+        if order.len() > max_count {
+            warning = Some(Warning::NodeBudget { depth, predicted: order.len(), kept: max_count });
             order.sort_by(|&a, &b| score[b as usize].total_cmp(&score[a as usize]));
-            order.truncate(most);
+            order.truncate(max_count);
         }
         let mut nonempty = vec![false; score.len()];
         order.iter().for_each(|&node| nonempty[node as usize] = true);
@@ -114,15 +114,15 @@ mod tests {
     }
 
     #[test]
-    fn the_likeliest_and_what_is_seen_is_kept() {
+    fn likeliest_and_observed_nodes_are_kept() {
         let octree = Octree::full(1).unwrap();
         let logits = [-5.0, 1.0, 3.0, -1.0, 2.0, 0.5, -2.0, -3.0];
-        let labels = Labels::predicted(&logits, &octree, &input(&[Vec3::ZERO]), 8);
-        assert_eq!(labels.nonempty, [true, true, true, false, true, true, false, false]);
-        assert_eq!(labels.warning, None);
-        let labels = Labels::predicted(&logits, &octree, &input(&[Vec3::ZERO]), 3);
-        assert_eq!(labels.nonempty, [true, false, true, false, true, false, false, false]);
-        assert_eq!(labels.warning, Some(Warning::NodeBudget { depth: 1, predicted: 5, kept: 3 }));
+        let occupancy = Occupancy::predicted(&logits, &octree, &input(&[Vec3::ZERO]), 8);
+        assert_eq!(occupancy.nonempty, [true, true, true, false, true, true, false, false]);
+        assert_eq!(occupancy.warning, None);
+        let occupancy = Occupancy::predicted(&logits, &octree, &input(&[Vec3::ZERO]), 3);
+        assert_eq!(occupancy.nonempty, [true, false, true, false, true, false, false, false]);
+        assert_eq!(occupancy.warning, Some(Warning::NodeBudget { depth: 1, predicted: 5, kept: 3 }));
     }
 
     #[test]
@@ -132,8 +132,8 @@ mod tests {
         octree.grow(&[true, false, true, false, false, false, false, false]).unwrap();
         let mut logits = [-4.0; 16];
         logits[3] = 2.0;
-        let labels = Labels::predicted(&logits, &octree, &input(&[]), usize::MAX);
-        assert!((0..16).all(|node| labels.nonempty[node] == (node == 3 || node >= 8)), "{:?}", labels.nonempty);
+        let occupancy = Occupancy::predicted(&logits, &octree, &input(&[]), usize::MAX);
+        assert!((0..16).all(|node| occupancy.nonempty[node] == (node == 3 || node >= 8)), "{:?}", occupancy.nonempty);
     }
 
     #[test]
@@ -142,22 +142,22 @@ mod tests {
         // Nothing observed: 1 + 4 + 16 parts, then 1 + 4, then all.
         let nothing = full(7);
         assert_eq!(
-            [(4, 2100), (5, 2000), (6, 1600)].map(|(depth, left)| most_splits(left, &nothing, depth, 7)),
+            [(4, 2100), (5, 2000), (6, 1600)].map(|(depth, left)| max_splits(left, &nothing, depth, 7)),
             [100, 400, 1600]
         );
         // One observed node at each of the three depths.
         let point = RadiancePoint { position_m: Vec3::ZERO, radiance: [1.0; 3], coverage: Coverage::Seen };
         let cube = Cube { origin_m: Vec3::ZERO, edge_m: 1.0 };
         let seen = LightOctree::from_points(&[point], cube, 7, 4).unwrap().0.octree;
-        assert_eq!(most_splits(2103, &seen, 4, 7), 101);
-        assert_eq!([most_splits(2, &seen, 4, 7), most_splits(0, &seen, 6, 7)], [1, 1]);
+        assert_eq!(max_splits(2103, &seen, 4, 7), 101);
+        assert_eq!([max_splits(2, &seen, 4, 7), max_splits(0, &seen, 6, 7)], [1, 1]);
     }
 
     #[test]
-    fn something_is_always_there() {
+    fn at_least_one_node_is_kept() {
         let logits = [-1.0, -0.8, -3.0, -1.0, -1.0, -1.0, -1.0, -1.0];
-        let labels = Labels::predicted(&logits, &Octree::full(1).unwrap(), &input(&[]), 8);
-        assert_eq!(labels.nonempty.iter().position(|&label| label), Some(1));
-        assert_eq!(labels.warning, Some(Warning::NothingOccupied { depth: 1 }));
+        let occupancy = Occupancy::predicted(&logits, &Octree::full(1).unwrap(), &input(&[]), 8);
+        assert_eq!(occupancy.nonempty.iter().position(|&label| label), Some(1));
+        assert_eq!(occupancy.warning, Some(Warning::NothingOccupied { depth: 1 }));
     }
 }

@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn features_say_what_is_where() {
+    fn features_describe_points_and_carriers() {
         let points = [point([0.1, 0.2, -3.1]), VisiblePoint { certain: false, ..point([0.3, 0.2, -3.1]) }];
         let input = input(&points).unwrap();
         let graph = &input.levels.last().unwrap().graph;
@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn a_map_is_what_carriers_show_and_unseen_light_begins_with() {
+    fn single_map_sets_carriers_and_initial_light() {
         let plain = input(&[point([0.1, 0.2, -3.1])]).unwrap();
         let features = plain.features.clone();
         // Light from the right.
@@ -319,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn carriers_know_what_is_above_and_below() {
+    fn up_sets_the_carriers_normals() {
         let plain = input(&[point([0.1, 0.2, -3.1])]).unwrap();
         let features = plain.features.clone();
         let up = Vec3::new(0.0, 0.6, 0.8);
@@ -368,14 +368,14 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_named() {
+    fn points_that_are_not_finite_are_named() {
         let bad = VisiblePoint { radiance: [0.0, f32::NAN, 0.0], ..point([0.0; 3]) };
         let error = input(&[point([0.0; 3]), bad]).unwrap_err();
         assert!(error.to_string().contains("point 1"), "{error}");
     }
 
     #[test]
-    fn a_photo_without_depth_is_an_input_too() {
+    fn photos_without_depth_are_valid_input() {
         let input = input(&[]).unwrap();
         assert!(input.features.chunks_exact(NODE_FEATURES).all(|row| row[..CENTRE.start].iter().all(|&v| v == 0.0)));
     }

@@ -45,7 +45,7 @@ mod tests {
     }
 
     #[test]
-    fn gains_are_the_octrees_and_their_gradients_right() {
+    fn gains_equal_the_octrees_and_have_correct_gradients() {
         let towards = directions(30);
         assert_gradients(&[[30, 3]], |[lobes]| gains(lobes * 3.0, &towards));
         let lobes: Vec<f32> = values(90, 1).iter().map(|v| 6.0 * *v as f32).collect();

@@ -6,7 +6,7 @@ use lo_geometry::Vec3;
 use lo_octree::LightOctree;
 use serde::{Deserialize, Serialize};
 
-use crate::energy::{self, FACINGS, Irradiance};
+use crate::energy::{self, Irradiance, NORMALS};
 use crate::light::{LightError, LightOutput, Rays};
 use crate::tone::tone;
 
@@ -139,20 +139,20 @@ fn irradiance_loss(samples: &Tensor<2>, rays: &Rays) -> Tensor<1> {
     }
     // Block structure: a ray contributes to the normals of its own origin only.
     let places = origins.len();
-    let mut cosines = vec![0.0f32; rays.len() * places * FACINGS];
+    let mut cosines = vec![0.0f32; rays.len() * places * NORMALS];
     for (place, (_, members)) in origins.iter().enumerate() {
         let solid_angle_sr = 4.0 * PI / members.len() as f32;
         let of_place = energy::cosines(members.iter().map(|&i| (rays.cones[i].direction, solid_angle_sr)));
-        for (&i, row) in members.iter().zip(of_place.chunks_exact(FACINGS)) {
-            cosines[(i * places + place) * FACINGS..][..FACINGS].copy_from_slice(row);
+        for (&i, row) in members.iter().zip(of_place.chunks_exact(NORMALS)) {
+            cosines[(i * places + place) * NORMALS..][..NORMALS].copy_from_slice(row);
         }
     }
-    let cosines = constant(cosines, [rays.len(), places * FACINGS], samples);
+    let cosines = constant(cosines, [rays.len(), places * NORMALS], samples);
     let truth = constant(rays.radiance.as_flattened().to_vec(), [rays.len(), 3], samples);
     let seen = samples.clone().narrow(0, 0, rays.len()).narrow(1, 0, 3);
     let irradiance = |radiance: &Tensor<2>| -> Irradiance {
         let all = radiance.clone().transpose().matmul(cosines.clone());
-        [0, 1, 2].map(|c| all.clone().narrow(0, c, 1).reshape([places, FACINGS]))
+        [0, 1, 2].map(|c| all.clone().narrow(0, c, 1).reshape([places, NORMALS]))
     };
     energy::difference(&irradiance(&seen), &irradiance(&truth))
 }

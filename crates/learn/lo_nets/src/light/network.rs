@@ -10,7 +10,7 @@ use crate::graph::{Activation, GraphLevel, RowMap, select_rows};
 use crate::layers::{DownSample, GraphConv, Head, Linear, Norm, ResBlock, UpSample};
 use crate::light::channels::columns::CARRIER;
 use crate::light::channels::{LOBE_CHANNELS, RAW_CHANNELS};
-use crate::light::growth::{Labels, close, most_splits};
+use crate::light::growth::{Occupancy, close_sides, max_splits};
 use crate::light::lobes::lobes;
 use crate::light::radiance::RAW_BIAS;
 use crate::light::{
@@ -194,22 +194,22 @@ impl LightNet {
             let own = select_rows(x.clone(), &finest);
             let logits = self.prediction[stage].forward(own.clone());
             let last = depth == self.depth();
-            let labels = match growth {
-                Growth::Truth(truth) => Labels::of(truth, depth),
+            let occupancy = match growth {
+                Growth::Truth(truth) => Occupancy::from_truth(truth, depth),
                 Growth::Predicted => {
                     let logits: Vec<f32> = logits.clone().inner().into_data().iter::<f32>().collect();
                     if !logits.iter().all(|logit| logit.is_finite()) {
                         return Err(LightError::NotFinite { what: "split predictions", depth });
                     }
                     let splits = self.max_nodes.saturating_sub(level.len()) / 7;
-                    let most = || most_splits(splits, &input.visible.octree, depth, self.depth());
-                    Labels::predicted(&logits, &octree, input, if last { usize::MAX } else { most() })
+                    let max_count = || max_splits(splits, &input.visible.octree, depth, self.depth());
+                    Occupancy::predicted(&logits, &octree, input, if last { usize::MAX } else { max_count() })
                 }
             };
-            warnings.extend(labels.warning);
-            let mut nonempty = labels.nonempty.clone();
+            warnings.extend(occupancy.warning);
+            let mut nonempty = occupancy.nonempty.clone();
             if stage == 0 && matches!(growth, Growth::Predicted) {
-                close(&mut nonempty, depth, input);
+                close_sides(&mut nonempty, depth, input);
             }
             octree.set_nonempty(&nonempty)?;
             let observed = ObservedLight::of_level(&octree, depth, input);
@@ -226,7 +226,7 @@ impl LightNet {
             }
             levels.push(LevelOutput { logits, light, observed });
             if !last {
-                octree.grow(&labels.nonempty)?;
+                octree.grow(&occupancy.nonempty)?;
                 level = level.extended(&octree);
             }
         }
@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn a_room_in_which_nothing_is_predicted_is_closed() {
+    fn untrained_networks_close_the_room() {
         let config = config(5);
         let (input, _) = input(&config);
         let output =
@@ -332,14 +332,14 @@ mod tests {
     }
 
     #[test]
-    fn visible_light_is_right_before_anything_is_learned() {
+    fn untrained_networks_keep_observed_light() {
         let config = config(5);
         let (input, truth) = input(&config);
         let net = LightNet::new(&config, 3, &Device::flex()).unwrap();
         let output = net.forward(&input, None, Growth::Truth(&truth.octree)).unwrap();
         let (light, confidence) = output.into_light().unwrap();
         assert_eq!(light.octree, truth.octree);
-        assert!(light.rgba[5].iter().all(|rgba| rgba[3] == MAX_ALPHA), "the first guess is 0.98");
+        assert!(light.rgba[5].iter().all(|rgba| rgba[3] == MAX_ALPHA), "the initial opacity is 0.98");
         let finest = &light.octree.levels()[5];
         let mut seen = 0;
         for (node, &row) in finest.rows.iter().enumerate().filter(|(_, row)| **row >= 0) {
@@ -360,7 +360,7 @@ mod tests {
     }
 
     #[test]
-    fn it_grows_its_own_tree_within_the_budget_and_always_the_same() {
+    fn growth_respects_the_budget_and_is_deterministic() {
         let config = LightNetConfig { max_nodes: Some(4000), ..config(6) };
         let (input, _) = input(&config);
         let net = LightNet::new(&config, 3, &Device::flex()).unwrap();
@@ -396,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn rays_see_lobes_from_where_they_start() {
+    fn lobes_are_evaluated_from_each_rays_origin() {
         let config = LightNetConfig { lobes: true, ..config(5) };
         let (input, truth) = input(&config);
         let net = with_random_heads(LightNet::new(&config, 3, &Device::flex()).unwrap(), &Device::flex());
@@ -455,15 +455,15 @@ mod tests {
     }
 
     #[test]
-    fn gradients_of_the_whole_network_are_differences() {
+    fn gradients_of_the_whole_network_equal_finite_differences() {
         let config = LightNetConfig { channels: 4, max_channels: 8, ..config(5) };
-        gradients_are_differences(&config);
-        gradients_are_differences(&LightNetConfig { map_share: Some(0.25), ..config.clone() });
-        gradients_are_differences(&LightNetConfig { lobes: true, ..config.clone() });
-        gradients_are_differences(&LightNetConfig { lobes: true, map_share: Some(0.25), ..config });
+        gradients_equal_finite_differences(&config);
+        gradients_equal_finite_differences(&LightNetConfig { map_share: Some(0.25), ..config.clone() });
+        gradients_equal_finite_differences(&LightNetConfig { lobes: true, ..config.clone() });
+        gradients_equal_finite_differences(&LightNetConfig { lobes: true, map_share: Some(0.25), ..config });
     }
 
-    fn gradients_are_differences(config: &LightNetConfig) {
+    fn gradients_equal_finite_differences(config: &LightNetConfig) {
         let (input, truth) = input(config);
         let device = recording_device();
         let net = with_random_heads(LightNet::new(config, 3, &device).unwrap(), &device);
@@ -497,7 +497,7 @@ mod tests {
     }
 
     #[test]
-    fn a_training_step_is_the_same_for_every_number_of_threads() {
+    fn training_step_does_not_depend_on_thread_count() {
         let config = config(5);
         let (input, truth) = input(&config);
         let cone = |direction| Cone { origin: Vec3::ZERO, direction, tan_half_angle: 0.02 };
@@ -519,7 +519,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fixed_share_of_the_map_is_that_share() {
+    fn fixed_map_share_equals_the_predicted_one() {
         let learned = config(5);
         let (input, truth) = input(&learned);
         let map = RadianceImage::from_fn(16, 8, |x, _| [0.5 + x as f32; 3]);
@@ -547,7 +547,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_seen_is_no_failure_and_wrong_depths_are_named() {
+    fn empty_input_is_valid_and_wrong_depths_are_named() {
         let config = config(5);
         let camera = Camera::from_hfov_deg(80.0, 48, 32).unwrap();
         let nothing = LightInput::new(&[], &camera, Cube::centred(Vec3::ZERO, 8.0), &config, 7).unwrap();

@@ -63,7 +63,7 @@ impl ObservedLight {
 /// Maps the regression module's `raw[nodes, 9]` to `[nodes, 5]`: linear RGB in [0, [`MAX_RADIANCE`]], opacity in [0,
 /// 1], and expected error of log(1 + radiance), at least 0.
 ///
-/// Radiance is `trust · observed · e^gain + (1 − trust) · initial · e^guess`. Observed radiance is thus right from the
+/// Radiance is `trust · observed · e^gain + (1 − trust) · initial · e^delta`. Observed radiance is thus right from the
 /// start, and remains so at the finest depth, where the gain is 0. Unobserved radiance is learned relative to its
 /// initial value `ambient^(1 − share) · map^share`, where the share is a sigmoid of the last output.
 #[derive(Clone, Debug)]
@@ -91,8 +91,8 @@ impl NodeLight {
         };
         let ambient = constant(self.0.log_ambient.to_vec(), 1);
         let ratio = constant(self.0.log_map_ratio.as_flattened().to_vec(), nodes);
-        let first_guess = ambient + activation::sigmoid(columns(&raw, 8, 9)) * ratio;
-        let log = (columns(&raw, 0, 3) + first_guess).clamp_max(f64::from(MAX_RADIANCE).ln());
+        let initial = ambient + activation::sigmoid(columns(&raw, 8, 9)) * ratio;
+        let log = (columns(&raw, 0, 3) + initial).clamp_max(f64::from(MAX_RADIANCE).ln());
         let gain = columns(&raw, 3, 6).tanh() * self.0.max_log_gain;
         let radiance = trust.clone() * columns(&known, 0, 3) * gain.exp() + doubt.clone() * log.exp();
         let logit = columns(&raw, 6, 7) + doubt * ALPHA_LOGIT + trust * columns(&known, 3, 4);
@@ -113,31 +113,31 @@ fn sigmoid(x: f64) -> f64 {
     1.0 / (1.0 + (-x).exp())
 }
 
-/// Returns a node's five outputs, the derivatives by the eight inputs that affect a single output ([`MOVES`]), and
+/// Returns a node's five outputs, the derivatives by the eight inputs that affect a single output ([`AFFECTED_OUTPUT`]), and
 /// those of radiance by the map's share.
 fn node_light(
     raw: [f64; RAW_CHANNELS],
     node: usize,
     light: &ObservedLight,
-) -> ([f64; LIGHT_CHANNELS], [f64; MOVES.len()], [f64; 3]) {
+) -> ([f64; LIGHT_CHANNELS], [f64; AFFECTED_OUTPUT.len()], [f64; 3]) {
     let known = &light.rows[node];
-    let (mut out, mut slope, mut by_share) = ([0.0; LIGHT_CHANNELS], [0.0; MOVES.len()], [0.0; 3]);
+    let (mut out, mut slope, mut by_share) = ([0.0; LIGHT_CHANNELS], [0.0; AFFECTED_OUTPUT.len()], [0.0; 3]);
     let trust = f64::from(known[4]);
     let share = sigmoid(raw[8]);
     let (most, max_log_gain) = (f64::from(MAX_RADIANCE), light.max_log_gain);
     for c in 0..3 {
         let ratio = f64::from(light.log_map_ratio[node][c]);
-        let log_guess = raw[c] + f64::from(light.log_ambient[c]) + share * ratio;
-        let guessed = (1.0 - trust) * log_guess.min(most.ln()).exp();
+        let log_inferred = raw[c] + f64::from(light.log_ambient[c]) + share * ratio;
+        let inferred = (1.0 - trust) * log_inferred.min(most.ln()).exp();
         let squashed = raw[3 + c].tanh();
         let seen = trust * f64::from(known[c]) * (max_log_gain * squashed).exp();
-        out[c] = seen + guessed;
+        out[c] = seen + inferred;
         if out[c] >= most {
             out[c] = most;
         } else {
-            slope[c] = guessed;
+            slope[c] = inferred;
             slope[3 + c] = seen * max_log_gain * (1.0 - squashed * squashed);
-            by_share[c] = guessed * ratio * share * (1.0 - share);
+            by_share[c] = inferred * ratio * share * (1.0 - share);
         }
     }
     let opacity = sigmoid(raw[6] + (1.0 - trust) * ALPHA_LOGIT + trust * f64::from(known[3]));
@@ -148,10 +148,10 @@ fn node_light(
 }
 
 /// Index of the output that each of the first eight inputs affects.
-const MOVES: [usize; RAW_CHANNELS - 1] = [0, 1, 2, 0, 1, 2, 3, 4];
+const AFFECTED_OUTPUT: [usize; RAW_CHANNELS - 1] = [0, 1, 2, 0, 1, 2, 3, 4];
 
 fn row<T: Number>(raw: &[T]) -> [f64; RAW_CHANNELS] {
-    std::array::from_fn(|c| raw[c].wide())
+    std::array::from_fn(|c| raw[c].as_f64())
 }
 
 impl Kernel for NodeLight {
@@ -163,20 +163,20 @@ impl Kernel for NodeLight {
     fn forward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]]) -> Vec<T> {
         self.output_size(sizes);
         let rows = inputs[0].chunks_exact(RAW_CHANNELS).enumerate();
-        rows.flat_map(|(node, raw)| node_light(row(raw), node, &self.0).0.map(T::of)).collect()
+        rows.flat_map(|(node, raw)| node_light(row(raw), node, &self.0).0.map(T::from_f64)).collect()
     }
 
     fn backward<T: Number>(&self, inputs: &[&[T]], _: &[[usize; 2]], gradient: &[T], _: &[bool]) -> Vec<Vec<T>> {
         let rows = inputs[0].chunks_exact(RAW_CHANNELS).zip(gradient.chunks_exact(LIGHT_CHANNELS)).enumerate();
         let by_raw = rows.flat_map(|(node, (raw, gradient))| {
             let (_, slope, by_share) = node_light(row(raw), node, &self.0);
-            let share = (0..3).map(|c| by_share[c] * gradient[c].wide()).sum();
+            let share = (0..3).map(|c| by_share[c] * gradient[c].as_f64()).sum();
             slope
                 .into_iter()
-                .zip(MOVES)
-                .map(|(slope, output)| slope * gradient[output].wide())
+                .zip(AFFECTED_OUTPUT)
+                .map(|(slope, output)| slope * gradient[output].as_f64())
                 .chain([share])
-                .map(T::of)
+                .map(T::from_f64)
         });
         vec![by_raw.collect()]
     }
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn kernel_is_the_composition() {
+    fn kernel_equals_reference() {
         for light in [0.0, 0.7].map(|gain| NodeLight(known(gain))) {
             assert_same_function(&[[20, 9]], |[raw]| light.clone().apply(raw), |[raw]| light.composed(raw));
             assert_gradients(&[[20, 9]], |[raw]| light.clone().apply(raw));
@@ -202,19 +202,19 @@ mod tests {
     }
 
     #[test]
-    fn trusted_radiance_is_kept_and_nothing_is_infinite() {
+    fn observed_radiance_is_kept_and_output_is_finite() {
         let raw = |gain, share| [500.0, -500.0, 2.0, gain, gain, gain, 900.0, 900.0, share];
-        let told = |known: [f32; 5], max_log_gain| ObservedLight {
+        let light = |known: [f32; 5], max_log_gain| ObservedLight {
             rows: vec![known],
             log_ambient: [0.5f32, 0.2, 1.5].map(f32::ln),
             log_map_ratio: vec![[0.0, 1.0, 3f32.ln()]],
             max_log_gain,
         };
         let seen = [2.0, 0.25, 0.0, 9.0, 1.0];
-        assert_eq!(node_light(raw(0.0, 0.0), 0, &told(seen, 1.0)).0[..3], [2.0, 0.25, 0.0]);
-        assert_eq!(node_light(raw(9.0, 5.0), 0, &told(seen, 0.0)).0[..3], [2.0, 0.25, 0.0]);
-        assert!((node_light(raw(9.0, 0.0), 0, &told(seen, 1.0)).0[0] / 2.0 - 1f64.exp()).abs() < 1e-6);
-        let (out, ..) = node_light(raw(0.0, 0.0), 0, &told([0.0; 5], 1.0));
+        assert_eq!(node_light(raw(0.0, 0.0), 0, &light(seen, 1.0)).0[..3], [2.0, 0.25, 0.0]);
+        assert_eq!(node_light(raw(9.0, 5.0), 0, &light(seen, 0.0)).0[..3], [2.0, 0.25, 0.0]);
+        assert!((node_light(raw(9.0, 0.0), 0, &light(seen, 1.0)).0[0] / 2.0 - 1f64.exp()).abs() < 1e-6);
+        let (out, ..) = node_light(raw(0.0, 0.0), 0, &light([0.0; 5], 1.0));
         assert!((out[0] - f64::from(MAX_RADIANCE)).abs() < 0.1 && out[1] >= 0.0 && out[3] <= 1.0);
         // Half of the map's 4.5 and half of the ambient 1.5, in logarithms.
         assert!((out[2] - 1.5 * 3f64.sqrt() * 2f64.exp()).abs() < 1e-5, "{}", out[2]);

@@ -24,56 +24,57 @@ impl ObservedDetail<'_> {
     /// # Errors
     /// None for octrees of the same cube.
     pub fn refine(&self, light: &mut LightOctree, confidence: &mut Vec<Vec<f32>>) -> Result<(), OctreeError> {
-        let mut guesses = self.guesses(light);
+        let mut predictions = self.predictions(light);
         while light.octree.depth() < self.fine.octree.depth() {
             let depth = light.octree.depth();
             let finest = &light.octree.levels()[depth as usize];
-            let seen = |node: &usize| finest.rows[*node] >= 0 && known(self.fine, depth, finest.keys[*node]).is_some();
+            let seen =
+                |node: &usize| finest.rows[*node] >= 0 && observed(self.fine, depth, finest.keys[*node]).is_some();
             let split: Vec<bool> = (0..finest.len()).map(|node| seen(&node)).collect();
             let neighbours = light.octree.neighbours(depth);
-            let (mut below, mut nonempty) = (FinerRows::default(), Vec::new());
+            let (mut finer, mut nonempty) = (FinerRows::default(), Vec::new());
             for parent in (0..finest.len()).filter(|&node| split[node]) {
                 for child in 0..8 {
                     let key = finest.keys[parent] << 3 | child;
-                    let known = known(self.fine, depth + 1, key);
-                    let occupied = known.is_some() || !self.free.contains_node(light.cube, depth + 1, key);
+                    let observation = observed(self.fine, depth + 1, key);
+                    let occupied = observation.is_some() || !self.free.contains_node(light.cube, depth + 1, key);
                     nonempty.push(occupied);
                     if occupied {
-                        let around = ParentNeighbourhood::new(&neighbours[parent], &finest.rows, child);
-                        let guess = around.blend(&guesses);
-                        let (rgba, seen) = match known {
-                            Some((known, seen)) => (mixed(known, seen, guess), seen),
-                            None => (around.blend(&light.rgba[depth as usize]), 0),
+                        let neighbourhood = ParentNeighbourhood::new(&neighbours[parent], &finest.rows, child);
+                        let prediction = neighbourhood.interpolate(&predictions);
+                        let (rgba, seen) = match observation {
+                            Some((observed, seen)) => (blended(observed, seen, prediction), seen),
+                            None => (neighbourhood.interpolate(&light.rgba[depth as usize]), 0),
                         };
-                        below.push(rgba, seen, guess, finest.rows[parent] as usize);
+                        finer.push(rgba, seen, prediction, finest.rows[parent] as usize);
                     }
                 }
             }
             light.octree.grow(&split)?;
             light.octree.set_nonempty(&nonempty)?;
-            light.rgba.push(below.rgba);
+            light.rgba.push(finer.rgba);
             if let Some(lobes) = &mut light.lobes {
                 let inherited = |(&parent, &seen): (&usize, &u8)| {
                     // Observed radiance is known towards the camera and has no lobe.
-                    let guessed = 1.0 - f32::from(seen) / 255.0;
-                    lobes[depth as usize][parent].map(|v| guessed * v)
+                    let unobserved = 1.0 - f32::from(seen) / 255.0;
+                    lobes[depth as usize][parent].map(|v| unobserved * v)
                 };
-                let below = below.parents.iter().zip(&below.seen).map(inherited).collect();
+                let below = finer.parents.iter().zip(&finer.seen).map(inherited).collect();
                 lobes.push(below);
             }
-            confidence.push(below.parents.iter().map(|&parent| confidence[depth as usize][parent]).collect());
-            light.seen.push(below.seen);
-            guesses = below.guesses;
+            confidence.push(finer.parents.iter().map(|&parent| confidence[depth as usize][parent]).collect());
+            light.seen.push(finer.seen);
+            predictions = finer.predictions;
         }
         Ok(())
     }
 
     /// Returns the network's own prediction for each finest row, without the observed part.
-    fn guesses(&self, light: &LightOctree) -> Vec<[f32; 4]> {
+    fn predictions(&self, light: &LightOctree) -> Vec<[f32; 4]> {
         let depth = light.octree.depth();
         let keys = light.octree.levels()[depth as usize].row_keys();
         keys.zip(&light.rgba[depth as usize])
-            .map(|(key, &rgba)| guess(rgba, known(self.coarse, depth, key)))
+            .map(|(key, &rgba)| predicted(rgba, observed(self.coarse, depth, key)))
             .map(|[r, g, b, alpha]| [r.min(MAX_RADIANCE), g.min(MAX_RADIANCE), b.min(MAX_RADIANCE), alpha.min(1.0)])
             .collect()
     }
@@ -99,7 +100,7 @@ impl ParentNeighbourhood {
     }
 
     /// Returns radiance interpolated in proportion to opacity, as the tracer does, with the parent's opacity.
-    fn blend(&self, rgba: &[[f32; 4]]) -> [f32; 4] {
+    fn interpolate(&self, rgba: &[[f32; 4]]) -> [f32; 4] {
         let parent = rgba[self.0[0].0 as usize];
         let (mut sum, mut total) = ([0.0; 3], 0.0);
         for &(row, weight) in self.0.iter().filter(|(row, _)| *row >= 0) {
@@ -117,40 +118,40 @@ impl ParentNeighbourhood {
 struct FinerRows {
     rgba: Vec<[f32; 4]>,
     seen: Vec<u8>,
-    guesses: Vec<[f32; 4]>,
+    predictions: Vec<[f32; 4]>,
     parents: Vec<usize>,
 }
 
 impl FinerRows {
-    fn push(&mut self, rgba: [f32; 4], seen: u8, guess: [f32; 4], parent: usize) {
+    fn push(&mut self, rgba: [f32; 4], seen: u8, prediction: [f32; 4], parent: usize) {
         self.rgba.push(rgba);
         self.seen.push(seen);
-        self.guesses.push(guess);
+        self.predictions.push(prediction);
         self.parents.push(parent);
     }
 }
 
 /// Returns a node's RGBα and observed share, or `None` where it is missing or empty.
-fn known(light: &LightOctree, depth: u32, key: u32) -> Option<([f32; 4], u8)> {
+fn observed(light: &LightOctree, depth: u32, key: u32) -> Option<([f32; 4], u8)> {
     let row = light.row(depth, key)?;
     Some((light.rgba[depth as usize][row], light.seen[depth as usize][row]))
 }
 
 /// Returns the predicted part of a node's RGBα. Fully observed nodes return their own.
-fn guess(rgba: [f32; 4], known: Option<([f32; 4], u8)>) -> [f32; 4] {
-    match known {
-        Some((known, seen)) if seen < 255 => {
+fn predicted(rgba: [f32; 4], observation: Option<([f32; 4], u8)>) -> [f32; 4] {
+    match observation {
+        Some((observed, seen)) if seen < 255 => {
             let trust = f32::from(seen) / 255.0;
-            std::array::from_fn(|c| ((rgba[c] - trust * known[c]) / (1.0 - trust)).max(0.0))
+            std::array::from_fn(|c| ((rgba[c] - trust * observed[c]) / (1.0 - trust)).max(0.0))
         }
         _ => rgba,
     }
 }
 
 /// Blends observation and prediction by the observed share.
-fn mixed(known: [f32; 4], seen: u8, guess: [f32; 4]) -> [f32; 4] {
+fn blended(observed: [f32; 4], seen: u8, prediction: [f32; 4]) -> [f32; 4] {
     let trust = f32::from(seen) / 255.0;
-    std::array::from_fn(|c| trust * known[c] + (1.0 - trust) * guess[c])
+    std::array::from_fn(|c| trust * observed[c] + (1.0 - trust) * prediction[c])
 }
 
 #[cfg(test)]
@@ -186,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_seen_gets_finer_and_nothing_else_changes() {
+    fn observed_leaves_are_refined_and_others_kept() {
         let (points, camera) = wall();
         let behind = VisiblePoint { position_m: Vec3::new(0.1, 0.1, 3.0), certain: false, ..points[0] };
         let mut light = octree_of(&[&points[..], &[behind]].concat(), 5);
@@ -234,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn a_guess_runs_evenly_from_leaf_to_leaf() {
+    fn predictions_are_interpolated_between_leaves() {
         let (mut points, camera) = wall();
         points.iter_mut().for_each(|point| point.certain = false);
         let (coarse, fine) = (octree_of(&points, 5), octree_of(&points, 7));
@@ -259,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn an_octree_as_deep_as_what_is_seen_stays() {
+    fn octrees_of_full_depth_do_not_change() {
         let (points, camera) = wall();
         let same = octree_of(&points, 5);
         let mut light = same.clone();
