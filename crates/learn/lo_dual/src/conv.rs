@@ -60,7 +60,7 @@ fn convolve<T: Real>(
     start: Option<impl Fn(usize, &mut [T]) + Sync>,
 ) {
     check(graph, input.len(), inputs);
-    assert_eq!(weights.len(), EDGE_TYPES * inputs * outputs, "seven matrices of weights");
+    assert_eq!(weights.len(), EDGE_TYPES * inputs * outputs, "weights for seven edge types");
     output.par_chunks_mut(BLOCK * outputs).enumerate().for_each_init(
         || vec![T::default(); BLOCK * EDGE_TYPES * inputs],
         |buffer, (block, output)| {

@@ -60,7 +60,7 @@ impl DualGraph {
     /// Where `octree` has no finer level, or is not the octree of this graph (possibly grown since).
     pub fn extended(&self, octree: &Octree) -> Self {
         let level = &octree.levels()[self.depth as usize];
-        assert_eq!(level.len(), self.nodes.len() - self.first_finest, "the graph is one of another octree");
+        assert_eq!(level.len(), self.nodes.len() - self.first_finest, "the graph must belong to the octree");
         let refiner = Refiner::new(self, level);
         let chunks: Vec<NeighbourRows> = refiner
             .rows()

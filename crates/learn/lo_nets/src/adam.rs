@@ -53,14 +53,20 @@ impl Adam {
         self.steps += 1;
         let steps = self.steps.min(i32::MAX as u64) as i32;
         let (first, second) = (1.0 - f64::from(self.beta1).powi(steps), 1.0 - f64::from(self.beta2).powi(steps));
-        let update = Update {
+        let update = UpdateRule {
             beta1: self.beta1,
             beta2: self.beta2,
             epsilon: self.epsilon,
             rate: (learning_rate / first) as f32,
             second_scale: (1.0 / second) as f32,
         };
-        module.map(&mut Step { update, share, moments: &mut self.moments, gradients, path: ParameterPath::default() })
+        module.map(&mut StepMapper {
+            update,
+            share,
+            moments: &mut self.moments,
+            gradients,
+            path: ParameterPath::default(),
+        })
     }
 
     /// Returns the number of steps taken.
@@ -70,7 +76,7 @@ impl Adam {
 }
 
 /// Constants of one step.
-struct Update {
+struct UpdateRule {
     beta1: f32,
     beta2: f32,
     epsilon: f32,
@@ -80,7 +86,7 @@ struct Update {
     second_scale: f32,
 }
 
-impl Update {
+impl UpdateRule {
     fn apply(&self, share: f32, values: &mut [f32], gradient: &[f32], moments: &mut AdamMoments) {
         const CHUNK: usize = 1 << 14;
         let rate = self.rate * share;
@@ -97,15 +103,15 @@ impl Update {
     }
 }
 
-struct Step<'a> {
-    update: Update,
+struct StepMapper<'a> {
+    update: UpdateRule,
     share: &'a dyn Fn(&str) -> f32,
     moments: &'a mut BTreeMap<String, AdamMoments>,
     gradients: &'a Gradients,
     path: ParameterPath,
 }
 
-impl ModuleMapper for Step<'_> {
+impl ModuleMapper for StepMapper<'_> {
     fn enter_module(&mut self, name: &str, container: &str) {
         self.path.enter(name, container);
     }
@@ -133,7 +139,7 @@ impl ModuleMapper for Step<'_> {
 
 /// Returns all values of a tensor.
 pub(crate) fn floats<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
-    tensor.into_data().convert::<f32>().try_into_vec().expect("just converted to f32")
+    tensor.into_data().convert::<f32>().try_into_vec().expect("converted to f32 above")
 }
 
 #[cfg(test)]

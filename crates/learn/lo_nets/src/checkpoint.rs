@@ -69,7 +69,7 @@ impl Checkpoint {
     pub fn add_module<M: Module>(&mut self, name: &str, module: &M) {
         // `valid` applies the last update of the running statistics, which burn's batch normalisation defers until
         // then.
-        module.valid().visit(&mut Collect { tensors: &mut self.tensors, path: ParameterPath::root(name) });
+        module.valid().visit(&mut CollectParameters { tensors: &mut self.tensors, path: ParameterPath::root(name) });
     }
 
     /// Adds an optimiser's moments and step count under a name that no module has.
@@ -173,7 +173,7 @@ impl Checkpoint {
     /// # Panics
     /// Where the number of values does not match the shape.
     pub fn insert(&mut self, name: &str, shape: &[usize], values: Vec<f32>) {
-        assert_eq!(values.len(), shape.iter().product::<usize>(), "as many values as the shape says");
+        assert_eq!(values.len(), shape.iter().product::<usize>(), "values must match the shape");
         self.tensors.insert(name.to_owned(), StoredTensor { shape: shape.to_vec(), values });
     }
 
@@ -209,7 +209,7 @@ fn is_recording<M: Module>(module: &M) -> bool {
 /// Returns `module` with the values from `get`, and a list of problems. `get` maps a parameter's name to the stored
 /// name and its tensor.
 fn filled<M: Module>(module: M, get: impl FnMut(&str) -> (String, Option<StoredTensor>)) -> (M, Vec<String>) {
-    let mut fill = Fill { get, problems: Vec::new(), path: ParameterPath::default() };
+    let mut fill = FillParameters { get, problems: Vec::new(), path: ParameterPath::default() };
     let module = module.map(&mut fill);
     (module, fill.problems)
 }
@@ -227,12 +227,12 @@ fn checked<M>(name: &str, module: M, problems: Vec<String>) -> Result<M, Checkpo
     Err(CheckpointError::Weights { module: name.to_owned(), problems })
 }
 
-struct Collect<'a> {
+struct CollectParameters<'a> {
     tensors: &'a mut BTreeMap<String, StoredTensor>,
     path: ParameterPath,
 }
 
-impl ModuleVisitor for Collect<'_> {
+impl ModuleVisitor for CollectParameters<'_> {
     fn enter_module(&mut self, name: &str, container: &str) {
         self.path.enter(name, container);
     }
@@ -248,13 +248,13 @@ impl ModuleVisitor for Collect<'_> {
     }
 }
 
-struct Fill<F> {
+struct FillParameters<F> {
     get: F,
     problems: Vec<String>,
     path: ParameterPath,
 }
 
-impl<F: FnMut(&str) -> (String, Option<StoredTensor>)> ModuleMapper for Fill<F> {
+impl<F: FnMut(&str) -> (String, Option<StoredTensor>)> ModuleMapper for FillParameters<F> {
     fn enter_module(&mut self, name: &str, container: &str) {
         self.path.enter(name, container);
     }

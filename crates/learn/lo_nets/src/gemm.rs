@@ -86,7 +86,7 @@ impl GemmKernels for f32 {
 
     fn filter(weights: &[Self], count: usize, data: &[Self], offsets: &[usize], pitch: usize, rows: Rows<Self>) {
         assert_eq!(weights.len(), count * offsets.len(), "weights for each column");
-        assert!((1..=MAX_COLUMN).contains(&count), "short columns");
+        assert!((1..=MAX_COLUMN).contains(&count), "columns have 1 to MAX_COLUMN weights");
         let Rows { out, width } = rows;
         Arch::new().dispatch(Filter { weights, count, data, offsets, pitch, out, width });
     }

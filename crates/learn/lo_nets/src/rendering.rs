@@ -42,19 +42,19 @@ pub fn render(
     let light = LightOctree { rgba: levels.collect(), octree, cube, seen: Vec::new(), lobes: None };
     assert_eq!(values.len() / 4, counts[full_depth..].iter().sum::<usize>(), "RGBα of every non-empty node");
     let tracer = ConeTracer::new(&light, settings)?;
-    Ok(unary(rgba, RenderKernel(Arc::new(View { tracer, full_depth, cones }))))
+    Ok(unary(rgba, RenderKernel(Arc::new(PreparedRendering { tracer, full_depth, cones }))))
 }
 
 /// Tracer and cones, built once for forward and backward pass.
-struct View {
+struct PreparedRendering {
     tracer: ConeTracer,
     full_depth: usize,
     cones: Arc<[Cone]>,
 }
 
-/// Traces the octree in `View`, which holds the same values as the kernel's input.
+/// Traces the octree in `PreparedRendering`, which holds the same values as the kernel's input.
 #[derive(Clone)]
-struct RenderKernel(Arc<View>);
+struct RenderKernel(Arc<PreparedRendering>);
 
 impl fmt::Debug for RenderKernel {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {

@@ -34,7 +34,7 @@ impl Checkpoint {
             })
             .collect();
         let views = bytes.iter().map(|(name, tensor, bytes)| {
-            (*name, TensorView::new(dtype, tensor.shape.clone(), bytes).expect("as many bytes as the shape says"))
+            (*name, TensorView::new(dtype, tensor.shape.clone(), bytes).expect("bytes match the shape"))
         });
         let metadata = serde_json::json!({ "format_version": FORMAT_VERSION, "state": self.state }).to_string();
         let file = safetensors::serialize(views, Some([("checkpoint".to_owned(), metadata)].into()))

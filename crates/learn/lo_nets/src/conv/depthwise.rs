@@ -146,19 +146,19 @@ impl Planes {
 
     /// Fills the planes with an image, optionally activated. Margins must already be zero.
     fn fill<T: Number>(&self, planes: &mut [T], x: &[T], activation: Option<ChannelAffine<T>>) {
-        Arch::new().dispatch(Fill { planes: self, out: planes, x, activation });
+        Arch::new().dispatch(FillPlanes { planes: self, out: planes, x, activation });
     }
 }
 
 /// [`Planes::fill`].
-struct Fill<'a, T> {
+struct FillPlanes<'a, T> {
     planes: &'a Planes,
     out: &'a mut [T],
     x: &'a [T],
     activation: Option<ChannelAffine<T>>,
 }
 
-impl<T: Number> WithSimd for Fill<'_, T> {
+impl<T: Number> WithSimd for FillPlanes<'_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -328,9 +328,9 @@ mod tests {
     use crate::testing::{assert_gradients, assert_same_function};
 
     /// Channels; images, height and width; kernel, stride, padding before and after.
-    type Case = (usize, [usize; 3], [usize; 4]);
+    type ConvCase = (usize, [usize; 3], [usize; 4]);
 
-    const CASES: [Case; 9] = [
+    const CONV_CASES: [ConvCase; 9] = [
         (5, [1, 6, 7], [3, 1, 1, 1]),
         (3, [2, 9, 4], [5, 1, 2, 2]),
         (4, [1, 8, 10], [3, 2, 0, 1]),
@@ -342,16 +342,19 @@ mod tests {
         (2, [2, 130, 150], [5, 1, 2, 2]),
     ];
 
-    fn kernel((_, [images, height, width], [side, stride, before, after]): Case, activated: bool) -> DepthwiseKernel {
+    fn kernel(
+        (_, [images, height, width], [side, stride, before, after]): ConvCase,
+        activated: bool,
+    ) -> DepthwiseKernel {
         let window = Window { images, ..Window::new([height, width], side, stride, [before, after]) };
         DepthwiseKernel { window, rectifier: activated.then_some(Rectifier::Relu6) }
     }
 
-    fn sizes((channels, [images, height, width], [side, ..]): Case) -> [[usize; 2]; 3] {
+    fn sizes((channels, [images, height, width], [side, ..]): ConvCase) -> [[usize; 2]; 3] {
         [[channels, images * height * width], [channels, side * side], [3, channels]]
     }
 
-    fn run(case: Case, [x, weights]: [Tensor<2>; 2], affine: Option<Tensor<2>>) -> Tensor<2> {
+    fn run(case: ConvCase, [x, weights]: [Tensor<2>; 2], affine: Option<Tensor<2>>) -> Tensor<2> {
         // Scales so that some activated values exceed 6.
         match affine {
             Some(affine) => ternary(x, weights, 4.0 * affine, kernel(case, true)),
@@ -360,7 +363,7 @@ mod tests {
     }
 
     /// Reference implementation with burn's operations.
-    fn composed(case: Case, [x, weights]: [Tensor<2>; 2], affine: Option<Tensor<2>>) -> Tensor<2> {
+    fn composed(case: ConvCase, [x, weights]: [Tensor<2>; 2], affine: Option<Tensor<2>>) -> Tensor<2> {
         let (channels, [images, height, width], [side, stride, before, after]) = case;
         let mut x = x.reshape([channels, images, height, width]);
         if let Some(affine) = affine {
@@ -374,7 +377,7 @@ mod tests {
 
     #[test]
     fn kernel_equals_reference() {
-        for case in CASES {
+        for case in CONV_CASES {
             let [x, weights, affine] = sizes(case);
             assert_same_function(&[x, weights], |i| run(case, i, None), |i| composed(case, i, None));
             assert_same_function(
@@ -387,7 +390,7 @@ mod tests {
 
     #[test]
     fn gradients_equal_finite_differences() {
-        for case in &CASES[..8] {
+        for case in &CONV_CASES[..8] {
             let [x, weights, affine] = sizes(*case);
             assert_gradients(&[x, weights], |i| run(*case, i, None));
             assert_gradients(&[x, weights, affine], |[x, w, a]| run(*case, [x, w], Some(a)));
@@ -396,7 +399,7 @@ mod tests {
 
     #[test]
     fn results_do_not_depend_on_thread_count() {
-        let case = CASES[8];
+        let case = CONV_CASES[8];
         let sizes = sizes(case);
         let values = |i: usize| -> Vec<f32> {
             crate::testing::values(sizes[i][0] * sizes[i][1], i).iter().map(|&v| v as f32).collect()

@@ -63,7 +63,7 @@ impl Kernel for MaxPoolKernel {
                             }
                         }
                     }
-                    by_x[largest.expect("the middle pixel at least")] += gradient;
+                    by_x[largest.expect("a window has a middle pixel")] += gradient;
                 }
             });
         vec![by_x]

@@ -50,11 +50,14 @@ pub fn activated_conv2d(x: Tensor<4>, affine: Tensor<2>, rectifier: Rectifier, c
 fn convolved(x: Tensor<4>, activation: Option<(Tensor<2>, Rectifier)>, conv: &Conv2d) -> Tensor<4> {
     let ([channels, images, height, width], [outputs, _, kernel, _]) = (x.dims(), conv.weight.dims());
     let PaddingConfig2d::Explicit(top, left, bottom, right) = conv.padding else {
-        panic!("padding in numbers of pixels");
+        panic!("padding must be explicit");
     };
     let stride = conv.stride[0];
-    assert!(conv.dilation == [1; 2] && conv.kernel_size == [kernel; 2], "no dilation, a square kernel");
-    assert!(conv.stride == [stride; 2] && [top, bottom] == [left, right], "the same stride and padding down as across");
+    assert!(conv.dilation == [1; 2] && conv.kernel_size == [kernel; 2], "the kernel must be square and not dilated");
+    assert!(
+        conv.stride == [stride; 2] && [top, bottom] == [left, right],
+        "stride and padding must be equal on both axes"
+    );
     let window = Window { images, ..Window::new([height, width], kernel, stride, [top, bottom]) };
     let x = x.reshape([channels, images * height * width]);
     let y = if conv.groups == 1 {
@@ -67,7 +70,10 @@ fn convolved(x: Tensor<4>, activation: Option<(Tensor<2>, Rectifier)>, conv: &Co
             (None, None) => binary(x, weights, kernel(ThirdInput::None)),
         }
     } else {
-        assert!(conv.groups == channels && outputs == channels && conv.bias.is_none(), "one group, or depthwise");
+        assert!(
+            conv.groups == channels && outputs == channels && conv.bias.is_none(),
+            "groups must be one, or one for each channel"
+        );
         let weights = conv.weight.val().reshape([channels, kernel * kernel]);
         match activation {
             Some((affine, rectifier)) => {
@@ -107,9 +113,9 @@ mod tests {
     use crate::testing::{assert_gradients, assert_same_function};
 
     /// Channels in and out; images, height and width; kernel, stride, padding.
-    type Case = ([usize; 2], [usize; 3], [usize; 3]);
+    type ConvCase = ([usize; 2], [usize; 3], [usize; 3]);
 
-    const CASES: [Case; 14] = [
+    const CONV_CASES: [ConvCase; 14] = [
         ([5, 9], [1, 6, 7], [1, 1, 0]),
         ([3, 8], [1, 9, 11], [3, 1, 1]),
         ([2, 17], [1, 40, 5], [3, 1, 1]),
@@ -128,7 +134,7 @@ mod tests {
 
     const ACTIVATION: ThirdInput = ThirdInput::Activation(Rectifier::Relu);
 
-    fn run(case: Case, third: ThirdInput, inputs: &[Tensor<2>], composed_of_burn: bool) -> Tensor<2> {
+    fn run(case: ConvCase, third: ThirdInput, inputs: &[Tensor<2>], composed_of_burn: bool) -> Tensor<2> {
         let ([channels, outputs], [images, height, width], [kernel, stride, padding]) = case;
         let [x, weights] = [0, 1].map(|i| inputs[i].clone());
         let third_input = inputs.get(2).cloned();
@@ -147,7 +153,7 @@ mod tests {
         }
     }
 
-    fn sizes(case: Case, third: ThirdInput) -> [[usize; 2]; 3] {
+    fn sizes(case: ConvCase, third: ThirdInput) -> [[usize; 2]; 3] {
         let ([channels, outputs], [images, height, width], [kernel, ..]) = case;
         let third = if third == ThirdInput::Bias { [1, outputs] } else { [3, channels] };
         [[channels, images * height * width], [outputs, channels * kernel * kernel], third]
@@ -155,7 +161,7 @@ mod tests {
 
     #[test]
     fn kernel_equals_reference() {
-        for case in CASES {
+        for case in CONV_CASES {
             for third in [ACTIVATION, ThirdInput::Bias] {
                 let sizes = sizes(case, third);
                 assert_same_function(&sizes, |i| run(case, third, &i, false), |i| run(case, third, &i, true));
@@ -168,7 +174,7 @@ mod tests {
 
     #[test]
     fn gradients_equal_finite_differences() {
-        for case in &CASES[..13] {
+        for case in &CONV_CASES[..13] {
             for third in [ACTIVATION, ThirdInput::Bias] {
                 assert_gradients(&sizes(*case, third), |inputs| run(*case, third, &inputs, false));
             }
@@ -177,7 +183,7 @@ mod tests {
 
     #[test]
     fn bf16_products_of_small_integers_are_exact() {
-        for case in CASES {
+        for case in CONV_CASES {
             for third in [ThirdInput::None, ACTIVATION, ThirdInput::Bias] {
                 let sizes = sizes(case, third);
                 let sizes = if third == ThirdInput::None { &sizes[..2] } else { &sizes };
@@ -216,7 +222,7 @@ mod tests {
     }
 
     fn kernel_of(
-        ([_, _], [images, height, width], [kernel, stride, padding]): Case,
+        ([_, _], [images, height, width], [kernel, stride, padding]): ConvCase,
         third: ThirdInput,
         use_bf16: bool,
     ) -> ConvKernel {
@@ -230,7 +236,7 @@ mod tests {
 
     #[test]
     fn results_do_not_depend_on_thread_count() {
-        let case = CASES[13];
+        let case = CONV_CASES[13];
         let [x, weights, affine] = sizes(case, ACTIVATION);
         let values = |[rows, columns]: [usize; 2], seed| -> Vec<f32> {
             crate::testing::values(rows * columns, seed).iter().map(|&v| v as f32).collect()

@@ -18,7 +18,7 @@ const STEM_CHANNELS: usize = 32;
 const EXPANSION: usize = 6;
 
 /// A sequence of equal blocks of EfficientNet-B0.
-struct Stage {
+struct BlockGroup {
     blocks: usize,
     kernel: usize,
     /// Stride of the first block. The others have stride 1.
@@ -29,14 +29,14 @@ struct Stage {
 }
 
 #[rustfmt::skip]
-const STAGES: [Stage; 7] = [
-    Stage { blocks: 1, kernel: 3, stride: 1, channels: 16, is_feature: true },
-    Stage { blocks: 2, kernel: 3, stride: 2, channels: 24, is_feature: true },
-    Stage { blocks: 2, kernel: 5, stride: 2, channels: 40, is_feature: true },
-    Stage { blocks: 3, kernel: 3, stride: 2, channels: 80, is_feature: false },
-    Stage { blocks: 3, kernel: 5, stride: 1, channels: 112, is_feature: true },
-    Stage { blocks: 4, kernel: 5, stride: 2, channels: 192, is_feature: false },
-    Stage { blocks: 1, kernel: 3, stride: 1, channels: 320, is_feature: true },
+const BLOCK_GROUPS: [BlockGroup; 7] = [
+    BlockGroup { blocks: 1, kernel: 3, stride: 1, channels: 16, is_feature: true },
+    BlockGroup { blocks: 2, kernel: 3, stride: 2, channels: 24, is_feature: true },
+    BlockGroup { blocks: 2, kernel: 5, stride: 2, channels: 40, is_feature: true },
+    BlockGroup { blocks: 3, kernel: 3, stride: 2, channels: 80, is_feature: false },
+    BlockGroup { blocks: 3, kernel: 5, stride: 1, channels: 112, is_feature: true },
+    BlockGroup { blocks: 4, kernel: 5, stride: 2, channels: 192, is_feature: false },
+    BlockGroup { blocks: 1, kernel: 3, stride: 1, channels: 320, is_feature: true },
 ];
 
 /// Size of the network relative to EfficientNet-B0.
@@ -62,14 +62,15 @@ impl EfficientNetScale {
     }
 
     fn blocks(self, index: usize) -> usize {
-        let blocks = STAGES[index].blocks;
-        let is_fixed = index == 0 || index == STAGES.len() - 1;
+        let blocks = BLOCK_GROUPS[index].blocks;
+        let is_fixed = index == 0 || index == BLOCK_GROUPS.len() - 1;
         if is_fixed { blocks } else { (self.depth * blocks as f64).ceil() as usize }
     }
 
     /// Returns the channels of the features at 1/2, 1/4, 1/8, 1/16 and 1/32 of the input's resolution.
     pub fn feature_channels(self) -> [usize; 5] {
-        let mut features = STAGES.iter().filter(|stage| stage.is_feature).map(|stage| self.channels(stage.channels));
+        let mut features =
+            BLOCK_GROUPS.iter().filter(|stage| stage.is_feature).map(|stage| self.channels(stage.channels));
         std::array::from_fn(|_| features.next().expect("five features"))
     }
 }
@@ -115,7 +116,7 @@ pub struct NormedConv {
 }
 
 /// Output of a convolution, with the scale and shift that the next operation applies.
-struct Raw {
+struct Unscaled {
     x: Tensor<4>,
     affine: Tensor<2>,
 }
@@ -127,17 +128,17 @@ impl NormedConv {
         Self { conv: shape.init(stream, device), norm }
     }
 
-    fn forward(&self, x: Tensor<4>) -> Raw {
+    fn forward(&self, x: Tensor<4>) -> Unscaled {
         self.normed(conv2d(x, &self.conv))
     }
 
-    fn forward_activated(&self, Raw { x, affine }: Raw) -> Raw {
+    fn forward_activated(&self, Unscaled { x, affine }: Unscaled) -> Unscaled {
         self.normed(activated_conv2d(x, affine, Rectifier::Relu6, &self.conv))
     }
 
-    fn normed(&self, x: Tensor<4>) -> Raw {
+    fn normed(&self, x: Tensor<4>) -> Unscaled {
         let affine = batch_norm(&self.norm, ChannelMoments::in_training(&x).as_ref());
-        Raw { x, affine }
+        Unscaled { x, affine }
     }
 }
 
@@ -167,8 +168,8 @@ impl Separable {
         [&mut self.depthwise, &mut self.project]
     }
 
-    fn forward(&self, raw: Raw) -> Tensor<4> {
-        let Raw { x, affine } = self.project.forward_activated(self.depthwise.forward_activated(raw));
+    fn forward(&self, raw: Unscaled) -> Tensor<4> {
+        let Unscaled { x, affine } = self.project.forward_activated(self.depthwise.forward_activated(raw));
         scaled(x, affine)
     }
 }
@@ -185,7 +186,7 @@ impl EfficientNetLite {
     pub fn new(scale: EfficientNetScale, stream: &mut Stream, device: &Device) -> Self {
         let stem = ConvShape { kernel: 3, stride: 2, padding: padding(3, 2), ..pointwise([3, STEM_CHANNELS]) };
         let stem = NormedConv::new(stem, stream, device);
-        let [first, others @ ..] = &STAGES;
+        let [first, others @ ..] = &BLOCK_GROUPS;
         let mut channels = scale.channels(first.channels);
         let first = Separable::new([STEM_CHANNELS, channels], first.kernel, first.stride, stream, device);
         let mut blocks = Vec::new();
@@ -244,7 +245,7 @@ fn pointwise(channels: [usize; 2]) -> ConvShape {
 /// Returns the published name of a parameter.
 fn published_name(name: &str) -> String {
     let name = name.replace(".gamma", ".weight").replace(".beta", ".bias");
-    let (part, rest) = name.split_once('.').expect("a field and what is in it");
+    let (part, rest) = name.split_once('.').expect("names are paths of fields");
     let (block, rest) = match part {
         "stem" => return rest.replace("conv.", "_conv_stem.").replace("norm.", "_bn0."),
         "first" => (0, rest),
@@ -253,7 +254,7 @@ fn published_name(name: &str) -> String {
             (1 + index.parse::<usize>().expect("a list's fields are numbered"), rest)
         }
     };
-    let (part, rest) = rest.trim_start_matches("reduce.").split_once('.').expect("a convolution and what is in it");
+    let (part, rest) = rest.trim_start_matches("reduce.").split_once('.').expect("names are paths of fields");
     let norm = match part {
         "expand" => "_bn0",
         "depthwise" => "_bn1",

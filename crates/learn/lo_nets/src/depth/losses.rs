@@ -140,7 +140,7 @@ mod tests {
             let srgb = f64::from(lo_imaging::srgb_from_linear(got) - lo_imaging::srgb_from_linear(0.1)).abs();
             assert!((of(got) - srgb).abs() < 0.06, "{got}: {} {srgb}", of(got));
         }
-        assert!(of(100.0) > 1.5, "what is brighter than white still counts");
+        assert!(of(100.0) > 1.5, "radiance above white counts");
     }
 
     #[test]

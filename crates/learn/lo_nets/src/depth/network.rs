@@ -251,8 +251,11 @@ impl DepthNet {
     /// Returns normalised photos `[3, images, height, width]`, padded to multiples of 32.
     fn input(&self, photos: &[&Image<[u8; 3]>]) -> Tensor<4> {
         let (width, height) = (photos[0].width(), photos[0].height());
-        assert!(width > 0 && height > 0, "a photo has pixels");
-        assert!(photos.iter().all(|photo| (photo.width(), photo.height()) == (width, height)), "photos of one size");
+        assert!(width > 0 && height > 0, "photos must have pixels");
+        assert!(
+            photos.iter().all(|photo| (photo.width(), photo.height()) == (width, height)),
+            "photos must have equal sizes"
+        );
         let [mean, deviation] = self.kind.normalisation();
         let normal = |c: usize| move |pixel: &[u8; 3]| (f32::from(pixel[c]) / 255.0 - mean[c]) / deviation[c];
         let channels = (0..3).flat_map(|c| photos.iter().flat_map(move |photo| photo.pixels().iter().map(normal(c))));

@@ -162,7 +162,7 @@ impl PerspectiveOutput {
 /// Where the number of cameras differs from that of photos.
 pub fn perspective_loss(output: &PerspectiveOutput, truths: &[Option<Perspective>]) -> Tensor<1> {
     let [_, images, rows, columns] = output.up.dims();
-    assert_eq!(truths.len(), images, "a camera for each photo");
+    assert_eq!(truths.len(), images, "as many cameras as photos");
     let device = output.up.device();
     let field = |of: &Perspective, cell: usize| of.at(cell_position(output.size, cell % columns, cell / columns));
     let constant = |channels: usize, value: &dyn Fn(&Perspective, usize, usize) -> f32| {

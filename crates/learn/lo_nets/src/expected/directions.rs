@@ -25,7 +25,7 @@ pub(super) fn mirrored(directions: &[Vec3]) -> Vec<usize> {
     let image = |direction: &Vec3| {
         let wanted = Vec3::new(-direction.x, direction.y, direction.z);
         let nearest = |&a: &usize, &b: &usize| directions[a].dot(wanted).total_cmp(&directions[b].dot(wanted));
-        (0..directions.len()).max_by(nearest).expect("there are directions")
+        (0..directions.len()).max_by(nearest).expect("directions are not empty")
     };
     directions.iter().map(image).collect()
 }

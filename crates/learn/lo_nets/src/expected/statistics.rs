@@ -30,7 +30,7 @@ const DARK_CHANNEL: f32 = 0.01;
 const WHITE: f32 = 0.95;
 const BRIGHT: f32 = 0.9;
 
-/// Mean and deviation of the statistics of the whole photo, over photos cropped from panoramas.
+/// WeightedMean and deviation of the statistics of the whole photo, over photos cropped from panoramas.
 const OVERALL_SCALE: [(f32, f32); OVERALL] = [(-0.94, 0.3), (0.04, 0.23), (1.25, 0.19), (-2.1, 1.1), (0.64, 0.24)];
 
 /// Statistics of a photo in the *level frame*: +Y is up, and the camera looks into the half plane of −Z.
@@ -45,7 +45,7 @@ pub struct PhotoStatistics {
     ///   the last five;
     /// - log mean luminance, pitch, field of view, log share of clipped pixels, relative deviation of luminance.
     pub values: Vec<f32>,
-    /// Mean linear RGB of the photo, above 0.
+    /// WeightedMean linear RGB of the photo, above 0.
     pub mean: [f32; 3],
     /// Rotation from the level frame to the camera's.
     pub camera_from_level: Quat,
@@ -66,12 +66,12 @@ fn level_frame(up: Vec3) -> Quat {
 
 /// A weighted mean.
 #[derive(Clone, Copy, Default)]
-struct Mean {
+struct WeightedMean {
     sum: f32,
     weight: f32,
 }
 
-impl Mean {
+impl WeightedMean {
     fn add(&mut self, value: f32, weight: f32) {
         self.sum += weight * value;
         self.weight += weight;
@@ -118,11 +118,12 @@ impl PhotoStatistics {
         };
         // Normalises weights to 1,536 pixels.
         let share = 1536.0 / pixels;
-        let (mut by_normal, mut by_view, mut clipped) = (vec![Mean::default(); BINS], vec![Mean::default(); BINS], 0.0);
+        let (mut by_normal, mut by_view, mut clipped) =
+            (vec![WeightedMean::default(); BINS], vec![WeightedMean::default(); BINS], 0.0);
         let (mut clipped_by_view, mut clipped_all) = (vec![0.0f32; BINS], 0.0);
-        let mut colours = [[Mean::default(); 2]; 6];
+        let mut colours = [[WeightedMean::default(); 2]; 6];
         let mut shares = [0.0f32; 5];
-        let mut all = Mean::default();
+        let mut all = WeightedMean::default();
         for (i, (&rgb, &light)) in photo.pixels().iter().zip(&luminances).enumerate() {
             let (x, y) = (i % width, i / width);
             let log = (light + DARK).ln();
@@ -158,9 +159,10 @@ impl PhotoStatistics {
                 means.iter_mut().zip(tints).for_each(|(mean, tint)| mean.add(tint, weight));
             }
         }
-        let total = by_normal
-            .iter()
-            .fold(Mean::default(), |total, bin| Mean { sum: total.sum + bin.sum, weight: total.weight + bin.weight });
+        let total = by_normal.iter().fold(WeightedMean::default(), |total, bin| WeightedMean {
+            sum: total.sum + bin.sum,
+            weight: total.weight + bin.weight,
+        });
         let mut values = Vec::with_capacity(STATISTICS);
         values.extend(by_normal.iter().map(|bin| (bin.value() - total.value()) * (bin.weight / 8.0).tanh()));
         values.extend(by_normal.iter().map(|bin| (bin.weight / (total.weight + 1e-6)).sqrt()));

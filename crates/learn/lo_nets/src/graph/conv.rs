@@ -78,7 +78,7 @@ impl GraphConvKernel {
     fn inputs(&self, sizes: &[[usize; 2]]) -> usize {
         let [[nodes, inputs], [rows, _]] = *sizes else { panic!("a convolution has features and weights") };
         assert_eq!(nodes, self.0.len(), "one row of features for each node");
-        assert_eq!(rows, EDGE_TYPES * (inputs + type_channels(&self.0)), "seven matrices of weights");
+        assert_eq!(rows, EDGE_TYPES * (inputs + type_channels(&self.0)), "weights for seven edge types");
         inputs
     }
 

@@ -135,7 +135,7 @@ impl NormKernel {
             self.groups
         );
         assert_eq!(sizes[1], [2, channels], "a scale and a shift for each channel");
-        assert!(sizes.len() < 3 || sizes[2] == sizes[0], "what is added has the input's size");
+        assert!(sizes.len() < 3 || sizes[2] == sizes[0], "the skip input has the input's size");
         channels
     }
 }

@@ -33,7 +33,7 @@ pub fn up_sample(x: Tensor<2>, weights: Tensor<2>, finer: &Arc<GraphLevel>) -> T
 }
 
 fn refinement(finer: &GraphLevel) -> &Refinement {
-    finer.refinement.as_ref().expect("a level below the full depth comes from a coarser one")
+    finer.refinement.as_ref().expect("levels below the full depth have a coarser one")
 }
 
 /// Reference implementation with burn's operations.

@@ -67,7 +67,7 @@ struct SelectKernel(Arc<RowMap>);
 
 impl Kernel for SelectKernel {
     fn output_size(&self, sizes: &[[usize; 2]]) -> [usize; 2] {
-        assert_eq!(sizes[0][0], self.0.targets.len(), "the rows that the map is for");
+        assert_eq!(sizes[0][0], self.0.targets.len(), "the input has the map's number of rows");
         [self.0.len(), sizes[0][1]]
     }
 

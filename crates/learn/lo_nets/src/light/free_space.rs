@@ -111,11 +111,11 @@ mod tests {
             free.contains_node(cube, 5, key_from_xyz([unit.x as u32, unit.y as u32, unit.z as u32]))
         };
         assert!(holds(0.9, 0.4, -2.1) && holds(0.1, 0.1, -0.6));
-        assert!(!holds(0.9, 0.4, -2.9), "it holds the wall");
+        assert!(!holds(0.9, 0.4, -2.9), "contains the wall");
         assert!(!holds(0.9, 0.4, -3.4), "behind the wall");
         assert!(!holds(0.9, 0.4, 1.1) && !holds(0.1, 0.1, -0.1), "behind the camera, and beside it");
         assert!(!holds(2.1, 0.1, -2.1), "cut by the edge of the view");
-        assert!(!holds(-1.0, 0.1, -2.1), "before the hole");
+        assert!(!holds(-1.0, 0.1, -2.1), "in front of the hole");
         assert!(!FreeSpace::new(&[], &camera).contains_node(cube, 5, 0));
     }
 

@@ -379,10 +379,10 @@ mod tests {
             let occupied = level.keys.iter().zip(&level.rows).filter(|(_, row)| **row >= 0);
             occupied.map(|(&key, _)| grown.find(depth, key).is_some()).collect::<Vec<bool>>()
         };
-        assert!((3..=6).flat_map(kept).all(|kept| kept), "what is seen stays");
+        assert!((3..=6).flat_map(kept).all(|kept| kept), "observed nodes are kept");
         let run = || net.forward(&input, None, Growth::Predicted).unwrap().into_light().unwrap();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-        assert_eq!(run(), pool.install(run), "whatever the number of threads");
+        assert_eq!(run(), pool.install(run), "independent of the thread count");
     }
 
     /// Randomises the last layers of the heads: they start at 0, which blocks gradients and gives lobes no direction.
@@ -530,7 +530,7 @@ mod tests {
             numbers(net.forward(&input, None, Growth::Truth(&truth.octree)).unwrap().levels.pop().unwrap().light)
         };
         let close = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-3 * (1.0 + b.abs()));
-        assert!(close(&light(None), &light(Some(0.4))), "what a network begins with");
+        assert!(close(&light(None), &light(Some(0.4))), "the initial share");
         assert!(!close(&light(None), &light(Some(0.9))));
     }
 

@@ -60,8 +60,8 @@ impl ObservedLight {
     }
 }
 
-/// Maps the regression module's `raw[nodes, 9]` to `[nodes, 5]`: linear RGB in [0, [`MAX_RADIANCE`]], opacity in [0,
-/// 1], and expected error of log(1 + radiance), at least 0.
+/// Maps the regression module's `raw[nodes, 9]` to `[nodes, 5]`: linear RGB from 0 to [`MAX_RADIANCE`], opacity from 0
+/// to 1, and expected error of log(1 + radiance), at least 0.
 ///
 /// Radiance is `trust · observed · e^gain + (1 − trust) · initial · e^delta`. Observed radiance is thus right from the
 /// start, and remains so at the finest depth, where the gain is 0. Unobserved radiance is learned relative to its
@@ -113,8 +113,8 @@ fn sigmoid(x: f64) -> f64 {
     1.0 / (1.0 + (-x).exp())
 }
 
-/// Returns a node's five outputs, the derivatives by the eight inputs that affect a single output ([`AFFECTED_OUTPUT`]), and
-/// those of radiance by the map's share.
+/// Returns a node's five outputs, the derivatives by the eight inputs that affect a single output
+/// ([`AFFECTED_OUTPUT`]), and those of radiance by the map's share.
 fn node_light(
     raw: [f64; RAW_CHANNELS],
     node: usize,
