@@ -3,7 +3,7 @@
 use lo_completion::{ShellOptions, filled_warning, shell_of_photos};
 use lo_events::{OnEvent, Stage, Warning, stage, warn};
 use lo_geometry::{Cube, Vec3};
-use lo_nets::{CompletedLight, Networks, SeenRoom};
+use lo_nets::{CompletedLight, Networks, ObservedRoom};
 use lo_octree::{LightOctree, RadiancePoint};
 use lo_scene::{Room, SeenPhoto, Surfel, place_cube};
 
@@ -34,7 +34,7 @@ pub(crate) fn by_network(
     let filled = seen.points.len() - seen.surfels.len();
     filled_warning(seen.surfels.len(), filled).into_iter().try_for_each(|warning| warn(on_event, warning))?;
     let completed = stage(on_event, Stage::LightNetwork, || {
-        let room = SeenRoom { points: &seen.points, views: &seen.views, cube: seen.cube, up: seen.room.up };
+        let room = ObservedRoom { points: &seen.points, views: &seen.views, cube: seen.cube, up: seen.room.up };
         networks.complete(&room, global, octree_depth, options.seed)
     })??;
     let CompletedLight { light, confidence, warnings } = completed;

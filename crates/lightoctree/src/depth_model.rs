@@ -73,7 +73,7 @@ impl Estimator {
     fn own_depth(&self, photo: &Photo, camera: &Camera, on_event: OnEvent<'_>) -> Result<DepthMap, EstimateError> {
         let networks = self.networks().ok_or(EstimateError::NoNetworks("a depth model of relative depth"))?;
         let small = stage(on_event, Stage::WorkingResolution, || working_photo(photo))?;
-        let depth_m = stage(on_event, Stage::DepthAndGlobalLight, || networks.guess(&srgb8(&small), camera).depth_m)?;
+        let depth_m = stage(on_event, Stage::DepthAndGlobalLight, || networks.predict(&srgb8(&small), camera).depth_m)?;
         if depth_m.pixels().iter().all(|z| z.is_finite()) { Ok(depth_m) } else { Err(EstimateError::PredictedDepth) }
     }
 }

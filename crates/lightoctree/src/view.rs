@@ -4,7 +4,7 @@ use lo_completion::{up_from_predicted_depth, up_near};
 use lo_events::{OnEvent, Stage, Warning, stage, warn};
 use lo_geometry::{Camera, PerspectiveFit, RigidTransform, Vec3};
 use lo_imaging::{Image, Photo, srgb8_from_linear};
-use lo_nets::{GlobalLight, Networks, PhotoGuess};
+use lo_nets::{GlobalLight, Networks, PhotoPrediction};
 use lo_scene::{Frame, OtherPhoto, PosedFrame, SeenPhoto, Surfel, working_photo};
 
 use crate::photos::{Together, together};
@@ -137,8 +137,8 @@ impl View {
 /// A photo whose depth is the depth network's.
 fn predicted(photo: Photo, camera: Camera, networks: &Networks, on_event: OnEvent<'_>) -> Result<View, EstimateError> {
     let small = stage(on_event, Stage::WorkingResolution, || working_photo(&photo))?;
-    let PhotoGuess { depth_m, light: global, held } =
-        stage(on_event, Stage::DepthAndGlobalLight, || networks.guess(&srgb8(&small), &camera))?;
+    let PhotoPrediction { depth_m, light: global, perspective: held } =
+        stage(on_event, Stage::DepthAndGlobalLight, || networks.predict(&srgb8(&small), &camera))?;
     if !depth_m.pixels().iter().all(|z| z.is_finite()) {
         return Err(EstimateError::PredictedDepth);
     }

@@ -1,8 +1,8 @@
-//! Dual graphs and graph convolutions: the work of `graph_build_*` and `graph_conv_*` in the peers' benchmark, beside the bare
-//! matrix products of the same sizes.
+//! Benchmarks of dual graphs and graph convolutions: the cases `graph_build_*` and `graph_conv_*` of the peers'
+//! benchmark, and plain matrix products of the same sizes.
 //!
-//! `PEERS_INPUT` names a folder with the peers' clouds (`rgbd_unit.npy`, `rgbd_color.npy`); without it, a box room stands in.
-//! `RAYON_NUM_THREADS` sets the threads.
+//! `PEERS_INPUT` names a folder with the peers' point clouds (`rgbd_unit.npy`, `rgbd_color.npy`). By default, a
+//! box-shaped room is used. `RAYON_NUM_THREADS` sets the number of threads.
 
 #[path = "../../../light/lo_octree/benches/cloud/mod.rs"]
 mod cloud;
@@ -39,7 +39,7 @@ fn conv_forward_and_backward(bencher: Bencher, (depth, channels): (u32, usize)) 
     });
 }
 
-/// `[nodes, 7 · channels] × [7 · channels, channels]` on gathered features, one thread.
+/// Multiplies `[nodes, 7 · channels] × [7 · channels, channels]` on gathered features, on one thread.
 #[divan::bench(args = SIZES)]
 fn bare_product(bencher: Bencher, (depth, channels): (u32, usize)) {
     let (graph, _, w) = layer(depth, channels);

@@ -1,40 +1,44 @@
-//! The graph convolution: mean of the neighbours' features per direction, the node's own beside them, one matrix product.
+//! Graph convolution: the neighbours' mean features per direction and the node's own features, times a weight matrix.
 //!
-//! The means of a block of rows are gathered into a buffer that stays in a core's cache and multiplied at once, so that
-//! the seven-fold features never exist as a whole. Backwards, the gather runs over the transposed edges (a neighbour's
-//! neighbour across the opposite face is the node itself), which makes both gradients products as well: nothing is
-//! scattered, and every sum has a fixed order.
+//! Means are gathered in blocks of rows that fit a core's cache and are multiplied at once, so that the seven-fold
+//! features are never stored as a whole. The backward pass gathers along the transposed edges: a neighbour's neighbour
+//! across the opposite face is the node itself. Both gradients are thus matrix products, without scattering, and every
+//! sum has a fixed order.
 
 use rayon::prelude::*;
 
-use crate::real::{Matrix, product};
+use crate::real::{Matrix, matmul};
 use crate::{Direction, DualGraph, Real};
 
-/// Kinds of edges: the six directions and the self loop.
+/// Number of edge types: six directions and the self loop.
 pub const EDGE_TYPES: usize = 7;
 
 /// Rows gathered at a time.
 const BLOCK: usize = 512;
 
-/// Parts that the weight gradient is summed in; fixed, so that it does not depend on the number of threads.
+/// Number of partial sums of the weight gradient. Fixed, so that results do not depend on the number of threads.
 const PARTS: usize = 32;
 
-/// `output[nodes, out]` = for each node, the means of `input[nodes, in]` per direction, [`Direction`]'s six and the node
-/// itself, as one row of `7 · in` values, times `weights[7 · in, out]` (Wang et al. 2022, equation 2; `ognn`'s layout).
+/// Convolves `input[nodes, in]` with `weights[7 · in, out]` (Wang et al. 2022, equation 2; `ognn`'s layout). Returns
+/// `output[nodes, out]`.
+///
+/// A node's row of `7 · in` values holds the means per direction, in the order of [`Direction`], then the node's own
+/// features.
 ///
 /// # Panics
-/// Where the lengths do not fit.
+/// Where the lengths do not match.
 pub fn graph_conv<T: Real>(graph: &DualGraph, input: &[T], weights: &[T], size: [usize; 2]) -> Vec<T> {
     let mut output = vec![T::default(); graph.len() * size[1]];
     convolve(graph, input, weights, size, &mut output, None::<fn(usize, &mut [T])>);
     output
 }
 
-/// [`graph_conv`] plus, for each node, what `start` writes into its row of `out` values: where part of the features is
-/// known to be the same for many nodes, its share of the product need be computed but once.
+/// Adds [`graph_conv`] to initial values, which `start` writes into each node's row of `out` values.
+///
+/// Products of features that many nodes share can thus be computed once.
 ///
 /// # Panics
-/// Where the lengths do not fit.
+/// Where the lengths do not match.
 pub fn graph_conv_onto<T: Real>(
     graph: &DualGraph,
     input: &[T],
@@ -56,7 +60,7 @@ fn convolve<T: Real>(
     start: Option<impl Fn(usize, &mut [T]) + Sync>,
 ) {
     check(graph, input.len(), inputs);
-    assert_eq!(weights.len(), EDGE_TYPES * inputs * outputs, "seven matrices of weights");
+    assert_eq!(weights.len(), EDGE_TYPES * inputs * outputs, "weights for seven edge types");
     output.par_chunks_mut(BLOCK * outputs).enumerate().for_each_init(
         || vec![T::default(); BLOCK * EDGE_TYPES * inputs],
         |buffer, (block, output)| {
@@ -69,15 +73,15 @@ fn convolve<T: Real>(
                 }
             }
             let gathered = Matrix::new(buffer, EDGE_TYPES * inputs);
-            product(output, gathered, Matrix::new(weights, outputs), start.is_some());
+            matmul(output, gathered, Matrix::new(weights, outputs), start.is_some());
         },
     );
 }
 
-/// Gradients of a sum by [`graph_conv`]'s input and weights, from the one by its output.
+/// Returns the gradients of [`graph_conv`]'s input and weights from that of its output.
 ///
 /// # Panics
-/// Where the lengths do not fit.
+/// Where the lengths do not match.
 pub fn graph_conv_backward<T: Real>(
     graph: &DualGraph,
     input: &[T],
@@ -102,9 +106,9 @@ pub fn graph_conv_backward<T: Real>(
                 let buffer = &mut buffer[..rows * EDGE_TYPES * outputs];
                 gather(graph, output_gradient, outputs, first, buffer, Gather::TransposedMean);
                 let gathered = Matrix::new(buffer, EDGE_TYPES * outputs);
-                product(input_gradient, gathered, Matrix::new(&turned, inputs), false);
+                matmul(input_gradient, gathered, Matrix::new(&turned, inputs), false);
                 let rows = Matrix::new(&input[first * inputs..][..rows * inputs], inputs);
-                product(&mut weight_gradient, rows.transposed(), gathered, true);
+                matmul(&mut weight_gradient, rows.transposed(), gathered, true);
             }
             weight_gradient
         })
@@ -128,18 +132,18 @@ fn check(graph: &DualGraph, values: usize, channels: usize) {
     assert_eq!(values, graph.len() * channels, "one row of features for each node of the graph");
 }
 
-/// `[a, b, c]` → `[a, c, b]`.
+/// Transposes the last two axes: `[a, b, c]` → `[a, c, b]`.
 fn exchanged<T: Real>(values: &[T], [_, b, c]: [usize; 3]) -> Vec<T> {
     let matrices = values.chunks_exact(b * c);
     matrices.flat_map(|matrix| (0..c).flat_map(move |j| (0..b).map(move |i| matrix[i * c + j]))).collect()
 }
 
-/// Which way features go along the edges.
+/// Direction in which features pass along edges.
 #[derive(Clone, Copy, PartialEq)]
 enum Gather {
-    /// Entry `d` of a node is the mean of its neighbours in direction `d`.
+    /// Entry `d` is the mean over the node's neighbours in direction `d`.
     Mean,
-    /// Entry `d` of a node sums what it is to the means in direction `d` of others: its share of each.
+    /// Entry `d` sums the node's shares of other nodes' means in direction `d`.
     TransposedMean,
 }
 
@@ -155,8 +159,8 @@ fn gather<T: Real>(graph: &DualGraph, x: &[T], channels: usize, first: usize, bu
                 Gather::TransposedMean => (graph.neighbours(node, direction.opposite()), Some(direction)),
             };
             let share = |neighbour: u32| match share_of {
-                None => T::share(neighbours.len() as u32),
-                Some(direction) => T::share(graph.neighbours(neighbour as usize, direction).len() as u32),
+                None => T::reciprocal(neighbours.len() as u32),
+                Some(direction) => T::reciprocal(graph.neighbours(neighbour as usize, direction).len() as u32),
             };
             match neighbours {
                 [] => entry.fill(T::default()),
@@ -189,7 +193,7 @@ mod tests {
         (0..count).map(|i| (1.7 * i as f64 + seed).sin() + 0.3 * (0.37 * i as f64 * seed).cos()).collect()
     }
 
-    /// By the definition: for each node and output, sums over all edges.
+    /// Computes the definition: sums over all edges for each node and output.
     fn defined(graph: &DualGraph, input: &[f64], weights: &[f64], [inputs, outputs]: [usize; 2]) -> Vec<f64> {
         let mut output = vec![0.0; graph.len() * outputs];
         for node in 0..graph.len() {
@@ -243,7 +247,7 @@ mod tests {
         let sum = |input: &[f64], weights: &[f64]| -> f64 {
             graph_conv(&graph, input, weights, size).iter().zip(&output_gradient).map(|(y, g)| y * g).sum()
         };
-        // The function is linear in each, so that a wide step is exact.
+        // The function is linear in each argument, so differences with a large step are exact.
         let difference = |of: &dyn Fn(f64) -> f64| 0.5 * (of(1.0) - of(-1.0));
         for index in (0..input.len()).step_by(input.len() / 60) {
             let at = |step: f64| {
@@ -266,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn thread_count_changes_nothing() {
+    fn results_do_not_depend_on_thread_count() {
         let graph = DualGraph::all(&test_octree()).pop().expect("a graph");
         let x: Vec<f32> = values(graph.len() * 8, 0.3).iter().map(|&v| v as f32).collect();
         let w: Vec<f32> = values(7 * 64, 1.1).iter().map(|&v| v as f32).collect();

@@ -3,33 +3,34 @@ use rayon::prelude::*;
 
 use crate::Direction;
 
-/// The graph over the leaves above a depth and all nodes of that depth, with edges between face neighbours of any size.
+/// Dual graph over the leaves above a depth and all nodes of that depth, with edges between face neighbours of any
+/// size.
 ///
-/// Nodes are in the order of their depth, and of their shuffled keys within one; those of the graph's own depth, in the
-/// octree's order, are the last. Every face of a node is a *segment* of neighbours: none at the cube's border, one of the
-/// same size or larger, or all smaller ones that touch it. Order and content depend on the octree alone.
+/// Nodes are sorted by depth and then by shuffled key. Those of the graph's own depth come last, in the octree's order.
+/// Each face of a node has a *segment* of neighbours: none at the cube's border, one of the same size or larger, or all
+/// smaller ones that touch it. Order and content depend on the octree alone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DualGraph {
     depth: u32,
     nodes: Vec<GraphNode>,
     /// Index of the first node of the graph's own depth.
     first_finest: usize,
-    /// `neighbours[offsets[6·n + d]..offsets[6·n + d + 1]]` lie in direction `d` of node `n`.
+    /// `neighbours[offsets[6·n + d]..offsets[6·n + d + 1]]` are in direction `d` of node `n`.
     offsets: Vec<u32>,
     neighbours: Vec<u32>,
 }
 
-/// What a graph node is in the octree.
+/// Octree node of a graph node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GraphNode {
-    /// Depth.
+    /// Depth of the node.
     pub depth: u32,
-    /// Index in that depth's level.
+    /// Index in the level of that depth.
     pub index: u32,
 }
 
 impl DualGraph {
-    /// The graphs of an octree from its full depth to its finest one, in this order.
+    /// Builds the graphs of an octree, from its full depth to its finest.
     pub fn all(octree: &Octree) -> Vec<Self> {
         let mut graphs = vec![Self::full(octree)];
         for _ in octree.full_depth()..octree.depth() {
@@ -39,7 +40,7 @@ impl DualGraph {
         graphs
     }
 
-    /// The graph of the full depth: a regular grid.
+    /// Builds the graph of the full depth: a regular grid.
     pub fn full(octree: &Octree) -> Self {
         let root = Self {
             depth: 0,
@@ -51,24 +52,24 @@ impl DualGraph {
         (0..octree.full_depth()).fold(root, |graph, _| graph.extended(octree))
     }
 
-    /// The graph one depth finer: nodes of this graph's depth that the octree splits are replaced by their children.
+    /// Builds the graph one depth finer, in which the children of split nodes replace them.
     ///
-    /// Takes time proportional to the nodes and edges of the new graph; nothing is searched for.
+    /// Takes time proportional to the nodes and edges of the new graph, without any search.
     ///
     /// # Panics
-    /// Where `octree` has no finer level, or is not the octree that this graph was made from (possibly grown since).
+    /// Where `octree` has no finer level, or is not the octree of this graph (possibly grown since).
     pub fn extended(&self, octree: &Octree) -> Self {
         let level = &octree.levels()[self.depth as usize];
-        assert_eq!(level.len(), self.nodes.len() - self.first_finest, "the graph is one of another octree");
-        let step = Step::new(self, level);
-        let chunks: Vec<Rows> = step
+        assert_eq!(level.len(), self.nodes.len() - self.first_finest, "the graph must belong to the octree");
+        let refiner = Refiner::new(self, level);
+        let chunks: Vec<NeighbourRows> = refiner
             .rows()
             .par_chunks(1 << 12)
             .map(|rows| {
-                let mut chunk = Rows::default();
+                let mut chunk = NeighbourRows::default();
                 for &row in rows {
                     for direction in Direction::ALL {
-                        step.append_neighbours(row, direction, &mut chunk.neighbours);
+                        refiner.append_neighbours(row, direction, &mut chunk.neighbours);
                         chunk.ends.push(chunk.neighbours.len() as u32);
                     }
                 }
@@ -77,8 +78,8 @@ impl DualGraph {
             .collect();
         let mut graph = Self {
             depth: self.depth + 1,
-            nodes: step.nodes(),
-            first_finest: step.kept.len(),
+            nodes: refiner.nodes(),
+            first_finest: refiner.kept.len(),
             offsets: vec![0],
             neighbours: Vec::new(),
         };
@@ -90,44 +91,44 @@ impl DualGraph {
         graph
     }
 
-    /// Depth of the finest nodes.
+    /// Returns the depth of the finest nodes.
     pub fn depth(&self) -> u32 {
         self.depth
     }
 
-    /// What the nodes are in the octree.
+    /// Returns the octree node of each graph node.
     pub fn nodes(&self) -> &[GraphNode] {
         &self.nodes
     }
 
-    /// Number of nodes.
+    /// Returns the number of nodes.
     pub fn len(&self) -> usize {
         self.nodes.len()
     }
 
-    /// Never true: a graph has at least the root.
+    /// Always false: a graph has at least the root.
     pub fn is_empty(&self) -> bool {
         self.nodes.is_empty()
     }
 
-    /// Index of the first node of the graph's own depth; those before are leaves of the depths above.
+    /// Returns the index of the first node of the graph's own depth. Nodes before it are leaves of the depths above.
     pub fn first_finest(&self) -> usize {
         self.first_finest
     }
 
-    /// The neighbours of a node across one of its faces, in increasing order.
+    /// Returns the neighbours of a node across one of its faces, in increasing order.
     #[inline]
     pub fn neighbours(&self, node: usize, direction: Direction) -> &[u32] {
         let segment = 6 * node + direction as usize;
         &self.neighbours[self.offsets[segment] as usize..self.offsets[segment + 1] as usize]
     }
 
-    /// Segment boundaries in [`DualGraph::columns`], `6 · len() + 1` of them: node-major, then by direction.
+    /// Returns the `6 · len() + 1` segment boundaries in [`DualGraph::columns`], by node, then by direction.
     pub fn offsets(&self) -> &[u32] {
         &self.offsets
     }
 
-    /// The neighbours of all segments.
+    /// Returns the neighbours of all segments, concatenated.
     pub fn columns(&self) -> &[u32] {
         &self.neighbours
     }
@@ -135,59 +136,60 @@ impl DualGraph {
 
 /// Neighbours of consecutive rows of the new graph.
 #[derive(Default)]
-struct Rows {
+struct NeighbourRows {
     neighbours: Vec<u32>,
     /// End of each segment in `neighbours`.
     ends: Vec<u32>,
 }
 
-/// A node of the finer graph.
+/// Origin of a node of the finer graph.
 #[derive(Clone, Copy)]
-enum Row {
-    /// The old node with this index.
+enum NodeOrigin {
+    /// Node with this index in the coarser graph.
     Kept(u32),
-    /// A child of the old node.
+    /// Child of a node of the coarser graph.
     Child { parent: u32, child: u32 },
 }
 
-/// From one graph to the next finer one.
-struct Step<'a> {
+/// Builds the next finer graph from a graph.
+struct Refiner<'a> {
     graph: &'a DualGraph,
     level: &'a Level,
-    /// Old indices of the nodes that stay.
+    /// Coarser indices of the nodes that are kept.
     kept: Vec<u32>,
-    /// What becomes of each old node: the new index of it where it stays, of its first child where it is split.
+    /// For each coarser node, its index in the finer graph where it is kept, or that of its first child where it is
+    /// split.
     new: Vec<u32>,
 }
 
-impl<'a> Step<'a> {
+impl<'a> Refiner<'a> {
     fn new(graph: &'a DualGraph, level: &'a Level) -> Self {
-        let mut step = Self { graph, level, kept: Vec::with_capacity(graph.len()), new: vec![0; graph.len()] };
+        let mut refiner = Self { graph, level, kept: Vec::with_capacity(graph.len()), new: vec![0; graph.len()] };
         for node in 0..graph.len() as u32 {
-            if step.first_child(node).is_none() {
-                step.new[node as usize] = step.kept.len() as u32;
-                step.kept.push(node);
+            if refiner.first_child(node).is_none() {
+                refiner.new[node as usize] = refiner.kept.len() as u32;
+                refiner.kept.push(node);
             }
         }
         for node in graph.first_finest as u32..graph.len() as u32 {
-            if let Some(first) = step.first_child(node) {
-                step.new[node as usize] = step.kept.len() as u32 + first;
+            if let Some(first) = refiner.first_child(node) {
+                refiner.new[node as usize] = refiner.kept.len() as u32 + first;
             }
         }
-        step
+        refiner
     }
 
-    /// Index, in the octree's next level, of the first child of an old node that is split.
+    /// Returns the index of a split node's first child in the octree's next level.
     fn first_child(&self, node: u32) -> Option<u32> {
         let finest = (node as usize).checked_sub(self.graph.first_finest)?;
         u32::try_from(self.level.children[finest]).ok()
     }
 
-    fn rows(&self) -> Vec<Row> {
+    fn rows(&self) -> Vec<NodeOrigin> {
         let split =
             (self.graph.first_finest as u32..self.graph.len() as u32).filter(|&n| self.first_child(n).is_some());
-        let children = split.flat_map(|parent| (0..8).map(move |child| Row::Child { parent, child }));
-        self.kept.iter().map(|&node| Row::Kept(node)).chain(children).collect()
+        let children = split.flat_map(|parent| (0..8).map(move |child| NodeOrigin::Child { parent, child }));
+        self.kept.iter().map(|&node| NodeOrigin::Kept(node)).chain(children).collect()
     }
 
     fn nodes(&self) -> Vec<GraphNode> {
@@ -197,9 +199,9 @@ impl<'a> Step<'a> {
         kept.chain((0..children).map(|index| GraphNode { depth, index })).collect()
     }
 
-    fn append_neighbours(&self, row: Row, direction: Direction, out: &mut Vec<u32>) {
+    fn append_neighbours(&self, row: NodeOrigin, direction: Direction, out: &mut Vec<u32>) {
         match row {
-            Row::Kept(node) => {
+            NodeOrigin::Kept(node) => {
                 let start = out.len();
                 for &neighbour in self.graph.neighbours(node as usize, direction) {
                     let new = self.new[neighbour as usize];
@@ -208,17 +210,18 @@ impl<'a> Step<'a> {
                         None => out.push(new),
                     }
                 }
-                // Children come after the nodes that stay.
+                // Children come after the kept nodes.
                 out[start..].sort_unstable();
             }
-            Row::Child { parent, child } => {
+            NodeOrigin::Child { parent, child } => {
                 let inner = (child & direction.bit() == 0) == direction.is_positive();
                 let mirrored = child ^ direction.bit();
                 if inner {
                     out.push(self.new[parent as usize] + mirrored);
                     return;
                 }
-                // Only nodes of the graph's own depth are split, and none is finer: at most one neighbour a face.
+                // Only nodes of the graph's own depth are split, and none is finer: each face has at most one
+                // neighbour.
                 for &neighbour in self.graph.neighbours(parent as usize, direction) {
                     let new = self.new[neighbour as usize];
                     out.push(if self.first_child(neighbour).is_some() { new + mirrored } else { new });
@@ -228,7 +231,7 @@ impl<'a> Step<'a> {
     }
 }
 
-/// An uneven octree of depth 5 for tests of the kernels.
+/// Builds an uneven octree of depth 5 for kernel tests.
 #[cfg(test)]
 pub(crate) fn test_octree() -> Octree {
     let labels =
@@ -244,7 +247,7 @@ mod tests {
 
     use super::*;
 
-    /// An octree of depth 1 + `labels.len()` grown from the full depth 1 by random labels.
+    /// Builds an octree of depth 1 + `labels.len()`, grown from the full depth 1 by random labels.
     pub(super) fn grown(labels: &[Vec<bool>]) -> Octree {
         let mut octree = Octree::full(1).unwrap();
         for labels in labels {
@@ -256,14 +259,14 @@ mod tests {
         octree
     }
 
-    /// Lowest and highest corner of a node in cells of depth `finest`.
+    /// Returns the lowest and highest corner of a node, in nodes of depth `finest`.
     fn corners(octree: &Octree, node: GraphNode, finest: u32) -> ([u32; 3], [u32; 3]) {
         let shift = finest - node.depth;
         let xyz = xyz_from_key(octree.levels()[node.depth as usize].keys[node.index as usize]);
         (xyz.map(|c| c << shift), xyz.map(|c| (c + 1) << shift))
     }
 
-    /// Neighbours by comparing every node with every other one.
+    /// Finds neighbours by comparing every node with every other one.
     fn searched(octree: &Octree, graph: &DualGraph, node: usize, direction: Direction) -> Vec<u32> {
         let axis = 2 - direction as usize / 2;
         let (low, high) = corners(octree, graph.nodes()[node], graph.depth());
@@ -319,7 +322,7 @@ mod tests {
     fn a_full_grid_has_all_its_faces() {
         let octree = Octree::full(3).unwrap();
         let graph = DualGraph::full(&octree);
-        // 3 axes · 7 layers of faces · 64 faces, in both directions
+        // 3 axes · 7 layers of faces · 64 faces, in both directions.
         assert_eq!(graph.columns().len(), 2 * 3 * 7 * 64);
         assert_eq!(graph.first_finest(), 0);
     }

@@ -1,19 +1,19 @@
 use std::fmt::Debug;
 use std::ops::{AddAssign, Mul};
 
-/// Numbers that the kernels compute with: `f32` to use, `f64` to check gradients.
+/// Number types of the kernels: `f32` in use, `f64` in gradient checks.
 pub trait Real: Copy + Debug + Default + PartialEq + Send + Sync + AddAssign + Mul<Output = Self> + 'static {
     /// One.
     const ONE: Self;
 
     /// 1 / `count`.
-    fn share(count: u32) -> Self;
+    fn reciprocal(count: u32) -> Self;
 }
 
 impl Real for f32 {
     const ONE: Self = 1.0;
 
-    fn share(count: u32) -> Self {
+    fn reciprocal(count: u32) -> Self {
         1.0 / count as f32
     }
 }
@@ -21,12 +21,12 @@ impl Real for f32 {
 impl Real for f64 {
     const ONE: Self = 1.0;
 
-    fn share(count: u32) -> Self {
+    fn reciprocal(count: u32) -> Self {
         1.0 / f64::from(count)
     }
 }
 
-/// A matrix in a slice, row by row or, transposed, column by column.
+/// A matrix on a slice, in row-major order or, transposed, column-major.
 #[derive(Clone, Copy)]
 pub struct Matrix<'a, T> {
     values: &'a [T],
@@ -37,12 +37,12 @@ pub struct Matrix<'a, T> {
 }
 
 impl<'a, T> Matrix<'a, T> {
-    /// The matrix with so many columns that fills `values` row by row.
+    /// Views `values` as a row-major matrix with `columns` columns.
     pub fn new(values: &'a [T], columns: usize) -> Self {
         Self { values, rows: values.len() / columns, columns, row_stride: columns, column_stride: 1 }
     }
 
-    /// Rows for columns, without moving a value.
+    /// Transposes without copying.
     pub fn transposed(self) -> Self {
         Self {
             rows: self.columns,
@@ -54,16 +54,16 @@ impl<'a, T> Matrix<'a, T> {
     }
 }
 
-/// `out = left · right`, or with `add` `out += left · right`, on the calling thread; `out` is row by row.
+/// Computes `out = left · right`, or `out += left · right` with `add`, on the calling thread. `out` is row-major.
 ///
 /// # Panics
-/// Where the sizes do not fit.
-pub fn product<T: Real>(out: &mut [T], left: Matrix<T>, right: Matrix<T>, add: bool) {
+/// Where the sizes do not match.
+pub fn matmul<T: Real>(out: &mut [T], left: Matrix<T>, right: Matrix<T>, add: bool) {
     let (m, n, k) = (left.rows, right.columns, left.columns);
     assert_eq!(k, right.rows, "the inner sizes of a product agree");
     assert_eq!(out.len(), m * n, "the result has the outer sizes");
     assert!(left.values.len() == m * k && right.values.len() == k * n, "a matrix fills its slice");
-    // SAFETY: the sizes and strides address just the elements of the three slices, as asserted above and by the two
+    // SAFETY: sizes and strides address exactly the elements of the three slices, by the assertions above and the
     // constructors of `Matrix`; `out` is borrowed exclusively.
     unsafe {
         gemm::gemm(
@@ -100,7 +100,7 @@ mod tests {
         let left: Vec<f64> = (0..m * k).map(|i| (i as f64).sin()).collect();
         let right: Vec<f64> = (0..n * k).map(|i| (i as f64).cos()).collect();
         let mut out = vec![1.0; m * n];
-        product(&mut out, Matrix::new(&left, k), Matrix::new(&right, k).transposed(), true);
+        matmul(&mut out, Matrix::new(&left, k), Matrix::new(&right, k).transposed(), true);
         for row in 0..m {
             for column in 0..n {
                 let sum: f64 = (0..k).map(|i| left[row * k + i] * right[column * k + i]).sum();

@@ -1,4 +1,4 @@
-//! The graph and its convolution against `ognn` 1.x of the dual-octree networks' first author (`golden/make.py`).
+//! Tests graph and convolution against `ognn` 1.x by the first author of the dual-octree networks (`golden/make.py`).
 
 use lo_dual::{Direction, DualGraph, graph_conv, graph_conv_backward};
 use lo_geometry::{Cube, Vec3};

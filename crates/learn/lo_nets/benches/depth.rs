@@ -1,8 +1,9 @@
-//! DenseNet-121 at 480 × 320, the work of `densenet121_480x320_*` in the peers' benchmark, EfficientNet-Lite at 384 × 256, its depthwise convolutions, and the
-//! whole depth network. `depth_torch.py` beside this file does the same with PyTorch.
+//! Benchmarks of DenseNet-121 at 480 × 320 (the cases `densenet121_480x320_*` of the peers' benchmark),
+//! EfficientNet-Lite at 384 × 256, its depthwise convolutions, and the whole depth network. `depth_torch.py` beside
+//! this file measures the same with PyTorch.
 //!
-//! `RAYON_NUM_THREADS` sets the threads. `MIMALLOC_PURGE_DELAY=100000` keeps memory between the steps as the peers' `--tuned` does;
-//! `MIMALLOC_SHOW_STATS=1` prints the peak.
+//! `RAYON_NUM_THREADS` sets the number of threads. `MIMALLOC_PURGE_DELAY=100000` keeps memory between steps, as the
+//! peers' `--tuned` does. `MIMALLOC_SHOW_STATS=1` prints peak memory. bf16 products need `--features amx`.
 
 use burn::module::Module;
 use burn::tensor::{Device, Distribution, Tensor};
@@ -10,14 +11,15 @@ use divan::Bencher;
 use lo_imaging::{DepthMap, Image, RadianceImage};
 use lo_nets::Adam;
 use lo_nets::conv::{DepthwiseKernel, Window, in_bf16};
+use lo_nets::cpu_ops::Kernel;
 use lo_nets::depth::{DenseNet, DepthNet, Encoder, EncoderKind, PatchGan, depth_losses, panorama_loss};
-use lo_nets::host::Kernel;
 
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 fn main() {
-    // On one of rayon's threads: from another, each of some thousand small parallel loops waits for one of them to wake up.
+    // Runs on a pool thread: from other threads, each of some thousand small parallel loops waits for a pool thread to
+    // wake.
     rayon::scope(|_| divan::main());
 }
 
@@ -46,10 +48,10 @@ fn densenet121_480x320_train(bencher: Bencher) {
     });
 }
 
-fn lite_and_photo(encoder: EncoderKind, pictures: usize) -> (Encoder, Tensor<4>) {
+fn lite_and_photo(encoder: EncoderKind, images: usize) -> (Encoder, Tensor<4>) {
     let device = Device::flex().autodiff();
     let net = encoder.init(&mut lo_random::stream(1, "bench", 0), &device);
-    (net, Tensor::random([3, pictures, 256, 384], Distribution::Default, &device))
+    (net, Tensor::random([3, images, 256, 384], Distribution::Default, &device))
 }
 
 const LITES: [EncoderKind; 2] = [EncoderKind::EfficientNetLite0, EncoderKind::EfficientNetLite2];
@@ -61,7 +63,7 @@ fn efficientnet_384x256_fwd(bencher: Bencher, encoder: EncoderKind) {
     bencher.bench_local(|| net.forward(photo.clone()));
 }
 
-/// Eight photos.
+/// Trains on eight photos.
 #[divan::bench(sample_count = 5, args = LITES)]
 fn efficientnet_384x256_train(bencher: Bencher, encoder: EncoderKind) {
     let (net, photos) = lite_and_photo(encoder, 8);
@@ -74,7 +76,7 @@ fn efficientnet_384x256_train(bencher: Bencher, encoder: EncoderKind) {
     });
 }
 
-/// Channels, side of the weights, stride, height and width: the depthwise convolutions of EfficientNet-Lite0 at 384 × 256.
+/// Depthwise convolutions of EfficientNet-Lite0 at 384 × 256: channels, kernel side, stride, height and width.
 const DEPTHWISE: [[usize; 5]; 10] = [
     [32, 3, 1, 128, 192],
     [96, 3, 2, 128, 192],
@@ -88,7 +90,7 @@ const DEPTHWISE: [[usize; 5]; 10] = [
     [1152, 5, 1, 8, 12],
 ];
 
-/// A depthwise convolution of so many pictures, as PyTorch has it padded, and a gradient by its output.
+/// A depthwise convolution with PyTorch's padding, and a gradient of its output.
 struct Depthwise {
     kernel: DepthwiseKernel,
     sizes: [[usize; 2]; 2],
@@ -97,10 +99,10 @@ struct Depthwise {
 }
 
 impl Depthwise {
-    fn new([channels, side, stride, height, width]: [usize; 5], pictures: usize) -> Self {
-        let window = Window { pictures, ..Window::new([height, width], side, stride, [side / 2; 2]) };
+    fn new([channels, side, stride, height, width]: [usize; 5], images: usize) -> Self {
+        let window = Window { images, ..Window::new([height, width], side, stride, [side / 2; 2]) };
         let kernel = DepthwiseKernel { window, rectifier: None };
-        let sizes = [[channels, pictures * height * width], [channels, side * side]];
+        let sizes = [[channels, images * height * width], [channels, side * side]];
         let values = |count: usize| -> Vec<f32> { (0..count).map(|i| (0.7 * i as f32).sin()).collect() };
         let [_, area] = kernel.output_size(&sizes);
         let inputs = sizes.map(|[rows, columns]| values(rows * columns));
@@ -113,20 +115,20 @@ impl Depthwise {
 }
 
 #[divan::bench(sample_count = 20, args = DEPTHWISE, consts = [1, 8])]
-fn depthwise_fwd<const PICTURES: usize>(bencher: Bencher, case: [usize; 5]) {
-    let work = Depthwise::new(case, PICTURES);
+fn depthwise_fwd<const IMAGES: usize>(bencher: Bencher, case: [usize; 5]) {
+    let work = Depthwise::new(case, IMAGES);
     bencher.bench_local(|| work.kernel.forward(&work.inputs.each_ref().map(Vec::as_slice), &work.sizes));
 }
 
 #[divan::bench(sample_count = 20, args = DEPTHWISE, consts = [1, 8])]
-fn depthwise_by_input<const PICTURES: usize>(bencher: Bencher, case: [usize; 5]) {
-    let work = Depthwise::new(case, PICTURES);
+fn depthwise_by_input<const IMAGES: usize>(bencher: Bencher, case: [usize; 5]) {
+    let work = Depthwise::new(case, IMAGES);
     bencher.bench_local(|| work.backward([true, false]));
 }
 
 #[divan::bench(sample_count = 20, args = DEPTHWISE, consts = [1, 8])]
-fn depthwise_by_weights<const PICTURES: usize>(bencher: Bencher, case: [usize; 5]) {
-    let work = Depthwise::new(case, PICTURES);
+fn depthwise_by_weights<const IMAGES: usize>(bencher: Bencher, case: [usize; 5]) {
+    let work = Depthwise::new(case, IMAGES);
     bencher.bench_local(|| work.backward([false, true]));
 }
 
@@ -134,33 +136,33 @@ fn photo() -> Image<[u8; 3]> {
     Image::from_fn(480, 320, |x, y| [x as u8, y as u8, (x / 8 + y / 8) as u8])
 }
 
-/// Depth and the global lighting feature.
+/// Predicts depth and the global lighting feature.
 #[divan::bench(sample_count = 10)]
 fn depth_net_fwd(bencher: Bencher) {
     let (net, photo) = (DepthNet::new(EncoderKind::default(), 64, 1, &Device::flex()), photo());
     bencher.bench_local(|| net.forward(&[&photo]));
 }
 
-/// All losses, a step of the network and one of the discriminator; in f32, and with bf16 products.
+/// Runs a training step of network and discriminator with all losses, in f32 and with bf16 products.
 #[divan::bench(sample_count = 5, args = [false, true])]
 fn depth_net_train(bencher: Bencher, bf16: bool) {
     let (device, photo) = (Device::flex().autodiff(), photo());
     let mut nets = Some((DepthNet::new(EncoderKind::default(), 64, 1, &device), PatchGan::new(2, &device)));
-    let (mut adam, mut judge_adam) = (Adam::default(), Adam::default());
+    let (mut adam, mut discriminator_adam) = (Adam::default(), Adam::default());
     let truth = DepthMap::from_fn(480, 320, |x, y| 1.0 + 0.01 * (x + y) as f32);
     let sky = RadianceImage::from_fn(128, 64, |_, y| [if y < 20 { 8.0 } else { 0.2 }; 3]);
     let condition = Tensor::<4>::ones([4, 1, 64, 128], &device);
     let real = Tensor::<4>::ones([3, 1, 64, 128], &device);
     let mut step = || {
-        let (net, judge) = nets.take().expect("networks");
+        let (net, discriminator) = nets.take().expect("networks");
         let output = net.forward(&[&photo]);
         let [log_depth, _, variance] = depth_losses(output.log_extent, &[&truth]);
-        let made = net.panorama.forward(output.global);
-        let opinion = judge.generator_loss(made.clone(), condition.clone());
-        let loss = log_depth + variance + panorama_loss(made.clone(), &[Some(&sky)])[0].clone() + opinion;
+        let generated = net.panorama.forward(output.global);
+        let adversarial = discriminator.generator_loss(generated.clone(), condition.clone());
+        let loss = log_depth + variance + panorama_loss(generated.clone(), &[Some(&sky)])[0].clone() + adversarial;
         let net = adam.step(net, &loss.backward(), 1e-4);
-        let loss = judge.discriminator_loss(real.clone(), made, condition.clone());
-        nets = Some((net, judge_adam.step(judge, &loss.backward(), 1e-4)));
+        let loss = discriminator.discriminator_loss(real.clone(), generated, condition.clone());
+        nets = Some((net, discriminator_adam.step(discriminator, &loss.backward(), 1e-4)));
     };
     bencher.bench_local(|| in_bf16(bf16, &mut step));
 }

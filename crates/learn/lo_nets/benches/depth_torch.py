@@ -1,9 +1,9 @@
-"""The work of depth.rs by PyTorch: seconds of the quickest of some repetitions, on one thread.
+"""Measures the cases of depth.rs with PyTorch: the fastest of several repetitions in seconds, on one thread.
 
     MALLOC_MMAP_THRESHOLD_=4294967296 MALLOC_TRIM_THRESHOLD_=4294967296 OMP_WAIT_POLICY=PASSIVE python3 depth_torch.py [depthwise|networks]
 
-The two variables keep glibc from giving memory back between repetitions. Needs torch, torchvision and efficientnet_lite_pytorch.
-ATEN_CPU_CAPABILITY=avx2 ONEDNN_MAX_CPU_ISA=AVX2 hold PyTorch to AVX2.
+The two malloc variables keep glibc from returning memory between repetitions. Needs torch, torchvision and efficientnet_lite_pytorch.
+ATEN_CPU_CAPABILITY=avx2 ONEDNN_MAX_CPU_ISA=AVX2 limit PyTorch to AVX2.
 """
 
 import sys
@@ -14,7 +14,7 @@ import torch.nn.functional as F
 import torchvision
 from efficientnet_lite_pytorch import EfficientNet
 
-# Channels, side of the weights, stride, height and width.
+# Channels, kernel side, stride, height and width.
 DEPTHWISE = [
     (32, 3, 1, 128, 192),
     (96, 3, 2, 128, 192),
@@ -67,7 +67,7 @@ def densenet():
 
 
 def efficientnet(name):
-    # Laid out for one size, whatever the photo's.
+    # The package lays out padding for one fixed size.
     net = EfficientNet.from_name(f"efficientnet-{name}", image_size=None)
     for module in net.modules():
         if hasattr(module, "static_padding"):

@@ -1,12 +1,12 @@
-//! The light network whole: the work of `graph_unet_*` in the peers' benchmark (graphs built anew each time, a few more input and
-//! output channels), and its training step with rays.
+//! Benchmarks of the light network: the cases `graph_unet_*` of the peers' benchmark (with graphs rebuilt each time and
+//! a few more input and output channels), and its training step with rays.
 //!
-//! `PEERS_INPUT` names a folder with the peers' clouds (`rgbd_unit.npy`, `rgbd_color.npy`); without it, a box room stands in.
-//! `RAYON_NUM_THREADS` sets the threads. `MIMALLOC_PURGE_DELAY=10000` keeps memory between the steps as the peers' `--tuned` does: 0 to
-//! 17 % of a training step.
+//! `PEERS_INPUT` names a folder with the peers' point clouds (`rgbd_unit.npy`, `rgbd_color.npy`). By default, a
+//! box-shaped room is used. `RAYON_NUM_THREADS` sets the number of threads. `MIMALLOC_PURGE_DELAY=10000` keeps memory
+//! between steps, as the peers' `--tuned` does: 0 to 17 % of a training step.
 //!
-//! `MEMORY_OF_DEPTH=7 cargo bench -p lo_nets --bench light` measures no time: it prints the resident memory before the first and the most after the
-//! fifth step of `graph_unet_train`, as the peers' lines have it.
+//! `MEMORY_OF_DEPTH=7 cargo bench -p lo_nets --bench light` measures memory instead of time. It prints the resident
+//! memory before the first step of `graph_unet_train` and the peak after the fifth, in the format of the peers.
 
 #[path = "../../../light/lo_octree/benches/cloud/mod.rs"]
 mod cloud;
@@ -28,14 +28,15 @@ use lo_octree::{LightOctree, Provenance, RadiancePoint};
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 fn main() {
-    // On one of rayon's threads: from another, each of some thousand small parallel loops waits for one of them to wake up.
+    // Runs on a pool thread: from other threads, each of some thousand small parallel loops waits for a pool thread to
+    // wake.
     rayon::scope(|_| match std::env::var("MEMORY_OF_DEPTH") {
         Ok(depth) => print_memory(depth.parse().expect("MEMORY_OF_DEPTH is a depth")),
         Err(_) => divan::main(),
     });
 }
 
-/// Resident memory of the training, MiB: what the kernel counts (Linux alone).
+/// Prints the resident memory of training in MiB, as reported by the kernel (Linux only).
 fn print_memory(depth: u32) {
     let status = |field: &str| {
         let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
@@ -67,7 +68,7 @@ fn graph_unet_train(bencher: Bencher, depth: u32) {
     bencher.bench_local(|| trainer.step(&input, plain_loss));
 }
 
-/// Something that needs all outputs.
+/// A loss that depends on all outputs.
 fn plain_loss(output: &LightOutput) -> Tensor<1> {
     let parts = output.levels.iter().map(|level| {
         let signal = level.light.clone() - 0.5;
@@ -76,7 +77,7 @@ fn plain_loss(output: &LightOutput) -> Tensor<1> {
     parts.reduce(|a, b| a + b).expect("levels")
 }
 
-/// One scene with 8,192 rays.
+/// Trains on one scene with 8,192 rays.
 #[divan::bench(args = [6, 7], sample_count = 10)]
 fn train_step(bencher: Bencher, depth: u32) {
     let (input, config) = input(depth);
@@ -98,7 +99,7 @@ fn train_step(bencher: Bencher, depth: u32) {
 }
 
 struct Trainer {
-    /// Taken while a step makes the next one of it.
+    /// `None` only while a step is running.
     net: Option<LightNet>,
     adam: Adam,
 }
@@ -117,7 +118,7 @@ impl Trainer {
     }
 }
 
-/// The cloud's octree as input and as truth.
+/// Uses the cloud's octree as input and as truth.
 fn input(depth: u32) -> (LightInput, LightNetConfig) {
     let config = LightNetConfig { depth, channels_per_group: 1, ..LightNetConfig::default() };
     let points: Vec<RadiancePoint> = cloud::points("rgbd")

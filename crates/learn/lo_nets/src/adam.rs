@@ -4,28 +4,28 @@ use burn::module::{Module, ModuleMapper, Param};
 use burn::tensor::{Gradients, Tensor, TensorData};
 use rayon::prelude::*;
 
-use crate::names::Path;
+use crate::parameter_path::ParameterPath;
 
-/// Adam (Kingma & Ba 2015) with PyTorch's defaults. Moments are kept by the parameters' names, so that they can be written to a
-/// file and belong to the same weights when it is read again.
+/// Adam optimiser (Kingma & Ba 2015) with PyTorch's defaults.
 ///
-/// One pass over each parameter, where burn's own makes a dozen operations on tensors.
+/// Moments are stored by parameter name, so that they can be saved and matched to the same weights when loaded. Each
+/// parameter is updated in one pass, where burn's own optimiser runs a dozen tensor operations.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adam {
-    /// Decay of the mean gradient.
+    /// Decay rate of the mean gradient.
     pub beta1: f32,
-    /// Decay of the mean squared gradient.
+    /// Decay rate of the mean squared gradient.
     pub beta2: f32,
     /// Added to the root of the mean squared gradient.
     pub epsilon: f32,
-    /// Steps taken.
+    /// Number of steps taken.
     pub(crate) steps: u64,
-    pub(crate) moments: BTreeMap<String, Moments>,
+    pub(crate) moments: BTreeMap<String, AdamMoments>,
 }
 
-/// Mean gradient and mean squared gradient of each value of a parameter.
+/// Mean gradient and mean squared gradient of a parameter's values.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Moments {
+pub(crate) struct AdamMoments {
     pub first: Vec<f32>,
     pub second: Vec<f32>,
 }
@@ -37,12 +37,12 @@ impl Default for Adam {
 }
 
 impl Adam {
-    /// The module after one step against the gradients; parameters without a gradient stay as they are.
+    /// Returns the module after one step. Parameters without a gradient do not change.
     pub fn step<M: Module>(&mut self, module: M, gradients: &Gradients, learning_rate: f64) -> M {
         self.step_by(module, gradients, learning_rate, &|_| 1.0)
     }
 
-    /// The same with a share of the learning rate for each parameter, by its name.
+    /// Returns the module after one step, with the learning rate multiplied by `share` of each parameter's name.
     pub fn step_by<M: Module>(
         &mut self,
         module: M,
@@ -53,35 +53,41 @@ impl Adam {
         self.steps += 1;
         let steps = self.steps.min(i32::MAX as u64) as i32;
         let (first, second) = (1.0 - f64::from(self.beta1).powi(steps), 1.0 - f64::from(self.beta2).powi(steps));
-        let update = Update {
+        let update = UpdateRule {
             beta1: self.beta1,
             beta2: self.beta2,
             epsilon: self.epsilon,
             rate: (learning_rate / first) as f32,
             second_scale: (1.0 / second) as f32,
         };
-        module.map(&mut Step { update, share, moments: &mut self.moments, gradients, path: Path::default() })
+        module.map(&mut StepMapper {
+            update,
+            share,
+            moments: &mut self.moments,
+            gradients,
+            path: ParameterPath::default(),
+        })
     }
 
-    /// Steps taken.
+    /// Returns the number of steps taken.
     pub fn steps(&self) -> u64 {
         self.steps
     }
 }
 
-/// One step's constants.
-struct Update {
+/// Constants of one step.
+struct UpdateRule {
     beta1: f32,
     beta2: f32,
     epsilon: f32,
-    /// Learning rate over the correction of the mean gradient's start at 0.
+    /// Learning rate with the bias correction of the mean gradient.
     rate: f32,
-    /// The same correction of the mean squared gradient.
+    /// Bias correction of the mean squared gradient.
     second_scale: f32,
 }
 
-impl Update {
-    fn apply(&self, share: f32, values: &mut [f32], gradient: &[f32], moments: &mut Moments) {
+impl UpdateRule {
+    fn apply(&self, share: f32, values: &mut [f32], gradient: &[f32], moments: &mut AdamMoments) {
         const CHUNK: usize = 1 << 14;
         let rate = self.rate * share;
         let moments = moments.first.par_chunks_mut(CHUNK).zip(moments.second.par_chunks_mut(CHUNK));
@@ -97,15 +103,15 @@ impl Update {
     }
 }
 
-struct Step<'a> {
-    update: Update,
+struct StepMapper<'a> {
+    update: UpdateRule,
     share: &'a dyn Fn(&str) -> f32,
-    moments: &'a mut BTreeMap<String, Moments>,
+    moments: &'a mut BTreeMap<String, AdamMoments>,
     gradients: &'a Gradients,
-    path: Path,
+    path: ParameterPath,
 }
 
-impl ModuleMapper for Step<'_> {
+impl ModuleMapper for StepMapper<'_> {
     fn enter_module(&mut self, name: &str, container: &str) {
         self.path.enter(name, container);
     }
@@ -123,7 +129,7 @@ impl ModuleMapper for Step<'_> {
         let share = (self.share)(&name);
         let moments = self.moments.entry(name).or_default();
         if moments.first.len() != values.len() {
-            *moments = Moments { first: vec![0.0; values.len()], second: vec![0.0; values.len()] };
+            *moments = AdamMoments { first: vec![0.0; values.len()], second: vec![0.0; values.len()] };
         }
         self.update.apply(share, &mut values, &floats(gradient), moments);
         let tensor = Tensor::from_data(TensorData::new(values, dims), &device);
@@ -131,9 +137,9 @@ impl ModuleMapper for Step<'_> {
     }
 }
 
-/// All values of a tensor.
+/// Returns all values of a tensor.
 pub(crate) fn floats<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
-    tensor.into_data().convert::<f32>().try_into_vec().expect("just converted to f32")
+    tensor.into_data().convert::<f32>().try_into_vec().expect("converted to f32 above")
 }
 
 #[cfg(test)]
@@ -167,7 +173,7 @@ mod tests {
         let got = floats(net.weights.val().inner());
         assert!(got.iter().zip(expected).all(|(a, b)| (f64::from(*a) - b).abs() < 1e-5), "{got:?}");
         assert_eq!(adam.moments.keys().collect::<Vec<_>>(), ["weights"]);
-        // A share of nothing moves nothing.
+        // A learning rate of 0 changes nothing.
         let input = Tensor::<2>::from_data([[1.0, 2.0]], &device);
         let gradients = net.forward(input).square().sum().backward();
         let held = adam.step_by(net, &gradients, 0.05, &|name| if name == "weights" { 0.0 } else { 1.0 });

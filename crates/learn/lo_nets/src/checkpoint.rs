@@ -1,65 +1,65 @@
-//! Weights and all that training needs to go on, in one `.safetensors` file.
+//! Checkpoints: weights, optimiser state and training state in one `.safetensors` file.
 
 use std::collections::BTreeMap;
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::{Tensor, TensorData};
 
-use crate::adam::{Adam, Moments, floats};
-use crate::names::Path;
+use crate::adam::{Adam, AdamMoments, floats};
+use crate::parameter_path::ParameterPath;
 
 mod file;
 
 pub use file::FORMAT_VERSION;
 
-/// Tensors by name, and a state in JSON: schedule, random numbers, position in the data.
+/// Tensors by name, and a JSON state: schedule, random numbers, position in the data.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Checkpoint {
-    tensors: BTreeMap<String, HostTensor>,
-    /// What is neither weights nor moments.
+    tensors: BTreeMap<String, StoredTensor>,
+    /// Everything but weights and moments.
     pub state: serde_json::Value,
 }
 
 #[derive(Clone, Debug, PartialEq)]
-struct HostTensor {
+struct StoredTensor {
     shape: Vec<usize>,
     values: Vec<f32>,
 }
 
-/// How numbers are written.
+/// Number format of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Precision {
-    /// 32 bits: to go on training.
+    /// 32 bits, for resuming training.
     Full,
-    /// 16 bits: to ship. Values beyond ±65,504 become infinite; no weight of a sound network is near.
+    /// 16 bits, for shipping. Values beyond ±65,504 become infinite; weights of a working network are far smaller.
     Half,
 }
 
-/// Why a checkpoint cannot be read, written or used.
+/// Error of reading, writing or using a checkpoint.
 #[derive(Debug, thiserror::Error)]
 pub enum CheckpointError {
     /// The file cannot be read or written.
     #[error("{path}: {source}")]
     File {
-        /// Which file.
+        /// Path of the file.
         path: String,
-        /// Why.
+        /// Cause.
         source: std::io::Error,
     },
-    /// The file is no `.safetensors` file, or holds what a checkpoint does not.
+    /// The file is not a `.safetensors` file, or has unsupported content.
     #[error("{path}: {reason}")]
     Content {
-        /// Which file.
+        /// Path of the file.
         path: String,
         /// What is wrong.
         reason: String,
     },
-    /// The weights are not those of the network.
-    #[error("the weights of \"{module}\" do not fit: {}", .problems.join("; "))]
+    /// The weights do not match the network.
+    #[error("the weights of \"{module}\" do not match the network: {}", .problems.join("; "))]
     Weights {
-        /// Under which name they were looked for.
+        /// Name of the module.
         module: String,
-        /// What is missing, of another shape or too much.
+        /// Weights that are missing, surplus or of another shape.
         problems: Vec<String>,
     },
 }
@@ -67,29 +67,30 @@ pub enum CheckpointError {
 impl Checkpoint {
     /// Adds a module's parameters and running statistics under a name.
     pub fn add_module<M: Module>(&mut self, name: &str, module: &M) {
-        // Without gradients: burn's batch normalisation keeps the last update of its running statistics aside until then.
-        module.valid().visit(&mut Collect { tensors: &mut self.tensors, path: Path::of(name) });
+        // `valid` applies the last update of the running statistics, which burn's batch normalisation defers until
+        // then.
+        module.valid().visit(&mut CollectParameters { tensors: &mut self.tensors, path: ParameterPath::root(name) });
     }
 
-    /// Adds an optimiser's moments and number of steps under a name, which no module has.
+    /// Adds an optimiser's moments and step count under a name that no module has.
     pub fn add_adam(&mut self, name: &str, adam: &Adam) {
-        // Exact in two parts, however many.
+        // Two f32 parts hold any realistic step count exactly.
         let steps = vec![(adam.steps >> 16) as f32, (adam.steps & 0xffff) as f32];
-        self.tensors.insert(format!("{name}.steps"), HostTensor { shape: vec![2], values: steps });
+        self.tensors.insert(format!("{name}.steps"), StoredTensor { shape: vec![2], values: steps });
         let betas = vec![adam.beta1, adam.beta2, adam.epsilon];
-        self.tensors.insert(format!("{name}.constants"), HostTensor { shape: vec![3], values: betas });
-        for (parameter, Moments { first, second }) in &adam.moments {
+        self.tensors.insert(format!("{name}.constants"), StoredTensor { shape: vec![3], values: betas });
+        for (parameter, AdamMoments { first, second }) in &adam.moments {
             for (kind, values) in [("first", first), ("second", second)] {
-                let tensor = HostTensor { shape: vec![values.len()], values: values.clone() };
+                let tensor = StoredTensor { shape: vec![values.len()], values: values.clone() };
                 self.tensors.insert(format!("{name}.{kind}.{parameter}"), tensor);
             }
         }
     }
 
-    /// `module` with the values under a name, every one of which must be there with its shape and no others.
+    /// Returns `module` with the values stored under `name`, which must match its parameters exactly.
     ///
     /// # Errors
-    /// Names what is missing, of another shape, or too much.
+    /// Names the values that are missing, surplus or of another shape.
     pub fn load_module<M: Module>(&self, name: &str, module: M) -> Result<M, CheckpointError> {
         let prefix = format!("{name}.");
         let tensors = self.tensors.iter().filter(|(key, _)| key.starts_with(&prefix));
@@ -100,11 +101,12 @@ impl Checkpoint {
         Ok(if recording { loaded.train() } else { loaded })
     }
 
-    /// [`Checkpoint::load_module`] without copies: the values are taken away, and `module` must have been made for this, since clones
-    /// of it share running statistics.
+    /// Loads a module as [`Checkpoint::load_module`] does, but moves the values out of the checkpoint.
+    ///
+    /// `module` must have been created for this call: clones of it share its running statistics.
     ///
     /// # Errors
-    /// Names what is missing, of another shape, or too much.
+    /// Names the values that are missing, surplus or of another shape.
     pub fn take_module<M: Module>(&mut self, name: &str, module: M) -> Result<M, CheckpointError> {
         let prefix = format!("{name}.");
         let (loaded, mut problems) = filled(module, |parameter| {
@@ -113,15 +115,15 @@ impl Checkpoint {
             (name, tensor)
         });
         let extra = self.tensors.keys().filter(|key| key.starts_with(&prefix));
-        problems.extend(extra.map(|key| format!("\"{key}\" is not part of it")));
+        problems.extend(extra.map(|key| format!("\"{key}\" is not part of the network")));
         checked(name, loaded, problems)
     }
 
-    /// `module`, called `name` in messages, with the values whose names `renamed` makes of its own; what else there is does not
-    /// matter.
+    /// Returns `module` with the values whose stored names are `renamed` of its parameters' names. Other stored values
+    /// are ignored. Error messages use `name` for the module.
     ///
     /// # Errors
-    /// Names what is missing or of another shape.
+    /// Names the values that are missing or of another shape.
     pub fn load_renamed<M: Module>(
         &self,
         name: &str,
@@ -137,10 +139,10 @@ impl Checkpoint {
         checked(name, if recording { loaded.train() } else { loaded }, problems)
     }
 
-    /// The optimiser that was added under a name.
+    /// Returns the optimiser stored under `name`.
     ///
     /// # Errors
-    /// It is not there, or not whole.
+    /// Names the values that are missing or inconsistent.
     pub fn load_adam(&self, name: &str) -> Result<Adam, CheckpointError> {
         let wrong = |what: String| CheckpointError::Weights { module: name.to_owned(), problems: vec![what] };
         let get = |key: &str| {
@@ -151,7 +153,7 @@ impl Checkpoint {
                 .ok_or_else(|| wrong(format!("\"{key}\" is missing")))
         };
         let (&[high, low], &[beta1, beta2, epsilon]) = (get("steps")?, get("constants")?) else {
-            return Err(wrong("\"steps\" and \"constants\" have two and three values".to_owned()));
+            return Err(wrong("\"steps\" and \"constants\" must have two and three values".to_owned()));
         };
         let mut adam = Adam { beta1, beta2, epsilon, steps: ((high as u64) << 16) + low as u64, ..Adam::default() };
         let prefix = format!("{name}.first.");
@@ -159,9 +161,9 @@ impl Checkpoint {
             let parameter = &key[prefix.len()..];
             let second = get(&format!("second.{parameter}"))?.to_vec();
             if second.len() != first.values.len() {
-                return Err(wrong(format!("the moments of \"{parameter}\" differ in length")));
+                return Err(wrong(format!("the moments of \"{parameter}\" have different lengths")));
             }
-            adam.moments.insert(parameter.to_owned(), Moments { first: first.values.clone(), second });
+            adam.moments.insert(parameter.to_owned(), AdamMoments { first: first.values.clone(), second });
         }
         Ok(adam)
     }
@@ -169,28 +171,28 @@ impl Checkpoint {
     /// Adds a tensor.
     ///
     /// # Panics
-    /// Where there are not as many values as the shape says.
+    /// Where the number of values does not match the shape.
     pub fn insert(&mut self, name: &str, shape: &[usize], values: Vec<f32>) {
-        assert_eq!(values.len(), shape.iter().product::<usize>(), "as many values as the shape says");
-        self.tensors.insert(name.to_owned(), HostTensor { shape: shape.to_vec(), values });
+        assert_eq!(values.len(), shape.iter().product::<usize>(), "values must match the shape");
+        self.tensors.insert(name.to_owned(), StoredTensor { shape: shape.to_vec(), values });
     }
 
-    /// Whether there is a tensor of this name.
+    /// Reports whether a tensor of this name exists.
     pub fn has(&self, name: &str) -> bool {
         self.tensors.contains_key(name)
     }
 
-    /// Names and shapes of all tensors, by name.
+    /// Iterates over names and shapes of all tensors, sorted by name.
     pub fn shapes(&self) -> impl Iterator<Item = (&str, &[usize])> {
         self.tensors.iter().map(|(name, tensor)| (&name[..], &tensor.shape[..]))
     }
 
-    /// A tensor's values in row-major order.
+    /// Returns a tensor's values in row-major order.
     pub fn values(&self, name: &str) -> Option<&[f32]> {
         self.tensors.get(name).map(|tensor| &tensor.values[..])
     }
 
-    /// How many values all tensors of a module have together.
+    /// Counts the values of all tensors of a module.
     pub fn values_of(&self, module: &str) -> u64 {
         let own = self
             .tensors
@@ -204,10 +206,10 @@ fn is_recording<M: Module>(module: &M) -> bool {
     module.devices().iter().any(|device| device.is_autodiff())
 }
 
-/// `module` with the values that `get` has under a parameter's name, and what is wrong with them; `get` also gives the name for
-/// messages.
-fn filled<M: Module>(module: M, get: impl FnMut(&str) -> (String, Option<HostTensor>)) -> (M, Vec<String>) {
-    let mut fill = Fill { get, problems: Vec::new(), path: Path::default() };
+/// Returns `module` with the values from `get`, and a list of problems. `get` maps a parameter's name to the stored
+/// name and its tensor.
+fn filled<M: Module>(module: M, get: impl FnMut(&str) -> (String, Option<StoredTensor>)) -> (M, Vec<String>) {
+    let mut fill = FillParameters { get, problems: Vec::new(), path: ParameterPath::default() };
     let module = module.map(&mut fill);
     (module, fill.problems)
 }
@@ -225,12 +227,12 @@ fn checked<M>(name: &str, module: M, problems: Vec<String>) -> Result<M, Checkpo
     Err(CheckpointError::Weights { module: name.to_owned(), problems })
 }
 
-struct Collect<'a> {
-    tensors: &'a mut BTreeMap<String, HostTensor>,
-    path: Path,
+struct CollectParameters<'a> {
+    tensors: &'a mut BTreeMap<String, StoredTensor>,
+    path: ParameterPath,
 }
 
-impl ModuleVisitor for Collect<'_> {
+impl ModuleVisitor for CollectParameters<'_> {
     fn enter_module(&mut self, name: &str, container: &str) {
         self.path.enter(name, container);
     }
@@ -242,17 +244,17 @@ impl ModuleVisitor for Collect<'_> {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         let tensor = param.val();
         let shape = tensor.dims().to_vec();
-        self.tensors.insert(self.path.name(), HostTensor { shape, values: floats(tensor.inner()) });
+        self.tensors.insert(self.path.name(), StoredTensor { shape, values: floats(tensor.inner()) });
     }
 }
 
-struct Fill<F> {
+struct FillParameters<F> {
     get: F,
     problems: Vec<String>,
-    path: Path,
+    path: ParameterPath,
 }
 
-impl<F: FnMut(&str) -> (String, Option<HostTensor>)> ModuleMapper for Fill<F> {
+impl<F: FnMut(&str) -> (String, Option<StoredTensor>)> ModuleMapper for FillParameters<F> {
     fn enter_module(&mut self, name: &str, container: &str) {
         self.path.enter(name, container);
     }
@@ -263,7 +265,7 @@ impl<F: FnMut(&str) -> (String, Option<HostTensor>)> ModuleMapper for Fill<F> {
 
     fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
         let (name, tensor) = (self.get)(&self.path.name());
-        // Not its values, which might have to be drawn for that.
+        // The lazy shape: reading the values would draw them first.
         let dims = param.lazy_shape().dims::<D>();
         match tensor {
             None => self.problems.push(format!("\"{name}\" is missing")),
@@ -311,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn a_killed_run_goes_on_to_the_bit() {
+    fn resumed_training_is_bit_identical() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.safetensors");
         let (net, adam) = trained(head(4, 1), Adam::default(), 0..3);
@@ -337,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_named() {
+    fn mismatched_weights_are_named() {
         let saved = checkpoint(&head(4, 1), &Adam::default());
         let error = saved.load_module("net", head(5, 1)).unwrap_err().to_string();
         assert!(error.contains("\"net.hidden.linear.weights\" has the shape [3, 4], not [3, 5]"), "{error}");

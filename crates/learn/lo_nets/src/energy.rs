@@ -1,40 +1,42 @@
-//! Losses that compare energy: the irradiance that surfaces of all facings get. It is linear in radiance, so that a lamp that may be in several places costs
-//! least where each of them has its share, and nothing where it is left out.
+//! Energy losses: compare the irradiance on surfaces of all orientations.
+//!
+//! Irradiance is linear in radiance. For a lamp with several possible positions, the loss is lowest where each position
+//! has its share of the light, and omitting the lamp is penalised.
 
 use std::f32::consts::PI;
 
 use burn::tensor::Tensor;
 use lo_geometry::{Vec3, fibonacci_sphere, pixel_direction, pixel_solid_angle_sr};
 
-/// Surfaces whose irradiance is compared.
-pub(crate) const FACINGS: usize = 96;
+/// Number of surface normals at which irradiance is compared.
+pub(crate) const NORMALS: usize = 96;
 
-/// Rec. 709.
+/// Rec. 709 luminance weights.
 pub(crate) const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
-/// Share of the mean irradiance that is added before logarithms: what is that dark lights nothing.
+/// Share of the mean irradiance that is added before logarithms, so that dark values hardly count.
 const DARK: f32 = 0.05;
 
-/// Largest squared logarithm that counts.
+/// Upper limit of a squared logarithm.
 const MAX_SQUARE: f32 = 4.0;
 
-/// How much the colour counts beside the logarithm.
+/// Weight of the colour difference relative to the logarithmic one.
 const COLOUR: f32 = 2.0;
 
-/// Irradiance over π of each facing under some panoramas: a channel each, `[panoramas, FACINGS]`.
+/// Irradiance over π for each normal, under a batch of panoramas: one `[panoramas, NORMALS]` tensor per channel.
 pub(crate) type Irradiance = [Tensor<2>; 3];
 
-/// Irradiance over π at each facing of [`fibonacci_sphere`] by radiance 1 from each direction, given with the solid angle that it represents:
-/// `[directions, FACINGS]`.
+/// Returns irradiance over π at each normal of [`fibonacci_sphere`] by unit radiance from each direction:
+/// `[directions, NORMALS]`. Each direction comes with its solid angle.
 pub(crate) fn cosines(directions: impl Iterator<Item = (Vec3, f32)>) -> Vec<f32> {
-    let facings = fibonacci_sphere(FACINGS);
+    let normals = fibonacci_sphere(NORMALS);
     let of = |(direction, solid_angle_sr): (Vec3, f32)| {
-        facings.iter().map(move |facing| facing.dot(direction).max(0.0) * solid_angle_sr / PI).collect::<Vec<_>>()
+        normals.iter().map(move |normal| normal.dot(direction).max(0.0) * solid_angle_sr / PI).collect::<Vec<_>>()
     };
     directions.flat_map(of).collect()
 }
 
-/// [`cosines`] of the pixels of an equirectangular panorama of this size.
+/// Returns [`cosines`] for the pixels of an equirectangular panorama of this size.
 pub(crate) fn panorama_cosines(width: usize, height: usize) -> Vec<f32> {
     cosines((0..width * height).map(|i| {
         let (x, y) = (i % width, i / width);
@@ -42,13 +44,13 @@ pub(crate) fn panorama_cosines(width: usize, height: usize) -> Vec<f32> {
     }))
 }
 
-/// Luminance.
+/// Returns the luminance.
 pub(crate) fn light([r, g, b]: &Irradiance) -> Tensor<2> {
     let [kr, kg, kb] = LUMINANCE;
     r.clone() * kr + g.clone() * kg + b.clone() * kb
 }
 
-/// Mean squared difference of the logarithms of luminance.
+/// Returns the mean squared difference of the logarithms of luminance.
 pub(crate) fn log_difference(got: &Irradiance, truth: &Irradiance) -> Tensor<1> {
     let (got, truth) = (light(got), light(truth));
     let mean = truth.clone().mean_dim(1) + 1e-6;
@@ -56,17 +58,17 @@ pub(crate) fn log_difference(got: &Irradiance, truth: &Irradiance) -> Tensor<1> 
     (log(got) - log(truth)).square().clamp_max(MAX_SQUARE).mean()
 }
 
-/// Mean angle between the colours, about radians.
+/// Returns the mean angle between the colours, approximately in radians.
 pub(crate) fn colour_difference(got: &Irradiance, truth: &Irradiance) -> Tensor<1> {
     let dot = |a: &Irradiance, b: &Irradiance| {
         a[0].clone() * b[0].clone() + a[1].clone() * b[1].clone() + a[2].clone() * b[2].clone()
     };
     let lengths = (dot(got, got) * dot(truth, truth) + 1e-12).sqrt();
-    // The chord between unit vectors: the angle, where it is small.
+    // The chord between unit vectors equals the angle where it is small.
     ((dot(got, truth) / lengths).neg() + (1.0 + 1e-5)).clamp_min(1e-6).mul_scalar(2.0).sqrt().mean()
 }
 
-/// Both together.
+/// Returns the weighted sum of logarithmic and colour difference.
 pub(crate) fn difference(got: &Irradiance, truth: &Irradiance) -> Tensor<1> {
     log_difference(got, truth) + colour_difference(got, truth) * COLOUR
 }
@@ -79,16 +81,16 @@ mod tests {
     use crate::testing::{numbers, recording_device};
 
     #[test]
-    fn a_lamp_of_uncertain_place_is_not_left_out() {
-        // A lamp is in one of two places: of all panoramas that do not know which, the best has half of it in both.
-        let places = [Vec3::X, Vec3::NEG_X];
+    fn a_lamp_of_uncertain_position_is_kept() {
+        // A lamp is at one of two positions. Without knowing which, the best panorama has half of it at both.
+        let positions = [Vec3::X, Vec3::NEG_X];
         let sphere = fibonacci_sphere(500);
         let directions = sphere.iter().map(|&d| (d, 4.0 * PI / 500.0));
         let device = recording_device();
-        let cosines = Tensor::<2>::from_data(TensorData::new(cosines(directions), [500, FACINGS]), &device);
+        let cosines = Tensor::<2>::from_data(TensorData::new(cosines(directions), [500, NORMALS]), &device);
         let under = |lamps: [f32; 2]| -> Irradiance {
             let radiance = |d: &Vec3| {
-                let lit = places.iter().zip(lamps).map(|(p, lamp)| if p.dot(*d) > 0.97 { lamp } else { 0.0 });
+                let lit = positions.iter().zip(lamps).map(|(p, lamp)| if p.dot(*d) > 0.97 { lamp } else { 0.0 });
                 0.3 + lit.sum::<f32>()
             };
             let row = Tensor::<2>::from_data(

@@ -1,4 +1,4 @@
-//! Layers of the light network: each a handful of weights around an operation of [`crate::graph`].
+//! Layers of the light network: weights for the operations of [`crate::graph`].
 
 use std::sync::Arc;
 
@@ -10,20 +10,20 @@ use crate::graph::{
     Activation, GraphLevel, down_sample, graph_conv, linear, normalise, normalise_and_add, type_channels_of, up_sample,
 };
 
-/// Weights `[rows, columns]`, uniform in ±√(6 / (`fan_in` + `fan_out`)) (Glorot & Bengio 2010).
+/// Draws weights `[rows, columns]`, uniform in ±√(6 / (`fan_in` + `fan_out`)) (Glorot & Bengio 2010).
 pub fn glorot(size: [usize; 2], fans: [usize; 2], stream: &mut Stream, device: &Device) -> Param<Tensor<2>> {
     let bound = (6.0 / (fans[0] + fans[1]) as f32).sqrt();
     drawn(size, stream, device, move |stream| stream.random_range(-bound..bound))
 }
 
-/// Weights that are drawn when they are first used: those that a file replaces are not.
+/// Draws weights on first use, so that weights replaced from a file are never drawn.
 pub(crate) fn drawn<const D: usize>(
     size: [usize; D],
     stream: &mut Stream,
     device: &Device,
     draw: impl Fn(&mut Stream) -> f32 + Send + Sync + 'static,
 ) -> Param<Tensor<D>> {
-    // A stream of their own, so that they do not depend on what is used first.
+    // A separate stream makes the values independent of the order of first use.
     let seed = stream.random();
     let init = move |device: &Device, recording: bool| {
         let mut stream = lo_random::stream(seed, "weights", 0);
@@ -33,7 +33,7 @@ pub(crate) fn drawn<const D: usize>(
     Param::uninitialized(ParamId::new(), init, device.clone(), true, size.into())
 }
 
-/// [`graph_conv`] with its weights.
+/// [`graph_conv`] with weights.
 #[derive(Module, Debug)]
 pub struct GraphConv {
     /// `[7 · (in + depths), out]`.
@@ -41,7 +41,7 @@ pub struct GraphConv {
 }
 
 impl GraphConv {
-    /// For graphs whose nodes have `depths` different depths.
+    /// Creates the layer for graphs whose nodes have `depths` different depths.
     pub fn new([inputs, outputs]: [usize; 2], depths: usize, stream: &mut Stream, device: &Device) -> Self {
         let types = type_channels_of(depths);
         let weights = glorot([7 * (inputs + types), outputs], [7 * inputs, 7 * outputs], stream, device);
@@ -54,11 +54,11 @@ impl GraphConv {
     }
 }
 
-/// Normalisation by the statistics of the tree at hand, in training and in use.
+/// Normalisation by the statistics of the current graph, in training and in inference.
 ///
-/// With one scene a step, statistics that run over scenes are not those of any scene: a dual octree's features have means that
-/// depend on how much of it is empty. So there are none, and a network computes in use what it computed in training. Where
-/// every channel is its own group this is batch normalisation as it trains.
+/// There are no running statistics: features of a dual octree have means that depend on how much of it is empty, so
+/// averages over scenes fit no scene. Inference thus computes exactly what training did. With one channel a group, this
+/// is batch normalisation in training mode.
 #[derive(Module, Debug)]
 pub struct Norm {
     /// Scale and shift, `[2, channels]`.
@@ -67,7 +67,7 @@ pub struct Norm {
 }
 
 impl Norm {
-    /// Groups of `channels_per_group` channels (or all, where there are fewer).
+    /// Creates groups of `channels_per_group` channels, or a single group where there are fewer channels.
     pub fn new(channels: usize, channels_per_group: usize, device: &Device) -> Self {
         let values = (0..2 * channels).map(|i| if i < channels { 1.0 } else { 0.0 }).collect();
         let affine = Param::from_data(TensorData::new::<f32, _>(values, [2, channels]), device);
@@ -79,16 +79,16 @@ impl Norm {
         normalise(x, self.affine.val(), self.groups, activation)
     }
 
-    /// The same with `skip` added before the activation.
+    /// Adds `skip` between normalisation and activation. `[nodes, channels] → [nodes, channels]`.
     pub fn forward_and_add(&self, x: Tensor<2>, skip: Tensor<2>, activation: Activation) -> Tensor<2> {
         normalise_and_add(x, self.affine.val(), skip, self.groups, activation)
     }
 }
 
-/// Residual block (He et al. 2016): two graph convolutions.
+/// Residual block of two graph convolutions (He et al. 2016).
 #[derive(Module, Debug)]
 pub struct ResBlock {
-    /// First convolution, to the channels between.
+    /// First convolution, to the bottleneck's channels.
     pub first: GraphConv,
     /// After the first convolution.
     pub first_norm: Norm,
@@ -99,7 +99,7 @@ pub struct ResBlock {
 }
 
 impl ResBlock {
-    /// `channels` in and out, `between` in the middle.
+    /// Creates a block with `channels` in and out, and `between` in its bottleneck.
     pub fn new(
         [channels, between]: [usize; 2],
         depths: usize,
@@ -122,7 +122,7 @@ impl ResBlock {
     }
 }
 
-/// A linear map, where wanted with a shift.
+/// Linear map with an optional bias.
 #[derive(Module, Debug)]
 pub struct Linear {
     /// `[in, out]`.
@@ -132,18 +132,18 @@ pub struct Linear {
 }
 
 impl Linear {
-    /// Without a shift.
+    /// Creates a map without bias.
     pub fn new(size: [usize; 2], stream: &mut Stream, device: &Device) -> Self {
         Self { weights: glorot(size, size, stream, device), bias: None }
     }
 
-    /// With a shift that begins at 0.
+    /// Creates a map whose bias starts at 0.
     pub fn with_bias(size: [usize; 2], stream: &mut Stream, device: &Device) -> Self {
         let bias = Param::from_data(TensorData::new(vec![0.0f32; size[1]], [1, size[1]]), device);
         Self { bias: Some(bias), ..Self::new(size, stream, device) }
     }
 
-    /// All weights 0: the output is `bias` until something is learned.
+    /// Creates a map with weights of 0, whose initial output is `bias`.
     pub fn constant(inputs: usize, bias: &[f32], device: &Device) -> Self {
         let outputs = bias.len();
         let weights = Param::from_data(TensorData::new(vec![0.0f32; inputs * outputs], [inputs, outputs]), device);
@@ -156,17 +156,17 @@ impl Linear {
     }
 }
 
-/// A linear map, normalised and activated: between stages of different width.
+/// Linear map, normalised and activated, between stages of different width.
 #[derive(Module, Debug)]
 pub struct Projection {
-    /// The map.
+    /// Linear map without bias.
     pub linear: Linear,
-    /// After it.
+    /// Normalisation of its output.
     pub norm: Norm,
 }
 
 impl Projection {
-    /// `[nodes, in] → [nodes, out]`.
+    /// Creates a projection of `size` `[in, out]`.
     pub fn new(size: [usize; 2], channels_per_group: usize, stream: &mut Stream, device: &Device) -> Self {
         Self { linear: Linear::new(size, stream, device), norm: Norm::new(size[1], channels_per_group, device) }
     }
@@ -182,12 +182,12 @@ impl Projection {
 pub struct DownSample {
     /// `[8 · in, in]`.
     pub weights: Param<Tensor<2>>,
-    /// To the coarser stage's channels.
+    /// Projection to the coarser stage's channels.
     pub projection: Projection,
 }
 
 impl DownSample {
-    /// From `inputs` to `outputs` channels.
+    /// Creates the layer for `size` `[in, out]` channels.
     pub fn new(size: [usize; 2], channels_per_group: usize, stream: &mut Stream, device: &Device) -> Self {
         let [inputs, _] = size;
         let weights = glorot([8 * inputs, inputs], [8 * inputs; 2], stream, device);
@@ -205,12 +205,12 @@ impl DownSample {
 pub struct UpSample {
     /// `[in, 8 · in]`.
     pub weights: Param<Tensor<2>>,
-    /// To the finer stage's channels.
+    /// Projection to the finer stage's channels.
     pub projection: Projection,
 }
 
 impl UpSample {
-    /// From `inputs` to `outputs` channels.
+    /// Creates the layer for `size` `[in, out]` channels.
     pub fn new(size: [usize; 2], channels_per_group: usize, stream: &mut Stream, device: &Device) -> Self {
         let [inputs, _] = size;
         let weights = glorot([inputs, 8 * inputs], [8 * inputs; 2], stream, device);
@@ -223,17 +223,17 @@ impl UpSample {
     }
 }
 
-/// Two fully connected layers for each node: the prediction and the regression module.
+/// Two fully connected layers applied to each node: the prediction or the regression module.
 #[derive(Module, Debug)]
 pub struct Head {
     /// Hidden layer.
     pub hidden: Projection,
-    /// Output.
+    /// Output layer.
     pub output: Linear,
 }
 
 impl Head {
-    /// Gives `bias` everywhere until something is learned.
+    /// Creates a head whose initial output is `bias` for every node.
     pub fn new(
         [inputs, hidden]: [usize; 2],
         bias: &[f32],

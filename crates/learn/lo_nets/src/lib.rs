@@ -1,27 +1,29 @@
-//! The networks: dual-octree light network, differentiable rendering, depth and global light, losses.
+//! Neural networks: dual-octree light network, differentiable rendering, depth and global light, and their losses.
 //!
-//! Beside the trainer the only crate that knows burn, the deep-learning stack.
+//! Only this crate and the trainer depend on burn, the deep-learning stack.
 
 mod adam;
 pub mod checkpoint;
 pub mod conv;
+pub mod cpu_ops;
 pub mod depth;
 mod energy;
 pub mod expected;
-mod flat;
+mod gemm;
 pub mod graph;
-pub mod host;
 pub mod layers;
 pub mod light;
-mod names;
 mod networks;
+mod parameter_path;
+mod plane_snapping;
 pub mod rendering;
-mod second_look;
-mod sums;
+mod test_time_augmentation;
 #[cfg(test)]
 mod testing;
 mod tone;
 
 pub use adam::Adam;
 pub use burn::tensor::Device;
-pub use networks::{CompletedLight, DEPTH_NET, EXPECTED_NET, GlobalLight, LIGHT_NET, Networks, PhotoGuess, SeenRoom};
+pub use networks::{
+    CompletedLight, DEPTH_NET, EXPECTED_NET, GlobalLight, LIGHT_NET, Networks, ObservedRoom, PhotoPrediction,
+};

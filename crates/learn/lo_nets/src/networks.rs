@@ -1,4 +1,4 @@
-//! Both networks as they are shipped and used: one file of weights that says what they are.
+//! The shipped networks, loaded from one self-describing file of weights.
 
 use std::path::Path;
 
@@ -12,57 +12,57 @@ use serde::Deserialize;
 use crate::checkpoint::{Checkpoint, CheckpointError, Precision};
 use crate::conv::in_pool;
 use crate::depth::{DepthNet, DepthNetConfig, EncoderKind, panorama_image};
-use crate::expected::{ExpectedLightGuess, ExpectedLightNet, PhotoStatistics};
-use crate::flat::flattened;
+use crate::expected::{ExpectedLight, ExpectedLightNet, PhotoStatistics};
 use crate::light::{
-    Growth, LightConfigError, LightError, LightInput, LightNet, LightNetConfig, PhotoView, SeenDetail, VisiblePoint,
+    Growth, LightConfigError, LightError, LightInput, LightNet, LightNetConfig, ObservedDetail, PhotoView, VisiblePoint,
 };
-use crate::second_look;
+use crate::plane_snapping::snap_to_planes;
+use crate::test_time_augmentation;
 
-/// The depth network's name in a checkpoint, and in the checkpoint's state that of what says which encoder it has.
+/// Name of the depth network in a checkpoint, and of its configuration in the checkpoint's state.
 pub const DEPTH_NET: &str = "depth_net";
-/// The light network's name in a checkpoint, and its configuration's in the checkpoint's state.
+/// Name of the light network in a checkpoint, and of its configuration in the checkpoint's state.
 pub const LIGHT_NET: &str = "light_net";
-/// Name of the network of expected light in a checkpoint.
+/// Name of the expected-light network in a checkpoint.
 pub const EXPECTED_NET: &str = "expected_light";
 
-/// The depth and the light network, which share the global lighting feature.
+/// Depth, light and expected-light networks. The first two share the global lighting feature.
 ///
-/// What of it speaks of tensors, devices and checkpoints is for training, and hidden from the documentation of the facade.
+/// Items about tensors, devices and checkpoints serve training. They are hidden from the facade's documentation.
 #[derive(Debug)]
 pub struct Networks {
-    /// Depth and global light from a photo.
+    /// Predicts depth and global light from a photo.
     #[doc(hidden)]
     pub depth: DepthNet,
-    /// The room's light from what is seen.
+    /// Predicts the room's light from the observed surfaces.
     #[doc(hidden)]
     pub light: LightNet,
-    /// The energy of the light around a photo; `None` in weights that have not learned it.
+    /// Predicts expected light around a photo. `None` in weights that were not trained for it.
     #[doc(hidden)]
     pub expected: Option<ExpectedLightNet>,
-    /// Shape of the light network; also gives the length of the global lighting feature of both.
+    /// Shape of the light network, including the length of the global lighting feature.
     pub config: LightNetConfig,
 }
 
-/// What a photo tells of the light outside of it: `f_L`.
+/// Global lighting feature `f_L`: the light outside of a photo, as inferred from it.
 #[derive(Clone, Debug)]
 pub struct GlobalLight(Tensor<2>);
 
-/// What the networks tell of a photo before anything is known of the room.
+/// Predictions from a single photo.
 #[derive(Debug)]
-pub struct PhotoGuess {
+pub struct PhotoPrediction {
     /// Metres along the optical axis, with at most [`DepthNet::longer_side`] pixels on the longer side.
     pub depth_m: DepthMap,
-    /// The light around it.
+    /// Global light around the photo.
     pub light: GlobalLight,
-    /// How its camera was held, where the networks have learned that.
-    pub held: Option<PerspectiveFit>,
+    /// Camera orientation and lens. `None` where the networks were not trained to predict them.
+    pub perspective: Option<PerspectiveFit>,
 }
 
-/// What is seen of a room.
+/// Observed surfaces of a room, and the cameras that observed them.
 #[derive(Clone, Copy, Debug)]
-pub struct SeenRoom<'a> {
-    /// What the cameras see, the points of one after those of another, in the first camera's axes.
+pub struct ObservedRoom<'a> {
+    /// Visible points in the axes of the first camera, grouped by camera in the order of `views`.
     pub points: &'a [VisiblePoint],
     /// The cameras.
     pub views: &'a [PhotoView],
@@ -72,22 +72,22 @@ pub struct SeenRoom<'a> {
     pub up: Vec3,
 }
 
-/// The light of a whole room.
+/// Completed light of a whole room.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CompletedLight {
-    /// Radiance and opacity, and what the photo saw of each node.
+    /// Radiance and opacity, with the observed share of each node.
     pub light: LightOctree,
     /// `confidence[d][row]` of each node, in (0, 1]: e^−(expected error of log(1 + radiance)).
     pub confidence: Vec<Vec<f32>>,
-    /// What was not done as predicted.
+    /// Deviations from the prediction.
     pub warnings: Vec<Warning>,
 }
 
 impl Networks {
-    /// Untrained networks with weights drawn from `seed`.
+    /// Creates untrained networks with weights drawn from `seed`.
     ///
     /// # Errors
-    /// A configuration out of range, with the field's name.
+    /// Names the configuration field that is out of range.
     #[doc(hidden)]
     pub fn new(
         encoder: EncoderKind,
@@ -104,7 +104,7 @@ impl Networks {
         })
     }
 
-    /// Adds the weights of both networks, and to the checkpoint's state the encoder and the light network's configuration.
+    /// Adds the weights, and to the checkpoint's state the configurations of the depth and the light network.
     #[doc(hidden)]
     pub fn add_to(&self, checkpoint: &mut Checkpoint) {
         checkpoint.add_module(DEPTH_NET, &self.depth);
@@ -116,40 +116,44 @@ impl Networks {
         checkpoint.state[LIGHT_NET] = serde_json::json!(self.config);
     }
 
-    /// The networks of a checkpoint; what else it holds does not matter.
+    /// Builds the networks from a checkpoint and ignores its other content.
     ///
     /// # Errors
-    /// Says which configuration is missing or wrong, and which weights are missing, too much or of another shape.
+    /// Names the configuration that is missing or wrong, and the weights that are missing, surplus or of another shape.
     #[doc(hidden)]
     pub fn from_checkpoint(mut checkpoint: Checkpoint, device: &Device) -> Result<Self, CheckpointError> {
         let problem = |module: &str, what| CheckpointError::Weights { module: module.to_owned(), problems: vec![what] };
         let config = &checkpoint.state[LIGHT_NET];
         let wrong = |what: String| problem(LIGHT_NET, what);
         if config.is_null() {
-            return Err(wrong("the file's metadata holds no configuration of that name".to_owned()));
+            return Err(wrong("the file's metadata has no configuration of that name".to_owned()));
         }
         let depth_config = &checkpoint.state[DEPTH_NET];
         let mut config = config.clone();
-        // What was a choice once, files of that time say; networks that did without are no more.
+        // Older files store this former option. Networks with `false` are no longer supported.
         let knows_up = config.as_object_mut().and_then(|fields| fields.remove("knows_up"));
         if depth_config.is_null() || depth_config["colour"] == false || knows_up == Some(false.into()) {
-            return Err(problem(DEPTH_NET, OF_BEFORE.to_owned()));
+            return Err(problem(DEPTH_NET, OUTDATED_WEIGHTS.to_owned()));
         }
         let depth_config = DepthNetConfig::deserialize(depth_config)
-            .map_err(|error| problem(DEPTH_NET, format!("its configuration: {error}")))?;
+            .map_err(|error| problem(DEPTH_NET, format!("invalid configuration: {error}")))?;
         if !LONGER_SIDES.contains(&depth_config.longer_side) {
-            let side = depth_config.longer_side;
-            return Err(problem(DEPTH_NET, format!("its configuration: longer_side is {side}")));
+            let (side, least, most) = (depth_config.longer_side, LONGER_SIDES.start(), LONGER_SIDES.end());
+            return Err(problem(
+                DEPTH_NET,
+                format!("invalid configuration: longer_side is {side}; it must be between {least} and {most}"),
+            ));
         }
         let config: LightNetConfig =
-            serde_json::from_value(config).map_err(|error| wrong(format!("its configuration: {error}")))?;
-        config.validate().map_err(|error| wrong(format!("its configuration: {error}")))?;
+            serde_json::from_value(config).map_err(|error| wrong(format!("invalid configuration: {error}")))?;
+        config.validate().map_err(|error| wrong(format!("invalid configuration: {error}")))?;
         let (described, held) = (config.weights(), checkpoint.values_of(LIGHT_NET));
-        // A few bytes must not make us allocate gigabytes.
+        // Small files must not cause allocations of gigabytes.
         if described > 2 * held {
-            return Err(wrong(format!("its configuration describes {described} weights, but the file holds {held}")));
+            return Err(wrong(format!("the configuration describes {described} weights, but the file has {held}")));
         }
-        let light = LightNet::new(&config, 0, device).map_err(|error| wrong(format!("its configuration: {error}")))?;
+        let light =
+            LightNet::new(&config, 0, device).map_err(|error| wrong(format!("invalid configuration: {error}")))?;
         let light = checkpoint.take_module(LIGHT_NET, light)?;
         let depth = checkpoint.take_module(DEPTH_NET, depth_config.blank(config.global_features, device))?;
         let learned = checkpoint.values_of(EXPECTED_NET) > 0;
@@ -158,50 +162,52 @@ impl Networks {
         Ok(Self { depth, light, expected, config })
     }
 
-    /// Reads a file of weights, of whichever precision, for use: without gradients, on the CPU.
+    /// Reads a file of weights of either precision for inference: without gradients, on the CPU.
     ///
     /// # Errors
-    /// Of the file, and of [`Networks::from_checkpoint`].
+    /// Files that cannot be read, and those of [`Networks::from_checkpoint`].
     pub fn read(path: impl AsRef<Path>) -> Result<Self, CheckpointError> {
         Self::from_checkpoint(Checkpoint::read(path)?, &Device::flex())
     }
 
-    /// [`Networks::read`] of a file's bytes; messages call it `name`.
+    /// Reads weights from memory, as [`Networks::read`] does from a file. Error messages use `name` as the path.
     ///
     /// # Errors
-    /// As of a file.
+    /// As [`Networks::read`].
     pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Self, CheckpointError> {
         Self::from_checkpoint(Checkpoint::from_bytes(bytes, name)?, &Device::flex())
     }
 
-    /// Writes a file of weights, whole or not at all.
+    /// Writes a file of weights atomically.
     ///
     /// # Errors
-    /// The file system's.
+    /// Errors of the file system.
     pub fn write(&self, path: impl AsRef<Path>, precision: Precision) -> Result<(), CheckpointError> {
         let mut checkpoint = Checkpoint::default();
         self.add_to(&mut checkpoint);
         checkpoint.write(path, precision)
     }
 
-    /// Depth in an sRGB photo that this camera made, the light around it, and how the camera was held.
+    /// Predicts depth, global light and camera orientation from an sRGB photo taken by `camera`.
+    ///
+    /// Averages over a second, mirrored and coarser pass, filters the depth by a median and snaps it to planes.
     ///
     /// # Panics
     /// Where the photo has no pixels.
-    pub fn guess(&self, photo: &Image<[u8; 3]>, camera: &Camera) -> PhotoGuess {
+    pub fn predict(&self, photo: &Image<[u8; 3]>, camera: &Camera) -> PhotoPrediction {
         in_pool(|| {
             let output = self.depth.forward(&[&self.depth.network_input(photo)]);
-            let second = self.depth.forward(&[&self.second_picture(photo)]);
-            let depth_m = second_look::mean_depth(&output.depth_m(camera), &second.depth_m(camera));
-            let depth_m = flattened(&second_look::without_grain(&depth_m), camera);
+            let second = self.depth.forward(&[&self.augmented_photo(photo)]);
+            let depth_m = test_time_augmentation::mean_depth(&output.depth_m(camera), &second.depth_m(camera));
+            let depth_m = snap_to_planes(&test_time_augmentation::median_filtered(&depth_m), camera);
             let field = output.field().with_mirrored(&second.field());
-            let held = Perspective::fit(&field, Some(camera.half_extent()));
-            PhotoGuess { depth_m, light: GlobalLight(output.global), held }
+            let perspective = Perspective::fit(&field, Some(camera.half_extent()));
+            PhotoPrediction { depth_m, light: GlobalLight(output.global), perspective }
         })
     }
 
-    /// The expected light around a linear photo with its depth, camera and the unit vector against gravity in the camera's axes; `None` where the weights
-    /// have not learned it.
+    /// Predicts expected light around a linear photo with its depth and camera. `up` is the unit vector against gravity
+    /// in the camera's axes. Returns `None` where the weights were not trained for it.
     ///
     /// # Panics
     /// Where the photo has no pixels.
@@ -211,12 +217,12 @@ impl Networks {
         depth_m: &DepthMap,
         camera: &Camera,
         up: Vec3,
-    ) -> Option<ExpectedLightGuess> {
+    ) -> Option<ExpectedLight> {
         let net = self.expected.as_ref()?;
-        in_pool(|| Some(net.guess(&PhotoStatistics::new(photo, depth_m, camera, up))))
+        in_pool(|| Some(net.predict(&PhotoStatistics::new(photo, depth_m, camera, up))))
     }
 
-    /// The light around an sRGB photo whose depth is known.
+    /// Predicts the global light of an sRGB photo whose depth is known.
     ///
     /// # Panics
     /// Where the photo has no pixels.
@@ -224,38 +230,40 @@ impl Networks {
         in_pool(|| GlobalLight(self.depth.global_feature(&self.depth.network_input(photo))))
     }
 
-    /// The light around an sRGB photo whose depth is known, and how its camera was held, by its lens ([`Camera::half_extent`]); that `None` where the
-    /// weights are of before networks learned it. By one look of the encoder for both, and a second one for the camera.
+    /// Predicts global light and camera orientation of an sRGB photo with known depth and lens (`half_extent`:
+    /// [`Camera::half_extent`]). The orientation is `None` where the weights were not trained for it.
+    ///
+    /// One encoder pass serves both. A second, augmented pass refines the orientation.
     ///
     /// # Panics
     /// Where the photo has no pixels.
     pub fn light_and_camera(&self, photo: &Image<[u8; 3]>, half_extent: f64) -> (GlobalLight, Option<PerspectiveFit>) {
         in_pool(|| {
-            let (global, field) = self.depth.beside_depth(&self.depth.network_input(photo));
-            let second = self.depth.perspective_field(&self.second_picture(photo));
+            let (global, field) = self.depth.global_and_perspective(&self.depth.network_input(photo));
+            let second = self.depth.perspective_field(&self.augmented_photo(photo));
             (GlobalLight(global), Perspective::fit(&field.with_mirrored(&second), Some(half_extent)))
         })
     }
 
-    /// How the camera of an sRGB photo was held and its lens, with the lens that is known, if one is ([`Camera::half_extent`]); `None` where the
-    /// weights are of before networks learned it.
+    /// Predicts orientation and lens of the camera of an sRGB photo, given its lens where known
+    /// ([`Camera::half_extent`]). Returns `None` where the weights were not trained for it.
     ///
     /// # Panics
     /// Where the photo has no pixels.
     pub fn perspective(&self, photo: &Image<[u8; 3]>, half_extent: Option<f64>) -> Option<PerspectiveFit> {
         in_pool(|| {
             let field = self.depth.perspective_field(&self.depth.network_input(photo));
-            let second = self.depth.perspective_field(&self.second_picture(photo));
+            let second = self.depth.perspective_field(&self.augmented_photo(photo));
             Perspective::fit(&field.with_mirrored(&second), half_extent)
         })
     }
 
-    /// What the second look sees.
-    fn second_picture(&self, photo: &Image<[u8; 3]>) -> Image<[u8; 3]> {
-        second_look::picture(photo, self.depth.longer_side())
+    /// Returns the input of the second pass of test-time augmentation.
+    fn augmented_photo(&self, photo: &Image<[u8; 3]>) -> Image<[u8; 3]> {
+        test_time_augmentation::augmented_photo(photo, self.depth.longer_side())
     }
 
-    /// The panorama at the camera that the global lighting decoder makes of an sRGB photo, its centre along the camera's view.
+    /// Decodes the single map of an sRGB photo: the panorama at the camera, centred on the camera's view.
     ///
     /// # Panics
     /// Where the photo has no pixels.
@@ -264,35 +272,36 @@ impl Networks {
         in_pool(|| panorama_image(self.depth.panorama.forward(global)))
     }
 
-    /// The light of the whole room, the octree grown by the network's own predictions.
+    /// Predicts the light of the whole room, on an octree grown by the network's own predictions.
     ///
-    /// `global` is the first camera's. What is guessed, is guessed from what the first camera sees. `seed` places the points that carry the global light. Where `octree_depth` is greater than the network's own depth, what
-    /// is seen is that fine, and what is not ends above it.
+    /// `global` belongs to the first camera, whose observations alone are the input of inference. `seed` draws the
+    /// points that carry the global light. Where `octree_depth` exceeds the network's depth, observed leaves are split
+    /// to `octree_depth`; inferred leaves stay coarser.
     ///
     /// # Errors
-    /// Points that are not finite; predictions that are not; a depth that no octree can have.
+    /// Points or predictions that are not finite; an unsupported octree depth.
     ///
     /// # Panics
     /// Where the views have more points than there are.
     pub fn complete(
         &self,
-        seen: &SeenRoom<'_>,
+        seen: &ObservedRoom<'_>,
         global: GlobalLight,
         octree_depth: u32,
         seed: u64,
     ) -> Result<CompletedLight, LightError> {
-        let &SeenRoom { points, views, cube, up } = seen;
+        let &ObservedRoom { points, views, cube, up } = seen;
         in_pool(|| {
             let input = LightInput::of_photos(points, views, cube, &self.config, seed)?;
             let map = panorama_image(self.depth.panorama.forward(global.0.clone()));
-            let input = self.config.told(input, up, map);
+            let input = input.with_up(up).with_map(map);
             let mut output = self.light.forward(&input, Some(global.0), Growth::Predicted)?;
             let warnings = std::mem::take(&mut output.warnings);
             let (mut light, mut confidence) = output.into_light()?;
             if octree_depth > self.config.depth {
                 let points: Vec<RadiancePoint> = points.iter().map(VisiblePoint::radiance_point).collect();
                 let (fine, _) = LightOctree::from_points(&points, cube, octree_depth, self.config.full_depth)?;
-                let detail = SeenDetail { coarse: &input.visible, fine: &fine, free: &input.free };
+                let detail = ObservedDetail { coarse: &input.visible, fine: &fine, free: &input.free };
                 detail.refine(&mut light, &mut confidence)?;
             }
             Ok(CompletedLight { light, confidence, warnings })
@@ -300,11 +309,11 @@ impl Networks {
     }
 }
 
-/// What is said of files of networks that did without the photo's colour or gravity.
-const OF_BEFORE: &str =
-    "the file is of networks of before 26 November 2026, which did not know the photo's colour and gravity; train anew";
+/// Reported for weights of networks without the photo's colour or gravity as input.
+const OUTDATED_WEIGHTS: &str =
+    "the file was written before 26 November 2026, by networks without the photo's colour and gravity; retrain them";
 
-/// Pixels on the longer side that photos may be looked at in; more costs memory that a file of weights must not ask for.
+/// Accepted values of `longer_side` in a file of weights. The upper bound limits memory.
 const LONGER_SIDES: std::ops::RangeInclusive<usize> = 32..=1024;
 
 #[cfg(test)]
@@ -333,17 +342,17 @@ mod tests {
     }
 
     #[test]
-    fn a_file_of_weights_comes_back_in_both_precisions() {
+    fn weights_round_trip_in_both_precisions() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("weights.safetensors");
         let networks = Networks::new(EncoderKind::default(), &config(), 3, &Device::flex()).unwrap();
         let photo = Image::from_fn(64, 32, |x, y| [(3 * x) as u8, (7 * y) as u8, 90]);
-        let depth_m = networks.guess(&photo, &camera(&photo)).depth_m;
+        let depth_m = networks.predict(&photo, &camera(&photo)).depth_m;
         networks.write(&path, Precision::Full).unwrap();
         let read = Networks::read(&path).unwrap();
-        assert_eq!((&read.config, read.guess(&photo, &camera(&photo)).depth_m), (&config(), depth_m.clone()));
+        assert_eq!((&read.config, read.predict(&photo, &camera(&photo)).depth_m), (&config(), depth_m.clone()));
         networks.write(&path, Precision::Half).unwrap();
-        let half = Networks::read(&path).unwrap().guess(&photo, &camera(&photo)).depth_m;
+        let half = Networks::read(&path).unwrap().predict(&photo, &camera(&photo)).depth_m;
         let close = |(a, b): (&f32, &f32)| (a / b).ln().abs() < 0.05;
         assert!(half != depth_m && half.pixels().iter().zip(depth_m.pixels()).all(close));
         let state = Checkpoint::read(&path).unwrap().state;
@@ -351,11 +360,11 @@ mod tests {
     }
 
     #[test]
-    fn networks_of_before_are_refused_by_their_names() {
+    fn outdated_networks_are_refused() {
         let mut old = checkpoint(&config(), 3);
         old.state[DEPTH_NET]["colour"] = serde_json::json!(false);
         let error = refusal(&old);
-        assert!(error.contains("\"depth_net\"") && error.contains("of before"), "{error}");
+        assert!(error.contains("\"depth_net\"") && error.contains("written before"), "{error}");
         old.state[DEPTH_NET] = serde_json::Value::Null;
         assert_eq!(refusal(&old), error);
         let mut chosen = checkpoint(&config(), 3);
@@ -366,15 +375,15 @@ mod tests {
     }
 
     #[test]
-    fn light_alone_is_that_beside_depth() {
+    fn global_light_alone_equals_that_with_depth() {
         let networks = Networks::new(EncoderKind::default(), &config(), 3, &Device::flex()).unwrap();
         let photo = Image::from_fn(70, 41, |x, y| [(3 * x) as u8, (7 * y) as u8, 90]);
-        let [beside, alone] = [networks.guess(&photo, &camera(&photo)).light, networks.global_light(&photo)];
+        let [beside, alone] = [networks.predict(&photo, &camera(&photo)).light, networks.global_light(&photo)];
         assert_eq!(beside.0.into_data(), alone.0.into_data());
     }
 
     #[test]
-    fn the_configuration_knows_the_number_of_weights() {
+    fn configuration_counts_weights() {
         for config in [config(), LightNetConfig { full_depth: 5, ..config() }, LightNetConfig::default()] {
             let mut checkpoint = Checkpoint::default();
             checkpoint.add_module(LIGHT_NET, &LightNet::new(&config, 1, &Device::flex()).unwrap());
@@ -383,7 +392,7 @@ mod tests {
     }
 
     #[test]
-    fn weights_of_something_else_are_named() {
+    fn mismatched_files_are_refused() {
         let whole = checkpoint(&config(), 1);
         let error = refusal(&Checkpoint::default());
         assert!(error.contains("\"light_net\"") && error.contains("no configuration"), "{error}");
@@ -393,7 +402,7 @@ mod tests {
             refusal(&other)
         };
         let error = with("blocks", serde_json::json!(16));
-        assert!(error.contains("describes") && error.contains("the file holds"), "{error}");
+        assert!(error.contains("describes") && error.contains("the file has"), "{error}");
         let error = with("depth", serde_json::json!(12));
         assert!(error.contains("depth is 12"), "{error}");
         let error = with("colour", serde_json::json!("red"));
@@ -405,7 +414,7 @@ mod tests {
         assert!(refusal(&huge).contains("longer_side is 100000"), "{}", refusal(&huge));
         let mut more = whole.clone();
         more.insert("light_net.hat", &[2], vec![0.0; 2]);
-        assert!(refusal(&more).contains("\"light_net.hat\" is not part of it"));
+        assert!(refusal(&more).contains("\"light_net.hat\" is not part of the network"));
         let mut light_only = Checkpoint::default();
         light_only.state = whole.state.clone();
         light_only.add_module(LIGHT_NET, &LightNet::new(&config(), 1, &Device::flex()).unwrap());

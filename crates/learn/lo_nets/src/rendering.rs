@@ -1,4 +1,4 @@
-//! The rendering layer: cone tracing of the network's levels as a differentiable operation (`docs/method.md` §3).
+//! Differentiable rendering: cone tracing of the network's output as an operation with gradients (`docs/method.md` §3).
 
 use std::fmt;
 use std::sync::Arc;
@@ -8,15 +8,15 @@ use lo_cone::{Cone, ConeSample, ConeTracer, SampleGradient, Settings, TracerErro
 use lo_geometry::Cube;
 use lo_octree::{LightOctree, Octree};
 
-use crate::host::{Kernel, Number, unary};
+use crate::cpu_ops::{Kernel, Number, unary};
 
-/// Channels of what a cone sees.
+/// Channels of a cone sample.
 pub const SAMPLE_CHANNELS: usize = 5;
 
-/// What `cones` see of an octree whose non-empty nodes hold `rgba`.
+/// Renders `cones` in an octree whose non-empty nodes hold `rgba`.
 ///
-/// `rgba[rows, 4]`: linear RGB and opacity, all levels from the full depth on, one after the other. Gives `[cones, 5]`: radiance
-/// (3), expected distance in metres, opacity. Gradients are exact but for where tracing clamps opacity.
+/// `rgba[rows, 4]` is linear RGB and opacity of all levels from the full depth on, concatenated. Returns `[cones, 5]`:
+/// radiance (3), expected distance in metres, opacity. Gradients are exact except where tracing clamps opacity.
 ///
 /// # Errors
 /// Settings out of range.
@@ -30,7 +30,7 @@ pub fn render(
     cones: Arc<[Cone]>,
     settings: Settings,
 ) -> Result<Tensor<2>, TracerError> {
-    // Levels above the full depth are never sampled, but a tracer wants them.
+    // The tracer requires levels above the full depth, but never samples them.
     let full_depth = octree.full_depth() as usize;
     let values: Vec<f32> = rgba.clone().inner().into_data().iter().collect();
     let mut rows = values.as_chunks::<4>().0.iter().copied();
@@ -42,19 +42,19 @@ pub fn render(
     let light = LightOctree { rgba: levels.collect(), octree, cube, seen: Vec::new(), lobes: None };
     assert_eq!(values.len() / 4, counts[full_depth..].iter().sum::<usize>(), "RGBα of every non-empty node");
     let tracer = ConeTracer::new(&light, settings)?;
-    Ok(unary(rgba, RenderKernel(Arc::new(View { tracer, full_depth, cones }))))
+    Ok(unary(rgba, RenderKernel(Arc::new(PreparedRendering { tracer, full_depth, cones }))))
 }
 
-/// An octree with its features in the form that tracing wants; made once for both directions.
-struct View {
+/// Tracer and cones, built once for forward and backward pass.
+struct PreparedRendering {
     tracer: ConeTracer,
     full_depth: usize,
     cones: Arc<[Cone]>,
 }
 
-/// Tracing of the octree in `View`, which holds the same values as the kernel's input.
+/// Traces the octree in `PreparedRendering`, which holds the same values as the kernel's input.
 #[derive(Clone)]
-struct RenderKernel(Arc<View>);
+struct RenderKernel(Arc<PreparedRendering>);
 
 impl fmt::Debug for RenderKernel {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
@@ -72,17 +72,17 @@ impl Kernel for RenderKernel {
         self.0.tracer.trace_batch(&self.0.cones, &mut samples);
         let channels =
             samples.iter().flat_map(|s| [s.radiance[0], s.radiance[1], s.radiance[2], s.distance_m, s.opacity]);
-        channels.map(|value| T::of(f64::from(value))).collect()
+        channels.map(|value| T::from_f64(f64::from(value))).collect()
     }
 
     fn backward<T: Number>(&self, _: &[&[T]], _: &[[usize; 2]], gradient: &[T], _: &[bool]) -> Vec<Vec<T>> {
-        let rows = gradient.as_chunks::<SAMPLE_CHANNELS>().0.iter().map(|row| row.map(|value| value.wide() as f32));
+        let rows = gradient.as_chunks::<SAMPLE_CHANNELS>().0.iter().map(|row| row.map(|value| value.as_f64() as f32));
         let d_samples: Vec<SampleGradient> = rows
             .map(|[r, g, b, distance_m, opacity]| SampleGradient { radiance: [r, g, b], distance_m, opacity })
             .collect();
         let gradients = self.0.tracer.trace_backward(&self.0.cones, &d_samples);
         let rows = gradients.rgba[self.0.full_depth..].iter().flatten().flatten();
-        vec![rows.map(|&value| T::of(f64::from(value))).collect()]
+        vec![rows.map(|&value| T::from_f64(f64::from(value))).collect()]
     }
 }
 
@@ -110,7 +110,7 @@ mod tests {
     const CUBE: Cube = Cube { origin_m: Vec3::ZERO, edge_m: 1.0 };
 
     #[test]
-    fn it_is_the_tracer_and_its_gradient_the_difference() {
+    fn rendering_equals_the_tracer_and_its_gradient_finite_differences() {
         let (octree, rgba, cones) = scene();
         let device = recording_device();
         let of = |values: &[f64]| {
@@ -135,7 +135,8 @@ mod tests {
                 moved[index] += step;
                 numbers(loss(of(&moved).inner()))[0]
             };
-            // f32 sums of 240 terms: 1e-5 over a step of 0.02; the exact derivatives are checked in f64 in `cone`.
+            // Tolerance: f32 sums of 240 terms are exact to 1e-5, over a step of 0.02. `lo_cone` checks exact
+            // derivatives in f64.
             let expected = (at(0.01) - at(-0.01)) / 0.02;
             assert!((got[index] - expected).abs() < 3e-3 * largest, "{index}: {} {expected}", got[index]);
             touched += usize::from(expected.abs() > 1e-2 * largest);

@@ -1,13 +1,13 @@
-//! What the tests of all operations share: values, comparison of two implementations, differences.
+//! Test helpers: input values, comparison of two implementations, finite differences.
 
 use burn::tensor::{DType, Device, Tensor, TensorData};
 
-/// Values between −1.3 and 1.3 without a pattern that a layer could hide in.
+/// Returns values between −1.3 and 1.3 without a regular pattern that could hide errors.
 pub fn values(count: usize, seed: usize) -> Vec<f64> {
     (0..count).map(|i| ((i * 7 + seed * 13) as f64 * 1.618).sin() + 0.3 * ((i + seed) as f64 * 0.37).cos()).collect()
 }
 
-/// A device that records gradients.
+/// Returns a device that records gradients.
 pub fn recording_device() -> Device {
     Device::flex().autodiff()
 }
@@ -20,7 +20,7 @@ fn inputs<const N: usize>(sizes: &[[usize; 2]; N], dtype: DType) -> [Tensor<2>; 
     })
 }
 
-/// Sum of the output with fixed factors: its derivative by the output has no symmetry.
+/// Sums the output with fixed weights, so that the output's gradient has no symmetry.
 fn weighted_sum(output: Tensor<2>) -> Tensor<1> {
     let size = output.dims();
     let factors = TensorData::new(values(size[0] * size[1], 91), size);
@@ -28,21 +28,21 @@ fn weighted_sum(output: Tensor<2>) -> Tensor<1> {
     (output * factors).sum()
 }
 
-/// All numbers of a tensor.
+/// Returns all values of a tensor.
 pub fn numbers<const D: usize>(tensor: Tensor<D>) -> Vec<f64> {
     tensor.into_data().iter::<f64>().collect()
 }
 
-/// Largest difference and largest value.
+/// Returns the largest difference and the largest expected value.
 pub fn difference(got: &[f64], expected: &[f64]) -> (f64, f64) {
     assert_eq!(got.len(), expected.len());
     let largest = expected.iter().fold(0.0f64, |a, b| a.max(b.abs()));
-    // NaN must not compare as small.
+    // NaN must not count as a small difference.
     let error = got.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, |a, b| if b <= a { a } else { b });
     (error, largest)
 }
 
-/// Asserts that two functions of matrices of these sizes have the same output and gradients in f32.
+/// Asserts that two functions of matrices of these sizes have equal outputs and gradients in f32.
 pub fn assert_same_function<const N: usize>(
     sizes: &[[usize; 2]; N],
     got: impl Fn([Tensor<2>; N]) -> Tensor<2>,
@@ -58,7 +58,7 @@ pub fn assert_same_function<const N: usize>(
     };
     for (what, (got, expected)) in run(&got).iter().zip(&run(&expected)).enumerate() {
         let (error, largest) = difference(got, expected);
-        // Sums of some thousand products in f32.
+        // Tolerance for sums of some thousand products in f32.
         assert!(error <= 2e-5 * largest.max(1e-3), "{}: {error} of {largest}", name(what));
     }
 }
@@ -67,7 +67,7 @@ fn name(what: usize) -> String {
     if what == 0 { "output".to_owned() } else { format!("gradient by input {}", what - 1) }
 }
 
-/// Asserts that gradients are those of central differences, in f64.
+/// Asserts that gradients equal central differences, in f64.
 pub fn assert_gradients<const N: usize>(sizes: &[[usize; 2]; N], function: impl Fn([Tensor<2>; N]) -> Tensor<2>) {
     const STEP: f64 = 1e-6;
     let whole = inputs(sizes, DType::F64);

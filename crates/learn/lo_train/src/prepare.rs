@@ -62,7 +62,7 @@ pub(crate) fn light_examples(
         };
         let features = Tensor::from_data(TensorData::new(global.clone(), [1, global.len()]), &Device::flex());
         let map = panorama_image(depth_net.panorama.forward(features));
-        example.input = network.told(example.input, example.up, map);
+        example.input = example.input.with_up(example.up).with_map(map);
         Ok((example, global))
     }
 }

@@ -450,7 +450,7 @@ impl<'a> Run<'a> {
             };
             // As it is now: no gradient goes through it.
             let map = panorama_image(self.learner.depth.net.panorama.forward(output.global.clone()));
-            light.input = self.learner.network.told(light.input, light.up, map);
+            light.input = light.input.with_up(light.up).with_map(map);
             in_bf16(bf16, || self.learner.joint_step(output, &depth, &light, own, learning_rate, self.config)).map(Ok)
         })
     }

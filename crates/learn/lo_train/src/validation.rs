@@ -228,7 +228,7 @@ fn judge(estimator: &Estimator, sample: &Sample, lit: bool, means: &mut Means) -
 /// The share of the light network's labels that are right along the true octree.
 fn split_accuracy(networks: &Networks, sample: &Sample, room: &VariedRoom, truth: &LightOctree) -> Option<f64> {
     let input = room.input(&networks.config, SEED).ok()?;
-    let input = networks.config.told(input, room.seen.room.up, networks.single_map(&sample.photo));
+    let input = input.with_up(room.seen.room.up).with_map(networks.single_map(&sample.photo));
     let global = networks.depth.global_feature(&networks.depth.network_input(&sample.photo));
     let along = networks.light.forward(&input, Some(global), Growth::Truth(&truth.octree)).ok()?;
     let (mut right, mut all) = (0, 0);

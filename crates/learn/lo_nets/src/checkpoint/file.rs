@@ -1,4 +1,4 @@
-//! The file of a checkpoint.
+//! File format of checkpoints.
 
 use std::fs::File;
 use std::io::{Read, Write};
@@ -7,20 +7,20 @@ use std::path::Path;
 use half::slice::HalfFloatSliceExt;
 use safetensors::tensor::{Dtype, Metadata, TensorInfo, TensorView};
 
-use super::{Checkpoint, CheckpointError, HostTensor, Precision};
+use super::{Checkpoint, CheckpointError, Precision, StoredTensor};
 
-/// Version of the files that are written.
+/// Version of the file format.
 pub const FORMAT_VERSION: u64 = 1;
 
 impl Checkpoint {
-    /// Writes the file, whole or not at all.
+    /// Writes the file atomically.
     ///
     /// # Errors
-    /// The file system's.
+    /// Errors of the file system.
     pub fn write(&self, path: impl AsRef<Path>, precision: Precision) -> Result<(), CheckpointError> {
         let path = path.as_ref();
         let dtype = if precision == Precision::Full { Dtype::F32 } else { Dtype::F16 };
-        let bytes: Vec<(&String, &HostTensor, Vec<u8>)> = self
+        let bytes: Vec<(&String, &StoredTensor, Vec<u8>)> = self
             .tensors
             .iter()
             .map(|(name, tensor)| {
@@ -34,7 +34,7 @@ impl Checkpoint {
             })
             .collect();
         let views = bytes.iter().map(|(name, tensor, bytes)| {
-            (*name, TensorView::new(dtype, tensor.shape.clone(), bytes).expect("as many bytes as the shape says"))
+            (*name, TensorView::new(dtype, tensor.shape.clone(), bytes).expect("bytes match the shape"))
         });
         let metadata = serde_json::json!({ "format_version": FORMAT_VERSION, "state": self.state }).to_string();
         let file = safetensors::serialize(views, Some([("checkpoint".to_owned(), metadata)].into()))
@@ -43,17 +43,17 @@ impl Checkpoint {
             .map_err(|source| CheckpointError::File { path: path.display().to_string(), source })
     }
 
-    /// What a file of [`Precision::Half`] would give back.
+    /// Rounds all values to what a file of [`Precision::Half`] would return.
     pub fn round_to_half(&mut self) {
         let values = self.tensors.values_mut().flat_map(|tensor| &mut tensor.values);
         values.for_each(|value| *value = half::f16::from_f32(*value).to_f32());
     }
 
-    /// Reads a file that [`Checkpoint::write`] wrote, or weights that others did.
+    /// Reads a file written by [`Checkpoint::write`], or third-party weights.
     ///
     /// # Errors
-    /// Files that cannot be read, are damaged, or hold numbers of other kinds than F32, F16, BF16 and F64 (integers are
-    /// passed over).
+    /// Files that are unreadable, damaged, or hold other number types than F32, F16, BF16 and F64. Integers are
+    /// ignored.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, CheckpointError> {
         let path = path.as_ref();
         let system = |source| CheckpointError::File { path: path.display().to_string(), source };
@@ -62,10 +62,10 @@ impl Checkpoint {
         Self::from_reader(file, length, path)
     }
 
-    /// [`Checkpoint::read`] of a file's bytes; messages call it `name`.
+    /// Reads a checkpoint from memory. Error messages use `name` as the path.
     ///
     /// # Errors
-    /// As of a file.
+    /// As [`Checkpoint::read`].
     pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Self, CheckpointError> {
         Self::from_reader(bytes, bytes.len() as u64, name.as_ref())
     }
@@ -74,21 +74,24 @@ impl Checkpoint {
         let system = |source| CheckpointError::File { path: path.display().to_string(), source };
         let mut header_length = [0; 8];
         if length < 8 {
-            return Err(content(path, "no .safetensors file: it has less than eight bytes"));
+            return Err(content(path, "not a .safetensors file: it is shorter than eight bytes"));
         }
         file.read_exact(&mut header_length).map_err(system)?;
         let header_length = u64::from_le_bytes(header_length);
         if header_length > length - 8 {
-            return Err(content(path, "no .safetensors file, or a truncated one: its header is longer than the file"));
+            return Err(content(path, "not a .safetensors file, or truncated: its header is longer than the file"));
         }
         let mut header = vec![0; header_length as usize];
         file.read_exact(&mut header).map_err(system)?;
         let header: Metadata = serde_json::from_slice(&header).map_err(|error| content(path, error))?;
         let described = 8 + header_length + header.data_len() as u64;
         if described != length {
-            return Err(content(path, format!("damaged: its header describes {described} bytes, but it has {length}")));
+            return Err(content(
+                path,
+                format!("damaged: its header describes {described} bytes, but the file has {length}"),
+            ));
         }
-        // Tensor by tensor, so that the file and the numbers made of it are not in memory together.
+        // Reads one tensor at a time, to avoid holding the file and the values in memory together.
         let (mut checkpoint, mut bytes) = (Self::default(), Vec::new());
         for name in header.offset_keys() {
             let Some(TensorInfo { dtype, shape, data_offsets: (begin, end) }) = header.info(&name) else { continue };
@@ -108,15 +111,21 @@ impl Checkpoint {
                     bytes.as_chunks::<2>().0.iter().map(|&b| half::bf16::from_le_bytes(b).to_f32()).collect()
                 }
                 Dtype::I64 | Dtype::I32 => continue,
-                other => return Err(content(path, format!("tensor \"{name}\" holds {other:?}; floats are wanted"))),
+                other => {
+                    return Err(content(
+                        path,
+                        format!("tensor \"{name}\" has the type {other:?}; only floating-point tensors are supported"),
+                    ));
+                }
             };
-            checkpoint.tensors.insert(name, HostTensor { shape: shape.clone(), values });
+            checkpoint.tensors.insert(name, StoredTensor { shape: shape.clone(), values });
         }
         if let Some(text) = header.metadata().as_ref().and_then(|map| map.get("checkpoint")) {
             let mut json: serde_json::Value = serde_json::from_str(text).map_err(|error| content(path, error))?;
             let version = json["format_version"].as_u64();
             if version != Some(FORMAT_VERSION) {
-                return Err(content(path, format!("format version {version:?}; this program reads {FORMAT_VERSION}")));
+                let found = version.map_or_else(|| "missing".to_owned(), |version| version.to_string());
+                return Err(content(path, format!("format version is {found}; this program reads {FORMAT_VERSION}")));
             }
             checkpoint.state = json["state"].take();
         }

@@ -4,20 +4,21 @@ use burn::tensor::Tensor;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use crate::host::{Kernel, Number, binary, zeros};
-use crate::sums::LANES;
+use crate::cpu_ops::{Kernel, Number, binary, zeros};
+use crate::gemm::LANES;
 
-/// `scale · (x − centre) + shift`, the three rows of `affine`: `[3, channels]`, or `[3, channels · pictures]` for each picture its own.
+/// Returns `scale · (x − centre) + shift`. These are the rows of `affine`: `[3, channels]`, or `[3, channels · images]`
+/// for separate values of each image.
 pub fn scaled(x: Tensor<4>, affine: Tensor<2>) -> Tensor<4> {
-    apply(x, affine, Then::Nothing)
+    apply(x, affine, Epilogue::None)
 }
 
-/// Which part of a number is kept.
+/// Rectifying activation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rectifier {
-    /// The positive one.
+    /// max(x, 0).
     Relu,
-    /// The positive one, at most 6 (Krizhevsky 2010).
+    /// min(max(x, 0), 6) (Krizhevsky 2010).
     Relu6,
 }
 
@@ -30,32 +31,32 @@ impl Rectifier {
     }
 }
 
-/// [`scaled`], then rectified.
+/// Applies [`scaled`], then the rectifier.
 pub fn activate(x: Tensor<4>, affine: Tensor<2>, rectifier: Rectifier) -> Tensor<4> {
-    apply(x, affine, Then::Rectified(rectifier))
+    apply(x, affine, Epilogue::Rectify(rectifier))
 }
 
-/// The means of 2 × 2 pixels of the positive part of [`scaled`], `[channels, pictures, height / 2, width / 2]`.
+/// Applies [`scaled`], ReLU and the mean over 2 × 2 pixels: `[channels, images, height / 2, width / 2]`.
 ///
 /// # Panics
-/// For an odd height or width.
+/// Where height or width is odd.
 pub fn activated_mean(x: Tensor<4>, affine: Tensor<2>) -> Tensor<4> {
-    apply(x, affine, Then::PositiveMean)
+    apply(x, affine, Epilogue::ReluMean)
 }
 
-fn apply(x: Tensor<4>, affine: Tensor<2>, then: Then) -> Tensor<4> {
-    let [channels, pictures, height, width] = x.dims();
+fn apply(x: Tensor<4>, affine: Tensor<2>, epilogue: Epilogue) -> Tensor<4> {
+    let [channels, images, height, width] = x.dims();
     let [_, rows] = affine.dims();
-    assert!(then != Then::PositiveMean || height.is_multiple_of(2), "an even height");
-    let kernel = ActivationKernel { width, then };
-    let y = binary(x.reshape([rows, channels * pictures * height * width / rows.max(1)]), affine, kernel);
-    let halved = usize::from(then == Then::PositiveMean);
-    y.reshape([channels, pictures, height >> halved, width >> halved])
+    assert!(epilogue != Epilogue::ReluMean || height.is_multiple_of(2), "an even height");
+    let kernel = ActivationKernel { width, epilogue };
+    let y = binary(x.reshape([rows, channels * images * height * width / rows.max(1)]), affine, kernel);
+    let halved = usize::from(epilogue == Epilogue::ReluMean);
+    y.reshape([channels, images, height >> halved, width >> halved])
 }
 
-/// The same by burn's own operations, to check the kernel.
+/// Reference implementation with burn's operations.
 #[cfg(test)]
-pub(super) fn composed(x: Tensor<4>, affine: Tensor<2>, then: Then) -> Tensor<4> {
+pub(super) fn composed(x: Tensor<4>, affine: Tensor<2>, epilogue: Epilogue) -> Tensor<4> {
     use burn::tensor::ops::AvgPoolOptions;
     use burn::tensor::{activation::relu, module::avg_pool2d};
 
@@ -63,44 +64,44 @@ pub(super) fn composed(x: Tensor<4>, affine: Tensor<2>, then: Then) -> Tensor<4>
     let row = |row| affine.clone().narrow(0, row, 1).reshape([channels, rows / channels, 1, 1]);
     let [scale, centre, shift] = [0, 1, 2].map(row);
     let y = (x - centre) * scale + shift;
-    match then {
-        Then::Nothing => y,
-        Then::Rectified(Rectifier::Relu) => relu(y),
-        Then::Rectified(Rectifier::Relu6) => y.clamp(0.0, 6.0),
-        Then::PositiveMean => avg_pool2d(relu(y), AvgPoolOptions::new([2, 2])),
+    match epilogue {
+        Epilogue::None => y,
+        Epilogue::Rectify(Rectifier::Relu) => relu(y),
+        Epilogue::Rectify(Rectifier::Relu6) => y.clamp(0.0, 6.0),
+        Epilogue::ReluMean => avg_pool2d(relu(y), AvgPoolOptions::new([2, 2])),
     }
 }
 
-/// `scale · (x − centre) + shift` on slices. Gradients are sums with x − centre: those with x alone lose what is left of their
-/// difference where the mean is large.
+/// `scale · (x − centre) + shift` on slices. Gradients sum products with x − centre: sums with x alone would lose
+/// precision by cancellation where the mean is large.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Affine<'a, T> {
     scale: &'a [T],
     centre: &'a [T],
     shift: &'a [T],
-    /// What is rectified ends here.
+    /// Upper limit of the rectifier.
     ceiling: T,
 }
 
-/// [`Affine`] of one channel.
+/// [`Affine`] for a single channel.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ChannelAffine<T> {
     scale: T,
     centre: T,
-    /// Of `scale · x`.
+    /// Shift of `scale · x`, with the centre folded in.
     shift: T,
     ceiling: T,
 }
 
 impl<'a, T: Number> Affine<'a, T> {
-    /// From `[3, channels]`.
+    /// Borrows the rows of `[3, channels]`.
     pub fn new(rows: &'a [T], rectifier: Rectifier) -> Self {
         let (scale, rest) = rows.split_at(rows.len() / 3);
         let (centre, shift) = rest.split_at(rest.len() / 2);
-        Self { scale, centre, shift, ceiling: T::of(rectifier.ceiling()) }
+        Self { scale, centre, shift, ceiling: T::from_f64(rectifier.ceiling()) }
     }
 
-    /// Of the channels in a range.
+    /// Restricts to a range of channels.
     pub fn part(&self, channels: Range<usize>) -> Self {
         let [scale, centre, shift] = [self.scale, self.centre, self.shift].map(|row| &row[channels.clone()]);
         Self { scale, centre, shift, ceiling: self.ceiling }
@@ -118,7 +119,7 @@ impl<T: Number> ChannelAffine<T> {
         self.scale * x + self.shift
     }
 
-    /// NaN stays NaN, so that it is noticed.
+    /// Keeps NaN, so that it is noticed.
     #[inline(always)]
     pub fn rectified(&self, x: T) -> T {
         let value = self.value(x);
@@ -126,7 +127,7 @@ impl<T: Number> ChannelAffine<T> {
         if value > self.ceiling { self.ceiling } else { value }
     }
 
-    /// Whether [`ChannelAffine::rectified`] changes with x. The same operations, so that both agree.
+    /// Reports whether [`ChannelAffine::rectified`] depends on x. Uses the same operations, so that both agree.
     #[inline(always)]
     fn is_active(&self, x: T) -> bool {
         let value = self.value(x);
@@ -134,18 +135,18 @@ impl<T: Number> ChannelAffine<T> {
     }
 }
 
-/// What follows scale and shift.
+/// Operation fused behind scale and shift.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Then {
-    Nothing,
-    Rectified(Rectifier),
-    /// The positive part's means of 2 × 2 pixels.
-    PositiveMean,
+pub(super) enum Epilogue {
+    None,
+    Rectify(Rectifier),
+    /// ReLU, then the mean over 2 × 2 pixels.
+    ReluMean,
 }
 
-impl Then {
+impl Epilogue {
     fn rectifier(self) -> Rectifier {
-        if let Self::Rectified(rectifier) = self { rectifier } else { Rectifier::Relu }
+        if let Self::Rectify(rectifier) = self { rectifier } else { Rectifier::Relu }
     }
 }
 
@@ -153,14 +154,14 @@ impl Then {
 #[derive(Clone, Copy, Debug)]
 struct ActivationKernel {
     width: usize,
-    then: Then,
+    epilogue: Epilogue,
 }
 
 impl Kernel for ActivationKernel {
     fn output_size(&self, sizes: &[[usize; 2]]) -> [usize; 2] {
         let [channels, area] = sizes[0];
         assert_eq!(sizes[1], [3, channels], "a scale, a centre and a shift for each channel");
-        if self.then != Then::PositiveMean {
+        if self.epilogue != Epilogue::ReluMean {
             return [channels, area];
         }
         assert!(self.width.is_multiple_of(2) && area.is_multiple_of(2 * self.width), "an even height and width");
@@ -169,7 +170,7 @@ impl Kernel for ActivationKernel {
 
     fn forward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]]) -> Vec<T> {
         let [channels, out_area] = self.output_size(sizes);
-        let affine = Affine::new(inputs[1], self.then.rectifier());
+        let affine = Affine::new(inputs[1], self.epilogue.rectifier());
         let mut out = zeros(channels * out_area);
         let rows = out.par_chunks_mut(out_area.max(1)).zip(inputs[0].par_chunks(sizes[0][1].max(1)));
         rows.enumerate().for_each(|(channel, (out, x))| {
@@ -179,15 +180,15 @@ impl Kernel for ActivationKernel {
     }
 
     fn backward<T: Number>(&self, inputs: &[&[T]], _: &[[usize; 2]], gradient: &[T], _: &[bool]) -> Vec<Vec<T>> {
-        let mut by_x = match self.then {
-            Then::PositiveMean => shared_out(gradient, self.width / 2),
+        let mut by_x = match self.epilogue {
+            Epilogue::ReluMean => spread_quarters(gradient, self.width / 2),
             _ => gradient.to_vec(),
         };
-        let by_affine = through_activation(
+        let by_affine = activation_backward(
             &mut by_x,
             inputs[0],
-            Affine::new(inputs[1], self.then.rectifier()),
-            self.then != Then::Nothing,
+            Affine::new(inputs[1], self.epilogue.rectifier()),
+            self.epilogue != Epilogue::None,
         );
         vec![by_x, by_affine]
     }
@@ -206,13 +207,13 @@ impl<T: Number> WithSimd for Activate<'_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let Self { out, x, affine, kernel: ActivationKernel { width, then } } = self;
+        let Self { out, x, affine, kernel: ActivationKernel { width, epilogue } } = self;
         let value = |x: T| affine.rectified(x);
-        match then {
-            Then::Nothing => out.iter_mut().zip(x).for_each(|(out, &x)| *out = affine.value(x)),
-            Then::Rectified(_) => out.iter_mut().zip(x).for_each(|(out, &x)| *out = value(x)),
-            Then::PositiveMean => {
-                let quarter = T::of(0.25);
+        match epilogue {
+            Epilogue::None => out.iter_mut().zip(x).for_each(|(out, &x)| *out = affine.value(x)),
+            Epilogue::Rectify(_) => out.iter_mut().zip(x).for_each(|(out, &x)| *out = value(x)),
+            Epilogue::ReluMean => {
+                let quarter = T::from_f64(0.25);
                 for (out, rows) in out.chunks_exact_mut(width / 2).zip(x.chunks_exact(2 * width)) {
                     let (upper, lower) = rows.split_at(width);
                     let pairs = upper.as_chunks::<2>().0.iter().zip(lower.as_chunks::<2>().0);
@@ -225,9 +226,9 @@ impl<T: Number> WithSimd for Activate<'_, T> {
     }
 }
 
-/// A quarter of each value for each of 2 × 2 pixels; `width` is that of `gradient`'s rows.
-fn shared_out<T: Number>(gradient: &[T], width: usize) -> Vec<T> {
-    let quarter = T::of(0.25);
+/// Distributes each value equally to 2 × 2 pixels. `width` is that of `gradient`'s rows.
+fn spread_quarters<T: Number>(gradient: &[T], width: usize) -> Vec<T> {
+    let quarter = T::from_f64(0.25);
     let mut out = zeros(4 * gradient.len());
     out.par_chunks_mut(4 * width).zip(gradient.par_chunks(width)).for_each(|(rows, gradient)| {
         let (upper, lower) = rows.split_at_mut(2 * width);
@@ -239,30 +240,36 @@ fn shared_out<T: Number>(gradient: &[T], width: usize) -> Vec<T> {
     out
 }
 
-/// From the gradient by [`Affine`], where wanted rectified, to the one by x, in place, and the one by the affine's rows.
-pub(super) fn through_activation<T: Number>(gradient: &mut [T], x: &[T], affine: Affine<T>, rectified: bool) -> Vec<T> {
+/// Backpropagates through [`Affine`] and an optional rectifier. Replaces the output's gradient by that of x, and
+/// returns that of the affine's rows.
+pub(super) fn activation_backward<T: Number>(
+    gradient: &mut [T],
+    x: &[T],
+    affine: Affine<T>,
+    rectified: bool,
+) -> Vec<T> {
     let area = (x.len() / affine.scale.len()).max(1);
     let sums: Vec<[f64; 3]> = gradient
         .par_chunks_mut(area)
         .zip(x.par_chunks(area))
         .enumerate()
         .map(|(channel, (gradient, x))| {
-            Arch::new().dispatch(ThroughActivation { gradient, x, affine: affine.channel(channel), rectified })
+            Arch::new().dispatch(ActivationBackward { gradient, x, affine: affine.channel(channel), rectified })
         })
         .collect();
-    (0..3).flat_map(|i| sums.iter().map(move |sums| T::of(sums[i]))).collect()
+    (0..3).flat_map(|i| sums.iter().map(move |sums| T::from_f64(sums[i]))).collect()
 }
 
-/// One channel of [`through_activation`].
-struct ThroughActivation<'a, T> {
+/// One channel of [`activation_backward`].
+struct ActivationBackward<'a, T> {
     gradient: &'a mut [T],
     x: &'a [T],
     affine: ChannelAffine<T>,
     rectified: bool,
 }
 
-impl<T: Number> WithSimd for ThroughActivation<'_, T> {
-    /// By scale, centre and shift.
+impl<T: Number> WithSimd for ActivationBackward<'_, T> {
+    /// Gradients of scale, centre and shift.
     type Output = [f64; 3];
 
     #[inline(always)]
@@ -270,10 +277,10 @@ impl<T: Number> WithSimd for ThroughActivation<'_, T> {
         let Self { gradient, x, affine, rectified } = self;
         let step = |gradient: &mut T, x: T, [by_scale, by_shift]: [&mut T; 2]| {
             let active = !rectified || affine.is_active(x);
-            let before = if active { *gradient } else { T::default() };
-            *by_scale += before * (x - affine.centre);
-            *by_shift += before;
-            *gradient = affine.scale * before;
+            let inner = if active { *gradient } else { T::default() };
+            *by_scale += inner * (x - affine.centre);
+            *by_shift += inner;
+            *gradient = affine.scale * inner;
         };
         let mut sums = [[T::default(); LANES]; 2];
         let [scale_sums, shift_sums] = &mut sums;
@@ -286,12 +293,12 @@ impl<T: Number> WithSimd for ThroughActivation<'_, T> {
         for (i, (gradient, &x)) in rest.iter_mut().zip(x_rest).enumerate() {
             step(gradient, x, [&mut scale_sums[i], &mut shift_sums[i]]);
         }
-        let [by_scale, by_shift] = sums.map(|sums| sums.iter().map(|sum| sum.wide()).sum::<f64>());
-        [by_scale, -affine.scale.wide() * by_shift, by_shift]
+        let [by_scale, by_shift] = sums.map(|sums| sums.iter().map(|sum| sum.as_f64()).sum::<f64>());
+        [by_scale, -affine.scale.as_f64() * by_shift, by_shift]
     }
 }
 
-/// The sum, in a fixed order that vectors can follow.
+/// Sums in a fixed, vectorisable order.
 #[inline(always)]
 pub(super) fn total<T: Number>(row: &[T]) -> f64 {
     let (chunks, rest) = row.as_chunks::<LANES>();
@@ -299,7 +306,7 @@ pub(super) fn total<T: Number>(row: &[T]) -> f64 {
     for chunk in chunks {
         sums.iter_mut().zip(chunk).for_each(|(sum, &value)| *sum += value);
     }
-    sums.iter().chain(rest).map(|sum| sum.wide()).sum()
+    sums.iter().chain(rest).map(|sum| sum.as_f64()).sum()
 }
 
 #[cfg(test)]
@@ -307,40 +314,40 @@ mod tests {
     use super::*;
     use crate::testing::{assert_gradients, assert_same_function};
 
-    /// Five channels of two pictures, by channels and by pictures.
+    /// Five channels of two images, with values for each channel and for each image.
     const SIZES: [[[usize; 2]; 2]; 2] = [[[5, 2 * 6 * 8], [3, 5]], [[5, 2 * 6 * 8], [3, 10]]];
 
-    const ALL: [Then; 4] =
-        [Then::Nothing, Then::Rectified(Rectifier::Relu), Then::Rectified(Rectifier::Relu6), Then::PositiveMean];
+    const ALL: [Epilogue; 4] =
+        [Epilogue::None, Epilogue::Rectify(Rectifier::Relu), Epilogue::Rectify(Rectifier::Relu6), Epilogue::ReluMean];
 
-    /// Large enough that some of it reaches 6.
+    /// Scales so that some values exceed 6.
     fn large(affine: Tensor<2>) -> Tensor<2> {
         4.0 * affine
     }
 
-    fn on_pictures(x: Tensor<2>, function: impl Fn(Tensor<4>) -> Tensor<4>) -> Tensor<2> {
+    fn on_images(x: Tensor<2>, function: impl Fn(Tensor<4>) -> Tensor<4>) -> Tensor<2> {
         let channels = x.dims()[0];
         function(x.reshape([channels, 2, 6, 8])).flatten(0, 2)
     }
 
     #[test]
-    fn kernel_is_the_composition() {
-        for then in ALL {
+    fn kernel_equals_reference() {
+        for epilogue in ALL {
             for sizes in SIZES {
                 assert_same_function(
                     &sizes,
-                    |[x, a]| on_pictures(x, |x| apply(x, large(a.clone()), then)),
-                    |[x, a]| on_pictures(x, |x| composed(x, large(a.clone()), then)),
+                    |[x, a]| on_images(x, |x| apply(x, large(a.clone()), epilogue)),
+                    |[x, a]| on_images(x, |x| composed(x, large(a.clone()), epilogue)),
                 );
             }
         }
     }
 
     #[test]
-    fn gradients_are_differences() {
-        for then in ALL {
+    fn gradients_equal_finite_differences() {
+        for epilogue in ALL {
             for sizes in SIZES {
-                assert_gradients(&sizes, |[x, a]| on_pictures(x, |x| apply(x, large(a.clone()), then)));
+                assert_gradients(&sizes, |[x, a]| on_images(x, |x| apply(x, large(a.clone()), epilogue)));
             }
         }
     }

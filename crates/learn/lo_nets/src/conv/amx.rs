@@ -1,19 +1,19 @@
-//! Products of 16-bit matrices by the matrix unit of recent processors (Intel's AMX), and the same in portable code.
+//! bf16 matrix products on Intel's AMX units (cargo feature `amx`), with a portable fallback.
 //!
-//! Numbers are bf16: the upper half of an `f32`, rounded to the nearest. Products are exact, sums are `f32`.
+//! bf16 is the upper half of an `f32`, rounded to nearest. Products are exact; sums are `f32`.
 
 use std::sync::LazyLock;
 
-/// Rows and columns of the matrix that [`Product::block`] computes.
+/// Rows and columns of the block computed by [`BlockProduct::block`].
 pub const BLOCK: usize = 32;
 
-/// Products that are summed at each of its steps.
+/// Products that are summed in each step of a block.
 pub const STEP: usize = 32;
 
-/// Rows of a tile, the registers of the matrix unit, and pairs of numbers in one of its rows.
+/// Rows of an AMX tile register, and pairs of numbers in one of its rows.
 const TILE: usize = 16;
 
-/// A number as bf16, rounded to the nearest, to even between two. NaN stays NaN.
+/// Converts to bf16, rounding to nearest, ties to even. NaN stays NaN.
 #[inline(always)]
 pub fn bf16(value: f32) -> u16 {
     let bits = value.to_bits();
@@ -21,38 +21,39 @@ pub fn bf16(value: f32) -> u16 {
     (if value.is_nan() { 0x7fc0 } else { rounded }) as u16
 }
 
-/// Two numbers as bf16, the first in the lower half.
+/// Packs two bf16 numbers, the first in the lower half.
 #[inline(always)]
 pub fn bf16_pair(first: f32, second: f32) -> u32 {
     u32::from(bf16(first)) | u32::from(bf16(second)) << 16
 }
 
-/// Two sequences of matrices that are multiplied pairwise, and the products summed.
+/// A sum of products of two sequences of matrices.
 #[derive(Clone, Copy, Debug)]
-pub struct Product<'a> {
-    /// bf16 numbers. A step's matrix has `BLOCK` rows of `STEP` numbers.
+pub struct BlockProduct<'a> {
+    /// Left matrices as bf16 numbers: `BLOCK` rows of `STEP` numbers for each step.
     pub left: &'a [u16],
-    /// Where the first step's rows 0 and 16 begin.
+    /// Offsets of rows 0 and 16 in the first step.
     pub halves: [usize; 2],
-    /// Numbers from one row of a half to the next.
+    /// Distance, in numbers, between the rows of a half.
     pub left_stride: usize,
-    /// Numbers from one step to the next.
+    /// Distance, in numbers, between steps.
     pub left_step: usize,
-    /// Pairs of bf16 numbers ([`bf16_pair`]). A step's matrix has `STEP / 2` rows of `BLOCK` pairs: of each column two numbers below each other.
+    /// Right matrices as pairs of bf16 numbers ([`bf16_pair`]): `STEP / 2` rows of `BLOCK` pairs for each step. A pair
+    /// holds two consecutive rows of a column.
     pub right: &'a [u32],
-    /// Where the first row of each step begins; as many as there are steps.
+    /// Offset of each step's first row. Its length is the number of steps.
     pub offsets: &'a [usize],
-    /// Added to all of them.
+    /// Added to all offsets.
     pub first: usize,
-    /// Pairs from one row to the next.
+    /// Distance, in pairs, between rows.
     pub right_stride: usize,
 }
 
-impl Product<'_> {
-    /// The sum over all steps of left times right.
+impl BlockProduct<'_> {
+    /// Computes the sum over all steps of left times right.
     ///
     /// # Panics
-    /// Where a step leaves the numbers.
+    /// Where a step exceeds the slices.
     pub fn block(&self, out: &mut [[f32; BLOCK]; BLOCK]) {
         let Some(last) = self.offsets.iter().max() else {
             *out = [[0.0; BLOCK]; BLOCK];
@@ -60,20 +61,21 @@ impl Product<'_> {
         };
         let steps = self.offsets.len();
         let left = self.halves[0].max(self.halves[1]) + (TILE - 1) * self.left_stride + (steps - 1) * self.left_step;
-        assert!(left + STEP <= self.left.len(), "a step leaves the left numbers");
+        assert!(left + STEP <= self.left.len(), "a step exceeds the left operand");
         let right = last + self.first + (TILE - 1) * self.right_stride;
-        assert!(right + BLOCK <= self.right.len(), "a step leaves the right numbers");
-        #[cfg(all(target_arch = "x86_64", target_os = "linux"))]
+        assert!(right + BLOCK <= self.right.len(), "a step exceeds the right operand");
+        #[cfg(all(feature = "amx", target_arch = "x86_64", target_os = "linux"))]
         if available() {
-            // SAFETY: the processor has the unit and the system lets us use it; the assertions keep all reads within the slices.
-            unsafe { self.block_by_tiles(out) };
+            // SAFETY: processor and operating system support AMX; the assertions above keep all reads within the
+            // slices.
+            unsafe { self.amx_block(out) };
             return;
         }
-        self.block_by_hand(out);
+        self.portable_block(out);
     }
 
-    /// What the matrix unit computes, up to the order of its sums.
-    fn block_by_hand(&self, out: &mut [[f32; BLOCK]; BLOCK]) {
+    /// Computes the block without AMX. Results differ by the order of sums alone.
+    fn portable_block(&self, out: &mut [[f32; BLOCK]; BLOCK]) {
         *out = [[0.0; BLOCK]; BLOCK];
         let value = |half: u16| f32::from_bits(u32::from(half) << 16);
         for (step, offset) in self.offsets.iter().enumerate() {
@@ -90,11 +92,12 @@ impl Product<'_> {
     }
 
     /// # Safety
-    /// [`available`], at least one step, and no step may leave the numbers.
-    #[cfg(all(target_arch = "x86_64", target_os = "linux"))]
-    unsafe fn block_by_tiles(&self, out: &mut [[f32; BLOCK]; BLOCK]) {
+    /// AMX is [`available`], there is at least one step, and no step exceeds the slices.
+    #[cfg(all(feature = "amx", target_arch = "x86_64", target_os = "linux"))]
+    unsafe fn amx_block(&self, out: &mut [[f32; BLOCK]; BLOCK]) {
         let [a, b] = self.halves.map(|start| self.left[start..].as_ptr());
-        // SAFETY: what is read lies in the slices by this function's contract, what is written in `out`. Tiles are set up, used and released here.
+        // SAFETY: the function's contract keeps reads within the slices; writes go to `out`. Tiles are configured, used
+        // and released within this block.
         unsafe {
             std::arch::asm!(
                 "ldtilecfg [{place}]",
@@ -124,7 +127,7 @@ impl Product<'_> {
                 "tilestored [{out} + 1*{place} + 2048], tmm2",
                 "tilestored [{out} + 1*{place} + 2112], tmm3",
                 "tilerelease",
-                place = inout(reg) &CONFIGURATION => _,
+                place = inout(reg) &TILE_CONFIG => _,
                 a = inout(reg) a => _,
                 b = inout(reg) b => _,
                 left_stride = in(reg) 2 * self.left_stride,
@@ -142,9 +145,9 @@ impl Product<'_> {
     }
 }
 
-/// Eight tiles of 16 rows of 64 bytes (Intel's manual, volume 1, 18.3).
-#[cfg(all(target_arch = "x86_64", target_os = "linux"))]
-static CONFIGURATION: Configuration = {
+/// Configures eight tiles of 16 rows of 64 bytes (Intel's manual, volume 1, 18.3).
+#[cfg(all(feature = "amx", target_arch = "x86_64", target_os = "linux"))]
+static TILE_CONFIG: TileConfig = {
     let mut bytes = [0; 64];
     bytes[0] = 1;
     let mut tile = 0;
@@ -153,28 +156,28 @@ static CONFIGURATION: Configuration = {
         bytes[48 + tile] = TILE as u8;
         tile += 1;
     }
-    Configuration(bytes)
+    TileConfig(bytes)
 };
 
-#[cfg(all(target_arch = "x86_64", target_os = "linux"))]
+#[cfg(all(feature = "amx", target_arch = "x86_64", target_os = "linux"))]
 #[repr(C, align(64))]
-struct Configuration([u8; 64]);
+struct TileConfig([u8; 64]);
 
-/// Whether the processor has the matrix unit and the system lets this process use it.
+/// Reports whether the processor has AMX, the system permits its use, and the feature `amx` is compiled in.
 pub fn available() -> bool {
     static AVAILABLE: LazyLock<bool> = LazyLock::new(detect);
     *AVAILABLE
 }
 
-#[cfg(not(all(target_arch = "x86_64", target_os = "linux")))]
+#[cfg(not(all(feature = "amx", target_arch = "x86_64", target_os = "linux")))]
 fn detect() -> bool {
     false
 }
 
-#[cfg(all(target_arch = "x86_64", target_os = "linux"))]
+#[cfg(all(feature = "amx", target_arch = "x86_64", target_os = "linux"))]
 fn detect() -> bool {
     use std::arch::x86_64::{__cpuid, __cpuid_count};
-    // AMX-BF16 and AMX-TILE.
+    // CPUID bits of AMX-BF16 and AMX-TILE.
     const UNIT: u32 = 1 << 22 | 1 << 24;
     const ARCH_PRCTL: i64 = 158;
     const ARCH_REQ_XCOMP_PERM: i64 = 0x1023;
@@ -183,7 +186,7 @@ fn detect() -> bool {
         return false;
     }
     let answer: i64;
-    // SAFETY: a system call that asks for the use of tiles in all threads (Linux 5.16; an older one refuses) and touches no memory.
+    // SAFETY: the system call requests permission for tile data and touches no memory. Linux before 5.16 refuses it.
     unsafe {
         std::arch::asm!(
             "syscall",
@@ -225,12 +228,12 @@ mod tests {
     }
 
     #[test]
-    fn the_matrix_unit_computes_what_portable_code_does() {
+    fn amx_equals_portable_code() {
         let numbers = values(6000, 1);
         let left: Vec<u16> = numbers.iter().map(|&v| bf16(v as f32)).collect();
         let right: Vec<u32> = numbers.chunks_exact(2).map(|v| bf16_pair(v[0] as f32, v[1] as f32)).collect();
         for offsets in [&[0][..], &[7, 3, 901], &[]] {
-            let product = Product {
+            let product = BlockProduct {
                 left: &left,
                 halves: [5, 2500],
                 left_stride: 71,
@@ -242,11 +245,11 @@ mod tests {
             };
             let [mut got, mut expected] = [[[7.0; BLOCK]; BLOCK]; 2];
             product.block(&mut got);
-            product.block_by_hand(&mut expected);
+            product.portable_block(&mut expected);
             for (got, expected) in got.as_flattened().iter().zip(expected.as_flattened()) {
                 assert!((got - expected).abs() <= 1e-4, "{got} {expected}");
             }
-            // One of its sums in f64.
+            // One of the sums, in f64.
             let value = |half: u16| f64::from(f32::from_bits(u32::from(half) << 16));
             let mut sum = 0.0;
             for (step, offset) in offsets.iter().enumerate() {
@@ -261,9 +264,9 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "leaves the right numbers")]
-    fn steps_outside_are_refused() {
-        let product = Product {
+    #[should_panic(expected = "exceeds the right operand")]
+    fn steps_outside_of_the_operands_panic() {
+        let product = BlockProduct {
             left: &[0; 2048],
             halves: [0, 512],
             left_stride: 32,

@@ -1,15 +1,17 @@
-//! A convolution in bands of rows, each a piece of work for one thread.
+//! Convolution in bands of rows, each a task for one thread.
 
 use rayon::prelude::*;
 
 use crate::conv::window::Window;
-use crate::host::{Number, zeros};
+use crate::cpu_ops::{Number, zeros};
 
-/// Pieces of work at least: bands of rows, or where these are few, of channels too. Fixed, as is everything that sums depend on.
-pub(super) const PIECES: usize = 8;
+/// Minimum number of tasks: bands of rows, split by channels where bands are few. Fixed, as results depend on it.
+pub(super) const MIN_TASKS: usize = 8;
 
-/// A convolution band by band of `rows` output rows. `read` makes what a band with this first row reads, `sums` computes from it the columns of a
-/// group of `group` channels; the rows that it is given are those of the band, in the last one perhaps fewer.
+/// Convolves band by band, with `rows` output rows in a band.
+///
+/// `read` fills a band from its first row. `sums` computes the columns of a group of `group` channels from it, for the
+/// rows of the band (fewer in the last one).
 pub(super) fn by_bands<T: Number, B: Default>(
     window: &Window,
     rows: usize,
@@ -19,40 +21,40 @@ pub(super) fn by_bands<T: Number, B: Default>(
     sums: impl Fn(&B, usize, &mut [&mut [T]]) + Sync,
 ) -> Vec<T> {
     let (height, width) = (window.rows(), window.output[1]);
-    let area = window.pictures * window.area();
+    let area = window.images * window.area();
     let mut out = zeros(outputs * area);
-    // Few bands: each is read several times, for some of the output's channels each.
+    // With few bands, each is read several times, for part of the output's channels each.
     let (groups, bands) = (outputs.div_ceil(group), height.div_ceil(rows));
-    let groups = groups.div_ceil(PIECES.div_ceil(bands));
-    let mut pieces = Vec::new();
+    let groups = groups.div_ceil(MIN_TASKS.div_ceil(bands));
+    let mut tasks = Vec::new();
     for (i, channels) in out.chunks_mut(groups * group * area).enumerate() {
-        let first_piece = pieces.len();
-        pieces.extend((0..bands).map(|band| Piece {
+        let first_task = tasks.len();
+        tasks.extend((0..bands).map(|band| BandTask {
             first_row: band * rows,
             first_group: i * groups,
             channels: Vec::with_capacity(groups * group),
         }));
         for channel in channels.chunks_mut(area) {
             let mut rest = channel;
-            for piece in &mut pieces[first_piece..] {
-                let ends = [piece.first_row, height.min(piece.first_row + rows)];
+            for task in &mut tasks[first_task..] {
+                let ends = [task.first_row, height.min(task.first_row + rows)];
                 let [begin, end] = ends.map(|row| window.rows_before(row));
-                piece.channels.push(rest.split_off_mut(..(end - begin) * width).expect("rows of the output"));
+                task.channels.push(rest.split_off_mut(..(end - begin) * width).expect("rows of the output"));
             }
         }
     }
     let columns = rows * window.pitch();
     let scratch = || (B::default(), vec![T::default(); group * columns]);
-    pieces.into_par_iter().for_each_init(scratch, |(band, scratch), mut piece| {
-        read(band, piece.first_row);
-        for (index, channels) in (piece.first_group..).zip(piece.channels.chunks_mut(group)) {
+    tasks.into_par_iter().for_each_init(scratch, |(band, scratch), mut task| {
+        read(band, task.first_row);
+        for (index, channels) in (task.first_group..).zip(task.channels.chunks_mut(group)) {
             if window.is_dense() {
                 sums(band, index, channels);
             } else {
                 let mut rows: Vec<&mut [T]> = scratch.chunks_exact_mut(columns).take(channels.len()).collect();
                 sums(band, index, &mut rows);
                 for (channel, sums) in channels.iter_mut().zip(rows) {
-                    let sums = (piece.first_row..height).zip(sums.chunks_exact(window.pitch()));
+                    let sums = (task.first_row..height).zip(sums.chunks_exact(window.pitch()));
                     let sums = sums.filter(|(row, _)| window.is_row(*row));
                     for (out, (_, sums)) in channel.chunks_exact_mut(width).zip(sums) {
                         out.copy_from_slice(&sums[..width]);
@@ -70,7 +72,7 @@ pub(super) fn by_bands<T: Number, B: Default>(
 }
 
 /// Part of the output: a band of rows of some channels.
-struct Piece<'a, T> {
+struct BandTask<'a, T> {
     first_row: usize,
     first_group: usize,
     channels: Vec<&'a mut [T]>,

@@ -1,21 +1,21 @@
-//! Depthwise convolution: every channel by weights of its own.
+//! Depthwise convolution: each channel has its own weights.
 
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use crate::conv::activation::{Affine, ChannelAffine, Rectifier, through_activation};
+use crate::conv::activation::{Affine, ChannelAffine, Rectifier, activation_backward};
 use crate::conv::window::Window;
-use crate::host::{Kernel, Number, zeros};
-use crate::sums::{LANES, MAX_COLUMN, Rows};
+use crate::cpu_ops::{Kernel, Number, zeros};
+use crate::gemm::{LANES, MAX_COLUMN, Rows};
 
-/// A convolution of `x[channels, pictures · height · width]`, each channel with its row of `weights[channels, kernel²]`. Gives
-/// `[channels, pictures · height · width]` of the output.
+/// Convolves `x[channels, images · height · width]`, each channel by its row of `weights[channels, kernel²]`. Returns
+/// `[channels, images · height · width]` of the output.
 #[derive(Clone, Copy, Debug)]
 pub struct DepthwiseKernel {
-    /// What is read.
+    /// Geometry of the convolution.
     pub window: Window,
-    /// With it there is a third input, `[3, channels]`, scale, centre and shift: what is convolved is scale · (x − centre) + shift
-    /// rectified, which is never stored.
+    /// With a rectifier, a third input `[3, channels]` holds scale, centre and shift. The convolved values are then
+    /// scale · (x − centre) + shift, rectified; they are never stored.
     pub rectifier: Option<Rectifier>,
 }
 
@@ -28,11 +28,11 @@ impl DepthwiseKernel {
 impl Kernel for DepthwiseKernel {
     fn output_size(&self, sizes: &[[usize; 2]]) -> [usize; 2] {
         let [channels, area] = sizes[0];
-        assert_eq!(area, self.window.input_area(), "the pictures have the window's size");
+        assert_eq!(area, self.window.input_area(), "the images have the window's size");
         assert_eq!(sizes[1], [channels, self.window.kernel.pow(2)], "weights for each channel");
         let affine = self.rectifier.map(|_| [3, channels]);
         assert_eq!(sizes.get(2), affine.as_ref(), "a scale, a centre and a shift for each channel, or none");
-        [channels, self.window.pictures * self.window.area()]
+        [channels, self.window.images * self.window.area()]
     }
 
     fn forward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]]) -> Vec<T> {
@@ -46,7 +46,7 @@ impl Kernel for DepthwiseKernel {
         if wanted[0] || (activation.is_some() && wanted[2]) {
             derivatives[0] = input_gradient(&self.window, gradient, inputs[1]);
             if let Some(activation) = activation {
-                derivatives[2] = through_activation(&mut derivatives[0], inputs[0], activation, true);
+                derivatives[2] = activation_backward(&mut derivatives[0], inputs[0], activation, true);
             }
         }
         if wanted[1] {
@@ -56,41 +56,43 @@ impl Kernel for DepthwiseKernel {
     }
 }
 
-/// A picture as the kernel reads it: its pixels of every `step`-th row and column are a plane of their own, so that what one weight is multiplied by, for all
-/// pixels of the output, is a run of neighbouring numbers. Planes have zeros around them. What is computed for columns past the output's width means nothing.
+/// An image in the kernel's layout: the pixels of every `step`-th row and column form a plane.
+///
+/// In this layout, the pixels that one weight multiplies are contiguous. Planes are padded with zeros. Values in
+/// columns past the output's width are unused.
 struct Planes {
-    /// Height and width of the picture.
-    picture: [usize; 2],
+    /// Height and width of the image.
+    image: [usize; 2],
     step: usize,
-    /// Rows and columns of zeros before each plane.
+    /// Zero rows and columns before each plane.
     margin: usize,
     rows: usize,
     pitch: usize,
 }
 
-/// Of a row or column of weights: which plane it is multiplied by, and how many rows or columns of it further on.
+/// Plane and shift that a row or column of weights multiplies.
 #[derive(Clone, Copy)]
 struct Tap {
-    /// Of the weights.
+    /// Index of the row or column in the weights.
     index: usize,
     plane: usize,
     shift: isize,
 }
 
-/// Columns of weights and what they are multiplied by.
-struct Products {
+/// Columns of weights with their offsets in the planes.
+struct WeightColumns {
     /// Weights in each column.
     count: usize,
-    /// Of the weights, column by column; `None` where a column has fewer.
+    /// Indices of the weights, column by column; `None` where a column is shorter.
     indices: Vec<Option<usize>>,
-    /// Of the columns.
+    /// Offset of each column in the planes.
     offsets: Vec<usize>,
 }
 
-impl Products {
-    /// Of all weights in some rows and columns of `side × side`.
+impl WeightColumns {
+    /// Arranges the weights of the rows `down` and columns `across` of `side × side`.
     fn new(planes: &Planes, side: usize, down: &[Tap], across: &[Tap]) -> Self {
-        // The weights of a column that belong to a plane follow on each other there.
+        // A column's weights that share a plane multiply consecutive rows of it.
         let rows: Vec<Vec<Tap>> = (0..planes.step)
             .map(|plane| {
                 let mut rows: Vec<Tap> = down.iter().copied().filter(|tap| tap.plane == plane).collect();
@@ -99,64 +101,64 @@ impl Products {
             })
             .collect();
         let count = rows.iter().map(Vec::len).max().unwrap_or(0).clamp(1, MAX_COLUMN);
-        let columns =
+        let column_taps =
             || across.iter().flat_map(|across| rows.iter().flat_map(|r| r.chunks(count)).map(move |r| (r, across)));
         let index = |row: Option<&Tap>, across: &Tap| row.map(|row| row.index * side + across.index);
         Self {
             count,
-            indices: columns().flat_map(|(r, across)| (0..count).map(move |i| index(r.get(i), across))).collect(),
-            offsets: columns().map(|(r, across)| planes.offset(r[0], *across)).collect(),
+            indices: column_taps().flat_map(|(r, across)| (0..count).map(move |i| index(r.get(i), across))).collect(),
+            offsets: column_taps().map(|(r, across)| planes.offset(r[0], *across)).collect(),
         }
     }
 
-    /// A channel's weights in the order of the columns.
+    /// Reorders a channel's weights by column.
     fn order<T: Number>(&self, weights: &[T]) -> Vec<T> {
         self.indices.iter().map(|index| index.map_or(T::default(), |index| weights[index])).collect()
     }
 
-    /// Rows of the output, by weights in the order of the columns.
+    /// Computes output rows from weights in column order.
     fn filter<T: Number>(&self, planes: &Planes, weights: &[T], data: &[T], rows: Rows<T>) {
         T::filter(weights, self.count, data, &self.offsets, planes.pitch, rows);
     }
 }
 
 impl Planes {
-    /// Planes of a picture in which every pixel of `output` (height and width) can be moved by the shift of each of the `taps`.
-    fn new(picture: [usize; 2], step: usize, output: [usize; 2], taps: &[Tap]) -> Self {
+    /// Lays out planes in which every pixel of `output` (height and width) can be shifted by each of the `taps`.
+    fn new(image: [usize; 2], step: usize, output: [usize; 2], taps: &[Tap]) -> Self {
         let shifts = || taps.iter().map(|tap| tap.shift);
         let margin = (-shifts().min().unwrap_or(0)).max(0) as usize;
         let after = shifts().max().unwrap_or(0).max(0) as usize;
-        let side = |i: usize| margin + picture[i].div_ceil(step).max(output[i] + after);
-        Self { picture, step, margin, rows: side(0), pitch: side(1) }
+        let side = |i: usize| margin + image[i].div_ceil(step).max(output[i] + after);
+        Self { image, step, margin, rows: side(0), pitch: side(1) }
     }
 
-    /// Numbers of all planes, and as many zeros as vectors may read beyond.
+    /// Allocates all planes, with zeros behind them for vectors that read past the end.
     fn scratch<T: Number>(&self) -> Vec<T> {
         vec![T::default(); (self.step.pow(2) * self.rows + MAX_COLUMN) * self.pitch + LANES]
     }
 
-    /// Where the output's first pixel finds what is multiplied by the weight of a tap down and one across.
+    /// Returns the offset of the value that the weight of two taps multiplies for the output's first pixel.
     fn offset(&self, down: Tap, across: Tap) -> usize {
         let plane = down.plane * self.step + across.plane;
         let place = |tap: Tap| self.margin.wrapping_add_signed(tap.shift);
         (plane * self.rows + place(down)) * self.pitch + place(across)
     }
 
-    /// Fills the planes, whose margins are zeros already, with a picture, where wanted activated.
+    /// Fills the planes with an image, optionally activated. Margins must already be zero.
     fn fill<T: Number>(&self, planes: &mut [T], x: &[T], activation: Option<ChannelAffine<T>>) {
-        Arch::new().dispatch(Fill { planes: self, out: planes, x, activation });
+        Arch::new().dispatch(FillPlanes { planes: self, out: planes, x, activation });
     }
 }
 
 /// [`Planes::fill`].
-struct Fill<'a, T> {
+struct FillPlanes<'a, T> {
     planes: &'a Planes,
     out: &'a mut [T],
     x: &'a [T],
     activation: Option<ChannelAffine<T>>,
 }
 
-impl<T: Number> WithSimd for Fill<'_, T> {
+impl<T: Number> WithSimd for FillPlanes<'_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -171,10 +173,10 @@ impl<T: Number> WithSimd for Fill<'_, T> {
 
 #[inline(always)]
 fn fill<T: Number>(planes: &Planes, out: &mut [T], x: &[T], value: impl Fn(T) -> T) {
-    let Planes { picture: [_, width], step, margin, rows, pitch } = *planes;
+    let Planes { image: [_, width], step, margin, rows, pitch } = *planes;
     for (y, x) in x.chunks_exact(width).enumerate() {
         let (phase, row) = if step == 1 { (0, y) } else { (y % step, y / step) };
-        // Of the planes with these rows, which lie one after the other.
+        // Planes with the same row phase are contiguous.
         let place = |column: usize| ((phase * step + column) * rows + margin + row) * pitch + margin;
         match step {
             1 => out[place(0)..].iter_mut().zip(x).for_each(|(out, &x)| *out = value(x)),
@@ -197,7 +199,7 @@ fn fill<T: Number>(planes: &Planes, out: &mut [T], x: &[T], value: impl Fn(T) ->
     }
 }
 
-/// What each weight of a row or column is multiplied by.
+/// Returns the tap of each row or column of weights.
 fn taps(window: &Window) -> Vec<Tap> {
     let step = window.stride as isize;
     let place = |k: usize| k as isize - window.padding as isize;
@@ -209,29 +211,30 @@ fn taps(window: &Window) -> Vec<Tap> {
 fn convolve<T: Number>(window: &Window, x: &[T], activation: Option<Affine<T>>, weights: &[T]) -> Vec<T> {
     let taps = taps(window);
     let planes = Planes::new(window.input, window.stride, window.output, &taps);
-    let products = Products::new(&planes, window.kernel, &taps, &taps);
+    let columns = WeightColumns::new(&planes, window.kernel, &taps, &taps);
     let area = window.area();
-    let mut out = zeros(x.len() / window.input_area() * window.pictures * area);
-    let channels = out.par_chunks_mut(window.pictures * area).zip(x.par_chunks(window.input_area()));
+    let mut out = zeros(x.len() / window.input_area() * window.images * area);
+    let channels = out.par_chunks_mut(window.images * area).zip(x.par_chunks(window.input_area()));
     let channels = channels.zip(weights.par_chunks(window.kernel.pow(2))).enumerate();
     channels.for_each_init(
         || planes.scratch(),
         |scratch, (channel, ((out, x), weights))| {
-            let (activation, weights) = (activation.map(|affine| affine.channel(channel)), products.order(weights));
-            let pictures = out.chunks_exact_mut(area).zip(x.chunks_exact(window.input[0] * window.input[1]));
-            for (out, x) in pictures {
+            let (activation, weights) = (activation.map(|affine| affine.channel(channel)), columns.order(weights));
+            let images = out.chunks_exact_mut(area).zip(x.chunks_exact(window.input[0] * window.input[1]));
+            for (out, x) in images {
                 planes.fill(scratch, x, activation);
-                products.filter(&planes, &weights, scratch, Rows { out, width: window.output[1] });
+                columns.filter(&planes, &weights, scratch, Rows { out, width: window.output[1] });
             }
         },
     );
     out
 }
 
-/// Gradient by what was convolved: of every `stride`-th row and column a convolution of the gradient with some of the weights.
+/// Returns the gradient of the convolved values. For each phase of rows and columns, this is a convolution of the
+/// output's gradient with some of the weights.
 fn input_gradient<T: Number>(window: &Window, gradient: &[T], weights: &[T]) -> Vec<T> {
-    let Window { input: [height, width], output, stride, padding, kernel, pictures, .. } = *window;
-    // For each phase of rows or columns the weights that reach it, and from where.
+    let Window { input: [height, width], output, stride, padding, kernel, images, .. } = *window;
+    // For each phase of rows or columns, the weights that contribute and their shifts.
     let phases: Vec<Vec<Tap>> = (0..stride)
         .map(|phase| {
             let reach = |k: usize| (phase + padding) as isize - k as isize;
@@ -241,31 +244,31 @@ fn input_gradient<T: Number>(window: &Window, gradient: &[T], weights: &[T]) -> 
         .collect();
     let parts = [height, width].map(|side| side.div_ceil(stride));
     let planes = Planes::new(output, 1, parts, &phases.concat());
-    // For each phase of rows and columns.
-    let products: Vec<Products> = (0..stride * stride)
-        .map(|index| Products::new(&planes, kernel, &phases[index / stride], &phases[index % stride]))
+    // One for each phase of rows and columns.
+    let columns: Vec<WeightColumns> = (0..stride * stride)
+        .map(|index| WeightColumns::new(&planes, kernel, &phases[index / stride], &phases[index % stride]))
         .collect();
     let (area, part) = (window.area(), parts[0] * parts[1]);
-    let mut out = zeros(gradient.len() / (pictures * area) * window.input_area());
-    let channels = out.par_chunks_mut(window.input_area()).zip(gradient.par_chunks(pictures * area));
+    let mut out = zeros(gradient.len() / (images * area) * window.input_area());
+    let channels = out.par_chunks_mut(window.input_area()).zip(gradient.par_chunks(images * area));
     let channels = channels.zip(weights.par_chunks(kernel * kernel));
     let scratch = || (planes.scratch(), vec![T::default(); stride * stride * part]);
     channels.for_each_init(scratch, |(scratch, sums), ((out, gradient), weights)| {
-        let weights: Vec<Vec<T>> = products.iter().map(|products| products.order(weights)).collect();
+        let weights: Vec<Vec<T>> = columns.iter().map(|columns| columns.order(weights)).collect();
         for (out, gradient) in out.chunks_exact_mut(height * width).zip(gradient.chunks_exact(area)) {
             planes.fill(scratch, gradient, None);
             if stride == 1 {
-                products[0].filter(&planes, &weights[0], scratch, Rows { out, width });
+                columns[0].filter(&planes, &weights[0], scratch, Rows { out, width });
                 continue;
             }
-            for ((products, weights), sums) in products.iter().zip(&weights).zip(sums.chunks_exact_mut(part)) {
-                products.filter(&planes, weights, scratch, Rows { out: sums, width: parts[1] });
+            for ((columns, weights), sums) in columns.iter().zip(&weights).zip(sums.chunks_exact_mut(part)) {
+                columns.filter(&planes, weights, scratch, Rows { out: sums, width: parts[1] });
             }
             for (y, out) in out.chunks_exact_mut(width).enumerate() {
                 let place = |column: usize| (y % stride * stride + column) * part + y / stride * parts[1];
                 let sums = |column: usize| &sums[place(column)..][..parts[1]];
                 if stride == 2 {
-                    // Pairs, of which vectors can be made.
+                    // Pairs are vectorisable.
                     let (pairs, last) = out.as_chunks_mut::<2>();
                     let (evens, odds) = (sums(0), sums(1));
                     last.iter_mut().for_each(|last| *last = evens[pairs.len()]);
@@ -284,7 +287,7 @@ fn input_gradient<T: Number>(window: &Window, gradient: &[T], weights: &[T]) -> 
     out
 }
 
-/// Gradient by the weights, `[channels, kernel²]`.
+/// Returns the gradient of the weights, `[channels, kernel²]`.
 fn weight_gradient<T: Number>(window: &Window, x: &[T], activation: Option<Affine<T>>, gradient: &[T]) -> Vec<T> {
     let taps = taps(window);
     let planes = Planes::new(window.input, window.stride, window.output, &taps);
@@ -296,13 +299,13 @@ fn weight_gradient<T: Number>(window: &Window, x: &[T], activation: Option<Affin
     let ([height, width], area) = (window.output, window.area());
     let mut out = zeros(x.len() / window.input_area() * offsets.len());
     let channels = out.par_chunks_mut(offsets.len()).zip(x.par_chunks(window.input_area()));
-    let channels = channels.zip(gradient.par_chunks(window.pictures * area)).enumerate();
-    // The gradient with rows as wide as those of the planes, zeros where they mean nothing.
+    let channels = channels.zip(gradient.par_chunks(window.images * area)).enumerate();
+    // The gradient with rows as wide as the planes', zeros in unused columns.
     let scratch = || (planes.scratch(), vec![T::default(); height * planes.pitch]);
     channels.for_each_init(scratch, |(scratch, padded), (channel, ((out, x), gradient))| {
         let activation = activation.map(|affine| affine.channel(channel));
-        let pictures = x.chunks_exact(window.input[0] * window.input[1]).zip(gradient.chunks_exact(area));
-        for (x, gradient) in pictures {
+        let images = x.chunks_exact(window.input[0] * window.input[1]).zip(gradient.chunks_exact(area));
+        for (x, gradient) in images {
             planes.fill(scratch, x, activation);
             for (out, gradient) in padded.chunks_exact_mut(planes.pitch).zip(gradient.chunks_exact(width)) {
                 out[..width].copy_from_slice(gradient);
@@ -313,7 +316,6 @@ fn weight_gradient<T: Number>(window: &Window, x: &[T], activation: Option<Affin
     out
 }
 
-/// The same by burn's own operations, to check the kernel.
 #[cfg(test)]
 mod tests {
     use burn::tensor::Tensor;
@@ -322,13 +324,13 @@ mod tests {
 
     use super::*;
     use crate::conv::activation;
-    use crate::host::{binary, ternary};
+    use crate::cpu_ops::{binary, ternary};
     use crate::testing::{assert_gradients, assert_same_function};
 
-    /// Channels; pictures, height and width; kernel, stride, padding before and after.
-    type Case = (usize, [usize; 3], [usize; 4]);
+    /// Channels; images, height and width; kernel, stride, padding before and after.
+    type ConvCase = (usize, [usize; 3], [usize; 4]);
 
-    const CASES: [Case; 9] = [
+    const CONV_CASES: [ConvCase; 9] = [
         (5, [1, 6, 7], [3, 1, 1, 1]),
         (3, [2, 9, 4], [5, 1, 2, 2]),
         (4, [1, 8, 10], [3, 2, 0, 1]),
@@ -340,29 +342,32 @@ mod tests {
         (2, [2, 130, 150], [5, 1, 2, 2]),
     ];
 
-    fn kernel((_, [pictures, height, width], [side, stride, before, after]): Case, activated: bool) -> DepthwiseKernel {
-        let window = Window { pictures, ..Window::new([height, width], side, stride, [before, after]) };
+    fn kernel(
+        (_, [images, height, width], [side, stride, before, after]): ConvCase,
+        activated: bool,
+    ) -> DepthwiseKernel {
+        let window = Window { images, ..Window::new([height, width], side, stride, [before, after]) };
         DepthwiseKernel { window, rectifier: activated.then_some(Rectifier::Relu6) }
     }
 
-    fn sizes((channels, [pictures, height, width], [side, ..]): Case) -> [[usize; 2]; 3] {
-        [[channels, pictures * height * width], [channels, side * side], [3, channels]]
+    fn sizes((channels, [images, height, width], [side, ..]): ConvCase) -> [[usize; 2]; 3] {
+        [[channels, images * height * width], [channels, side * side], [3, channels]]
     }
 
-    fn run(case: Case, [x, weights]: [Tensor<2>; 2], affine: Option<Tensor<2>>) -> Tensor<2> {
-        // So that some of what is activated reaches 6.
+    fn run(case: ConvCase, [x, weights]: [Tensor<2>; 2], affine: Option<Tensor<2>>) -> Tensor<2> {
+        // Scales so that some activated values exceed 6.
         match affine {
             Some(affine) => ternary(x, weights, 4.0 * affine, kernel(case, true)),
             None => binary(x, weights, kernel(case, false)),
         }
     }
 
-    /// By burn's own operations.
-    fn composed(case: Case, [x, weights]: [Tensor<2>; 2], affine: Option<Tensor<2>>) -> Tensor<2> {
-        let (channels, [pictures, height, width], [side, stride, before, after]) = case;
-        let mut x = x.reshape([channels, pictures, height, width]);
+    /// Reference implementation with burn's operations.
+    fn composed(case: ConvCase, [x, weights]: [Tensor<2>; 2], affine: Option<Tensor<2>>) -> Tensor<2> {
+        let (channels, [images, height, width], [side, stride, before, after]) = case;
+        let mut x = x.reshape([channels, images, height, width]);
         if let Some(affine) = affine {
-            x = activation::composed(x, 4.0 * affine, activation::Then::Rectified(Rectifier::Relu6));
+            x = activation::composed(x, 4.0 * affine, activation::Epilogue::Rectify(Rectifier::Relu6));
         }
         let x = x.swap_dims(0, 1).pad((before, after, before, after), PadMode::Constant(0.0));
         let options = ConvOptions::new([stride; 2], [0; 2], [1; 2], channels);
@@ -371,8 +376,8 @@ mod tests {
     }
 
     #[test]
-    fn kernel_is_the_composition() {
-        for case in CASES {
+    fn kernel_equals_reference() {
+        for case in CONV_CASES {
             let [x, weights, affine] = sizes(case);
             assert_same_function(&[x, weights], |i| run(case, i, None), |i| composed(case, i, None));
             assert_same_function(
@@ -384,8 +389,8 @@ mod tests {
     }
 
     #[test]
-    fn gradients_are_differences() {
-        for case in &CASES[..8] {
+    fn gradients_equal_finite_differences() {
+        for case in &CONV_CASES[..8] {
             let [x, weights, affine] = sizes(*case);
             assert_gradients(&[x, weights], |i| run(*case, i, None));
             assert_gradients(&[x, weights, affine], |[x, w, a]| run(*case, [x, w], Some(a)));
@@ -393,8 +398,8 @@ mod tests {
     }
 
     #[test]
-    fn threads_do_not_change_a_bit() {
-        let case = CASES[8];
+    fn results_do_not_depend_on_thread_count() {
+        let case = CONV_CASES[8];
         let sizes = sizes(case);
         let values = |i: usize| -> Vec<f32> {
             crate::testing::values(sizes[i][0] * sizes[i][1], i).iter().map(|&v| v as f32).collect()

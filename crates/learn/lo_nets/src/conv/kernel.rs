@@ -2,51 +2,52 @@ use std::any::TypeId;
 
 use rayon::prelude::*;
 
-use crate::conv::activation::{Affine, Rectifier, through_activation, total};
-use crate::conv::bands::{PIECES, by_bands};
-use crate::conv::half;
+use crate::conv::activation::{Affine, Rectifier, activation_backward, total};
+use crate::conv::bands::{MIN_TASKS, by_bands};
+use crate::conv::bf16;
 use crate::conv::window::Window;
-use crate::host::{Kernel, Number};
-use crate::sums::GROUP;
+use crate::cpu_ops::{Kernel, Number};
+use crate::gemm::GROUP;
 
-/// Input channels whose gradients by the weights are computed together, at most.
+/// Maximum number of input channels whose weight gradients are computed together.
 const CHANNELS: usize = 32;
 
-/// A convolution of `x[channels, pictures · height · width]` with `weights[outputs, channels · kernel²]`, and perhaps a third input. Gives
-/// `[outputs, pictures · height · width]` of the output.
+/// Convolves `x[channels, images · height · width]` with `weights[outputs, channels · kernel²]` and an optional third
+/// input. Returns `[outputs, images · height · width]` of the output.
 #[derive(Clone, Copy, Debug)]
 pub struct ConvKernel {
-    /// What is read.
+    /// Geometry of the convolution.
     pub window: Window,
-    /// The third input.
-    pub third: Third,
-    /// Whether `f32` numbers are multiplied as bf16.
-    pub half: bool,
+    /// Meaning of the third input.
+    pub third_input: ThirdInput,
+    /// Multiplies `f32` numbers in bf16.
+    pub use_bf16: bool,
 }
 
-/// What the third input of a [`ConvKernel`] is, if there is one.
+/// Third input of a [`ConvKernel`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Third {
-    /// Nothing.
+pub enum ThirdInput {
+    /// No third input.
     None,
     /// `[1, outputs]`: added to the output.
     Bias,
-    /// `[3, channels]`, scale, centre and shift: what is convolved is scale · (x − centre) + shift rectified, which is never stored.
+    /// `[3, channels]`: scale, centre and shift. The convolved values are scale · (x − centre) + shift, rectified; they
+    /// are never stored.
     Activation(Rectifier),
 }
 
 impl ConvKernel {
     fn bias<'a, T>(&self, inputs: &[&'a [T]]) -> Option<&'a [T]> {
-        (self.third == Third::Bias).then(|| inputs[2])
+        (self.third_input == ThirdInput::Bias).then(|| inputs[2])
     }
 
-    /// The inputs, where they are to be multiplied as bf16.
-    fn half_inputs<'a, T: Number>(&self, inputs: &[&'a [T]]) -> Option<Vec<&'a [f32]>> {
-        if self.half { inputs.iter().map(|input| f32s(input)).collect() } else { None }
+    /// Returns the inputs as f32 where products are to be bf16.
+    fn f32_inputs<'a, T: Number>(&self, inputs: &[&'a [T]]) -> Option<Vec<&'a [f32]>> {
+        if self.use_bf16 { inputs.iter().map(|input| f32s(input)).collect() } else { None }
     }
 
     fn activation<'a, T: Number>(&self, inputs: &[&'a [T]]) -> Option<Affine<'a, T>> {
-        let Third::Activation(rectifier) = self.third else { return None };
+        let ThirdInput::Activation(rectifier) = self.third_input else { return None };
         Some(Affine::new(inputs[2], rectifier))
     }
 }
@@ -54,25 +55,25 @@ impl ConvKernel {
 impl Kernel for ConvKernel {
     fn output_size(&self, sizes: &[[usize; 2]]) -> [usize; 2] {
         let ([channels, area], [outputs, windows]) = (sizes[0], sizes[1]);
-        assert_eq!(area, self.window.input_area(), "the pictures have the window's size");
+        assert_eq!(area, self.window.input_area(), "the images have the window's size");
         assert_eq!(windows, channels * self.window.kernel.pow(2), "weights for each channel");
-        match self.third {
-            Third::None => assert_eq!(sizes.len(), 2, "no third input"),
-            Third::Bias => assert_eq!(sizes[2], [1, outputs], "one bias for each output"),
-            Third::Activation(_) => {
+        match self.third_input {
+            ThirdInput::None => assert_eq!(sizes.len(), 2, "no third input"),
+            ThirdInput::Bias => assert_eq!(sizes[2], [1, outputs], "one bias for each output"),
+            ThirdInput::Activation(_) => {
                 assert_eq!(sizes[2], [3, channels], "a scale, a centre and a shift for each channel")
             }
         }
-        [outputs, self.window.pictures * self.window.area()]
+        [outputs, self.window.images * self.window.area()]
     }
 
     fn forward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]]) -> Vec<T> {
         let ([outputs, _], [_, windows]) = (self.output_size(sizes), sizes[1]);
-        if let Some(half) = self.half_inputs(inputs) {
+        if let Some(inputs_f32) = self.f32_inputs(inputs) {
             let taps = self.window.kernel.pow(2);
-            let weight = |output, channel, tap| half[1][output * windows + channel * taps + tap];
-            let (activation, bias) = (self.activation(&half), self.bias(&half));
-            return of_f32s(half::convolve(&self.window, half[0], activation, &weight, outputs, bias));
+            let weight = |output, channel, tap| inputs_f32[1][output * windows + channel * taps + tap];
+            let (activation, bias) = (self.activation(&inputs_f32), self.bias(&inputs_f32));
+            return of_f32s(bf16::convolve(&self.window, inputs_f32[0], activation, &weight, outputs, bias));
         }
         let weights = grouped(outputs, [1, windows], |output, _| &inputs[1][output * windows..][..windows]);
         convolve(&self.window, inputs[0], self.activation(inputs), &weights, outputs, self.bias(inputs))
@@ -87,14 +88,15 @@ impl Kernel for ConvKernel {
     ) -> Vec<Vec<T>> {
         let ([outputs, area], [channels, _]) = (self.output_size(sizes), sizes[0]);
         let activation = self.activation(inputs);
-        let half = self.half_inputs(inputs).zip(f32s(gradient));
+        let f32s_and_gradient = self.f32_inputs(inputs).zip(f32s(gradient));
         let mut derivatives = vec![Vec::new(); inputs.len()];
         if wanted[0] || (activation.is_some() && wanted[2]) {
-            // By what was convolved: a convolution with the weights turned round.
+            // The gradient of the convolved values is a convolution with the flipped weights.
             let (taps, window) = (self.window.kernel.pow(2), self.window.transposed());
-            derivatives[0] = if let Some((half, gradient)) = &half {
-                let weight = |channel, output, tap| half[1][(output * channels + channel) * taps + taps - 1 - tap];
-                of_f32s(half::convolve(&window, gradient, None, &weight, channels, None))
+            derivatives[0] = if let Some((inputs_f32, gradient)) = &f32s_and_gradient {
+                let weight =
+                    |channel, output, tap| inputs_f32[1][(output * channels + channel) * taps + taps - 1 - tap];
+                of_f32s(bf16::convolve(&window, gradient, None, &weight, channels, None))
             } else {
                 let turned: Vec<T> = inputs[1].par_iter().rev().copied().collect();
                 let weights = grouped(channels, [outputs, taps], |channel, output| {
@@ -103,34 +105,41 @@ impl Kernel for ConvKernel {
                 convolve(&window, gradient, None, &weights, channels, None)
             };
             if let Some(activation) = activation {
-                derivatives[2] = through_activation(&mut derivatives[0], inputs[0], activation, true);
+                derivatives[2] = activation_backward(&mut derivatives[0], inputs[0], activation, true);
             }
         }
         if wanted[1] {
-            derivatives[1] = if let Some((half, gradient)) = &half {
-                of_f32s(half::weight_gradient(&self.window, half[0], self.activation(half), gradient, outputs))
+            derivatives[1] = if let Some((inputs_f32, gradient)) = &f32s_and_gradient {
+                of_f32s(bf16::weight_gradient(
+                    &self.window,
+                    inputs_f32[0],
+                    self.activation(inputs_f32),
+                    gradient,
+                    outputs,
+                ))
             } else {
                 weight_gradient(&self.window, inputs[0], activation, gradient, outputs)
             };
         }
-        if self.third == Third::Bias && wanted[2] {
-            derivatives[2] = gradient.par_chunks(area.max(1)).map(|row| T::of(total(row))).collect();
+        if self.third_input == ThirdInput::Bias && wanted[2] {
+            derivatives[2] = gradient.par_chunks(area.max(1)).map(|row| T::from_f64(total(row))).collect();
         }
         derivatives
     }
 }
 
-/// Numbers that are `f32`.
+/// Reinterprets numbers that are `f32`.
 fn f32s<T: Number>(numbers: &[T]) -> Option<&[f32]> {
     (TypeId::of::<T>() == TypeId::of::<f32>()).then(|| bytemuck::cast_slice(numbers))
 }
 
-/// `f32` numbers as `T`, which is that.
+/// Reinterprets `f32` numbers as `T`, which must be `f32`.
 fn of_f32s<T: Number>(numbers: Vec<f32>) -> Vec<T> {
     bytemuck::cast_vec(numbers)
 }
 
-/// `runs` of `length` weights, the one of each row by `weights(row, run)`, as `[rows / GROUP, runs, length, GROUP]`.
+/// Arranges `runs` of `length` weights for each row, from `weights(row, run)`, as
+/// `[rows / GROUP, runs, length, GROUP]`.
 fn grouped<'a, T: Number>(
     rows: usize,
     [runs, length]: [usize; 2],
@@ -139,7 +148,7 @@ fn grouped<'a, T: Number>(
     let mut out = vec![T::default(); rows.div_ceil(GROUP) * runs * length * GROUP];
     out.par_chunks_mut(runs * length * GROUP).enumerate().for_each(|(group, out)| {
         for (run, out) in out.chunks_exact_mut(length * GROUP).enumerate() {
-            // Past the last row it is taken again and what it gives dropped.
+            // Past the last row, it is repeated and its result dropped.
             let rows: [&[T]; GROUP] =
                 std::array::from_fn(|i| &weights((group * GROUP + i).min(rows - 1), run)[..length]);
             for (k, out) in out.as_chunks_mut::<GROUP>().0.iter_mut().enumerate() {
@@ -168,7 +177,7 @@ fn convolve<T: Number>(
     by_bands(window, rows, [outputs, GROUP], bias, read, sums)
 }
 
-/// Gradient by the weights, `[outputs, channels · kernel²]`.
+/// Returns the gradient of the weights, `[outputs, channels · kernel²]`.
 fn weight_gradient<T: Number>(
     window: &Window,
     x: &[T],
@@ -180,13 +189,13 @@ fn weight_gradient<T: Number>(
     let (height, width, pitch) = (window.rows(), window.output[1], window.pitch());
     let area = window.input_area();
     let all = x.len() / area;
-    let some = all.div_ceil(PIECES).min(CHANNELS);
+    let some = all.div_ceil(MIN_TASKS).min(CHANNELS);
     let rows = window.band_rows(some);
-    // The tall picture with rows as wide as those of bands, with zeros where rows and columns mean nothing.
+    // The gradient as one tall image with rows as wide as the bands', zeros in unused rows and columns.
     let mut padded = Vec::new();
     if !window.is_dense() {
         padded.resize(outputs * height * pitch, T::default());
-        let channels = gradient.par_chunks(window.pictures * window.area());
+        let channels = gradient.par_chunks(window.images * window.area());
         padded.par_chunks_mut(height * pitch).zip(channels).for_each(|(out, channel)| {
             let rows = out.chunks_exact_mut(pitch).enumerate().filter(|(row, _)| window.is_row(*row));
             rows.zip(channel.chunks_exact(width)).for_each(|((_, out), row)| out[..width].copy_from_slice(row));

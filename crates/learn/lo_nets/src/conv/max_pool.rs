@@ -2,16 +2,16 @@ use burn::tensor::Tensor;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use crate::host::{Kernel, Number, unary, zeros};
+use crate::cpu_ops::{Kernel, Number, unary, zeros};
 
-/// Largest of 3 × 3 pixels around every second one, `[channels, pictures, ⌈height / 2⌉, ⌈width / 2⌉]`.
+/// Max pooling over 3 × 3 pixels with stride 2: `[channels, images, ⌈height / 2⌉, ⌈width / 2⌉]`.
 pub fn max_pool(x: Tensor<4>) -> Tensor<4> {
-    let [channels, pictures, height, width] = x.dims();
-    let y = unary(x.reshape([channels * pictures, height * width]), MaxPoolKernel { size: [height, width] });
-    y.reshape([channels, pictures, height.div_ceil(2), width.div_ceil(2)])
+    let [channels, images, height, width] = x.dims();
+    let y = unary(x.reshape([channels * images, height * width]), MaxPoolKernel { size: [height, width] });
+    y.reshape([channels, images, height.div_ceil(2), width.div_ceil(2)])
 }
 
-/// The same by burn's own operations, whose search of the largest is slow (a tenth of DenseNet's time), to check the kernel.
+/// Reference implementation with burn's operation, which is slow (a tenth of DenseNet's time).
 #[cfg(test)]
 fn composed(x: Tensor<4>) -> Tensor<4> {
     use burn::tensor::module::max_pool2d;
@@ -30,7 +30,7 @@ struct MaxPoolKernel {
 impl Kernel for MaxPoolKernel {
     fn output_size(&self, sizes: &[[usize; 2]]) -> [usize; 2] {
         let [height, width] = self.size;
-        assert_eq!(sizes[0][1], height * width, "the picture has the kernel's size");
+        assert_eq!(sizes[0][1], height * width, "the image has the kernel's size");
         [sizes[0][0], height.div_ceil(2) * width.div_ceil(2)]
     }
 
@@ -54,7 +54,7 @@ impl Kernel for MaxPoolKernel {
             .for_each(|((by_x, x), gradient)| {
                 for (i, &gradient) in gradient.iter().enumerate() {
                     let [row, column] = [2 * (i / half_width), 2 * (i % half_width)];
-                    // The first of several equal ones, as PyTorch has it.
+                    // The first of equal values, as in PyTorch.
                     let mut largest = None;
                     for y in row.saturating_sub(1)..height.min(row + 2) {
                         for place in y * width + column.saturating_sub(1)..y * width + width.min(column + 2) {
@@ -63,14 +63,14 @@ impl Kernel for MaxPoolKernel {
                             }
                         }
                     }
-                    by_x[largest.expect("the middle pixel at least")] += gradient;
+                    by_x[largest.expect("a window has a middle pixel")] += gradient;
                 }
             });
         vec![by_x]
     }
 }
 
-/// NaN is larger than any number, so that it is noticed.
+/// Compares with NaN as the largest value, so that it is noticed.
 #[inline(always)]
 fn larger<T: Number>(a: T, b: T) -> bool {
     #[allow(clippy::eq_op)] // only NaN differs from itself
@@ -78,7 +78,7 @@ fn larger<T: Number>(a: T, b: T) -> bool {
     a > b || nan
 }
 
-/// One channel.
+/// Pools one channel.
 struct Pool<'a, T> {
     out: &'a mut [T],
     x: &'a [T],
@@ -100,7 +100,7 @@ impl<T: Number> WithSimd for Pool<'_, T> {
             for y in [(2 * i).wrapping_sub(1), 2 * i + 1].into_iter().filter(|&y| y < height) {
                 column_most.iter_mut().zip(row(y)).for_each(|(most_yet, &x)| *most_yet = most(x, *most_yet));
             }
-            // Pairs of columns; the column before them is the one after the pair before.
+            // Column pairs; the column before a pair is the second one of the previous pair.
             let mut before = column_most[0];
             for (out, pair) in out.iter_mut().zip(column_most.chunks(2)) {
                 let after = pair[pair.len() - 1];
@@ -119,28 +119,24 @@ mod tests {
     const SIZES: [[usize; 2]; 4] = [[8, 10], [7, 9], [1, 5], [6, 1]];
 
     #[test]
-    fn kernel_is_the_composition() {
+    fn kernel_equals_reference() {
         for [height, width] in SIZES {
-            let on_picture = |x: Tensor<2>, function: fn(Tensor<4>) -> Tensor<4>| {
+            let on_image = |x: Tensor<2>, function: fn(Tensor<4>) -> Tensor<4>| {
                 function(x.reshape([3, 2, height, width])).flatten::<2>(0, 2)
             };
-            assert_same_function(
-                &[[3, 2 * height * width]],
-                |[x]| on_picture(x, max_pool),
-                |[x]| on_picture(x, composed),
-            );
+            assert_same_function(&[[3, 2 * height * width]], |[x]| on_image(x, max_pool), |[x]| on_image(x, composed));
         }
     }
 
     #[test]
-    fn gradients_are_differences() {
+    fn gradients_equal_finite_differences() {
         for size in SIZES {
             assert_gradients(&[[2, size[0] * size[1]]], |[x]| unary(x, MaxPoolKernel { size }));
         }
     }
 
     #[test]
-    fn nan_is_not_lost() {
+    fn nan_is_propagated() {
         let mut x = [0.0f32; 16];
         x[5] = f32::NAN;
         let y = MaxPoolKernel { size: [4, 4] }.forward(&[&x], &[[1, 16]]);

@@ -1,13 +1,13 @@
-//! Convolution of pictures on the CPU, with the normalisation and activation before it, and its gradients.
+//! Convolution of images on the CPU, fused with the preceding normalisation and activation, with gradients.
 //!
-//! Pictures are tensors `[channels, pictures, height, width]`: of a channel all pictures lie one after the other, so that what goes by channels
-//! (normalisation, weights) meets long rows, and what goes by pixels need not know which picture they are of.
+//! Images are tensors `[channels, images, height, width]`. The images of a channel are contiguous, so that operations
+//! by channel (normalisation, weights) have long rows, and operations by pixel need not distinguish images.
 
 mod activation;
 mod amx;
 mod bands;
+mod bf16;
 mod depthwise;
-mod half;
 mod kernel;
 mod max_pool;
 mod norm;
@@ -18,55 +18,62 @@ use burn::nn::PaddingConfig2d;
 use burn::nn::conv::Conv2d;
 use burn::tensor::Tensor;
 
-use crate::conv::kernel::{ConvKernel, Third};
-use crate::host::{binary, ternary};
+use crate::conv::kernel::{ConvKernel, ThirdInput};
+use crate::cpu_ops::{binary, ternary};
 
 pub use activation::{Rectifier, activate, activated_mean, scaled};
+pub use bf16::{in_bf16, in_pool};
 pub use depthwise::DepthwiseKernel;
-pub use half::{in_bf16, in_pool};
 pub use max_pool::max_pool;
-pub use norm::{Moments, batch_norm, group_norm};
+pub use norm::{ChannelMoments, batch_norm, group_norm};
 pub use upsample::upsample_nearest;
 pub use window::Window;
 
-/// [`Conv2d::forward`] of pictures.
+/// [`Conv2d::forward`] for images.
 ///
 /// # Panics
-/// For dilation, for groups other than one or one for each channel, and for another stride or padding down than across.
+/// With dilation, with groups other than one or one for each channel, or with different strides or paddings per axis.
 pub fn conv2d(x: Tensor<4>, conv: &Conv2d) -> Tensor<4> {
     convolved(x, None, conv)
 }
 
-/// [`conv2d`] of what [`activate`] makes of `x` and `affine[3, channels]`, which is never stored, for a convolution without bias.
+/// [`conv2d`] of [`activate`]`(x, affine[3, channels])` without storing the activated values, for convolutions without
+/// bias.
 ///
 /// # Panics
-/// As [`conv2d`], and for a convolution with a bias.
+/// As [`conv2d`], and with a bias.
 pub fn activated_conv2d(x: Tensor<4>, affine: Tensor<2>, rectifier: Rectifier, conv: &Conv2d) -> Tensor<4> {
     assert!(conv.bias.is_none(), "a convolution without bias");
     convolved(x, Some((affine, rectifier)), conv)
 }
 
 fn convolved(x: Tensor<4>, activation: Option<(Tensor<2>, Rectifier)>, conv: &Conv2d) -> Tensor<4> {
-    let ([channels, pictures, height, width], [outputs, _, kernel, _]) = (x.dims(), conv.weight.dims());
+    let ([channels, images, height, width], [outputs, _, kernel, _]) = (x.dims(), conv.weight.dims());
     let PaddingConfig2d::Explicit(top, left, bottom, right) = conv.padding else {
-        panic!("padding in numbers of pixels");
+        panic!("padding must be explicit");
     };
     let stride = conv.stride[0];
-    assert!(conv.dilation == [1; 2] && conv.kernel_size == [kernel; 2], "no dilation, a square kernel");
-    assert!(conv.stride == [stride; 2] && [top, bottom] == [left, right], "the same stride and padding down as across");
-    let window = Window { pictures, ..Window::new([height, width], kernel, stride, [top, bottom]) };
-    let x = x.reshape([channels, pictures * height * width]);
+    assert!(conv.dilation == [1; 2] && conv.kernel_size == [kernel; 2], "the kernel must be square and not dilated");
+    assert!(
+        conv.stride == [stride; 2] && [top, bottom] == [left, right],
+        "stride and padding must be equal on both axes"
+    );
+    let window = Window { images, ..Window::new([height, width], kernel, stride, [top, bottom]) };
+    let x = x.reshape([channels, images * height * width]);
     let y = if conv.groups == 1 {
         let bias = conv.bias.as_ref().map(|bias| bias.val());
         let weights = conv.weight.val().reshape([outputs, channels * kernel * kernel]);
-        let kernel = |third| ConvKernel { window, third, half: half::is_wanted() };
+        let kernel = |third_input| ConvKernel { window, third_input, use_bf16: bf16::is_enabled() };
         match (activation, bias) {
-            (Some((affine, rectifier)), _) => ternary(x, weights, affine, kernel(Third::Activation(rectifier))),
-            (None, Some(bias)) => ternary(x, weights, bias.reshape([1, outputs]), kernel(Third::Bias)),
-            (None, None) => binary(x, weights, kernel(Third::None)),
+            (Some((affine, rectifier)), _) => ternary(x, weights, affine, kernel(ThirdInput::Activation(rectifier))),
+            (None, Some(bias)) => ternary(x, weights, bias.reshape([1, outputs]), kernel(ThirdInput::Bias)),
+            (None, None) => binary(x, weights, kernel(ThirdInput::None)),
         }
     } else {
-        assert!(conv.groups == channels && outputs == channels && conv.bias.is_none(), "one group, or depthwise");
+        assert!(
+            conv.groups == channels && outputs == channels && conv.bias.is_none(),
+            "groups must be one, or one for each channel"
+        );
         let weights = conv.weight.val().reshape([channels, kernel * kernel]);
         match activation {
             Some((affine, rectifier)) => {
@@ -75,10 +82,10 @@ fn convolved(x: Tensor<4>, activation: Option<(Tensor<2>, Rectifier)>, conv: &Co
             None => binary(x, weights, DepthwiseKernel { window, rectifier: None }),
         }
     };
-    y.reshape([outputs, pictures, window.output[0], window.output[1]])
+    y.reshape([outputs, images, window.output[0], window.output[1]])
 }
 
-/// The same by burn's own operations, to check the kernel.
+/// Reference implementation with burn's operations.
 #[cfg(test)]
 fn composed(
     x: Tensor<4>,
@@ -92,7 +99,7 @@ fn composed(
     use burn::tensor::ops::ConvOptions;
 
     let x = match affine {
-        Some(affine) => activation::composed(x, affine, activation::Then::Rectified(Rectifier::Relu)),
+        Some(affine) => activation::composed(x, affine, activation::Epilogue::Rectify(Rectifier::Relu)),
         None => x,
     };
     let options = ConvOptions::new([stride; 2], [padding; 2], [1; 2], 1);
@@ -102,13 +109,13 @@ fn composed(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::host::Kernel;
+    use crate::cpu_ops::Kernel;
     use crate::testing::{assert_gradients, assert_same_function};
 
-    /// Channels in and out; pictures, height and width; kernel, stride, padding.
-    type Case = ([usize; 2], [usize; 3], [usize; 3]);
+    /// Channels in and out; images, height and width; kernel, stride, padding.
+    type ConvCase = ([usize; 2], [usize; 3], [usize; 3]);
 
-    const CASES: [Case; 14] = [
+    const CONV_CASES: [ConvCase; 14] = [
         ([5, 9], [1, 6, 7], [1, 1, 0]),
         ([3, 8], [1, 9, 11], [3, 1, 1]),
         ([2, 17], [1, 40, 5], [3, 1, 1]),
@@ -125,17 +132,17 @@ mod tests {
         ([40, 33], [2, 30, 50], [3, 1, 1]),
     ];
 
-    const ACTIVATION: Third = Third::Activation(Rectifier::Relu);
+    const ACTIVATION: ThirdInput = ThirdInput::Activation(Rectifier::Relu);
 
-    fn run(case: Case, third: Third, inputs: &[Tensor<2>], composed_of_burn: bool) -> Tensor<2> {
-        let ([channels, outputs], [pictures, height, width], [kernel, stride, padding]) = case;
+    fn run(case: ConvCase, third: ThirdInput, inputs: &[Tensor<2>], composed_of_burn: bool) -> Tensor<2> {
+        let ([channels, outputs], [images, height, width], [kernel, stride, padding]) = case;
         let [x, weights] = [0, 1].map(|i| inputs[i].clone());
         let third_input = inputs.get(2).cloned();
         if composed_of_burn {
-            let x = x.reshape([channels, pictures, height, width]);
+            let x = x.reshape([channels, images, height, width]);
             let weights = weights.reshape([outputs, channels, kernel, kernel]);
             let affine = third_input.clone().filter(|_| third == ACTIVATION);
-            let bias = third_input.filter(|_| third == Third::Bias).map(|bias| bias.reshape([outputs]));
+            let bias = third_input.filter(|_| third == ThirdInput::Bias).map(|bias| bias.reshape([outputs]));
             let y = composed(x, affine, weights, bias, stride, padding);
             return y.reshape([outputs as i32, -1]);
         }
@@ -146,29 +153,29 @@ mod tests {
         }
     }
 
-    fn sizes(case: Case, third: Third) -> [[usize; 2]; 3] {
-        let ([channels, outputs], [pictures, height, width], [kernel, ..]) = case;
-        let third = if third == Third::Bias { [1, outputs] } else { [3, channels] };
-        [[channels, pictures * height * width], [outputs, channels * kernel * kernel], third]
+    fn sizes(case: ConvCase, third: ThirdInput) -> [[usize; 2]; 3] {
+        let ([channels, outputs], [images, height, width], [kernel, ..]) = case;
+        let third = if third == ThirdInput::Bias { [1, outputs] } else { [3, channels] };
+        [[channels, images * height * width], [outputs, channels * kernel * kernel], third]
     }
 
     #[test]
-    fn kernel_is_the_composition() {
-        for case in CASES {
-            for third in [ACTIVATION, Third::Bias] {
+    fn kernel_equals_reference() {
+        for case in CONV_CASES {
+            for third in [ACTIVATION, ThirdInput::Bias] {
                 let sizes = sizes(case, third);
                 assert_same_function(&sizes, |i| run(case, third, &i, false), |i| run(case, third, &i, true));
             }
-            let [x, weights, _] = sizes(case, Third::None);
-            let third = Third::None;
+            let [x, weights, _] = sizes(case, ThirdInput::None);
+            let third = ThirdInput::None;
             assert_same_function(&[x, weights], |i| run(case, third, &i, false), |i| run(case, third, &i, true));
         }
     }
 
     #[test]
-    fn gradients_are_differences() {
-        for case in &CASES[..13] {
-            for third in [ACTIVATION, Third::Bias] {
+    fn gradients_equal_finite_differences() {
+        for case in &CONV_CASES[..13] {
+            for third in [ACTIVATION, ThirdInput::Bias] {
                 assert_gradients(&sizes(*case, third), |inputs| run(*case, third, &inputs, false));
             }
         }
@@ -176,10 +183,10 @@ mod tests {
 
     #[test]
     fn bf16_products_of_small_integers_are_exact() {
-        for case in CASES {
-            for third in [Third::None, ACTIVATION, Third::Bias] {
+        for case in CONV_CASES {
+            for third in [ThirdInput::None, ACTIVATION, ThirdInput::Bias] {
                 let sizes = sizes(case, third);
-                let sizes = if third == Third::None { &sizes[..2] } else { &sizes };
+                let sizes = if third == ThirdInput::None { &sizes[..2] } else { &sizes };
                 let whole = |index: usize, [rows, columns]: [usize; 2]| -> Vec<f64> {
                     let numbers = crate::testing::values(rows * columns, 7 + index);
                     numbers.iter().map(|v| (3.0 * v).round()).collect()
@@ -188,7 +195,7 @@ mod tests {
                 let narrow: Vec<Vec<f32>> = inputs.iter().map(|v| v.iter().map(|&v| v as f32).collect()).collect();
                 let (inputs, narrow): (Vec<&[f64]>, Vec<&[f32]>) =
                     (inputs.iter().map(Vec::as_slice).collect(), narrow.iter().map(Vec::as_slice).collect());
-                let kernel = |half| kernel_of(case, third, half);
+                let kernel = |use_bf16| kernel_of(case, third, use_bf16);
                 let (expected, got) = (kernel(false).forward(&inputs, sizes), kernel(true).forward(&narrow, sizes));
                 assert_eq!(wide(&got), expected, "{case:?} {third:?}");
                 let gradient = whole(9, kernel(false).output_size(sizes));
@@ -203,24 +210,24 @@ mod tests {
     }
 
     #[test]
-    fn bf16_is_wanted_within_and_not_beyond() {
+    fn bf16_is_enabled_in_scope_only() {
         let available = amx::available();
-        assert!(!half::is_wanted());
-        let inner = in_bf16(true, || (half::is_wanted(), in_bf16(false, half::is_wanted), half::is_wanted()));
+        assert!(!bf16::is_enabled());
+        let inner = in_bf16(true, || (bf16::is_enabled(), in_bf16(false, bf16::is_enabled), bf16::is_enabled()));
         assert_eq!(inner, (available, false, available));
         assert!(std::panic::catch_unwind(|| in_bf16(true, || panic!("once"))).is_err());
-        assert!(!half::is_wanted());
-        // What a thread of the pool begins in the middle of something else.
-        assert_eq!(in_pool(|| in_bf16(true, || (in_pool(half::is_wanted), half::is_wanted()))), (false, available));
+        assert!(!bf16::is_enabled());
+        // Jobs that a pool thread starts while another job is waiting.
+        assert_eq!(in_pool(|| in_bf16(true, || (in_pool(bf16::is_enabled), bf16::is_enabled()))), (false, available));
     }
 
     fn kernel_of(
-        ([_, _], [pictures, height, width], [kernel, stride, padding]): Case,
-        third: Third,
-        half: bool,
+        ([_, _], [images, height, width], [kernel, stride, padding]): ConvCase,
+        third: ThirdInput,
+        use_bf16: bool,
     ) -> ConvKernel {
-        let window = Window { pictures, ..Window::new([height, width], kernel, stride, [padding; 2]) };
-        ConvKernel { window, third, half }
+        let window = Window { images, ..Window::new([height, width], kernel, stride, [padding; 2]) };
+        ConvKernel { window, third_input: third, use_bf16 }
     }
 
     fn wide(numbers: &[f32]) -> Vec<f64> {
@@ -228,16 +235,16 @@ mod tests {
     }
 
     #[test]
-    fn threads_do_not_change_a_bit() {
-        let case = CASES[13];
+    fn results_do_not_depend_on_thread_count() {
+        let case = CONV_CASES[13];
         let [x, weights, affine] = sizes(case, ACTIVATION);
         let values = |[rows, columns]: [usize; 2], seed| -> Vec<f32> {
             crate::testing::values(rows * columns, seed).iter().map(|&v| v as f32).collect()
         };
         let inputs = [values(x, 1), values(weights, 2), values(affine, 3)];
         let inputs: Vec<&[f32]> = inputs.iter().map(Vec::as_slice).collect();
-        for half in [false, true] {
-            let kernel = kernel_of(case, ACTIVATION, half);
+        for use_bf16 in [false, true] {
+            let kernel = kernel_of(case, ACTIVATION, use_bf16);
             let on = |threads: usize| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
                 pool.install(|| {

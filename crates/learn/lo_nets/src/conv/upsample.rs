@@ -1,34 +1,34 @@
 use burn::tensor::Tensor;
 use rayon::prelude::*;
 
-use crate::host::{Kernel, Number, binary, unary, zeros};
+use crate::cpu_ops::{Kernel, Number, binary, unary, zeros};
 
-/// Twice the resolution, every pixel four times, and where there is a `skip[more, pictures, 2 · height, 2 · width]` its channels after those
-/// of `x`. (A convolution follows that learns what is smooth.)
+/// Doubles the resolution by nearest neighbours, and appends the channels of an optional
+/// `skip[more, images, 2 · height, 2 · width]`. The convolution that follows can learn to smooth.
 ///
 /// # Panics
 /// Where `skip` has another size.
 pub fn upsample_nearest(x: Tensor<4>, skip: Option<Tensor<4>>) -> Tensor<4> {
-    let [channels, pictures, height, width] = x.dims();
+    let [channels, images, height, width] = x.dims();
     let kernel = UpsampleKernel { width };
-    let x = x.reshape([channels * pictures, height * width]);
+    let x = x.reshape([channels * images, height * width]);
     let (y, more) = match skip {
         Some(skip) => {
-            let [more, skip_pictures, skip_height, skip_width] = skip.dims();
-            assert_eq!([skip_pictures, skip_height, skip_width], [pictures, 2 * height, 2 * width], "twice the size");
-            (binary(x, skip.reshape([more * pictures, 4 * height * width]), kernel), more)
+            let [more, skip_images, skip_height, skip_width] = skip.dims();
+            assert_eq!([skip_images, skip_height, skip_width], [images, 2 * height, 2 * width], "twice the size");
+            (binary(x, skip.reshape([more * images, 4 * height * width]), kernel), more)
         }
         None => (unary(x, kernel), 0),
     };
-    y.reshape([channels + more, pictures, 2 * height, 2 * width])
+    y.reshape([channels + more, images, 2 * height, 2 * width])
 }
 
-/// The same by burn's own operations, to check the kernel.
+/// Reference implementation with burn's operations.
 #[cfg(test)]
 fn composed(x: Tensor<4>, skip: Option<Tensor<4>>) -> Tensor<4> {
-    let [channels, pictures, height, width] = x.dims();
-    let x: Tensor<6> = x.reshape([channels, pictures, height, 1, width, 1]);
-    let x = x.expand([channels, pictures, height, 2, width, 2]).reshape([channels, pictures, 2 * height, 2 * width]);
+    let [channels, images, height, width] = x.dims();
+    let x: Tensor<6> = x.reshape([channels, images, height, 1, width, 1]);
+    let x = x.expand([channels, images, height, 2, width, 2]).reshape([channels, images, 2 * height, 2 * width]);
     match skip {
         Some(skip) => Tensor::cat(vec![x, skip], 0),
         None => x,
@@ -85,10 +85,10 @@ mod tests {
     use super::*;
     use crate::testing::{assert_gradients, assert_same_function};
 
-    /// Three and two channels of two pictures.
+    /// Three and two channels of two images.
     const SIZES: [[usize; 2]; 2] = [[3, 2 * 4 * 5], [2, 2 * 8 * 10]];
 
-    fn on_pictures(x: Tensor<2>, skip: Option<Tensor<2>>, composed_of_burn: bool) -> Tensor<2> {
+    fn on_images(x: Tensor<2>, skip: Option<Tensor<2>>, composed_of_burn: bool) -> Tensor<2> {
         let x = x.reshape([3, 2, 4, 5]);
         let skip = skip.map(|skip| skip.reshape([2, 2, 8, 10]));
         let y = if composed_of_burn { composed(x, skip) } else { upsample_nearest(x, skip) };
@@ -96,17 +96,17 @@ mod tests {
     }
 
     #[test]
-    fn kernel_is_the_composition() {
-        assert_same_function(&SIZES, |[x, s]| on_pictures(x, Some(s), false), |[x, s]| on_pictures(x, Some(s), true));
+    fn kernel_equals_reference() {
+        assert_same_function(&SIZES, |[x, s]| on_images(x, Some(s), false), |[x, s]| on_images(x, Some(s), true));
         assert_same_function(
             &SIZES[..1].try_into().expect("one"),
-            |[x]| on_pictures(x, None, false),
-            |[x]| on_pictures(x, None, true),
+            |[x]| on_images(x, None, false),
+            |[x]| on_images(x, None, true),
         );
     }
 
     #[test]
-    fn gradients_are_differences() {
-        assert_gradients(&SIZES, |[x, s]| on_pictures(x, Some(s), false));
+    fn gradients_equal_finite_differences() {
+        assert_gradients(&SIZES, |[x, s]| on_images(x, Some(s), false));
     }
 }

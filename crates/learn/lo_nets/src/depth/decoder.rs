@@ -4,32 +4,33 @@ use burn::nn::{GroupNorm, GroupNormConfig};
 use burn::tensor::{Device, Tensor};
 use lo_random::Stream;
 
-use crate::conv::{Moments, Rectifier, activate, conv2d, group_norm, upsample_nearest};
+use crate::conv::{ChannelMoments, Rectifier, activate, conv2d, group_norm, upsample_nearest};
 use crate::depth::layers::conv;
 
 /// Channels of the decoder's stages at 1/16, 1/8, 1/4 and 1/2.
 const CHANNELS: [usize; 4] = [256, 128, 64, 32];
-/// The stage at 1/8, and its channels.
+/// Index of the stage at 1/8, and its channels.
 const EIGHTH: usize = 1;
 pub(super) const EIGHTH_CHANNELS: usize = CHANNELS[EIGHTH];
 
-/// From the encoder's features to one channel at full resolution, with skip connections at 1/16, 1/8, 1/4 and 1/2.
+/// Decoder from the encoder's features to one channel at full resolution, with skip connections at 1/16, 1/8, 1/4 and
+/// 1/2.
 #[derive(Module, Debug)]
 pub struct DepthDecoder {
-    /// From 1/16 to 1/2.
+    /// Stages from 1/16 to 1/2.
     pub stages: Vec<ConvStage>,
-    /// At full resolution.
+    /// Stage at full resolution.
     pub last: ConvStage,
-    /// To one channel.
+    /// Convolution to one channel.
     pub output: Conv2d,
 }
 
-/// 3 × 3 convolution, group norm (statistics of the picture at hand), positive part.
+/// 3 × 3 convolution, group normalisation by each image's own statistics, ReLU.
 #[derive(Module, Debug)]
 pub struct ConvStage {
-    /// The convolution.
+    /// 3 × 3 convolution.
     pub conv: Conv2d,
-    /// After it.
+    /// Group normalisation of its output.
     pub norm: GroupNorm,
 }
 
@@ -41,13 +42,13 @@ impl ConvStage {
 
     pub(super) fn forward(&self, x: Tensor<4>) -> Tensor<4> {
         let x = conv2d(x, &self.conv);
-        let affine = group_norm(&self.norm, &Moments::of_pictures(x.clone()));
+        let affine = group_norm(&self.norm, &ChannelMoments::per_image(x.clone()));
         activate(x, affine, Rectifier::Relu)
     }
 }
 
 impl DepthDecoder {
-    /// For features of so many channels, from 1/2 to 1/32.
+    /// Creates a decoder for features of these channels, from 1/2 to 1/32.
     pub(super) fn new(features: [usize; 5], stream: &mut Stream, device: &Device) -> Self {
         let mut inputs = features[4];
         let skips = features[..4].iter().rev();
@@ -63,13 +64,13 @@ impl DepthDecoder {
         }
     }
 
-    /// Features of the encoder to its own at 1/8.
+    /// Decodes the encoder's features to the decoder's features at 1/8.
     pub fn to_eighth(&self, features: [Tensor<4>; 5]) -> Tensor<4> {
         let [_, _, eighth, sixteenth, x] = features;
         self.stages(x, 0, [sixteenth, eighth])
     }
 
-    /// On from there, with the encoder's features at 1/4 and 1/2, to `[1, pictures, height, width]`.
+    /// Decodes from 1/8 to `[1, images, height, width]`. `skips` are the encoder's features at 1/4 and 1/2.
     pub fn from_eighth(&self, eighth: Tensor<4>, skips: [Tensor<4>; 2]) -> Tensor<4> {
         let x = self.stages(eighth, EIGHTH + 1, skips);
         conv2d(self.last.forward(upsample_nearest(x, None)), &self.output)

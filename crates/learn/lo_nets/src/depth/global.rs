@@ -9,44 +9,44 @@ use crate::depth::layers::conv;
 use crate::layers::Linear;
 use crate::light::MAX_RADIANCE;
 
-/// Cells that the photo is divided into, so that `f_L` can tell where the light comes from.
+/// Grid of cells that features are averaged over, so that `f_L` can encode where light comes from.
 const CELLS: [usize; 2] = [4, 6];
 const CELL_CHANNELS: usize = 64;
 const HIDDEN: usize = 256;
 
-/// Channels of the panorama decoder, from 4 × 8 pixels to 64 × 128.
+/// Channels of the panorama decoder, from 4 × 8 to 64 × 128 pixels.
 const PANORAMA_CHANNELS: [usize; 5] = [256, 128, 64, 32, 16];
 
-/// Numbers at the end of `f_L` that are the logarithms of the photo's mean linear colour.
+/// Length of the photo's log mean linear colour at the end of `f_L`.
 const COLOUR: usize = 3;
 
-/// From the encoder's last features and the photo's mean colour to the global lighting feature `f_L`.
+/// Encoder from image features and the photo's mean colour to the global lighting feature `f_L`.
 ///
-/// What an encoder has learned of pictures hardly changes with their brightness and tint, which is what light is measured in. So `f_L` ends with the
-/// logarithms of the photo's mean colour, and the panorama is learned in its measure.
+/// Image features are nearly invariant to brightness and tint, which light is measured in. So `f_L` ends with the
+/// logarithms of the photo's mean colour, and the panorama is predicted relative to it.
 #[derive(Module, Debug)]
 pub struct GlobalEncoder {
-    /// 1 × 1.
+    /// 1 × 1 convolution.
     pub conv: Conv2d,
-    /// From all cells.
+    /// Fully connected layer over all cells.
     pub hidden: Linear,
-    /// To `f_L`, but for the photo's colour.
+    /// Fully connected layer to `f_L` without the photo's colour.
     pub output: Linear,
 }
 
-/// From `f_L` to a small HDR panorama.
+/// Decoder from `f_L` to a small HDR panorama.
 #[derive(Module, Debug)]
 pub struct PanoramaDecoder {
-    /// To 4 × 8 pixels.
+    /// Fully connected layer to 4 × 8 pixels.
     pub input: Linear,
-    /// Twice the resolution each.
+    /// Stages that each double the resolution.
     pub stages: Vec<ConvStage>,
-    /// To the logarithm of radiance in the measure of the photo's colour.
+    /// Convolution to log radiance relative to the photo's colour.
     pub output: Conv2d,
 }
 
 impl GlobalEncoder {
-    /// From so many channels to an `f_L` of so many numbers.
+    /// Creates an encoder from `channels` channels to an `f_L` of `features` numbers.
     pub(super) fn new([channels, features]: [usize; 2], stream: &mut Stream, device: &Device) -> Self {
         Self {
             conv: conv([channels, CELL_CHANNELS], 1, 1, true, stream, device),
@@ -55,11 +55,12 @@ impl GlobalEncoder {
         }
     }
 
-    /// `[channels, pictures, height, width]` and the logarithms of the photos' mean colours `[pictures, 3]` to `f_L [pictures, features]`.
+    /// Encodes `[channels, images, height, width]` and the photos' log mean colours `[images, 3]` to
+    /// `f_L [images, features]`.
     pub fn forward(&self, x: Tensor<4>, log_colour: Tensor<2>) -> Tensor<2> {
         let cells = adaptive_avg_pool2d(relu(conv2d(x, &self.conv)), CELLS);
-        let told = self.output.forward(relu(self.hidden.forward(cells.swap_dims(0, 1).flatten(1, 3))));
-        Tensor::cat(vec![told, log_colour], 1)
+        let features = self.output.forward(relu(self.hidden.forward(cells.swap_dims(0, 1).flatten(1, 3))));
+        Tensor::cat(vec![features, log_colour], 1)
     }
 }
 
@@ -71,11 +72,12 @@ impl PanoramaDecoder {
         Self { input, stages, output }
     }
 
-    /// `f_L [pictures, features]` → linear radiance `[3, pictures, 64, 128]` of equirectangular panoramas at the cameras.
+    /// Decodes `f_L [images, features]` to linear radiance `[3, images, 64, 128]`: equirectangular panoramas at the
+    /// cameras.
     pub fn forward(&self, features: Tensor<2>) -> Tensor<4> {
-        let [pictures, length] = features.dims();
+        let [images, length] = features.dims();
         let log_colour = features.clone().narrow(1, length - COLOUR, COLOUR);
-        let x = relu(self.input.forward(features)).reshape([pictures, PANORAMA_CHANNELS[0], 4, 8]).swap_dims(0, 1);
+        let x = relu(self.input.forward(features)).reshape([images, PANORAMA_CHANNELS[0], 4, 8]).swap_dims(0, 1);
         let x = self.stages.iter().fold(x, |x, stage| {
             let x = upsample_nearest(x, None);
             let width = x.dims()[3];
@@ -83,13 +85,13 @@ impl PanoramaDecoder {
         });
         let width = x.dims()[3];
         let log = conv2d(wrapped(x), &self.output).narrow(3, 1, width);
-        let log = log + log_colour.swap_dims(0, 1).reshape([COLOUR, pictures, 1, 1]);
+        let log = log + log_colour.swap_dims(0, 1).reshape([COLOUR, images, 1, 1]);
         let log = activation::softplus(log, 1.0);
         log.clamp_max(f64::from(MAX_RADIANCE).ln_1p()).exp() - 1.0
     }
 }
 
-/// One column more on either side: the panorama goes round.
+/// Pads by one wrapped column on either side, as panoramas are periodic.
 fn wrapped(x: Tensor<4>) -> Tensor<4> {
     let width = x.dims()[3];
     Tensor::cat(vec![x.clone().narrow(3, width - 1, 1), x.clone(), x.narrow(3, 0, 1)], 3)

@@ -1,4 +1,4 @@
-//! Convolutions and norms of pictures with their first weights.
+//! Convolutions and norms with their initial weights.
 
 use burn::module::Param;
 use burn::nn::conv::{Conv2d, Conv2dConfig};
@@ -8,25 +8,25 @@ use lo_random::{RngExt, Stream};
 
 use crate::layers::drawn;
 
-/// What a convolution is like.
+/// Shape of a convolution.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ConvShape {
-    /// In and out.
+    /// Input and output channels.
     pub channels: [usize; 2],
-    /// Height and width of the weights.
+    /// Side of the square kernel.
     pub kernel: usize,
-    /// Pixels between those of the output.
+    /// Input pixels between neighbouring output pixels.
     pub stride: usize,
-    /// Zeros before and after the picture, down and across.
+    /// Zeros before and after the image, on both axes.
     pub padding: [usize; 2],
-    /// Whether every channel has weights of its own.
+    /// Whether the convolution is depthwise.
     pub depthwise: bool,
-    /// Whether something is added.
+    /// Whether it has a bias.
     pub bias: bool,
 }
 
 impl ConvShape {
-    /// Weights normal with variance 2 / fan-in (He et al. 2015), as torchvision has it.
+    /// Draws weights from a normal distribution of variance 2 / fan-in (He et al. 2015), as torchvision does.
     pub fn init(self, stream: &mut Stream, device: &Device) -> Conv2d {
         let Self { channels: [inputs, outputs], kernel, stride, padding: [before, after], depthwise, bias } = self;
         let mut conv = Conv2dConfig::new([inputs, outputs], [kernel, kernel])
@@ -44,7 +44,7 @@ impl ConvShape {
     }
 }
 
-/// A convolution with as many zeros before as after the picture.
+/// Creates a convolution with symmetric padding.
 pub(super) fn conv(
     channels: [usize; 2],
     kernel: usize,
@@ -57,7 +57,7 @@ pub(super) fn conv(
     ConvShape { channels, kernel, stride, padding, depthwise: false, bias }.init(stream, device)
 }
 
-/// Box & Muller (1958).
+/// Draws from the standard normal distribution (Box & Muller 1958).
 fn normal(stream: &mut Stream) -> f32 {
     let radius = (-2.0 * (1.0 - stream.random::<f32>()).ln()).sqrt();
     radius * (std::f32::consts::TAU * stream.random::<f32>()).cos()

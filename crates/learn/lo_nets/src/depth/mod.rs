@@ -1,4 +1,5 @@
-//! The depth network (`docs/method.md` §4): depth, the global lighting feature, a panorama made of it, and who judges that.
+//! Depth network (`docs/method.md` §4): depth, global lighting feature, single map, perspective field, and
+//! discriminator.
 
 mod decoder;
 mod densenet;

@@ -10,31 +10,33 @@ use crate::depth::{
     DepthDecoder, Encoder, EncoderKind, GlobalEncoder, PanoramaDecoder, PerspectiveHead, PerspectiveOutput,
 };
 
-/// Extents that can be predicted, metres.
+/// Range of predicted extents in metres.
 const EXTENT_RANGE_M: [f64; 2] = [0.02, 200.0];
 
-/// Most pixels on a photo's longer side as networks are used that say nothing else. Sizes are what tells distance, and a network knows them at the
-/// resolution that it learned from; light needs no finer depth: at 4 m a pixel is 2 cm wide.
+/// Default for the maximum number of pixels on a photo's longer side.
+///
+/// Networks infer distance from sizes in pixels, so inference must use the training resolution. Light needs no finer
+/// depth: at 4 m, a pixel is 2 cm wide.
 pub const LONGER_SIDE: usize = 240;
 
-/// Least mean of a photo's channel, linear.
-const DARK: f64 = 1e-3;
+/// Lower limit of the mean of a photo's channel, linear.
+const MIN_CHANNEL_MEAN: f64 = 1e-3;
 
 /// The encoder halves the resolution five times.
-const MULTIPLE: usize = 32;
+const SIZE_MULTIPLE: usize = 32;
 
-/// The depth network (`docs/method.md` §4): depth of every pixel, the global lighting feature, and a panorama made of it.
+/// Depth network (`docs/method.md` §4): depth of every pixel, global lighting feature and single map.
 #[derive(Module, Debug)]
 pub struct DepthNet {
-    /// Features.
+    /// Image encoder.
     pub encoder: Encoder,
-    /// Depth.
+    /// Depth decoder.
     pub decoder: DepthDecoder,
-    /// `f_L`.
+    /// Encoder of the global lighting feature `f_L`.
     pub global: GlobalEncoder,
-    /// A panorama at the camera.
+    /// Decoder of the single map, a panorama at the camera.
     pub panorama: PanoramaDecoder,
-    /// The camera; `None` in networks that have not learned it.
+    /// Perspective field of the camera. `None` where it was not trained.
     pub perspective: Option<PerspectiveHead>,
     #[module(skip)]
     kind: EncoderKind,
@@ -42,29 +44,29 @@ pub struct DepthNet {
     longer_side: usize,
 }
 
-/// Which depth network it is: what files of weights say of it.
+/// Configuration of a depth network, as stored in weight files.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DepthNetConfig {
-    /// What looks at the photo.
+    /// Image encoder.
     #[serde(default)]
     pub encoder: EncoderKind,
-    /// Whether it has learned the camera.
+    /// Whether the perspective field was trained.
     #[serde(default)]
     pub perspective: bool,
-    /// Whether it has learned to tell the lens from the photo as a whole too.
+    /// Whether the lens was trained to be predicted from the whole photo.
     #[serde(default)]
     pub lens: bool,
-    /// Most pixels on the longer side of photos.
-    #[serde(default = "usual_longer_side")]
+    /// Maximum number of pixels on the longer side of photos.
+    #[serde(default = "default_longer_side")]
     pub longer_side: usize,
 }
 
-fn usual_longer_side() -> usize {
+fn default_longer_side() -> usize {
     LONGER_SIDE
 }
 
 impl DepthNetConfig {
-    /// Such a network with any weights, to take those of a checkpoint.
+    /// Creates a network of this configuration, as a target for stored weights.
     pub fn blank(self, global_features: usize, device: &Device) -> DepthNet {
         let mut net = DepthNet::new(self.encoder, global_features, 0, device).with_longer_side(self.longer_side);
         if !self.perspective {
@@ -77,20 +79,21 @@ impl DepthNetConfig {
     }
 }
 
-/// What the depth network gives.
+/// Output of the depth network.
 #[derive(Debug)]
 pub struct DepthOutput {
-    /// Logarithm of how far what is seen at a pixel's depth extends, from its middle to the end of the picture's longer side, in metres:
-    /// depth along the optical axis times [`Camera::half_extent`]. It is what sizes in the picture tell, whatever the focal length: the
-    /// canonical camera of Yin et al., "Metric3D", ICCV 2023. `[1, pictures, height, width]`.
+    /// Log extent, `[1, images, height, width]`: depth along the optical axis times [`Camera::half_extent`], in metres.
+    ///
+    /// The extent is half the length that the image's longer side spans at a pixel's depth. Sizes in the image
+    /// determine it independently of the focal length (canonical camera of Yin et al., "Metric3D", ICCV 2023).
     pub log_extent: Tensor<4>,
-    /// The global lighting features, `[pictures, features]`.
+    /// Global lighting features, `[images, features]`.
     pub global: Tensor<2>,
-    /// What the photos tell of the camera, where the network has learned it.
+    /// Perspective fields of the cameras, where trained.
     pub perspective: Option<PerspectiveOutput>,
 }
 
-/// Width and height of a photo of this size with at most so many pixels on its longer side, never larger than it is.
+/// Returns the size of a photo scaled down to at most `longer_side` pixels on its longer side. Never enlarges.
 pub fn size_within([width, height]: [usize; 2], longer_side: usize) -> [usize; 2] {
     let longer = width.max(height);
     if longer <= longer_side {
@@ -99,7 +102,7 @@ pub fn size_within([width, height]: [usize; 2], longer_side: usize) -> [usize; 2
     [width, height].map(|side| (side * longer_side).div_ceil(longer))
 }
 
-/// An sRGB photo with at most so many pixels on its longer side.
+/// Scales an sRGB photo down to at most `longer_side` pixels on its longer side.
 ///
 /// # Panics
 /// Where the photo has no pixels.
@@ -113,7 +116,7 @@ pub fn photo_within(photo: &Image<[u8; 3]>, longer_side: usize) -> Image<[u8; 3]
         .map(|rgb| rgb.map(srgb8_from_linear))
 }
 
-/// The first of a decoder's panoramas, `[3, panoramas, height, width]`, as a picture.
+/// Converts the first of a decoder's panoramas, `[3, panoramas, height, width]`, to an image.
 pub fn panorama_image(panoramas: Tensor<4>) -> RadianceImage {
     let [_, _, height, width] = panoramas.dims();
     let values: Vec<f32> = panoramas.inner().narrow(1, 0, 1).into_data().iter().collect();
@@ -121,7 +124,7 @@ pub fn panorama_image(panoramas: Tensor<4>) -> RadianceImage {
 }
 
 impl DepthNet {
-    /// A network with weights drawn from `seed` and an `f_L` of this length.
+    /// Creates a network with weights drawn from `seed` and an `f_L` of length `global_features`.
     pub fn new(encoder: EncoderKind, global_features: usize, seed: u64, device: &Device) -> Self {
         let mut stream = lo_random::stream(seed, "depth network", 0);
         let (stream, channels) = (&mut stream, encoder.feature_channels());
@@ -136,18 +139,18 @@ impl DepthNet {
         }
     }
 
-    /// The same, used on photos with at most so many pixels on the longer side.
+    /// Sets the maximum number of pixels on a photo's longer side.
     #[must_use]
     pub fn with_longer_side(self, longer_side: usize) -> Self {
         Self { longer_side, ..self }
     }
 
-    /// Most pixels on a photo's longer side as it is used.
+    /// Returns the maximum number of pixels on a photo's longer side.
     pub fn longer_side(&self) -> usize {
         self.longer_side
     }
 
-    /// A photo as it looks at it.
+    /// Scales a photo to the network's resolution.
     ///
     /// # Panics
     /// Where the photo has no pixels.
@@ -155,7 +158,7 @@ impl DepthNet {
         photo_within(photo, self.longer_side)
     }
 
-    /// Which network it is.
+    /// Returns the network's configuration.
     pub fn config(&self) -> DepthNetConfig {
         DepthNetConfig {
             encoder: self.kind,
@@ -165,25 +168,25 @@ impl DepthNet {
         }
     }
 
-    /// Which encoder it has.
+    /// Returns the kind of encoder.
     pub fn encoder_kind(&self) -> EncoderKind {
         self.kind
     }
 
-    /// From sRGB photos of any size, which all have.
+    /// Predicts from sRGB photos of equal size.
     ///
     /// # Panics
-    /// Where there is no photo, a photo has no pixels or is of another size than the first.
+    /// Where there are no photos, a photo has no pixels, or their sizes differ.
     pub fn forward(&self, photos: &[&Image<[u8; 3]>]) -> DepthOutput {
         self.decoded(photos, self.encoder.forward(self.input(photos)))
     }
 
-    /// As [`DepthNet::forward`], but no slopes go into the encoder.
+    /// Predicts as [`DepthNet::forward`] does, without gradients into the encoder.
     ///
     /// # Panics
     /// As [`DepthNet::forward`].
     pub fn forward_detached(&self, photos: &[&Image<[u8; 3]>]) -> DepthOutput {
-        // `Tensor::detach` would do, but what is recorded before it is never freed.
+        // `Tensor::detach` would keep the encoder's recorded operations in memory.
         let device = self.decoder.output.weight.lazy_device();
         let features = self.encoder.valid().forward(self.input(photos).inner());
         self.decoded(photos, features.map(|feature| Tensor::from_data(feature.into_data(), &device)))
@@ -200,7 +203,7 @@ impl DepthNet {
         DepthOutput { log_extent: log_extent.clamp(least, most), global, perspective }
     }
 
-    /// What a photo tells of its camera; nothing where the network has not learned it.
+    /// Predicts a photo's perspective field. Empty where the network was not trained for it.
     ///
     /// # Panics
     /// Where the photo has no pixels.
@@ -208,24 +211,24 @@ impl DepthNet {
         self.field(photo, self.encoder.forward(self.input(&[photo])))
     }
 
-    /// [`DepthNet::perspective_field`] from features of the encoder.
+    /// Predicts the perspective field from the encoder's features.
     fn field(&self, photo: &Image<[u8; 3]>, features: [Tensor<4>; 5]) -> PerspectiveField {
         let Some(head) = &self.perspective else { return PerspectiveField::default() };
         let last = features[4].clone();
         head.forward(self.decoder.to_eighth(features), last, [photo.width(), photo.height()]).field()
     }
 
-    /// The global lighting feature, `[1, features]`, and the perspective field, where depth is known from elsewhere.
+    /// Predicts the global lighting feature, `[1, features]`, and the perspective field, without depth.
     ///
     /// # Panics
     /// Where the photo has no pixels.
-    pub fn beside_depth(&self, photo: &Image<[u8; 3]>) -> (Tensor<2>, PerspectiveField) {
+    pub fn global_and_perspective(&self, photo: &Image<[u8; 3]>) -> (Tensor<2>, PerspectiveField) {
         let features = self.encoder.forward(self.input(&[photo]));
         let global = self.global.forward(features[4].clone(), self.log_colour(&[photo]));
         (global, self.field(photo, features))
     }
 
-    /// The global lighting feature alone, `[1, features]`.
+    /// Predicts the global lighting feature alone, `[1, features]`.
     ///
     /// # Panics
     /// Where the photo has no pixels.
@@ -234,41 +237,44 @@ impl DepthNet {
         self.global.forward(features, self.log_colour(&[photo]))
     }
 
-    /// Logarithms of the photos' mean linear colours, `[pictures, 3]`.
+    /// Returns the logarithms of the photos' mean linear colours, `[images, 3]`.
     fn log_colour(&self, photos: &[&Image<[u8; 3]>]) -> Tensor<2> {
         let of = |photo: &&Image<[u8; 3]>| {
             let sum = |c: usize| photo.pixels().iter().map(|rgb| f64::from(linear_from_srgb8(rgb[c]))).sum::<f64>();
-            [0, 1, 2].map(|c| (sum(c) / photo.pixels().len() as f64).max(DARK).ln() as f32)
+            [0, 1, 2].map(|c| (sum(c) / photo.pixels().len() as f64).max(MIN_CHANNEL_MEAN).ln() as f32)
         };
         let values = photos.iter().flat_map(of).collect();
         let device = self.decoder.output.weight.lazy_device();
         Tensor::from_data(TensorData::new::<f32, _>(values, [photos.len(), 3]), &device)
     }
 
-    /// `[3, pictures, height, width]`, padded to multiples of 32.
+    /// Returns normalised photos `[3, images, height, width]`, padded to multiples of 32.
     fn input(&self, photos: &[&Image<[u8; 3]>]) -> Tensor<4> {
         let (width, height) = (photos[0].width(), photos[0].height());
-        assert!(width > 0 && height > 0, "a photo has pixels");
-        assert!(photos.iter().all(|photo| (photo.width(), photo.height()) == (width, height)), "photos of one size");
+        assert!(width > 0 && height > 0, "photos must have pixels");
+        assert!(
+            photos.iter().all(|photo| (photo.width(), photo.height()) == (width, height)),
+            "photos must have equal sizes"
+        );
         let [mean, deviation] = self.kind.normalisation();
         let normal = |c: usize| move |pixel: &[u8; 3]| (f32::from(pixel[c]) / 255.0 - mean[c]) / deviation[c];
         let channels = (0..3).flat_map(|c| photos.iter().flat_map(move |photo| photo.pixels().iter().map(normal(c))));
         let device = self.decoder.output.weight.lazy_device();
         let size = [3, photos.len(), height, width];
         let x = Tensor::<4>::from_data(TensorData::new::<f32, _>(channels.collect(), size), &device);
-        let missing = |size: usize| size.next_multiple_of(MULTIPLE) - size;
-        // The last rows and columns again: no edge that is not in the picture.
+        let missing = |size: usize| size.next_multiple_of(SIZE_MULTIPLE) - size;
+        // Padding repeats the last rows and columns, so that it introduces no edge.
         x.pad((0, missing(width), 0, missing(height)), PadMode::Edge)
     }
 }
 
 impl DepthOutput {
-    /// What the first photo tells of its camera; nothing where the network has not learned it.
+    /// Returns the first photo's perspective field. Empty where the network was not trained for it.
     pub fn field(&self) -> PerspectiveField {
         self.perspective.as_ref().map(PerspectiveOutput::field).unwrap_or_default()
     }
 
-    /// The depth map of the first photo, which this camera made; metres along the optical axis.
+    /// Returns the first photo's depth along the optical axis in metres, as taken by `camera`.
     pub fn depth_m(&self, camera: &Camera) -> DepthMap {
         let [_, _, height, width] = self.log_extent.dims();
         let values: Vec<f32> = self.log_extent.clone().inner().narrow(1, 0, 1).into_data().iter().collect();
@@ -295,24 +301,24 @@ mod tests {
         })
     }
 
-    /// That of 90°, which sees two metres at a depth of one.
+    /// Camera of 90°, whose extent is one metre at a depth of one metre.
     fn camera() -> Camera {
         Camera::from_hfov_deg(90.0, 64, 32).unwrap()
     }
 
     #[test]
-    fn the_same_picture_by_a_longer_lens_is_farther() {
+    fn depth_scales_with_focal_length() {
         let output = DepthNet::new(EncoderKind::default(), 16, 1, &Device::flex()).forward(&[&photo(64, 32)]);
         let (wide, upright) = (camera(), Camera::from_hfov_deg(53.130_102, 32, 64).unwrap());
         let long = Camera { fx: 3.0 * wide.fx, fy: 3.0 * wide.fy, ..wide };
         let [near, far, other] = [wide, long, upright].map(|camera| output.depth_m(&camera).pixels()[77]);
         assert!((far / near - 3.0).abs() < 1e-5, "{near} {far}");
-        // 32 pixels wide at 53.13°: a focal length of 32, as the wide one's; the longer side is the same too.
+        // 32 pixels wide at 53.13°: the same focal length of 32 pixels and the same longer side as the wide camera.
         assert!((other / near - 1.0).abs() < 1e-5, "{near} {other}");
     }
 
     #[test]
-    fn large_photos_are_looked_at_in_few_pixels() {
+    fn large_photos_are_scaled_down() {
         let net = DepthNet::new(EncoderKind::EfficientNetLite0, 16, 1, &Device::flex());
         let size = |net: &DepthNet, width, height| {
             let seen = net.network_input(&photo(width, height));
@@ -343,14 +349,14 @@ mod tests {
     }
 
     #[test]
-    fn global_light_knows_how_bright_the_photo_is() {
+    fn global_light_scales_with_the_photos_brightness() {
         let net = DepthNet::new(EncoderKind::EfficientNetLite0, 16, 1, &Device::flex());
-        // Linear 0.5 is 188 (187.52) of sRGB.
+        // Linear 0.5 is 187.52, rounded to 188, in sRGB.
         let photos = [Image::from_fn(40, 30, |x, _| if x < 20 { [188, 255, 0] } else { [188, 0, 0] })];
         let global: Vec<f32> = net.forward(&[&photos[0]]).global.into_data().iter().collect();
         let expected = [0.503f32.ln(), 0.5f32.ln(), 1e-3f32.ln()];
         assert!(global[13..].iter().zip(expected).all(|(a, b)| (a - b).abs() < 2e-3), "{global:?}");
-        // All else alike, a panorama is as many times brighter.
+        // With the decoder's input weights cleared, radiance is proportional to the photo's brightness.
         let of = |scale: f32| {
             let mut decoder = net.panorama.clone();
             decoder.input.weights = decoder.input.weights.map(|weights| weights * 0.0);
@@ -362,7 +368,7 @@ mod tests {
     }
 
     #[test]
-    fn photos_together_give_what_each_gives_alone() {
+    fn batches_equal_single_photos() {
         let net = DepthNet::new(EncoderKind::default(), 16, 1, &Device::flex());
         let photos = [photo(50, 37), photo(50, 37).map(|&[r, g, b]| [b, r, g])];
         let together = net.forward(&photos.each_ref());
@@ -384,9 +390,10 @@ mod tests {
     }
 
     #[test]
-    fn a_step_of_each_network_lowers_its_loss_and_saves_its_statistics() {
+    fn training_lowers_losses_and_saves_statistics() {
         let device = Device::flex().autodiff();
-        let (mut net, mut judge) = (DepthNet::new(EncoderKind::default(), 16, 1, &device), PatchGan::new(2, &device));
+        let (mut net, mut discriminator) =
+            (DepthNet::new(EncoderKind::default(), 16, 1, &device), PatchGan::new(2, &device));
         let photo = photo(64, 32);
         let truth = DepthMap::from_fn(64, 32, |x, _| 1.0 + x as f32 * 0.1);
         let sky = RadianceImage::from_fn(128, 64, |_, y| [if y < 20 { 8.0 } else { 0.2 }; 3]);
@@ -394,24 +401,26 @@ mod tests {
             let values = vec![value; channels * 64 * 128];
             Tensor::<4>::from_data(TensorData::new(values, [channels, 1, 64, 128]), &device)
         };
-        let (mut adam, mut judge_adam) = (Adam::default(), Adam::default());
-        let (mut losses, mut opinions) = (Vec::new(), Vec::new());
+        let (mut adam, mut discriminator_adam) = (Adam::default(), Adam::default());
+        let (mut losses, mut discriminator_losses) = (Vec::new(), Vec::new());
         for _ in 0..6 {
             let output = net.forward(&[&photo]);
             let [log_depth, _, variance] = depth_losses(output.log_extent, &[&truth]);
-            let made = net.panorama.forward(output.global);
-            let opinion = judge.generator_loss(made.clone(), constant(4, 0.0));
-            let loss =
-                log_depth + variance * 0.5 + panorama_loss(made.clone(), &[Some(&sky)])[0].clone() + opinion * 0.01;
+            let generated = net.panorama.forward(output.global);
+            let adversarial = discriminator.generator_loss(generated.clone(), constant(4, 0.0));
+            let loss = log_depth
+                + variance * 0.5
+                + panorama_loss(generated.clone(), &[Some(&sky)])[0].clone()
+                + adversarial * 0.01;
             losses.push(loss.clone().inner().into_scalar::<f32>());
             net = adam.step(net, &loss.backward(), 1e-3);
-            let loss = judge.discriminator_loss(constant(3, 1.0), made, constant(4, 0.0));
-            opinions.push(loss.clone().inner().into_scalar::<f32>());
-            judge = judge_adam.step(judge, &loss.backward(), 1e-3);
+            let loss = discriminator.discriminator_loss(constant(3, 1.0), generated, constant(4, 0.0));
+            discriminator_losses.push(loss.clone().inner().into_scalar::<f32>());
+            discriminator = discriminator_adam.step(discriminator, &loss.backward(), 1e-3);
         }
         assert!(losses[5] < 0.9 * losses[0], "{losses:?}");
-        assert!(opinions[5] < opinions[0], "{opinions:?}");
-        // What is saved right after a training step is what the network computes with.
+        assert!(discriminator_losses[5] < discriminator_losses[0], "{discriminator_losses:?}");
+        // Statistics saved right after a training step are those that inference uses.
         let folder = tempfile::tempdir().unwrap();
         let mut checkpoint = Checkpoint::default();
         checkpoint.add_module("depth", &net);

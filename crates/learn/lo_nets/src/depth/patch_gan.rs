@@ -5,17 +5,18 @@ use burn::tensor::{Device, Tensor, activation};
 use crate::conv::conv2d;
 use crate::depth::layers::conv;
 
-/// Conditional PatchGAN discriminator (Isola et al. 2017): whether each patch of a panorama is real, given what the photo shows.
+/// Conditional PatchGAN discriminator (Isola et al. 2017): judges whether each patch of a panorama is real, given the
+/// photo.
 #[derive(Module, Debug)]
 pub struct PatchGan {
-    /// Half the resolution each.
+    /// Convolutions that each halve the resolution.
     pub stages: Vec<Conv2d>,
-    /// To one logit a patch.
+    /// Convolution to one logit per patch.
     pub output: Conv2d,
 }
 
 impl PatchGan {
-    /// A discriminator with weights drawn from `seed`.
+    /// Creates a discriminator with weights drawn from `seed`.
     pub fn new(seed: u64, device: &Device) -> Self {
         let mut stream = lo_random::stream(seed, "discriminator", 0);
         let mut stage = |channels| conv(channels, 3, 2, true, &mut stream, device);
@@ -23,8 +24,10 @@ impl PatchGan {
         Self { stages, output: conv([128, 1], 3, 1, true, &mut stream, device) }
     }
 
-    /// `panorama[3, pictures, height, width]`: linear radiance; `condition[4, pictures, height, width]`: what the photo shows of it,
-    /// linear radiance and 1 where it shows something. Gives logits `[1, pictures, height / 8, width / 8]`.
+    /// Returns logits `[1, images, height / 8, width / 8]`.
+    ///
+    /// `panorama[3, images, height, width]` is linear radiance. `condition[4, images, height, width]` is the observed
+    /// part: linear radiance, and a mask that is 1 where observed.
     pub fn forward(&self, panorama: Tensor<4>, condition: Tensor<4>) -> Tensor<4> {
         let shown = condition.clone().narrow(0, 0, 3).log1p();
         let mask = condition.narrow(0, 3, 1);
@@ -33,16 +36,16 @@ impl PatchGan {
         conv2d(x, &self.output)
     }
 
-    /// What the discriminator minimises in its own step: cross-entropy on a true panorama and one that was made (whose maker
-    /// gets no gradient).
-    pub fn discriminator_loss(&self, real: Tensor<4>, made: Tensor<4>, condition: Tensor<4>) -> Tensor<1> {
+    /// Returns the discriminator's loss: cross-entropy on a true and a generated panorama. The generator gets no
+    /// gradient.
+    pub fn discriminator_loss(&self, real: Tensor<4>, generated: Tensor<4>, condition: Tensor<4>) -> Tensor<1> {
         let real = activation::softplus(self.forward(real, condition.clone()).neg(), 1.0).mean();
-        let made = activation::softplus(self.forward(made.detach(), condition), 1.0).mean();
-        (real + made) * 0.5
+        let generated = activation::softplus(self.forward(generated.detach(), condition), 1.0).mean();
+        (real + generated) * 0.5
     }
 
-    /// What the maker of a panorama minimises: cross-entropy of its being taken for real.
-    pub fn generator_loss(&self, made: Tensor<4>, condition: Tensor<4>) -> Tensor<1> {
-        activation::softplus(self.forward(made, condition).neg(), 1.0).mean()
+    /// Returns the generator's loss: cross-entropy of the generated panorama being classified as real.
+    pub fn generator_loss(&self, generated: Tensor<4>, condition: Tensor<4>) -> Tensor<1> {
+        activation::softplus(self.forward(generated, condition).neg(), 1.0).mean()
     }
 }

@@ -9,29 +9,30 @@ use crate::depth::decoder::ConvStage;
 use crate::depth::layers::conv;
 use crate::layers::Linear;
 
-/// Pixels of the photo along the edge of a cell of the field.
+/// Side of a cell of the field, in pixels of the photo.
 pub(super) const CELL: usize = 8;
 const CHANNELS: usize = 32;
-/// Logarithms of the certainty that can be said: of differences from 1 down to half a degree.
+/// Range of log certainty, for differences from 1 down to half a degree.
 const LOG_CERTAINTY: [f64; 2] = [0.0, 4.7];
 
-/// Cells of the photo that tell the lens together, and channels of each.
+/// Grid of cells that predicts the lens, and channels of each cell.
 const LENS_CELLS: [usize; 2] = [4, 6];
 const LENS_CHANNELS: usize = 32;
 const LENS_HIDDEN: usize = 128;
-/// The logarithm of [`lo_geometry::Camera::half_extent`] of a lens of 70°, which is the likeliest where nothing is known,
+/// Logarithm of [`lo_geometry::Camera::half_extent`] of a 70° lens, the initial prediction.
 const LOG_HALF_EXTENT: f64 = -0.356_6;
-/// and the logarithms of the deviations that can be said: of 3 % and 45 %.
+/// Range of the logarithm of the lens's deviation: 3 % to 45 %.
 const LOG_DEVIATION: [f64; 2] = [-3.5, -0.8];
 
-/// From the encoder's last features to the lens: things have sizes, and rooms proportions, that a field of directions does not show.
+/// Head from the encoder's last features to the lens. Sizes of objects and proportions of rooms hold information that
+/// directions do not.
 #[derive(Module, Debug)]
 pub struct LensHead {
-    /// 1 × 1.
+    /// 1 × 1 convolution.
     pub conv: Conv2d,
-    /// From all cells.
+    /// Fully connected layer over all cells.
     pub hidden: Linear,
-    /// To the two numbers of [`PerspectiveOutput::lens`].
+    /// Fully connected layer to the two numbers of [`PerspectiveOutput::lens`].
     pub output: Linear,
 }
 
@@ -44,46 +45,46 @@ impl LensHead {
         }
     }
 
-    /// The encoder's last features `[channels, pictures, rows, columns]` → `[pictures, 2]`.
+    /// Maps the encoder's last features `[channels, images, rows, columns]` to `[images, 2]`.
     fn forward(&self, features: Tensor<4>) -> Tensor<2> {
         let cells = adaptive_avg_pool2d(relu(conv2d(features, &self.conv)), LENS_CELLS);
-        let told = self.output.forward(relu(self.hidden.forward(cells.swap_dims(0, 1).flatten(1, 3))));
-        let log_deviation = told.clone().narrow(1, 1, 1);
+        let predicted = self.output.forward(relu(self.hidden.forward(cells.swap_dims(0, 1).flatten(1, 3))));
+        let log_deviation = predicted.clone().narrow(1, 1, 1);
         let [least, most] = LOG_DEVIATION;
-        // As with certainties below.
-        let cut_off = (log_deviation.clone().clamp(least, most) - log_deviation.clone()).detach();
-        Tensor::cat(vec![told.narrow(1, 0, 1), log_deviation + cut_off], 1)
+        // Straight-through, as with certainties below.
+        let clamp_offset = (log_deviation.clone().clamp(least, most) - log_deviation.clone()).detach();
+        Tensor::cat(vec![predicted.narrow(1, 0, 1), log_deviation + clamp_offset], 1)
     }
 }
 
-/// From the depth decoder's features at 1/8 to the photo's perspective field: which way is up at each place, how far above the horizon it is, and how
-/// sure that is (Jin et al., CVPR 2023; Veicht et al., ECCV 2024).
+/// Head from the depth decoder's features at 1/8 to the perspective field: up direction, latitude and certainty of each
+/// cell (Jin et al., CVPR 2023; Veicht et al., ECCV 2024).
 #[derive(Module, Debug)]
 pub struct PerspectiveHead {
-    /// 3 × 3.
+    /// 3 × 3 stage.
     pub stage: ConvStage,
-    /// To the channels of [`PerspectiveOutput`].
+    /// Convolution to the channels of [`PerspectiveOutput`].
     pub output: Conv2d,
-    /// Estimate of the lens from the whole photo; `None` in networks that have not learned it.
+    /// Prediction of the lens from the whole photo. `None` where it was not trained.
     pub lens: Option<LensHead>,
 }
 
-/// A perspective field, each tensor `[channels, pictures, rows, columns]` with a cell of 8 × 8 pixels.
+/// Perspective field. Tensors are `[channels, images, rows, columns]` with cells of 8 × 8 pixels.
 #[derive(Clone, Debug)]
 pub struct PerspectiveOutput {
-    /// Unit direction of up in the picture, right and up: 2 channels.
+    /// Unit direction of up in the image, as right and up: 2 channels.
     pub up: Tensor<4>,
-    /// Sine of the latitude: 1 channel.
+    /// Sine of the latitude above the horizon: 1 channel.
     pub latitude_sin: Tensor<4>,
-    /// Logarithm of the inverse of the difference that is expected of either: 2 channels.
+    /// Logarithm of the inverse expected difference of direction and latitude: 2 channels.
     pub log_certainty: Tensor<4>,
-    /// Logarithm of [`lo_geometry::Camera::half_extent`], and that of its deviation, `[pictures, 2]`.
+    /// Logarithms of [`lo_geometry::Camera::half_extent`] and of its relative deviation, `[images, 2]`.
     pub lens: Option<Tensor<2>>,
     size: [usize; 2],
 }
 
 impl PerspectiveHead {
-    /// For so many channels of the decoder, and of the encoder's last features.
+    /// Creates a head for the channels of the decoder and of the encoder's last features.
     pub(super) fn new([decoded, encoded]: [usize; 2], stream: &mut Stream, device: &Device) -> Self {
         Self {
             stage: ConvStage::new([decoded, CHANNELS], stream, device),
@@ -92,42 +93,43 @@ impl PerspectiveHead {
         }
     }
 
-    /// The decoder's `features[channels, pictures, rows, columns]` of photos of `size`, width and height, and the encoder's last ones.
+    /// Predicts from the decoder's `features[channels, images, rows, columns]` of photos of `size` (width, height), and
+    /// the encoder's last features.
     pub(super) fn forward(&self, features: Tensor<4>, encoded: Tensor<4>, size: [usize; 2]) -> PerspectiveOutput {
         let [columns, rows] = size.map(|side| side.div_ceil(CELL));
         let x = conv2d(self.stage.forward(features), &self.output).narrow(2, 0, rows).narrow(3, 0, columns);
         let up = x.clone().narrow(0, 0, 2);
-        // Level where nothing is known.
+        // The initial prediction is a level camera.
         let level = Tensor::<4>::from_data(TensorData::new(vec![0.0f32, 1.0], [2, 1, 1, 1]), &up.device());
         let up = up + level;
         let norm = (up.clone().square().sum_dim(0) + 1e-6).sqrt();
         let log_certainty = x.clone().narrow(0, 3, 2);
         let [least, most] = LOG_CERTAINTY;
-        // Slopes go through as if nothing were cut off: what begins outside would stay there for ever, and the field would hardly be learned.
-        let cut_off = (log_certainty.clone().clamp(least, most) - log_certainty.clone()).detach();
+        // Straight-through clamp: a clamped value would otherwise get no gradient and stay outside of the range.
+        let clamp_offset = (log_certainty.clone().clamp(least, most) - log_certainty.clone()).detach();
         PerspectiveOutput {
             up: up / norm,
             latitude_sin: x.narrow(0, 2, 1).tanh(),
-            log_certainty: log_certainty + cut_off,
+            log_certainty: log_certainty + clamp_offset,
             lens: self.lens.as_ref().map(|head| head.forward(encoded)),
             size,
         }
     }
 }
 
-/// Place of a cell's middle in half lengths of the longer side of photos of this size, from their middle: `[right, up]`.
-fn place([width, height]: [usize; 2], column: usize, row: usize) -> [f64; 2] {
+/// Returns the position `[right, up]` of a cell's centre relative to the image's centre, in halves of its longer side.
+fn cell_position([width, height]: [usize; 2], column: usize, row: usize) -> [f64; 2] {
     let half = 0.5 * width.max(height) as f64;
     let middle = |cell: usize, side: usize| ((cell * CELL) as f64 + 0.5 * CELL as f64 - 0.5 * side as f64) / half;
     [middle(column, width), -middle(row, height)]
 }
 
 impl PerspectiveOutput {
-    /// Field and lens of the first photo.
+    /// Returns field and lens of the first photo.
     pub fn field(&self) -> PerspectiveField {
         let lens = self.lens.as_ref().map(|lens| {
-            let told: Vec<f32> = lens.clone().inner().narrow(0, 0, 1).into_data().iter().collect();
-            LensGuess { log_half_extent: told[0].into(), deviation: f64::from(told[1]).exp() }
+            let predicted: Vec<f32> = lens.clone().inner().narrow(0, 0, 1).into_data().iter().collect();
+            LensGuess { log_half_extent: predicted[0].into(), deviation: f64::from(predicted[1]).exp() }
         });
         PerspectiveField { cells: self.cells(), lens }
     }
@@ -140,7 +142,7 @@ impl PerspectiveOutput {
         let cell = |i: usize| {
             let pair = |values: &[f32]| [values[i], values[rows * columns + i]].map(f64::from);
             FieldCell {
-                at: place(self.size, i % columns, i / columns),
+                at: cell_position(self.size, i % columns, i / columns),
                 up: pair(&up),
                 latitude_sin: latitude[i].into(),
                 certainty: pair(&certainty).map(f64::exp),
@@ -150,34 +152,36 @@ impl PerspectiveOutput {
     }
 }
 
-/// Negative logarithm of the likelihood of true fields, where differences from what is predicted are distributed after Laplace as wide as is
-/// predicted: the mean over cells of the photos whose camera is known, direction and latitude together. Where the lens is told as a whole, the negative
-/// logarithm of the likelihood of a normal distribution is added.
+/// Returns the negative log-likelihood of the true fields.
+///
+/// Differences of direction and latitude follow Laplace distributions of the predicted widths. Means are over the cells
+/// of photos with a known camera. Where the lens is predicted as a whole, the negative log-likelihood of a normal
+/// distribution is added.
 ///
 /// # Panics
-/// Where there are not as many cameras as photos.
+/// Where the number of cameras differs from that of photos.
 pub fn perspective_loss(output: &PerspectiveOutput, truths: &[Option<Perspective>]) -> Tensor<1> {
-    let [_, pictures, rows, columns] = output.up.dims();
-    assert_eq!(truths.len(), pictures, "a camera for each photo");
+    let [_, images, rows, columns] = output.up.dims();
+    assert_eq!(truths.len(), images, "as many cameras as photos");
     let device = output.up.device();
-    let field = |of: &Perspective, cell: usize| of.at(place(output.size, cell % columns, cell / columns));
+    let field = |of: &Perspective, cell: usize| of.at(cell_position(output.size, cell % columns, cell / columns));
     let constant = |channels: usize, value: &dyn Fn(&Perspective, usize, usize) -> f32| {
         let cells = (0..channels).flat_map(|channel| {
             truths.iter().flat_map(move |truth| {
                 (0..rows * columns).map(move |cell| truth.as_ref().map_or(0.0, |truth| value(truth, channel, cell)))
             })
         });
-        let size = [channels, pictures, rows, columns];
+        let size = [channels, images, rows, columns];
         Tensor::<4>::from_data(TensorData::new::<f32, _>(cells.collect(), size), &device)
     };
     let up = constant(2, &|truth, channel, cell| field(truth, cell).0[channel] as f32);
     let latitude = constant(1, &|truth, _, cell| field(truth, cell).1 as f32);
     let known = constant(1, &|_, _, _| 1.0);
     let count = (truths.iter().flatten().count() * rows * columns).max(1) as f32;
-    // The length of the chord between two unit vectors: their angle, where that is small.
-    let of_up = ((output.up.clone() - up).square().sum_dim(0) + 1e-6).sqrt();
-    let of_latitude = (output.latitude_sin.clone() - latitude).abs();
-    let differences = Tensor::cat(vec![of_up, of_latitude], 0);
+    // The chord between two unit vectors equals the angle where it is small.
+    let up_difference = ((output.up.clone() - up).square().sum_dim(0) + 1e-6).sqrt();
+    let latitude_difference = (output.latitude_sin.clone() - latitude).abs();
+    let differences = Tensor::cat(vec![up_difference, latitude_difference], 0);
     let likelihood = differences * output.log_certainty.clone().exp() - output.log_certainty.clone();
     let field = (likelihood * known).sum() / count;
     match &output.lens {
@@ -212,11 +216,11 @@ mod tests {
         Perspective { up, half_extent: 0.8 }
     }
 
-    /// A field that says just this, with this certainty.
+    /// A field that matches a camera exactly, with the given certainty.
     fn field(of: &Perspective, certainty: f32, device: &Device) -> PerspectiveOutput {
         let cells: Vec<_> = (0..5).flat_map(|row| (0..8).map(move |column| (column, row))).collect();
         let values = |value: &dyn Fn(([f64; 2], f64)) -> f64| -> Vec<f32> {
-            cells.iter().map(|&(column, row)| value(of.at(place(SIZE, column, row))) as f32).collect()
+            cells.iter().map(|&(column, row)| value(of.at(cell_position(SIZE, column, row))) as f32).collect()
         };
         let tensor = |values: Vec<f32>| {
             let channels = values.len() / 40;
@@ -232,23 +236,23 @@ mod tests {
     }
 
     #[test]
-    fn what_the_field_of_a_camera_says_is_that_camera() {
+    fn a_cameras_field_is_fitted_by_that_camera() {
         let output = field(&true_camera(), 10.0, &Device::flex());
         let found = Perspective::fit(&output.field(), None).unwrap().camera;
         assert!(found.up.angle_between(true_camera().up) < 1e-3, "{found:?}");
         assert!((found.half_extent - 0.8).abs() < 0.01, "{found:?}");
-        // The first cell's middle is 26 pixels left of the picture's middle and 16 above it.
+        // The first cell's centre is 26 pixels left of the image's centre and 16 above it.
         assert_eq!(output.cells()[0].at, [-26.0 / 30.0, 16.0 / 30.0]);
     }
 
     #[test]
-    fn the_loss_is_that_of_laplace() {
+    fn loss_is_the_laplace_likelihood() {
         let device = Device::flex();
         let loss = |of: &Perspective, certainty: f32, truth| {
             f64::from(perspective_loss(&field(of, certainty, &device), &[truth]).into_scalar::<f32>())
         };
         let exact = loss(&true_camera(), 10.0, Some(true_camera()));
-        // Two differences of nothing, but for what keeps the root's slope finite: 10 · 10⁻³ − ln 10, and −ln 10.
+        // Zero differences, apart from the ε in the root: 10 · 10⁻³ − ln 10, and −ln 10.
         assert!((exact - (0.01 - 2.0 * 10f64.ln())).abs() < 1e-3, "{exact}");
         let level = Perspective { up: lo_geometry::Vec3::Y, ..true_camera() };
         assert!(loss(&level, 10.0, Some(true_camera())) > loss(&level, 2.0, Some(true_camera())));
@@ -256,10 +260,10 @@ mod tests {
     }
 
     #[test]
-    fn a_head_learns_a_camera_from_what_it_sees() {
+    fn head_learns_a_camera() {
         let device = Device::flex().autodiff();
         let mut head = PerspectiveHead::new([4, 4], &mut lo_random::stream(1, "test", 0), &device);
-        let places: Vec<f32> = (0..4)
+        let positions: Vec<f32> = (0..4)
             .flat_map(|channel| {
                 (0..40).map(move |i| match channel {
                     0 => (i % 8) as f32 / 4.0 - 1.0,
@@ -268,7 +272,7 @@ mod tests {
                 })
             })
             .collect();
-        let features = Tensor::<4>::from_data(TensorData::new(places, [4, 1, 5, 8]), &device);
+        let features = Tensor::<4>::from_data(TensorData::new(positions, [4, 1, 5, 8]), &device);
         let (mut adam, mut losses) = (Adam::default(), Vec::new());
         for _ in 0..60 {
             let loss =
@@ -282,10 +286,11 @@ mod tests {
     }
 
     #[test]
-    fn a_head_that_begins_uncertain_or_too_certain_does_not_stay_so() {
+    fn certainty_outside_of_its_range_is_trained() {
         let device = Device::flex().autodiff();
         let features = Tensor::<4>::from_data(TensorData::new(vec![0.5f32; 160], [4, 1, 5, 8]), &device);
-        // Of both channels: far below what can be said, where the answer is known; far above, where it is not.
+        // Certainty of both channels far below the range with a consistent truth, and far above with contradictory
+        // truths.
         for (start, truths) in [(-0.5, [Some(true_camera()); 2]), (5.0, [true_camera(), upside_down()].map(Some))] {
             let mut head = PerspectiveHead::new([4, 4], &mut lo_random::stream(1, "test", 0), &device);
             let bias = head.output.bias.take().unwrap();

@@ -1,16 +1,17 @@
-//! Directions spread over the sphere in rings, symmetric about the plane of up and the view.
+//! Directions in rings over the sphere, symmetric about the plane of up and view.
 
 use std::f32::consts::{PI, TAU};
 
 use lo_geometry::Vec3;
 
-/// `rings` rings of constant latitude from +Y to −Y, with directions at equal distances; of each, its mirror image (x → −x) is another one, or itself.
+/// Returns directions in `rings` rings of constant latitude from +Y to −Y, evenly spaced. The mirror image (x → −x) of
+/// each direction is also included.
 pub(super) fn ring_directions(rings: usize) -> Vec<Vec3> {
     let ring = |ring: usize| {
         let polar_rad = (ring as f32 + 0.5) * PI / rings as f32;
         let count = (2.0 * rings as f32 * polar_rad.sin()).round() as usize;
         (0..count).map(move |i| {
-            // Azimuths from −Z; symmetric about it.
+            // Azimuths from −Z, symmetric about it.
             let azimuth_rad = ((i as f32 + 0.5) / count as f32 - 0.5) * TAU;
             let (sine, cosine) = polar_rad.sin_cos();
             Vec3::new(sine * azimuth_rad.sin(), cosine, -sine * azimuth_rad.cos())
@@ -19,12 +20,12 @@ pub(super) fn ring_directions(rings: usize) -> Vec<Vec3> {
     (0..rings).flat_map(ring).collect()
 }
 
-/// The index of each direction's mirror image.
+/// Returns the index of each direction's mirror image.
 pub(super) fn mirrored(directions: &[Vec3]) -> Vec<usize> {
     let image = |direction: &Vec3| {
         let wanted = Vec3::new(-direction.x, direction.y, direction.z);
         let nearest = |&a: &usize, &b: &usize| directions[a].dot(wanted).total_cmp(&directions[b].dot(wanted));
-        (0..directions.len()).max_by(nearest).expect("there are directions")
+        (0..directions.len()).max_by(nearest).expect("directions are not empty")
     };
     directions.iter().map(image).collect()
 }

@@ -1,4 +1,4 @@
-//! From a photo's statistics to the panorama that is expected around it.
+//! Expected-light network: from a photo's statistics to the expected panorama.
 
 use std::sync::OnceLock;
 
@@ -13,79 +13,79 @@ use super::statistics::{PhotoStatistics, STATISTICS};
 use crate::energy::LUMINANCE;
 use crate::layers::Linear;
 
-/// Rows of the panorama that is told.
+/// Rows of the predicted panorama.
 pub const PANORAMA_HEIGHT: usize = 32;
 
-/// Rows of the panorama that losses compare.
+/// Rows of the panorama in losses.
 pub(super) const LOSS_HEIGHT: usize = 16;
 
 const HIDDEN: usize = 64;
 
-/// Rings of lobes, and how many lobes these are.
+/// Number of rings of lobes, and total number of lobes.
 const RINGS: usize = 7;
 const LOBES: usize = 64;
 
-/// Sharpness of a lobe: spherical Gaussians e^(λ (cos − 1)) that overlap without gaps.
+/// Sharpness λ of a lobe e^(λ (cos − 1)). At this value, spherical Gaussians overlap without gaps.
 const SHARPNESS: f32 = 10.0;
 
-/// Radiance that is everywhere, in the measure of the photo's mean luminance.
+/// Constant radiance relative to the photo's mean luminance.
 const FLOOR: f32 = 0.02;
 
-/// How far the outputs move the logarithms of the colour.
-const TINT: f64 = 0.3;
+/// Scale of the outputs that tint the light, in log colour.
+const TINT_SCALE: f64 = 0.3;
 
-/// Colour as the mean and a slope along the three axes, for each channel.
-const TINTS: usize = 12;
+/// Number of outputs that tint the light: a mean and a slope along three axes for each channel.
+const TINT_OUTPUTS: usize = 12;
 
-/// Contrast that is told before anything is learned, in stops.
-const USUAL_STOPS: f32 = 3.0;
+/// Initial prediction of the contrast in stops.
+const INITIAL_STOPS: f32 = 3.0;
 
-const OUTPUTS: usize = LOBES + 1 + TINTS + 1;
+const OUTPUTS: usize = LOBES + 1 + TINT_OUTPUTS + 1;
 
-/// Share of the numbers that a step of training leaves out.
+/// Dropout rate in training.
 const DROPOUT: f32 = 0.3;
 
-/// Most that the logarithm of all lobes' scale can be.
+/// Upper limit of the log scale of all lobes.
 const MAX_LOG_SCALE: f64 = 5.0;
 
-/// Two hidden layers of 64 from [`STATISTICS`] numbers to spherical Gaussians and a colour.
+/// Network with two hidden layers of 64, from [`STATISTICS`] numbers to spherical Gaussians and a tint.
 #[derive(Module, Debug)]
 pub struct ExpectedLightNet {
-    /// From the statistics.
+    /// Layer from the statistics.
     pub first: Linear,
-    /// Between the hidden layers.
+    /// Layer between the hidden layers.
     pub second: Linear,
-    /// To amplitudes of the lobes, their common log scale, colours and contrast.
+    /// Layer to the lobes' amplitudes, their common log scale, tints and contrast.
     pub output: Linear,
 }
 
-/// The light that is expected around a photo.
+/// Expected light around a photo.
 #[derive(Clone, Debug)]
-pub struct ExpectedLightGuess {
-    /// Linear RGB radiance in the photo's units, an equirectangular panorama of the level frame.
+pub struct ExpectedLight {
+    /// Equirectangular panorama in the level frame: linear RGB radiance in the photo's units.
     pub radiance: RadianceImage,
-    /// From the level frame's axes to the camera's.
+    /// Rotation from the level frame's axes to the camera's.
     pub camera_from_level: Quat,
-    /// Expected log2 of the largest over the smallest irradiance of a matte sphere.
+    /// Expected log2 of largest over smallest irradiance on a matte sphere.
     pub contrast_stops: f32,
 }
 
-/// What losses and panoramas are made of: outputs of the network in the measure of each photo.
-pub(super) struct Told {
-    /// Linear RGB radiance of each pixel: three of `[photos, pixels]`.
+/// Output of the network in the units of each photo.
+pub(super) struct ExpectedOutput {
+    /// Linear RGB radiance: three tensors of `[photos, pixels]`.
     pub channels: [Tensor<2>; 3],
-    /// `[photos, 1]`.
+    /// Contrast in stops, `[photos, 1]`.
     pub contrast_stops: Tensor<2>,
 }
 
-/// Lobes and axes at the pixels of a panorama: `[LOBES, pixels]` and `[4, pixels]`.
-struct Grid {
+/// Lobes `[LOBES, pixels]` and axes `[4, pixels]`, evaluated at the pixels of a panorama.
+struct PanoramaBasis {
     lobes: Vec<f32>,
     axes: Vec<f32>,
     pixels: usize,
 }
 
-impl Grid {
+impl PanoramaBasis {
     fn new(height: usize) -> Self {
         let pixels: Vec<(Vec3, f32)> = (0..2 * height * height)
             .map(|i| {
@@ -96,7 +96,7 @@ impl Grid {
         let lobe = |axis: &Vec3| {
             let values = pixels.iter().map(|(direction, _)| (SHARPNESS * (direction.dot(*axis) - 1.0)).exp());
             let sum: f32 = values.clone().zip(&pixels).map(|(value, (_, solid_angle))| value * solid_angle).sum();
-            // Each has its share of the sphere: amplitudes of 1 are a radiance of about 1.
+            // Normalises each lobe to its share of the sphere: amplitudes of 1 give a radiance of about 1.
             let scale = 4.0 * std::f32::consts::PI / LOBES as f32 / sum;
             values.map(|value| scale * value).collect::<Vec<f32>>()
         };
@@ -107,13 +107,14 @@ impl Grid {
     }
 
     fn of_height(height: usize) -> &'static Self {
-        static GRIDS: [OnceLock<Grid>; 2] = [OnceLock::new(), OnceLock::new()];
+        static BASES: [OnceLock<PanoramaBasis>; 2] = [OnceLock::new(), OnceLock::new()];
         let which = usize::from(height == PANORAMA_HEIGHT);
-        GRIDS[which].get_or_init(|| Self::new([LOSS_HEIGHT, PANORAMA_HEIGHT][which]))
+        BASES[which].get_or_init(|| Self::new([LOSS_HEIGHT, PANORAMA_HEIGHT][which]))
     }
 }
 
-/// The photo's mean colour with half of its saturation, of luminance 1, as logarithms: light is less saturated than what it falls on.
+/// Returns the photo's mean colour at half saturation and luminance 1, as logarithms. Light is less saturated than
+/// surfaces.
 fn log_half_chroma(mean: [f32; 3]) -> [f32; 3] {
     let root = mean.map(|c| c.max(1e-6).sqrt());
     root.map(|c| (c / luminance(root)).max(1e-3).ln())
@@ -129,7 +130,8 @@ fn rows<const N: usize>(
 }
 
 impl ExpectedLightNet {
-    /// A network with weights drawn from `seed`: even light of the photo's brightness.
+    /// Creates a network with weights drawn from `seed`. Its initial prediction is constant light of the photo's
+    /// brightness.
     pub fn new(seed: u64, device: &Device) -> Self {
         let mut stream = lo_random::stream(seed, "expected light", 0);
         let stream = &mut stream;
@@ -142,49 +144,54 @@ impl ExpectedLightNet {
         }
     }
 
-    /// The expected light around a photo: the mean of what it says of the photo and of its mirror image, mirrored back.
-    pub fn guess(&self, statistics: &PhotoStatistics) -> ExpectedLightGuess {
+    /// Predicts expected light: the mean of the predictions for the photo and, mirrored back, for its mirror image.
+    pub fn predict(&self, statistics: &PhotoStatistics) -> ExpectedLight {
         let both = [statistics.clone(), statistics.mirrored()];
-        let told = self.told(&both.each_ref(), None, PANORAMA_HEIGHT);
-        let channels = told.channels.map(|channel| channel.into_data().iter::<f32>().collect::<Vec<f32>>());
+        let output = self.predict_panoramas(&both.each_ref(), None, PANORAMA_HEIGHT);
+        let channels = output.channels.map(|channel| channel.into_data().iter::<f32>().collect::<Vec<f32>>());
         let (width, height) = (2 * PANORAMA_HEIGHT, PANORAMA_HEIGHT);
         let radiance = RadianceImage::from_fn(width, height, |x, y| {
             let (own, mirrored) = (y * width + x, width * height + y * width + (width - 1 - x));
             [0, 1, 2].map(|c| 0.5 * (channels[c][own] + channels[c][mirrored]))
         });
-        let stops: Vec<f32> = told.contrast_stops.into_data().iter().collect();
+        let stops: Vec<f32> = output.contrast_stops.into_data().iter().collect();
         let contrast_stops = 0.5 * (stops[0] + stops[1]);
-        ExpectedLightGuess { radiance, camera_from_level: statistics.camera_from_level, contrast_stops }
+        ExpectedLight { radiance, camera_from_level: statistics.camera_from_level, contrast_stops }
     }
 
-    /// The panoramas of `height` rows of some photos; where a stream is given, numbers are left out as it draws.
-    pub(super) fn told(&self, photos: &[&PhotoStatistics], stream: Option<&mut Stream>, height: usize) -> Told {
+    /// Predicts panoramas of `height` rows. A `stream` enables dropout and draws it.
+    pub(super) fn predict_panoramas(
+        &self,
+        photos: &[&PhotoStatistics],
+        stream: Option<&mut Stream>,
+        height: usize,
+    ) -> ExpectedOutput {
         let device = self.output.weights.lazy_device();
         let values: Vec<f32> = photos.iter().flat_map(|photo| photo.values.iter().copied()).collect();
         let x = Tensor::<2>::from_data(TensorData::new(values, [photos.len(), STATISTICS]), &device);
         let raw = self.forward(x, stream);
-        let grid = Grid::of_height(height);
+        let basis = PanoramaBasis::of_height(height);
         let constant = |values: &[f32], rows: usize| {
-            Tensor::<2>::from_data(TensorData::new(values.to_vec(), [rows, grid.pixels]), &device)
+            Tensor::<2>::from_data(TensorData::new(values.to_vec(), [rows, basis.pixels]), &device)
         };
         let scale = raw.clone().narrow(1, LOBES, 1).clamp_max(MAX_LOG_SCALE).exp();
         let amplitudes = activation::softplus(raw.clone().narrow(1, 0, LOBES), 1.0) * scale;
         let brightness = rows(photos, |photo| [luminance(photo.mean)], &device);
-        let light = (amplitudes.matmul(constant(&grid.lobes, LOBES)) + FLOOR) * brightness;
+        let light = (amplitudes.matmul(constant(&basis.lobes, LOBES)) + FLOOR) * brightness;
         let hue = rows(photos, |photo| log_half_chroma(photo.mean), &device);
-        let axes = constant(&grid.axes, 4);
+        let axes = constant(&basis.axes, 4);
         let tint = |c: usize| {
-            let slopes = raw.clone().narrow(1, LOBES + 1 + 4 * c, 4).matmul(axes.clone()) * TINT;
+            let slopes = raw.clone().narrow(1, LOBES + 1 + 4 * c, 4).matmul(axes.clone()) * TINT_SCALE;
             (slopes + hue.clone().narrow(1, c, 1)).exp()
         };
         let [r, g, b] = [0, 1, 2].map(tint);
         let [kr, kg, kb] = LUMINANCE;
         let gain = light / (r.clone() * kr + g.clone() * kg + b.clone() * kb);
         let channels = [r * gain.clone(), g * gain.clone(), b * gain];
-        Told { channels, contrast_stops: raw.narrow(1, OUTPUTS - 1, 1) + USUAL_STOPS }
+        ExpectedOutput { channels, contrast_stops: raw.narrow(1, OUTPUTS - 1, 1) + INITIAL_STOPS }
     }
 
-    /// `[photos, STATISTICS] → [photos, OUTPUTS]`.
+    /// Runs the layers: `[photos, STATISTICS] → [photos, OUTPUTS]`.
     fn forward(&self, x: Tensor<2>, mut stream: Option<&mut Stream>) -> Tensor<2> {
         let mut drop = |x: Tensor<2>| {
             let Some(stream) = stream.as_deref_mut() else { return x };
@@ -216,11 +223,12 @@ mod tests {
     }
 
     #[test]
-    fn before_anything_is_learned_light_is_even_and_half_as_saturated_as_the_photo() {
-        let guess = ExpectedLightNet::new(1, &Device::flex()).guess(&statistics(1.0));
-        let first = guess.radiance.pixels()[0];
-        let even = guess.radiance.pixels().iter().all(|pixel| (luminance(*pixel) / luminance(first) - 1.0).abs() < 0.1);
-        assert!(even && guess.contrast_stops == USUAL_STOPS);
+    fn initial_light_is_constant_with_half_the_photos_saturation() {
+        let predicted = ExpectedLightNet::new(1, &Device::flex()).predict(&statistics(1.0));
+        let first = predicted.radiance.pixels()[0];
+        let even =
+            predicted.radiance.pixels().iter().all(|pixel| (luminance(*pixel) / luminance(first) - 1.0).abs() < 0.1);
+        assert!(even && predicted.contrast_stops == INITIAL_STOPS);
         let mean = statistics(1.0).mean;
         assert!((first[0] / first[2] - (mean[0] / mean[2]).sqrt()).abs() < 1e-3, "{first:?}");
         assert!((0.8..1.3).contains(&(luminance(first) / luminance(mean))), "{first:?} {mean:?}");
@@ -231,8 +239,8 @@ mod tests {
         let mut net = ExpectedLightNet::new(3, &Device::flex());
         let mut stream = lo_random::stream(3, "test", 0);
         net.output = Linear::with_bias([HIDDEN, OUTPUTS], &mut stream, &Device::flex());
-        let own = net.guess(&statistics(0.5)).radiance;
-        let other = net.guess(&statistics(0.5).mirrored()).radiance;
+        let own = net.predict(&statistics(0.5)).radiance;
+        let other = net.predict(&statistics(0.5).mirrored()).radiance;
         for (x, y) in [(3, 5), (40, 20), (63, 31)] {
             let (a, b) = (own[(x, y)], other[(63 - x, y)]);
             assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-4 * (1.0 + b)), "{a:?} {b:?}");

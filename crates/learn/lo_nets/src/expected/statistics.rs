@@ -1,4 +1,4 @@
-//! What a photo's shading, brightness and colours say of the light around it, as numbers.
+//! Statistics of a photo's shading, brightness and colours, as input of the expected-light network.
 
 use std::sync::OnceLock;
 
@@ -8,44 +8,46 @@ use lo_imaging::{DepthMap, RadianceImage, luminance, resize, resize_depth};
 use super::directions::{mirrored, ring_directions};
 use crate::depth::size_within;
 
-/// Pixels on the longer side of the photo that statistics are taken of.
+/// Longer side, in pixels, of the photo that statistics are taken from.
 const SIDE: usize = 48;
 
-/// Rings of the directions in which statistics are taken, and how many directions these are.
+/// Rings of the directions in which statistics are binned, and total number of directions.
 const RINGS: usize = 5;
 const BINS: usize = 32;
 
-/// Numbers of the photo's colours, and of the photo as a whole.
+/// Number of colour statistics, and of statistics of the photo as a whole.
 const COLOURS: usize = 17;
-const WHOLE: usize = 5;
+const OVERALL: usize = 5;
 
-/// Numbers that describe a photo.
-pub const STATISTICS: usize = 4 * BINS + COLOURS + WHOLE;
+/// Number of statistics of a photo.
+pub const STATISTICS: usize = 4 * BINS + COLOURS + OVERALL;
 
-/// Added to luminance before its logarithm, and to channels before theirs.
+/// Offsets before logarithms, of luminance and of channels.
 const DARK: f32 = 0.02;
 const DARK_CHANNEL: f32 = 0.01;
 
-/// Luminance from which on a pixel tells nothing of shading, and channel from which on it is bright.
+/// Luminance above which a pixel holds no shading, and channel value above which it counts as clipped.
 const WHITE: f32 = 0.95;
 const BRIGHT: f32 = 0.9;
 
-/// Mean and deviation of the numbers of the photo as a whole on photos cut out of panoramas.
-const WHOLE_SCALE: [(f32, f32); WHOLE] = [(-0.94, 0.3), (0.04, 0.23), (1.25, 0.19), (-2.1, 1.1), (0.64, 0.24)];
+/// WeightedMean and deviation of the statistics of the whole photo, over photos cropped from panoramas.
+const OVERALL_SCALE: [(f32, f32); OVERALL] = [(-0.94, 0.3), (0.04, 0.23), (1.25, 0.19), (-2.1, 1.1), (0.64, 0.24)];
 
-/// What a photo tells of the light, in the *level frame*: +Y is up, and the camera looks into the half plane of −Z.
+/// Statistics of a photo in the *level frame*: +Y is up, and the camera looks into the half plane of −Z.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhotoStatistics {
-    /// [`STATISTICS`] numbers of about unit size:
+    /// [`STATISTICS`] numbers of about unit magnitude:
     ///
-    /// - by the direction that surfaces face, 32 directions: mean log luminance less the mean over all, and root of the share of pixels;
-    /// - by the direction in which they are seen: the same, and root of the share of clipped pixels;
-    /// - log R/G and B/G of all pixels, of the brightest tenth, of floors, ceilings, walls and greys, and the shares of the last five;
+    /// - by surface normal, in 32 directions: mean log luminance less the overall mean, and root of the share of
+    ///   pixels;
+    /// - by viewing direction, in the same directions: the same mean, and root of the share of clipped pixels;
+    /// - log R/G and B/G of all pixels, of the brightest tenth, of floors, ceilings, walls and greys, and the shares of
+    ///   the last five;
     /// - log mean luminance, pitch, field of view, log share of clipped pixels, relative deviation of luminance.
     pub values: Vec<f32>,
-    /// Mean linear RGB of the photo, above 0.
+    /// WeightedMean linear RGB of the photo, above 0.
     pub mean: [f32; 3],
-    /// From the level frame to the camera's.
+    /// Rotation from the level frame to the camera's.
     pub camera_from_level: Quat,
 }
 
@@ -54,22 +56,22 @@ fn bins() -> &'static [Vec3] {
     BINS.get_or_init(|| ring_directions(RINGS))
 }
 
-/// The level frame of a camera that looks along −Z, with the unit vector against gravity in its axes.
+/// Returns the level frame of a camera that looks along −Z. `up` is the unit vector against gravity in its axes.
 fn level_frame(up: Vec3) -> Quat {
     let back = Vec3::Z - up * up.z;
-    // Looks straight up or down: the picture's lower edge is in front.
+    // Looking straight up or down, the image's lower edge is taken as the front.
     let back = if back.length() > 1e-3 { back.normalize() } else { (-Vec3::Y - up * -up.y).normalize_or(Vec3::Z) };
     Quat::from_mat3(&Mat3::from_cols(up.cross(back), up, back)).normalize()
 }
 
-/// Weighted means.
+/// A weighted mean.
 #[derive(Clone, Copy, Default)]
-struct Mean {
+struct WeightedMean {
     sum: f32,
     weight: f32,
 }
 
-impl Mean {
+impl WeightedMean {
     fn add(&mut self, value: f32, weight: f32) {
         self.sum += weight * value;
         self.weight += weight;
@@ -81,8 +83,10 @@ impl Mean {
 }
 
 impl PhotoStatistics {
-    /// Takes them of a linear photo (1 is its white), its depth (along the optical axis, 0 = no reading), its camera and the unit vector against gravity in
-    /// the camera's axes. Photo and depth may have any resolution.
+    /// Computes the statistics of a linear photo (1 is white).
+    ///
+    /// `depth_m` is along the optical axis, 0 without a reading. `up` is the unit vector against gravity in the
+    /// camera's axes. Photo and depth may have any resolution.
     ///
     /// # Panics
     /// Where the photo has no pixels.
@@ -112,13 +116,14 @@ impl PhotoStatistics {
             sorted.sort_unstable_by(f32::total_cmp);
             sorted[(0.9 * (pixels - 1.0)) as usize]
         };
-        // As if there were 1,536 pixels.
+        // Normalises weights to 1,536 pixels.
         let share = 1536.0 / pixels;
-        let (mut facing, mut seen, mut clipped) = (vec![Mean::default(); BINS], vec![Mean::default(); BINS], 0.0);
-        let (mut clipped_by, mut clipped_all) = (vec![0.0f32; BINS], 0.0);
-        let mut colours = [[Mean::default(); 2]; 6];
+        let (mut by_normal, mut by_view, mut clipped) =
+            (vec![WeightedMean::default(); BINS], vec![WeightedMean::default(); BINS], 0.0);
+        let (mut clipped_by_view, mut clipped_all) = (vec![0.0f32; BINS], 0.0);
+        let mut colours = [[WeightedMean::default(); 2]; 6];
         let mut shares = [0.0f32; 5];
-        let mut all = Mean::default();
+        let mut all = WeightedMean::default();
         for (i, (&rgb, &light)) in photo.pixels().iter().zip(&luminances).enumerate() {
             let (x, y) = (i % width, i / width);
             let log = (light + DARK).ln();
@@ -126,17 +131,17 @@ impl PhotoStatistics {
             let is_clipped = rgb.iter().any(|&c| c > BRIGHT);
             clipped += f32::from(is_clipped) / pixels;
             let ray = level(camera.direction(x as f64 + 0.5, y as f64 + 0.5));
-            for ((bin, seen), clipped_by) in bins().iter().zip(&mut seen).zip(&mut clipped_by) {
+            for ((bin, mean), clipped_by_view) in bins().iter().zip(&mut by_view).zip(&mut clipped_by_view) {
                 let weight = ray.dot(*bin).max(0.0).powi(10);
-                seen.add(log, share * weight);
-                *clipped_by += if is_clipped { weight } else { 0.0 };
+                mean.add(log, share * weight);
+                *clipped_by_view += if is_clipped { weight } else { 0.0 };
                 clipped_all += weight;
             }
             let normal = normal(x, y);
             let shaded = light < WHITE;
             if let Some(normal) = normal.filter(|_| shaded) {
-                for (bin, facing) in bins().iter().zip(&mut facing) {
-                    facing.add(log, share * normal.dot(*bin).max(0.0).powi(8));
+                for (bin, mean) in bins().iter().zip(&mut by_normal) {
+                    mean.add(log, share * normal.dot(*bin).max(0.0).powi(8));
                 }
             }
             let [r, g, b] = rgb.map(|c| (c + DARK_CHANNEL).ln());
@@ -154,14 +159,15 @@ impl PhotoStatistics {
                 means.iter_mut().zip(tints).for_each(|(mean, tint)| mean.add(tint, weight));
             }
         }
-        let total = facing
-            .iter()
-            .fold(Mean::default(), |total, bin| Mean { sum: total.sum + bin.sum, weight: total.weight + bin.weight });
+        let total = by_normal.iter().fold(WeightedMean::default(), |total, bin| WeightedMean {
+            sum: total.sum + bin.sum,
+            weight: total.weight + bin.weight,
+        });
         let mut values = Vec::with_capacity(STATISTICS);
-        values.extend(facing.iter().map(|bin| (bin.value() - total.value()) * (bin.weight / 8.0).tanh()));
-        values.extend(facing.iter().map(|bin| (bin.weight / (total.weight + 1e-6)).sqrt()));
-        values.extend(seen.iter().map(|bin| (bin.value() - all.value()) * (bin.weight / 20.0).tanh()));
-        values.extend(clipped_by.iter().map(|sum| (sum / (clipped_all + 1e-6)).sqrt()));
+        values.extend(by_normal.iter().map(|bin| (bin.value() - total.value()) * (bin.weight / 8.0).tanh()));
+        values.extend(by_normal.iter().map(|bin| (bin.weight / (total.weight + 1e-6)).sqrt()));
+        values.extend(by_view.iter().map(|bin| (bin.value() - all.value()) * (bin.weight / 20.0).tanh()));
+        values.extend(clipped_by_view.iter().map(|sum| (sum / (clipped_all + 1e-6)).sqrt()));
         values.extend(colours.iter().flatten().map(|mean| mean.value()));
         values.extend(shares);
         let mean: [f32; 3] =
@@ -169,12 +175,12 @@ impl PhotoStatistics {
         let level = luminance(mean);
         let deviation = (luminances.iter().map(|l| (l - level).powi(2)).sum::<f32>() / pixels).sqrt();
         let hfov_rad = camera.hfov_deg().to_radians() as f32;
-        let whole = [level.ln(), up.z.clamp(-1.0, 1.0).asin(), hfov_rad, (clipped + 0.01).ln(), deviation / level];
-        values.extend(whole.iter().zip(WHOLE_SCALE).map(|(value, (mean, deviation))| (value - mean) / deviation));
+        let overall = [level.ln(), up.z.clamp(-1.0, 1.0).asin(), hfov_rad, (clipped + 0.01).ln(), deviation / level];
+        values.extend(overall.iter().zip(OVERALL_SCALE).map(|(value, (mean, deviation))| (value - mean) / deviation));
         Self { values, mean, camera_from_level }
     }
 
-    /// Those of the mirror image of the photo, in the mirror image of the level frame.
+    /// Returns the statistics of the photo's mirror image, in the mirror image of the level frame.
     #[must_use]
     pub fn mirrored(&self) -> Self {
         static IMAGES: OnceLock<Vec<usize>> = OnceLock::new();
@@ -194,12 +200,12 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
 
-    /// A corner: a bright wall to the left, a dark one to the right, over a grey floor.
+    /// A room's corner: a bright wall to the left, a dark one to the right, a grey floor.
     fn corner(width: usize, height: usize) -> (RadianceImage, DepthMap, Camera) {
         let camera = Camera::from_hfov_deg(80.0, width as u32, height as u32).unwrap();
         let hit = |x: usize, y: usize| {
             let ray = camera.direction(x as f64 + 0.5, y as f64 + 0.5);
-            // Walls z = −3 ± x face each other at 45°; the floor lies at −1.4 m.
+            // The walls z = −3 ± x are perpendicular; the floor is at −1.4 m.
             let wall = 3.0 / (-ray.z + ray.x.abs());
             let floor = if ray.y < 0.0 { 1.4 / -ray.y } else { f32::INFINITY };
             let t = wall.min(floor);
@@ -218,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn surfaces_are_told_apart_by_what_they_face() {
+    fn luminance_is_binned_by_surface_normal() {
         let (photo, depth_m, camera) = corner(48, 32);
         let statistics = PhotoStatistics::new(&photo, &depth_m, &camera, Vec3::Y);
         assert_eq!(statistics.values.len(), STATISTICS);
@@ -247,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn a_photo_without_depth_has_statistics_too() {
+    fn photos_without_depth_have_finite_statistics() {
         let (photo, depth_m, camera) = corner(60, 40);
         let none = depth_m.map(|_| 0.0);
         let statistics = PhotoStatistics::new(&photo, &none, &camera, Vec3::Y);

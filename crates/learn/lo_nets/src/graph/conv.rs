@@ -4,34 +4,35 @@ use burn::tensor::Tensor;
 use lo_dual::{EDGE_TYPES, graph_conv_backward, graph_conv_onto};
 use rayon::prelude::*;
 
+use crate::cpu_ops::{Kernel, Number, binary};
 use crate::graph::GraphLevel;
-use crate::host::{Kernel, Number, binary};
 
-/// Rows that one part of the sum over nodes takes; fixed, so that it does not depend on the number of threads.
+/// Rows of one partial sum over nodes. Fixed, so that results do not depend on the number of threads.
 const PART_ROWS: usize = 1 << 12;
 
-/// Graph convolution (Wang et al. 2022): features `x[nodes, in]` and the one-hot depth of each node, averaged over the
-/// neighbours in each of seven directions, times `weights[7 · (in + depths), out]`, `ognn`'s layout. Gives `[nodes, out]`.
+/// Graph convolution (Wang et al. 2022) in `ognn`'s layout. Returns `[nodes, out]`.
 ///
-/// Depths count from the full depth to the graph's; at the full depth itself there is nothing to tell apart and no one-hot.
+/// Averages features `x[nodes, in]` and the one-hot depth of each node over the neighbours of each of seven edge types,
+/// and multiplies by `weights[7 · (in + depths), out]`. Depths count from the full depth to the graph's. A graph of the
+/// full depth has a single depth and no one-hot.
 ///
 /// # Panics
-/// Where the sizes do not fit.
+/// Where the sizes do not match.
 pub fn graph_conv(x: Tensor<2>, weights: Tensor<2>, level: &Arc<GraphLevel>) -> Tensor<2> {
     binary(x, weights, GraphConvKernel(level.clone()))
 }
 
-/// Channels of the one-hot depth.
+/// Returns the number of channels of the one-hot depth.
 pub fn type_channels(level: &GraphLevel) -> usize {
     type_channels_of(level.types.count)
 }
 
-/// The same where nodes have `depths` different depths.
+/// Returns the number of one-hot channels for nodes of `depths` different depths.
 pub(crate) fn type_channels_of(depths: usize) -> usize {
     if depths > 1 { depths } else { 0 }
 }
 
-/// The same by burn's own operations, to check the kernel.
+/// Reference implementation with burn's operations.
 #[cfg(test)]
 fn composed(x: Tensor<2>, weights: Tensor<2>, level: &GraphLevel) -> Tensor<2> {
     use burn::tensor::{IndexingUpdateOp, Int, TensorData};
@@ -69,7 +70,7 @@ fn composed(x: Tensor<2>, weights: Tensor<2>, level: &GraphLevel) -> Tensor<2> {
     Tensor::cat(vec![means.reshape([nodes, 6 * channels]), x], 1).matmul(weights)
 }
 
-/// [`graph_conv`] on slices, by the kernels of `dual`.
+/// [`graph_conv`] on slices, with the kernels of `lo_dual`.
 #[derive(Clone, Debug)]
 struct GraphConvKernel(Arc<GraphLevel>);
 
@@ -77,12 +78,12 @@ impl GraphConvKernel {
     fn inputs(&self, sizes: &[[usize; 2]]) -> usize {
         let [[nodes, inputs], [rows, _]] = *sizes else { panic!("a convolution has features and weights") };
         assert_eq!(nodes, self.0.len(), "one row of features for each node");
-        assert_eq!(rows, EDGE_TYPES * (inputs + type_channels(&self.0)), "seven matrices of weights");
+        assert_eq!(rows, EDGE_TYPES * (inputs + type_channels(&self.0)), "weights for seven edge types");
         inputs
     }
 
-    /// The weights of the features, `[7, in, out]`, and of the depths, `[7, depths, out]`.
-    fn parted<T: Number>(&self, weights: &[T], inputs: usize, outputs: usize) -> (Vec<T>, Vec<T>) {
+    /// Splits the weights into those of the features, `[7, in, out]`, and of the depths, `[7, depths, out]`.
+    fn split_weights<T: Number>(&self, weights: &[T], inputs: usize, outputs: usize) -> (Vec<T>, Vec<T>) {
         let (mut own, mut types) = (Vec::new(), Vec::new());
         for edge in weights.chunks_exact((inputs + type_channels(&self.0)) * outputs) {
             let (a, b) = edge.split_at(inputs * outputs);
@@ -92,21 +93,21 @@ impl GraphConvKernel {
         (own, types)
     }
 
-    /// What the depths add to the output, for each different row of [`NodeTypes`](crate::graph::NodeTypes).
+    /// Returns what the depths add to the output, for each distinct row of [`NodeTypes`](crate::graph::NodeTypes).
     fn type_rows<T: Number>(&self, weights: &[T], outputs: usize) -> Vec<T> {
         let shares = self.0.types.shares.chunks_exact(EDGE_TYPES * self.0.types.count);
         let mut rows = vec![T::default(); shares.len() * outputs];
         for (shares, row) in shares.zip(rows.chunks_exact_mut(outputs)) {
             for (&share, weights) in shares.iter().zip(weights.chunks_exact(outputs)).filter(|(share, _)| **share > 0.0)
             {
-                let share = T::of(share);
+                let share = T::from_f64(share);
                 row.iter_mut().zip(weights).for_each(|(sum, &weight)| *sum += share * weight);
             }
         }
         rows
     }
 
-    /// Gradient by the weights of the depths.
+    /// Returns the gradient of the depths' weights.
     fn type_gradient<T: Number>(&self, gradient: &[T], outputs: usize) -> Vec<T> {
         let types = &self.0.types;
         let width = EDGE_TYPES * types.count;
@@ -130,7 +131,7 @@ impl GraphConvKernel {
                 for (&share, by_weights) in
                     shares.iter().zip(by_weights.chunks_exact_mut(outputs)).filter(|(s, _)| **s > 0.0)
                 {
-                    let share = T::of(share);
+                    let share = T::from_f64(share);
                     by_weights.iter_mut().zip(sums).for_each(|(total, &sum)| *total += share * sum);
                 }
             }
@@ -151,7 +152,7 @@ impl Kernel for GraphConvKernel {
         if type_channels(&self.0) == 0 {
             return lo_dual::graph_conv(graph, inputs[0], inputs[1], [channels, outputs]);
         }
-        let (own, types) = self.parted(inputs[1], channels, outputs);
+        let (own, types) = self.split_weights(inputs[1], channels, outputs);
         let rows = self.type_rows(&types, outputs);
         graph_conv_onto(graph, inputs[0], &own, [channels, outputs], |node, output| {
             output.copy_from_slice(&rows[self.0.types.rows[node] as usize * outputs..][..outputs]);
@@ -172,7 +173,7 @@ impl Kernel for GraphConvKernel {
                 graph_conv_backward(graph, inputs[0], inputs[1], gradient, [channels, outputs]);
             return vec![by_input, by_weights];
         }
-        let (own, _) = self.parted(inputs[1], channels, outputs);
+        let (own, _) = self.split_weights(inputs[1], channels, outputs);
         let (by_input, by_own) = graph_conv_backward(graph, inputs[0], &own, gradient, [channels, outputs]);
         let by_types = self.type_gradient(gradient, outputs);
         let edges =
@@ -188,7 +189,7 @@ mod tests {
     use crate::testing::{assert_gradients, assert_same_function};
 
     #[test]
-    fn kernel_is_the_composition() {
+    fn kernel_equals_reference() {
         for level in GraphLevel::all(&uneven_octree()) {
             let sizes = [[level.len(), 5], [7 * (5 + type_channels(&level)), 6]];
             assert_same_function(&sizes, |[x, w]| graph_conv(x, w, &level), |[x, w]| composed(x, w, &level));
@@ -196,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients_are_differences() {
+    fn gradients_equal_finite_differences() {
         let level = GraphLevel::all(&uneven_octree()).pop().expect("a level");
         assert_gradients(&[[level.len(), 4], [7 * (4 + type_channels(&level)), 3]], |[x, w]| graph_conv(x, w, &level));
     }

@@ -4,28 +4,29 @@ use std::sync::Arc;
 use lo_dual::{Direction, DualGraph, EDGE_TYPES};
 use lo_octree::Octree;
 
-/// The dual graph of one depth of an octree with what the layers need beside its edges.
+/// The dual graph of one octree depth, with the data that layers need beside its edges.
 #[derive(Debug)]
 pub struct GraphLevel {
     /// Nodes and edges.
     pub graph: DualGraph,
-    /// Where its nodes come from; `None` at the full depth.
+    /// Origin of the nodes in the coarser graph; `None` at the full depth.
     pub refinement: Option<Refinement>,
-    /// Depths of the nodes around each node.
+    /// Depths of each node's neighbours.
     pub types: NodeTypes,
 }
 
-/// From the graph one depth coarser: its nodes that stay are the first of the finer one, the children of the others follow.
+/// Refinement of the graph one depth coarser. In the finer graph, kept nodes come first, then the children of split
+/// ones.
 #[derive(Debug)]
 pub struct Refinement {
-    /// Indices of those that stay, in the coarser graph.
+    /// Coarser indices of the nodes that are kept.
     pub kept: Vec<u32>,
-    /// Indices of those that are replaced by eight children each, in the coarser graph.
+    /// Coarser indices of the nodes that are replaced by eight children each.
     pub split: Vec<u32>,
 }
 
 impl GraphLevel {
-    /// The levels of an octree from its full depth to its finest one.
+    /// Builds the levels of an octree, from its full depth to its finest.
     pub fn all(octree: &Octree) -> Vec<Arc<Self>> {
         let mut levels = vec![Self::full(octree)];
         for _ in octree.full_depth()..octree.depth() {
@@ -35,17 +36,17 @@ impl GraphLevel {
         levels
     }
 
-    /// The level of the full depth.
+    /// Builds the level of the full depth.
     pub fn full(octree: &Octree) -> Arc<Self> {
         let graph = DualGraph::full(octree);
         let types = NodeTypes::new(&graph, octree.full_depth());
         Arc::new(Self { graph, refinement: None, types })
     }
 
-    /// The level one depth finer.
+    /// Builds the level one depth finer.
     ///
     /// # Panics
-    /// Where `octree` has no finer level, or is not the octree of this level (possibly grown since).
+    /// Where `octree` has no finer level, or is not this level's octree (possibly grown since).
     pub fn extended(&self, octree: &Octree) -> Arc<Self> {
         let graph = self.graph.extended(octree);
         let children = &octree.levels()[self.graph.depth() as usize].children;
@@ -56,26 +57,26 @@ impl GraphLevel {
         Arc::new(Self { graph, refinement: Some(Refinement { kept, split }), types })
     }
 
-    /// Number of nodes.
+    /// Returns the number of nodes.
     pub fn len(&self) -> usize {
         self.graph.len()
     }
 
-    /// Never true: a graph has at least the root.
+    /// Always false: a graph has at least the root.
     pub fn is_empty(&self) -> bool {
         self.graph.is_empty()
     }
 }
 
-/// How the depths of a node and of its neighbours are distributed, per edge type.
+/// Distribution of the depths of each node's neighbours, per edge type.
 ///
-/// The dual-octree networks append the one-hot depth of each node to its features. Its means over the neighbours are the same
-/// for very many nodes, so each different row of them is kept once: the convolution multiplies these few rows, not all.
+/// Dual-octree networks append the one-hot depth of each node to its features. Its means over the neighbours repeat for
+/// very many nodes. Distinct rows of means are stored once, so that the convolution multiplies few rows.
 #[derive(Debug)]
 pub struct NodeTypes {
-    /// Number of different depths, at least 1; with 1 there is nothing to tell apart and `rows` and `shares` are empty.
+    /// Number of different depths, at least 1. With 1, `rows` and `shares` are empty.
     pub count: usize,
-    /// For each node, its row of `shares`.
+    /// For each node, its row in `shares`.
     pub rows: Vec<u32>,
     /// `shares[row, edge type, depth − full depth]`: share of that depth among the neighbours.
     pub shares: Vec<f64>,
@@ -88,8 +89,8 @@ impl NodeTypes {
             return Self { count, rows: Vec::new(), shares: Vec::new() };
         }
         let type_of = |node: u32| (graph.nodes()[node as usize].depth - full_depth) as usize;
-        // A face's code: 0 without a neighbour, type + 1 with neighbours of one depth, and from there on a number of its own
-        // for each mixture.
+        // Code of a face: 0 without neighbours, type + 1 for neighbours of one depth, and a number above those for each
+        // mixture.
         let mut mixtures: HashMap<Vec<u32>, u16> = HashMap::new();
         let mut known: HashMap<[u16; EDGE_TYPES], u32> = HashMap::new();
         let (mut rows, mut shares) = (Vec::with_capacity(graph.len()), Vec::new());
@@ -158,7 +159,7 @@ pub(crate) mod tests {
             let one_hot: Vec<f64> = (0..graph.len() * types.count)
                 .map(|i| f64::from(graph.nodes()[i / types.count].depth == (i % types.count) as u32 + 1))
                 .collect();
-            // The convolution with a unit matrix gives the means themselves.
+            // Convolution with an identity matrix returns the means.
             let width = EDGE_TYPES * types.count;
             let unit: Vec<f64> = (0..width * width).map(|i| f64::from(i / width == i % width)).collect();
             let means = lo_dual::graph_conv(graph, &one_hot, &unit, [types.count, width]);

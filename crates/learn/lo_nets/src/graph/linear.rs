@@ -1,13 +1,13 @@
 use burn::tensor::Tensor;
-use lo_dual::{Matrix, product};
+use lo_dual::{Matrix, matmul};
 use rayon::prelude::*;
 
-use crate::host::{Kernel, Number, binary, ternary};
+use crate::cpu_ops::{Kernel, Number, binary, ternary};
 
-/// Rows that a thread takes at a time; their share of the weights' gradient is summed in a fixed order.
+/// Rows for each task. Their parts of the weights' gradient are summed in a fixed order.
 const BLOCK: usize = 1 << 10;
 
-/// `x[nodes, in] · weights[in, out]`, plus `bias[1, out]` where there is one, gives `[nodes, out]`.
+/// Returns `x[nodes, in] · weights[in, out]`, plus an optional `bias[1, out]`, as `[nodes, out]`.
 pub fn linear(x: Tensor<2>, weights: Tensor<2>, bias: Option<Tensor<2>>) -> Tensor<2> {
     match bias {
         Some(bias) => ternary(x, weights, bias, LinearKernel),
@@ -15,7 +15,7 @@ pub fn linear(x: Tensor<2>, weights: Tensor<2>, bias: Option<Tensor<2>>) -> Tens
     }
 }
 
-/// The same by burn's own operations, to check the kernel.
+/// Reference implementation with burn's operations.
 #[cfg(test)]
 fn composed(x: Tensor<2>, weights: Tensor<2>, bias: Option<Tensor<2>>) -> Tensor<2> {
     let product = x.matmul(weights);
@@ -25,8 +25,8 @@ fn composed(x: Tensor<2>, weights: Tensor<2>, bias: Option<Tensor<2>>) -> Tensor
     }
 }
 
-/// [`linear`] on slices. burn's own product is slow for the gradients of tall matrices (28–55 GFLOP per core and second where the
-/// forward product has 80).
+/// [`linear`] on slices. burn's product is slow in the gradients of tall matrices: 28–55 GFLOP per core and second,
+/// against 80 forward.
 #[derive(Clone, Debug)]
 struct LinearKernel;
 
@@ -44,7 +44,7 @@ impl Kernel for LinearKernel {
             if let [_, _, bias] = inputs {
                 output.chunks_exact_mut(outputs).for_each(|row| row.copy_from_slice(bias));
             }
-            product(output, Matrix::new(x, channels), Matrix::new(inputs[1], outputs), inputs.len() == 3);
+            matmul(output, Matrix::new(x, channels), Matrix::new(inputs[1], outputs), inputs.len() == 3);
         });
         output
     }
@@ -61,17 +61,17 @@ impl Kernel for LinearKernel {
         let mut by_input = vec![T::default(); if wanted[0] { rows * channels } else { 0 }];
         by_input.par_chunks_mut(BLOCK * channels).zip(gradient.par_chunks(BLOCK * outputs)).for_each(
             |(by_input, gradient)| {
-                product(by_input, Matrix::new(gradient, outputs), weights.transposed(), false);
+                matmul(by_input, Matrix::new(gradient, outputs), weights.transposed(), false);
             },
         );
         let parts: Vec<Vec<T>> = inputs[0]
             .par_chunks(BLOCK * channels)
             .zip(gradient.par_chunks(BLOCK * outputs))
             .map(|(x, gradient)| {
-                // The gradient by the weights, and below it the one by the bias.
+                // The gradient of the weights, followed by that of the bias.
                 let mut part = vec![T::default(); (channels + 1) * outputs];
                 let (by_weights, by_bias) = part.split_at_mut(channels * outputs);
-                product(by_weights, Matrix::new(x, channels).transposed(), Matrix::new(gradient, outputs), false);
+                matmul(by_weights, Matrix::new(x, channels).transposed(), Matrix::new(gradient, outputs), false);
                 for row in gradient.chunks_exact(outputs) {
                     by_bias.iter_mut().zip(row).for_each(|(sum, &g)| *sum += g);
                 }
@@ -93,14 +93,14 @@ mod tests {
     use crate::testing::{assert_gradients, assert_same_function};
 
     #[test]
-    fn kernel_is_the_composition() {
+    fn kernel_equals_reference() {
         let sizes = [[1500, 5], [5, 3], [1, 3]];
         assert_same_function(&sizes, |[x, w, b]| linear(x, w, Some(b)), |[x, w, b]| composed(x, w, Some(b)));
         assert_same_function(&[[70, 5], [5, 3]], |[x, w]| linear(x, w, None), |[x, w]| composed(x, w, None));
     }
 
     #[test]
-    fn gradients_are_differences() {
+    fn gradients_equal_finite_differences() {
         assert_gradients(&[[90, 4], [4, 3], [1, 3]], |[x, w, b]| linear(x, w, Some(b)));
     }
 }

@@ -1,5 +1,5 @@
-//! Operations on dual octree graphs. Each is a CPU kernel ([`crate::host`]), tested against a
-//! composition of burn's operations.
+//! Operations on dual octree graphs. Each is a CPU kernel ([`crate::cpu_ops`]), tested against a composition of burn's
+//! operations.
 
 mod conv;
 mod level;

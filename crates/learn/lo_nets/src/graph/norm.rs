@@ -1,27 +1,27 @@
 use burn::tensor::Tensor;
 use rayon::prelude::*;
 
-use crate::host::{Kernel, Number, binary, ternary};
+use crate::cpu_ops::{Kernel, Number, binary, ternary};
 
-/// Rows whose sums are made at a time; fixed, so that they do not depend on the number of threads.
+/// Rows of one partial sum. Fixed, so that results do not depend on the number of threads.
 const BLOCK: usize = 1 << 8;
 
 /// Added to variances, as in PyTorch.
 const EPSILON: f64 = 1e-5;
 
-/// What follows a normalisation.
+/// Activation after a normalisation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Activation {
-    /// Nothing.
+    /// Identity.
     None,
-    /// The positive part.
+    /// max(x, 0).
     Relu,
 }
 
-/// Normalises `x[nodes, channels]` by the mean and variance of each of `groups` groups of neighbouring channels over all nodes,
-/// scales and shifts by the two rows of `affine[2, channels]`, and activates.
+/// Normalises `x[nodes, channels]`, scales and shifts by the rows of `affine[2, channels]`, and activates.
 ///
-/// With as many groups as channels this is batch normalisation in training, with fewer it is group normalisation.
+/// Mean and variance are taken over all nodes, for each of `groups` groups of adjacent channels. One group a channel is
+/// batch normalisation in training mode; fewer groups are group normalisation.
 ///
 /// # Panics
 /// Where `groups` does not divide the channels.
@@ -30,7 +30,7 @@ pub fn normalise(x: Tensor<2>, affine: Tensor<2>, groups: usize, activation: Act
     binary(x, affine, kernel)
 }
 
-/// [`normalise`] with `skip[nodes, channels]` added before the activation.
+/// Adds `skip[nodes, channels]` between normalisation and activation of [`normalise`].
 pub fn normalise_and_add(
     x: Tensor<2>,
     affine: Tensor<2>,
@@ -42,7 +42,7 @@ pub fn normalise_and_add(
     ternary(x, affine, skip, kernel)
 }
 
-/// The same by burn's own operations, to check the kernel.
+/// Reference implementation with burn's operations.
 #[cfg(test)]
 fn composed(x: Tensor<2>, affine: Tensor<2>, skip: Option<Tensor<2>>, kernel: NormKernel) -> Tensor<2> {
     let [nodes, channels] = x.dims();
@@ -70,23 +70,23 @@ struct NormKernel {
     activation: Activation,
 }
 
-/// Mean and reciprocal standard deviation of each channel (the same for all of a group).
-struct Statistics<T> {
+/// Mean and reciprocal standard deviation of each channel; equal for the channels of a group.
+struct ChannelStatistics<T> {
     mean: Vec<T>,
     inverse_deviation: Vec<T>,
 }
 
-/// Count, mean and sum of squared differences from it.
+/// Count, mean and sum of squared differences from the mean.
 #[derive(Clone, Copy, Default)]
-struct Moments {
+struct PartialMoments {
     count: f64,
     mean: f64,
     squares: f64,
 }
 
-impl Moments {
-    /// Of both together (Chan et al. 1979).
-    fn and(self, other: Self) -> Self {
+impl PartialMoments {
+    /// Merges the moments of two sets (Chan et al. 1979).
+    fn merged(self, other: Self) -> Self {
         let count = self.count + other.count;
         if count == 0.0 {
             return self;
@@ -101,25 +101,26 @@ impl Moments {
 }
 
 impl NormKernel {
-    fn statistics<T: Number>(&self, x: &[T], channels: usize) -> Statistics<T> {
-        let blocks: Vec<Vec<Moments>> = x.par_chunks(BLOCK * channels).map(|x| block_moments(x, channels)).collect();
-        let mut moments = vec![Moments::default(); channels];
+    fn statistics<T: Number>(&self, x: &[T], channels: usize) -> ChannelStatistics<T> {
+        let blocks: Vec<Vec<PartialMoments>> =
+            x.par_chunks(BLOCK * channels).map(|x| block_moments(x, channels)).collect();
+        let mut moments = vec![PartialMoments::default(); channels];
         for block in blocks {
-            moments.iter_mut().zip(block).for_each(|(sum, block)| *sum = sum.and(block));
+            moments.iter_mut().zip(block).for_each(|(sum, block)| *sum = sum.merged(block));
         }
         let per_group = channels / self.groups;
         let (mut mean, mut inverse_deviation) = (Vec::with_capacity(channels), Vec::with_capacity(channels));
         for group in moments.chunks_exact(per_group) {
-            let whole = group.iter().fold(Moments::default(), |sum, &channel| sum.and(channel));
+            let whole = group.iter().fold(PartialMoments::default(), |sum, &channel| sum.merged(channel));
             let deviation = (whole.squares / whole.count.max(1.0) + EPSILON).sqrt();
-            mean.extend(std::iter::repeat_n(T::of(whole.mean), per_group));
-            inverse_deviation.extend(std::iter::repeat_n(T::of(1.0 / deviation), per_group));
+            mean.extend(std::iter::repeat_n(T::from_f64(whole.mean), per_group));
+            inverse_deviation.extend(std::iter::repeat_n(T::from_f64(1.0 / deviation), per_group));
         }
-        Statistics { mean, inverse_deviation }
+        ChannelStatistics { mean, inverse_deviation }
     }
 
-    /// The output is `scale · x + shift` and what is added, activated.
-    fn scale_and_shift<T: Number>(statistics: &Statistics<T>, affine: &[T]) -> (Vec<T>, Vec<T>) {
+    /// Returns scale and shift of the normalisation: the output is `scale · x + shift`, plus `skip`, activated.
+    fn scale_and_shift<T: Number>(statistics: &ChannelStatistics<T>, affine: &[T]) -> (Vec<T>, Vec<T>) {
         let (gain, bias) = affine.split_at(affine.len() / 2);
         let scale: Vec<T> = gain.iter().zip(&statistics.inverse_deviation).map(|(&g, &d)| g * d).collect();
         let shift = bias.iter().zip(&scale).zip(&statistics.mean).map(|((&b, &s), &m)| b - s * m).collect();
@@ -134,7 +135,7 @@ impl NormKernel {
             self.groups
         );
         assert_eq!(sizes[1], [2, channels], "a scale and a shift for each channel");
-        assert!(sizes.len() < 3 || sizes[2] == sizes[0], "what is added has the input's size");
+        assert!(sizes.len() < 3 || sizes[2] == sizes[0], "the skip input has the input's size");
         channels
     }
 }
@@ -172,47 +173,47 @@ impl Kernel for NormKernel {
         let channels = self.check(sizes);
         let statistics = self.statistics(inputs[0], channels);
         let (scale, shift) = Self::scale_and_shift(&statistics, inputs[1]);
-        // The gradient before the activation, and its sums, alone and with the input.
-        let mut before = gradient.to_vec();
-        let blocks: Vec<[Vec<T>; 2]> = before
+        // The gradient before the activation, with its sums alone and multiplied by the centred input.
+        let mut pre_activation = gradient.to_vec();
+        let blocks: Vec<[Vec<T>; 2]> = pre_activation
             .par_chunks_mut(BLOCK * channels)
             .enumerate()
-            .map(|(block, before)| {
+            .map(|(block, pre_activation)| {
                 let start = block * BLOCK * channels;
-                let x = &inputs[0][start..start + before.len()];
+                let x = &inputs[0][start..start + pre_activation.len()];
                 if self.activation == Activation::Relu {
-                    let skip = inputs.get(2).map(|skip| &skip[start..start + before.len()]);
-                    clear_inactive(before, x, skip, &scale, &shift);
+                    let skip = inputs.get(2).map(|skip| &skip[start..start + pre_activation.len()]);
+                    clear_inactive(pre_activation, x, skip, &scale, &shift);
                 }
-                block_sums(before, x, &statistics.mean, channels)
+                block_sums(pre_activation, x, &statistics.mean, channels)
             })
             .collect();
         let (mut sum, mut with_x) = (vec![0.0; channels], vec![0.0; channels]);
         for [block_sum, block_with_x] in &blocks {
-            sum.iter_mut().zip(block_sum).for_each(|(total, &value)| *total += value.wide());
-            with_x.iter_mut().zip(block_with_x).for_each(|(total, &value)| *total += value.wide());
+            sum.iter_mut().zip(block_sum).for_each(|(total, &value)| *total += value.as_f64());
+            with_x.iter_mut().zip(block_with_x).for_each(|(total, &value)| *total += value.as_f64());
         }
         let (gain, deviation) = (&inputs[1][..channels], &statistics.inverse_deviation);
-        let by_gain: Vec<f64> = (0..channels).map(|c| with_x[c] * deviation[c].wide()).collect();
-        let by_affine = by_gain.iter().chain(&sum).map(|&value| T::of(value)).collect();
-        // x's derivative: scale · gradient minus what the mean and the variance take back.
+        let by_gain: Vec<f64> = (0..channels).map(|c| with_x[c] * deviation[c].as_f64()).collect();
+        let by_affine = by_gain.iter().chain(&sum).map(|&value| T::from_f64(value)).collect();
+        // Gradient of x: scale · gradient, less the parts through the mean and the variance.
         let per_group = channels / self.groups;
         let count = (sizes[0][0] * per_group).max(1) as f64;
         let (mut slope, mut constant) = (Vec::with_capacity(channels), Vec::with_capacity(channels));
         for group in 0..self.groups {
             let members = group * per_group..(group + 1) * per_group;
-            let mean: f64 = members.clone().map(|c| gain[c].wide() * sum[c]).sum::<f64>() / count;
-            let with_unit: f64 = members.clone().map(|c| gain[c].wide() * by_gain[c]).sum::<f64>() / count;
+            let mean: f64 = members.clone().map(|c| gain[c].as_f64() * sum[c]).sum::<f64>() / count;
+            let with_unit: f64 = members.clone().map(|c| gain[c].as_f64() * by_gain[c]).sum::<f64>() / count;
             for c in members {
-                let d = deviation[c].wide();
-                slope.push(T::of(-d * d * with_unit));
-                constant.push(T::of(-d * mean + d * d * with_unit * statistics.mean[c].wide()));
+                let d = deviation[c].as_f64();
+                slope.push(T::from_f64(-d * d * with_unit));
+                constant.push(T::from_f64(-d * mean + d * d * with_unit * statistics.mean[c].as_f64()));
             }
         }
         let mut by_input = vec![T::default(); gradient.len()];
         by_input.par_chunks_mut(BLOCK * channels).enumerate().for_each(|(block, by_input)| {
             let start = block * BLOCK * channels;
-            let rows = before[start..].chunks_exact(channels).zip(inputs[0][start..].chunks_exact(channels));
+            let rows = pre_activation[start..].chunks_exact(channels).zip(inputs[0][start..].chunks_exact(channels));
             for (out, (gradient, x)) in by_input.chunks_exact_mut(channels).zip(rows) {
                 let factors = scale.iter().zip(&slope).zip(&constant);
                 for (((out, &g), &x), ((&scale, &slope), &constant)) in out.iter_mut().zip(gradient).zip(x).zip(factors)
@@ -221,18 +222,18 @@ impl Kernel for NormKernel {
                 }
             }
         });
-        vec![by_input, by_affine, before]
+        vec![by_input, by_affine, pre_activation]
     }
 }
 
-/// NaN stays NaN, so that it is noticed.
+/// Keeps NaN, so that it is noticed.
 fn positive<T: Number>(value: T) -> T {
     if value < T::default() { T::default() } else { value }
 }
 
-fn block_moments<T: Number>(x: &[T], channels: usize) -> Vec<Moments> {
+fn block_moments<T: Number>(x: &[T], channels: usize) -> Vec<PartialMoments> {
     let count = x.len() / channels;
-    let share: T = T::of(1.0 / count as f64);
+    let share: T = T::from_f64(1.0 / count as f64);
     let mut mean = vec![T::default(); channels];
     for row in x.chunks_exact(channels) {
         mean.iter_mut().zip(row).for_each(|(sum, &x)| *sum += x);
@@ -245,14 +246,15 @@ fn block_moments<T: Number>(x: &[T], channels: usize) -> Vec<Moments> {
         }
     }
     let both = mean.into_iter().zip(squares);
-    both.map(|(mean, squares)| Moments { count: count as f64, mean: mean.wide(), squares: squares.wide() }).collect()
+    both.map(|(mean, squares)| PartialMoments { count: count as f64, mean: mean.as_f64(), squares: squares.as_f64() })
+        .collect()
 }
 
-/// Sets the gradient to 0 where the output is.
+/// Clears the gradient where the activation is 0.
 fn clear_inactive<T: Number>(gradient: &mut [T], x: &[T], skip: Option<&[T]>, scale: &[T], shift: &[T]) {
     let channels = scale.len();
     for (row, (gradient, x)) in gradient.chunks_exact_mut(channels).zip(x.chunks_exact(channels)).enumerate() {
-        // The same operations in the same order as forward, so that the sign is the same.
+        // The same operations in the same order as forward, so that signs agree.
         let linear = gradient.iter_mut().zip(x).zip(scale.iter().zip(shift));
         let clear = |gradient: &mut T, y: T| *gradient = if y > T::default() { *gradient } else { T::default() };
         match skip {
@@ -266,7 +268,7 @@ fn clear_inactive<T: Number>(gradient: &mut [T], x: &[T], skip: Option<&[T]>, sc
     }
 }
 
-/// Per channel, the sums of the gradient and of the gradient times the centred input.
+/// Sums the gradient, and the gradient times the centred input, for each channel.
 fn block_sums<T: Number>(gradient: &[T], x: &[T], mean: &[T], channels: usize) -> [Vec<T>; 2] {
     let (mut sum, mut with_x) = (vec![T::default(); channels], vec![T::default(); channels]);
     for (gradient, x) in gradient.chunks_exact(channels).zip(x.chunks_exact(channels)) {
@@ -285,7 +287,7 @@ mod tests {
     use crate::testing::{assert_gradients, assert_same_function};
 
     #[test]
-    fn kernel_is_the_composition() {
+    fn kernel_equals_reference() {
         for (groups, activation) in [(6, Activation::Relu), (2, Activation::Relu), (3, Activation::None)] {
             let kernel = NormKernel { groups, activation };
             let got = |[x, a]: [Tensor<2>; 2]| normalise(x, a, groups, activation);
@@ -296,13 +298,13 @@ mod tests {
     }
 
     #[test]
-    fn gradients_are_differences() {
+    fn gradients_equal_finite_differences() {
         assert_gradients(&[[40, 6], [2, 6]], |[x, a]| normalise(x, a, 2, Activation::None));
         assert_gradients(&[[40, 6], [2, 6], [40, 6]], |[x, a, s]| normalise_and_add(x, a, s, 6, Activation::Relu));
     }
 
     #[test]
-    fn large_means_do_not_spoil_the_variance() {
+    fn variance_is_accurate_at_large_means() {
         let x: Vec<f32> = (0..3000).map(|i| 3000.0 + (i as f32 * 0.7).sin()).collect();
         let kernel = NormKernel { groups: 1, activation: Activation::None };
         let y = kernel.forward(&[&x, &[1.0, 0.0]], &[[3000, 1], [2, 1]]);

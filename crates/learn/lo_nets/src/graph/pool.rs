@@ -1,38 +1,42 @@
 use std::sync::Arc;
 
 use burn::tensor::Tensor;
-use lo_dual::{Matrix, product};
+use lo_dual::{Matrix, matmul};
 use rayon::prelude::*;
 
+use crate::cpu_ops::{Kernel, Number, binary};
 use crate::graph::{GraphLevel, Refinement};
-use crate::host::{Kernel, Number, binary};
 
-/// Families that a thread takes at a time; their share of the weights' gradient is summed in a fixed order.
+/// Families of eight siblings for each task. Their parts of the weights' gradient are summed in a fixed order.
 const BLOCK: usize = 1 << 8;
 
-/// To the graph one depth coarser than `finer`: features of eight siblings, one after the other, times
-/// `weights[8 · channels, channels]` become their parent's; leaves pass. `[finer nodes, channels] → [coarser nodes, channels]`.
+/// Pools to the graph one depth coarser than `finer`. `[finer nodes, channels] → [coarser nodes, channels]`.
+///
+/// The concatenated features of eight siblings, times `weights[8 · channels, channels]`, become their parent's. Leaves
+/// pass unchanged.
 ///
 /// # Panics
-/// Where `finer` is of the full depth, or sizes do not fit.
+/// Where `finer` is of the full depth, or sizes do not match.
 pub fn down_sample(x: Tensor<2>, weights: Tensor<2>, finer: &Arc<GraphLevel>) -> Tensor<2> {
     binary(x, weights, DownKernel(finer.clone()))
 }
 
-/// From the graph one depth coarser than `finer`: features of a node that is split times `weights[channels, 8 · channels]`
-/// become its eight children's; leaves pass. `[coarser nodes, channels] → [finer nodes, channels]`.
+/// Unpools to `finer` from the graph one depth coarser. `[coarser nodes, channels] → [finer nodes, channels]`.
+///
+/// The features of a split node, times `weights[channels, 8 · channels]`, become its eight children's. Leaves pass
+/// unchanged.
 ///
 /// # Panics
-/// Where `finer` is of the full depth, or sizes do not fit.
+/// Where `finer` is of the full depth, or sizes do not match.
 pub fn up_sample(x: Tensor<2>, weights: Tensor<2>, finer: &Arc<GraphLevel>) -> Tensor<2> {
     binary(x, weights, UpKernel(finer.clone()))
 }
 
 fn refinement(finer: &GraphLevel) -> &Refinement {
-    finer.refinement.as_ref().expect("a level below the full depth comes from a coarser one")
+    finer.refinement.as_ref().expect("levels below the full depth have a coarser one")
 }
 
-/// The same by burn's own operations, to check the kernel.
+/// Reference implementation with burn's operations.
 #[cfg(test)]
 fn composed_down(x: Tensor<2>, weights: Tensor<2>, finer: &GraphLevel) -> Tensor<2> {
     use burn::tensor::{Int, TensorData};
@@ -40,14 +44,14 @@ fn composed_down(x: Tensor<2>, weights: Tensor<2>, finer: &GraphLevel) -> Tensor
     let ([rows, channels], device) = (x.dims(), x.device());
     let merged =
         x.clone().narrow(0, kept.len(), rows - kept.len()).reshape([split.len(), 8 * channels]).matmul(weights);
-    // Rows of the coarser graph among the kept ones and, behind them, the merged ones.
+    // Source rows of the coarser graph: kept rows first, then the merged ones.
     let mut sources = vec![0i64; kept.len() + split.len()];
     kept.iter().chain(split).enumerate().for_each(|(source, &node)| sources[node as usize] = source as i64);
     let sources = Tensor::<1, Int>::from_data(TensorData::new(sources, [kept.len() + split.len()]), &device);
     Tensor::cat(vec![x.narrow(0, 0, kept.len()), merged], 0).select(0, sources)
 }
 
-/// The same by burn's own operations, to check the kernel.
+/// Reference implementation with burn's operations.
 #[cfg(test)]
 fn composed_up(x: Tensor<2>, weights: Tensor<2>, finer: &GraphLevel) -> Tensor<2> {
     use burn::tensor::{Int, TensorData};
@@ -84,16 +88,16 @@ impl Kernel for DownKernel {
         let mut merged = vec![T::default(); split.len() * channels];
         multiply(&mut merged, families, inputs[1], [8 * channels, channels]);
         let mut output = vec![T::default(); rows * channels];
-        scatter(&mut output, leaves, kept, channels);
-        scatter(&mut output, &merged, split, channels);
+        scatter_rows(&mut output, leaves, kept, channels);
+        scatter_rows(&mut output, &merged, split, channels);
         output
     }
 
     fn backward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]], gradient: &[T], _: &[bool]) -> Vec<Vec<T>> {
         let [_, channels] = self.output_size(sizes);
         let Refinement { kept, split } = refinement(&self.0);
-        let merged = gathered(gradient, split, channels);
-        let mut by_input = gathered(gradient, kept, channels);
+        let merged = gather_rows(gradient, split, channels);
+        let mut by_input = gather_rows(gradient, kept, channels);
         by_input.resize(inputs[0].len(), T::default());
         let families = kept.len() * channels;
         multiply_transposed(&mut by_input[families..], &merged, inputs[1], [8 * channels, channels]);
@@ -114,8 +118,8 @@ impl Kernel for UpKernel {
     fn forward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]]) -> Vec<T> {
         let [rows, channels] = self.output_size(sizes);
         let Refinement { kept, split } = refinement(&self.0);
-        let parents = gathered(inputs[0], split, channels);
-        let mut output = gathered(inputs[0], kept, channels);
+        let parents = gather_rows(inputs[0], split, channels);
+        let mut output = gather_rows(inputs[0], kept, channels);
         output.resize(rows * channels, T::default());
         multiply(&mut output[kept.len() * channels..], &parents, inputs[1], [channels, 8 * channels]);
         output
@@ -128,37 +132,37 @@ impl Kernel for UpKernel {
         let mut by_parents = vec![T::default(); split.len() * channels];
         multiply_transposed(&mut by_parents, families, inputs[1], [channels, 8 * channels]);
         let mut by_input = vec![T::default(); inputs[0].len()];
-        scatter(&mut by_input, leaves, kept, channels);
-        scatter(&mut by_input, &by_parents, split, channels);
-        let parents = gathered(inputs[0], split, channels);
+        scatter_rows(&mut by_input, leaves, kept, channels);
+        scatter_rows(&mut by_input, &by_parents, split, channels);
+        let parents = gather_rows(inputs[0], split, channels);
         vec![by_input, weight_gradient(&parents, families, [channels, 8 * channels])]
     }
 }
 
-/// `out[rows, n] = x[rows, k] · weights[k, n]`.
+/// Computes `out[rows, n] = x[rows, k] · weights[k, n]`.
 fn multiply<T: Number>(out: &mut [T], x: &[T], weights: &[T], [k, n]: [usize; 2]) {
     out.par_chunks_mut(BLOCK * n).zip(x.par_chunks(BLOCK * k)).for_each(|(out, x)| {
-        product(out, Matrix::new(x, k), Matrix::new(weights, n), false);
+        matmul(out, Matrix::new(x, k), Matrix::new(weights, n), false);
     });
 }
 
-/// `out[rows, k] = y[rows, n] · weights[k, n]ᵀ`.
+/// Computes `out[rows, k] = y[rows, n] · weights[k, n]ᵀ`.
 fn multiply_transposed<T: Number>(out: &mut [T], y: &[T], weights: &[T], [k, n]: [usize; 2]) {
     out.par_chunks_mut(BLOCK * k).zip(y.par_chunks(BLOCK * n)).for_each(|(out, y)| {
-        product(out, Matrix::new(y, n), Matrix::new(weights, n).transposed(), false);
+        matmul(out, Matrix::new(y, n), Matrix::new(weights, n).transposed(), false);
     });
 }
 
-/// `x[rows, k]ᵀ · y[rows, n]`, summed in parts of a fixed size.
+/// Returns `x[rows, k]ᵀ · y[rows, n]`, summed in parts of fixed size.
 fn weight_gradient<T: Number>(x: &[T], y: &[T], [k, n]: [usize; 2]) -> Vec<T> {
-    // At most 16 parts, so that the sums stay small beside the features.
+    // At most 16 parts, so that they stay small compared with the features.
     let rows = (x.len() / k).div_ceil(16).next_multiple_of(BLOCK);
     let parts: Vec<Vec<T>> = x
         .par_chunks(rows * k)
         .zip(y.par_chunks(rows * n))
         .map(|(x, y)| {
             let mut part = vec![T::default(); k * n];
-            product(&mut part, Matrix::new(x, k).transposed(), Matrix::new(y, n), false);
+            matmul(&mut part, Matrix::new(x, k).transposed(), Matrix::new(y, n), false);
             part
         })
         .collect();
@@ -169,13 +173,13 @@ fn weight_gradient<T: Number>(x: &[T], y: &[T], [k, n]: [usize; 2]) -> Vec<T> {
     sum
 }
 
-fn gathered<T: Number>(x: &[T], nodes: &[u32], channels: usize) -> Vec<T> {
+fn gather_rows<T: Number>(x: &[T], nodes: &[u32], channels: usize) -> Vec<T> {
     let mut rows = Vec::with_capacity(nodes.len() * channels);
     nodes.iter().for_each(|&node| rows.extend_from_slice(&x[node as usize * channels..][..channels]));
     rows
 }
 
-fn scatter<T: Number>(out: &mut [T], rows: &[T], nodes: &[u32], channels: usize) {
+fn scatter_rows<T: Number>(out: &mut [T], rows: &[T], nodes: &[u32], channels: usize) {
     for (row, &node) in rows.chunks_exact(channels).zip(nodes) {
         out[node as usize * channels..][..channels].copy_from_slice(row);
     }
@@ -188,7 +192,7 @@ mod tests {
     use crate::testing::{assert_gradients, assert_same_function};
 
     #[test]
-    fn kernels_are_the_compositions() {
+    fn kernels_equal_references() {
         for levels in GraphLevel::all(&uneven_octree()).windows(2) {
             let (coarser, finer) = (levels[0].len(), &levels[1]);
             let sizes = [[finer.len(), 3], [24, 3]];
@@ -199,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients_are_differences() {
+    fn gradients_equal_finite_differences() {
         let levels = GraphLevel::all(&uneven_octree());
         let finer = &levels[2];
         assert_gradients(&[[finer.len(), 2], [16, 2]], |[x, w]| down_sample(x, w, finer));

@@ -1,44 +1,44 @@
-use lo_geometry::Vec3;
-use lo_imaging::RadianceImage;
 use serde::{Deserialize, Serialize};
 
 use crate::graph::type_channels_of;
-use crate::light::LightInput;
 use crate::light::channels::{LOBE_CHANNELS, NODE_FEATURES, RAW_CHANNELS};
 use crate::light::error::LightConfigError;
 
-/// Shape of the light network. Every field has a default, so that a file need name only what differs.
+/// Configuration of the light network. Every field has a default.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LightNetConfig {
-    /// Depth of the octree, `full_depth` to 8.
+    /// Depth of the octree, from `full_depth` to 8.
     pub depth: u32,
-    /// Depth from which on the octree is sparse; the coarsest stage.
+    /// Depth down to which the octree is full, and depth of the coarsest stage.
     pub full_depth: u32,
     /// Channels at the finest stage.
     pub channels: usize,
-    /// Greatest number of channels; they double from stage to stage until then.
+    /// Maximum number of channels. Channels double from stage to stage up to this number.
     pub max_channels: usize,
     /// Residual blocks of each stage.
     pub blocks: usize,
-    /// Channels of a residual block ÷ channels between its two convolutions.
+    /// Ratio of a residual block's channels to those of its bottleneck.
     pub bottleneck: usize,
     /// Hidden channels of the two heads of each stage.
     pub head_channels: usize,
-    /// Channels whose mean and variance are taken together; 1 is batch normalisation on the tree at hand.
+    /// Channels that share mean and variance. With 1, this is batch normalisation over the current graph.
     pub channels_per_group: usize,
-    /// Length of the global lighting feature `f_L`, whose last three numbers are the photo's colour.
+    /// Length of the global lighting feature `f_L`. Its last three numbers are the photo's colour.
     pub global_features: usize,
-    /// Channels that `f_L` is projected to before it joins the other features of a node.
+    /// Channels that `f_L` is projected to before it is appended to a node's features.
     pub global_channels: usize,
-    /// Share of the single map in the first guess of what is not seen, beside the ambient light's, 0 to 1. By default the network gives a share for each node;
-    /// networks trained before that have a fixed one.
+    /// Share of the single map in the initial radiance of unobserved nodes, against ambient light, 0 to 1.
+    ///
+    /// By default the network predicts a share for each node. Older networks have a fixed share.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub map_share: Option<f32>,
-    /// Whether each node has a spherical Gaussian lobe beside its radiance (variant "SG" of the paper).
+    /// Whether each node has a spherical Gaussian lobe beside its radiance (the paper's variant "SG").
     pub lobes: bool,
-    /// Greatest number of nodes of a graph that the network may grow to by its own predictions (and a family of eight for each depth beyond). Growth along a
-    /// truth knows no budget. `None`: [`LightNetConfig::node_budget`] follows the depth.
+    /// Maximum number of nodes of a graph that grows by predictions (exceeded by at most eight nodes for each further
+    /// depth).
+    ///
+    /// Does not limit growth along a true octree. With `None`, [`LightNetConfig::node_budget`] depends on the depth.
     pub max_nodes: Option<usize>,
 }
 
@@ -63,7 +63,7 @@ impl Default for LightNetConfig {
 }
 
 impl LightNetConfig {
-    /// Checks what types cannot say.
+    /// Validates ranges and their combinations.
     ///
     /// # Errors
     /// See [`LightConfigError`].
@@ -98,12 +98,7 @@ impl LightNetConfig {
         Ok(())
     }
 
-    /// An input with what the network is told beside points: the unit vector against gravity, and the single map.
-    pub fn told(&self, input: LightInput, up: Vec3, single_map: RadianceImage) -> LightInput {
-        input.with_up(up).with_map(single_map)
-    }
-
-    /// Number of weights of the network.
+    /// Returns the network's number of weights.
     pub fn weights(&self) -> u64 {
         let projection = |inputs: usize, outputs: usize| (inputs + 2) * outputs;
         let stage = |depth: u32| {
@@ -116,7 +111,7 @@ impl LightNetConfig {
             let hidden = self.head_channels;
             2 * projection(self.stage_channels(depth), hidden) + (hidden + 1) * (1 + self.raw_channels())
         };
-        // From this stage to the one above it and back.
+        // Layers between this stage and the next coarser one.
         let between = |depth: u32| {
             let (fine, coarse) = (self.stage_channels(depth), self.stage_channels(depth - 1));
             8 * (fine * fine + coarse * coarse) + projection(fine, coarse) + projection(coarse, fine)
@@ -128,30 +123,33 @@ impl LightNetConfig {
         (start + all + finer) as u64
     }
 
-    /// Greatest number of nodes of a graph: `max_nodes`, or else about three and a half times what a generated room has at this depth, 1,600,000 at
-    /// d = 8 and a quarter of that for each depth less (rooms of seed 7: 29,000 nodes at d = 6, 117,000 at 7, 488,000 at 8).
+    /// Returns the maximum number of nodes of a graph: `max_nodes`, or a default of about 3.5 times the nodes of a
+    /// generated room.
+    ///
+    /// The default is 1,600,000 at depth 8 and a quarter of that for each depth less. Rooms of seed 7 have 29,000 nodes
+    /// at depth 6, 117,000 at 7, and 488,000 at 8.
     pub fn node_budget(&self) -> usize {
         let full = 1usize << (3 * self.full_depth.min(6));
         self.max_nodes.unwrap_or_else(|| (1_600_000 >> (2 * 8u32.saturating_sub(self.depth))).max(2 * full))
     }
 
-    /// Outputs of the regression module.
+    /// Returns the number of outputs of the regression module.
     pub(crate) fn raw_channels(&self) -> usize {
         let share = usize::from(self.map_share.is_none());
         RAW_CHANNELS - 1 + share + if self.lobes { LOBE_CHANNELS } else { 0 }
     }
 
-    /// Depths of the stages, the coarsest first.
+    /// Iterates over the depths of the stages, the coarsest first.
     pub fn stages(&self) -> impl DoubleEndedIterator<Item = u32> + use<> {
         self.full_depth..=self.depth
     }
 
-    /// Channels of the stage of this depth.
+    /// Returns the channels of the stage of this depth.
     pub fn stage_channels(&self, depth: u32) -> usize {
         (self.channels << (self.depth - depth)).min(self.max_channels)
     }
 
-    /// Number of different depths of the nodes of a stage's graph.
+    /// Returns the number of different node depths in a stage's graph.
     pub(crate) fn depths(&self, depth: u32) -> usize {
         (depth - self.full_depth + 1) as usize
     }
@@ -168,15 +166,15 @@ mod tests {
             config.validate().map_err(|error| error.to_string())
         };
         assert_eq!((refusal(0.0), refusal(1.0)), (Ok(()), Ok(())));
-        assert_eq!(refusal(1.5), Err("map_share is 1.5; it goes from 0 to 1".into()));
-        assert_eq!(refusal(f32::NAN), Err("map_share is NaN; it goes from 0 to 1".into()));
+        assert_eq!(refusal(1.5), Err("map_share is 1.5; it must be between 0 and 1".into()));
+        assert_eq!(refusal(f32::NAN), Err("map_share is NaN; it must be between 0 and 1".into()));
     }
 
     #[test]
-    fn the_budget_follows_the_depth_and_holds_a_room() {
+    fn node_budget_grows_with_depth_and_fits_a_room() {
         let budget = |depth| LightNetConfig { depth, ..LightNetConfig::default() }.node_budget();
         assert_eq!([6, 7, 8].map(budget), [100_000, 400_000, 1_600_000]);
-        // docs/method.md §5.9: nodes of the graph of a generated room.
+        // Nodes of a generated room's graph, from docs/method.md §5.9.
         for (depth, room) in [(6, 28_771), (7, 117_475), (8, 488_146)] {
             assert!(budget(depth) > 3 * room, "{depth}");
         }
@@ -185,7 +183,7 @@ mod tests {
         assert_eq!(LightNetConfig { max_nodes: Some(5000), ..all.clone() }.node_budget(), 5000);
         assert_eq!(
             LightNetConfig { max_nodes: Some(4095), ..all }.validate().map_err(|error| error.to_string()),
-            Err("max_nodes is 4095; it must lie in 4096 to 16777216".into())
+            Err("max_nodes is 4095; it must be between 4096 and 16777216".into())
         );
     }
 }

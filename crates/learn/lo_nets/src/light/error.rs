@@ -4,75 +4,77 @@ use lo_octree::OctreeError;
 
 use crate::light::VisiblePoint;
 
-/// Why the light network cannot work on its input.
+/// Error of the light network.
 #[derive(Debug, thiserror::Error)]
 pub enum LightError {
     /// A point is not finite, or its radiance is negative.
-    #[error("visible point {index} is {point:?}; position, normal and radiance must be finite, radiance not negative")]
+    #[error(
+        "visible point {index} is invalid: position, normal and radiance must be finite, and radiance not negative; it is {point:?}"
+    )]
     Point {
-        /// Its place in the list.
+        /// Index of the point.
         index: usize,
-        /// It.
+        /// The invalid point.
         point: VisiblePoint,
     },
-    /// No octree of this shape.
+    /// The octree's shape is not supported.
     #[error(transparent)]
     Octree(#[from] OctreeError),
-    /// The input, or the tree to grow along, has other depths than the network.
-    #[error("{what} reaches from depth {got_full} to {got}, but the network from {full} to {depth}")]
+    /// The input, or the octree to grow along, does not have the network's depths.
+    #[error("{what} has depths {got_full} to {got}, but the network has depths {full} to {depth}")]
     Depths {
-        /// Which octree.
+        /// Name of the octree.
         what: &'static str,
-        /// Its full depth.
+        /// Full depth of the octree.
         got_full: u32,
-        /// Its depth.
+        /// Depth of the octree.
         got: u32,
-        /// The network's full depth.
+        /// Full depth of the network.
         full: u32,
-        /// The network's depth.
+        /// Depth of the network.
         depth: u32,
     },
-    /// The truth is of another part of the world.
-    #[error("the true octree covers {truth:?}, but the network's {output:?}")]
+    /// The true octree covers another cube than the output.
+    #[error("the true octree covers {truth:?}, but the predicted octree covers {output:?}")]
     Cubes {
-        /// The truth's.
+        /// Cube of the true octree.
         truth: Cube,
-        /// The network's.
+        /// Cube of the output.
         output: Cube,
     },
     /// Tracing settings out of range.
     #[error(transparent)]
     Settings(#[from] TracerError),
-    /// A network's output that is no number: its weights or its input are not.
-    #[error("the network's {what} at depth {depth} are not finite")]
+    /// The network's output is NaN or infinite.
+    #[error("the network's {what} at depth {depth} are NaN or infinite; check the weights and the input")]
     NotFinite {
-        /// Which output.
+        /// Name of the output.
         what: &'static str,
-        /// Where.
+        /// Depth of the nodes.
         depth: u32,
     },
 }
 
-/// Why there is no light network of a shape.
+/// Error of a light network's configuration.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum LightConfigError {
-    /// A field out of its range.
-    #[error("{field} is {value}; it must lie in {min} to {max}")]
+    /// A field is out of range.
+    #[error("{field} is {value}; it must be between {min} and {max}")]
     OutOfRange {
-        /// The field of [`LightNetConfig`](crate::light::LightNetConfig).
+        /// Name of the field of [`LightNetConfig`](crate::light::LightNetConfig).
         field: &'static str,
-        /// Its value.
+        /// Value of the field.
         value: usize,
-        /// The least one that is possible beside the other fields.
+        /// Minimum, given the other fields.
         min: usize,
-        /// The greatest one.
+        /// Maximum, given the other fields.
         max: usize,
     },
-    /// No share.
-    #[error("map_share is {0}; it goes from 0 to 1")]
+    /// `map_share` is out of range.
+    #[error("map_share is {0}; it must be between 0 and 1")]
     MapShare(f32),
-    /// Channels cannot be normalised in groups of this size.
-    #[error("{channels} channels do not divide into groups of {group}")]
+    /// A layer's channels cannot be divided into groups of this size.
+    #[error("{channels} channels cannot be divided into groups of {group}; change channels_per_group")]
     Groups {
         /// Channels of a layer.
         channels: usize,

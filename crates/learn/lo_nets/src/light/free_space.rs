@@ -3,49 +3,49 @@ use lo_octree::xyz_from_key;
 
 use crate::light::{PhotoView, VisiblePoint};
 
-/// Pixels of the camera along a side of a cell.
+/// Side of a cell in pixels of the camera.
 const CELL: u32 = 4;
 
-/// Space that a photo shows to be empty: what lies before what is seen.
+/// Space that photos show to be empty: in front of the observed surfaces.
 #[derive(Clone, Debug)]
-pub struct FreeSpace(Vec<Before>);
+pub struct FreeSpace(Vec<CameraFreeSpace>);
 
-/// What lies before what one camera sees.
+/// Free space observed by one camera.
 #[derive(Clone, Debug)]
-struct Before {
-    /// The camera, in cells.
+struct CameraFreeSpace {
+    /// The camera, with cells as pixels.
     view: PhotoView,
-    /// Depth of the nearest point in each cell, metres; 0 where there is none, so that nothing is known.
+    /// Depth of the nearest point in each cell in metres, or 0 without points, where free space is unknown.
     nearest_m: Vec<f32>,
 }
 
 impl FreeSpace {
-    /// Of the points that a camera sees.
+    /// Builds free space from the points that a camera observes.
     pub fn new(points: &[VisiblePoint], camera: &Camera) -> Self {
         Self::of_photos(points, &[PhotoView::only(*camera, points.len())])
     }
 
-    /// Of the points that several cameras see, each its own.
+    /// Builds free space from several cameras. Each of them observes its own range of points.
     ///
     /// # Panics
     /// Where the views have more points than there are.
     pub fn of_photos(points: &[VisiblePoint], views: &[PhotoView]) -> Self {
         let mut rest = points;
-        let before = |view: &PhotoView| {
+        let of_view = |view: &PhotoView| {
             let (own, others) = rest.split_at(view.points);
             rest = others;
-            Before::new(own, view)
+            CameraFreeSpace::new(own, view)
         };
-        Self(views.iter().map(before).collect())
+        Self(views.iter().map(of_view).collect())
     }
 
-    /// Whether all of a node is known to be empty, by one camera's word.
-    pub fn holds(&self, cube: Cube, depth: u32, key: u32) -> bool {
-        self.0.iter().any(|before| before.holds(cube, depth, key))
+    /// Reports whether any single camera shows the whole node to be empty.
+    pub fn contains_node(&self, cube: Cube, depth: u32, key: u32) -> bool {
+        self.0.iter().any(|camera| camera.contains_node(cube, depth, key))
     }
 }
 
-impl Before {
+impl CameraFreeSpace {
     fn new(points: &[VisiblePoint], view: &PhotoView) -> Self {
         let camera = view.camera.resized(view.camera.width.div_ceil(CELL), view.camera.height.div_ceil(CELL));
         let view = PhotoView { camera, ..*view };
@@ -60,7 +60,7 @@ impl Before {
         Self { view, nearest_m }
     }
 
-    fn holds(&self, cube: Cube, depth: u32, key: u32) -> bool {
+    fn contains_node(&self, cube: Cube, depth: u32, key: u32) -> bool {
         let [x, y, z] = xyz_from_key(key).map(|i| i as f32);
         let (mut low, mut high, mut farthest_m) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2], 0.0f64);
         for corner in 0..8 {
@@ -75,9 +75,10 @@ impl Before {
         if low[0] < 0.0 || low[1] < 0.0 || high[0] >= width as f64 || high[1] >= height as f64 {
             return false;
         }
-        let before = |cell: f32| f64::from(cell) > farthest_m;
-        (low[1] as usize..=high[1] as usize)
-            .all(|v| self.nearest_m[v * width..][low[0] as usize..=high[0] as usize].iter().all(|&cell| before(cell)))
+        let is_behind = |cell: f32| f64::from(cell) > farthest_m;
+        (low[1] as usize..=high[1] as usize).all(|v| {
+            self.nearest_m[v * width..][low[0] as usize..=high[0] as usize].iter().all(|&cell| is_behind(cell))
+        })
     }
 }
 
@@ -90,8 +91,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_lies_before_a_wall_is_empty_and_nothing_else() {
-        // A wall 3 m away fills the view of 90° but for a hole in its left half.
+    fn only_space_in_front_of_a_wall_is_free() {
+        // A wall 3 m away fills the view of 90°, except for a hole in its left half.
         let camera = Camera::from_hfov_deg(90.0, 64, 64).unwrap();
         let pixels =
             (0..64 * 64).map(|i| (i % 64, i / 64)).filter(|&(u, v)| !(12..20).contains(&u) || !(28..36).contains(&v));
@@ -104,23 +105,23 @@ mod tests {
         let points: Vec<VisiblePoint> = pixels.map(point).collect();
         let free = FreeSpace::new(&points, &camera);
         let cube = Cube::centred(Vec3::ZERO, 8.0);
-        // Nodes of a quarter of a metre: by the place of their middle.
+        // Nodes of 0.25 m, given by a point inside.
         let holds = |x: f32, y: f32, z: f32| {
             let unit = cube.unit_from_world(Vec3::new(x, y, z)) * 32.0;
-            free.holds(cube, 5, key_from_xyz([unit.x as u32, unit.y as u32, unit.z as u32]))
+            free.contains_node(cube, 5, key_from_xyz([unit.x as u32, unit.y as u32, unit.z as u32]))
         };
         assert!(holds(0.9, 0.4, -2.1) && holds(0.1, 0.1, -0.6));
-        assert!(!holds(0.9, 0.4, -2.9), "it holds the wall");
+        assert!(!holds(0.9, 0.4, -2.9), "contains the wall");
         assert!(!holds(0.9, 0.4, -3.4), "behind the wall");
         assert!(!holds(0.9, 0.4, 1.1) && !holds(0.1, 0.1, -0.1), "behind the camera, and beside it");
         assert!(!holds(2.1, 0.1, -2.1), "cut by the edge of the view");
-        assert!(!holds(-1.0, 0.1, -2.1), "before the hole");
-        assert!(!FreeSpace::new(&[], &camera).holds(cube, 5, 0));
+        assert!(!holds(-1.0, 0.1, -2.1), "in front of the hole");
+        assert!(!FreeSpace::new(&[], &camera).contains_node(cube, 5, 0));
     }
 
     #[test]
-    fn each_of_two_cameras_knows_what_lies_before_it() {
-        // One looks at a wall 3 m ahead, one from its side at a wall 2 m behind the first.
+    fn each_camera_contributes_its_free_space() {
+        // One camera faces a wall 3 m ahead. The other, to its side, faces a wall 2 m behind the first.
         let camera = Camera::from_hfov_deg(90.0, 64, 64).unwrap();
         let behind = RigidTransform {
             rotation: Quat::from_rotation_y(std::f32::consts::PI),
@@ -143,7 +144,7 @@ mod tests {
         let cube = Cube::centred(Vec3::ZERO, 8.0);
         let holds = |x: f32, y: f32, z: f32| {
             let unit = cube.unit_from_world(Vec3::new(x, y, z)) * 32.0;
-            free.holds(cube, 5, key_from_xyz([unit.x as u32, unit.y as u32, unit.z as u32]))
+            free.contains_node(cube, 5, key_from_xyz([unit.x as u32, unit.y as u32, unit.z as u32]))
         };
         assert!(holds(0.9, 0.4, -2.1) && holds(0.6, 0.4, 1.4));
         assert!(!holds(0.6, 0.4, 2.1) && !holds(0.9, 0.4, -3.1), "behind the walls");

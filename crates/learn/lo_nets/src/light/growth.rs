@@ -4,69 +4,74 @@ use rayon::prelude::*;
 
 use crate::light::LightInput;
 
-/// Nodes are split whose logit is above this, a probability of a third: what is split in vain costs a little, but through a hole in a wall
-/// one sees nothing.
+/// Logit above which nodes are split, a probability of a third. Needless splits cost little, but a hole in a wall is
+/// visible.
 const MIN_LOGIT: f32 = -0.7;
 
-/// By what the decoder's octree grows.
+/// Source of the occupancy by which the decoder's octree grows.
 #[derive(Clone, Copy, Debug)]
 pub enum Growth<'a> {
-    /// By this octree: in training.
+    /// This octree, in training.
     Truth(&'a Octree),
-    /// By the network's own predictions, and by what the photo shows.
+    /// The network's predictions, and the photo's observations.
     Predicted,
 }
 
-/// How many nodes of `depth` may be split where the octree ends at `last` and `splits` more fit the node budget in all.
+/// Returns how many nodes of `depth` may be split, for an octree that ends at `last` and a remaining budget of
+/// `splits`.
 ///
-/// What is seen is split whatever else is predicted, at this depth and below. A surface has four times as many nodes one depth further down, and what is left
-/// is shared accordingly: coarse predictions must not use up what fine ones need.
-pub(super) fn most_splits(splits: usize, visible: &Octree, depth: u32, last: u32) -> usize {
+/// Observed nodes are always split, at this depth and below. A surface has four times as many nodes one depth further
+/// down, and the remaining budget is divided in that proportion. Coarse predictions thus leave room for fine ones.
+pub(super) fn max_splits(splits: usize, visible: &Octree, depth: u32, last: u32) -> usize {
     let seen = |depth: u32| visible.levels()[depth as usize].nonempty;
     let free = splits.saturating_sub((depth..last).map(seen).sum());
     let parts = (depth..last).fold(0, |parts, _| 4 * parts + 1);
     (seen(depth) + free / parts).min(splits).max(1)
 }
 
-/// Makes the nodes of a full level that lie at the cube's sides non-empty, but for those that the photo shows to be empty: a ray that finds a hole in
-/// what was grown ends there, in light that the network gives for the place, and not in the dark.
-pub(super) fn close(nonempty: &mut [bool], depth: u32, input: &LightInput) {
+/// Closes the cube: makes the nodes of a full level at its sides non-empty, except where photos show them to be empty.
+///
+/// Rays that leave through a hole in the grown octree then end in light that the network predicts there, not in the
+/// dark.
+pub(super) fn close_sides(nonempty: &mut [bool], depth: u32, input: &LightInput) {
     let last = (1 << depth) - 1;
     for (key, nonempty) in (0..).zip(nonempty) {
         let at_side = xyz_from_key(key).iter().any(|&at| at == 0 || at == last);
-        *nonempty |= at_side && !input.free.holds(input.cube(), depth, key);
+        *nonempty |= at_side && !input.free.contains_node(input.cube(), depth, key);
     }
 }
 
-/// Which nodes of a level are not empty.
-pub(super) struct Labels {
+/// Occupancy of the nodes of a level.
+pub(super) struct Occupancy {
     pub nonempty: Vec<bool>,
-    /// What was not done as predicted.
+    /// Deviation from the prediction, if any.
     pub warning: Option<Warning>,
 }
 
-impl Labels {
-    /// Those of an octree that has the same nodes at this depth.
-    pub fn of(truth: &Octree, depth: u32) -> Self {
+impl Occupancy {
+    /// Takes the occupancy from an octree that has the same nodes at this depth.
+    pub fn from_truth(truth: &Octree, depth: u32) -> Self {
         Self { nonempty: truth.levels()[depth as usize].rows.iter().map(|&row| row >= 0).collect(), warning: None }
     }
 
-    /// Nodes whose logit is above [`MIN_LOGIT`], and those where something was seen; at least one, and at most `most`: the likeliest.
+    /// Marks nodes that are observed or have a logit above [`MIN_LOGIT`]: at least one, and at most the `max_count`
+    /// likeliest.
     ///
-    /// Below the full depth these are the children of nodes that are occupied. Where a wall is known to be, but not in which of many small
-    /// leaves, none of these is likely, and the wall would vanish: there all eight are taken, but for those that the photo shows to be empty.
-    pub fn predicted(logits: &[f32], octree: &Octree, input: &LightInput, most: usize) -> Self {
+    /// Below the full depth, nodes are children of occupied nodes. Where a wall's position among small leaves is
+    /// uncertain, none of the eight children may be likely. All of them are then kept, except those that photos show to
+    /// be empty, as the wall would vanish otherwise.
+    pub fn predicted(logits: &[f32], octree: &Octree, input: &LightInput, max_count: usize) -> Self {
         let depth = octree.depth();
         let seen = |key: u32| input.visible.row(depth, key).is_some();
-        // What is seen comes before all that is predicted, and where one sees through there is nothing.
+        // Observed nodes rank first; observed free space ranks last.
         let score = |(&logit, &key): (&f32, &u32)| match seen(key) {
             true => f32::INFINITY,
-            false if input.free.holds(input.cube(), depth, key) => f32::NEG_INFINITY,
+            false if input.free.contains_node(input.cube(), depth, key) => f32::NEG_INFINITY,
             false => logit,
         };
         let score: Vec<f32> = logits.par_iter().zip(&octree.levels()[depth as usize].keys).map(score).collect();
         let mut order: Vec<u32> = (0..score.len() as u32).filter(|&node| score[node as usize] > MIN_LOGIT).collect();
-        // Children of one node lie side by side. Where none is likely, all are there: it stays the leaf that it was.
+        // Siblings are contiguous. Families without a likely child are kept as a whole.
         if depth > octree.full_depth() {
             let unlikely = |scores: &[f32]| scores.iter().all(|&score| score <= MIN_LOGIT);
             let whole = score.chunks(8).enumerate().filter(|(_, scores)| unlikely(scores));
@@ -78,10 +83,10 @@ impl Labels {
             order.extend((0..score.len() as u32).max_by(|&a, &b| score[a as usize].total_cmp(&score[b as usize])));
             warning = Some(Warning::NothingOccupied { depth });
         }
-        if order.len() > most {
-            warning = Some(Warning::NodeBudget { depth, predicted: order.len(), kept: most });
+        if order.len() > max_count {
+            warning = Some(Warning::NodeBudget { depth, predicted: order.len(), kept: max_count });
             order.sort_by(|&a, &b| score[b as usize].total_cmp(&score[a as usize]));
-            order.truncate(most);
+            order.truncate(max_count);
         }
         let mut nonempty = vec![false; score.len()];
         order.iter().for_each(|&node| nonempty[node as usize] = true);
@@ -98,7 +103,7 @@ mod tests {
     use super::*;
     use crate::light::{LightNetConfig, VisiblePoint};
 
-    /// Points that a camera at a corner of the cube sees; none of the rest of space is known.
+    /// Points observed by a camera at a corner of the cube. The rest of space is unobserved.
     fn input(points: &[Vec3]) -> LightInput {
         let point =
             |&position_m: &Vec3| VisiblePoint { position_m, radiance: [1.0; 3], normal: Vec3::ZERO, certain: true };
@@ -109,15 +114,15 @@ mod tests {
     }
 
     #[test]
-    fn the_likeliest_and_what_is_seen_is_kept() {
+    fn likeliest_and_observed_nodes_are_kept() {
         let octree = Octree::full(1).unwrap();
         let logits = [-5.0, 1.0, 3.0, -1.0, 2.0, 0.5, -2.0, -3.0];
-        let labels = Labels::predicted(&logits, &octree, &input(&[Vec3::ZERO]), 8);
-        assert_eq!(labels.nonempty, [true, true, true, false, true, true, false, false]);
-        assert_eq!(labels.warning, None);
-        let labels = Labels::predicted(&logits, &octree, &input(&[Vec3::ZERO]), 3);
-        assert_eq!(labels.nonempty, [true, false, true, false, true, false, false, false]);
-        assert_eq!(labels.warning, Some(Warning::NodeBudget { depth: 1, predicted: 5, kept: 3 }));
+        let occupancy = Occupancy::predicted(&logits, &octree, &input(&[Vec3::ZERO]), 8);
+        assert_eq!(occupancy.nonempty, [true, true, true, false, true, true, false, false]);
+        assert_eq!(occupancy.warning, None);
+        let occupancy = Occupancy::predicted(&logits, &octree, &input(&[Vec3::ZERO]), 3);
+        assert_eq!(occupancy.nonempty, [true, false, true, false, true, false, false, false]);
+        assert_eq!(occupancy.warning, Some(Warning::NodeBudget { depth: 1, predicted: 5, kept: 3 }));
     }
 
     #[test]
@@ -127,32 +132,32 @@ mod tests {
         octree.grow(&[true, false, true, false, false, false, false, false]).unwrap();
         let mut logits = [-4.0; 16];
         logits[3] = 2.0;
-        let labels = Labels::predicted(&logits, &octree, &input(&[]), usize::MAX);
-        assert!((0..16).all(|node| labels.nonempty[node] == (node == 3 || node >= 8)), "{:?}", labels.nonempty);
+        let occupancy = Occupancy::predicted(&logits, &octree, &input(&[]), usize::MAX);
+        assert!((0..16).all(|node| occupancy.nonempty[node] == (node == 3 || node >= 8)), "{:?}", occupancy.nonempty);
     }
 
     #[test]
     fn budgets_are_shared_between_depths() {
         let full = |depth| Octree::full(depth).unwrap();
-        // Nothing seen: 1 + 4 + 16 parts, then 1 + 4, then all.
+        // Nothing observed: 1 + 4 + 16 parts, then 1 + 4, then all.
         let nothing = full(7);
         assert_eq!(
-            [(4, 2100), (5, 2000), (6, 1600)].map(|(depth, left)| most_splits(left, &nothing, depth, 7)),
+            [(4, 2100), (5, 2000), (6, 1600)].map(|(depth, left)| max_splits(left, &nothing, depth, 7)),
             [100, 400, 1600]
         );
-        // One node seen at each of the three depths.
+        // One observed node at each of the three depths.
         let point = RadiancePoint { position_m: Vec3::ZERO, radiance: [1.0; 3], provenance: Provenance::Observed };
         let cube = Cube { origin_m: Vec3::ZERO, edge_m: 1.0 };
         let seen = LightOctree::from_points(&[point], cube, 7, 4).unwrap().0.octree;
-        assert_eq!(most_splits(2103, &seen, 4, 7), 101);
-        assert_eq!([most_splits(2, &seen, 4, 7), most_splits(0, &seen, 6, 7)], [1, 1]);
+        assert_eq!(max_splits(2103, &seen, 4, 7), 101);
+        assert_eq!([max_splits(2, &seen, 4, 7), max_splits(0, &seen, 6, 7)], [1, 1]);
     }
 
     #[test]
-    fn something_is_always_there() {
+    fn at_least_one_node_is_kept() {
         let logits = [-1.0, -0.8, -3.0, -1.0, -1.0, -1.0, -1.0, -1.0];
-        let labels = Labels::predicted(&logits, &Octree::full(1).unwrap(), &input(&[]), 8);
-        assert_eq!(labels.nonempty.iter().position(|&label| label), Some(1));
-        assert_eq!(labels.warning, Some(Warning::NothingOccupied { depth: 1 }));
+        let occupancy = Occupancy::predicted(&logits, &Octree::full(1).unwrap(), &input(&[]), 8);
+        assert_eq!(occupancy.nonempty.iter().position(|&label| label), Some(1));
+        assert_eq!(occupancy.warning, Some(Warning::NothingOccupied { depth: 1 }));
     }
 }

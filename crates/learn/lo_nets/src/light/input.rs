@@ -1,3 +1,4 @@
+use std::ops::Range;
 use std::sync::Arc;
 
 use lo_geometry::{Camera, Cube, DVec3, Vec3};
@@ -6,45 +7,52 @@ use lo_octree::{LightOctree, Octree, Provenance, RadiancePoint};
 use lo_random::RngExt;
 
 use crate::graph::GraphLevel;
+use crate::light::channels::columns::{CARRIER, CENTRE, CERTAIN, LOG_RADIANCE, NORMAL, OFFSET, VISIBLE};
 use crate::light::channels::{MAX_RADIANCE, NODE_FEATURES};
 use crate::light::{FreeSpace, LightError, LightNetConfig, PhotoView, VisiblePoint};
 
-/// Points that carry the global lighting feature into what the photo does not see.
+/// Number of points that carry the global lighting feature into unobserved space.
 const GLOBAL_POINTS: usize = 4096;
 
-/// Least radiance that a first guess of light has.
+/// Lower limit of initial radiance.
 const MIN_AMBIENT: f32 = 1e-3;
 
-/// What the light network sees: the graphs of the input octree, features of their finest nodes, and what is known already.
+/// Input of the light network: graphs of the input octree, features of their finest nodes, and observations.
 #[derive(Debug)]
 pub struct LightInput {
     /// Graphs from the full depth on.
     pub levels: Vec<Arc<GraphLevel>>,
-    /// The octree that the graphs are of: visible points and those that carry `f_L`.
+    /// Octree of the graphs: visible points, and carriers of `f_L`.
     pub octree: Octree,
-    /// `[nodes of the finest graph, NODE_FEATURES]`: means over the node's points of log(1 + radiance) (3) and of the position in
-    /// the node, −1 to 1 (3); its centre in the cube, −1 to 1 (3); mean normal (3); shares of the points that are visible,
-    /// certain, and carriers of `f_L` (1 each). Nodes without points have a centre alone. Carriers are black and have no normal, or show the map
-    /// ([`LightInput::with_map`]) and know gravity ([`LightInput::with_up`]).
+    /// Features of the finest graph's nodes, `[nodes, NODE_FEATURES]`:
+    ///
+    /// - mean over the node's points of log(1 + radiance) (3), and of the position in the node, −1 to 1 (3);
+    /// - the node's centre in the cube, −1 to 1 (3);
+    /// - mean normal (3);
+    /// - shares of the points that are visible, certain, and carriers of `f_L` (1 each).
+    ///
+    /// Nodes without points have a centre only. Carriers are black and have no normal, until [`LightInput::with_map`]
+    /// and [`LightInput::with_up`] set them.
     pub features: Vec<f32>,
-    /// The octree of the visible points; its `seen` are the certain shares.
+    /// Octree of the visible points. Its `seen` holds the certain shares.
     pub visible: LightOctree,
-    /// A first guess of what is not seen, from the visible points: linear RGB, above 0; 0.2 where there are none.
+    /// Ambient light, the initial radiance of unobserved nodes: linear RGB above 0, or 0.2 without visible points.
     pub ambient: [f32; 3],
-    /// What the single map shows there: a panorama at the first camera, turned as the octrees' frame is. Without it the first guess is `ambient` alone.
+    /// Single map: a panorama at the first camera, in the octree's axes. Without it, initial radiance is `ambient`
+    /// alone.
     pub map: Option<RadianceImage>,
-    /// What the photos show to be empty.
+    /// Space that the photos show to be empty.
     pub free: FreeSpace,
 }
 
 impl LightInput {
-    /// Builds the input from the visible points and the camera that saw them, both in the frame of `cube`.
+    /// Builds the input from the visible points and their camera, both in the frame of `cube`.
     ///
-    /// Points that carry `f_L` are drawn outside of the view: directions uniform over the sphere, distances from those of the
-    /// visible points. Points outside of the cube do not count.
+    /// Carriers of `f_L` are drawn outside of the view: directions uniform over the sphere, distances from those of the
+    /// visible points. Points outside of the cube are ignored.
     ///
     /// # Errors
-    /// Points that are not finite (the first is named), depths or a cube that no octree can have.
+    /// The first point that is not finite; depths or a cube that octrees do not support.
     pub fn new(
         points: &[VisiblePoint],
         camera: &Camera,
@@ -55,13 +63,13 @@ impl LightInput {
         Self::of_photos(points, &[PhotoView::only(*camera, points.len())], cube, config, seed)
     }
 
-    /// [`LightInput::new`] from what several cameras saw, the points of one after those of another.
+    /// Builds the input from several cameras. `points` are grouped by camera in the order of `views`.
     ///
-    /// The network guesses from what the first camera saw, as it has learnt to. What any of them saw is known: there its guess does not count
-    /// (`docs/design/036-several-photos.md`).
+    /// The network infers from the first camera's observations only, as in training. Observations of the other cameras
+    /// replace its predictions where available (`docs/design/036-several-photos.md`).
     ///
     /// # Errors
-    /// As of one camera.
+    /// As [`LightInput::new`].
     ///
     /// # Panics
     /// Where the views have more points than there are.
@@ -95,54 +103,60 @@ impl LightInput {
         Ok(Self { levels, octree: light.octree, features, visible, ambient: ambient_light(points), map: None, free })
     }
 
-    /// With a single map: nodes that carry `f_L` show what it has in their direction, and what is not seen begins between it and the ambient light.
+    /// Adds the single map. It sets the radiance of `f_L`'s carriers, and is blended into the initial radiance of
+    /// unobserved nodes.
     #[must_use]
     pub fn with_map(mut self, map: RadianceImage) -> Self {
-        self.tell_carriers(0, |place_m| towards(&map, place_m).map(f32::ln_1p));
+        self.add_to_carriers(LOG_RADIANCE, |place_m| sample_map(&map, place_m).map(f32::ln_1p));
         self.map = Some(map);
         self
     }
 
-    /// With the unit vector against gravity: nodes that carry `f_L` have the normal of the level surface that might be there, a floor below the camera and a
-    /// ceiling above, as long as the sine of their elevation.
+    /// Adds the unit vector against gravity, by normals of the nodes that carry `f_L`.
+    ///
+    /// Each gets the normal of a horizontal surface at its position (floor below the camera, ceiling above), scaled by
+    /// the sine of its elevation.
     #[must_use]
     pub fn with_up(mut self, up: Vec3) -> Self {
-        self.tell_carriers(9, |place_m| (-place_m.normalize_or_zero().dot(up) * up).to_array());
+        self.add_to_carriers(NORMAL, |place_m| (-place_m.normalize_or_zero().dot(up) * up).to_array());
         self
     }
 
-    /// Adds to three features of the nodes that carry `f_L`, from `first` on, what their middles tell, as far as they are carriers.
-    fn tell_carriers(&mut self, first: usize, told: impl Fn(Vec3) -> [f32; 3]) {
+    /// Adds `value_at` of the node's centre to three features of nodes that carry `f_L`, weighted by their share of
+    /// carriers.
+    fn add_to_carriers(&mut self, columns: Range<usize>, value_at: impl Fn(Vec3) -> [f32; 3]) {
         let (half_edge_m, middle_m) = (0.5 * self.cube().edge_m, self.cube().centre_m());
         for row in self.features.chunks_exact_mut(NODE_FEATURES) {
-            let carriers = row[NODE_FEATURES - 1];
+            let carriers = row[CARRIER];
             if carriers > 0.0 {
-                let told = told(middle_m + half_edge_m * Vec3::new(row[6], row[7], row[8]));
-                row[first..].iter_mut().zip(told).for_each(|(sum, value)| *sum += carriers * value);
+                let values = value_at(middle_m + half_edge_m * Vec3::from_slice(&row[CENTRE]));
+                row[columns.clone()].iter_mut().zip(values).for_each(|(sum, value)| *sum += carriers * value);
             }
         }
     }
 
-    /// What the single map shows in the direction of a place of the octrees' frame, linear RGB above 0: `ambient` where there is no map.
+    /// Returns the single map's radiance towards a point of the octree's frame: linear RGB above 0, or `ambient`
+    /// without a map.
     pub fn map_towards(&self, place_m: Vec3) -> [f32; 3] {
-        self.map.as_ref().map_or(self.ambient, |map| towards(map, place_m))
+        self.map.as_ref().map_or(self.ambient, |map| sample_map(map, place_m))
     }
 
-    /// Part of the world that the octrees cover.
+    /// Returns the cube that the octrees cover.
     pub fn cube(&self) -> Cube {
         self.visible.cube
     }
 }
 
-fn towards(map: &RadianceImage, direction: Vec3) -> [f32; 3] {
+fn sample_map(map: &RadianceImage, direction: Vec3) -> [f32; 3] {
     sample_equirectangular(map, direction).map(|c| c.clamp(MIN_AMBIENT, MAX_RADIANCE))
 }
 
-/// What light is like where nothing is seen of it, at a first guess: as bright as the middle half of the points by brightness, their log average (as
-/// Reinhard et al. 2002 measure the key of a scene), in the mean of all points' colours, bright or dark. Windows and lamps in the picture, or the space below
-/// a table, do not count.
+/// Estimates ambient light from the visible points.
+///
+/// Brightness is the log average of the middle half of the points by brightness (the key of a scene in Reinhard et al.
+/// 2002), which excludes windows, lamps and dark corners. Colour is the mean over all points, bright or dark.
 pub fn ambient_light(points: &[VisiblePoint]) -> [f32; 3] {
-    // Keeps black from counting without limit.
+    // Bounds the influence of black.
     const DARK: f64 = 0.01;
     const UNKNOWN: f32 = 0.2;
     if points.is_empty() {
@@ -157,13 +171,13 @@ pub fn ambient_light(points: &[VisiblePoint]) -> [f32; 3] {
     ((log_mean.exp() - DARK) * colour).as_vec3().to_array().map(|c| c.clamp(MIN_AMBIENT, MAX_RADIANCE))
 }
 
-/// Places of the points that carry `f_L`.
+/// Draws the positions of the points that carry `f_L`.
 fn carriers(points: &[VisiblePoint], views: &[PhotoView], cube: Cube, seed: u64) -> Vec<Vec3> {
     if points.is_empty() {
         return Vec::new();
     }
     let mut stream = lo_random::stream(seed, "global light points", 0);
-    let in_view = |point: Vec3| views.iter().any(|view| view.holds(point));
+    let in_view = |point: Vec3| views.iter().any(|view| view.contains(point));
     (0..GLOBAL_POINTS)
         .filter_map(|_| {
             let z: f32 = stream.random_range(-1.0..1.0);
@@ -176,44 +190,65 @@ fn carriers(points: &[VisiblePoint], views: &[PhotoView], cube: Cube, seed: u64)
         .collect()
 }
 
+/// Features that a point adds to its node.
+#[derive(Default)]
+struct PointFeatures {
+    log_radiance: [f32; 3],
+    normal: [f32; 3],
+    visible: f32,
+    certain: f32,
+    carrier: f32,
+}
+
 fn features(light: &LightOctree, finest: &GraphLevel, points: &[VisiblePoint], carriers: &[Vec3]) -> Vec<f32> {
     let (octree, cube) = (&light.octree, light.cube);
     let graph = &finest.graph;
     let mut features = vec![0.0f32; graph.len() * NODE_FEATURES];
     for (node, row) in graph.nodes().iter().zip(features.chunks_exact_mut(NODE_FEATURES)) {
         let xyz = lo_octree::xyz_from_key(octree.levels()[node.depth as usize].keys[node.index as usize]);
-        for axis in 0..3 {
-            row[6 + axis] = (2.0 * xyz[axis] as f32 + 1.0) / (1u32 << node.depth) as f32 - 1.0;
+        for (centre, coordinate) in row[CENTRE].iter_mut().zip(xyz) {
+            *centre = (2.0 * coordinate as f32 + 1.0) / (1u32 << node.depth) as f32 - 1.0;
         }
     }
     let mut counts = vec![0u32; graph.len()];
     let depth = octree.depth();
-    let mut add = |position_m: Vec3, values: [f32; 9]| {
+    let mut add = |position_m: Vec3, point: PointFeatures| {
         if let Some((found, node)) = light.locate(position_m, depth)
             && found == depth
         {
             let node = graph.first_finest() + node;
             let row = &mut features[node * NODE_FEATURES..][..NODE_FEATURES];
-            let offset = cube.unit_from_world(position_m) * 2.0 - Vec3::ONE - Vec3::new(row[6], row[7], row[8]);
+            let offset = cube.unit_from_world(position_m) * 2.0 - Vec3::ONE - Vec3::from_slice(&row[CENTRE]);
             let offset = offset * (1u32 << depth) as f32;
             counts[node] += 1;
-            let [r, g, b, nx, ny, nz, visible, certain, carrier] = values;
-            let added = [r, g, b, offset.x, offset.y, offset.z, 0.0, 0.0, 0.0, nx, ny, nz, visible, certain, carrier];
-            row.iter_mut().zip(added).for_each(|(sum, value)| *sum += value);
+            for (columns, added) in
+                [(LOG_RADIANCE, point.log_radiance), (OFFSET, offset.to_array()), (NORMAL, point.normal)]
+            {
+                row[columns].iter_mut().zip(added).for_each(|(sum, value)| *sum += value);
+            }
+            for (column, added) in [(VISIBLE, point.visible), (CERTAIN, point.certain), (CARRIER, point.carrier)] {
+                row[column] += added;
+            }
         }
     };
     for point in points {
-        let [r, g, b] = point.radiance.map(f32::ln_1p);
-        let Vec3 { x, y, z } = point.normal;
-        add(point.position_m, [r, g, b, x, y, z, 1.0, f32::from(u8::from(point.certain)), 0.0]);
+        let own = PointFeatures {
+            log_radiance: point.radiance.map(f32::ln_1p),
+            normal: point.normal.to_array(),
+            visible: 1.0,
+            certain: f32::from(u8::from(point.certain)),
+            carrier: 0.0,
+        };
+        add(point.position_m, own);
     }
     for &carrier in carriers {
-        add(carrier, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
+        add(carrier, PointFeatures { carrier: 1.0, ..PointFeatures::default() });
     }
     for (row, count) in features.chunks_exact_mut(NODE_FEATURES).zip(counts).filter(|(_, count)| *count > 1) {
         let share = 1.0 / count as f32;
-        row[..6].iter_mut().for_each(|sum| *sum *= share);
-        row[9..].iter_mut().for_each(|sum| *sum *= share);
+        // All columns but the centre are means over the points.
+        row[..CENTRE.start].iter_mut().for_each(|sum| *sum *= share);
+        row[CENTRE.end..].iter_mut().for_each(|sum| *sum *= share);
     }
     features
 }
@@ -237,28 +272,28 @@ mod tests {
     }
 
     #[test]
-    fn features_say_what_is_where() {
+    fn features_describe_points_and_carriers() {
         let points = [point([0.1, 0.2, -3.1]), VisiblePoint { certain: false, ..point([0.3, 0.2, -3.1]) }];
         let input = input(&points).unwrap();
         let graph = &input.levels.last().unwrap().graph;
         let rows: Vec<&[f32]> = input.features.chunks_exact(NODE_FEATURES).collect();
         assert_eq!(rows.len(), graph.len());
-        let seen: Vec<&&[f32]> = rows.iter().filter(|row| row[12] > 0.0).collect();
+        let seen: Vec<&&[f32]> = rows.iter().filter(|row| row[VISIBLE] > 0.0).collect();
         assert_eq!(seen.len(), 1, "both lie in one leaf of half a metre");
         let row = seen[0];
-        assert!((row[0] - 2f32.ln()).abs() < 1e-6 && (row[2] - 4f32.ln()).abs() < 1e-6);
-        // leaf [0, 0.5] × [0, 0.5] × [−3.5, −3]; centre (0.25, 0.25, −3.25)
+        assert!((row[LOG_RADIANCE][0] - 2f32.ln()).abs() < 1e-6 && (row[LOG_RADIANCE][2] - 4f32.ln()).abs() < 1e-6);
+        // The leaf is [0, 0.5] × [0, 0.5] × [−3.5, −3], its centre (0.25, 0.25, −3.25).
         let close = |got: &[f32], expected: [f32; 3]| got.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-4);
-        assert!(close(&row[3..6], [-0.2, -0.2, 0.6]), "{:?}", &row[3..6]);
-        assert!(close(&row[6..9], [0.0625, 0.0625, -0.8125]), "{:?}", &row[6..9]);
-        assert!(close(&row[9..12], [0.0, 0.0, 1.0]) && close(&row[12..], [1.0, 0.5, 0.0]));
-        let carriers = rows.iter().filter(|row| row[14] > 0.0).count();
+        assert!(close(&row[OFFSET], [-0.2, -0.2, 0.6]), "{:?}", &row[OFFSET]);
+        assert!(close(&row[CENTRE], [0.0625, 0.0625, -0.8125]), "{:?}", &row[CENTRE]);
+        assert!(close(&row[NORMAL], [0.0, 0.0, 1.0]) && close(&row[VISIBLE..], [1.0, 0.5, 0.0]));
+        let carriers = rows.iter().filter(|row| row[CARRIER] > 0.0).count();
         assert!(carriers > 100, "{carriers} leaves of carriers");
-        assert!(rows.iter().all(|row| row[12] + row[14] < 1.001));
+        assert!(rows.iter().all(|row| row[VISIBLE] + row[CARRIER] < 1.001));
     }
 
     #[test]
-    fn a_map_is_what_carriers_show_and_unseen_light_begins_with() {
+    fn single_map_sets_carriers_and_initial_light() {
         let plain = input(&[point([0.1, 0.2, -3.1])]).unwrap();
         let features = plain.features.clone();
         // Light from the right.
@@ -270,13 +305,13 @@ mod tests {
         let input = plain.with_map(radiance);
         let mut shown = 0;
         for (row, before) in input.features.chunks_exact(NODE_FEATURES).zip(features.chunks_exact(NODE_FEATURES)) {
-            assert_eq!(row[3..], before[3..]);
-            if before[14] < 1.0 || row[6].abs() < 0.2 {
+            assert_eq!(row[LOG_RADIANCE.end..], before[LOG_RADIANCE.end..]);
+            if before[CARRIER] < 1.0 || row[CENTRE][0].abs() < 0.2 {
                 continue;
             }
             shown += 1;
-            let expected: [f32; 3] = if row[6] > 0.0 { [4.0, 2.0, 1.0] } else { [0.5; 3] };
-            assert!(row[..3].iter().zip(expected).all(|(a, b)| (a - b.ln_1p()).abs() < 1e-5), "{row:?}");
+            let expected: [f32; 3] = if row[CENTRE][0] > 0.0 { [4.0, 2.0, 1.0] } else { [0.5; 3] };
+            assert!(row[LOG_RADIANCE].iter().zip(expected).all(|(a, b)| (a - b.ln_1p()).abs() < 1e-5), "{row:?}");
         }
         assert!(shown > 100, "{shown} leaves of carriers");
         let right = input.map_towards(Vec3::new(2.0, 0.0, 0.1));
@@ -284,22 +319,22 @@ mod tests {
     }
 
     #[test]
-    fn carriers_know_what_is_above_and_below() {
+    fn up_sets_the_carriers_normals() {
         let plain = input(&[point([0.1, 0.2, -3.1])]).unwrap();
         let features = plain.features.clone();
         let up = Vec3::new(0.0, 0.6, 0.8);
         let input = plain.with_up(up);
-        let mut told = 0;
+        let mut value_at = 0;
         for (row, before) in input.features.chunks_exact(NODE_FEATURES).zip(features.chunks_exact(NODE_FEATURES)) {
-            assert_eq!((&row[..9], &row[12..]), (&before[..9], &before[12..]));
-            let (normal, centre) = (Vec3::new(row[9], row[10], row[11]), Vec3::new(row[6], row[7], row[8]));
-            if before[14] < 1.0 {
+            assert_eq!((&row[..NORMAL.start], &row[NORMAL.end..]), (&before[..NORMAL.start], &before[NORMAL.end..]));
+            let (normal, centre) = (Vec3::from_slice(&row[NORMAL]), Vec3::from_slice(&row[CENTRE]));
+            if before[CARRIER] < 1.0 {
                 continue;
             }
-            told += 1;
+            value_at += 1;
             assert!((normal.dot(up) + centre.normalize().dot(up)).abs() < 1e-5 && normal.cross(up).length() < 1e-5);
         }
-        assert!(told > 100, "{told} leaves of carriers");
+        assert!(value_at > 100, "{value_at} leaves of carriers");
     }
 
     #[test]
@@ -307,7 +342,7 @@ mod tests {
         let seen = |radiance: f32| VisiblePoint { radiance: [radiance; 3], ..point([0.0, 0.0, -3.0]) };
         let [grey, dark, window] = [0.3, 0.02, 1.0].map(seen);
         assert!((ambient_light(&[grey; 9])[1] - 0.3).abs() < 1e-5);
-        // A quarter of a dark room's photo is its window.
+        // A window fills a quarter of a dark room's photo.
         assert!((ambient_light(&[window, dark, dark, dark, dark, dark, dark, window])[1] - 0.02).abs() < 1e-5);
         assert_eq!((ambient_light(&[seen(0.0); 4]), ambient_light(&[])), ([1e-3; 3], [0.2; 3]));
     }
@@ -316,7 +351,7 @@ mod tests {
     fn bright_and_dark_colours_count_alike() {
         let seen = |radiance| VisiblePoint { radiance, ..point([0.0, 0.0, -3.0]) };
         let [r, g, b] = ambient_light(&[seen([0.4, 0.3, 0.0]), seen([0.0, 0.003, 0.004])]);
-        // unit vectors (0.8, 0.6, 0) and (0, 0.6, 0.8)
+        // The unit vectors are (0.8, 0.6, 0) and (0, 0.6, 0.8).
         assert!((r / g - 0.8 / 1.2).abs() < 1e-4 && (b / g - 0.8 / 1.2).abs() < 1e-4, "{r} {g} {b}");
     }
 
@@ -333,15 +368,15 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_named() {
+    fn points_that_are_not_finite_are_named() {
         let bad = VisiblePoint { radiance: [0.0, f32::NAN, 0.0], ..point([0.0; 3]) };
         let error = input(&[point([0.0; 3]), bad]).unwrap_err();
         assert!(error.to_string().contains("point 1"), "{error}");
     }
 
     #[test]
-    fn a_photo_without_depth_is_an_input_too() {
+    fn photos_without_depth_are_valid_input() {
         let input = input(&[]).unwrap();
-        assert!(input.features.chunks_exact(NODE_FEATURES).all(|row| row[..6].iter().all(|&v| v == 0.0)));
+        assert!(input.features.chunks_exact(NODE_FEATURES).all(|row| row[..CENTRE.start].iter().all(|&v| v == 0.0)));
     }
 }

@@ -1,29 +1,30 @@
-//! Lobes of the light network's nodes: the variant "SG" (`docs/method.md` §5.8).
+//! Spherical Gaussian lobes of the light network's nodes: the paper's variant "SG" (`docs/method.md` §5.8).
 
 use burn::tensor::{Tensor, TensorData};
 use lo_geometry::{Cube, Vec3};
 use lo_octree::{MIN_SHARPNESS, Octree, node_middle_m};
 
-use crate::light::KnownLight;
+use crate::light::ObservedLight;
 
-/// No number of a lobe is greater: eighty times as bright at the peak as on the mean.
+/// Limit of each component of a lobe: the peak is at most about eighty times the mean.
 const MAX_SHARPNESS: f64 = 24.0;
 
-/// From `raw[nodes, 3]` to lobes. What the photo shows has none: it is known towards the camera, and shall not change there.
-pub(crate) fn lobes(raw: Tensor<2>, known: &KnownLight) -> Tensor<2> {
-    let doubt: Vec<f32> = known.trust().map(|trust| 1.0 - trust).collect();
-    let size = [doubt.len(), 1];
-    let doubt = Tensor::<2>::from_data(TensorData::new(doubt, size), (&raw.device(), raw.dtype()));
-    (raw / MAX_SHARPNESS).tanh() * MAX_SHARPNESS * doubt
+/// Maps `raw[nodes, 3]` to lobes. Observed nodes have none: their radiance towards the camera is known and must not
+/// change.
+pub(crate) fn lobes(raw: Tensor<2>, observed: &ObservedLight) -> Tensor<2> {
+    let unobserved: Vec<f32> = observed.trust().map(|trust| 1.0 - trust).collect();
+    let size = [unobserved.len(), 1];
+    let unobserved = Tensor::<2>::from_data(TensorData::new(unobserved, size), (&raw.device(), raw.dtype()));
+    (raw / MAX_SHARPNESS).tanh() * MAX_SHARPNESS * unobserved
 }
 
-/// Unit directions from the middles of the non-empty nodes of a depth to a viewer, three numbers each.
-pub(crate) fn towards(octree: &Octree, cube: Cube, depth: u32, viewer_m: Vec3) -> Vec<f32> {
+/// Returns unit directions from the centres of a depth's non-empty nodes to a viewer, three numbers each.
+pub(crate) fn directions_to_viewer(octree: &Octree, cube: Cube, depth: u32, viewer_m: Vec3) -> Vec<f32> {
     let keys = octree.levels()[depth as usize].row_keys();
     keys.flat_map(|key| (viewer_m - node_middle_m(cube, depth, key)).normalize_or_zero().to_array()).collect()
 }
 
-/// [`lo_octree::lobe_gain`] of `lobes[nodes, 3]` towards unit directions: `[nodes, 1]`.
+/// Returns [`lo_octree::lobe_gain`] of `lobes[nodes, 3]` for unit directions: `[nodes, 1]`.
 pub(crate) fn gains(lobes: Tensor<2>, towards: &[f32]) -> Tensor<2> {
     let directions = TensorData::new(towards.to_vec(), lobes.dims());
     let directions = Tensor::<2>::from_data(directions, (&lobes.device(), lobes.dtype()));
@@ -44,7 +45,7 @@ mod tests {
     }
 
     #[test]
-    fn gains_are_the_octrees_and_their_gradients_right() {
+    fn gains_equal_the_octrees_and_have_correct_gradients() {
         let towards = directions(30);
         assert_gradients(&[[30, 3]], |[lobes]| gains(lobes * 3.0, &towards));
         let lobes: Vec<f32> = values(90, 1).iter().map(|v| 6.0 * *v as f32).collect();

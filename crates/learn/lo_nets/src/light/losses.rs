@@ -6,11 +6,11 @@ use lo_geometry::Vec3;
 use lo_octree::LightOctree;
 use serde::{Deserialize, Serialize};
 
-use crate::energy::{self, FACINGS, Irradiance};
+use crate::energy::{self, Irradiance, NORMALS};
 use crate::light::{LightError, LightOutput, Rays};
 use crate::tone::tone;
 
-/// Weights of the light network's losses (`docs/method.md` §6). Every field has a default, so that a file need name only what differs.
+/// Weights of the light network's losses (`docs/method.md` §6). Every field has a default.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LightLossConfig {
@@ -18,22 +18,22 @@ pub struct LightLossConfig {
     pub octree: f32,
     /// λ_li: squared difference of log(1 + radiance) over rays of novel views.
     pub novel_radiance: f32,
-    /// Squared difference of tone-mapped radiance over rays of novel views. Not in the paper: under log(1 + radiance) a lamp that may be
-    /// anywhere makes the whole room brighter.
+    /// Squared difference of tone-mapped radiance over rays of novel views. Not in the paper: with log(1 + radiance)
+    /// alone, a lamp of uncertain position brightens the whole room.
     pub novel_tone: f32,
-    /// Difference of the irradiance at the novel views, integrated over the rays: squared, of its logarithm, and twice its angle in colour. Not in the
-    /// paper: under losses of logarithms and tone curves alone, lamps whose place is uncertain vanish.
+    /// Difference of the irradiance at novel views, integrated over the rays: squared difference of its logarithm, plus
+    /// twice its angle in colour. Not in the paper: without it, lamps of uncertain position vanish.
     pub novel_irradiance: f32,
-    /// λ_ld: the same of log(1 + distance in metres).
+    /// λ_ld: squared difference of log(1 + distance in metres) over rays of novel views.
     pub novel_distance: f32,
     /// `L_visible`: as λ_li, over rays of the photo.
     pub visible_radiance: f32,
     /// `L_visible`: as λ_ld, over rays of the photo.
     pub visible_distance: f32,
-    /// Squared difference of log(1 + radiance) of the nodes themselves, mean over the depths. Not in the paper, which supervises
-    /// radiance by rays alone; a node's own value is a denser signal where the true octree is known.
+    /// Squared difference of log(1 + radiance) of the nodes, averaged over the depths. Not in the paper, which
+    /// supervises radiance by rays alone. Nodes give a denser signal where the true octree is known.
     pub node_radiance: f32,
-    /// Difference between a node's expected error and its error: what makes the confidence one.
+    /// Difference between expected and actual error of the nodes, which trains the confidence.
     pub node_error: f32,
 }
 
@@ -53,7 +53,7 @@ impl Default for LightLossConfig {
     }
 }
 
-/// The parts of the loss of one scene, not weighted; each a mean.
+/// Unweighted terms of the loss of one scene; each is a mean.
 #[derive(Clone, Debug)]
 pub struct LightLosses {
     /// Cross-entropy of occupied and empty nodes, summed over the depths.
@@ -82,10 +82,10 @@ pub struct RayLosses {
 }
 
 impl LightLosses {
-    /// Compares what the network gave with the true octree, the panoramas' rays and the photo's.
+    /// Compares the output with the true octree, rays of panoramas and rays of the photo.
     ///
     /// # Errors
-    /// A truth of another cube; tracing settings out of range.
+    /// A true octree of another cube; tracing settings out of range.
     pub fn new(
         output: &LightOutput,
         truth: &LightOctree,
@@ -97,7 +97,7 @@ impl LightLosses {
             return Err(LightError::Cubes { truth: truth.cube, output: output.cube });
         }
         let (node_radiance, node_error) = node_losses(output, truth);
-        // One tracing for all rays.
+        // Traces all rays at once.
         let cones: Vec<Cone> = novel.cones.iter().chain(visible.cones.iter()).copied().collect();
         let samples = output.rendered(&cones, settings)?;
         let seen = |from: usize, rays: &Rays| ray_losses(&samples, from, rays);
@@ -111,7 +111,7 @@ impl LightLosses {
         })
     }
 
-    /// The weighted sum.
+    /// Returns the weighted sum of the terms.
     pub fn total(&self, weights: &LightLossConfig) -> Tensor<1> {
         self.octree.clone() * weights.octree
             + self.novel.radiance.clone() * weights.novel_radiance
@@ -125,7 +125,7 @@ impl LightLosses {
     }
 }
 
-/// Difference of irradiance by the first rays of `samples[_, 5]`, which cover the sphere around each origin evenly.
+/// Compares irradiance by the first rays of `samples[_, 5]`, which cover the sphere around each origin evenly.
 fn irradiance_loss(samples: &Tensor<2>, rays: &Rays) -> Tensor<1> {
     let mut origins: Vec<(Vec3, Vec<usize>)> = Vec::new();
     for (i, cone) in rays.cones.iter().enumerate() {
@@ -137,22 +137,22 @@ fn irradiance_loss(samples: &Tensor<2>, rays: &Rays) -> Tensor<1> {
     if origins.is_empty() {
         return zero(samples);
     }
-    // A ray counts for the facings of its own place alone, which stand side by side.
+    // Block structure: a ray contributes to the normals of its own origin only.
     let places = origins.len();
-    let mut cosines = vec![0.0f32; rays.len() * places * FACINGS];
+    let mut cosines = vec![0.0f32; rays.len() * places * NORMALS];
     for (place, (_, members)) in origins.iter().enumerate() {
         let solid_angle_sr = 4.0 * PI / members.len() as f32;
         let of_place = energy::cosines(members.iter().map(|&i| (rays.cones[i].direction, solid_angle_sr)));
-        for (&i, row) in members.iter().zip(of_place.chunks_exact(FACINGS)) {
-            cosines[(i * places + place) * FACINGS..][..FACINGS].copy_from_slice(row);
+        for (&i, row) in members.iter().zip(of_place.chunks_exact(NORMALS)) {
+            cosines[(i * places + place) * NORMALS..][..NORMALS].copy_from_slice(row);
         }
     }
-    let cosines = constant(cosines, [rays.len(), places * FACINGS], samples);
+    let cosines = constant(cosines, [rays.len(), places * NORMALS], samples);
     let truth = constant(rays.radiance.as_flattened().to_vec(), [rays.len(), 3], samples);
     let seen = samples.clone().narrow(0, 0, rays.len()).narrow(1, 0, 3);
     let irradiance = |radiance: &Tensor<2>| -> Irradiance {
         let all = radiance.clone().transpose().matmul(cosines.clone());
-        [0, 1, 2].map(|c| all.clone().narrow(0, c, 1).reshape([places, FACINGS]))
+        [0, 1, 2].map(|c| all.clone().narrow(0, c, 1).reshape([places, NORMALS]))
     };
     energy::difference(&irradiance(&seen), &irradiance(&truth))
 }
@@ -165,7 +165,8 @@ fn zero(like: &Tensor<2>) -> Tensor<1> {
     constant(vec![0.0], [1], like)
 }
 
-/// Feature rows of the truth that the nodes of a depth have: `None` where it is empty or not there.
+/// Iterates over a depth's nodes: whether the node is non-empty, and its row in the truth (`None` where empty or
+/// missing).
 fn true_rows<'a>(
     output: &'a LightOutput,
     truth: &'a LightOctree,
@@ -178,7 +179,7 @@ fn true_rows<'a>(
     })
 }
 
-/// Σ over depths of the mean cross-entropy of being occupied. Nodes that the truth does not have are empty in it.
+/// Sums the mean cross-entropy of occupancy over the depths. Nodes missing in the truth are empty.
 fn octree_loss(output: &LightOutput, truth: &LightOctree) -> Tensor<1> {
     let depths = output.octree.full_depth()..;
     let losses = depths.zip(&output.levels).map(|(depth, level)| {
@@ -224,7 +225,7 @@ fn node_losses(output: &LightOutput, truth: &LightOctree) -> (Tensor<1>, Tensor<
     (mean(radiance), mean(error))
 }
 
-/// `samples[_, 5]`, from row `first` on, against what the rays ought to see.
+/// Compares the rows of `samples[_, 5]` from `first` on with the rays' true values.
 fn ray_losses(samples: &Tensor<2>, first: usize, rays: &Rays) -> RayLosses {
     if rays.is_empty() {
         return RayLosses { radiance: zero(samples), tone: zero(samples), distance: zero(samples) };

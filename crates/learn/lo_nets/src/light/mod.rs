@@ -1,4 +1,4 @@
-//! The light network (`docs/method.md` §5): what the photo sees, as an octree, to the octree of the whole room's radiance.
+//! Light network (`docs/method.md` §5): from the octree of observed surfaces to that of the whole room's radiance.
 
 mod channels;
 mod config;
@@ -26,7 +26,7 @@ pub use losses::{LightLossConfig, LightLosses, RayLosses};
 pub use network::{LightNet, Stage};
 pub use output::{LevelOutput, LightOutput};
 pub use photo_view::PhotoView;
-pub use radiance::{KnownLight, NodeLight};
+pub use radiance::{NodeLight, ObservedLight};
 pub use rays::Rays;
-pub(crate) use refine::SeenDetail;
+pub(crate) use refine::ObservedDetail;
 pub use visible_point::VisiblePoint;

@@ -8,49 +8,50 @@ use lo_random::Stream;
 
 use crate::graph::{Activation, GraphLevel, RowMap, select_rows};
 use crate::layers::{DownSample, GraphConv, Head, Linear, Norm, ResBlock, UpSample};
+use crate::light::channels::columns::CARRIER;
 use crate::light::channels::{LOBE_CHANNELS, RAW_CHANNELS};
-use crate::light::growth::{Labels, close, most_splits};
+use crate::light::growth::{Occupancy, close_sides, max_splits};
 use crate::light::lobes::lobes;
 use crate::light::radiance::RAW_BIAS;
 use crate::light::{
-    Growth, KnownLight, LevelOutput, LightConfigError, LightError, LightInput, LightNetConfig, LightOutput,
-    NODE_FEATURES, NodeLight,
+    Growth, LevelOutput, LightConfigError, LightError, LightInput, LightNetConfig, LightOutput, NODE_FEATURES,
+    NodeLight, ObservedLight,
 };
 
-/// Logit of a node's being occupied before anything is learned: most of a room is air.
+/// Initial logit of a node's occupancy: most of a room is air.
 const SPLIT_BIAS: f32 = -2.0;
 
-/// The light network: a U-Net over dual octree graphs whose decoder grows the octree it works on (Wang et al. 2022).
+/// Light network: a U-Net over dual octree graphs whose decoder grows its own octree (Wang et al. 2022).
 #[derive(Module, Debug)]
 pub struct LightNet {
-    /// From `f_L` to what joins a node's features.
+    /// Projection of `f_L`, appended to a node's features.
     pub global: Linear,
-    /// From a node's features to the finest stage's channels.
+    /// Convolution from node features to the finest stage's channels.
     pub input: GraphConv,
-    /// After it.
+    /// Normalisation of its output.
     pub input_norm: Norm,
     /// Encoder stages, the finest first.
     pub encoder: Vec<Stage>,
-    /// Between them.
+    /// Layers between the encoder's stages, the finest first.
     pub down: Vec<DownSample>,
-    /// Between the decoder's stages, the coarsest first.
+    /// Layers between the decoder's stages, the coarsest first.
     pub up: Vec<UpSample>,
-    /// Decoder stages below the coarsest, the coarsest first.
+    /// Decoder stages after the coarsest, the coarsest first.
     pub decoder: Vec<Stage>,
-    /// For each depth from the full one on: which nodes are occupied.
+    /// Occupancy heads, for each depth from the full depth on.
     pub prediction: Vec<Head>,
-    /// For each depth from the full one on: radiance, opacity, error.
+    /// Heads of radiance, opacity and error, for each depth from the full depth on.
     pub regression: Vec<Head>,
     full_depth: usize,
     max_nodes: usize,
-    /// What a node's share of the single map is a sigmoid of, where the network does not give it.
+    /// Logit of a fixed share of the single map, where the network does not predict it.
     fixed_map_share: Option<f64>,
 }
 
-/// ResBlock(n, c): n residual blocks of c channels.
+/// A stage of residual blocks.
 #[derive(Module, Debug)]
 pub struct Stage {
-    /// The blocks, in order.
+    /// Blocks in order.
     pub blocks: Vec<ResBlock>,
 }
 
@@ -69,10 +70,10 @@ impl Stage {
 }
 
 impl LightNet {
-    /// A network with weights drawn from `seed`.
+    /// Creates a network with weights drawn from `seed`.
     ///
     /// # Errors
-    /// A configuration out of range, with the field's name.
+    /// Names the configuration field that is out of range.
     pub fn new(config: &LightNetConfig, seed: u64, device: &Device) -> Result<Self, LightConfigError> {
         config.validate()?;
         let mut stream = lo_random::stream(seed, "light network", 0);
@@ -110,10 +111,10 @@ impl LightNet {
         })
     }
 
-    /// From what is seen, and the global feature `f_L` `[1, features]` where there is one, to the light of the whole room.
+    /// Predicts the light of the whole room from the observations and an optional `f_L` `[1, features]`.
     ///
     /// # Errors
-    /// An input or a truth of other depths than the network's; predictions that are not finite.
+    /// An input or a true octree of other depths than the network's; predictions that are not finite.
     pub fn forward(
         &self,
         input: &LightInput,
@@ -128,7 +129,7 @@ impl LightNet {
         self.decode(input, skips, growth)
     }
 
-    /// Where the network's weights lie.
+    /// Returns the device of the weights.
     pub fn device(&self) -> Device {
         self.input.weights.val().device()
     }
@@ -147,7 +148,7 @@ impl LightNet {
         }
     }
 
-    /// Features of the encoder's stages, the coarsest first.
+    /// Returns the features of the encoder's stages, the coarsest first.
     fn encode(&self, input: &LightInput, global: Option<Tensor<2>>) -> Vec<Tensor<2>> {
         let weights = self.input.weights.val();
         let options = (&weights.device(), weights.dtype());
@@ -155,9 +156,9 @@ impl LightNet {
         let features = TensorData::new(input.features.clone(), [finest.len(), NODE_FEATURES]);
         let features = Tensor::<2>::from_data(features, options);
         let carried = match global {
-            // f_L joins those nodes that have points which carry it.
+            // Adds `f_L` to nodes in proportion to their share of carriers.
             Some(global) => {
-                let share = features.clone().slice([0..finest.len(), NODE_FEATURES - 1..NODE_FEATURES]);
+                let share = features.clone().slice([0..finest.len(), CARRIER..CARRIER + 1]);
                 share.matmul(self.global.forward(global))
             }
             None => Tensor::zeros([finest.len(), self.global.weights.dims()[1]], options),
@@ -193,25 +194,25 @@ impl LightNet {
             let own = select_rows(x.clone(), &finest);
             let logits = self.prediction[stage].forward(own.clone());
             let last = depth == self.depth();
-            let labels = match growth {
-                Growth::Truth(truth) => Labels::of(truth, depth),
+            let occupancy = match growth {
+                Growth::Truth(truth) => Occupancy::from_truth(truth, depth),
                 Growth::Predicted => {
                     let logits: Vec<f32> = logits.clone().inner().into_data().iter::<f32>().collect();
                     if !logits.iter().all(|logit| logit.is_finite()) {
                         return Err(LightError::NotFinite { what: "split predictions", depth });
                     }
                     let splits = self.max_nodes.saturating_sub(level.len()) / 7;
-                    let most = || most_splits(splits, &input.visible.octree, depth, self.depth());
-                    Labels::predicted(&logits, &octree, input, if last { usize::MAX } else { most() })
+                    let max_count = || max_splits(splits, &input.visible.octree, depth, self.depth());
+                    Occupancy::predicted(&logits, &octree, input, if last { usize::MAX } else { max_count() })
                 }
             };
-            warnings.extend(labels.warning);
-            let mut nonempty = labels.nonempty.clone();
+            warnings.extend(occupancy.warning);
+            let mut nonempty = occupancy.nonempty.clone();
             if stage == 0 && matches!(growth, Growth::Predicted) {
-                close(&mut nonempty, depth, input);
+                close_sides(&mut nonempty, depth, input);
             }
             octree.set_nonempty(&nonempty)?;
-            let known = KnownLight::of_level(&octree, depth, input);
+            let observed = ObservedLight::of_level(&octree, depth, input);
             let occupied = (0..nonempty.len() as u32).filter(|&node| nonempty[node as usize]);
             let raw = select_rows(own, &RowMap::new(occupied.map(Some), finest.len()));
             let raw = self.regression[stage].forward(raw);
@@ -219,13 +220,13 @@ impl LightNet {
                 Some(share) => with_column(raw, RAW_CHANNELS - 1, share),
                 None => raw,
             };
-            let mut light = NodeLight(known.clone()).apply(raw.clone().narrow(1, 0, RAW_CHANNELS));
+            let mut light = NodeLight(observed.clone()).apply(raw.clone().narrow(1, 0, RAW_CHANNELS));
             if raw.dims()[1] > RAW_CHANNELS {
-                light = Tensor::cat(vec![light, lobes(raw.narrow(1, RAW_CHANNELS, LOBE_CHANNELS), &known)], 1);
+                light = Tensor::cat(vec![light, lobes(raw.narrow(1, RAW_CHANNELS, LOBE_CHANNELS), &observed)], 1);
             }
-            levels.push(LevelOutput { logits, light, known });
+            levels.push(LevelOutput { logits, light, observed });
             if !last {
-                octree.grow(&labels.nonempty)?;
+                octree.grow(&occupancy.nonempty)?;
                 level = level.extended(&octree);
             }
         }
@@ -233,7 +234,7 @@ impl LightNet {
     }
 }
 
-/// `x[rows, columns]` with a column of `value` put in before column `at`.
+/// Inserts a column of `value` before column `at` of `x[rows, columns]`.
 fn with_column(x: Tensor<2>, at: usize, value: f64) -> Tensor<2> {
     let [rows, columns] = x.dims();
     let column = Tensor::full([rows, 1], value, (&x.device(), x.dtype()));
@@ -242,13 +243,13 @@ fn with_column(x: Tensor<2>, at: usize, value: f64) -> Tensor<2> {
     Tensor::cat(parts, 1)
 }
 
-/// Which nodes of one octree's graph are which of another's: for the skip connections.
+/// Matches the nodes of one octree's graph to those of another, for skip connections.
 fn same_nodes(from: &Octree, from_level: &GraphLevel, to: &Octree, to_level: &GraphLevel) -> Arc<RowMap> {
     let keys = |octree: &Octree, level: &GraphLevel| -> Vec<(u32, u32)> {
         let key = |node: &GraphNode| (node.depth, octree.levels()[node.depth as usize].keys[node.index as usize]);
         level.graph.nodes().iter().map(key).collect()
     };
-    // Both are in the order of depth and key.
+    // Both are sorted by depth and key.
     let mut sources = (0..).zip(keys(from, from_level)).peekable();
     let sources = keys(to, to_level).into_iter().map(|wanted| {
         while sources.next_if(|(_, key)| *key < wanted).is_some() {}
@@ -285,7 +286,7 @@ mod tests {
         LightNetConfig { depth, full_depth: 3, global_features: 4, global_channels: 2, ..small }
     }
 
-    /// The inside of a box room, every wall in its own colour.
+    /// The inside of a box-shaped room, each wall in its own colour.
     fn room() -> (Vec<RadiancePoint>, Cube) {
         let point = |i: u32| {
             let [u, v] = [0.754_877_7, 0.569_840_3f64].map(|a| (2.0 * (0.5 + a * f64::from(i)).fract() - 1.0) as f32);
@@ -316,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn a_room_in_which_nothing_is_predicted_is_closed() {
+    fn untrained_networks_close_the_room() {
         let config = config(5);
         let (input, _) = input(&config);
         let output =
@@ -331,14 +332,14 @@ mod tests {
     }
 
     #[test]
-    fn visible_light_is_right_before_anything_is_learned() {
+    fn untrained_networks_keep_observed_light() {
         let config = config(5);
         let (input, truth) = input(&config);
         let net = LightNet::new(&config, 3, &Device::flex()).unwrap();
         let output = net.forward(&input, None, Growth::Truth(&truth.octree)).unwrap();
         let (light, confidence) = output.into_light().unwrap();
         assert_eq!(light.octree, truth.octree);
-        assert!(light.rgba[5].iter().all(|rgba| rgba[3] == MAX_ALPHA), "the first guess is 0.98");
+        assert!(light.rgba[5].iter().all(|rgba| rgba[3] == MAX_ALPHA), "the initial opacity is 0.98");
         let finest = &light.octree.levels()[5];
         let mut seen = 0;
         for (node, &row) in finest.rows.iter().enumerate().filter(|(_, row)| **row >= 0) {
@@ -359,7 +360,7 @@ mod tests {
     }
 
     #[test]
-    fn it_grows_its_own_tree_within_the_budget_and_always_the_same() {
+    fn growth_respects_the_budget_and_is_deterministic() {
         let config = LightNetConfig { max_nodes: Some(4000), ..config(6) };
         let (input, _) = input(&config);
         let net = LightNet::new(&config, 3, &Device::flex()).unwrap();
@@ -378,13 +379,13 @@ mod tests {
             let occupied = level.keys.iter().zip(&level.rows).filter(|(_, row)| **row >= 0);
             occupied.map(|(&key, _)| grown.find(depth, key).is_some()).collect::<Vec<bool>>()
         };
-        assert!((3..=6).flat_map(kept).all(|kept| kept), "what is seen stays");
+        assert!((3..=6).flat_map(kept).all(|kept| kept), "observed nodes are kept");
         let run = || net.forward(&input, None, Growth::Predicted).unwrap().into_light().unwrap();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-        assert_eq!(run(), pool.install(run), "whatever the number of threads");
+        assert_eq!(run(), pool.install(run), "independent of the thread count");
     }
 
-    /// The heads' last layers start at 0, where nothing behind them has a gradient and no lobe a direction.
+    /// Randomises the last layers of the heads: they start at 0, which blocks gradients and gives lobes no direction.
     fn with_random_heads(mut net: LightNet, device: &Device) -> LightNet {
         let mut stream = lo_random::stream(4, "test", 0);
         for head in net.prediction.iter_mut().chain(&mut net.regression) {
@@ -395,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn rays_see_lobes_from_where_they_start() {
+    fn lobes_are_evaluated_from_each_rays_origin() {
         let config = LightNetConfig { lobes: true, ..config(5) };
         let (input, truth) = input(&config);
         let net = with_random_heads(LightNet::new(&config, 3, &Device::flex()).unwrap(), &Device::flex());
@@ -407,12 +408,12 @@ mod tests {
         let found = numbers(output.rendered(&cones, Settings::default()).unwrap());
         let levels: Vec<Vec<f64>> = output.levels.iter().map(|level| numbers(level.light.clone())).collect();
         let (mut light, _) = output.into_light().unwrap();
-        // In a finished octree what is nearly opaque is opaque.
+        // Restores the opacities that `into_light` rounded up.
         for (rgba, level) in light.rgba[3..].iter_mut().zip(&levels) {
             rgba.iter_mut().zip(level.chunks(8)).for_each(|(rgba, row)| rgba[3] = row[3] as f32);
         }
         let plain = LightOctree { lobes: None, ..light.clone() };
-        // Mean difference, relative, of what tracing of the finished octree sees.
+        // Mean relative difference from tracing the finished octree.
         let difference = |light: &LightOctree| {
             let tracers = apexes.map(|apex| ConeTracer::new(&light.seen_from(apex), Settings::default()).unwrap());
             let expected = cones.iter().enumerate().map(|(i, cone)| f64::from(tracers[i % 2].trace(cone).radiance[1]));
@@ -423,7 +424,7 @@ mod tests {
         assert!(difference(&plain) > 0.02, "{}", difference(&plain));
     }
 
-    /// Parameters in f64; one of them moved.
+    /// Converts parameters to f64 and perturbs one of them.
     struct Wide {
         nudged: Option<(usize, usize, f64)>,
         visited: usize,
@@ -444,7 +445,7 @@ mod tests {
         }
     }
 
-    /// Gradients of all parameters.
+    /// Collects the gradients of all parameters.
     struct Gather<'a>(&'a Gradients, Vec<Vec<f64>>);
 
     impl ModuleVisitor for Gather<'_> {
@@ -454,15 +455,15 @@ mod tests {
     }
 
     #[test]
-    fn gradients_of_the_whole_network_are_differences() {
+    fn gradients_of_the_whole_network_equal_finite_differences() {
         let config = LightNetConfig { channels: 4, max_channels: 8, ..config(5) };
-        gradients_are_differences(&config);
-        gradients_are_differences(&LightNetConfig { map_share: Some(0.25), ..config.clone() });
-        gradients_are_differences(&LightNetConfig { lobes: true, ..config.clone() });
-        gradients_are_differences(&LightNetConfig { lobes: true, map_share: Some(0.25), ..config });
+        gradients_equal_finite_differences(&config);
+        gradients_equal_finite_differences(&LightNetConfig { map_share: Some(0.25), ..config.clone() });
+        gradients_equal_finite_differences(&LightNetConfig { lobes: true, ..config.clone() });
+        gradients_equal_finite_differences(&LightNetConfig { lobes: true, map_share: Some(0.25), ..config });
     }
 
-    fn gradients_are_differences(config: &LightNetConfig) {
+    fn gradients_equal_finite_differences(config: &LightNetConfig) {
         let (input, truth) = input(config);
         let device = recording_device();
         let net = with_random_heads(LightNet::new(config, 3, &device).unwrap(), &device);
@@ -496,7 +497,7 @@ mod tests {
     }
 
     #[test]
-    fn a_training_step_is_the_same_for_every_number_of_threads() {
+    fn training_step_does_not_depend_on_thread_count() {
         let config = config(5);
         let (input, truth) = input(&config);
         let cone = |direction| Cone { origin: Vec3::ZERO, direction, tan_half_angle: 0.02 };
@@ -518,7 +519,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fixed_share_of_the_map_is_that_share() {
+    fn fixed_map_share_equals_the_predicted_one() {
         let learned = config(5);
         let (input, truth) = input(&learned);
         let map = RadianceImage::from_fn(16, 8, |x, _| [0.5 + x as f32; 3]);
@@ -529,7 +530,7 @@ mod tests {
             numbers(net.forward(&input, None, Growth::Truth(&truth.octree)).unwrap().levels.pop().unwrap().light)
         };
         let close = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-3 * (1.0 + b.abs()));
-        assert!(close(&light(None), &light(Some(0.4))), "what a network begins with");
+        assert!(close(&light(None), &light(Some(0.4))), "the initial share");
         assert!(!close(&light(None), &light(Some(0.9))));
     }
 
@@ -546,7 +547,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_seen_is_no_failure_and_wrong_depths_are_named() {
+    fn empty_input_is_valid_and_wrong_depths_are_named() {
         let config = config(5);
         let camera = Camera::from_hfov_deg(80.0, 48, 32).unwrap();
         let nothing = LightInput::new(&[], &camera, Cube::centred(Vec3::ZERO, 8.0), &config, 7).unwrap();
@@ -556,6 +557,6 @@ mod tests {
         let deeper = LightNetConfig { depth: 6, ..config };
         let (input, _) = input(&deeper);
         let error = net.forward(&input, None, Growth::Predicted).unwrap_err();
-        assert!(error.to_string().contains("from depth 3 to 6"), "{error}");
+        assert!(error.to_string().contains("depths 3 to 6"), "{error}");
     }
 }

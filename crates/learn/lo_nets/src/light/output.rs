@@ -8,46 +8,47 @@ use lo_octree::{LightOctree, MAX_ALPHA, Octree};
 
 use crate::graph::{RowMap, select_rows};
 use crate::light::channels::{LIGHT_CHANNELS, LOBE_CHANNELS};
-use crate::light::lobes::{gains, towards};
-use crate::light::{KnownLight, LightError};
+use crate::light::lobes::{directions_to_viewer, gains};
+use crate::light::{LightError, ObservedLight};
 use crate::rendering::render;
 
-/// Nodes more opaque than this count as opaque: a few percent that shine through cost a ray twice the samples and show nothing
+/// Opacity above which nodes count as opaque. Transmitting a few percent doubles a ray's samples without visible effect
 /// (`docs/design/002-crossing-opacity.md`).
 const OPAQUE: f32 = 0.9;
 
-/// What the light network gives.
+/// Output of the light network.
 #[derive(Debug)]
 pub struct LightOutput {
-    /// The octree that was grown, by predictions or along the truth.
+    /// Octree grown by predictions or along the truth.
     pub octree: Octree,
-    /// Part of the world that it covers.
+    /// Cube that the octree covers.
     pub cube: Cube,
-    /// One for each depth from the full depth on.
+    /// Outputs for each depth from the full depth on.
     pub levels: Vec<LevelOutput>,
-    /// What was not done as predicted: the node budget, nothing predicted.
+    /// Deviations from the prediction: node budget exceeded, nothing predicted.
     pub warnings: Vec<Warning>,
 }
 
-/// The network's outputs at one depth.
+/// Output of the network at one depth.
 #[derive(Debug)]
 pub struct LevelOutput {
-    /// `[nodes of this depth, 1]`: logit of being occupied, which above the finest depth is that of being split.
+    /// Logits of occupancy, `[nodes of this depth, 1]`. Above the finest depth, occupied nodes are split.
     pub logits: Tensor<2>,
-    /// `[non-empty nodes of this depth, 5]`: linear RGB, opacity, expected error of log(1 + radiance). Of a network with lobes
-    /// `[…, 8]`: the lobe behind them, of which RGB is the mean over directions ([`lo_octree::lobe_gain`]).
+    /// Linear RGB, opacity and expected error of log(1 + radiance), `[non-empty nodes of this depth, 5]`.
+    ///
+    /// With lobes `[…, 8]`: the lobe follows, and RGB is the mean over directions ([`lo_octree::lobe_gain`]).
     pub light: Tensor<2>,
-    /// What the photo says of the same nodes.
-    pub known: Arc<KnownLight>,
+    /// Observations of the same nodes.
+    pub observed: Arc<ObservedLight>,
 }
 
 impl LightOutput {
-    /// Whether nodes have lobes.
+    /// Reports whether nodes have lobes.
     pub fn has_lobes(&self) -> bool {
         self.levels[0].light.dims()[1] > LIGHT_CHANNELS
     }
 
-    /// RGBα of all levels, one after the other: `[non-empty nodes from the full depth on, 4]`, as they show themselves at `viewer_m`.
+    /// Returns RGBα of all levels as seen from `viewer_m`, concatenated: `[non-empty nodes from the full depth on, 4]`.
     pub fn rgba_from(&self, viewer_m: Vec3) -> Tensor<2> {
         let depths = self.octree.full_depth()..;
         let of_level = |(depth, level): (u32, &LevelOutput)| {
@@ -55,14 +56,14 @@ impl LightOutput {
             if !self.has_lobes() {
                 return rgba;
             }
-            let towards = towards(&self.octree, self.cube, depth, viewer_m);
+            let towards = directions_to_viewer(&self.octree, self.cube, depth, viewer_m);
             let lobes = level.light.clone().narrow(1, LIGHT_CHANNELS, LOBE_CHANNELS);
             Tensor::cat(vec![rgba.clone().narrow(1, 0, 3) * gains(lobes, &towards), rgba.narrow(1, 3, 1)], 1)
         };
         Tensor::cat(depths.zip(&self.levels).map(of_level).collect(), 0)
     }
 
-    /// What cones see, `[cones, 5]` as of [`render`]: of nodes with lobes one rendering for each of the cones' apexes.
+    /// Renders cones as [`render`] does: `[cones, 5]`. With lobes, renders once for each distinct apex.
     ///
     /// # Errors
     /// Settings out of range.
@@ -90,7 +91,8 @@ impl LightOutput {
         Ok(select_rows(rendered, &RowMap::new(sources, cones.len())))
     }
 
-    /// The lighting octree, in which what is nearly opaque is opaque, and for each of its rows how sure the network is: e^−(expected error), in (0, 1].
+    /// Converts to a light octree, with near-opaque nodes made opaque, and the confidence of each row: e^−(expected
+    /// error), in (0, 1].
     ///
     /// Levels above the full depth hold the means of those below.
     ///
@@ -114,7 +116,7 @@ impl LightOutput {
             if has_lobes {
                 lobes.push(rows().map(|row| [row[5], row[6], row[7]]).collect());
             }
-            seen.push(level.known.trust().map(|trust| (255.0 * trust).round() as u8).collect());
+            seen.push(level.observed.trust().map(|trust| (255.0 * trust).round() as u8).collect());
         }
         let mut light =
             LightOctree { octree: self.octree, cube: self.cube, rgba, seen, lobes: has_lobes.then_some(lobes) };
@@ -132,7 +134,7 @@ impl LightOutput {
     }
 }
 
-/// Of each row of `depth`, its children's rows. All nodes are split here.
+/// Returns the children's rows of each row of `depth`, whose nodes are all split.
 fn families(octree: &Octree, depth: u32) -> Vec<Vec<usize>> {
     let (level, below) = (&octree.levels()[depth as usize], &octree.levels()[depth as usize + 1]);
     let nonempty = (0..level.len()).filter(|&node| level.rows[node] >= 0);

@@ -1,29 +1,29 @@
 use lo_geometry::{Camera, RigidTransform, Vec3};
 
-/// A camera that took one of several photos of a room.
+/// Camera and pose of one of several photos of a room.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhotoView {
-    /// The lens, in pixels of any resolution.
+    /// Camera, in pixels of any resolution.
     pub camera: Camera,
-    /// From the octree's frame to the camera's axes.
+    /// Transform from the octree's frame to the camera's axes.
     pub camera_from_world: RigidTransform,
-    /// How many of the visible points are its photo's: those of the photos lie one after another.
+    /// Number of visible points that belong to this photo. Points are grouped by photo.
     pub points: usize,
 }
 
 impl PhotoView {
-    /// A camera at the origin that took the only photo.
+    /// Creates the view of a single photo, with its camera at the origin.
     pub const fn only(camera: Camera, points: usize) -> Self {
         Self { camera, camera_from_world: RigidTransform::IDENTITY, points }
     }
 
-    /// Place in the picture and depth of a point of the octree's frame; `None` at or behind the camera.
+    /// Projects a point of the octree's frame to image position and depth. Returns `None` at or behind the camera.
     pub(crate) fn project(&self, point: Vec3) -> Option<(f64, f64, f64)> {
         self.camera.project(self.camera_from_world.point(point))
     }
 
-    /// Whether a point lies in the view, hidden or not.
-    pub(crate) fn holds(&self, point: Vec3) -> bool {
+    /// Reports whether a point lies within the view, occluded or not.
+    pub(crate) fn contains(&self, point: Vec3) -> bool {
         self.project(point).is_some_and(|(u, v, _)| self.camera.contains(u, v))
     }
 }

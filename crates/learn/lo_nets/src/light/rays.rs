@@ -5,20 +5,20 @@ use lo_geometry::{Camera, Vec3};
 use lo_imaging::{DepthMap, Image};
 use lo_random::{RngExt, Stream};
 
-/// Cones and what they ought to see.
+/// Cones with true radiance and distance.
 #[derive(Clone, Debug)]
 pub struct Rays {
-    /// The cones.
+    /// Cones.
     pub cones: Arc<[Cone]>,
-    /// Linear RGB radiance that each sees.
+    /// True linear RGB radiance of each cone.
     pub radiance: Vec<[f32; 3]>,
-    /// Distance in metres that each sees; 0 where it is not known.
+    /// True distance of each cone in metres; 0 where unknown.
     pub distance_m: Vec<f32>,
 }
 
 impl Rays {
-    /// `count` pixels of a photo (linear RGB) taken from the origin, where it is not clipped (all channels below `white`) and
-    /// its depth map (metres along the optical axis, of the same size) has a reading.
+    /// Draws `count` pixels of a linear RGB photo taken from the origin, and keeps those that are not clipped (all
+    /// channels below `white`) and have a depth reading (metres along the optical axis, same size).
     pub fn of_photo(
         photo: &Image<[f32; 3]>,
         depth_m: &DepthMap,
@@ -38,12 +38,12 @@ impl Rays {
         }))
     }
 
-    /// Number of rays.
+    /// Returns the number of rays.
     pub fn len(&self) -> usize {
         self.cones.len()
     }
 
-    /// Whether there are none.
+    /// Reports whether there are no rays.
     pub fn is_empty(&self) -> bool {
         self.cones.is_empty()
     }

@@ -1,91 +1,93 @@
-//! What the photo shows of a room is finer than what a network can say of it: leaves of the network's depth that are seen are split further.
+//! Refinement of observed leaves below the network's depth: photos have more detail than the network predicts.
 
 use lo_octree::{LightOctree, Neighbours, OctreeError};
 
 use crate::light::{FreeSpace, MAX_RADIANCE};
 
-/// What is seen, as octrees of two depths.
-pub(crate) struct SeenDetail<'a> {
-    /// Of the depth of the octree that is refined.
+/// Observations as octrees of two depths.
+pub(crate) struct ObservedDetail<'a> {
+    /// Octree of the depth that is to be refined. Its `seen` holds the certain shares.
     pub coarse: &'a LightOctree,
-    /// Of the depth that is asked for. Shares seen are shares that are certain, of both.
+    /// Octree of the requested depth. Its `seen` holds the certain shares.
     pub fine: &'a LightOctree,
-    /// What is known to be empty.
+    /// Space that the photos show to be empty.
     pub free: &'a FreeSpace,
 }
 
-impl SeenDetail<'_> {
-    /// Splits the leaves of `light` in which something is seen, and their rows of `confidence`, down to the depth of the finer octree.
+impl ObservedDetail<'_> {
+    /// Splits the observed leaves of `light`, and their rows of `confidence`, down to the depth of the finer octree.
     ///
-    /// Children that are seen have the radiance that is seen there, as far as it is certain. What else there is of radiance is blended between the leaves
-    /// around, and opacity is the leaf's: surfaces stay as thick as they were, but for what lies before them. Leaves in which nothing is seen stay.
+    /// Observed children take the observed radiance, as far as it is certain. The remaining radiance is interpolated
+    /// between the surrounding leaves. Children inherit the leaf's opacity, so that surfaces keep their thickness,
+    /// except for observed free space in front of them. Unobserved leaves do not change.
     ///
     /// # Errors
-    /// None for octrees of one cube.
+    /// None for octrees of the same cube.
     pub fn refine(&self, light: &mut LightOctree, confidence: &mut Vec<Vec<f32>>) -> Result<(), OctreeError> {
-        let mut guesses = self.guesses(light);
+        let mut predictions = self.predictions(light);
         while light.octree.depth() < self.fine.octree.depth() {
             let depth = light.octree.depth();
             let finest = &light.octree.levels()[depth as usize];
-            let seen = |node: &usize| finest.rows[*node] >= 0 && known(self.fine, depth, finest.keys[*node]).is_some();
+            let seen =
+                |node: &usize| finest.rows[*node] >= 0 && observed(self.fine, depth, finest.keys[*node]).is_some();
             let split: Vec<bool> = (0..finest.len()).map(|node| seen(&node)).collect();
             let neighbours = light.octree.neighbours(depth);
-            let (mut below, mut nonempty) = (Below::default(), Vec::new());
+            let (mut finer, mut nonempty) = (FinerRows::default(), Vec::new());
             for parent in (0..finest.len()).filter(|&node| split[node]) {
                 for child in 0..8 {
                     let key = finest.keys[parent] << 3 | child;
-                    let known = known(self.fine, depth + 1, key);
-                    let occupied = known.is_some() || !self.free.holds(light.cube, depth + 1, key);
+                    let observation = observed(self.fine, depth + 1, key);
+                    let occupied = observation.is_some() || !self.free.contains_node(light.cube, depth + 1, key);
                     nonempty.push(occupied);
                     if occupied {
-                        let around = Around::new(&neighbours[parent], &finest.rows, child);
-                        let guess = around.blend(&guesses);
-                        let (rgba, seen) = match known {
-                            Some((known, seen)) => (mixed(known, seen, guess), seen),
-                            None => (around.blend(&light.rgba[depth as usize]), 0),
+                        let neighbourhood = ParentNeighbourhood::new(&neighbours[parent], &finest.rows, child);
+                        let prediction = neighbourhood.interpolate(&predictions);
+                        let (rgba, seen) = match observation {
+                            Some((observed, seen)) => (blended(observed, seen, prediction), seen),
+                            None => (neighbourhood.interpolate(&light.rgba[depth as usize]), 0),
                         };
-                        below.push(rgba, seen, guess, finest.rows[parent] as usize);
+                        finer.push(rgba, seen, prediction, finest.rows[parent] as usize);
                     }
                 }
             }
             light.octree.grow(&split)?;
             light.octree.set_nonempty(&nonempty)?;
-            light.rgba.push(below.rgba);
+            light.rgba.push(finer.rgba);
             if let Some(lobes) = &mut light.lobes {
                 let inherited = |(&parent, &seen): (&usize, &u8)| {
-                    // What the photo shows is known towards the camera, and has no lobe.
-                    let guessed = 1.0 - f32::from(seen) / 255.0;
-                    lobes[depth as usize][parent].map(|v| guessed * v)
+                    // Observed radiance is known towards the camera and has no lobe.
+                    let unobserved = 1.0 - f32::from(seen) / 255.0;
+                    lobes[depth as usize][parent].map(|v| unobserved * v)
                 };
-                let below = below.parents.iter().zip(&below.seen).map(inherited).collect();
+                let below = finer.parents.iter().zip(&finer.seen).map(inherited).collect();
                 lobes.push(below);
             }
-            confidence.push(below.parents.iter().map(|&parent| confidence[depth as usize][parent]).collect());
-            light.seen.push(below.seen);
-            guesses = below.guesses;
+            confidence.push(finer.parents.iter().map(|&parent| confidence[depth as usize][parent]).collect());
+            light.seen.push(finer.seen);
+            predictions = finer.predictions;
         }
         Ok(())
     }
 
-    /// What the network says of each finest row where the photo is not certain.
-    fn guesses(&self, light: &LightOctree) -> Vec<[f32; 4]> {
+    /// Returns the network's own prediction for each finest row, without the observed part.
+    fn predictions(&self, light: &LightOctree) -> Vec<[f32; 4]> {
         let depth = light.octree.depth();
         let keys = light.octree.levels()[depth as usize].row_keys();
         keys.zip(&light.rgba[depth as usize])
-            .map(|(key, &rgba)| guess(rgba, known(self.coarse, depth, key)))
+            .map(|(key, &rgba)| predicted(rgba, observed(self.coarse, depth, key)))
             .map(|[r, g, b, alpha]| [r.min(MAX_RADIANCE), g.min(MAX_RADIANCE), b.min(MAX_RADIANCE), alpha.min(1.0)])
             .collect()
     }
 }
 
-/// The nodes around the centre of a child, its parent the first of them, with their trilinear weights: rows of the parents' level, or −1.
-struct Around([(i32, f32); 8]);
+/// Rows of the eight nodes around a child's centre, the parent first, with trilinear weights. −1 marks missing nodes.
+struct ParentNeighbourhood([(i32, f32); 8]);
 
-impl Around {
+impl ParentNeighbourhood {
     fn new(neighbours: &Neighbours, rows: &[i32], child: u32) -> Self {
         Self(std::array::from_fn(|corner| {
             let (mut neighbour, mut weight) = (13i32, 1.0);
-            // A child's centre lies a quarter of an edge from its parent's, towards the neighbours on its side.
+            // A child's centre is a quarter of an edge from its parent's, towards the neighbours on its side.
             for (bit, stride) in [(4, 9), (2, 3), (1, 1)] {
                 let side = if child & bit == 0 { -stride } else { stride };
                 let aside = corner as u32 & bit != 0;
@@ -97,8 +99,8 @@ impl Around {
         }))
     }
 
-    /// Radiance blended in the measure of the opacity, as the tracer blends it; the parent's opacity.
-    fn blend(&self, rgba: &[[f32; 4]]) -> [f32; 4] {
+    /// Returns radiance interpolated in proportion to opacity, as the tracer does, with the parent's opacity.
+    fn interpolate(&self, rgba: &[[f32; 4]]) -> [f32; 4] {
         let parent = rgba[self.0[0].0 as usize];
         let (mut sum, mut total) = ([0.0; 3], 0.0);
         for &(row, weight) in self.0.iter().filter(|(row, _)| *row >= 0) {
@@ -111,45 +113,45 @@ impl Around {
     }
 }
 
-/// Rows of a level that comes to be.
+/// Rows of the new level.
 #[derive(Default)]
-struct Below {
+struct FinerRows {
     rgba: Vec<[f32; 4]>,
     seen: Vec<u8>,
-    guesses: Vec<[f32; 4]>,
+    predictions: Vec<[f32; 4]>,
     parents: Vec<usize>,
 }
 
-impl Below {
-    fn push(&mut self, rgba: [f32; 4], seen: u8, guess: [f32; 4], parent: usize) {
+impl FinerRows {
+    fn push(&mut self, rgba: [f32; 4], seen: u8, prediction: [f32; 4], parent: usize) {
         self.rgba.push(rgba);
         self.seen.push(seen);
-        self.guesses.push(guess);
+        self.predictions.push(prediction);
         self.parents.push(parent);
     }
 }
 
-/// What an octree holds of a node, and the share of it that is seen; `None` where it has no such node, or an empty one.
-fn known(light: &LightOctree, depth: u32, key: u32) -> Option<([f32; 4], u8)> {
+/// Returns a node's RGBα and observed share, or `None` where it is missing or empty.
+fn observed(light: &LightOctree, depth: u32, key: u32) -> Option<([f32; 4], u8)> {
     let row = light.row(depth, key)?;
     Some((light.rgba[depth as usize][row], light.seen[depth as usize][row]))
 }
 
-/// What is guessed of a node beside what is known of it: of a node that is wholly certain itself.
-fn guess(rgba: [f32; 4], known: Option<([f32; 4], u8)>) -> [f32; 4] {
-    match known {
-        Some((known, seen)) if seen < 255 => {
+/// Returns the predicted part of a node's RGBα. Fully observed nodes return their own.
+fn predicted(rgba: [f32; 4], observation: Option<([f32; 4], u8)>) -> [f32; 4] {
+    match observation {
+        Some((observed, seen)) if seen < 255 => {
             let trust = f32::from(seen) / 255.0;
-            std::array::from_fn(|c| ((rgba[c] - trust * known[c]) / (1.0 - trust)).max(0.0))
+            std::array::from_fn(|c| ((rgba[c] - trust * observed[c]) / (1.0 - trust)).max(0.0))
         }
         _ => rgba,
     }
 }
 
-/// What is known as far as it is certain, else what is guessed.
-fn mixed(known: [f32; 4], seen: u8, guess: [f32; 4]) -> [f32; 4] {
+/// Blends observation and prediction by the observed share.
+fn blended(observed: [f32; 4], seen: u8, prediction: [f32; 4]) -> [f32; 4] {
     let trust = f32::from(seen) / 255.0;
-    std::array::from_fn(|c| trust * known[c] + (1.0 - trust) * guess[c])
+    std::array::from_fn(|c| trust * observed[c] + (1.0 - trust) * prediction[c])
 }
 
 #[cfg(test)]
@@ -163,7 +165,7 @@ mod tests {
 
     const CUBE: Cube = Cube { origin_m: Vec3::new(-4.0, -4.0, -4.0), edge_m: 8.0 };
 
-    /// A wall 3.1 m away, every pixel in its own colour, its right half clipped.
+    /// A wall 3.1 m away, each pixel in its own colour, the right half clipped.
     fn wall() -> (Vec<VisiblePoint>, Camera) {
         let camera = Camera::from_hfov_deg(80.0, 96, 96).unwrap();
         let point = |i: usize| {
@@ -178,18 +180,18 @@ mod tests {
         ((0..96 * 96).map(point).collect(), camera)
     }
 
-    /// Octree of the wall at a depth, with a leaf behind the camera.
+    /// Octree of the wall, at a depth.
     fn octree_of(points: &[VisiblePoint], depth: u32) -> LightOctree {
         let points: Vec<RadiancePoint> = points.iter().map(VisiblePoint::radiance_point).collect();
         LightOctree::from_points(&points, CUBE, depth, 2).unwrap().0
     }
 
     #[test]
-    fn what_is_seen_gets_finer_and_nothing_else_changes() {
+    fn observed_leaves_are_refined_and_others_kept() {
         let (points, camera) = wall();
         let behind = VisiblePoint { position_m: Vec3::new(0.1, 0.1, 3.0), certain: false, ..points[0] };
         let mut light = octree_of(&[&points[..], &[behind]].concat(), 5);
-        // The network says that what is clipped is ten times as bright.
+        // The network predicts clipped nodes as ten times as bright.
         for (rgba, seen) in light.rgba[5].iter_mut().zip(&light.seen[5]) {
             if *seen == 0 {
                 *rgba = rgba.map(|c| 10.0 * c);
@@ -202,11 +204,11 @@ mod tests {
             light.rgba.iter().map(|rows| (0..rows.len()).map(|row| 1.0 / (1.0 + row as f32)).collect()).collect();
         let (coarse, fine) = (octree_of(&points, 5), octree_of(&points, 7));
         let free = FreeSpace::new(&points, &camera);
-        SeenDetail { coarse: &coarse, fine: &fine, free: &free }.refine(&mut light, &mut confidence).unwrap();
+        ObservedDetail { coarse: &coarse, fine: &fine, free: &free }.refine(&mut light, &mut confidence).unwrap();
         assert_eq!(light.octree.depth(), 7);
         assert_eq!((&light.rgba[..6], &light.seen[..6]), (&before.rgba[..], &before.seen[..]));
         assert!(confidence.iter().map(Vec::len).eq(light.rgba.iter().map(Vec::len)));
-        // What is certain shows every direction what it showed the photo; what is clipped stays a guess.
+        // Certain nodes have equal radiance in all directions; clipped ones keep the prediction.
         let lobes = &light.lobes.as_ref().unwrap()[7];
         assert!(lobes.iter().zip(&light.seen[7]).all(|(lobe, &seen)| seen < 255 || *lobe == [0.0; 3]));
         assert!(lobes.contains(&[1.0, 2.0, -3.0]));
@@ -222,7 +224,7 @@ mod tests {
                 assert!((rgba[1] - 5.0).abs() < 1e-5 && rgba[3] == 0.9, "clipped: {rgba:?}");
             }
         }
-        // Leaves of 6 cm: before the wall there is nothing, and it is as thick as it was.
+        // Leaves of 6 cm: the space in front of the wall is empty, and the wall keeps its thickness.
         let is_empty = |z: f32| {
             let (depth, node) = light.locate(Vec3::new(-0.5, 0.3, z), 7).unwrap();
             light.octree.levels()[depth as usize].rows[node] < 0
@@ -233,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn a_guess_runs_evenly_from_leaf_to_leaf() {
+    fn predictions_are_interpolated_between_leaves() {
         let (mut points, camera) = wall();
         points.iter_mut().for_each(|point| point.certain = false);
         let (coarse, fine) = (octree_of(&points, 5), octree_of(&points, 7));
@@ -245,7 +247,7 @@ mod tests {
         }
         let free = FreeSpace::new(&points, &camera);
         let mut confidence = light.rgba.iter().map(|rows| vec![1.0; rows.len()]).collect();
-        SeenDetail { coarse: &coarse, fine: &fine, free: &free }.refine(&mut light, &mut confidence).unwrap();
+        ObservedDetail { coarse: &coarse, fine: &fine, free: &free }.refine(&mut light, &mut confidence).unwrap();
         let keys = light.octree.levels()[7].row_keys().map(|key| light.node_middle_m(7, key));
         let inside: Vec<_> = keys.zip(&light.rgba[7]).filter(|(middle, _)| middle.truncate().length() < 1.8).collect();
         assert!(inside.len() > 2000, "{}", inside.len());
@@ -258,13 +260,13 @@ mod tests {
     }
 
     #[test]
-    fn an_octree_as_deep_as_what_is_seen_stays() {
+    fn octrees_of_full_depth_do_not_change() {
         let (points, camera) = wall();
         let same = octree_of(&points, 5);
         let mut light = same.clone();
         let mut confidence = light.rgba.iter().map(|rows| vec![1.0; rows.len()]).collect();
         let free = FreeSpace::new(&points, &camera);
-        SeenDetail { coarse: &same, fine: &same, free: &free }.refine(&mut light, &mut confidence).unwrap();
+        ObservedDetail { coarse: &same, fine: &same, free: &free }.refine(&mut light, &mut confidence).unwrap();
         assert_eq!(light, same);
     }
 }

@@ -2,25 +2,27 @@ use lo_geometry::{Camera, Vec3};
 use lo_imaging::{DepthMap, Image};
 use lo_octree::{Provenance, RadiancePoint};
 
-/// A point of a surface that the photo shows.
+/// A point of a surface observed in a photo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VisiblePoint {
     /// World position in metres.
     pub position_m: Vec3,
     /// Linear RGB radiance.
     pub radiance: [f32; 3],
-    /// Unit normal; zero where it is not known.
+    /// Unit normal, or zero where unknown.
     pub normal: Vec3,
-    /// Whether the radiance is that of the surface: false where the photo is clipped, so that it is but a lower bound.
+    /// Whether radiance is exact. Where the photo is clipped, it is only a lower bound.
     pub certain: bool,
 }
 
 impl VisiblePoint {
-    /// The points of a photo (linear RGB; values of at least `white` in any channel count as clipped) with its depth map (metres
-    /// along the optical axis, 0 or NaN without a reading) of the same size, and normals in the camera's axes where they are known.
+    /// Collects the points of a linear RGB photo with a depth map of the same size.
+    ///
+    /// Values of at least `white` in any channel count as clipped. Depth is in metres along the optical axis, 0 or NaN
+    /// without a reading. Normals, where known, are in the camera's axes.
     ///
     /// # Panics
-    /// Where the pictures differ in size.
+    /// Where the images differ in size.
     pub fn from_photo(
         photo: &Image<[f32; 3]>,
         depth_m: &DepthMap,

@@ -1,4 +1,4 @@
-//! The encoder against torchvision's DenseNet-121, its weights loaded by name (`golden/make_densenet.py`).
+//! Tests the encoder against torchvision's DenseNet-121, with weights loaded by name (`golden/make_densenet.py`).
 
 use std::collections::BTreeMap;
 
@@ -31,7 +31,7 @@ fn features_and_gradients_are_those_of_torchvision() {
     let [.., last] = net.forward(photo(&device));
     golden.check("train.4", last, 1e-4);
 
-    // f64, for the reason that the script gives; what is left is the f32 of the file.
+    // In f64, as in the script: f32 rounding would switch ReLUs. The remaining error is the file's f32.
     let net = fresh().load_torchvision(&published).unwrap().valid().map(&mut Wide).train();
     let [.., last] = net.forward(photo(&device).cast(DType::F64));
     let gradient = TensorData::new(noise("gradient", last.dims().iter().product()), last.dims());
@@ -47,7 +47,7 @@ fn features_and_gradients_are_those_of_torchvision() {
     golden.check("running_mean", norm.running_mean.value_sync(), 1e-6);
     golden.check("running_var", norm.running_var.value_sync(), 1e-6);
 
-    // The names of torchvision's first release, and a weight that is not there.
+    // The names of torchvision's first release, with one weight missing.
     let mut old = Checkpoint::default();
     for (name, shape) in &shapes {
         let old_name = ["norm1", "norm2", "conv1", "conv2"].iter().fold(name.clone(), |name, part| {
@@ -58,5 +58,5 @@ fn features_and_gradients_are_those_of_torchvision() {
         }
     }
     let error = fresh().load_torchvision(&old).unwrap_err().to_string();
-    assert_eq!(error, "the weights of \"DenseNet-121\" do not fit: \"features.norm5.bias\" is missing");
+    assert_eq!(error, "the weights of \"DenseNet-121\" do not match the network: \"features.norm5.bias\" is missing");
 }

@@ -1,4 +1,5 @@
-//! The encoder against the package `efficientnet_lite_pytorch`, its weights loaded by name (`golden/make_efficientnet.py`).
+//! Tests the encoder against the package `efficientnet_lite_pytorch`, with weights loaded by name
+//! (`golden/make_efficientnet.py`).
 
 use std::collections::BTreeMap;
 
@@ -21,13 +22,13 @@ fn features_and_gradients_are_those_of_the_package() {
     for (name, scale, blocks) in
         [("efficientnet-lite0", EfficientNetScale::LITE0, 16), ("efficientnet-lite2", EfficientNetScale::LITE2, 21)]
     {
-        // A convolution and four numbers for each channel of its norm; the first block has nothing to expand.
+        // A convolution and four norm tensors for each layer; the first block has no expansion.
         assert_eq!(shapes[name].len(), 5 * (1 + 3 * blocks - 1));
         let published = published(&shapes[name]);
         let fresh = || EfficientNetLite::new(scale, &mut lo_random::stream(1, "test", 0), &device);
         let net = fresh().load_published(&published).unwrap();
         let photo = |device: &Device| {
-            // The script's pictures come one after the other.
+            // The script has images first, then channels.
             let data = TensorData::new(noise("photo", 2 * 3 * 64 * 96), [2, 3, 64, 96]);
             Tensor::<4>::from_data(data, device).swap_dims(0, 1)
         };
@@ -38,7 +39,7 @@ fn features_and_gradients_are_those_of_the_package() {
             check(&format!("eval.{i}"), features, 1e-4);
         }
 
-        // f64, for the reason that the script gives; what is left is the f32 of the file.
+        // In f64, as in the script: f32 rounding would switch ReLUs. The remaining error is the file's f32.
         let net = fresh().load_published(&published).unwrap().valid().map(&mut Wide).train();
         let [.., last] = net.forward(photo(&device).cast(DType::F64));
         let [channels, _, height, width] = last.dims();

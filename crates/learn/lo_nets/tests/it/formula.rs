@@ -1,4 +1,4 @@
-//! What the scripts in `golden/` compute: weights and pictures by a formula, and the tensors that came of them.
+//! Counterpart of the scripts in `golden/`: weights and images by a formula, and the stored tensors.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use burn::tensor::{DType, Tensor};
 use lo_nets::checkpoint::Checkpoint;
 use safetensors::SafeTensors;
 
-/// Values in [−1, 1).
+/// Returns pseudo-random values in [−1, 1).
 pub fn noise(name: &str, count: usize) -> Vec<f32> {
     let seed = lo_random::hash(name.as_bytes()) & 0xffff_ffff;
     let value = |i: u64| {
@@ -20,7 +20,7 @@ pub fn noise(name: &str, count: usize) -> Vec<f32> {
     (0..count as u64).map(value).collect()
 }
 
-/// The weights of this name.
+/// Returns the weights of this name.
 pub fn weights(name: &str, shape: &[usize]) -> Vec<f32> {
     let x = noise(name, shape.iter().product());
     let (scale, shift) = match shape {
@@ -31,7 +31,7 @@ pub fn weights(name: &str, shape: &[usize]) -> Vec<f32> {
     x.into_iter().map(|x| shift + scale * x).collect()
 }
 
-/// A network's weights.
+/// Returns all weights of a network.
 pub fn published(shapes: &BTreeMap<String, Vec<usize>>) -> Checkpoint {
     let mut published = Checkpoint::default();
     for (name, shape) in shapes {
@@ -40,7 +40,7 @@ pub fn published(shapes: &BTreeMap<String, Vec<usize>>) -> Checkpoint {
     published
 }
 
-/// A file that a script wrote.
+/// A file written by a script.
 pub struct Golden(SafeTensors<'static>);
 
 impl Golden {
@@ -56,7 +56,8 @@ impl Golden {
         self.bytes(name).as_chunks::<4>().0.iter().map(|&b| f32::from_le_bytes(b)).collect()
     }
 
-    /// Asserts that a tensor is the one of this name, of which the file may have every so many numbers, but for `limit` of its largest number.
+    /// Asserts that a tensor equals the stored one, which may be subsampled, up to `limit` relative to its largest
+    /// number.
     pub fn check<const D: usize>(&self, name: &str, got: Tensor<D>, limit: f32) {
         let (got, expected): (Vec<f32>, _) = (got.inner().into_data().iter().collect(), self.floats(name));
         let stride = got.len() / (expected.len() - 1).max(1);
@@ -69,7 +70,7 @@ impl Golden {
     }
 }
 
-/// f32 to f64.
+/// Converts f32 parameters to f64.
 pub struct Wide;
 
 impl ModuleMapper for Wide {

@@ -1,4 +1,4 @@
-//! The networks against the implementations of their authors.
+//! Tests networks against their authors' implementations.
 #![allow(clippy::unwrap_used)]
 
 mod densenet;

@@ -1,4 +1,4 @@
-//! Layers on dual octree graphs against `ognn` 1.x of their first author (`golden/make_graph.py`).
+//! Tests layers on dual octree graphs against `ognn` 1.x by their first author (`golden/make_graph.py`).
 
 use burn::module::Param;
 use burn::tensor::{Device, Tensor, TensorData};

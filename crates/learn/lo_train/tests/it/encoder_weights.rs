@@ -108,7 +108,7 @@ fn a_run_begins_with_them_and_says_whose_they_are() {
     // Weights of another encoder than the configuration's.
     let other = TrainConfig { encoder: EncoderKind::EfficientNetLite2, ..config.clone() };
     let error = train(&other, &request, &mut |_| ControlFlow::Break(())).unwrap_err().to_string();
-    assert!(error.contains("the weights of \"EfficientNet-Lite\" do not fit: "), "{error}");
+    assert!(error.contains("the weights of \"EfficientNet-Lite\" do not match the network: "), "{error}");
     let other = TrainConfig { encoder: EncoderKind::DenseNet121, ..config };
     let error = train(&other, &request, &mut |_| ControlFlow::Break(())).unwrap_err().to_string();
     assert!(error.contains("\"DenseNet-121\"") && error.contains("\"features.conv0.weight\" is missing"), "{error}");

@@ -86,5 +86,5 @@ fn a_file_is_known_by_its_hash_and_its_networks() {
     let other = inspect(&networks(folder.path(), 2, &config())).unwrap();
     assert!(found.sha256.len() == 64 && found.sha256 != other.sha256);
     std::fs::write(&path, b"abc").unwrap();
-    assert!(inspect(&path).unwrap_err().to_string().contains("no .safetensors file"));
+    assert!(inspect(&path).unwrap_err().to_string().contains("not a .safetensors file"));
 }

@@ -1,4 +1,4 @@
-"""Weights and pictures by a formula, the same in the tests."""
+"""Weights and images by a formula that the tests repeat."""
 
 import numpy
 import torch
@@ -12,7 +12,7 @@ def fnv1a(text):
 
 
 def noise(name, count):
-    """Values in [-1, 1), the same in the test."""
+    """Returns pseudo-random values in [-1, 1), as the test does."""
     h = (numpy.arange(count, dtype=numpy.uint64) + fnv1a(name) % 2**32) * 2654435761 % 2**32
     h ^= h >> 15
     h = h * 2246822519 % 2**32

