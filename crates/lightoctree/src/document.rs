@@ -2,6 +2,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
+use lo_estimate::{FittedLight, LightReport, LightingError, indirect_only, lit_by, plausible, seen_from};
 use lo_geometry::Vec3;
 use lo_insert::{Layout, PathSource};
 use lo_lights::ListedLight;
@@ -12,8 +13,7 @@ use lo_scene::{
 };
 
 use crate::builtin::{BUILTIN_PREFIX, builtin_mesh};
-use crate::lighting::{indirect_only, lit_by, plausible, seen_from};
-use crate::{FittedLight, LightReport, LightingError, ModelError, Models};
+use crate::{ModelError, Models};
 
 /// An estimate with the user's edits of its light and the objects in its photo: what a `.scene` file holds.
 ///

@@ -29,45 +29,24 @@
 //! rest of them, for training and tests: its types change with the deep-learning stack, and are no part of this crate's version.
 
 mod builtin;
-mod camera;
-mod completed;
-#[cfg(feature = "depth-models")]
-mod depth_model;
 mod document;
-mod error;
-mod estimator;
-mod fitted_light;
-mod input;
-mod lighting;
 mod model_error;
 mod models;
-mod options;
-mod panorama;
-mod photos;
 mod place;
 mod probes;
-mod seen_frame;
-mod sun;
-#[cfg(test)]
-mod tests;
-mod view;
-#[cfg(feature = "weights")]
-mod weights;
-mod white;
 
 pub use builtin::{BUILTIN_MODELS, BUILTIN_PREFIX, builtin_model};
-pub use camera::DEFAULT_HFOV_DEG;
 pub use document::{Document, DocumentError, LightPurpose};
-pub use error::EstimateError;
-pub use estimator::Estimator;
-pub use fitted_light::{FittedLight, LaidLight};
-pub use input::{Exposures, Input, PredictedDepth};
-pub use lighting::{LightReport, LightingError};
 pub use lo_completion as completion;
 pub use lo_completion::{PanoramaError, PanoramaPrior};
 pub use lo_cone as cone;
 #[cfg(feature = "depth-models")]
 pub use lo_depth_models as depth_models;
+pub use lo_estimate::{
+    DEFAULT_HFOV_DEG, DEFAULT_OCTREE_DEPTH, EstimateError, EstimateOptions, Estimator, Exposures, FittedLight, Input,
+    LaidLight, LightReport, LightingError, PhotoSun, PredictedDepth, ShadowError, check_white, sun_of_photo,
+    supported_sun,
+};
 pub use lo_events as events;
 pub use lo_events::{Cancelled, Event, OnEvent, Stage, Warning};
 pub use lo_export as export;
@@ -87,10 +66,5 @@ pub use lo_scene as scene;
 pub use lo_scene::{CameraSource, Estimate, GuessedLight, LightEffect, LightMode, LightTuning, LitScene};
 pub use model_error::ModelError;
 pub use models::Models;
-pub use options::{DEFAULT_OCTREE_DEPTH, EstimateOptions};
 pub use place::probe_grid;
 pub use probes::render_probes;
-#[doc(hidden)]
-pub use seen_frame::SeenFrame;
-pub use sun::{PhotoSun, ShadowError, sun_of_photo, supported_sun};
-pub use white::check_white;

@@ -1,15 +1,17 @@
 //! What is compared: the networks, the shell, and baselines.
 
-use lightoctree::cone::{self, Cone, OctreeRenderer};
-use lightoctree::scene::{Completion, Frame, FrameError, LitScene};
-use lightoctree::{
-    Document, EstimateError, EstimateOptions, Estimator, GuessedLight, Input, LightMode, LightPurpose, LightTuning,
-    PanoramaError, SceneRenderer,
-};
+use std::sync::Arc;
+
+use lo_completion::PanoramaError;
+use lo_cone::{Cone, OctreeRenderer};
 use lo_dataset::{NovelView, Sample, TrueLeaves};
+use lo_estimate::{EstimateError, EstimateOptions, Estimator, Input, lit_by};
 use lo_geometry::{Cube, Vec3};
 use lo_imaging::{DepthMap, Photo, RadianceImage, sample_equirectangular};
+use lo_lookup::SceneRenderer;
 use lo_octree::{LightOctree, OctreeError};
+use lo_scene::{Completion, Frame, FrameError, LitScene};
+use lo_scene::{GuessedLight, LightMode, LightTuning};
 
 use crate::prior::{is_doubt, unchanged, yaw_error_deg};
 use crate::{KnownPanorama, LaidPrior, Profile, baseline};
@@ -282,9 +284,7 @@ impl Method {
                 let estimator = Estimator::without_networks();
                 let options = EstimateOptions { octree_depth: Some(tools.octree_depth), ..EstimateOptions::default() };
                 let input = Input::MeasuredDepth(frame(sample, input)?);
-                Ok(Estimate::as_estimated(
-                    estimator.estimate(input, &options, &mut lightoctree::events::ignore)?.into(),
-                ))
+                Ok(Estimate::as_estimated(estimator.estimate(input, &options, &mut lo_events::ignore)?.into()))
             }
             Self::NetworkCubed => {
                 Ok(Estimate { is_cubed: true, ..Estimate::as_estimated(estimate_scene(sample, None, tools)?) })
@@ -313,15 +313,15 @@ const LINEAR: &str = "linear_factors in the profile, which --make-profile writes
 
 /// The networks' scene by the light of a mode.
 fn lit(sample: &Sample, input: Option<DepthInput>, tools: &Tools, mode: LightMode) -> Result<LitScene, MethodError> {
-    let mut document = estimate_scene(sample, input, tools)?;
-    document.light_edits.guessed = Some(GuessedLight { light: mode, tuning: LightTuning::default() });
-    Ok(document.lit(LightPurpose::Panorama).expect("neither edits nor a white pixel are asked for"))
+    let guessed = GuessedLight { light: mode, tuning: LightTuning::default() };
+    let (lit, _) = lit_by(&estimate_scene(sample, input, tools)?, &guessed).expect("there is no white pixel");
+    Ok(lit)
 }
 
 impl Estimate {
     /// In the even light of the octree.
-    fn as_estimated(document: Document) -> Self {
-        Self::of_scene(LitScene::as_estimated(document.estimate))
+    fn as_estimated(estimate: Arc<lo_scene::Estimate>) -> Self {
+        Self::of_scene(LitScene::as_estimated(estimate))
     }
 
     fn of_scene(scene: LitScene) -> Self {
@@ -381,8 +381,8 @@ impl Estimate {
 }
 
 /// What cones from `eye` see.
-pub(crate) fn traced(sight: &Sight, eye: Vec3, cones: &[Cone]) -> Vec<cone::ConeSample> {
-    let mut samples = vec![cone::ConeSample::default(); cones.len()];
+pub(crate) fn traced(sight: &Sight, eye: Vec3, cones: &[Cone]) -> Vec<lo_cone::ConeSample> {
+    let mut samples = vec![lo_cone::ConeSample::default(); cones.len()];
     match sight {
         Sight::Octree(viewers) => viewers.at(eye).trace_batch(cones, &mut samples),
         Sight::Scene(viewers) => viewers.trace_batch(eye, cones, &mut samples),
@@ -408,9 +408,9 @@ pub(crate) fn estimate_scene(
     sample: &Sample,
     input: Option<DepthInput>,
     tools: &Tools,
-) -> Result<Document, MethodError> {
+) -> Result<Arc<lo_scene::Estimate>, MethodError> {
     let options = network_options(tools)?;
-    Ok(tools.estimator.estimate(input_of(sample, input)?, &options, &mut lightoctree::events::ignore)?.into())
+    Ok(tools.estimator.estimate(input_of(sample, input)?, &options, &mut lo_events::ignore)?.into())
 }
 
 fn network_options(tools: &Tools) -> Result<EstimateOptions, MethodError> {
@@ -452,7 +452,7 @@ fn with_panorama(
     let scene = tools.estimator.estimate(input_of(sample, input)?, &with, &mut hear)?;
     let mut seen_unchanged = None;
     if is_foreign {
-        let plain = tools.estimator.estimate(input_of(sample, input)?, &options, &mut lightoctree::events::ignore)?;
+        let plain = tools.estimator.estimate(input_of(sample, input)?, &options, &mut lo_events::ignore)?;
         seen_unchanged = Some(unchanged(&plain.light, &scene.light));
     }
     let prior = scene.panorama.as_ref().map(|laid| LaidPrior {

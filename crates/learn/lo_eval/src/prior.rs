@@ -2,10 +2,11 @@
 
 use std::f32::consts::PI;
 
-use lightoctree::octree::LightOctree;
-use lightoctree::{Event, PanoramaPrior, Warning};
+use lo_completion::PanoramaPrior;
 use lo_dataset::{NovelView, Sample};
+use lo_events::{Event, Warning};
 use lo_geometry::{Orientation, Vec3};
+use lo_octree::LightOctree;
 
 use crate::MethodError;
 

@@ -194,7 +194,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::{DepthInput, Method, ProfileBuilder, Tools, testing};
-    use lightoctree::Estimator;
+    use lo_estimate::Estimator;
 
     #[test]
     fn methods_are_ranked_as_they_must_be_in_a_known_room() {

@@ -1,6 +1,6 @@
 //! A probe that walks a metre: the light must change gradually, and what is near must move as geometry says.
 
-use lightoctree::cone::Cone;
+use lo_cone::Cone;
 use lo_dataset::{NovelView, Sample};
 use lo_geometry::{Vec3, pixel_direction};
 use lo_imaging::{DepthMap, RadianceImage, luminance, sample_equirectangular};
@@ -233,7 +233,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::{Method, Tools, testing};
-    use lightoctree::Estimator;
+    use lo_estimate::Estimator;
 
     const TOOLS: Tools<'static> = Tools {
         estimator: &Estimator::without_networks(),

@@ -1,8 +1,8 @@
 //! From a sample to what a step of training needs.
 
-use lightoctree::SeenFrame;
 use lo_cone::{ConeTracer, Settings};
 use lo_dataset::{NovelView, Sample, TrueLeaves, true_octree};
+use lo_estimate::SeenFrame;
 use lo_geometry::{Camera, Cube, Mat3, Perspective, Vec3};
 use lo_imaging::{DepthMap, Image, Photo, RadianceImage, linear_from_srgb8, srgb8_from_linear};
 use lo_nets::depth::{DepthNet, size_within};

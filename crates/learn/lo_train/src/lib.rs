@@ -1,7 +1,7 @@
 //! Training of the networks (`docs/method.md` §7): the depth network, then the light network, then both, from one configuration.
 //!
 //! [`train`] runs all phases of a [`TrainConfig`] in a folder of its own and says on its way what happens (`lo_events`). What the light network is given comes from
-//! [`lightoctree::SeenFrame`], as in estimation.
+//! [`lo_estimate::SeenFrame`], as in estimation.
 
 mod augmentation;
 mod config;

@@ -2,12 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use lightoctree::{DEFAULT_OCTREE_DEPTH, EstimateOptions, Estimator, Input, SceneRenderer, events};
 use lo_cone::{Cone, ConeSample, OctreeRenderer};
 use lo_dataset::{Dataset, NovelView, Sample, Split, indices_of, seen_mask};
+use lo_estimate::{DEFAULT_OCTREE_DEPTH, EstimateOptions, Estimator, Input};
+use lo_events as events;
 use lo_events::Warning;
 use lo_geometry::{Perspective, Quat, Vec3};
 use lo_imaging::{Image, Photo, RadianceImage};
+use lo_lookup::SceneRenderer;
 use lo_metrics::{DepthErrors, LightOnObjects, panorama_psnr_db};
 use lo_nets::Networks;
 use lo_nets::conv::in_pool;

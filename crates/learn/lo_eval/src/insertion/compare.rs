@@ -2,9 +2,9 @@
 
 use std::collections::HashMap;
 
-use lightoctree::insert::Composite;
 use lo_geometry::{Vec3, pixel_direction, pixel_solid_angle_sr};
 use lo_imaging::{RadianceImage, luminance, main_light};
+use lo_insert::Composite;
 use lo_metrics::{rmse, si_rmse};
 
 use super::truth::{STRIDE, Truth};

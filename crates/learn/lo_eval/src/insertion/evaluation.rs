@@ -1,15 +1,16 @@
 //! All methods in all rooms.
 
+use std::sync::Arc;
+
 use std::path::PathBuf;
 use std::time::Instant;
 
-use lightoctree::Document;
-use lightoctree::insert::{Align, Base, Composite, InsertError, Inserter, Instance, Lighting, Placement, Quality};
-use lightoctree::mesh::{MeshError, PreparedModel};
 use lo_dataset::{DatasetError, Generator, Sample, evenly_spread};
 use lo_events::{OnEvent, Stage, Steps};
 use lo_geometry::Vec3;
 use lo_imaging::{Image, Photo, linear_from_srgb8, srgb8_from_linear};
+use lo_insert::{Align, Base, Composite, InsertError, Inserter, Instance, Lighting, Placement, Quality};
+use lo_mesh::{MeshError, PreparedModel};
 use lo_synth::{CameraPose, Weather};
 
 use super::compare::{self, Darkening};
@@ -59,7 +60,7 @@ struct Room {
 /// What the networks make of a room's photo and of one kind of depth.
 struct Estimated {
     input: Option<DepthInput>,
-    document: Result<Document, String>,
+    estimate: Result<Arc<lo_scene::Estimate>, String>,
     seconds: f64,
 }
 
@@ -172,8 +173,8 @@ impl<'a> InsertionEvaluation<'a> {
 
     fn estimated(&self, room: &Room, input: Option<DepthInput>) -> Estimated {
         let begun = Instant::now();
-        let document = estimate_scene(&room.sample, input, &self.tools).map_err(|error| error.to_string());
-        Estimated { input, document, seconds: begun.elapsed().as_secs_f64() }
+        let estimate = estimate_scene(&room.sample, input, &self.tools).map_err(|error| error.to_string());
+        Estimated { input, estimate, seconds: begun.elapsed().as_secs_f64() }
     }
 
     /// One outcome for each place, and a picture of the first object at the first place.
@@ -193,8 +194,8 @@ impl<'a> InsertionEvaluation<'a> {
             cost,
         };
         let insertion = |error: &dyn std::error::Error| MethodError::Insertion(error.to_string());
-        let document = estimated.document.as_ref().map_err(|reason| MethodError::Insertion(reason.clone()));
-        let lit = document.and_then(|document| Lit::new(method, &room.sample, document, &self.tools)).and_then(|lit| {
+        let estimate = estimated.estimate.as_ref().map_err(|reason| MethodError::Insertion(reason.clone()));
+        let lit = estimate.and_then(|estimate| Lit::new(method, &room.sample, estimate, &self.tools)).and_then(|lit| {
             let inserter = lit.lighting().map(|lighting| Inserter::new(&lit.scene, lighting, self.quality));
             Ok((inserter.transpose().map_err(|error| insertion(&error))?, lit))
         });

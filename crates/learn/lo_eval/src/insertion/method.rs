@@ -1,12 +1,15 @@
 //! What lights the objects.
 
-use lightoctree::completion::light_from_above;
-use lightoctree::insert::Lighting;
-use lightoctree::scene::LitScene;
-use lightoctree::{Document, LightPurpose, SceneRenderer};
+use std::sync::Arc;
+
+use lo_completion::light_from_above;
 use lo_dataset::{NovelView, Sample};
+use lo_estimate::plausible;
 use lo_geometry::{Vec3, pixel_direction};
 use lo_imaging::{RadianceImage, sample_equirectangular};
+use lo_insert::Lighting;
+use lo_lookup::SceneRenderer;
+use lo_scene::LitScene;
 
 use crate::method::{in_photo_frame, true_octree};
 use crate::{DepthInput, MethodError, Tools};
@@ -101,16 +104,16 @@ impl Lit {
     pub fn new(
         method: InsertionMethod,
         sample: &Sample,
-        document: &Document,
+        estimate: &Arc<lo_scene::Estimate>,
         tools: &Tools,
     ) -> Result<Self, MethodError> {
-        let mut scene = LitScene::as_estimated(document.estimate.clone());
+        let mut scene = LitScene::as_estimated(estimate.clone());
         let light = match method {
             InsertionMethod::Network(_, lamps) => {
                 match lamps {
                     Lamps::None => {}
                     Lamps::Overhead => lamp_above(&mut scene),
-                    Lamps::Fitted => scene = plausible(document),
+                    Lamps::Fitted => (scene, _) = plausible(estimate),
                 }
                 Light::Octree(Box::new(SceneRenderer::new(&scene)))
             }
@@ -156,10 +159,4 @@ fn lamp_above(scene: &mut LitScene) {
         let seen = scene.estimate.surface();
         light_from_above(&mut scene.light, &seen.surfels(&seen.radiance()), room.up);
     }
-}
-
-/// The estimate in plausible light.
-fn plausible(document: &Document) -> LitScene {
-    let at_m = Vec3::ZERO;
-    document.lit(LightPurpose::Objects { at_m }).expect("a document without edits can be lit")
 }

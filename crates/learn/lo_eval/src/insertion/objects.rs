@@ -2,8 +2,8 @@
 
 use std::f32::consts::TAU;
 
-use lightoctree::mesh::{LoadOptions, Material, MeshError, Model};
 use lo_geometry::Vec3;
+use lo_mesh::{LoadOptions, Material, MeshError, Model};
 
 /// Sides of the pole.
 const SIDES: u32 = 32;

@@ -1,7 +1,7 @@
 //! Where objects stand: places of the photo on level surfaces, with room for all of them.
 
-use lightoctree::mesh::PreparedModel;
 use lo_geometry::{Ray, Vec3};
+use lo_mesh::PreparedModel;
 use lo_random::RngExt;
 use lo_synth::{CameraPose, Interior};
 

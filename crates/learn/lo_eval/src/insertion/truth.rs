@@ -1,7 +1,7 @@
 //! What objects look like in the true room, and what their shadows do: path traced.
 
-use lightoctree::mesh::{Model, PreparedModel};
 use lo_geometry::{Ray, Vec3};
+use lo_mesh::{Model, PreparedModel};
 use lo_synth::CameraPose;
 use lo_transport::{PathTracer, TransportError, World};
 use rayon::prelude::*;
@@ -173,9 +173,9 @@ fn append(room: &mut Model, object: &Model, place: &Place) {
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
-    use lightoctree::mesh::{LoadOptions, Material};
     use lo_geometry::{Camera, Quat};
     use lo_imaging::RadianceImage;
+    use lo_mesh::{LoadOptions, Material};
     use lo_transport::{Outdoors, Pose};
 
     use super::*;

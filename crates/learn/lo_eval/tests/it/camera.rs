@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use lightoctree::nets::Networks;
 use lo_dataset::{CropModel, Dataset, Panoramas, Shards};
+use lo_nets::Networks;
 use lo_sensor::Interval;
 
 use crate::median;

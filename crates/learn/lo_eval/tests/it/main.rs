@@ -8,11 +8,11 @@ mod sun;
 
 use std::path::Path;
 
-use lightoctree::Estimator;
+use lo_estimate::Estimator;
 
 /// The program's weights.
 fn shipped() -> Estimator {
-    let weights = "../../lightoctree/weights/lightoctree.safetensors";
+    let weights = "../lo_estimate/weights/lightoctree.safetensors";
     Estimator::read(Path::new(env!("CARGO_MANIFEST_DIR")).join(weights)).unwrap()
 }
 

@@ -1,14 +1,14 @@
 //! Three photos of a room, a third of a turn apart, against one: how much nearer the light comes to the truth where the first photo does not look.
 
-use lightoctree::cone::OctreeRenderer;
-use lightoctree::scene::{Completion, Frame, PosedFrame};
-use lightoctree::{EstimateOptions, Estimator, Exposures, Input};
+use lo_cone::OctreeRenderer;
 use lo_dataset::{Generator, GeneratorConfig, NovelView, Record, Sample, Shot, seen_mask};
+use lo_estimate::{EstimateOptions, Estimator, Exposures, Input};
 use lo_eval::{Estimate, Light, Scorer, Scores, Sight, coherence};
 use lo_geometry::{Quat, RigidTransform, Vec3};
 use lo_imaging::{Photo, RadianceImage, luminance};
 use lo_metrics::{PsnrCurve, log_rmse, psnr_db, solid_angles_sr};
 use lo_random::RngExt;
+use lo_scene::{Completion, Frame, PosedFrame};
 
 use crate::shipped;
 
@@ -84,7 +84,7 @@ fn true_exposures(record: &Record) -> Vec<f32> {
 }
 
 /// Figures of a scene's light at the panoramas' places; seen is what the first photo shows.
-fn scores(record: &Record, scene: lightoctree::Estimate) -> Scores {
+fn scores(record: &Record, scene: lo_scene::Estimate) -> Scores {
     let sight = Sight::Octree(OctreeRenderer::new(&scene.light));
     let light = Light::Octree { octree: Box::new(scene.light), sight };
     let estimate = Estimate::of_light(light);
@@ -98,7 +98,7 @@ fn scores(record: &Record, scene: lightoctree::Estimate) -> Scores {
 }
 
 /// Figures of the first photo's estimate where the truth stands wherever the other photos look: what knowing these places to perfection would give.
-fn ceiling(record: &Record, scene: lightoctree::Estimate) -> Scores {
+fn ceiling(record: &Record, scene: lo_scene::Estimate) -> Scores {
     let sight = Sight::Octree(OctreeRenderer::new(&scene.light));
     let light = Light::Octree { octree: Box::new(scene.light), sight };
     let estimate = Estimate::of_light(light);
@@ -145,7 +145,7 @@ const WAYS: [&str; 4] =
 /// The light from the first photo alone, from three with true and with matched exposures, and from the first with the truth where the others look.
 fn compare(estimator: &Estimator, record: &Record, depth: Depth, completion: Option<Completion>) -> [Scores; 4] {
     let options = EstimateOptions { completion, ..EstimateOptions::default() };
-    let estimate = |input| estimator.estimate(input, &options, &mut lightoctree::events::ignore).unwrap();
+    let estimate = |input| estimator.estimate(input, &options, &mut lo_events::ignore).unwrap();
     let equal = vec![1.0; record.shots.len()];
     let one = photos(record, depth, &equal).swap_remove(0).frame;
     let known = Input::Photos { photos: photos(record, depth, &true_exposures(record)), exposures: Exposures::Known };

@@ -2,14 +2,15 @@
 
 use std::sync::Arc;
 
-use lightoctree::lo_lights::{Sunlit, sun_from_shadow};
-use lightoctree::mesh::PreparedModel;
-use lightoctree::scene::Frame;
-use lightoctree::{Estimate, EstimateOptions, Input, sun_of_photo, supported_sun};
 use lo_dataset::{Generator, GeneratorConfig};
+use lo_estimate::{EstimateOptions, Input, sun_of_photo, supported_sun};
 use lo_geometry::{Ray, Vec3};
 use lo_imaging::{DepthMap, Image, Photo, luminance};
+use lo_lights::{Sunlit, sun_from_shadow};
+use lo_mesh::PreparedModel;
 use lo_random::RngExt;
+use lo_scene::Estimate;
+use lo_scene::Frame;
 use lo_synth::{CameraPose, Interior, Weather};
 
 use crate::{median, shipped};
@@ -104,7 +105,7 @@ fn sun_patches_of_generated_rooms() {
         print!("room {index}: {:.1} % in the sun, strength {strength:.1}", 100.0 * share);
         for (way, input) in inputs.into_iter().enumerate() {
             let options = EstimateOptions::default();
-            let scene = Arc::new(estimator.estimate(input, &options, &mut lightoctree::events::ignore).unwrap());
+            let scene = Arc::new(estimator.estimate(input, &options, &mut lo_events::ignore).unwrap());
             overlaps[way].push(overlap(&truth, &scene, direction));
             print!("; {}: overlap {:.2}", names[way], overlaps[way].last().unwrap());
             if let Some(found) = sun_of_photo(&scene, direction, 0.27) {
@@ -203,7 +204,7 @@ fn shadows_of_generated_rooms() {
         let shadows = true_shadows(&interior, &view);
         for (counts, input) in counts.iter_mut().zip(inputs) {
             let options = EstimateOptions::default();
-            let scene = Arc::new(estimator.estimate(input, &options, &mut lightoctree::events::ignore).unwrap());
+            let scene = Arc::new(estimator.estimate(input, &options, &mut lo_events::ignore).unwrap());
             let mut stream = lo_random::stream(seed, "shadows", index);
             let [any, edges] = [false, true].map(|at_edges| any_shadows(&scene, at_edges, &mut stream));
             let other = if interior.world.outdoors.sun.is_some() { 3 } else { 1 };

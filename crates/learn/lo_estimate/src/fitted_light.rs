@@ -10,8 +10,8 @@ use crate::lighting::{NO_WHITE_PIXEL, is_laid, laid, seen_from, shading_of};
 use crate::white::white_tint;
 use crate::{LightReport, LightingError};
 
-/// An estimate to be lit by one choice of light and one set of edits after another:
-/// [`Document::lit`](crate::Document::lit) without repeating what both have in common.
+/// An estimate to be lit by one choice of light and one set of edits after another, without repeating what they have
+/// in common.
 #[derive(Clone, Debug)]
 pub struct FittedLight {
     estimate: Arc<Estimate>,

@@ -56,7 +56,7 @@ pub fn supported_sun(estimate: &Estimate, thing: [f64; 2], shadow: [f64; 2]) -> 
 }
 
 /// How bright the sun is that makes the patches of a scene's photo, by the light that the room gives to the shade beside them
-/// ([`Document::lights`](crate::Document::lights)). `None` where no surface that faces it has any.
+/// in plausible light. `None` where no surface that faces it has any.
 ///
 /// At an edge of a patch the radiances in the sun and in the shade have the ratio (E + S cos θ) / E, on any diffuse surface.
 pub fn sun_of_photo(estimate: &Arc<Estimate>, direction: Vec3, angular_radius_deg: f32) -> Option<PhotoSun> {

@@ -4,23 +4,21 @@
 mod photos;
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 use lo_cone::ConeTracer;
-use lo_events::{Event, Stage, Warning};
+use lo_events::{Cancelled, Event, Stage, Warning};
 use lo_geometry::{Camera, Vec3};
 use lo_imaging::{DepthMap, FocalLength, Image, Photo, PhotoFile, ShotExposure};
 use lo_nets::checkpoint::Checkpoint;
 use lo_nets::depth::EncoderKind;
 use lo_nets::light::LightNetConfig;
 use lo_nets::{Device, Networks};
-use lo_scene::{Completion, Frame};
+use lo_scene::{CameraSource, Completion, Estimate, Frame, LitScene, SceneFile};
 
 use lo_completion::LampFit;
 
-use crate::{
-    CameraSource, Cancelled, Document, Estimate, EstimateError, EstimateOptions, Estimator, Input, LightPurpose,
-    LitScene,
-};
+use crate::{EstimateError, EstimateOptions, Estimator, Input, plausible};
 
 /// A wall two metres away, grey, 96 × 64 pixels.
 fn grey_wall() -> Frame {
@@ -172,8 +170,8 @@ fn what_the_photo_saw_is_in_the_scene() {
     assert_eq!(stages, 3);
     assert!((scene.room.as_ref().unwrap().up.y - 1.0).abs() < 0.1);
     assert_eq!(
-        Document::from_bytes(&Document::new(scene.clone()).to_bytes("tests").unwrap()).unwrap(),
-        Document::new(scene)
+        SceneFile::from_bytes(&SceneFile::from(scene.clone()).to_bytes("tests").unwrap()).unwrap(),
+        SceneFile::from(scene)
     );
 }
 
@@ -199,14 +197,13 @@ fn objects_get_the_light_that_what_is_seen_asks_for() {
     let others: [(&str, &[usize], f32); 2] =
         [("light_net.regression.3.output.bias", &[1, 8], -4.0), ("depth_net.panorama.output.bias", &[3], -9.0)];
     let dark = estimator(&config(), &others);
-    let objects = LightPurpose::Objects { at_m: Vec3::ZERO };
     let (before, _) = estimated(wall(), &dark);
-    let (scene, report) = Document::new(before.clone()).lit_with_report(objects).unwrap();
+    let (scene, report) = plausible(&Arc::new(before.clone()));
     assert!(report.fit.surfaces > 1.5 && scene.light != before.light, "{report:?}");
     let darker = |(a, b): (&[f32; 4], &[f32; 4])| (0..3).any(|c| a[c] < b[c]) || a[3] != b[3];
     assert!(!scene.light.rgba.iter().flatten().zip(before.light.rgba.iter().flatten()).any(darker));
     let shell = closed(Input::MeasuredDepth(wall()), &dark);
-    let (lit, report) = Document::new(shell.clone()).lit_with_report(objects).unwrap();
+    let (lit, report) = plausible(&Arc::new(shell.clone()));
     assert_eq!((report.fit, lit), (LampFit::default(), LitScene::as_estimated(shell)));
 }
 
@@ -219,7 +216,7 @@ fn the_same_photo_gives_the_same_bytes_on_any_number_of_threads() {
         let options = EstimateOptions { seed, ..options() };
         let bytes = |input| {
             let estimate = estimator.estimate(input, &options, &mut lo_events::ignore).unwrap();
-            Document::new(estimate).to_bytes("tests").unwrap()
+            SceneFile::from(estimate).to_bytes("tests").unwrap()
         };
         pool.install(|| [bytes(Input::MeasuredDepth(wall())), bytes(alone())])
     };

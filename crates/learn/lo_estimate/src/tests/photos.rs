@@ -115,8 +115,8 @@ fn what_any_photo_saw_is_in_the_scene_in_one_measure() {
             }
         }
         assert_eq!(
-            Document::from_bytes(&Document::new(scene.clone()).to_bytes("tests").unwrap()).unwrap(),
-            Document::new(scene)
+            SceneFile::from_bytes(&SceneFile::from(scene.clone()).to_bytes("tests").unwrap()).unwrap(),
+            SceneFile::from(scene)
         );
     }
 }

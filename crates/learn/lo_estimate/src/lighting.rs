@@ -40,10 +40,10 @@ pub(crate) const NO_WHITE_PIXEL: &str = "light without a white pixel cannot fail
 /// An estimate in this light, before edits of lights.
 ///
 /// A clipped panorama does not know how bright lamps are: plausible light has these fitted.
-pub(crate) fn lit_by(
-    estimate: &Arc<Estimate>,
-    guessed: &GuessedLight,
-) -> Result<(LitScene, LightReport), LightingError> {
+///
+/// # Errors
+/// A white pixel without a colour.
+pub fn lit_by(estimate: &Arc<Estimate>, guessed: &GuessedLight) -> Result<(LitScene, LightReport), LightingError> {
     if !is_laid(estimate, guessed) {
         return Ok((LitScene::as_estimated(estimate.clone()), LightReport::default()));
     }
@@ -54,12 +54,12 @@ pub(crate) fn lit_by(
 }
 
 /// Plausible light as estimated: emitters are named in it.
-pub(crate) fn plausible(estimate: &Arc<Estimate>) -> (LitScene, LightReport) {
+pub fn plausible(estimate: &Arc<Estimate>) -> (LitScene, LightReport) {
     lit_by(estimate, &GuessedLight::default()).expect(NO_WHITE_PIXEL)
 }
 
 /// Light that surfaces reflect, without the estimate's emitters. The user's edits do not count.
-pub(crate) fn indirect_only(estimate: &Arc<Estimate>) -> LitScene {
+pub fn indirect_only(estimate: &Arc<Estimate>) -> LitScene {
     let found: Vec<Emitter> = emitters(&plausible(estimate).0);
     let mut scene = LitScene::as_estimated(estimate.clone());
     remove_emitters(&mut scene, &found);
@@ -67,7 +67,7 @@ pub(crate) fn indirect_only(estimate: &Arc<Estimate>) -> LitScene {
 }
 
 /// The estimate with the radiance that nodes send to a point, where it differs by direction (variant "SG" of the paper).
-pub(crate) fn seen_from(estimate: &Arc<Estimate>, at_m: Vec3) -> Arc<Estimate> {
+pub fn seen_from(estimate: &Arc<Estimate>, at_m: Vec3) -> Arc<Estimate> {
     match estimate.light.seen_from(at_m) {
         Cow::Borrowed(_) => estimate.clone(),
         Cow::Owned(light) => Arc::new(Estimate { light, ..Estimate::clone(estimate) }),
