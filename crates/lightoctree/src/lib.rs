@@ -43,9 +43,9 @@ pub use lo_cone as cone;
 #[cfg(feature = "depth-models")]
 pub use lo_depth_models as depth_models;
 pub use lo_estimate::{
-    DEFAULT_HFOV_DEG, DEFAULT_OCTREE_DEPTH, EstimateError, EstimateOptions, Estimator, Exposures, FittedLight, Input,
-    LaidLight, LightReport, LightingError, PhotoSun, PredictedDepth, ShadowError, check_white, sun_of_photo,
-    supported_sun,
+    DEFAULT_HFOV_DEG, DEFAULT_OCTREE_DEPTH, DepthSource, EstimateError, EstimateOptions, Estimator, Exposures,
+    FittedLight, Input, LaidLight, LightReport, LightingError, PhotoRequest, PhotoSun, PredictedDepth, ResolvedPhoto,
+    ShadowError, check_white, sun_of_photo, supported_sun,
 };
 pub use lo_events as events;
 pub use lo_events::{Cancelled, Event, OnEvent, Stage, Warning};

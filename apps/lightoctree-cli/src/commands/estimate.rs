@@ -2,14 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
 use clap::ValueEnum;
 #[cfg(feature = "depth-models")]
 use lightoctree::depth_models::DepthModel;
 use lightoctree::geometry::{Camera, Vec3};
 use lightoctree::imaging;
-use lightoctree::scene::{Completion, Frame};
-use lightoctree::{CameraSource, Document, Estimate, EstimateError, EstimateOptions, Estimator, Input, PanoramaPrior};
+use lightoctree::scene::Completion;
+use lightoctree::{
+    DepthSource, Document, Estimate, EstimateError, EstimateOptions, Estimator, PanoramaPrior, PhotoRequest,
+    ResolvedPhoto,
+};
 
 #[cfg(feature = "depth-models")]
 use super::depth_model::DepthModelArgs;
@@ -143,15 +145,14 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     let input = match (photos, depths) {
         ([path], depths @ ([] | [_])) => {
             args.photos.unused()?;
+            let depth = depths.first();
             #[cfg(feature = "depth-models")]
-            let input = match &model {
-                Some(model) => of_model(args, path, model, &estimator, &mut stages)?,
-                None => of_files(args, path, depths.first(), &estimator, &mut stages)?,
-            };
+            let depth = model.map_or(Depth::File(depth), |model| Depth::Model(Box::new(model)));
             #[cfg(not(feature = "depth-models"))]
-            let input = of_files(args, path, depths.first(), &estimator, &mut stages)?;
-            options.camera_source = input.1;
-            input.0
+            let depth = Depth::File(depth);
+            let resolved = photo(args, path, depth, &estimator, &mut stages)?;
+            options.camera_source = resolved.camera_source;
+            resolved.input
         }
         _ => {
             if matches!(args.depth_is, DepthArg::Predicted) {
@@ -178,56 +179,46 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     say(args, &document.estimate, &stages)
 }
 
-/// A photo, with the depth of a file where one is given.
-fn of_files(
-    args: &Args,
-    path: &Path,
-    depth: Option<&PathBuf>,
-    estimator: &Estimator,
-    stages: &mut Stages,
-) -> anyhow::Result<(Input, Option<CameraSource>)> {
-    let (photo, depth_m) = stages.stage("read photo and depth", || -> anyhow::Result<_> {
-        let photo = imaging::read_photo(path)?;
-        let depth_m = depth.map(|path| imaging::read_depth(path, args.depth_scale)).transpose()?;
-        Ok((photo, depth_m))
-    })?;
-    let (camera, source) = camera(args, &photo, estimator, stages)?;
-    let Some((depth_m, depth)) = depth_m.zip(depth) else {
-        return Ok((Input::Photo { photo: photo.photo, camera }, source));
-    };
-    let frame = Frame::new(photo.photo, depth_m, camera, 1.0)
-        .with_context(|| format!("{} and {} do not fit together", path.display(), depth.display()))?;
-    let input = match args.depth_is {
-        DepthArg::Measured => Input::MeasuredDepth(frame),
-        DepthArg::Predicted => Input::PredictedDepth(frame.into()),
-    };
-    Ok((input, source))
+/// What a photo's depth is read from.
+enum Depth<'a> {
+    File(Option<&'a PathBuf>),
+    #[cfg(feature = "depth-models")]
+    Model(Box<DepthModel>),
 }
 
-/// A photo with the depth of a model.
-#[cfg(feature = "depth-models")]
-fn of_model(
+/// A photo with its camera and depth.
+fn photo(
     args: &Args,
     path: &Path,
-    model: &DepthModel,
+    depth: Depth<'_>,
     estimator: &Estimator,
     stages: &mut Stages,
-) -> anyhow::Result<(Input, Option<CameraSource>)> {
+) -> anyhow::Result<ResolvedPhoto> {
     let photo = stages.stage("read photo", || imaging::read_photo(path))?;
-    let given = given_camera(args, &photo)?;
-    let (camera, mut source) = match given {
-        Some((camera, _)) => (Some(camera), None),
-        None if photo.focal_px().is_some() => {
-            let (camera, source) = estimator.camera_of(&photo)?;
-            (Some(camera), Some(source))
+    let stated = given_camera(args, &photo)?;
+    let mut files = path.display().to_string();
+    let depth = match depth {
+        Depth::File(None) => DepthSource::Network,
+        Depth::File(Some(file)) => {
+            files = format!("{files} and {}", file.display());
+            let depth_m = stages.stage("read depth", || imaging::read_depth(file, args.depth_scale))?;
+            match args.depth_is {
+                DepthArg::Measured => DepthSource::Measured(depth_m),
+                DepthArg::Predicted => DepthSource::Predicted(depth_m),
+            }
         }
-        None => (None, None),
+        #[cfg(feature = "depth-models")]
+        Depth::Model(model) => DepthSource::Model(model),
     };
-    let (predicted, told) = estimator.predict_depth(photo.photo, camera, model, &mut |event| stages.hear(event))?;
-    source = source.or(told);
-    let said = given.map(|(_, option)| option.to_owned()).or(source.map(|source| source.to_string()));
-    note_camera(&predicted.frame.camera, &said.unwrap_or_default(), stages);
-    Ok((Input::PredictedDepth(predicted), source))
+    let request = PhotoRequest { photo, camera: stated.map(|(camera, _)| camera), depth };
+    let resolved = estimator.resolve(request, &mut |event| stages.hear(event)).map_err(|error| match error {
+        EstimateError::Frame(error) => anyhow::Error::from(error).context(format!("{files} cannot be used together")),
+        error => error.into(),
+    })?;
+    let source =
+        stated.map(|(_, option)| option.to_owned()).or(resolved.camera_source.map(|source| source.to_string()));
+    note_camera(&resolved.camera, &source.unwrap_or_default(), stages);
+    Ok(resolved)
 }
 
 /// With networks, where depth or completion needs them; `metric` where a depth model gives metres.
@@ -266,22 +257,6 @@ fn options(global: &Global, args: &Args, files: [&[PathBuf]; 2], panorama: Optio
         panorama,
         ..EstimateOptions::default()
     }
-}
-
-/// The camera by the best source at hand; says which. No source is an option of the command line.
-fn camera(
-    args: &Args,
-    photo: &imaging::PhotoFile,
-    estimator: &Estimator,
-    stages: &mut Stages,
-) -> anyhow::Result<(Camera, Option<CameraSource>)> {
-    if let Some((camera, option)) = given_camera(args, photo)? {
-        note_camera(&camera, option, stages);
-        return Ok((camera, None));
-    }
-    let (camera, source) = estimator.camera_of(photo)?;
-    note_camera(&camera, &source.to_string(), stages);
-    Ok((camera, Some(source)))
 }
 
 /// The camera by an option, with its name.

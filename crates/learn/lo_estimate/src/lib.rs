@@ -16,6 +16,7 @@ mod lighting;
 mod options;
 mod panorama;
 mod photos;
+mod request;
 mod seen_frame;
 mod sun;
 #[cfg(test)]
@@ -32,6 +33,7 @@ pub use fitted_light::{FittedLight, LaidLight};
 pub use input::{Exposures, Input, PredictedDepth};
 pub use lighting::{LightReport, LightingError, indirect_only, lit_by, plausible, seen_from};
 pub use options::{DEFAULT_OCTREE_DEPTH, EstimateOptions};
+pub use request::{DepthSource, PhotoRequest, ResolvedPhoto};
 pub use seen_frame::SeenFrame;
 pub use sun::{PhotoSun, ShadowError, sun_of_photo, supported_sun};
 pub use white::check_white;

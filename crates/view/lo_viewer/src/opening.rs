@@ -6,8 +6,10 @@ use std::sync::Arc;
 use lightoctree::depth_models::DepthModel;
 use lightoctree::geometry::Camera;
 use lightoctree::imaging;
-use lightoctree::scene::Frame;
-use lightoctree::{Document, Estimate, EstimateOptions, Estimator, Event, Input, OnEvent, PanoramaPrior};
+use lightoctree::{
+    DepthSource, Document, Estimate, EstimateOptions, Estimator, Event, OnEvent, PanoramaPrior, PhotoRequest,
+    ResolvedPhoto,
+};
 use lo_session::OpenScene;
 
 use crate::EventText;
@@ -107,35 +109,28 @@ fn estimated(source: PhotoSource, on_event: OnEvent<'_>) -> Result<Estimate, Str
     drop(bytes);
     let (width, height) = (photo.photo.width() as u32, photo.photo.height() as u32);
     let estimator = estimator()?;
-    let camera = match intrinsics {
-        Some([fx, fy, cx, cy]) => Camera::new(fx, fy, cx, cy, width, height).map(|camera| (camera, None)),
-        None => estimator.camera_of(&photo).map(|(camera, source)| (camera, Some(source))),
-    };
-    #[cfg_attr(not(feature = "depth-models"), expect(unused_mut))]
-    let (camera, mut camera_source) = camera.map_err(|error| format!("{name}: {error}"))?;
+    let camera = intrinsics.map(|[fx, fy, cx, cy]| Camera::new(fx, fy, cx, cy, width, height)).transpose();
+    let camera = camera.map_err(|error| format!("{name}: {error}"))?;
     let mut sources = vec![name.clone()];
-    let input = match depth {
+    let mut with = String::new();
+    let depth = match depth {
         #[cfg(feature = "depth-models")]
         None if let Some((model_name, read)) = source.depth_model => {
-            let model = read()?;
-            let is_known = intrinsics.is_some() || photo.focal_px().is_some();
-            let camera = is_known.then_some(camera);
-            let (predicted, told) = estimator
-                .predict_depth(photo.photo, camera, &model, on_event)
-                .map_err(|error| format!("{name} with {model_name}: {error}"))?;
-            camera_source = if is_known { camera_source } else { told };
+            with = format!(" with {model_name}");
             sources.push(model_name);
-            Input::PredictedDepth(predicted)
+            DepthSource::Model(Box::new(read()?))
         }
-        None => Input::Photo { photo: photo.photo, camera },
+        None => DepthSource::Network,
         Some(depth) => {
             let depth_m = imaging::depth_from_bytes(&depth.bytes, &depth.name, None).map_err(|e| e.to_string())?;
-            let frame = Frame::new(photo.photo, depth_m, camera, 1.0)
-                .map_err(|error| format!("{name} and {} do not fit together: {error}", depth.name))?;
+            with = format!(" and {}", depth.name);
             sources.push(depth.name);
-            Input::MeasuredDepth(frame)
+            DepthSource::Measured(depth_m)
         }
     };
+    let ResolvedPhoto { input, camera_source, .. } = estimator
+        .resolve(PhotoRequest { photo, camera, depth }, on_event)
+        .map_err(|error| format!("{name}{with}: {error}"))?;
     let panorama = panorama
         .map(|NamedFile { name, bytes }| {
             sources.push(name.clone());
