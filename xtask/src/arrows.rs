@@ -1,6 +1,6 @@
 //! Who may know whom: the crates' manifests against the table of `ARCHITECTURE.md` and against the floors.
 //!
-//! The table is the one whose head begins with `| crate | its job | knows | in tests |`. A row names a package by its folder,
+//! The table is the one whose head begins with `| crate | purpose | depends on | in tests |`. A row names a package by its folder,
 //! and the packages that it knows by their names, all in backticks.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -34,7 +34,7 @@ struct Row {
 }
 
 fn table(text: &str) -> anyhow::Result<BTreeMap<String, Row>> {
-    let rows = text.lines().skip_while(|line| !line.starts_with("| crate | its job | knows | in tests |")).skip(2);
+    let rows = text.lines().skip_while(|line| !line.starts_with("| crate | purpose | depends on | in tests |")).skip(2);
     let mut table = BTreeMap::new();
     for line in rows.take_while(|line| line.starts_with('|')) {
         let cells: Vec<_> = line.trim().trim_matches('|').split('|').collect();
@@ -45,7 +45,7 @@ fn table(text: &str) -> anyhow::Result<BTreeMap<String, Row>> {
         let row = Row { knows: names(knows), knows_in_tests: names(knows_in_tests) };
         ensure!(table.insert(folder, row).is_none(), "{DOCUMENT}: a second row for the crate of: {line}");
     }
-    ensure!(!table.is_empty(), "{DOCUMENT} has no table `| crate | its job | knows | in tests |`");
+    ensure!(!table.is_empty(), "{DOCUMENT} has no table `| crate | purpose | depends on | in tests |`");
     Ok(table)
 }
 
@@ -125,7 +125,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
 
-    const TABLE: &str = "# Crates\n\n| crate | its job | knows | in tests |\n| --- | --- | --- | --- |\n\
+    const TABLE: &str = "# Crates\n\n| crate | purpose | depends on | in tests |\n| --- | --- | --- | --- |\n\
         | `crates/base/a` | one | – | – |\n| `crates/light/b` | two | `a` | `c` |\n| `crates/rooms/c` | three | `a`, `b` | – |\n\ntext\n";
 
     fn package(folder: &str, knows: &[&str], knows_in_tests: &[&str]) -> Package {

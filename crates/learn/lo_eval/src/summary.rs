@@ -140,7 +140,7 @@ const TABLES: [Table; 11] = [
         "Depth and octree",
         &[
             ("depth_abs_rel", "abs-rel ↓", 3),
-            ("depth_scaled_abs_rel", "its scale put right ↓", 3),
+            ("depth_scaled_abs_rel", "scale-corrected ↓", 3),
             ("depth_scale", "ẑ ÷ z", 2),
             ("depth_constant_abs_rel", "a constant's", 3),
             ("depth_rmse_m", "RMSE m ↓", 3),
