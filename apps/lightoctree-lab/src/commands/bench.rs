@@ -47,7 +47,7 @@ pub struct Args {
 
 /// One line of results; the names are the kit's.
 #[derive(Debug, Serialize, Deserialize)]
-struct Line {
+struct BenchResult {
     peer: String,
     case: String,
     threads: usize,
@@ -94,7 +94,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn row(line: &Line) -> Vec<String> {
+fn row(line: &BenchResult) -> Vec<String> {
     let mib = |value: Option<f64>| value.map_or_else(|| "-".into(), |mib| format!("{mib:.0}"));
     vec![
         line.case.clone(),
@@ -107,7 +107,7 @@ fn row(line: &Line) -> Vec<String> {
     ]
 }
 
-fn in_own_process(global: &Global, case: &Case, reps: u32) -> anyhow::Result<Line> {
+fn in_own_process(global: &Global, case: &Case, reps: u32) -> anyhow::Result<BenchResult> {
     let program = std::env::current_exe().context("cannot find this program")?;
     let mut command = Command::new(program);
     command.args(["bench", "--child", case.name, "--reps", &reps.to_string()]);
@@ -122,10 +122,10 @@ fn in_own_process(global: &Global, case: &Case, reps: u32) -> anyhow::Result<Lin
     serde_json::from_slice(&done.stdout).with_context(|| format!("the case {} gave no result", case.name))
 }
 
-fn measure(case: &Case, reps: usize) -> anyhow::Result<Line> {
+fn measure(case: &Case, reps: usize) -> anyhow::Result<BenchResult> {
     let mut prepared = (case.prepare)()?;
     let base_rss_mib = memory::current_mib();
-    memory::restart_peak();
+    memory::reset_peak();
     let nodes = (prepared.run)(); // warm-up
     let mut times: Vec<f64> = (0..reps)
         .map(|_| {
@@ -135,7 +135,7 @@ fn measure(case: &Case, reps: usize) -> anyhow::Result<Line> {
         })
         .collect();
     times.sort_by(f64::total_cmp);
-    Ok(Line {
+    Ok(BenchResult {
         peer: "lightoctree".into(),
         case: case.name.into(),
         threads: rayon::current_num_threads(),

@@ -264,7 +264,7 @@ fn inspect(global: &Global, args: &InspectArgs) -> anyhow::Result<()> {
 
 /// How the light of a sample's first panorama is distributed.
 fn add_light(summary: &mut Summary, sample: &Sample) {
-    let Some(light) = sample.views.first().and_then(|view| LightDistribution::of(&view.radiance)) else { return };
+    let Some(light) = sample.views.first().and_then(|view| LightDistribution::measure(&view.radiance)) else { return };
     let figures = [
         ("light: contrast of a matte sphere, stops", light.contrast_stops),
         ("light: anisotropy", light.anisotropy),

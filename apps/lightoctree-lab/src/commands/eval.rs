@@ -16,8 +16,8 @@ use lightoctree_cli::usage::Usage;
 use lightoctree_cli::{output, report};
 use lo_dataset::{CropModel, Generator, GeneratorConfig};
 use lo_eval::{
-    EvalError, Evaluation, InsertionEvaluation, InsertionMethod, Method, Photos, Profile, ProfileError, Protocol,
-    Report, Tools,
+    EvalError, Evaluation, InsertionEvaluation, InsertionMethod, Method, PhotoSelection, Profile, ProfileError,
+    Protocol, Report, Tools,
 };
 use serde_json::json;
 
@@ -46,7 +46,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME", conflicts_with_all = ["layout", "crops", "hfov_deg", "make_profile"])]
     protocol: Option<ProtocolName>,
 
-    /// Photos to cut out of each panorama, evenly around, where there are no photos
+    /// PhotoSelection to cut out of each panorama, evenly around, where there are no photos
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1000))]
     crops: u32,
 
@@ -88,7 +88,7 @@ pub struct Args {
     #[arg(long, value_name = "D", default_value_t = 7, value_parser = clap::value_parser!(u32).range(5..=9))]
     octree_depth: u32,
 
-    /// Photos in whose rooms a probe walks a metre
+    /// PhotoSelection in whose rooms a probe walks a metre
     #[arg(long, value_name = "N", default_value_t = 4)]
     walks: u32,
 
@@ -216,10 +216,10 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn photos(global: &Global, args: &Args, part: SplitName) -> anyhow::Result<Photos> {
+fn photos(global: &Global, args: &Args, part: SplitName) -> anyhow::Result<PhotoSelection> {
     let mut crops = CropModel { crops: args.crops, seed: global.seed, ..CropModel::default() };
     crops.hfov_deg = args.hfov_deg.try_into()?;
-    Ok(Photos {
+    Ok(PhotoSelection {
         dataset: args.dataset.clone(),
         layout: args.layout.map(Into::into),
         protocol: args.protocol.and_then(ProtocolName::of_panoramas),
@@ -297,7 +297,7 @@ fn make_profile(global: &Global, args: &Args, path: &Path) -> anyhow::Result<()>
     let (dataset, indices) = photos(global, args, SplitName::Train)?.open().map_err(usage)?;
     let name = args.dataset.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let mut bar = StageBar::new(global.quiet);
-    let profile = Profile::of(dataset.as_ref(), &indices, &name, &mut |event| bar.hear(event));
+    let profile = Profile::from_dataset(dataset.as_ref(), &indices, &name, &mut |event| bar.hear(event));
     drop(bar);
     let profile = profile.map_err(|error| match error {
         ProfileError::Cancelled(_) => anyhow::anyhow!("stopped; no profile was written"),

@@ -108,7 +108,7 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
     ShardFolder::grow(folder, PREFIX, &signed(COMMAND, manifest.clone()), "scenes", full)?;
     let shards = shard_folder(folder, PREFIX, COMMAND, manifest, args.force)?;
 
-    crate::memory::keep_what_is_freed();
+    crate::memory::retain_freed_memory();
     let begun = std::time::Instant::now();
     let [number, of] = args.shard;
     let part = ShardPart { first: number as usize - 1, of: of as usize };

@@ -10,7 +10,7 @@ use lightoctree_cli::args::Global;
 use lightoctree_cli::progress::{bar, seconds, stage_label, warning_text};
 use lightoctree_cli::usage::Usage;
 use lightoctree_cli::{interrupt, output, report};
-use lo_train::{CHECKPOINT_FILE, Request, Start, TrainConfig, TrainError};
+use lo_train::{CHECKPOINT_FILE, InitialWeights, TrainConfig, TrainError, TrainRequest};
 
 use crate::config;
 
@@ -87,19 +87,19 @@ pub fn run(global: &Global, args: &Args) -> anyhow::Result<()> {
         }
     }
     write_config(&folder.join(CONFIG), &config)?;
-    crate::memory::keep_what_is_freed();
-    let request = Request {
+    crate::memory::retain_freed_memory();
+    let request = TrainRequest {
         folder,
         resume: args.resume,
         seed: global.seed,
         start: match (&args.weights, &args.depth_weights, &args.encoder_weights) {
-            (Some(file), ..) => Start::Networks(file),
-            (_, Some(file), _) => Start::DepthNetwork(file),
-            (.., Some(file)) => Start::Encoder(file),
-            (None, None, None) => Start::Random,
+            (Some(file), ..) => InitialWeights::Networks(file),
+            (_, Some(file), _) => InitialWeights::DepthNetwork(file),
+            (.., Some(file)) => InitialWeights::Encoder(file),
+            (None, None, None) => InitialWeights::Random,
         },
     };
-    let mut teller = Teller { quiet: global.quiet, bar: ProgressBar::hidden(), steps: 0, last: Vec::new() };
+    let mut teller = TrainProgress { quiet: global.quiet, bar: ProgressBar::hidden(), steps: 0, last: Vec::new() };
     let outcome = lo_train::train(&config, &request, &mut |event| {
         teller.hear(event);
         if interrupt::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
@@ -150,7 +150,7 @@ fn write_config(path: &Path, config: &TrainConfig) -> anyhow::Result<()> {
 }
 
 /// Turns what a run says into a bar and lines on stderr.
-struct Teller {
+struct TrainProgress {
     quiet: bool,
     bar: ProgressBar,
     /// Steps of this call.
@@ -159,7 +159,7 @@ struct Teller {
     last: Vec<Figure>,
 }
 
-impl Teller {
+impl TrainProgress {
     fn hear(&mut self, event: Event) {
         match event {
             Event::Begun(stage @ Stage::Training(_)) => {

@@ -26,7 +26,7 @@ enum Action {
         #[arg(required = true, num_args = 2.., value_name = "FILE")]
         files: Vec<PathBuf>,
         #[command(flatten)]
-        to: To,
+        to: OutputFile,
     },
     /// Write the depth network of one file and the light network of another as one file
     Merge {
@@ -37,7 +37,7 @@ enum Action {
         #[arg(long, value_name = "FILE")]
         light: PathBuf,
         #[command(flatten)]
-        to: To,
+        to: OutputFile,
     },
     /// Say what a file holds: SHA-256, size, number of weights, the light network's shape
     Inspect {
@@ -51,7 +51,7 @@ enum Action {
 
 /// The file to write.
 #[derive(Debug, clap::Args)]
-struct To {
+struct OutputFile {
     /// The file to write
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,

@@ -6,7 +6,7 @@ use std::time::Instant;
 use lo_dataset::{CropModel, Dataset, DatasetError, Layout, Sample, Split, evenly_spread, indices_of};
 use lo_events::{OnEvent, Stage, Steps};
 
-use crate::prior::TWO_APART;
+use crate::prior::TWO_PANORAMAS_APART;
 use crate::{
     Cost, Estimate, KnownPanorama, Method, MethodError, Outcome, Protocol, ProtocolCrops, ProtocolRenders, Report,
     Scorer, Sheet, Summary, Tools, memory, walk,
@@ -14,7 +14,7 @@ use crate::{
 
 /// Which photos of which dataset.
 #[derive(Clone, Debug)]
-pub struct Photos {
+pub struct PhotoSelection {
     /// A folder in one of the layouts, or a shard.
     pub dataset: PathBuf,
     /// How its files are laid out; found out where `None`.
@@ -42,12 +42,12 @@ pub enum EvalError {
     NoPhotos {
         /// The dataset.
         dataset: PathBuf,
-        /// Photos in all of it.
+        /// PhotoSelection in all of it.
         photos: usize,
     },
 }
 
-impl Photos {
+impl PhotoSelection {
     /// Opens the dataset, and gives the numbers of the photos in it, at least one.
     ///
     /// # Errors
@@ -84,7 +84,7 @@ impl<'a> Evaluation<'a> {
     ///
     /// # Errors
     /// A dataset that cannot be opened; a part without photos; a first photo that cannot be read.
-    pub fn open(photos: &Photos, methods: &[Method], tools: Tools<'a>) -> Result<Self, EvalError> {
+    pub fn open(photos: &PhotoSelection, methods: &[Method], tools: Tools<'a>) -> Result<Self, EvalError> {
         let (dataset, indices) = photos.open()?;
         let methods = if methods.is_empty() {
             let first = dataset.get(indices[0])?;
@@ -153,7 +153,7 @@ impl<'a> Evaluation<'a> {
             return (sample, None);
         }
         let known = KnownPanorama::take(&mut sample);
-        (sample, Some(known.map_err(|_| TWO_APART)))
+        (sample, Some(known.map_err(|_| TWO_PANORAMAS_APART)))
     }
 
     /// Of the next photo's room that is another one, where a method asks for it.
@@ -180,7 +180,7 @@ fn outcome(
     estimate: impl Fn(&Sample) -> Result<Estimate, MethodError>,
     walks: bool,
 ) -> (Outcome, Option<lo_imaging::RadianceImage>) {
-    memory::restart_peak();
+    memory::reset_peak();
     let begun = Instant::now();
     let estimate = estimate(sample);
     let mut cost = Cost { estimate_s: begun.elapsed().as_secs_f64(), ..Cost::default() };

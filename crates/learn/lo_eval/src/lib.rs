@@ -22,10 +22,10 @@ mod testing;
 mod walk;
 
 pub use coherence::coherence;
-pub use evaluation::{EvalError, Evaluation, Photos};
-pub use insertion::{InsertionEvaluation, InsertionMethod, Lamps};
-pub use method::{DepthInput, Estimate, Light, Method, MethodError, PriorPanorama, Sight, Tools};
-pub use prior::{APART_M, KnownPanorama, LaidPrior};
+pub use evaluation::{EvalError, Evaluation, PhotoSelection};
+pub use insertion::{InsertionEvaluation, InsertionMethod, LampMode};
+pub use method::{DepthInput, Estimate, EstimatedLight, Method, MethodError, PriorPanorama, Tools, Tracer};
+pub use prior::{KnownPanorama, MIN_PANORAMA_DISTANCE_M, PriorAlignment};
 pub use profile::{Profile, ProfileBuilder, ProfileError};
 pub use protocol::{Protocol, ProtocolCrops, ProtocolRenders};
 pub use report::Report;

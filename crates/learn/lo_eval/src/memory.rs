@@ -5,13 +5,13 @@ pub fn current_mib() -> Option<f64> {
     status_mib("VmRSS:")
 }
 
-/// Highest resident set since [`restart_peak`], in MiB.
+/// Highest resident set since [`reset_peak`], in MiB.
 pub fn peak_mib() -> Option<f64> {
     status_mib("VmHWM:")
 }
 
 /// Starts the high-water mark anew.
-pub fn restart_peak() {
+pub fn reset_peak() {
     // "5" is what proc(5) says; where the kernel refuses, the peak includes the preparation.
     let _ = std::fs::write("/proc/self/clear_refs", "5");
 }

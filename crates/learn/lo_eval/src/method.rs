@@ -11,7 +11,7 @@ use lo_imaging::{DepthMap, Photo, RadianceImage, sample_equirectangular};
 use lo_octree::{LightOctree, OctreeError};
 
 use crate::prior::{is_doubt, unchanged, yaw_error_deg};
-use crate::{KnownPanorama, LaidPrior, Profile, baseline};
+use crate::{KnownPanorama, PriorAlignment, Profile, baseline};
 
 /// Depth that a method is given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -110,32 +110,32 @@ pub enum MethodError {
 /// What a method says about a room.
 pub struct Estimate {
     /// The light.
-    pub light: Light,
+    pub light: EstimatedLight,
     /// The depth of the photo that the method found or used.
     pub depth_m: Option<DepthMap>,
     /// Which way it takes to be up, in the photo's frame, of unit length.
     pub up: Option<Vec3>,
     /// How the panorama that it knows was laid.
-    pub prior: Option<LaidPrior>,
+    pub prior: Option<PriorAlignment>,
     /// Whether its panoramas are cubed, as those of [`Method::NetworkCubed`] are.
     pub is_cubed: bool,
 }
 
-/// Light around every point.
-pub enum Light {
+/// EstimatedLight around every point.
+pub enum EstimatedLight {
     /// By cone tracing.
     Octree {
         /// The octree.
         octree: Box<LightOctree>,
-        /// Ready to be traced.
-        sight: Sight,
+        /// Ready to be trace.
+        tracer: Tracer,
     },
     /// The same panorama, in the photo's frame, wherever the probe is.
     Map(RadianceImage),
 }
 
-/// What is traced.
-pub enum Sight {
+/// What is trace.
+pub enum Tracer {
     /// An octree alone.
     Octree(Viewers),
     /// A scene: where its photo shows what is met, the photo.
@@ -265,7 +265,7 @@ impl Method {
     /// # Errors
     /// What the sample or the tools lack; estimates that fail.
     pub fn estimate(self, sample: &Sample, tools: &Tools) -> Result<Estimate, MethodError> {
-        let map = |map: RadianceImage| Ok(Estimate::of_light(Light::Map(map)));
+        let map = |map: RadianceImage| Ok(Estimate::of_light(EstimatedLight::Map(map)));
         let profile = || tools.profile.ok_or(MethodError::Needs("a profile"));
         match self {
             Self::MeanColour => map(baseline::mean_colour_map(sample)),
@@ -323,19 +323,19 @@ impl Estimate {
     }
 
     fn seen_by(scene: Scene, viewers: SharpViewers) -> Self {
-        let sight = Sight::Scene(Box::new(viewers));
-        let light = Light::Octree { octree: Box::new(scene.light), sight };
+        let tracer = Tracer::Scene(Box::new(viewers));
+        let light = EstimatedLight::Octree { octree: Box::new(scene.light), tracer };
         let up = scene.room.map(|room| room.up);
         Self { depth_m: Some(scene.frame.depth_m), up, ..Self::of_light(light) }
     }
 
     fn of_octree(octree: LightOctree) -> Self {
-        let sight = Sight::Octree(Viewers::new(&octree));
-        Self::of_light(Light::Octree { octree: Box::new(octree), sight })
+        let tracer = Tracer::Octree(Viewers::new(&octree));
+        Self::of_light(EstimatedLight::Octree { octree: Box::new(octree), tracer })
     }
 
     /// Wraps light of which no more is known.
-    pub fn of_light(light: Light) -> Self {
+    pub fn of_light(light: EstimatedLight) -> Self {
         Self { light, depth_m: None, up: None, prior: None, is_cubed: false }
     }
 
@@ -355,17 +355,17 @@ impl Estimate {
     ) -> RadianceImage {
         let direction = |x: usize, y: usize| turn(lo_geometry::pixel_direction(x, y, width, height));
         let panorama = match &self.light {
-            Light::Map(map) => {
+            EstimatedLight::Map(map) => {
                 RadianceImage::from_fn(width, height, |x, y| sample_equirectangular(map, direction(x, y)))
             }
-            Light::Octree { sight, .. } => {
+            EstimatedLight::Octree { tracer, .. } => {
                 // half of the pixel's pitch, as of `ConeTracer::panorama`
                 let tan_half_angle = (std::f32::consts::PI / width as f32).tan();
                 let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
                 let cones: Vec<Cone> = places
                     .map(|(x, y)| Cone { origin: position_m, direction: direction(x, y), tan_half_angle })
                     .collect();
-                let samples = traced(sight, position_m, &cones);
+                let samples = trace(tracer, position_m, &cones);
                 RadianceImage::new(width, height, samples.iter().map(|sample| sample.radiance).collect())
             }
         };
@@ -374,11 +374,11 @@ impl Estimate {
 }
 
 /// What cones from `eye` see.
-pub(crate) fn traced(sight: &Sight, eye: Vec3, cones: &[Cone]) -> Vec<cone::ConeSample> {
+pub(crate) fn trace(tracer: &Tracer, eye: Vec3, cones: &[Cone]) -> Vec<cone::ConeSample> {
     let mut samples = vec![cone::ConeSample::default(); cones.len()];
-    match sight {
-        Sight::Octree(viewers) => viewers.at(eye).trace_batch(cones, &mut samples),
-        Sight::Scene(viewers) => viewers.trace_batch(eye, cones, &mut samples),
+    match tracer {
+        Tracer::Octree(viewers) => viewers.at(eye).trace_batch(cones, &mut samples),
+        Tracer::Scene(viewers) => viewers.trace_batch(eye, cones, &mut samples),
     }
     samples
 }
@@ -444,7 +444,7 @@ fn with_panorama(
         let plain = tools.estimator.estimate(input_of(sample, input)?, &options, &mut lightoctree::events::ignore)?;
         seen_unchanged = Some(unchanged(&plain.light, &scene.light));
     }
-    let prior = scene.panorama.as_ref().map(|laid| LaidPrior {
+    let prior = scene.panorama.as_ref().map(|laid| PriorAlignment {
         confidence: laid.source.confidence.into(),
         yaw_error_deg: (!is_foreign).then(|| yaw_error_deg(laid.source.yaw_deg, known.yaw_rad())),
         exposure_ev: laid.source.exposure_ev.into(),

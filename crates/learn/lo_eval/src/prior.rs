@@ -10,10 +10,10 @@ use lo_geometry::{Orientation, Vec3};
 use crate::MethodError;
 
 /// A known panorama and those that are scored lie at least this far from each other, metres.
-pub const APART_M: f32 = 0.7;
+pub const MIN_PANORAMA_DISTANCE_M: f32 = 0.7;
 
 /// What a sample lacks that has none such.
-pub(crate) const TWO_APART: &str = "two panoramas 0.7 m or more apart";
+pub(crate) const TWO_PANORAMAS_APART: &str = "two panoramas 0.7 m or more apart";
 
 /// A panorama this near to the camera, metres, is the one that the photo was cut out of, where it is the only one.
 const AT_CAMERA_M: f32 = 1e-3;
@@ -28,7 +28,7 @@ pub struct KnownPanorama {
 }
 
 impl KnownPanorama {
-    /// Takes the first of the sample's panoramas that has others at least [`APART_M`] away, and leaves those to be scored. Of a sample with the
+    /// Takes the first of the sample's panoramas that has others at least [`MIN_PANORAMA_DISTANCE_M`] away, and leaves those to be scored. Of a sample with the
     /// one panorama at its camera: takes that, and leaves it too.
     ///
     /// # Errors
@@ -39,9 +39,9 @@ impl KnownPanorama {
         {
             return Ok(Self { view: view.clone(), is_scored: true });
         }
-        let apart = |a: &NovelView, b: &NovelView| a.position_m.distance(b.position_m) >= APART_M;
+        let apart = |a: &NovelView, b: &NovelView| a.position_m.distance(b.position_m) >= MIN_PANORAMA_DISTANCE_M;
         let known = sample.views.iter().find(|a| sample.views.iter().any(|b| apart(a, b)));
-        let view = known.cloned().ok_or(MethodError::Needs(TWO_APART))?;
+        let view = known.cloned().ok_or(MethodError::Needs(TWO_PANORAMAS_APART))?;
         sample.views.retain(|other| apart(&view, other));
         Ok(Self { view, is_scored: false })
     }
@@ -65,7 +65,7 @@ impl KnownPanorama {
 
 /// How a panorama was laid.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LaidPrior {
+pub struct PriorAlignment {
     /// From 0 to 1, how well it shows what the photo shows.
     pub confidence: f64,
     /// Its yaw less the true one, where that is known.

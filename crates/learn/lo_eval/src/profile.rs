@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 /// Bands of equal height in elevation, from straight down to straight up.
 const BANDS: usize = 32;
-/// Photos darker than this say nothing about ratios.
+/// PhotoSelection darker than this say nothing about ratios.
 const MIN_LUMINANCE: f32 = 1e-3;
 
 /// Luminance of panoramas over the mean luminance of their photos, for bands of elevation.
@@ -20,7 +20,7 @@ const MIN_LUMINANCE: f32 = 1e-3;
 pub struct Profile {
     /// 1.
     format_version: u32,
-    /// Photos that it is the mean of.
+    /// PhotoSelection that it is the mean of.
     samples: usize,
     /// What their dataset calls itself.
     dataset: String,
@@ -180,7 +180,7 @@ impl Profile {
         self.linear_factors.as_ref().map(|factors| interpolated(factors, direction, up))
     }
 
-    /// Photos that it is the mean of.
+    /// PhotoSelection that it is the mean of.
     pub fn samples(&self) -> usize {
         self.samples
     }

@@ -27,7 +27,7 @@ pub enum Protocol {
 /// Panoramas that a protocol compares.
 const MAP: [usize; 2] = [256, 128];
 
-/// Photos cut out of a folder of panoramas as a protocol says.
+/// PhotoSelection cut out of a folder of panoramas as a protocol says.
 #[derive(Debug)]
 pub struct ProtocolCrops {
     panoramas: Panoramas,

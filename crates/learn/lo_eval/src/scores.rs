@@ -10,7 +10,7 @@ use lo_metrics::{
 use serde::Serialize;
 
 use crate::spheres::{Material, SphereView, Transport, single_sphere};
-use crate::{Estimate, Light, ProtocolRenders, SplitAgreement, coherence};
+use crate::{Estimate, EstimatedLight, ProtocolRenders, SplitAgreement, coherence};
 
 /// Named figures; what cannot be said of a sample is missing.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -143,7 +143,7 @@ fn parts(scores: &mut Scores, truth: &RadianceImage, got: &RadianceImage, angles
 
 /// Figures of the light that a panorama throws on objects.
 fn light_on_objects(scores: &mut Scores, truth: &RadianceImage, got: &RadianceImage, seen: Option<&[bool]>) {
-    let Some(light) = LightOnObjects::of(truth, got, seen) else { return };
+    let Some(light) = LightOnObjects::compare(truth, got, seen) else { return };
     scores.add("contrast_stops", Some(light.contrast_stops));
     scores.add("true_contrast_stops", Some(light.true_contrast_stops));
     scores.add("anisotropy", Some(light.anisotropy));
@@ -157,7 +157,7 @@ fn light_on_objects(scores: &mut Scores, truth: &RadianceImage, got: &RadianceIm
 /// Figures of depth and of the octree's structure.
 fn scene(scores: &mut Scores, sample: &Sample, estimate: &Estimate) {
     let depth = sample.depth_m.as_ref().zip(estimate.depth_m.as_ref());
-    if let Some(errors) = depth.and_then(|(truth, got)| DepthErrors::of(truth, got)) {
+    if let Some(errors) = depth.and_then(|(truth, got)| DepthErrors::compare(truth, got)) {
         scores.add("depth_abs_rel", Some(errors.abs_rel));
         scores.add("depth_scaled_abs_rel", Some(errors.scaled_abs_rel));
         scores.add("depth_scale", Some(errors.scale));
@@ -176,13 +176,13 @@ fn scene(scores: &mut Scores, sample: &Sample, estimate: &Estimate) {
         scores.add("prior_warned", Some(f64::from(u8::from(prior.is_warned))));
         scores.add("prior_seen_unchanged", prior.seen_unchanged);
     }
-    let Light::Octree { octree, .. } = &estimate.light else { return };
+    let EstimatedLight::Octree { octree, .. } = &estimate.light else { return };
     if sample.points.is_empty() {
         return;
     }
     let (depth, full_depth) = (octree.octree.depth(), octree.octree.full_depth());
     let truth = true_octree(&sample.points, TrueLeaves::All, octree.cube, depth, full_depth).ok();
-    if let Some(agreement) = truth.and_then(|truth| SplitAgreement::of(&truth, octree)) {
+    if let Some(agreement) = truth.and_then(|truth| SplitAgreement::compare(&truth, octree)) {
         scores.add("split_accuracy", Some(agreement.accuracy));
         scores.add("split_precision", Some(agreement.precision));
         scores.add("split_recall", Some(agreement.recall));

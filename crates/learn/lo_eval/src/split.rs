@@ -73,13 +73,13 @@ mod tests {
     fn labels_are_counted() {
         // truth: octants 000 and 111 of depth 1 are split, and one node of depth 2 in each
         let truth = tree(&[[0, 0, 0], [7, 7, 7]]);
-        assert_eq!(SplitAgreement::of(&truth, &truth).unwrap().accuracy, 1.0);
+        assert_eq!(SplitAgreement::compare(&truth, &truth).unwrap().accuracy, 1.0);
         // the estimate has the first as it is, and splits octant 100 instead of 111
         let got = tree(&[[0, 0, 0], [7, 0, 0]]);
-        let found = SplitAgreement::of(&truth, &got).unwrap();
+        let found = SplitAgreement::compare(&truth, &got).unwrap();
         // depth 1: 8 nodes, 2 wrong. Depth 2: 16 nodes, of which only the split one in octant 111 is wrong
         assert_eq!(found, SplitAgreement { accuracy: 21.0 / 24.0, precision: 0.5, recall: 0.5 });
         let elsewhere = LightOctree { cube: Cube::centred(Vec3::ZERO, 9.0), ..truth.clone() };
-        assert_eq!(SplitAgreement::of(&truth, &elsewhere), None);
+        assert_eq!(SplitAgreement::compare(&truth, &elsewhere), None);
     }
 }

@@ -43,7 +43,7 @@ pub struct Summary {
 }
 
 /// A method's line of the tables.
-struct Line<'a> {
+struct MethodRow<'a> {
     method: &'static str,
     samples: usize,
     failures: BTreeMap<String, usize>,
@@ -268,7 +268,7 @@ impl Summary {
         text
     }
 
-    fn tables(&self, text: &mut String, lines: &[Line], condition: &str) {
+    fn tables(&self, text: &mut String, lines: &[MethodRow], condition: &str) {
         for (title, columns) in TABLES {
             let shown: Vec<_> = columns
                 .iter()
@@ -339,7 +339,7 @@ impl Summary {
     }
 
     /// Of all methods, of outcomes under one condition or of all.
-    fn lines(&self, condition: Option<&str>) -> Vec<Line<'_>> {
+    fn lines(&self, condition: Option<&str>) -> Vec<MethodRow<'_>> {
         let mut methods: Vec<&'static str> = Vec::new();
         for outcome in &self.outcomes {
             if !methods.contains(&outcome.method) {
@@ -349,7 +349,7 @@ impl Summary {
         methods.into_iter().map(|method| self.line(method, condition)).collect()
     }
 
-    fn line(&self, method: &'static str, condition: Option<&str>) -> Line<'_> {
+    fn line(&self, method: &'static str, condition: Option<&str>) -> MethodRow<'_> {
         let asked = |outcome: &&Outcome| condition.is_none_or(|condition| outcome.condition == Some(condition));
         let own = || self.outcomes.iter().filter(|outcome| outcome.method == method).filter(asked);
         let mut failures = BTreeMap::new();
@@ -374,7 +374,7 @@ impl Summary {
             panorama_s: median(costs().map(|cost| cost.panorama_s).collect()).unwrap_or(0.0),
             peak_mib: costs().filter_map(|cost| cost.peak_mib).max_by(f64::total_cmp),
         };
-        Line { method, samples, failures, scenes, mean, cost }
+        MethodRow { method, samples, failures, scenes, mean, cost }
     }
 }
 
@@ -386,7 +386,7 @@ fn add_ratios(mean: &mut Scores) {
     }
 }
 
-impl Line<'_> {
+impl MethodRow<'_> {
     /// A quantile of a figure over the scenes that have it.
     fn quantile(&self, figure: &str, share: f64) -> Option<f64> {
         quantile(self.scenes.iter().filter_map(|(_, scores)| scores.get(figure)).collect(), share)
@@ -394,15 +394,15 @@ impl Line<'_> {
 }
 
 /// How many scenes each method (line) wins against each other one (column).
-fn contest(text: &mut String, figure: &str, lines: &[Line]) {
+fn contest(text: &mut String, figure: &str, lines: &[MethodRow]) {
     let more_is_better = figure.ends_with("psnr_db");
-    let able: Vec<&Line> = lines.iter().filter(|line| line.mean.get(figure).is_some()).collect();
+    let able: Vec<&MethodRow> = lines.iter().filter(|line| line.mean.get(figure).is_some()).collect();
     if able.len() < 2 {
         return;
     }
     let head: Vec<String> =
         std::iter::once("wins against →".to_owned()).chain(able.iter().map(|line| line.method.to_owned())).collect();
-    let won = |a: &Line, b: &Line| {
+    let won = |a: &MethodRow, b: &MethodRow| {
         let pairs = a.scenes.iter().filter_map(|(scene, scores)| {
             let (_, other) = b.scenes.iter().find(|(own, _)| own == scene)?;
             Some((scores.get(figure)?, other.get(figure)?))
@@ -419,7 +419,7 @@ fn contest(text: &mut String, figure: &str, lines: &[Line]) {
     table(text, &format!("Scenes won, {figure}"), &head, rows);
 }
 
-fn failures(text: &mut String, lines: &[Line]) {
+fn failures(text: &mut String, lines: &[MethodRow]) {
     for line in lines {
         for (reason, count) in &line.failures {
             // writing into a String cannot fail

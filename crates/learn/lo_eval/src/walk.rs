@@ -6,8 +6,8 @@ use lo_geometry::{Vec3, pixel_direction};
 use lo_imaging::{DepthMap, RadianceImage, luminance, sample_equirectangular};
 use lo_metrics::solid_angles_sr;
 
-use crate::method::traced;
-use crate::{Estimate, Light};
+use crate::method::trace;
+use crate::{Estimate, EstimatedLight};
 
 /// Length of the walk, metres, and its steps.
 const LENGTH_M: f32 = 1.0;
@@ -105,11 +105,11 @@ fn parallax_px(estimate: &Estimate, view: &NovelView, depth_m: &DepthMap, end: V
     let features = features(estimate, view, depth_m, up);
     let px_of_angle = |angle: f32| f64::from(angle / std::f32::consts::TAU * PIXELS_AROUND);
     let mut errors: Vec<f64> = match &estimate.light {
-        Light::Map(_) => features
+        EstimatedLight::Map(_) => features
             .iter()
             .map(|feature| px_of_angle((feature.point - view.position_m).angle_between(feature.point - end)))
             .collect(),
-        Light::Octree { .. } => {
+        EstimatedLight::Octree { .. } => {
             let found = features
                 .iter()
                 .filter_map(|feature| found_at(estimate, view.position_m, end, feature).map(|p| (feature, p)));
@@ -207,11 +207,11 @@ fn grid(estimate: &Estimate, eye: Vec3, feature: &Feature, side: usize) -> Vec<f
         })
         .collect();
     match &estimate.light {
-        Light::Map(map) => {
+        EstimatedLight::Map(map) => {
             cones.iter().map(|cone| luminance(sample_equirectangular(map, cone.direction)).max(0.0).ln_1p()).collect()
         }
-        Light::Octree { sight, .. } => {
-            let samples = traced(sight, eye, &cones);
+        EstimatedLight::Octree { tracer, .. } => {
+            let samples = trace(tracer, eye, &cones);
             samples.iter().map(|sample| luminance(sample.radiance).max(0.0).ln_1p()).collect()
         }
     }
@@ -266,7 +266,7 @@ mod tests {
         // the same light as one map: its features stay where they are. Walls are 1.2 to 2.8 m away, a metre moves them by tens of pixels
         let view = &sample.views[0];
         let map = estimate.panorama_at(view.position_m, 256, 128, |direction| direction);
-        let single = Estimate::of_light(Light::Map(map));
+        let single = Estimate::of_light(EstimatedLight::Map(map));
         let found = walk(&sample, &single).unwrap();
         assert!(found.largest_step_ratio.is_none() && found.parallax_px.unwrap() > 10.0, "{found:?}");
     }

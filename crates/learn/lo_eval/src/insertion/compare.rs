@@ -7,7 +7,7 @@ use lo_geometry::{Vec3, pixel_direction, pixel_solid_angle_sr};
 use lo_imaging::{RadianceImage, luminance, main_light};
 use lo_metrics::{rmse, si_rmse};
 
-use super::truth::{STRIDE, Truth};
+use super::truth::{ObjectTruth, STRIDE};
 
 /// Share of a pixel that an object must cover for its radiance to be read there.
 const MIN_ALPHA: f32 = 0.999;
@@ -16,7 +16,7 @@ const MIN_ALPHA: f32 = 0.999;
 const MIN_PIXELS: usize = 12;
 
 /// Of the object's own radiance: RMSE and scale-invariant RMSE.
-pub(crate) fn object(truth: &Truth, got: &Composite) -> Option<[f64; 2]> {
+pub(crate) fn object(truth: &ObjectTruth, got: &Composite) -> Option<[f64; 2]> {
     let both = truth.object.iter().filter_map(|&([x, y], radiance)| {
         let alpha = got.alpha[(x, y)];
         (alpha > MIN_ALPHA).then(|| (radiance, got.object[(x, y)].map(|v| v / alpha)))
@@ -56,7 +56,7 @@ impl std::ops::AddAssign for Darkening {
 /// Compares the shadow where the support is seen in both pictures.
 ///
 /// `radii` is the distance on the support between what a pixel shows and the object's foot.
-pub(crate) fn shadow(truth: &Truth, got: &Composite, radii: impl Fn([usize; 2]) -> f32) -> Option<ShadowFigures> {
+pub(crate) fn shadow(truth: &ObjectTruth, got: &Composite, radii: impl Fn([usize; 2]) -> f32) -> Option<ShadowFigures> {
     let shown: HashMap<[usize; 2], (f32, f32)> = truth
         .shadow
         .iter()
@@ -134,11 +134,11 @@ mod tests {
         }
     }
 
-    fn truth() -> Truth {
+    fn truth() -> ObjectTruth {
         let pixels = || (0..16).step_by(STRIDE).flat_map(|y| (0..16).step_by(STRIDE).map(move |x| [x, y]));
         let object = pixels().filter(|[x, _]| *x >= 8).map(|pixel| (pixel, [2.0; 3])).collect();
         let shadow = pixels().filter(|[x, _]| *x < 8).map(|[x, y]| ([x, y], [1.0 - 0.05 * x as f32; 3])).collect();
-        Truth { object, shadow }
+        ObjectTruth { object, shadow }
     }
 
     #[test]

@@ -13,10 +13,10 @@ use lo_imaging::{Image, Photo, linear_from_srgb8, srgb8_from_linear};
 use lo_synth::{CameraPose, Weather};
 
 use super::compare::{self, Darkening};
-use super::method::{InsertionMethod, Lit};
-use super::objects::Kind;
-use super::places::{Place, places};
-use super::truth::{STRIDE, TrueRoom, Truth};
+use super::footprints::{Footprint, footprints};
+use super::method::{InsertionMethod, ObjectLighting};
+use super::objects::TestObject;
+use super::truth::{ObjectTruth, STRIDE, TrueRoom};
 use crate::method::{estimate_scene, in_photo_frame};
 use crate::sheet::NOTHING;
 use crate::{Cost, DepthInput, MethodError, Outcome, Report, Scores, Sheet, Summary, Tools, memory};
@@ -36,12 +36,12 @@ pub struct InsertionEvaluation<'a> {
     tools: Tools<'a>,
     quality: Quality,
     truths: Option<PathBuf>,
-    objects: Vec<Object>,
+    objects: Vec<PreparedObject>,
 }
 
 /// What is put into the rooms.
-struct Object {
-    kind: Kind,
+struct PreparedObject {
+    kind: TestObject,
     model: PreparedModel,
     base: Base,
 }
@@ -50,10 +50,10 @@ struct Object {
 struct Room {
     sample: Sample,
     condition: &'static str,
-    places: Vec<Place>,
+    places: Vec<Footprint>,
     camera: CameraPose,
     /// Of each place, of each object.
-    truths: Vec<Vec<Truth>>,
+    truths: Vec<Vec<ObjectTruth>>,
 }
 
 /// What the networks make of a room's photo and of one kind of depth.
@@ -77,9 +77,9 @@ impl<'a> InsertionEvaluation<'a> {
         quality: Quality,
     ) -> Result<Self, MeshError> {
         let methods = if methods.is_empty() { InsertionMethod::ALL.to_vec() } else { methods.to_vec() };
-        let objects = Kind::ALL.into_iter().map(|kind| {
+        let objects = TestObject::ALL.into_iter().map(|kind| {
             let model = PreparedModel::new(kind.model()?);
-            Ok(Object { kind, base: Base::new(&model), model })
+            Ok(PreparedObject { kind, base: Base::new(&model), model })
         });
         let objects = objects.collect::<Result<_, _>>()?;
         Ok(Self { generator, seed, rooms, methods, tools, quality, truths: None, objects })
@@ -140,7 +140,7 @@ impl<'a> InsertionEvaluation<'a> {
         let interior = self.generator.interior(index)?;
         let camera = interior.camera_poses(1)[0];
         let bare = PreparedModel::new(interior.world.model.clone());
-        let places = places(&interior, &bare, &camera, self.seed);
+        let places = footprints(&interior, &bare, &camera, self.seed);
         if places.is_empty() {
             return Ok(None);
         }
@@ -154,11 +154,11 @@ impl<'a> InsertionEvaluation<'a> {
             None => {
                 let room = TrueRoom::new(world, bare, camera, record.shots[0].gains, self.seed)
                     .map_err(|error| failed(error.to_string()))?;
-                let of_place = |place: &Place| {
-                    let of_object = |object: &Object| room.with(object.kind, object.model.model(), place);
-                    self.objects.iter().map(of_object).collect::<Result<Vec<Truth>, _>>()
+                let of_place = |place: &Footprint| {
+                    let of_object = |object: &PreparedObject| room.with(object.kind, object.model.model(), place);
+                    self.objects.iter().map(of_object).collect::<Result<Vec<ObjectTruth>, _>>()
                 };
-                let truths: Vec<Vec<Truth>> =
+                let truths: Vec<Vec<ObjectTruth>> =
                     places.iter().map(of_place).collect::<Result<_, _>>().map_err(|error| failed(error.to_string()))?;
                 if let Some(path) = &kept {
                     let text = serde_json::to_vec(&truths).map_err(|error| failed(error.to_string()))?;
@@ -194,17 +194,18 @@ impl<'a> InsertionEvaluation<'a> {
         };
         let insertion = |error: &dyn std::error::Error| MethodError::Insertion(error.to_string());
         let scene = estimated.scene.as_ref().map_err(|reason| MethodError::Insertion(reason.clone()));
-        let lit = scene.and_then(|scene| Lit::new(method, &room.sample, scene, &self.tools)).and_then(|lit| {
-            let inserter = lit.lighting().map(|lighting| Inserter::new(&lit.scene, lighting, self.quality));
-            Ok((inserter.transpose().map_err(|error| insertion(&error))?, lit))
-        });
+        let lit =
+            scene.and_then(|scene| ObjectLighting::new(method, &room.sample, scene, &self.tools)).and_then(|lit| {
+                let inserter = lit.lighting().map(|lighting| Inserter::new(&lit.scene, lighting, self.quality));
+                Ok((inserter.transpose().map_err(|error| insertion(&error))?, lit))
+            });
         let (inserter, lit) = match lit {
             Ok(lit) => lit,
             Err(error) => return (vec![outcome(0, Err(error), Cost::default())], None),
         };
         let mut outcomes = Vec::new();
         for number in 0..room.places.len() {
-            memory::restart_peak();
+            memory::reset_peak();
             let begun = Instant::now();
             let figures = self.figures(room, number, &lit, inserter.as_ref(), &mut shown);
             let panorama_s = begun.elapsed().as_secs_f64();
@@ -219,7 +220,7 @@ impl<'a> InsertionEvaluation<'a> {
         &self,
         room: &Room,
         number: usize,
-        lit: &Lit,
+        lit: &ObjectLighting,
         inserter: Option<&Inserter>,
         shown: &mut Option<Composite>,
     ) -> Result<Scores, InsertError> {
@@ -241,7 +242,7 @@ impl<'a> InsertionEvaluation<'a> {
         let scale = place.radius_m * resting.position_m.length() / true_m.length();
         let radii = |pixel: [usize; 2]| place.radii_from_foot(&room.camera, pixel.map(|v| v as f64 + 0.5));
         let (mut shadow_rms, mut correlations, mut darkening) = (Vec::new(), Vec::new(), [Darkening::default(); 2]);
-        for (Object { kind, model, base }, truth) in self.objects.iter().zip(&room.truths[number]) {
+        for (PreparedObject { kind, model, base }, truth) in self.objects.iter().zip(&room.truths[number]) {
             let placement = resting.scaled(scale).settled(&lit.scene, base);
             let composite = inserter.render(&[Instance::new(model, placement)], &mut lo_events::ignore)?;
             if let Some([rmse, si_rmse]) = compare::object(truth, &composite) {
@@ -256,7 +257,7 @@ impl<'a> InsertionEvaluation<'a> {
                 correlations.extend(figures.gradient_correlation);
                 darkening.iter_mut().zip(figures.darkening).for_each(|(sum, part)| *sum += part);
             }
-            if number == 0 && *kind == Kind::Diffuse {
+            if number == 0 && *kind == TestObject::Diffuse {
                 *shown = Some(composite);
             }
         }

@@ -15,7 +15,7 @@ use crate::{DepthInput, MethodError, Tools};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InsertionMethod {
     /// The networks, from the photo alone or with depth.
-    Network(Option<DepthInput>, Lamps),
+    Network(Option<DepthInput>, LampMode),
     /// The one panorama that the global decoder makes of the photo, and true depth.
     SingleMap,
     /// The true octree and true depth: what a perfect network of this depth would reach.
@@ -24,9 +24,9 @@ pub enum InsertionMethod {
     TruePanorama,
 }
 
-/// Lamps that a network's octree gets for lighting objects.
+/// LampMode that a network's octree gets for lighting objects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Lamps {
+pub enum LampMode {
     /// None but what the network sees and guesses.
     None,
     /// One above the middle of the view, as bright as what is seen asks for.
@@ -38,15 +38,15 @@ pub enum Lamps {
 impl InsertionMethod {
     /// All of them, in the order of the tables.
     pub const ALL: [Self; 12] = [
-        Self::Network(None, Lamps::None),
-        Self::Network(None, Lamps::Overhead),
-        Self::Network(None, Lamps::Fitted),
-        Self::Network(Some(DepthInput::Sensor), Lamps::None),
-        Self::Network(Some(DepthInput::Sensor), Lamps::Overhead),
-        Self::Network(Some(DepthInput::Sensor), Lamps::Fitted),
-        Self::Network(Some(DepthInput::True), Lamps::None),
-        Self::Network(Some(DepthInput::True), Lamps::Overhead),
-        Self::Network(Some(DepthInput::True), Lamps::Fitted),
+        Self::Network(None, LampMode::None),
+        Self::Network(None, LampMode::Overhead),
+        Self::Network(None, LampMode::Fitted),
+        Self::Network(Some(DepthInput::Sensor), LampMode::None),
+        Self::Network(Some(DepthInput::Sensor), LampMode::Overhead),
+        Self::Network(Some(DepthInput::Sensor), LampMode::Fitted),
+        Self::Network(Some(DepthInput::True), LampMode::None),
+        Self::Network(Some(DepthInput::True), LampMode::Overhead),
+        Self::Network(Some(DepthInput::True), LampMode::Fitted),
         Self::SingleMap,
         Self::TrueOctree,
         Self::TruePanorama,
@@ -55,15 +55,15 @@ impl InsertionMethod {
     /// Its name in tables and on the command line.
     pub fn name(self) -> &'static str {
         match self {
-            Self::Network(None, Lamps::None) => "no-lamp",
-            Self::Network(None, Lamps::Overhead) => "overhead",
-            Self::Network(None, Lamps::Fitted) => "fitted",
-            Self::Network(Some(DepthInput::Sensor), Lamps::None) => "no-lamp-sensor",
-            Self::Network(Some(DepthInput::Sensor), Lamps::Overhead) => "overhead-sensor",
-            Self::Network(Some(DepthInput::Sensor), Lamps::Fitted) => "fitted-sensor",
-            Self::Network(Some(DepthInput::True), Lamps::None) => "no-lamp-true",
-            Self::Network(Some(DepthInput::True), Lamps::Overhead) => "overhead-true",
-            Self::Network(Some(DepthInput::True), Lamps::Fitted) => "fitted-true",
+            Self::Network(None, LampMode::None) => "no-lamp",
+            Self::Network(None, LampMode::Overhead) => "overhead",
+            Self::Network(None, LampMode::Fitted) => "fitted",
+            Self::Network(Some(DepthInput::Sensor), LampMode::None) => "no-lamp-sensor",
+            Self::Network(Some(DepthInput::Sensor), LampMode::Overhead) => "overhead-sensor",
+            Self::Network(Some(DepthInput::Sensor), LampMode::Fitted) => "fitted-sensor",
+            Self::Network(Some(DepthInput::True), LampMode::None) => "no-lamp-true",
+            Self::Network(Some(DepthInput::True), LampMode::Overhead) => "overhead-true",
+            Self::Network(Some(DepthInput::True), LampMode::Fitted) => "fitted-true",
             Self::SingleMap => "single-map",
             Self::TrueOctree => "true-octree",
             Self::TruePanorama => "true-panorama",
@@ -79,13 +79,13 @@ impl InsertionMethod {
     }
 }
 
-/// Light on objects, and the scene that they stand in.
-pub(crate) struct Lit {
+/// ObjectLight on objects, and the scene that they stand in.
+pub(crate) struct ObjectLighting {
     pub scene: Scene,
-    light: Light,
+    light: ObjectLight,
 }
 
-enum Light {
+enum ObjectLight {
     Octree(Box<SharpViewers>),
     /// The same panorama at all places.
     Map(RadianceImage),
@@ -93,7 +93,7 @@ enum Light {
     Panoramas,
 }
 
-impl Lit {
+impl ObjectLighting {
     /// `scene` is what the networks make of the photo and the method's depth.
     ///
     /// # Errors
@@ -103,22 +103,22 @@ impl Lit {
         let light = match method {
             InsertionMethod::Network(_, lamps) => {
                 match lamps {
-                    Lamps::None => {}
-                    Lamps::Overhead => lamp_above(&mut scene),
-                    Lamps::Fitted => drop(fit_lamps(&mut scene)),
+                    LampMode::None => {}
+                    LampMode::Overhead => lamp_above(&mut scene),
+                    LampMode::Fitted => drop(fit_lamps(&mut scene)),
                 }
-                Light::Octree(Box::new(SharpViewers::new(&scene)))
+                ObjectLight::Octree(Box::new(SharpViewers::new(&scene)))
             }
             InsertionMethod::TrueOctree => {
                 scene.light = true_octree(sample, tools)?;
                 scene.confidence = None;
-                Light::Octree(Box::new(SharpViewers::new(&scene)))
+                ObjectLight::Octree(Box::new(SharpViewers::new(&scene)))
             }
             InsertionMethod::SingleMap => {
                 let networks = tools.estimator.networks().ok_or(MethodError::Needs("weights"))?;
-                Light::Map(networks.single_map(&sample.photo))
+                ObjectLight::Map(networks.single_map(&sample.photo))
             }
-            InsertionMethod::TruePanorama => Light::Panoramas,
+            InsertionMethod::TruePanorama => ObjectLight::Panoramas,
         };
         Ok(Self { scene, light })
     }
@@ -126,9 +126,9 @@ impl Lit {
     /// What `insert` is to take for all objects; `None` where each place has a light of its own, [`in_photo_frame`].
     pub fn lighting(&self) -> Option<Lighting> {
         match &self.light {
-            Light::Octree(_) => Some(Lighting::Octree),
-            Light::Map(map) => Some(Lighting::EnvironmentMap(map.clone())),
-            Light::Panoramas => None,
+            ObjectLight::Octree(_) => Some(Lighting::Octree),
+            ObjectLight::Map(map) => Some(Lighting::EnvironmentMap(map.clone())),
+            ObjectLight::Panoramas => None,
         }
     }
 
@@ -136,11 +136,11 @@ impl Lit {
     pub fn panorama(&self, place_m: Vec3, view: &NovelView) -> RadianceImage {
         let (width, height) = (view.radiance.width(), view.radiance.height());
         match &self.light {
-            Light::Octree(viewers) => viewers.panorama(place_m, width, height).radiance,
-            Light::Map(map) => RadianceImage::from_fn(width, height, |x, y| {
+            ObjectLight::Octree(viewers) => viewers.panorama(place_m, width, height).radiance,
+            ObjectLight::Map(map) => RadianceImage::from_fn(width, height, |x, y| {
                 sample_equirectangular(map, pixel_direction(x, y, width, height))
             }),
-            Light::Panoramas => in_photo_frame(view),
+            ObjectLight::Panoramas => in_photo_frame(view),
         }
     }
 }

@@ -2,10 +2,10 @@
 
 mod compare;
 mod evaluation;
+mod footprints;
 mod method;
 mod objects;
-mod places;
 mod truth;
 
 pub use evaluation::InsertionEvaluation;
-pub use method::{InsertionMethod, Lamps};
+pub use method::{InsertionMethod, LampMode};

@@ -16,7 +16,7 @@ const SUBDIVISIONS: u32 = 5;
 
 /// Objects whose light is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub(crate) enum TestObject {
     /// A sphere of white plaster.
     Diffuse,
     /// A sphere of brushed metal.
@@ -27,7 +27,7 @@ pub(crate) enum Kind {
     Pole,
 }
 
-impl Kind {
+impl TestObject {
     pub const ALL: [Self; 4] = [Self::Diffuse, Self::Rough, Self::Mirror, Self::Pole];
 
     /// For names of figures.
@@ -97,12 +97,12 @@ mod tests {
 
     #[test]
     fn objects_stand_on_the_origin_and_face_outwards() {
-        for kind in Kind::ALL {
+        for kind in TestObject::ALL {
             let model = kind.model().unwrap();
             let low = model.positions.iter().copied().reduce(Vec3::min).unwrap();
             let high = model.positions.iter().copied().reduce(Vec3::max).unwrap();
             assert!(low.y.abs() < 1e-3 && (high.y - kind.height()).abs() < 1e-3, "{kind:?}: {low} {high}");
-            let half_width = if kind == Kind::Pole { POLE.0 } else { 1.0 };
+            let half_width = if kind == TestObject::Pole { POLE.0 } else { 1.0 };
             assert!((high.x - half_width).abs() < 0.01, "{kind:?}: {high}");
             // Divergence theorem: the volume is positive where triangles face outwards.
             let of = |[a, b, c]: [u32; 3]| {
@@ -111,7 +111,7 @@ mod tests {
             };
             let volume: f32 = model.triangles.iter().map(|&triangle| of(triangle)).sum();
             let exact = match kind {
-                Kind::Pole => std::f32::consts::PI * POLE.0 * POLE.0 * POLE.1,
+                TestObject::Pole => std::f32::consts::PI * POLE.0 * POLE.0 * POLE.1,
                 _ => 4.0 / 3.0 * std::f32::consts::PI,
             };
             assert!((volume / exact - 1.0).abs() < 0.01, "{kind:?}: {volume} {exact}");

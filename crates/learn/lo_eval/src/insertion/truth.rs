@@ -7,8 +7,8 @@ use lo_transport::{PathTracer, TransportError, World};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::objects::Kind;
-use super::places::{Place, normal};
+use super::footprints::{Footprint, normal};
+use super::objects::TestObject;
 
 /// One pixel of so many in each direction is compared.
 pub(crate) const STRIDE: usize = 3;
@@ -31,7 +31,7 @@ const FAR_M: f32 = 1e3;
 
 /// What is true at one place for one object.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(crate) struct Truth {
+pub(crate) struct ObjectTruth {
     /// Pixels that show nothing but the object, and its radiance there in units of the photo's white.
     pub object: Vec<([usize; 2], [f32; 3])>,
     /// Pixels that show the surface on which it stands, and irradiance there with the object over that without it; black is 1.
@@ -68,7 +68,7 @@ impl TrueRoom {
     ///
     /// # Errors
     /// Rooms that light transport refuses.
-    pub fn with(&self, kind: Kind, object: &Model, place: &Place) -> Result<Truth, TransportError> {
+    pub fn with(&self, kind: TestObject, object: &Model, place: &Footprint) -> Result<ObjectTruth, TransportError> {
         let first = self.world.model.triangles.len() as u32;
         let mut world = self.world.clone();
         append(&mut world.model, object, place);
@@ -116,11 +116,11 @@ impl TrueRoom {
             (pixel, [ratio(0), ratio(1), ratio(2)])
         };
         let shadow = floor.par_iter().enumerate().map(ratio).collect();
-        Ok(Truth { object, shadow })
+        Ok(ObjectTruth { object, shadow })
     }
 
     /// Pixels in which the object and its shadow are compared: from, to.
-    fn window(&self, place: &Place, kind: Kind) -> [[usize; 2]; 2] {
+    fn window(&self, place: &Footprint, kind: TestObject) -> [[usize; 2]; 2] {
         let camera = &self.view.camera;
         let axis_m = (place.base_m - self.view.pose.position).dot(self.view.pose.rotation * Vec3::NEG_Z);
         let radius_px = camera.fx * f64::from(place.radius_m / axis_m);
@@ -140,7 +140,7 @@ impl TrueRoom {
     }
 
     /// The place of the carrying surface that a pixel shows.
-    fn support(&self, u: f32, v: f32, place: &Place) -> Option<Vec3> {
+    fn support(&self, u: f32, v: f32, place: &Footprint) -> Option<Vec3> {
         let ray = self.ray(u, v);
         let hit = self.bare.intersect_both_sides(&ray, FAR_M)?;
         let point = ray.origin + ray.direction * hit.distance_m;
@@ -152,7 +152,7 @@ impl TrueRoom {
 }
 
 /// Puts an object on a place of a room.
-fn append(room: &mut Model, object: &Model, place: &Place) {
+fn append(room: &mut Model, object: &Model, place: &Footprint) {
     let (vertices, materials) = (room.positions.len() as u32, room.materials.len() as u32);
     room.positions.extend(object.positions.iter().map(|&p| place.base_m + p * place.radius_m));
     room.normals.extend(&object.normals);
@@ -196,20 +196,20 @@ mod tests {
         TrueRoom::new(world, bare, CameraPose { pose, camera }, [1.0, 2.0, 0.5], 3).unwrap()
     }
 
-    fn place() -> Place {
+    fn place() -> Footprint {
         let room = open_floor();
         let base_m = Vec3::new(0.05, 0.0, -0.1);
         let local = room.view.pose.rotation.inverse() * (base_m - room.view.pose.position);
         let (u, v, _) = room.view.camera.project(local).unwrap();
-        Place { pixel: [u, v], base_m, radius_m: 0.2 }
+        Footprint { pixel: [u, v], base_m, radius_m: 0.2 }
     }
 
     #[test]
     fn a_black_sphere_takes_from_the_floor_what_it_hides_of_the_sky() {
         let (room, place) = (open_floor(), place());
-        let mut black = Kind::Diffuse.model().unwrap();
+        let mut black = TestObject::Diffuse.model().unwrap();
         black.materials[0].base_color = [0.0, 0.0, 0.0, 1.0];
-        let truth = room.with(Kind::Diffuse, &black, &place).unwrap();
+        let truth = room.with(TestObject::Diffuse, &black, &place).unwrap();
         assert!(truth.shadow.len() > 100 && truth.object.len() > 20, "{} {}", truth.shadow.len(), truth.object.len());
         let mut sum = 0.0;
         for ([x, y], ratio) in &truth.shadow {
@@ -228,7 +228,7 @@ mod tests {
     #[test]
     fn a_mirror_shows_the_sky_in_units_of_the_photo() {
         let (room, place) = (open_floor(), place());
-        let truth = room.with(Kind::Mirror, &Kind::Mirror.model().unwrap(), &place).unwrap();
+        let truth = room.with(TestObject::Mirror, &TestObject::Mirror.model().unwrap(), &place).unwrap();
         assert!(truth.shadow.is_empty());
         // 0.8 at normal incidence, more towards the edge; what mirrors the floor has half of it.
         let of_sky = truth.object.iter().filter(|(_, rgb)| rgb[0] > 0.7).count();

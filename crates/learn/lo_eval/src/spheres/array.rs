@@ -38,7 +38,7 @@ struct Hit {
 
 /// What the scene shows under distant light.
 pub fn sphere_array() -> Transport {
-    let spheres = Arrangement::new();
+    let spheres = SphereArray::new();
     let pixel = |index: usize| {
         let place = [index % SIDE, index / SIDE];
         let [x, y] = place.map(|p| (2.0 * (p as f32 + 0.5) / SIDE as f32 - 1.0) * HALF_WIDTH_AT_1);
@@ -54,13 +54,13 @@ pub fn sphere_array() -> Transport {
 }
 
 /// Nine spheres on a square plane.
-struct Arrangement {
+struct SphereArray {
     centres: [Vec3; 9],
     /// Directions of the plane's edges.
     edges: [Vec3; 2],
 }
 
-impl Arrangement {
+impl SphereArray {
     fn new() -> Self {
         let (sin, cos) = TURNED_DEG.to_radians().sin_cos();
         // the file's x and z axes after its turn, in our frame
@@ -198,7 +198,7 @@ mod tests {
 
     #[test]
     fn spheres_stand_in_three_turned_rows() {
-        let spheres = Arrangement::new();
+        let spheres = SphereArray::new();
         // the file's rows: 0.1 m apart, the middle one in the origin
         let nearest = |i: usize| {
             let others = spheres.centres.iter().enumerate().filter(|(j, _)| *j != i);

@@ -4,7 +4,7 @@ use lightoctree::cone::Viewers;
 use lightoctree::scene::{Completion, Frame, PosedFrame, Scene};
 use lightoctree::{EstimateOptions, Estimator, Exposures, Input};
 use lo_dataset::{Generator, GeneratorConfig, NovelView, Record, Sample, Shot, seen_mask};
-use lo_eval::{Estimate, Light, Scorer, Scores, Sight, coherence};
+use lo_eval::{Estimate, EstimatedLight, Scorer, Scores, Tracer, coherence};
 use lo_geometry::{Quat, RigidTransform, Vec3};
 use lo_imaging::{Photo, RadianceImage, luminance};
 use lo_metrics::{PsnrCurve, log_rmse, psnr_db, solid_angles_sr};
@@ -85,8 +85,8 @@ fn true_exposures(record: &Record) -> Vec<f32> {
 
 /// Figures of a scene's light at the panoramas' places; seen is what the first photo shows.
 fn scores(record: &Record, scene: Scene) -> Scores {
-    let sight = Sight::Octree(Viewers::new(&scene.light));
-    let light = Light::Octree { octree: Box::new(scene.light), sight };
+    let tracer = Tracer::Octree(Viewers::new(&scene.light));
+    let light = EstimatedLight::Octree { octree: Box::new(scene.light), tracer };
     let estimate = Estimate::of_light(light);
     let sample = record.sample(0);
     let panoramas = Scorer::panoramas(&sample, &estimate);
@@ -99,8 +99,8 @@ fn scores(record: &Record, scene: Scene) -> Scores {
 
 /// Figures of the first photo's estimate where the truth stands wherever the other photos look: what knowing these places to perfection would give.
 fn ceiling(record: &Record, scene: Scene) -> Scores {
-    let sight = Sight::Octree(Viewers::new(&scene.light));
-    let light = Light::Octree { octree: Box::new(scene.light), sight };
+    let tracer = Tracer::Octree(Viewers::new(&scene.light));
+    let light = EstimatedLight::Octree { octree: Box::new(scene.light), tracer };
     let estimate = Estimate::of_light(light);
     let sample = record.sample(0);
     let first = &record.shots[0];

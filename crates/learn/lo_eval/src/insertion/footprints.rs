@@ -5,10 +5,10 @@ use lo_geometry::{Ray, Vec3};
 use lo_random::RngExt;
 use lo_synth::{CameraPose, Interior};
 
-use super::objects::Kind;
+use super::objects::TestObject;
 
 /// Places of a photo.
-pub(crate) const MAX_PLACES: usize = 3;
+pub(crate) const MAX_FOOTPRINTS: usize = 3;
 
 /// Pixels of the photo that are tried.
 const TRIES: usize = 600;
@@ -27,7 +27,7 @@ const FAR_M: f32 = 100.0;
 
 /// Where an object stands, in the room's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Place {
+pub(crate) struct Footprint {
     /// The pixel where its base is seen.
     pub pixel: [f64; 2],
     /// Middle of the base.
@@ -36,7 +36,7 @@ pub(crate) struct Place {
     pub radius_m: f32,
 }
 
-impl Place {
+impl Footprint {
     /// Distance in radii between the object's foot and the point of the level plane below it that the photo shows at a
     /// place; infinite above the horizon.
     pub fn radii_from_foot(&self, view: &CameraPose, [u, v]: [f64; 2]) -> f32 {
@@ -50,17 +50,18 @@ impl Place {
 /// Up to three places of a photo; none where it shows no free level surface.
 ///
 /// `model` is the interior's.
-pub(crate) fn places(interior: &Interior, model: &PreparedModel, view: &CameraPose, seed: u64) -> Vec<Place> {
+pub(crate) fn footprints(interior: &Interior, model: &PreparedModel, view: &CameraPose, seed: u64) -> Vec<Footprint> {
     let mut random = lo_random::stream(seed, "places of objects", lo_random::hash(interior.id.as_bytes()));
     let (width, height) = (f64::from(view.camera.width), f64::from(view.camera.height));
-    let mut found: Vec<Place> = Vec::new();
+    let mut found: Vec<Footprint> = Vec::new();
     for _ in 0..TRIES {
         let pixel = [random.random_range(0.1..0.9) * width, random.random_range(0.2..0.92) * height];
-        let Some(place) = place(interior, model, view, pixel) else { continue };
-        let apart = |other: &Place| (other.base_m - place.base_m).length() > APART * other.radius_m.max(place.radius_m);
+        let Some(place) = footprint_at(interior, model, view, pixel) else { continue };
+        let apart =
+            |other: &Footprint| (other.base_m - place.base_m).length() > APART * other.radius_m.max(place.radius_m);
         if found.iter().all(apart) {
             found.push(place);
-            if found.len() == MAX_PLACES {
+            if found.len() == MAX_FOOTPRINTS {
                 break;
             }
         }
@@ -69,7 +70,7 @@ pub(crate) fn places(interior: &Interior, model: &PreparedModel, view: &CameraPo
 }
 
 /// A pixel, where it shows a level surface on which all objects stand freely and are seen whole.
-fn place(interior: &Interior, model: &PreparedModel, view: &CameraPose, pixel: [f64; 2]) -> Option<Place> {
+fn footprint_at(interior: &Interior, model: &PreparedModel, view: &CameraPose, pixel: [f64; 2]) -> Option<Footprint> {
     let (camera, pose) = (&view.camera, &view.pose);
     let direction = (pose.rotation * camera.direction(pixel[0], pixel[1])).normalize();
     let hit = model.intersect_both_sides(&Ray { origin: pose.position, direction }, FAR_M)?;
@@ -87,7 +88,8 @@ fn place(interior: &Interior, model: &PreparedModel, view: &CameraPose, pixel: [
     };
     let is_free =
         |height: f32, margin: f32| interior.is_free(base_m + Vec3::Y * (height * radius_m), margin * radius_m);
-    let has_room = is_free(1.0, 0.95) && [1.0, 2.0, 3.0, 4.0, Kind::Pole.height()].iter().all(|&h| is_free(h, 0.4));
+    let has_room =
+        is_free(1.0, 0.95) && [1.0, 2.0, 3.0, 4.0, TestObject::Pole.height()].iter().all(|&h| is_free(h, 0.4));
     // Seen whole: the sphere's outline, and the pole.
     let shows = |point: Vec3| {
         let local = pose.rotation.inverse() * (point - pose.position);
@@ -101,9 +103,10 @@ fn place(interior: &Interior, model: &PreparedModel, view: &CameraPose, pixel: [
         inside && is_open()
     };
     let right = pose.rotation * Vec3::X;
-    let outline = [Vec3::Y, Vec3::new(0.0, 2.0, 0.0), Vec3::Y + right, Vec3::Y - right, Vec3::Y * Kind::Pole.height()];
+    let outline =
+        [Vec3::Y, Vec3::new(0.0, 2.0, 0.0), Vec3::Y + right, Vec3::Y - right, Vec3::Y * TestObject::Pole.height()];
     let shown = || outline.into_iter().all(|offset| shows(base_m + offset * radius_m));
-    ((0..8).all(is_carried) && has_room && shown()).then_some(Place { pixel, base_m, radius_m })
+    ((0..8).all(is_carried) && has_room && shown()).then_some(Footprint { pixel, base_m, radius_m })
 }
 
 fn is_level(model: &PreparedModel, triangle: u32) -> bool {
@@ -131,8 +134,8 @@ mod tests {
             let interior = Interior::generate(5, index, &SynthConfig::default()).unwrap();
             let view = interior.camera_poses(1)[0];
             let model = PreparedModel::new(interior.world.model.clone());
-            let all = places(&interior, &model, &view, 1);
-            assert_eq!(all, places(&interior, &model, &view, 1));
+            let all = footprints(&interior, &model, &view, 1);
+            assert_eq!(all, footprints(&interior, &model, &view, 1));
             for place in &all {
                 let local = view.pose.rotation.inverse() * (place.base_m - view.pose.position);
                 let (u, v, axis_m) = view.camera.project(local).unwrap();
@@ -146,7 +149,7 @@ mod tests {
                 assert!(interior.is_free(place.base_m + Vec3::Y * place.radius_m, 0.9 * place.radius_m));
             }
             for (i, a) in all.iter().enumerate() {
-                let apart = |b: &Place| (a.base_m - b.base_m).length() > 4.0 * a.radius_m;
+                let apart = |b: &Footprint| (a.base_m - b.base_m).length() > 4.0 * a.radius_m;
                 assert!(all[..i].iter().all(apart));
             }
             found += all.len();
