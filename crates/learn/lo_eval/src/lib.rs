@@ -1,6 +1,6 @@
-//! Evaluation of estimated lighting: scores, spheres, published protocols, baselines, tables (`docs/method.md` §9).
+//! Evaluation of estimated lighting: metrics, spheres, published protocols, baselines, tables (`docs/method.md` §9).
 //!
-//! `docs/evaluation.md` tells what the figures mean and where the protocols come from.
+//! `docs/evaluation.md` explains the figures and the sources of the protocols.
 
 mod baseline;
 mod coherence;

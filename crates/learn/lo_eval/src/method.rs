@@ -1,4 +1,4 @@
-//! What is compared: the networks, the shell, and baselines.
+//! Methods to compare: networks, shell completion, baselines and upper bounds.
 
 use lightoctree::cone::{self, Cone, Viewers};
 use lightoctree::scene::{Completion, Frame, FrameError, Scene};
@@ -10,87 +10,87 @@ use lo_geometry::{Cube, Vec3};
 use lo_imaging::{DepthMap, Photo, RadianceImage, sample_equirectangular};
 use lo_octree::{LightOctree, OctreeError};
 
-use crate::prior::{is_doubt, unchanged, yaw_error_deg};
+use crate::prior::{is_mismatch, unchanged, yaw_error_deg};
 use crate::{KnownPanorama, PriorAlignment, Profile, baseline};
 
-/// Depth that a method is given.
+/// Depth input of a method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DepthInput {
-    /// The scene's own.
+    /// True depth.
     True,
-    /// As a sensor measures it.
+    /// Simulated sensor depth.
     Sensor,
 }
 
-/// A way to the light around a point.
+/// A method that estimates the light around a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
     /// The networks, from the photo alone or with depth.
     Network(Option<DepthInput>),
-    /// The same with the expected energy, as `envmap` shows it.
+    /// The networks with expected light, as `envmap` renders it.
     Expected(Option<DepthInput>),
-    /// The same with plausible lamps, as objects are lit.
+    /// The networks with plausible light, as objects are lit.
     FittedLamps(Option<DepthInput>),
-    /// Networks, and the photo's detail around what is inferred, as reflections of objects have it.
+    /// The networks with the photo's detail in inferred regions, as in reflections of inserted objects.
     Detail(Option<DepthInput>),
-    /// Completion by planes.
+    /// Shell completion: planes, no networks.
     Shell(DepthInput),
     /// The photo's mean colour in all directions.
     MeanColour,
     /// The training set's mean vertical profile times the photo's mean colour.
     Profile,
-    /// The training set's mean linear vertical profile as bright as the photo, with half of the chroma of its mean
+    /// The training set's mean linear vertical profile at the photo's brightness, with half the chroma of its mean
     /// colour.
     FixedShape,
-    /// The photo mirrored until the sphere is full.
+    /// The photo, mirrored repeatedly to fill the sphere.
     Mirrored,
-    /// The one panorama that the global decoder makes of the photo, wherever the probe is (Gardner et al. 2017's kind).
+    /// The single map, independent of the probe's position (as in Gardner et al. 2017).
     SingleMap,
-    /// The networks' panorama from the photo alone with its luminance cubed, its integral kept and half of its chroma.
+    /// The networks from the photo alone, with luminance cubed at constant integral, and half the chroma.
     NetworkCubed,
-    /// The true octree: what a perfect network of this depth would reach.
+    /// The true octree: the upper bound of a network of this depth.
     TrueOctree,
-    /// The networks, from the photo alone or with depth, and a panorama of the room from another place than those that are scored.
+    /// The networks, from the photo alone or with depth, and a panorama prior.
     PanoramaPrior(Option<DepthInput>, PriorPanorama),
-    /// That panorama as the light around every point.
+    /// The known panorama as the light around every point.
     PanoramaEverywhere,
 }
 
-/// Which panorama a method knows, and how.
+/// Panorama prior of a method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PriorPanorama {
-    /// One of the room, with its yaw; its exposure is found.
+    /// A panorama of the room with given yaw; its exposure is estimated.
     YawGiven,
-    /// The same, with its yaw to be found.
+    /// A panorama of the room; yaw and exposure are estimated.
     YawFound,
-    /// One of another room, as if it were of this one, with its yaw to be found.
+    /// A panorama of a different room, used as if it were of this one; yaw and exposure are estimated.
     OfAnotherRoom,
 }
 
-/// What methods need beside the photo.
+/// Inputs of methods beside the sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Tools<'a> {
-    /// `Network`, `NetworkCubed` and `SingleMap` need one with networks.
+    /// Estimator; methods based on networks require one with networks.
     pub estimator: &'a Estimator,
-    /// For `Profile` and `FixedShape`.
+    /// Vertical profile, for `Profile` and `FixedShape`.
     pub profile: Option<&'a Profile>,
-    /// Depth of the octrees; those of networks are at least as deep as these say.
+    /// Octree depth. Networks use at least their own depth.
     pub octree_depth: u32,
-    /// Of the networks' random choices.
+    /// Seed of the networks' random choices.
     pub seed: u64,
     /// A panorama of the sample's room, for `PanoramaPrior` and `PanoramaEverywhere`.
     pub known: Option<&'a KnownPanorama>,
-    /// A panorama of another room, for `PanoramaPrior` that takes one.
+    /// A panorama of a different room, for `PriorPanorama::OfAnotherRoom`.
     pub foreign: Option<&'a KnownPanorama>,
 }
 
-/// Why a method gave nothing for a sample.
+/// Errors of a method on a sample.
 #[derive(Debug, thiserror::Error)]
 pub enum MethodError {
-    /// The sample or the tools lack something.
+    /// The sample or the tools lack a required input.
     #[error("needs {0}")]
     Needs(&'static str),
-    /// Photo and depth do not make a frame.
+    /// Photo and depth are inconsistent.
     #[error(transparent)]
     Frame(#[from] FrameError),
     /// The estimate failed.
@@ -99,51 +99,51 @@ pub enum MethodError {
     /// The octree cannot be built.
     #[error(transparent)]
     Octree(#[from] OctreeError),
-    /// The panorama that is known is none.
+    /// The known panorama is invalid.
     #[error(transparent)]
     Panorama(#[from] PanoramaError),
-    /// An object cannot be put into the photo.
+    /// An object cannot be inserted into the photo.
     #[error("{0}")]
     Insertion(String),
 }
 
-/// What a method says about a room.
+/// A method's result for a room.
 pub struct Estimate {
-    /// The light.
+    /// Estimated light.
     pub light: EstimatedLight,
-    /// The depth of the photo that the method found or used.
+    /// Depth of the photo, estimated or given.
     pub depth_m: Option<DepthMap>,
-    /// Which way it takes to be up, in the photo's frame, of unit length.
+    /// Estimated up vector in the photo's frame, unit length.
     pub up: Option<Vec3>,
-    /// How the panorama that it knows was laid.
+    /// Alignment of the panorama prior.
     pub prior: Option<PriorAlignment>,
-    /// Whether its panoramas are cubed, as those of [`Method::NetworkCubed`] are.
+    /// Whether luminance of panoramas is cubed, as by [`Method::NetworkCubed`].
     pub is_cubed: bool,
 }
 
-/// EstimatedLight around every point.
+/// Light around every point.
 pub enum EstimatedLight {
-    /// By cone tracing.
+    /// An octree, rendered by cone tracing.
     Octree {
         /// The octree.
         octree: Box<LightOctree>,
-        /// Ready to be trace.
+        /// Prepared for tracing.
         tracer: Tracer,
     },
-    /// The same panorama, in the photo's frame, wherever the probe is.
+    /// One panorama in the photo's frame, independent of the probe's position.
     Map(RadianceImage),
 }
 
-/// What is trace.
+/// Traces cones through estimated light.
 pub enum Tracer {
-    /// An octree alone.
+    /// An octree without the photo.
     Octree(Viewers),
-    /// A scene: where its photo shows what is met, the photo.
+    /// A scene: where a cone hits observed geometry, the photo is sampled.
     Scene(Box<SharpViewers>),
 }
 
 impl Method {
-    /// All that need no panorama of the room, in the order of the tables: those that run where nothing else is said.
+    /// Default methods, in the order of the tables.
     pub const ALL: [Self; 12] = [
         Self::MeanColour,
         Self::Profile,
@@ -159,7 +159,7 @@ impl Method {
         Self::TrueOctree,
     ];
 
-    /// Those that know a panorama of the room. With any of them, every method is scored on the panoramas at other places alone.
+    /// Methods with a known panorama. With any of them, all methods are scored only on panoramas at other positions.
     pub const WITH_PANORAMA: [Self; 6] = [
         Self::PanoramaEverywhere,
         Self::PanoramaPrior(None, PriorPanorama::YawGiven),
@@ -169,7 +169,7 @@ impl Method {
         Self::PanoramaPrior(None, PriorPanorama::OfAnotherRoom),
     ];
 
-    /// Those with another light than the octree's own.
+    /// Methods with expected or plausible light.
     pub const WITH_LAMPS: [Self; 6] = [
         Self::Expected(None),
         Self::Expected(Some(DepthInput::Sensor)),
@@ -179,11 +179,11 @@ impl Method {
         Self::FittedLamps(Some(DepthInput::True)),
     ];
 
-    /// Methods with the photo's detail around what is inferred.
+    /// Methods with the photo's detail in inferred regions.
     pub const WITH_DETAIL: [Self; 3] =
         [Self::Detail(None), Self::Detail(Some(DepthInput::Sensor)), Self::Detail(Some(DepthInput::True))];
 
-    /// Its name in tables and on the command line.
+    /// Returns the name in tables and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Network(None) => "network",
@@ -218,17 +218,17 @@ impl Method {
         }
     }
 
-    /// Whether it knows a panorama of the room, or of another one.
+    /// Returns whether the method uses a known panorama, of this room or another.
     pub fn knows_panorama(self) -> bool {
         matches!(self, Self::PanoramaEverywhere | Self::PanoramaPrior(..))
     }
 
-    /// Whether it takes a panorama of another room.
+    /// Returns whether the method uses a panorama of a different room.
     pub fn takes_foreign_panorama(self) -> bool {
         matches!(self, Self::PanoramaPrior(_, PriorPanorama::OfAnotherRoom))
     }
 
-    /// Whether the tools at hand suffice, whatever the sample has.
+    /// Returns whether the tools include what the method requires.
     pub fn has_tools(self, tools: &Tools) -> bool {
         match self {
             Self::Network(_)
@@ -243,7 +243,7 @@ impl Method {
         }
     }
 
-    /// Whether a sample has what the method takes.
+    /// Returns whether a sample has the inputs that the method requires.
     pub fn takes(self, sample: &Sample) -> bool {
         match self {
             Self::Network(Some(input))
@@ -260,10 +260,10 @@ impl Method {
         }
     }
 
-    /// Estimates the light of a sample's room from its photo, and from depth where the method takes any.
+    /// Estimates the light of a sample's room.
     ///
     /// # Errors
-    /// What the sample or the tools lack; estimates that fail.
+    /// Missing inputs; failed estimates.
     pub fn estimate(self, sample: &Sample, tools: &Tools) -> Result<Estimate, MethodError> {
         let map = |map: RadianceImage| Ok(Estimate::of_light(EstimatedLight::Map(map)));
         let profile = || tools.profile.ok_or(MethodError::Needs("a profile"));
@@ -277,7 +277,7 @@ impl Method {
                 map(networks.single_map(&sample.photo))
             }
             Self::Shell(input) => {
-                // With networks they would tell it which way is up.
+                // An estimator with networks would predict the up vector.
                 let estimator = Estimator::without_networks();
                 let options = EstimateOptions { octree_depth: Some(tools.octree_depth), ..EstimateOptions::default() };
                 let input = Input::MeasuredDepth(frame(sample, input)?);
@@ -287,16 +287,18 @@ impl Method {
                 Ok(Estimate { is_cubed: true, ..Estimate::of_scene(estimate_scene(sample, None, tools)?) })
             }
             Self::Network(input) => Ok(Estimate::of_scene(estimate_scene(sample, input, tools)?)),
-            Self::Expected(input) => lit(sample, input, tools, LightMode::Expected).map(Estimate::of_scene),
-            Self::FittedLamps(input) => lit(sample, input, tools, LightMode::Plausible).map(Estimate::of_scene),
+            Self::Expected(input) => estimate_lit(sample, input, tools, LightMode::Expected).map(Estimate::of_scene),
+            Self::FittedLamps(input) => {
+                estimate_lit(sample, input, tools, LightMode::Plausible).map(Estimate::of_scene)
+            }
             Self::Detail(input) => {
-                let scene = lit(sample, input, tools, LightMode::Expected)?;
+                let scene = estimate_lit(sample, input, tools, LightMode::Expected)?;
                 let viewers = SharpViewers::new(&scene).with_detail(&scene);
-                Ok(Estimate::seen_by(scene, viewers))
+                Ok(Estimate::with_viewers(scene, viewers))
             }
             Self::PanoramaEverywhere => {
                 let known = tools.known.filter(|known| !known.is_scored);
-                let known = known.ok_or(MethodError::Needs("another panorama than the one that is scored"))?;
+                let known = known.ok_or(MethodError::Needs("a known panorama that is not scored itself"))?;
                 map(in_photo_frame(&known.view))
             }
             Self::PanoramaPrior(input, which) => with_panorama(sample, input, which, tools),
@@ -305,24 +307,29 @@ impl Method {
     }
 }
 
-/// The part of a profile that `FixedShape` needs.
-const LINEAR: &str = "linear_factors in the profile, which --make-profile writes";
+/// Requirement of `FixedShape`.
+const LINEAR: &str = "a profile with linear_factors, as written by --make-profile";
 
-/// The networks' scene by the light of a mode.
-fn lit(sample: &Sample, input: Option<DepthInput>, tools: &Tools, mode: LightMode) -> Result<Scene, MethodError> {
+/// Estimates a scene by the networks and applies a light mode.
+fn estimate_lit(
+    sample: &Sample,
+    input: Option<DepthInput>,
+    tools: &Tools,
+    mode: LightMode,
+) -> Result<Scene, MethodError> {
     let mut scene = estimate_scene(sample, input, tools)?;
-    let lit = lightoctree::light_up(&mut scene, mode, &LightTuning::default());
-    lit.expect("neither edits nor a white pixel are asked for");
+    let result = lightoctree::light_up(&mut scene, mode, &LightTuning::default());
+    result.expect("the default tuning has neither edits nor a white pixel");
     Ok(scene)
 }
 
 impl Estimate {
     fn of_scene(scene: Scene) -> Self {
         let viewers = SharpViewers::new(&scene);
-        Self::seen_by(scene, viewers)
+        Self::with_viewers(scene, viewers)
     }
 
-    fn seen_by(scene: Scene, viewers: SharpViewers) -> Self {
+    fn with_viewers(scene: Scene, viewers: SharpViewers) -> Self {
         let tracer = Tracer::Scene(Box::new(viewers));
         let light = EstimatedLight::Octree { octree: Box::new(scene.light), tracer };
         let up = scene.room.map(|room| room.up);
@@ -334,18 +341,18 @@ impl Estimate {
         Self::of_light(EstimatedLight::Octree { octree: Box::new(octree), tracer })
     }
 
-    /// Wraps light of which no more is known.
+    /// Wraps light alone, without depth, up vector or prior.
     pub fn of_light(light: EstimatedLight) -> Self {
         Self { light, depth_m: None, up: None, prior: None, is_cubed: false }
     }
 
-    /// The panorama at a view's place, in its orientation and of its size.
+    /// Renders the panorama at a view's pose and size.
     pub fn panorama(&self, view: &NovelView) -> RadianceImage {
         let (width, height) = (view.radiance.width(), view.radiance.height());
         self.panorama_at(view.position_m, width, height, |direction| view.rotation * direction)
     }
 
-    /// A panorama whose directions become the photo's by `turn`.
+    /// Renders a panorama at a position; `turn` maps its directions to the photo's frame.
     pub(crate) fn panorama_at(
         &self,
         position_m: Vec3,
@@ -359,10 +366,10 @@ impl Estimate {
                 RadianceImage::from_fn(width, height, |x, y| sample_equirectangular(map, direction(x, y)))
             }
             EstimatedLight::Octree { tracer, .. } => {
-                // half of the pixel's pitch, as of `ConeTracer::panorama`
+                // Half of the pixel pitch, as in `ConeTracer::panorama`.
                 let tan_half_angle = (std::f32::consts::PI / width as f32).tan();
-                let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-                let cones: Vec<Cone> = places
+                let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+                let cones: Vec<Cone> = pixels
                     .map(|(x, y)| Cone { origin: position_m, direction: direction(x, y), tan_half_angle })
                     .collect();
                 let samples = trace(tracer, position_m, &cones);
@@ -373,7 +380,7 @@ impl Estimate {
     }
 }
 
-/// What cones from `eye` see.
+/// Traces cones from `eye`.
 pub(crate) fn trace(tracer: &Tracer, eye: Vec3, cones: &[Cone]) -> Vec<cone::ConeSample> {
     let mut samples = vec![cone::ConeSample::default(); cones.len()];
     match tracer {
@@ -383,7 +390,7 @@ pub(crate) fn trace(tracer: &Tracer, eye: Vec3, cones: &[Cone]) -> Vec<cone::Con
     samples
 }
 
-/// A view's panorama with the photo's directions.
+/// Rotates a view's panorama into the photo's frame.
 pub(crate) fn in_photo_frame(view: &NovelView) -> RadianceImage {
     let (width, height) = (view.radiance.width(), view.radiance.height());
     let inverse = view.rotation.inverse();
@@ -393,10 +400,10 @@ pub(crate) fn in_photo_frame(view: &NovelView) -> RadianceImage {
     })
 }
 
-/// The scene that the networks make of a sample.
+/// Estimates a scene by the networks.
 ///
 /// # Errors
-/// What the sample or the tools lack; estimates that fail.
+/// Missing inputs; failed estimates.
 pub(crate) fn estimate_scene(sample: &Sample, input: Option<DepthInput>, tools: &Tools) -> Result<Scene, MethodError> {
     let options = network_options(tools)?;
     Ok(tools.estimator.estimate(input_of(sample, input)?, &options, &mut lightoctree::events::ignore)?)
@@ -419,7 +426,9 @@ fn input_of(sample: &Sample, input: Option<DepthInput>) -> Result<Input, MethodE
     })
 }
 
-/// By the networks and a panorama. With one of another room it is also looked at what became of the light that the photo saw.
+/// Estimates by the networks with a panorama prior.
+///
+/// With a panorama of another room, also measures whether observed leaves stay unchanged.
 fn with_panorama(
     sample: &Sample,
     input: Option<DepthInput>,
@@ -434,20 +443,20 @@ fn with_panorama(
     let panorama = Some(known.prior(which == PriorPanorama::YawGiven)?);
     let with = EstimateOptions { panorama, ..options.clone() };
     let mut is_warned = false;
-    let mut hear = |event| {
-        is_warned |= is_doubt(&event);
+    let mut on_event = |event| {
+        is_warned |= is_mismatch(&event);
         std::ops::ControlFlow::Continue(())
     };
-    let scene = tools.estimator.estimate(input_of(sample, input)?, &with, &mut hear)?;
+    let scene = tools.estimator.estimate(input_of(sample, input)?, &with, &mut on_event)?;
     let mut seen_unchanged = None;
     if is_foreign {
         let plain = tools.estimator.estimate(input_of(sample, input)?, &options, &mut lightoctree::events::ignore)?;
         seen_unchanged = Some(unchanged(&plain.light, &scene.light));
     }
-    let prior = scene.panorama.as_ref().map(|laid| PriorAlignment {
-        confidence: laid.source.confidence.into(),
-        yaw_error_deg: (!is_foreign).then(|| yaw_error_deg(laid.source.yaw_deg, known.yaw_rad())),
-        exposure_ev: laid.source.exposure_ev.into(),
+    let prior = scene.panorama.as_ref().map(|panorama| PriorAlignment {
+        confidence: panorama.source.confidence.into(),
+        yaw_error_deg: (!is_foreign).then(|| yaw_error_deg(panorama.source.yaw_deg, known.yaw_rad())),
+        exposure_ev: panorama.source.exposure_ev.into(),
         is_warned,
         seen_unchanged,
     });
@@ -463,12 +472,12 @@ fn frame(sample: &Sample, input: DepthInput) -> Result<Frame, MethodError> {
     Ok(Frame::new(Photo::Srgb8(sample.photo.clone()), depth_m, sample.camera, 1.0)?)
 }
 
-/// Of all surface points, in the smallest cube that holds them.
+/// Builds the true octree of all surface points, in the smallest cube around them.
 pub(crate) fn true_octree(sample: &Sample, tools: &Tools) -> Result<LightOctree, MethodError> {
     let bounds = sample.points.iter().map(|point| (point.position_m, point.position_m));
     let (low, high) =
         bounds.reduce(|(low, high), (a, b)| (low.min(a), high.max(b))).ok_or(MethodError::Needs("surface points"))?;
-    // a point on the far side would be outside
+    // Enlarged slightly: the far sides of a cube are exclusive.
     let cube = Cube::centred(0.5 * (low + high), 1.001 * (high - low).max_element().max(0.01));
     let filled = |point_area_m2| TrueLeaves::Filled { point_area_m2 };
     let leaves = sample.point_area_m2.map_or(TrueLeaves::All, filled);

@@ -126,7 +126,12 @@ fn mean_over_channels(
 }
 
 /// Visits every pixel with a positive weight, in order, so that sums do not depend on the number of threads.
-fn for_each(truth: &RadianceImage, got: &RadianceImage, weights: &[f32], mut visit: impl FnMut(f64, [f32; 3], [f32; 3])) {
+fn for_each(
+    truth: &RadianceImage,
+    got: &RadianceImage,
+    weights: &[f32],
+    mut visit: impl FnMut(f64, [f32; 3], [f32; 3]),
+) {
     assert_eq!((truth.width(), truth.height()), (got.width(), got.height()), "images of one size");
     assert_eq!(truth.pixels().len(), weights.len(), "one weight per pixel");
     for ((&a, &b), &weight) in truth.pixels().iter().zip(got.pixels()).zip(weights) {

@@ -1,4 +1,4 @@
-//! What lights the objects.
+//! Methods to light objects.
 
 use lightoctree::completion::light_from_above;
 use lightoctree::insert::Lighting;
@@ -11,32 +11,32 @@ use lo_imaging::{RadianceImage, sample_equirectangular};
 use crate::method::{in_photo_frame, true_octree};
 use crate::{DepthInput, MethodError, Tools};
 
-/// A way to light an object in a photo.
+/// A method to light an object in a photo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InsertionMethod {
     /// The networks, from the photo alone or with depth.
     Network(Option<DepthInput>, LampMode),
-    /// The one panorama that the global decoder makes of the photo, and true depth.
+    /// The single map, with true depth.
     SingleMap,
-    /// The true octree and true depth: what a perfect network of this depth would reach.
+    /// The true octree and true depth: the upper bound of a network of this depth.
     TrueOctree,
-    /// The true panorama at the object's middle, as light from infinitely far away, and true depth.
+    /// The true panorama at the object's centre as distant light, with true depth.
     TruePanorama,
 }
 
-/// LampMode that a network's octree gets for lighting objects.
+/// Lamps added to a network's octree for lighting objects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LampMode {
-    /// None but what the network sees and guesses.
+    /// No added lamp.
     None,
-    /// One above the middle of the view, as bright as what is seen asks for.
+    /// One lamp above the centre of the view, at the brightness that observed surfaces require.
     Overhead,
-    /// Those that explain how what is seen is shaded.
+    /// Lamps fitted to the shading of observed surfaces.
     Fitted,
 }
 
 impl InsertionMethod {
-    /// All of them, in the order of the tables.
+    /// All methods, in the order of the tables.
     pub const ALL: [Self; 12] = [
         Self::Network(None, LampMode::None),
         Self::Network(None, LampMode::Overhead),
@@ -52,7 +52,7 @@ impl InsertionMethod {
         Self::TruePanorama,
     ];
 
-    /// Its name in tables and on the command line.
+    /// Returns the name in tables and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Network(None, LampMode::None) => "no-lamp",
@@ -70,7 +70,7 @@ impl InsertionMethod {
         }
     }
 
-    /// The depth that it works with.
+    /// Returns the depth input.
     pub(crate) fn input(self) -> Option<DepthInput> {
         match self {
             Self::Network(input, _) => input,
@@ -79,32 +79,33 @@ impl InsertionMethod {
     }
 }
 
-/// ObjectLight on objects, and the scene that they stand in.
+/// Light on objects, and the scene that they are inserted into.
 pub(crate) struct ObjectLighting {
     pub scene: Scene,
     light: ObjectLight,
 }
 
+/// Source of the light on objects.
 enum ObjectLight {
     Octree(Box<SharpViewers>),
-    /// The same panorama at all places.
+    /// One panorama at all footprints.
     Map(RadianceImage),
-    /// The true panorama of each place.
+    /// The true panorama at each footprint.
     Panoramas,
 }
 
 impl ObjectLighting {
-    /// `scene` is what the networks make of the photo and the method's depth.
+    /// Prepares the light of a method; `scene` is estimated by the networks with the method's depth input.
     ///
     /// # Errors
-    /// What the sample or the tools lack.
+    /// Missing inputs.
     pub fn new(method: InsertionMethod, sample: &Sample, scene: &Scene, tools: &Tools) -> Result<Self, MethodError> {
         let mut scene = scene.clone();
         let light = match method {
             InsertionMethod::Network(_, lamps) => {
                 match lamps {
                     LampMode::None => {}
-                    LampMode::Overhead => lamp_above(&mut scene),
+                    LampMode::Overhead => add_overhead_lamp(&mut scene),
                     LampMode::Fitted => drop(fit_lamps(&mut scene)),
                 }
                 ObjectLight::Octree(Box::new(SharpViewers::new(&scene)))
@@ -123,7 +124,7 @@ impl ObjectLighting {
         Ok(Self { scene, light })
     }
 
-    /// What `insert` is to take for all objects; `None` where each place has a light of its own, [`in_photo_frame`].
+    /// Returns the lighting of all objects; `None` if each footprint has its own panorama, [`in_photo_frame`].
     pub fn lighting(&self) -> Option<Lighting> {
         match &self.light {
             ObjectLight::Octree(_) => Some(Lighting::Octree),
@@ -132,7 +133,7 @@ impl ObjectLighting {
         }
     }
 
-    /// Panorama in the photo's frame at a place, which is `view`'s as the scene has it.
+    /// Returns the panorama in the photo's frame at a position of the scene that corresponds to `view`.
     pub fn panorama(&self, place_m: Vec3, view: &NovelView) -> RadianceImage {
         let (width, height) = (view.radiance.width(), view.radiance.height());
         match &self.light {
@@ -145,8 +146,8 @@ impl ObjectLighting {
     }
 }
 
-/// The baseline of one lamp above the middle of the view.
-fn lamp_above(scene: &mut Scene) {
+/// Adds one lamp above the centre of the view: the baseline.
+fn add_overhead_lamp(scene: &mut Scene) {
     if let Some(room) = &scene.room {
         let seen = scene.frame.working().without_flying_pixels();
         light_from_above(&mut scene.light, &seen.surfels(&seen.radiance()), room.up);

@@ -1,4 +1,4 @@
-//! Objects in generated rooms: how they are lit, and what their shadows do, against the path-traced truth (`docs/evaluation.md`).
+//! Insertion protocol: shading and shadows of objects in generated rooms, against path tracing (`docs/evaluation.md`).
 
 mod compare;
 mod evaluation;
