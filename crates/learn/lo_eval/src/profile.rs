@@ -174,7 +174,8 @@ impl Profile {
         interpolated(&self.factors, direction, up)
     }
 
-    /// Returns the luminance in a unit direction, with a mean of about 1 over the sphere; `None` without linear factors.
+    /// Returns the luminance in a unit direction, with a mean of about 1 over the sphere; `None` without linear
+    /// factors.
     pub fn linear_at(&self, direction: Vec3, up: Vec3) -> Option<f32> {
         self.linear_factors.as_ref().map(|factors| interpolated(factors, direction, up))
     }

@@ -23,8 +23,8 @@ pub enum Protocol {
     /// StyleLight (Wang et al. 2022): one crop per panorama with a vertical field of view of 60°, three spheres under
     /// tone-mapped panoramas.
     ThreeSpheres,
-    /// Editable indoor lighting estimation (Weber et al. 2022): ten crops of 50° per panorama, nine diffuse spheres on a
-    /// plane.
+    /// Editable indoor lighting estimation (Weber et al. 2022): ten crops of 50° per panorama, nine diffuse spheres on
+    /// a plane.
     SphereArray,
 }
 

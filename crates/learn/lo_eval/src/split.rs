@@ -8,7 +8,8 @@ use serde::Serialize;
 /// Occupied leaves of the estimate count as split: the metric rates surfaces, not resolution.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct SplitAgreement {
-    /// Share of the true tree's nodes with equal labels in both trees. A node that the estimate lacks counts as not split.
+    /// Share of the true tree's nodes with equal labels in both trees. A node that the estimate lacks counts as not
+    /// split.
     pub accuracy: f64,
     /// Share of the estimate's split nodes that are split in the true tree.
     pub precision: f64,

@@ -45,9 +45,9 @@ pub struct Walk {
 
 /// Moves a probe through the room from the first view with enough free space; `None` without such a view.
 ///
-/// Features are corners on the nearest quarter of the walls around the start. Their positions and normals come from true
-/// depth. Patches are rendered from the estimate at the start and matched on the same surface at the end. For a single
-/// map, the error is the entire motion.
+/// Features are corners on the nearest quarter of the walls around the start. Their positions and normals come from
+/// true depth. Patches are rendered from the estimate at the start and matched on the same surface at the end. For a
+/// single map, the error is the entire motion.
 pub fn walk(sample: &Sample, estimate: &Estimate) -> Option<Walk> {
     let up = sample.up.unwrap_or(Vec3::Y);
     let (view, depth_m, direction) = sample.views.iter().find_map(|view| {

@@ -1,8 +1,8 @@
 //! Irradiance of objects under an estimated panorama, compared with the true panorama.
 //!
 //! Irradiance is computed at 512 normals, the directions of a 16 × 32 equirectangular grid, with equal weights. It is
-//! divided by π: the radiance of a white diffuse surface. Panoramas are resized to 128 × 64 pixels; 64 × 32 would change
-//! contrasts by up to 0.5 %, those of small lamps by 3 %.
+//! divided by π: the radiance of a white diffuse surface. Panoramas are resized to 128 × 64 pixels; 64 × 32 would
+//! change contrasts by up to 0.5 %, those of small lamps by 3 %.
 
 use std::sync::LazyLock;
 
@@ -329,7 +329,8 @@ mod tests {
         let seen = |index: usize| (40..88).contains(&(index % MAP[0])) && (20..44).contains(&(index / MAP[0]));
         let seen: Vec<bool> = (0..MAP[0] * MAP[1]).map(seen).collect();
         let figures = LightOnObjects::compare(&map(0.3, 60.0, 30), &map(0.5, 20.0, 50), Some(&seen)).unwrap();
-        // `light` and `unseen` of the project's check light_contrast.py, which takes solid angles at the centres of rows.
+        // `light` and `unseen` of the project's check light_contrast.py, which takes solid angles at the centres of
+        // rows.
         let pairs = [
             (figures.contrast_stops, 0.487_619),
             (figures.true_contrast_stops, 1.037_512),

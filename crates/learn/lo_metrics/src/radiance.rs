@@ -1,8 +1,8 @@
 //! Errors of a radiance image against the true one.
 //!
-//! Functions take the true image, the estimated one and a weight per pixel. They return `None` if no weight is positive.
-//! The weight of a panorama's pixel is its solid angle ([`solid_angles_sr`]); the seen or unseen part has weight 0
-//! elsewhere.
+//! Functions take the true image, the estimated one and a weight per pixel. They return `None` if no weight is
+//! positive. The weight of a panorama's pixel is its solid angle ([`solid_angles_sr`]); the seen or unseen part has
+//! weight 0 elsewhere.
 
 use lo_imaging::{RadianceImage, srgb_from_linear};
 
