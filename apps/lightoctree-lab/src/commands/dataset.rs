@@ -109,11 +109,9 @@ impl SplitName {
 }
 
 #[derive(Debug, clap::Args)]
-#[command(
-    after_help = "Examples:\n  \
+#[command(after_help = "Examples:\n  \
     lightoctree-lab dataset inspect rooms\n  \
-    lightoctree-lab dataset inspect rooms --json | jq .summary.figures"
-)]
+    lightoctree-lab dataset inspect rooms --json | jq .summary.figures")]
 struct InspectArgs {
     #[command(flatten)]
     source: Source,

@@ -76,9 +76,21 @@ pub struct Args {
 
     /// Methods, separated by commas [default: all basic methods that the options and the dataset allow]
     ///
-    /// The default excludes network-expected, network-lamps, network-detail and panorama methods. With a panorama
-    /// method, all methods are scored only on panoramas at least 0.7 m from the known one. The protocol insertion has
-    /// its own methods. An unknown name lists all available methods.
+    /// Basic methods: mean-colour, profile, fixed-shape, mirrored, single-map, network-cubed, shell-sensor, shell-true,
+    /// network, network-sensor, network-true, true-octree.
+    ///
+    /// Expected and plausible light, and the photo's detail: network-expected, network-lamps, network-detail, each also
+    /// with -sensor or -true.
+    ///
+    /// Known panorama: panorama-everywhere, panorama-prior, panorama-prior-found, panorama-prior-sensor,
+    /// panorama-prior-true, panorama-of-another-room. With any of these, all methods are scored only on panoramas at
+    /// least 0.7 m from the known one.
+    ///
+    /// Protocol insertion: no-lamp, overhead, fitted, each also with -sensor or -true; single-map, true-octree,
+    /// true-panorama. All by default.
+    ///
+    /// The suffix -sensor stands for simulated sensor depth as input, -true for true depth; without a suffix, the input
+    /// is the photo alone.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     methods: Vec<String>,
 

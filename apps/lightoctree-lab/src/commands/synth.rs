@@ -59,7 +59,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     pictures: Vec<PathBuf>,
 
-    /// Octree depth that the density of surface points is chosen for [default: octree_depth of the configuration]
+    /// Octree depth to generate enough surface points for [default: octree_depth of the configuration]
     #[arg(long, value_name = "D", value_parser = clap::value_parser!(u32).range(1..=10))]
     octree_depth: Option<u32>,
 
